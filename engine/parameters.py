@@ -1,0 +1,495 @@
+"""Every parameter of SlopeWatch: name, default, unit, bounds and help, in one place.
+
+The QGIS dialogs, the command line and the batch manifest are built from these dataclasses, so they cannot
+disagree. Standard library only and Python 3.9's language, because QGIS's interpreter imports this module.
+
+Defaults are chosen by measurement (see docs/figures.md); ``PROFILES["paper"]`` reproduces the published settings.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+from typing import Any, Dict, Mapping, Optional, Tuple, Type, TypeVar
+
+T = TypeVar("T", bound="ParameterSet")
+
+
+class ParameterError(ValueError):
+    """A parameter has a value that it cannot take; the message names it, its value and its bounds."""
+
+
+@dataclass(frozen=True)
+class Specification:
+    """What a dialog or a command line needs to know about one parameter.
+
+    ``kind`` is the Python type (bool, int, float or str); ``choices`` is empty unless the value is one of a list;
+    ``minimum`` and ``maximum`` are inclusive; ``help`` says what the parameter does and what larger values change.
+    """
+
+    name: str
+    kind: type
+    default: Any
+    label: str
+    unit: str
+    help: str
+    minimum: Optional[float]
+    maximum: Optional[float]
+    choices: Tuple[str, ...]
+    advanced: bool
+
+    @property
+    def label_with_unit(self) -> str:
+        return f"{self.label} ({self.unit})" if self.unit else self.label
+
+    @property
+    def option(self) -> str:
+        """Name on the command line, without dashes in front: ``cloth-resolution``."""
+        return self.name.replace("_", "-")
+
+    @property
+    def qgis_name(self) -> str:
+        """Name in a Processing algorithm: ``CLOTH_RESOLUTION``."""
+        return self.name.upper()
+
+    def check(self, value: Any) -> Any:
+        """Return ``value`` as ``kind``.
+
+        Raises:
+            ParameterError: not of the kind, not finite, out of bounds or not among the choices.
+        """
+        try:
+            if self.kind is bool:
+                if not isinstance(value, bool):
+                    raise ValueError
+            elif self.kind is int:
+                if isinstance(value, bool) or int(value) != float(value):
+                    raise ValueError
+                value = int(value)
+            elif self.kind is float:
+                if isinstance(value, bool):
+                    raise ValueError
+                value = float(value)
+                if not math.isfinite(value):
+                    raise ValueError
+            elif not isinstance(value, str):
+                raise ValueError
+        except (TypeError, ValueError, OverflowError):
+            raise ParameterError(f"{self.name} is {value!r}; give {self._domain()}") from None
+        below = self.minimum is not None and value < self.minimum
+        above = self.maximum is not None and value > self.maximum
+        if below or above or (self.choices and value not in self.choices):
+            raise ParameterError(f"{self.name} is {value!r}; give {self._domain()}")
+        return value
+
+    def _domain(self) -> str:
+        if self.choices:
+            return "one of " + ", ".join(self.choices)
+        noun = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}[self.kind]
+        unit = f" {self.unit}" if self.unit else ""
+        if self.minimum is not None and self.maximum is not None:
+            return f"{noun} from {self.minimum:g} to {self.maximum:g}{unit}"
+        if self.minimum is not None:
+            return f"{noun} of at least {self.minimum:g}{unit}"
+        return noun + unit
+
+
+def _parameter(
+    default: Any,
+    label: str,
+    help: str,  # noqa: A002 - the word users know
+    *,
+    unit: str = "",
+    minimum: Optional[float] = None,
+    maximum: Optional[float] = None,
+    choices: Tuple[str, ...] = (),
+    advanced: bool = False,
+) -> Any:
+    return field(
+        default=default,
+        metadata={
+            "label": label,
+            "unit": unit,
+            "help": help,
+            "minimum": minimum,
+            "maximum": maximum,
+            "choices": choices,
+            "advanced": advanced,
+        },
+    )
+
+
+@dataclass(frozen=True)
+class ParameterSet:
+    """Base of the parameter groups: checked on construction, built from names and values."""
+
+    def __post_init__(self) -> None:
+        for specification in self.specifications():
+            value = specification.check(getattr(self, specification.name))
+            object.__setattr__(self, specification.name, value)
+
+    @classmethod
+    def specifications(cls) -> Tuple[Specification, ...]:
+        return tuple(
+            Specification(name=f.name, kind=type(f.default), default=f.default, **f.metadata) for f in fields(cls)
+        )
+
+    @classmethod
+    def build(cls: Type[T], values: Optional[Mapping[str, Any]] = None, profile: str = "default") -> T:
+        """The profile's values, overridden by those of ``values`` that are not None and belong to this group.
+
+        Raises:
+            ParameterError: an unknown profile, or a value out of bounds.
+        """
+        if profile not in PROFILES:
+            raise ParameterError(f"profile is {profile!r}; give one of {', '.join(PROFILES)}")
+        merged: Dict[str, Any] = dict(PROFILES[profile].get(cls.__name__, {}))
+        names = {f.name for f in fields(cls)}
+        merged.update({k: v for k, v in (values or {}).items() if k in names and v is not None})
+        return cls(**merged)
+
+
+@dataclass(frozen=True)
+class InputParameters(ParameterSet):
+    """How the input clouds are to be read."""
+
+    crs: str = _parameter(
+        "",
+        "Coordinate reference system",
+        "Used instead of what the cloud declares, such as EPSG:32651. Empty: the cloud's own. Needed where a cloud "
+        "declares none or a wrong one.",
+    )
+    height_unit: str = _parameter(
+        "auto",
+        "Unit of heights",
+        "Unit of z. auto: the vertical unit of the reference system, else its horizontal unit.",
+        choices=("auto", "metre", "foot", "us-survey-foot"),
+        advanced=True,
+    )
+
+
+@dataclass(frozen=True)
+class GroundParameters(ParameterSet):
+    """Ground extraction: denoising and the Cloth Simulation Filter (Zhang et al. 2016, doi:10.3390/rs8060501)."""
+
+    slope_aligned: bool = _parameter(
+        True,
+        "Rotate the slope flat before filtering",
+        "Fits the dominant plane and filters in its frame, so that the cloth does not lose ground on a steep face.",
+    )
+    cloth_resolution: float = _parameter(
+        0.2,
+        "Cloth resolution",
+        "Distance between the cloth's particles. Larger is faster and smoother, smaller follows finer relief.",
+        unit="m",
+        minimum=0.02,
+        maximum=20.0,
+    )
+    rigidness: int = _parameter(
+        1,
+        "Cloth rigidness",
+        "1 for steep slopes, 2 for terraces, 3 for flat ground. Larger bends less and bridges relief.",
+        minimum=1,
+        maximum=3,
+    )
+    class_threshold: float = _parameter(
+        0.1,
+        "Ground threshold",
+        "Points within this distance of the cloth are ground. Larger keeps more ground and more low vegetation.",
+        unit="m",
+        minimum=0.005,
+        maximum=5.0,
+    )
+    time_step: float = _parameter(
+        0.65,
+        "Time step",
+        "Step of the cloth's fall under gravity. Larger settles in fewer iterations and passes over fine relief.",
+        minimum=0.05,
+        maximum=2.0,
+        advanced=True,
+    )
+    iterations: int = _parameter(
+        500,
+        "Iterations",
+        "Upper limit of the cloth's steps; it stops earlier once it rests. Larger never harms but takes longer.",
+        minimum=1,
+        maximum=10000,
+        advanced=True,
+    )
+    slope_smoothing: bool = _parameter(
+        False,
+        "Slope smoothing of the cloth",
+        "CSF's post-processing that pulls the cloth's hanging particles to the ground on steep faces.",
+        advanced=True,
+    )
+    denoise: bool = _parameter(
+        True,
+        "Remove outliers",
+        "Removes isolated points below and above the surface before the cloth falls. One low outlier can otherwise "
+        "take all ground away.",
+        advanced=True,
+    )
+    denoise_radius: float = _parameter(
+        1.0,
+        "Outlier radius",
+        "A point with fewer than the given neighbours within this distance is an outlier. Larger removes less.",
+        unit="m",
+        minimum=0.05,
+        maximum=100.0,
+        advanced=True,
+    )
+    denoise_neighbours: int = _parameter(
+        3,
+        "Neighbours an inlier needs",
+        "Number of neighbours within the outlier radius. Larger removes more.",
+        minimum=1,
+        maximum=100,
+        advanced=True,
+    )
+    minimum_ground_ratio: float = _parameter(
+        0.005,
+        "Least plausible share of ground",
+        "Below this share of the clipped points the extraction fails with an error. Larger is stricter.",
+        minimum=0.0,
+        maximum=1.0,
+        advanced=True,
+    )
+
+
+@dataclass(frozen=True)
+class RegistrationParameters(ParameterSet):
+    """Registration of a later epoch (moving) to the first (reference)."""
+
+    method: str = _parameter(
+        "robust",
+        "Registration method",
+        "robust: point-to-plane with weights that real change does not pull along. icp: point-to-point as "
+        "published. none: the epochs are taken as registered.",
+        choices=("robust", "icp", "none"),
+    )
+    maximum_offset: float = _parameter(
+        1.0,
+        "Largest expected offset",
+        "Search distance at the start of the robust registration. Larger finds larger offsets and takes longer.",
+        unit="m",
+        minimum=0.01,
+        maximum=50.0,
+    )
+    maximum_correspondence: float = _parameter(
+        0.10,
+        "Largest correspondence (icp)",
+        "Pairs farther apart are ignored by the icp method. Larger reaches farther and lets more change in.",
+        unit="m",
+        minimum=0.001,
+        maximum=50.0,
+        advanced=True,
+    )
+    registration_iterations: int = _parameter(
+        200,
+        "Iterations of the registration",
+        "Upper limit; it stops earlier once the motion or the RMSE no longer changes.",
+        minimum=1,
+        maximum=10000,
+        advanced=True,
+    )
+    registration_voxel: float = _parameter(
+        0.1,
+        "Voxel of the registration",
+        "Points are averaged in cubes of this size first. Larger is faster, smaller keeps more detail.",
+        unit="m",
+        minimum=0.01,
+        maximum=10.0,
+        advanced=True,
+    )
+    minimum_stable_share: float = _parameter(
+        0.3,
+        "Least share of stable ground",
+        "Below this share of stable ground the run warns, and the level of detection widens.",
+        minimum=0.0,
+        maximum=1.0,
+        advanced=True,
+    )
+
+
+@dataclass(frozen=True)
+class ChangeParameters(ParameterSet):
+    """Gridding and differencing of two registered ground clouds."""
+
+    cell: float = _parameter(
+        0.1,
+        "Cell size",
+        "Side of a grid cell. Larger is less noisy and covers more, smaller shows finer change.",
+        unit="m",
+        minimum=0.005,
+        maximum=100.0,
+    )
+    cell_value: str = _parameter(
+        "mean",
+        "Height of a cell",
+        "mean: mean height of the cell's points, as published. plane: a plane fitted in the cell, at its centre, "
+        "which removes the error of uneven sampling on steep ground.",
+        choices=("mean", "plane"),
+    )
+    minimum_points: int = _parameter(
+        1,
+        "Least points in a cell",
+        "A cell counts in an epoch with at least so many points. Larger is surer and covers less.",
+        minimum=1,
+        maximum=1000,
+    )
+    confidence: float = _parameter(
+        0.95,
+        "Confidence of the level of detection",
+        "Probability with which unchanged ground stays below the level. Larger reports less and surer change.",
+        minimum=0.5,
+        maximum=0.9999,
+    )
+    registration_error: float = _parameter(
+        -1.0,
+        "Registration error",
+        "Standard error of the registration in height that enters the level of detection. -1: as the registration "
+        "measured it. Larger widens the level.",
+        unit="m",
+        minimum=-1.0,
+        maximum=10.0,
+        advanced=True,
+    )
+    memory_limit: float = _parameter(
+        2.0,
+        "Memory for the grid",
+        "A grid that would need more is refused, with its size and a cell size that fits.",
+        unit="GB",
+        minimum=0.05,
+        maximum=1024.0,
+        advanced=True,
+    )
+
+
+@dataclass(frozen=True)
+class ZoneParameters(ParameterSet):
+    """Hazard zones: contiguous cells of significant change."""
+
+    minimum_area: float = _parameter(
+        0.5,
+        "Least area of a zone",
+        "Smaller groups of significant cells are not reported. Larger reports fewer and surer zones.",
+        unit="m²",
+        minimum=0.0,
+        maximum=1e6,
+    )
+    severity_moderate: float = _parameter(
+        0.10,
+        "Moderate from",
+        "A zone whose change (95th percentile) reaches this is moderate, else low.",
+        unit="m",
+        minimum=0.0,
+        maximum=100.0,
+        advanced=True,
+    )
+    severity_high: float = _parameter(
+        0.30,
+        "High from",
+        "A zone whose change (95th percentile) reaches this is high.",
+        unit="m",
+        minimum=0.0,
+        maximum=100.0,
+        advanced=True,
+    )
+
+
+@dataclass(frozen=True)
+class HeatmapParameters(ParameterSet):
+    """Heatmap over the top view."""
+
+    top_view_pixel: float = _parameter(
+        0.1,
+        "Pixel of the top view",
+        "Side of a pixel of the orthographic top view. Smaller is sharper where the cloud is dense enough.",
+        unit="m",
+        minimum=0.005,
+        maximum=100.0,
+    )
+    opacity: float = _parameter(
+        0.6,
+        "Opacity of the heatmap",
+        "0 shows the top view alone, 1 the change alone.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    colour_range: float = _parameter(
+        0.0,
+        "Colour range",
+        "The legend runs from minus to plus this change. 0: from the data (98th percentile).",
+        unit="m",
+        minimum=0.0,
+        maximum=1000.0,
+    )
+
+
+@dataclass(frozen=True)
+class SurveyParameters(ParameterSet):
+    """Simulated pair of surveys of one cut slope, with known change and a known rigid offset."""
+
+    seed: int = _parameter(1, "Seed", "The same seed gives the same surveys.", minimum=0, maximum=2**31 - 1)
+    points: int = _parameter(
+        1_000_000,
+        "Points an epoch",
+        "Approximate number of points of each survey; the pulse rate is thinned to reach it.",
+        minimum=1000,
+        maximum=200_000_000,
+    )
+    length: float = _parameter(
+        60.0, "Length of the slope", "Extent along the road.", unit="m", minimum=5.0, maximum=2000.0
+    )
+    height: float = _parameter(25.0, "Height of the slope", "From toe to crest.", unit="m", minimum=2.0, maximum=500.0)
+    angle: float = _parameter(
+        39.0,
+        "Angle of the slope",
+        "Angle of the cut face to the horizontal.",
+        unit="degrees",
+        minimum=5.0,
+        maximum=75.0,
+    )
+    benches: int = _parameter(0, "Benches", "Number of berms in the cut face.", minimum=0, maximum=10)
+    vegetation: float = _parameter(
+        0.7,
+        "Vegetation cover",
+        "Share of the ground seen from above that lies under shrubs and trees. Larger leaves fewer ground points.",
+        minimum=0.0,
+        maximum=0.98,
+    )
+    range_noise: float = _parameter(
+        0.02, "Range noise", "Standard deviation of a measured range.", unit="m", minimum=0.0, maximum=0.5
+    )
+    offset: float = _parameter(
+        0.2,
+        "Rigid offset",
+        "Displacement of the second epoch's coordinates, which registration must undo.",
+        unit="m",
+        minimum=0.0,
+        maximum=10.0,
+    )
+    amplitude: float = _parameter(
+        0.3, "Change", "Largest height change that is put into the second epoch.", unit="m", minimum=0.0, maximum=10.0
+    )
+
+
+PROFILES: Dict[str, Dict[str, Dict[str, Any]]] = {
+    "default": {},
+    "paper": {
+        "GroundParameters": {
+            "slope_aligned": False,
+            "cloth_resolution": 0.1,
+            "rigidness": 1,
+            "time_step": 0.5,
+            "class_threshold": 0.05,
+            "slope_smoothing": False,
+        },
+        "RegistrationParameters": {
+            "method": "icp",
+            "maximum_correspondence": 0.10,
+            "registration_iterations": 200,
+        },
+        "ChangeParameters": {"cell": 0.1, "cell_value": "mean", "minimum_points": 1},
+    },
+}
