@@ -1,0 +1,156 @@
+# PDAL: one that is there and works, else what the system offers, else a private copy of Debian 11's under .pdal/.
+# shellcheck shell=bash
+#
+# Debian 12 and 13 ship no PDAL and PyPI holds only the sources of its bindings. Debian 11's packages clash with newer system
+# libraries, so they are unpacked, with their own C library, into a folder of the checkout and never installed.
+
+PDAL_OLDEST=2.2
+PDAL_PREFIX=$ROOT/.pdal
+PDAL_RELEASE=bullseye
+
+# pdal_version PROGRAM: its version, or nothing where it does not start.
+pdal_version() { "$1" --version 2>/dev/null | first_version; }
+
+# pdal_works PROGRAM: it starts, is new enough, and carries points through a pipeline into LAZ and back.
+pdal_works() {
+    local version scratch
+    version=$(pdal_version "$1")
+    [[ -n $version ]] && version_at_least "$version" "$PDAL_OLDEST" || return 1
+    scratch=$(mktemp -d) || return 1
+    if printf '[{"type":"readers.faux","count":10,"mode":"random","bounds":"([0,1],[0,1],[0,1])"},{"type":"writers.las","filename":"%s/p.laz","compression":true}]' \
+        "$scratch" | "$1" pipeline --stdin >/dev/null 2>&1 && "$1" info --summary "$scratch/p.laz" 2>/dev/null | grep -q '"num_points": 10'; then
+        rm -rf "$scratch"
+        return 0
+    fi
+    rm -rf "$scratch"
+    return 1
+}
+
+# The PDAL to use, by the same order as the engine: SLOPEWATCH_PDAL, PATH, the private copy.
+find_usable_pdal() {
+    local candidate
+    for candidate in "${SLOPEWATCH_PDAL:-}" "$(command -v pdal || true)" "$PDAL_PREFIX/bin/pdal"; do
+        [[ -n $candidate && -x $candidate ]] || continue
+        if pdal_works "$candidate"; then
+            printf '%s\n' "$candidate"
+            return 0
+        fi
+    done
+    return 1
+}
+
+# Mirrors that may still hold the old release: this machine's own, Debian's, Debian's archive of retired releases.
+pdal_mirrors() { printf '%s\n' "$(apt_mirror)" http://deb.debian.org/debian http://archive.debian.org/debian | sed 's:/*$::' | awk 'NF && !seen[$0]++'; }
+
+pdal_write_wrapper() {
+    local triplet=$1 loader=$2
+    mkdir -p "$(dirname "$3")"
+    sed -e "s:@TRIPLET@:$triplet:g" -e "s:@LOADER@:$loader:g" "$ROOT/scripts/setup/pdal-wrapper.sh" >"$3"
+    chmod 755 "$3"
+}
+
+# pdal_download MIRROR WORK: fetch PDAL and all it depends on, by apt with a root of its own; finished files are kept for a next try.
+pdal_download() {
+    local mirror=$1 work=$2 keyring
+    for keyring in /usr/share/keyrings/debian-archive-keyring.{gpg,pgp}; do [[ -r $keyring ]] && break; done
+    [[ -r $keyring ]] || die "the keyring of Debian's archive is missing: install the package debian-archive-keyring"
+    rm -rf "$work/lists"
+    mkdir -p "$work"/{etc/apt.conf.d,etc/preferences.d,lists/partial,archives/partial,log}
+    : >"$work/status"
+    printf 'deb [signed-by=%s] %s %s main\n' "$keyring" "$mirror" "$PDAL_RELEASE" >"$work/etc/sources.list"
+    cat >"$work/etc/apt.conf" <<CONF
+Dir::Etc::sourcelist "$work/etc/sources.list";
+Dir::Etc::sourceparts "/dev/null";
+Dir::Etc::preferences "/dev/null";
+Dir::Etc::preferencesparts "/dev/null";
+Dir::State "$work";
+Dir::State::lists "$work/lists";
+Dir::State::status "$work/status";
+Dir::State::extended_states "$work/extended_states";
+Dir::Cache "$work";
+Dir::Cache::archives "$work/archives";
+Dir::Log "$work/log";
+APT::Sandbox::User "$(id -un)";
+APT::Install-Recommends "false";
+APT::Keep-Downloaded-Packages "true";
+Acquire::Languages "none";
+Acquire::Check-Valid-Until "false";
+Acquire::Retries "3";
+Acquire::http::Timeout "30";
+Debug::NoLocking "true";
+#clear APT::Update::Pre-Invoke;
+#clear APT::Update::Post-Invoke;
+#clear APT::Update::Post-Invoke-Success;
+#clear DPkg::Pre-Install-Pkgs;
+#clear DPkg::Pre-Invoke;
+#clear DPkg::Post-Invoke;
+#clear APT::Default-Release;
+CONF
+    apt-get -c "$work/etc/apt.conf" -qq -o Apt::Update::Error-Mode=any update &&
+        apt-get -c "$work/etc/apt.conf" -qq -y --download-only install pdal
+}
+
+build_private_pdal() {
+    local work=$STATE/pdal-download fresh=$PDAL_PREFIX.new mirror package triplet loader got=no
+    for program in apt-get dpkg-deb; do
+        command -v "$program" >/dev/null || die "no PDAL on PATH, and without $program none can be unpacked: install PDAL (conda-forge: environment.yml)"
+    done
+    while read -r mirror; do
+        say "  fetching PDAL of Debian 11 from $mirror into a folder of this checkout (nothing of the system changes)"
+        if pdal_download "$mirror" "$work"; then
+            got=yes
+            break
+        fi
+        say "  $mirror did not give it"
+    done < <(pdal_mirrors)
+    [[ $got == yes ]] || die "no mirror gave Debian 11's pdal: check the network, or install PDAL >= $PDAL_OLDEST and set SLOPEWATCH_PDAL to it"
+
+    rm -rf "$fresh"
+    mkdir -p "$fresh"
+    for package in "$work"/archives/*.deb; do dpkg-deb -x "$package" "$fresh"; done
+    rm -rf "$fresh"/usr/share/{doc,man,locale,lintian} "$fresh"/{etc,var}
+    loader=$(cd "$fresh" && ls lib/*/ld-2.*.so | head -n 1)
+    triplet=$(basename "$(dirname "$loader")")
+    pdal_write_wrapper "$triplet" "$loader" "$fresh/bin/pdal"
+    pdal_works "$fresh/bin/pdal" || die "the unpacked PDAL does not run on this machine: $("$fresh/bin/pdal" --version 2>&1 | tail -n 1)"
+    rm -rf "$PDAL_PREFIX"
+    mv "$fresh" "$PDAL_PREFIX"
+    rm -rf "$work"
+}
+
+setup_pdal() {
+    local key program
+    # What was chosen last time, and still the same file by size and time, needs no new trial.
+    program=$(cat "$STATE/pdal.program" 2>/dev/null || true)
+    key=$(step_key "${SLOPEWATCH_PDAL:-}" "$(command -v pdal || true)" "$program" "$(stat -c '%s %Y' "$program" 2>/dev/null || true)" -- \
+        "$ROOT/scripts/setup/pdal.sh" "$ROOT/scripts/setup/pdal-wrapper.sh")
+    if [[ -n $program && -x $program ]] && is_stamped pdal "$key"; then
+        say "PDAL: $program, as before"
+        return
+    fi
+    unstamp pdal
+    if [[ -n ${SLOPEWATCH_PDAL:-} ]] && ! pdal_works "$SLOPEWATCH_PDAL"; then
+        die "SLOPEWATCH_PDAL names $SLOPEWATCH_PDAL, which is no working PDAL >= $PDAL_OLDEST: correct or unset it"
+    fi
+    if [[ -e $PDAL_PREFIX/bin/pdal ]] && ! cmp -s <(sed -n '/^#/p' "$PDAL_PREFIX/bin/pdal") <(sed -n '/^#/p' "$ROOT/scripts/setup/pdal-wrapper.sh"); then
+        rm -rf "$PDAL_PREFIX"
+    fi
+    if program=$(find_usable_pdal); then
+        say "PDAL: $program works (version $(pdal_version "$program")), used as it is"
+    else
+        say "PDAL: none found that starts"
+        if can_be_root && [[ -n $(apt_candidate pdal) ]] && version_at_least "$(apt_candidate pdal | first_version)" "$PDAL_OLDEST"; then
+            say "  this system's own packages hold one"
+            apt_install PDAL pdal
+        else
+            build_private_pdal
+        fi
+        program=$(find_usable_pdal) || die "PDAL was installed but does not start"
+        say "  PDAL $(pdal_version "$program") stands: $program"
+    fi
+    mkdir -p "$STATE"
+    printf '%s\n' "$program" >"$STATE/pdal.program"
+    key=$(step_key "${SLOPEWATCH_PDAL:-}" "$(command -v pdal || true)" "$program" "$(stat -c '%s %Y' "$program")" -- \
+        "$ROOT/scripts/setup/pdal.sh" "$ROOT/scripts/setup/pdal-wrapper.sh")
+    stamp pdal "$key"
+}
