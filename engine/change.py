@@ -16,7 +16,7 @@ from .parameters import ChangeParameters
 from .progress import Progress
 
 # Degrees of freedom that the neighbourhood's variance counts beside the cell's own (see pooled_variance).
-_PRIOR_DEGREES = 4.0
+_PRIOR_DEGREES = 8.0
 _BYTES_A_CELL = 180.0  # measured peak of difference() and what follows it, per cell of the grid
 
 
@@ -64,14 +64,14 @@ def common_grid(reference: Float, moving: Float, parameters: ChangeParameters) -
             f"The epochs do not overlap: the first spans {_extent(a)}, the second {_extent(b)}; "
             "check that both are of the same slope and in the same reference system."
         )
-    grid = snapped_grid((min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3])), parameters.cell)
-    need = grid.rows * grid.columns * _BYTES_A_CELL
+    union = (min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3]))
+    grid = snapped_grid(union, parameters.cell)
     limit = parameters.memory_limit * 1e9
-    if need > limit:
-        fits = parameters.cell * math.sqrt(need / limit) * 1.01
+    if _bytes(grid) > limit:
         raise InputError(
-            f"A grid of {grid.rows} by {grid.columns} cells needs {need / 1e9:.1f} GB, more than the "
-            f"{parameters.memory_limit:g} GB allowed; clip to the slope or use a cell of at least {fits:.2g} m."
+            f"A grid of {grid.rows} by {grid.columns} cells needs {_bytes(grid) / 1e9:.3g} GB, more than the "
+            f"{parameters.memory_limit:g} GB allowed; clip to the slope or use a cell of at least "
+            f"{_cell_that_fits(union, parameters.cell, limit):g} m."
         )
     return grid
 
@@ -147,14 +147,24 @@ def pooled_variance(cells: CellStatistics, *, radius: int = 5) -> Float:
     pooled variance of the cells within ``radius`` counts as a prior with ``_PRIOR_DEGREES`` degrees of freedom (moderated
     variance, Smyth 2004, doi:10.2202/1544-6115.1027, eq. 5).
     """
-    known = np.nan_to_num(cells.variance) * cells.degrees
     size = 2 * radius + 1
-    squares = ndimage.uniform_filter(known, size, mode="constant")
-    degrees = ndimage.uniform_filter(cells.degrees, size, mode="constant")
-    whole = known.sum() / max(cells.degrees.sum(), 1.0)
-    enough = degrees * size**2 >= 1.0
-    prior = np.where(enough, np.maximum(squares, 0.0) / np.where(enough, degrees, 1.0), whole)
-    return (known + _PRIOR_DEGREES * prior) / (cells.degrees + _PRIOR_DEGREES)
+    spread = np.maximum(cells.count - 1.0, 0.0)
+    pooled = _moderated(cells.scatter, spread, size)
+    if cells.tilted.any():
+        # a plane's residuals do not hold the cell's slope, a mean's do: each kind learns from its own
+        fitted = np.where(cells.tilted, cells.degrees, 0.0)
+        pooled[cells.tilted] = _moderated(cells.variance, fitted, size)[cells.tilted]
+    return pooled
+
+
+def _moderated(own: Float, degrees: Float, size: int) -> Float:
+    """Variance with ``degrees`` of freedom a cell, pulled to the pooled one of the surrounding ``size`` squared cells."""
+    squares = np.nan_to_num(own) * degrees
+    near = ndimage.uniform_filter(np.stack([squares, degrees]), (1, size, size), mode="constant") * size**2
+    whole = squares.sum() / max(degrees.sum(), 1.0)
+    enough = near[1] >= 0.5
+    prior = np.where(enough, np.maximum(near[0], 0.0) / np.where(enough, near[1], 1.0), whole)
+    return (squares + _PRIOR_DEGREES * prior) / (degrees + _PRIOR_DEGREES)
 
 
 def uniform_shift(dz: Float, level: Float) -> float | None:
@@ -167,6 +177,19 @@ def uniform_shift(dz: Float, level: Float) -> float | None:
     spread = 1.4826 * float(np.median(np.abs(dz - shift)))
     beyond = float(np.mean(dz * math.copysign(1.0, shift) > level))
     return shift if beyond >= 0.9 and spread < abs(shift) / 3 else None
+
+
+def _bytes(grid: Grid) -> float:
+    return grid.rows * grid.columns * _BYTES_A_CELL
+
+
+def _cell_that_fits(bounds: tuple[float, float, float, float], cell: float, limit: float) -> float:
+    """The smallest cell of two significant digits, in steps of a tenth, whose grid stays below ``limit`` bytes."""
+    while _bytes(snapped_grid(bounds, cell)) > limit:
+        larger = cell * 1.1
+        unit = 10.0 ** (math.floor(math.log10(larger)) - 1)
+        cell = round(math.ceil(larger / unit) * unit, 10)
+    return cell
 
 
 def _extent(bounds: tuple[float, ...]) -> str:

@@ -63,7 +63,8 @@ class CellStatistics:
 
     ``height`` is NaN in cells without points. ``variance`` is that of the points about the cell's height model (their
     mean, or the plane), with ``degrees`` of freedom left; NaN where none is left. ``leverage`` times the variance
-    of a point is the variance of ``height``: 1/n for a mean, ((X'X)^-1)_00 for a plane.
+    of a point is the variance of ``height``: 1/n for a mean, ((X'X)^-1)_00 for a plane. ``tilted`` marks the cells
+    whose height is that of a plane; ``scatter`` is the variance about the mean in every cell, with count - 1 degrees.
     """
 
     count: NDArray[np.int64]
@@ -71,6 +72,8 @@ class CellStatistics:
     variance: Float
     degrees: Float
     leverage: Float
+    tilted: NDArray[np.bool_]
+    scatter: Float
 
 
 def cell_index(xy: Float, grid: Grid) -> NDArray[np.int64]:
@@ -114,8 +117,10 @@ def cell_statistics(xyz: Float, grid: Grid, *, plane: bool = False) -> CellStati
         degrees = np.maximum(count - 1.0, 0.0)
         squares = np.maximum(sum_zz - sum_z * height, 0.0)
         leverage = 1.0 / count
+        tilted = np.zeros(cells, dtype=bool)
+        scatter = np.where(degrees > 0, squares / degrees, np.nan)
         if plane:
-            height, squares, degrees, leverage = _plane_in_cell(
+            height, squares, degrees, leverage, tilted = _plane_in_cell(
                 xyz, z, index, grid, count, height, squares, degrees, leverage
             )
         variance = np.where(degrees > 0, squares / degrees, np.nan)
@@ -127,6 +132,8 @@ def cell_statistics(xyz: Float, grid: Grid, *, plane: bool = False) -> CellStati
         variance=variance.reshape(shape),
         degrees=degrees.reshape(shape),
         leverage=leverage.reshape(shape),
+        tilted=tilted.reshape(shape),
+        scatter=scatter.reshape(shape),
     )
 
 
@@ -140,8 +147,8 @@ def _plane_in_cell(
     squares: Float,
     degrees: Float,
     leverage: Float,
-) -> tuple[Float, Float, Float, Float]:
-    """Least squares in centred moments: height at the cell's centre, residual squares, degrees, leverage there."""
+) -> tuple[Float, Float, Float, Float, NDArray[np.bool_]]:
+    """Least squares in centred moments: height at the cell's centre, residual squares, degrees, leverage, where."""
     cells = grid.rows * grid.columns
     row, column = np.divmod(index, grid.columns)
     u = xyz[:, 0] - (grid.west + (column + 0.5) * grid.cell)
@@ -167,4 +174,5 @@ def _plane_in_cell(
         np.where(enough, rest, squares),
         np.where(enough, count - 3.0, degrees),
         np.where(enough, 1.0 / count + extrapolation, leverage),
+        enough,
     )

@@ -377,6 +377,15 @@ class ZoneParameters(ParameterSet):
         minimum=0.0,
         maximum=1e6,
     )
+    minimum_cells: int = _parameter(
+        5,
+        "Least cells in a zone",
+        "Smaller groups of significant cells are not reported, whatever their area. Larger is surer where cells are "
+        "large; chance alone joins five unchanged cells about once in 100,000.",
+        minimum=2,
+        maximum=100000,
+        advanced=True,
+    )
     severity_moderate: float = _parameter(
         0.10,
         "Moderate from",

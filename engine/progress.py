@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 
 class Progress:
-    """Receives progress; this base class drops it. Steps take one and never print themselves."""
+    """Receives progress and messages; steps take one and never print themselves.
+
+    This base class shows nothing but remembers the warnings. ``emit`` and ``show`` are overridden by what shows them.
+    """
 
     def __init__(self) -> None:
         self._low, self._high = 0.0, 100.0
+        self.warnings: list[str] = []
 
     def update(self, fraction: float, message: str = "") -> None:
         """``fraction`` of the current stage, 0 to 1, and what is being done."""
@@ -29,11 +34,42 @@ class Progress:
         finally:
             self._low, self._high = low, high
 
-    def emit(self, percent: float, message: str) -> None:
-        """Overridden by what shows the progress."""
+    def split(self, names: list[str]) -> list[Progress]:
+        """One progress for each of several equal jobs that run at the same time within the current stage."""
+        done = [0.0] * len(names)
+        return [_Share(self, name, index, done) for index, name in enumerate(names)]
 
     def info(self, message: str) -> None:
         """A line worth reading later."""
+        self.show("info", message)
 
     def warning(self, message: str) -> None:
-        """Something the user should know; also kept in the run record."""
+        """Something the user should know; shown once and kept for the run record."""
+        if message not in self.warnings:
+            self.warnings.append(message)
+            self.show("warning", message)
+
+    def emit(self, percent: float, message: str) -> None:
+        """Show that ``percent`` of the whole command is done."""
+
+    def show(self, level: str, message: str) -> None:
+        """Show a message of level ``info`` or ``warning``."""
+
+
+class _Share(Progress):
+    """One of several jobs at the same time; its warnings are the parent's."""
+
+    _lock = threading.Lock()
+
+    def __init__(self, parent: Progress, name: str, index: int, done: list[float]) -> None:
+        super().__init__()
+        self._parent, self._name, self._index, self._done = parent, name, index, done
+        self.warnings = parent.warnings
+
+    def emit(self, percent: float, message: str) -> None:
+        with self._lock:
+            self._done[self._index] = percent
+            self._parent.update(sum(self._done) / len(self._done) / 100.0, f"{self._name}: {message}")
+
+    def show(self, level: str, message: str) -> None:
+        self._parent.show(level, f"{self._name}: {message}")

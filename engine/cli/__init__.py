@@ -1,0 +1,27 @@
+"""The command line: ``slopewatch COMMAND``."""
+
+from __future__ import annotations
+
+import click
+
+from ..version import VERSION
+from .commands import change, check, ground, info, inspect, register
+from .simulate import simulate
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(VERSION, prog_name="slopewatch")
+def cli() -> None:
+    """Change and hazards of road slopes from UAV LiDAR surveys.
+
+    Lengths are in metres. Exit codes: 0 all outputs were written and checked, 2 something given cannot be used,
+    1 internal failure, 130 cancelled.
+    """
+
+
+for subcommand in (inspect, ground, register, change, info, simulate, check):
+    cli.add_command(subcommand)
+
+
+def main() -> None:
+    cli()

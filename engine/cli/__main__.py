@@ -1,0 +1,5 @@
+"""``python -m slopewatch.engine.cli``."""
+
+from . import main
+
+main()

@@ -1,0 +1,189 @@
+"""The commands. Each only gathers its arguments and calls the engine; imports are late to keep ``--help`` quick."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..parameters import (
+    ChangeParameters,
+    GroundParameters,
+    HeatmapParameters,
+    InputParameters,
+    RegistrationParameters,
+    ZoneParameters,
+)
+from .options import Session, command
+
+Outcome = tuple[dict[str, Path], dict[str, Any]]
+_FILE = click.Path(path_type=Path)
+_roi = click.option(
+    "--roi", type=_FILE, default=None, metavar="FILE", help="Vector file whose polygons bound the managed slope."
+)
+_stable = click.option(
+    "--stable", type=_FILE, default=None, metavar="FILE", help="Vector file whose polygons are known to be stable."
+)
+_output_dir = click.option(
+    "--output-dir", type=_FILE, required=True, metavar="DIR", help="Folder for the outputs; made if missing."
+)
+
+
+@click.command()
+@click.option(
+    "--epoch",
+    "epochs",
+    multiple=True,
+    required=True,
+    metavar="DATE=CLOUD",
+    help="A survey: the date it was flown (YYYY-MM-DD) and its LAS or LAZ file. Give two, the earlier first.",
+)
+@_roi
+@_stable
+@_output_dir
+@command(InputParameters, GroundParameters, RegistrationParameters, ChangeParameters, ZoneParameters, HeatmapParameters)
+def inspect(session: Session, epochs: tuple[str, ...], roi: Path, stable: Path, output_dir: Path) -> Outcome:
+    """The whole flow: two raw surveys in, change rasters, hazard zones and a heatmap out."""
+    from ..epochs import parse_epoch
+    from ..errors import InputError
+    from ..inspection import inspect_slope
+
+    if len(epochs) != 2:
+        raise InputError(f"--epoch was given {len(epochs)} times; give two epochs, the earlier first.")
+    first, second = (parse_epoch(e) for e in epochs)
+    return inspect_slope(
+        (first, second),
+        output_dir,
+        _settings(session),
+        roi=roi,
+        stable=stable,
+        pdal=session.pdal,
+        progress=session.report,
+    )
+
+
+@click.command()
+@click.argument("cloud", type=_FILE)
+@_roi
+@click.option("--output", type=_FILE, required=True, metavar="FILE", help="The ground points, .laz or .las.")
+@command(InputParameters, GroundParameters)
+def ground(session: Session, cloud: Path, roi: Path, output: Path) -> Outcome:
+    """Clip CLOUD to the slope, remove outliers and extract the ground under the vegetation."""
+    from ..steps import ground_step
+
+    return ground_step(
+        cloud,
+        output,
+        _settings(session),
+        roi=roi,
+        pdal=session.pdal,
+        progress=session.report,
+    )
+
+
+@click.command()
+@click.argument("reference", type=_FILE)
+@click.argument("moving", type=_FILE)
+@click.option("--output", type=_FILE, required=True, metavar="FILE", help="MOVING in the frame of REFERENCE, .laz.")
+@click.option(
+    "--transform", type=_FILE, default=None, metavar="FILE", help="The rigid motion, MOVING to REFERENCE, as JSON."
+)
+@click.option(
+    "--apply",
+    "given",
+    type=_FILE,
+    default=None,
+    metavar="FILE",
+    help="Apply this transform.json instead of registering.",
+)
+@click.option("--invert", is_flag=True, help="Apply the inverse of the transform given with --apply.")
+@_stable
+@command(InputParameters, RegistrationParameters)
+def register(
+    session: Session,
+    reference: Path,
+    moving: Path,
+    output: Path,
+    transform: Path | None,
+    given: Path | None,
+    invert: bool,
+    stable: Path | None,
+) -> Outcome:
+    """Move the cloud MOVING into the frame of REFERENCE. Both should be ground points."""
+    from ..steps import register_step
+
+    return register_step(
+        reference,
+        moving,
+        output,
+        _settings(session),
+        transform_path=transform,
+        given=given,
+        invert=invert,
+        stable=stable,
+        progress=session.report,
+    )
+
+
+@click.command()
+@click.argument("reference", type=_FILE)
+@click.argument("moving", type=_FILE)
+@click.option("--epoch-from", default=None, metavar="DATE", help="Date of REFERENCE; else from its file name.")
+@click.option("--epoch-to", default=None, metavar="DATE", help="Date of MOVING; else from its file name.")
+@click.option("--transform", type=_FILE, default=None, metavar="FILE", help="transform.json to apply to MOVING first.")
+@_output_dir
+@command(InputParameters, ChangeParameters, ZoneParameters, HeatmapParameters)
+def change(
+    session: Session,
+    reference: Path,
+    moving: Path,
+    epoch_from: str | None,
+    epoch_to: str | None,
+    transform: Path | None,
+    output_dir: Path,
+) -> Outcome:
+    """Elevation change, MOVING minus REFERENCE, of two registered ground clouds."""
+    from ..steps import change_step
+
+    return change_step(
+        reference,
+        moving,
+        output_dir,
+        _settings(session),
+        dates=(epoch_from, epoch_to),
+        transform_path=transform,
+        progress=session.report,
+    )
+
+
+@click.command()
+@click.argument("cloud", type=_FILE)
+@command(InputParameters, profile=False)
+def info(session: Session, cloud: Path) -> Outcome:
+    """What CLOUD holds: header, reference system, extent, density, classes, and what is odd about it."""
+    from ..clouds import describe_cloud
+
+    return {}, describe_cloud(cloud, session.parameters(InputParameters))
+
+
+@click.command()
+@command(profile=False)
+def check(session: Session) -> Outcome:
+    """Whether everything that SlopeWatch needs is there and works."""
+    from ..environment import check_environment
+
+    return {}, check_environment(session.pdal)
+
+
+def _settings(session: Session) -> Any:
+    from ..inspection import Settings
+
+    return Settings(
+        inputs=session.parameters(InputParameters),
+        ground=session.parameters(GroundParameters),
+        registration=session.parameters(RegistrationParameters),
+        change=session.parameters(ChangeParameters),
+        zones=session.parameters(ZoneParameters),
+        heatmap=session.parameters(HeatmapParameters),
+    )

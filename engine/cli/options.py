@@ -1,0 +1,125 @@
+"""Command line options made from the parameter groups, and what all commands share."""
+
+from __future__ import annotations
+
+import functools
+import sys
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from .. import lifecycle
+from ..errors import EngineError, InputError, SlopeWatchError
+from ..parameters import PROFILES, ParameterError, ParameterSet, Specification
+from .reporting import Reporter, reporter
+
+Command = Callable[..., Any]
+Group = TypeVar("Group", bound=ParameterSet)
+
+
+@dataclass(frozen=True)
+class Session:
+    """What a command gets besides its own arguments: where to report, which PDAL, and the options given."""
+
+    report: Reporter
+    pdal: Path | None
+    profile: str
+    values: dict[str, Any]
+
+    def parameters(self, group: type[Group]) -> Group:
+        """The parameter group: the profile's values overridden by the options given."""
+        return group.build(self.values, self.profile)
+
+
+def _option(specification: Specification) -> Callable[[Command], Command]:
+    name = specification.option
+    default = {True: "yes", False: "no"}.get(specification.default, specification.default)
+    unit = f" {specification.unit}" if specification.unit else ""
+    bounds = ""
+    if specification.minimum is not None and specification.maximum is not None and not specification.choices:
+        bounds = f", {specification.minimum:g} to {specification.maximum:g}"
+    shown = f"{specification.help}  [default: {default if default != '' else 'none'}{unit}{bounds}]"
+    if specification.kind is bool:
+        return click.option(f"--{name}/--no-{name}", specification.name, default=None, help=shown)
+    kind: Any = {int: int, float: float, str: str}[specification.kind]
+    if specification.choices:
+        kind = click.Choice(specification.choices)
+    metavar = None if specification.choices else (specification.unit or specification.kind.__name__).upper()
+    return click.option(f"--{name}", specification.name, type=kind, default=None, help=shown, metavar=metavar)
+
+
+def command(*groups: type[ParameterSet], profile: bool = True) -> Callable[[Command], Command]:
+    """Decorate a command: it gets a ``Session``, options for ``groups``, and the exit codes of the errors."""
+
+    def decorate(function: Command) -> Command:
+        names = [s.name for group in groups for s in group.specifications()]
+
+        @functools.wraps(function)
+        def run(*, progress: str, watch_parent: bool, pdal: Path | None, debug: bool, **arguments: Any) -> None:
+            values = {name: arguments.pop(name) for name in names}
+            report = reporter(progress)
+            lifecycle.install(report.cancelled, watch_parent=watch_parent)
+            session = Session(report, pdal, arguments.pop("profile", "default"), values)
+            sys.exit(_run(report, debug, lambda: function(session, **arguments)))
+
+        for group in reversed(groups):
+            for specification in reversed(group.specifications()):
+                run = _option(specification)(run)
+        if profile:
+            run = click.option(
+                "--profile",
+                type=click.Choice(list(PROFILES)),
+                default="default",
+                show_default=True,
+                help="paper: the published settings. Options given beside it override it.",
+            )(run)
+        for shared in (
+            click.option("--debug", is_flag=True, help="Show the traceback of an internal failure."),
+            click.option(
+                "--pdal", type=click.Path(path_type=Path), help="The pdal program to use, if another than found."
+            ),
+            click.option("--watch-parent", is_flag=True, help="Stop when standard input closes."),
+            click.option(
+                "--progress",
+                type=click.Choice(["auto", "bar", "json", "none"]),
+                default="auto",
+                show_default=True,
+                help="How progress is told. json: one object a line on standard output.",
+            ),
+        ):
+            run = shared(run)
+        return run
+
+    return decorate
+
+
+def _run(report: Reporter, debug: bool, work: Callable[[], tuple[dict[str, Path], dict[str, Any]]]) -> int:
+    error: SlopeWatchError
+    try:
+        with report:
+            outputs, metrics = work()
+        missing = [path for path in outputs.values() if not path.exists()]
+        if missing:
+            raise EngineError(f"{missing[0]} was promised but does not exist")
+        report.result(outputs, metrics)
+        return 0
+    except SlopeWatchError as known:
+        error = known
+    except ParameterError as wrong:
+        error = InputError(f"{wrong}.")
+    except MemoryError:
+        error = EngineError("Memory ran out; clip the cloud to the slope or use a larger cell.")
+    except Exception as unexpected:  # the last resort: an internal failure in one sentence
+        if debug:
+            traceback.print_exc()
+        place = traceback.extract_tb(unexpected.__traceback__)[-1]
+        error = EngineError(
+            f"Internal failure: {type(unexpected).__name__}: {unexpected} "
+            f"({Path(place.filename).name}, line {place.lineno}); run again with --debug for details."
+        )
+    report.error(error)
+    return error.exit_code

@@ -1,0 +1,26 @@
+"""``slopewatch simulate``: surveys with known truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ..parameters import SurveyParameters
+from .commands import Outcome, _output_dir
+from .options import Session, command
+
+
+@click.group()
+def simulate() -> None:
+    """Simulated surveys with known truth, to try SlopeWatch and to test it."""
+
+
+@simulate.command()
+@_output_dir
+@command(SurveyParameters, profile=False)
+def survey(session: Session, output_dir: Path) -> Outcome:
+    """Two surveys of one cut slope with a known change and a known rigid offset, the truth beside them."""
+    from ...simulation.command import survey_step
+
+    return survey_step(session.parameters(SurveyParameters), output_dir, session.report)

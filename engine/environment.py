@@ -1,0 +1,39 @@
+"""``slopewatch check``: is everything that SlopeWatch needs there, and does it work."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.metadata
+import shutil
+import sys
+from pathlib import Path
+from typing import Any
+
+from .errors import InputError
+from .pdal import find_pdal
+from .run_record import versions
+
+
+def check_environment(pdal: Path | None = None) -> dict[str, Any]:
+    """Versions and places of what the engine uses.
+
+    Raises:
+        InputError: a library or PDAL is missing or does not start.
+    """
+    found: dict[str, Any] = {**versions(), "interpreter": sys.executable}
+    for name in ("rasterio", "geopandas", "laspy", "lazrs", "CSF"):
+        try:
+            importlib.import_module(name)
+        except ImportError as error:
+            raise InputError(f"The Python library {name} cannot be imported ({error}); run `make setup`.") from error
+    found["cloth-simulation-filter"] = importlib.metadata.version("cloth-simulation-filter")
+    try:
+        found["torch"] = importlib.metadata.version("torch")
+    except importlib.metadata.PackageNotFoundError:
+        found["torch"] = "not installed"
+    program = find_pdal(pdal)
+    found["pdal"] = program.version
+    found["pdal_path"] = program.path
+    found["pdal_found_by"] = program.how
+    found["qgis_process"] = shutil.which("qgis_process") or "not on PATH"
+    return found

@@ -1,0 +1,119 @@
+"""Change and its level of detection against known surfaces and the binomial expectation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from slopewatch.engine.change import common_grid, difference, pooled_variance, uniform_shift
+from slopewatch.engine.errors import InputError
+from slopewatch.engine.gridding import cell_statistics, snapped_grid
+from slopewatch.engine.parameters import ChangeParameters
+
+
+def surface(x, y):
+    return 100.0 + 0.4 * x + 0.2 * np.sin(y)
+
+
+def epoch(seed: int, *, n: int = 60_000, noise: float = 0.02, lowered: float = 0.0, side: float = 20.0) -> np.ndarray:
+    """A rough slope; x < 5 is lowered."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(0, side, (2, n))
+    z = surface(x, y) + rng.normal(0, noise, n) - np.where(x < 5, lowered, 0.0)
+    return np.column_stack([x, y, z])
+
+
+def test_known_lowering_is_measured_with_its_sign():
+    change = difference(epoch(1), epoch(2, lowered=0.2), ChangeParameters(cell=0.5, cell_value="plane"))
+    west = change.dz[:, :10]
+    east = change.dz[:, 10:]
+    assert west.mean() == pytest.approx(-0.2, abs=0.002)
+    assert east.mean() == pytest.approx(0.0, abs=0.002)
+    assert change.significant[:, :10].all()
+
+
+@pytest.mark.parametrize("statistic", ["mean", "plane"])
+@pytest.mark.parametrize("density", [6_000, 60_000])
+def test_unchanged_ground_exceeds_the_level_about_as_often_as_promised(statistic, density):
+    parameters = ChangeParameters(cell=0.5, cell_value=statistic, minimum_points=1)
+    shares = []
+    for seed in range(4):
+        change = difference(epoch(10 + seed, n=density), epoch(20 + seed, n=density), parameters)
+        shares.append(change.significant[change.valid].mean())
+    assert 0.03 <= np.mean(shares) <= 0.07
+
+
+def test_registration_error_adds_in_quadrature():
+    first, second = epoch(1), epoch(2)
+    without = difference(first, second, ChangeParameters(cell=0.5))
+    given = difference(first, second, ChangeParameters(cell=0.5), registration_error=0.03)
+    overridden = difference(first, second, ChangeParameters(cell=0.5, registration_error=0.03))
+    assert np.nanmax(np.abs(given.error**2 - without.error**2 - 0.03**2)) < 1e-12
+    assert np.array_equal(given.error, overridden.error, equal_nan=True)
+
+
+def test_confidence_scales_the_level():
+    change = difference(epoch(1), epoch(2), ChangeParameters(cell=0.5, confidence=0.6827))
+    assert np.nanmax(np.abs(change.level - change.error)) < 1e-4  # one sigma
+
+
+def test_cells_count_only_with_enough_points_in_both_epochs():
+    first = np.array([[0.5, 0.5, 1.0], [0.6, 0.5, 1.0], [1.5, 0.5, 1.0], [2.5, 0.5, 1.0]])
+    second = np.array([[0.5, 0.5, 2.0], [0.6, 0.5, 2.0], [1.5, 0.5, 2.0], [1.6, 0.5, 2.0], [3.5, 0.5, 2.0]])
+    loose = difference(first, second, ChangeParameters(cell=1.0))
+    strict = difference(first, second, ChangeParameters(cell=1.0, minimum_points=2))
+    assert loose.valid.tolist() == [[True, True, False, False]]
+    assert strict.valid.tolist() == [[True, False, False, False]]
+    assert loose.common_cell_rate == pytest.approx(2 / 4)
+    assert strict.common_cell_rate == pytest.approx(1 / 2)
+
+
+def test_one_lucky_pair_of_points_is_not_significant():
+    """Two points that happen to agree do not make their cell's error zero: the neighbourhood counts."""
+    first, second = epoch(1, n=3000), epoch(2, n=3000)
+    for points, height in ((first, 0.0), (second, 0.03)):
+        inside = (np.abs(points[:, 0] - 10.25) < 0.25) & (np.abs(points[:, 1] - 10.25) < 0.25)
+        points[inside] = points[inside][:1]
+        points[inside, 2] = 100.0 + height
+    pair = [np.vstack([p, p[-1:]]) for p in (first, second)]
+    change = difference(*pair, ChangeParameters(cell=0.5))
+    assert np.nanmin(change.error) > 0.005
+
+
+def test_pooled_variance_is_the_weighted_sum_of_own_and_neighbourhood():
+    points = epoch(5, n=2000)
+    cells = cell_statistics(points, snapped_grid((0, 0, 19.99, 19.99), 0.5))
+    got = pooled_variance(cells, radius=2)
+    row, column = 20, 17
+    squares = degrees = 0.0
+    for r in range(row - 2, row + 3):
+        for c in range(column - 2, column + 3):
+            if cells.degrees[r, c] > 0:
+                squares += cells.variance[r, c] * cells.degrees[r, c]
+                degrees += cells.degrees[r, c]
+    own = np.nan_to_num(cells.variance[row, column]) * cells.degrees[row, column]
+    assert got[row, column] == pytest.approx((own + 8 * squares / degrees) / (cells.degrees[row, column] + 8))
+
+
+def test_no_overlap_names_both_extents():
+    far = epoch(1) + [1000.0, 0.0, 0.0]
+    with pytest.raises(InputError, match=r"x 0\.0 to 20\.0.*x 1000\.0 to 1020\.0"):
+        difference(epoch(1), far, ChangeParameters())
+
+
+def test_too_large_a_grid_is_refused_with_a_cell_that_fits():
+    first = epoch(1)
+    outlier = np.vstack([first, [3e6, 10.0, 100.0]])
+    with pytest.raises(InputError, match="cell of at least") as refusal:
+        common_grid(first, outlier, ChangeParameters(cell=0.1, memory_limit=0.1))
+    fits = float(str(refusal.value).split("at least ")[1].split(" m")[0])
+    common_grid(first, outlier, ChangeParameters(cell=fits * 1.05, memory_limit=0.1))
+
+
+def test_uniform_shift_is_told_from_deformation():
+    rng = np.random.default_rng(0)
+    level = np.full(10_000, 0.05)
+    noise = rng.normal(0, 0.02, 10_000)
+    assert uniform_shift(noise - 0.3, level) == pytest.approx(-0.3, abs=0.001)
+    assert uniform_shift(noise, level) is None
+    assert uniform_shift(noise - np.where(np.arange(10_000) < 2000, 0.3, 0.0), level) is None
+    assert uniform_shift(noise - rng.uniform(0.1, 1.5, 10_000), level) is None

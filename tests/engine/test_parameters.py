@@ -1,0 +1,78 @@
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+from slopewatch.engine import parameters
+from slopewatch.engine.parameters import PROFILES, GroundParameters, ParameterError, ParameterSet
+
+GROUPS = [
+    g
+    for g in vars(parameters).values()
+    if isinstance(g, type) and issubclass(g, ParameterSet) and g is not ParameterSet
+]
+SPECIFICATIONS = [(g, s) for g in GROUPS for s in g.specifications()]
+
+
+@pytest.mark.parametrize(("group", "specification"), SPECIFICATIONS, ids=lambda v: getattr(v, "name", ""))
+def test_every_parameter_is_described_and_its_bounds_hold(group, specification):
+    assert specification.help.endswith(".")
+    assert len(specification.help) > 15
+    assert specification.label[0].isupper()
+    group(**{specification.name: specification.default})
+    if specification.minimum is not None:
+        group(**{specification.name: specification.kind(specification.minimum)})
+        with pytest.raises(ParameterError, match=specification.name):
+            group(**{specification.name: specification.minimum - 1})
+    if specification.maximum is not None:
+        with pytest.raises(ParameterError, match=specification.name):
+            group(**{specification.name: specification.maximum + 1})
+    if specification.choices:
+        assert specification.default in specification.choices
+        with pytest.raises(ParameterError, match=specification.choices[0]):
+            group(**{specification.name: "neither"})
+
+
+@pytest.mark.parametrize("value", ["a lot", None, float("nan"), float("inf"), True, [1], 10**400])
+def test_values_that_are_no_number_are_refused(value):
+    with pytest.raises(ParameterError, match="cloth_resolution"):
+        GroundParameters(cloth_resolution=value)
+
+
+@pytest.mark.parametrize("value", [1.5, "x", True])
+def test_values_that_are_no_whole_number_are_refused(value):
+    with pytest.raises(ParameterError, match="rigidness"):
+        GroundParameters(rigidness=value)
+
+
+def test_names_are_unique_over_all_groups_that_share_a_command():
+    names = [s.name for g in GROUPS if g.__name__ != "SurveyParameters" for s in g.specifications()]
+    assert len(names) == len(set(names))
+
+
+def test_paper_profile_holds_the_published_settings():
+    ground = GroundParameters.build(profile="paper")
+    assert (ground.slope_aligned, ground.cloth_resolution, ground.rigidness) == (False, 0.1, 1)
+    assert (ground.time_step, ground.class_threshold) == (0.5, 0.05)
+    registration = parameters.RegistrationParameters.build(profile="paper")
+    assert (registration.method, registration.maximum_correspondence, registration.registration_iterations) == (
+        "icp",
+        0.10,
+        200,
+    )
+    assert parameters.ChangeParameters.build(profile="paper").cell == 0.1
+
+
+def test_values_given_override_the_profile_and_none_does_not():
+    built = GroundParameters.build({"cloth_resolution": 0.3, "rigidness": None, "cell": 9}, "paper")
+    assert built.cloth_resolution == 0.3
+    assert built.rigidness == 1
+    with pytest.raises(ParameterError, match="profile"):
+        GroundParameters.build({}, "best")
+
+
+def test_profiles_name_only_what_exists():
+    groups = {g.__name__: {f.name for f in dataclasses.fields(g)} for g in GROUPS}
+    for profile in PROFILES.values():
+        for group, values in profile.items():
+            assert set(values) <= groups[group]
