@@ -1,0 +1,54 @@
+# SlopeWatch: `make demo` and `make test` each do everything on a fresh Debian 12 or 13, as root or with sudo.
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test test-engine test-plugin lint format bench package install uninstall clean
+
+PYTHON := .venv/bin/python
+QGIS_PYTHON := .venv-qgis/bin/python
+ENGINE_TESTS := $(wildcard tests/engine tests/models tests/simulation tests/scripts tests/benchmarks)
+PLUGIN_TESTS := $(wildcard tests/plugin tests/processing_algorithms)
+TYPED := engine models simulation
+# More options for pytest: make test PYTEST="-k ground -x"
+PYTEST :=
+
+help:  ## This list
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 22
+
+setup:  ## PDAL, QGIS, the engine's environment, the plugin in a private QGIS profile (what works is kept)
+	@scripts/setup.sh
+
+demo: setup  ## Two simulated surveys through QGIS: rasters, zones, heatmap, figures against the truth
+	@scripts/demo.sh
+
+test: test-engine test-plugin  ## All tests
+
+test-engine: setup  ## Engine, simulation and set-up, in .venv
+	$(PYTHON) -m pytest $(ENGINE_TESTS) $(PYTEST)
+
+test-plugin: setup  ## Plugin and toolbox, in QGIS's own Python and through qgis_process
+	QT_QPA_PLATFORM=offscreen PYTHONPATH=/usr/share/qgis/python/plugins $(QGIS_PYTHON) -m pytest $(PLUGIN_TESTS) $(PYTEST)
+
+lint: setup  ## ruff and mypy
+	$(PYTHON) -m ruff check .
+	$(PYTHON) -m ruff format --check .
+	$(PYTHON) -m mypy $(addprefix -p slopewatch.,$(TYPED))
+
+format:  ## Let ruff rewrite what it can
+	$(PYTHON) -m ruff check --fix .
+	$(PYTHON) -m ruff format .
+
+bench: setup  ## Accuracy and speed beside the published method and its peers, as a table
+	$(PYTHON) -m benchmarks
+
+package:  ## The plugin as a zip for QGIS, from the last commit: dist/slopewatch-VERSION.zip
+	@scripts/package.sh
+
+install: setup  ## Link the plugin into your own QGIS profile and switch it on
+	@scripts/setup.sh install
+
+uninstall:  ## Take that link away again
+	@scripts/setup.sh uninstall
+
+clean:  ## Remove everything that set-up, tests and demo made in this folder (not the system's packages)
+	rm -rf .venv .venv-qgis .pdal .pdal.new .qgis .setup build dist demo *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,16 @@
+#!/usr/bin/env bash
+# The plugin's zip from the last commit, as QGIS and its plugin repository want it: one top folder named after the package.
+# What stays out is said in .gitattributes (export-ignore).
+set -euo pipefail
+cd "$(dirname -- "${BASH_SOURCE[0]}")/.."
+version=$(git show HEAD:metadata.txt | sed -n 's/^version=//p')
+mkdir -p dist
+archive=dist/slopewatch-$version.zip
+git archive --format=zip --prefix=slopewatch/ --output="$archive" HEAD
+size=$(stat -c %s "$archive")
+((size <= 25 * 1024 * 1024)) || {
+    echo "$archive is larger than the 25 MB that QGIS's plugin repository takes" >&2
+    exit 1
+}
+[[ -z $(git status --porcelain --untracked-files=no) ]] || echo "note: changes that are not committed are not in it"
+echo "$archive ($((size / 1024)) KB)"

@@ -1,0 +1,134 @@
+# The engine's own Python environment, .venv: never QGIS's interpreter, so that neither can break the other.
+# shellcheck shell=bash
+
+ENGINE_VENV=$ROOT/.venv
+LOCK=$ROOT/scripts/setup/requirements.lock
+PYTHON_OLDEST=3.10
+TORCH_VERSION=2.13.0
+TORCH_CPU_INDEX=https://download.pytorch.org/whl/cpu
+
+python_version() { "$1" -c 'import sys; print("%d.%d.%d" % sys.version_info[:3])' 2>/dev/null; }
+python_is_new_enough() {
+    local version
+    version=$(python_version "$1") && [[ -n $version ]] && version_at_least "$version" "$PYTHON_OLDEST"
+}
+
+# The first Python that is new enough: `python3` as the user has it, then other names of it, then the system's.
+find_python() {
+    local name found
+    for name in python3 python3.13 python3.12 python3.11 python3.10 /usr/bin/python3; do
+        found=$(command -v "$name") && python_is_new_enough "$found" && "$found" -c 'import sys; print(sys.executable)' && return 0
+    done
+    return 1
+}
+can_make_environments() { "$1" -c 'import ensurepip, venv' 2>/dev/null; }
+
+# ensure_python: sets PYTHON; installs the system's where there is none, and its venv module where that is missing.
+ensure_python() {
+    if ! PYTHON=$(find_python); then
+        is_debian_like || die "no Python >= $PYTHON_OLDEST on PATH: install one"
+        say "  no Python >= $PYTHON_OLDEST here: installing the system's"
+        apt_install "the engine's Python" python3 python3-venv
+        hash -r
+        PYTHON=$(find_python) || die "this system's Python is older than $PYTHON_OLDEST: put a newer python3 first on PATH"
+    fi
+    if ! can_make_environments "$PYTHON"; then
+        is_debian_like && [[ $PYTHON == /usr/bin/* ]] || die "$PYTHON cannot make virtual environments: install its venv and ensurepip modules"
+        say "  $PYTHON has no venv module: installing python3-venv"
+        apt_install "a virtual environment" python3-venv
+    fi
+}
+
+pip_in() {
+    local venv=$1
+    shift
+    "$venv/bin/python" -m pip --disable-pip-version-check --no-input "$@"
+}
+# A virtual environment holds absolute paths, so one that was moved or copied is no longer whole.
+is_environment_whole() { [[ -x $1/bin/python ]] && grep -qF "$1" "$1/bin/activate" 2>/dev/null && "$1/bin/python" -c 'import pip' 2>/dev/null; }
+
+# fresh_environment VENV PYTHON [option]: a new one, unless a whole one stands there and no install in it was cut short.
+fresh_environment() {
+    local venv=$1 python=$2
+    shift 2
+    if [[ -e $venv ]] && { ! is_environment_whole "$venv" || [[ -e $venv/.unfinished ]]; }; then
+        say "  $venv is not whole (an earlier run was cut short, or the folder was moved): making it anew"
+        rm -rf "$venv"
+    fi
+    if [[ ! -e $venv ]]; then
+        mkdir -p "$venv"
+        : >"$venv/.unfinished"
+        "$python" -m venv "$@" "$venv"
+    fi
+    : >"$venv/.unfinished"
+}
+
+# The authors' library of the cloth filter has no ready build for every Python; then a compiler is needed.
+install_cloth_filter() {
+    local requirement
+    requirement=$(grep -m 1 '^cloth-simulation-filter==' "$LOCK")
+    pip_in "$ENGINE_VENV" install -qq -c "$LOCK" --only-binary=cloth-simulation-filter "$requirement" 2>/dev/null && return
+    say "  $requirement has no ready build for Python $(python_version "$ENGINE_VENV/bin/python"): compiling it"
+    if ! command -v c++ >/dev/null || ! has_python_headers "$ENGINE_VENV/bin/python"; then
+        is_debian_like || die "compiling $requirement needs a C++ compiler and Python's headers: install them, or use Python 3.12 or older"
+        apt_install "compiling $requirement" g++ python3-dev
+    fi
+    pip_in "$ENGINE_VENV" install -qq -c "$LOCK" "$requirement" || die "compiling $requirement failed (the message is above)"
+}
+has_python_headers() { "$1" -c 'import os, sysconfig, sys; sys.exit(not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")))'; }
+
+engine_imports() {
+    "$ENGINE_VENV/bin/python" -c 'import CSF, click, geopandas, jinja2, laspy, lazrs, matplotlib, numpy, psutil, pyogrio, pyproj, rasterio, rich, scipy, shapely
+import pytest, hypothesis, slopewatch.engine'
+}
+
+setup_engine() {
+    local key
+    ensure_python
+    key=$(step_key "$PYTHON" "$(python_version "$PYTHON")" -- "$ROOT/pyproject.toml" "$LOCK" "$ROOT/scripts/setup/engine.sh")
+    if is_stamped engine "$key" && [[ ! -e $ENGINE_VENV/.unfinished ]] && "$ENGINE_VENV/bin/python" -c '' 2>/dev/null; then
+        say "engine: .venv, as before"
+        setup_torch
+        return
+    fi
+    unstamp engine
+    say "engine: its own Python environment in .venv, from $PYTHON ($(python_version "$PYTHON"))"
+    fresh_environment "$ENGINE_VENV" "$PYTHON"
+    say "  installing the pinned packages"
+    pip_in "$ENGINE_VENV" install -qq -c "$LOCK" setuptools wheel || die "pip could not install setuptools (its message is above)"
+    install_cloth_filter
+    pip_in "$ENGINE_VENV" install -qq -c "$LOCK" --no-build-isolation -e "$ROOT[dev]" || die "pip could not install the engine's packages (its message is above)"
+    # mypy does not follow editable installs; it finds the package through this link.
+    mkdir -p "$STATE/package"
+    ln -sfn "$ROOT" "$STATE/package/slopewatch"
+    engine_imports || die "the packages were installed but do not import (the message is above)"
+    rm -f "$ENGINE_VENV/.unfinished"
+    stamp engine "$key"
+    say "  the engine's environment stands"
+    unstamp torch
+    setup_torch
+}
+
+# PyTorch serves the screening of single surveys only, so the set-up goes on without it. The CPU build is asked for by its
+# full name: the plain name would bring gigabytes of CUDA libraries on Linux.
+setup_torch() {
+    local key wanted=torch==$TORCH_VERSION+cpu
+    [[ $(uname -s) == Linux ]] || wanted=torch==$TORCH_VERSION
+    key=$(step_key "$wanted" "$(python_version "$ENGINE_VENV/bin/python")")
+    if is_stamped torch "$key" && [[ ${1:-} != again ]]; then
+        [[ -e $STATE/torch.missing ]] && say "PyTorch: not there, screening is off (to try again: scripts/setup.sh torch)"
+        return 0
+    fi
+    rm -f "$STATE/torch.missing"
+    if "$ENGINE_VENV/bin/python" -c "import safetensors, torch, sys; sys.exit(torch.__version__.split('+')[0] != '$TORCH_VERSION')" 2>/dev/null; then
+        say "PyTorch: $TORCH_VERSION is there, used as it is"
+    elif pip_in "$ENGINE_VENV" install -qq -c "$LOCK" --timeout 60 --retries 1 "$wanted" safetensors 2>/dev/null; then
+        say "PyTorch: $wanted installed"
+    elif pip_in "$ENGINE_VENV" install -qq -c "$LOCK" --timeout 20 --retries 1 --extra-index-url "$TORCH_CPU_INDEX" "$wanted" safetensors 2>/dev/null; then
+        say "PyTorch: $wanted installed from $TORCH_CPU_INDEX"
+    else
+        : >"$STATE/torch.missing"
+        say "PyTorch: no CPU build of $TORCH_VERSION could be had, so screening a single survey is off; all else works (to try again: scripts/setup.sh torch)"
+    fi
+    stamp torch "$key"
+}
