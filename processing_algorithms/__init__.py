@@ -1,0 +1,10 @@
+"""The toolbox: one algorithm a file; each only declares its parameters and calls the engine."""
+
+from .checkenvironment import CheckEnvironment
+from .elevationchange import ElevationChange
+from .extractground import ExtractGround
+from .inspectslope import InspectSlope
+from .registerepochs import RegisterEpochs
+from .simulatesurvey import SimulateSurvey
+
+ALGORITHMS = (InspectSlope, ExtractGround, RegisterEpochs, ElevationChange, SimulateSurvey, CheckEnvironment)

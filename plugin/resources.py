@@ -1,0 +1,30 @@
+"""Icons and help pages that come with the plugin."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from qgis.PyQt.QtCore import QUrl
+from qgis.PyQt.QtGui import QIcon
+
+_FOLDER = Path(__file__).resolve().parent
+
+
+def icon_path(name: str = "slopewatch") -> str:
+    """The SVG called ``name``, or the plugin's own where there is none."""
+    path = _FOLDER / "icons" / f"{name}.svg"
+    return str(path if path.is_file() else _FOLDER / "icons" / "slopewatch.svg")
+
+
+def icon(name: str = "slopewatch") -> QIcon:
+    return QIcon(icon_path(name))
+
+
+def help_text(name: str) -> str:
+    """The help page ``name`` as HTML."""
+    return (_FOLDER / "help" / f"{name}.html").read_text(encoding="utf-8")
+
+
+def help_url(name: str) -> str:
+    """Address of the help page ``name`` on this machine."""
+    return QUrl.fromLocalFile(str(_FOLDER / "help" / f"{name}.html")).toString()

@@ -1,0 +1,108 @@
+"""Settings > Options > SlopeWatch: the engine's interpreter and PDAL, with a check of both."""
+
+from __future__ import annotations
+
+import html
+from typing import Any
+
+from qgis.core import QgsProcessingFeedback
+from qgis.gui import QgsFileWidget, QgsOptionsPageWidget, QgsOptionsWidgetFactory
+from qgis.PyQt.QtCore import Qt
+from qgis.PyQt.QtGui import QIcon
+from qgis.PyQt.QtWidgets import QApplication, QFormLayout, QLabel, QPushButton, QTextBrowser, QVBoxLayout
+
+from . import settings
+from .engine_client import EngineError, run_engine
+from .interpreter import InterpreterNotFoundError, find_interpreter
+from .resources import icon
+
+
+class SettingsPage(QgsOptionsPageWidget):
+    """Two paths, both may stay empty, and a button that tries them."""
+
+    def __init__(self, parent: Any = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("slopewatchOptions")
+        self.python = self._file_widget(settings.ENGINE_PYTHON, "The plugin's own environment")
+        self.pdal = self._file_widget(settings.PDAL, "The one found by the engine")
+        self.check_button = QPushButton("Check")
+        self.check_button.setToolTip("Starts the engine with these settings and shows what it finds")
+        self.check_button.clicked.connect(self.check)
+        self.report = QTextBrowser()
+        intro = QLabel(
+            "SlopeWatch works in a Python environment of its own, outside QGIS. Leave both fields empty to use what "
+            "the set-up made; the environment variables SLOPEWATCH_PYTHON and SLOPEWATCH_PDAL come first."
+        )
+        intro.setWordWrap(True)
+        form = QFormLayout()
+        form.addRow("Engine's Python interpreter", self.python)
+        form.addRow("PDAL program", self.pdal)
+        form.addRow("", self.check_button)
+        layout = QVBoxLayout(self)
+        layout.addWidget(intro)
+        layout.addLayout(form)
+        layout.addWidget(self.report)
+
+    def apply(self) -> None:
+        """Called by QGIS on OK and Apply."""
+        settings.store(settings.ENGINE_PYTHON, self.python.filePath())
+        settings.store(settings.PDAL, self.pdal.filePath())
+
+    def check(self) -> None:
+        """Run the engine's own check with what the fields hold now and show its lines."""
+        before = settings.get(settings.ENGINE_PYTHON), settings.get(settings.PDAL)
+        self.apply()
+        feedback = _Lines()
+        self.check_button.setEnabled(False)
+        QApplication.setOverrideCursor(Qt.CursorShape.WaitCursor)
+        try:
+            python, how = find_interpreter(settings.get(settings.ENGINE_PYTHON))
+            feedback.pushInfo(f"Interpreter: {python} ({how})")
+            run_engine(["check"], feedback)
+            feedback.pushInfo("The engine is ready.")
+        except (EngineError, InterpreterNotFoundError) as error:
+            feedback.reportError(str(error))
+        finally:
+            QApplication.restoreOverrideCursor()
+            self.check_button.setEnabled(True)
+            settings.store(settings.ENGINE_PYTHON, before[0])
+            settings.store(settings.PDAL, before[1])
+        self.report.setHtml(feedback.html)
+
+    @staticmethod
+    def _file_widget(key: str, placeholder: str) -> QgsFileWidget:
+        widget = QgsFileWidget()
+        widget.setFilePath(settings.get(key))
+        widget.lineEdit().setPlaceholderText(placeholder)
+        return widget
+
+
+class _Lines(QgsProcessingFeedback):
+    """Collects what the engine says as HTML."""
+
+    def __init__(self) -> None:
+        super().__init__(False)
+        self.html = ""
+
+    def pushInfo(self, info: str) -> None:
+        self.html += f"<p>{html.escape(info)}</p>"
+
+    def pushWarning(self, warning: str) -> None:
+        self.html += f"<p style='color:#b35900'>{html.escape(warning)}</p>"
+
+    def reportError(self, error: str, fatalError: bool = False) -> None:
+        self.html += f"<p style='color:#b00020'>{html.escape(error)}</p>"
+
+
+class SettingsPageFactory(QgsOptionsWidgetFactory):
+    """Makes the page for QGIS's options dialog."""
+
+    def __init__(self) -> None:
+        super().__init__("SlopeWatch", QIcon())
+        self.setTitle("SlopeWatch")
+
+    def icon(self) -> QIcon:
+        return icon()
+
+    def createWidget(self, parent: Any) -> SettingsPage:
+        return SettingsPage(parent)

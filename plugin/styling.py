@@ -1,0 +1,127 @@
+"""Styled results: what is done to a layer once QGIS has loaded it.
+
+The styles themselves are written by the engine (a .qml beside each raster, the style table in the GeoPackage), so
+that they are there for qgis_process and other programs too.
+"""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from qgis.core import (
+    QgsProcessingContext,
+    QgsProcessingLayerPostProcessorInterface,
+    QgsProject,
+    QgsVectorFileWriter,
+    QgsVectorLayer,
+)
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """How a result sits in the layer tree: ``order`` (larger is higher), shown at first, legend unfolded."""
+
+    order: int
+    visible: bool = True
+    expanded: bool = True
+
+
+class StylePostProcessor(QgsProcessingLayerPostProcessorInterface):
+    """Applies the engine's style, visibility and unfolding to a layer that has just been loaded."""
+
+    # QGIS does not take ownership: a post-processor that Python has collected silently never runs.
+    _kept: ClassVar[list[StylePostProcessor]] = []
+
+    def __init__(self, appearance: Appearance, style: Path | None) -> None:
+        super().__init__()
+        self._appearance = appearance
+        self._style = style
+
+    @classmethod
+    def create(cls, appearance: Appearance, style: Path | None = None) -> StylePostProcessor:
+        instance = cls(appearance, style)
+        cls._kept.append(instance)
+        del cls._kept[:-200]
+        return instance
+
+    def postProcessLayer(self, layer, context, feedback) -> None:
+        if self._style is not None and self._style.is_file():
+            message, loaded = layer.loadNamedStyle(str(self._style))
+            if not loaded:
+                feedback.pushWarning(f"The style {self._style} could not be applied: {message}")
+        layer.triggerRepaint()
+        project = context.project() or QgsProject.instance()
+        node = project.layerTreeRoot().findLayer(layer.id())
+        if node is not None:
+            node.setItemVisibilityChecked(self._appearance.visible)
+            node.setExpanded(self._appearance.expanded)
+
+
+def style_on_completion(
+    context: QgsProcessingContext,
+    registered: str,
+    path: str,
+    appearance: Appearance,
+    name: str,
+    group: str,
+) -> None:
+    """Have the layer that was to be loaded from ``registered`` loaded from ``path`` instead, named and styled.
+
+    Does nothing where the layer is not going to be loaded. ``name`` and ``group`` are kept out where they are empty.
+    """
+    if not registered or not context.willLoadLayerOnCompletion(registered):
+        return
+    details = context.layerToLoadOnCompletionDetails(registered)
+    if name:
+        details.name = name
+        details.forceName = True
+    if group:
+        details.groupName = group
+    details.layerSortKey = appearance.order
+    style = Path(path).with_suffix(".qml")
+    details.setPostProcessor(StylePostProcessor.create(appearance, style if style.is_file() else None))
+    layers: dict[str, QgsProcessingContext.LayerDetails] = context.layersToLoadOnCompletion()
+    layers.pop(registered, None)
+    layers[path] = details
+    context.setLayersToLoadOnCompletion(layers)
+
+
+def copy_raster(source: str, target: str) -> None:
+    """Copy a raster with the style beside it."""
+    Path(target).parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(source, target)
+    style = Path(source).with_suffix(".qml")
+    if style.is_file():
+        shutil.copyfile(style, Path(target).with_suffix(".qml"))
+
+
+def copy_vector(source: str, target: str, layer_name: str) -> None:
+    """Copy a GeoPackage with its styles; for another format, convert its layer and write the style beside it.
+
+    Raises:
+        OSError: the target cannot be written.
+    """
+    Path(target).parent.mkdir(parents=True, exist_ok=True)
+    if Path(target).suffix.lower() == ".gpkg":
+        shutil.copyfile(source, target)
+        return
+    layer = QgsVectorLayer(f"{source}|layername={layer_name}", layer_name, "ogr")
+    options = QgsVectorFileWriter.SaveVectorOptions()
+    options.driverName = QgsVectorFileWriter.driverForExtension(Path(target).suffix)
+    options.layerName = Path(target).stem
+    written = QgsVectorFileWriter.writeAsVectorFormatV3(
+        layer, target, QgsProject.instance().transformContext(), options
+    )
+    if written[0] != QgsVectorFileWriter.WriterError.NoError:
+        raise OSError(written[1])
+    layer.saveNamedStyle(str(Path(target).with_suffix(".qml")))
+
+
+def is_point_cloud_layer_possible() -> bool:
+    """Whether this QGIS was built with the provider that opens LAS and LAZ files."""
+    from qgis.core import QgsProviderRegistry
+
+    return "pdal" in QgsProviderRegistry.instance().providerList()

@@ -1,0 +1,192 @@
+"""The base of the algorithms: identity, running the engine, results. A subclass says what is its own."""
+
+from __future__ import annotations
+
+import os
+import re
+from datetime import date
+from typing import Any, ClassVar
+
+from qgis.core import (
+    QgsProcessingAlgorithm,
+    QgsProcessingContext,
+    QgsProcessingException,
+    QgsProcessingFeedback,
+    QgsProcessingOutputFile,
+    QgsProcessingOutputNumber,
+)
+from qgis.PyQt.QtGui import QIcon
+
+from ..plugin import resources
+from ..plugin.engine_client import EngineError, EngineResult, run_engine
+from . import declare
+
+GROUPS = {"inspection": "Inspection", "steps": "Single steps", "tools": "Tools"}
+_DATE = re.compile(r"(?<!\d)(\d{4})([-_.]?)(\d{2})\2(\d{2})(?!\d)")
+_VECTOR_FORMATS = ["gpkg", "shp", "geojson", "json", "kml", "gml", "fgb"]
+
+
+class SlopeWatchAlgorithm(QgsProcessingAlgorithm):
+    """One command of the engine as a Processing algorithm."""
+
+    NAME = ""
+    TITLE = ""
+    GROUP = ""
+    SUMMARY = ""
+    TAGS: tuple[str, ...] = ()
+    PARAMETER_GROUPS: declare.Groups = ()
+    #: name of the output: (key in the engine's metrics, label)
+    NUMBERS: ClassVar[dict[str, tuple[str, str]]] = {}
+    #: name of the output: (key in the engine's outputs, label)
+    FILES: ClassVar[dict[str, tuple[str, str]]] = {}
+
+    def arguments(
+        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
+    ) -> list[str]:
+        """The engine's command and options."""
+        raise NotImplementedError
+
+    def results(
+        self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
+    ) -> dict[str, Any]:
+        """Outputs besides those of FILES and NUMBERS."""
+        return {}
+
+    # --- identity -----------------------------------------------------------------------------------------------
+
+    def createInstance(self) -> SlopeWatchAlgorithm:
+        return type(self)()
+
+    def name(self) -> str:
+        return self.NAME
+
+    def displayName(self) -> str:
+        return self.TITLE
+
+    def group(self) -> str:
+        return GROUPS[self.GROUP]
+
+    def groupId(self) -> str:
+        return self.GROUP
+
+    def shortDescription(self) -> str:
+        return self.SUMMARY
+
+    def shortHelpString(self) -> str:
+        return resources.help_text(self.NAME)
+
+    def helpUrl(self) -> str:
+        return resources.help_url("index") + f"#{self.NAME}"
+
+    def tags(self) -> list[str]:
+        return [*self.TAGS, "lidar", "uav", "slope", "point cloud"]
+
+    def icon(self) -> QIcon:
+        return resources.icon(self.NAME)
+
+    def svgIconPath(self) -> str:
+        return resources.icon_path(self.NAME)
+
+    # --- declaration --------------------------------------------------------------------------------------------
+
+    def declare_groups(self, *, basic: tuple[str, ...] | None = None, prefixes: dict[str, str] | None = None) -> None:
+        """Declare every parameter of PARAMETER_GROUPS; with ``basic`` all others than those named are advanced."""
+        for group in self.PARAMETER_GROUPS:
+            for specification in group.specifications():
+                advanced = None if basic is None else specification.name not in basic
+                prefix = (prefixes or {}).get(group.__name__, "") if advanced else ""
+                self.addParameter(declare.from_specification(specification, prefix=prefix, advanced=advanced))
+
+    def declare_outputs(self) -> None:
+        """Declare FILES and NUMBERS."""
+        for name, (_, label) in self.FILES.items():
+            self.addOutput(QgsProcessingOutputFile(name, label))
+        for name, (_, label) in self.NUMBERS.items():
+            self.addOutput(QgsProcessingOutputNumber(name, label))
+
+    # --- running ------------------------------------------------------------------------------------------------
+
+    def checkParameterValues(self, parameters: dict[str, Any], context: QgsProcessingContext) -> tuple[bool, str]:
+        sentence = declare.problem(self, self.PARAMETER_GROUPS, parameters, context)
+        if sentence:
+            return False, sentence
+        return super().checkParameterValues(parameters, context)
+
+    def prepareAlgorithm(
+        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
+    ) -> bool:
+        # In QGIS's main thread, because layers may have to be exported.
+        self._arguments = self.arguments(parameters, context, feedback)
+        return True
+
+    def processAlgorithm(
+        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
+    ) -> dict[str, Any]:
+        feedback.pushCommandInfo("slopewatch " + " ".join(_shown(a) for a in self._arguments))
+        try:
+            result = run_engine(self._arguments, feedback)
+        except EngineError as error:
+            raise QgsProcessingException(str(error)) from None
+        results: dict[str, Any] = {
+            name: result.outputs[key] for name, (key, _) in self.FILES.items() if key in result.outputs
+        }
+        for name, (key, _) in self.NUMBERS.items():
+            value = result.metrics.get(key)
+            if isinstance(value, (int, float)):
+                results[name] = value
+        try:
+            results.update(self.results(result, parameters, context))
+        except OSError as error:
+            raise QgsProcessingException(f"An output cannot be written: {error}.") from None
+        return results
+
+    # --- reading parameters -------------------------------------------------------------------------------------
+
+    def file(self, parameters: dict[str, Any], name: str, context: QgsProcessingContext) -> str:
+        """Absolute path of an input file; empty if it is not given."""
+        path = self.parameterAsFile(parameters, name, context)
+        return os.path.abspath(path) if path else ""
+
+    def output_file(self, parameters: dict[str, Any], name: str, context: QgsProcessingContext) -> str:
+        """Absolute path of a file or folder to write; empty if it is skipped."""
+        path = self.parameterAsOutputLayer(parameters, name, context) if self._is_layer(name) else ""
+        path = path or self.parameterAsFileOutput(parameters, name, context)
+        return os.path.abspath(path) if path else ""
+
+    def _is_layer(self, name: str) -> bool:
+        return self.parameterDefinition(name).type() == "pointCloudDestination"
+
+    def polygons(
+        self, parameters: dict[str, Any], name: str, context: QgsProcessingContext, feedback: QgsProcessingFeedback
+    ) -> str:
+        """Path of a polygon file; a selection, a filter or a layer in memory is exported first."""
+        if parameters.get(name) in (None, ""):
+            return ""
+        path = self.parameterAsCompatibleSourceLayerPath(parameters, name, context, _VECTOR_FORMATS, "gpkg", feedback)
+        if not path:
+            raise QgsProcessingException(self.invalidSourceError(parameters, name))
+        return os.path.abspath(path)
+
+    def survey_date(self, parameters: dict[str, Any], name: str, path: str, context: QgsProcessingContext) -> str:
+        """Day of a survey as YYYY-MM-DD: the parameter ``name``, else from the file's name; empty if unknown."""
+        given = self.parameterAsDateTime(parameters, name, context)
+        if given.isValid():
+            return str(given.date().toString("yyyy-MM-dd"))
+        if parameters.get(name):
+            raise QgsProcessingException(f"{name} is {parameters[name]!r}; give a day such as 2024-05-01.")
+        return date_in_name(path)
+
+
+def date_in_name(path: str) -> str:
+    """The first day that a file's name tells (2024-05-01, 2024_05_01 or 20240501), as YYYY-MM-DD; else empty."""
+    for match in _DATE.finditer(os.path.basename(path)):
+        year, month, day = int(match[1]), int(match[3]), int(match[4])
+        try:
+            return date(year, month, day).isoformat()
+        except ValueError:
+            continue
+    return ""
+
+
+def _shown(argument: str) -> str:
+    return f'"{argument}"' if " " in argument or not argument else argument

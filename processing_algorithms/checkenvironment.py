@@ -1,0 +1,50 @@
+"""Check the environment: is the engine there, and what does it run on?"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from qgis.core import (
+    QgsProcessingContext,
+    QgsProcessingException,
+    QgsProcessingFeedback,
+    QgsProcessingOutputString,
+)
+
+from ..plugin import settings
+from ..plugin.engine_client import EngineResult
+from ..plugin.interpreter import InterpreterNotFoundError, find_interpreter
+from .base import SlopeWatchAlgorithm
+
+
+class CheckEnvironment(SlopeWatchAlgorithm):
+    NAME = "checkenvironment"
+    TITLE = "Check environment"
+    GROUP = "tools"
+    SUMMARY = "Finds the engine and PDAL, and says what is missing and how to get it."
+    TAGS = ("environment", "pdal", "installation", "diagnosis", "version")
+
+    def initAlgorithm(self, configuration: Any = None) -> None:
+        self.addOutput(QgsProcessingOutputString("ENGINE", "Engine's interpreter"))
+        self.addOutput(QgsProcessingOutputString("PDAL", "PDAL"))
+        self.addOutput(QgsProcessingOutputString("VERSION", "SlopeWatch"))
+
+    def arguments(
+        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
+    ) -> list[str]:
+        try:
+            python, how = find_interpreter(settings.get(settings.ENGINE_PYTHON))
+        except InterpreterNotFoundError as error:
+            raise QgsProcessingException(str(error)) from None
+        feedback.pushInfo(f"Engine's interpreter: {python} ({how})")
+        self._python = str(python)
+        return ["check"]
+
+    def results(
+        self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
+    ) -> dict[str, Any]:
+        return {
+            "ENGINE": self._python,
+            "PDAL": str(result.metrics.get("pdal", "")),
+            "VERSION": str(result.metrics.get("slopewatch", "")),
+        }

@@ -1,0 +1,83 @@
+"""Elevation change: two registered ground clouds to rasters and hazard zones."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from qgis.core import QgsProcessingContext, QgsProcessingFeedback, QgsProcessingParameterFile
+
+from ..engine.parameters import ChangeParameters, HeatmapParameters, InputParameters, ZoneParameters
+from ..plugin.compat import FILE
+from ..plugin.engine_client import EngineResult
+from . import declare, products
+from .base import SlopeWatchAlgorithm
+
+CHANGE_NUMBERS = {
+    "ZONE_COUNT": ("zone_count", "Number of hazard zones"),
+    "LOSS": ("loss_m3", "Loss in the zones (m³)"),
+    "GAIN": ("gain_m3", "Gain in the zones (m³)"),
+    "COMMON_CELLS": ("common_cell_rate", "Cells valid in both surveys (0 to 1)"),
+    "LEVEL_MEDIAN": ("lod_median_m", "Median level of detection (m)"),
+}
+CHANGE_FILES = {
+    "HEATMAP_PICTURE": ("heatmap", "Heatmap picture"),
+    "TRANSFORM_FILE": ("transform", "Transform"),
+    "RUN_RECORD": ("run", "Run record"),
+}
+
+
+class ElevationChange(SlopeWatchAlgorithm):
+    NAME = "elevationchange"
+    TITLE = "Elevation change"
+    GROUP = "steps"
+    SUMMARY = "Subtracts two registered ground clouds and outlines where the change is significant."
+    TAGS = ("change", "difference", "dod", "deformation", "volume", "hazard", "zones", "heatmap")
+    PARAMETER_GROUPS = (ChangeParameters, ZoneParameters, HeatmapParameters, InputParameters)
+    NUMBERS = CHANGE_NUMBERS
+    FILES = CHANGE_FILES
+
+    def initAlgorithm(self, configuration: Any = None) -> None:
+        self.addParameter(declare.cloud_parameter("REFERENCE", "Reference", "Ground cloud of the first survey."))
+        self.addParameter(declare.date_parameter("REFERENCE_DATE", "Day of the reference"))
+        self.addParameter(declare.cloud_parameter("CLOUD", "Later survey", "Ground cloud of the later survey."))
+        self.addParameter(declare.date_parameter("CLOUD_DATE", "Day of the later survey"))
+        self.addParameter(
+            declare.with_help(
+                QgsProcessingParameterFile(
+                    "TRANSFORM", "Transform", FILE, optional=True, fileFilter="JSON files (*.json);;All files (*)"
+                ),
+                "Transform that Register epochs wrote, where the later survey has not been moved by it yet.",
+            )
+        )
+        self.addParameter(declare.profile_parameter())
+        self.declare_groups()
+        products.declare_folder(self, "Receives the rasters, hazard zones, heatmap and run record under fixed names.")
+        products.declare_products(self, products.CHANGE_PRODUCTS)
+        self.declare_outputs()
+
+    def arguments(
+        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
+    ) -> list[str]:
+        reference = self.file(parameters, "REFERENCE", context)
+        cloud = self.file(parameters, "CLOUD", context)
+        arguments = ["change", reference, cloud, "--output-dir", products.output_folder(self, parameters, context)]
+        for option, name, path in (("from", "REFERENCE_DATE", reference), ("to", "CLOUD_DATE", cloud)):
+            day = self.survey_date(parameters, name, path, context)
+            if day:
+                arguments += [f"--epoch-{option}", day]
+        transform = self.file(parameters, "TRANSFORM", context)
+        if transform:
+            arguments += ["--transform", transform]
+        arguments += declare.profile_options(self, parameters, context)
+        return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
+
+    def results(
+        self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
+    ) -> dict[str, Any]:
+        days = [
+            self.survey_date(parameters, f"{name}_DATE", self.file(parameters, name, context), context)
+            for name in ("REFERENCE", "CLOUD")
+        ]
+        group = f"SlopeWatch {days[0]} to {days[1]}" if all(days) else "SlopeWatch"
+        delivered = products.deliver(self, products.CHANGE_PRODUCTS, result, parameters, context, group)
+        return {"OUTPUT_FOLDER": products.output_folder(self, parameters, context), **delivered}

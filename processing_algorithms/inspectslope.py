@@ -1,0 +1,107 @@
+"""Inspect slope: two raw surveys to rasters, hazard zones and a heatmap, in one go."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from qgis.core import QgsProcessingContext, QgsProcessingException, QgsProcessingFeedback
+
+from ..engine.parameters import (
+    ChangeParameters,
+    GroundParameters,
+    HeatmapParameters,
+    InputParameters,
+    RegistrationParameters,
+    ZoneParameters,
+)
+from ..plugin.engine_client import EngineResult
+from . import declare, products
+from .base import SlopeWatchAlgorithm
+from .elevationchange import CHANGE_FILES, CHANGE_NUMBERS
+from .registerepochs import STABLE_HELP
+
+_BASIC = ("cloth_resolution", "cell", "confidence", "minimum_area")
+_PREFIXES = {
+    "InputParameters": "Input",
+    "GroundParameters": "Ground",
+    "RegistrationParameters": "Registration",
+    "ChangeParameters": "Change",
+    "ZoneParameters": "Zones",
+    "HeatmapParameters": "Heatmap",
+}
+_EPOCHS = (("REFERENCE", "REFERENCE_DATE"), ("CLOUD", "CLOUD_DATE"))
+
+
+class InspectSlope(SlopeWatchAlgorithm):
+    NAME = "inspectslope"
+    TITLE = "Inspect slope"
+    GROUP = "inspection"
+    SUMMARY = "Takes two raw surveys of a slope to elevation change, hazard zones with volumes, and a heatmap."
+    TAGS = ("change", "deformation", "hazard", "zones", "monitoring", "landslide", "subsidence", "uplift", "volume")
+    PARAMETER_GROUPS = (
+        GroundParameters,
+        RegistrationParameters,
+        ChangeParameters,
+        ZoneParameters,
+        HeatmapParameters,
+        InputParameters,
+    )
+    NUMBERS = CHANGE_NUMBERS
+    FILES = CHANGE_FILES
+
+    def initAlgorithm(self, configuration: Any = None) -> None:
+        self.addParameter(
+            declare.cloud_parameter("REFERENCE", "First survey", "Raw point cloud of the first survey, LAS or LAZ.")
+        )
+        self.addParameter(declare.date_parameter("REFERENCE_DATE", "Day of the first survey"))
+        self.addParameter(
+            declare.cloud_parameter("CLOUD", "Later survey", "Raw point cloud of the later survey, LAS or LAZ.")
+        )
+        self.addParameter(declare.date_parameter("CLOUD_DATE", "Day of the later survey"))
+        self.addParameter(
+            declare.polygon_parameter(
+                "ROI",
+                "Region of interest",
+                "Polygons of the slope, in any reference system. Larger takes longer; not set: the whole clouds.",
+            )
+        )
+        self.addParameter(declare.profile_parameter())
+        self.declare_groups(basic=_BASIC, prefixes=_PREFIXES)
+        self.addParameter(
+            declare.polygon_parameter("STABLE", "Registration: stable ground", STABLE_HELP, advanced=True)
+        )
+        products.declare_folder(self, "Receives the rasters, hazard zones, heatmap and run record under fixed names.")
+        products.declare_products(self, products.CHANGE_PRODUCTS)
+        self.declare_outputs()
+
+    def arguments(
+        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
+    ) -> list[str]:
+        arguments = ["inspect"]
+        days: list[str] = []
+        for name, day_name in _EPOCHS:
+            path = self.file(parameters, name, context)
+            day = self.survey_date(parameters, day_name, path, context)
+            if not day:
+                raise QgsProcessingException(
+                    f"{day_name} is not set and the name of {path} tells no day; give the day of the survey."
+                )
+            days.append(day)
+            arguments += ["--epoch", f"{day}={path}"]
+        self._days = days
+        roi = self.polygons(parameters, "ROI", context, feedback)
+        if roi:
+            arguments += ["--roi", roi]
+        stable = self.polygons(parameters, "STABLE", context, feedback)
+        if stable:
+            arguments += ["--stable", stable]
+        arguments += ["--output-dir", products.output_folder(self, parameters, context)]
+        arguments += declare.profile_options(self, parameters, context)
+        return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
+
+    def results(
+        self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
+    ) -> dict[str, Any]:
+        group = f"SlopeWatch {self._days[0]} to {self._days[1]}"
+        delivered = products.deliver(self, products.CHANGE_PRODUCTS, result, parameters, context, group)
+        return {"OUTPUT_FOLDER": products.output_folder(self, parameters, context), **delivered}

@@ -1,0 +1,147 @@
+"""The products of a change: the output folder, and each raster and vector as a destination of its own.
+
+The engine writes all products under fixed names into the output folder. A destination that is left temporary is that
+very file; one that is given another path becomes a copy, so that models and batches can chain on it.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Any
+
+from qgis.core import (
+    QgsProcessingAlgorithm,
+    QgsProcessingContext,
+    QgsProcessingException,
+    QgsProcessingParameterFolderDestination,
+    QgsProcessingParameterRasterDestination,
+    QgsProcessingParameterVectorDestination,
+    QgsProcessingUtils,
+)
+
+from ..plugin.compat import POLYGON
+from ..plugin.engine_client import EngineResult
+from ..plugin.styling import Appearance, copy_raster, copy_vector, style_on_completion
+from .declare import with_help
+
+
+@dataclass(frozen=True)
+class Product:
+    """A destination: its ``name`` in Processing, the engine's ``key``, and how it is loaded."""
+
+    name: str
+    key: str
+    label: str
+    help: str
+    appearance: Appearance
+    layer: str = ""  # of a GeoPackage; empty for a raster
+    by_default: bool = True
+
+
+CHANGE_PRODUCTS = (
+    Product(
+        "ZONES",
+        "zones",
+        "Hazard zones",
+        "Polygons of contiguous significant change with area, heights, volumes and severity.",
+        Appearance(50),
+        layer="zones",
+    ),
+    Product(
+        "SIGNIFICANT_CHANGE",
+        "significant_change",
+        "Significant change (m)",
+        "Elevation change where it is above the level of detection; no data elsewhere.",
+        Appearance(40, visible=False, expanded=False),
+    ),
+    Product(
+        "ELEVATION_CHANGE",
+        "elevation_change",
+        "Elevation change (m)",
+        "Height of the later survey minus that of the reference in each cell.",
+        Appearance(30),
+    ),
+    Product(
+        "LEVEL_OF_DETECTION",
+        "level_of_detection",
+        "Level of detection (m)",
+        "Smallest change of a cell that can be told from noise, at the chosen confidence.",
+        Appearance(20, visible=False, expanded=False),
+        by_default=False,
+    ),
+    Product(
+        "HEATMAP",
+        "heatmap_raster",
+        "Heatmap",
+        "Elevation change half-transparent over the top view, as a coloured GeoTIFF.",
+        Appearance(15, visible=False, expanded=False),
+        by_default=False,
+    ),
+    Product(
+        "TOP_VIEW",
+        "top_view",
+        "Top view",
+        "Orthographic picture of the later cloud from above, in its colours or intensity.",
+        Appearance(10, expanded=False),
+    ),
+)
+
+
+def declare_folder(algorithm: QgsProcessingAlgorithm, text: str) -> None:
+    algorithm.addParameter(with_help(QgsProcessingParameterFolderDestination("OUTPUT_FOLDER", "Output folder"), text))
+
+
+def declare_products(algorithm: QgsProcessingAlgorithm, products: tuple[Product, ...]) -> None:
+    for product in products:
+        note = " Left temporary, it is the file in the output folder; another path gets a copy."
+        if product.layer:
+            parameter = QgsProcessingParameterVectorDestination(
+                product.name, product.label, POLYGON, None, True, product.by_default
+            )
+        else:
+            parameter = QgsProcessingParameterRasterDestination(
+                product.name, product.label, None, True, product.by_default
+            )
+        algorithm.addParameter(with_help(parameter, product.help + note))
+
+
+def output_folder(algorithm: QgsProcessingAlgorithm, parameters: dict[str, Any], context: QgsProcessingContext) -> str:
+    folder = algorithm.parameterAsFileOutput(parameters, "OUTPUT_FOLDER", context)
+    if not folder:
+        raise QgsProcessingException("OUTPUT_FOLDER is empty; give the folder that the results are written to.")
+    return os.path.abspath(folder)
+
+
+def deliver(
+    algorithm: QgsProcessingAlgorithm,
+    products: tuple[Product, ...],
+    result: EngineResult,
+    parameters: dict[str, Any],
+    context: QgsProcessingContext,
+    group: str,
+) -> dict[str, Any]:
+    """The products as results: the folder's files, or copies where a destination asks for one; loaded with style."""
+    results: dict[str, Any] = {}
+    temporary = os.path.realpath(QgsProcessingUtils.tempFolder())
+    for product in products:
+        source = result.outputs.get(product.key, "")
+        if not source:
+            continue
+        wanted = algorithm.parameterAsOutputLayer(parameters, product.name, context)
+        path = source
+        if wanted and not _within(wanted, temporary) and os.path.realpath(wanted) != os.path.realpath(source):
+            path = os.path.abspath(wanted)
+            if product.layer:
+                copy_vector(source, path, product.layer)
+            else:
+                copy_raster(source, path)
+        results[product.name] = path
+        own_name = getattr(parameters.get(product.name), "destinationName", "")
+        style_on_completion(context, wanted, path, product.appearance, "" if own_name else product.label, group)
+    return results
+
+
+def _within(path: str, folder: str) -> bool:
+    real = os.path.realpath(path)
+    return real == folder or real.startswith(folder + os.sep)

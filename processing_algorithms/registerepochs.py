@@ -1,0 +1,79 @@
+"""Register epochs: move a later ground cloud onto the reference."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from qgis.core import QgsProcessingContext, QgsProcessingFeedback, QgsProcessingParameterFileDestination
+
+from ..engine.parameters import InputParameters, RegistrationParameters
+from ..plugin.engine_client import EngineResult
+from . import declare
+from .base import SlopeWatchAlgorithm
+
+STABLE_HELP = (
+    "Polygons of ground that has surely not moved, such as the road or a concrete lattice. Only points in them decide "
+    "the registration. Not set: the whole surface, robustly weighted."
+)
+
+
+class RegisterEpochs(SlopeWatchAlgorithm):
+    NAME = "registerepochs"
+    TITLE = "Register epochs"
+    GROUP = "steps"
+    SUMMARY = "Moves a later ground cloud rigidly onto the reference without following real change."
+    TAGS = ("registration", "align", "icp", "co-registration", "transform")
+    PARAMETER_GROUPS = (RegistrationParameters, InputParameters)
+    NUMBERS: ClassVar = {
+        "RMSE_BEFORE": ("rmse_before", "Nearest-neighbour RMSE before (m)"),
+        "RMSE_AFTER": ("rmse_after", "Nearest-neighbour RMSE after (m)"),
+        "INLIER_RMSE": ("inlier_rmse", "Inlier RMSE (m)"),
+    }
+
+    def initAlgorithm(self, configuration: Any = None) -> None:
+        self.addParameter(
+            declare.cloud_parameter("REFERENCE", "Reference", "Ground cloud of the first survey; it stays in place.")
+        )
+        self.addParameter(
+            declare.cloud_parameter("CLOUD", "Later survey", "Ground cloud of the later survey; it is moved.")
+        )
+        self.addParameter(declare.polygon_parameter("STABLE", "Stable ground", STABLE_HELP))
+        self.addParameter(declare.profile_parameter())
+        self.declare_groups()
+        self.addParameter(declare.cloud_destination("OUTPUT", "Registered", "LAZ file of the later survey, moved."))
+        self.addParameter(
+            declare.with_help(
+                QgsProcessingParameterFileDestination(
+                    "TRANSFORM", "Transform", "JSON files (*.json)", optional=True, createByDefault=True
+                ),
+                "JSON file with the 4 x 4 matrix from the later survey to the reference, in the clouds' own system.",
+            )
+        )
+        self.declare_outputs()
+
+    def arguments(
+        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
+    ) -> list[str]:
+        arguments = [
+            "register",
+            self.file(parameters, "REFERENCE", context),
+            self.file(parameters, "CLOUD", context),
+            "--output",
+            self.output_file(parameters, "OUTPUT", context),
+        ]
+        transform = self.output_file(parameters, "TRANSFORM", context)
+        if transform:
+            arguments += ["--transform", transform]
+        stable = self.polygons(parameters, "STABLE", context, feedback)
+        if stable:
+            arguments += ["--stable", stable]
+        arguments += declare.profile_options(self, parameters, context)
+        return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
+
+    def results(
+        self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
+    ) -> dict[str, Any]:
+        results = {"OUTPUT": result.outputs["aligned"]}
+        if "transform" in result.outputs:
+            results["TRANSFORM"] = result.outputs["transform"]
+        return results
