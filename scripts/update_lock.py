@@ -1,8 +1,8 @@
 """Write scripts/setup/requirements.lock anew from pyproject.toml: the exact versions that `make setup` installs.
 
 Needs `uv` on PATH. Python 3.10 is resolved by itself, all newer ones together, so that every supported machine with
-Python 3.11 or newer runs the same versions. The packages that PyTorch's CUDA build asks for are left out: the set-up takes
-the CPU build, and a version that is not installed needs no pin.
+Python 3.11 or newer runs the same versions. The packages that PyTorch's CUDA build asks for are left out: the set-up
+takes the CPU build, and a version that is not installed needs no pin.
 """
 
 from __future__ import annotations

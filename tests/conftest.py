@@ -1,4 +1,4 @@
-"""For all tests: the package `slopewatch` is this checkout, and real clouds lie beside it where they are there at all."""
+"""For all tests: the package `slopewatch` is this checkout, and real clouds lie beside it where there are any."""
 
 from __future__ import annotations
 

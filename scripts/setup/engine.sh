@@ -78,7 +78,7 @@ install_cloth_filter() {
 has_python_headers() { "$1" -c 'import os, sysconfig, sys; sys.exit(not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")))'; }
 
 engine_imports() {
-    "$ENGINE_VENV/bin/python" -c 'import CSF, click, geopandas, jinja2, laspy, lazrs, matplotlib, numpy, psutil, pyogrio, pyproj, rasterio, rich, scipy, shapely
+    "$ENGINE_VENV/bin/python" -c 'import CSF, click, geopandas, jinja2, laspy, lazrs, matplotlib, numpy, pyogrio, pyproj, rasterio, rich, scipy, shapely
 import pytest, hypothesis, slopewatch.engine'
 }
 
