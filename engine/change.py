@@ -158,7 +158,7 @@ def pooled_variance(cells: CellStatistics, *, radius: int = 5) -> Float:
 
 
 def _moderated(own: Float, degrees: Float, size: int) -> Float:
-    """Variance with ``degrees`` of freedom a cell, pulled to the pooled one of the surrounding ``size`` squared cells."""
+    """Variance with ``degrees`` of freedom a cell, pulled to the pooled one of ``size`` by ``size`` cells around."""
     squares = np.nan_to_num(own) * degrees
     near = ndimage.uniform_filter(np.stack([squares, degrees]), (1, size, size), mode="constant") * size**2
     whole = squares.sum() / max(degrees.sum(), 1.0)

@@ -8,16 +8,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+from pyproj import CRS
 
-from .change import Change, difference
-from .clouds import PointCloud, copy_cloud, read_cloud
-from .crs import require_same_crs
+from .change import difference
+from .clouds import PointCloud, copy_with, read_cloud
 from .epochs import Epoch, check_pair
-from .errors import InputError
-from .ground import GroundResult, extract_ground
 from .gridding import Float
+from .ground import GroundResult, extract_ground
 from .outputs import Stage, refuse_inputs_as_outputs, staged_outputs
+from .pair import require_same_crs, stable_area, warn_of_uniform_shift
 from .parameters import (
     ChangeParameters,
     GroundParameters,
@@ -30,7 +29,6 @@ from .pdal import Pdal, find_pdal
 from .products import Context, write_products
 from .progress import Progress
 from .registration import RegistrationResult, register
-from .roi import read_roi
 from .run_record import RunRecord, plain
 
 CHANGE_OUTPUTS = (
@@ -108,7 +106,7 @@ def inspect_slope(
     with staged_outputs(output_dir) as stage:
         with progress.stage(0.0, 0.6, "extracting the ground"), record.stage("ground") as entry:
             grounds = _grounds(epochs, stage, settings, roi, program, progress)
-            entry["epochs"] = {e.name: plain(g) for e, g in zip(epochs, grounds)}
+            entry["epochs"] = {e.name: plain(g) for e, g in zip(epochs, grounds, strict=True)}
         first, second = (read_cloud(g.ground) for g in grounds)
         require_same_crs(first, second)
         with progress.stage(0.6, 0.78, "registering"), record.stage("registration") as entry:
@@ -123,8 +121,8 @@ def inspect_slope(
                 registration_error=registration.registration_error,
                 progress=progress,
             )
-            _warn_of_uniform_shift(change, progress)
-        outputs = _write_clouds(epochs, grounds, aligned, registration, second, stage)
+            warn_of_uniform_shift(change, progress)
+        clouds = _write_clouds(epochs, grounds, aligned, registration, first.crs, stage)
         with progress.stage(0.85, 0.99, "writing outputs"), record.stage("products"):
             picture = read_cloud(grounds[1].clipped, colours=True)
             picture = picture.moved(registration.transform)
@@ -138,8 +136,10 @@ def inspect_slope(
                 run_id=uuid.uuid5(uuid.NAMESPACE_OID, repr((hashes, plain(record.parameters)))).hex[:12],
             )
             files, figures = write_products(change, picture, context, settings.zones, settings.heatmap, stage, progress)
-        outputs = files | outputs | {"run": stage.final("run.json")}
-        record.metrics = figures | _ground_figures(grounds) | registration.figures()
+        outputs = files | clouds | {"run": stage.final("run.json")}
+        record.metrics = figures | registration.figures()
+        for label, result in zip(("reference", "moving"), grounds, strict=True):
+            record.metrics |= {f"{label}_{name}": value for name, value in result.figures().items()}
         record.facts["run_id"] = context.run_id
         record.write(stage.path("run.json"), progress.warnings, outputs)
     return outputs, record.metrics
@@ -169,3 +169,31 @@ def _grounds(
     shares = progress.split([e.name for e in epochs])
     with ThreadPoolExecutor(max_workers=2) as pool:
         return list(pool.map(ground, epochs, shares))
+
+
+def _register(
+    first: PointCloud, second: PointCloud, settings: Settings, stable: Path | None, progress: Progress
+) -> RegistrationResult:
+    area = stable_area(stable, first.crs, progress)
+    result = register(first.xyz, second.xyz, settings.registration, stable=area, progress=progress)
+    for warning in result.warnings:
+        progress.warning(warning)
+    return result
+
+
+def _write_clouds(
+    epochs: tuple[Epoch, Epoch],
+    grounds: list[GroundResult],
+    aligned: Float,
+    registration: RegistrationResult,
+    crs: CRS,
+    stage: Stage,
+) -> dict[str, Path]:
+    """The transform, and the later ground moved into the earlier one's frame; names of all clouds kept."""
+    registration.transform.save(stage.path("transform.json"), crs, facts=registration.figures())
+    name = f"clouds/{epochs[1].name}_aligned.laz"
+    copy_with(grounds[1].ground, stage.path(name), xyz=aligned)
+    outputs = {"transform": stage.final("transform.json"), "aligned": stage.final(name)}
+    for label, result in zip(("reference_ground", "moving_ground"), grounds, strict=True):
+        outputs[label] = stage.final(f"clouds/{result.ground.name}")
+    return outputs

@@ -9,8 +9,9 @@ Defaults are chosen by measurement (see docs/figures.md); ``PROFILES["paper"]`` 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, Dict, Mapping, Optional, Tuple, Type, TypeVar
+from typing import Any, TypeVar
 
 T = TypeVar("T", bound="ParameterSet")
 
@@ -33,9 +34,9 @@ class Specification:
     label: str
     unit: str
     help: str
-    minimum: Optional[float]
-    maximum: Optional[float]
-    choices: Tuple[str, ...]
+    minimum: float | None
+    maximum: float | None
+    choices: tuple[str, ...]
     advanced: bool
 
     @property
@@ -100,9 +101,9 @@ def _parameter(
     help: str,  # noqa: A002 - the word users know
     *,
     unit: str = "",
-    minimum: Optional[float] = None,
-    maximum: Optional[float] = None,
-    choices: Tuple[str, ...] = (),
+    minimum: float | None = None,
+    maximum: float | None = None,
+    choices: tuple[str, ...] = (),
     advanced: bool = False,
 ) -> Any:
     return field(
@@ -129,13 +130,13 @@ class ParameterSet:
             object.__setattr__(self, specification.name, value)
 
     @classmethod
-    def specifications(cls) -> Tuple[Specification, ...]:
+    def specifications(cls) -> tuple[Specification, ...]:
         return tuple(
             Specification(name=f.name, kind=type(f.default), default=f.default, **f.metadata) for f in fields(cls)
         )
 
     @classmethod
-    def build(cls: Type[T], values: Optional[Mapping[str, Any]] = None, profile: str = "default") -> T:
+    def build(cls: type[T], values: Mapping[str, Any] | None = None, profile: str = "default") -> T:
         """The profile's values, overridden by those of ``values`` that are not None and belong to this group.
 
         Raises:
@@ -143,7 +144,7 @@ class ParameterSet:
         """
         if profile not in PROFILES:
             raise ParameterError(f"profile is {profile!r}; give one of {', '.join(PROFILES)}")
-        merged: Dict[str, Any] = dict(PROFILES[profile].get(cls.__name__, {}))
+        merged: dict[str, Any] = dict(PROFILES[profile].get(cls.__name__, {}))
         names = {f.name for f in fields(cls)}
         merged.update({k: v for k, v in (values or {}).items() if k in names and v is not None})
         return cls(**merged)
@@ -483,7 +484,7 @@ class SurveyParameters(ParameterSet):
     )
 
 
-PROFILES: Dict[str, Dict[str, Dict[str, Any]]] = {
+PROFILES: dict[str, dict[str, dict[str, Any]]] = {
     "default": {},
     "paper": {
         "GroundParameters": {

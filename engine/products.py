@@ -6,15 +6,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import geopandas as gpd
 import numpy as np
 from pyproj import CRS
-from scipy import ndimage
 
 from . import heatmap, rasters, styles, top_view, vectors, zones
 from .change import Change
 from .clouds import PointCloud
 from .epochs import Epoch
-from .gridding import Float, Grid, snapped_grid
+from .gridding import Grid, snapped_grid
 from .outputs import Stage
 from .parameters import HeatmapParameters, ZoneParameters
 from .progress import Progress
@@ -54,36 +54,35 @@ def write_products(
     Returns:
         The final paths by name, and the main figures.
     """
-    tags = _tags(change, context)
+    dates = context.first.date, context.second.date
+    tags = rasters.raster_tags(
+        epochs=dates,
+        median_level=_Z95 * float(np.nanmedian(change.error)),
+        translation=None if context.transform is None else context.transform.translation,
+        software=f"SlopeWatch {VERSION}",
+        input_sha256=" ".join(context.input_hashes),
+    )
     progress.update(0.0, "writing rasters")
-    arrays = {
-        "elevation_change": (change.dz, "Elevation change, second epoch minus first"),
-        "level_of_detection": (change.level, f"Level of detection at {change.confidence:.0%} confidence"),
-        "significant_change": (
-            np.where(change.significant, change.dz, np.nan),
-            "Elevation change beyond the level of detection",
-        ),
-    }
-    outputs = {}
-    for name, (array, description) in arrays.items():
-        rasters.write_raster(
-            stage.path(f"{name}.tif"), array, change.grid, context.crs, description=description, tags=tags
-        )
-        outputs[name] = stage.final(f"{name}.tif")
-    limit = styles.colour_limit(change.dz, heatmap_parameters.colour_range)
-    styles.write_raster_styles(stage.folder, change, limit)
+    limit = _colour_limit(change, heatmap_parameters)
+    outputs = _write_rasters(change, context.crs, tags, limit, stage)
 
     progress.update(0.3, "outlining zones")
     found = zones.extract_zones(
-        change,
+        change.dz,
+        change.significant & (change.uniform_dz is None),
+        change.level,
+        change.error,
+        np.minimum(change.count_from, change.count_to),
+        change.grid,
         context.crs,
         zone_parameters,
-        slope=slope_degrees(change.height_to, change.grid.cell),
-        epochs=(context.first.date, context.second.date),
+        registration_error=change.registration_error,
+        heights=change.height_to,
+        epochs=dates,
         method=context.method,
         run_id=context.run_id,
     )
-    vectors.write_layer(stage.path("zones.gpkg"), found, "zones", style=styles.zones_style())
+    vectors.write_zones(stage.path("zones.gpkg"), found.frame, stamp=dates[1])
     outputs["zones"] = stage.final("zones.gpkg")
 
     progress.update(0.5, "drawing the heatmap")
@@ -104,10 +103,10 @@ def write_products(
     for name, file in (("heatmap", "heatmap.png"), ("heatmap_raster", "heatmap.tif"), ("top_view", "top_view.tif")):
         outputs[name] = stage.final(file)
     progress.update(1.0, "drawing the heatmap")
-    return outputs, main_figures(change, found)
+    return outputs, main_figures(change, found.frame)
 
 
-def main_figures(change: Change, found: Any) -> dict[str, Any]:
+def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:
     """The figures that a user reads first; lengths in metres, areas in m², volumes in m³."""
     dz = change.dz[change.valid]
     area = change.grid.cell**2
@@ -136,30 +135,35 @@ def picture_grid(grid: Grid, pixel: float) -> Grid:
     return snapped_grid((west, south, east - 1e-3 * pixel, north - 1e-3 * pixel), pixel)
 
 
-def slope_degrees(height: Float, cell: float, *, smoothing: float = 0.5) -> Float:
-    """Slope of the surface in degrees, from heights (rows, columns) averaged over ``smoothing`` metres; NaN: no data."""
-    known = np.isfinite(height)
-    sigma = max(smoothing / cell, 1.0)
-    weight = ndimage.gaussian_filter(known.astype(float), sigma, mode="constant")
-    level = float(np.nanmedian(height))
-    total = ndimage.gaussian_filter(np.where(known, height - level, 0.0), sigma, mode="constant")
-    with np.errstate(invalid="ignore", divide="ignore"):
-        smooth = np.where(weight > 1e-3, total / weight, np.nan)
-    if min(smooth.shape) < 2:
-        return np.full(height.shape, np.nan)
-    down, right = np.gradient(smooth, cell)
-    return np.where(known, np.degrees(np.arctan(np.hypot(down, right))), np.nan)
+def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float, stage: Stage) -> dict[str, Path]:
+    level = change.median_level
+    layers = (
+        ("elevation_change", change.dz, "Elevation change, later minus earlier", styles.change_qml(limit, level)),
+        (
+            "level_of_detection",
+            change.level,
+            f"Level of detection, {change.confidence:.4g} confidence",
+            styles.level_qml(float(np.nanpercentile(change.level, 98))),
+        ),
+        (
+            "significant_change",
+            np.where(change.significant, change.dz, np.nan),
+            "Elevation change beyond the level of detection",
+            styles.change_qml(limit),
+        ),
+    )
+    outputs = {}
+    for name, array, description, qml in layers:
+        path = stage.path(f"{name}.tif")
+        rasters.write_raster(path, array, change.grid, crs, description=description, tags=tags)
+        styles.write_qml_beside(path, qml)
+        outputs[name] = stage.final(path.name)
+    return outputs
 
 
-def _tags(change: Change, context: Context) -> dict[str, str]:
-    shift = np.zeros(3) if context.transform is None else context.transform.translation
-    return {
-        "EPOCH_FROM": context.first.name,
-        "EPOCH_TO": context.second.name,
-        "LOD95_MEDIAN": f"{_Z95 * float(np.nanmedian(change.error)):.4f}",
-        "COREG_DX": f"{shift[0]:.4f}",
-        "COREG_DY": f"{shift[1]:.4f}",
-        "COREG_DZ": f"{shift[2]:.4f}",
-        "SOFTWARE": f"SlopeWatch {VERSION}",
-        "INPUT_SHA256": " ".join(context.input_hashes),
-    }
+def _colour_limit(change: Change, parameters: HeatmapParameters) -> float:
+    """Half the span of the colour ramp: as given, else the 98th percentile of \\|dz\\|, at least twice the level."""
+    if parameters.colour_range > 0:
+        return parameters.colour_range
+    largest = float(np.percentile(np.abs(change.dz[change.valid]), 98))
+    return max(largest, 2 * change.median_level, 0.01)

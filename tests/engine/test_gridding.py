@@ -33,7 +33,7 @@ def test_points_fall_into_the_cell_that_exact_arithmetic_names(cell):
     row, column = np.divmod(cell_index(points, grid), grid.columns)
     west = round(grid.west / grid.cell)
     south = round(grid.bounds[1] / grid.cell)
-    got = list(zip((column + west).tolist(), (grid.rows - 1 - row + south).tolist()))
+    got = list(zip((column + west).tolist(), (grid.rows - 1 - row + south).tolist(), strict=True))
     assert got == exact_cells(points, cell)
 
 
@@ -64,7 +64,7 @@ def test_points_outside_are_marked_and_not_counted():
 def brute_force(points: np.ndarray, grid: Grid, *, plane: bool) -> dict[tuple[int, int], tuple[float, ...]]:
     """Count, height, variance and the height's variance factor, cell by cell with lstsq."""
     members: dict[tuple[int, int], list[np.ndarray]] = defaultdict(list)
-    for point, (column, row) in zip(points, exact_cells(points, f"{grid.cell:g}")):
+    for point, (column, row) in zip(points, exact_cells(points, f"{grid.cell:g}"), strict=True):
         south = round(grid.bounds[1] / grid.cell)
         members[(grid.rows - 1 - (row - south), column - round(grid.west / grid.cell))].append(point)
     result = {}
