@@ -1,0 +1,120 @@
+"""What comes back of a pulse on its way through leaves and grass to the ground."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .scene import Scene
+from .trace import Float, Rays
+from .vegetation import ENVELOPE, Canopy
+
+GROUND, TURF, LEAVES = 0, 1, 2
+MARCH = 0.15
+"""Step along a ray within the canopy, m."""
+SEPARATION = 0.25
+"""Two echoes closer than this along the beam cannot be told apart; the first is kept, m."""
+LEAST_ENERGY = 0.2
+"""Share of the pulse's energy below which nothing more is detected."""
+
+
+@dataclass(frozen=True)
+class Echoes:
+    """Echoes sorted by ray, then distance: index of the ray, distance (m), share of the energy, GROUND/TURF/LEAVES."""
+
+    ray: NDArray[np.int64]
+    distance: Float
+    energy: Float
+    source: NDArray[np.uint8]
+
+
+def echoes(
+    scene: Scene,
+    canopy: Canopy,
+    rays: Rays,
+    start: Float,
+    ground: Float,
+    maximum: int,
+    rng: np.random.Generator,
+) -> Echoes:
+    """The echoes of each ray, of which ``ground`` (n,) is the distance to the ground.
+
+    At ``start`` (n,) the rays are still above all leaves. At most ``maximum`` echoes a ray.
+
+    Within leaves, the optical depth to the next echo is exponentially distributed (Beer-Lambert); each echo takes
+    a random part of the energy, and a pulse with less than LEAST_ENERGY left ends there.
+    """
+    ray, distance, energy, left, last, count = _through_leaves(scene, canopy, rays, start, ground, maximum, rng)
+    reached = np.flatnonzero((left >= LEAST_ENERGY) & (ground - last >= SEPARATION) & (count < maximum))
+    place = rays.take(reached).at(ground[reached])
+    grass = scene.turf(place[0], place[1])
+    caught = rng.random(len(reached)) < np.minimum(grass / 0.06, 0.8)
+    height = np.where(caught, grass * rng.beta(1.5, 2.0, len(reached)), 0.0)
+    final = ground[reached] + height / rays.direction[2, reached]
+    all_rays = np.concatenate([ray, reached])
+    all_distances = np.concatenate([distance, final])
+    source = np.concatenate([np.full(len(ray), LEAVES, np.uint8), np.where(caught, TURF, GROUND).astype(np.uint8)])
+    order = np.lexsort((all_distances, all_rays))
+    return Echoes(all_rays[order], all_distances[order], np.concatenate([energy, left[reached]])[order], source[order])
+
+
+def _through_leaves(
+    scene: Scene, canopy: Canopy, rays: Rays, start: Float, ground: Float, maximum: int, rng: np.random.Generator
+) -> tuple[NDArray[np.int64], Float, Float, Float, Float, NDArray[np.int64]]:
+    """Ray, distance and energy of the leaves' echoes; energy left, last echo's distance and count of every ray."""
+    n = len(rays)
+    left, last, count = np.ones(n), np.full(n, -np.inf), np.zeros(n, dtype=np.int64)
+    found: list[tuple[NDArray[np.int64], Float, Float]] = []
+    if canopy.covered.any():
+        enter = _enter(canopy, rays, start, ground)
+        threshold = rng.standard_exponential(n)
+        depth = np.zeros(n)
+        t = enter + MARCH * (rng.random(n) - 1.0)
+        active = np.flatnonzero(enter < ground)
+        while len(active):
+            here = t[active]
+            place = rays.take(active).at(here)
+            depth[active] += canopy.density_at(*place) * MARCH
+            hit = (depth[active] >= threshold[active]) & (here - last[active] >= SEPARATION)
+            struck = active[hit]
+            if len(struck):
+                at = here[hit] + MARCH * (rng.random(len(struck)) - 0.5)
+                u, v, z = rays.take(struck).at(at)
+                # Voxels are coarser than the gap under the leaves, above all on a steep face.
+                clear = z - scene.height(u, v) >= canopy.clearance
+                struck, at = struck[clear], at[clear]
+                taken = rng.uniform(0.35, 1.0, len(struck))
+                found.append((struck, at, taken * left[struck]))
+                last[struck] = at
+                left[struck] *= 1.0 - taken
+                count[struck] += 1
+                threshold[struck] = depth[struck] + rng.standard_exponential(len(struck))
+            t[active] += MARCH
+            going = (t[active] < ground[active] - 0.05) & (left[active] >= LEAST_ENERGY) & (count[active] < maximum)
+            active = active[going]
+    if not found:
+        return np.empty(0, np.int64), np.empty(0), np.empty(0), left, last, count
+    ray, distance, energy = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return ray, distance, energy, left, last, count
+
+
+def _enter(canopy: Canopy, rays: Rays, start: Float, ground: Float) -> Float:
+    """Distance (n,) at which each ray may first touch leaves; at least ``ground`` where it touches none.
+
+    The envelope holds for ENVELOPE m around, so a ray is free until it has gone so far sideways or has sunk to it.
+    """
+    enter = start.copy()
+    active = np.flatnonzero(start < ground)
+    while len(active):
+        origin, direction, t = rays.origin[:, active], rays.direction[:, active], enter[active]
+        place = origin + direction * t
+        above = place[2] - canopy.top_at(place[0], place[1])
+        sideways = np.maximum(np.abs(direction[0]), np.abs(direction[1]))
+        step = np.minimum(above / -direction[2], ENVELOPE / np.maximum(sideways, 1e-6))
+        t = t + np.maximum(step, 0.0) + 1e-3
+        free = above > 0
+        enter[active[free]] = t[free]
+        active = active[free & (t < ground[active])]
+    return enter
