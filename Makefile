@@ -38,7 +38,7 @@ format:  ## Let ruff rewrite what it can
 	$(PYTHON) -m ruff format .
 
 bench: setup  ## Accuracy and speed beside the published method and its peers, as a table
-	$(PYTHON) -m benchmarks
+	$(PYTHON) -m slopewatch.benchmarks
 
 package:  ## The plugin as a zip for QGIS, from the last commit: dist/slopewatch-VERSION.zip
 	@scripts/package.sh

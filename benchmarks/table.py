@@ -14,7 +14,7 @@ from pathlib import Path
 class Row:
     """One measured figure.
 
-    ``value``, ``target`` and ``peer`` are texts with their units, ``met`` tells whether the target is reached (None where
+    ``value``, ``target`` and ``peer`` are texts with units; ``met`` tells whether the target is reached (None where
     there is no target).
     """
 
@@ -40,9 +40,7 @@ def machine() -> str:
 def markdown(title: str, rows: Sequence[Row]) -> str:
     """The rows as a Markdown table under a heading."""
     head = ["figure", "SlopeWatch", "target", "met", "beside it"]
-    body = [
-        [r.figure, r.value, r.target, {True: "yes", False: "**no**", None: ""}[r.met], r.peer] for r in rows
-    ]
+    body = [[r.figure, r.value, r.target, {True: "yes", False: "**no**", None: ""}[r.met], r.peer] for r in rows]
     widths = [max(len(line[i]) for line in [head, *body]) for i in range(len(head))]
     lines = ["| " + " | ".join(c.ljust(w) for c, w in zip(line, widths, strict=True)) + " |" for line in [head, *body]]
     lines.insert(1, "|" + "|".join("-" * (w + 2) for w in widths) + "|")

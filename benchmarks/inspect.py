@@ -1,0 +1,110 @@
+"""The whole flow on two raw clouds of a million points, beside two CSF runs at the published settings."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import psutil
+import rasterio
+
+from ..engine.csf import cloth_ground
+from ..engine.parameters import GroundParameters, SurveyParameters
+from ..simulation.survey import simulate_pair
+from ..simulation.write import write_pair
+from .controlled_test import inside
+from .table import Row
+
+POINTS = 1_000_000
+
+
+def rows() -> list[Row]:
+    """Seconds, their ratio to the filter alone, memory, and the accuracy on the way."""
+    pair = simulate_pair(SurveyParameters(points=POINTS))
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        paths = write_pair(pair, folder, compressed=False)
+        clouds = [cloud.xyz[inside(cloud.xyz, pair)] for cloud in (pair.first, pair.second)]
+        paper = GroundParameters.build(profile="paper")
+        start = time.perf_counter()
+        for xyz in clouds:
+            cloth_ground(xyz, paper)
+        filter_seconds = time.perf_counter() - start
+        seconds, peak = _inspect(folder, paths)
+        metrics = json.loads((folder / "out" / "run.json").read_text())["metrics"]
+        error = _change_error(folder, pair)
+    raw = ", ".join(f"{len(c.xyz) / 1e6:.2f} M" for c in (pair.first, pair.second))
+    clipped = ", ".join(f"{len(c) / 1e6:.2f} M" for c in clouds)
+    ratio = seconds / filter_seconds
+    return [
+        Row(
+            f"inspect, two raw clouds ({raw}; in the ROI {clipped})",
+            f"{seconds:.1f} s = {ratio:.2f} x",
+            "at most 1.5 x",
+            f"two CSF runs at the published settings {filter_seconds:.1f} s",
+            ratio <= 1.5,
+        ),
+        Row("inspect, peak memory of all its processes", f"{peak / 1e9:.2f} GB", "at most 2 GB", "", peak <= 2e9),
+        Row(
+            "common cells, simulated pair",
+            f"{100 * metrics['common_cell_rate']:.2f} %",
+            "",
+            "published 94.71 % (another site)",
+        ),
+        Row(
+            "dz against the truth, all common cells",
+            f"median error {error[0] * 1000:+.1f} mm, NMAD {error[1] * 1000:.1f} mm",
+        ),
+    ]
+
+
+def _inspect(folder: Path, paths: dict[str, Path]) -> tuple[float, int]:
+    command = [sys.executable, "-m", "slopewatch.engine.cli", "inspect"]
+    for epoch in ("first", "second"):
+        command += ["--epoch", f"{paths[epoch].stem}={paths[epoch]}"]
+    command += ["--roi", str(paths["roi"]), "--output-dir", str(folder / "out")]
+    start = time.perf_counter()
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    peak = [0]
+    watcher = threading.Thread(target=_watch, args=(process.pid, peak), daemon=True)
+    watcher.start()
+    _, error = process.communicate()
+    seconds = time.perf_counter() - start
+    if process.returncode:
+        raise RuntimeError(error.decode())
+    return seconds, peak[0]
+
+
+def _watch(pid: int, peak: list[int]) -> None:
+    """Largest sum of the proportional sizes of a process and its descendants, sampled 20 times a second."""
+    try:
+        root = psutil.Process(pid)
+        while root.is_running() and root.status() != psutil.STATUS_ZOMBIE:
+            total = 0
+            for process in [root, *root.children(recursive=True)]:
+                try:
+                    total += process.memory_info().rss
+                except psutil.Error:
+                    continue
+            peak[0] = max(peak[0], total)
+            time.sleep(0.05)
+    except psutil.Error:
+        return
+
+
+def _change_error(folder: Path, pair) -> tuple[float, float]:  # type: ignore[no-untyped-def]
+    with rasterio.open(folder / "out" / "elevation_change.tif") as raster:
+        dz = raster.read(1, masked=True).filled(np.nan)
+        west, north, cell = raster.transform.c, raster.transform.f, raster.transform.a
+    from ..engine.gridding import Grid
+
+    truth = pair.true_change_raster(Grid(west, north, cell, *dz.shape))
+    error = (dz - truth)[np.isfinite(dz)]
+    median = float(np.median(error))
+    return median, 1.4826 * float(np.median(np.abs(error - median)))
