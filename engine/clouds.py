@@ -1,0 +1,143 @@
+"""Point clouds in memory: reading LAS, LAZ and COPC into metres, and what a file holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from .crs import WorkingFrame, declared_crs, working_frame
+from .errors import InputError
+from .las_records import classes, read_records, return_numbers
+from .parameters import InputParameters
+from .preflight import CloudHeader, preflight, shown
+from .progress import Progress
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PointCloud:
+    """A cloud in metres.
+
+    ``xyz`` (n, 3) float64 in ``crs``, whose axes are metres. ``rgb`` (n, 3) uint8, ``intensity`` (n,) uint16 and
+    ``classification`` (n,) uint8 are None where the file has none or they were not asked for. ``notes`` are sentences
+    about what was converted, repaired or left out.
+    """
+
+    xyz: Float
+    crs: CRS
+    path: Path
+    rgb: NDArray[np.uint8] | None = None
+    intensity: NDArray[np.uint16] | None = None
+    classification: NDArray[np.uint8] | None = None
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.xyz)
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """West, south, east, north."""
+        low, high = self.xyz[:, :2].min(axis=0), self.xyz[:, :2].max(axis=0)
+        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def open_cloud(
+    path: Path | str, inputs: InputParameters = InputParameters(), progress: Progress | None = None
+) -> tuple[CloudHeader, WorkingFrame]:
+    """Header and metre frame of a cloud, without reading its points; warnings and notes go to ``progress``.
+
+    Raises:
+        InputError: see ``preflight`` and ``working_frame``.
+    """
+    header = preflight(path)
+    declared, warnings = declared_crs(header)
+    frame = working_frame(declared, inputs, path)
+    if progress is not None:
+        for sentence in (*header.warnings, *warnings):
+            progress.warning(sentence)
+        for sentence in frame.notes:
+            progress.info(sentence)
+    return header, WorkingFrame(
+        frame.crs, frame.horizontal_factor, frame.vertical_factor, (*header.warnings, *warnings, *frame.notes)
+    )
+
+
+def read_cloud(
+    path: Path | str,
+    inputs: InputParameters = InputParameters(),
+    *,
+    colours: bool = False,
+    classification: bool = True,
+    progress: Progress | None = None,
+) -> PointCloud:
+    """Read a whole cloud into metres.
+
+    Args:
+        colours: also read colours and intensity.
+        classification: also read the classes.
+
+    Raises:
+        InputError: see ``preflight`` and ``working_frame``; damaged points.
+    """
+    progress = progress or Progress()
+    header, frame = open_cloud(path, inputs, progress)
+    factors = np.array([frame.horizontal_factor, frame.horizontal_factor, frame.vertical_factor])
+    scales, offsets = np.array(header.scales) * factors, np.array(header.offsets) * factors
+    count = header.count
+    try:
+        xyz = np.empty((count, 3))
+        rgb16 = np.empty((count, 3), np.uint16) if colours and header.colours else None
+        intensity = np.empty(count, np.uint16) if colours else None
+        labels = np.empty(count, np.uint8) if classification else None
+        done = 0
+        for records in read_records(header, selection=_selection(colours, classification)):
+            part = slice(done, done + len(records))
+            for axis, field in enumerate("XYZ"):
+                np.multiply(records[field], scales[axis], out=xyz[part, axis])
+                xyz[part, axis] += offsets[axis]
+            if rgb16 is not None:
+                for band, field in enumerate(("red", "green", "blue")):
+                    rgb16[part, band] = records[field]
+            if intensity is not None:
+                intensity[part] = records["intensity"]
+            if labels is not None:
+                labels[part] = classes(records, header.point_format)
+            done += len(records)
+            progress.update(done / count)
+    except MemoryError as error:
+        raise InputError(
+            f"{shown(path)} holds {count} points, more than the memory takes; clip it to the area of interest first."
+        ) from error
+    return PointCloud(
+        xyz=xyz,
+        crs=frame.crs,
+        path=Path(path),
+        rgb=None if rgb16 is None else eight_bits(rgb16),
+        intensity=intensity,
+        classification=labels,
+        notes=frame.notes,
+    )
+
+
+def eight_bits(rgb: NDArray[np.uint16]) -> NDArray[np.uint8]:
+    """Colours of 16 bits in 8; values that never exceed 255 are of 8 bits already, as many writers leave them."""
+    if rgb.size and int(rgb.max()) > 255:
+        return (rgb >> 8).astype(np.uint8)
+    return rgb.astype(np.uint8)
+
+
+def _selection(colours: bool, classification: bool) -> int:
+    import lazrs
+
+    bits = int(lazrs.SELECTIVE_DECOMPRESS_XY_RETURNS_CHANNEL) | int(lazrs.SELECTIVE_DECOMPRESS_Z)
+    if colours:
+        bits |= int(lazrs.SELECTIVE_DECOMPRESS_INTENSITY) | int(lazrs.SELECTIVE_DECOMPRESS_RGB)
+    if classification:
+        bits |= int(lazrs.SELECTIVE_DECOMPRESS_CLASSIFICATION)
+    return bits

@@ -1,0 +1,210 @@
+"""The coordinate reference system a cloud declares, and its metre version, in which everything is computed."""
+
+from __future__ import annotations
+
+import copy
+import math
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pyproj import CRS
+from pyproj.exceptions import CRSError
+
+from .errors import InputError
+from .parameters import InputParameters
+from .preflight import CloudHeader, shown
+
+_UNITS = {"metre": 1.0, "foot": 0.3048, "us-survey-foot": 1200 / 3937}
+_UNIT_NAMES = {"metre": "metres", "foot": "international feet", "us-survey-foot": "US survey feet"}
+_PLANE = ("ProjectedCRS", "DerivedProjectedCRS", "EngineeringCRS")
+
+
+@dataclass(frozen=True)
+class WorkingFrame:
+    """The reference system in which everything is computed, and how to get there from the file's coordinates.
+
+    ``crs`` has metre axes. x and y of the file times ``horizontal_factor`` and z times ``vertical_factor`` are metres
+    in it. ``notes`` are sentences about what was converted or overridden.
+    """
+
+    crs: CRS
+    horizontal_factor: float
+    vertical_factor: float
+    notes: tuple[str, ...]
+
+    @property
+    def in_metres(self) -> bool:
+        """Whether the file's coordinates are metres already."""
+        return self.horizontal_factor == 1.0 and self.vertical_factor == 1.0
+
+
+def working_frame(declared: CRS | None, inputs: InputParameters, path: Path | str) -> WorkingFrame:
+    """The metre frame of a cloud.
+
+    Args:
+        declared: what the file declares, see ``declared_crs``.
+        inputs: ``crs`` overrides what is declared, ``height_unit`` the unit of z.
+        path: the cloud, for messages.
+
+    Raises:
+        InputError: no reference system, one in degrees, a geocentric one, or one that is unknown.
+    """
+    name = shown(path)
+    notes: list[str] = []
+    crs = declared
+    if inputs.crs:
+        crs = given_crs(inputs.crs)
+        if declared is not None and not _same(declared, crs):
+            notes.append(f"{name} declares the reference system {declared.name}; the given {crs.name} is used instead.")
+    if crs is None:
+        raise InputError(f"{name} declares no coordinate reference system; give a projected one with --crs EPSG:n.")
+    kind = "the given reference system" if inputs.crs else f"{name} declares the reference system"
+    horizontal, vertical = _parts(crs, kind)
+    horizontal_factor = _factor(horizontal["coordinate_system"]["axis"][0])
+    vertical_axis = _vertical_axis(horizontal, vertical)
+    vertical_factor = horizontal_factor if vertical_axis is None else _factor(vertical_axis)
+    if vertical_axis is not None and vertical_axis.get("direction") == "down":
+        raise InputError(f"{kind} {crs.name}, whose heights count downwards; give one with heights by --crs EPSG:n.")
+    if inputs.height_unit != "auto":
+        given = _UNITS[inputs.height_unit]
+        if vertical_axis is not None and not math.isclose(given, vertical_factor, rel_tol=1e-9):
+            notes.append(
+                f"{name} is read with heights in {_UNIT_NAMES[inputs.height_unit]} as given, against its reference system."
+            )
+        vertical_factor = given
+    for factor, what in ((horizontal_factor, "Coordinates"), (vertical_factor, "Heights")):
+        if not 1e-3 <= factor <= 1e4:
+            raise InputError(
+                f"{kind} {crs.name}, whose unit is {factor:g} m; give one in metres or feet by --crs EPSG:n."
+            )
+        if factor != 1.0:
+            notes.append(f"{what} of {name} are converted from {_unit_name(factor)} to metres (times {factor:.12g}).")
+    return WorkingFrame(_in_metres(crs, horizontal, vertical), horizontal_factor, vertical_factor, tuple(notes))
+
+
+def given_crs(text: str) -> CRS:
+    """The reference system of an option's text, such as ``EPSG:32651``.
+
+    Raises:
+        InputError: unknown.
+    """
+    try:
+        return CRS.from_user_input(text)
+    except CRSError as error:
+        raise InputError(
+            f"crs is {text!r}, which is unknown; give a projected reference system such as EPSG:32651."
+        ) from error
+
+
+def declared_crs(header: CloudHeader) -> tuple[CRS | None, tuple[str, ...]]:
+    """The reference system in the file's records and warnings about those: WKT first, else GeoTIFF keys."""
+    name = shown(header.path)
+    warnings: list[str] = []
+    if header.wkt is not None:
+        text = header.wkt.split(b"\0")[0].decode("utf-8", "replace").strip()
+        if text:
+            try:
+                return CRS.from_wkt(text), ()
+            except CRSError:
+                warnings.append(f"{name} declares a reference system in WKT that cannot be read.")
+    if header.geotiff_keys is not None:
+        try:
+            crs = _from_geotiff(header)
+        except (CRSError, ValueError, struct.error) as error:
+            warnings.append(f"{name} declares a reference system in GeoTIFF keys that cannot be read ({error}).")
+        else:
+            if crs is not None:
+                return crs, tuple(warnings)
+    return None, tuple(warnings)
+
+
+def _parts(crs: CRS, kind: str) -> tuple[dict[str, Any], dict[str, Any] | None]:
+    """PROJJSON of the horizontal (or three-dimensional) and of the vertical part; refuses what has no plane."""
+    json = crs.to_json_dict()
+    if json["type"] == "BoundCRS":
+        json = json["source_crs"]
+    horizontal, vertical = json, None
+    if json["type"] == "CompoundCRS":
+        horizontal, vertical = json["components"][0], json["components"][1]
+        horizontal = horizontal["source_crs"] if horizontal["type"] == "BoundCRS" else horizontal
+        vertical = vertical["source_crs"] if vertical["type"] == "BoundCRS" else vertical
+    if horizontal["type"] in ("GeographicCRS", "DerivedGeographicCRS"):
+        raise InputError(
+            f"{kind} {crs.name}, which is geographic (degrees); reproject the cloud to a projected one or, if the "
+            "declaration is wrong, give the right one with --crs EPSG:n."
+        )
+    if horizontal["type"] in ("GeodeticCRS", "DerivedGeodeticCRS"):
+        raise InputError(
+            f"{kind} {crs.name}, which is geocentric; reproject the cloud to a projected one or, if the declaration is "
+            "wrong, give the right one with --crs EPSG:n."
+        )
+    if horizontal["type"] not in _PLANE:
+        raise InputError(f"{kind} {crs.name}, which has no plane coordinates; give a projected one with --crs EPSG:n.")
+    return horizontal, vertical
+
+
+def _vertical_axis(horizontal: dict[str, Any], vertical: dict[str, Any] | None) -> dict[str, Any] | None:
+    if vertical is not None:
+        axis: dict[str, Any] = vertical["coordinate_system"]["axis"][0]
+        return axis
+    axes = horizontal["coordinate_system"]["axis"]
+    return axes[2] if len(axes) > 2 else None
+
+
+def _factor(axis: dict[str, Any]) -> float:
+    """Metres of one unit of an axis."""
+    unit = axis.get("unit", "metre")
+    if isinstance(unit, dict):
+        return float(unit.get("conversion_factor", math.nan)) if unit.get("type") != "AngularUnit" else math.nan
+    return 1.0 if unit == "metre" else math.nan
+
+
+def _unit_name(factor: float) -> str:
+    for key, value in _UNITS.items():
+        # International and US survey feet differ by 2e-6.
+        if math.isclose(factor, value, rel_tol=1e-7):
+            return _UNIT_NAMES[key]
+    return f"units of {factor:.12g} m"
+
+
+def _in_metres(crs: CRS, horizontal: dict[str, Any], vertical: dict[str, Any] | None) -> CRS:
+    """The same projection and heights with metre axes; the reference system itself where it has them already."""
+    parts = [p for p in (horizontal, vertical) if p is not None]
+    if all(_factor(axis) == 1.0 for part in parts for axis in part["coordinate_system"]["axis"]):
+        return crs
+    converted = [_part_in_metres(part) for part in parts]
+    if len(converted) == 1:
+        return CRS.from_json_dict(converted[0])
+    return CRS.from_json_dict(
+        {"type": "CompoundCRS", "name": " + ".join(str(p["name"]) for p in converted), "components": converted}
+    )
+
+
+def _part_in_metres(part: dict[str, Any]) -> dict[str, Any]:
+    axes = part["coordinate_system"]["axis"]
+    if all(_factor(axis) == 1.0 for axis in axes):
+        return part
+    part = copy.deepcopy(part)
+    # The projection's own parameters keep their units; only the axes change. Code and area no longer apply.
+    for axis in part["coordinate_system"]["axis"]:
+        axis["unit"] = "metre"
+    for key in ("id", "ids"):
+        part.pop(key, None)
+    part["name"] = f"{part['name']} in metres"
+    return part
+
+
+def _same(a: CRS, b: CRS) -> bool:
+    return bool(a == b or a.equals(b, ignore_axis_order=True))
+
+
+def _from_geotiff(header: CloudHeader) -> CRS | None:
+    from .geotiff_keys import crs_from_keys
+
+    return crs_from_keys(
+        header.geotiff_keys or b"",
+        header.vlrs.get(("LASF_Projection", 34736), b""),
+        header.vlrs.get(("LASF_Projection", 34737), b""),
+    )
