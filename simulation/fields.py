@@ -46,8 +46,8 @@ class HeightField:
     def nodes(self) -> tuple[Float, Float]:
         """u of the columns and v of the rows."""
         rows, columns = self.values.shape
-        u: Float = self.u0 + self.step * np.arange(columns)
-        v: Float = self.v0 + self.step * np.arange(rows)
+        u: Float = self.u0 + self.step * np.arange(columns, dtype=np.float64)
+        v: Float = self.v0 + self.step * np.arange(rows, dtype=np.float64)
         return u, v
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,13 +44,17 @@ class Scanner:
 
 @dataclass(frozen=True)
 class Flight:
-    """Parallel lines along u: ``v`` and ``z`` of each (m), all from ``u0`` to ``u1``, flown to and fro."""
+    """Parallel lines along u: ``v`` and ``z`` of each (m), all from ``u0`` to ``u1``, flown to and fro.
+
+    ``phase``: how long the scanner has been turning when the first line starts, s.
+    """
 
     v: Float
     z: Float
     u0: float
     u1: float
     scanner: Scanner
+    phase: float = 0.0
 
     @property
     def line_seconds(self) -> float:
@@ -80,8 +84,15 @@ def plan_flight(area: tuple[float, float, float, float], profile: Profile, scann
     u0, v0, u1, v1 = area
     spacing = scanner.swath * (1 - scanner.side_overlap)
     count = math.ceil((v1 - v0) / spacing) + 1
-    v: Float = (v0 + v1) / 2 + spacing * (np.arange(count) - (count - 1) / 2)
+    v: Float = (v0 + v1) / 2 + spacing * (np.arange(count, dtype=np.float64) - (count - 1) / 2)
     return Flight(v, profile(v) + scanner.altitude, u0 - scanner.overshoot, u1 + scanner.overshoot, scanner)
+
+
+def flown(plan: Flight, rng: np.random.Generator, accuracy: float = 0.3) -> Flight:
+    """The plan as one survey flies it: lines off by ``accuracy`` m (standard deviation), the scanner at any phase."""
+    v = plan.v + rng.normal(0.0, accuracy, plan.v.shape)
+    z = plan.z + rng.normal(0.0, accuracy, plan.z.shape)
+    return replace(plan, v=v, z=z, phase=float(rng.uniform(0.0, 3600.0)))
 
 
 def emit(flight: Flight, seconds: Float) -> Pulses:
@@ -93,7 +104,7 @@ def emit(flight: Flight, seconds: Float) -> Pulses:
     origin = np.stack([np.where(forth, flight.u0 + along, flight.u1 - along), flight.v[line], flight.z[line]])
     a, b = np.zeros(len(seconds)), np.zeros(len(seconds))
     for share, turns in zip(scanner.deflections, scanner.turns, strict=True):
-        phase = 2 * math.pi * turns * seconds
+        phase = 2 * math.pi * turns * (seconds + flight.phase)
         a += share * np.cos(phase)
         b += share * np.sin(phase)
     radius = np.hypot(a, b)

@@ -64,13 +64,14 @@ def scan(
     """
     progress = progress or Progress()
     starts = range(0, pulses, CHUNK)
+    ceiling = scene.lift + 0.2
     interval = len(flight.v) * flight.line_seconds / pulses
 
     def one(number: int) -> SurveyCloud:
-        index = np.arange(starts[number], min(starts[number] + CHUNK, pulses))
+        index = np.arange(starts[number], min(starts[number] + CHUNK, pulses), dtype=np.float64)
         rng = np.random.default_rng([*seed, number])
         seconds: Float = (index + 0.5) * interval
-        return _scan_chunk(scene, canopy, flight, area, seconds, range_noise, rng)
+        return _scan_chunk(scene, canopy, flight, area, ceiling, seconds, range_noise, rng)
 
     parts: list[SurveyCloud] = []
     with ThreadPoolExecutor(workers) as pool:
@@ -95,16 +96,24 @@ def _in_order(
 
 
 def _scan_chunk(
-    scene: Scene, canopy: Canopy, flight: Flight, area: Area, seconds: Float, noise: float, rng: np.random.Generator
+    scene: Scene,
+    canopy: Canopy,
+    flight: Flight,
+    area: Area,
+    ceiling: float,
+    seconds: Float,
+    noise: float,
+    rng: np.random.Generator,
 ) -> SurveyCloud:
+    """Points of the pulses sent at ``seconds``; the ground lies lower than ``ceiling`` m above the plain profile."""
     sent = emit(flight, seconds)
     rays, reach = sent.rays, 12 * flight.scanner.altitude
     low, high = scene.profile.slopes
     # The plain profile first, a table in v only: most pulses of a small area fall outside it.
     rough = Steepness(0.05, low - 0.05, high + 0.05)
-    above = canopy.depth
-    start = approach(lambda u, v: scene.profile(v) + above, rays, np.zeros(len(rays)), rough, 0.5, reach)
-    near = approach(lambda u, v: scene.profile(v) + 1.5, rays, start, rough, 0.3, reach)
+    leaves = max(canopy.depth, ceiling)
+    start = approach(lambda u, v: scene.profile(v) + leaves, rays, np.zeros(len(rays)), rough, 0.5, reach)
+    near = approach(lambda u, v: scene.profile(v) + ceiling, rays, start, rough, 0.3, reach)
     place = rays.at(near)
     wide = 6.0 + 2.0 * (high > 1.0)
     useful = (

@@ -76,6 +76,17 @@ class Scene:
         u, v = self.frame.rotate_to_local(world[:, 0] - self.frame.east, world[:, 1] - self.frame.north)
         return self.height(u, v) + self.frame.up
 
+    @property
+    def lift(self) -> float:
+        """Largest height of the ground above the plain profile, m; not less than 0."""
+        _, v = self.base.nodes()
+        highest = float((self.base.values - self.profile(v)[:, None]).max())
+        for change in self.changes:
+            west, south, east, north = change.bounds
+            u, v = np.meshgrid(np.linspace(west, east, 65), np.linspace(south, north, 65))
+            highest += max(float(change.dz(u, v).max()), 0.0)
+        return max(highest, 0.0)
+
     def with_changes(self, changes: tuple[Change, ...]) -> Scene:
         """The same ground with these changes in it."""
         return replace(self, changes=changes)
@@ -88,7 +99,7 @@ class Scene:
 
 
 def cut_profile(height: float, angle: float, benches: int, berm: float = BERM_WIDTH, reach: float = 1000.0) -> Profile:
-    """Road (2.5 % crossfall), from v = 0 a face of ``angle`` degrees with ``benches`` berms, then a shoulder (6 degrees)."""
+    """Road (2.5 % crossfall), face of ``angle`` degrees from v = 0 with ``benches`` berms, shoulder of 6 degrees."""
     run = height / math.tan(math.radians(angle))
     v, z = [-reach, 0.0], [-0.025 * reach, 0.0]
     for step in range(benches + 1):
@@ -115,7 +126,7 @@ def build_scene(
     u0, v0, u1, v1 = slope[0] - margin, slope[1] - margin, slope[2] + margin, slope[3] + margin
     step = max(step, math.sqrt((u1 - u0) * (v1 - v0) / LARGEST_FIELD))
     shape = (math.ceil((v1 - v0) / step) + 1, math.ceil((u1 - u0) / step) + 1)
-    v: Float = v0 + step * np.arange(shape[0])
+    v: Float = v0 + step * np.arange(shape[0], dtype=np.float64)
     # Roads are laid even; roughness grows within the first half metre of the face.
     natural = relief.road_factor + (1 - relief.road_factor) * np.clip(v / 0.5 + 0.5, 0.0, 1.0)
     values = np.zeros(shape)

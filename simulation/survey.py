@@ -13,7 +13,7 @@ from ..engine.parameters import SurveyParameters
 from ..engine.progress import Progress
 from .change import Bump, Change, Cone, Plateau, Slump, true_change_raster
 from .frame import Frame
-from .pattern import Flight, Scanner, plan_flight
+from .pattern import Flight, Scanner, flown, plan_flight
 from .rigid import RigidTransform
 from .scanner import SurveyCloud, scan
 from .scene import BERM_WIDTH, Relief, Scene, build_scene, cut_profile
@@ -91,11 +91,11 @@ def simulate_pair(
         scene = build_scene(profile, slope, ROI_BUFFER + _largest_margin(roi) + 9.0, frame, relief, rng)
     with progress.stage(0.1, 0.3, "planting"):
         canopy = grow(scene, parameters.vegetation, np.random.default_rng([parameters.seed, 2]), progress=progress)
-    flight = plan_flight(roi, profile, Scanner())
+    plan = plan_flight(roi, profile, Scanner())
     if changes is None:
         changes = default_changes(slope, parameters.amplitude, np.random.default_rng([parameters.seed, 3]))
     transform = known_offset(scene, parameters.offset, np.random.default_rng([parameters.seed, 4]))
-    return _fly(parameters, scene, canopy, flight, roi, changes, transform, progress)
+    return _fly(parameters, scene, canopy, plan, roi, changes, transform, progress)
 
 
 def simulate_controlled_test(
@@ -171,19 +171,20 @@ def _fly(
     parameters: SurveyParameters,
     scene: Scene,
     canopy: Canopy,
-    flight: Flight,
+    plan: Flight,
     roi: Area,
     changes: tuple[Change, ...],
     transform: RigidTransform,
     progress: Progress,
 ) -> SimulatedPair:
     changed = scene.with_changes(changes)
-    area, pulses = _survey_area(scene, canopy, flight, roi, parameters.points, parameters.seed)
+    area, pulses = _survey_area(scene, canopy, plan, roi, parameters.points, parameters.seed)
     clouds = []
     for epoch, ground in enumerate((scene, changed)):
         with progress.stage(0.3 + 0.35 * epoch, 0.65 + 0.35 * epoch, f"scanning epoch {epoch + 1}") as stage:
             seed = (parameters.seed, 11 + epoch)
-            clouds.append(scan(ground, canopy, flight, area, pulses, parameters.range_noise, seed, stage))
+            flight = flown(plan, np.random.default_rng([*seed, 0]))
+            clouds.append(scan(ground, canopy, flight, area, pulses, parameters.range_noise, (*seed, 1), stage))
     moved = replace(clouds[1], xyz=transform.inverse().apply(clouds[1].xyz))
     ring = rectangle(roi, scene.frame)
     return SimulatedPair(parameters, clouds[0], moved, transform, changed, canopy, area, ring)

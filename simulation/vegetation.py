@@ -112,12 +112,13 @@ def grow(
     u0, v0, u1, v1 = scene.extent
     tallest = max(TREES.height[1], SHRUBS.height[1]) + 0.5
     layer = 0.15
-    depth = _spread(scene) + tallest + 2.0 * TREES.radius[1] * 0.2
-    layers = math.ceil((depth + 0.5) / layer)
+    # Downhill of its stem, a level crown is higher above the ground.
+    overhang = 1.2 * TREES.radius[1] * min(scene.profile.slopes[1], 4.0)
+    layers = math.ceil((_spread(scene) + tallest + overhang) / layer)
     step = max(step, math.sqrt((u1 - u0) * (v1 - v0) * layers / LARGEST_CANOPY))
     rows, columns = math.ceil((v1 - v0) / step), math.ceil((u1 - u0) / step)
-    u: Float = u0 + step * (np.arange(columns) + 0.5)
-    v: Float = v0 + step * (np.arange(rows) + 0.5)
+    u: Float = u0 + step * (np.arange(columns, dtype=np.float64) + 0.5)
+    v: Float = v0 + step * (np.arange(rows, dtype=np.float64) + 0.5)
     ground = scene.base(*np.meshgrid(u, v))
     plain = scene.profile(v)
     w0 = float((ground - plain[:, None]).min()) - 0.1
@@ -196,12 +197,15 @@ class _Planting:
         i = min(int(np.searchsorted(self.v, place[1])), len(self.v) - 1)
         j = min(int(np.searchsorted(self.u, place[0])), len(self.u) - 1)
         half = height * share / 2
+        # A crown on a stem is level; a bush leans with the slope.
+        lean = 0.0 if kind.stem else 0.6
         centre = self.ground[i, j] + height - half
+        centres = centre + lean * (self.ground[rows, columns, None] - self.ground[i, j])
         thickness = np.where(square < 1, np.maximum(half * np.sqrt(np.maximum(1 - square, 0.0)), self.layer), 0.0)
         levels = self.floor[rows, None, None] + self.layer * (np.arange(self.density.shape[2]) + 0.5)
-        leaves = levels - centre < thickness[:, :, None]
+        leaves = levels - centres < thickness[:, :, None]
         if kind.stem:
-            leaves &= centre - levels < thickness[:, :, None]
+            leaves &= centres - levels < thickness[:, :, None]
             here = self.floor[i] + self.layer * (np.arange(self.density.shape[2]) + 0.5)
             bare = (here > self.ground[i, j] + self.clearance) & (here < centre)
             self.density[i, j, bare] = STEM_COUNT

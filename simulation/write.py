@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict
-from datetime import datetime, timezone
+from datetime import date, datetime, timezone
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from ..engine.gridding import Grid, snapped_grid
 from ..engine.outputs import atomic_output
 from ..engine.progress import Progress
 from ..engine.rasters import write_raster
+from ..engine.vectors import write_layer
 from .change import describe
 from .scanner import TURF_GROUND, SurveyCloud
 from .survey import SimulatedPair, rectangle
@@ -29,11 +30,13 @@ TRUTH_CELL = 0.1
 GPS_EPOCH = datetime(1980, 1, 6, tzinfo=timezone.utc)
 
 
-def write_pair(pair: SimulatedPair, directory: Path, progress: Progress | None = None) -> dict[str, Path]:
-    """Write the pair and its truth into ``directory``, which is made if need be.
+def write_pair(
+    pair: SimulatedPair, directory: Path, progress: Progress | None = None, *, compressed: bool = True
+) -> dict[str, Path]:
+    """Write the pair and its truth into ``directory``, which is made if need be; the clouds as LAZ or LAS.
 
     Returns:
-        Paths of ``first`` and ``second`` (LAZ named by date), ``roi`` (GeoPackage), ``truth_dz`` (GeoTIFF, 0.1 m
+        Paths of ``first`` and ``second`` (clouds named by date), ``roi`` (GeoPackage), ``truth_dz`` (GeoTIFF, 0.1 m
         cells, mean change of each cell, in the first epoch's frame), ``truth_transform`` (second to first) and
         ``truth`` (seed, parameters, changes, figures).
 
@@ -46,9 +49,10 @@ def write_pair(pair: SimulatedPair, directory: Path, progress: Progress | None =
     except OSError as error:
         raise InputError(f"The folder {directory} cannot be made ({error.strerror}); choose another output.") from error
     crs = CRS.from_user_input(pair.crs)
+    suffix = ".laz" if compressed else ".las"
     paths = {
-        "first": directory / f"{pair.dates[0]}.laz",
-        "second": directory / f"{pair.dates[1]}.laz",
+        "first": directory / f"{pair.dates[0]}{suffix}",
+        "second": directory / f"{pair.dates[1]}{suffix}",
         "roi": directory / "roi.gpkg",
         "truth_dz": directory / "truth_dz.tif",
         "truth_transform": directory / "truth_transform.json",
@@ -58,7 +62,8 @@ def write_pair(pair: SimulatedPair, directory: Path, progress: Progress | None =
         progress.update(0.35 * number, f"writing {paths[name].name}")
         write_survey(paths[name], cloud, crs, pair.dates[number])
     progress.update(0.7, "writing the truth")
-    _write_roi(paths["roi"], pair, crs)
+    region = geopandas.GeoDataFrame({"name": ["slope"]}, geometry=[Polygon(pair.roi)], crs=crs)
+    write_layer(paths["roi"], region, "roi", stamp=date.fromisoformat(pair.dates[0]))
     grid, raster = truth_raster(pair)
     write_raster(paths["truth_dz"], raster, grid, crs, description="True change of the cell mean")
     pair.transform.save(paths["truth_transform"], crs)
@@ -80,10 +85,10 @@ def truth_raster(pair: SimulatedPair, cell: float = TRUTH_CELL) -> tuple[Grid, N
     return grid, raster
 
 
-def write_survey(path: Path, cloud: SurveyCloud, crs: CRS, date: str) -> None:
-    """Write one epoch as LAZ (LAS 1.4, point format 7) with the extra dimension ``truth_ground``.
+def write_survey(path: Path, cloud: SurveyCloud, crs: CRS, day: str) -> None:
+    """Write one epoch as LAS 1.4, point format 7 (LAZ if ``path`` ends so), with an extra dimension ``truth_ground``.
 
-    Time is adjusted standard GPS time of a flight at 08:00 UTC on ``date`` (YYYY-MM-DD).
+    Time is adjusted standard GPS time of a flight at 08:00 UTC on ``day`` (YYYY-MM-DD).
     """
     header = laspy.LasHeader(point_format=7, version="1.4")
     header.scales = np.full(3, SCALE)
@@ -91,7 +96,7 @@ def write_survey(path: Path, cloud: SurveyCloud, crs: CRS, date: str) -> None:
     header.add_crs(crs)
     header.system_identifier = "SlopeWatch simulation"
     header.generating_software = "SlopeWatch"
-    flown = datetime.fromisoformat(f"{date}T08:00:00+00:00")
+    flown = datetime.fromisoformat(f"{day}T08:00:00+00:00")
     # laspy puts today's date otherwise, and the same seed would not give the same bytes.
     header.creation_date = flown.date()
     header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
@@ -107,13 +112,7 @@ def write_survey(path: Path, cloud: SurveyCloud, crs: CRS, date: str) -> None:
     las.point_source_id = cloud.line
     las.truth_ground = cloud.truth_ground
     with atomic_output(path) as partial:
-        las.write(str(partial), do_compress=True)
-
-
-def _write_roi(path: Path, pair: SimulatedPair, crs: CRS) -> None:
-    frame = geopandas.GeoDataFrame({"name": ["slope"]}, geometry=[Polygon(pair.roi)], crs=crs)
-    with atomic_output(path) as partial:
-        frame.to_file(partial, layer="roi", driver="GPKG", engine="pyogrio")
+        las.write(str(partial))
 
 
 def _truth(pair: SimulatedPair) -> dict[str, Any]:
@@ -131,12 +130,11 @@ def _truth(pair: SimulatedPair) -> dict[str, Any]:
         "volume_lowered_m3": sum(change.volumes[1] for change in pair.changes),
         "epochs": [
             {
-                "date": date,
-                "file": f"{date}.laz",
+                "date": day,
                 "points": len(cloud),
                 "ground_points": int(cloud.truth_ground.sum()),
                 "points_in_roi": int(contains_xy(region, cloud.xyz[:, 0], cloud.xyz[:, 1]).sum()),
             }
-            for date, cloud in zip(pair.dates, (pair.first, pair.second), strict=True)
+            for day, cloud in zip(pair.dates, (pair.first, pair.second), strict=True)
         ],
     }
