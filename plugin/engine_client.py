@@ -286,7 +286,8 @@ class _Conversation:
 
 def _last_line(text: str) -> str:
     lines: list[str] = [line.strip() for line in text.splitlines() if line.strip()]
-    return lines[-1] if lines else ""
+    last = lines[-1] if lines else ""
+    return last[len("Error: ") :] if last.startswith("Error: ") else last
 
 
 def _quoted(complaint: str) -> str:

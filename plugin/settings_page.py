@@ -58,7 +58,9 @@ class SettingsPage(QgsOptionsPageWidget):
         try:
             python, how = find_interpreter(settings.get(settings.ENGINE_PYTHON))
             feedback.pushInfo(f"Interpreter: {python} ({how})")
-            run_engine(["check"], feedback)
+            found = run_engine(["check"], feedback).metrics
+            for name, value in found.items():
+                feedback.pushInfo(f"{name}: {value}")
             feedback.pushInfo("The engine is ready.")
         except (EngineError, InterpreterNotFoundError) as error:
             feedback.reportError(str(error))

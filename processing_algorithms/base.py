@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 from datetime import date
@@ -22,7 +23,7 @@ from ..plugin.engine_client import EngineError, EngineResult, run_engine
 from . import declare
 
 GROUPS = {"inspection": "Inspection", "steps": "Single steps", "tools": "Tools"}
-_DATE = re.compile(r"(?<!\d)(\d{4})([-_.]?)(\d{2})\2(\d{2})(?!\d)")
+_DATE = re.compile(r"(?<!\d)(\d{4})[-_.]?(\d{2})[-_.]?(\d{2})(?!\d)")
 _VECTOR_FORMATS = ["gpkg", "shp", "geojson", "json", "kml", "gml", "fgb"]
 
 
@@ -178,14 +179,12 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm):
 
 
 def date_in_name(path: str) -> str:
-    """The first day that a file's name tells (2024-05-01, 2024_05_01 or 20240501), as YYYY-MM-DD; else empty."""
-    for match in _DATE.finditer(os.path.basename(path)):
-        year, month, day = int(match[1]), int(match[3]), int(match[4])
-        try:
-            return date(year, month, day).isoformat()
-        except ValueError:
-            continue
-    return ""
+    """The day that a file's name tells (2024-05-01, 2024_05_01 or 20240501), as YYYY-MM-DD; empty unless exactly one."""
+    found = set()
+    for year, month, day in _DATE.findall(os.path.splitext(os.path.basename(path))[0]):
+        with contextlib.suppress(ValueError):
+            found.add(date(int(year), int(month), int(day)).isoformat())
+    return found.pop() if len(found) == 1 else ""
 
 
 def _shown(argument: str) -> str:

@@ -38,11 +38,14 @@ class CheckEnvironment(SlopeWatchAlgorithm):
             raise QgsProcessingException(str(error)) from None
         feedback.pushInfo(f"Engine's interpreter: {python} ({how})")
         self._python = str(python)
+        self._feedback = feedback
         return ["check"]
 
     def results(
         self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
     ) -> dict[str, Any]:
+        for name, value in result.metrics.items():
+            self._feedback.pushInfo(f"{name}: {value}")
         return {
             "ENGINE": self._python,
             "PDAL": str(result.metrics.get("pdal", "")),

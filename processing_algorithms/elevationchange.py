@@ -14,9 +14,12 @@ from .base import SlopeWatchAlgorithm
 
 CHANGE_NUMBERS = {
     "ZONE_COUNT": ("zone_count", "Number of hazard zones"),
-    "LOSS": ("loss_m3", "Loss in the zones (m³)"),
-    "GAIN": ("gain_m3", "Gain in the zones (m³)"),
-    "COMMON_CELLS": ("common_cell_rate", "Cells valid in both surveys (0 to 1)"),
+    "ZONE_AREA": ("zone_area_m2", "Area of the zones (m²)"),
+    "LOSS": ("vol_loss_m3", "Volume lost in the zones (m³)"),
+    "GAIN": ("vol_gain_m3", "Volume gained in the zones (m³)"),
+    "LARGEST_SINK": ("largest_sink_m", "Largest lowering in a zone (m)"),
+    "LARGEST_RISE": ("largest_rise_m", "Largest raising in a zone (m)"),
+    "COMMON_CELL_RATE": ("common_cell_rate", "Cells that both surveys cover (0 to 1)"),
     "LEVEL_MEDIAN": ("lod_median_m", "Median level of detection (m)"),
 }
 CHANGE_FILES = {
