@@ -142,6 +142,6 @@ def build_scene(
     coarse = 0.25
     turf_shape = (math.ceil((v1 - v0) / coarse) + 1, math.ceil((u1 - u0) / coarse) + 1)
     patches = power_law_field(turf_shape, coarse, 2.0, 1.0, 10.0, rng)
-    turf = relief.turf_height * np.clip(1.0 + 0.6 * patches, 0.0, 2.5)
+    turf = relief.turf_height * np.clip(1.0 + 0.5 * patches, 0.0, 2.0)
     turf *= (v0 + coarse * np.arange(turf_shape[0]) > 0.0)[:, None]
     return Scene(frame, profile, HeightField(u0, v0, step, values), HeightField(u0, v0, coarse, turf), slope)

@@ -23,7 +23,6 @@ Float = NDArray[np.float64]
 Area = tuple[float, float, float, float]
 ROI_SHARE = 0.58
 """Share of a cloud's points that the ROI around the slope holds."""
-ROI_BUFFER = 1.0
 ROTATION = 2e-4
 """Rotation of the known rigid offset, rad: 6 mm at 30 m, what a survey-grade attitude leaves."""
 CRS = "EPSG:32651"
@@ -77,18 +76,23 @@ def simulate_pair(
     changes: tuple[Change, ...] | None = None,
     relief: Relief | None = None,
     frame: Frame | None = None,
+    roi_buffer: float = 0.0,
 ) -> SimulatedPair:
-    """Two surveys of one cut slope: the second with ``changes`` (by default one of each kind) and a rigid offset."""
+    """Two surveys of one cut slope: the second with ``changes`` (by default one of each kind) and a rigid offset.
+
+    Grass and leaves are the same in both epochs; grass moves with the ground. The ROI runs along toe and crest,
+    ``roi_buffer`` m outside of the cut face.
+    """
     parameters = parameters or SurveyParameters()
     progress = progress or Progress()
     frame, relief = frame or Frame(), relief or Relief()
     run = parameters.height / math.tan(math.radians(parameters.angle)) + parameters.benches * BERM_WIDTH
     slope = (0.0, 0.0, parameters.length, run)
-    roi = (slope[0] - ROI_BUFFER, slope[1] - ROI_BUFFER, slope[2] + ROI_BUFFER, slope[3] + ROI_BUFFER)
+    roi = _expand(slope, roi_buffer)
     profile = cut_profile(parameters.height, parameters.angle, parameters.benches)
     with progress.stage(0.0, 0.1, "building the ground"):
         rng = np.random.default_rng([parameters.seed, 1])
-        scene = build_scene(profile, slope, ROI_BUFFER + _largest_margin(roi) + 9.0, frame, relief, rng)
+        scene = build_scene(profile, slope, roi_buffer + _largest_margin(roi) + 9.0, frame, relief, rng)
     with progress.stage(0.1, 0.3, "planting"):
         canopy = grow(scene, parameters.vegetation, np.random.default_rng([parameters.seed, 2]), progress=progress)
     plan = plan_flight(roi, profile, Scanner())
@@ -117,7 +121,7 @@ def simulate_controlled_test(
     rise = side * math.tan(math.radians(angle))
     parameters = SurveyParameters(
         seed=seed,
-        points=round(density * (side + 2 * ROI_BUFFER) ** 2 / ROI_SHARE),
+        points=round(density * side**2 / ROI_SHARE),
         length=side,
         height=rise,
         angle=angle,
