@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from .cloud_summary import describe_cloud
+from .cloud_writing import copy_with, write_cloud
 from .crs import WorkingFrame, declared_crs, working_frame
+from .decoded_bounds import DecodedBounds
 from .errors import InputError
-from .las_records import classes, read_records, return_numbers
+from .las_records import classes, read_records
 from .parameters import InputParameters
 from .preflight import CloudHeader, preflight, shown
 from .progress import Progress
+
+if TYPE_CHECKING:
+    from .transform import RigidTransform
+
+__all__ = ["PointCloud", "copy_with", "describe_cloud", "open_cloud", "read_cloud", "write_cloud"]
 
 Float = NDArray[np.float64]
 
@@ -46,9 +54,13 @@ class PointCloud:
         low, high = self.xyz[:, :2].min(axis=0), self.xyz[:, :2].max(axis=0)
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
+    def moved(self, transform: RigidTransform) -> PointCloud:
+        """The same cloud with its points moved."""
+        return replace(self, xyz=transform.apply(self.xyz))
+
 
 def open_cloud(
-    path: Path | str, inputs: InputParameters = InputParameters(), progress: Progress | None = None
+    path: Path | str, inputs: InputParameters | None = None, progress: Progress | None = None
 ) -> tuple[CloudHeader, WorkingFrame]:
     """Header and metre frame of a cloud, without reading its points; warnings and notes go to ``progress``.
 
@@ -57,12 +69,10 @@ def open_cloud(
     """
     header = preflight(path)
     declared, warnings = declared_crs(header)
-    frame = working_frame(declared, inputs, path)
+    frame = working_frame(declared, inputs or InputParameters(), path)
     if progress is not None:
-        for sentence in (*header.warnings, *warnings):
+        for sentence in (*header.warnings, *warnings, *frame.notes):
             progress.warning(sentence)
-        for sentence in frame.notes:
-            progress.info(sentence)
     return header, WorkingFrame(
         frame.crs, frame.horizontal_factor, frame.vertical_factor, (*header.warnings, *warnings, *frame.notes)
     )
@@ -70,7 +80,7 @@ def open_cloud(
 
 def read_cloud(
     path: Path | str,
-    inputs: InputParameters = InputParameters(),
+    inputs: InputParameters | None = None,
     *,
     colours: bool = False,
     classification: bool = True,
@@ -96,7 +106,9 @@ def read_cloud(
         intensity = np.empty(count, np.uint16) if colours else None
         labels = np.empty(count, np.uint8) if classification else None
         done = 0
+        decoded = DecodedBounds(header)
         for records in read_records(header, selection=_selection(colours, classification)):
+            decoded.add(records)
             part = slice(done, done + len(records))
             for axis, field in enumerate("XYZ"):
                 np.multiply(records[field], scales[axis], out=xyz[part, axis])
@@ -114,6 +126,9 @@ def read_cloud(
         raise InputError(
             f"{shown(path)} holds {count} points, more than the memory takes; clip it to the area of interest first."
         ) from error
+    warnings = decoded.finish()
+    for sentence in warnings:
+        progress.warning(sentence)
     return PointCloud(
         xyz=xyz,
         crs=frame.crs,
@@ -121,7 +136,7 @@ def read_cloud(
         rgb=None if rgb16 is None else eight_bits(rgb16),
         intensity=intensity,
         classification=labels,
-        notes=frame.notes,
+        notes=(*frame.notes, *warnings),
     )
 
 

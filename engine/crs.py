@@ -71,7 +71,8 @@ def working_frame(declared: CRS | None, inputs: InputParameters, path: Path | st
         given = _UNITS[inputs.height_unit]
         if vertical_axis is not None and not math.isclose(given, vertical_factor, rel_tol=1e-9):
             notes.append(
-                f"{name} is read with heights in {_UNIT_NAMES[inputs.height_unit]} as given, against its reference system."
+                f"{name} is read with heights in {_UNIT_NAMES[inputs.height_unit]} as given, against its reference "
+                "system."
             )
         vertical_factor = given
     for factor, what in ((horizontal_factor, "Coordinates"), (vertical_factor, "Heights")):

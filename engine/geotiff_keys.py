@@ -84,12 +84,12 @@ def _with_unit(crs: CRS, unit: int | float | str | None) -> CRS:
 
 
 def _with_heights(horizontal: CRS, code: int | float | str | None, unit: int | float | str | None) -> CRS:
-    known = isinstance(code, int) and code not in (0, _USER_DEFINED)
+    known = code if isinstance(code, int) and code not in (0, _USER_DEFINED) else None
     if horizontal.is_compound or not (known or unit in _LINEAR_UNITS) or not horizontal.is_projected:
         return horizontal
     vertical: dict[str, object] | None = None
     if known:
-        candidate = CRS.from_epsg(code)
+        candidate = CRS.from_epsg(known)
         # Codes below 5600 are often ellipsoids or datums written in place of a vertical system.
         vertical = candidate.to_json_dict() if candidate.is_vertical else None
     if vertical is None:
@@ -147,6 +147,8 @@ def _one_pixel_tiff(directory: bytes, doubles: bytes, text: bytes) -> bytes:
         (277, 3, 1, struct.pack("<HH", 1, 0)),
         (278, 3, 1, struct.pack("<HH", 1, 0)),
         (279, 4, 1, struct.pack("<I", 1)),
+        (33550, 12, 3, struct.pack("<3d", 1.0, 1.0, 0.0)),
+        (33922, 12, 6, struct.pack("<6d", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)),
         (34735, 3, len(directory) // 2, directory[: len(directory) // 2 * 2]),
     ]
     if len(doubles) >= 8:

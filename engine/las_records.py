@@ -47,13 +47,13 @@ def record_dtype(point_format: int, record_length: int) -> np.dtype[np.void]:
 def classes(records: NDArray[np.void], point_format: int) -> NDArray[np.uint8]:
     """Class of each record, without the flags that older formats keep in the same byte."""
     values: NDArray[np.uint8] = records["classification"]
-    return values & 0x1F if point_format < 6 else values
+    return values & np.uint8(0x1F) if point_format < 6 else values
 
 
 def return_numbers(records: NDArray[np.void], point_format: int) -> NDArray[np.uint8]:
     """Return number of each record."""
     values: NDArray[np.uint8] = records["flags"]
-    return values & (0x07 if point_format < 6 else 0x0F)
+    return values & np.uint8(0x07 if point_format < 6 else 0x0F)
 
 
 def read_records(header: CloudHeader, *, selection: int | None = None) -> Iterator[NDArray[np.void]]:

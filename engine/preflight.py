@@ -46,8 +46,9 @@ class CloudHeader:
     """What the header of a LAS or LAZ file says, checked against the file.
 
     ``bounds_low`` and ``bounds_high`` are the header's own words, in the file's units; ``bounds_trusted`` is false
-    where they are not finite, reversed or beyond what the records can hold. ``count`` agrees with the file. ``vlrs``
-    maps (user id, record id) to the payload of the records that the engine reads. ``warnings`` are sentences.
+    where they are not finite, reversed or beyond what the records can hold. ``count`` agrees with the file.
+    ``created`` is day of the year and year; ``standard_time`` says that GPS times are not seconds of the week.
+    ``vlrs`` maps (user id, record id) to the payload of the records that the engine reads. ``warnings`` are sentences.
     """
 
     path: Path
@@ -67,6 +68,9 @@ class CloudHeader:
     vlrs: dict[tuple[str, int], bytes]
     laz: LazLayout | None
     software: str
+    file_source: int
+    standard_time: bool
+    created: tuple[int, int]
     warnings: tuple[str, ...]
 
     @property
@@ -187,6 +191,9 @@ def _read(stream: BinaryIO, path: Path, size: int) -> CloudHeader:
         vlrs=vlrs,
         laz=layout,
         software=head[58:90].split(b"\0")[0].decode("ascii", "replace").strip(),
+        file_source=struct.unpack_from("<H", head, 4)[0],
+        standard_time=bool(head[6] & 1),
+        created=struct.unpack_from("<HH", head, 90),
         warnings=tuple(warnings),
     )
 
@@ -228,8 +235,8 @@ def _read_vlrs(stream: BinaryIO, name: str, start: int, end: int, count: int) ->
     room = (end - start) // _VLR_HEADER
     if count > min(room, _MAXIMUM_VLRS):
         raise InputError(
-            f"{name} says it has {count} variable length records where at most {min(room, _MAXIMUM_VLRS)} are possible; "
-            "copy or export it again."
+            f"{name} says it has {count} variable length records where at most {min(room, _MAXIMUM_VLRS)} are "
+            "possible; copy or export it again."
         )
     found: dict[tuple[str, int], bytes] = {}
     position, kept = start, 0
@@ -311,7 +318,8 @@ def _compare_count(name: str, count: int, held: int, rest: int, length: int, war
         )
     if rest >= length:
         warnings.append(
-            f"{name} has room for {held} points but its header says {count}; the {rest} bytes behind those are left out."
+            f"{name} has room for {held} points but its header says {count}; the {rest} bytes behind those are left "
+            "out."
         )
     elif rest > 0:
         warnings.append(f"{name} has {rest} bytes behind its last point, which are left out.")
