@@ -111,7 +111,7 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm):
         sentence = declare.problem(self, self.PARAMETER_GROUPS, parameters, context)
         if sentence:
             return False, sentence
-        return super().checkParameterValues(parameters, context)
+        return super().checkParameterValues(declare.worded(self, parameters), context)
 
     def prepareAlgorithm(
         self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
@@ -179,7 +179,7 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm):
 
 
 def date_in_name(path: str) -> str:
-    """The day that a file's name tells (2024-05-01, 2024_05_01 or 20240501), as YYYY-MM-DD; empty unless exactly one."""
+    """The day that a file's name tells (2024-05-01, 2024_05_01 or 20240501), as YYYY-MM-DD; empty unless it is one."""
     found = set()
     for year, month, day in _DATE.findall(os.path.splitext(os.path.basename(path))[0]):
         with contextlib.suppress(ValueError):

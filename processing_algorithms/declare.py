@@ -90,7 +90,7 @@ def profile_parameter() -> QgsProcessingParameterDefinition:
 
 
 def profile_options(algorithm: QgsProcessingAlgorithm, parameters: Any, context: QgsProcessingContext) -> list[str]:
-    profile = algorithm.parameterAsEnumString(parameters, "PROFILE", context)
+    profile = algorithm.parameterAsEnumString(worded(algorithm, parameters), "PROFILE", context)
     return ["--profile", profile] if profile and profile != "default" else []
 
 
@@ -109,6 +109,16 @@ def options(
             else:
                 arguments += [f"--{s.option}", str(value)]
     return arguments
+
+
+def worded(algorithm: QgsProcessingAlgorithm, parameters: Any) -> dict[str, Any]:
+    """The values with the number of a choice replaced by its word: qgis_process's help offers the numbers too."""
+    result = dict(parameters)
+    for parameter in algorithm.parameterDefinitions():
+        number = str(result.get(parameter.name(), ""))
+        if parameter.type() == "enum" and number.isdecimal() and int(number) < len(parameter.options()):
+            result[parameter.name()] = parameter.options()[int(number)]
+    return result
 
 
 def problem(
@@ -138,7 +148,7 @@ def _read(algorithm: QgsProcessingAlgorithm, s: Specification, parameters: Any, 
     if s.kind is float:
         return algorithm.parameterAsDouble(parameters, s.qgis_name, context)
     if s.choices:
-        return algorithm.parameterAsEnumString(parameters, s.qgis_name, context)
+        return algorithm.parameterAsEnumString(worded(algorithm, parameters), s.qgis_name, context)
     return algorithm.parameterAsString(parameters, s.qgis_name, context).strip()
 
 

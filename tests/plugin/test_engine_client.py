@@ -86,7 +86,8 @@ def test_much_on_standard_error_does_not_block(fake_engine: Fake, feedback: Reco
 def test_input_error_keeps_the_engines_sentence(fake_engine: Fake, feedback: Recorder) -> None:
     sentence = "cloud.laz does not exist; check the path."
     fake_engine(
-        f"say(event='error', message={sentence!r}, code=2)\nprint('Error: ' + {sentence!r}, file=sys.stderr)\nsys.exit(2)"
+        f"say(event='error', message={sentence!r}, code=2)\n"
+        f"print('Error: ' + {sentence!r}, file=sys.stderr)\nsys.exit(2)"
     )
     with pytest.raises(EngineInputError) as caught:
         run_engine(["ground", "cloud.laz"], feedback)

@@ -1,0 +1,167 @@
+"""What the toolbox offers: frozen names, complete help, and parameters equal to the engine's."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from typing import Any
+
+import pytest
+from qgis.core import QgsApplication, QgsProcessingProvider
+from slopewatch.engine.parameters import Specification
+from slopewatch.plugin import resources
+from slopewatch.plugin.compat import ADVANCED
+from slopewatch.processing_algorithms import ALGORITHMS
+from slopewatch.processing_algorithms.base import SlopeWatchAlgorithm
+from slopewatch.tests.qgis_support import engine_python
+
+# Released names: scripts and models of users hold them. Add to them, never change or remove one.
+INPUT = ["CRS", "HEIGHT_UNIT"]
+GROUND = [
+    "SLOPE_ALIGNED", "CLOTH_RESOLUTION", "RIGIDNESS", "CLASS_THRESHOLD", "TIME_STEP", "ITERATIONS", "SLOPE_SMOOTHING",
+    "DENOISE", "DENOISE_RADIUS", "DENOISE_NEIGHBOURS", "MINIMUM_GROUND_RATIO",
+]  # fmt: skip
+REGISTRATION = [
+    "METHOD", "MAXIMUM_OFFSET", "MAXIMUM_CORRESPONDENCE", "REGISTRATION_ITERATIONS", "REGISTRATION_VOXEL",
+    "MINIMUM_STABLE_SHARE",
+]  # fmt: skip
+CHANGE = ["CELL", "CELL_VALUE", "MINIMUM_POINTS", "CONFIDENCE", "REGISTRATION_ERROR", "MEMORY_LIMIT"]
+ZONES = ["MINIMUM_AREA", "SEVERITY_MODERATE", "SEVERITY_HIGH"]
+HEATMAP = ["TOP_VIEW_PIXEL", "OPACITY", "COLOUR_RANGE"]
+PRODUCTS = [
+    "OUTPUT_FOLDER", "ELEVATION_CHANGE", "LEVEL_OF_DETECTION", "SIGNIFICANT_CHANGE", "ZONES", "HEATMAP", "TOP_VIEW",
+]  # fmt: skip
+FROZEN_PARAMETERS = {
+    "inspectslope": [
+        "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "ROI", "PROFILE", "STABLE",
+        *GROUND, *REGISTRATION, *CHANGE, *ZONES, *HEATMAP, *INPUT, *PRODUCTS,
+    ],
+    "extractground": ["INPUT", "ROI", "PROFILE", *GROUND, *INPUT, "OUTPUT"],
+    "registerepochs": ["REFERENCE", "CLOUD", "STABLE", "PROFILE", *REGISTRATION, *INPUT, "OUTPUT", "TRANSFORM"],
+    "elevationchange": [
+        "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "TRANSFORM", "PROFILE",
+        *CHANGE, *ZONES, *HEATMAP, *INPUT, *PRODUCTS,
+    ],
+    "simulatesurvey": [
+        "SEED", "POINTS", "LENGTH", "HEIGHT", "ANGLE", "BENCHES", "VEGETATION", "RANGE_NOISE", "OFFSET", "AMPLITUDE",
+        "OUTPUT_FOLDER", "ROI", "TRUTH_DZ",
+    ],
+    "checkenvironment": [],
+}  # fmt: skip
+FROZEN_GROUPS = {
+    "inspectslope": "inspection",
+    "extractground": "steps",
+    "registerepochs": "steps",
+    "elevationchange": "steps",
+    "simulatesurvey": "tools",
+    "checkenvironment": "tools",
+}
+CHANGE_FIGURES = [
+    "ZONE_COUNT", "ZONE_AREA", "LOSS", "GAIN", "LARGEST_SINK", "LARGEST_RISE", "COMMON_CELL_RATE", "LEVEL_MEDIAN",
+    "HEATMAP_PICTURE", "TRANSFORM_FILE", "RUN_RECORD",
+]  # fmt: skip
+COMMANDS = {
+    "inspectslope": ["inspect"],
+    "extractground": ["ground"],
+    "registerepochs": ["register"],
+    "elevationchange": ["change"],
+    "simulatesurvey": ["simulate", "survey"],
+    "checkenvironment": ["check"],
+}
+
+
+@pytest.fixture(params=ALGORITHMS, ids=lambda a: a.NAME)
+def algorithm(request: pytest.FixtureRequest, qgis_app: QgsApplication) -> SlopeWatchAlgorithm:
+    return request.param().create()
+
+
+def _specifications(algorithm: SlopeWatchAlgorithm) -> list[Specification]:
+    return [s for group in algorithm.PARAMETER_GROUPS for s in group.specifications()]
+
+
+def test_all_are_registered_without_an_engine(monkeypatch: pytest.MonkeyPatch, provider: QgsProcessingProvider) -> None:
+    monkeypatch.setenv("SLOPEWATCH_PYTHON", "/nowhere/python")
+    provider.refreshAlgorithms()
+    assert provider.id() == "slopewatch"
+    assert {a.name() for a in provider.algorithms()} == set(FROZEN_PARAMETERS)
+    assert all(a.canExecute()[0] for a in provider.algorithms())
+
+
+def test_names_are_frozen(algorithm: SlopeWatchAlgorithm) -> None:
+    here = {p.name() for p in algorithm.parameterDefinitions()}
+    assert not set(FROZEN_PARAMETERS[algorithm.name()]) - here, "a released parameter is gone"
+    assert here - set(FROZEN_PARAMETERS[algorithm.name()]) <= {s.qgis_name for s in _specifications(algorithm)}
+    assert algorithm.groupId() == FROZEN_GROUPS[algorithm.name()]
+    outputs = {o.name() for o in algorithm.outputDefinitions()}
+    if algorithm.name() in ("inspectslope", "elevationchange"):
+        assert outputs == {*CHANGE_FIGURES, *PRODUCTS}
+
+
+def test_identity_is_complete(algorithm: SlopeWatchAlgorithm) -> None:
+    assert re.fullmatch("[a-z]+", algorithm.name())
+    assert algorithm.shortDescription().endswith(".")
+    assert len(algorithm.shortHelpString()) > 200 or not algorithm.parameterDefinitions()
+    assert algorithm.tags()
+    assert not algorithm.icon().isNull()
+    assert f'id="{algorithm.name()}"' in resources.help_text("index")
+    assert algorithm.helpUrl().endswith(f"plugin/help/index.html#{algorithm.name()}")
+    assert type(algorithm.createInstance()) is type(algorithm)
+
+
+def test_every_parameter_has_help_and_a_label(algorithm: SlopeWatchAlgorithm) -> None:
+    for parameter in algorithm.parameterDefinitions():
+        assert len(parameter.help()) > 10, parameter.name()
+        assert parameter.help().endswith("."), parameter.name()
+        assert parameter.description(), parameter.name()
+        assert parameter.name().isupper()
+
+
+def test_the_dialog_has_the_engines_parameters(algorithm: SlopeWatchAlgorithm) -> None:
+    for s in _specifications(algorithm):
+        parameter: Any = algorithm.parameterDefinition(s.qgis_name)
+        assert parameter is not None, s.name
+        assert parameter.help() == s.help
+        if s.unit:
+            assert f"({s.unit})" in parameter.description()
+        assert parameter.description().lower().endswith(s.label_with_unit.lower())
+        if s.name == "crs":
+            assert parameter.type() == "crs"
+        elif s.choices:
+            assert parameter.options() == list(s.choices)
+            assert parameter.usesStaticStrings()
+            assert parameter.defaultValue() == s.default
+        else:
+            assert parameter.type() == {bool: "boolean", int: "number", float: "number", str: "string"}[s.kind]
+            assert parameter.defaultValue() == s.default
+        if s.kind in (int, float):
+            if s.minimum is not None:
+                assert parameter.minimum() == s.minimum
+            if s.maximum is not None:
+                assert parameter.maximum() == s.maximum
+            decimals = parameter.metadata().get("widget_wrapper", {}).get("decimals", 0)
+            assert round(s.default, decimals) == s.default, f"{s.name}: the field would round the default"
+        if algorithm.name() not in ("inspectslope", "simulatesurvey"):
+            assert bool(parameter.flags() & ADVANCED) == s.advanced
+
+
+def test_the_whole_flow_shows_few_parameters_at_first(qgis_app: QgsApplication) -> None:
+    inspect = next(a for a in ALGORITHMS if a.NAME == "inspectslope")().create()
+    shown = [p.name() for p in inspect.parameterDefinitions() if not p.flags() & ADVANCED and not p.isDestination()]
+    assert shown == [
+        "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "ROI", "PROFILE",
+        "CLOTH_RESOLUTION", "CELL", "CONFIDENCE", "MINIMUM_AREA",
+    ]  # fmt: skip
+
+
+def test_the_command_line_has_the_dialogs_parameters(algorithm: SlopeWatchAlgorithm) -> None:
+    python = engine_python()
+    done = subprocess.run(
+        [python, "-m", "slopewatch.engine.cli", *COMMANDS[algorithm.name()], "--help"],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={"PYTHONUTF8": "1"},
+    )
+    offered = set(re.findall(r"--[a-z][a-z-]*", done.stdout))
+    wanted = {f"--{s.option}" for s in _specifications(algorithm)} | {"--progress", "--watch-parent", "--pdal"}
+    assert wanted <= offered
