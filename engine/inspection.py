@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import uuid
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -125,7 +125,7 @@ def inspect_slope(
         clouds = _write_clouds(epochs, grounds, aligned, registration, first.crs, stage)
         with progress.stage(0.85, 0.99, "writing outputs"), record.stage("products"):
             picture = read_cloud(grounds[1].clipped, colours=True)
-            picture = picture.moved(registration.transform)
+            picture = replace(picture, xyz=registration.transform.apply(picture.xyz))
             context = Context(
                 first=epochs[0],
                 second=epochs[1],

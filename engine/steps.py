@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import uuid
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -137,7 +138,7 @@ def change_step(
         require_same_crs(a, b)
         entry["points"] = [len(a.xyz), len(b.xyz)]
         if transform is not None:
-            b = b.moved(transform)
+            b = replace(b, xyz=transform.apply(b.xyz))
     with progress.stage(0.3, 0.5, "differencing"), record.stage("change"):
         change = difference(a.xyz, b.xyz, settings.change, progress=progress)
         warn_of_uniform_shift(change, progress)

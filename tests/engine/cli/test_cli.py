@@ -1,0 +1,206 @@
+"""The program as users start it: help, exit codes, sentences, JSON lines."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import laspy
+import numpy as np
+import pytest
+from pyproj import CRS
+from slopewatch.engine.parameters import GroundParameters
+from slopewatch.engine.version import VERSION
+
+ROOT = Path(__file__).parents[3]
+
+
+def run(*arguments: object, **options) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "slopewatch.engine.cli", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=120, **options)
+
+
+def write_plane(path: Path, *, lowered: float = 0.0, crs: int | None = 32651, x: float = 0.0) -> Path:
+    """A 12 m slope of 20 thousand ground points; its western third is lowered."""
+    rng = np.random.default_rng([*path.name.encode()])
+    u, v = rng.uniform(0, 12, (2, 20_000))
+    z = 50 + 0.5 * v + rng.normal(0, 0.01, u.size) - np.where(u < 4, lowered, 0)
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.scales, header.offsets = [0.001] * 3, [500_000, 3_500_000, 0]
+    if crs:
+        header.add_crs(CRS.from_epsg(crs))
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = 500_000 + x + u, 3_500_000 + v, z
+    las.write(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def clouds(tmp_path_factory) -> tuple[Path, Path]:
+    folder = tmp_path_factory.mktemp("clouds")
+    return write_plane(folder / "2024-05-01.laz"), write_plane(folder / "2025-05-01.laz", lowered=0.2)
+
+
+def test_help_shows_every_parameter_with_its_unit_and_default():
+    shown = " ".join(run("ground", "--help").stdout.split())
+    for specification in GroundParameters.specifications():
+        assert f"--{specification.option}" in shown
+    resolution = next(s for s in GroundParameters.specifications() if s.name == "cloth_resolution")
+    assert f"[default: {resolution.default} m, 0.02 to 20]" in shown
+
+
+@pytest.mark.parametrize("command", ["inspect", "ground", "register", "change", "info", "check", "simulate"])
+def test_every_command_has_help(command):
+    done = run(command, "--help")
+    assert done.returncode == 0
+    assert command in run("--help").stdout
+
+
+def test_version_is_that_of_the_plugin_and_the_package():
+    assert VERSION in run("--version").stdout
+    assert f"version={VERSION}\n" in (ROOT / "metadata.txt").read_text()
+    assert f'version = "{VERSION}"' in (ROOT / "pyproject.toml").read_text()
+
+
+def test_change_writes_what_it_promises(clouds, tmp_path):
+    out = tmp_path / "out"
+    done = run("change", *clouds, "--output-dir", out, "--cell", 0.5, "--progress", "json", "--cell-value", "plane")
+    assert done.returncode == 0, done.stderr
+    events = [json.loads(line) for line in done.stdout.splitlines()]
+    percents = [e["percent"] for e in events if e["event"] == "progress"]
+    assert percents == sorted(percents)
+    assert percents[-1] == 100
+    result = events[-1]
+    assert result["event"] == "result"
+    assert {Path(p).name for p in result["outputs"].values()} >= {
+        "elevation_change.tif",
+        "level_of_detection.tif",
+        "significant_change.tif",
+        "zones.gpkg",
+        "heatmap.png",
+        "heatmap.tif",
+        "top_view.tif",
+        "run.json",
+    }
+    for path in result["outputs"].values():
+        assert Path(path).stat().st_size > 0
+    record = json.loads((out / "run.json").read_text())
+    assert record["parameters"]["change"]["cell"] == 0.5
+    assert record["metrics"] == result["metrics"]
+    assert record["metrics"]["zone_count"] == 1
+    assert record["metrics"]["vol_loss_m3"] == pytest.approx(0.2 * 4 * 12, rel=0.03)
+    assert len(record["inputs"][0]["sha256"]) == 64
+    assert not [p for p in out.iterdir() if p.name.startswith(".")]
+
+
+def test_same_input_gives_the_same_bytes(clouds, tmp_path):
+    for name in ("a", "b"):
+        assert run("change", *clouds, "--output-dir", tmp_path / name, "--cell", 0.5).returncode == 0
+    for name in (
+        "elevation_change.tif",
+        "level_of_detection.tif",
+        "significant_change.tif",
+        "heatmap.tif",
+        "zones.gpkg",
+    ):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
+
+
+def test_register_writes_the_cloud_and_a_transform_that_can_be_inverted(clouds, tmp_path):
+    first, _ = clouds
+    moved, transform, back = tmp_path / "moved.laz", tmp_path / "t.json", tmp_path / "back.laz"
+    given = {"matrix": [[1, 0, 0, 0.3], [0, 1, 0, -0.2], [0, 0, 1, 0.1], [0, 0, 0, 1]]}
+    (tmp_path / "given.json").write_text(json.dumps(given))
+    other = shutil.copy(first, tmp_path / "other.laz")
+    assert run("register", first, other, "--output", moved, "--apply", tmp_path / "given.json").returncode == 0
+    done = run("register", first, moved, "--output", back, "--apply", tmp_path / "given.json", "--invert")
+    assert done.returncode == 0, done.stderr
+    source, shifted, returned = (laspy.read(p).xyz for p in (first, moved, back))
+    assert np.abs(shifted - source - [0.3, -0.2, 0.1]).max() < 0.0011
+    assert np.abs(returned - source).max() < 0.0021
+    done = run("register", first, moved, "--output", tmp_path / "r.laz", "--transform", transform)
+    assert done.returncode == 0, done.stderr
+    assert np.array(json.loads(transform.read_text())["matrix"]).shape == (4, 4)
+
+
+def bad_cases(tmp_path: Path, clouds: tuple[Path, Path]) -> dict[str, tuple[list[object], str]]:
+    first, second = clouds
+    text = tmp_path / "text.laz"
+    text.write_text("not a cloud")
+    truncated = tmp_path / "truncated.las"
+    laspy.read(first).write(tmp_path / "whole.las")
+    truncated.write_bytes((tmp_path / "whole.las").read_bytes()[:100_000])
+    nocrs = write_plane(tmp_path / "nocrs.laz", crs=None)
+    geographic = write_plane(tmp_path / "geographic.laz", crs=4326)
+    elsewhere = write_plane(tmp_path / "elsewhere.laz", x=5000)
+    other_crs = write_plane(tmp_path / "other_crs.laz", crs=32650)
+    copy = shutil.copy(first, tmp_path / "2026-01-01.laz")
+    out = ["--output-dir", tmp_path / "out"]
+    return {
+        "missing": (["change", tmp_path / "none.laz", second, *out], "none.laz"),
+        "not a cloud": (["change", text, second, *out], "text.laz"),
+        "truncated": (["change", truncated, second, *out], "truncated.las"),
+        "no crs": (["change", nocrs, second, *out], "--crs"),
+        "geographic": (["change", geographic, second, *out], "geographic"),
+        "no overlap": (["change", first, elsewhere, *out], "do not overlap"),
+        "other crs": (["change", first, other_crs, *out], "different reference systems"),
+        "same file": (["change", first, first, *out], "same"),
+        "same content": (["change", first, copy, *out], "same cloud"),
+        "reversed": (["change", second, first, *out], "reversed"),
+        "bad date": (["change", first, second, "--epoch-from", "yesterday", *out], "YYYY-MM-DD"),
+        "bad number": (["change", first, second, "--cell", "-1", *out], "cell is -1.0"),
+        "nan": (["change", first, second, "--cell", "nan", *out], "cell is nan"),
+        "grid too large": (["change", first, second, "--cell", "0.005", "--memory-limit", "0.05", *out], "at least"),
+        "one epoch": (["inspect", "--epoch", f"2024-05-01={first}", *out], "two epochs"),
+        "no pdal": (["ground", first, "--output", tmp_path / "g.laz", "--pdal", tmp_path / "nopdal"], "nopdal"),
+        "no roi": (["ground", first, "--output", tmp_path / "g.laz", "--roi", tmp_path / "no.gpkg"], "no.gpkg"),
+        "output is input": (["register", first, second, "--output", second], "also an input"),
+        "no folder": (["register", first, second, "--output", tmp_path / "no" / "a.laz"], "does not exist"),
+        "bad transform": (["register", first, second, "--output", tmp_path / "a.laz", "--apply", text], "text.laz"),
+        "output under a file": (["change", first, second, "--output-dir", text / "out"], "cannot be written"),
+    }
+
+
+NAMES = [
+    "missing",
+    "not a cloud",
+    "truncated",
+    "no crs",
+    "geographic",
+    "no overlap",
+    "other crs",
+    "same file",
+    "same content",
+    "reversed",
+    "bad date",
+    "bad number",
+    "nan",
+    "grid too large",
+    "one epoch",
+    "no pdal",
+    "no roi",
+    "output is input",
+    "no folder",
+    "bad transform",
+    "output under a file",
+]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_bad_input_is_one_sentence_with_exit_code_2(name, clouds, tmp_path):
+    arguments, words = bad_cases(tmp_path, clouds)[name]
+    before = sorted(tmp_path.rglob("*"))
+    done = run(*arguments)
+    assert done.returncode == 2, done.stderr
+    sentence = done.stderr.strip()
+    assert sentence.startswith("Error: ")
+    assert "\n" not in sentence
+    assert sentence.endswith(".")
+    assert words in sentence
+    assert sorted(tmp_path.rglob("*")) == before, "something was left behind"
+    as_json = run(*arguments, "--progress", "json")
+    event = json.loads(as_json.stdout.splitlines()[-1])
+    assert event == {"event": "error", "message": sentence.removeprefix("Error: "), "code": 2}
