@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
-from ..engine.inspection import Outcome
 from ..engine.outputs import staged_outputs
 from ..engine.parameters import SurveyParameters
 from ..engine.progress import Progress
@@ -15,7 +15,9 @@ from .write import write_pair
 _NAMES = {"first": "reference", "second": "cloud"}
 
 
-def survey_step(parameters: SurveyParameters, output_dir: Path, progress: Progress) -> Outcome:
+def survey_step(
+    parameters: SurveyParameters, output_dir: Path, progress: Progress
+) -> tuple[dict[str, Path], dict[str, Any]]:
     """Simulate a pair of surveys and write it with its truth; nothing is left when it fails.
 
     Returns:

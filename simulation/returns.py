@@ -15,7 +15,7 @@ GROUND, TURF, LEAVES = 0, 1, 2
 MARCH = 0.15
 """Step along a ray within the canopy, m."""
 SEPARATION = 0.25
-"""Two echoes closer than this along the beam cannot be told apart; the first is kept, m."""
+"""Echoes closer than this along the beam cannot be told apart; the first stands for them, m."""
 LEAST_ENERGY = 0.2
 """Share of the pulse's energy below which nothing more is detected."""
 
@@ -77,7 +77,7 @@ def _through_leaves(
             here = t[active]
             place = rays.take(active).at(here)
             depth[active] += canopy.density_at(*place) * MARCH
-            hit = (depth[active] >= threshold[active]) & (here - last[active] >= SEPARATION)
+            hit = depth[active] >= threshold[active]
             struck = active[hit]
             if len(struck):
                 at = here[hit] + MARCH * (rng.random(len(struck)) - 0.5)
@@ -85,12 +85,14 @@ def _through_leaves(
                 # Voxels are coarser than the gap under the leaves, above all on a steep face.
                 clear = z - scene.height(u, v) >= canopy.clearance
                 struck, at = struck[clear], at[clear]
-                taken = rng.uniform(0.35, 1.0, len(struck))
-                found.append((struck, at, taken * left[struck]))
-                last[struck] = at
-                left[struck] *= 1.0 - taken
-                count[struck] += 1
+                taken = rng.uniform(0.35, 1.0, len(struck)) * left[struck]
+                left[struck] -= taken
                 threshold[struck] = depth[struck] + rng.standard_exponential(len(struck))
+                apart = at - last[struck] >= SEPARATION
+                struck = struck[apart]
+                found.append((struck, at[apart], taken[apart]))
+                last[struck] = at[apart]
+                count[struck] += 1
             t[active] += MARCH
             going = (t[active] < ground[active] - 0.05) & (left[active] >= LEAST_ENERGY) & (count[active] < maximum)
             active = active[going]

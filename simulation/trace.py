@@ -108,21 +108,37 @@ def first_hit(
     if brackets:
         index, low, high, above_low, below_high = (np.concatenate(parts) for parts in zip(*brackets, strict=True))
         hit[index] = _enclose(height, rays.take(index), low, high, above_low, below_high)
+    hit[hit > reach] = np.inf
     return hit
 
 
-def _enclose(height: Height, rays: Rays, low: Float, high: Float, above: Float, below: Float, rounds: int = 6) -> Float:
+def _enclose(height: Height, rays: Rays, low: Float, high: Float, above: Float, below: Float) -> Float:
     """Root of the height above ground between ``low`` (above > 0) and ``high`` (below <= 0), false position."""
-    origin, direction = rays.origin, rays.direction
     side = np.zeros(len(low), dtype=np.int8)
     t = high
-    for _ in range(rounds):
+    for _ in range(6):
         t = low + (high - low) * above / (above - below)
-        value = origin[2] + t * direction[2] - height(origin[0] + t * direction[0], origin[1] + t * direction[1])
+        value = _above(height, rays, t)
         over = value > 0
         below = np.where(over & (side == 1), below / 2, below)
         above = np.where(~over & (side == -1), above / 2, above)
         low, above = np.where(over, t, low), np.where(over, value, above)
         high, below = np.where(over, high, t), np.where(over, below, value)
         side = np.where(over, 1, -1).astype(np.int8)
+    # A vertical face has no root to converge to: halve until its place is known.
+    index = np.flatnonzero((np.abs(value) > 1e-4) & (high - low > 1e-4))
+    if len(index):
+        faces, first, last = rays.take(index), low[index], high[index]
+        for _ in range(10):
+            middle = (first + last) / 2
+            over = _above(height, faces, middle) > 0
+            first, last = np.where(over, middle, first), np.where(over, last, middle)
+        t[index] = last
     return t
+
+
+def _above(height: Height, rays: Rays, t: Float) -> Float:
+    """Height above the surface of the rays' places at distance ``t``, m."""
+    place = rays.at(t)
+    above: Float = place[2] - height(place[0], place[1])
+    return above
