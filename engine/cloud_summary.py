@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from .crs import WorkingFrame, declared_crs, working_frame
-from .decoded_bounds import DecodedBounds
+from .crs import WorkingFrame, declared_crs, plausibility, working_frame
 from .errors import InputError
-from .las_records import classes, read_records, return_numbers
+from .extents import CheckedRecords
+from .las_records import classes, return_numbers
 from .parameters import InputParameters
 from .preflight import preflight
 from .progress import Progress
@@ -36,12 +36,11 @@ def describe_cloud(
         sentences += frame.notes
     except InputError as error:
         sentences.append(str(error))
-    factors = np.ones(3) if frame is None else np.array([frame.horizontal_factor] * 2 + [frame.vertical_factor])
-    bounds = DecodedBounds(header)
+    factors = (1.0, 1.0, 1.0) if frame is None else frame.factors
+    checked = CheckedRecords(header)
     by_return, by_class, cells = np.zeros(16, np.int64), np.zeros(256, np.int64), np.empty(0, np.int64)
-    coloured, done = False, 0
-    for records in read_records(header):
-        bounds.add(records)
+    coloured = False
+    for records in checked:
         by_return += np.bincount(return_numbers(records, header.point_format), minlength=16)
         by_class += np.bincount(classes(records, header.point_format), minlength=256)
         coloured = coloured or (header.colours and any(records[band].any() for band in ("red", "green", "blue")))
@@ -51,11 +50,12 @@ def describe_cloud(
                 for i, f in enumerate("XY")
             )
             cells = np.union1d(cells, (column << 32) + row)
-        done += len(records)
-        progress.update(done / header.count, "reading")
-    sentences += bounds.finish()
-    scales, offsets = np.array(header.scales) * factors, np.array(header.offsets) * factors
-    low, high = bounds.low * scales + offsets, bounds.high * scales + offsets
+        progress.update(checked.done / header.count, "reading")
+    extent = checked.extent(frame)
+    sentences += extent.warnings
+    if frame is not None:
+        middle = (extent.low[0] + extent.high[0]) / 2, (extent.low[1] + extent.high[1]) / 2
+        sentences += plausibility(frame, *middle)
     return {
         "path": str(path),
         "bytes": header.file_size,
@@ -68,9 +68,9 @@ def describe_cloud(
         "reference_system": _crs_facts(declared, frame),
         "units": "m" if frame is not None else "as in the file",
         "scale": list(header.scales),
-        "x": [float(low[0]), float(high[0])],
-        "y": [float(low[1]), float(high[1])],
-        "z": [float(low[2]), float(high[2])],
+        "x": [extent.low[0], extent.high[0]],
+        "y": [extent.low[1], extent.high[1]],
+        "z": [extent.low[2], extent.high[2]],
         "area": float(len(cells)) if frame is not None else None,
         "density": header.count / len(cells) if frame is not None else None,
         "points_by_return": {str(n): int(by_return[n]) for n in np.flatnonzero(by_return)},
@@ -85,6 +85,6 @@ def _crs_facts(declared: Any, frame: WorkingFrame | None) -> dict[str, Any]:
     if frame is not None:
         facts["working"] = frame.crs.name
         facts["epsg"] = frame.crs.to_epsg()
-        facts["metres_per_unit"] = [frame.horizontal_factor, frame.horizontal_factor, frame.vertical_factor]
+        facts["metres_per_unit"] = list(frame.factors)
         facts["has_heights"] = frame.crs.is_compound or len(frame.crs.axis_info) > 2
     return facts

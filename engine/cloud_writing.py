@@ -117,7 +117,7 @@ def copy_with(
     if classification is not None and header.point_format < 6 and count and int(np.max(classification)) > 31:
         raise EngineError(f"classes above 31 do not fit point format {header.point_format}")
     new, values = _new_dimensions(dimensions, count)
-    factors = np.array([frame.horizontal_factor, frame.horizontal_factor, frame.vertical_factor])
+    factors = np.array(frame.factors)
     # Another unit is another scale: the integers of an unmoved point stay what they are.
     scales = _vector(np.array(header.scales) * factors)
     offsets = _vector(np.array(header.offsets) * factors)

@@ -12,10 +12,10 @@ from pyproj import CRS
 
 from .cloud_summary import describe_cloud
 from .cloud_writing import copy_with, write_cloud
-from .crs import WorkingFrame, declared_crs, working_frame
-from .decoded_bounds import DecodedBounds
+from .crs import WorkingFrame, declared_crs, plausibility, working_frame
 from .errors import InputError
-from .las_records import classes, read_records
+from .extents import CheckedRecords
+from .las_records import classes
 from .parameters import InputParameters
 from .preflight import CloudHeader, preflight, shown
 from .progress import Progress
@@ -70,12 +70,14 @@ def open_cloud(
     header = preflight(path)
     declared, warnings = declared_crs(header)
     frame = working_frame(declared, inputs or InputParameters(), path)
+    notes = (*header.warnings, *warnings, *frame.notes)
+    if header.bounds_trusted:
+        middle = (np.array(header.bounds_low) + np.array(header.bounds_high)) / 2 * frame.horizontal_factor
+        notes += tuple(plausibility(frame, *middle[:2].tolist()))
     if progress is not None:
-        for sentence in (*header.warnings, *warnings, *frame.notes):
+        for sentence in notes:
             progress.warning(sentence)
-    return header, WorkingFrame(
-        frame.crs, frame.horizontal_factor, frame.vertical_factor, (*header.warnings, *warnings, *frame.notes)
-    )
+    return header, replace(frame, notes=notes)
 
 
 def read_cloud(
@@ -97,7 +99,7 @@ def read_cloud(
     """
     progress = progress or Progress()
     header, frame = open_cloud(path, inputs, progress)
-    factors = np.array([frame.horizontal_factor, frame.horizontal_factor, frame.vertical_factor])
+    factors = np.array(frame.factors)
     scales, offsets = np.array(header.scales) * factors, np.array(header.offsets) * factors
     count = header.count
     try:
@@ -106,9 +108,8 @@ def read_cloud(
         intensity = np.empty(count, np.uint16) if colours else None
         labels = np.empty(count, np.uint8) if classification else None
         done = 0
-        decoded = DecodedBounds(header)
-        for records in read_records(header, selection=_selection(colours, classification)):
-            decoded.add(records)
+        checked = CheckedRecords(header, _selection(colours, classification))
+        for records in checked:
             part = slice(done, done + len(records))
             for axis, field in enumerate("XYZ"):
                 np.multiply(records[field], scales[axis], out=xyz[part, axis])
@@ -126,7 +127,7 @@ def read_cloud(
         raise InputError(
             f"{shown(path)} holds {count} points, more than the memory takes; clip it to the area of interest first."
         ) from error
-    warnings = decoded.finish()
+    warnings = checked.extent(frame).warnings
     for sentence in warnings:
         progress.warning(sentence)
     return PointCloud(

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import copy
 import math
+import re
 import struct
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pyproj import CRS
-from pyproj.exceptions import CRSError
+import shapely
+from pyproj import CRS, Proj, Transformer
+from pyproj.crs import CompoundCRS
+from pyproj.exceptions import CRSError, ProjError
 
 from .errors import InputError
 from .parameters import InputParameters
@@ -18,6 +21,8 @@ from .preflight import CloudHeader, shown
 
 _UNITS = {"metre": 1.0, "foot": 0.3048, "us-survey-foot": 1200 / 3937}
 _UNIT_NAMES = {"metre": "metres", "foot": "international feet", "us-survey-foot": "US survey feet"}
+_LARGEST_DISTORTION = 0.01
+_MARGIN = 3.0  # degrees: surveys near the border of a zone are flown in either
 _PLANE = ("ProjectedCRS", "DerivedProjectedCRS", "EngineeringCRS")
 
 
@@ -35,6 +40,11 @@ class WorkingFrame:
     notes: tuple[str, ...]
 
     @property
+    def factors(self) -> tuple[float, float, float]:
+        """Metres of one unit of the file in x, y and z."""
+        return self.horizontal_factor, self.horizontal_factor, self.vertical_factor
+
+    @property
     def in_metres(self) -> bool:
         """Whether the file's coordinates are metres already."""
         return self.horizontal_factor == 1.0 and self.vertical_factor == 1.0
@@ -45,7 +55,8 @@ def working_frame(declared: CRS | None, inputs: InputParameters, path: Path | st
 
     Args:
         declared: what the file declares, see ``declared_crs``.
-        inputs: ``crs`` overrides what is declared, ``height_unit`` the unit of z.
+        inputs: ``crs`` overrides what is declared (declared heights stay where it has none), ``height_unit`` the
+            unit of z.
         path: the cloud, for messages.
 
     Raises:
@@ -58,6 +69,10 @@ def working_frame(declared: CRS | None, inputs: InputParameters, path: Path | st
         crs = given_crs(inputs.crs)
         if declared is not None and not _same(declared, crs):
             notes.append(f"{name} declares the reference system {declared.name}; the given {crs.name} is used instead.")
+        if declared is not None and declared.is_compound and crs.is_projected and len(crs.axis_info) == 2:
+            heights = declared.sub_crs_list[-1]
+            crs = CompoundCRS(f"{crs.name} + {heights.name}", [crs, heights])
+            notes.append(f"{name} keeps the heights that it declares, {heights.name}.")
     if crs is None:
         raise InputError(f"{name} declares no coordinate reference system; give a projected one with --crs EPSG:n.")
     kind = "the given reference system" if inputs.crs else f"{name} declares the reference system"
@@ -119,6 +134,32 @@ def declared_crs(header: CloudHeader) -> tuple[CRS | None, tuple[str, ...]]:
             if crs is not None:
                 return crs, tuple(warnings)
     return None, tuple(warnings)
+
+
+def plausibility(frame: WorkingFrame, x: float, y: float) -> list[str]:
+    """Warnings where the reference system cannot well be that of a cloud around ``x``, ``y`` (metres in it)."""
+    crs = frame.crs.sub_crs_list[0] if frame.crs.is_compound else frame.crs
+    base = crs.geodetic_crs
+    if base is None:  # a local grid
+        return []
+    try:
+        longitude, latitude = Transformer.from_crs(crs, base, always_xy=True).transform(x, y, errcheck=True)
+        factors = Proj(crs).get_factors(longitude, latitude, errcheck=True)
+    except (CRSError, ProjError):
+        return [f"The reference system {crs.name} does not reach x {x:.0f}, y {y:.0f}; check it."]
+    warnings = []
+    area = crs.area_of_use
+    if area is not None and not shapely.box(*area.bounds).buffer(_MARGIN).contains(shapely.Point(longitude, latitude)):
+        warnings.append(
+            f"The cloud lies at longitude {longitude:.2f}, latitude {latitude:.2f} by the reference system {crs.name}, "
+            "outside of its area of use; check the reference system."
+        )
+    if abs(factors.areal_scale - 1.0) > _LARGEST_DISTORTION:
+        warnings.append(
+            f"Areas in the reference system {crs.name} are {factors.areal_scale:.3g} times those on the ground here; "
+            "reproject the clouds to a local one for true areas and volumes."
+        )
+    return warnings
 
 
 def _parts(crs: CRS, kind: str) -> tuple[dict[str, Any], dict[str, Any] | None]:
@@ -193,7 +234,14 @@ def _part_in_metres(part: dict[str, Any]) -> dict[str, Any]:
         axis["unit"] = "metre"
     for key in ("id", "ids"):
         part.pop(key, None)
-    part["name"] = f"{part['name']} in metres"
+    plain = re.sub(r"\s*\((ft\w*|[^()]*f(oo|ee)t[^()]*)\)$", "", str(part["name"]))
+    if part["type"] == "VerticalCRS":
+        # NAVD88 in feet has a sibling in metres with a code of its own, which other programs know.
+        known = CRS.from_json_dict({**part, "name": plain})
+        code = known.to_epsg(min_confidence=90)
+        if code is not None and CRS.from_epsg(code).equals(known):
+            return CRS.from_epsg(code).to_json_dict()
+    part["name"] = f"{plain} in metres"
     return part
 
 

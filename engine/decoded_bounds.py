@@ -55,7 +55,10 @@ class DecodedBounds:
         """
         name, header = shown(self._header.path), self._header
         known = header.points_by_return
-        miscounted = any(known) and any(n != int(m) for n, m in zip(known, self.returns[1:], strict=False))
+        uncounted = int(self.returns[0]) == header.count
+        miscounted = (
+            not uncounted and any(known) and any(n != int(m) for n, m in zip(known, self.returns[1:], strict=False))
+        )
         header_holds = 2 * self._starts_outside < self._starts
         if header.compressed and self._outside and header_holds and (self._far or miscounted):
             raise InputError(
@@ -73,7 +76,9 @@ class DecodedBounds:
                 f"{name} says in its header a bounding box that is larger than its points by {self._slack():.1f} "
                 "units; the box is computed from the points."
             )
-        if miscounted:
+        if uncounted:
+            warnings.append(f"{name} has no return numbers (all are 0); every point is taken as a pulse's only return.")
+        elif miscounted:
             warnings.append(
                 f"{name} says in its header other numbers of returns than its points have; its header was not updated "
                 "or its points are damaged."

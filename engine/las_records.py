@@ -56,16 +56,19 @@ def return_numbers(records: NDArray[np.void], point_format: int) -> NDArray[np.u
     return values & np.uint8(0x07 if point_format < 6 else 0x0F)
 
 
-def read_records(header: CloudHeader, *, selection: int | None = None) -> Iterator[NDArray[np.void]]:
+def read_records(
+    header: CloudHeader, *, selection: int | None = None, warnings: list[str] | None = None
+) -> Iterator[NDArray[np.void]]:
     """The records in the order of the file, in groups of at most about 32 MB (one chunk where chunks are larger).
 
     Args:
         selection: bits of ``lazrs.SELECTIVE_DECOMPRESS_*`` of what is needed; the rest may be zero. None: all.
+        warnings: takes sentences about a file that contradicts its header.
 
     Raises:
         InputError: the compressed points are damaged, or the file changed or ends while it is read.
     """
-    yield from (_compressed(header, selection) if header.compressed else _plain(header))
+    yield from (_compressed(header, selection, warnings) if header.compressed else _plain(header))
 
 
 def _plain(header: CloudHeader) -> Iterator[NDArray[np.void]]:
@@ -84,7 +87,7 @@ def _plain(header: CloudHeader) -> Iterator[NDArray[np.void]]:
         raise InputError(f"{shown(header.path)} cannot be read ({error.strerror}); check the disk.") from error
 
 
-def _compressed(header: CloudHeader, selection: int | None) -> Iterator[NDArray[np.void]]:
+def _compressed(header: CloudHeader, selection: int | None, warnings: list[str] | None) -> Iterator[NDArray[np.void]]:
     import lazrs
 
     layout = header.laz
@@ -99,7 +102,9 @@ def _compressed(header: CloudHeader, selection: int | None) -> Iterator[NDArray[
             if layout.chunk_size:  # the table of equal chunks does not know that the last one is shorter
                 last = header.count - layout.chunk_size * (len(chunks) - 1)
                 chunks = [(layout.chunk_size, size) for _, size in chunks[:-1]] + [(last, chunks[-1][1])]
-            check_chunks(stream, name, layout, chunks, header.offset_to_points, dtype.itemsize, header.count)
+            odd = check_chunks(stream, name, layout, chunks, header.offset_to_points, dtype.itemsize, header.count)
+            if odd and warnings is not None:
+                warnings.append(odd)
             stream.seek(header.offset_to_points + 8)
             for group in _groups(chunks, max(1, _GROUP_BYTES // dtype.itemsize)):
                 compressed = stream.read(sum(size for _, size in group))

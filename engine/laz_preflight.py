@@ -111,11 +111,14 @@ def check_chunks(
     offset: int,
     record_length: int,
     count: int,
-) -> None:
+) -> str | None:
     """Check the chunk table's entries (points, bytes) against the file and, where chunks are layered, their layers.
 
+    Returns:
+        A warning if the last chunk holds more points than the header says, else None.
+
     Raises:
-        InputError: an entry or a layer that cannot be true.
+        InputError: an entry or a layer that cannot be true, or fewer points than the header says.
     """
     damaged = InputError(f"{name} is damaged inside its compressed points; copy it again from its source.")
     if (
@@ -123,8 +126,8 @@ def check_chunks(
         or sum(size for _, size in chunks) != layout.table_offset - offset - 8
     ):
         raise damaged
-    position = offset + 8
-    for points, size in chunks:
+    position, surplus = offset + 8, 0
+    for index, (points, size) in enumerate(chunks):
         if not 0 < points * record_length <= _MAXIMUM_CHUNK or size < record_length:
             raise damaged
         if layout.layers:
@@ -134,9 +137,20 @@ def check_chunks(
             if len(head) < 4 + 4 * layout.layers:
                 raise damaged
             held, *sizes = struct.unpack(f"<{1 + layout.layers}I", head)
-            if held != points or record_length + len(head) + sum(sizes) != size:
+            if record_length + len(head) + sum(sizes) != size:
+                raise damaged
+            surplus = held - points
+            last = index == len(chunks) - 1 and layout.chunk_size
+            if surplus and not (last and held <= layout.chunk_size):
                 raise damaged
         position += size
+    if surplus < 0:
+        raise InputError(
+            f"{name} holds {count + surplus} of the {count} points that its header says; copy or export it again."
+        )
+    if surplus:
+        return f"{name} holds {count + surplus} points but its header says {count}; the last {surplus} are left out."
+    return None
 
 
 def _check_items(name: str, record: bytes, items: int, point_format: int, record_length: int, compressor: int) -> int:

@@ -109,18 +109,18 @@ def preflight(path: Path | str) -> CloudHeader:
     """
     path = Path(path)
     name = shown(path)
-    if not path.exists():
-        raise InputError(f"{name} does not exist; check the path of the point cloud.")
-    if path.is_dir():
-        raise InputError(f"{name} is a folder; give the LAS or LAZ file inside it.")
-    if not path.is_file():
-        raise InputError(f"{name} is not a regular file; give a LAS or LAZ file on disk.")
     try:
+        if not path.exists():
+            raise InputError(f"{name} does not exist; check the path of the point cloud.")
+        if path.is_dir():
+            raise InputError(f"{name} is a folder; give the LAS or LAZ file inside it.")
+        if not path.is_file():
+            raise InputError(f"{name} is not a regular file; give a LAS or LAZ file on disk.")
         with path.open("rb") as stream:
             return _read(stream, path, os.fstat(stream.fileno()).st_size)
     except OSError as error:
         reason = error.strerror or type(error).__name__
-        raise InputError(f"{name} cannot be read ({reason}); check its permissions and the disk.") from error
+        raise InputError(f"{name} cannot be read ({reason}); check its name, its permissions and the disk.") from error
 
 
 def _read(stream: BinaryIO, path: Path, size: int) -> CloudHeader:
