@@ -37,8 +37,8 @@ class Growth:
     clumping: float = 1.0
 
 
-SHRUBS = Growth((0.4, 1.3), (0.5, 2.0), (1.0, 1.0), optical_depth=(1.4, 2.8), stem=False)
-TREES = Growth((1.0, 2.2), (3.0, 6.5), (0.5, 0.7), optical_depth=(1.6, 3.0), stem=True)
+SHRUBS = Growth((0.4, 1.3), (0.5, 2.0), (1.0, 1.0), optical_depth=(2.0, 4.0), stem=False)
+TREES = Growth((1.0, 2.2), (3.0, 6.5), (0.5, 0.7), optical_depth=(2.0, 4.0), stem=True)
 STEM_COUNT = 60
 
 

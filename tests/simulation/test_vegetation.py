@@ -32,7 +32,7 @@ def test_share_of_ground_under_leaves_seen_from_above(cover):
     assert (leaves > 0).any(axis=1).mean() == pytest.approx(cover, abs=0.03)
     # Gaps: not every pulse that meets a crown is stopped.
     depth = leaves.sum(axis=1) * 0.05
-    assert 0.1 < np.exp(-depth[depth > 0]).mean() < 0.6
+    assert 0.05 < np.exp(-depth[depth > 0]).mean() < 0.4
 
 
 def test_no_vegetation_asked_for():
