@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import struct
+from typing import Any
 
 from pyproj import CRS
+from pyproj.exceptions import CRSError
 
 _MODEL, _GEOGRAPHIC, _PROJECTED, _VERTICAL = 1024, 2048, 3072, 4096
 _PROJECTED_UNIT, _VERTICAL_UNIT = 3076, 4099
@@ -73,9 +76,7 @@ def _with_unit(crs: CRS, unit: int | float | str | None) -> CRS:
         return crs
     json = crs.to_json_dict()
     for axis in json["coordinate_system"]["axis"]:
-        own = axis.get("unit", "metre")
-        own_factor = own["conversion_factor"] if isinstance(own, dict) else 1.0
-        if math.isclose(own_factor, _LINEAR_UNITS[int(unit)], rel_tol=1e-9):
+        if math.isclose(_factor(axis), _LINEAR_UNITS[int(unit)], rel_tol=1e-9):
             return crs
         axis["unit"] = _unit(int(unit))
     json.pop("id", None)
@@ -84,14 +85,16 @@ def _with_unit(crs: CRS, unit: int | float | str | None) -> CRS:
 
 
 def _with_heights(horizontal: CRS, code: int | float | str | None, unit: int | float | str | None) -> CRS:
-    known = code if isinstance(code, int) and code not in (0, _USER_DEFINED) else None
-    if horizontal.is_compound or not (known or unit in _LINEAR_UNITS) or not horizontal.is_projected:
+    if horizontal.is_compound or not horizontal.is_projected:
         return horizontal
-    vertical: dict[str, object] | None = None
-    if known:
-        candidate = CRS.from_epsg(known)
-        # Codes below 5600 are often ellipsoids or datums written in place of a vertical system.
-        vertical = candidate.to_json_dict() if candidate.is_vertical else None
+    vertical: dict[str, Any] | None = None
+    if isinstance(code, int) and code not in (0, _USER_DEFINED):
+        # Writers often put an ellipsoid or a datum where a vertical system belongs.
+        with contextlib.suppress(CRSError):
+            candidate = CRS.from_epsg(code)
+            vertical = candidate.to_json_dict() if candidate.is_vertical else None
+    if vertical is None and unit not in _LINEAR_UNITS:
+        return horizontal
     if vertical is None:
         vertical = {
             "type": "VerticalCRS",
@@ -103,9 +106,9 @@ def _with_heights(horizontal: CRS, code: int | float | str | None, unit: int | f
             },
         }
     if unit in _LINEAR_UNITS:
-        axis = vertical["coordinate_system"]["axis"][0]  # type: ignore[index]
-        axis["unit"] = _unit(int(unit))
-        if known:
+        axis = vertical["coordinate_system"]["axis"][0]
+        if not math.isclose(_factor(axis), _LINEAR_UNITS[int(unit)], rel_tol=1e-9):
+            axis["unit"] = _unit(int(unit))
             vertical.pop("id", None)
     return CRS.from_json_dict(
         {
@@ -114,6 +117,11 @@ def _with_heights(horizontal: CRS, code: int | float | str | None, unit: int | f
             "components": [horizontal.to_json_dict(), vertical],
         }
     )
+
+
+def _factor(axis: dict[str, Any]) -> float:
+    unit = axis.get("unit", "metre")
+    return float(unit["conversion_factor"]) if isinstance(unit, dict) else 1.0
 
 
 def _unit(code: int) -> object:
