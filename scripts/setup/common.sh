@@ -69,12 +69,19 @@ apt_sources() { apt-get indextargets --format '$(REPO_URI) $(RELEASE) $(COMPONEN
 apt_mirror() { apt_sources | awk -v release="$(os_field VERSION_CODENAME)" '$2 == release && $3 == "main" {print $1; exit}'; }
 apt_candidate() { apt-cache policy "$1" 2>/dev/null | awk '$1 == "Candidate:" && $2 != "(none)" {print $2}'; }
 
+# Package runs are long-winded: their output goes to a log, of which the end is shown where one fails.
+APT_LOG=$STATE/apt.log
+logged_as_root() {
+    mkdir -p "$STATE"
+    as_root "$@" >>"$APT_LOG" 2>&1 </dev/null
+}
+
 APT_REFRESHED=no
 apt_refresh() {
     [[ $APT_REFRESHED == no ]] || return 0
     say "  refreshing the package lists"
     # One foreign source that does not answer must not stop the set-up: what is needed is looked for afterwards.
-    as_root apt-get -q update -o Acquire::Retries=2 -o Acquire::http::Timeout=30 -o Acquire::https::Timeout=30 -o DPkg::Lock::Timeout=300 ||
+    logged_as_root apt-get -q update -o Acquire::Retries=2 -o Acquire::http::Timeout=30 -o Acquire::https::Timeout=30 -o DPkg::Lock::Timeout=300 ||
         say "  some package sources did not answer; going on with the others"
     APT_REFRESHED=yes
 }
@@ -86,9 +93,11 @@ apt_install() {
     can_be_root ||
         die "$reason needs Debian packages; run this as root, install sudo, or have an administrator run: apt-get install --no-install-recommends $*"
     # A package run that was cut short earlier is finished first.
-    [[ -z $(dpkg --audit 2>/dev/null) ]] || as_root env DEBIAN_FRONTEND=noninteractive dpkg --force-confold --configure -a || true
+    [[ -z $(dpkg --audit 2>/dev/null) ]] || logged_as_root env DEBIAN_FRONTEND=noninteractive dpkg --force-confold --configure -a || true
     apt_refresh
-    as_root env DEBIAN_FRONTEND=noninteractive apt-get -q -y install --no-install-recommends -o Dpkg::Use-Pty=0 \
-        -o Dpkg::Options::=--force-confold -o DPkg::Lock::Timeout=300 "$@" ||
-        die "$reason: apt-get could not install $* (its message is above)"
+    logged_as_root env DEBIAN_FRONTEND=noninteractive apt-get -q -y install --no-install-recommends -o Dpkg::Use-Pty=0 \
+        -o Dpkg::Options::=--force-confold -o DPkg::Lock::Timeout=300 "$@" || {
+        tail -n 8 "$APT_LOG" >&2
+        die "$reason: apt-get could not install $* (the end of its log, $APT_LOG, is above)"
+    }
 }

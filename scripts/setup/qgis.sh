@@ -48,11 +48,11 @@ install_qgis() {
     apt_refresh
     candidate=$(apt_candidate qgis | first_version)
     if [[ -n $candidate ]] && version_at_least "$candidate" "$QGIS_OLDEST"; then
-        say "  installing QGIS $candidate from this system's packages (about 1 GB on disk; this is the longest step)"
+        say "  installing QGIS $candidate from this system's packages (about 1 GB on disk; the longest step, some minutes; its log is .setup/apt.log)"
         apt_install QGIS "${packages[@]}"
     elif [[ $(os_field VERSION_CODENAME) == bookworm ]]; then
         add_backports
-        say "  installing QGIS from Debian's backports (about 1 GB on disk; this is the longest step)"
+        say "  installing QGIS from Debian's backports (about 1 GB on disk; the longest step, some minutes; its log is .setup/apt.log)"
         apt_install QGIS -t bookworm-backports "${packages[@]}"
     else
         die "this system offers QGIS ${candidate:-not at all}, and >= $QGIS_OLDEST is needed: install it from qgis.org"
