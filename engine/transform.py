@@ -1,0 +1,126 @@
+"""Rigid motions: applied without loss at projected coordinates, saved with direction and frame stated."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from .errors import InputError
+from .outputs import atomic_output
+
+Float = NDArray[np.float64]
+_RIGID = 1e-6  # largest deviation of R R' from the identity that is rounding and not a scale
+
+
+@dataclass(frozen=True)
+class RigidTransform:
+    """x' = R (x - centre) + centre + translation, in metres.
+
+    Rotating about a centre near the points keeps their digits; a rotation about the origin of a projected system
+    would multiply coordinates of millions of metres. ``rotation`` (3, 3), ``translation`` (3,), ``centre`` (3,).
+    """
+
+    rotation: Float
+    translation: Float
+    centre: Float
+
+    @classmethod
+    def identity(cls) -> RigidTransform:
+        return cls(np.eye(3), np.zeros(3), np.zeros(3))
+
+    @classmethod
+    def from_matrix(cls, matrix: Float, centre: Float | None = None) -> RigidTransform:
+        """From a (4, 4) matrix, about ``centre`` (by default the origin).
+
+        Raises:
+            ValueError: the matrix is not of a rigid motion.
+        """
+        matrix = np.asarray(matrix, dtype=np.float64)
+        if matrix.shape != (4, 4) or not np.isfinite(matrix).all() or not np.array_equal(matrix[3], [0, 0, 0, 1]):
+            raise ValueError("not a 4 by 4 matrix of finite numbers with the last row 0 0 0 1")
+        rotation = matrix[:3, :3]
+        if np.abs(rotation @ rotation.T - np.eye(3)).max() > _RIGID or np.linalg.det(rotation) < 0:
+            raise ValueError("not a rigid motion: its rotation scales, shears or mirrors")
+        centre = np.zeros(3) if centre is None else np.asarray(centre, dtype=np.float64)
+        return cls(rotation, matrix[:3, 3] + rotation @ centre - centre, centre)
+
+    @property
+    def matrix(self) -> Float:
+        """(4, 4), for coordinates of the clouds' reference system."""
+        matrix = np.eye(4)
+        matrix[:3, :3] = self.rotation
+        matrix[:3, 3] = self.translation + (self.centre - self.rotation @ self.centre)
+        return matrix
+
+    @property
+    def angle(self) -> float:
+        """Angle of the rotation, radians; exact also where it is tiny."""
+        r = self.rotation
+        sine = np.linalg.norm([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]) / 2
+        return math.atan2(float(sine), (float(np.trace(r)) - 1) / 2)
+
+    def apply(self, xyz: Float) -> Float:
+        """Moved copy of the points (n, 3)."""
+        return (xyz - self.centre) @ self.rotation.T + (self.centre + self.translation)
+
+    def inverse(self) -> RigidTransform:
+        return RigidTransform(self.rotation.T, -self.rotation.T @ self.translation, self.centre)
+
+    def then(self, second: RigidTransform) -> RigidTransform:
+        """This motion followed by ``second``, about this motion's centre."""
+        moved = second.apply((self.centre + self.translation)[None])[0]
+        return RigidTransform(second.rotation @ self.rotation, moved - self.centre, self.centre)
+
+    def save(self, path: Path, crs: CRS, facts: Mapping[str, Any] | None = None) -> None:
+        """Write as JSON: ``matrix`` row by row, moving to reference, and what is needed to use it rightly.
+
+        Args:
+            facts: figures of the registration, kept beside.
+        """
+        document = {
+            "matrix": self.matrix.tolist(),
+            "direction": "moving to reference: reference = matrix * moving",
+            "frame": {"crs": crs.to_string(), "unit": "metre"},
+            "rotation": self.rotation.tolist(),
+            "translation": self.translation.tolist(),
+            "centre": self.centre.tolist(),
+            "rotation_angle_rad": self.angle,
+            "registration": dict(facts or {}),
+        }
+        with atomic_output(path) as partial:
+            partial.write_text(json.dumps(document, indent=2, allow_nan=False), encoding="utf-8")
+
+    @classmethod
+    def load(cls, path: Path) -> RigidTransform:
+        """Read what ``save`` wrote, or any JSON with a rigid ``matrix``.
+
+        Raises:
+            InputError: missing, not JSON, or not a rigid motion.
+        """
+        remedy = "give a transform.json that SlopeWatch wrote, or one with a rigid 4 by 4 matrix"
+        try:
+            document = json.loads(Path(path).read_text(encoding="utf-8"))
+            centre = document.get("centre")
+            loaded = cls.from_matrix(np.array(document["matrix"], dtype=np.float64), centre)
+            if centre is not None and "rotation" in document and "translation" in document:
+                exact = cls(
+                    np.array(document["rotation"], dtype=np.float64),
+                    np.array(document["translation"], dtype=np.float64),
+                    np.array(centre, dtype=np.float64),
+                )
+                if np.abs(exact.matrix - loaded.matrix).max() > 1e-6:
+                    raise ValueError("its matrix contradicts its rotation and translation")
+                return exact
+            return loaded
+        except OSError as error:
+            raise InputError(f"{path} cannot be read ({error.strerror}); {remedy}.") from error
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise InputError(f"{path} holds no usable transform ({error}); {remedy}.") from error
