@@ -127,14 +127,15 @@ def copy_with(
     kept = [d for d in own if d.name not in values]
     standard = record_dtype(header.point_format, POINT_SIZES[header.point_format])
     read_as = np.dtype(standard.descr + extra_fields(own))
-    dtype = np.dtype(standard.descr + extra_fields(kept + new))
+    written_as = sorted(kept + new, key=lambda d: not d.descriptor)
+    dtype = np.dtype(standard.descr + extra_fields(written_as))
     carried = [*(standard.names or ()), *(name for name, _ in extra_fields(kept))]
     with atomic_output(Path(output), lambda p: _check(p, count)) as temporary, temporary.open("w+b") as stream:
         writer = LazWriter(
             stream,
             point_format=header.point_format,
             dtype=dtype,
-            dimensions=kept + new,
+            dimensions=written_as,
             scales=scales,
             offsets=offsets,
             crs=frame.crs,

@@ -26,7 +26,10 @@ _MAXIMUM_PAYLOAD = 65535
 
 @dataclass(frozen=True)
 class ExtraDimension:
-    """A field behind a point format's own: its name, numpy type and the 192 bytes that describe it in the file."""
+    """A field behind a point format's own: its name, numpy type and the 192 bytes that describe it in the file.
+
+    Bytes that nothing describes have an empty descriptor; they must come last.
+    """
 
     name: str
     dtype: np.dtype[np.generic]
@@ -50,7 +53,7 @@ def new_dimension(name: str, dtype: np.dtype[np.generic], description: str = "")
 
 
 def read_dimensions(described: bytes | None, extra_bytes: int) -> list[ExtraDimension]:
-    """The extra dimensions of a file from its record ``LASF_Spec`` 4; bytes that it does not describe become one more.
+    """The extra dimensions of a file from its record ``LASF_Spec`` 4; bytes that it does not describe are the last.
 
     Args:
         described: payload of the record, 192 bytes for each dimension.
@@ -76,12 +79,8 @@ def read_dimensions(described: bytes | None, extra_bytes: int) -> list[ExtraDime
         seen.add(name)
         left -= dtype.itemsize
         dimensions.append(ExtraDimension(name, dtype, descriptor))
-    while left > 0:
-        size = min(left, 255)
-        name = f"undescribed_{len(dimensions)}"
-        descriptor = struct.pack("<2sBB32s", b"", 0, size, name.encode()).ljust(192, b"\0")
-        dimensions.append(ExtraDimension(name, np.dtype(f"V{size}"), descriptor))
-        left -= size
+    if left:
+        dimensions.append(ExtraDimension("undescribed", np.dtype(f"V{left}"), b""))
     return dimensions
 
 
@@ -123,8 +122,9 @@ class LazWriter:
         extra = sum(d.dtype.itemsize for d in dimensions)
         record = lazrs.LazVlr.new_for_compression(point_format, extra)
         vlrs = [("LASF_Projection", 2112, wkt_of(crs).encode() + b"\0")]
-        if dimensions:
-            vlrs.append(("LASF_Spec", 4, b"".join(d.descriptor for d in dimensions)))
+        described = b"".join(d.descriptor for d in dimensions)
+        if described:
+            vlrs.append(("LASF_Spec", 4, described))
         vlrs.append(("laszip encoded", 22204, bytes(record.record_data())))
         packed = b"".join(_vlr(*vlr) for vlr in vlrs)
         self._vlr_count, self._offset = len(vlrs), _HEADER_SIZE + len(packed)
