@@ -69,33 +69,36 @@ def _through_leaves(
     found: list[tuple[NDArray[np.int64], Float, Float]] = []
     if canopy.covered.any():
         enter = _enter(canopy, rays, start, ground)
-        threshold = rng.standard_exponential(n)
-        depth = np.zeros(n)
-        t = enter + MARCH * (rng.random(n) - 1.0)
+        # What follows is of the rays under way, ``active``; a ray that has ended waits with threshold inf.
         active = np.flatnonzero(enter < ground)
+        t = (enter + MARCH * (rng.random(n) - 1.0))[active]
+        threshold = rng.standard_exponential(n)[active]
+        under_way, end, depth = rays.take(active), ground[active] - 0.05, np.zeros(len(active))
         while len(active):
-            here = t[active]
-            place = rays.take(active).at(here)
-            depth[active] += canopy.density_at(*place) * MARCH
-            hit = depth[active] >= threshold[active]
-            struck = active[hit]
-            if len(struck):
-                at = here[hit] + MARCH * (rng.random(len(struck)) - 0.5)
-                u, v, z = rays.take(struck).at(at)
+            depth += canopy.density_at(*under_way.at(t)) * MARCH
+            hit = np.flatnonzero(depth >= threshold)
+            if len(hit):
+                at = t[hit] + MARCH * (rng.random(len(hit)) - 0.5)
+                u, v, z = under_way.take(hit).at(at)
                 # Voxels are coarser than the gap under the leaves, above all on a steep face.
                 clear = z - scene.height(u, v) >= canopy.clearance
-                struck, at = struck[clear], at[clear]
+                hit, at = hit[clear], at[clear]
+                struck = active[hit]
                 taken = rng.uniform(0.35, 1.0, len(struck)) * left[struck]
                 left[struck] -= taken
-                threshold[struck] = depth[struck] + rng.standard_exponential(len(struck))
                 apart = at - last[struck] >= SEPARATION
-                struck = struck[apart]
-                found.append((struck, at[apart], taken[apart]))
-                last[struck] = at[apart]
-                count[struck] += 1
-            t[active] += MARCH
-            going = (t[active] < ground[active] - 0.05) & (left[active] >= LEAST_ENERGY) & (count[active] < maximum)
-            active = active[going]
+                found.append((struck[apart], at[apart], taken[apart]))
+                last[struck[apart]] = at[apart]
+                count[struck[apart]] += 1
+                ended = (left[struck] < LEAST_ENERGY) | (count[struck] >= maximum)
+                following = depth[hit] + rng.standard_exponential(len(hit))
+                threshold[hit] = np.where(ended, np.inf, following)
+            t += MARCH
+            threshold[t >= end] = np.inf
+            going = np.isfinite(threshold)
+            if np.count_nonzero(going) < 0.8 * len(active):
+                active, t, threshold, end, depth = active[going], t[going], threshold[going], end[going], depth[going]
+                under_way = under_way.take(going)
     if not found:
         return np.empty(0, np.int64), np.empty(0), np.empty(0), left, last, count
     ray, distance, energy = (np.concatenate(parts) for parts in zip(*found, strict=True))

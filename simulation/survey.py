@@ -105,7 +105,7 @@ def simulate_pair(
 def simulate_controlled_test(
     seed: int = 1,
     vegetation: float = 0.6,
-    density: float = 1500.0,
+    density: float = 1800.0,
     side: float = 20.0,
     angle: float = 12.0,
     offset: float = 0.0,
@@ -115,7 +115,7 @@ def simulate_controlled_test(
     """Replica of the published controlled test: a plateau and a cone appear on vegetated ground.
 
     Args:
-        density: returns per m² of the ``side`` x ``side`` m test field; 1500 makes the share of 0.1 m cells with ground
+        density: returns per m² of the ``side`` x ``side`` m test field; 1800 makes the share of 0.1 m cells with ground
             in both epochs about the published 94.7 %.
         angle: inclination of the ground, degrees.
     """
