@@ -1,0 +1,151 @@
+"""Heatmap: the change half-transparent over the top view, as a georeferenced picture and as an annotated PNG."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import geopandas as gpd
+import numpy as np
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from .change import Change
+from .gridding import Grid
+from .outputs import atomic_output
+from .palette import colour_limit, diverging_colours, veiled
+from .parameters import HeatmapParameters
+from .rasters import write_rgba
+from .top_view import TopView
+from .zones import Zones
+
+# Cells below the level lose this share of their colour, so that the coloured ones stand out.
+_FADE = 0.6
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # ITU-R BT.709
+
+
+@dataclass(frozen=True)
+class Heatmap:
+    """``rgba`` uint8 (rows, columns, 4) on ``grid``; the colours run from ``-limit`` to ``+limit`` metres.
+
+    ``level`` is the median level of detection in metres, NaN if there is none; ``opacity`` that of the change and
+    ``backdrop`` the mean lightness (0 to 255) of what it lies on, for a legend in the map's own colours.
+    """
+
+    rgba: NDArray[np.uint8]
+    grid: Grid
+    limit: float
+    level: float
+    opacity: float
+    backdrop: float
+    significant_cells: int
+
+
+def write_heatmap(
+    png: Path,
+    raster: Path,
+    change: Change,
+    view: TopView,
+    found: Zones,
+    crs: CRS | None,
+    parameters: HeatmapParameters | None = None,
+    *,
+    limit: float | None = None,
+    epochs: tuple[str, str] = ("", ""),
+    name: str = "",
+    tags: Mapping[str, str] | None = None,
+) -> Heatmap:
+    """Make the heatmap of a change and write it as annotated PNG and as georeferenced RGBA raster.
+
+    Args:
+        limit: end of the legend, metres; from the data and ``parameters`` if not given.
+        epochs: what the title calls the two epochs.
+        name: of the slope, for the title.
+
+    Raises:
+        InputError: a folder is missing or not writable.
+    """
+    picture = make_heatmap(change.dz, change.significant, change.level, change.grid, view, parameters, limit=limit)
+    write_heatmap_png(png, picture, zones=found.frame, epochs=epochs, name=name)
+    write_rgba(raster, picture.rgba, picture.grid, crs, tags=tags)
+    return picture
+
+
+def make_heatmap(
+    dz: NDArray[np.floating],
+    significant: NDArray[np.bool_],
+    lod: NDArray[np.floating],
+    grid: Grid,
+    view: TopView,
+    parameters: HeatmapParameters | None = None,
+    *,
+    limit: float | None = None,
+) -> Heatmap:
+    """Lay significant change in colour, other measured cells in a grey veil, over the top view.
+
+    Under the colours the top view is grey, so that green shrubs do not turn the hue, which tells lowering from raising.
+    Cells without a common measurement show the top view alone; where that is empty too, the picture is transparent.
+
+    Args:
+        dz, lod: change and level of detection (rows, columns) on ``grid``, metres; NaN for no data.
+        view: the top view, on a grid of its own.
+        limit: end of the legend, metres; from the data and ``parameters`` if not given.
+    """
+    parameters = parameters or HeatmapParameters()
+    level = float(np.median(lod[np.isfinite(lod)])) if np.isfinite(lod).any() else float("nan")
+    shown = significant & np.isfinite(dz)
+    if limit is None:
+        limit = colour_limit(dz[shown], parameters.colour_range, level=level)
+    row, column = _nearest_cells(view.grid, grid)
+    inside = ((row >= 0) & (row < grid.rows))[:, np.newaxis] & ((column >= 0) & (column < grid.columns))
+    window = np.ix_(np.clip(row, 0, grid.rows - 1), np.clip(column, 0, grid.columns - 1))
+    coloured = shown[window] & inside
+    measured = np.isfinite(dz)[window] & inside
+    below = measured & ~coloured
+    seen = view.rgba[..., 3] > 0
+    base = view.rgba[..., :3].astype(np.float32)
+    # no top view there: the overlay alone, as if over white
+    base[measured & ~seen] = 255.0
+    grey = (base @ _LUMINANCE)[..., np.newaxis]
+    backdrop = float(grey[seen].mean()) if seen.any() else 255.0
+    colours = diverging_colours(dz[window][coloured], limit).astype(np.float32)
+    base[coloured] = grey[coloured] + parameters.opacity * (colours - grey[coloured])
+    base[below] = veiled(base[below] + _FADE * (grey[below] - base[below]), parameters.opacity)
+    rgba = np.zeros((*view.grid.shape, 4), dtype=np.uint8)
+    rgba[..., :3] = np.rint(base)
+    rgba[..., 3] = np.where(seen | measured, 255, 0)
+    rgba[rgba[..., 3] == 0] = 0
+    return Heatmap(rgba, view.grid, limit, level, parameters.opacity, backdrop, int(shown.sum()))
+
+
+def write_heatmap_png(
+    path: Path,
+    heatmap: Heatmap,
+    *,
+    zones: gpd.GeoDataFrame | None = None,
+    epochs: tuple[str, str] = ("", ""),
+    name: str = "",
+) -> None:
+    """Write the heatmap as an annotated PNG: zone outlines and ids, legend, scale bar, north arrow, coordinates.
+
+    Args:
+        zones: as of ``zones.extract_zones``, in the heatmap's horizontal reference system, most severe first.
+
+    Raises:
+        InputError: the folder is missing or not writable.
+    """
+    # matplotlib takes half a second to import; nothing else of the engine should wait for it
+    from .map_figure import check_png, draw_map
+
+    with atomic_output(Path(path), check_png) as partial:
+        draw_map(partial, heatmap, zones=zones, epochs=epochs, name=name)
+
+
+def _nearest_cells(of: Grid, on: Grid) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Row and column on the grid ``on`` below the centre of each row and column of ``of``; may lie outside."""
+    x = of.west + (np.arange(of.columns) + 0.5) * of.cell
+    y = of.north - (np.arange(of.rows) + 0.5) * of.cell
+    column = np.floor((x - on.west) / on.cell + 1e-6)
+    row = np.floor((on.north - y) / on.cell + 1e-6)
+    return row.astype(np.int64), column.astype(np.int64)

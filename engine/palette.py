@@ -1,0 +1,76 @@
+"""Colours of change: one diverging and one sequential ramp for the styles, the heatmap and the report.
+
+Lowering is red, raising is blue, as geomorphologists draw erosion and deposition. The two arms have the same lightness
+at the same magnitude (built in OKLCH, https://bottosson.github.io/posts/oklab), and stay apart in simulated red-green
+colour blindness (Machado et al. 2009, doi:10.1109/TVCG.2009.113): 0.13 or more in OKLab beyond a quarter of the range.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Colour = tuple[int, int, int]
+
+# Share of the range, colour of lowering, colour of raising.
+DIVERGING: tuple[tuple[float, Colour, Colour], ...] = (
+    (0.0, (0xF5, 0xF5, 0xF5), (0xF5, 0xF5, 0xF5)),
+    (0.1, (0xF8, 0xD7, 0xBE), (0xC9, 0xE2, 0xF2)),
+    (0.25, (0xF2, 0xAB, 0x83), (0x90, 0xC5, 0xE9)),
+    (0.45, (0xE0, 0x6B, 0x46), (0x4F, 0x99, 0xD4)),
+    (0.7, (0xB4, 0x36, 0x28), (0x2A, 0x6B, 0xAE)),
+    (1.0, (0x77, 0x1D, 0x18), (0x1D, 0x41, 0x76)),
+)
+SEQUENTIAL: tuple[tuple[float, Colour], ...] = (
+    (0.0, (0xF7, 0xF4, 0xE9)),
+    (0.25, (0xD9, 0xD2, 0xA8)),
+    (0.5, (0xA7, 0xAE, 0x7C)),
+    (0.75, (0x62, 0x82, 0x6C)),
+    (1.0, (0x21, 0x4E, 0x5A)),
+)
+BELOW_LEVEL: Colour = (0x8C, 0x8C, 0x8C)
+
+
+def diverging_colours(values: NDArray[np.floating], limit: float) -> NDArray[np.uint8]:
+    """RGB (..., 3) of ``values`` in metres on the ramp from -limit to +limit, clipped to it; NaN is black."""
+    positions = np.array([-s for s, _, _ in DIVERGING[:0:-1]] + [s for s, _, _ in DIVERGING])
+    colours = np.array([low for _, low, _ in DIVERGING[:0:-1]] + [high for _, _, high in DIVERGING], dtype=np.float64)
+    table = np.stack([np.interp(np.linspace(-1, 1, 1021), positions, colours[:, band]) for band in range(3)], axis=1)
+    index = np.nan_to_num(np.rint((np.clip(values / limit, -1.0, 1.0) + 1.0) * 510.0)).astype(np.int64)
+    rgb: NDArray[np.uint8] = np.rint(table).astype(np.uint8)[index]
+    rgb[np.isnan(values)] = 0
+    return rgb
+
+
+def colour_limit(values: NDArray[np.floating], colour_range: float = 0.0, *, level: float = 0.0) -> float:
+    """End of a legend in metres: ``colour_range`` where it is set, else the rounded 98th percentile of magnitudes.
+
+    Never below twice the ``level`` of detection, so that noise is not drawn in full colours.
+    """
+    if colour_range > 0:
+        return colour_range
+    known = np.abs(values[np.isfinite(values)])
+    largest = float(np.percentile(known, 98)) if known.size else 0.0
+    return rounded_up(max(largest, 2.0 * level if math.isfinite(level) else 0.0, 0.01))
+
+
+def rounded_up(value: float) -> float:
+    """The next of 1, 1.5, 2, 3, 4, 5, 6, 8 times a power of ten that is not below ``value`` (> 0)."""
+    power = 10.0 ** math.floor(math.log10(value))
+    for step in (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0):
+        if step * power >= value * (1 - 1e-9):
+            return float(f"{step * power:.6g}")
+    raise AssertionError(value)
+
+
+def veiled(lightness: NDArray[np.float32] | float, opacity: float) -> Any:
+    """Lightness (0 to 255) under the grey veil of cells below the level, which is fainter than the change's opacity."""
+    return lightness + 0.4 * opacity * (BELOW_LEVEL[0] - lightness)
+
+
+def hexadecimal(colour: Colour) -> str:
+    """``#rrggbb``."""
+    return "#{:02x}{:02x}{:02x}".format(*colour)

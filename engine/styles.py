@@ -1,0 +1,269 @@
+"""QGIS styles (QML) for the rasters and zones of a run, written without QGIS.
+
+They keep to the elements that QGIS 3.34 to 4 reads; what is left out takes QGIS's defaults.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+from .outputs import atomic_output
+from .palette import BELOW_LEVEL, DIVERGING, SEQUENTIAL, Colour, hexadecimal
+
+_VERSION = "3.34.0"
+
+# What analysts read in the attribute table instead of the field's name.
+ALIASES = {
+    "zone_id": "Zone",
+    "slope_id": "Slope",
+    "route": "Route",
+    "chain_from": "Chainage from (m)",
+    "chain_to": "Chainage to (m)",
+    "side": "Side",
+    "epoch_from": "From epoch",
+    "epoch_to": "To epoch",
+    "days": "Days between",
+    "kind": "Kind",
+    "severity": "Severity",
+    "confidence": "Confidence",
+    "dz_mean_m": "Mean change (m)",
+    "dz_min_m": "Least change (m)",
+    "dz_max_m": "Largest change (m)",
+    "dz_p95_m": "Change, 95th percentile (m)",
+    "area_m2": "Area (m²)",
+    "n_cells": "Cells",
+    "vol_loss_m3": "Volume lost (m³)",
+    "vol_gain_m3": "Volume gained (m³)",
+    "vol_net_m3": "Net volume (m³)",
+    "vol_err_m3": "Standard error of volume (m³)",
+    "lod95_m": "Level of detection, median (m)",
+    "rate_mm_day": "Rate (mm/day)",
+    "rate_err": "Standard error of rate (mm/day)",
+    "slope_deg": "Inclination (degrees)",
+    "n_pts_min": "Fewest points in a cell",
+    "n_epochs_confirmed": "Epochs that confirm",
+    "review_status": "Review",
+    "reviewer": "Reviewer",
+    "method": "Method",
+    "run_id": "Run",
+}
+REVIEW = ("unreviewed", "confirmed", "rejected")
+
+_MAP_TIP = """<b>[% "zone_id" %]: [% "kind" %], [% "severity" %]</b><br/>
+mean [% format_number("dz_mean_m", 3) %] m, 95 % within [% format_number("dz_p95_m", 3) %] m<br/>
+area [% format_number("area_m2", 1) %] m²,
+volume [% format_number("vol_net_m3", 2) %] ± [% format_number("vol_err_m3", 2) %] m³<br/>
+[% "epoch_from" %] to [% "epoch_to" %]"""
+
+
+def change_qml(limit: float, level: float | None = None) -> str:
+    """Diverging, zero-centred style of an elevation-change raster: lowering red, raising blue.
+
+    Args:
+        limit: the ramp runs from -limit to +limit, metres.
+        level: change below this, metres, is drawn in a faint grey (the median level of detection).
+    """
+    stops: list[tuple[float, Colour, int, str]] = []
+    inner = level if level is not None and 0 < level < limit else 0.0
+    for share, low, high in DIVERGING:
+        value = share * limit
+        if value > inner or (value == 0 and not inner):
+            stops.append((value, high, 255, _signed(value)))
+            if value:
+                stops.append((-value, low, 255, _signed(-value)))
+    if inner:
+        # two stops close together make the hard edge of the grey band
+        edge = inner * 1.0001
+        stops += [
+            (-inner, BELOW_LEVEL, 70, f"from {-inner:+.3f} m"),
+            (inner, BELOW_LEVEL, 70, f"to {inner:+.3f} m: below the level of detection (median)"),
+            (edge, _between(inner / limit, raising=True), 255, _signed(inner)),
+            (-edge, _between(inner / limit, raising=False), 255, _signed(-inner)),
+        ]
+    return _raster_qml(sorted(stops, key=lambda s: s[0]))
+
+
+def level_qml(limit: float) -> str:
+    """Sequential style of a level-of-detection raster, from 0 to ``limit`` metres."""
+    return _raster_qml([(s * limit, colour, 255, f"{s * limit:.3f} m") for s, colour in SEQUENTIAL])
+
+
+def zones_qml() -> str:
+    """Style of the zones by kind and severity, labelled with their ids, with aliases, map tip and a review list."""
+    root = Element(
+        "qgis",
+        version=_VERSION,
+        styleCategories="Symbology|Labeling|Fields|Forms|MapTips",
+        labelsEnabled="1",
+        readOnly="0",
+    )
+    renderer = SubElement(
+        root,
+        "renderer-v2",
+        {
+            "type": "categorizedSymbol",
+            "attr": 'concat("kind", \', \', "severity")',
+            "enableorderby": "0",
+            "forceraster": "0",
+            "symbollevels": "0",
+            "referencescale": "-1",
+        },
+    )
+    categories = SubElement(renderer, "categories")
+    symbols = SubElement(renderer, "symbols")
+    grades = (("high", 4, 150, 0.6), ("moderate", 3, 110, 0.4), ("low", 2, 80, 0.26))
+    pairs = [(kind, *grade) for kind in ("subsidence", "uplift") for grade in grades]
+    for number, (kind, severity, stop, opacity, width) in enumerate(pairs):
+        low, high = DIVERGING[stop][1:], DIVERGING[-1][1:]
+        arm = 0 if kind == "subsidence" else 1
+        SubElement(
+            categories,
+            "category",
+            value=f"{kind}, {severity}",
+            label=f"{kind.capitalize()}, {severity}",
+            symbol=str(number),
+            render="true",
+            type="string",
+        )
+        symbol = SubElement(symbols, "symbol", type="fill", name=str(number), alpha="1", clip_to_extent="1")
+        fill = SubElement(symbol, "layer", {"class": "SimpleFill", "enabled": "1", "locked": "0", "pass": "0"})
+        _options(fill, color=_rgba(low[arm], opacity), outline_style="no", style="solid")
+        # the outer ring only: a zone has many holes of one cell, whose outlines would cover its colour
+        line = SubElement(symbol, "layer", {"class": "SimpleLine", "enabled": "1", "locked": "0", "pass": "0"})
+        _options(
+            line,
+            line_color=_rgba(high[arm], 255),
+            line_style="solid",
+            line_width=str(width),
+            line_width_unit="MM",
+            joinstyle="miter",
+            ring_filter="1",
+        )
+    _labels(root)
+    _forms(root)
+    SubElement(root, "mapTip", enabled="1").text = _MAP_TIP
+    SubElement(root, "layerGeometryType").text = "2"
+    return _document(root)
+
+
+def write_qml_beside(raster: Path, qml: str) -> Path:
+    """Write ``qml`` where QGIS finds it when it loads ``raster``: same folder, same stem. Returns that path."""
+    path = Path(raster).with_suffix(".qml")
+    with atomic_output(path) as partial:
+        partial.write_text(qml, encoding="utf-8")
+    return path
+
+
+def _raster_qml(stops: list[tuple[float, Colour, int, str]]) -> str:
+    root = Element("qgis", version=_VERSION, styleCategories="Symbology")
+    pipe = SubElement(root, "pipe")
+    low, high = _number(stops[0][0]), _number(stops[-1][0])
+    renderer = SubElement(
+        pipe,
+        "rasterrenderer",
+        type="singlebandpseudocolor",
+        band="1",
+        opacity="1",
+        alphaBand="-1",
+        classificationMin=low,
+        classificationMax=high,
+    )
+    origin = SubElement(renderer, "minMaxOrigin")
+    SubElement(origin, "limits").text = "None"
+    shader = SubElement(
+        SubElement(renderer, "rastershader"),
+        "colorrampshader",
+        colorRampType="INTERPOLATED",
+        classificationMode="1",
+        clip="0",
+        minimumValue=low,
+        maximumValue=high,
+    )
+    for value, colour, alpha, label in stops:
+        SubElement(shader, "item", value=_number(value), color=hexadecimal(colour), alpha=str(alpha), label=label)
+    # each stop in the legend: the continuous bar would name the two ends only
+    SubElement(shader, "rampLegendSettings", useContinuousLegend="0", suffix=" m")
+    SubElement(root, "blendMode").text = "0"
+    return _document(root)
+
+
+def _labels(root: Element) -> None:
+    settings = SubElement(SubElement(root, "labeling", type="simple"), "settings", calloutType="simple")
+    text = SubElement(
+        settings,
+        "text-style",
+        fieldName="zone_id",
+        isExpression="0",
+        fontSize="8",
+        fontSizeUnit="Point",
+        fontFamily="Open Sans",
+        fontWeight="63",
+        textColor="30,30,30,255",
+        textOpacity="1",
+        allowHtml="0",
+    )
+    SubElement(
+        text,
+        "text-buffer",
+        bufferDraw="1",
+        bufferSize="0.8",
+        bufferSizeUnits="MM",
+        bufferColor="255,255,255,255",
+        bufferOpacity="0.85",
+        bufferNoFill="1",
+    )
+    SubElement(settings, "placement", placement="1", centroidInside="1", centroidWhole="1", priority="5", dist="0")
+    SubElement(settings, "rendering", drawLabels="1", obstacle="1", scaleVisibility="0", labelPerPart="0")
+
+
+def _forms(root: Element) -> None:
+    configuration = SubElement(root, "fieldConfiguration")
+    widget = SubElement(SubElement(configuration, "field", name="review_status"), "editWidget", type="ValueMap")
+    options = SubElement(SubElement(widget, "config"), "Option", type="Map")
+    choices = SubElement(options, "Option", type="List", name="map")
+    for status in REVIEW:
+        entry = SubElement(choices, "Option", type="Map")
+        SubElement(entry, "Option", type="QString", name=status.capitalize(), value=status)
+    aliases = SubElement(root, "aliases")
+    for field, name in ALIASES.items():
+        SubElement(aliases, "alias", field=field, name=name)
+
+
+def _options(parent: Element, **values: str) -> None:
+    option = SubElement(parent, "Option", type="Map")
+    for name, value in values.items():
+        SubElement(option, "Option", type="QString", name=name, value=value)
+
+
+def _between(share: float, *, raising: bool) -> Colour:
+    """Colour of the ramp at ``share`` (0 to 1) of its range, between its stops."""
+    stops = [(position, high if raising else low) for position, low, high in DIVERGING]
+    for (first, start), (second, end) in pairwise(stops):
+        if share <= second:
+            t = (share - first) / (second - first)
+            red, green, blue = (round(a + t * (b - a)) for a, b in zip(start, end, strict=True))
+            return red, green, blue
+    return stops[-1][1]
+
+
+def _signed(value: float) -> str:
+    if value == 0:
+        return "0 m"
+    return f"{value:+.3f} m {'raised' if value > 0 else 'lowered'}"
+
+
+def _number(value: float) -> str:
+    return f"{value:.9g}"
+
+
+def _rgba(colour: Colour, alpha: int) -> str:
+    return ",".join(str(c) for c in (*colour, alpha))
+
+
+def _document(root: Element) -> str:
+    ElementTree.indent(root)
+    body = ElementTree.tostring(root, encoding="unicode")
+    return f"<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n{body}\n"

@@ -1,0 +1,107 @@
+"""GeoPackages of a run: one layer a table, its QGIS style inside, the same bytes for the same content."""
+
+from __future__ import annotations
+
+import sqlite3
+import warnings
+from contextlib import closing
+from datetime import date
+from pathlib import Path
+
+import geopandas as gpd
+import pyogrio
+
+from .errors import EngineError, InputError
+from .outputs import atomic_output
+from .styles import zones_qml
+
+# Version 1.2 is what every GDAL since 2018 reads without a warning.
+_OPTIONS = {"dataset_options": {"VERSION": "1.2", "DATETIME_FORMAT": "UTC"}, "layer_options": {"GEOMETRY_NAME": "geom"}}
+
+# The table as QGIS itself makes it.
+_STYLE_TABLE = """CREATE TABLE layer_styles (
+    id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL,
+    f_table_catalog TEXT(256), f_table_schema TEXT(256), f_table_name TEXT(256), f_geometry_column TEXT(256),
+    styleName TEXT(30), styleQML TEXT, styleSLD TEXT, useAsDefault BOOLEAN, description TEXT, owner TEXT(30),
+    ui TEXT(30), update_time DATETIME DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ','now')))"""
+
+
+def write_zones(path: Path, frame: gpd.GeoDataFrame, *, stamp: date | None = None) -> None:
+    """Write zones (see ``zones.extract_zones``; none is well too) as layer ``zones``, styled by kind and severity."""
+    write_layer(path, frame, "zones", qml=zones_qml(), geometry_type="MultiPolygon", stamp=stamp)
+
+
+def write_layer(
+    path: Path,
+    frame: gpd.GeoDataFrame,
+    layer: str,
+    *,
+    qml: str = "",
+    geometry_type: str | None = None,
+    stamp: date | None = None,
+) -> None:
+    """Write ``frame`` as the only layer of a new GeoPackage, with ``qml`` as its default style.
+
+    Args:
+        geometry_type: as the layer declares it; needed where ``frame`` is empty.
+        stamp: date that the file states as its last change, such as the later epoch's. Without it 1970-01-01, because
+            the clock would make the bytes differ from run to run.
+
+    Raises:
+        EngineError: a field name is not lowercase or longer than 31 characters, or the file read back differs.
+        InputError: the folder is missing or not writable.
+    """
+    fields = [name for name in frame.columns if name != frame.geometry.name]
+    for name in fields:
+        if name != name.lower() or len(name) > 31:
+            raise EngineError(f"{name} is no field name for {Path(path).name}")
+
+    def check(written: Path) -> None:
+        _check(written, frame, layer, fields)
+
+    moment = f"{(stamp or date(1970, 1, 1)).isoformat()}T00:00:00.000Z"
+    with atomic_output(Path(path), check) as partial:
+        partial.unlink(missing_ok=True)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="'crs' was not provided")
+            pyogrio.write_dataframe(frame, partial, layer=layer, driver="GPKG", geometry_type=geometry_type, **_OPTIONS)
+        with closing(sqlite3.connect(partial)) as database, database:
+            if qml:
+                _add_style(database, layer, qml, moment)
+            database.execute("UPDATE gpkg_contents SET last_change = ?", (moment,))
+
+
+def read_layer(path: Path, layer: str | None = None) -> gpd.GeoDataFrame:
+    """Read a layer of any vector file that GDAL knows.
+
+    Raises:
+        InputError: missing, not a vector file, or without that layer.
+    """
+    try:
+        return pyogrio.read_dataframe(path, layer=layer)
+    except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError) as error:
+        wanted = f" with a layer {layer}" if layer else ""
+        raise InputError(f"{path} cannot be read as a vector file{wanted}; give a GeoPackage.") from error
+
+
+def _add_style(database: sqlite3.Connection, layer: str, qml: str, moment: str) -> None:
+    database.execute(_STYLE_TABLE)
+    database.execute(
+        "INSERT INTO layer_styles (f_table_catalog, f_table_schema, f_table_name, f_geometry_column, styleName,"
+        " styleQML, styleSLD, useAsDefault, description, owner, update_time)"
+        " VALUES ('', '', ?, 'geom', ?, ?, '', 1, '', '', ?)",
+        (layer, "SlopeWatch", qml, moment),
+    )
+    # known to the GeoPackage, else strict readers complain about a stray table
+    database.execute(
+        "INSERT INTO gpkg_contents (table_name, data_type, identifier, description, srs_id)"
+        " VALUES ('layer_styles', 'attributes', 'layer_styles', '', 0)"
+    )
+
+
+def _check(written: Path, frame: gpd.GeoDataFrame, layer: str, fields: list[str]) -> None:
+    info = pyogrio.read_info(written, layer=layer)
+    with closing(sqlite3.connect(written)) as database:
+        intact = database.execute("PRAGMA quick_check").fetchone()[0] == "ok"
+    if not intact or info["features"] != len(frame) or list(info["fields"]) != fields:
+        raise EngineError(f"{written.name} read back differs from what was written")

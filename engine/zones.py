@@ -1,0 +1,327 @@
+"""Hazard zones: contiguous cells of significant change of one sign, as polygons with their figures and errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import date
+
+import geopandas as gpd
+import numpy as np
+import pandas as pd
+import shapely
+from affine import Affine
+from numpy.typing import NDArray
+from pyproj import CRS
+from rasterio.features import shapes
+from scipy import ndimage
+from scipy.special import erf
+
+from .gridding import Float, Grid
+from .parameters import ZoneParameters
+
+# Name and kind of every field, in the order of the attribute table. Text is never NULL; a number that is not known is.
+FIELDS: dict[str, str] = {
+    "zone_id": "text",
+    "slope_id": "text",
+    "route": "text",
+    "chain_from": "real",
+    "chain_to": "real",
+    "side": "text",
+    "epoch_from": "text",
+    "epoch_to": "text",
+    "days": "integer",
+    "kind": "text",
+    "severity": "text",
+    "confidence": "real",
+    "dz_mean_m": "real",
+    "dz_min_m": "real",
+    "dz_max_m": "real",
+    "dz_p95_m": "real",
+    "area_m2": "real",
+    "n_cells": "integer",
+    "vol_loss_m3": "real",
+    "vol_gain_m3": "real",
+    "vol_net_m3": "real",
+    "vol_err_m3": "real",
+    "lod95_m": "real",
+    "rate_mm_day": "real",
+    "rate_err": "real",
+    "slope_deg": "real",
+    "n_pts_min": "integer",
+    "n_epochs_confirmed": "integer",
+    "review_status": "text",
+    "reviewer": "text",
+    "method": "text",
+    "run_id": "text",
+}
+SEVERITIES = ("high", "moderate", "low")
+KINDS = ("subsidence", "uplift")
+
+_EIGHT = np.ones((3, 3), dtype=np.int8)
+
+
+@dataclass(frozen=True)
+class Zones:
+    """Zones of a run, the most severe first.
+
+    Attributes:
+        frame: one row a zone; columns ``FIELDS`` and a MultiPolygon ``geometry`` in the horizontal reference system.
+        labels: int32 (rows, columns); 0 outside every zone, else 1 + the zone's row in ``frame``.
+        dropped_groups, dropped_cells: groups of significant cells that were too small, and their cells.
+    """
+
+    frame: gpd.GeoDataFrame
+    labels: NDArray[np.int32]
+    dropped_groups: int
+    dropped_cells: int
+
+
+def extract_zones(
+    dz: NDArray[np.floating],
+    significant: NDArray[np.bool_],
+    lod: NDArray[np.floating],
+    sigma: NDArray[np.floating],
+    count_min: NDArray[np.integer],
+    grid: Grid,
+    crs: CRS | None,
+    parameters: ZoneParameters | None = None,
+    *,
+    registration_error: float = 0.0,
+    heights: NDArray[np.floating] | None = None,
+    epochs: tuple[date | None, date | None] = (None, None),
+    method: str = "",
+    run_id: str = "",
+) -> Zones:
+    """Join significant cells of one sign into zones.
+
+    Cells that share an edge or a corner belong together: under vegetation a surface is measured in a broken pattern of
+    cells that edges alone would not connect. A polygon follows the cells' edges, unsimplified, with its holes, so
+    that its area is that of its cells; parts that meet in a corner only are parts of one MultiPolygon.
+
+    The fields' meaning, where it is not plain: ``dz_p95_m`` is the 95th percentile of the magnitudes with the zone's
+    sign; ``vol_loss_m3`` and ``vol_gain_m3`` are positive; ``vol_err_m3`` is one standard error, for which the
+    registration's part is taken as one and the same in all cells (n * registration_error) and the rest as independent
+    from cell to cell; ``rate_err`` is the standard error of ``rate_mm_day`` from the same model; ``lod95_m`` is the
+    zone's median level of detection; ``slope_deg`` the inclination of the plane through the zone's ``heights``;
+    ``confidence`` the two-sided probability that the mean change is not zero even if the errors of all cells were
+    fully correlated.
+
+    Args:
+        dz: elevation change (rows, columns), metres; NaN for no data.
+        significant: cells beyond their level of detection.
+        lod: level of detection of each cell, metres.
+        sigma: standard error of ``dz`` of each cell, the registration's part included, metres.
+        count_min: points of each cell in the epoch that has fewer.
+        registration_error: the part of ``sigma`` that all cells share, metres.
+        heights: heights of the surface, for the zones' inclination; without them ``slope_deg`` is NULL.
+        epochs: dates of both surveys; without them ``days`` and the rates are NULL.
+    """
+    parameters = parameters or ZoneParameters()
+    labels, first_cells, groups, cells = _label(dz, significant, grid, parameters)
+    count = len(first_cells)
+    inside = np.flatnonzero(labels)
+    zone = labels.ravel()[inside].astype(np.int64) - 1
+
+    def of_cells(values: NDArray[np.floating]) -> Float:
+        return values.ravel()[inside].astype(np.float64)
+
+    values = _statistics(
+        zone,
+        count,
+        of_cells(dz),
+        of_cells(lod),
+        of_cells(sigma),
+        count_min.ravel()[inside],
+        cell_area=grid.cell**2,
+        registration_error=registration_error,
+    )
+    values["slope_deg"] = (
+        np.full(count, np.nan) if heights is None else _inclination(zone, inside, count, heights, grid)
+    )
+    values["severity"] = _severity(values["dz_p95_m"], parameters)
+    _add_rates(values, epochs)
+    texts = {"method": method, "run_id": run_id, "review_status": "unreviewed"}
+    texts.update(zip(("epoch_from", "epoch_to"), (e.isoformat() if e else "" for e in epochs), strict=True))
+    values.update({name: np.full(count, text, dtype=object) for name, text in texts.items()})
+    values["n_epochs_confirmed"] = np.ones(count, dtype=np.int64)
+
+    rank = np.array([SEVERITIES.index(s) for s in values["severity"]], dtype=np.int64)
+    volume = np.abs(values["vol_net_m3"])
+    order = np.lexsort((first_cells, -volume, rank))
+    new_label = np.zeros(count + 1, dtype=np.int32)
+    new_label[order + 1] = np.arange(1, count + 1)
+    labels = new_label[labels]
+    values = {name: column[order] for name, column in values.items()}
+    values["zone_id"] = np.array([f"Z{i:03d}" for i in range(1, count + 1)], dtype=object)
+    frame = gpd.GeoDataFrame(
+        {name: _column(values.get(name), kind, count) for name, kind in FIELDS.items()},
+        geometry=_polygons(labels, count, grid),
+        crs=horizontal(crs),
+    )
+    return Zones(frame=frame, labels=labels, dropped_groups=groups, dropped_cells=cells)
+
+
+def horizontal(crs: CRS | None) -> CRS | None:
+    """The horizontal part of a compound reference system: zones are flat polygons."""
+    if crs is not None and crs.is_compound:
+        return CRS(crs.sub_crs_list[0])
+    return crs
+
+
+def _label(
+    dz: NDArray[np.floating], significant: NDArray[np.bool_], grid: Grid, parameters: ZoneParameters
+) -> tuple[NDArray[np.int32], NDArray[np.int64], int, int]:
+    """Labels 1..n of the groups that are large enough, first cell of each, and groups and cells that were not."""
+    labels = np.zeros(grid.shape, dtype=np.int32)
+    found = 0
+    for sign in (-1.0, 1.0):
+        with np.errstate(invalid="ignore"):
+            part, number = ndimage.label(significant & (dz * sign > 0), structure=_EIGHT)
+        labels[part > 0] = part[part > 0] + found
+        found += number
+    sizes = np.bincount(labels.ravel(), minlength=found + 1)
+    # a group of exactly the least area must not fail by rounding
+    enough = (sizes >= parameters.minimum_cells) & (sizes * grid.cell**2 >= parameters.minimum_area * (1 - 1e-9))
+    enough[0] = False
+    dropped = ~enough
+    dropped[0] = False
+    renumber = np.zeros(found + 1, dtype=np.int32)
+    renumber[enough] = np.arange(1, enough.sum() + 1)
+    labels = renumber[labels]
+    inside = np.flatnonzero(labels)
+    first_cells = inside[np.unique(labels.ravel()[inside], return_index=True)[1]]
+    return labels, first_cells, int(dropped.sum()), int(sizes[dropped].sum())
+
+
+def _statistics(
+    zone: NDArray[np.int64],
+    count: int,
+    dz: Float,
+    lod: Float,
+    sigma: Float,
+    points: NDArray[np.integer],
+    *,
+    cell_area: float,
+    registration_error: float,
+) -> dict[str, NDArray]:
+    """Figures of each of ``count`` zones from its cells' values; ``zone`` (n,) says whose a cell is."""
+
+    def total(weights: Float) -> Float:
+        return np.bincount(zone, weights=weights, minlength=count).astype(np.float64, copy=False)
+
+    cells = np.bincount(zone, minlength=count)
+    magnitudes, levels = _sorted_by_zone(np.abs(dz), zone), _sorted_by_zone(lod, zone)
+    smallest, largest = _quantile(magnitudes, cells, 0.0), _quantile(magnitudes, cells, 1.0)
+    sums = total(dz)
+    sign = np.sign(sums)
+    shared = cells * registration_error
+    variance = shared**2 + total(np.maximum(sigma**2 - registration_error**2, 0.0))
+    least = np.full(count, np.iinfo(np.int64).max)
+    np.minimum.at(least, zone, points)
+    mean_sigma = total(sigma) / cells
+    with np.errstate(divide="ignore", invalid="ignore"):
+        confidence = erf(np.abs(sums / cells) / (np.sqrt(2.0) * mean_sigma))
+    return {
+        "kind": np.where(sign < 0, KINDS[0], KINDS[1]).astype(object),
+        "confidence": confidence,
+        "dz_mean_m": sums / cells,
+        "dz_min_m": np.where(sign < 0, -largest, smallest),
+        "dz_max_m": np.where(sign < 0, -smallest, largest),
+        "dz_p95_m": sign * _quantile(magnitudes, cells, 0.95),
+        "area_m2": cells * cell_area,
+        "n_cells": cells,
+        "vol_loss_m3": np.maximum(-sums, 0.0) * cell_area,
+        "vol_gain_m3": np.maximum(sums, 0.0) * cell_area,
+        "vol_net_m3": sums * cell_area,
+        "vol_err_m3": np.sqrt(variance) * cell_area,
+        "lod95_m": _quantile(levels, cells, 0.5),
+        "n_pts_min": least,
+    }
+
+
+def _sorted_by_zone(values: Float, zone: NDArray[np.int64]) -> Float:
+    """Values (not negative) in order of zone, ascending within each; one sort of a joint key is ten times a lexsort."""
+    step = 2.0 * float(values.max(initial=1.0))
+    keys = np.sort(zone * step + values)
+    return keys - np.sort(zone) * step
+
+
+def _quantile(ordered: Float, cells: NDArray[np.int64], share: float) -> Float:
+    """Quantile of each run of ``cells`` values in ``ordered``, linear between neighbours as numpy's default."""
+    starts = np.concatenate(([0], np.cumsum(cells)[:-1])).astype(np.int64)
+    position = share * (cells - 1)
+    low = np.floor(position).astype(np.int64)
+    high = np.minimum(low + 1, cells - 1)
+    return ordered[starts + low] + (position - low) * (ordered[starts + high] - ordered[starts + low])
+
+
+def _inclination(
+    zone: NDArray[np.int64], inside: NDArray[np.int64], count: int, heights: NDArray[np.floating], grid: Grid
+) -> Float:
+    """Degrees to the horizontal of the least-squares plane through each zone's heights; NaN where there is none."""
+    z = heights.ravel()[inside].astype(np.float64)
+    known = np.isfinite(z)
+    zone, z = zone[known], z[known]
+    row, column = np.divmod(inside[known], grid.columns)
+    cells = np.bincount(zone, minlength=count)
+
+    def centred(values: NDArray) -> Float:
+        values = values.astype(np.float64)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return values - (np.bincount(zone, weights=values, minlength=count) / cells)[zone]
+
+    x, y, z = centred(column * grid.cell), centred(-row * grid.cell), centred(z)
+    xx, yy, xy, xz, yz = (np.bincount(zone, weights=w, minlength=count) for w in (x * x, y * y, x * y, x * z, y * z))
+    determinant = xx * yy - xy * xy
+    with np.errstate(invalid="ignore", divide="ignore"):
+        a, b = (xz * yy - yz * xy) / determinant, (yz * xx - xz * xy) / determinant
+    # cells in one line leave the plane free to turn about it
+    return np.where(determinant > 1e-9 * (xx + yy) ** 2, np.degrees(np.arctan(np.hypot(a, b))), np.nan)
+
+
+def _severity(p95: Float, parameters: ZoneParameters) -> NDArray[np.object_]:
+    magnitude = np.abs(p95)
+    grades = np.where(magnitude >= parameters.severity_moderate, "moderate", "low")
+    return np.where(magnitude >= parameters.severity_high, "high", grades).astype(object)
+
+
+def _add_rates(values: dict[str, NDArray], epochs: tuple[date | None, date | None]) -> None:
+    first, last = epochs
+    days = (last - first).days if first and last else 0
+    if days <= 0:
+        return
+    values["days"] = np.full(len(values["area_m2"]), days, dtype=np.int64)
+    values["rate_mm_day"] = values["dz_mean_m"] * 1000.0 / days
+    values["rate_err"] = values["vol_err_m3"] / values["area_m2"] * 1000.0 / days
+
+
+def _polygons(labels: NDArray[np.int32], count: int, grid: Grid) -> NDArray[np.object_]:
+    """One MultiPolygon a label, along the cells' edges.
+
+    The parts are traced through edges only: a ring traced through corners would touch itself, which is not valid.
+    """
+    if not count:
+        return np.empty(0, dtype=object)
+    corners: list[tuple[float, float]] = []
+    lengths: list[int] = []  # corners of each ring
+    rings: list[int] = []  # rings of each part, the shell first
+    owners: list[int] = []  # zone of each part
+    for outline, label in shapes(labels, mask=labels > 0, connectivity=4, transform=Affine(*grid.affine)):
+        rings.append(len(outline["coordinates"]))
+        owners.append(int(label) - 1)
+        for ring in outline["coordinates"]:
+            lengths.append(len(ring))
+            corners.extend(ring)
+    loops = shapely.linearrings(np.array(corners), indices=np.repeat(np.arange(len(lengths)), lengths))
+    parts = shapely.polygons(loops, indices=np.repeat(np.arange(len(rings)), rings))
+    order = np.argsort(owners, kind="stable")
+    return shapely.multipolygons(parts[order], indices=np.array(owners)[order])
+
+
+def _column(values: NDArray | None, kind: str, count: int) -> pd.Series:
+    if kind == "text":
+        return pd.Series(np.full(count, "", dtype=object) if values is None else values, dtype=object)
+    if kind == "integer":
+        return pd.Series([pd.NA] * count if values is None else values, dtype="Int64")
+    # micrometres and cubic centimetres: what lies beyond is noise that clutters the attribute table
+    return pd.Series(np.full(count, np.nan) if values is None else np.round(values, 6), dtype=np.float64)

@@ -1,0 +1,192 @@
+"""Styles as XML, and as QGIS itself understands and draws them."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from PIL import Image
+from pyproj import CRS
+from slopewatch.engine.gridding import Grid
+from slopewatch.engine.palette import DIVERGING, SEQUENTIAL
+from slopewatch.engine.parameters import ZoneParameters
+from slopewatch.engine.rasters import write_raster
+from slopewatch.engine.styles import ALIASES, change_qml, level_qml, write_qml_beside, zones_qml
+from slopewatch.engine.vectors import write_zones
+from slopewatch.engine.zones import FIELDS, KINDS, SEVERITIES, extract_zones
+
+GRID = Grid(west=500000.0, north=4000030.0, cell=0.5, rows=60, columns=80)
+
+
+def stops(qml: str) -> list[tuple[float, str, int, str]]:
+    items = ElementTree.fromstring(qml).iter("item")
+    return [(float(i.get("value")), i.get("color"), int(i.get("alpha")), i.get("label")) for i in items]
+
+
+def test_change_is_centred_on_zero_and_symmetrical() -> None:
+    for level in (None, 0.07):
+        found = stops(change_qml(0.4, level))
+        values = [value for value, *_ in found]
+        assert values == sorted(values)
+        assert values == pytest.approx([-v for v in reversed(values)])
+        assert (values[0], values[-1]) == (-0.4, 0.4)
+        assert found[0][1] == "#{:02x}{:02x}{:02x}".format(*DIVERGING[-1][1])
+        assert found[-1][1] == "#{:02x}{:02x}{:02x}".format(*DIVERGING[-1][2])
+        assert "lowered" in found[0][3]
+        assert "raised" in found[-1][3]
+
+
+def test_below_the_level_is_a_faint_grey() -> None:
+    found = stops(change_qml(0.4, 0.07))
+    inner = [(value, colour, alpha) for value, colour, alpha, _ in found if alpha < 255]
+    assert [value for value, *_ in inner] == [-0.07, 0.07]
+    assert all(colour[1:3] == colour[3:5] == colour[5:7] for _, colour, _ in inner)
+    assert all(alpha == 255 for value, _, alpha, _ in found if abs(value) > 0.07)
+    assert any("below the level of detection" in label for *_, label in found)
+
+
+def test_a_level_beyond_the_range_is_left_out() -> None:
+    for level in (0.5, 0.0, float("nan")):
+        assert all(alpha == 255 for *_, alpha, _ in stops(change_qml(0.4, level)))
+
+
+def test_level_ramp_runs_from_zero() -> None:
+    assert [v for v, *_ in stops(level_qml(0.2))] == pytest.approx([0.2 * s for s, _ in SEQUENTIAL])
+
+
+def test_zones_have_a_symbol_for_every_kind_and_severity() -> None:
+    root = ElementTree.fromstring(zones_qml())
+    categories = {c.get("value"): c.get("symbol") for c in root.iter("category")}
+    assert set(categories) == {f"{kind}, {severity}" for kind in KINDS for severity in SEVERITIES}
+    assert set(categories.values()) == {s.get("name") for s in root.iter("symbol")}
+    assert set(ALIASES) == set(FIELDS)
+
+
+def test_written_where_qgis_looks(tmp_path: Path) -> None:
+    path = write_qml_beside(tmp_path / "elevation_change.tif", level_qml(0.2))
+    assert path == tmp_path / "elevation_change.qml"
+    assert path.read_text(encoding="utf-8") == level_qml(0.2)
+
+
+SCRIPT = """
+import json, sys
+from qgis.core import (QgsApplication, QgsMapRendererParallelJob, QgsMapSettings, QgsRasterLayer, QgsVectorLayer)
+from qgis.PyQt.QtCore import QSize
+from qgis.PyQt.QtGui import QColor
+application = QgsApplication([], False)
+application.initQgis()
+folder = sys.argv[1]
+
+def draw(layer, name):
+    settings = QgsMapSettings()
+    settings.setLayers([layer])
+    settings.setDestinationCrs(layer.crs())
+    settings.setExtent(raster.extent())
+    settings.setOutputSize(QSize(800, 600))
+    settings.setBackgroundColor(QColor("white"))
+    job = QgsMapRendererParallelJob(settings)
+    job.start()
+    job.waitForFinished()
+    job.renderedImage().save(folder + "/" + name)
+
+raster = QgsRasterLayer(folder + "/elevation_change.tif", "change")  # finds its style by itself
+level = QgsRasterLayer(folder + "/level_of_detection.tif", "level")
+zones = QgsVectorLayer(folder + "/zones.gpkg", "zones", "ogr")
+empty = QgsVectorLayer(folder + "/empty.gpkg", "zones", "ogr")
+for layer, name in ((raster, "raster.png"), (level, "level.png"), (zones, "zones.png")):
+    draw(layer, name)
+review = zones.fields().indexOf("review_status")
+print(json.dumps({
+    "raster": raster.renderer().type(),
+    "raster_stops": [i.value for i in raster.renderer().shader().rasterShaderFunction().colorRampItemList()],
+    "raster_crs": raster.crs().authid(),
+    "level_stops": [i.value for i in level.renderer().shader().rasterShaderFunction().colorRampItemList()],
+    "zones": zones.featureCount(),
+    "categories": [c.label() for c in zones.renderer().categories()],
+    "label": zones.labeling().settings().fieldName if zones.labelsEnabled() else "",
+    "alias": zones.attributeAlias(zones.fields().indexOf("dz_mean_m")),
+    "widget": zones.editorWidgetSetup(review).type(),
+    "choices": [list(c.values())[0] for c in zones.editorWidgetSetup(review).config()["map"]],
+    "tip": "vol_err_m3" in zones.mapTipTemplate(),
+    "empty": [empty.isValid(), empty.featureCount(), empty.renderer().type()],
+}))
+sys.stdout.flush()
+del raster, level, zones, empty, layer
+application.exitQgis()
+"""
+
+
+@pytest.fixture(scope="module")
+def qgis_python() -> str:
+    """QGIS's own interpreter."""
+    python = shutil.which("python3", path="/usr/bin:/usr/local/bin")
+    if (
+        python is None
+        or subprocess.run([python, "-c", "import qgis.core"], capture_output=True, check=False).returncode
+    ):
+        pytest.skip("no interpreter with QGIS in /usr/bin or /usr/local/bin")
+    return python
+
+
+def test_qgis_loads_and_draws_the_styles(tmp_path: Path, qgis_python: str) -> None:
+    dz = np.full(GRID.shape, 0.02)
+    dz[10:30, 10:30] = -0.4
+    dz[30:50, 50:70] = 0.4
+    dz[50:, :20] = np.nan
+    level = np.full(dz.shape, 0.1)
+    write_raster(tmp_path / "elevation_change.tif", dz, GRID, CRS(32651), description="Elevation change")
+    write_qml_beside(tmp_path / "elevation_change.tif", change_qml(0.5, 0.1))
+    write_raster(tmp_path / "level_of_detection.tif", level, GRID, CRS(32651), description="Level of detection")
+    write_qml_beside(tmp_path / "level_of_detection.tif", level_qml(0.2))
+    for name, significant in (("zones", np.nan_to_num(np.abs(dz)) > level), ("empty", np.zeros(dz.shape, bool))):
+        count = np.ones(dz.shape, int)
+        found = extract_zones(dz, significant, level, level / 2, count, GRID, CRS(32651), ZoneParameters())
+        write_zones(tmp_path / f"{name}.gpkg", found.frame)
+
+    environment = {
+        k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME", "GDAL_DATA", "PROJ_LIB")
+    }
+    environment |= {"QT_QPA_PLATFORM": "offscreen", "HOME": str(tmp_path), "XDG_RUNTIME_DIR": str(tmp_path)}
+    run = subprocess.run(
+        [qgis_python, "-c", SCRIPT, str(tmp_path)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    seen = json.loads(run.stdout.splitlines()[-1])
+    assert seen["raster"] == "singlebandpseudocolor"
+    assert seen["raster_stops"] == pytest.approx([value for value, *_ in stops(change_qml(0.5, 0.1))])
+    assert seen["raster_crs"] == "EPSG:32651"
+    assert seen["level_stops"] == pytest.approx([0.0, 0.05, 0.1, 0.15, 0.2])
+    assert seen["zones"] == 2
+    assert seen["categories"][0] == "Subsidence, high"
+    assert len(seen["categories"]) == 6
+    assert seen["label"] == "zone_id"
+    assert seen["alias"] == "Mean change (m)"
+    assert seen["widget"] == "ValueMap"
+    assert seen["choices"] == ["unreviewed", "confirmed", "rejected"]
+    assert seen["tip"]
+    assert seen["empty"] == [True, 0, "categorizedSymbol"]
+
+    def pixel(picture: str, row: int, column: int) -> np.ndarray:
+        with Image.open(tmp_path / picture) as image:
+            return np.array(image.convert("RGB").getpixel((column * 10 + 5, row * 10 + 5))).astype(int)
+
+    for picture, strength in (("raster.png", 100), ("zones.png", 30)):
+        lowered, raised = pixel(picture, 13, 13), pixel(picture, 33, 53)
+        assert lowered[0] > lowered[2] + strength
+        assert raised[2] > raised[0] + strength
+    assert np.ptp(pixel("raster.png", 5, 5)) == 0  # below the level: grey
+    assert 150 < pixel("raster.png", 5, 5)[0] < 250
+    assert pixel("raster.png", 55, 5).tolist() == [255, 255, 255]  # no data
+    assert pixel("zones.png", 5, 5).tolist() == [255, 255, 255]
+    assert np.abs(pixel("level.png", 5, 5) - SEQUENTIAL[2][1]).max() <= 2

@@ -1,0 +1,250 @@
+"""Zones against a flood fill and plain loops, and against shapes whose figures are known."""
+
+from __future__ import annotations
+
+from datetime import date
+
+import numpy as np
+import pytest
+from pyproj import CRS
+from scipy import ndimage
+from slopewatch.engine.gridding import Grid
+from slopewatch.engine.parameters import ZoneParameters
+from slopewatch.engine.zones import FIELDS, Zones, extract_zones
+
+UTM = CRS("EPSG:32651")
+EVERYTHING = ZoneParameters(minimum_area=0.0, minimum_cells=2)
+
+
+def grid_of(shape: tuple[int, int], cell: float = 0.5) -> Grid:
+    return Grid(west=500000.0, north=4000100.0, cell=cell, rows=shape[0], columns=shape[1])
+
+
+def run(dz: np.ndarray, parameters: ZoneParameters = EVERYTHING, *, cell: float = 0.5, **options: object) -> Zones:
+    """Zones of ``dz`` with a level of 0.1 m, a standard error of 0.05 m and three points in every cell."""
+    lod = options.pop("lod", np.full(dz.shape, 0.1))
+    sigma = options.pop("sigma", np.full(dz.shape, 0.05))
+    count = options.pop("count", np.full(dz.shape, 3))
+    significant = options.pop("significant", np.nan_to_num(np.abs(dz)) > lod)
+    return extract_zones(dz, significant, lod, sigma, count, grid_of(dz.shape, cell), UTM, parameters, **options)
+
+
+def flood_fill(dz: np.ndarray, significant: np.ndarray) -> list[list[tuple[int, int]]]:
+    """Groups of cells of one sign that touch by edge or corner, found one cell at a time."""
+    left = {(int(i), int(j)) for i, j in np.argwhere(significant & np.isfinite(dz) & (dz != 0))}
+    groups = []
+    while left:
+        group, stack = [], [left.pop()]
+        while stack:
+            i, j = stack.pop()
+            group.append((i, j))
+            for near in [(i + a, j + b) for a in (-1, 0, 1) for b in (-1, 0, 1)]:
+                if near in left and (dz[near] > 0) == (dz[i, j] > 0):
+                    left.remove(near)
+                    stack.append(near)
+        groups.append(sorted(group))
+    return groups
+
+
+def test_figures_equal_plain_loops() -> None:
+    random = np.random.default_rng(4)
+    dz = ndimage.gaussian_filter(random.normal(size=(40, 60)), 2) * 2 + random.normal(size=(40, 60)) * 0.05
+    dz[random.random(dz.shape) < 0.1] = np.nan
+    lod = random.uniform(0.05, 0.2, dz.shape)
+    sigma = np.hypot(random.uniform(0.01, 0.1, dz.shape), 0.02)
+    count = random.integers(1, 30, dz.shape)
+    heights = random.normal(size=dz.shape)
+    significant = np.nan_to_num(np.abs(dz)) > lod
+    parameters = ZoneParameters(minimum_area=1.5, minimum_cells=3, severity_moderate=0.2, severity_high=0.5)
+    found = run(
+        dz,
+        parameters,
+        lod=lod,
+        sigma=sigma,
+        count=count,
+        significant=significant,
+        heights=heights,
+        registration_error=0.02,
+        epochs=(date(2024, 1, 1), date(2024, 3, 1)),
+        method="robust",
+        run_id="r1",
+    )
+    groups = flood_fill(dz, significant)
+    kept = [g for g in groups if len(g) >= 6]  # 1.5 m² of cells of 0.25 m²
+    assert len(found.frame) == len(kept) > 5
+    assert found.dropped_groups == len(groups) - len(kept)
+    assert found.dropped_cells == sum(len(g) for g in groups) - sum(len(g) for g in kept)
+    for group in kept:
+        label = found.labels[group[0]]
+        assert sorted(map(tuple, np.argwhere(found.labels == label).tolist())) == group
+        row = found.frame.iloc[label - 1]
+        values = [dz[c] for c in group]
+        area = 0.25 * len(group)
+        sign = 1 if values[0] > 0 else -1
+        p95 = sign * np.percentile(np.abs(values), 95)
+        sampling = sum(sigma[c] ** 2 - 0.02**2 for c in group)
+        error = 0.25 * np.sqrt((len(group) * 0.02) ** 2 + sampling)
+        plane = np.array([[1.0, c[1] * 0.5, -c[0] * 0.5] for c in group])
+        _, east, north = np.linalg.lstsq(plane, [heights[c] for c in group], rcond=None)[0]
+        expected = {
+            "area_m2": area,
+            "n_cells": len(group),
+            "dz_mean_m": np.mean(values),
+            "dz_min_m": min(values),
+            "dz_max_m": max(values),
+            "dz_p95_m": p95,
+            "vol_loss_m3": -sum(v for v in values if v < 0) * 0.25,
+            "vol_gain_m3": sum(v for v in values if v > 0) * 0.25,
+            "vol_net_m3": sum(values) * 0.25,
+            "vol_err_m3": error,
+            "lod95_m": np.median([lod[c] for c in group]),
+            "n_pts_min": min(count[c] for c in group),
+            "slope_deg": np.degrees(np.arctan(np.hypot(east, north))),
+            "days": 60,
+            "rate_mm_day": np.mean(values) * 1000 / 60,
+            "rate_err": error / area * 1000 / 60,
+        }
+        assert {name: float(row[name]) for name in expected} == pytest.approx(expected, abs=1e-6)
+        assert row["kind"] == ("uplift" if sign > 0 else "subsidence")
+        assert row["severity"] == ("high" if abs(p95) >= 0.5 else "moderate" if abs(p95) >= 0.2 else "low")
+        assert 0.5 < row["confidence"] <= 1.0
+        assert row.geometry.area == pytest.approx(area, rel=1e-9)
+    assert set(found.frame["epoch_from"]) == {"2024-01-01"}
+    assert set(found.frame["review_status"]) == {"unreviewed"}
+    assert set(found.frame["n_epochs_confirmed"]) == {1}
+    assert set(found.frame["method"]) == {"robust"}
+    assert set(found.frame["run_id"]) == {"r1"}
+
+
+def test_hole_is_kept_and_edges_are_the_cells_own() -> None:
+    dz = np.zeros((12, 12))
+    dz[2:9, 3:10] = -0.4
+    dz[4:6, 5:8] = 0.0
+    zone = run(dz).frame.geometry[0]
+    assert zone.geom_type == "MultiPolygon"
+    assert len(zone.geoms) == 1
+    assert zone.bounds == pytest.approx((500001.5, 4000095.5, 500005.0, 4000099.0))
+    (hole,) = zone.geoms[0].interiors
+    assert hole.bounds == pytest.approx((500002.5, 4000097.0, 500004.0, 4000098.0))
+    assert zone.area == pytest.approx((49 - 6) * 0.25)
+
+
+def test_cells_that_meet_in_a_corner_are_one_valid_zone() -> None:
+    dz = np.zeros((10, 10))
+    dz[1:4, 1:4] = 0.3
+    dz[4:7, 4:7] = 0.3
+    frame = run(dz).frame
+    assert len(frame) == 1
+    assert len(frame.geometry[0].geoms) == 2
+    assert frame.geometry[0].is_valid
+    assert frame.geometry[0].area == pytest.approx(18 * 0.25)
+
+
+def test_polygons_of_ragged_patterns_are_valid_and_cover_their_cells() -> None:
+    for seed in range(25):
+        random = np.random.default_rng(seed)
+        dz = np.where(random.random((30, 30)) < random.uniform(0.3, 0.7), 0.2, 0.0) * random.choice((-1, 1), (30, 30))
+        found = run(dz)
+        assert found.frame.is_valid.all()
+        assert found.frame.area.to_numpy() == pytest.approx(found.frame["n_cells"].to_numpy(float) * 0.25)
+        assert np.bincount(found.labels.ravel())[1:].tolist() == found.frame["n_cells"].tolist()
+
+
+def test_touching_cells_of_opposite_sign_are_two_zones() -> None:
+    dz = np.full((6, 10), 0.2)
+    dz[:, 5:] = -0.2
+    frame = run(dz).frame
+    assert sorted(frame["kind"]) == ["subsidence", "uplift"]
+    assert frame.geometry[0].intersection(frame.geometry[1]).area == 0
+
+
+def test_cells_without_data_or_significance_stay_out() -> None:
+    dz = np.full((6, 6), 0.5)
+    dz[0] = np.nan
+    significant = np.ones(dz.shape, dtype=bool)
+    significant[5] = False
+    assert run(dz, significant=significant).frame["n_cells"].tolist() == [24]
+
+
+def test_one_noisy_cell_is_no_zone_however_large() -> None:
+    dz = np.zeros((5, 5))
+    dz[2, 2] = 9.0
+    assert len(run(dz, ZoneParameters(minimum_area=0.0), cell=10.0).frame) == 0
+    assert run(dz, ZoneParameters(minimum_area=0.0), cell=10.0).dropped_cells == 1
+
+
+def test_zone_of_exactly_the_least_area_stays() -> None:
+    dz = np.zeros((20, 20))
+    dz[0:5, 0:10] = 0.2
+    dz[10:17, 10:17] = 0.2  # 49 cells
+    frame = run(dz, ZoneParameters(minimum_area=0.5), cell=0.1).frame
+    assert frame["n_cells"].tolist() == [50]
+
+
+def test_pure_noise_yields_no_zone() -> None:
+    dz = np.random.default_rng(0).normal(size=(400, 400)) * 0.05
+    found = run(dz, ZoneParameters(), cell=0.1, lod=np.full(dz.shape, 0.098))
+    assert found.dropped_cells == pytest.approx(0.05 * dz.size, rel=0.05)
+    assert len(found.frame) == 0
+
+
+def test_most_severe_first_then_by_volume() -> None:
+    dz = np.zeros((20, 40))
+    dz[1:9, 1:9] = 0.15  # moderate, the largest volume of its grade
+    dz[12:15, 1:4] = -0.15  # moderate, small
+    dz[1:4, 20:23] = -0.6  # high
+    dz[10:19, 15:39] = 0.08  # low, large area
+    lod = np.full(dz.shape, 0.05)
+    frame = run(dz, lod=lod).frame
+    assert frame["zone_id"].tolist() == ["Z001", "Z002", "Z003", "Z004"]
+    assert frame["severity"].tolist() == ["high", "moderate", "moderate", "low"]
+    assert frame["dz_mean_m"].tolist() == pytest.approx([-0.6, 0.15, -0.15, 0.08])
+    again = run(dz, lod=lod).frame
+    assert frame.equals(again)
+
+
+def test_volume_error_is_the_spread_over_many_measurements() -> None:
+    dz = np.zeros((12, 12))
+    dz[1:11, 1:11] = -0.5
+    random = np.random.default_rng(5)
+    sampling = random.uniform(0.02, 0.08, dz.shape)
+    stated = run(dz, sigma=np.hypot(sampling, 0.01), registration_error=0.01).frame["vol_err_m3"][0]
+    volumes = []
+    for _ in range(4000):
+        measured = dz + random.normal(size=dz.shape) * sampling + random.normal() * 0.01
+        volumes.append(measured[1:11, 1:11].sum() * 0.25)
+    assert stated == pytest.approx(np.std(volumes), rel=0.05)
+
+
+def test_inclination_of_a_plane() -> None:
+    dz = np.full((10, 14), 0.3)
+    rows, columns = np.indices(dz.shape)
+    heights = 900.0 + np.tan(np.radians(39.0)) * 0.5 * (0.6 * columns + 0.8 * rows)
+    heights[0, :5] = np.nan
+    assert run(dz, heights=heights).frame["slope_deg"][0] == pytest.approx(39.0, abs=1e-6)
+    line = np.zeros((10, 14))
+    line[4, 2:10] = 0.3
+    assert np.isnan(run(line, heights=heights).frame["slope_deg"][0])
+
+
+def test_without_dates_there_are_no_rates() -> None:
+    row = run(np.full((4, 4), 0.3)).frame.iloc[0]
+    assert row["epoch_from"] == row["epoch_to"] == ""
+    for field in ("days", "rate_mm_day", "rate_err", "slope_deg", "chain_from", "chain_to"):
+        assert row[[field]].isna().all()
+
+
+def test_no_zone_still_has_every_field() -> None:
+    none, some = run(np.zeros((4, 4))).frame, run(np.full((4, 4), 0.3)).frame
+    assert len(none) == 0
+    assert list(none.columns) == [*FIELDS, "geometry"]
+    assert none.dtypes.equals(some.dtypes)
+    assert none.crs == UTM
+    assert all(name == name.lower() and len(name) <= 31 for name in FIELDS)
+
+
+def test_zones_are_in_the_horizontal_part_of_a_compound_system() -> None:
+    dz = np.full((4, 4), 0.3)
+    args = dz, dz > 0, dz, dz, np.ones(dz.shape, int), grid_of(dz.shape)
+    assert extract_zones(*args, CRS("EPSG:32651+5773"), EVERYTHING).frame.crs == UTM
+    assert extract_zones(*args, None, EVERYTHING).frame.crs is None
