@@ -14,7 +14,6 @@ from . import heatmap, rasters, styles, top_view, vectors, zones
 from .change import Change
 from .clouds import PointCloud
 from .epochs import Epoch
-from .gridding import Grid, snapped_grid
 from .outputs import Stage
 from .parameters import HeatmapParameters, ZoneParameters
 from .progress import Progress
@@ -86,7 +85,7 @@ def write_products(
     outputs["zones"] = stage.final("zones.gpkg")
 
     progress.update(0.5, "drawing the heatmap")
-    view = top_view.top_view(picture, picture_grid(change.grid, heatmap_parameters.top_view_pixel))
+    view = top_view.top_view(picture, top_view.top_view_grid(change.grid, heatmap_parameters.top_view_pixel))
     rasters.write_rgba(stage.path("top_view.tif"), view.rgba, view.grid, context.crs, tags=tags)
     heatmap.write_heatmap(
         stage.path("heatmap.png"),
@@ -127,12 +126,6 @@ def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:
         "largest_sink_m": float(min(found["dz_min_m"].min(), 0.0)) if len(found) else 0.0,
         "largest_rise_m": float(max(found["dz_max_m"].max(), 0.0)) if len(found) else 0.0,
     }
-
-
-def picture_grid(grid: Grid, pixel: float) -> Grid:
-    """The grid of the top view over the same ground."""
-    west, south, east, north = grid.bounds
-    return snapped_grid((west, south, east - 1e-3 * pixel, north - 1e-3 * pixel), pixel)
 
 
 def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float, stage: Stage) -> dict[str, Path]:
