@@ -21,8 +21,8 @@ def icon(name: str = "slopewatch") -> QIcon:
 
 
 def help_text(name: str) -> str:
-    """The help page ``name`` as HTML."""
-    return (_FOLDER / "help" / f"{name}.html").read_text(encoding="utf-8")
+    """The help page ``name`` as HTML in one line: QGIS shows a line break as a new paragraph."""
+    return " ".join((_FOLDER / "help" / f"{name}.html").read_text(encoding="utf-8").split())
 
 
 def help_url(name: str) -> str:

@@ -9,7 +9,7 @@ from qgis.core import QgsProcessingFeedback
 from qgis.gui import QgsFileWidget, QgsOptionsPageWidget, QgsOptionsWidgetFactory
 from qgis.PyQt.QtCore import Qt
 from qgis.PyQt.QtGui import QIcon
-from qgis.PyQt.QtWidgets import QApplication, QFormLayout, QLabel, QPushButton, QTextBrowser, QVBoxLayout
+from qgis.PyQt.QtWidgets import QApplication, QFormLayout, QHBoxLayout, QLabel, QPushButton, QTextBrowser, QVBoxLayout
 
 from . import settings
 from .engine_client import EngineError, run_engine
@@ -37,7 +37,10 @@ class SettingsPage(QgsOptionsPageWidget):
         form = QFormLayout()
         form.addRow("Engine's Python interpreter", self.python)
         form.addRow("PDAL program", self.pdal)
-        form.addRow("", self.check_button)
+        row = QHBoxLayout()
+        row.addWidget(self.check_button)
+        row.addStretch()
+        form.addRow("", row)
         layout = QVBoxLayout(self)
         layout.addWidget(intro)
         layout.addLayout(form)
@@ -59,9 +62,8 @@ class SettingsPage(QgsOptionsPageWidget):
             python, how = find_interpreter(settings.get(settings.ENGINE_PYTHON))
             feedback.pushInfo(f"Interpreter: {python} ({how})")
             found = run_engine(["check"], feedback).metrics
-            for name, value in found.items():
-                feedback.pushInfo(f"{name}: {value}")
             feedback.pushInfo("The engine is ready.")
+            feedback.pushTable(found)
         except (EngineError, InterpreterNotFoundError) as error:
             feedback.reportError(str(error))
         finally:
@@ -88,6 +90,13 @@ class _Lines(QgsProcessingFeedback):
 
     def pushInfo(self, info: str) -> None:
         self.html += f"<p>{html.escape(info)}</p>"
+
+    def pushTable(self, values: dict[str, Any]) -> None:
+        rows = "".join(
+            f"<tr><td>{html.escape(name)}:&nbsp;</td><td>{html.escape(str(value))}</td></tr>"
+            for name, value in values.items()
+        )
+        self.html += f"<table>{rows}</table>"
 
     def pushWarning(self, warning: str) -> None:
         self.html += f"<p style='color:#b35900'>{html.escape(warning)}</p>"

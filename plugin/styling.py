@@ -74,17 +74,17 @@ def style_on_completion(
     """
     if not registered or not context.willLoadLayerOnCompletion(registered):
         return
-    details = context.layerToLoadOnCompletionDetails(registered)
-    if name:
-        details.name = name
-        details.forceName = True
-    if group:
-        details.groupName = group
+    known = context.layerToLoadOnCompletionDetails(registered)
+    # A fresh object: the known one is a reference into the context, which is replaced below.
+    details = QgsProcessingContext.LayerDetails(
+        name or known.name, known.project, known.outputName, known.layerTypeHint
+    )
+    details.forceName = bool(name) or known.forceName
+    details.groupName = group or known.groupName
     details.layerSortKey = appearance.order
     style = Path(path).with_suffix(".qml")
     details.setPostProcessor(StylePostProcessor.create(appearance, style if style.is_file() else None))
-    layers: dict[str, QgsProcessingContext.LayerDetails] = context.layersToLoadOnCompletion()
-    layers.pop(registered, None)
+    layers = {p: d for p, d in context.layersToLoadOnCompletion().items() if p != registered}
     layers[path] = details
     context.setLayersToLoadOnCompletion(layers)
 

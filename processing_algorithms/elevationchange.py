@@ -63,7 +63,8 @@ class ElevationChange(SlopeWatchAlgorithm):
     ) -> list[str]:
         reference = self.file(parameters, "REFERENCE", context)
         cloud = self.file(parameters, "CLOUD", context)
-        arguments = ["change", reference, cloud, "--output-dir", products.output_folder(self, parameters, context)]
+        self._folder = products.output_folder(self, parameters, context)
+        arguments = ["change", reference, cloud, "--output-dir", self._folder]
         for option, name, path in (("from", "REFERENCE_DATE", reference), ("to", "CLOUD_DATE", cloud)):
             day = self.survey_date(parameters, name, path, context)
             if day:
@@ -83,4 +84,4 @@ class ElevationChange(SlopeWatchAlgorithm):
         ]
         group = f"SlopeWatch {days[0]} to {days[1]}" if all(days) else "SlopeWatch"
         delivered = products.deliver(self, products.CHANGE_PRODUCTS, result, parameters, context, group)
-        return {"OUTPUT_FOLDER": products.output_folder(self, parameters, context), **delivered}
+        return {"OUTPUT_FOLDER": self._folder, **delivered}

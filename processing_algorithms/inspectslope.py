@@ -77,6 +77,7 @@ class InspectSlope(SlopeWatchAlgorithm):
     def arguments(
         self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
     ) -> list[str]:
+        self._folder = products.output_folder(self, parameters, context)
         arguments = ["inspect"]
         days: list[str] = []
         for name, day_name in _EPOCHS:
@@ -95,7 +96,7 @@ class InspectSlope(SlopeWatchAlgorithm):
         stable = self.polygons(parameters, "STABLE", context, feedback)
         if stable:
             arguments += ["--stable", stable]
-        arguments += ["--output-dir", products.output_folder(self, parameters, context)]
+        arguments += ["--output-dir", self._folder]
         arguments += declare.profile_options(self, parameters, context)
         return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
 
@@ -104,4 +105,4 @@ class InspectSlope(SlopeWatchAlgorithm):
     ) -> dict[str, Any]:
         group = f"SlopeWatch {self._days[0]} to {self._days[1]}"
         delivered = products.deliver(self, products.CHANGE_PRODUCTS, result, parameters, context, group)
-        return {"OUTPUT_FOLDER": products.output_folder(self, parameters, context), **delivered}
+        return {"OUTPUT_FOLDER": self._folder, **delivered}

@@ -107,6 +107,7 @@ def declare_products(algorithm: QgsProcessingAlgorithm, products: tuple[Product,
 
 
 def output_folder(algorithm: QgsProcessingAlgorithm, parameters: dict[str, Any], context: QgsProcessingContext) -> str:
+    """Absolute path of the folder. Ask once a run: a temporary one is another at each call."""
     folder = algorithm.parameterAsFileOutput(parameters, "OUTPUT_FOLDER", context)
     if not folder:
         raise QgsProcessingException("OUTPUT_FOLDER is empty; give the folder that the results are written to.")

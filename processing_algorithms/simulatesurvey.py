@@ -37,6 +37,7 @@ class SimulateSurvey(SlopeWatchAlgorithm):
         "CLOUD": ("cloud", "Later survey"),
         "TRUTH": ("truth", "Truth"),
         "TRUTH_TRANSFORM": ("truth_transform", "True transform"),
+        "RUN_RECORD": ("run", "Run record"),
     }
 
     def initAlgorithm(self, configuration: Any = None) -> None:
@@ -48,11 +49,12 @@ class SimulateSurvey(SlopeWatchAlgorithm):
     def arguments(
         self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
     ) -> list[str]:
-        arguments = ["simulate", "survey", "--output-dir", products.output_folder(self, parameters, context)]
+        self._folder = products.output_folder(self, parameters, context)
+        arguments = ["simulate", "survey", "--output-dir", self._folder]
         return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
 
     def results(
         self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
     ) -> dict[str, Any]:
         delivered = products.deliver(self, _PRODUCTS, result, parameters, context, "SlopeWatch simulated survey")
-        return {"OUTPUT_FOLDER": products.output_folder(self, parameters, context), **delivered}
+        return {"OUTPUT_FOLDER": self._folder, **delivered}

@@ -1,0 +1,124 @@
+#!/usr/bin/env python3
+"""Pictures of the plugin at work, for docs/images: a real QGIS on a display in memory (Xvfb).
+
+``scripts/screenshots.py [FOLDER]`` simulates two surveys, runs Inspect slope from its dialog and keeps the pictures.
+The test of the desktop uses ``run_session`` with a small survey.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+SCREEN = "1600x1000x24"
+KEPT = ("desktop", "dialog", "toolbox", "log", "zones", "settings")
+
+
+def private_profile(folder: Path) -> dict[str, str]:
+    """A QGIS profile with the plugin linked and switched on; gives the environment for QGIS programs."""
+    plugins = folder / "profiles" / "default" / "python" / "plugins"
+    plugins.mkdir(parents=True)
+    (plugins / "slopewatch").symlink_to(ROOT)
+    settings = folder / "profiles" / "default" / "QGIS" / "QGIS3.ini"
+    settings.parent.mkdir(parents=True)
+    settings.write_text(
+        "[PythonPlugins]\nslopewatch=true\nprocessing=true\n\n"
+        "[qgis]\ncheckVersion=false\nshowTips=false\nnewsFeed\\enabled=false\n\n"
+        "[app]\nprojections\\unknownCrsBehavior=NoAction\n\n"
+        "[core]\nnewsFeed\\httpsfeedqgisorg\\disabled=true\n",
+        encoding="utf-8",
+    )
+    environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "DISPLAY", "WAYLAND_DISPLAY")}
+    environment.update(
+        QGIS_CUSTOM_CONFIG_PATH=str(folder),
+        QGIS_PLUGINPATH=str(plugins),
+        XDG_RUNTIME_DIR=str(folder),
+        QT_QPA_PLATFORM="xcb",
+        LIBGL_ALWAYS_SOFTWARE="1",
+        LANG="C.UTF-8",
+    )
+    folder.chmod(0o700)
+    return environment
+
+
+def run_session(
+    parameters: dict[str, Any], folder: Path, *, seconds: float = 300.0, screen: str = SCREEN
+) -> dict[str, Any]:
+    """Run scripts/desktop_session.py in a real QGIS; gives its report. Pictures lie in ``folder / "images"``.
+
+    Raises:
+        RuntimeError: QGIS ended without a report; the message has its last words.
+    """
+    images, report, task = folder / "images", folder / "report.json", folder / "task.json"
+    images.mkdir(parents=True, exist_ok=True)
+    task.write_text(
+        json.dumps(
+            {
+                "parameters": {k: str(v) for k, v in parameters.items()},
+                "images": str(images),
+                "report": str(report),
+                "seconds": seconds,
+            }
+        ),
+        encoding="utf-8",
+    )
+    environment = private_profile(folder / "profile")
+    environment["SLOPEWATCH_DESKTOP"] = str(task)
+    session = str(ROOT / "scripts" / "desktop_session.py")
+    process = subprocess.Popen(
+        ["xvfb-run", "-a", "-s", f"-screen 0 {screen}", "qgis", "--nologo", "--noversioncheck", "--code", session],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        words, _ = process.communicate(timeout=seconds + 60)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        words, _ = process.communicate()
+    if not report.is_file():
+        raise RuntimeError(f"QGIS ended with {process.returncode} and without a report:\n{words[-3000:]}")
+    return json.loads(report.read_text(encoding="utf-8"))
+
+
+def shrink(source: Path, target: Path) -> None:
+    """Write the picture with at most 256 colours, as small as PNG gets."""
+    program = (
+        "import sys; from PIL import Image as I; "
+        "I.open(sys.argv[1]).convert('RGB').quantize(256, dither=I.Dither.NONE).save(sys.argv[2], optimize=True)"
+    )
+    target.parent.mkdir(parents=True, exist_ok=True)
+    subprocess.run([str(ROOT / ".venv" / "bin" / "python"), "-c", program, str(source), str(target)], check=True)
+
+
+def main(target: Path) -> None:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        survey = folder / "survey"
+        engine = [str(ROOT / ".venv" / "bin" / "python"), "-m", "slopewatch.engine.cli"]
+        subprocess.run([*engine, "simulate", "survey", "--output-dir", str(survey)], check=True)
+        parameters = {
+            "REFERENCE": survey / "2024-05-01.laz",
+            "CLOUD": survey / "2025-05-01.laz",
+            "ROI": survey / "roi.gpkg",
+            "OUTPUT_FOLDER": folder / "results",
+        }
+        report = run_session(parameters, folder, seconds=540)
+        if report["errors"]:
+            raise RuntimeError("\n".join(report["errors"]))
+        for picture in KEPT:
+            shrink(folder / "images" / f"{picture}.png", target / f"{picture}.png")
+            print(target / f"{picture}.png")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs" / "images")
