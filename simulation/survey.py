@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from ..engine.gridding import Grid
 from ..engine.parameters import SurveyParameters
 from ..engine.progress import Progress
+from ..engine.transform import RigidTransform
 from .change import Bump, Change, Cone, Plateau, Slump, true_change_raster
 from .frame import Frame
 from .pattern import Flight, Scanner, flown, plan_flight
-from .rigid import RigidTransform
 from .scanner import SurveyCloud, scan
 from .scene import BERM_WIDTH, Relief, Scene, build_scene, cut_profile
 from .vegetation import Canopy, grow

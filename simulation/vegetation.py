@@ -16,6 +16,8 @@ DENSITY_UNIT = 0.05
 """Optical density of one count in a voxel, 1/m; a ray passes s m with probability exp(-density s) (Beer-Lambert)."""
 ENVELOPE = 1.0
 NOWHERE = -1e6
+ROAD_EDGE = 0.3
+"""Nothing grows at smaller v, m."""
 LARGEST_CANOPY = 120_000_000
 """Voxels at most (one byte each); a larger scene gets wider columns."""
 
@@ -102,10 +104,10 @@ def grow(
     step: float = 0.2,
     progress: Progress | None = None,
 ) -> Canopy:
-    """Plant shrubs and trees at random behind the road until ``cover`` of that ground lies under crowns.
+    """Plant shrubs and trees at random behind the road until ``cover`` of the slope lies under crowns.
 
     Args:
-        cover: share of the ground with v > 0.3 m under crowns, seen from above.
+        cover: share of the managed slope under crowns, seen from above; ground around it is planted alike.
         tree_share: share of the cover that trees start with; shrubs fill up.
         clearance: no leaves lower than this above the ground, m.
     """
@@ -123,15 +125,18 @@ def grow(
     plain = scene.profile(v)
     w0 = float((ground - plain[:, None]).min()) - 0.1
     canopy = _Planting(u, v, plain + w0, ground, np.zeros((rows, columns, layers), np.uint8), layer, clearance)
-    plantable = np.broadcast_to((v > 0.3)[:, None], ground.shape)
-    total = int(plantable.sum())
+    counted = ((v > max(scene.slope[1], ROAD_EDGE)) & (v < scene.slope[3]))[:, None]
+    canopy.counted = counted & ((u > scene.slope[0]) & (u < scene.slope[2]))[None, :]
+    total = int(canopy.counted.sum())
     if cover > 0 and total:
-        corner = (u0, max(v0, 0.3))
+        corner = (u0, max(v0, ROAD_EDGE))
         for kind, goal in ((TREES, cover * tree_share), (SHRUBS, cover)):
-            while canopy.count < goal * total:
-                place = rng.uniform(corner, (u1, v1))
-                canopy.plant(kind, place, rng, goal * total)
-                if progress is not None:
+            plants = 0
+            # Near enough: the last columns would only be met by very many tiny plants.
+            while canopy.count < (goal - 0.002) * total:
+                canopy.plant(kind, rng.uniform(corner, (u1, v1)), rng, goal * total)
+                plants += 1
+                if progress is not None and plants % 100 == 0:
                     progress.update(canopy.count / (cover * total), "planting")
     top = np.full((rows, columns), NOWHERE)
     used = canopy.density.any(axis=2)
@@ -174,6 +179,7 @@ class _Planting:
         self.u, self.v, self.floor, self.ground = u, v, floor, ground
         self.density, self.layer, self.clearance = density, layer, clearance
         self.covered = np.zeros(ground.shape, dtype=bool)
+        self.counted = np.ones(ground.shape, dtype=bool)
         self.count = 0
 
     def plant(self, kind: Growth, place: Float, rng: np.random.Generator, goal: float) -> None:
@@ -217,5 +223,5 @@ class _Planting:
         block = self.density[rows, columns]
         np.maximum(block, crown, out=block)
         under = leaves.any(axis=2)
-        self.count += int((under & ~self.covered[rows, columns]).sum())
+        self.count += int((under & ~self.covered[rows, columns] & self.counted[rows, columns]).sum())
         self.covered[rows, columns] |= under

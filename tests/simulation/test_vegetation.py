@@ -24,7 +24,7 @@ def make_scene(angle: float = 39.0, turf: float = 0.02) -> Scene:
 def test_share_of_ground_under_leaves_seen_from_above(cover):
     scene = make_scene()
     canopy = grow(scene, cover, np.random.default_rng(5))
-    u0, _v0, u1, v1 = scene.extent
+    u0, _v0, u1, v1 = scene.slope
     u, v = np.random.default_rng(6).uniform((u0, 0.5), (u1, v1), (4000, 2)).T
     ground = scene.height(u, v)
     above = np.arange(0.05, 12.0, 0.05)
