@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pyogrio
 import shapely
-from pyogrio.errors import DataLayerError, DataSourceError
 from pyogrio.raw import read as read_raw
 from pyproj import CRS, Transformer
 from pyproj.exceptions import CRSError, ProjError
@@ -40,12 +42,13 @@ class Roi:
         return float(self.geometry.area)
 
 
-def read_roi(path: Path | str, crs: CRS) -> Roi:
+def read_roi(path: Path | str, crs: CRS, *, unit: float = 1.0) -> Roi:
     """The union of the polygons in the first polygon layer of a vector file.
 
     Args:
         path: anything that GDAL reads (GeoPackage, shapefile, GeoJSON, KML, ...).
         crs: the clouds' reference system in metres, see ``crs.working_frame``.
+        unit: metres of the cloud file's own horizontal unit, in which an area that declares nothing is taken to be.
 
     Raises:
         InputError: missing, not a vector file, without polygons, or not transformable.
@@ -56,15 +59,16 @@ def read_roi(path: Path | str, crs: CRS) -> Roi:
         raise InputError(f"The area {name} does not exist; check its path.")
     notes: list[str] = []
     try:
-        layer = _polygon_layer(path, name, notes)
-        meta, _, wkb, _ = read_raw(path.absolute(), layer=layer, columns=[], force_2d=True)
-    except (DataSourceError, DataLayerError, UnicodeError, ValueError, RuntimeError) as error:
+        with _plainly_named(path.absolute()) as readable:
+            layer = _polygon_layer(readable, name, notes)
+            meta, _, wkb, _ = read_raw(readable, layer=layer, columns=[], force_2d=True)
+    except (OSError, RuntimeError, ValueError) as error:
         raise InputError(
             f"The area {name} cannot be read as a vector file; give polygons as GeoPackage, shapefile, GeoJSON or KML."
         ) from error
     polygons = _polygons(wkb, name, notes)
     polygons = _repaired(polygons, name, notes)
-    polygons = _transformed(polygons, meta.get("crs"), crs, name, notes)
+    polygons = _transformed(polygons, meta.get("crs"), crs, unit, name, notes)
     merged = shapely.union_all(_repaired(polygons, name, []))
     if not isinstance(merged, (Polygon, MultiPolygon)) or not merged.area > 0:
         raise InputError(f"The area {name} has no extent; draw a polygon around the area of interest.")
@@ -82,9 +86,22 @@ def refuse_outside(roi: Roi, bounds: Bounds, cloud: Path | str) -> None:
         )
 
 
+@contextlib.contextmanager
+def _plainly_named(path: Path) -> Iterator[Path]:
+    """The path, or a link to it and its sidecars where its name has control characters, which pyogrio drops."""
+    if str(path).isprintable():
+        yield path
+        return
+    with tempfile.TemporaryDirectory(prefix="slopewatch-area-") as folder:
+        for sibling in path.parent.iterdir():
+            if sibling.stem == path.stem:
+                Path(folder, f"area{sibling.suffix}").symlink_to(sibling)
+        yield Path(folder, f"area{path.suffix}")
+
+
 def _polygon_layer(path: Path, name: str, notes: list[str]) -> str:
     """The first layer of polygons, or the first that does not say what it holds."""
-    layers = [(str(layer), str(kind)) for layer, kind in pyogrio.list_layers(path.absolute())]
+    layers = [(str(layer), str(kind)) for layer, kind in pyogrio.list_layers(path)]
     for wanted in (("Polygon", "Surface"), ("Unknown", "Collection")):
         for layer, kind in layers:
             if any(word in kind for word in wanted):
@@ -123,10 +140,12 @@ def _repaired(polygons: list[Polygon], name: str, notes: list[str]) -> list[Poly
     return [part for part in parts if isinstance(part, Polygon) and part.area > 0]
 
 
-def _transformed(polygons: list[Polygon], declared: str | None, crs: CRS, name: str, notes: list[str]) -> list[Polygon]:
+def _transformed(
+    polygons: list[Polygon], declared: str | None, crs: CRS, unit: float, name: str, notes: list[str]
+) -> list[Polygon]:
     if not declared:
         notes.append(f"The area {name} declares no reference system; that of the cloud ({crs.name}) is assumed.")
-        return polygons
+        return polygons if unit == 1.0 else list(shapely.transform(polygons, lambda xy: xy * unit))
     try:
         own, target = CRS.from_user_input(declared), _horizontal(crs)
         if _horizontal(own).equals(target, ignore_axis_order=True):
