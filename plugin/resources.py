@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import configparser
 from pathlib import Path
 
 from qgis.PyQt.QtCore import QUrl
@@ -18,6 +19,13 @@ def icon_path(name: str = "slopewatch") -> str:
 
 def icon(name: str = "slopewatch") -> QIcon:
     return QIcon(icon_path(name))
+
+
+def version() -> str:
+    """The plugin's version, from its metadata; empty if there is none."""
+    manifest = configparser.ConfigParser(interpolation=None)
+    manifest.read(_FOLDER.parent / "metadata.txt", encoding="utf-8")
+    return manifest.get("general", "version", fallback="")
 
 
 def help_text(name: str) -> str:

@@ -98,7 +98,7 @@ def copy_raster(source: str, target: str) -> None:
         shutil.copyfile(style, Path(target).with_suffix(".qml"))
 
 
-def copy_vector(source: str, target: str, layer_name: str) -> None:
+def copy_vector(source: str, target: str, layer_name: str, context: QgsProcessingContext) -> None:
     """Copy a GeoPackage with its styles; for another format, convert its layer and write the style beside it.
 
     Raises:
@@ -112,9 +112,7 @@ def copy_vector(source: str, target: str, layer_name: str) -> None:
     options = QgsVectorFileWriter.SaveVectorOptions()
     options.driverName = QgsVectorFileWriter.driverForExtension(Path(target).suffix)
     options.layerName = Path(target).stem
-    written = QgsVectorFileWriter.writeAsVectorFormatV3(
-        layer, target, QgsProject.instance().transformContext(), options
-    )
+    written = QgsVectorFileWriter.writeAsVectorFormatV3(layer, target, context.transformContext(), options)
     if written[0] != QgsVectorFileWriter.WriterError.NoError:
         raise OSError(written[1])
     layer.saveNamedStyle(str(Path(target).with_suffix(".qml")))

@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+import shlex
+import subprocess
 from datetime import date
 from typing import Any, ClassVar
 
@@ -123,7 +125,7 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm):
     def processAlgorithm(
         self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
     ) -> dict[str, Any]:
-        feedback.pushCommandInfo("slopewatch " + " ".join(_shown(a) for a in self._arguments))
+        feedback.pushCommandInfo(shown(["slopewatch", *self._arguments]))
         try:
             result = run_engine(self._arguments, feedback)
         except EngineError as error:
@@ -187,5 +189,6 @@ def date_in_name(path: str) -> str:
     return found.pop() if len(found) == 1 else ""
 
 
-def _shown(argument: str) -> str:
-    return f'"{argument}"' if " " in argument or not argument else argument
+def shown(command: list[str]) -> str:
+    """The command as one would type it."""
+    return subprocess.list2cmdline(command) if os.name == "nt" else shlex.join(command)

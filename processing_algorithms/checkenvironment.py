@@ -11,7 +11,7 @@ from qgis.core import (
     QgsProcessingOutputString,
 )
 
-from ..plugin import settings
+from ..plugin import resources, settings
 from ..plugin.engine_client import EngineResult
 from ..plugin.interpreter import InterpreterNotFoundError, find_interpreter
 from .base import SlopeWatchAlgorithm
@@ -46,8 +46,11 @@ class CheckEnvironment(SlopeWatchAlgorithm):
     ) -> dict[str, Any]:
         for name, value in result.metrics.items():
             self._feedback.pushInfo(f"{name}: {value}")
+        engine, own = str(result.metrics.get("slopewatch", "")), resources.version()
+        if engine != own:
+            self._feedback.pushWarning(f"The engine is version {engine}, the plugin {own}; run the set-up again.")
         return {
             "ENGINE": self._python,
             "PDAL": str(result.metrics.get("pdal", "")),
-            "VERSION": str(result.metrics.get("slopewatch", "")),
+            "VERSION": engine,
         }

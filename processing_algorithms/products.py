@@ -134,7 +134,7 @@ def deliver(
         if wanted and not _within(wanted, temporary) and os.path.realpath(wanted) != os.path.realpath(source):
             path = os.path.abspath(wanted)
             if product.layer:
-                copy_vector(source, path, product.layer)
+                copy_vector(source, path, product.layer, context)
             else:
                 copy_raster(source, path)
         results[product.name] = path

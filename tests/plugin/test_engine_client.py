@@ -196,9 +196,8 @@ def test_cancel_ends_a_stubborn_engine_and_its_children(fake_engine: Fake, feedb
 def test_cancel_lets_the_engine_clean_up(fake_engine: Fake, feedback: Recorder, tmp_path: Path) -> None:
     fake_engine(
         f"""
-import threading
-say(event="progress", percent=1, message="started")
 signal.signal(signal.SIGTERM, lambda *_: None)
+say(event="progress", percent=1, message="started")
 sys.stdin.buffer.read()  # until the client closes it
 open({str(tmp_path / "cleaned")!r}, "w").close()
 sys.exit(130)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,7 +22,9 @@ from qgis.core import (
     QgsVectorLayer,
 )
 from qgis.PyQt.QtCore import QDate
+from slopewatch.engine.parameters import GroundParameters
 from slopewatch.processing_algorithms.base import date_in_name
+from slopewatch.processing_algorithms.checkenvironment import CheckEnvironment
 from slopewatch.processing_algorithms.elevationchange import ElevationChange
 from slopewatch.processing_algorithms.extractground import ExtractGround
 from slopewatch.processing_algorithms.inspectslope import InspectSlope
@@ -96,7 +100,7 @@ def test_values_that_differ_are_passed() -> None:
         CLOTH_RESOLUTION=0.35,
         RIGIDNESS=2,
         SLOPE_SMOOTHING=True,
-        CLASS_THRESHOLD=0.1,
+        CLASS_THRESHOLD=GroundParameters().class_threshold,
         HEIGHT_UNIT="us-survey-foot",
         CRS=QgsCoordinateReferenceSystem("EPSG:6557"),
     )
@@ -227,6 +231,29 @@ def test_the_engines_sentence_reaches_the_user(
     with pytest.raises(QgsProcessingException) as caught:
         made.run(parameters, QgsProcessingContext(), feedback, catchExceptions=False)
     assert str(caught.value) == sentence
+
+
+def test_another_version_of_the_engine_is_said(
+    fake_engine: Callable[[str], Path], feedback: Recorder, root: Path
+) -> None:
+    version = re.search(r"^version=(.+)$", (root / "metadata.txt").read_text(), re.MULTILINE)[1]
+    for engine, warnings in ((version, []), ("0.0.9", [f"The engine is version 0.0.9, the plugin {version}"])):
+        recorder = Recorder()
+        fake_engine(f"say(event='result', outputs={{}}, metrics={{'slopewatch': {engine!r}, 'pdal': '2.9'}})")
+        results, ok = CheckEnvironment().create().run({}, QgsProcessingContext(), recorder)
+        assert ok
+        assert (results["VERSION"], results["PDAL"]) == (engine, "2.9")
+        assert [w.partition(";")[0] for w in recorder.said("warning")] == warnings
+        assert "pdal: 2.9" in recorder.said("info")
+
+
+def test_the_log_shows_a_command_that_can_be_typed(
+    fake_engine: Callable[[str], Path], feedback: Recorder, tmp_path: Path
+) -> None:
+    fake_engine("say(event='error', message='No.', code=2)\nsys.exit(2)")
+    cloud = "/data/slope 'A' $HOME.laz"
+    ExtractGround().create().run({"INPUT": cloud, "OUTPUT": str(tmp_path / "g.laz")}, QgsProcessingContext(), feedback)
+    assert shlex.split(feedback.said("command")[0]) == ["slopewatch", "ground", cloud, "--output", f"{tmp_path}/g.laz"]
 
 
 def test_figures_and_files_become_outputs(
