@@ -52,16 +52,9 @@ os_field() { (
     . "${OS_RELEASE:-/etc/os-release}" 2>/dev/null && eval "printf '%s' \"\${$1:-}\""
 ); }
 
-can_be_root() { ((EUID == 0)) || command -v sudo >/dev/null; }
-as_root() {
-    if ((EUID == 0)); then
-        "$@"
-    elif [[ -t 0 ]]; then
-        sudo -- "$@"
-    else
-        sudo -n -- "$@"
-    fi
-}
+# May ask for the password once, on the terminal; without one it fails at once.
+can_be_root() { ((EUID == 0)) || { command -v sudo >/dev/null && sudo -v 2>/dev/null; }; }
+as_root() { if ((EUID == 0)); then "$@"; else sudo -- "$@"; fi; }
 
 # Every configured package source of the system: URI, suite and component, whatever format its file has.
 apt_sources() { apt-get indextargets --format '$(REPO_URI) $(RELEASE) $(COMPONENT)' 'Created-By: Packages' 2>/dev/null; }
@@ -91,7 +84,7 @@ apt_install() {
     local reason=$1
     shift
     can_be_root ||
-        die "$reason needs Debian packages; run this as root, install sudo, or have an administrator run: apt-get install --no-install-recommends $*"
+        die "$reason needs Debian packages and you may not install them: run this as root or with sudo rights, or have an administrator run: apt-get install --no-install-recommends $*"
     # A package run that was cut short earlier is finished first.
     [[ -z $(dpkg --audit 2>/dev/null) ]] || logged_as_root env DEBIAN_FRONTEND=noninteractive dpkg --force-confold --configure -a || true
     apt_refresh

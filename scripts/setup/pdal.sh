@@ -139,7 +139,7 @@ setup_pdal() {
         say "PDAL: $program works (version $(pdal_version "$program")), used as it is"
     else
         say "PDAL: none found that starts"
-        if can_be_root && [[ -n $(apt_candidate pdal) ]] && version_at_least "$(apt_candidate pdal | first_version)" "$PDAL_OLDEST"; then
+        if [[ -n $(apt_candidate pdal) ]] && version_at_least "$(apt_candidate pdal | first_version)" "$PDAL_OLDEST" && can_be_root; then
             say "  this system's own packages hold one"
             apt_install PDAL pdal
         else

@@ -44,7 +44,7 @@ add_backports() {
 install_qgis() {
     local candidate packages=(qgis python3-qgis xvfb xauth python3-venv)
     is_debian_like || die "QGIS >= $QGIS_OLDEST is not installed: get it from qgis.org (or conda-forge: environment.yml)"
-    can_be_root || die "QGIS >= $QGIS_OLDEST is missing and installing it takes root: run this as root or install sudo"
+    can_be_root || die "QGIS >= $QGIS_OLDEST is missing and you may not install it: run this as root or with sudo rights, or have an administrator install the packages ${packages[*]}"
     apt_refresh
     candidate=$(apt_candidate qgis | first_version)
     if [[ -n $candidate ]] && version_at_least "$candidate" "$QGIS_OLDEST"; then
