@@ -66,6 +66,7 @@ def run_child(
     stdin: bytes = b"",
     memory_limit: int | None = None,
     environment: Mapping[str, str] | None = None,
+    directory: Path | None = None,
     on_poll: Callable[[], None] | None = None,
 ) -> ChildResult:
     """Run a program to its end; cancelling the command ends it.
@@ -75,6 +76,7 @@ def run_child(
         stdin: what it reads.
         memory_limit: bytes of address space it may take (POSIX only).
         environment: its whole environment; the own one by default.
+        directory: where it runs; the own one by default.
         on_poll: called about five times a second while it runs.
 
     Raises:
@@ -101,6 +103,7 @@ def run_child(
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
                 env=None if environment is None else dict(environment),
+                cwd=directory,
                 start_new_session=os.name == "posix",
                 preexec_fn=prepare if os.name == "posix" else None,
                 creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),

@@ -171,7 +171,11 @@ class InputParameters(ParameterSet):
 
 @dataclass(frozen=True)
 class GroundParameters(ParameterSet):
-    """Ground extraction: denoising and the Cloth Simulation Filter (Zhang et al. 2016, doi:10.3390/rs8060501)."""
+    """Ground extraction: denoising, the Cloth Simulation Filter (Zhang et al. 2016, doi:10.3390/rs8060501), refinement.
+
+    The cloth finds where the ground is, within ``cloth_reach``; the refinement finds the ground itself there. Without
+    it, points within ``class_threshold`` of the cloth are ground, as published.
+    """
 
     slope_aligned: bool = _parameter(
         True,
@@ -179,7 +183,7 @@ class GroundParameters(ParameterSet):
         "Fits the dominant plane and filters in its frame, so that the cloth does not lose ground on a steep face.",
     )
     cloth_resolution: float = _parameter(
-        0.2,
+        0.5,
         "Cloth resolution",
         "Distance between the cloth's particles. Larger is faster and smoother, smaller follows finer relief.",
         unit="m",
@@ -194,12 +198,35 @@ class GroundParameters(ParameterSet):
         maximum=3,
     )
     class_threshold: float = _parameter(
-        0.1,
+        0.06,
         "Ground threshold",
-        "Points within this distance of the cloth are ground. Larger keeps more ground and more low vegetation.",
+        "Points within this distance of the ground's surface (of the cloth, without refinement) are ground. It widens "
+        "by itself to three times the scatter of rougher ground. Larger keeps more ground and more low vegetation.",
         unit="m",
         minimum=0.005,
         maximum=5.0,
+    )
+    refine: bool = _parameter(
+        True,
+        "Refine the ground",
+        "Fits the surface to the points near the cloth, so that edges, steps and small cones are kept that the cloth "
+        "cuts off. Off: the cloth alone decides, as published.",
+    )
+    cloth_reach: float = _parameter(
+        0.7,
+        "Reach of the cloth",
+        "Points within this distance of the cloth are looked at by the refinement. Larger finds more ground beside "
+        "sharp edges and takes more plants for ground where no pulse reached it.",
+        unit="m",
+        minimum=0.05,
+        maximum=20.0,
+        advanced=True,
+    )
+    last_returns: bool = _parameter(
+        True,
+        "Last returns only",
+        "Only the last return of a pulse can be ground. Left out where the cloud's return numbers make no sense.",
+        advanced=True,
     )
     time_step: float = _parameter(
         0.65,
@@ -232,19 +259,20 @@ class GroundParameters(ParameterSet):
     )
     denoise_radius: float = _parameter(
         1.0,
-        "Outlier radius",
-        "A point with fewer than the given neighbours within this distance is an outlier. Larger removes less.",
+        "Outlier distance",
+        "Points this far above or below all others, and five times as far beside them, stand apart. It widens by "
+        "itself to three times the spacing of sparse clouds. Larger removes less.",
         unit="m",
         minimum=0.05,
         maximum=100.0,
         advanced=True,
     )
-    denoise_neighbours: int = _parameter(
-        3,
-        "Neighbours an inlier needs",
-        "Number of neighbours within the outlier radius. Larger removes more.",
+    denoise_group: int = _parameter(
+        10,
+        "Largest group of outliers",
+        "Groups of at most so many points that stand apart are outliers. Larger removes more.",
         minimum=1,
-        maximum=100,
+        maximum=100000,
         advanced=True,
     )
     minimum_ground_ratio: float = _parameter(
@@ -387,6 +415,16 @@ class ZoneParameters(ParameterSet):
         maximum=100000,
         advanced=True,
     )
+    bridged_gap: float = _parameter(
+        0.2,
+        "Gap without data that does not divide a zone",
+        "Parts of a zone that lie this close with nothing measured between them, as under vegetation, are one zone; the "
+        "gap does not count in its area. Larger joins more. 0: only cells that touch.",
+        unit="m",
+        minimum=0.0,
+        maximum=100.0,
+        advanced=True,
+    )
     severity_moderate: float = _parameter(
         0.10,
         "Moderate from",
@@ -493,6 +531,8 @@ PROFILES: dict[str, dict[str, dict[str, Any]]] = {
             "rigidness": 1,
             "time_step": 0.5,
             "class_threshold": 0.05,
+            "refine": False,
+            "last_returns": False,
             "slope_smoothing": False,
         },
         "RegistrationParameters": {

@@ -1,0 +1,91 @@
+"""Cloth Simulation Filter (Zhang et al. 2016, doi:10.3390/rs8060501) by its authors' library, in a child process."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import lifecycle
+from .errors import EngineError, InputError
+from .parameters import GroundParameters
+
+LARGEST_CLOTH = 16_000_000
+"""Particles: more would take over 8 GB."""
+_WORKER = Path(__file__).with_name("csf_worker.py")
+_BYTES_PER_PARTICLE, _BYTES_PER_POINT, _BYTES_FOR_ITSELF = 1_000, 200, 1_500_000_000
+
+
+def cloth_ground(
+    xyz: NDArray[np.float64], parameters: GroundParameters, *, threshold: float | None = None
+) -> NDArray[np.bool_]:
+    """Points within ``threshold`` of the settled cloth.
+
+    Args:
+        xyz: (n, 3) finite coordinates in metres.
+        parameters: resolution, rigidness, time step, iterations and smoothing of the cloth.
+        threshold: distance (m) to the cloth; ``parameters.class_threshold`` by default.
+
+    Returns:
+        (n,) bool. The same points give the same answer: the library runs on one thread.
+
+    Raises:
+        InputError: a cloth too large, or coordinates that are not finite.
+        EngineError: the library failed.
+        Cancelled: the command is being cancelled.
+    """
+    if len(xyz) == 0:
+        return np.zeros(0, dtype=bool)
+    low = xyz.min(axis=0)
+    # a coordinate that is not a number crashes the library
+    if not np.isfinite(low).all() or not np.isfinite(xyz.max(axis=0)).all():
+        raise InputError("The cloud has coordinates that are not finite numbers; remove them before the ground filter.")
+    particles = refuse_large_cloth(xyz, parameters.cloth_resolution)
+    with tempfile.TemporaryDirectory(prefix="slopewatch-csf-") as name, lifecycle.temporary(Path(name)) as folder:
+        # small coordinates keep the cloth's digits
+        np.save(folder / "points.npy", np.ascontiguousarray(xyz - low))
+        options = {
+            "slope_smoothing": parameters.slope_smoothing,
+            "cloth_resolution": parameters.cloth_resolution,
+            "rigidness": parameters.rigidness,
+            "time_step": parameters.time_step,
+            "iterations": parameters.iterations,
+            "threshold": parameters.class_threshold if threshold is None else threshold,
+        }
+        (folder / "parameters.json").write_text(json.dumps(options), encoding="utf-8")
+        result = lifecycle.run_child(
+            [sys.executable, _WORKER, folder],
+            memory_limit=_BYTES_FOR_ITSELF + _BYTES_PER_PARTICLE * particles + _BYTES_PER_POINT * len(xyz),
+            # one thread: several give another cloth, and so other ground, from run to run
+            environment={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+            directory=folder,
+        )
+        if result.returncode:
+            reason = result.stderr.decode(errors="replace").strip().splitlines()[-1:]
+            raise EngineError(
+                f"the cloth simulation failed (exit code {result.returncode}{', ' if reason else ''}{''.join(reason)})"
+            )
+        return np.asarray(np.load(folder / "ground.npy"), dtype=np.bool_)
+
+
+def refuse_large_cloth(xyz: NDArray[np.float64], resolution: float) -> int:
+    """Number of the cloth's particles over these points.
+
+    Raises:
+        InputError: more than LARGEST_CLOTH, with a resolution that fits.
+    """
+    width, depth = np.ptp(xyz[:, :2], axis=0).tolist()
+    particles = math.floor(width / resolution + 4) * math.floor(depth / resolution + 4)
+    if particles > LARGEST_CLOTH:
+        fits = math.ceil(100.0 * math.sqrt(width * depth / LARGEST_CLOTH) * 1.05 + 1) / 100.0
+        raise InputError(
+            f"cloth_resolution is {resolution:g} m, which over {width:.0f} x {depth:.0f} m makes {particles:.2g} "
+            f"particles; give at least {fits:g} m, or clip the cloud to a region of interest."
+        )
+    return particles

@@ -1,0 +1,156 @@
+"""Second step of the ground extraction: which points near the settled cloth lie on the ground itself.
+
+A cloth is smooth. It cuts off the tops of steps and cones that are smaller than its bends, and its distance to the
+ground varies by more than the noise of a survey, so that one threshold either loses ground or lets grass in. Here
+the cloth only says where the ground may be. The surface is then taken from the points themselves:
+
+1. The lowest points of small cells, opened morphologically (Zhang et al. 2003, doi:10.1109/TGRS.2003.810682): what is
+   narrower than the window and stands on ground goes, a plateau as wide as the window stays with sharp edges.
+2. Local planes, fitted to the points near that surface by iteratively reweighted least squares whose weights fall
+   quickly above the surface (plants) and slowly below it (noise), as Kraus and Pfeifer 1998
+   (doi:10.1016/S0924-2716(98)00009-4) do; first on wide cells, then on narrow ones, there with a prior that keeps the
+   wide surface where few points are.
+3. Points within a threshold of the surface are ground. It widens with the scatter that the points below the surface
+   show, because rough or sparse ground scatters more.
+
+All lengths follow the spacing of the points. Sources of the constants: measured, see benchmarks/ground.py.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+CELLS_PER_SPACING = 1.2
+SMALLEST_CELL = 0.1
+WINDOW = 3
+LEVELS = ((2.0, 4, 0.0, 0.05), (1.0, 3, 1.0, 0.05))
+"""Side of the planes' cells (in cells), rounds, weight of the priors: on height (in points), on inclination (share)."""
+
+
+@dataclass(frozen=True)
+class GroundSurface:
+    """``ground`` (n,) bool; ``cell`` (m) of the opening; ``scatter`` (m) of the ground; ``threshold`` (m) applied."""
+
+    ground: BoolArray
+    cell: float
+    scatter: float
+    threshold: float
+
+
+def ground_near_surface(xyz: FloatArray, threshold: float) -> GroundSurface:
+    """Ground among candidates that lie within some decimetres of the terrain.
+
+    Args:
+        xyz: (n, 3) candidates in metres, in a frame in which the terrain is roughly level.
+        threshold: least distance (m) to the surface within which a point is ground.
+    """
+    if len(xyz) < 3:
+        return GroundSurface(np.zeros(len(xyz), dtype=bool), SMALLEST_CELL, 0.0, threshold)
+    low = xyz.min(axis=0)
+    local = xyz - low
+    cell = max(SMALLEST_CELL, CELLS_PER_SPACING * point_spacing(local[:, :2]))
+    gate = 0.05 + cell
+    near = np.flatnonzero(local[:, 2] < _opened(local, cell) + gate)
+    local = local[near]
+    residual = local[:, 2]
+    for side, rounds, prior_height, prior_slope in LEVELS:
+        planes = _Planes(local[:, :2] / (side * cell))
+        start, weight = residual, np.ones(len(local))
+        for _ in range(rounds):
+            residual = start - planes.fit(start, weight, prior_height, prior_slope)
+            above, below = 0.3 * gate, 0.4 * gate
+            weight = np.where(residual < 0, 1.0 / (1.0 + (residual / below) ** 2), np.exp(-((residual / above) ** 2)))
+    # plants only add points above the surface, so the side below shows the ground's own scatter
+    beneath = residual[(residual < 0) & (residual > -gate)]
+    scatter = 1.4826 * float(np.median(-beneath)) if len(beneath) else 0.0
+    threshold = max(threshold, 3.0 * scatter)
+    ground = np.zeros(len(xyz), dtype=bool)
+    ground[near[np.abs(residual) <= threshold]] = True
+    return GroundSurface(ground, cell, scatter, threshold)
+
+
+def point_spacing(xy: FloatArray, cell: float = 1.0) -> float:
+    """Mean spacing (m) of points (n, 2) seen from above: the root of the median area a point has in occupied cells."""
+    keys = np.floor((xy - xy.min(axis=0)) / cell).astype(np.int64)
+    _, counts = np.unique(keys[:, 0] * (int(keys[:, 1].max()) + 1) + keys[:, 1], return_counts=True)
+    return cell / math.sqrt(float(np.median(counts)))
+
+
+def _opened(local: FloatArray, cell: float) -> FloatArray:
+    """(n,) height, at each point, of the morphological opening of the lowest points' grid."""
+    index = np.floor(local[:, :2] / cell).astype(np.int64)
+    shape = tuple(index.max(axis=0) + 1)
+    key = index[:, 0] * shape[1] + index[:, 1]
+    lowest = np.full(shape[0] * shape[1], np.inf)
+    np.minimum.at(lowest, key, local[:, 2])
+    eroded = ndimage.minimum_filter(lowest.reshape(shape), size=WINDOW, mode="nearest")
+    eroded[np.isinf(eroded)] = -np.inf
+    opened = ndimage.maximum_filter(eroded, size=WINDOW, mode="nearest")
+    return np.asarray(opened.ravel()[key], dtype=np.float64)
+
+
+class _Planes:
+    """Weighted planes on square cells of side 1, each fitted to its own and (with less weight) the eight cells around.
+
+    Sums of products are shifted from cell to cell instead of searching neighbours, so the cost is linear in points.
+    """
+
+    POOL = (0.5, 1.0, 0.5)
+
+    def __init__(self, xy: FloatArray) -> None:
+        index = np.floor(xy).astype(np.int64)
+        self.shape = tuple(int(v) + 1 for v in index.max(axis=0))
+        self.key = index[:, 0] * self.shape[1] + index[:, 1]
+        self.x, self.y = (xy - index - 0.5).T
+
+    def fit(self, z: FloatArray, weight: FloatArray, prior_height: float, prior_slope: float) -> FloatArray:
+        """(n,) height of the fitted planes at the points; the priors pull it towards 0 and towards level."""
+        x, y = self.x, self.y
+        wx, wy, wz = weight * x, weight * y, weight * z
+        sums = [self._sum(v) for v in (weight, wx, wy, wx * x, wx * y, wy * y, wz, wz * x, wz * y)]
+        w, sx, sy, sxx, sxy, syy, sz, sxz, syz = self._pool(sums)
+        w = w + prior_height + 1e-9
+        sxx, syy = sxx + prior_slope * w, syy + prior_slope * w
+        # cofactors of the symmetric 3 x 3 normal matrix
+        c00, c01, c02 = sxx * syy - sxy * sxy, sxy * sy - sx * syy, sx * sxy - sxx * sy
+        c11, c12, c22 = w * syy - sy * sy, sx * sy - w * sxy, w * sxx - sx * sx
+        determinant = w * c00 + sx * c01 + sy * c02
+        height = (c00 * sz + c01 * sxz + c02 * syz) / determinant
+        along = (c01 * sz + c11 * sxz + c12 * syz) / determinant
+        across = (c02 * sz + c12 * sxz + c22 * syz) / determinant
+        key = self.key
+        return np.asarray(height.ravel()[key] + along.ravel()[key] * x + across.ravel()[key] * y, dtype=np.float64)
+
+    def _sum(self, values: FloatArray) -> FloatArray:
+        sums = np.bincount(self.key, values, self.shape[0] * self.shape[1])
+        return np.asarray(sums, dtype=np.float64).reshape(self.shape)
+
+    def _pool(self, sums: list[FloatArray]) -> list[FloatArray]:
+        rows, columns = self.shape
+        padded = [np.pad(s, 1) for s in sums]
+        total = [np.zeros(self.shape) for _ in sums]
+        for i, u in enumerate((-1.0, 0.0, 1.0)):
+            for j, v in enumerate((-1.0, 0.0, 1.0)):
+                w, sx, sy, sxx, sxy, syy, sz, sxz, syz = (p[i : i + rows, j : j + columns] for p in padded)
+                moved = (
+                    w,
+                    sx + u * w,
+                    sy + v * w,
+                    sxx + 2 * u * sx + u * u * w,
+                    sxy + u * sy + v * sx + u * v * w,
+                    syy + 2 * v * sy + v * v * w,
+                    sz,
+                    sxz + u * sz,
+                    syz + v * sz,
+                )
+                for t, m in zip(total, moved, strict=True):
+                    t += self.POOL[i] * self.POOL[j] * m
+        return total

@@ -1,0 +1,143 @@
+"""The PDAL pipelines of the ground extraction, as lists of stages."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from .crs import WorkingFrame
+from .las_writing import read_dimensions, wkt_of
+from .parameters import GroundParameters
+from .plane import Plane, flattening_matrix, unflattening_matrix
+from .preflight import POINT_SIZES, CloudHeader
+
+Stage = dict[str, Any]
+GROUND, UNCLASSIFIED = 2, 1
+NOISE = (7, 18)
+"""Low and high noise, where the file says so itself (LAS 1.4)."""
+WAVEFORM_FORMATS = (4, 5, 9, 10)
+"""Point formats that PDAL does not read."""
+_SCALED = 0b11000
+"""Options of an extra dimension with a scale or an offset, which PDAL applies."""
+_MODERN_FORMAT = {0: 6, 1: 6, 2: 7, 3: 7, 6: 6, 7: 7, 8: 8}
+
+
+def clip_pipeline(
+    source: Path, output: Path, header: CloudHeader, frame: WorkingFrame, area: BaseGeometry | None
+) -> list[Stage]:
+    """Read, convert to metres, crop to the area, write LAZ 1.4.
+
+    Args:
+        area: polygon or multipolygon in metres of the frame; None for the whole cloud.
+    """
+    stages: list[Stage] = [_reader(source, header)]
+    if not frame.in_metres:
+        factors = np.diag([frame.horizontal_factor, frame.horizontal_factor, frame.vertical_factor, 1.0])
+        stages.append({"type": "filters.transformation", "matrix": matrix_text(factors)})
+    if area is not None:
+        stages.append({"type": "filters.crop", "polygon": shapely.to_wkt(area, rounding_precision=-1)})
+    writer = _writer(output, header)
+    writer["a_srs"] = wkt_of(frame.crs)
+    if not frame.in_metres:
+        # another unit is another scale: the integers of a point stay what they are
+        factors = np.diag(factors)[:3]
+        for axis, factor, scale, offset in zip("xyz", factors, header.scales, header.offsets, strict=True):
+            writer[f"scale_{axis}"], writer[f"offset_{axis}"] = repr(scale * factor), repr(offset * factor)
+    return [*stages, writer]
+
+
+def cloth_pipeline(
+    source: Path,
+    output: Path,
+    header: CloudHeader,
+    parameters: GroundParameters,
+    threshold: float,
+    plane: Plane | None,
+    last_returns: bool,
+) -> list[Stage]:
+    """Lay the slope flat, filters.csf, lay it back; write all points with class 1 or 2.
+
+    Args:
+        threshold: distance (m) to the cloth within which points become class 2.
+        plane: laid flat first; None leaves the cloud as it is.
+        last_returns: only last and only returns take part; the others become class 1.
+    """
+    stages: list[Stage] = [_reader(source, header)]
+    # filters.csf leaves points that take no part as they are
+    stages.append({"type": "filters.assign", "value": f"Classification = {UNCLASSIFIED}"})
+    if plane is not None:
+        stages.append({"type": "filters.transformation", "matrix": matrix_text(flattening_matrix(plane))})
+    stages.append(
+        {
+            "type": "filters.csf",
+            "resolution": parameters.cloth_resolution,
+            "rigidness": parameters.rigidness,
+            "step": parameters.time_step,
+            "iterations": parameters.iterations,
+            "smooth": parameters.slope_smoothing,
+            "threshold": threshold,
+            "returns": "last,only" if last_returns else "first,last,intermediate,only",
+        }
+    )
+    if plane is not None:
+        stages.append({"type": "filters.transformation", "matrix": matrix_text(unflattening_matrix(plane))})
+    return [*stages, _writer(output, header)]
+
+
+def select_pipeline(source: Path, output: Path, header: CloudHeader) -> list[Stage]:
+    """The points of class 2 of a classified cloud."""
+    limits = f"Classification[{GROUND}:{GROUND}]"
+    return [_reader(source, header), {"type": "filters.range", "limits": limits}, _writer(output, header)]
+
+
+def matrix_text(matrix: NDArray[np.float64]) -> str:
+    """A (4, 4) matrix row by row, each number with all its digits."""
+    return " ".join(repr(float(v)) for v in matrix.ravel())
+
+
+def _reader(path: Path, header: CloudHeader) -> Stage:
+    stage: Stage = {"type": "readers.las", "filename": str(path)}
+    if header.version != "1.4" and _extra_dimensions(header):
+        stage["use_eb_vlr"] = True
+    return stage
+
+
+def _writer(path: Path, header: CloudHeader) -> Stage:
+    """Coordinates on the same grid of integers, all dimensions; variable length records are not carried over.
+
+    A COPC's index, for one, would be wrong.
+    """
+    stage: Stage = {
+        "type": "writers.las",
+        "filename": str(path),
+        "forward": "header,scale,offset",
+        "minor_version": 4,
+        "dataformat_id": _MODERN_FORMAT[header.point_format],
+        "compression": "laszip",
+    }
+    extra = _extra_dimensions(header)
+    if extra:
+        stage["extra_dims"] = ",".join(f"{name}={kind}" for name, kind in extra)
+    return stage
+
+
+def _extra_dimensions(header: CloudHeader) -> list[tuple[str, str]]:
+    """Names and PDAL types of the extra dimensions that PDAL can carry: plain numbers with a name it takes."""
+    kinds = {"u": "uint", "i": "int", "f": "float"}
+    found = []
+    room = header.record_length - POINT_SIZES[header.point_format]
+    for dimension in read_dimensions(header.vlrs.get(("LASF_Spec", 4)), room):
+        kind = kinds.get(dimension.dtype.kind)
+        if kind is not None and re.fullmatch("[A-Za-z][A-Za-z0-9_]*", dimension.name):
+            size = dimension.dtype.itemsize * 8
+            if kind == "float" or dimension.descriptor[3] & _SCALED:
+                found.append((dimension.name, "float" if kind == "float" and size == 32 else "double"))
+            else:
+                found.append((dimension.name, f"{kind}{size}_t"))
+    return found

@@ -1,0 +1,46 @@
+"""Which points are the last return of their pulse, where the cloud's return numbers can be believed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+_FEWEST_LASTS = 0.8
+
+
+@dataclass(frozen=True)
+class Returns:
+    """``last`` (n,) bool: last or only returns; all True where the numbers make no sense, ``note`` says why.
+
+    ``usable`` says whether a choice by return number makes sense; ``mixed`` that some numbers but not all are 0,
+    which PDAL refuses.
+    """
+
+    last: NDArray[np.bool_]
+    usable: bool
+    mixed: bool
+    note: str = ""
+
+
+def last_returns(number: NDArray[np.integer], total: NDArray[np.integer]) -> Returns:
+    """Judge return numbers (n,) and numbers of returns (n,)."""
+    everything = np.ones(len(number), dtype=bool)
+    zero = (number == 0) | (total == 0)
+    if zero.all():
+        return Returns(everything, False, bool(((number != 0) | (total != 0)).any()), "no return numbers")
+    if zero.any():
+        return Returns(everything, False, True, f"{int(zero.sum())} points without a return number")
+    last = (total == 1) | (number == total)
+    firsts, lasts = int(np.count_nonzero(number == 1)), int(np.count_nonzero(last))
+    # every pulse has one first and one last return, unless somebody took them out
+    if lasts < _FEWEST_LASTS * firsts:
+        return Returns(everything, False, False, f"{lasts} last returns for {firsts} first ones")
+    return Returns(last, True, False)
+
+
+def return_totals(records: NDArray[np.void], point_format: int) -> NDArray[np.uint8]:
+    """Number of returns of each record's pulse, see ``las_records.read_records``."""
+    flags: NDArray[np.uint8] = records["flags"]
+    return (flags >> np.uint8(3)) & np.uint8(0x07) if point_format < 6 else flags >> np.uint8(4)
