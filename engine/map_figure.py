@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import geopandas as gpd
 import numpy as np
 import shapely
+from affine import Affine
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
@@ -18,6 +19,8 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 from PIL import Image
+from rasterio.features import rasterize, shapes
+from scipy import ndimage
 
 from .errors import EngineError
 from .map_parts import BODY, INK, SMALL, Sheet, draw_keys, draw_legend, draw_north, draw_scale_bar, wrap
@@ -218,31 +221,35 @@ def _draw_zones(axes: Axes, layout: Layout, heatmap: Heatmap, zones: gpd.GeoData
     """Outer rings and, as far as they find room, ids: the most severe first, beside the zone if it must be."""
     west, south, east, _ = heatmap.grid.bounds
     scale = layout.map_width / (east - west)
-    parts, owner = shapely.get_parts(np.asarray(zones.geometry), return_index=True)
-    # parts below a twentieth of an inch would be blots
-    drawn = shapely.area(parts) * scale**2 >= 0.05**2
-    drawn |= np.bincount(owner, drawn, minlength=len(zones))[owner] == 0
-    rings = [shapely.get_coordinates(ring) for ring in shapely.get_exterior_ring(parts[drawn])]
+    rings = _outlines(np.asarray(zones.geometry), heatmap.grid.bounds, 0.015 / scale)
     axes.add_collection(LineCollection(rings, colors="white", linewidths=1.8, alpha=0.6, zorder=2), autolim=False)
     axes.add_collection(LineCollection(rings, colors=INK, linewidths=0.8, zorder=3), autolim=False)
     placed: list[tuple[float, float, float, float]] = []
     # the ids of a map that is hardly wider than they stand on the white paper beside it
     narrow = layout.beside and layout.map_width < 1.0
     room = layout.map_width + (0.8 if narrow else 0.0), layout.map_height
-    anchors = shapely.get_coordinates(shapely.point_on_surface(np.asarray(zones.geometry)))[:_LABELS]
-    for name, (x, y) in zip(zones["zone_id"], anchors, strict=False):
-        anchor = (x - west) * scale, (y - south) * scale
+    boxes = (shapely.bounds(np.asarray(zones.geometry))[:_LABELS] - (west, south, west, south)) * scale
+    points = shapely.get_coordinates(shapely.point_on_surface(np.asarray(zones.geometry)))[:_LABELS]
+    inner = (points - (west, south)) * scale
+    for name, extent, point in zip(zones["zone_id"], boxes, inner, strict=False):
+        width, height = 0.078 * len(name), 0.13
+        roomy = extent[2] - extent[0] > 2.5 * width and extent[3] - extent[1] > 4 * height
+        # on a large zone, above a small one, which the id would hide
+        anchor = (point[0], point[1]) if roomy else ((extent[0] + extent[2]) / 2, extent[3] + 0.6 * height)
         if narrow:
-            anchor = layout.map_width + 0.35, anchor[1]
-        box = _free_place(anchor, 0.078 * len(name), 0.13, placed, room)
+            anchor = layout.map_width + 0.35, point[1]
+        box = _free_place(anchor, width, height, placed, room)
         if box is None:
             continue
         placed.append(box)
-        centre = west + (box[0] + box[2]) / 2 / scale, south + (box[1] + box[3]) / 2 / scale
-        if math.hypot(centre[0] - x, centre[1] - y) * scale > 0.01:
-            axes.plot((x, centre[0]), (y, centre[1]), color=INK, lw=0.6, zorder=4, clip_on=False)
+        centre = (box[0] + box[2]) / 2, (box[1] + box[3]) / 2
+        x, y = west + centre[0] / scale, south + centre[1] / scale
+        if narrow or math.dist(centre, anchor) > 0.01:
+            tip = west + point[0] / scale, south + point[1] / scale
+            axes.plot((tip[0], x), (tip[1], y), color=INK, lw=0.6, zorder=4, clip_on=False)
         axes.text(
-            *centre,
+            x,
+            y,
             name,
             fontproperties=sheet.fonts(SMALL, "bold"),
             color=INK,
@@ -251,6 +258,32 @@ def _draw_zones(axes: Axes, layout: Layout, heatmap: Heatmap, zones: gpd.GeoData
             zorder=5,
             path_effects=[withStroke(linewidth=2.2, foreground="white")],
         )
+
+
+def _outlines(zones: NDArray[np.object_], bounds: tuple[float, float, float, float], pixel: float) -> list[NDArray]:
+    """Outer rings of the zones as the eye sees them: on pixels (metres), closed over holes and gaps of two of them.
+
+    Zones under vegetation consist of hundreds of scattered cells, whose own edges would blacken the map.
+    """
+    west, south, east, north = bounds
+    shape = max(1, math.ceil((north - south) / pixel)), max(1, math.ceil((east - west) / pixel))
+    affine = Affine(pixel, 0.0, west, 0.0, -pixel, north)
+    burnt = rasterize(
+        zip(zones, range(1, len(zones) + 1), strict=True), shape, transform=affine, all_touched=True, dtype=np.int32
+    )
+    wide = ndimage.maximum_filter(np.pad(burnt, 2), 3)
+    closed = np.where(ndimage.minimum_filter(wide > 0, 3), wide, 0)[2:-2, 2:-2].astype(np.int32)
+    parts = [
+        (label, np.array(outline["coordinates"][0]))
+        for outline, label in shapes(closed, mask=closed > 0, connectivity=4, transform=affine)
+    ]
+    # of a zone in many parts, those of a few pixels would be blots
+    areas = np.array([shapely.Polygon(ring).area for _, ring in parts])
+    owners = np.array([int(label) for label, _ in parts], dtype=np.int64)
+    largest = np.zeros(len(zones) + 1)
+    np.maximum.at(largest, owners, areas)
+    drawn = areas >= np.minimum(largest[owners], 12.0 * pixel**2)
+    return [ring for (_, ring), keep in zip(parts, drawn, strict=True) if keep]
 
 
 def _free_place(

@@ -418,8 +418,8 @@ class ZoneParameters(ParameterSet):
     bridged_gap: float = _parameter(
         0.2,
         "Gap without data that does not divide a zone",
-        "Parts of a zone that lie this close with nothing measured between them, as under vegetation, are one zone; the "
-        "gap does not count in its area. Larger joins more. 0: only cells that touch.",
+        "Parts that lie this close with nothing measured between them, as under vegetation, are one zone; the gap does "
+        "not count in its area. Larger joins more. 0: only cells that touch.",
         unit="m",
         minimum=0.0,
         maximum=100.0,

@@ -114,7 +114,7 @@ def zones_qml() -> str:
     )
     categories = SubElement(renderer, "categories")
     symbols = SubElement(renderer, "symbols")
-    grades = (("high", 4, 150, 0.6), ("moderate", 3, 110, 0.4), ("low", 2, 80, 0.26))
+    grades = (("high", 4, 150, 0.4), ("moderate", 3, 110, 0.3), ("low", 2, 80, 0.2))
     pairs = [(kind, *grade) for kind in ("subsidence", "uplift") for grade in grades]
     for number, (kind, severity, stop, opacity, width) in enumerate(pairs):
         low, high = DIVERGING[stop][1:], DIVERGING[-1][1:]

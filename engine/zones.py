@@ -94,9 +94,10 @@ def extract_zones(
 ) -> Zones:
     """Join significant cells of one sign into zones.
 
-    Cells that share an edge or a corner belong together: under vegetation a surface is measured in a broken pattern of
-    cells that edges alone would not connect. A polygon follows the cells' edges, unsimplified, with its holes, so
-    that its area is that of its cells; parts that meet in a corner only are parts of one MultiPolygon.
+    Cells that share an edge or a corner belong together, and so do cells with a gap of at most ``bridged_gap`` between
+    them in which nothing was measured in both epochs: under vegetation a surface is known in a broken pattern of cells
+    only. Measured cells without significant change always divide. A polygon follows the edges of its significant cells,
+    unsimplified, with its holes, so that its area is that of its cells; parts are parts of one MultiPolygon.
 
     The fields' meaning, where it is not plain: ``dz_p95_m`` is the 95th percentile of the magnitudes with the zone's
     sign; ``vol_loss_m3`` and ``vol_gain_m3`` are positive; ``vol_err_m3`` is one standard error, for which the
@@ -174,10 +175,16 @@ def _label(
     """Labels 1..n of the groups that are large enough, first cell of each, and groups and cells that were not."""
     labels = np.zeros(grid.shape, dtype=np.int32)
     found = 0
+    unknown = np.isnan(dz)
+    reach = int(parameters.bridged_gap / (2.0 * grid.cell) + 1e-6)  # cells from either side of a gap
     for sign in (-1.0, 1.0):
         with np.errstate(invalid="ignore"):
-            part, number = ndimage.label(significant & (dz * sign > 0), structure=_EIGHT)
-        labels[part > 0] = part[part > 0] + found
+            cells = significant & (dz * sign > 0)
+        joined = cells
+        if reach and cells.any():
+            joined = cells | (ndimage.maximum_filter(cells, size=2 * reach + 1) & unknown)
+        part, number = ndimage.label(joined, structure=_EIGHT)
+        labels[cells] = part[cells] + found
         found += number
     sizes = np.bincount(labels.ravel(), minlength=found + 1)
     # a group of exactly the least area must not fail by rounding

@@ -150,6 +150,35 @@ def test_polygons_of_ragged_patterns_are_valid_and_cover_their_cells() -> None:
         assert np.bincount(found.labels.ravel())[1:].tolist() == found.frame["n_cells"].tolist()
 
 
+def two_blocks(between: float, width: int) -> np.ndarray:
+    """Two raised blocks of 4 x 4 cells with ``width`` columns of ``between`` from one to the other."""
+    dz = np.zeros((8, 20))
+    dz[2:6, 2:6] = dz[2:6, 6 + width : 10 + width] = 0.3
+    dz[:, 6 : 6 + width] = between
+    return dz
+
+
+@pytest.mark.parametrize(
+    ("between", "width", "gap", "zones"),
+    [
+        (np.nan, 2, 0.2, 1),
+        (np.nan, 3, 0.2, 2),
+        (np.nan, 3, 0.4, 1),
+        (np.nan, 1, 0.0, 2),
+        (0.0, 1, 0.4, 2),
+        (-0.3, 1, 0.4, 3),
+    ],
+)
+def test_only_gaps_without_data_are_bridged(between: float, width: int, gap: float, zones: int) -> None:
+    parameters = ZoneParameters(minimum_area=0.0, minimum_cells=2, bridged_gap=gap)
+    found = run(two_blocks(between, width), parameters, cell=0.1)
+    assert len(found.frame) == zones
+    raised = found.frame[found.frame["kind"] == "uplift"]
+    assert raised["n_cells"].sum() == 32  # the gap does not count
+    assert raised.area.sum() == pytest.approx(0.32)
+    assert raised.is_valid.all()
+
+
 def test_touching_cells_of_opposite_sign_are_two_zones() -> None:
     dz = np.full((6, 10), 0.2)
     dz[:, 5:] = -0.2
