@@ -163,6 +163,7 @@ def _grounds(
             parameters=settings.ground,
             inputs=settings.inputs,
             pdal=program,
+            final=stage.final("clouds"),
             progress=share,
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from .transform import RigidTransform
 from .version import VERSION
 
 _Z95 = 1.959963984540054
+_READABLE = (1.0, 1.2, 1.6, 2.0, 2.4, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
 
 @dataclass(frozen=True)
@@ -155,8 +157,11 @@ def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float,
 
 
 def _colour_limit(change: Change, parameters: HeatmapParameters) -> float:
-    """Half the span of the colour ramp: as given, else the 98th percentile of \\|dz\\|, at least twice the level."""
+    """Half the span of the colour ramp: as given, else the 98th percentile of the change's size, at least twice the
+    level, rounded up to a number that reads well in a legend."""
     if parameters.colour_range > 0:
         return parameters.colour_range
     largest = float(np.percentile(np.abs(change.dz[change.valid]), 98))
-    return max(largest, 2 * change.median_level, 0.01)
+    limit = max(largest, 2 * change.median_level, 0.01)
+    unit = 10.0 ** math.floor(math.log10(limit))
+    return round(next(step for step in _READABLE if step * unit >= limit * (1 - 1e-9)) * unit, 9)

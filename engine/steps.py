@@ -28,7 +28,9 @@ def ground_step(
 ) -> Outcome:
     """Clip, denoise and extract the ground of one cloud; see ``ground.extract_ground``."""
     refuse_unwritable(output)
-    refuse_inputs_as_outputs([output], [cloud] + ([roi] if roi else []))
+    stem = output.stem.removesuffix("_ground") or output.stem
+    written = [output, *(output.with_name(f"{stem}_{kind}.laz") for kind in ("clipped", "classified"))]
+    refuse_inputs_as_outputs(written, [cloud] + ([roi] if roi else []))
     program = find_pdal(pdal)
     record = RunRecord("ground", {"inputs": settings.inputs, "ground": settings.ground})
     record.facts["pdal"] = {"version": program.version, "path": program.path, "found": program.how}
@@ -41,6 +43,7 @@ def ground_step(
                 parameters=settings.ground,
                 inputs=settings.inputs,
                 pdal=program,
+                final=stage.directory,
                 progress=progress,
             )
             entry.update(plain(result))
