@@ -56,6 +56,12 @@ def return_numbers(records: NDArray[np.void], point_format: int) -> NDArray[np.u
     return values & np.uint8(0x07 if point_format < 6 else 0x0F)
 
 
+def return_totals(records: NDArray[np.void], point_format: int) -> NDArray[np.uint8]:
+    """Number of returns of each record's pulse."""
+    values: NDArray[np.uint8] = records["flags"]
+    return (values >> 3) & np.uint8(0x07) if point_format < 6 else values >> 4
+
+
 def read_records(
     header: CloudHeader, *, selection: int | None = None, warnings: list[str] | None = None
 ) -> Iterator[NDArray[np.void]]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from slopewatch.engine.clouds import eight_bits, open_cloud, read_cloud
 from slopewatch.engine.extents import measure_extent
-from slopewatch.engine.las_records import read_records, record_dtype, return_numbers
+from slopewatch.engine.las_records import classes, read_records, record_dtype, return_numbers, return_totals
 from slopewatch.engine.parameters import InputParameters
 from slopewatch.engine.preflight import preflight
 from slopewatch.engine.progress import Progress
@@ -60,6 +60,19 @@ def test_groups_of_chunks_and_the_short_last_one_join_without_a_seam(tmp_path, l
     assert np.array_equal(np.concatenate([return_numbers(g, 7) for g in groups]), las.return_number)
     plain = las_file(tmp_path / "a.las", points=10)
     assert len(list(read_records(preflight(plain)))) == 10
+
+
+@pytest.mark.parametrize(("point_format", "version"), [(3, "1.2"), (7, "1.4")])
+def test_fields_that_share_bytes(tmp_path, las_file, point_format, version):
+    def flag(las):
+        las.withheld, las.edge_of_flight_line = np.arange(2000) % 2, np.arange(2000) % 3 == 0
+
+    path = las_file(tmp_path / "a.las", point_format=point_format, version=version, change=flag)
+    las = laspy.read(path)
+    (records,) = read_records(preflight(path))
+    assert np.array_equal(return_numbers(records, point_format), las.return_number)
+    assert np.array_equal(return_totals(records, point_format), las.number_of_returns)
+    assert np.array_equal(classes(records, point_format), las.classification)
 
 
 @pytest.mark.parametrize("point_format", range(11))
