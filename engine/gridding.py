@@ -155,7 +155,7 @@ def _plane_in_cell(
     v = xyz[:, 1] - (grid.north - (row + 0.5) * grid.cell)
 
     def total(values: Float) -> Float:
-        return np.bincount(index, weights=values, minlength=cells)
+        return np.bincount(index, weights=values, minlength=cells).astype(np.float64, copy=False)
 
     mean_u, mean_v = total(u) / count, total(v) / count
     du, dv, dz = u - mean_u[index], v - mean_v[index], z - mean[index]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import geopandas as gpd
 import numpy as np
 from pyproj import CRS
 
-from . import heatmap, rasters, styles, top_view, vectors, zones
+from . import heatmap, palette, rasters, styles, top_view, vectors, zones
 from .change import Change
 from .clouds import PointCloud
 from .epochs import Epoch
@@ -22,7 +21,6 @@ from .transform import RigidTransform
 from .version import VERSION
 
 _Z95 = 1.959963984540054
-_READABLE = (1.0, 1.2, 1.6, 2.0, 2.4, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
 
 @dataclass(frozen=True)
@@ -64,7 +62,9 @@ def write_products(
         input_sha256=" ".join(context.input_hashes),
     )
     progress.update(0.0, "writing rasters")
-    limit = _colour_limit(change, heatmap_parameters)
+    limit = palette.colour_limit(
+        change.dz[change.significant], heatmap_parameters.colour_range, level=change.median_level
+    )
     outputs = _write_rasters(change, context.crs, tags, limit, stage)
 
     progress.update(0.3, "outlining zones")
@@ -154,14 +154,3 @@ def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float,
         styles.write_qml_beside(path, qml)
         outputs[name] = stage.final(path.name)
     return outputs
-
-
-def _colour_limit(change: Change, parameters: HeatmapParameters) -> float:
-    """Half the span of the colour ramp: as given, else the 98th percentile of the change's size, at least twice the
-    level, rounded up to a number that reads well in a legend."""
-    if parameters.colour_range > 0:
-        return parameters.colour_range
-    largest = float(np.percentile(np.abs(change.dz[change.valid]), 98))
-    limit = max(largest, 2 * change.median_level, 0.01)
-    unit = 10.0 ** math.floor(math.log10(limit))
-    return round(next(step for step in _READABLE if step * unit >= limit * (1 - 1e-9)) * unit, 9)

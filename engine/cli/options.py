@@ -66,17 +66,18 @@ def command(*groups: type[ParameterSet], profile: bool = True) -> Callable[[Comm
             session = Session(report, pdal, arguments.pop("profile", "default"), values)
             sys.exit(_run(report, debug, lambda: function(session, **arguments)))
 
+        wrapped: Command = run
         for group in reversed(groups):
             for specification in reversed(group.specifications()):
-                run = _option(specification)(run)
+                wrapped = _option(specification)(wrapped)
         if profile:
-            run = click.option(
+            wrapped = click.option(
                 "--profile",
                 type=click.Choice(list(PROFILES)),
                 default="default",
                 show_default=True,
                 help="paper: the published settings. Options given beside it override it.",
-            )(run)
+            )(wrapped)
         for shared in (
             click.option("--debug", is_flag=True, help="Show the traceback of an internal failure."),
             click.option(
@@ -91,8 +92,8 @@ def command(*groups: type[ParameterSet], profile: bool = True) -> Callable[[Comm
                 help="How progress is told. json: one object a line on standard output.",
             ),
         ):
-            run = shared(run)
-        return run
+            wrapped = shared(wrapped)
+        return wrapped
 
     return decorate
 
