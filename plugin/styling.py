@@ -35,23 +35,22 @@ class StylePostProcessor(QgsProcessingLayerPostProcessorInterface):
     # QGIS does not take ownership: a post-processor that Python has collected silently never runs.
     _kept: ClassVar[list[StylePostProcessor]] = []
 
-    def __init__(self, appearance: Appearance, style: Path | None) -> None:
+    def __init__(self, appearance: Appearance) -> None:
         super().__init__()
         self._appearance = appearance
-        self._style = style
 
     @classmethod
-    def create(cls, appearance: Appearance, style: Path | None = None) -> StylePostProcessor:
-        instance = cls(appearance, style)
+    def create(cls, appearance: Appearance) -> StylePostProcessor:
+        instance = cls(appearance)
         cls._kept.append(instance)
         del cls._kept[:-200]
         return instance
 
     def postProcessLayer(self, layer, context, feedback) -> None:
-        if self._style is not None and self._style.is_file():
-            message, loaded = layer.loadNamedStyle(str(self._style))
-            if not loaded:
-                feedback.pushWarning(f"The style {self._style} could not be applied: {message}")
+        # Processing loads layers without their default style: the .qml beside a raster, the one inside a GeoPackage.
+        message, loaded = layer.loadDefaultStyle()
+        if message and not loaded:
+            feedback.pushWarning(f"The style of {layer.source()} could not be applied: {message}")
         layer.triggerRepaint()
         project = context.project() or QgsProject.instance()
         node = project.layerTreeRoot().findLayer(layer.id())
@@ -82,8 +81,7 @@ def style_on_completion(
     details.forceName = bool(name) or known.forceName
     details.groupName = group or known.groupName
     details.layerSortKey = appearance.order
-    style = Path(path).with_suffix(".qml")
-    details.setPostProcessor(StylePostProcessor.create(appearance, style if style.is_file() else None))
+    details.setPostProcessor(StylePostProcessor.create(appearance))
     layers = {p: d for p, d in context.layersToLoadOnCompletion().items() if p != registered}
     layers[path] = details
     context.setLayersToLoadOnCompletion(layers)

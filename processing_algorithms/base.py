@@ -136,7 +136,7 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm):
         for name, (key, _) in self.NUMBERS.items():
             value = result.metrics.get(key)
             if isinstance(value, (int, float)):
-                results[name] = value
+                results[name] = float(f"{value:.6g}") if isinstance(value, float) else value
         try:
             results.update(self.results(result, parameters, context))
         except OSError as error:

@@ -139,7 +139,9 @@ def deliver(
                 copy_raster(source, path)
         results[product.name] = path
         own_name = getattr(parameters.get(product.name), "destinationName", "")
-        style_on_completion(context, wanted, path, product.appearance, "" if own_name else product.label, group)
+        # Without its name the layer of a GeoPackage does not find its style.
+        layer = f"{path}|layername={product.layer}" if path.endswith(".gpkg") else path
+        style_on_completion(context, wanted, layer, product.appearance, "" if own_name else product.label, group)
     return results
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 from qgis import processing
 from qgis.core import Qgis, QgsApplication, QgsProject
-from qgis.PyQt.QtCore import QCoreApplication, QPoint, QTimer
+from qgis.PyQt.QtCore import QCoreApplication, QPoint, Qt, QTimer
 from qgis.PyQt.QtWidgets import QApplication, QDockWidget, QTextEdit, QTreeView
 from qgis.utils import iface, plugins
 
@@ -71,6 +71,8 @@ class Session:
         for dock in window.findChildren(QDockWidget):
             if dock.objectName() in ("Browser", "LayerOrder", "undo/redo dock", "LayerStyling"):
                 dock.hide()
+        layers = window.findChild(QDockWidget, "Layers")
+        window.resizeDocks([layers], [380], Qt.Orientation.Horizontal)
         REPORT["loaded"] = "slopewatch" in plugins
         REPORT["menu"] = [a.text() for a in iface.pluginMenu().actions() if "SlopeWatch" in a.text()]
 
@@ -93,6 +95,7 @@ class Session:
 
         walk(tree.rootIndex(), "")
         REPORT["toolbox"] = found
+        iface.mainWindow().resizeDocks([toolbox], [260], Qt.Orientation.Horizontal)
         self.picture("toolbox", toolbox)
 
     def open_dialog(self) -> None:

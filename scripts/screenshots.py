@@ -101,7 +101,9 @@ def shrink(source: Path, target: Path) -> None:
 
 
 def main(target: Path) -> None:
-    with tempfile.TemporaryDirectory() as name:
+    # not in the system's temporary folder: QGIS marks layers from there
+    (ROOT / "build").mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=ROOT / "build") as name:
         folder = Path(name)
         survey = folder / "survey"
         engine = [str(ROOT / ".venv" / "bin" / "python"), "-m", "slopewatch.engine.cli"]
@@ -115,9 +117,10 @@ def main(target: Path) -> None:
         report = run_session(parameters, folder, seconds=540)
         if report["errors"]:
             raise RuntimeError("\n".join(report["errors"]))
-        for picture in KEPT:
-            shrink(folder / "images" / f"{picture}.png", target / f"{picture}.png")
-            print(target / f"{picture}.png")
+        pictures = [*(folder / "images" / f"{name}.png" for name in KEPT), folder / "results" / "heatmap.png"]
+        for picture in pictures:
+            shrink(picture, target / picture.name)
+            print(target / picture.name)
 
 
 if __name__ == "__main__":
