@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # The plugin's zip from the last commit, as QGIS and its plugin repository want it: one top folder named after the package.
-# What stays out is said in .gitattributes (export-ignore).
+# Usage: scripts/package.sh [FILE.zip]. What stays out is said in .gitattributes (export-ignore).
 set -euo pipefail
 cd "$(dirname -- "${BASH_SOURCE[0]}")/.."
 version=$(git show HEAD:metadata.txt | sed -n 's/^version=//p')
-mkdir -p dist
-archive=dist/slopewatch-$version.zip
+archive=${1:-dist/slopewatch-$version.zip}
+mkdir -p "$(dirname -- "$archive")"
 git archive --format=zip --prefix=slopewatch/ --output="$archive" HEAD
 size=$(stat -c %s "$archive")
 ((size <= 25 * 1024 * 1024)) || {

@@ -42,11 +42,14 @@ find_usable_pdal() {
 # Mirrors that may still hold the old release: this machine's own, Debian's, Debian's archive of retired releases.
 pdal_mirrors() { printf '%s\n' "$(apt_mirror)" http://deb.debian.org/debian http://archive.debian.org/debian | sed 's:/*$::' | awk 'NF && !seen[$0]++'; }
 
+# pdal_write_wrapper PREFIX: PREFIX/bin/pdal, which starts the unpacked program with the loader and libraries unpacked with it.
 pdal_write_wrapper() {
-    local triplet=$1 loader=$2
-    mkdir -p "$(dirname "$3")"
-    sed -e "s:@TRIPLET@:$triplet:g" -e "s:@LOADER@:$loader:g" "$ROOT/scripts/setup/pdal-wrapper.sh" >"$3"
-    chmod 755 "$3"
+    local loader triplet
+    loader=$(cd "$1" && ls lib/*/ld-2.*.so | head -n 1)
+    triplet=$(basename "$(dirname "$loader")")
+    mkdir -p "$1/bin"
+    sed -e "s:@TRIPLET@:$triplet:g" -e "s:@LOADER@:$loader:g" "$ROOT/scripts/setup/pdal-wrapper.sh" >"$1/bin/pdal"
+    chmod 755 "$1/bin/pdal"
 }
 
 # pdal_download MIRROR WORK: fetch PDAL and all it depends on, by apt with a root of its own; finished files are kept for a next try.
@@ -91,7 +94,7 @@ CONF
 }
 
 build_private_pdal() {
-    local work=$STATE/pdal-download fresh=$PDAL_PREFIX.new mirror package triplet loader got=no
+    local work=$STATE/pdal-download fresh=$PDAL_PREFIX.new mirror package program got=no
     for program in apt-get dpkg-deb; do
         command -v "$program" >/dev/null || die "no PDAL on PATH, and without $program none can be unpacked: install PDAL (conda-forge: environment.yml)"
     done
@@ -109,22 +112,23 @@ build_private_pdal() {
     mkdir -p "$fresh"
     for package in "$work"/archives/*.deb; do dpkg-deb -x "$package" "$fresh"; done
     rm -rf "$fresh"/usr/share/{doc,man,locale,lintian} "$fresh"/{etc,var}
-    loader=$(cd "$fresh" && ls lib/*/ld-2.*.so | head -n 1)
-    triplet=$(basename "$(dirname "$loader")")
-    pdal_write_wrapper "$triplet" "$loader" "$fresh/bin/pdal"
+    pdal_write_wrapper "$fresh"
     pdal_works "$fresh/bin/pdal" || die "the unpacked PDAL does not run on this machine: $("$fresh/bin/pdal" --version 2>&1 | tail -n 1)"
     rm -rf "$PDAL_PREFIX"
     mv "$fresh" "$PDAL_PREFIX"
     rm -rf "$work"
 }
 
+# What was chosen last time, still the same file by size and time, needs no new trial.
+pdal_key() {
+    step_key "${SLOPEWATCH_PDAL:-}" "$(command -v pdal || true)" "$1" "$(stat -c '%s %Y' "$1" 2>/dev/null || true)" -- \
+        "$ROOT/scripts/setup/pdal.sh" "$ROOT/scripts/setup/pdal-wrapper.sh"
+}
+
 setup_pdal() {
-    local key program
-    # What was chosen last time, and still the same file by size and time, needs no new trial.
+    local program
     program=$(cat "$STATE/pdal.program" 2>/dev/null || true)
-    key=$(step_key "${SLOPEWATCH_PDAL:-}" "$(command -v pdal || true)" "$program" "$(stat -c '%s %Y' "$program" 2>/dev/null || true)" -- \
-        "$ROOT/scripts/setup/pdal.sh" "$ROOT/scripts/setup/pdal-wrapper.sh")
-    if [[ -n $program && -x $program ]] && is_stamped pdal "$key"; then
+    if [[ -x $program ]] && is_stamped pdal "$(pdal_key "$program")"; then
         say "PDAL: $program, as before"
         return
     fi
@@ -132,9 +136,7 @@ setup_pdal() {
     if [[ -n ${SLOPEWATCH_PDAL:-} ]] && ! pdal_works "$SLOPEWATCH_PDAL"; then
         die "SLOPEWATCH_PDAL names $SLOPEWATCH_PDAL, which is no working PDAL >= $PDAL_OLDEST: correct or unset it"
     fi
-    if [[ -e $PDAL_PREFIX/bin/pdal ]] && ! cmp -s <(sed -n '/^#/p' "$PDAL_PREFIX/bin/pdal") <(sed -n '/^#/p' "$ROOT/scripts/setup/pdal-wrapper.sh"); then
-        rm -rf "$PDAL_PREFIX"
-    fi
+    [[ ! -e $PDAL_PREFIX/bin/pdal ]] || pdal_write_wrapper "$PDAL_PREFIX"
     if program=$(find_usable_pdal); then
         say "PDAL: $program works (version $(pdal_version "$program")), used as it is"
     else
@@ -150,7 +152,5 @@ setup_pdal() {
     fi
     mkdir -p "$STATE"
     printf '%s\n' "$program" >"$STATE/pdal.program"
-    key=$(step_key "${SLOPEWATCH_PDAL:-}" "$(command -v pdal || true)" "$program" "$(stat -c '%s %Y' "$program")" -- \
-        "$ROOT/scripts/setup/pdal.sh" "$ROOT/scripts/setup/pdal-wrapper.sh")
-    stamp pdal "$key"
+    stamp pdal "$(pdal_key "$program")"
 }

@@ -1,0 +1,9 @@
+"""The list of packages, which pyproject.toml cannot find by itself where the root of the repository is the package."""
+
+from setuptools import find_packages, setup
+
+PARTS = ("engine", "models", "plugin", "processing_algorithms", "simulation")
+
+FOUND = find_packages(".", include=[pattern for part in PARTS for pattern in (part, f"{part}.*")])
+
+setup(packages=["slopewatch", *(f"slopewatch.{name}" for name in FOUND)])

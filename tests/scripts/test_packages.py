@@ -1,0 +1,128 @@
+"""What is shipped: the plugin's zip as QGIS's plugin repository takes it, and the wheel with its packages and data."""
+
+from __future__ import annotations
+
+import ast
+import configparser
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path, PurePosixPath
+
+import pytest
+
+PACKAGES = ("engine", "models", "plugin", "processing_algorithms", "simulation")
+
+
+def tracked(root: Path, *more: str) -> list[str]:
+    if shutil.which("git") is None or not (root / ".git").exists():
+        pytest.skip("this is no git checkout, so what is tracked is not known")
+    command = ["git", "-c", "safe.directory=*", "ls-files", "-z", *more]
+    text = subprocess.run(command, cwd=root, check=True, text=True, stdout=subprocess.PIPE).stdout
+    return [name for name in text.split("\0") if name and (root / name).is_file()]
+
+
+@pytest.fixture(scope="module")
+def plugin_zip(root, tmp_path_factory) -> zipfile.ZipFile:
+    tracked(root)
+    archive = tmp_path_factory.mktemp("zip") / "plugin.zip"
+    subprocess.run(["bash", root / "scripts" / "package.sh", archive], cwd=root, check=True, stdout=subprocess.PIPE)
+    return zipfile.ZipFile(archive)
+
+
+def test_zip_has_one_top_folder_with_what_qgis_asks_for(plugin_zip):
+    names = plugin_zip.namelist()
+    assert {name.split("/")[0] for name in names} == {"slopewatch"}
+    for needed in ("__init__.py", "metadata.txt", "LICENSE", "README.md", "engine/parameters.py", "plugin/provider.py"):
+        assert f"slopewatch/{needed}" in names
+
+
+def test_zip_leaves_out_what_qgis_refuses_and_users_do_not_need(plugin_zip):
+    for name in plugin_zip.namelist():
+        path = PurePosixPath(name)
+        assert path.suffix not in {".sh", ".so", ".pyc", ".dll", ".exe"}, name
+        assert not {"tests", "__pycache__", ".ci", "scripts", "benchmarks"} & set(path.parts), name
+        assert not any(part.startswith(".") for part in path.parts), name
+    assert sum(entry.compress_size for entry in plugin_zip.infolist()) <= 25 * 1024 * 1024
+
+
+def test_icon_named_in_the_metadata_is_in_the_zip(plugin_zip):
+    parser = configparser.ConfigParser(interpolation=None)
+    parser.read_string(plugin_zip.read("slopewatch/metadata.txt").decode("utf-8"))
+    assert f"slopewatch/{parser['general']['icon']}" in plugin_zip.namelist()
+
+
+def metadata(root: Path) -> configparser.SectionProxy:
+    parser = configparser.ConfigParser(interpolation=None)
+    parser.optionxform = str  # type: ignore[assignment,method-assign]
+    parser.read(root / "metadata.txt", encoding="utf-8")
+    return parser["general"]
+
+
+def test_metadata_names_everything_the_plugin_repository_asks_for(root):
+    general = metadata(root)
+    needed = (
+        "name description version qgisMinimumVersion author email about tracker repository homepage tags icon changelog"
+    )
+    assert [key for key in needed.split() if not general.get(key)] == []
+    assert general["qgisMinimumVersion"] == "3.34"
+    assert general["qgisMaximumVersion"] == "4.99"
+    assert general["hasProcessingProvider"] == "yes"
+    assert (root / general["icon"]).is_file()
+
+
+def test_one_version_everywhere(root):
+    from slopewatch.engine.version import VERSION
+
+    assert metadata(root)["version"] == VERSION
+    assert f'\nversion = "{VERSION}"\n' in (root / "pyproject.toml").read_text(encoding="utf-8")
+    assert VERSION in metadata(root)["changelog"]
+
+
+REFUSED_CALLS = {"eval", "exec", "pickle.load", "pickle.loads", "yaml.load", "os.system"}
+
+
+def test_no_call_that_the_plugin_repository_refuses(root):
+    found = []
+    for name in tracked(root):
+        if not name.endswith(".py") or name.split("/")[0] not in (*PACKAGES, "__init__.py"):
+            continue
+        for node in ast.walk(ast.parse((root / name).read_text(encoding="utf-8"))):
+            if not isinstance(node, ast.Call):
+                continue
+            called = ast.unparse(node.func)
+            shell = any(word.arg == "shell" and ast.unparse(word.value) != "False" for word in node.keywords)
+            if called in REFUSED_CALLS or called.endswith(".extractall") or shell:
+                found.append(f"{name}:{node.lineno} {called}")
+    assert found == []
+
+
+@pytest.fixture(scope="module")
+def wheel(root, tmp_path_factory) -> zipfile.ZipFile:
+    """The wheel, built from a copy of what the working tree holds."""
+    pytest.importorskip("setuptools")
+    folder = tmp_path_factory.mktemp("wheel")
+    for name in tracked(root, "--cached", "--others", "--exclude-standard"):
+        if name.split("/")[0] in (*PACKAGES, "benchmarks") or "/" not in name:
+            target = folder / "source" / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(root / name, target)
+    command = [sys.executable, "-m", "pip", "-qq", "wheel", "--no-deps", "--no-build-isolation", "--no-index"]
+    subprocess.run([*command, "-w", folder, folder / "source"], check=True, timeout=300)
+    return zipfile.ZipFile(next(folder.glob("slopewatch-*.whl")))
+
+
+def test_wheel_holds_every_module_and_data_file_of_the_packages(root, wheel):
+    there = set(wheel.namelist())
+    for name in tracked(root, "--cached", "--others", "--exclude-standard"):
+        if name.split("/")[0] in PACKAGES:
+            assert f"slopewatch/{name}" in there, "see package-data in pyproject.toml and the parts in setup.py"
+
+
+def test_wheel_holds_nothing_else(wheel):
+    top = {name.split("/")[0] for name in wheel.namelist()}
+    assert {name for name in top if not name.endswith(".dist-info")} == {"slopewatch"}
+    assert not [name for name in wheel.namelist() if name.startswith(("slopewatch/tests", "slopewatch/scripts"))]
+    entry_points = next(name for name in wheel.namelist() if name.endswith("entry_points.txt"))
+    assert "slopewatch = slopewatch.engine.cli:main" in wheel.read(entry_points).decode("utf-8")
