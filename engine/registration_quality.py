@@ -1,0 +1,174 @@
+"""How well two registered surfaces agree on stable ground, and what to tell the user about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import InputError
+from .parameters import RegistrationParameters
+from .point_to_plane import Matcher, Pairs, robust_scale
+from .pose import Pose
+from .voxel import block_numbers
+
+Float = NDArray[np.float64]
+
+_SOURCES = 60_000
+_STABLE = 3.0  # scales within which a residual is noise
+_LEAST_PAIRS = 20
+_LEAST_BLOCKS, _LEAST_IN_BLOCK = 8, 20
+_UNIFORM = 0.02  # metres along the normal from which a shift of everything is worth a sentence
+_LITTLE_OVERLAP = 0.2
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Point-to-plane residuals, moving minus reference, on ground that did not change. Lengths are metres.
+
+    Attributes:
+        scale: noise of a residual after registration.
+        stable_share: share of the overlap within three scales.
+        overlap_share: share of the moving points that have a counterpart.
+        nmad_before, nmad_after, rms_before, rms_after: of the stable points' residuals.
+        misfit: spread over the surface of the stable ground's residual, noise taken out: what a rigid motion leaves.
+        misfit_height: the same as a height.
+        mean_normal: (3,) mean upward normal of the stable ground.
+        places, normals: (k, 3) of a sample of the stable ground, local coordinates before registration.
+    """
+
+    scale: float
+    stable_share: float
+    overlap_share: float
+    nmad_before: float
+    nmad_after: float
+    rms_before: float
+    rms_after: float
+    misfit: float
+    misfit_height: float
+    mean_normal: Float
+    places: Float
+    normals: Float
+
+
+def agreement(matcher: Matcher, pose: Pose, offset: float) -> Agreement:
+    """Measure how well the surfaces agree at ``pose``; ``offset`` (m) is how far apart they may be.
+
+    Raises:
+        InputError: hardly any point has a counterpart.
+    """
+    spacing = max(matcher.reference.spacing, matcher.moving.spacing)
+    reach = max(offset, 3 * spacing)
+    sources = matcher.moving.sample(_SOURCES)
+    pairs = matcher.onto_reference(pose, sources, reach, 0.5)
+    if len(pairs) < _LEAST_PAIRS:
+        raise InputError(
+            f"Only {len(pairs)} points of the later epoch have a counterpart within {reach:g} m on the earlier one, "
+            "so the epochs do not overlap or hold no surface; check the files, their ground and the largest offset."
+        )
+    distance, _ = matcher.reference.nearest(pose.apply(matcher.moving.points[sources]), reach)
+    scale = max(robust_scale(pairs.residual), 1e-4)
+    stable = np.abs(pairs.residual) <= _STABLE * scale
+    before = matcher.onto_reference(Pose.identity(), pairs.source[stable], reach, 0.5).residual
+    after = pairs.residual[stable]
+    normals = pairs.normal[stable] * np.where(pairs.normal[stable][:, 2:] < 0, -1.0, 1.0)
+    mean = normals.mean(axis=0)
+    misfit = _misfit(pairs, stable, 20 * spacing)
+    steep = np.abs(normals[:, 2]) < 0.2
+    cosine = np.median(np.abs(normals[~steep][:, 2])) if (~steep).any() else 0.2
+    return Agreement(
+        scale=scale,
+        stable_share=float(stable.mean()),
+        overlap_share=float(np.isfinite(distance).mean()),
+        nmad_before=_nmad(before),
+        nmad_after=_nmad(after),
+        rms_before=_rms(before),
+        rms_after=_rms(after),
+        misfit=misfit,
+        misfit_height=misfit / float(cosine),
+        mean_normal=mean / np.linalg.norm(mean),
+        places=matcher.moving.points[pairs.source[stable]][:: max(1, len(after) // 5000)],
+        normals=normals[:: max(1, len(after) // 5000)],
+    )
+
+
+def explain(
+    quality: Agreement,
+    parameters: RegistrationParameters,
+    *,
+    converged: bool,
+    shift: Float,
+    normal: Float,
+    error: float,
+    widening: float,
+    unobservable: tuple[str, ...],
+    stable_given: bool,
+) -> tuple[str, ...]:
+    """Sentences about what the registration cannot know.
+
+    Args:
+        shift: (3,) mean displacement of the moving cloud, metres.
+        normal: (3,) mean normal.
+        error: standard error of a height before widening, metres.
+        widening: factor of the level of detection.
+    """
+    sentences = []
+    along = float(shift @ normal)
+    if parameters.method != "none" and not stable_given and abs(along) > max(_UNIFORM, 3 * error):
+        sentences.append(
+            f"The later epoch was moved by {along:+.3f} m along the surface's normal everywhere: a datum or height "
+            "bias and a uniform movement of the whole slope look the same, so this part is not reported as change; "
+            "give an area known to be stable to tell them apart."
+        )
+    if quality.stable_share < parameters.minimum_stable_share:
+        sentences.append(
+            f"Only {quality.stable_share:.0%} of the overlap agrees within {_STABLE * quality.scale:.3f} m, less than "
+            f"the least share of stable ground ({parameters.minimum_stable_share:.0%}); the registration error is "
+            f"widened {widening:.1f} times; give an area known to be stable."
+        )
+    if unobservable:
+        sentences.append(
+            f"The surface does not fix the registration against {_listed(unobservable)}; there the epochs stay as "
+            "surveyed, and a shift of that kind cannot be seen."
+        )
+    if not converged:
+        sentences.append(
+            "The registration did not settle within its iterations; check the result or raise their number."
+        )
+    if parameters.method == "robust" and float(np.linalg.norm(shift)) > parameters.maximum_offset:
+        sentences.append(
+            f"The offset found ({np.linalg.norm(shift):.2f} m) exceeds the largest expected one "
+            f"({parameters.maximum_offset:g} m); raise the latter and compare."
+        )
+    if quality.overlap_share < _LITTLE_OVERLAP:
+        sentences.append(
+            f"Only {quality.overlap_share:.0%} of the later epoch's points have a counterpart on the earlier one; "
+            "check that both cover the slope."
+        )
+    return tuple(sentences)
+
+
+def _misfit(pairs: Pairs, stable: NDArray[np.bool_], block: float) -> float:
+    """Spread about zero of the blocks' mean residual, less what the noise of the means explains."""
+    residual, number = pairs.residual[stable], block_numbers(pairs.place[stable], block)
+    count = np.bincount(number)
+    enough = count >= _LEAST_IN_BLOCK
+    if np.count_nonzero(enough) < _LEAST_BLOCKS:
+        return 0.0
+    mean = np.bincount(number, residual)[enough] / count[enough]
+    noise = float(np.median(np.var(residual) / count[enough]))
+    spread = 1.4826 * float(np.median(np.abs(mean)))
+    return float(np.sqrt(max(spread**2 - noise, 0.0)))
+
+
+def _nmad(values: Float) -> float:
+    return float(1.4826 * np.median(np.abs(values - np.median(values)))) if len(values) else 0.0
+
+
+def _rms(values: Float) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " or " + names[-1]
