@@ -59,7 +59,7 @@ def return_numbers(records: NDArray[np.void], point_format: int) -> NDArray[np.u
 def return_totals(records: NDArray[np.void], point_format: int) -> NDArray[np.uint8]:
     """Number of returns of each record's pulse."""
     values: NDArray[np.uint8] = records["flags"]
-    return (values >> 3) & np.uint8(0x07) if point_format < 6 else values >> 4
+    return (values >> np.uint8(3)) & np.uint8(0x07) if point_format < 6 else values >> np.uint8(4)
 
 
 def read_records(

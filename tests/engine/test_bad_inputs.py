@@ -127,12 +127,15 @@ def test_05_damage_inside_a_layer_is_found_by_where_the_points_go(laz):
 
 
 def test_05_layer_sizes_that_cannot_be_true_are_never_allocated(laz):
+    """Left to the decompressor, each takes 4 GB and more than ten seconds."""
+    started = time.perf_counter()
     start = preflight(laz).offset_to_points + 8 + 36 + 4
     for layer in range(10):
         data = laz.read_bytes()
         patched(laz, start + 4 * layer, "I", 0xFFFFFFF0)
         refused(laz, "damaged inside its compressed points")
         laz.write_bytes(data)
+    assert time.perf_counter() - started < 5
 
 
 def test_05_chunk_tables_that_cannot_be_true(laz):
@@ -422,9 +425,7 @@ def test_samples_of_damaged_files(shared_data, name, outcome):
         ("old.las", {"point_format": 1, "version": "1.2"}, 700),
     ],
 )
-def test_random_damage_crashes_nothing_and_hardly_any_goes_unnoticed(
-    tmp_path, las_file, name, options, cases, unnoticed
-):
+def test_random_damage_is_refused_or_said(tmp_path, las_file, name, options, cases):
     source = las_file(tmp_path / name, **options)
     program = [sys.executable, Path(__file__).with_name("fuzz_clouds.py")]
     arguments = [source, tmp_path / f"fuzzed{source.suffix}", cases, 1]
