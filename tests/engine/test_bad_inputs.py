@@ -128,14 +128,14 @@ def test_05_damage_inside_a_layer_is_found_by_where_the_points_go(laz):
 
 def test_05_layer_sizes_that_cannot_be_true_are_never_allocated(laz):
     """Left to the decompressor, each takes 4 GB and more than ten seconds."""
-    started = time.perf_counter()
+    started = time.process_time()
     start = preflight(laz).offset_to_points + 8 + 36 + 4
     for layer in range(10):
         data = laz.read_bytes()
         patched(laz, start + 4 * layer, "I", 0xFFFFFFF0)
         refused(laz, "damaged inside its compressed points")
         laz.write_bytes(data)
-    assert time.perf_counter() - started < 5
+    assert time.process_time() - started < 5
 
 
 def test_05_chunk_tables_that_cannot_be_true(laz):
@@ -196,9 +196,9 @@ def test_07_trailing_bytes_are_said(las):
 
 @pytest.mark.parametrize("count", [100, 10**6, 2**32 - 1])
 def test_08_absurd_number_of_records(las, count):
-    started = time.perf_counter()
+    started = time.process_time()
     refused(patched(las, 100, "I", count), "variable length record")
-    assert time.perf_counter() - started < 1
+    assert time.process_time() - started < 1
 
 
 def test_08_absurd_length_of_a_record(las):
@@ -403,14 +403,14 @@ def test_more_points_than_memory(las, monkeypatch):
 )
 def test_samples_of_damaged_files(shared_data, name, outcome):
     path = shared_data / "bad_las" / name
-    started = time.perf_counter()
+    started = time.process_time()
     if isinstance(outcome, str):
         refused(path, outcome)
     else:
         cloud = read_cloud(path, UTM, colours=True)
         assert np.array_equal(cloud.xyz, laspy.read(path).xyz)
         assert len(cloud) == outcome
-    assert time.perf_counter() - started < 2
+    assert time.process_time() - started < 2
     if name == "spurious.las":
         assert any("1 of its 1065 points outside" in note for note in cloud.notes)
 
