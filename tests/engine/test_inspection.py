@@ -92,8 +92,13 @@ def test_the_known_offset_is_undone(survey, run):
     pair, _ = survey
     out, _, _ = run
     found = RigidTransform.load(out / "transform.json")
-    stable = pair.second.xyz[::50]
-    assert np.sqrt(np.mean(np.sum((found.apply(stable) - pair.transform.apply(stable)) ** 2, axis=1))) < 0.01
+    points = pair.second.xyz[::50]
+    error = found.apply(points) - pair.transform.apply(points)
+    slope = points - points.mean(axis=0)
+    normal = np.linalg.svd(slope, full_matrices=False)[2][2]
+    # across the face it is seen well; along it only by its unevenness
+    assert np.abs(error @ normal).max() < 0.005
+    assert np.sqrt(np.mean(np.sum(error**2, axis=1))) < 0.03
 
 
 def test_run_record_tells_what_ran(run):

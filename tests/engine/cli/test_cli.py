@@ -34,6 +34,7 @@ def write_plane(path: Path, *, lowered: float = 0.0, crs: int | None = 32651, x:
         header.add_crs(CRS.from_epsg(crs))
     las = laspy.LasData(header)
     las.x, las.y, las.z = 500_000 + x + u, 3_500_000 + v, z
+    las.return_number = las.number_of_returns = np.ones(u.size, dtype=np.uint8)
     las.write(path)
     return path
 
