@@ -54,6 +54,7 @@ def _pdal_seconds(xyz: np.ndarray, folder: Path) -> float:
     """Seconds that writers.gdal adds to reading the file."""
     cloud = laspy.create(point_format=6, file_version="1.4")
     cloud.header.scales, cloud.header.offsets = [0.001] * 3, xyz.min(0).round()
+    cloud.header.global_encoding.wkt = True  # PDAL expects it of point format 6
     cloud.x, cloud.y, cloud.z = xyz.T
     cloud.write(folder / "points.las")
     grid = {
