@@ -13,7 +13,7 @@ NAMES = {
     "ground": "Ground extraction",
     "registration": "Registration",
     "gridding": "Gridding",
-    "inspect": "The whole flow",
+    "whole_flow": "The whole flow",
 }
 
 

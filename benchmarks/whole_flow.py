@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -11,10 +12,10 @@ import time
 from pathlib import Path
 
 import numpy as np
-import psutil
 import rasterio
 
 from ..engine.csf import cloth_ground
+from ..engine.gridding import Grid
 from ..engine.parameters import GroundParameters, SurveyParameters
 from ..simulation.survey import simulate_pair
 from ..simulation.write import write_pair
@@ -82,28 +83,34 @@ def _inspect(folder: Path, paths: dict[str, Path]) -> tuple[float, int]:
 
 
 def _watch(pid: int, peak: list[int]) -> None:
-    """Largest sum of the proportional sizes of a process and its descendants, sampled 20 times a second."""
+    """Largest sum of the resident sizes of a process and its descendants, sampled 20 times a second (Linux)."""
+    while Path(f"/proc/{pid}").exists():
+        peak[0] = max(peak[0], sum(_resident(p) for p in _family(pid)))
+        time.sleep(0.05)
+
+
+def _family(pid: int) -> list[int]:
+    members = [pid]
+    for member in members:
+        for task in Path(f"/proc/{member}/task").glob("*/children"):
+            try:
+                members += [int(child) for child in task.read_text().split()]
+            except OSError:
+                continue
+    return members
+
+
+def _resident(pid: int) -> int:
     try:
-        root = psutil.Process(pid)
-        while root.is_running() and root.status() != psutil.STATUS_ZOMBIE:
-            total = 0
-            for process in [root, *root.children(recursive=True)]:
-                try:
-                    total += process.memory_info().rss
-                except psutil.Error:
-                    continue
-            peak[0] = max(peak[0], total)
-            time.sleep(0.05)
-    except psutil.Error:
-        return
+        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, IndexError):
+        return 0
 
 
 def _change_error(folder: Path, pair) -> tuple[float, float]:  # type: ignore[no-untyped-def]
     with rasterio.open(folder / "out" / "elevation_change.tif") as raster:
         dz = raster.read(1, masked=True).filled(np.nan)
         west, north, cell = raster.transform.c, raster.transform.f, raster.transform.a
-    from ..engine.gridding import Grid
-
     truth = pair.true_change_raster(Grid(west, north, cell, *dz.shape))
     error = (dz - truth)[np.isfinite(dz)]
     median = float(np.median(error))
