@@ -182,9 +182,10 @@ class _Extraction:
             require_points(f"{shown(self.cloud)} without its outliers", len(xyz))
         spacing = self._check_spacing(xyz)
         with self._step("cloth", 0.45, 0.8, "laying the cloth"):
-            near, method = self._cloth(clipped, xyz, flat, plane, returns)
+            taken = self._taking_part(returns)
+            near, method = self._cloth(clipped, xyz, flat, plane, returns, taken)
         with self._step("refine", 0.8, 0.9, "refining the ground"):
-            found = refined(flat, near, self.parameters)
+            found = refined(flat, near, taken, self.parameters)
             self._judge(found.ground, len(xyz))
         with self._step("write", 0.9, 1.0, "writing the ground"):
             classified = self._file("classified.laz")
@@ -247,15 +248,20 @@ class _Extraction:
             )
         return spacing
 
-    def _cloth(self, clipped: Path, xyz: Float, flat: Float, plane: Plane, returns: Returns) -> tuple[Bool, str]:
+    def _taking_part(self, returns: Returns) -> Bool:
+        """(n,) the points that may be ground."""
+        if not self.parameters.last_returns:
+            return np.ones(len(returns.last), dtype=bool)
+        if not returns.usable:
+            self._warn(f"All returns of {shown(self.cloud)} take part in the ground filter: {returns.note}.")
+        return returns.last
+
+    def _cloth(
+        self, clipped: Path, xyz: Float, flat: Float, plane: Plane, returns: Returns, taken: Bool
+    ) -> tuple[Bool, str]:
         """(n,) points near the cloth, and what laid it."""
         parameters = self.parameters
         aligned = flat if parameters.slope_aligned else xyz
-        taken = np.ones(len(xyz), dtype=bool)
-        if parameters.last_returns:
-            taken = returns.last
-            if not returns.usable:
-                self._warn(f"All returns of {shown(self.cloud)} take part in the ground filter: {returns.note}.")
         refuse_large_cloth(aligned[taken], parameters.cloth_resolution)
         threshold = cloth_threshold(parameters)
         if self.pdal.has_csf and not returns.mixed:

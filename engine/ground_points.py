@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 from .csf import cloth_ground
 from .denoise import outliers
 from .errors import InputError
-from .ground_surface import ground_near_surface
+from .ground_surface import ground_surface
 from .parameters import GroundParameters
 from .plane import Plane, apply_matrix, fit_plane, flattening_matrix, lowest_points
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
-PLANE_CELL, PLANE_DISTANCE, PLANE_TRIES, PLANE_SEED = 1.0, 0.3, 500, 1
+PLANE_CELL, PLANE_TRIES, PLANE_SEED = 1.0, 500, 1
+PLANE_DISTANCES = (0.3, 0.6, 1.2, 2.4, 4.8)
+PLANE_SHARE = 0.5
 FEWEST_POINTS = 10
 
 
@@ -53,33 +55,46 @@ def ground_mask(xyz: Float, parameters: GroundParameters | None = None, last: Bo
     require_points("the cloud", len(points))
     plane = dominant_plane(points)
     flat = apply_matrix(flattening_matrix(plane), points)
-    kept = (
-        ~outliers(flat, parameters.denoise_radius, parameters.denoise_group)
-        if parameters.denoise
-        else np.ones(len(points), dtype=bool)
-    )
+    kept = np.ones(len(points), dtype=bool)
+    if parameters.denoise:
+        kept = ~outliers(flat, parameters.denoise_radius, parameters.denoise_group)
+    flat, points = flat[kept], points[kept]
+    taken = np.ones(len(points), dtype=bool)
     if last is not None and parameters.last_returns:
-        kept &= last[finite]
-    index = np.flatnonzero(finite)[kept]
-    frame = flat[kept] if parameters.slope_aligned else points[kept]
-    near = cloth_ground(frame, parameters, threshold=cloth_threshold(parameters))
-    ground[index] = refined(flat[kept], near, parameters).ground
+        taken = last[finite][kept]
+    near = np.zeros(len(points), dtype=bool)
+    frame = flat if parameters.slope_aligned else points
+    near[taken] = cloth_ground(frame[taken], parameters, threshold=cloth_threshold(parameters))
+    ground[np.flatnonzero(finite)[kept]] = refined(flat, near, taken, parameters).ground
     return ground
 
 
 def dominant_plane(xyz: Float) -> Plane:
-    """The slope's plane from the lowest points of cells, which plants and outliers sway least."""
+    """The slope's plane from the lowest points of cells, which plants and outliers sway least.
+
+    A rough or curved slope has no plane that many points lie on closely, so the distance widens until half of them do.
+    """
     low = lowest_points(xyz, PLANE_CELL)
-    return fit_plane(low if len(low) >= 30 else xyz, PLANE_DISTANCE, PLANE_TRIES, PLANE_SEED)
+    points = low if len(low) >= 30 else xyz
+    for distance in PLANE_DISTANCES:
+        plane = fit_plane(points, distance, PLANE_TRIES, PLANE_SEED)
+        if plane.inlier_share >= PLANE_SHARE:
+            break
+    return plane
 
 
-def refined(flat: Float, near: Bool, parameters: GroundParameters) -> Filtered:
-    """Ground among points in the slope's frame of which the cloth found some ``near``."""
+def refined(flat: Float, near: Bool, taken: Bool, parameters: GroundParameters) -> Filtered:
+    """Ground among points (n, 3) in the slope's frame.
+
+    Args:
+        near: (n,) which points the cloth found.
+        taken: (n,) which points may be ground.
+    """
     if not parameters.refine:
-        return Filtered(near, 0.0, parameters.class_threshold)
-    surface = ground_near_surface(flat[near], parameters.class_threshold)
+        return Filtered(near & taken, 0.0, parameters.class_threshold)
+    surface = ground_surface(flat[taken], near[taken], parameters.class_threshold)
     ground = np.zeros(len(flat), dtype=bool)
-    ground[np.flatnonzero(near)[surface.ground]] = True
+    ground[np.flatnonzero(taken)[surface.ground]] = True
     return Filtered(ground, surface.scatter, surface.threshold)
 
 

@@ -12,6 +12,8 @@ the cloth only says where the ground may be. The surface is then taken from the 
    wide surface where few points are.
 3. Points within a threshold of the surface are ground. It widens with the scatter that the points below the surface
    show, because rough or sparse ground scatters more.
+4. The ground found is continued along its own planes, and what lies close to them is looked at again, until no more
+   comes: a cloth hangs free where it should bend around the edge of a berm.
 
 All lengths follow the spacing of the points. Sources of the constants: measured, see benchmarks/ground.py.
 """
@@ -31,6 +33,7 @@ BoolArray = NDArray[np.bool_]
 CELLS_PER_SPACING = 1.2
 SMALLEST_CELL = 0.1
 WINDOW = 3
+ROUNDS, GROWTH_SIDE, GROWTH_REACH, LEAST_GROWTH = 6, 0.5, 0.3, 0.002
 LEVELS = ((2.0, 4, 0.0, 0.05), (1.0, 3, 1.0, 0.05))
 """Side of the planes' cells (in cells), rounds, weight of the priors: on height (in points), on inclination (share)."""
 
@@ -45,27 +48,43 @@ class GroundSurface:
     threshold: float
 
 
-def ground_near_surface(xyz: FloatArray, threshold: float) -> GroundSurface:
-    """Ground among candidates that lie within some decimetres of the terrain.
+def ground_surface(xyz: FloatArray, near: BoolArray, threshold: float) -> GroundSurface:
+    """Ground among points of which the cloth found some near.
 
     Args:
-        xyz: (n, 3) candidates in metres, in a frame in which the terrain is roughly level.
+        xyz: (n, 3) in metres, in a frame in which the terrain is roughly level.
+        near: (n,) which points lie within some decimetres of the cloth.
         threshold: least distance (m) to the surface within which a point is ground.
     """
+    candidates = near
+    for _ in range(1 + ROUNDS):
+        index = np.flatnonzero(candidates)
+        part = ground_near_surface(xyz[index], threshold)
+        ground = np.zeros(len(xyz), dtype=bool)
+        ground[index[part.ground]] = True
+        grown = candidates | _beside(xyz, ground, max(GROWTH_SIDE, 4.0 * part.cell))
+        enough = np.count_nonzero(grown) - len(index) <= LEAST_GROWTH * max(np.count_nonzero(ground), 1)
+        if enough or not part.ground.any():
+            break
+        candidates = grown
+    return GroundSurface(ground, part.cell, part.scatter, part.threshold)
+
+
+def ground_near_surface(xyz: FloatArray, threshold: float) -> GroundSurface:
+    """Ground among candidates (n, 3) alone, see ``ground_surface``: steps 1 to 3."""
     if len(xyz) < 3:
         return GroundSurface(np.zeros(len(xyz), dtype=bool), SMALLEST_CELL, 0.0, threshold)
-    low = xyz.min(axis=0)
-    local = xyz - low
+    local = xyz - xyz.min(axis=0)
     cell = max(SMALLEST_CELL, CELLS_PER_SPACING * point_spacing(local[:, :2]))
     gate = 0.05 + cell
     near = np.flatnonzero(local[:, 2] < _opened(local, cell) + gate)
     local = local[near]
     residual = local[:, 2]
     for side, rounds, prior_height, prior_slope in LEVELS:
-        planes = _Planes(local[:, :2] / (side * cell))
+        planes = Planes(local[:, :2] / (side * cell))
         start, weight = residual, np.ones(len(local))
         for _ in range(rounds):
-            residual = start - planes.fit(start, weight, prior_height, prior_slope)
+            residual = start - planes.at_points(*planes.fit(start, weight, prior_height, prior_slope))
             above, below = 0.3 * gate, 0.4 * gate
             weight = np.where(residual < 0, 1.0 / (1.0 + (residual / below) ** 2), np.exp(-((residual / above) ** 2)))
     # plants only add points above the surface, so the side below shows the ground's own scatter
@@ -84,6 +103,21 @@ def point_spacing(xy: FloatArray, cell: float = 1.0) -> float:
     return cell / math.sqrt(float(np.median(counts)))
 
 
+def _beside(xyz: FloatArray, ground: BoolArray, side: float) -> BoolArray:
+    """(n,) points close to planes of the ground in cells of ``side`` metres, or to these planes continued by a cell."""
+    local = xyz - xyz.min(axis=0)
+    planes = Planes(local[:, :2] / side)
+    height, along, across = planes.fit(local[:, 2], ground.astype(np.float64), 0.0, 0.02)
+    known = planes.sum(ground.astype(np.float64)) >= 3
+    if not known.any():
+        return ground
+    distance, (i, j) = ndimage.distance_transform_edt(~known, return_indices=True)
+    rows, columns = np.indices(known.shape)
+    height = height[i, j] + along[i, j] * (rows - i) + across[i, j] * (columns - j)
+    near = np.abs(local[:, 2] - planes.at_points(height, along[i, j], across[i, j])) < GROWTH_REACH
+    return near & (distance <= 1.5).ravel()[planes.key]
+
+
 def _opened(local: FloatArray, cell: float) -> FloatArray:
     """(n,) height, at each point, of the morphological opening of the lowest points' grid."""
     index = np.floor(local[:, :2] / cell).astype(np.int64)
@@ -97,7 +131,7 @@ def _opened(local: FloatArray, cell: float) -> FloatArray:
     return np.asarray(opened.ravel()[key], dtype=np.float64)
 
 
-class _Planes:
+class Planes:
     """Weighted planes on square cells of side 1, each fitted to its own and (with less weight) the eight cells around.
 
     Sums of products are shifted from cell to cell instead of searching neighbours, so the cost is linear in points.
@@ -111,11 +145,13 @@ class _Planes:
         self.key = index[:, 0] * self.shape[1] + index[:, 1]
         self.x, self.y = (xy - index - 0.5).T
 
-    def fit(self, z: FloatArray, weight: FloatArray, prior_height: float, prior_slope: float) -> FloatArray:
-        """(n,) height of the fitted planes at the points; the priors pull it towards 0 and towards level."""
+    def fit(
+        self, z: FloatArray, weight: FloatArray, prior_height: float, prior_slope: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Height and inclinations of each cell's plane; the priors pull it towards 0 and towards level."""
         x, y = self.x, self.y
         wx, wy, wz = weight * x, weight * y, weight * z
-        sums = [self._sum(v) for v in (weight, wx, wy, wx * x, wx * y, wy * y, wz, wz * x, wz * y)]
+        sums = [self.sum(v) for v in (weight, wx, wy, wx * x, wx * y, wy * y, wz, wz * x, wz * y)]
         w, sx, sy, sxx, sxy, syy, sz, sxz, syz = self._pool(sums)
         w = w + prior_height + 1e-9
         sxx, syy = sxx + prior_slope * w, syy + prior_slope * w
@@ -126,10 +162,17 @@ class _Planes:
         height = (c00 * sz + c01 * sxz + c02 * syz) / determinant
         along = (c01 * sz + c11 * sxz + c12 * syz) / determinant
         across = (c02 * sz + c12 * sxz + c22 * syz) / determinant
-        key = self.key
-        return np.asarray(height.ravel()[key] + along.ravel()[key] * x + across.ravel()[key] * y, dtype=np.float64)
+        return height, along, across
 
-    def _sum(self, values: FloatArray) -> FloatArray:
+    def at_points(self, height: FloatArray, along: FloatArray, across: FloatArray) -> FloatArray:
+        """(n,) height of the cells' planes at the points."""
+        key = self.key
+        return np.asarray(
+            height.ravel()[key] + along.ravel()[key] * self.x + across.ravel()[key] * self.y, dtype=np.float64
+        )
+
+    def sum(self, values: FloatArray) -> FloatArray:
+        """Sum of the points' values in each cell."""
         sums = np.bincount(self.key, values, self.shape[0] * self.shape[1])
         return np.asarray(sums, dtype=np.float64).reshape(self.shape)
 

@@ -213,10 +213,10 @@ class GroundParameters(ParameterSet):
         "cuts off. Off: the cloth alone decides, as published.",
     )
     cloth_reach: float = _parameter(
-        0.7,
+        0.3,
         "Reach of the cloth",
-        "Points within this distance of the cloth are looked at by the refinement. Larger finds more ground beside "
-        "sharp edges and takes more plants for ground where no pulse reached it.",
+        "The refinement starts from points within this distance of the cloth. Larger starts from more ground and takes "
+        "more plants for ground where no pulse reached it.",
         unit="m",
         minimum=0.05,
         maximum=20.0,
