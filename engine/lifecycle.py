@@ -8,7 +8,6 @@ half-written and exits at once. Native work that holds the interpreter's lock be
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import os
 import shutil
 import signal
@@ -28,8 +27,7 @@ _children: set[subprocess.Popen[bytes]] = set()
 _temporaries: list[tuple[Path, bool]] = []
 _cancelled = threading.Event()
 _wakeup: tuple[socket.socket, socket.socket] | None = None
-_libc = ctypes.CDLL(None) if sys.platform == "linux" else None
-_PR_SET_PDEATHSIG = 1
+_LAUNCHER = Path(__file__).with_name("child_launcher.py")
 
 
 @dataclass(frozen=True)
@@ -85,27 +83,19 @@ def run_child(
     """
     started = time.monotonic()
 
-    def prepare() -> None:  # runs in the child, between fork and exec
-        if _libc is not None:
-            _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        if memory_limit is not None:
-            import resource
-
-            resource.setrlimit(resource.RLIMIT_AS, (memory_limit, memory_limit))
-
+    command = _launched([os.fspath(argument) for argument in arguments], memory_limit, environment)
     with _lock:
         if _cancelled.is_set():
             raise Cancelled("cancelled")
         try:
             child = subprocess.Popen(
-                [os.fspath(a) for a in arguments],
+                command,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
                 env=None if environment is None else dict(environment),
                 cwd=directory,
                 start_new_session=os.name == "posix",
-                preexec_fn=prepare if os.name == "posix" else None,
                 creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
             )
         except OSError as error:
@@ -131,6 +121,20 @@ def run_child(
     if _cancelled.is_set():
         raise Cancelled("cancelled")
     return ChildResult(child.returncode, out, err, time.monotonic() - started, peak)
+
+
+def _launched(arguments: list[str], memory_limit: int | None, environment: Mapping[str, str] | None) -> list[str]:
+    """The command line that starts ``arguments`` with a limit and so that it dies with this process.
+
+    Never by ``preexec_fn``: in a process with threads the child can hang for ever before its program starts.
+    """
+    if os.name != "posix":
+        return arguments
+    path = (os.environ if environment is None else environment).get("PATH", os.defpath)
+    if shutil.which(arguments[0], path=path) is None:
+        raise EngineError(f"{arguments[0]} cannot be started (no such program)")
+    launcher = [sys.executable, "-I", "-S", str(_LAUNCHER), str(os.getpid()), str(memory_limit or 0)]
+    return launcher + arguments
 
 
 def peak_memory(pid: int | str = "self") -> int:
