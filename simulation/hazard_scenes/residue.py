@@ -1,0 +1,60 @@
+"""What vegetation and ground filtering do to a cloud: thinned and missing patches, spikes, clipped crests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
+
+from ..fields import power_law_field
+from .styles import Style
+from .surface import Surface
+
+Float = NDArray[np.float64]
+Float32 = NDArray[np.float32]
+SPACING = 0.3
+"""Distance (m) of the nodes on which the cover is kept."""
+
+
+@dataclass(frozen=True)
+class Cover:
+    """Probability that the ground is seen at a place, and density of the spikes that plants leave, on coarse nodes."""
+
+    low: float
+    passes: Float32
+    spikes: Float32
+
+    def at(self, values: Float32, u: Float, w: Float) -> Float32:
+        """Values at the nearest coarse node."""
+        i = ((u - self.low) * (1 / SPACING) + 0.5).astype(np.int32)
+        j = ((w - self.low) * (1 / SPACING) + 0.5).astype(np.int32)
+        i *= values.shape[1]
+        i += j
+        return values.ravel().take(i, mode="clip")
+
+
+def grow_cover(surface: Surface, style: Style, rng: np.random.Generator) -> Cover:
+    """Patches of plants: less ground is seen under them, none at their densest, and spikes stand there."""
+    shape = [int(nodes * surface.step / SPACING) + 3 for nodes in surface.shape]
+    patches = power_law_field((shape[0], shape[1]), SPACING, 2.2, 0.6, 6.0, rng)
+    share = rng.uniform(*style.vegetation)
+    dense = np.clip((patches - np.quantile(patches, 1 - share)) / 0.8, 0.0, 1.3) if share > 0 else np.zeros(shape)
+    passes = np.clip(1.0 - dense, 0.0, 1.0)
+    spikes = 0.2 + np.minimum(dense, 1.0) * 3.0
+    spikes /= (spikes * passes).sum() / passes.sum()
+    return Cover(surface.low, passes.astype(np.float32), (spikes * rng.uniform(*style.spikes)).astype(np.float32))
+
+
+def clipped_crests(surface: Surface, rng: np.random.Generator) -> tuple[NDArray[np.bool_], int]:
+    """Where a ground filter took a crest off: places that stand out of their surroundings of 1.2 m. Also the stride."""
+    stride = max(1, round(0.1 / surface.step))
+    coarse = surface.height[::stride, ::stride]
+    width = max(3, round(1.2 / (stride * surface.step)))
+    return coarse - uniform_filter(coarse, width, mode="nearest") > rng.uniform(0.10, 0.25), stride
+
+
+def spike_heights(count: int, rng: np.random.Generator) -> Float:
+    """Heights of what low plants leave above the ground, 3 to 30 cm, the low ones more often."""
+    return 0.03 + 0.27 * rng.beta(1.0, 2.5, count)
