@@ -167,7 +167,7 @@ class _Extraction:
             region = None if roi is None else self._region(roi, frame, raw.bounds)
         clipped = self._file("clipped.laz")
         with self._step("clip", 0.1, 0.3, "clipping"):
-            self._clip(header, frame, region, clipped)
+            self._clip(header, frame, region, clipped, raw.largest_class)
             xyz, returns, labels = _read(preflight(clipped))
         require_points(f"{shown(self.cloud)}{' within the region' if roi else ''}", len(xyz))
         roi_points = len(xyz)
@@ -229,9 +229,16 @@ class _Extraction:
         refuse_outside(region, bounds, self.cloud)
         return region
 
-    def _clip(self, header: CloudHeader, frame: WorkingFrame, region: Roi | None, clipped: Path) -> None:
+    def _clip(
+        self, header: CloudHeader, frame: WorkingFrame, region: Roi | None, clipped: Path, largest_class: int
+    ) -> None:
         area = None if region is None else region.geometry
-        self._run("clip", pipelines.clip_pipeline(self.cloud, clipped, header, frame, area), header.count)
+        if largest_class <= pipelines.LARGEST_CLASS:
+            self._run("clip", pipelines.clip_pipeline(self.cloud, clipped, header, frame, area), header.count)
+            return
+        with lifecycle.temporary(self._file("clip.las")) as plain:
+            self._run("clip", pipelines.clip_pipeline(self.cloud, plain, header, frame, area), header.count)
+            copy_with(plain, clipped)
 
     def _noise(self, flat: Float, labels: NDArray[np.uint8]) -> Bool:
         if not self.parameters.denoise:

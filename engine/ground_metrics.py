@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from .decoded_bounds import DecodedBounds
 from .ground_surface import point_spacing
-from .las_records import read_records
+from .las_records import classes, read_records
 from .preflight import CloudHeader
 
 COVERAGE_CELL = 1.0
@@ -19,12 +19,16 @@ Float = NDArray[np.float64]
 
 
 class Coverage:
-    """Area seen from above that points cover: occupied cells of ``COVERAGE_CELL`` metres. Points come in parts."""
+    """Area seen from above that points cover: occupied cells of ``COVERAGE_CELL`` metres. Points come in parts.
+
+    ``largest_class`` is that of the points of a file.
+    """
 
     def __init__(self) -> None:
         self._cells = np.empty(0, dtype=np.int64)
         self.low = np.full(2, np.inf)
         self.high = np.full(2, -np.inf)
+        self.largest_class = 0
 
     def add(self, x: Float, y: Float) -> None:
         column, row = (np.floor(v / COVERAGE_CELL).astype(np.int64) for v in (x, y))
@@ -62,8 +66,10 @@ def file_coverage(header: CloudHeader, factor: float) -> Coverage:
 
     covered, decoded = Coverage(), DecodedBounds(header)
     selection = int(lazrs.SELECTIVE_DECOMPRESS_XY_RETURNS_CHANNEL) | int(lazrs.SELECTIVE_DECOMPRESS_Z)
+    selection |= int(lazrs.SELECTIVE_DECOMPRESS_CLASSIFICATION)
     for records in read_records(header, selection=selection):
         decoded.add(records)
+        covered.largest_class = max(covered.largest_class, int(classes(records, header.point_format).max()))
         covered.add(
             *((records[field] * header.scales[axis] + header.offsets[axis]) * factor for axis, field in enumerate("XY"))
         )

@@ -21,7 +21,10 @@ All lengths follow the spacing of the points. Sources of the constants: measured
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +36,8 @@ BoolArray = NDArray[np.bool_]
 CELLS_PER_SPACING = 1.2
 SMALLEST_CELL = 0.1
 WINDOW = 3
-ROUNDS, GROWTH_SIDE, GROWTH_REACH, LEAST_GROWTH = 6, 0.5, 0.3, 0.002
+ROUNDS, GROWTH_SIDE, GROWTH_REACH, GROWTH_SHARE, LEAST_GROWTH = 6, 0.5, 0.3, 0.35, 0.002
+TILE, MARGIN = 200.0, 10.0
 LEVELS = ((2.0, 4, 0.0, 0.05), (1.0, 3, 1.0, 0.05))
 """Side of the planes' cells (in cells), rounds, weight of the priors: on height (in points), on inclination (share)."""
 
@@ -62,9 +66,9 @@ def ground_surface(xyz: FloatArray, near: BoolArray, threshold: float) -> Ground
         part = ground_near_surface(xyz[index], threshold)
         ground = np.zeros(len(xyz), dtype=bool)
         ground[index[part.ground]] = True
-        grown = candidates | _beside(xyz, ground, max(GROWTH_SIDE, 4.0 * part.cell))
-        enough = np.count_nonzero(grown) - len(index) <= LEAST_GROWTH * max(np.count_nonzero(ground), 1)
-        if enough or not part.ground.any():
+        side = max(GROWTH_SIDE, 4.0 * part.cell)
+        grown = candidates | _in_tiles(np.column_stack([xyz, ground]), partial(_beside, side=side))
+        if np.count_nonzero(grown) - len(index) <= LEAST_GROWTH * np.count_nonzero(ground):
             break
         candidates = grown
     return GroundSurface(ground, part.cell, part.scatter, part.threshold)
@@ -74,9 +78,19 @@ def ground_near_surface(xyz: FloatArray, threshold: float) -> GroundSurface:
     """Ground among candidates (n, 3) alone, see ``ground_surface``: steps 1 to 3."""
     if len(xyz) < 3:
         return GroundSurface(np.zeros(len(xyz), dtype=bool), SMALLEST_CELL, 0.0, threshold)
-    local = xyz - xyz.min(axis=0)
-    cell = max(SMALLEST_CELL, CELLS_PER_SPACING * point_spacing(local[:, :2]))
+    cell = max(SMALLEST_CELL, CELLS_PER_SPACING * point_spacing(xyz[:, :2]))
     gate = 0.05 + cell
+    residual = _in_tiles(xyz, partial(_residuals, cell=cell, gate=gate))
+    # plants only add points above the surface, so the side below shows the ground's own scatter
+    beneath = residual[(residual < 0) & (residual > -gate)]
+    scatter = 1.4826 * float(np.median(-beneath)) if len(beneath) else 0.0
+    threshold = max(threshold, 3.0 * scatter)
+    return GroundSurface(np.abs(residual) <= threshold, cell, scatter, threshold)
+
+
+def _residuals(xyz: FloatArray, cell: float, gate: float) -> FloatArray:
+    """(n,) height above the fitted surface; infinite for points farther than ``gate`` above the opened one."""
+    local = xyz - xyz.min(axis=0)
     near = np.flatnonzero(local[:, 2] < _opened(local, cell) + gate)
     local = local[near]
     residual = local[:, 2]
@@ -87,13 +101,29 @@ def ground_near_surface(xyz: FloatArray, threshold: float) -> GroundSurface:
             residual = start - planes.at_points(*planes.fit(start, weight, prior_height, prior_slope))
             above, below = 0.3 * gate, 0.4 * gate
             weight = np.where(residual < 0, 1.0 / (1.0 + (residual / below) ** 2), np.exp(-((residual / above) ** 2)))
-    # plants only add points above the surface, so the side below shows the ground's own scatter
-    beneath = residual[(residual < 0) & (residual > -gate)]
-    scatter = 1.4826 * float(np.median(-beneath)) if len(beneath) else 0.0
-    threshold = max(threshold, 3.0 * scatter)
-    ground = np.zeros(len(xyz), dtype=bool)
-    ground[near[np.abs(residual) <= threshold]] = True
-    return GroundSurface(ground, cell, scatter, threshold)
+    everywhere = np.full(len(xyz), np.inf)
+    everywhere[near] = residual
+    return everywhere
+
+
+def _in_tiles(xyz: FloatArray, work: Callable[[FloatArray], NDArray[Any]]) -> NDArray[Any]:
+    """``work`` on square tiles with a margin, because its grids need memory by area; a result for each point."""
+    low = xyz.min(axis=0)[:2]
+    if np.ptp(xyz[:, :2], axis=0).max() <= 1.5 * TILE:
+        return work(xyz)
+    index = np.floor((xyz[:, :2] - low) / TILE).astype(np.int64)
+    result: NDArray[Any] | None = None
+    for tile in np.unique(index, axis=0):
+        corner = low + tile * TILE
+        inside = (xyz[:, :2] >= corner - MARGIN).all(axis=1) & (xyz[:, :2] < corner + TILE + MARGIN).all(axis=1)
+        part = np.flatnonzero(inside)
+        core = (index[part] == tile).all(axis=1)
+        values = work(xyz[part])
+        if result is None:
+            result = np.empty(len(xyz), dtype=values.dtype)
+        result[part[core]] = values[core]
+    assert result is not None
+    return result
 
 
 def point_spacing(xy: FloatArray, cell: float = 1.0) -> float:
@@ -103,9 +133,13 @@ def point_spacing(xy: FloatArray, cell: float = 1.0) -> float:
     return cell / math.sqrt(float(np.median(counts)))
 
 
-def _beside(xyz: FloatArray, ground: BoolArray, side: float) -> BoolArray:
-    """(n,) points close to planes of the ground in cells of ``side`` metres, or to these planes continued by a cell."""
-    local = xyz - xyz.min(axis=0)
+def _beside(marked: FloatArray, side: float) -> BoolArray:
+    """(n,) points close to planes of the ground in cells of ``side`` metres, or to these planes continued by a cell.
+
+    ``marked`` (n, 4) are coordinates and 1 for ground, else 0.
+    """
+    ground = marked[:, 3] > 0
+    local = marked[:, :3] - marked[:, :3].min(axis=0)
     planes = Planes(local[:, :2] / side)
     height, along, across = planes.fit(local[:, 2], ground.astype(np.float64), 0.0, 0.02)
     known = planes.sum(ground.astype(np.float64)) >= 3
@@ -114,7 +148,8 @@ def _beside(xyz: FloatArray, ground: BoolArray, side: float) -> BoolArray:
     distance, (i, j) = ndimage.distance_transform_edt(~known, return_indices=True)
     rows, columns = np.indices(known.shape)
     height = height[i, j] + along[i, j] * (rows - i) + across[i, j] * (columns - j)
-    near = np.abs(local[:, 2] - planes.at_points(height, along[i, j], across[i, j])) < GROWTH_REACH
+    reach = max(GROWTH_REACH, GROWTH_SHARE * side)
+    near = np.abs(local[:, 2] - planes.at_points(height, along[i, j], across[i, j])) < reach
     return near & (distance <= 1.5).ravel()[planes.key]
 
 

@@ -23,6 +23,8 @@ NOISE = (7, 18)
 """Low and high noise, where the file says so itself (LAS 1.4)."""
 WAVEFORM_FORMATS = (4, 5, 9, 10)
 """Point formats that PDAL does not read."""
+LARGEST_CLASS = 31
+"""Classes above it stop PDAL 2.2 when it compresses; they are written uncompressed."""
 _SCALED = 0b11000
 """Options of an extra dimension with a scale or an offset, which PDAL applies."""
 _MODERN_FORMAT = {0: 6, 1: 6, 2: 7, 3: 7, 6: 6, 7: 7, 8: 8}
@@ -31,7 +33,7 @@ _MODERN_FORMAT = {0: 6, 1: 6, 2: 7, 3: 7, 6: 6, 7: 7, 8: 8}
 def clip_pipeline(
     source: Path, output: Path, header: CloudHeader, frame: WorkingFrame, area: BaseGeometry | None
 ) -> list[Stage]:
-    """Read, convert to metres, crop to the area, write LAZ 1.4.
+    """Read, convert to metres, crop to the area, write LAS 1.4.
 
     Args:
         area: polygon or multipolygon in metres of the frame; None for the whole cloud.
@@ -119,7 +121,7 @@ def _writer(path: Path, header: CloudHeader) -> Stage:
         "forward": "header,scale,offset",
         "minor_version": 4,
         "dataformat_id": _MODERN_FORMAT[header.point_format],
-        "compression": "laszip",
+        "compression": "laszip" if path.suffix.lower() == ".laz" else "none",
     }
     extra = _extra_dimensions(header)
     if extra:
