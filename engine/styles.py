@@ -50,6 +50,9 @@ ALIASES = {
     "method": "Method",
     "run_id": "Run",
 }
+_READ_FIRST = ("zone_id", "kind", "severity", "area_m2", "dz_mean_m", "dz_p95_m", "vol_net_m3", "vol_err_m3", "lod95_m")
+_FILLED_IN_LATER = ("slope_id", "route", "chain_from", "chain_to", "side", "reviewer")
+_OUTLINE = "boundary(buffer(buffer($geometry, 0.5, 4), -0.4, 4))"
 REVIEW = ("unreviewed", "confirmed", "rejected")
 
 _MAP_TIP = """<b>[% "zone_id" %]: [% "kind" %], [% "severity" %]</b><br/>
@@ -70,7 +73,8 @@ def change_qml(limit: float, level: float | None = None) -> str:
     inner = level if level is not None and 0 < level < limit else 0.0
     for share, low, high in DIVERGING:
         value = share * limit
-        if value > inner or (value == 0 and not inner):
+        # a stop close to the grey band's edge would only crowd the legend
+        if value - inner > 0.05 * limit or (value == 0 and not inner):
             stops.append((value, high, 255, _signed(value)))
             if value:
                 stops.append((-value, low, 255, _signed(-value)))
@@ -78,8 +82,8 @@ def change_qml(limit: float, level: float | None = None) -> str:
         # two stops close together make the hard edge of the grey band
         edge = inner * 1.0001
         stops += [
-            (-inner, BELOW_LEVEL, 70, f"from {-inner:+.3f} m"),
-            (inner, BELOW_LEVEL, 70, f"to {inner:+.3f} m: below the level of detection (median)"),
+            (-inner, BELOW_LEVEL, 70, "below the level of detection"),
+            (inner, BELOW_LEVEL, 70, f"(median {inner:.3f} m)"),
             (edge, _between(inner / limit, raising=True), 255, _signed(inner)),
             (-edge, _between(inner / limit, raising=False), 255, _signed(-inner)),
         ]
@@ -96,7 +100,7 @@ def zones_qml() -> str:
     root = Element(
         "qgis",
         version=_VERSION,
-        styleCategories="Symbology|Labeling|Fields|Forms|MapTips",
+        styleCategories="Symbology|Labeling|Fields|Forms|MapTips|AttributeTable",
         labelsEnabled="1",
         readOnly="0",
     )
@@ -131,18 +135,25 @@ def zones_qml() -> str:
         symbol = SubElement(symbols, "symbol", type="fill", name=str(number), alpha="1", clip_to_extent="1")
         fill = SubElement(symbol, "layer", {"class": "SimpleFill", "enabled": "1", "locked": "0", "pass": "0"})
         _options(fill, color=_rgba(low[arm], opacity), outline_style="no", style="solid")
-        # the outer ring only: a zone has many holes of one cell, whose outlines would cover its colour
-        line = SubElement(symbol, "layer", {"class": "SimpleLine", "enabled": "1", "locked": "0", "pass": "0"})
-        _options(
-            line,
-            line_color=_rgba(high[arm], 255),
-            line_style="solid",
-            line_width=str(width),
-            line_width_unit="MM",
-            joinstyle="miter",
-            ring_filter="1",
+        # around cells that lie close: a zone has many parts and holes of one cell, whose outlines would cover it
+        generator = SubElement(
+            symbol, "layer", {"class": "GeometryGenerator", "enabled": "1", "locked": "0", "pass": "0"}
         )
+        _options(generator, SymbolType="Line", geometryModifier=_OUTLINE, units="MapUnit")
+        ring = SubElement(generator, "symbol", type="line", name=f"@{number}@1", alpha="1", clip_to_extent="1")
+        # a light seam keeps the outline legible on a dark picture
+        for colour, alpha, extra in (((255, 255, 255), 200, 0.5), (high[arm], 255, 0.0)):
+            line = SubElement(ring, "layer", {"class": "SimpleLine", "enabled": "1", "locked": "0", "pass": "0"})
+            _options(
+                line,
+                line_color=_rgba(colour, alpha),
+                line_style="solid",
+                line_width=f"{width + extra:g}",
+                line_width_unit="MM",
+                joinstyle="round",
+            )
     _labels(root)
+    _table(root)
     _forms(root)
     SubElement(root, "mapTip", enabled="1").text = _MAP_TIP
     SubElement(root, "layerGeometryType").text = "2"
@@ -217,6 +228,15 @@ def _labels(root: Element) -> None:
     )
     SubElement(settings, "placement", placement="1", centroidInside="1", centroidWhole="1", priority="5", dist="0")
     SubElement(settings, "rendering", drawLabels="1", obstacle="1", scaleVisibility="0", labelPerPart="0")
+
+
+def _table(root: Element) -> None:
+    """The attribute table begins with what is read first; what the analyst may fill in is hidden until then."""
+    columns = SubElement(SubElement(root, "attributetableconfig", sortOrder="0"), "columns")
+    for field in [*_READ_FIRST, *(f for f in ALIASES if f not in _READ_FIRST)]:
+        hidden = "1" if field in _FILLED_IN_LATER else "0"
+        width = str(max(80, 30 + 7 * len(ALIASES[field])))  # pixels; QGIS itself cuts long headings
+        SubElement(columns, "column", type="field", name=field, hidden=hidden, width=width)
 
 
 def _forms(root: Element) -> None:

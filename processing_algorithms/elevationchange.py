@@ -24,7 +24,6 @@ CHANGE_NUMBERS = {
 }
 CHANGE_FILES = {
     "HEATMAP_PICTURE": ("heatmap", "Heatmap picture"),
-    "TRANSFORM_FILE": ("transform", "Transform"),
     "RUN_RECORD": ("run", "Run record"),
 }
 

@@ -21,9 +21,14 @@ class ExtractGround(SlopeWatchAlgorithm):
     PARAMETER_GROUPS = (GroundParameters, InputParameters)
     NUMBERS: ClassVar = {
         "RAW_POINTS": ("raw_points", "Points of the survey"),
+        "RAW_AREA": ("raw_area", "Area of the survey (m²)"),
+        "RAW_DENSITY": ("raw_density", "Density of the survey (points/m²)"),
         "ROI_POINTS": ("roi_points", "Points in the region of interest"),
+        "ROI_AREA": ("roi_area", "Area of the region of interest (m²)"),
+        "ROI_DENSITY": ("roi_density", "Density in the region of interest (points/m²)"),
         "GROUND_POINTS": ("ground_points", "Ground points"),
         "GROUND_RATIO": ("ground_ratio", "Ground points per point in the region (0 to 1)"),
+        "VEGETATION_COVER": ("vegetation_cover", "Vegetation cover (0 to 1)"),
     }
     FILES: ClassVar = {"RUN_RECORD": ("run", "Run record")}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 from qgis.core import QgsProcessingContext, QgsProcessingException, QgsProcessingFeedback
 
@@ -18,7 +18,7 @@ from ..plugin.engine_client import EngineResult
 from . import declare, products
 from .base import SlopeWatchAlgorithm
 from .elevationchange import CHANGE_FILES, CHANGE_NUMBERS
-from .registerepochs import STABLE_HELP
+from .registerepochs import REGISTRATION_NUMBERS, STABLE_HELP
 
 _BASIC = ("cloth_resolution", "cell", "confidence", "minimum_area")
 _PREFIXES = {
@@ -46,8 +46,13 @@ class InspectSlope(SlopeWatchAlgorithm):
         HeatmapParameters,
         InputParameters,
     )
-    NUMBERS = CHANGE_NUMBERS
-    FILES = CHANGE_FILES
+    NUMBERS: ClassVar = {**CHANGE_NUMBERS, **REGISTRATION_NUMBERS}
+    FILES: ClassVar = {
+        **CHANGE_FILES,
+        "TRANSFORM_FILE": ("transform", "Transform"),
+        "REFERENCE_GROUND": ("reference_ground", "Ground of the first survey"),
+        "REGISTERED_GROUND": ("aligned", "Ground of the later survey, registered"),
+    }
 
     def initAlgorithm(self, configuration: Any = None) -> None:
         self.addParameter(

@@ -15,6 +15,13 @@ STABLE_HELP = (
     "Polygons of ground that has surely not moved, such as the road or a concrete lattice. Only points in them decide "
     "the registration. Not set: the whole surface, robustly weighted."
 )
+REGISTRATION_NUMBERS = {
+    "SHIFT_X": ("registration_dx_m", "Shift to the east (m)"),
+    "SHIFT_Y": ("registration_dy_m", "Shift to the north (m)"),
+    "SHIFT_Z": ("registration_dz_m", "Shift upwards (m)"),
+    "STABLE_SHARE": ("registration_stable_share", "Share of stable ground (0 to 1)"),
+    "REGISTRATION_STANDARD_ERROR": ("registration_error_m", "Standard error of the registration in height (m)"),
+}
 
 
 class RegisterEpochs(SlopeWatchAlgorithm):
@@ -25,9 +32,10 @@ class RegisterEpochs(SlopeWatchAlgorithm):
     TAGS = ("registration", "align", "icp", "co-registration", "transform")
     PARAMETER_GROUPS = (RegistrationParameters, InputParameters)
     NUMBERS: ClassVar = {
-        "RMSE_BEFORE": ("rmse_before", "Nearest-neighbour RMSE before (m)"),
-        "RMSE_AFTER": ("rmse_after", "Nearest-neighbour RMSE after (m)"),
-        "INLIER_RMSE": ("inlier_rmse", "Inlier RMSE (m)"),
+        **REGISTRATION_NUMBERS,
+        "RMSE_BEFORE": ("registration_nn_rmse_before_m", "Nearest-neighbour RMSE before (m)"),
+        "RMSE_AFTER": ("registration_nn_rmse_after_m", "Nearest-neighbour RMSE after (m)"),
+        "INLIER_RMSE": ("registration_inlier_rmse_m", "Inlier RMSE (m)"),
     }
 
     def initAlgorithm(self, configuration: Any = None) -> None:

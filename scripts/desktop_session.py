@@ -157,7 +157,7 @@ class Session:
         zones = QgsProject.instance().mapLayersByName("Hazard zones")
         if zones:
             table = iface.showAttributeTable(zones[0])
-            table.resize(1300, 320)
+            table.window().resize(1300, 320)
             QCoreApplication.processEvents()
             self.picture("zones", table)
             table.close()
@@ -206,6 +206,7 @@ class Session:
         REPORT["pictures"].append(path)
 
 
+Path(TASK["report"]).touch()  # the session has begun
 SESSION = Session()
 QTimer.singleShot(int(TASK["seconds"] * 1000), SESSION.give_up)
 QTimer.singleShot(1500, SESSION.advance)

@@ -7,16 +7,19 @@ The test of the desktop uses ``run_session`` with a small survey.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
+START = 90.0  # seconds that QGIS may take to start
 SCREEN = "1600x1000x24"
 KEPT = ("desktop", "dialog", "toolbox", "log", "zones", "settings")
 
@@ -37,6 +40,8 @@ def private_profile(folder: Path) -> dict[str, str]:
     )
     environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "DISPLAY", "WAYLAND_DISPLAY")}
     environment.update(
+        # QGIS finds its Python's libraries by the first python3 on the path, which must be the system's
+        PATH=os.pathsep.join(["/usr/bin", "/bin", environment.get("PATH", "")]),
         QGIS_CUSTOM_CONFIG_PATH=str(folder),
         QGIS_PLUGINPATH=str(plugins),
         XDG_RUNTIME_DIR=str(folder),
@@ -72,32 +77,54 @@ def run_session(
     environment = private_profile(folder / "profile")
     environment["SLOPEWATCH_DESKTOP"] = str(task)
     session = str(ROOT / "scripts" / "desktop_session.py")
+    words_file = folder / "words.txt"
     process = subprocess.Popen(
         ["xvfb-run", "-a", "-s", f"-screen 0 {screen}", "qgis", "--nologo", "--noversioncheck", "--code", session],
         env=environment,
-        stdout=subprocess.PIPE,
+        stdin=subprocess.DEVNULL,
+        stdout=words_file.open("wb"),
         stderr=subprocess.STDOUT,
-        text=True,
         start_new_session=True,
     )
+    started = time.monotonic()
     try:
-        words, _ = process.communicate(timeout=seconds + 60)
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        words, _ = process.communicate()
-    if not report.is_file():
-        raise RuntimeError(f"QGIS ended with {process.returncode} and without a report:\n{words[-3000:]}")
-    return json.loads(report.read_text(encoding="utf-8"))
+        # a QGIS that does not run the session shows a dialog for ever
+        while process.poll() is None and time.monotonic() - started < (seconds + 60 if report.exists() else START):
+            time.sleep(0.2)
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    text = report.read_text(encoding="utf-8") if report.exists() else ""
+    if not text:
+        words = words_file.read_text(encoding="utf-8", errors="replace")[-3000:]
+        raise RuntimeError(f"QGIS ended with {process.returncode} and without a report:\n{words}")
+    return json.loads(text)
 
 
-def shrink(source: Path, target: Path) -> None:
-    """Write the picture with at most 256 colours, as small as PNG gets."""
-    program = (
-        "import sys; from PIL import Image as I; "
-        "I.open(sys.argv[1]).convert('RGB').quantize(256, dither=I.Dither.NONE).save(sys.argv[2], optimize=True)"
-    )
+_SHRINK = """
+import io, sys
+from PIL import Image
+picture = Image.open(sys.argv[1]).convert("RGB")
+width = picture.width
+while True:
+    small = picture.resize((width, round(picture.height * width / picture.width)), Image.Resampling.LANCZOS)
+    # 5 bits a colour: noise of the clouds is most of what a PNG has to keep
+    small = small.point([round(round(v / 255 * 31) / 31 * 255) for v in range(256)] * 3)
+    file = io.BytesIO()
+    small.save(file, "PNG", optimize=True)
+    if file.tell() <= int(sys.argv[3]):
+        break
+    width = width * 15 // 16
+open(sys.argv[2], "wb").write(file.getvalue())
+"""
+
+
+def shrink(source: Path, target: Path, size: int = 390_000) -> None:
+    """Write the picture as a PNG of at most ``size`` bytes: fewer colours, then fewer pixels."""
     target.parent.mkdir(parents=True, exist_ok=True)
-    subprocess.run([str(ROOT / ".venv" / "bin" / "python"), "-c", program, str(source), str(target)], check=True)
+    python = str(ROOT / ".venv" / "bin" / "python")
+    subprocess.run([python, "-c", _SHRINK, str(source), str(target), str(size)], check=True)
 
 
 def main(target: Path) -> None:

@@ -140,6 +140,8 @@ class QgisProcess:
         (plugins / "slopewatch").symlink_to(ROOT)
         self.environment = {
             **{k: v for k, v in os.environ.items() if k != "PYTHONPATH"},
+            # QGIS finds its Python's libraries by the first python3 on the path, which must be the system's
+            "PATH": os.pathsep.join(["/usr/bin", "/bin", os.environ.get("PATH", "")]),
             "QT_QPA_PLATFORM": "offscreen",
             "QGIS_PLUGINPATH": str(plugins),
             "QGIS_CUSTOM_CONFIG_PATH": str(folder / "profile"),

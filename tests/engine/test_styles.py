@@ -64,7 +64,7 @@ def test_zones_have_a_symbol_for_every_kind_and_severity() -> None:
     root = ElementTree.fromstring(zones_qml())
     categories = {c.get("value"): c.get("symbol") for c in root.iter("category")}
     assert set(categories) == {f"{kind}, {severity}" for kind in KINDS for severity in SEVERITIES}
-    assert set(categories.values()) == {s.get("name") for s in root.iter("symbol")}
+    assert set(categories.values()) == {s.get("name") for s in root.findall("renderer-v2/symbols/symbol")}
     assert set(ALIASES) == set(FIELDS)
 
 

@@ -14,6 +14,10 @@ from typing import Any
 import pytest
 from qgis.core import QgsRasterLayer, QgsVectorLayer
 from slopewatch.processing_algorithms import ALGORITHMS
+from slopewatch.processing_algorithms.elevationchange import ElevationChange
+from slopewatch.processing_algorithms.extractground import ExtractGround
+from slopewatch.processing_algorithms.inspectslope import InspectSlope
+from slopewatch.processing_algorithms.registerepochs import RegisterEpochs
 from slopewatch.tests.qgis_support import QgisProcess, engine_python, processes_with, wait_until
 
 SMALL = {"POINTS": 60000, "LENGTH": 24, "HEIGHT": 10, "VEGETATION": 0.4}
@@ -170,6 +174,7 @@ class TestRuns:
             OUTPUT_FOLDER=tmp_path / "out",
             ELEVATION_CHANGE=copy,
         )
+        assert set(InspectSlope.NUMBERS) | set(InspectSlope.FILES) <= set(results)
         assert results["ELEVATION_CHANGE"] == str(copy)
         change = QgsRasterLayer(str(copy))
         assert change.isValid()
@@ -209,10 +214,12 @@ class TestRuns:
         for name in ("REFERENCE", "CLOUD"):
             grounds[name] = tmp_path / f"ground_{Path(survey[name]).name}"
             results = qgis_process.run("extractground", INPUT=survey[name], ROI=survey["ROI"], OUTPUT=grounds[name])
+            assert set(ExtractGround.NUMBERS) | set(ExtractGround.FILES) <= set(results)
             assert 0 < results["GROUND_POINTS"] < results["ROI_POINTS"] <= results["RAW_POINTS"]
         registered = qgis_process.run(
             "registerepochs", **grounds, OUTPUT=tmp_path / "moved.laz", TRANSFORM=tmp_path / "transform.json"
         )
+        assert set(RegisterEpochs.NUMBERS) <= set(registered)
         assert Path(registered["OUTPUT"]).stat().st_size > 0
         matrix = json.loads((tmp_path / "transform.json").read_text())["matrix"]
         assert [len(row) for row in matrix] == [4, 4, 4, 4]
@@ -232,5 +239,6 @@ class TestRuns:
             OUTPUT_FOLDER=tmp_path / "applied",
             CELL=0.25,
         )
+        assert set(ElevationChange.NUMBERS) | set(ElevationChange.FILES) <= set(first)
         assert first["ZONE_COUNT"] > 0
         assert second["GAIN"] == pytest.approx(first["GAIN"], rel=0.02)

@@ -70,8 +70,8 @@ for number, kind in enumerate(("uplift", "subsidence", "uplift")):
 layer = data = None
 import sqlite3
 database = sqlite3.connect(outputs["zones"])
-columns = ("f_table_catalog", "f_table_schema", "f_table_name", "f_geometry_column", "styleName", "styleQML", "styleSLD",
-           "useAsDefault", "description", "owner", "ui", "update_time")
+columns = ("f_table_catalog", "f_table_schema", "f_table_name", "f_geometry_column", "styleName", "styleQML",
+           "styleSLD", "useAsDefault", "description", "owner", "ui", "update_time")
 database.execute(f"CREATE TABLE layer_styles (id INTEGER PRIMARY KEY, {', '.join(columns)})")
 qml = ('<!DOCTYPE qgis><qgis version="3.34.0"><renderer-v2 type="categorizedSymbol" attr="kind"><categories>'
        '<category value="uplift" label="up" symbol="0" render="true" type="string"/></categories><symbols>'
