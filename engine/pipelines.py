@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from .crs import WorkingFrame
-from .las_writing import read_dimensions, wkt_of
+from .las_writing import ExtraDimension, read_dimensions, wkt_of
 from .parameters import GroundParameters
 from .plane import Plane, flattening_matrix, unflattening_matrix
 from .preflight import POINT_SIZES, CloudHeader
@@ -39,18 +39,17 @@ def clip_pipeline(
         area: polygon or multipolygon in metres of the frame; None for the whole cloud.
     """
     stages: list[Stage] = [_reader(source, header)]
+    factors = (frame.horizontal_factor, frame.horizontal_factor, frame.vertical_factor)
     if not frame.in_metres:
-        factors = np.diag([frame.horizontal_factor, frame.horizontal_factor, frame.vertical_factor, 1.0])
-        stages.append({"type": "filters.transformation", "matrix": matrix_text(factors)})
+        stages.append({"type": "filters.transformation", "matrix": matrix_text(np.diag([*factors, 1.0]))})
     if area is not None:
         stages.append({"type": "filters.crop", "polygon": shapely.to_wkt(area, rounding_precision=-1)})
     writer = _writer(output, header)
     writer["a_srs"] = wkt_of(frame.crs)
     if not frame.in_metres:
         # another unit is another scale: the integers of a point stay what they are
-        factors = np.diag(factors)[:3]
         for axis, factor, scale, offset in zip("xyz", factors, header.scales, header.offsets, strict=True):
-            writer[f"scale_{axis}"], writer[f"offset_{axis}"] = repr(scale * factor), repr(offset * factor)
+            writer[f"scale_{axis}"], writer[f"offset_{axis}"] = scale * factor, offset * factor
     return [*stages, writer]
 
 
@@ -105,7 +104,12 @@ def matrix_text(matrix: NDArray[np.float64]) -> str:
 
 def _reader(path: Path, header: CloudHeader) -> Stage:
     stage: Stage = {"type": "readers.las", "filename": str(path)}
-    if header.version != "1.4" and _extra_dimensions(header):
+    extra = _extra_bytes(header)
+    if any(name != original for name, _, original in extra):
+        # PDAL stops at names it does not take, so it is told the layout under other names
+        stage["ignore_vlr"] = "LASF_Spec/4"
+        stage["extra_dims"] = ",".join(f"{name}={kind}" for name, kind, _ in extra)
+    elif header.version != "1.4" and extra:
         stage["use_eb_vlr"] = True
     return stage
 
@@ -123,23 +127,31 @@ def _writer(path: Path, header: CloudHeader) -> Stage:
         "dataformat_id": _MODERN_FORMAT[header.point_format],
         "compression": "laszip" if path.suffix.lower() == ".laz" else "none",
     }
-    extra = _extra_dimensions(header)
-    if extra:
-        stage["extra_dims"] = ",".join(f"{name}={kind}" for name, kind in extra)
+    extra = _extra_bytes(header)
+    scaled = {d.name for d in _dimensions(header) if d.descriptor and d.descriptor[3] & _SCALED}
+    kinds = [(name, "double" if original in scaled and name == original else kind) for name, kind, original in extra]
+    if kinds:
+        stage["extra_dims"] = ",".join(f"{name}={kind}" for name, kind in kinds)
     return stage
 
 
-def _extra_dimensions(header: CloudHeader) -> list[tuple[str, str]]:
-    """Names and PDAL types of the extra dimensions that PDAL can carry: plain numbers with a name it takes."""
-    kinds = {"u": "uint", "i": "int", "f": "float"}
-    found = []
+def _dimensions(header: CloudHeader) -> list[ExtraDimension]:
     room = header.record_length - POINT_SIZES[header.point_format]
-    for dimension in read_dimensions(header.vlrs.get(("LASF_Spec", 4)), room):
-        kind = kinds.get(dimension.dtype.kind)
-        if kind is not None and re.fullmatch("[A-Za-z][A-Za-z0-9_]*", dimension.name):
-            size = dimension.dtype.itemsize * 8
-            if kind == "float" or dimension.descriptor[3] & _SCALED:
-                found.append((dimension.name, "float" if kind == "float" and size == 32 else "double"))
-            else:
-                found.append((dimension.name, f"{kind}{size}_t"))
+    return read_dimensions(header.vlrs.get(("LASF_Spec", 4)), room)
+
+
+def _extra_bytes(header: CloudHeader) -> list[tuple[str, str, str]]:
+    """Name and type for PDAL, and the name in the file, of each extra dimension; raw bytes one by one."""
+    kinds = {"u": "uint", "i": "int"}
+    found = []
+    for dimension in _dimensions(header):
+        name = re.sub("[^A-Za-z0-9_]", "_", dimension.name)
+        name = name if name[0].isalpha() else f"X{name}"
+        size = dimension.dtype.itemsize
+        if dimension.dtype.kind in kinds:
+            found.append((name, f"{kinds[dimension.dtype.kind]}{8 * size}_t", dimension.name))
+        elif dimension.dtype.kind == "f":
+            found.append((name, {4: "float", 8: "double"}[size], dimension.name))
+        else:
+            found += [(f"{name}_{byte}", "uint8_t", dimension.name) for byte in range(size)]
     return found
