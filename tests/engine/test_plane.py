@@ -1,4 +1,4 @@
-"""The dominant plane and the rotation that lays it flat, against planes that are known and against scipy's rotations."""
+"""The dominant plane and the rotation that lays it flat, against known planes and against scipy's rotations."""
 
 from __future__ import annotations
 
