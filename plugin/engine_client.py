@@ -21,7 +21,7 @@ from typing import IO, Any
 from qgis.PyQt.QtCore import QCoreApplication, QThread
 
 from . import settings
-from .interpreter import InterpreterNotFoundError, child_environment, find_interpreter, is_windows
+from .interpreter import PLUGIN_FOLDER, InterpreterNotFoundError, child_environment, find_interpreter, is_windows
 
 MODULE = "slopewatch.engine.cli"
 POLL_SECONDS = 0.2
@@ -273,8 +273,8 @@ class _Conversation:
             raise EngineCrashedError(f"The engine failed: {self._error}")
         if "No module named" in complaint and "slopewatch" in _last_line(complaint):
             raise EngineNotStartedError(
-                f"SlopeWatch is not installed in the engine's environment ({interpreter}); run the set-up again, or "
-                "give another interpreter under Settings > Options > SlopeWatch."
+                f"SlopeWatch is not installed in the engine's environment ({interpreter}); run the set-up again, "
+                f'or "{interpreter}" -m pip install "{PLUGIN_FOLDER}".'
             )
         if not self._heard and code > 0:
             raise EngineNotStartedError(

@@ -64,8 +64,9 @@ def find_interpreter(
         if path.is_file():
             return path, "the plugin's own environment"
     raise InterpreterNotFoundError(
-        f"The engine's Python environment was not found in {candidates[0].parent.parent}; run the set-up (make setup) "
-        f"there, or give its interpreter under Settings > Options > SlopeWatch or in {VARIABLE}."
+        f"The engine's Python environment was not found in {candidates[0].parent.parent}; run the set-up there "
+        "(make setup), or make an environment as the user guide says and give its interpreter under "
+        f"Settings > Options > SlopeWatch or in {VARIABLE}."
     )
 
 

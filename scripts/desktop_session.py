@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import time
 import traceback
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,9 @@ class Session:
         self._steps = [
             self.open_window,
             self.open_toolbox,
+            self.begin_and_cancel,
+            self.wait_until_cancelled,
+            self.open_batch,
             self.open_dialog,
             self.look_at_dialog,
             self.run,
@@ -42,6 +46,7 @@ class Session:
         self._finished: dict[str, Any] | None = None
         self._dialog: Any = None
         self._waited = 0
+        self._pressed = self._ended = 0.0
         QgsApplication.messageLog().messageReceived[str, str, Qgis.MessageLevel].connect(self.message)
 
     def message(self, text: str, tag: str, level: Any) -> None:
@@ -58,7 +63,7 @@ class Session:
             return
         if not again:
             self._steps.pop(0)
-        QTimer.singleShot(300 if again else 900, self.advance)
+        QTimer.singleShot(200 if again else 500, self.advance)
 
     # --- steps --------------------------------------------------------------------------------------------------
 
@@ -97,6 +102,44 @@ class Session:
         REPORT["toolbox"] = found
         iface.mainWindow().resizeDocks([toolbox], [260], Qt.Orientation.Horizontal)
         self.picture("toolbox", toolbox)
+
+    def begin_and_cancel(self) -> bool:
+        """Start a long run and press Cancel once the engine is at work."""
+        folder = Path(str(TASK["parameters"]["OUTPUT_FOLDER"]) + "-cancelled")
+        if self._dialog is None:
+            parameters = {**TASK["parameters"], "OUTPUT_FOLDER": str(folder), "CLOTH_RESOLUTION": 0.02}
+            self._dialog = processing.createAlgorithmDialog("slopewatch:inspectslope", parameters)
+            self._dialog.algorithmFinished.connect(self._on_finished)
+            self._dialog.show()
+            self._dialog.runButton().click()
+        if not list(folder.glob(".slopewatch-part-*")):
+            return self._finished is None
+        self._dialog.cancelButton().click()
+        self._pressed = time.monotonic()
+        return False
+
+    def wait_until_cancelled(self) -> bool:
+        if self._finished is None:
+            return True
+        REPORT["cancelled"] = {
+            "seconds": self._ended - self._pressed,
+            "successful": self._finished["successful"],
+            "log": self._dialog.findChild(QTextEdit, "txtLog").toPlainText(),
+            "left": os.path.exists(str(TASK["parameters"]["OUTPUT_FOLDER"]) + "-cancelled"),
+        }
+        self._finished = None
+        self._dialog.close()
+        return False
+
+    def open_batch(self) -> None:
+        from processing.gui.BatchAlgorithmDialog import BatchAlgorithmDialog
+
+        algorithm = QgsApplication.processingRegistry().createAlgorithmById("slopewatch:inspectslope")
+        dialog = BatchAlgorithmDialog(algorithm, parent=iface.mainWindow())
+        dialog.resize(1300, 420)
+        dialog.show()
+        self.picture("batch", dialog)
+        dialog.close()
 
     def open_dialog(self) -> None:
         self._dialog = processing.createAlgorithmDialog("slopewatch:inspectslope", TASK["parameters"])
@@ -179,7 +222,7 @@ class Session:
                 self.picture("settings", options)
             options.reject()
 
-        QTimer.singleShot(2500, check)
+        QTimer.singleShot(1500, check)
         plugins["slopewatch"].open_settings()
 
     def finish(self) -> None:
@@ -194,6 +237,7 @@ class Session:
     # --- helpers ------------------------------------------------------------------------------------------------
 
     def _on_finished(self, successful: bool, results: dict[str, Any]) -> None:
+        self._ended = time.monotonic()
         self._finished = {"successful": successful, "results": {k: str(v) for k, v in results.items()}}
 
     def picture(self, name: str, widget: Any = None) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from slopewatch.scripts.screenshots import run_session
-from slopewatch.tests.qgis_support import QgisProcess, engine_python
+from slopewatch.tests.qgis_support import QgisProcess, engine_python, processes_with
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +43,15 @@ def test_the_session_ran_without_a_fault(session: dict[str, Any]) -> None:
 def test_the_toolbox_shows_the_algorithms(session: dict[str, Any]) -> None:
     assert "/SlopeWatch/Inspection/Inspect slope" in session["toolbox"]
     assert len([entry for entry in session["toolbox"] if entry.count("/") == 3]) == 6
+
+
+def test_cancel_ends_the_engine_and_leaves_nothing(session: dict[str, Any]) -> None:
+    cancelled = session["cancelled"]
+    assert not cancelled["successful"]
+    assert cancelled["seconds"] < 2.0
+    assert "no output was written" in cancelled["log"]
+    assert not cancelled["left"]
+    assert processes_with(f"{session['folder']}/results-cancelled") == []
 
 
 def test_the_run_from_the_dialog_succeeded(session: dict[str, Any]) -> None:
