@@ -7,7 +7,6 @@ from typing import Any
 from qgis.core import (
     Qgis,
     QgsProcessing,
-    QgsProcessingAlgorithm,
     QgsProcessingParameterDateTime,
     QgsProcessingParameterDefinition,
     QgsProcessingParameterFile,
@@ -23,17 +22,19 @@ def _member(new: str, new_member: str, owner: type, old: str, old_member: str) -
     return getattr(getattr(owner, old), old_member)
 
 
-_NUMBER = ("ProcessingNumberParameterType", QgsProcessingParameterNumber, "Type")
-INTEGER = _member(_NUMBER[0], "Integer", _NUMBER[1], _NUMBER[2], "Integer")
-DOUBLE = _member(_NUMBER[0], "Double", _NUMBER[1], _NUMBER[2], "Double")
+# name here: (enumeration of Qgis, its member, class before QGIS 3.36, its enumeration, its member)
+_NAMES: dict[str, tuple[str, str, type, str, str]] = {
+    "INTEGER": ("ProcessingNumberParameterType", "Integer", QgsProcessingParameterNumber, "Type", "Integer"),
+    "DOUBLE": ("ProcessingNumberParameterType", "Double", QgsProcessingParameterNumber, "Type", "Double"),
+    "ADVANCED": ("ProcessingParameterFlag", "Advanced", QgsProcessingParameterDefinition, "Flag", "FlagAdvanced"),
+    "POLYGON": ("ProcessingSourceType", "VectorPolygon", QgsProcessing, "SourceType", "TypeVectorPolygon"),
+    "FILE": ("ProcessingFileParameterBehavior", "File", QgsProcessingParameterFile, "Behavior", "File"),
+    "DATE": ("ProcessingDateTimeParameterDataType", "Date", QgsProcessingParameterDateTime, "Type", "Date"),
+}
 
-ADVANCED = _member("ProcessingParameterFlag", "Advanced", QgsProcessingParameterDefinition, "Flag", "FlagAdvanced")
-OPTIONAL = _member("ProcessingParameterFlag", "Optional", QgsProcessingParameterDefinition, "Flag", "FlagOptional")
-
-POLYGON = _member("ProcessingSourceType", "VectorPolygon", QgsProcessing, "SourceType", "TypeVectorPolygon")
-
-FILE = _member("ProcessingFileParameterBehavior", "File", QgsProcessingParameterFile, "Behavior", "File")
-
-DATE = _member("ProcessingDateTimeParameterDataType", "Date", QgsProcessingParameterDateTime, "Type", "Date")
-
-CAN_CANCEL = _member("ProcessingAlgorithmFlag", "CanCancel", QgsProcessingAlgorithm, "Flag", "FlagCanCancel")
+INTEGER = _member(*_NAMES["INTEGER"])
+DOUBLE = _member(*_NAMES["DOUBLE"])
+ADVANCED = _member(*_NAMES["ADVANCED"])
+POLYGON = _member(*_NAMES["POLYGON"])
+FILE = _member(*_NAMES["FILE"])
+DATE = _member(*_NAMES["DATE"])
