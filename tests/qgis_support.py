@@ -55,7 +55,10 @@ def feedback() -> Recorder:
     return Recorder()
 
 
-FAKE_HEAD = """#!{python}
+# A shell's first lines that Python reads as a string, so that a blank in the checkout's path does no harm.
+FAKE_HEAD = """#!/bin/sh
+'''exec' "{python}" "$0" "$@"
+' '''
 import json, os, signal, subprocess, sys, time
 def say(**event):
     print(json.dumps(event), flush=True)
