@@ -144,9 +144,9 @@ class Session:
     def open_dialog(self) -> None:
         self._dialog = processing.createAlgorithmDialog("slopewatch:inspectslope", TASK["parameters"])
         self._dialog.algorithmFinished.connect(self._on_finished)
-        self._dialog.resize(1000, 760)
-        self._dialog.move(QPoint(60, 60))
         self._dialog.show()
+        self._dialog.resize(1040, 800)
+        self._dialog.move(QPoint(60, 60))
 
     def look_at_dialog(self) -> None:
         self.picture("dialog", self._dialog)

@@ -10,10 +10,10 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parent.parent
 START = 90.0  # seconds that QGIS may take to start
 SCREEN = "1600x1000x24"
-KEPT = ("desktop", "dialog", "toolbox", "log", "zones", "settings")
+KEPT = ("desktop", "dialog", "toolbox", "zones")
 
 
 def private_profile(folder: Path) -> dict[str, str]:
@@ -128,10 +128,10 @@ def shrink(source: Path, target: Path, size: int = 390_000) -> None:
 
 
 def main(target: Path) -> None:
-    # not in the system's temporary folder: QGIS marks layers from there
-    (ROOT / "build").mkdir(exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=ROOT / "build") as name:
-        folder = Path(name)
+    # Its name is in the pictures. Not in /tmp: QGIS marks layers from there.
+    folder = Path("/var/tmp/slope")
+    folder.mkdir()
+    try:
         survey = folder / "survey"
         engine = [str(ROOT / ".venv" / "bin" / "python"), "-m", "slopewatch.engine.cli"]
         subprocess.run([*engine, "simulate", "survey", "--output-dir", str(survey)], check=True)
@@ -148,6 +148,8 @@ def main(target: Path) -> None:
         for picture in pictures:
             shrink(picture, target / picture.name)
             print(target / picture.name)
+    finally:
+        shutil.rmtree(folder)
 
 
 if __name__ == "__main__":
