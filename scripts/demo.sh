@@ -16,7 +16,7 @@ if [[ -z ${XDG_RUNTIME_DIR:-} ]]; then
     export XDG_RUNTIME_DIR=$root/.qgis/runtime
     mkdir -p -m 700 "$XDG_RUNTIME_DIR"
 fi
-qgis_process run slopewatch:inspectslope -- \
+PATH=/usr/bin:$PATH qgis_process run slopewatch:inspectslope -- \
     REFERENCE="$root/demo/survey/2024-05-01.laz" \
     CLOUD="$root/demo/survey/2025-05-01.laz" \
     ROI="$root/demo/survey/roi.gpkg" \
