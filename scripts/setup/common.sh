@@ -11,8 +11,9 @@ die() {
     exit 1
 }
 
-# The first "1.2" or "1.2.3" in the text on standard input.
-first_version() { grep -oE '[0-9]+(\.[0-9]+)+' | head -n 1; }
+# The first "1.2" or "1.2.3" in the text on standard input. All of it is read, here and wherever else a program is piped
+# into a filter: one that stops early would kill the program before it, which counts as a failure (pipefail).
+first_version() { awk '!found && match($0, /[0-9]+(\.[0-9]+)+/) { print substr($0, RSTART, RLENGTH); found = 1 }'; }
 
 # version_at_least HAVE WANT: numeric, part by part ("3.40" is newer than "3.5").
 version_at_least() {
@@ -59,7 +60,7 @@ as_root() { if ((EUID == 0)); then "$@"; else sudo -- "$@"; fi; }
 # Every configured package source of the system: URI, suite and component, whatever format its file has.
 apt_sources() { apt-get indextargets --format '$(REPO_URI) $(RELEASE) $(COMPONENT)' 'Created-By: Packages' 2>/dev/null; }
 # The mirror that this machine takes its own release from.
-apt_mirror() { apt_sources | awk -v release="$(os_field VERSION_CODENAME)" '$2 == release && $3 == "main" {print $1; exit}'; }
+apt_mirror() { apt_sources | awk -v release="$(os_field VERSION_CODENAME)" '$2 == release && $3 == "main" && !found++ {print $1}'; }
 apt_candidate() { apt-cache policy "$1" 2>/dev/null | awk '$1 == "Candidate:" && $2 != "(none)" {print $2}'; }
 
 # Package runs are long-winded: their output goes to a log, of which the end is shown where one fails.

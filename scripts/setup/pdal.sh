@@ -13,12 +13,13 @@ pdal_version() { "$1" --version 2>/dev/null | first_version; }
 
 # pdal_works PROGRAM: it starts, is new enough, and carries points through a pipeline into LAZ and back.
 pdal_works() {
-    local version scratch
+    local version scratch summary
     version=$(pdal_version "$1")
     [[ -n $version ]] && version_at_least "$version" "$PDAL_OLDEST" || return 1
     scratch=$(mktemp -d) || return 1
     if printf '[{"type":"readers.faux","count":10,"mode":"random","bounds":"([0,1],[0,1],[0,1])"},{"type":"writers.las","filename":"%s/p.laz","compression":true}]' \
-        "$scratch" | "$1" pipeline --stdin >/dev/null 2>&1 && "$1" info --summary "$scratch/p.laz" 2>/dev/null | grep -q '"num_points": 10'; then
+        "$scratch" | "$1" pipeline --stdin >/dev/null 2>&1 &&
+        summary=$("$1" info --summary "$scratch/p.laz" 2>/dev/null) && [[ $summary == *'"num_points": 10'* ]]; then
         rm -rf "$scratch"
         return 0
     fi
@@ -45,7 +46,7 @@ pdal_mirrors() { printf '%s\n' "$(apt_mirror)" http://deb.debian.org/debian http
 # pdal_write_wrapper PREFIX: PREFIX/bin/pdal, which starts the unpacked program with the loader and libraries unpacked with it.
 pdal_write_wrapper() {
     local loader triplet
-    loader=$(cd "$1" && ls lib/*/ld-2.*.so | head -n 1)
+    loader=$(cd "$1" && printf '%s\n' lib/*/ld-2.*.so | sed -n 1p)
     triplet=$(basename "$(dirname "$loader")")
     mkdir -p "$1/bin"
     sed -e "s:@TRIPLET@:$triplet:g" -e "s:@LOADER@:$loader:g" "$ROOT/scripts/setup/pdal-wrapper.sh" >"$1/bin/pdal"
@@ -113,7 +114,7 @@ build_private_pdal() {
     for package in "$work"/archives/*.deb; do dpkg-deb -x "$package" "$fresh"; done
     rm -rf "$fresh"/usr/share/{doc,man,locale,lintian} "$fresh"/{etc,var}
     pdal_write_wrapper "$fresh"
-    pdal_works "$fresh/bin/pdal" || die "the unpacked PDAL does not run on this machine: $("$fresh/bin/pdal" --version 2>&1 | tail -n 1)"
+    pdal_works "$fresh/bin/pdal" || die "the unpacked PDAL does not run on this machine: $("$fresh/bin/pdal" --version 2>&1 | grep . | tail -n 1)"
     rm -rf "$PDAL_PREFIX"
     mv "$fresh" "$PDAL_PREFIX"
     rm -rf "$work"

@@ -34,7 +34,7 @@ user_profiles() {
 user_profile() {
     local profiles name
     profiles=$(user_profiles)
-    name=$(sed -n 's/^defaultProfile=//p' "$profiles/profiles.ini" 2>/dev/null | head -n 1)
+    name=$(sed -n 's/^defaultProfile=//p' "$profiles/profiles.ini" 2>/dev/null || true)
     printf '%s/%s\n' "$profiles" "${name:-default}"
 }
 

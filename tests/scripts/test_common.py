@@ -82,3 +82,9 @@ def test_a_user_who_may_not_install_gets_one_sentence(shell):
     assert result.stdout == ""
     assert result.stderr.count("\n") == 1
     assert "apt-get install --no-install-recommends qgis xvfb" in result.stderr
+
+
+def test_a_version_is_read_from_a_program_that_goes_on_talking(shell):
+    result = shell('version=$({ echo pdal 2.8.1; sleep 0.2; seq 100000; } | first_version)\necho "found $version"')
+    assert result.returncode == 0
+    assert result.stdout.strip() == "found 2.8.1"

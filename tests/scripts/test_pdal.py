@@ -14,7 +14,7 @@ WORKING = """echo "$1" >>"$0.calls"
 case $1 in
 --version) echo "pdal {version} (git-version: Release)" ;;
 pipeline) cat >/dev/null ;;
-info) echo '"num_points": 10' ;;
+info) echo '"num_points": 10'; sleep 0.1; seq 20000 ;;
 esac"""
 
 
