@@ -41,6 +41,14 @@ def test_private_profile_is_linked_and_switched_on_once(shell, qgis, checkout):
     assert "as before" in second.stdout
 
 
+def test_a_plugin_that_is_switched_on_already_is_no_failure(shell, qgis, checkout):
+    assert shell(qgis + "setup_profile").returncode == 0
+    (checkout / "metadata.txt").write_text("[general]\nversion=2\n", encoding="utf-8")
+    again = shell(qgis + "enable_plugin() { echo 'Plugin is already enabled!'; return 1; }\nsetup_profile")
+    assert again.returncode == 0, again.stderr
+    assert "as before" not in again.stdout
+
+
 def test_a_plugin_that_qgis_cannot_switch_on_stops_the_set_up(shell, qgis, checkout):
     (checkout / "metadata.txt").write_text("", encoding="utf-8")
     result = shell(qgis + "enable_plugin() { echo 'no such plugin'; return 1; }\nsetup_profile")
