@@ -38,6 +38,9 @@ class Pairs:
     def __len__(self) -> int:
         return len(self.residual)
 
+    def chosen(self, which: Mask) -> Pairs:
+        return Pairs(self.place[which], self.normal[which], self.residual[which], self.source[which])
+
     def jacobian(self, radius: float) -> Float:
         """(n, 6) derivative of the residual by the vector of ``Pose.moved``."""
         return np.hstack([np.cross(self.place, self.normal) / radius, self.normal])
