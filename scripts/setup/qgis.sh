@@ -66,7 +66,7 @@ setup_qgis() {
     if qgis_works; then
         say "QGIS: $(qgis_version) is there, used as it is"
     else
-        say "QGIS: none >= $QGIS_OLDEST found$(qgis_version | sed 's/^/ (this is /; s/$/)/')"
+        say "QGIS: none >= $QGIS_OLDEST found$(qgis_version | sed -n 's/..*/ (there is &)/p')"
         install_qgis
         say "  QGIS $(qgis_version) stands"
     fi
