@@ -58,6 +58,15 @@ def temporary(path: Path, *, only_empty: bool = False) -> Iterator[Path]:
             _temporaries.remove(entry)
 
 
+@contextlib.contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Cancelling waits until the block is left; for a few renames that belong together."""
+    with _lock:
+        if _cancelled.is_set():
+            raise Cancelled("cancelled")
+        yield
+
+
 def run_child(
     arguments: Sequence[str | os.PathLike[str]],
     *,

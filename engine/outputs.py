@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
+import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from . import lifecycle
-from .errors import EngineError, InputError
+from .errors import Cancelled, EngineError, InputError
+
+_LITTLE_SPACE = 100_000_000  # bytes; a run that fails with less left than this most likely failed for that
 
 
 @contextlib.contextmanager
@@ -37,7 +41,7 @@ def atomic_output(path: Path, check: Callable[[Path], None] | None = None) -> It
             raise EngineError(f"{path.name} was not written")
         if check is not None:
             check(partial)
-        _rename(partial, path)
+        _rename(partial, path, path)
 
 
 class Stage:
@@ -80,20 +84,85 @@ def staged_outputs(directory: Path, *, last: str = "run.json") -> Iterator[Stage
         for path in reversed(made):
             stack.enter_context(lifecycle.temporary(path, only_empty=True))
         stack.enter_context(lifecycle.temporary(folder))
-        yield Stage(directory, folder)
-        files = sorted((p for p in folder.rglob("*") if p.is_file()), key=lambda p: (p.name == last, p))
-        for path in files:
-            target = directory / path.relative_to(folder)
-            target.parent.mkdir(parents=True, exist_ok=True)
-            _rename(path, target)
+        try:
+            yield Stage(directory, folder)
+            _move_all(folder, directory, last)
+        except (InputError, Cancelled):
+            raise
+        except Exception as error:
+            _blame_full_disk(directory, error)
+            raise
+
+
+def _move_all(folder: Path, directory: Path, last: str) -> None:
+    """Move all files of ``folder`` to ``directory``; if one cannot be moved, what was there before stays."""
+    files = sorted((p for p in folder.rglob("*") if p.is_file()), key=lambda p: (p.name == last, p))
+    targets = [directory / path.relative_to(folder) for path in files]
+    for target in targets:
+        if target.is_dir():
+            raise InputError(f"The output {target} is a folder; remove it or choose another output.")
+    old = folder / ".replaced"
+    old.mkdir()
+    replaced: list[tuple[Path, Path]] = []
+    moved: list[Path] = []
+    with lifecycle.uninterrupted():
+        try:
+            for number, (path, target) in enumerate(zip(files, targets, strict=True)):
+                _make_folder(target.parent)
+                if target.is_symlink() or target.exists():
+                    kept = old / str(number)
+                    _rename(target, kept, target)
+                    replaced.append((kept, target))
+                _rename(path, target, target)
+                moved.append(target)
+        except BaseException:
+            for target in moved:
+                target.unlink(missing_ok=True)
+            for kept, target in replaced:
+                os.replace(kept, target)
+            raise
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"The output folder {folder} cannot be made ({error.strerror}); choose another output."
+        ) from error
+
+
+def _blame_full_disk(directory: Path, error: Exception) -> None:
+    """Raise InputError if the outputs most likely did not fit; native writers do not tell it as such."""
+    try:
+        free = shutil.disk_usage(directory).free
+    except OSError:
+        return
+    reason = f"{type(error).__name__}: {next(iter(str(error).splitlines()), 'no text')}"
+    if free < _LITTLE_SPACE or (isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)):
+        raise InputError(
+            f"Writing to {directory} failed, and its disk has {free / 1e6:.1f} MB left; free some space or choose "
+            f"another output folder ({reason})."
+        ) from error
 
 
 def refuse_inputs_as_outputs(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
-    """Raise InputError if an output is also an input."""
+    """Raise InputError if an output is also an input, or two outputs are one file."""
     known = {Path(i).resolve() for i in inputs}
+    taken: set[Path] = set()
     for output in outputs:
-        if Path(output).resolve() in known:
+        place = Path(output).resolve()
+        if place in known:
             raise InputError(f"The output {output} is also an input; choose another name for the output.")
+        if place in taken:
+            raise InputError(f"Two outputs are to be {output}; give each a name of its own.")
+        taken.add(place)
+
+
+def refuse_other_than_cloud(output: Path) -> None:
+    """Raise InputError unless the name of an output cloud ends in .laz or .las."""
+    if output.suffix.lower() not in (".laz", ".las"):
+        raise InputError(f"The output {output} is to be a point cloud; end its name in .laz or .las.")
 
 
 def refuse_unwritable(path: Path) -> None:
@@ -110,10 +179,11 @@ def refuse_unwritable(path: Path) -> None:
         raise InputError(f"The folder {parent} cannot be written ({error.strerror}); choose another one.") from error
 
 
-def _rename(source: Path, target: Path) -> None:
+def _rename(source: Path, target: Path, named: Path) -> None:
+    """``named`` is the output that a message names."""
     try:
         os.replace(source, target)
     except OSError as error:
         raise InputError(
-            f"{target} cannot be replaced ({error.strerror}); close the program that has it open."
+            f"{named} cannot be replaced ({error.strerror}); close the program that has it open."
         ) from error

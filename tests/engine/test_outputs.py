@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 import os
+import shutil
 
 import pytest
 from slopewatch.engine.errors import EngineError, InputError
-from slopewatch.engine.outputs import atomic_output, refuse_inputs_as_outputs, refuse_unwritable, staged_outputs
+from slopewatch.engine.outputs import (
+    atomic_output,
+    refuse_inputs_as_outputs,
+    refuse_other_than_cloud,
+    refuse_unwritable,
+    staged_outputs,
+)
 
 
 def write_and_fail(path):
     path.write_text("half")
     raise RuntimeError
+
+
+def write_new(stage, *names):
+    for name in names:
+        stage.path(name).write_text("new")
 
 
 def test_a_failing_writer_leaves_the_old_file_and_nothing_else(tmp_path):
@@ -62,6 +74,53 @@ def test_a_failed_run_removes_the_folders_it_made_and_only_those(tmp_path):
         write_and_fail(stage.path("a"))
     assert kept.is_dir()
     assert not list(kept.iterdir())
+
+
+def test_an_output_that_cannot_be_replaced_leaves_the_earlier_run_as_it_was(tmp_path, monkeypatch):
+    for name in ("a.tif", "c.tif", "run.json"):
+        (tmp_path / name).write_text("old")
+    replace = os.replace
+
+    def locked(source, target):
+        if os.path.basename(source) == "c.tif":
+            raise PermissionError(13, "Permission denied")
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", locked)
+    with pytest.raises(InputError, match=r"c\.tif cannot be replaced"), staged_outputs(tmp_path) as stage:
+        write_new(stage, "a.tif", "b.tif", "c.tif", "run.json")
+    assert {p.name: p.read_text() for p in tmp_path.iterdir()} == dict.fromkeys(("a.tif", "c.tif", "run.json"), "old")
+
+
+def test_a_folder_in_the_place_of_an_output_is_named_and_nothing_is_moved(tmp_path):
+    (tmp_path / "zones.gpkg").mkdir()
+    with pytest.raises(InputError, match=r"zones\.gpkg is a folder"), staged_outputs(tmp_path) as stage:
+        write_new(stage, "a.tif", "zones.gpkg")
+    assert [p.name for p in tmp_path.iterdir()] == ["zones.gpkg"]
+
+
+def test_a_full_disk_is_called_so_whatever_the_writer_says(tmp_path, monkeypatch):
+    usage = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=20_000))
+    told = r"0\.0 MB left; free some space .*done of LASwritePoint failed"
+    with pytest.raises(InputError, match=told), staged_outputs(tmp_path / "out"):
+        raise EngineError("writers.las: done of LASwritePoint failed")
+    assert not list(tmp_path.iterdir())
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=10**12))
+    with pytest.raises(EngineError, match=r"^a bug$"), staged_outputs(tmp_path / "out"):
+        raise EngineError("a bug")
+
+
+def test_two_outputs_of_one_name_are_refused(tmp_path):
+    with pytest.raises(InputError, match="Two outputs"):
+        refuse_inputs_as_outputs([tmp_path / "a.laz", tmp_path / "b" / ".." / "a.laz"], [])
+
+
+def test_only_clouds_are_called_clouds(tmp_path):
+    refuse_other_than_cloud(tmp_path / "a.LAZ")
+    for name in ("a.tif", "a", "a.laz.txt"):
+        with pytest.raises(InputError, match=r"\.laz or \.las"):
+            refuse_other_than_cloud(tmp_path / name)
 
 
 def test_output_equal_to_an_input_is_refused_also_through_a_link(tmp_path):
