@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import tempfile
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +14,7 @@ from pyproj.exceptions import CRSError, ProjError
 from shapely.geometry import MultiPolygon, Polygon
 
 from .errors import InputError
+from .plain_names import readable
 from .preflight import shown
 
 Bounds = tuple[float, float, float, float]
@@ -59,9 +57,9 @@ def read_roi(path: Path | str, crs: CRS, *, unit: float = 1.0) -> Roi:
         raise InputError(f"The area {name} does not exist; check its path.")
     notes: list[str] = []
     try:
-        with _plainly_named(path.absolute()) as readable:
-            layer = _polygon_layer(readable, name, notes)
-            meta, _, wkb, _ = read_raw(readable, layer=layer, columns=[], force_2d=True)
+        with readable(path) as plain:
+            layer = _polygon_layer(plain, name, notes)
+            meta, _, wkb, _ = read_raw(plain, layer=layer, columns=[], force_2d=True)
     except (OSError, RuntimeError, ValueError) as error:
         raise InputError(
             f"The area {name} cannot be read as a vector file; give polygons as GeoPackage, shapefile, GeoJSON or KML."
@@ -86,19 +84,6 @@ def refuse_outside(roi: Roi, bounds: Bounds, cloud: Path | str) -> None:
         )
 
 
-@contextlib.contextmanager
-def _plainly_named(path: Path) -> Iterator[Path]:
-    """The path, or a link to it and its sidecars where its name has control characters, which pyogrio drops."""
-    if str(path).isprintable():
-        yield path
-        return
-    with tempfile.TemporaryDirectory(prefix="slopewatch-area-") as folder:
-        for sibling in path.parent.iterdir():
-            if sibling.stem == path.stem:
-                Path(folder, f"area{sibling.suffix}").symlink_to(sibling)
-        yield Path(folder, f"area{path.suffix}")
-
-
 def _polygon_layer(path: Path, name: str, notes: list[str]) -> str:
     """The first layer of polygons, or the first that does not say what it holds."""
     layers = [(str(layer), str(kind)) for layer, kind in pyogrio.list_layers(path)]
@@ -121,8 +106,8 @@ def _polygons(wkb: np.ndarray, name: str, notes: list[str]) -> list[Polygon]:
     parts = parts[~shapely.is_missing(parts) & ~shapely.is_empty(parts)]
     polygons = [part for part in parts if isinstance(part, Polygon)]
     if not polygons:
-        kinds = ", ".join(sorted({part.geom_type for part in parts})) or "nothing"
-        raise InputError(f"The area {name} holds no polygons but {kinds}; draw a polygon around the area of interest.")
+        kinds = ", ".join(sorted({part.geom_type for part in parts})) or "no geometry"
+        raise InputError(f"The area {name} holds no polygons ({kinds}); draw a polygon around the area of interest.")
     if len(polygons) < len(parts):
         notes.append(f"The area {name} has {len(parts) - len(polygons)} lines or points, which are left out.")
     if not np.isfinite(shapely.get_coordinates(polygons)).all():

@@ -13,6 +13,7 @@ import pyogrio
 
 from .errors import EngineError, InputError
 from .outputs import atomic_output
+from .plain_names import readable, writable
 from .styles import zones_qml
 
 # Version 1.2 is what every GDAL since 2018 reads without a warning.
@@ -57,10 +58,11 @@ def write_layer(
             raise EngineError(f"{name} is no field name for {Path(path).name}")
 
     def check(written: Path) -> None:
-        _check(written, frame, layer, fields)
+        with writable(written) as plain:
+            _check(plain, frame, layer, fields)
 
     moment = f"{(stamp or date(1970, 1, 1)).isoformat()}T00:00:00.000Z"
-    with atomic_output(Path(path), check) as partial:
+    with atomic_output(Path(path), check) as named, writable(named) as partial:
         partial.unlink(missing_ok=True)
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="'crs' was not provided")
@@ -78,7 +80,8 @@ def read_layer(path: Path, layer: str | None = None) -> gpd.GeoDataFrame:
         InputError: missing, not a vector file, or without that layer.
     """
     try:
-        return pyogrio.read_dataframe(path, layer=layer)
+        with readable(Path(path)) as plain:
+            return pyogrio.read_dataframe(plain, layer=layer)
     except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError) as error:
         wanted = f" with a layer {layer}" if layer else ""
         raise InputError(f"{path} cannot be read as a vector file{wanted}; give a GeoPackage.") from error

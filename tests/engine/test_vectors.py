@@ -139,3 +139,12 @@ def test_reading_layers(tmp_path: Path) -> None:
     for path, layer in (("text.gpkg", None), ("none.gpkg", None), ("zones.gpkg", "other")):
         with pytest.raises(InputError, match="cannot be read as a vector file"):
             read_layer(tmp_path / path, layer)
+
+
+@pytest.mark.parametrize("name", ["new\nline", "tab\there", "a;b", "a!b", "é 中 [1] #2 'q' \"q\""])
+def test_folders_of_any_name(tmp_path, name):
+    folder = tmp_path / name
+    folder.mkdir()
+    write_zones(folder / "zones.gpkg", zones())
+    assert [p.name for p in folder.iterdir()] == ["zones.gpkg"]
+    assert len(read_layer(folder / "zones.gpkg", "zones")) == len(zones())
