@@ -26,7 +26,6 @@ def check_environment(pdal: Path | None = None) -> dict[str, Any]:
             importlib.import_module(name)
         except ImportError as error:
             raise InputError(f"The Python library {name} cannot be imported ({error}); run `make setup`.") from error
-    found["cloth-simulation-filter"] = importlib.metadata.version("cloth-simulation-filter")
     try:
         found["torch"] = importlib.metadata.version("torch")
     except importlib.metadata.PackageNotFoundError:

@@ -7,6 +7,7 @@ import hashlib
 import importlib.metadata
 import json
 import math
+import os
 import platform
 import sys
 import time
@@ -19,10 +20,23 @@ from typing import Any
 import numpy as np
 
 from . import lifecycle
+from .errors import InputError
 from .parameters import ParameterSet
 from .version import VERSION
 
-_LIBRARIES = ("numpy", "scipy", "rasterio", "geopandas", "shapely", "pyproj", "pyogrio", "laspy", "lazrs")
+_LIBRARIES = (
+    "numpy",
+    "scipy",
+    "rasterio",
+    "geopandas",
+    "shapely",
+    "pyproj",
+    "pyogrio",
+    "laspy",
+    "lazrs",
+    "cloth-simulation-filter",
+    "matplotlib",
+)
 
 
 class RunRecord:
@@ -42,9 +56,20 @@ class RunRecord:
         self.facts: dict[str, Any] = {}
 
     def add_input(self, role: str, path: Path) -> str:
-        """Record an input file; returns its SHA-256."""
-        digest = sha256(path)
-        self.inputs.append({"role": role, "path": str(path), "bytes": path.stat().st_size, "sha256": digest})
+        """Record an input file (or folder, such as a file geodatabase); returns its SHA-256.
+
+        Raises:
+            InputError: it does not exist or cannot be read.
+        """
+        try:
+            files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
+            size = sum(p.stat().st_size for p in files)
+            digest = sha256(*files)
+        except FileNotFoundError as error:
+            raise InputError(f"{path} does not exist; check the path.") from error
+        except OSError as error:
+            raise InputError(f"{path} cannot be read ({error.strerror}); check its permissions.") from error
+        self.inputs.append({"role": role, "path": str(path), "bytes": size, "sha256": digest})
         return digest
 
     @contextmanager
@@ -59,7 +84,8 @@ class RunRecord:
         self.stages.append(entry)
 
     def document(self, warnings: list[str], outputs: dict[str, Path]) -> dict[str, Any]:
-        """The record as plain JSON values."""
+        """The record as plain JSON values; outputs are named from the folder of ``outputs["run"]``."""
+        folder = outputs["run"].parent if "run" in outputs else None
         return {
             "software": f"SlopeWatch {VERSION}",
             "command": self.command,
@@ -71,28 +97,50 @@ class RunRecord:
             "stages": plain(self.stages),
             "metrics": plain(self.metrics),
             "warnings": warnings,
-            "outputs": {name: path.name for name, path in outputs.items()},
+            "outputs": {name: _within(path, folder) for name, path in outputs.items()},
             "versions": versions(),
         }
 
     def write(self, path: Path, warnings: list[str], outputs: dict[str, Path]) -> None:
-        path.write_text(json.dumps(self.document(warnings, outputs), indent=2, ensure_ascii=False, allow_nan=False))
+        document = _without(f"{path.parent}{os.sep}", self.document(warnings, outputs))
+        text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+        # a file name that is no Unicode is written with escapes rather than not at all
+        path.write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
+
+
+def _without(prefix: str, value: Any) -> Any:
+    """``value`` with paths below a folder named from there: the folder is gone when the record is read."""
+    if isinstance(value, dict):
+        return {k: _without(prefix, v) for k, v in value.items()}
+    if isinstance(value, list):
+        return [_without(prefix, v) for v in value]
+    return value.removeprefix(prefix) if isinstance(value, str) else value
+
+
+def _within(path: Path, folder: Path | None) -> str:
+    if folder is not None and path.is_relative_to(folder):
+        return path.relative_to(folder).as_posix()
+    return str(path)
 
 
 def versions() -> dict[str, str]:
     """Versions of SlopeWatch, Python, the system and the libraries that the results depend on."""
     found = {"slopewatch": VERSION, "python": sys.version.split()[0], "system": platform.platform()}
     for name in _LIBRARIES:
-        found[name] = importlib.metadata.version(name)
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            found[name] = "not installed"
     return found
 
 
-def sha256(path: Path) -> str:
-    """SHA-256 of a file's bytes, hexadecimal."""
+def sha256(*paths: Path) -> str:
+    """SHA-256 of the bytes of a file, or of several one after the other, hexadecimal."""
     digest = hashlib.sha256()
-    with path.open("rb") as file:
-        while block := file.read(1 << 20):
-            digest.update(block)
+    for path in paths:
+        with path.open("rb") as file:
+            while block := file.read(1 << 20):
+                digest.update(block)
     return digest.hexdigest()
 
 
