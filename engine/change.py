@@ -17,6 +17,7 @@ from .progress import Progress
 
 # Degrees of freedom that the neighbourhood's variance counts beside the cell's own (see pooled_variance).
 _PRIOR_DEGREES = 8.0
+_FEWEST_CELLS = 30  # with fewer in common, nothing can be said of the whole overlap
 _BYTES_A_CELL = 180.0  # measured peak of difference() and what follows it, per cell of the grid
 
 
@@ -87,8 +88,8 @@ def difference(
     """Grid both clouds and subtract: change, standard error and level of detection of each cell.
 
     The error of a cell's height is its points' variance times the leverage (1/n for a mean); the difference adds
-    both epochs' and the registration error in quadrature (Lague et al. 2013, doi:10.1016/j.isprsjprs.2013.04.009, eq. 1,
-    with the registration error as a standard error). The level is the two-sided normal quantile times that.
+    both epochs' and the registration error in quadrature (Lague et al. 2013, doi:10.1016/j.isprsjprs.2013.04.009,
+    eq. 1, with the registration error as a standard error). The level is the two-sided normal quantile times that.
 
     Args:
         reference: (n, 3) points of the first epoch, metres.
@@ -144,8 +145,8 @@ def pooled_variance(cells: CellStatistics, *, radius: int = 5) -> Float:
     """Variance of a point in each cell, moderated by its neighbourhood.
 
     The variance from two or three points is nearly worthless: small by chance, it would make noise significant. So the
-    pooled variance of the cells within ``radius`` counts as a prior with ``_PRIOR_DEGREES`` degrees of freedom (moderated
-    variance, Smyth 2004, doi:10.2202/1544-6115.1027, eq. 5).
+    pooled variance of the cells within ``radius`` counts as a prior with ``_PRIOR_DEGREES`` degrees of freedom
+    (moderated variance, Smyth 2004, doi:10.2202/1544-6115.1027, eq. 5).
     """
     size = 2 * radius + 1
     spread = np.maximum(cells.count - 1.0, 0.0)
@@ -170,13 +171,13 @@ def _moderated(own: Float, degrees: Float, size: int) -> Float:
 def uniform_shift(dz: Float, level: Float) -> float | None:
     """Median dz where the whole overlap has moved alike, else None.
 
-    A whole surface that rises or sinks by one amount is a datum or a bias, not a deformation: nine tenths of the cells lie
-    beyond their level on one side, and their spread is small beside the shift.
+    A whole surface that rises or sinks by one amount is a datum or a bias, not a deformation: nine tenths of the cells
+    lie beyond their level on one side, and their spread is small beside the shift.
     """
     shift = float(np.median(dz))
     spread = 1.4826 * float(np.median(np.abs(dz - shift)))
     beyond = float(np.mean(dz * math.copysign(1.0, shift) > level))
-    return shift if beyond >= 0.9 and spread < abs(shift) / 3 else None
+    return shift if dz.size >= _FEWEST_CELLS and beyond >= 0.9 and spread < abs(shift) / 3 else None
 
 
 def _bytes(grid: Grid) -> float:

@@ -11,12 +11,12 @@ from typing import Any
 from pyproj import CRS
 
 from .change import difference
-from .clouds import PointCloud, copy_with, read_cloud
+from .clouds import copy_with, read_cloud
 from .epochs import Epoch, check_pair
 from .gridding import Float
 from .ground import GroundResult, extract_ground
 from .outputs import Stage, refuse_inputs_as_outputs, staged_outputs
-from .pair import require_same_crs, stable_area, warn_of_uniform_shift
+from .pair import register_pair, require_comparable, warn_of_doubtful_change
 from .parameters import (
     ChangeParameters,
     GroundParameters,
@@ -28,7 +28,7 @@ from .parameters import (
 from .pdal import Pdal, find_pdal
 from .products import Context, write_products
 from .progress import Progress
-from .registration import RegistrationResult, register
+from .registration import RegistrationResult
 from .run_record import RunRecord, plain
 
 CHANGE_OUTPUTS = (
@@ -103,16 +103,17 @@ def inspect_slope(
     for role, path in (("roi", roi), ("stable", stable)):
         if path is not None:
             record.add_input(role, path)
+    require_comparable(epochs[0].path, epochs[1].path, settings.inputs)
     with staged_outputs(output_dir) as stage:
         with progress.stage(0.0, 0.6, "extracting the ground"), record.stage("ground") as entry:
             grounds = _grounds(epochs, stage, settings, roi, program, progress)
             entry["epochs"] = {e.name: plain(g) for e, g in zip(epochs, grounds, strict=True)}
         first, second = (read_cloud(g.ground) for g in grounds)
-        require_same_crs(first, second)
         with progress.stage(0.6, 0.78, "registering"), record.stage("registration") as entry:
-            registration = _register(first, second, settings, stable, progress)
+            registration = register_pair(first, second, settings.registration, stable, progress)
             aligned = registration.transform.apply(second.xyz)
             entry.update(plain(registration.summary()))
+            record.facts["transform"] = registration.transform.matrix
         with progress.stage(0.78, 0.85, "differencing"), record.stage("change"):
             change = difference(
                 first.xyz,
@@ -121,7 +122,7 @@ def inspect_slope(
                 registration_error=registration.registration_error,
                 progress=progress,
             )
-            warn_of_uniform_shift(change, progress)
+            warn_of_doubtful_change(change, progress)
         clouds = _write_clouds(epochs, grounds, aligned, registration, first.crs, stage)
         with progress.stage(0.85, 0.99, "writing outputs"), record.stage("products"):
             picture = read_cloud(grounds[1].clipped, colours=True)
@@ -170,16 +171,6 @@ def _grounds(
     shares = progress.split([e.name for e in epochs])
     with ThreadPoolExecutor(max_workers=2) as pool:
         return list(pool.map(ground, epochs, shares))
-
-
-def _register(
-    first: PointCloud, second: PointCloud, settings: Settings, stable: Path | None, progress: Progress
-) -> RegistrationResult:
-    area = stable_area(stable, first.crs, progress)
-    result = register(first.xyz, second.xyz, settings.registration, stable=area, progress=progress)
-    for warning in result.warnings:
-        progress.warning(warning)
-    return result
 
 
 def _write_clouds(

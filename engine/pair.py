@@ -8,18 +8,23 @@ from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
 from .change import Change
-from .clouds import PointCloud
+from .clouds import PointCloud, open_cloud
 from .errors import InputError
+from .parameters import InputParameters, RegistrationParameters
 from .progress import Progress
+from .registration import RegistrationResult, register
 from .roi import read_roi
 
+_SMALL_OVERLAP = 0.1  # share of the cells
 
-def require_same_crs(first: PointCloud, second: PointCloud) -> None:
-    """Raise InputError unless both clouds are in the same reference system."""
-    if not first.crs.equals(second.crs, ignore_axis_order=True):
+
+def require_comparable(first: Path, second: Path, inputs: InputParameters) -> None:
+    """Raise InputError unless both clouds can be opened and are in the same reference system, by their headers."""
+    systems = [open_cloud(path, inputs, None)[1].crs for path in (first, second)]
+    if not systems[0].equals(systems[1], ignore_axis_order=True):
         raise InputError(
-            f"The epochs are in different reference systems: {first.path.name} in {first.crs.name}, "
-            f"{second.path.name} in {second.crs.name}; reproject one of them, or give --crs if one is declared wrongly."
+            f"The epochs are in different reference systems: {first.name} in {systems[0].name}, "
+            f"{second.name} in {systems[1].name}; reproject one of them, or give --crs if one is declared wrongly."
         )
 
 
@@ -39,8 +44,24 @@ def stable_area(path: Path | None, crs: CRS, progress: Progress) -> BaseGeometry
     return area.geometry
 
 
-def warn_of_uniform_shift(change: Change, progress: Progress) -> None:
-    """Name a shift of the whole overlap for what it is."""
+def register_pair(
+    first: PointCloud, second: PointCloud, parameters: RegistrationParameters, stable: Path | None, progress: Progress
+) -> RegistrationResult:
+    """Register ``second`` to ``first`` (see ``registration.register``) and tell the user its warnings."""
+    area = stable_area(stable, first.crs, progress)
+    result = register(first.xyz, second.xyz, parameters, stable=area, progress=progress)
+    for warning in result.warnings:
+        progress.warning(warning)
+    return result
+
+
+def warn_of_doubtful_change(change: Change, progress: Progress) -> None:
+    """Name a small overlap, and a shift of the whole overlap, for what they are."""
+    if change.common_cell_rate < _SMALL_OVERLAP:
+        progress.warning(
+            f"Only {100 * change.common_cell_rate:.2g} % of the cells with points have points of both epochs; check "
+            "that both cover the same slope, or use larger cells."
+        )
     shift = change.uniform_dz
     if shift is not None:
         progress.warning(

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
+import math
 import uuid
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from .change import difference
 from .clouds import copy_with, read_cloud
@@ -13,12 +15,11 @@ from .epochs import Epoch, check_pair, date_in_name, parse_date
 from .errors import InputError
 from .ground import extract_ground
 from .inspection import CHANGE_OUTPUTS, Outcome, Settings
-from .outputs import refuse_inputs_as_outputs, refuse_unwritable, staged_outputs
-from .pair import require_same_crs, require_two_clouds, stable_area, warn_of_uniform_shift
+from .outputs import refuse_inputs_as_outputs, refuse_other_than_cloud, refuse_unwritable, staged_outputs
+from .pair import register_pair, require_comparable, require_two_clouds, warn_of_doubtful_change
 from .pdal import find_pdal
 from .products import Context, write_products
 from .progress import Progress
-from .registration import register
 from .run_record import RunRecord, plain
 from .transform import RigidTransform
 
@@ -27,6 +28,7 @@ def ground_step(
     cloud: Path, output: Path, settings: Settings, *, roi: Path | None, pdal: Path | None, progress: Progress
 ) -> Outcome:
     """Clip, denoise and extract the ground of one cloud; see ``ground.extract_ground``."""
+    refuse_other_than_cloud(output)
     refuse_unwritable(output)
     stem = output.stem.removesuffix("_ground") or output.stem
     written = [output, *(output.with_name(f"{stem}_{kind}.laz") for kind in ("clipped", "classified"))]
@@ -34,6 +36,9 @@ def ground_step(
     program = find_pdal(pdal)
     record = RunRecord("ground", {"inputs": settings.inputs, "ground": settings.ground})
     record.facts["pdal"] = {"version": program.version, "path": program.path, "found": program.how}
+    record.add_input("cloud", cloud)
+    if roi is not None:
+        record.add_input("roi", roi)
     with staged_outputs(output.absolute().parent, last=_record_name(output)) as stage:
         with record.stage("ground") as entry:
             result = extract_ground(
@@ -47,7 +52,6 @@ def ground_step(
                 progress=progress,
             )
             entry.update(plain(result))
-        record.add_input("cloud", cloud)
         outputs = {
             "ground": stage.final(output.name),
             "clipped": stage.final(result.clipped.name),
@@ -71,38 +75,45 @@ def register_step(
     progress: Progress,
 ) -> Outcome:
     """Register ``moving`` to ``reference``, or apply the transform ``given``; write the moved cloud."""
+    refuse_other_than_cloud(output)
     targets = [output] + ([transform_path] if transform_path else [])
     for target in targets:
         refuse_unwritable(target)
     require_two_clouds(reference, moving)
-    refuse_inputs_as_outputs(targets, [p for p in (reference, moving, given, stable) if p])
+    files = {"reference": reference, "moving": moving, "transform": given, "stable": stable}
+    refuse_inputs_as_outputs(targets, [p for p in files.values() if p])
     if invert and given is None:
         raise InputError("--invert was given without --apply; name the transform.json that is to be inverted.")
-    with progress.stage(0.0, 0.2, "reading"):
-        first = read_cloud(reference, settings.inputs, progress=progress)
-        second = read_cloud(moving, settings.inputs, progress=progress)
-    require_same_crs(first, second)
-    figures: dict[str, Any] = {}
-    if given is not None:
-        transform = RigidTransform.load(given)
-        transform = transform.inverse() if invert else transform
-    else:
-        with progress.stage(0.2, 0.8, "registering"):
-            result = register(
-                first.xyz,
-                second.xyz,
-                settings.registration,
-                stable=stable_area(stable, first.crs, progress),
-                progress=progress,
-            )
-        transform, figures = result.transform, result.figures()
-    outputs = {"aligned": output}
-    with progress.stage(0.8, 1.0, "writing"):
-        copy_with(moving, output, settings.inputs, xyz=transform.apply(second.xyz))
+    transform = None if given is None else RigidTransform.load(given)
+    require_comparable(reference, moving, settings.inputs)
+    record = RunRecord("register", {"inputs": settings.inputs, "registration": settings.registration})
+    for role, path in files.items():
+        if path is not None:
+            record.add_input(role, path)
+    with contextlib.ExitStack() as stack:
+        stage = stack.enter_context(staged_outputs(output.absolute().parent, last=_record_name(output)))
+        with progress.stage(0.0, 0.2, "reading"), record.stage("read") as entry:
+            first = read_cloud(reference, settings.inputs, progress=progress)
+            second = read_cloud(moving, settings.inputs, progress=progress)
+            entry["points"] = [len(first.xyz), len(second.xyz)]
+        if transform is not None:
+            transform = transform.inverse() if invert else transform
+        else:
+            with progress.stage(0.2, 0.8, "registering"), record.stage("registration") as entry:
+                result = register_pair(first, second, settings.registration, stable, progress)
+                entry.update(plain(result.summary()))
+            transform, record.metrics = result.transform, result.figures()
+        outputs = {"aligned": stage.final(output.name), "run": stage.final(_record_name(output))}
+        with progress.stage(0.8, 1.0, "writing"), record.stage("write"):
+            copy_with(moving, stage.path(output.name), settings.inputs, xyz=transform.apply(second.xyz))
+        record.facts["transform"] = transform.matrix
         if transform_path is not None:
-            transform.save(transform_path, first.crs, facts=figures)
-            outputs["transform"] = transform_path
-    return outputs, figures
+            # perhaps in another folder
+            beside = stack.enter_context(staged_outputs(transform_path.absolute().parent))
+            transform.save(beside.path(transform_path.name), first.crs, facts=record.metrics)
+            outputs["transform"] = beside.final(transform_path.name)
+        record.write(stage.path(_record_name(output)), progress.warnings, outputs)
+    return outputs, record.metrics
 
 
 def change_step(
@@ -135,26 +146,35 @@ def change_step(
     )
     hashes = tuple(record.add_input(f"epoch {e.name}", e.path) for e in (first, second))
     transform = RigidTransform.load(transform_path) if transform_path else None
-    with progress.stage(0.0, 0.3, "reading"), record.stage("read") as entry:
-        a = read_cloud(reference, settings.inputs, progress=progress)
-        b = read_cloud(moving, settings.inputs, colours=True, progress=progress)
-        require_same_crs(a, b)
-        entry["points"] = [len(a.xyz), len(b.xyz)]
-        if transform is not None:
-            b = replace(b, xyz=transform.apply(b.xyz))
-    with progress.stage(0.3, 0.5, "differencing"), record.stage("change"):
-        change = difference(a.xyz, b.xyz, settings.change, progress=progress)
-        warn_of_uniform_shift(change, progress)
-    context = Context(
-        first=first,
-        second=second,
-        crs=a.crs,
-        transform=transform,
-        input_hashes=hashes,
-        method=f"grid difference ({settings.change.cell_value})",
-        run_id=uuid.uuid5(uuid.NAMESPACE_OID, repr((hashes, plain(record.parameters)))).hex[:12],
-    )
+    if transform is not None and transform_path is not None:
+        record.add_input("transform", transform_path)
+        record.facts["transform"] = transform.matrix
+    require_comparable(reference, moving, settings.inputs)
     with staged_outputs(output_dir) as stage:
+        with progress.stage(0.0, 0.3, "reading"), record.stage("read") as entry:
+            a = read_cloud(reference, settings.inputs, progress=progress)
+            b = read_cloud(moving, settings.inputs, colours=True, progress=progress)
+            entry["points"] = [len(a.xyz), len(b.xyz)]
+            if transform is not None:
+                b = replace(b, xyz=transform.apply(b.xyz))
+        with progress.stage(0.3, 0.5, "differencing"), record.stage("change"):
+            error = _registration_error(transform_path)
+            change = difference(a.xyz, b.xyz, settings.change, registration_error=error or 0.0, progress=progress)
+            if error is None and settings.change.registration_error < 0:
+                progress.warning(
+                    "The registration's error is not known here, so the level of detection covers the scatter of the "
+                    "points alone; give the registration_error that the registration reported."
+                )
+            warn_of_doubtful_change(change, progress)
+        context = Context(
+            first=first,
+            second=second,
+            crs=a.crs,
+            transform=transform,
+            input_hashes=hashes,
+            method=f"grid difference ({settings.change.cell_value})",
+            run_id=uuid.uuid5(uuid.NAMESPACE_OID, repr((hashes, plain(record.parameters)))).hex[:12],
+        )
         with progress.stage(0.5, 0.99, "writing outputs"), record.stage("products"):
             outputs, record.metrics = write_products(
                 change, b, context, settings.zones, settings.heatmap, stage, progress
@@ -163,6 +183,17 @@ def change_step(
         record.facts["run_id"] = context.run_id
         record.write(stage.path("run.json"), progress.warnings, outputs)
     return outputs, record.metrics
+
+
+def _registration_error(transform_path: Path | None) -> float | None:
+    """Standard error of the registration in height (m), where the transform's file tells it."""
+    if transform_path is None:
+        return None
+    facts = json.loads(transform_path.read_text(encoding="utf-8")).get("registration")
+    known = facts.get("registration_error_m") if isinstance(facts, dict) else None
+    if isinstance(known, (int, float)) and math.isfinite(known) and known >= 0:
+        return float(known)
+    return None
 
 
 def _record_name(output: Path) -> str:

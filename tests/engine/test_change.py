@@ -115,5 +115,6 @@ def test_uniform_shift_is_told_from_deformation():
     noise = rng.normal(0, 0.02, 10_000)
     assert uniform_shift(noise - 0.3, level) == pytest.approx(-0.3, abs=0.001)
     assert uniform_shift(noise, level) is None
+    assert uniform_shift(noise[:10] - 0.3, level[:10]) is None, "ten cells are no overlap to judge by"
     assert uniform_shift(noise - np.where(np.arange(10_000) < 2000, 0.3, 0.0), level) is None
     assert uniform_shift(noise - rng.uniform(0.1, 1.5, 10_000), level) is None
