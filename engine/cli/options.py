@@ -37,7 +37,9 @@ class Session:
 
 def _option(specification: Specification) -> Callable[[Command], Command]:
     name = specification.option
-    default = {True: "yes", False: "no"}.get(specification.default, specification.default)
+    default: Any = specification.default
+    if specification.kind is bool:
+        default = "yes" if default else "no"
     unit = f" {specification.unit}" if specification.unit else ""
     bounds = ""
     if specification.minimum is not None and specification.maximum is not None and not specification.choices:

@@ -107,8 +107,14 @@ class JsonReporter(Reporter):
         self._line(event="result", outputs=plain(outputs), metrics=plain(metrics))
 
     def error(self, error: SlopeWatchError) -> None:
-        self._line(event="error", message=str(error), code=error.exit_code)
+        with self._write_lock:
+            click.echo(error_event(error))
         super().error(error)
+
+
+def error_event(error: SlopeWatchError) -> str:
+    """The JSON line that tells a program of a failure."""
+    return json.dumps({"event": "error", "message": str(error), "code": error.exit_code})
 
 
 def reporter(kind: str) -> Reporter:

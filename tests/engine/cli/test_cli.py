@@ -127,6 +127,44 @@ def test_register_writes_the_cloud_and_a_transform_that_can_be_inverted(clouds, 
     assert np.array(json.loads(transform.read_text())["matrix"]).shape == (4, 4)
 
 
+def test_change_takes_the_registrations_error_from_its_transform(clouds, tmp_path):
+    first, second = clouds
+    transform = tmp_path / "t.json"
+    done = run("register", first, second, "--output", tmp_path / "r.laz", "--transform", transform)
+    assert done.returncode == 0, done.stderr
+    record = json.loads((tmp_path / "r_run.json").read_text())
+    assert record["command"] == "register"
+    assert record["transform"] == json.loads(transform.read_text())["matrix"]
+    assert set(record["outputs"].values()) == {"r.laz", "r_run.json", "t.json"}
+    found = json.loads(transform.read_text())["registration"]["registration_error_m"]
+    assert found > 0
+    for name, given, error, warned in (
+        ("known", ["--transform", transform], found, False),
+        ("given", ["--transform", transform, "--registration-error", 0.05], 0.05, False),
+        ("unknown", [], 0.0, True),
+    ):
+        out = tmp_path / name
+        assert run("change", first, second, "--output-dir", out, "--cell", 0.5, *given).returncode == 0
+        told = json.loads((out / "run.json").read_text())
+        assert told["metrics"]["registration_error_m"] == pytest.approx(error)
+        assert any("registration's error is not known" in w for w in told["warnings"]) == warned
+
+
+@pytest.mark.parametrize("arguments", [["inspect", "--nope"], ["inspect"], ["nope"], ["ground", "--rigidness", "x"]])
+def test_options_that_are_not_understood_are_told_as_json_too(arguments):
+    done = run(*arguments, "--progress", "json")
+    assert done.returncode == 2
+    event = json.loads(done.stdout)
+    assert (event["event"], event["code"]) == ("error", 2)
+    assert event["message"] in done.stderr
+
+
+def test_whole_numbers_are_no_yes_or_no_in_the_help():
+    shown = " ".join(run("ground", "--help").stdout.split())
+    assert "[default: 1, 1 to 3]" in shown
+    assert "[default: yes]" in shown
+
+
 def bad_cases(tmp_path: Path, clouds: tuple[Path, Path]) -> dict[str, tuple[list[object], str]]:
     first, second = clouds
     text = tmp_path / "text.laz"
@@ -161,6 +199,26 @@ def bad_cases(tmp_path: Path, clouds: tuple[Path, Path]) -> dict[str, tuple[list
         "output is input": (["register", first, second, "--output", second], "also an input"),
         "no folder": (["register", first, second, "--output", tmp_path / "no" / "a.laz"], "does not exist"),
         "bad transform": (["register", first, second, "--output", tmp_path / "a.laz", "--apply", text], "text.laz"),
+        "output is no cloud": (["register", first, second, "--output", tmp_path / "a.tif"], ".laz or .las"),
+        "one output twice": (
+            ["register", first, second, "--output", tmp_path / "a.laz", "--transform", tmp_path / "a.laz"],
+            "Two outputs",
+        ),
+        "inspect without roi": (
+            [
+                "inspect",
+                f"--epoch=2024-05-01={first}",
+                f"--epoch=2025-05-01={second}",
+                "--roi",
+                tmp_path / "no.shp",
+                *out,
+            ],
+            "no.shp does not exist",
+        ),
+        "inspect in two systems": (
+            ["inspect", f"--epoch=2024-05-01={first}", f"--epoch=2025-05-01={other_crs}", *out],
+            "other_crs.laz in WGS 84 / UTM zone 50N",
+        ),
         "output under a file": (["change", first, second, "--output-dir", text / "out"], "cannot be written"),
     }
 
@@ -186,6 +244,10 @@ NAMES = [
     "output is input",
     "no folder",
     "bad transform",
+    "output is no cloud",
+    "one output twice",
+    "inspect without roi",
+    "inspect in two systems",
     "output under a file",
 ]
 
