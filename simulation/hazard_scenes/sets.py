@@ -96,4 +96,4 @@ def _balanced(kind: str, count: int, points: int | None = None) -> list[SceneSpe
     aim = style.shares[0] * _AIM[kind][0], style.shares[1] * _AIM[kind][1]
     up = aim[0] / np.average([spec.uplift for spec in specs], weights=weight)
     down = aim[1] / np.average([spec.subsidence for spec in specs], weights=weight)
-    return [replace(spec, uplift=spec.uplift * up, subsidence=spec.subsidence * down) for spec in specs]
+    return [replace(s, uplift=float(s.uplift * up), subsidence=float(s.subsidence * down)) for s in specs]

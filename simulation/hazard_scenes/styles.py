@@ -191,6 +191,6 @@ def draw_spec(
         spec,
         area=drawn_area if area is None else area,
         density=drawn_density if density is None else density,
-        uplift=uplift,
-        subsidence=subsidence,
+        uplift=float(uplift),
+        subsidence=float(subsidence),
     )

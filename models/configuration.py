@@ -1,0 +1,131 @@
+"""What a screening model is made for: voxels, features, scales, windows and the network's size. Travels with its
+weights.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+from ..engine.errors import InputError
+
+CLASSES = ("background", "uplift", "subsidence")
+FEATURES = ("x", "y", "z", "residuals")
+
+
+@dataclass(frozen=True)
+class ModelConfiguration:
+    """The settings of a model; everything is derived from x, y and z alone. Lengths in metres.
+
+    Preparation: points are averaged in voxels of ``voxel``. The slope is laid flat on the plane that RANSAC finds
+    with ``plane_distance`` and ``plane_iterations``; with ``align`` it is also turned so that y runs up the slope.
+
+    Features: ``features`` among x, y, z and residuals (heights over robust ``trends``, each given by its reach along
+    and up the slope, divided by ``residual_scale``). Coordinates are those about the window's middle, divided by
+    ``xy_scale`` and ``z_scale``. With ``level_scaling`` the offsets to neighbours are also divided by the radius that
+    the neighbours of the level are expected within.
+
+    Windows of ``window`` every ``step``; those with fewer than ``minimum_points`` are left out. ``block_points`` is the
+    fixed number of points a block is sampled to (0: every point once). ``centre_weighting``: where windows overlap,
+    the one whose middle is nearer counts more.
+
+    Network: ``stem`` channels, encoder blocks of ``widths`` (half their output), ``neighbours`` and ``decimation``.
+    ``density`` is the range of points a m² that the model was trained for.
+    """
+
+    name: str = "slopewatch"
+    voxel: float = 0.12
+    plane_distance: float = 1.0
+    plane_iterations: int = 64
+    align: bool = True
+    features: tuple[str, ...] = FEATURES
+    trends: tuple[tuple[float, float], ...] = ((1.5, 1.5), (4.0, 4.0), (10.0, 0.6))
+    residual_scale: float = 0.2
+    xy_scale: float = 10.0
+    z_scale: float = 0.5
+    level_scaling: bool = True
+    window: float = 20.0
+    step: float = 15.0
+    minimum_points: int = 0
+    block_points: int = 0
+    centre_weighting: bool = True
+    stem: int = 8
+    widths: tuple[int, ...] = (16, 64, 128, 256)
+    neighbours: int = 16
+    decimation: int = 4
+    dropout: float = 0.5
+    classes: tuple[str, ...] = CLASSES
+    density: tuple[float, float] = (20.0, 450.0)
+
+    def __post_init__(self) -> None:
+        unknown = set(self.features) - set(FEATURES)
+        if unknown or not self.features:
+            raise InputError(
+                f"The model's features {self.features} are not all of {', '.join(FEATURES)}; correct them."
+            )
+        for name in ("voxel", "xy_scale", "z_scale", "residual_scale", "window", "step"):
+            if not getattr(self, name) > 0:
+                raise InputError(f"The model's {name} is {getattr(self, name)}; give a number above 0.")
+        if self.step > self.window:
+            raise InputError(f"The model's step of {self.step} m is longer than its window; points would be left out.")
+
+    @property
+    def inputs(self) -> int:
+        """Channels that the network reads at each point."""
+        return sum(len(self.trends) if name == "residuals" else 1 for name in self.features)
+
+    def radius(self, level: int) -> float:
+        """Radius (m) within which a point of a fully covered plane has its neighbours, at a level of decimation."""
+        spacing = self.voxel * math.sqrt(float(self.decimation) ** level)
+        return spacing * math.sqrt(self.neighbours / math.pi)
+
+    def offset_scales(self) -> tuple[float, ...]:
+        """What the network multiplies scaled offsets by, a number for each level."""
+        if not self.level_scaling:
+            return (1.0,) * len(self.widths)
+        return tuple(self.xy_scale / self.radius(level) for level in range(len(self.widths)))
+
+    def to_json(self) -> str:
+        return json.dumps(asdict(self), indent=2)
+
+    @classmethod
+    def from_mapping(cls, values: dict[str, Any]) -> ModelConfiguration:
+        """The configuration that ``to_json`` wrote.
+
+        Raises:
+            InputError: a name is missing or not known, or a value cannot be used.
+        """
+        known = {f.name for f in fields(cls)}
+        if set(values) != known:
+            wrong = ", ".join(sorted(set(values) ^ known))
+            raise InputError(f"The model's settings do not fit this version (see {wrong}); take weights made for it.")
+        given: dict[str, Any] = {name: _frozen(value) for name, value in values.items()}
+        return cls(**given)
+
+
+def _frozen(value: Any) -> Any:
+    """Lists of JSON as the tuples that they were."""
+    return tuple(_frozen(item) for item in value) if isinstance(value, list) else value
+
+
+PAPER = ModelConfiguration(
+    name="paper",
+    voxel=0.01,
+    plane_distance=0.08,
+    align=False,
+    features=("x", "y", "z"),
+    trends=(),
+    xy_scale=10.0,
+    z_scale=10.0,
+    level_scaling=False,
+    step=18.0,
+    minimum_points=4096,
+    block_points=131_072,
+    centre_weighting=False,
+)
+"""The published pipeline: 20 m windows every 18 m, divided by half their size, 131,072 points each."""
+
+SMOKE = ModelConfiguration(name="smoke", voxel=0.5, neighbours=12, widths=(8, 16, 32), trends=((4.0, 4.0), (10.0, 0.6)))
+"""A net of 24 thousand parameters that learns within seconds: for tests, not for use."""

@@ -1,0 +1,77 @@
+"""Blocks to train on: from simulated scenes, or from any cloud whose points have labels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..engine.errors import InputError
+from ..simulation.hazard_scenes.scenes import SimulatedScene, build_scene
+from ..simulation.hazard_scenes.styles import SceneSpec
+from .configuration import ModelConfiguration
+from .preparation import UNKNOWN, Block, blocks, prepare_cloud
+
+Float = NDArray[np.float64]
+Labels = NDArray[np.uint8]
+
+
+def labelled_blocks(
+    xyz: Float, labels: Labels, configuration: ModelConfiguration, *, seed: int = 0, step: float | None = None
+) -> list[Block]:
+    """The blocks of a cloud with labels: one sample a window.
+
+    Args:
+        xyz: (n, 3) metres. labels: (n,) classes, ``UNKNOWN`` where not to be trained on. A voxel has the label that
+        most of its points have. step: of the windows, m; the configuration's by default. Longer steps repeat fewer
+        points.
+
+    Raises:
+        InputError: a label is none of the model's classes, or the cloud cannot be prepared.
+    """
+    classes = len(configuration.classes)
+    strange = (labels >= classes) & (labels != UNKNOWN)
+    if strange.any():
+        raise InputError(
+            f"The class {int(labels[strange][0])} of some points is none of the model's {classes}; "
+            f"use 0 to {classes - 1}, or {UNKNOWN} for unknown."
+        )
+    cloud = prepare_cloud(xyz, configuration, seed)
+    ranked = np.where(labels == UNKNOWN, classes, labels).astype(np.uint8)
+    voted = cloud.voxels.majority(ranked, classes + 1)
+    voted[voted == classes] = UNKNOWN
+    chosen = configuration if step is None else replace(configuration, step=step)
+    rng = np.random.default_rng([seed, 1])
+    return list(blocks(cloud, chosen, rng, voted, every_point=False))
+
+
+def scene_blocks(
+    scene: SimulatedScene, configuration: ModelConfiguration, *, seed: int = 0, step: float | None = None
+) -> list[Block]:
+    """The blocks of a simulated scene; points close to the limit between two labels are not trained on."""
+    labels = np.where(scene.ignore, np.uint8(UNKNOWN), scene.label)
+    return labelled_blocks(scene.xyz, labels, configuration, seed=seed, step=step)
+
+
+def simulated_blocks(
+    specs: Iterable[SceneSpec],
+    configuration: ModelConfiguration,
+    *,
+    step: float | None = None,
+    processes: int = 1,
+) -> Iterator[list[Block]]:
+    """The blocks of each scene in order; ``processes`` at once make the same blocks faster."""
+    make = partial(_spec_blocks, configuration=configuration, step=step)
+    if processes <= 1:
+        yield from map(make, specs)
+        return
+    with ProcessPoolExecutor(processes) as pool:
+        yield from pool.map(make, specs)
+
+
+def _spec_blocks(spec: SceneSpec, configuration: ModelConfiguration, step: float | None) -> list[Block]:
+    return scene_blocks(build_scene(spec), configuration, seed=spec.seed, step=step)

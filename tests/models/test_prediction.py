@@ -1,0 +1,147 @@
+"""Predictions with a network whose answers are known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+from slopewatch.engine.errors import InputError
+from slopewatch.models.baseline import residual_probabilities
+from slopewatch.models.configuration import SMOKE
+from slopewatch.models.preparation import prepare_cloud
+
+
+@pytest.fixture
+def known(torch):
+    """A function that makes a 'network' of a configuration: logits that are functions of a point's features."""
+
+    def make(configuration, function):
+        class Known(torch.nn.Module):
+            def __init__(self):
+                super().__init__()
+                self.configuration = configuration
+
+            def forward(self, features, coordinates, graphs):
+                return function(features, coordinates)
+
+        return Known().eval()
+
+    return make
+
+
+def by_height(torch):
+    return lambda features, _: torch.stack([0 * features[:, 3], 40 * features[:, 3], -40 * features[:, 3]], dim=1)
+
+
+def test_every_point_gets_the_class_of_its_voxel_in_the_cloud_s_order(torch, known, small_scene):
+    from slopewatch.models.prediction import predict
+
+    prediction = predict(known(SMOKE, by_height(torch)), small_scene.xyz)
+    cloud = prepare_cloud(small_scene.xyz, SMOKE)
+    height = cloud.residuals[cloud.voxels.inverse, 0] / SMOKE.residual_scale
+    expected = np.where(height > 0, 1, 2)
+    clear = np.abs(height) > 0.02
+    np.testing.assert_array_equal(prediction.labels[clear], expected[clear])
+    assert prediction.probabilities.shape == (len(small_scene), 3)
+    np.testing.assert_allclose(prediction.probabilities.sum(axis=1), 1, atol=1e-5)
+    assert prediction.filled == 0.0
+    # In another order the points keep their answers.
+    order = np.random.default_rng(1).permutation(len(small_scene))
+    again = predict(known(SMOKE, by_height(torch)), small_scene.xyz[order])
+    assert (again.labels == prediction.labels[order]).mean() > 0.98  # RANSAC draws other points
+
+
+def test_probabilities_not_logits_are_averaged_over_windows(torch, known, small_scene):
+    """x over the window's middle decides: where two windows overlap, one is sure of it and the other of the
+    contrary.
+    """
+    from slopewatch.models.prediction import predict
+
+    configuration = replace(SMOKE, window=12.0, step=6.0, centre_weighting=False)
+
+    def side(features, _):
+        return torch.stack([30 * features[:, 0], -30 * features[:, 0], 0 * features[:, 0] - 60], dim=1)
+
+    prediction = predict(known(configuration, side), small_scene.xyz)
+    cloud = prepare_cloud(small_scene.xyz, configuration)
+    from slopewatch.models.windows import windows
+
+    points = cloud.voxels.points
+    total, count = np.zeros((len(points), 3)), np.zeros(len(points))
+    for window in windows(points, 12.0, 6.0, spread=True):
+        mine = points[window.points]
+        logits = 30 * (mine[:, 0] - mine[:, 0].mean()) / configuration.xy_scale
+        share = 1 / (1 + np.exp(-2 * logits))
+        total[window.points] += np.column_stack([share, 1 - share, 0 * share])
+        count[window.points] += 1
+    expected = (total / count[:, None])[cloud.voxels.inverse]
+    np.testing.assert_allclose(prediction.probabilities, expected, atol=1e-3)
+
+
+def test_points_in_no_window_take_the_nearest_covered_point_s(torch, known, small_scene):
+    from slopewatch.models.prediction import predict
+
+    sparse = replace(SMOKE, minimum_points=1500, step=18.0)
+    prediction = predict(known(sparse, by_height(torch)), small_scene.xyz)
+    assert 0.0 < prediction.filled < 0.6
+    cloud = prepare_cloud(small_scene.xyz, sparse)
+    from slopewatch.models.windows import windows
+
+    points = cloud.voxels.points
+    covered = np.unique(np.concatenate([w.points for w in windows(points, 20.0, 18.0, 1500)]))
+    uncovered = np.setdiff1d(np.arange(len(points)), covered)
+    voxel = np.zeros((len(points), 3))
+    voxel[cloud.voxels.inverse] = prediction.probabilities
+    nearest = covered[cKDTree(points[covered]).query(points[uncovered])[1]]
+    np.testing.assert_allclose(voxel[uncovered], voxel[nearest], atol=1e-6)
+    assert prediction.filled == pytest.approx(np.isin(cloud.voxels.inverse, uncovered).mean())
+    with pytest.raises(InputError, match="100000 points"):
+        predict(known(replace(SMOKE, minimum_points=100_000), by_height(torch)), small_scene.xyz)
+
+
+def test_threads_and_repeating_change_nothing(torch, small_scene):
+    from slopewatch.models.network import RandLANet
+    from slopewatch.models.prediction import predict
+
+    torch.manual_seed(2)
+    configuration = replace(SMOKE, window=10.0, step=7.0)
+    network = RandLANet(configuration).eval()
+    one, two = (predict(network, small_scene.xyz, threads=n).probabilities for n in (1, 3))
+    np.testing.assert_array_equal(one, two)
+
+
+def test_rotations_are_averaged(torch, known, small_scene):
+    from slopewatch.models.prediction import predict
+
+    def direction(features, _):
+        return torch.stack([20 * features[:, 0], -20 * features[:, 0], 0 * features[:, 0] - 60], dim=1)
+
+    once = predict(known(SMOKE, direction), small_scene.xyz).probabilities[:, 0]
+    twice = predict(known(SMOKE, direction), small_scene.xyz, rotations=2).probabilities[:, 0]
+    # x and -x are of equal weight: no point is nearer to either class.
+    assert np.abs(once - 0.5).mean() > 0.3
+    np.testing.assert_allclose(twice, 0.5, atol=1e-4)
+
+
+def test_fixed_blocks_reach_every_point(torch, known, small_scene):
+    from slopewatch.models.prediction import predict
+
+    fixed = replace(SMOKE, block_points=500)
+    prediction = predict(known(fixed, by_height(torch)), small_scene.xyz)
+    assert prediction.filled == 0.0
+    free = predict(known(SMOKE, by_height(torch)), small_scene.xyz)
+    assert (prediction.labels == free.labels).mean() > 0.999
+
+
+def test_the_residual_threshold_labels_by_height_over_the_trend(small_scene):
+    probabilities = residual_probabilities(small_scene.xyz, threshold=0.1, voxel=SMOKE.voxel)
+    configuration = replace(SMOKE, trends=((4.0, 4.0),))
+    cloud = prepare_cloud(small_scene.xyz, configuration)
+    height = cloud.residuals[cloud.voxels.inverse, 0]
+    labels = probabilities.argmax(axis=1)
+    assert (labels[height > 0.105] == 1).all()
+    assert (labels[height < -0.105] == 2).all()
+    assert (labels[np.abs(height) < 0.095] == 0).all()
+    np.testing.assert_allclose(probabilities.sum(axis=1), 1, atol=1e-5)
