@@ -2,43 +2,21 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
-from typing import Any
-
-import click
-
-from ..errors import InputError
-from ..version import VERSION
-from .commands import change, check, ground, info, inspect, register
-from .reporting import error_event
-from .simulate import simulate
-
-
-class _Program(click.Group):
-    """Options that cannot be understood are told as JSON, too, where that is asked for."""
-
-    def invoke(self, ctx: click.Context) -> Any:
-        try:
-            return super().invoke(ctx)
-        except click.UsageError as error:
-            if "--progress json" in " ".join(sys.argv).replace("=", " "):
-                click.echo(error_event(InputError(error.format_message())))
-            raise
-
-
-@click.group(cls=_Program, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
-@click.version_option(VERSION, prog_name="slopewatch")
-def cli() -> None:
-    """Change and hazards of road slopes from UAV LiDAR surveys.
-
-    Lengths are in metres. Exit codes: 0 all outputs were written and checked, 2 something given cannot be used,
-    1 internal failure, 130 cancelled.
-    """
-
-
-for subcommand in (inspect, ground, register, change, info, simulate, check):
-    cli.add_command(subcommand)
 
 
 def main() -> None:
+    # until the command itself listens (see lifecycle.install) there is nothing to clean up
+    for name in ("SIGINT", "SIGTERM"):
+        signal.signal(getattr(signal, name), _leave)
+    from .program import cli
+
     cli()
+
+
+def _leave(*_: object) -> None:
+    sys.stderr.write("Cancelled.\n")
+    sys.stderr.flush()
+    os._exit(130)

@@ -159,6 +159,21 @@ def test_options_that_are_not_understood_are_told_as_json_too(arguments):
     assert event["message"] in done.stderr
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_signal_while_the_program_still_loads_is_a_cancel_too(name):
+    loading = (
+        "import os, signal, sys, types\n"
+        "from slopewatch.engine import cli\n"
+        "late = types.ModuleType('program')\n"
+        f"late.__getattr__ = lambda _: os.kill(os.getpid(), signal.{name})\n"
+        "sys.modules['slopewatch.engine.cli.program'] = late\n"
+        "cli.main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", loading], capture_output=True, text=True, cwd=ROOT, timeout=60)
+    assert (done.returncode, done.stderr) == (130, "Cancelled.\n")
+
+
 def test_whole_numbers_are_no_yes_or_no_in_the_help():
     shown = " ".join(run("ground", "--help").stdout.split())
     assert "[default: 1, 1 to 3]" in shown
