@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 from typing import TYPE_CHECKING
 
 import geopandas as gpd
@@ -141,7 +142,7 @@ def make_figure(
 def check_png(path: Path) -> None:
     """Raise EngineError unless ``path`` is a whole picture that is not of one colour."""
     with Image.open(path) as picture:
-        extrema = picture.convert("RGB").getextrema()
+        extrema = cast("tuple[tuple[int, int], ...]", picture.convert("RGB").getextrema())
     if all(low == high for low, high in extrema):
         raise EngineError(f"{path.name} is blank")
 

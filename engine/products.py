@@ -71,7 +71,7 @@ def write_products(
     found = zones.extract_zones(
         change.dz,
         change.significant & (change.uniform_dz is None),
-        change.level,
+        _Z95 * change.error,  # ``lod95_m`` is at 95 % whatever confidence was asked for
         change.error,
         np.minimum(change.count_from, change.count_to),
         change.grid,

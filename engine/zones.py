@@ -103,14 +103,14 @@ def extract_zones(
     sign; ``vol_loss_m3`` and ``vol_gain_m3`` are positive; ``vol_err_m3`` is one standard error, for which the
     registration's part is taken as one and the same in all cells (n * registration_error) and the rest as independent
     from cell to cell; ``rate_err`` is the standard error of ``rate_mm_day`` from the same model; ``lod95_m`` is the
-    zone's median level of detection; ``slope_deg`` the inclination of the plane through the zone's ``heights``;
+    zone's median of ``lod``; ``slope_deg`` the inclination of the plane through the zone's ``heights``;
     ``confidence`` the two-sided probability that the mean change is not zero even if the errors of all cells were
     fully correlated.
 
     Args:
         dz: elevation change (rows, columns), metres; NaN for no data.
         significant: cells beyond their level of detection.
-        lod: level of detection of each cell, metres.
+        lod: level of detection of each cell at 95 % confidence, metres.
         sigma: standard error of ``dz`` of each cell, the registration's part included, metres.
         count_min: points of each cell in the epoch that has fewer.
         registration_error: the part of ``sigma`` that all cells share, metres.

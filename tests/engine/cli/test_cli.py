@@ -8,9 +8,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import geopandas
 import laspy
 import numpy as np
 import pytest
+import rasterio
 from pyproj import CRS
 from slopewatch.engine.parameters import GroundParameters
 from slopewatch.engine.version import VERSION
@@ -178,6 +180,15 @@ def test_whole_numbers_are_no_yes_or_no_in_the_help():
     shown = " ".join(run("ground", "--help").stdout.split())
     assert "[default: 1, 1 to 3]" in shown
     assert "[default: yes]" in shown
+
+
+def test_the_zones_level_is_at_95_percent_whatever_confidence_decides(clouds, tmp_path):
+    out = tmp_path / "out"
+    assert run("change", *clouds, "--output-dir", out, "--cell", 0.5, "--confidence", 0.8).returncode == 0
+    zone = geopandas.read_file(out / "zones.gpkg").iloc[0]
+    with rasterio.open(out / "level_of_detection.tif") as raster:
+        at_80 = np.median(raster.read(1, masked=True).compressed())
+    assert zone["lod95_m"] / at_80 == pytest.approx(1.960 / 1.2816, rel=0.05)
 
 
 def bad_cases(tmp_path: Path, clouds: tuple[Path, Path]) -> dict[str, tuple[list[object], str]]:
