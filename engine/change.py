@@ -7,8 +7,11 @@ from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
+from affine import Affine
 from numpy.typing import NDArray
+from rasterio.features import geometry_mask
 from scipy import ndimage
+from shapely.geometry.base import BaseGeometry
 
 from .errors import InputError
 from .gridding import CellStatistics, Float, Grid, cell_statistics, snapped_grid
@@ -41,6 +44,7 @@ class Change:
     registration_error: float
     common_cell_rate: float
     uniform_dz: float | None
+    minimum_points: int = 1
 
     @property
     def valid(self) -> NDArray[np.bool_]:
@@ -83,6 +87,7 @@ def difference(
     parameters: ChangeParameters,
     *,
     registration_error: float = 0.0,
+    area: BaseGeometry | None = None,
     progress: Progress | None = None,
 ) -> Change:
     """Grid both clouds and subtract: change, standard error and level of detection of each cell.
@@ -96,9 +101,11 @@ def difference(
         moving: (m, 3) points of the second epoch, registered to the first.
         registration_error: standard error of the registration in height, metres; ``parameters.registration_error``
             overrides it unless negative.
+        area: polygons to which both clouds were clipped. Cells that are not wholly inside hold a part of their
+            surface only, not the same in both epochs, and are left out.
 
     Raises:
-        InputError: no overlap, no common cell, or a grid too large.
+        InputError: no overlap, no common cell, no cell with two points, or a grid too large.
     """
     progress = progress or Progress()
     grid = common_grid(reference, moving, parameters)
@@ -110,11 +117,19 @@ def difference(
     progress.update(0.75, "differencing")
     valid_first = first.count >= parameters.minimum_points
     valid_second = second.count >= parameters.minimum_points
+    if area is not None:
+        inside = cells_inside(area, grid)
+        valid_first, valid_second = valid_first & inside, valid_second & inside
     both = valid_first & valid_second
     if not both.any():
         raise InputError(
             f"No cell of {parameters.cell:g} m has {parameters.minimum_points} or more points in both epochs; "
             "use a larger cell or fewer points a cell."
+        )
+    if max(first.degrees.max(), second.degrees.max()) <= 0:
+        raise InputError(
+            f"No cell of {parameters.cell:g} m holds two points of an epoch, so that their scatter and the level of "
+            "detection cannot be told; use a larger cell."
         )
     dz = np.where(both, second.height - first.height, np.nan)
     if parameters.registration_error >= 0:
@@ -138,7 +153,54 @@ def difference(
         registration_error=registration_error,
         common_cell_rate=float(both.sum() / (valid_first | valid_second).sum()),
         uniform_dz=uniform_shift(dz[both], level[both]),
+        minimum_points=parameters.minimum_points,
     )
+
+
+def cells_inside(area: BaseGeometry, grid: Grid) -> NDArray[np.bool_]:
+    """Cells (rows, columns) that lie wholly inside the polygons."""
+    # a cell is inside if its centre is, and no edge of the polygons comes nearer than half the cell's diagonal
+    core = area.buffer(-grid.cell * math.sqrt(0.5))
+    if core.is_empty:
+        return np.zeros(grid.shape, dtype=bool)
+    affine = Affine(*grid.affine)
+    inside: NDArray[np.bool_] = geometry_mask([core], grid.shape, affine, invert=True)
+    return inside
+
+
+def common_rate_at(change: Change, multiple: int) -> float:
+    """Share of common cells, were the cells ``multiple`` times as large."""
+    least = max(int(change.minimum_points), 1)
+    common, either = (
+        combine(*(_blocks(count, multiple) >= least for count in (change.count_from, change.count_to)))
+        for combine in (np.logical_and, np.logical_or)
+    )
+    return float(common.sum() / max(either.sum(), 1))
+
+
+def cell_that_compares(change: Change, share: float = 0.8) -> float | None:
+    """The smallest multiple of the cell with which at least ``share`` of the cells would be common; None: none is."""
+    for multiple in (2, 3, 4, 5, 6, 8, 10, 15, 20, 30, 50):
+        if multiple >= max(change.grid.shape):
+            break
+        if common_rate_at(change, multiple) >= share:
+            return round(multiple * change.grid.cell, 6)
+    return None
+
+
+def compared_share(change: Change, block: float = 1.0) -> float:
+    """Area of the common cells over the area that either epoch reached, in blocks of at least ``block`` metres."""
+    multiple = max(1, math.ceil(block / change.grid.cell - 1e-9))
+    reached = (_blocks(change.count_from, multiple) + _blocks(change.count_to, multiple)) > 0
+    return min(1.0, float(change.valid.sum() / (reached.sum() * multiple**2)))
+
+
+def _blocks(count: NDArray[np.int64], multiple: int) -> NDArray[np.int64]:
+    """Points in blocks of ``multiple`` by ``multiple`` cells."""
+    rows = np.arange(0, count.shape[0], multiple)
+    columns = np.arange(0, count.shape[1], multiple)
+    blocks: NDArray[np.int64] = np.add.reduceat(np.add.reduceat(count, rows, axis=0), columns, axis=1)
+    return blocks
 
 
 def pooled_variance(cells: CellStatistics, *, radius: int = 5) -> Float:

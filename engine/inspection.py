@@ -16,7 +16,7 @@ from .epochs import Epoch, check_pair
 from .gridding import Float
 from .ground import GroundResult, extract_ground
 from .outputs import Stage, refuse_inputs_as_outputs, staged_outputs
-from .pair import register_pair, require_comparable, warn_of_doubtful_change
+from .pair import common_area, register_pair, require_comparable, warn_of_doubtful_change
 from .parameters import (
     ChangeParameters,
     GroundParameters,
@@ -120,6 +120,7 @@ def inspect_slope(
                 aligned,
                 settings.change,
                 registration_error=registration.registration_error,
+                area=common_area(roi, first, registration.transform),
                 progress=progress,
             )
             warn_of_doubtful_change(change, progress)

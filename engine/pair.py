@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 from pyproj import CRS
+from shapely.affinity import translate
 from shapely.geometry.base import BaseGeometry
 
-from .change import Change
+from .change import Change, cell_that_compares, compared_share
 from .clouds import PointCloud, open_cloud
 from .errors import InputError
 from .parameters import InputParameters, RegistrationParameters
 from .progress import Progress
 from .registration import RegistrationResult, register
 from .roi import read_roi
+from .transform import RigidTransform
 
-_SMALL_OVERLAP = 0.1  # share of the cells
+_LITTLE_COMPARED = 0.5  # share of the ground
 
 
 def require_comparable(first: Path, second: Path, inputs: InputParameters) -> None:
@@ -44,6 +47,16 @@ def stable_area(path: Path | None, crs: CRS, progress: Progress) -> BaseGeometry
     return area.geometry
 
 
+def common_area(path: Path | None, first: PointCloud, transform: RigidTransform) -> BaseGeometry | None:
+    """The region of interest as both epochs hold it: the later cloud was clipped before it was moved."""
+    if path is None:
+        return None
+    area = read_roi(path, first.crs).geometry
+    middle = np.array([[area.centroid.x, area.centroid.y, float(np.median(first.xyz[:, 2]))]])
+    shift = (transform.apply(middle) - middle)[0]
+    return area.intersection(translate(area, shift[0], shift[1]))
+
+
 def register_pair(
     first: PointCloud, second: PointCloud, parameters: RegistrationParameters, stable: Path | None, progress: Progress
 ) -> RegistrationResult:
@@ -56,11 +69,14 @@ def register_pair(
 
 
 def warn_of_doubtful_change(change: Change, progress: Progress) -> None:
-    """Name a small overlap, and a shift of the whole overlap, for what they are."""
-    if change.common_cell_rate < _SMALL_OVERLAP:
+    """Name ground that was not compared, and a shift of the whole overlap, for what they are."""
+    compared = compared_share(change)
+    if compared < _LITTLE_COMPARED:
+        larger = cell_that_compares(change)
+        remedy = f"cells of {larger:g} m would compare most of it" if larger else "check that both cover the same slope"
         progress.warning(
-            f"Only {100 * change.common_cell_rate:.2g} % of the cells with points have points of both epochs; check "
-            "that both cover the same slope, or use larger cells."
+            f"Only {100 * compared:.2g} % of the ground that the surveys reached could be compared; the rest has no "
+            f"points of both epochs in a cell, and zones and volumes leave it out; {remedy}."
         )
     shift = change.uniform_dz
     if shift is not None:

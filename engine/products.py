@@ -11,7 +11,7 @@ import numpy as np
 from pyproj import CRS
 
 from . import heatmap, palette, rasters, styles, top_view, vectors, zones
-from .change import Change
+from .change import Change, compared_share
 from .clouds import PointCloud
 from .epochs import Epoch
 from .outputs import Stage
@@ -115,6 +115,7 @@ def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:
     return {
         "common_cell_rate": change.common_cell_rate,
         "common_area_m2": float(change.valid.sum() * area),
+        "compared_share": compared_share(change),
         "lod_median_m": change.median_level,
         "confidence": change.confidence,
         "registration_error_m": change.registration_error,

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from slopewatch.engine.change import common_grid, difference, pooled_variance, uniform_shift
+import shapely
+import shapely.affinity
+from slopewatch.engine.change import (
+    cell_that_compares,
+    common_grid,
+    compared_share,
+    difference,
+    pooled_variance,
+    uniform_shift,
+)
 from slopewatch.engine.errors import InputError
 from slopewatch.engine.gridding import cell_statistics, snapped_grid
 from slopewatch.engine.parameters import ChangeParameters
@@ -118,3 +127,42 @@ def test_uniform_shift_is_told_from_deformation():
     assert uniform_shift(noise[:10] - 0.3, level[:10]) is None, "ten cells are no overlap to judge by"
     assert uniform_shift(noise - np.where(np.arange(10_000) < 2000, 0.3, 0.0), level) is None
     assert uniform_shift(noise - rng.uniform(0.1, 1.5, 10_000), level) is None
+
+
+def test_cells_at_the_edge_of_the_clipped_area_are_left_out():
+    """Clipped to a tilted square, on a steep face: edge cells hold other parts of their surface in each epoch."""
+    ring = shapely.affinity.rotate(shapely.box(3, 3, 17, 17), 30)
+    shift = np.array([0.17, -0.11, 0.0])
+    clouds = []
+    for seed, moved in ((1, 0.0), (2, 1.0)):
+        points = epoch(seed, n=200_000, noise=0.005)
+        points[:, 2] = 100 + 1.5 * points[:, 0]
+        inside = shapely.contains_xy(ring, *(points[:, :2] - moved * shift[:2]).T)
+        clouds.append(points[inside])
+    area = ring.intersection(shapely.affinity.translate(ring, *shift[:2]))
+    parameters = ChangeParameters(cell=0.5, cell_value="plane")
+    change = difference(*clouds, parameters, area=area)
+    everything = difference(*clouds, parameters)
+    grid = change.grid
+    for row, column in np.ndindex(grid.shape):
+        west, north = grid.west + column * grid.cell, grid.north - row * grid.cell
+        whole = area.contains(shapely.box(west, north - grid.cell, west + grid.cell, north))
+        assert whole or not change.valid[row, column]
+    assert change.valid.sum() > 0.8 * everything.valid.sum()
+    assert np.nanmax(np.abs(everything.dz)) > 0.1 > np.nanmax(np.abs(change.dz))
+
+
+def test_without_two_points_in_any_cell_there_is_no_level_and_so_no_result():
+    first = np.array([[0.5, 0.5, 1.0], [5.5, 0.5, 1.0]])
+    with pytest.raises(InputError, match="larger cell"):
+        difference(first, first + [0.0, 0.0, 3.0], ChangeParameters(cell=1.0))
+
+
+def test_the_cell_that_is_advised_compares_what_it_promises():
+    first, second = epoch(1, n=3000), epoch(2, n=3000)
+    fine = difference(first, second, ChangeParameters(cell=0.1))
+    advised = cell_that_compares(fine)
+    assert advised is not None
+    assert difference(first, second, ChangeParameters(cell=advised)).common_cell_rate > 0.75
+    assert fine.common_cell_rate < 0.2
+    assert compared_share(fine) == pytest.approx(fine.valid.sum() * 0.01 / 400, rel=0.02)
