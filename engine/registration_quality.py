@@ -139,7 +139,7 @@ def explain(
     if parameters.method == "robust" and float(np.linalg.norm(shift)) > parameters.maximum_offset:
         sentences.append(
             f"The offset found ({np.linalg.norm(shift):.2f} m) exceeds the largest expected one "
-            f"({parameters.maximum_offset:g} m); raise the latter and compare."
+            f"({parameters.maximum_offset:g} m); raise maximum_offset and compare."
         )
     if quality.overlap_share < _LITTLE_OVERLAP:
         sentences.append(
