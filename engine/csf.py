@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from . import lifecycle
 from .errors import EngineError, InputError
@@ -18,6 +19,9 @@ from .parameters import GroundParameters
 
 LARGEST_CLOTH = 16_000_000
 """Particles: more would take over 8 GB."""
+LONGEST_SEARCH, MOST_BARE = 1e8, 500
+"""Steps of the library's search along rows, and particles in bare rows and columns: more take over ten seconds."""
+_FAR = 3.0
 _WORKER = Path(__file__).with_name("csf_worker.py")
 _BYTES_PER_PARTICLE, _BYTES_PER_POINT, _BYTES_FOR_ITSELF = 1_000, 200, 1_500_000_000
 
@@ -49,7 +53,8 @@ def cloth_ground(
     particles = refuse_large_cloth(xyz, parameters.cloth_resolution)
     with tempfile.TemporaryDirectory(prefix="slopewatch-csf-") as name, lifecycle.temporary(Path(name)) as folder:
         # small coordinates keep the cloth's digits
-        np.save(folder / "points.npy", np.ascontiguousarray(xyz - low))
+        points = xyz - low
+        np.save(folder / "points.npy", np.vstack([points, filling(points, parameters.cloth_resolution)]))
         options = {
             "slope_smoothing": parameters.slope_smoothing,
             "cloth_resolution": parameters.cloth_resolution,
@@ -71,7 +76,7 @@ def cloth_ground(
             raise EngineError(
                 f"the cloth simulation failed (exit code {result.returncode}{', ' if reason else ''}{''.join(reason)})"
             )
-        return np.asarray(np.load(folder / "ground.npy"), dtype=np.bool_)
+        return np.asarray(np.load(folder / "ground.npy")[: len(xyz)], dtype=np.bool_)
 
 
 def refuse_large_cloth(xyz: NDArray[np.float64], resolution: float) -> int:
@@ -89,3 +94,25 @@ def refuse_large_cloth(xyz: NDArray[np.float64], resolution: float) -> int:
             f"particles; give at least {fits:g} m, or clip the cloud to a region of interest."
         )
     return particles
+
+
+def filling(xyz: NDArray[np.float64], resolution: float) -> NDArray[np.float64]:
+    """Points (m, 3) to add where much of the cloth has no point near it, as between two regions or beside a stray.
+
+    For a particle without points the library walks along its row and column to the next one, and searches in all
+    directions where both are empty, which takes hours on such a cloth. Particles far from any point get one, as low as
+    the lowest at the nearest particle that has some. Empty for an ordinary cloud.
+    """
+    index = np.floor((xyz[:, :2] - xyz[:, :2].min(axis=0)) / resolution + 0.5).astype(np.int64)
+    shape = tuple(int(n) + 1 for n in index.max(axis=0))
+    bare = math.prod(n - len(np.unique(index[:, axis])) for axis, n in enumerate(shape))
+    if bare <= MOST_BARE and math.prod(shape) * max(shape) <= LONGEST_SEARCH:
+        return np.empty((0, 3))
+    lowest = np.full(shape, np.inf)
+    np.minimum.at(lowest, (index[:, 0], index[:, 1]), xyz[:, 2])
+    distance, (i, j) = ndimage.distance_transform_edt(np.isinf(lowest), return_indices=True)
+    far = np.nonzero(distance > _FAR)
+    if bare <= MOST_BARE and len(far[0]) * max(shape) <= LONGEST_SEARCH:
+        return np.empty((0, 3))
+    place = xyz[:, :2].min(axis=0) + resolution * np.column_stack(far)
+    return np.column_stack([place, lowest[i[far], j[far]]])

@@ -20,7 +20,7 @@ from . import lifecycle, pipelines
 from .cloud_writing import copy_with
 from .clouds import open_cloud
 from .crs import WorkingFrame
-from .csf import cloth_ground, refuse_large_cloth
+from .csf import cloth_ground, filling, refuse_large_cloth
 from .denoise import outliers
 from .errors import EngineError, InputError
 from .ground_metrics import coverage, file_coverage, vegetation_cover
@@ -271,7 +271,9 @@ class _Extraction:
         aligned = flat if parameters.slope_aligned else xyz
         refuse_large_cloth(aligned[taken], parameters.cloth_resolution)
         threshold = cloth_threshold(parameters)
-        if self.pdal.has_csf and not returns.mixed:
+        # PDAL refuses return numbers of which some are 0, and searches without end where much of the cloth is bare
+        sound = not returns.mixed and not len(filling(aligned[taken], parameters.cloth_resolution))
+        if self.pdal.has_csf and sound:
             chosen = parameters.last_returns and returns.usable
             turned = plane if parameters.slope_aligned else None
             with lifecycle.temporary(self._file("cloth.laz")) as laid:

@@ -36,7 +36,13 @@ BoolArray = NDArray[np.bool_]
 CELLS_PER_SPACING = 1.2
 SMALLEST_CELL = 0.1
 WINDOW = 3
-ROUNDS, GROWTH_SIDE, GROWTH_REACH, GROWTH_SHARE, LEAST_GROWTH = 6, 0.5, 0.3, 0.35, 0.002
+"""Cells on a side of the opening's window."""
+SPREAD = 2.5
+"""The threshold is at least so many times the scatter."""
+ROUNDS, LEAST_GROWTH = 12, 0.002
+"""Times that the ground is continued at most, and the share of the ground that must come for another time."""
+GROWTH_SIDE, GROWTH_REACH, GROWTH_SHARE = 0.5, 0.3, 0.35
+"""Least side (m) of the cells that continue the ground, and reach of their planes: at least m, share of the side."""
 TILE, MARGIN = 200.0, 10.0
 LEVELS = ((2.0, 4, 0.0, 0.05), (1.0, 3, 1.0, 0.05))
 """Side of the planes' cells (in cells), rounds, weight of the priors: on height (in points), on inclination (share)."""
@@ -79,30 +85,35 @@ def ground_near_surface(xyz: FloatArray, threshold: float) -> GroundSurface:
     if len(xyz) < 3:
         return GroundSurface(np.zeros(len(xyz), dtype=bool), SMALLEST_CELL, 0.0, threshold)
     cell = max(SMALLEST_CELL, CELLS_PER_SPACING * point_spacing(xyz[:, :2]))
-    gate = 0.05 + cell
-    residual = _in_tiles(xyz, partial(_residuals, cell=cell, gate=gate))
-    # plants only add points above the surface, so the side below shows the ground's own scatter
-    beneath = residual[(residual < 0) & (residual > -gate)]
-    scatter = 1.4826 * float(np.median(-beneath)) if len(beneath) else 0.0
-    threshold = max(threshold, 3.0 * scatter)
+    scatter = 0.0
+    # the lowest of scattering points lie the deeper the more they scatter; the gate above them must let the rest in
+    for _ in range(3):
+        gate = cell + max(0.05, 4.0 * scatter)
+        wide, residual = _in_tiles(xyz, partial(_residuals, cell=cell, gate=gate)).T
+        # plants only add points above the surface, so the side below shows the ground's own scatter
+        beneath = wide[(wide < 0) & (wide > -gate)]
+        scatter = 1.4826 * float(np.median(-beneath)) if len(beneath) else 0.0
+        if cell + 4.0 * scatter <= 1.2 * gate:
+            break
+    threshold = max(threshold, SPREAD * scatter)
     return GroundSurface(np.abs(residual) <= threshold, cell, scatter, threshold)
 
 
 def _residuals(xyz: FloatArray, cell: float, gate: float) -> FloatArray:
-    """(n,) height above the fitted surface; infinite for points farther than ``gate`` above the opened one."""
+    """(n, 2) height above the surface of wide and of narrow planes; infinite farther than ``gate`` above the opened."""
     local = xyz - xyz.min(axis=0)
     near = np.flatnonzero(local[:, 2] < _opened(local, cell) + gate)
     local = local[near]
+    everywhere = np.full((len(xyz), 2), np.inf)
     residual = local[:, 2]
-    for side, rounds, prior_height, prior_slope in LEVELS:
+    for level, (side, rounds, prior_height, prior_slope) in enumerate(LEVELS):
         planes = Planes(local[:, :2] / (side * cell))
         start, weight = residual, np.ones(len(local))
         for _ in range(rounds):
             residual = start - planes.at_points(*planes.fit(start, weight, prior_height, prior_slope))
             above, below = 0.3 * gate, 0.4 * gate
             weight = np.where(residual < 0, 1.0 / (1.0 + (residual / below) ** 2), np.exp(-((residual / above) ** 2)))
-    everywhere = np.full(len(xyz), np.inf)
-    everywhere[near] = residual
+        everywhere[near, level] = residual
     return everywhere
 
 
@@ -120,7 +131,7 @@ def _in_tiles(xyz: FloatArray, work: Callable[[FloatArray], NDArray[Any]]) -> ND
         core = (index[part] == tile).all(axis=1)
         values = work(xyz[part])
         if result is None:
-            result = np.empty(len(xyz), dtype=values.dtype)
+            result = np.empty((len(xyz), *values.shape[1:]), dtype=values.dtype)
         result[part[core]] = values[core]
     assert result is not None
     return result

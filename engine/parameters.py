@@ -201,7 +201,7 @@ class GroundParameters(ParameterSet):
         0.06,
         "Ground threshold",
         "Points within this distance of the ground's surface (of the cloth, without refinement) are ground. It widens "
-        "by itself to three times the scatter of rougher ground. Larger keeps more ground and more low vegetation.",
+        "by itself to 2.5 times the scatter of rougher ground. Larger keeps more ground and more low vegetation.",
         unit="m",
         minimum=0.005,
         maximum=5.0,

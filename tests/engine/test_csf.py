@@ -87,6 +87,19 @@ def test_what_would_crash_or_drown_the_library_is_refused(field):
     assert len(cloth_ground(np.empty((0, 3)), GroundParameters())) == 0
 
 
+def test_a_gap_between_two_regions_does_not_make_the_library_search_for_hours(field):
+    xyz, truth = field
+    parameters = GroundParameters(cloth_resolution=0.5)
+    assert len(csf.filling(xyz, 0.5)) == 0
+    both = np.vstack([xyz, xyz + [130.0, 130.0, 2.0]])
+    started = time.monotonic()
+    found = cloth_ground(both, parameters, threshold=0.15)
+    assert time.monotonic() - started < 20.0
+    for part in np.split(found, 2):
+        assert (part & truth).sum() > 0.93 * truth.sum()
+        assert (part & truth).sum() > 0.99 * part.sum()
+
+
 def test_a_library_that_may_not_take_the_memory_it_wants_is_an_error_not_a_crash(field, monkeypatch):
     monkeypatch.setattr(csf, "_BYTES_FOR_ITSELF", 50_000_000)
     with pytest.raises(EngineError, match="cloth simulation failed"):
