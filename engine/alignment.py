@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .errors import InputError
 from .observability import Estimate, Information, curvature_folds, estimate, information
 from .point_to_plane import TUKEY, Matcher, Pairs, regional_weights, tukey_weights
 from .pose import Pose
@@ -107,6 +108,9 @@ def align(
     return replace(found, iterations=iterations - remaining + found.iterations)
 
 
+_LEAST_PAIRS = 12
+
+
 def refine(
     matcher: Matcher, pose: Pose, scale: float, radius: float, offset: float, limit: int, progress: Progress
 ) -> Alignment:
@@ -115,6 +119,12 @@ def refine(
     voxel = max(matcher.reference.spacing, matcher.moving.spacing)
     block = max(10 * voxel, TUKEY * scale)
     fold_block = max(min(block, radius / 8), 2 * voxel)
+
+    if len(matcher.match(pose, matcher.sample(_CURVATURE_SOURCES), reach)) < _LEAST_PAIRS:
+        raise InputError(
+            "The epochs hardly share any surface to register by; check that both cover the same slope, or raise "
+            "maximum_offset."
+        )
 
     def weigh(pairs: Pairs) -> Float:
         return tukey_weights(pairs.residual, scale) * regional_weights(pairs, scale, block)

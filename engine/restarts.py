@@ -112,6 +112,8 @@ def reconsider(
 
         def elsewhere(pairs: Pairs, centre: Float = centre) -> NDArray[np.bool_]:
             distance = np.sum((pairs.place - centre) ** 2, axis=1)
+            if not distance.size:
+                return np.zeros(0, dtype=bool)
             far: NDArray[np.bool_] = distance > np.quantile(distance, _REGION_SHARE)
             return far
 

@@ -174,3 +174,11 @@ def test_a_real_cloud_in_two_halves(shared_data):
     moving = truth.inverse().apply(after)
     result = register(reference, moving, RegistrationParameters())
     assert error(result.transform, truth, moving[~lowered]) < 0.002
+
+
+def test_a_seam_of_overlap_is_told_to_fix_next_to_nothing():
+    reference, _ = scan(1)
+    beside = scan(2)[0] + [SIDE - 0.2, 0.0, 0.0]
+    result = register(reference, beside, RegistrationParameters(maximum_offset=0.2))
+    assert len(result.unobservable) >= 3
+    assert any("does not fix" in warning for warning in result.warnings)
