@@ -1,7 +1,11 @@
 """SlopeWatch: change and hazards of road slopes from UAV LiDAR surveys."""
 
+from __future__ import annotations
 
-def classFactory(iface):  # noqa: N802 - the name QGIS calls
+from typing import Any
+
+
+def classFactory(iface: Any) -> Any:
     """Called by QGIS to load the plugin; ``iface`` is None under qgis_process."""
     from .plugin.slopewatch_plugin import SlopeWatchPlugin
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from qgis.core import (
     QgsProcessingContext,
@@ -46,7 +46,7 @@ class StylePostProcessor(QgsProcessingLayerPostProcessorInterface):
         del cls._kept[:-200]
         return instance
 
-    def postProcessLayer(self, layer, context, feedback) -> None:
+    def postProcessLayer(self, layer: Any, context: Any, feedback: Any) -> None:
         # Processing loads layers without their default style: the .qml beside a raster, the one inside a GeoPackage.
         message, loaded = layer.loadDefaultStyle()
         if message and not loaded:

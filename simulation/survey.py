@@ -60,7 +60,8 @@ class SimulatedPair:
     def bounds(self) -> tuple[float, float, float, float]:
         """West, south, east, north of the surveyed area."""
         ring = rectangle(self.area, self.scene.frame)
-        return (*ring.min(axis=0).tolist(), *ring.max(axis=0).tolist())  # type: ignore[return-value]
+        (west, south), (east, north) = ring.min(axis=0), ring.max(axis=0)
+        return float(west), float(south), float(east), float(north)
 
 
 def rectangle(area: Area, frame: Frame) -> Float:

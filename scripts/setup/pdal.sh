@@ -40,8 +40,8 @@ find_usable_pdal() {
     return 1
 }
 
-# Mirrors that may still hold the old release: this machine's own, Debian's, Debian's archive of retired releases.
-pdal_mirrors() { printf '%s\n' "$(apt_mirror)" http://deb.debian.org/debian http://archive.debian.org/debian | sed 's:/*$::' | awk 'NF && !seen[$0]++'; }
+# Mirrors that may still hold the old release: the one given (as when it has been retired to an archive), this machine's own.
+pdal_mirrors() { printf '%s\n' "${SLOPEWATCH_DEBIAN_MIRROR:-}" "$(apt_mirror)" | sed 's:/*$::' | awk 'NF && !seen[$0]++'; }
 
 # pdal_write_wrapper PREFIX: PREFIX/bin/pdal, which starts the unpacked program with the loader and libraries unpacked with it.
 pdal_write_wrapper() {
@@ -107,7 +107,7 @@ build_private_pdal() {
         fi
         say "  $mirror did not give it"
     done < <(pdal_mirrors)
-    [[ $got == yes ]] || die "no mirror gave Debian 11's pdal: check the network, or install PDAL >= $PDAL_OLDEST and set SLOPEWATCH_PDAL to it"
+    [[ $got == yes ]] || die "no mirror gave Debian 11's pdal: check the network, or install PDAL >= $PDAL_OLDEST and set SLOPEWATCH_PDAL to it; SLOPEWATCH_DEBIAN_MIRROR names another mirror"
 
     rm -rf "$fresh"
     mkdir -p "$fresh"

@@ -28,7 +28,7 @@ add_backports() {
     for candidate in /usr/share/keyrings/debian-archive-keyring.{gpg,pgp}; do
         [[ -z $keyring && -r $candidate ]] && keyring="[signed-by=$candidate] "
     done
-    for mirror in "$(apt_mirror)" http://deb.debian.org/debian; do
+    for mirror in "${SLOPEWATCH_DEBIAN_MIRROR:-}" "$(apt_mirror)"; do
         [[ -n $mirror ]] || continue
         if [[ -z $(apt_sources | awk -v suite="$suite" '$2 == suite') || -e $file ]]; then
             say "  adding $suite from $mirror as $file"
@@ -38,7 +38,7 @@ add_backports() {
         apt_refresh
         [[ -n $(apt-cache madison qgis 2>/dev/null | grep -F "$suite/") ]] && return
     done
-    die "no mirror offers QGIS from $suite: check the network, or install QGIS >= $QGIS_OLDEST from qgis.org"
+    die "no mirror offers QGIS from $suite: check the network, name another in SLOPEWATCH_DEBIAN_MIRROR, or install QGIS >= $QGIS_OLDEST from qgis.org"
 }
 
 install_qgis() {

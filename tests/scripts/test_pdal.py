@@ -89,13 +89,14 @@ def test_the_second_run_does_not_try_it_again_until_it_changes(shell, tmp_path, 
     assert len(calls(on_path)) > tried
 
 
-def test_mirrors_start_with_the_machines_own_and_end_with_the_archive(shell):
-    result = shell("apt_mirror() { echo http://mirror.example/debian/; }\npdal_mirrors")
-    mirrors = result.stdout.split()
-    assert mirrors[0] == "http://mirror.example/debian"
-    assert mirrors[-1] == "http://archive.debian.org/debian"
-    result = shell("apt_mirror() { echo http://deb.debian.org/debian/; }\npdal_mirrors")
-    assert len(result.stdout.split()) == 2, "one mirror is not asked twice"
+def test_mirrors_are_the_one_given_and_the_machines_own(shell):
+    own = "apt_mirror() { echo http://mirror.example/debian/; }\n"
+    assert shell(own + "pdal_mirrors").stdout.split() == ["http://mirror.example/debian"]
+    given = "SLOPEWATCH_DEBIAN_MIRROR=http://archive.example/debian\n"
+    mirrors = shell(own + given + "pdal_mirrors").stdout.split()
+    assert mirrors == ["http://archive.example/debian", "http://mirror.example/debian"]
+    same = "SLOPEWATCH_DEBIAN_MIRROR=http://mirror.example/debian\n"
+    assert len(shell(own + same + "pdal_mirrors").stdout.split()) == 1, "one mirror is not asked twice"
 
 
 def test_an_unreachable_mirror_is_followed_by_the_next(shell, tmp_path):
