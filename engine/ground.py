@@ -335,7 +335,11 @@ def _read(header: CloudHeader) -> tuple[Float, Returns, NDArray[np.uint8]]:
     xyz = np.empty((header.count, 3))
     number, total, labels = (np.empty(header.count, dtype=np.uint8) for _ in range(3))
     done = 0
-    for records in read_records(header):
+    import lazrs
+
+    selection = int(lazrs.SELECTIVE_DECOMPRESS_XY_RETURNS_CHANNEL) | int(lazrs.SELECTIVE_DECOMPRESS_Z)
+    selection |= int(lazrs.SELECTIVE_DECOMPRESS_CLASSIFICATION)
+    for records in read_records(header, selection=selection):
         part = slice(done, done + len(records))
         for axis, field in enumerate("XYZ"):
             xyz[part, axis] = records[field] * header.scales[axis] + header.offsets[axis]

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -39,8 +39,10 @@ WINDOW = 3
 """Cells on a side of the opening's window."""
 SPREAD = 2.5
 """The threshold is at least so many times the scatter."""
-ROUNDS, LEAST_GROWTH = 12, 0.002
-"""Times that the ground is continued at most, and the share of the ground that must come for another time."""
+ROUNDS = 10
+"""Times that the ground is continued at most."""
+MUCH_MORE = 0.2
+"""Share of the ground that, once that many candidates have come, has spacing and scatter judged again."""
 GROWTH_SIDE, GROWTH_REACH, GROWTH_SHARE = 0.5, 0.3, 0.35
 """Least side (m) of the cells that continue the ground, and reach of their planes: at least m, share of the side."""
 TILE, MARGIN = 200.0, 10.0
@@ -50,10 +52,15 @@ LEVELS = ((2.0, 4, 0.0, 0.05), (1.0, 3, 1.0, 0.05))
 
 @dataclass(frozen=True)
 class GroundSurface:
-    """``ground`` (n,) bool; ``cell`` (m) of the opening; ``scatter`` (m) of the ground; ``threshold`` (m) applied."""
+    """``ground`` (n,) bool and the lengths (m) that led to it.
+
+    ``cell`` is that of the opening, ``gate`` the height above it that was looked at, ``scatter`` that of the ground,
+    ``threshold`` the one applied.
+    """
 
     ground: BoolArray
     cell: float
+    gate: float
     scatter: float
     threshold: float
 
@@ -66,24 +73,50 @@ def ground_surface(xyz: FloatArray, near: BoolArray, threshold: float) -> Ground
         near: (n,) which points lie within some decimetres of the cloth.
         threshold: least distance (m) to the surface within which a point is ground.
     """
-    candidates = near
-    for _ in range(1 + ROUNDS):
-        index = np.flatnonzero(candidates)
-        part = ground_near_surface(xyz[index], threshold)
+    taken = near
+    # what the cloth found may be too little to judge spacing and scatter by; with much more of it, judge again
+    for _ in range(3):
+        index = np.flatnonzero(taken)
+        surface = ground_near_surface(xyz[index], threshold)
         ground = np.zeros(len(xyz), dtype=bool)
-        ground[index[part.ground]] = True
-        side = max(GROWTH_SIDE, 4.0 * part.cell)
-        grown = candidates | _in_tiles(np.column_stack([xyz, ground]), partial(_beside, side=side))
-        if np.count_nonzero(grown) - len(index) <= LEAST_GROWTH * np.count_nonzero(ground):
+        ground[index[surface.ground]] = True
+        if not ground.any():
             break
-        candidates = grown
-    return GroundSurface(ground, part.cell, part.scatter, part.threshold)
+        taken, ground = _continued(xyz, taken, ground, surface)
+        if np.count_nonzero(taken) - len(index) <= MUCH_MORE * np.count_nonzero(ground):
+            break
+    return replace(surface, ground=ground)
+
+
+def _continued(
+    xyz: FloatArray, taken: BoolArray, ground: BoolArray, surface: GroundSurface
+) -> tuple[BoolArray, BoolArray]:
+    """Step 4: candidates and ground after the ground was continued until no more came."""
+    # only what lies around new candidates can change, so the work shrinks from round to round
+    blocks = _Blocks(xyz, 8.0 * surface.cell)
+    side = max(GROWTH_SIDE, 4.0 * surface.cell)
+    taken, ground, changed = taken.copy(), ground.copy(), blocks.everywhere()
+    for _ in range(ROUNDS):
+        index = np.flatnonzero(blocks.points(changed, 2))
+        beside = _in_tiles(np.column_stack([xyz[index], ground[index]]), partial(_beside, side=side))
+        new = np.zeros(len(xyz), dtype=bool)
+        new[index[beside]] = True
+        new &= blocks.points(changed, 1) & ~taken
+        if not new.any():
+            break
+        taken |= new
+        changed = blocks.of(new)
+        index = np.flatnonzero(blocks.points(changed, 2) & taken)
+        residual = _in_tiles(xyz[index], partial(_residuals, cell=surface.cell, gate=surface.gate))[:, 1]
+        inner = blocks.points(changed, 1)[index]
+        ground[index[inner]] = np.abs(residual[inner]) <= surface.threshold
+    return taken, ground
 
 
 def ground_near_surface(xyz: FloatArray, threshold: float) -> GroundSurface:
     """Ground among candidates (n, 3) alone, see ``ground_surface``: steps 1 to 3."""
     if len(xyz) < 3:
-        return GroundSurface(np.zeros(len(xyz), dtype=bool), SMALLEST_CELL, 0.0, threshold)
+        return GroundSurface(np.zeros(len(xyz), dtype=bool), SMALLEST_CELL, 0.0, 0.0, threshold)
     cell = max(SMALLEST_CELL, CELLS_PER_SPACING * point_spacing(xyz[:, :2]))
     scatter = 0.0
     # the lowest of scattering points lie the deeper the more they scatter; the gate above them must let the rest in
@@ -96,12 +129,12 @@ def ground_near_surface(xyz: FloatArray, threshold: float) -> GroundSurface:
         if cell + 4.0 * scatter <= 1.2 * gate:
             break
     threshold = max(threshold, SPREAD * scatter)
-    return GroundSurface(np.abs(residual) <= threshold, cell, scatter, threshold)
+    return GroundSurface(np.abs(residual) <= threshold, cell, gate, scatter, threshold)
 
 
 def _residuals(xyz: FloatArray, cell: float, gate: float) -> FloatArray:
     """(n, 2) height above the surface of wide and of narrow planes; infinite farther than ``gate`` above the opened."""
-    local = xyz - xyz.min(axis=0)
+    local = xyz - _corner(xyz, 2.0 * cell)
     near = np.flatnonzero(local[:, 2] < _opened(local, cell) + gate)
     local = local[near]
     everywhere = np.full((len(xyz), 2), np.inf)
@@ -115,6 +148,36 @@ def _residuals(xyz: FloatArray, cell: float, gate: float) -> FloatArray:
             weight = np.where(residual < 0, 1.0 / (1.0 + (residual / below) ** 2), np.exp(-((residual / above) ** 2)))
         everywhere[near, level] = residual
     return everywhere
+
+
+def _corner(xyz: FloatArray, step: float) -> FloatArray:
+    """A corner below all points that is a multiple of ``step``, so that a part of the points has the cells of all."""
+    return np.append(np.floor(xyz[:, :2].min(axis=0) / step) * step, xyz[:, 2].min())
+
+
+class _Blocks:
+    """A coarse grid over the points, to name the parts of them."""
+
+    def __init__(self, xyz: FloatArray, side: float) -> None:
+        low, extent = xyz[:, :2].min(axis=0), np.ptp(xyz[:, :2], axis=0)
+        side = max(1.0, side, math.sqrt(float(extent.prod()) / 1e7))
+        index = np.floor((xyz[:, :2] - low) / side).astype(np.int64)
+        self._shape = tuple(int(n) + 1 for n in index.max(axis=0))
+        self._key = index[:, 0] * self._shape[1] + index[:, 1]
+
+    def everywhere(self) -> BoolArray:
+        return np.ones(self._shape, dtype=bool)
+
+    def of(self, points: BoolArray) -> BoolArray:
+        """The blocks that hold some of the points (n,)."""
+        found = np.zeros(self._shape, dtype=bool)
+        found.ravel()[self._key[points]] = True
+        return found
+
+    def points(self, blocks: BoolArray, margin: int) -> BoolArray:
+        """(n,) which points lie in blocks or within so many blocks of them."""
+        wider = ndimage.binary_dilation(blocks, np.ones((3, 3), dtype=bool), iterations=margin)
+        return np.asarray(wider.ravel()[self._key], dtype=np.bool_)
 
 
 def _in_tiles(xyz: FloatArray, work: Callable[[FloatArray], NDArray[Any]]) -> NDArray[Any]:
@@ -137,11 +200,19 @@ def _in_tiles(xyz: FloatArray, work: Callable[[FloatArray], NDArray[Any]]) -> ND
     return result
 
 
-def point_spacing(xy: FloatArray, cell: float = 1.0) -> float:
+def point_spacing(xy: FloatArray) -> float:
     """Mean spacing (m) of points (n, 2) seen from above: the root of the median area a point has in occupied cells."""
-    keys = np.floor((xy - xy.min(axis=0)) / cell).astype(np.int64)
-    _, counts = np.unique(keys[:, 0] * (int(keys[:, 1].max()) + 1) + keys[:, 1], return_counts=True)
-    return cell / math.sqrt(float(np.median(counts)))
+    low = xy.min(axis=0)
+    extent = float(np.ptp(xy, axis=0).max())
+    cell = 1.0
+    while True:
+        keys = np.floor((xy - low) / cell).astype(np.int64)
+        _, counts = np.unique(keys[:, 0] * (int(keys[:, 1].max()) + 1) + keys[:, 1], return_counts=True)
+        density = float(np.median(counts))
+        # cells of a point or two say nothing of the gaps between them
+        if density >= 8 or cell >= extent:
+            return cell / math.sqrt(density)
+        cell *= 2.0
 
 
 def _beside(marked: FloatArray, side: float) -> BoolArray:
@@ -150,12 +221,12 @@ def _beside(marked: FloatArray, side: float) -> BoolArray:
     ``marked`` (n, 4) are coordinates and 1 for ground, else 0.
     """
     ground = marked[:, 3] > 0
-    local = marked[:, :3] - marked[:, :3].min(axis=0)
+    local = marked[:, :3] - _corner(marked[:, :3], side)
     planes = Planes(local[:, :2] / side)
     height, along, across = planes.fit(local[:, 2], ground.astype(np.float64), 0.0, 0.02)
     known = planes.sum(ground.astype(np.float64)) >= 3
     if not known.any():
-        return ground
+        return np.zeros(len(marked), dtype=bool)
     distance, (i, j) = ndimage.distance_transform_edt(~known, return_indices=True)
     rows, columns = np.indices(known.shape)
     height = height[i, j] + along[i, j] * (rows - i) + across[i, j] * (columns - j)
@@ -223,23 +294,22 @@ class Planes:
         return np.asarray(sums, dtype=np.float64).reshape(self.shape)
 
     def _pool(self, sums: list[FloatArray]) -> list[FloatArray]:
+        """Sums over the cells around, moved to each cell's middle: first along the rows' axis, then across."""
         rows, columns = self.shape
-        padded = [np.pad(s, 1) for s in sums]
-        total = [np.zeros(self.shape) for _ in sums]
-        for i, u in enumerate((-1.0, 0.0, 1.0)):
-            for j, v in enumerate((-1.0, 0.0, 1.0)):
-                w, sx, sy, sxx, sxy, syy, sz, sxz, syz = (p[i : i + rows, j : j + columns] for p in padded)
-                moved = (
-                    w,
-                    sx + u * w,
-                    sy + v * w,
-                    sxx + 2 * u * sx + u * u * w,
-                    sxy + u * sy + v * sx + u * v * w,
-                    syy + 2 * v * sy + v * v * w,
-                    sz,
-                    sxz + u * sz,
-                    syz + v * sz,
-                )
-                for t, m in zip(total, moved, strict=True):
-                    t += self.POOL[i] * self.POOL[j] * m
-        return total
+        centre = self.POOL[1]
+        pooled = [centre * s for s in sums]
+        for u, to, of in ((-1.0, np.s_[1:], np.s_[: rows - 1]), (1.0, np.s_[: rows - 1], np.s_[1:])):
+            w, sx, sy, sxx, sxy, syy, sz, sxz, syz = (s[of] for s in sums)
+            parts = (w, sx + u * w, sy, sxx + 2 * u * sx + w, sxy + u * sy, syy, sz, sxz + u * sz, syz)
+            for total, part in zip(pooled, parts, strict=True):
+                total[to] += self.POOL[0] * part
+        sums, pooled = pooled, [centre * s for s in pooled]
+        for v, right, left in (
+            (-1.0, np.s_[:, 1:], np.s_[:, : columns - 1]),
+            (1.0, np.s_[:, : columns - 1], np.s_[:, 1:]),
+        ):
+            w, sx, sy, sxx, sxy, syy, sz, sxz, syz = (s[left] for s in sums)
+            parts = (w, sx, sy + v * w, sxx, sxy + v * sx, syy + 2 * v * sy + w, sz, sxz, syz + v * sz)
+            for total, part in zip(pooled, parts, strict=True):
+                total[right] += self.POOL[2] * part
+        return pooled

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -36,9 +38,11 @@ def test_the_slope_laid_flat_gives_the_ground_where_the_cloth_alone_loses_it(slo
     recall, precision = slope.shares(ground_mask(slope.xyz, last=slope.last))
     assert recall >= 0.98
     assert precision >= 0.97
-    unrotated, _ = slope.shares(ground_mask(slope.xyz, GroundParameters(slope_aligned=False), slope.last))
+    cloth = GroundParameters(refine=False, class_threshold=0.1)
+    flat, _ = slope.shares(ground_mask(slope.xyz, cloth, slope.last))
+    unrotated, _ = slope.shares(ground_mask(slope.xyz, replace(cloth, slope_aligned=False), slope.last))
     published, _ = slope.shares(ground_mask(slope.xyz, GroundParameters.build(profile="paper")))
-    assert unrotated < recall
+    assert unrotated < 0.7 < 0.9 < flat
     assert published < 0.9
 
 
@@ -72,7 +76,7 @@ def test_strays_take_nothing_away(slope):
     clean = ground_mask(slope.xyz, last=slope.last)
     found = ground_mask(np.vstack([slope.xyz, strays]), last=np.append(slope.last, np.ones(8, bool)))
     assert not found[-8:].any()
-    assert np.count_nonzero(found[:-8] != clean) < 0.002 * np.count_nonzero(clean)
+    assert np.count_nonzero(found[:-8] != clean) < 0.005 * np.count_nonzero(clean)
 
 
 def test_a_low_stray_takes_all_away_without_denoising(slope):
@@ -99,7 +103,7 @@ def test_the_same_points_give_the_same_ground_in_any_place(slope):
     assert np.array_equal(found, ground_mask(slope.xyz, last=slope.last))
     moved = ground_mask(slope.xyz + [3_000_000.0, -2_000_000.0, 500.0], last=slope.last)
     # cells of the plane's search begin elsewhere only by rounding
-    assert np.count_nonzero(found != moved) < 0.002 * np.count_nonzero(found)
+    assert np.count_nonzero(found != moved) < 0.005 * np.count_nonzero(found)
 
 
 @pytest.mark.parametrize(
