@@ -30,7 +30,7 @@ from .las_records import classes, read_records, return_numbers
 from .parameters import GroundParameters, InputParameters
 from .pdal import Pdal, find_pdal
 from .plane import Plane, apply_matrix, flattening_matrix
-from .preflight import CloudHeader, preflight, shown
+from .preflight import CloudHeader, EmptyCloud, preflight, shown
 from .progress import Progress
 from .returns import Returns, last_returns, return_totals
 from .roi import Roi, read_roi, refuse_outside
@@ -168,7 +168,11 @@ class _Extraction:
         clipped = self._file("clipped.laz")
         with self._step("clip", 0.1, 0.3, "clipping"):
             self._clip(header, frame, region, clipped, raw.largest_class)
-            xyz, returns, labels = _read(preflight(clipped))
+            try:
+                xyz, returns, labels = _read(preflight(clipped))
+            except EmptyCloud:
+                place = f" inside the region {shown(roi)}" if roi else ""
+                raise InputError(f"{shown(self.cloud)} has no point{place}; check both.") from None
         require_points(f"{shown(self.cloud)}{' within the region' if roi else ''}", len(xyz))
         roi_points = len(xyz)
         with self._step("denoise", 0.3, 0.45, "removing outliers"):
@@ -223,7 +227,7 @@ class _Extraction:
         )
 
     def _region(self, roi: Path, frame: WorkingFrame, bounds: tuple[float, float, float, float]) -> Roi:
-        region = read_roi(roi, frame.crs)
+        region = read_roi(roi, frame.crs, unit=frame.horizontal_factor)
         for note in region.notes:
             self._warn(note)
         refuse_outside(region, bounds, self.cloud)
