@@ -92,14 +92,14 @@ class Pdal:
             if result.returncode:
                 raise _failure(result, pipeline, self.version)
             try:
-                stages = json.loads(metadata.read_text(encoding="utf-8", errors="replace"))["stages"]
-            except (OSError, ValueError, KeyError) as error:
+                document = json.loads(metadata.read_text(encoding="utf-8", errors="replace"))
+            except (OSError, ValueError) as error:
                 raise EngineError(f"PDAL {self.version} ended without its metadata") from error
         if keep is not None:
             text = json.dumps({"pipeline": _kept(pipeline, keep.parent, final or keep.parent)}, indent=2)
             with atomic_output(keep) as temporary:
                 temporary.write_text(text + "\n", encoding="utf-8")
-        return dict(stages)
+        return dict(document.get("stages", document))
 
 
 def find_pdal(setting: Path | str | None = None) -> Pdal:

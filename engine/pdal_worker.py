@@ -28,7 +28,10 @@ def main() -> int:
     except RuntimeError as error:
         sys.stderr.write(f"PDAL: {error}\n")
         return 1
-    metadata = pipeline.metadata
+    try:
+        metadata = pipeline.metadata
+    except RuntimeError:  # some releases have none after streaming
+        metadata = {}
     document = json.loads(metadata) if isinstance(metadata, str) else metadata
     Path(sys.argv[1]).write_text(json.dumps({"stages": document.get("metadata", document)}), encoding="utf-8")
     return 0

@@ -125,8 +125,9 @@ def _writer(path: Path, header: CloudHeader) -> Stage:
         "forward": "header,scale,offset",
         "minor_version": 4,
         "dataformat_id": _MODERN_FORMAT[header.point_format],
-        "compression": "laszip" if path.suffix.lower() == ".laz" else "none",
     }
+    if path.suffix.lower() == ".laz":
+        stage["compression"] = "laszip"
     extra = _extra_bytes(header)
     scaled = {d.name for d in _dimensions(header) if d.descriptor and d.descriptor[3] & _SCALED}
     kinds = [(name, "double" if original in scaled and name == original else kind) for name, kind, original in extra]
