@@ -71,6 +71,19 @@ def write_layer(
             if qml:
                 _add_style(database, layer, qml, moment)
             database.execute("UPDATE gpkg_contents SET last_change = ?", (moment,))
+        _reset_change_counter(partial)
+
+
+def _reset_change_counter(path: Path) -> None:
+    """Set SQLite's count of a file's changes, and the count for which its version is valid, to 1.
+
+    How many transactions GDAL writes a file in varies with its timing, and so would the bytes
+    (https://www.sqlite.org/fileformat2.html, offsets 24 and 92).
+    """
+    with path.open("r+b") as file:
+        for offset in (24, 92):
+            file.seek(offset)
+            file.write((1).to_bytes(4, "big"))
 
 
 def read_layer(path: Path, layer: str | None = None) -> gpd.GeoDataFrame:
