@@ -12,8 +12,8 @@ from .point_to_plane import Pairs
 
 Float = NDArray[np.float64]
 
-_FOLDS = 16
-_SIGNIFICANCE = 5.0  # standard errors by which a curvature must stand above zero
+_FOLDS = 8
+_SIGNIFICANCE = 3.0  # standard errors by which a curvature must stand above zero
 _RATIO = 1e-4  # of the largest curvature: slopes that differ by 1 % only
 _HORIZONTAL = 0.02  # least sine of the dip with which a surface has a strike
 
@@ -54,13 +54,6 @@ class Information:
         step: Float = -fixed @ ((fixed.T @ gradient) / (self.curvature[self.observable] * count))
         return step
 
-    def damped_step(self, gradient: Float, normal: Float) -> Float:
-        """Gauss and Newton's step (6,) in the observable directions for the normal matrix (6, 6)."""
-        fixed = self.directions[:, self.observable]
-        if not fixed.shape[1]:
-            return np.zeros(6)
-        return np.asarray(-fixed @ np.linalg.solve(fixed.T @ normal @ fixed, fixed.T @ gradient))
-
     def without_unobservable(self, vector: Float) -> Float:
         """The part of a motion (6,) that the surfaces fix."""
         fixed = self.directions[:, self.observable]
@@ -89,36 +82,21 @@ def estimate(pairs: Pairs, weight: Float, radius: float, block: float) -> Estima
     return Estimate(np.stack(sums, axis=1), len(pairs))
 
 
-def curvature_folds(evaluate: Callable[[Float], Estimate], motions: Float) -> Float:
-    """(_FOLDS, 6, 6): derivative of the mean gradient by the motion, by central differences.
+def curvature_folds(evaluate: Callable[[Float], Estimate], step: float) -> Float:
+    """(_FOLDS, 6, 6): derivative of the mean gradient by the motion, by central differences over ``step`` metres.
 
     Gauss and Newton's J'J would count the noise of the normals as relief: with it a noisy plane seems to be fixed
     along itself, and the covariance comes out too small by up to four times. Pairs that are looked up anew at both
     sides see only relief that both epochs share.
-
-    Args:
-        motions: (6, 6), the steps in its rows, orthogonal, metres.
     """
-    length = np.linalg.norm(motions, axis=1)
-    basis = (motions / length[:, None]).T
     folds = np.zeros((_FOLDS, 6, 6))
-    for i, motion in enumerate(motions):
+    for i in range(6):
+        motion = np.zeros(6)
+        motion[i] = step
         ahead, behind = evaluate(motion), evaluate(-motion)
-        change = ahead.gradient / max(ahead.count, 1) - behind.gradient / max(behind.count, 1)
-        folds[:, :, i] = change @ basis / (2 * length[i])
-    folds = (folds + folds.transpose(0, 2, 1)) / 2
-    return np.asarray(basis @ folds @ basis.T)
-
-
-def probing_motions(jacobian: Float, weight: Float, least: float, largest: float) -> Float:
-    """(6, 6) steps along the principal directions of Gauss and Newton's matrix for ``curvature_folds``.
-
-    All change the residuals about as much as ``least`` metres along the normal do: the direction that shows least
-    relief is probed with the longest step, up to ``largest`` metres, where the relief stands out from the noise.
-    """
-    values, vectors = np.linalg.eigh(jacobian.T @ (jacobian * weight[:, None]))
-    length = np.clip(least * np.sqrt(values[-1] / np.maximum(values, 1e-12 * values[-1])), least, max(least, largest))
-    return np.asarray((vectors * length).T)
+        mean_ahead, mean_behind = ahead.gradient / max(ahead.count, 1), behind.gradient / max(behind.count, 1)
+        folds[:, :, i] = (mean_ahead - mean_behind) / (2 * step)
+    return (folds + folds.transpose(0, 2, 1)) / 2
 
 
 def information(
@@ -200,4 +178,4 @@ def height_sd(covariance: Float, places: Float, normals: Float, radius: float) -
         open_ground[:] = True
     places, normals = places[open_ground], normals[open_ground]
     rise = np.hstack([np.cross(places, normals) / radius, normals]) / np.maximum(np.abs(normals[:, 2:]), 0.01)
-    return float(np.sqrt(max(np.mean(np.einsum("ni,ij,nj->n", rise, covariance, rise)), 0.0)))
+    return float(np.sqrt(np.mean(np.einsum("ni,ij,nj->n", rise, covariance, rise))))

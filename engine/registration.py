@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from shapely.geometry.base import BaseGeometry
 
-from .alignment import align, observe
+from .alignment import Alignment, align
 from .errors import InputError
 from .icp import icp
 from .observability import Information, height_sd, name_unobservable
@@ -132,131 +132,108 @@ def register(
     _check(reference, "earlier")
     _check(moving, "later")
     _check_overlap(reference, moving, parameters.maximum_offset)
-    centre = np.median(reference, axis=0)  # amidst the points even where a stray one stretches the extent
+    centre = (reference.min(axis=0) + reference.max(axis=0)) / 2
     a, b = reference - centre, moving - centre
     known = _inside(stable, reference)
+    voxel = parameters.registration_voxel
     progress.update(0.0, "averaging points")
-    surfaces = Surface(a, parameters.registration_voxel), Surface(b, parameters.registration_voxel)
+    surfaces = Surface(a, voxel), Surface(b, voxel)
+    on_stable = None if stable is None else _inside(stable, surfaces[0].points + centre)
+    matcher = Matcher(*surfaces, on_stable)
     _check_shape(surfaces[0].points, "earlier")
     _check_shape(surfaces[1].points, "later")
-    matcher = Matcher(*surfaces, None if stable is None else _inside(stable, surfaces[0].points + centre))
     tree = cKDTree(a, balanced_tree=False, compact_nodes=False)
-    with progress.stage(0.05, 0.85):
-        solution = _solve(a, b, tree, matcher, known, parameters, progress)
-    progress.update(0.85, "measuring the agreement")
-    quality = agreement(matcher, solution.pose, parameters.maximum_offset)
+    pose, found, iterations, converged = Pose.identity(), None, 0, True
     if parameters.method == "icp":
-        with progress.stage(0.85, 0.95):
-            seen = observe(matcher, solution.pose, quality.scale, parameters.maximum_offset, progress)
-        solution = replace(solution, information=seen)
-    some = b[:: max(1, len(b) // _NEIGHBOUR_SAMPLE)]
-    before = nearest(tree, some)[0]
-    after = before if parameters.method == "none" else nearest(tree, solution.pose.apply(some))[0]
-    return _result(solution, quality, before, after, centre, len(b), parameters, stable is not None)
-
-
-@dataclass(frozen=True)
-class _Solution:
-    """What a method found; ``radius`` (m) scales the rotations of ``information``."""
-
-    pose: Pose
-    iterations: int = 0
-    converged: bool = True
-    information: Information | None = None
-    radius: float = 1.0
-
-
-def _solve(
-    a: Float,
-    b: Float,
-    tree: cKDTree,
-    matcher: Matcher,
-    known: NDArray[np.bool_] | None,
-    parameters: RegistrationParameters,
-    progress: Progress,
-) -> _Solution:
-    """By the method asked for, in local coordinates."""
-    if parameters.method == "icp":
-        plain = icp(
-            a,
-            b,
-            distance=parameters.maximum_correspondence,
-            iterations=parameters.registration_iterations,
-            tree=tree,
-            progress=progress,
-        )
-        return _Solution(plain.pose, plain.iterations, plain.converged)
-    if parameters.method == "robust":
-        found = align(
-            a,
-            b,
-            matcher,
-            voxel=parameters.registration_voxel,
-            offset=parameters.maximum_offset,
-            iterations=parameters.registration_iterations,
-            stable=known,
-            progress=progress,
-        )
-        return _Solution(found.pose, found.iterations, found.converged, found.information, found.radius)
-    return _Solution(Pose.identity())
+        with progress.stage(0.05, 0.8):
+            plain = icp(
+                a,
+                b,
+                distance=parameters.maximum_correspondence,
+                iterations=parameters.registration_iterations,
+                tree=tree,
+                progress=progress,
+            )
+        pose, iterations, converged = plain.pose, plain.iterations, plain.converged
+    elif parameters.method == "robust":
+        with progress.stage(0.05, 0.85):
+            found = align(
+                a,
+                b,
+                matcher,
+                voxel=voxel,
+                offset=parameters.maximum_offset,
+                iterations=parameters.registration_iterations,
+                stable=known,
+                progress=progress,
+            )
+        pose, iterations, converged = found.pose, found.iterations, found.converged
+    progress.update(0.9, "measuring the agreement")
+    quality = agreement(matcher, pose, parameters.maximum_offset)
+    return _result(
+        a, b, tree, centre, matcher, pose, found, quality, iterations, converged, parameters, stable is not None
+    )
 
 
 def _result(
-    solution: _Solution,
-    quality: Agreement,
-    before: Float,
-    after: Float,
+    a: Float,
+    b: Float,
+    tree: cKDTree,
     centre: Float,
-    points: int,
+    matcher: Matcher,
+    pose: Pose,
+    found: Alignment | None,
+    quality: Agreement,
+    iterations: int,
+    converged: bool,
     parameters: RegistrationParameters,
-    stable_given: bool,
+    on_stable: bool,
 ) -> RegistrationResult:
-    """Args: before, after: nearest-neighbour distances of a sample of the moving cloud's ``points``, metres."""
-    pose, information = solution.pose, solution.information
+    transform = RigidTransform(pose.rotation, pose.translation, centre)
+    some = b[:: max(1, len(b) // _NEIGHBOUR_SAMPLE)]
+    before = nearest(tree, some)[0]
+    after = before if parameters.method == "none" else nearest(tree, pose.apply(some))[0]
+    close = after[after <= parameters.maximum_correspondence]
+    normal = quality.mean_normal
     shift = pose.apply(quality.places).mean(axis=0) - quality.places.mean(axis=0)
-    covariance, error = None, 0.0
-    if information is not None and parameters.method == "robust":
-        scale = np.diag([1 / solution.radius] * 3 + [1.0] * 3)
+    covariance, condition, error = None, None, 0.0
+    names: tuple[str, ...] = ()
+    if found is not None:
+        information: Information = found.information
+        scale = np.diag([1 / found.radius] * 3 + [1.0] * 3)
         covariance = scale @ information.covariance @ scale
-        seen = information.observable_covariance
-        flat = np.broadcast_to(quality.mean_normal, quality.normals.shape)
-        # what is free moves the surface as a whole: sliding a slope along itself leaves its heights, tilting does not
-        error = float(
-            np.hypot(
-                height_sd(seen, quality.places, quality.normals, solution.radius),
-                height_sd(information.covariance - seen, quality.places, flat, solution.radius),
-            )
-        )
+        condition, names = information.condition, name_unobservable(information, normal)
+        error = height_sd(information.observable_covariance, quality.places, quality.normals, found.radius)
     error = float(np.hypot(error, quality.misfit_height))
     widening = max(1.0, parameters.minimum_stable_share / max(quality.stable_share, 0.02))
-    names = () if information is None else name_unobservable(information, quality.mean_normal)
-    close = after[after <= parameters.maximum_correspondence]
+    warnings = explain(
+        quality,
+        parameters,
+        converged=converged,
+        shift=shift,
+        normal=normal,
+        error=error,
+        widening=widening,
+        unobservable=names,
+        stable_given=on_stable,
+    )
     return RegistrationResult(
-        transform=RigidTransform(pose.rotation, pose.translation, centre),
+        transform=transform,
         method=parameters.method,
-        iterations=solution.iterations,
-        converged=solution.converged,
+        iterations=iterations,
+        converged=converged,
         inlier_rmse=float(np.sqrt(np.mean(close**2))) if len(close) else 0.0,
-        inliers=round(len(close) * points / len(after)),
+        inliers=round(len(close) * len(b) / len(some)),
         nn_rmse_before=float(np.sqrt(np.mean(before**2))),
         nn_rmse_after=float(np.sqrt(np.mean(after**2))),
         agreement=quality,
-        normal_translation=float(shift @ quality.mean_normal),
+        normal_translation=float(shift @ normal),
         vertical_translation=float(shift[2]),
         covariance=covariance,
-        condition=None if information is None else information.condition,
+        condition=condition,
         unobservable=names,
         registration_error=error * widening,
-        warnings=explain(
-            quality,
-            parameters,
-            converged=solution.converged,
-            shift=shift,
-            error=error,
-            widening=widening,
-            unobservable=names,
-            stable_given=stable_given,
-        ),
+        warnings=warnings,
     )
 
 
@@ -290,9 +267,7 @@ def _check_overlap(reference: Float, moving: Float, offset: float) -> None:
 def _check_shape(points: Float, name: str) -> None:
     if len(points) < _LEAST_POINTS:
         raise InputError(f"The {name} epoch has only {len(points)} occupied voxels; give a smaller registration voxel.")
-    low, high = np.quantile(points, [0.02, 0.98], axis=0)
-    core = np.clip(points, low, high)
-    spread = np.linalg.svd(core - core.mean(axis=0), compute_uv=False)
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     if spread[1] < 1e-3 * spread[0]:
         raise InputError(
             f"The {name} epoch's points lie on one line, which fixes no registration; check the region of interest."

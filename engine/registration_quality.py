@@ -99,6 +99,7 @@ def explain(
     *,
     converged: bool,
     shift: Float,
+    normal: Float,
     error: float,
     widening: float,
     unobservable: tuple[str, ...],
@@ -108,11 +109,12 @@ def explain(
 
     Args:
         shift: (3,) mean displacement of the moving cloud, metres.
+        normal: (3,) mean normal.
         error: standard error of a height before widening, metres.
         widening: factor of the level of detection.
     """
     sentences = []
-    along = float(shift @ quality.mean_normal)
+    along = float(shift @ normal)
     if parameters.method != "none" and not stable_given and abs(along) > max(_UNIFORM, 3 * error):
         sentences.append(
             f"The later epoch was moved by {along:+.3f} m along the surface's normal everywhere: a datum or height "
@@ -126,12 +128,9 @@ def explain(
             f"widened {widening:.1f} times; give an area known to be stable."
         )
     if unobservable:
-        there = (
-            "what the icp method found there is chance" if parameters.method == "icp" else "there they stay as surveyed"
-        )
         sentences.append(
-            f"The surface does not fix the epochs' relative position against {_listed(unobservable)}: {there}, and a "
-            "movement of that kind cannot be seen."
+            f"The surface does not fix the registration against {_listed(unobservable)}; there the epochs stay as "
+            "surveyed, and a shift of that kind cannot be seen."
         )
     if not converged:
         sentences.append(
