@@ -1,0 +1,86 @@
+"""Residuals between surfaces whose distance is known, and what is robust about their scale."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from slopewatch.engine.point_to_plane import Matcher, regional_weights, robust_scale, tukey_weights
+from slopewatch.engine.pose import Pose
+from slopewatch.engine.surface import Surface
+
+
+def dome(seed: int, n: int = 20_000, noise: float = 0.0) -> np.ndarray:
+    """A sphere's cap of radius 5 m: strongly curved, so that planes cut off its hollow side."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(-2, 2, (2, n))
+    return np.column_stack([x, y, np.sqrt(25 - x**2 - y**2) - 5 + rng.normal(0, noise, n)])
+
+
+def test_residual_is_the_moving_surface_above_the_reference_in_both_directions():
+    up = np.array([0.0, 0.0, 0.03])
+    matcher = Matcher(Surface(dome(1), 0.1), Surface(dome(2) + up, 0.1))
+    sources = matcher.sample(5000)
+    for pairs in (
+        matcher.onto_reference(Pose.identity(), sources[1], 0.3, 0.8),
+        matcher.onto_moving(Pose.identity(), sources[0], 0.3, 0.8),
+    ):
+        upwards = pairs.residual * np.sign(pairs.normal[:, 2]) / np.abs(pairs.normal[:, 2])
+        assert np.median(upwards) == pytest.approx(0.03, abs=0.004)
+
+
+def test_curvature_cancels_between_the_two_directions():
+    matcher = Matcher(Surface(dome(1), 0.1), Surface(dome(2), 0.1))
+    sources = matcher.sample(20_000)
+    one = matcher.onto_reference(Pose.identity(), sources[1], 0.3, 0.8)
+    two = matcher.onto_moving(Pose.identity(), sources[0], 0.3, 0.8)
+    biases = [float(np.mean(p.residual * np.sign(p.normal[:, 2]))) for p in (one, two)]
+    assert biases[0] > 5e-4
+    assert biases[1] < -5e-4
+    assert abs(sum(biases)) < 0.1 * abs(biases[0])
+
+
+def test_jacobian_is_the_change_of_the_residual():
+    matcher = Matcher(Surface(dome(1), 0.1), Surface(dome(2), 0.1))
+    _, sources = matcher.sample(500)
+    start = Pose.from_vector(np.array([0.01, -0.02, 0.01, 0.02, 0.01, -0.03]), 2.0)
+    before = matcher.onto_reference(start, sources, 0.5, 0.5)
+    motion = np.array([3e-7, -2e-7, 4e-7, 1e-7, 5e-7, -3e-7])
+    after = matcher.onto_reference(start.moved(motion, 2.0), sources, 0.5, 0.5)
+    assert np.array_equal(before.source, after.source)
+    assert np.abs(after.residual - before.residual - before.jacobian(2.0) @ motion).max() < 1e-11
+
+
+def test_only_pairs_on_stable_ground_are_made():
+    reference, moving = Surface(dome(1), 0.1), Surface(dome(2), 0.1)
+    matcher = Matcher(reference, moving, reference.points[:, 0] < 0)
+    pairs = matcher.match(Pose.identity(), matcher.sample(5000), 0.3)
+    assert len(pairs) > 1000
+    assert pairs.place[:, 0].max() < 0.1  # half a voxel and more, as a point just beyond may be nearest to one within
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.55])
+def test_scale_is_that_of_the_unchanged_part(share):
+    rng = np.random.default_rng(0)
+    residual = rng.normal(0, 0.02, 20_000)
+    residual[: int(share * len(residual))] -= 0.3
+    assert robust_scale(residual) == pytest.approx(0.02, rel=0.25)
+    # what a median makes of it, so that the test can fail
+    if share > 0.5:
+        assert 1.4826 * np.median(np.abs(residual)) > 0.1
+
+
+def test_weights_fall_from_one_to_zero():
+    assert tukey_weights(np.array([0.0, 0.01, 0.0469, 1.0]), 0.01) == pytest.approx([1.0, 0.911, 0.0, 0.0], abs=1e-3)
+
+
+def test_a_region_that_changed_is_left_out_as_a_whole():
+    """Also its pairs whose residual is small by chance."""
+    matcher = Matcher(Surface(dome(1), 0.1), Surface(dome(2), 0.1))
+    pairs = matcher.match(Pose.identity(), matcher.sample(5000), 0.3)
+    changed = pairs.place[:, 0] > 1.0
+    residual = np.where(changed & (np.arange(len(pairs)) % 3 > 0), 0.3, 0.0)
+    weight = regional_weights(type(pairs)(pairs.place, pairs.normal, residual, pairs.source), scale=0.01, block=0.25)
+    # blocks that the surface only grazes hold too few pairs to tell; they are few
+    agreeing = changed & (residual == 0)
+    assert np.mean(weight[agreeing & (pairs.place[:, 0] > 1.3)]) < 0.05
+    assert np.mean(weight[pairs.place[:, 0] < 0.7]) > 0.95
