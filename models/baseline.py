@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.special import expit
 
 from .configuration import ModelConfiguration
-from .preparation import prepare_cloud
+from .streaming import prepared_in_voxels
 
 Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
@@ -31,10 +31,18 @@ def residual_probabilities(
     Raises:
         InputError: the cloud has too few points or its plane cannot be found.
     """
-    configuration = ModelConfiguration(name="residual", voxel=voxel, trends=(trend,))
-    cloud = prepare_cloud(xyz, configuration, seed)
-    height = cloud.residuals[:, 0].astype(np.float64)
-    up, down = (expit((sign * height - threshold) / spread) for sign in (1.0, -1.0))
+    cloud, place = prepared_in_voxels(xyz, residual_configuration(trend, voxel), seed)
+    return residual_memberships(cloud.residuals[:, 0], threshold, spread)[place]
+
+
+def residual_configuration(trend: tuple[float, float] = (4.0, 4.0), voxel: float = 0.12) -> ModelConfiguration:
+    """How a cloud is prepared for the threshold on its height over the trend."""
+    return ModelConfiguration(name="residual", voxel=voxel, trends=(trend,))
+
+
+def residual_memberships(height: NDArray[np.floating], threshold: float, spread: float = 0.02) -> Float32:
+    """(m, 3) memberships, as of ``residual_probabilities``, of voxels at ``height`` (m,) over the trend, m."""
+    up, down = (expit((sign * height.astype(np.float64) - threshold) / spread) for sign in (1.0, -1.0))
     result = np.stack([np.maximum(1.0 - up - down, 0.0), up, down], axis=1)
     result /= result.sum(axis=1, keepdims=True)
-    return result.astype(np.float32)[cloud.voxels.inverse]
+    return result.astype(np.float32)

@@ -17,7 +17,8 @@ from ..engine.progress import Progress
 from .batches import make_batch, network_inputs
 from .configuration import ModelConfiguration
 from .network import RandLANet
-from .preparation import Block, PreparedCloud, blocks, prepare_cloud
+from .preparation import Block, PreparedCloud, blocks
+from .streaming import prepared_in_voxels
 
 Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
@@ -63,9 +64,33 @@ def predict(
     Raises:
         InputError: the cloud cannot be prepared, or is too sparse for any window.
     """
+    cloud, voxel = prepared_in_voxels(xyz, network.configuration, seed)
+    probabilities, covered = predict_voxels(
+        network, cloud, rotations=rotations, threads=threads, device=device, seed=seed, progress=progress
+    )
+    filled = float(cloud.voxels.count[~covered].sum() / cloud.voxels.count.sum())
+    return Prediction(probabilities[voxel], cloud, filled)
+
+
+def predict_voxels(
+    network: RandLANet,
+    cloud: PreparedCloud,
+    *,
+    rotations: int = 1,
+    threads: int = 1,
+    device: torch.device | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> tuple[Float32, NDArray[np.bool_]]:
+    """Probabilities (m, classes) of the voxels of a prepared cloud, and which of them (m,) a window covered.
+
+    The other arguments are those of ``predict``.
+
+    Raises:
+        InputError: the cloud is too sparse for any window.
+    """
     progress = progress or Progress()
     configuration = network.configuration
-    cloud = prepare_cloud(xyz, configuration, seed)
     device = device or torch.device("cpu")
     total = np.zeros((len(cloud.voxels.points), len(configuration.classes)))
     weight = np.zeros(len(total))
@@ -92,8 +117,7 @@ def predict(
     total[covered] /= weight[covered, None]
     if not covered.all():
         total[~covered] = total[covered][_nearest(cloud.voxels.points, covered)]
-    filled = float(cloud.voxels.count[~covered].sum() / cloud.voxels.count.sum())
-    return Prediction(total.astype(np.float32)[cloud.voxels.inverse], cloud, filled)
+    return total.astype(np.float32), covered
 
 
 @dataclass(frozen=True)

@@ -74,11 +74,21 @@ def prepare_cloud(xyz: Float, configuration: ModelConfiguration, seed: int = 0) 
         raise InputError(f"There are {len(xyz)} ground points but screening needs at least 50; check the cloud.")
     if not np.isfinite(xyz).all():
         raise InputError("Some of the cloud's coordinates are not numbers; repair the file or remove these points.")
+    plane, matrix = flat_frame(xyz, configuration, seed)
+    return prepared(plane, matrix, voxel_grid(apply_matrix(matrix, xyz), configuration.voxel), configuration)
+
+
+def flat_frame(xyz: Float, configuration: ModelConfiguration, seed: int = 0) -> tuple[Plane, Float]:
+    """The plane of points (n, 3) and the matrix (4, 4) that lays them flat on it."""
     plane = fit_plane(xyz, configuration.plane_distance, configuration.plane_iterations, seed)
     matrix = flattening_matrix(plane)
     if configuration.align:
         matrix = _up_slope(matrix) @ matrix
-    voxels = voxel_grid(apply_matrix(matrix, xyz), configuration.voxel)
+    return plane, matrix
+
+
+def prepared(plane: Plane, matrix: Float, voxels: VoxelGrid, configuration: ModelConfiguration) -> PreparedCloud:
+    """Measure the heights of voxels in the flat frame over the trends."""
     residuals = np.zeros((len(voxels.points), 0), dtype=np.float32)
     if "residuals" in configuration.features:
         columns = [residual_heights(voxels.points, along, up) for along, up in configuration.trends]

@@ -33,12 +33,13 @@ def windows(xy: Float, size: float, step: float, minimum_points: int = 0, *, spr
     by_x = np.argsort(xy[:, 0], kind="stable")
     x = xy[by_x, 0]
     found = []
+    size_or_so = size + 1e-9  # the last window ends with the points, however that was rounded
     for left in starts[0]:
-        first, last = np.searchsorted(x, left, "left"), np.searchsorted(x, left + size, "right")
+        first, last = np.searchsorted(x, left, "left"), np.searchsorted(x, left + size_or_so, "right")
         strip = np.sort(by_x[first:last])
         y = xy[strip, 1]
         for bottom in starts[1]:
-            points = strip[(y >= bottom) & (y <= bottom + size)]
+            points = strip[(y >= bottom) & (y <= bottom + size_or_so)]
             if len(points) >= max(1, minimum_points):
                 found.append(Window((left + size / 2, bottom + size / 2), points))
     return found

@@ -1,0 +1,88 @@
+"""Preparing a cloud of any size: its parts are read twice, and only a sample and the voxels are held.
+
+``preparation.prepare_cloud`` does the same with all points in memory, for training.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..engine.errors import InputError
+from .configuration import ModelConfiguration
+from .preparation import PreparedCloud, flat_frame, prepared
+from .thinning import Thinning
+from .voxel_sums import SparseVoxels, VoxelSums
+
+Float = NDArray[np.float64]
+Parts = Callable[[], Iterable[Float]]
+"""Gives the parts (n, 3) of a cloud in its order, anew at each call."""
+LEAST_POINTS = 50
+SAMPLE = 1_000_000
+"""Points that the plane is fitted to; all of a smaller cloud."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Evenly thinned points (n, 3) of a cloud, and how many it has."""
+
+    xyz: Float
+    points: int
+
+
+def sample_parts(parts: Parts, limit: int = SAMPLE) -> Sample:
+    """A sample of a cloud.
+
+    Raises:
+        InputError: too few points, or coordinates that are not numbers.
+    """
+    thinning = Thinning(limit)
+    for xyz in parts():
+        if not np.isfinite(xyz).all():
+            raise InputError("Some of the cloud's coordinates are not numbers; repair the file or remove these points.")
+        thinning.add(xyz)
+    if thinning.seen < LEAST_POINTS:
+        raise InputError(
+            f"There are {thinning.seen} ground points but screening needs at least {LEAST_POINTS}; check the cloud."
+        )
+    return Sample(np.asarray(thinning.rows(), dtype=np.float64), thinning.seen)
+
+
+def prepare_parts(
+    parts: Parts, sample: Sample, configuration: ModelConfiguration, seed: int = 0
+) -> tuple[PreparedCloud, SparseVoxels]:
+    """The prepared cloud, without ``inverse``, and where each point's voxel is.
+
+    Raises:
+        InputError: the plane cannot be found, or the cloud is wider than voxels can be numbered.
+    """
+    plane, matrix = flat_frame(sample.xyz, configuration, seed)
+    voxels = sum_parts(parts, matrix, configuration.voxel)
+    return prepared(plane, matrix, voxels.grid, configuration), voxels
+
+
+def sum_parts(parts: Parts, matrix: Float, size: float) -> SparseVoxels:
+    """The voxels of a cloud in the frame that ``matrix`` leads to."""
+    sums = VoxelSums(matrix, size)
+    for xyz in parts():
+        sums.add(xyz)
+    return sums.finish()
+
+
+def prepared_in_voxels(
+    xyz: Float, configuration: ModelConfiguration, seed: int = 0
+) -> tuple[PreparedCloud, NDArray[np.int64]]:
+    """A cloud (n, 3) in memory prepared like one in parts, and the voxel (n,) of each point.
+
+    Raises:
+        InputError: see ``sample_parts`` and ``prepare_parts``.
+    """
+
+    def whole() -> Iterable[Float]:
+        yield xyz
+
+    cloud, voxels = prepare_parts(whole, sample_parts(whole), configuration, seed)
+    return cloud, voxels.lookup(xyz)
