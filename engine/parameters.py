@@ -522,6 +522,54 @@ class SurveyParameters(ParameterSet):
     )
 
 
+@dataclass(frozen=True)
+class ScenesParameters(ParameterSet):
+    """Simulated slope scenes of one epoch, whose every point has a known class."""
+
+    kind: str = _parameter(
+        "published",
+        "Kind of scene",
+        "published: a quarter of the points each bulge and sink, as in the published simulation. realistic: hazards as "
+        "rare as on slopes, a fifth of the scenes without any. shifted: other landforms, hazards, densities and noise.",
+        choices=("published", "realistic", "shifted"),
+    )
+    count: int = _parameter(3, "Number of scenes", "More give more ground to learn from.", minimum=1, maximum=10_000)
+    seed: int = _parameter(
+        1000,
+        "Seed",
+        "Seed of the first scene; each next one has the next seed. The benchmark sets have seeds below 1000, scenes "
+        "that models are trained on have seeds from 1,000,000 on.",
+        minimum=0,
+        maximum=2**31 - 1,
+    )
+    area: float = _parameter(
+        0.0,
+        "Area of a scene",
+        "Measured on the slope. 0: drawn from the kind's range, 2,000 to 11,000 m².",
+        unit="m²",
+        minimum=0.0,
+        maximum=100_000.0,
+    )
+    density: float = _parameter(
+        0.0,
+        "Density",
+        "Points on a square metre of the slope. 0: drawn from the kind's range.",
+        unit="points/m²",
+        minimum=0.0,
+        maximum=2000.0,
+    )
+    benchmark: bool = _parameter(
+        False,
+        "Scenes of the benchmark set",
+        "Writes the first scenes of the kind's benchmark set instead, whose areas and shares are balanced over the "
+        "whole set; seed, area and density have no effect then.",
+        advanced=True,
+    )
+    picture: bool = _parameter(
+        True, "Picture", "Also draws the first twelve scenes with their classes and hard negatives as scenes.png."
+    )
+
+
 PROFILES: dict[str, dict[str, dict[str, Any]]] = {
     "default": {},
     "paper": {

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from ..parameters import SurveyParameters
+from ..parameters import ScenesParameters, SurveyParameters
 from .commands import Outcome, _output_dir
 from .options import Session, command
 
@@ -24,3 +24,13 @@ def survey(session: Session, output_dir: Path) -> Outcome:
     from ...simulation.command import survey_step
 
     return survey_step(session.parameters(SurveyParameters), output_dir, session.report)
+
+
+@simulate.command()
+@_output_dir
+@command(ScenesParameters, profile=False)
+def scenes(session: Session, output_dir: Path) -> Outcome:
+    """Slopes of one epoch with bulges, hollows and what looks like them, the class of every point known."""
+    from ...simulation.hazard_scenes.command import scenes_step
+
+    return scenes_step(session.parameters(ScenesParameters), output_dir, session.report)
