@@ -5,6 +5,15 @@ from .elevationchange import ElevationChange
 from .extractground import ExtractGround
 from .inspectslope import InspectSlope
 from .registerepochs import RegisterEpochs
+from .simulatescenes import SimulateScenes
 from .simulatesurvey import SimulateSurvey
 
-ALGORITHMS = (InspectSlope, ExtractGround, RegisterEpochs, ElevationChange, SimulateSurvey, CheckEnvironment)
+ALGORITHMS = (
+    InspectSlope,
+    ExtractGround,
+    RegisterEpochs,
+    ElevationChange,
+    SimulateSurvey,
+    SimulateScenes,
+    CheckEnvironment,
+)

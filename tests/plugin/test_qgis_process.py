@@ -18,6 +18,7 @@ from slopewatch.processing_algorithms.elevationchange import ElevationChange
 from slopewatch.processing_algorithms.extractground import ExtractGround
 from slopewatch.processing_algorithms.inspectslope import InspectSlope
 from slopewatch.processing_algorithms.registerepochs import RegisterEpochs
+from slopewatch.processing_algorithms.simulatescenes import SimulateScenes
 from slopewatch.tests.qgis_support import QgisProcess, engine_python, processes_with, wait_until
 
 SMALL = {"POINTS": 60000, "LENGTH": 24, "HEIGHT": 10, "VEGETATION": 0.4}
@@ -242,3 +243,19 @@ class TestRuns:
         assert set(ElevationChange.NUMBERS) | set(ElevationChange.FILES) <= set(first)
         assert first["ZONE_COUNT"] > 0
         assert second["GAIN"] == pytest.approx(first["GAIN"], rel=0.02)
+
+    def test_labelled_scenes(self, qgis_process: QgisProcess, tmp_path: Path) -> None:
+        engine_python()
+        folder = tmp_path / "scenes, 'two'"
+        results = qgis_process.run(
+            "simulatescenes", OUTPUT_FOLDER=folder, KIND="realistic", COUNT=2, AREA=200, DENSITY=30, PICTURE="false"
+        )
+        assert set(SimulateScenes.NUMBERS) | set(SimulateScenes.FILES) - {"PICTURE_FILE"} <= set(results)
+        assert results["SCENE"] == str(folder / "realistic_0001000.laz")
+        assert {p.name for p in folder.glob("*.laz")} == {"realistic_0001000.laz", "realistic_0001001.laz"}
+        manifest = json.loads(Path(results["MANIFEST"]).read_text())
+        assert [entry["seed"] for entry in manifest["scenes"]] == [1000, 1001]
+        assert QgsVectorLayer(f"{results['HAZARDS']}|layername=hazards", "hazards", "ogr").isValid()
+        assert results["SHARE_BACKGROUND"] + results["SHARE_UPLIFT"] + results["SHARE_SUBSIDENCE"] == pytest.approx(
+            1, abs=0.001
+        )

@@ -46,6 +46,7 @@ FROZEN_PARAMETERS = {
         "SEED", "POINTS", "LENGTH", "HEIGHT", "ANGLE", "BENCHES", "VEGETATION", "RANGE_NOISE", "OFFSET", "AMPLITUDE",
         "OUTPUT_FOLDER", "ROI", "TRUTH_DZ",
     ],
+    "simulatescenes": ["KIND", "COUNT", "SEED", "AREA", "DENSITY", "BENCHMARK", "PICTURE", "OUTPUT_FOLDER"],
     "checkenvironment": [],
 }  # fmt: skip
 FROZEN_GROUPS = {
@@ -54,6 +55,7 @@ FROZEN_GROUPS = {
     "registerepochs": "steps",
     "elevationchange": "steps",
     "simulatesurvey": "tools",
+    "simulatescenes": "tools",
     "checkenvironment": "tools",
 }
 CHANGE_OUTPUTS = [
@@ -74,6 +76,10 @@ FROZEN_OUTPUTS = {
     "simulatesurvey": [
         "REFERENCE", "CLOUD", "TRUTH", "TRUTH_TRANSFORM", "RUN_RECORD", "OUTPUT_FOLDER", "ROI", "TRUTH_DZ",
     ],
+    "simulatescenes": [
+        "SCENE", "HAZARDS", "MANIFEST", "PICTURE_FILE", "RUN_RECORD", "SCENES", "POINTS", "HAZARD_COUNT",
+        "SHARE_BACKGROUND", "SHARE_UPLIFT", "SHARE_SUBSIDENCE", "OUTPUT_FOLDER",
+    ],
     "checkenvironment": ["ENGINE", "PDAL", "VERSION"],
 }  # fmt: skip
 COMMANDS = {
@@ -82,6 +88,7 @@ COMMANDS = {
     "registerepochs": ["register"],
     "elevationchange": ["change"],
     "simulatesurvey": ["simulate", "survey"],
+    "simulatescenes": ["simulate", "scenes"],
     "checkenvironment": ["check"],
 }
 
