@@ -86,24 +86,41 @@ def write_raster(
         EngineError: the array does not fit the grid or is infinite somewhere, or the file read back differs.
         InputError: the folder is missing or not writable.
     """
-    if array.shape != grid.shape:
-        raise EngineError(f"{Path(path).name}: an array of {array.shape} does not fit a grid of {grid.shape}")
-    band = array.astype(np.float32)
-    if np.isinf(band).any():
-        raise EngineError(f"{Path(path).name}: the raster has infinite values")
-    band[np.isnan(band)] = NODATA
-    profile = {"count": 1, "dtype": "float32", "nodata": NODATA}
+    write_bands(path, {description: array}, grid, crs, unit=unit, tags=tags, progress=progress)
+
+
+def write_bands(
+    path: Path,
+    bands: Mapping[str, NDArray[np.floating]],
+    grid: Grid,
+    crs: CRS | None,
+    *,
+    unit: str = "m",
+    tags: Mapping[str, str] | None = None,
+    progress: Progress | None = None,
+) -> None:
+    """Like ``write_raster`` with several bands, by their descriptions."""
+    name = Path(path).name
+    stack = np.empty((len(bands), *grid.shape), dtype=np.float32)
+    for number, array in enumerate(bands.values()):
+        if array.shape != grid.shape:
+            raise EngineError(f"{name}: an array of {array.shape} does not fit a grid of {grid.shape}")
+        if np.isinf(array).any():
+            raise EngineError(f"{name}: the raster has infinite values")
+        stack[number] = np.where(np.isnan(array), NODATA, array)
+    profile = {"count": len(bands), "dtype": "float32", "nodata": NODATA}
     if progress:
-        progress.update(0.0, f"writing {Path(path).name}")
+        progress.update(0.0, f"writing {name}")
 
     def fill(target: DatasetWriter) -> None:
-        target.write(band, 1)
-        target.set_band_description(1, description)
-        target.units = (unit,)
+        target.write(stack)
+        for number, description in enumerate(bands, 1):
+            target.set_band_description(number, description)
+        target.units = (unit,) * len(bands)
 
-    _write(Path(path), grid, crs, profile, "3", tags, fill, band[np.newaxis])
+    _write(Path(path), grid, crs, profile, "3", tags, fill, stack)
     if progress:
-        progress.update(1.0, f"wrote {Path(path).name}")
+        progress.update(1.0, f"wrote {name}")
 
 
 def write_rgba(

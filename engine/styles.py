@@ -50,6 +50,31 @@ ALIASES = {
     "method": "Method",
     "run_id": "Run",
 }
+HAZARD_ALIASES = {
+    **{name: ALIASES[name] for name in ("zone_id", "slope_id", "route", "chain_from", "chain_to", "side")},
+    "class": "Class",
+    "kind": "Kind",
+    "confidence": "Confidence",
+    "probability": "Mean probability",
+    "height_med_m": "Height over the trend, median (m)",
+    "height_p95_m": "Height over the trend, 95th percentile (m)",
+    "area_m2": "Area of the slope (m²)",
+    "plan_m2": "Area on the map (m²)",
+    "slope_deg": "Inclination (degrees)",
+    "points": "Points",
+    "n_cells": "Cells",
+    **{name: ALIASES[name] for name in ("review_status", "reviewer", "method", "run_id")},
+}
+_HAZARDS_READ_FIRST = (
+    "zone_id",
+    "kind",
+    "confidence",
+    "probability",
+    "area_m2",
+    "height_med_m",
+    "height_p95_m",
+    "points",
+)
 _READ_FIRST = ("zone_id", "kind", "severity", "area_m2", "dz_mean_m", "dz_p95_m", "vol_net_m3", "vol_err_m3", "lod95_m")
 _FILLED_IN_LATER = ("slope_id", "route", "chain_from", "chain_to", "side", "reviewer")
 _OUTLINE = "boundary(buffer(buffer($geometry, 0.5, 4), -0.4, 4))"
@@ -60,6 +85,12 @@ mean [% format_number("dz_mean_m", 3) %] m, 95 % within [% format_number("dz_p95
 area [% format_number("area_m2", 1) %] m²,
 volume [% format_number("vol_net_m3", 2) %] ± [% format_number("vol_err_m3", 2) %] m³<br/>
 [% "epoch_from" %] to [% "epoch_to" %]"""
+
+
+_HAZARD_MAP_TIP = """<b>[% "zone_id" %]: [% "kind" %], confidence [% "confidence" %]</b><br/>
+mean probability [% format_number("probability", 2) %]<br/>
+[% format_number("height_med_m", 3) %] m over the trend, 95 % within [% format_number("height_p95_m", 3) %] m<br/>
+area [% format_number("area_m2", 1) %] m²"""
 
 
 def change_qml(limit: float, level: float | None = None) -> str:
@@ -97,6 +128,24 @@ def level_qml(limit: float) -> str:
 
 def zones_qml() -> str:
     """Style of the zones by kind and severity, labelled with their ids, with aliases, map tip and a review list."""
+    return _zones_qml("severity", ("high", "moderate", "low"), ALIASES, _READ_FIRST, _MAP_TIP)
+
+
+def hazards_qml() -> str:
+    """Style of the screening's zones by kind and confidence, otherwise as ``zones_qml``."""
+    return _zones_qml("confidence", ("high", "medium", "low"), HAZARD_ALIASES, _HAZARDS_READ_FIRST, _HAZARD_MAP_TIP)
+
+
+def probability_qml() -> str:
+    """Sequential style of a probability raster's first band, clear where nothing is likely."""
+    opaque = [0 if share == 0 else 255 for share, _ in SEQUENTIAL]
+    stops = [(s, colour, alpha, f"{100 * s:.0f} %") for (s, colour), alpha in zip(SEQUENTIAL, opaque, strict=True)]
+    return _raster_qml(stops, suffix="")
+
+
+def _zones_qml(
+    grade: str, grade_names: tuple[str, ...], aliases: dict[str, str], first: tuple[str, ...], tip: str
+) -> str:
     root = Element(
         "qgis",
         version=_VERSION,
@@ -109,7 +158,7 @@ def zones_qml() -> str:
         "renderer-v2",
         {
             "type": "categorizedSymbol",
-            "attr": 'concat("kind", \', \', "severity")',
+            "attr": f'concat("kind", \', \', "{grade}")',
             "enableorderby": "0",
             "forceraster": "0",
             "symbollevels": "0",
@@ -118,16 +167,17 @@ def zones_qml() -> str:
     )
     categories = SubElement(renderer, "categories")
     symbols = SubElement(renderer, "symbols")
-    grades = (("high", 4, 150, 0.4), ("moderate", 3, 110, 0.3), ("low", 2, 80, 0.2))
-    pairs = [(kind, *grade) for kind in ("subsidence", "uplift") for grade in grades]
-    for number, (kind, severity, stop, opacity, width) in enumerate(pairs):
+    looks = zip(grade_names, ((4, 150, 0.4), (3, 110, 0.3), (2, 80, 0.2)), strict=True)
+    pairs = [(kind, name, *look) for name, look in looks for kind in ("subsidence", "uplift")]
+    pairs.sort(key=lambda pair: pair[0])
+    for number, (kind, name, stop, opacity, width) in enumerate(pairs):
         low, high = DIVERGING[stop][1:], DIVERGING[-1][1:]
         arm = 0 if kind == "subsidence" else 1
         SubElement(
             categories,
             "category",
-            value=f"{kind}, {severity}",
-            label=f"{kind.capitalize()}, {severity}",
+            value=f"{kind}, {name}",
+            label=f"{kind.capitalize()}, {name}",
             symbol=str(number),
             render="true",
             type="string",
@@ -153,9 +203,9 @@ def zones_qml() -> str:
                 joinstyle="round",
             )
     _labels(root)
-    _table(root)
-    _forms(root)
-    SubElement(root, "mapTip", enabled="1").text = _MAP_TIP
+    _table(root, aliases, first)
+    _forms(root, aliases)
+    SubElement(root, "mapTip", enabled="1").text = tip
     SubElement(root, "layerGeometryType").text = "2"
     return _document(root)
 
@@ -168,7 +218,7 @@ def write_qml_beside(raster: Path, qml: str) -> Path:
     return path
 
 
-def _raster_qml(stops: list[tuple[float, Colour, int, str]]) -> str:
+def _raster_qml(stops: list[tuple[float, Colour, int, str]], *, suffix: str = " m") -> str:
     root = Element("qgis", version=_VERSION, styleCategories="Symbology")
     pipe = SubElement(root, "pipe")
     low, high = _number(stops[0][0]), _number(stops[-1][0])
@@ -196,7 +246,7 @@ def _raster_qml(stops: list[tuple[float, Colour, int, str]]) -> str:
     for value, colour, alpha, label in stops:
         SubElement(shader, "item", value=_number(value), color=hexadecimal(colour), alpha=str(alpha), label=label)
     # each stop in the legend: the continuous bar would name the two ends only
-    SubElement(shader, "rampLegendSettings", useContinuousLegend="0", suffix=" m")
+    SubElement(shader, "rampLegendSettings", useContinuousLegend="0", suffix=suffix)
     SubElement(root, "blendMode").text = "0"
     return _document(root)
 
@@ -230,16 +280,16 @@ def _labels(root: Element) -> None:
     SubElement(settings, "rendering", drawLabels="1", obstacle="1", scaleVisibility="0", labelPerPart="0")
 
 
-def _table(root: Element) -> None:
+def _table(root: Element, aliases: dict[str, str], first: tuple[str, ...]) -> None:
     """The attribute table begins with what is read first; what the analyst may fill in is hidden until then."""
     columns = SubElement(SubElement(root, "attributetableconfig", sortOrder="0"), "columns")
-    for field in [*_READ_FIRST, *(f for f in ALIASES if f not in _READ_FIRST)]:
+    for field in [*first, *(f for f in aliases if f not in first)]:
         hidden = "1" if field in _FILLED_IN_LATER else "0"
-        width = str(max(80, 30 + 7 * len(ALIASES[field])))  # pixels; QGIS itself cuts long headings
+        width = str(max(80, 30 + 7 * len(aliases[field])))  # pixels; QGIS itself cuts long headings
         SubElement(columns, "column", type="field", name=field, hidden=hidden, width=width)
 
 
-def _forms(root: Element) -> None:
+def _forms(root: Element, names: dict[str, str]) -> None:
     configuration = SubElement(root, "fieldConfiguration")
     widget = SubElement(SubElement(configuration, "field", name="review_status"), "editWidget", type="ValueMap")
     options = SubElement(SubElement(widget, "config"), "Option", type="Map")
@@ -248,7 +298,7 @@ def _forms(root: Element) -> None:
         entry = SubElement(choices, "Option", type="Map")
         SubElement(entry, "Option", type="QString", name=status.capitalize(), value=status)
     aliases = SubElement(root, "aliases")
-    for field, name in ALIASES.items():
+    for field, name in names.items():
         SubElement(aliases, "alias", field=field, name=name)
 
 

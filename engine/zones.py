@@ -118,7 +118,7 @@ def extract_zones(
         epochs: dates of both surveys; without them ``days`` and the rates are NULL.
     """
     parameters = parameters or ZoneParameters()
-    labels, first_cells, groups, cells = _label(dz, significant, grid, parameters)
+    labels, first_cells, groups, cells = label_groups(dz, significant, grid, parameters)
     count = len(first_cells)
     inside = np.flatnonzero(labels)
     zone = labels.ravel()[inside].astype(np.int64) - 1
@@ -136,9 +136,7 @@ def extract_zones(
         cell_area=grid.cell**2,
         registration_error=registration_error,
     )
-    values["slope_deg"] = (
-        np.full(count, np.nan) if heights is None else _inclination(zone, inside, count, heights, grid)
-    )
+    values["slope_deg"] = np.full(count, np.nan) if heights is None else inclination(zone, inside, count, heights, grid)
     values["severity"] = _severity(values["dz_p95_m"], parameters)
     _add_rates(values, epochs)
     texts = {"method": method, "run_id": run_id, "review_status": "unreviewed"}
@@ -155,8 +153,8 @@ def extract_zones(
     values = {name: column[order] for name, column in values.items()}
     values["zone_id"] = np.array([f"Z{i:03d}" for i in range(1, count + 1)], dtype=object)
     frame = gpd.GeoDataFrame(
-        {name: _column(values.get(name), kind, count) for name, kind in FIELDS.items()},
-        geometry=_polygons(labels, count, grid),
+        {name: table_column(values.get(name), kind, count) for name, kind in FIELDS.items()},
+        geometry=cell_polygons(labels, count, grid),
         crs=horizontal(crs),
     )
     return Zones(frame=frame, labels=labels, dropped_groups=groups, dropped_cells=cells)
@@ -169,7 +167,7 @@ def horizontal(crs: CRS | None) -> CRS | None:
     return crs
 
 
-def _label(
+def label_groups(
     dz: NDArray[np.floating], significant: NDArray[np.bool_], grid: Grid, parameters: ZoneParameters
 ) -> tuple[NDArray[np.int32], NDArray[np.int64], int, int]:
     """Labels 1..n of the groups that are large enough, first cell of each, and groups and cells that were not."""
@@ -262,7 +260,7 @@ def _quantile(ordered: Float, cells: NDArray[np.int64], share: float) -> Float:
     return ordered[starts + low] + (position - low) * (ordered[starts + high] - ordered[starts + low])
 
 
-def _inclination(
+def inclination(
     zone: NDArray[np.int64], inside: NDArray[np.int64], count: int, heights: NDArray[np.floating], grid: Grid
 ) -> Float:
     """Degrees to the horizontal of the least-squares plane through each zone's heights; NaN where there is none."""
@@ -302,7 +300,7 @@ def _add_rates(values: dict[str, NDArray], epochs: tuple[date | None, date | Non
     values["rate_err"] = values["vol_err_m3"] / values["area_m2"] * 1000.0 / days
 
 
-def _polygons(labels: NDArray[np.int32], count: int, grid: Grid) -> NDArray[np.object_]:
+def cell_polygons(labels: NDArray[np.int32], count: int, grid: Grid) -> NDArray[np.object_]:
     """One MultiPolygon a label, along the cells' edges.
 
     The parts are traced through edges only: a ring traced through corners would touch itself, which is not valid.
@@ -325,7 +323,7 @@ def _polygons(labels: NDArray[np.int32], count: int, grid: Grid) -> NDArray[np.o
     return shapely.multipolygons(parts[order], indices=np.array(owners)[order])
 
 
-def _column(values: NDArray | None, kind: str, count: int) -> pd.Series:
+def table_column(values: NDArray | None, kind: str, count: int) -> pd.Series:
     if kind == "text":
         return pd.Series(np.full(count, "", dtype=object) if values is None else values, dtype=object)
     if kind == "integer":
