@@ -26,11 +26,30 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # ITU-R BT.70
 
 
 @dataclass(frozen=True)
+class Words:
+    """What a map says of itself; an elevation change by default.
+
+    ``low`` and ``high`` name the legend's ends, ``veil`` and ``outline`` the keys; ``notes`` stand below the title,
+    those of a change where they are empty. ``signed``: whether the legend's numbers have a sign.
+    """
+
+    title: str = "Elevation change"
+    legend: str = "Elevation change (m)"
+    low: str = "lowered"
+    high: str = "raised"
+    veil: tuple[str, str] = ("grey veil: measured, but", "below the level of detection")
+    outline: str = "hazard zone"
+    notes: str = ""
+    signed: bool = True
+
+
+@dataclass(frozen=True)
 class Heatmap:
     """``rgba`` uint8 (rows, columns, 4) on ``grid``; the colours run from ``-limit`` to ``+limit`` metres.
 
     ``level`` is the median level of detection in metres, NaN if there is none; ``opacity`` that of the change and
-    ``backdrop`` the mean lightness (0 to 255) of what it lies on, for a legend in the map's own colours.
+    ``backdrop`` the mean lightness (0 to 255) of what it lies on, for a legend in the map's own colours. ``words`` are
+    what the map says.
     """
 
     rgba: NDArray[np.uint8]
@@ -40,6 +59,7 @@ class Heatmap:
     opacity: float
     backdrop: float
     significant_cells: int
+    words: Words = Words()
 
 
 def write_heatmap(

@@ -105,7 +105,7 @@ def make_figure(
 
     outlined = zones is not None and len(zones) > 0
     blocks = (
-        (lines(_title(epochs, name), _TITLE, "bold"), _TITLE, "bold", _TITLE_LINE),
+        (lines(_title(heatmap.words.title, epochs, name), _TITLE, "bold"), _TITLE, "bold", _TITLE_LINE),
         (lines(_notes(heatmap, zones), BODY, "normal"), BODY, "normal", _NOTE_LINE),
     )
     header = 0.3 + sum(len(texts) * step for texts, _, _, step in blocks)
@@ -164,13 +164,15 @@ def shrunk(rgba: NDArray[np.uint8], longest: int) -> tuple[NDArray[np.uint8], in
     return np.rint(total).astype(np.uint8), factor
 
 
-def _title(epochs: tuple[str, str], name: str) -> str:
+def _title(what: str, epochs: tuple[str, str], name: str) -> str:
     # spaces that do not break keep both on one line
     dates = f"{epochs[0]}\u00a0to\u00a0{epochs[1]}" if all(epochs) else ""
-    return ", ".join(part for part in ("Elevation change", name, dates) if part)
+    return ", ".join(part for part in (what, name, dates) if part)
 
 
 def _notes(heatmap: Heatmap, zones: gpd.GeoDataFrame | None) -> str:
+    if heatmap.words.notes:
+        return heatmap.words.notes
     level = f" (median\u00a0{heatmap.level:.3f}\u00a0m)" if math.isfinite(heatmap.level) else ""
     if not heatmap.significant_cells:
         return f"No change above the level of detection{level}."

@@ -106,7 +106,7 @@ def draw_north(sheet: Sheet, x: float, y: float) -> None:
 
 def draw_legend(sheet: Sheet, box: tuple[float, float, float, float], heatmap: Heatmap, *, vertical: bool) -> None:
     """Colour bar in ``box`` (x, y, width, height), centred on zero; grey where change is below the median level."""
-    limit, level, backdrop = heatmap.limit, heatmap.level, heatmap.backdrop
+    limit, level, backdrop, words = heatmap.limit, heatmap.level, heatmap.backdrop, heatmap.words
     x, y, width, height = box
     axes = sheet.axes(*box)
     axes.set_label("legend")
@@ -127,19 +127,20 @@ def draw_legend(sheet: Sheet, box: tuple[float, float, float, float], heatmap: H
         spine.set_linewidth(0.6)
         spine.set_color(INK)
     for share in (-1.0, -0.5, 0.0, 0.5, 1.0):
-        label = f"{share * limit:+.4g}".replace("-", "−") if share else "0"
+        value = share * limit if words.signed else abs(share * limit)
+        label = f"{value:{'+' if words.signed else ''}.4g}".replace("-", "−") if share else "0"
         if vertical:
             sheet.text(x + width + 0.08, y + height * (share + 1) / 2, label)
         else:
             sheet.text(x + width * (share + 1) / 2, y - 0.12, label, ha="center")
     if vertical:
-        sheet.text(x, y + height + 0.36, "Elevation change (m)", BODY)
-        sheet.text(x, y + height + 0.15, "raised", SMALL)
-        sheet.text(x, y - 0.15, "lowered", SMALL)
+        sheet.text(x, y + height + 0.36, words.legend, BODY)
+        sheet.text(x, y + height + 0.15, words.high, SMALL)
+        sheet.text(x, y - 0.15, words.low, SMALL)
     else:
-        sheet.text(x + width / 2, y + height + 0.14, "Elevation change (m)", BODY, ha="center")
-        sheet.text(x, y + height + 0.14, "lowered", SMALL)
-        sheet.text(x + width, y + height + 0.14, "raised", SMALL, ha="right")
+        sheet.text(x + width / 2, y + height + 0.14, words.legend, BODY, ha="center")
+        sheet.text(x, y + height + 0.14, words.low, SMALL)
+        sheet.text(x + width, y + height + 0.14, words.high, SMALL, ha="right")
 
 
 def draw_keys(sheet: Sheet, x: float, y: float, heatmap: Heatmap, *, outlines: bool) -> None:
@@ -147,9 +148,9 @@ def draw_keys(sheet: Sheet, x: float, y: float, heatmap: Heatmap, *, outlines: b
     grey = veiled(heatmap.backdrop, heatmap.opacity) / 255.0
     axes = sheet.canvas(x, y - 0.07, 0.24, 0.14)
     axes.add_patch(Rectangle((0, 0), 0.24, 0.14, facecolor=(grey, grey, grey), edgecolor="none", clip_on=False))
-    sheet.text(x + 0.32, y + 0.075, "grey veil: measured, but")
-    sheet.text(x + 0.32, y - 0.075, "below the level of detection")
+    sheet.text(x + 0.32, y + 0.075, heatmap.words.veil[0])
+    sheet.text(x + 0.32, y - 0.075, heatmap.words.veil[1])
     if outlines:
         axes = sheet.canvas(x, y - 0.41, 0.24, 0.14)
         axes.add_patch(Rectangle((0, 0), 0.24, 0.14, facecolor="none", edgecolor=INK, lw=1.0, clip_on=False))
-        sheet.text(x + 0.32, y - 0.34, "hazard zone")
+        sheet.text(x + 0.32, y - 0.34, heatmap.words.outline)

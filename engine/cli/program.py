@@ -11,6 +11,7 @@ from ..errors import InputError
 from ..version import VERSION
 from .commands import change, check, ground, info, inspect, register
 from .reporting import error_event
+from .screen import screen
 from .simulate import simulate
 
 
@@ -36,5 +37,5 @@ def cli() -> None:
     """
 
 
-for subcommand in (inspect, ground, register, change, info, simulate, check):
+for subcommand in (inspect, ground, register, change, screen, info, simulate, check):
     cli.add_command(subcommand)

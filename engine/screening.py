@@ -1,0 +1,191 @@
+"""Screening of one survey: which ground is raised or lowered against the slope around it.
+
+The cloud is averaged in voxels, which is all that is held of it (see ``models.streaming``); the network, or a threshold
+without learning, gives each voxel its probabilities, and a point has those of its voxel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .clouds import PointCloud
+from .hazard_zones import BACKGROUND, Hazards, most_probable, outline_hazards
+from .parameters import ScreeningParameters
+from .plane import Plane, apply_matrix
+from .preflight import shown
+from .progress import Progress
+from .screening_checks import Suitability, measure, refuse_unsuitable
+from .screening_model import ScreeningModel, memory_told
+
+if TYPE_CHECKING:
+    from ..models.voxel_sums import SparseVoxels
+
+Float = NDArray[np.float64]
+TREND = (4.0, 4.0)
+"""Reach (m) along and up the slope of the trend that heights are told over."""
+
+
+class GroundPoints(Protocol):
+    """Points to be screened, wherever they are.
+
+    ``name`` is the cloud's, for messages. ``classified`` (are there points of class 2?) and ``bare`` (are all these
+    known to be ground?) are asked for after the first reading.
+    """
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def classified(self) -> bool: ...
+
+    @property
+    def bare(self) -> bool: ...
+
+    def parts(self) -> Iterable[Float]:
+        """The points (n, 3) in map coordinates, m, part by part; the same at each call."""
+        ...
+
+
+@dataclass(frozen=True)
+class Screening:
+    """What was found, voxel by voxel.
+
+    ``points`` (m, 3) are the voxels' averages in map coordinates, m, and ``count`` (m,) their points; ``probabilities``
+    (m, 3) of background, uplift and subsidence; ``labels`` (m,); ``heights`` (m,) over the trend, m, square to the
+    slope's plane. ``model`` are facts about what labelled them; ``ground_points`` how many points were screened.
+    """
+
+    points: Float
+    count: NDArray[np.int64]
+    probabilities: NDArray[np.float32]
+    labels: NDArray[np.uint8]
+    heights: NDArray[np.float32]
+    voxels: SparseVoxels
+    plane: Plane
+    suitability: Suitability
+    model: dict[str, Any]
+    ground_points: int
+
+    @property
+    def own_probability(self) -> NDArray[np.float32]:
+        """(m,) probability of each voxel's own label."""
+        return self.probabilities[np.arange(len(self.labels)), self.labels]
+
+    def at(self, xyz: Float) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """Label and its probability of points (n, 3); both 0 where nothing was screened."""
+        place = self.voxels.lookup(xyz)
+        labels, probability = self.labels[place], self.own_probability[place]
+        labels[place < 0], probability[place < 0] = BACKGROUND, 0.0
+        return labels, probability
+
+
+def screen_cloud(
+    cloud: PointCloud,
+    parameters: ScreeningParameters | None = None,
+    *,
+    run_id: str = "",
+    progress: Progress | None = None,
+) -> tuple[Screening, Hazards]:
+    """Screen a ground cloud in memory.
+
+    Args:
+        cloud: ground points; ``ground`` class_2 takes those of class 2, extract is not for here.
+
+    Returns:
+        The screening, and its rasters and zones (``Hazards.frame``).
+
+    Raises:
+        InputError: see ``screen_points``.
+        EngineError: memory ran out.
+    """
+    parameters, progress = parameters or ScreeningParameters(), progress or Progress()
+    with progress.stage(0.0, 0.95, "screening"):
+        screening = screen_points(_InMemory(cloud, parameters.ground), parameters, progress)
+    with progress.stage(0.95, 1.0, "outlining zones"):
+        hazards = outline_hazards(screening, cloud.crs, parameters, run_id=run_id)
+    return screening, hazards
+
+
+class _InMemory:
+    def __init__(self, cloud: PointCloud, ground: str) -> None:
+        labels = cloud.classification
+        is_ground = np.zeros(len(cloud), dtype=bool) if labels is None else labels == 2
+        self.name = shown(cloud.path)
+        self.xyz = cloud.xyz[is_ground] if ground == "class_2" else cloud.xyz
+        self.classified = bool(is_ground.any())
+        self.bare = self.classified and (ground == "class_2" or bool(is_ground.all()))
+
+    def parts(self) -> Iterable[Float]:
+        yield self.xyz
+
+
+def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progress: Progress | None = None) -> Screening:
+    """Screen ground points that are read in parts, twice.
+
+    Raises:
+        InputError: too few points; coordinates that are not numbers; not one slope, or not its bare ground, or of
+            another density than the network was made for; torch or the weights are missing.
+        EngineError: memory ran out.
+    """
+    from ..models.baseline import residual_configuration, residual_memberships
+    from ..models.streaming import prepare_parts, sample_parts
+    from ..models.trends import residual_heights
+
+    progress = progress or Progress()
+    model = ScreeningModel(parameters) if parameters.screening_method == "network" else None
+    configuration = residual_configuration(TREND) if model is None else model.configuration
+    with memory_told():
+        with progress.stage(0.0, 0.15, "reading"):
+            sample = sample_parts(ground.parts)
+        with progress.stage(0.15, 0.2, "checking the slope"):
+            suitability, plane = _measured(sample.xyz, sample.points / len(sample.xyz), configuration)
+            refuse_unsuitable(
+                suitability,
+                parameters,
+                ground.name,
+                density=None if model is None else configuration.density,
+                classified=ground.classified,
+                bare=ground.bare,
+                progress=progress,
+            )
+        with progress.stage(0.2, 0.4, "averaging in voxels"):
+            cloud, voxels = prepare_parts(ground.parts, sample, configuration)
+        if TREND in configuration.trends:
+            heights = cloud.residuals[:, configuration.trends.index(TREND)]
+        else:
+            heights = residual_heights(cloud.voxels.points, *TREND).astype(np.float32)
+        with progress.stage(0.4, 1.0, "screening"):
+            if model is None:
+                probabilities = residual_memberships(heights, parameters.residual_threshold)
+                facts: dict[str, Any] = {"name": "residual"}
+            else:
+                probabilities, facts = model.probabilities(cloud, progress), model.facts()
+        labels = most_probable(probabilities, parameters.minimum_probability)
+        return Screening(
+            points=apply_matrix(_inverse(cloud.matrix), cloud.voxels.points),
+            count=cloud.voxels.count,
+            probabilities=probabilities,
+            labels=labels,
+            heights=heights,
+            voxels=voxels,
+            plane=plane,
+            suitability=suitability,
+            model=facts,
+            ground_points=sample.points,
+        )
+
+
+def _measured(xyz: Float, thinned: float, configuration: Any) -> tuple[Suitability, Plane]:
+    from ..models.preparation import flat_frame
+
+    plane, matrix = flat_frame(xyz, configuration)
+    return measure(xyz, apply_matrix(matrix, xyz), plane, thinned), plane
+
+
+def _inverse(matrix: Float) -> Float:
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)

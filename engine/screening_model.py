@@ -1,0 +1,129 @@
+"""The network behind screening: found, checked and run; torch is imported only when it is asked for."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import EngineError, InputError
+from .parameters import ScreeningParameters
+from .progress import Progress
+
+if TYPE_CHECKING:
+    import torch
+
+    from ..models.configuration import ModelConfiguration
+    from ..models.preparation import PreparedCloud
+    from ..models.weights import ModelFile
+
+_OUT_OF_MEMORY = ("not enough memory", "can't allocate memory", "out of memory")
+"""What torch says where it raises a plain RuntimeError."""
+
+
+class ScreeningModel:
+    """A network ready to run, as the parameters ask for it.
+
+    Raises:
+        InputError: torch is missing; the weights are missing, pickled or not what their checksum says; there is no
+            graphics card where one is asked for.
+    """
+
+    def __init__(self, parameters: ScreeningParameters) -> None:
+        require_torch()
+        from ..models.network import fold_normalisation
+        from ..models.shipped import shipped_model
+        from ..models.weights import load_model
+
+        self.device = _device(parameters.device)
+        if parameters.weights:
+            self.path, pin = Path(parameters.weights), None
+        else:
+            self.path, pin = shipped_model()
+        self.file: ModelFile = load_model(self.path, pin)
+        self.network = fold_normalisation(self.file.network).to(self.device)
+        self.rotations = parameters.rotations
+        self.threads = parameters.threads or os.cpu_count() or 1
+
+    @property
+    def configuration(self) -> ModelConfiguration:
+        return self.file.configuration
+
+    def facts(self) -> dict[str, Any]:
+        """What the run record says of the model."""
+        import torch
+
+        return {
+            "name": self.configuration.name,
+            "sha256": self.file.sha256,
+            "parameters": self.file.metadata.get("parameters"),
+            "simulator_version": self.file.metadata.get("simulator_version"),
+            "device": str(self.device),
+            "threads": self.threads,
+            "torch": torch.__version__,
+        }
+
+    def probabilities(self, cloud: PreparedCloud, progress: Progress) -> NDArray[np.float32]:
+        """(m, 3) of a prepared cloud's voxels.
+
+        Raises:
+            EngineError: memory ran out.
+        """
+        from ..models.prediction import predict_voxels
+
+        with memory_told():
+            found, _ = predict_voxels(
+                self.network,
+                cloud,
+                rotations=self.rotations,
+                threads=self.threads,
+                device=self.device,
+                progress=progress,
+            )
+        return found
+
+
+def require_torch() -> None:
+    """Raise InputError, with what to do, where torch or safetensors cannot be imported."""
+    for name in ("torch", "safetensors"):
+        try:
+            __import__(name)
+        except (ImportError, OSError) as error:
+            raise InputError(
+                f"Screening with the network needs the Python library {name}, which cannot be imported ({error}); "
+                "install slopewatch[screening] in the engine's environment, or use --method residual."
+            ) from error
+
+
+@contextmanager
+def memory_told() -> Iterator[None]:
+    """Turn every way of running out of memory into one sentence."""
+    try:
+        yield
+    except MemoryError as error:
+        raise _no_memory() from error
+    except RuntimeError as error:
+        if type(error).__name__ == "OutOfMemoryError" or any(t in str(error).lower() for t in _OUT_OF_MEMORY):
+            raise _no_memory() from error
+        raise
+
+
+def _no_memory() -> EngineError:
+    return EngineError(
+        "Memory ran out while screening; give fewer --threads, --device cpu, or cut the cloud with --roi."
+    )
+
+
+def _device(name: str) -> torch.device:
+    import torch
+
+    if name == "cpu" or (name == "auto" and not torch.cuda.is_available()):
+        return torch.device("cpu")
+    if not torch.cuda.is_available():
+        raise InputError("No graphics card can be used by torch here; use --device cpu.")
+    return torch.device("cuda")
