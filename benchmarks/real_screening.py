@@ -15,6 +15,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import laspy
 import numpy as np
@@ -31,6 +32,9 @@ from ..models.trends import residual_heights
 from ..simulation.known_hazards import KnownHazards, Site, put_hazards, room_for
 from .own_relief import own_relief
 from .table import Row, heading, markdown
+
+if TYPE_CHECKING:
+    from ..models.weights import ModelFile
 
 TILES = Path(__file__).resolve().parents[2] / "shared" / "data" / "real" / "ign_tiles"
 AMPLITUDES = (0.15, 0.30, 0.50)
@@ -229,7 +233,7 @@ def screenings(weights: Path | None = None) -> dict[str, Screening]:
     return found
 
 
-def _model(weights: Path | None):
+def _model(weights: Path | None) -> ModelFile | None:
     """What is loaded; None where this checkout has no weights yet."""
     from ..models.weights import load_model
 

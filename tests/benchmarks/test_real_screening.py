@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from slopewatch.benchmarks.own_relief import OwnRelief, fitted_height, own_relief
-from slopewatch.benchmarks.real_screening import RealGround, main, recall, shown_zones, trials
+from slopewatch.benchmarks.real_screening import RealGround, main, recall, screenings, shown_zones, trials
+from slopewatch.benchmarks.screening_picture import draw
 from slopewatch.engine.errors import InputError
+from slopewatch.simulation.known_hazards import put_hazards
 
 DIP = np.radians(30.0)
 NORMAL = np.array([0.0, -np.sin(DIP), np.cos(DIP)])
@@ -106,6 +108,44 @@ def test_told_apart_is_what_normal_heights_say():
     heights = np.random.default_rng(1).normal(0, 0.15, 200_000)
     assert OwnRelief(3.0, heights).spread == pytest.approx(0.15, rel=0.02)
     assert OwnRelief(3.0, heights).told(0.30, 0.1) == pytest.approx(0.639, abs=0.01)
+
+
+def test_the_network_screens_with_the_weights_given(even, tmp_path):
+    """A network of random weights, beside its own prediction."""
+    torch = pytest.importorskip("torch")
+    from slopewatch.models.configuration import SMOKE
+    from slopewatch.models.network import RandLANet
+    from slopewatch.models.prediction import predict
+    from slopewatch.models.weights import save_model
+
+    torch.manual_seed(3)
+    network = RandLANet(SMOKE).eval()
+    save_model(tmp_path / "random.safetensors", network, {}, {})
+    found = screenings(tmp_path / "random.safetensors")
+    assert list(found) == ["network", "residual"]
+    assert found["network"](even) == pytest.approx(predict(network, even).probabilities, abs=1e-6)
+
+
+def test_the_picture_shows_hazards_put_in_and_zones_where_they_are(even, tmp_path):
+    image = pytest.importorskip("matplotlib.image")
+    scene = put_hazards(even, [(0.3, 3.0)], 1)
+    ground = RealGround.of("even", scene.xyz, "simulated")
+    pictures = []
+    for name, classes, truth in (
+        ("none", np.zeros_like(scene.label), None),
+        ("truth", np.zeros_like(scene.label), scene),
+        ("found", scene.label, None),
+    ):
+        probabilities = as_probabilities(classes)
+        draw(tmp_path / f"{name}.png", ground, probabilities, shown_zones(ground, probabilities), truth)
+        pictures.append(image.imread(tmp_path / f"{name}.png")[..., :3])
+    red = [np.argwhere((p[..., 0] > 0.6) & (p[..., 1] < 0.3) & (p[..., 2] < 0.3)) for p in pictures]
+    assert len(red[0]) == 0
+    # the points found lie within the outline of what was put in (line widths and markers beyond by some pixels)
+    assert len(red[1]) > 100
+    assert len(red[2]) > 100
+    assert np.all(red[2].min(axis=0) >= red[1].min(axis=0) - 8)
+    assert np.all(red[2].max(axis=0) <= red[1].max(axis=0) + 8)
 
 
 def test_weights_that_are_not_there_are_refused(tmp_path):
