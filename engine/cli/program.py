@@ -13,6 +13,7 @@ from .commands import change, check, ground, info, inspect, register
 from .reporting import error_event
 from .screen import screen
 from .simulate import simulate
+from .train import train
 
 
 class _Program(click.Group):
@@ -37,5 +38,5 @@ def cli() -> None:
     """
 
 
-for subcommand in (inspect, ground, register, change, screen, info, simulate, check):
+for subcommand in (inspect, ground, register, change, screen, info, train, simulate, check):
     cli.add_command(subcommand)

@@ -46,9 +46,11 @@ def test_values_that_are_no_whole_number_are_refused(value):
 
 
 def test_names_are_unique_over_all_groups_that_share_a_command():
-    alone = ("SurveyParameters", "ScenesParameters")  # each the only group of its command
+    alone = ("SurveyParameters", "ScenesParameters", "FineTuneParameters")  # each in a command of its own
     names = [s.name for g in GROUPS if g.__name__ not in alone for s in g.specifications()]
     assert len(names) == len(set(names))
+    shared = [s.name for g in (parameters.InputParameters, parameters.FineTuneParameters) for s in g.specifications()]
+    assert len(shared) == len(set(shared))
 
 
 def test_paper_profile_holds_the_published_settings():
