@@ -184,9 +184,10 @@ class _Run:
         scores = LabelScores(start=np.zeros((len(CLASSES),) * 2, dtype=np.int64) if self.start else None)
         kept: list[tuple[NDArray[np.floating], NDArray[np.uint8]]] = []
         with self.progress.stage(low + 0.8 * (high - low), high, f"scoring {told}"):
-            for number in fold.test:
+            for place_in_fold, number in enumerate(fold.test):
                 cloud = self.clouds[number]
                 labels, known = cloud.labels[cloud.known], cloud.known
+                self.progress.update(place_in_fold / len(fold.test), f"scoring {cloud.name}")
                 found = self._predict(network, cloud)[known]
                 scores.add_points(labels, found)
                 if self.start and scores.start is not None:
