@@ -19,7 +19,7 @@ _WORDS = Words(
     legend="Probability of the class",
     low="subsidence",
     high="uplift",
-    veil=("grey veil: screened,", "neither class is likely"),
+    veil=("grey veil: screened,", "labelled background"),
     signed=False,
 )
 

@@ -128,7 +128,8 @@ def most_probable(probabilities: NDArray[np.floating], least: float) -> NDArray[
 
 
 def _grid(points: Float, cell: float) -> Grid:
-    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+    # a little wider to the east and north: cell_index rounds a point that nearly touches a cell's edge into that cell
+    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0) + 1e-5 * cell
     grid = snapped_grid((float(low[0]), float(low[1]), float(high[0]), float(high[1])), cell)
     if grid.rows * grid.columns > _MOST_CELLS:
         raise InputError(

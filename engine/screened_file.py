@@ -139,7 +139,7 @@ class ScreenedFile:
             first, last = np.searchsorted(self._listed, [start, start + len(xyz)])
             mask[self._listed[first:last].astype(np.int64) - start] = True
         if self._roi is not None:
-            mask[mask] = shapely.contains_xy(self._roi.geometry, xyz[mask, 0], xyz[mask, 1])
+            mask[mask] = shapely.intersects_xy(self._roi.geometry, xyz[mask, 0], xyz[mask, 1])
         return mask
 
     def _xyz(self, records: NDArray[np.void]) -> Float:

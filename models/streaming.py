@@ -33,13 +33,13 @@ class Sample:
     points: int
 
 
-def sample_parts(parts: Parts, limit: int = SAMPLE) -> Sample:
+def sample_parts(parts: Parts) -> Sample:
     """A sample of a cloud.
 
     Raises:
         InputError: too few points, or coordinates that are not numbers.
     """
-    thinning = Thinning(limit)
+    thinning = Thinning(SAMPLE)
     for xyz in parts():
         if not np.isfinite(xyz).all():
             raise InputError("Some of the cloud's coordinates are not numbers; repair the file or remove these points.")

@@ -20,6 +20,8 @@ _UNIT = 1e-6
 """Metres of the whole numbers that are added up."""
 _BITS = 21
 _HALF = 1 << (_BITS - 1)
+_WAITING = 200_000
+"""Rows that wait at least before they are merged."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ class VoxelSums:
         key, within = _keys(self.matrix, self.size, xyz)
         self._waiting.append(_Sums(key, within, np.ones(len(key), dtype=np.int64)).combined())
         # Merging only what has grown as large as all before keeps the work linear.
-        if sum(len(part.keys) for part in self._waiting) > max(len(self._merged.keys), 500_000):
+        if sum(len(part.keys) for part in self._waiting) > max(len(self._merged.keys), _WAITING):
             self._merge()
 
     def finish(self) -> SparseVoxels:
