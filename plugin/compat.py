@@ -29,6 +29,7 @@ _NAMES: dict[str, tuple[str, str, type, str, str]] = {
     "ADVANCED": ("ProcessingParameterFlag", "Advanced", QgsProcessingParameterDefinition, "Flag", "FlagAdvanced"),
     "POLYGON": ("ProcessingSourceType", "VectorPolygon", QgsProcessing, "SourceType", "TypeVectorPolygon"),
     "FILE": ("ProcessingFileParameterBehavior", "File", QgsProcessingParameterFile, "Behavior", "File"),
+    "FILES": ("ProcessingSourceType", "File", QgsProcessing, "SourceType", "TypeFile"),
     "DATE": ("ProcessingDateTimeParameterDataType", "Date", QgsProcessingParameterDateTime, "Type", "Date"),
 }
 
@@ -37,4 +38,5 @@ DOUBLE = _member(*_NAMES["DOUBLE"])
 ADVANCED = _member(*_NAMES["ADVANCED"])
 POLYGON = _member(*_NAMES["POLYGON"])
 FILE = _member(*_NAMES["FILE"])
+FILES = _member(*_NAMES["FILES"])
 DATE = _member(*_NAMES["DATE"])

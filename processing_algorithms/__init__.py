@@ -7,6 +7,7 @@ from .inspectslope import InspectSlope
 from .registerepochs import RegisterEpochs
 from .simulatescenes import SimulateScenes
 from .simulatesurvey import SimulateSurvey
+from .trainmodel import TrainModel
 
 ALGORITHMS = (
     InspectSlope,
@@ -15,5 +16,6 @@ ALGORITHMS = (
     ElevationChange,
     SimulateSurvey,
     SimulateScenes,
+    TrainModel,
     CheckEnvironment,
 )

@@ -19,6 +19,7 @@ from slopewatch.processing_algorithms.extractground import ExtractGround
 from slopewatch.processing_algorithms.inspectslope import InspectSlope
 from slopewatch.processing_algorithms.registerepochs import RegisterEpochs
 from slopewatch.processing_algorithms.simulatescenes import SimulateScenes
+from slopewatch.processing_algorithms.trainmodel import TrainModel
 from slopewatch.tests.qgis_support import QgisProcess, engine_python, processes_with, wait_until
 
 SMALL = {"POINTS": 60000, "LENGTH": 24, "HEIGHT": 10, "VEGETATION": 0.4}
@@ -259,3 +260,23 @@ class TestRuns:
         assert results["SHARE_BACKGROUND"] + results["SHARE_UPLIFT"] + results["SHARE_SUBSIDENCE"] == pytest.approx(
             1, abs=0.001
         )
+
+    def test_training(self, qgis_process: QgisProcess, tmp_path: Path) -> None:
+        python = engine_python()
+        if subprocess.run([python, "-c", "import torch, safetensors"], capture_output=True, check=False).returncode:
+            pytest.skip("torch and safetensors are not installed; install slopewatch[screening]")
+        scenes = tmp_path / "scenes"
+        small = ["--count", "2", "--area", "200", "--density", "20", "--no-picture", "--output-dir", str(scenes)]
+        subprocess.run([python, "-m", "slopewatch.engine.cli", "simulate", "scenes", *small], check=True)
+        clouds = sorted(map(str, scenes.glob("*.laz")))
+        given = ["--DIMENSION=truth_class", "--START=none", "--NETWORK=smoke", "--STEPS=2", "--THREADS=1"]
+        done = qgis_process(
+            "--json", "run", "slopewatch:trainmodel", *(f"--CLOUDS={cloud}" for cloud in clouds), *given,
+            f"--OUTPUT_FOLDER={tmp_path / 'out'}",
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr[-3000:]
+        results = json.loads(done.stdout)["results"]
+        assert set(TrainModel.NUMBERS) - {"START_MEAN_IOU"} | set(TrainModel.FILES) <= set(results)
+        description = json.loads(Path(results["DESCRIPTION"]).read_text())
+        assert [file["name"] for file in description["training"]["files"]] == [Path(cloud).name for cloud in clouds]
+        assert results["MEAN_IOU"] == pytest.approx(description["metrics"]["cross_validation"]["mean_iou"])

@@ -30,6 +30,7 @@ from slopewatch.processing_algorithms.extractground import ExtractGround
 from slopewatch.processing_algorithms.inspectslope import InspectSlope
 from slopewatch.processing_algorithms.registerepochs import RegisterEpochs
 from slopewatch.processing_algorithms.simulatesurvey import SimulateSurvey
+from slopewatch.processing_algorithms.trainmodel import TrainModel
 from slopewatch.tests.qgis_support import Recorder
 
 pytestmark = pytest.mark.usefixtures("qgis_app")
@@ -271,3 +272,17 @@ def test_figures_and_files_become_outputs(
     assert ok
     assert results == {"OUTPUT": str(output), "RUN_RECORD": str(record), "GROUND_POINTS": 12}
     assert json.loads(record.read_text())[1] == "ground"
+
+
+def test_training_takes_several_clouds_and_other_weights(tmp_path: Path) -> None:
+    areas = written(square("areas", 0), tmp_path / "areas.gpkg", "areas")
+    arguments = command(
+        TrainModel, CLOUDS=[FIRST, LATER], POLYGONS=str(areas), START="none", OUTSIDE="unknown", MINUTES=30,
+        START_WEIGHTS="/data/own.safetensors", OUTPUT_FOLDER="/out",
+    )  # fmt: skip
+    assert arguments == [
+        "train", FIRST, LATER, "--output-dir", "/out", "--polygons", str(areas), "--start", "none", "--outside",
+        "unknown", "--minutes", "30.0", "--start", "/data/own.safetensors",
+    ]  # fmt: skip
+    with pytest.raises(QgsProcessingException, match="CLOUDS is empty; give one or more labelled"):
+        command(TrainModel, CLOUDS=[], OUTPUT_FOLDER="/out")

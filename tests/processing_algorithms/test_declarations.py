@@ -47,6 +47,11 @@ FROZEN_PARAMETERS = {
         "OUTPUT_FOLDER", "ROI", "TRUTH_DZ",
     ],
     "simulatescenes": ["KIND", "COUNT", "SEED", "AREA", "DENSITY", "BENCHMARK", "PICTURE", "OUTPUT_FOLDER"],
+    "trainmodel": [
+        "CLOUDS", "POLYGONS", "START", "DIMENSION", "CLASSES", "CLASS_FIELD", "OUTSIDE", "STEPS", "MINUTES", "FOLDS",
+        "LEARNING_RATE", "BATCH", "NETWORK", "SEED", "DEVICE", "THREADS", "CRS", "HEIGHT_UNIT", "START_WEIGHTS",
+        "OUTPUT_FOLDER",
+    ],
     "checkenvironment": [],
 }  # fmt: skip
 FROZEN_GROUPS = {
@@ -56,6 +61,7 @@ FROZEN_GROUPS = {
     "elevationchange": "steps",
     "simulatesurvey": "tools",
     "simulatescenes": "tools",
+    "trainmodel": "tools",
     "checkenvironment": "tools",
 }
 CHANGE_OUTPUTS = [
@@ -80,6 +86,10 @@ FROZEN_OUTPUTS = {
         "SCENE", "HAZARDS", "MANIFEST", "PICTURE_FILE", "RUN_RECORD", "SCENES", "POINTS", "HAZARD_COUNT",
         "SHARE_BACKGROUND", "SHARE_UPLIFT", "SHARE_SUBSIDENCE", "OUTPUT_FOLDER",
     ],
+    "trainmodel": [
+        "WEIGHTS", "DESCRIPTION", "LOG", "REPORT", "RUN_RECORD", "LABELLED_POINTS", "FOLD_COUNT", "STEPS_DONE",
+        "OVERALL_ACCURACY", "MEAN_IOU", "MAJORITY_ACCURACY", "START_MEAN_IOU", "TEMPERATURE", "OUTPUT_FOLDER",
+    ],
     "checkenvironment": ["ENGINE", "PDAL", "VERSION"],
 }  # fmt: skip
 COMMANDS = {
@@ -89,6 +99,7 @@ COMMANDS = {
     "elevationchange": ["change"],
     "simulatesurvey": ["simulate", "survey"],
     "simulatescenes": ["simulate", "scenes"],
+    "trainmodel": ["train"],
     "checkenvironment": ["check"],
 }
 
