@@ -92,9 +92,14 @@ def declare_folder(algorithm: QgsProcessingAlgorithm, text: str) -> None:
     algorithm.addParameter(with_help(QgsProcessingParameterFolderDestination("OUTPUT_FOLDER", "Output folder"), text))
 
 
-def declare_products(algorithm: QgsProcessingAlgorithm, products: tuple[Product, ...]) -> None:
+def declare_products(
+    algorithm: QgsProcessingAlgorithm,
+    products: tuple[Product, ...],
+    place: str = "it is the file in the output folder; another path gets a copy",
+) -> None:
+    """Declare each product as a destination; ``place`` says where one is that is left temporary."""
     for product in products:
-        note = " Left temporary, it is the file in the output folder; another path gets a copy."
+        note = f" Left temporary, {place}."
         if product.layer:
             parameter = QgsProcessingParameterVectorDestination(
                 product.name, product.label, POLYGON, None, True, product.by_default
