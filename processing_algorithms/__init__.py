@@ -5,12 +5,14 @@ from .elevationchange import ElevationChange
 from .extractground import ExtractGround
 from .inspectslope import InspectSlope
 from .registerepochs import RegisterEpochs
+from .screenhazards import ScreenHazards
 from .simulatescenes import SimulateScenes
 from .simulatesurvey import SimulateSurvey
 from .trainmodel import TrainModel
 
 ALGORITHMS = (
     InspectSlope,
+    ScreenHazards,
     ExtractGround,
     RegisterEpochs,
     ElevationChange,

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from slopewatch.processing_algorithms import ALGORITHMS
 from slopewatch.scripts.screenshots import run_session
 from slopewatch.tests.qgis_support import QgisProcess, engine_python, processes_with
 
@@ -42,7 +43,7 @@ def test_the_session_ran_without_a_fault(session: dict[str, Any]) -> None:
 
 def test_the_toolbox_shows_the_algorithms(session: dict[str, Any]) -> None:
     assert "/SlopeWatch/Inspection/Inspect slope" in session["toolbox"]
-    assert len([entry for entry in session["toolbox"] if entry.count("/") == 3]) == 6
+    assert len([entry for entry in session["toolbox"] if entry.count("/") == 3]) == len(ALGORITHMS)
 
 
 def test_cancel_ends_the_engine_and_leaves_nothing(session: dict[str, Any]) -> None:

@@ -28,6 +28,11 @@ REGISTRATION = [
 CHANGE = ["CELL", "CELL_VALUE", "MINIMUM_POINTS", "CONFIDENCE", "REGISTRATION_ERROR", "MEMORY_LIMIT"]
 ZONES = ["MINIMUM_AREA", "MINIMUM_CELLS", "BRIDGED_GAP", "SEVERITY_MODERATE", "SEVERITY_HIGH"]
 HEATMAP = ["TOP_VIEW_PIXEL", "OPACITY", "COLOUR_RANGE"]
+SCREENING = [
+    "SCREENING_METHOD", "GROUND", "WEIGHTS", "ROTATIONS", "RESIDUAL_THRESHOLD", "MINIMUM_PROBABILITY",
+    "MINIMUM_HAZARD_AREA", "PROBABILITY_CELL", "WRITE_CLASSIFICATION", "MINIMUM_DIP", "MAXIMUM_DIP", "ANY_DENSITY",
+    "DEVICE", "THREADS",
+]  # fmt: skip
 PRODUCTS = [
     "OUTPUT_FOLDER", "ELEVATION_CHANGE", "LEVEL_OF_DETECTION", "SIGNIFICANT_CHANGE", "ZONES", "HEATMAP", "TOP_VIEW",
 ]  # fmt: skip
@@ -35,6 +40,9 @@ FROZEN_PARAMETERS = {
     "inspectslope": [
         "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "ROI", "PROFILE", "STABLE",
         *GROUND, *REGISTRATION, *CHANGE, *ZONES, *HEATMAP, *INPUT, *PRODUCTS,
+    ],
+    "screenhazards": [
+        "INPUT", "ROI", "PROFILE", *SCREENING, *GROUND, *INPUT, "OUTPUT", "ZONES", "PROBABILITY", "MAP",
     ],
     "extractground": ["INPUT", "ROI", "PROFILE", *GROUND, *INPUT, "OUTPUT"],
     "registerepochs": ["REFERENCE", "CLOUD", "STABLE", "PROFILE", *REGISTRATION, *INPUT, "OUTPUT", "TRANSFORM"],
@@ -56,6 +64,7 @@ FROZEN_PARAMETERS = {
 }  # fmt: skip
 FROZEN_GROUPS = {
     "inspectslope": "inspection",
+    "screenhazards": "inspection",
     "extractground": "steps",
     "registerepochs": "steps",
     "elevationchange": "steps",
@@ -72,6 +81,10 @@ REGISTRATION_OUTPUTS = ["SHIFT_X", "SHIFT_Y", "SHIFT_Z", "STABLE_SHARE", "REGIST
 FROZEN_OUTPUTS = {
     "inspectslope": [
         *CHANGE_OUTPUTS, *REGISTRATION_OUTPUTS, "TRANSFORM_FILE", "REFERENCE_GROUND", "REGISTERED_GROUND",
+    ],
+    "screenhazards": [
+        "ZONE_COUNT", "ZONE_AREA", "UPLIFT_ZONES", "SUBSIDENCE_ZONES", "GROUND_POINTS", "DENSITY", "DIP", "RUN_RECORD",
+        "OUTPUT", "ZONES", "PROBABILITY", "MAP",
     ],
     "extractground": [
         "RAW_POINTS", "RAW_AREA", "RAW_DENSITY", "ROI_POINTS", "ROI_AREA", "ROI_DENSITY", "GROUND_POINTS",
@@ -94,6 +107,7 @@ FROZEN_OUTPUTS = {
 }  # fmt: skip
 COMMANDS = {
     "inspectslope": ["inspect"],
+    "screenhazards": ["screen"],
     "extractground": ["ground"],
     "registerepochs": ["register"],
     "elevationchange": ["change"],
@@ -173,7 +187,7 @@ def test_the_dialog_has_the_engines_parameters(algorithm: SlopeWatchAlgorithm) -
                 assert parameter.maximum() == s.maximum
             decimals = parameter.metadata().get("widget_wrapper", {}).get("decimals", 0)
             assert round(s.default, decimals) == s.default, f"{s.name}: the field would round the default"
-        if algorithm.name() not in ("inspectslope", "simulatesurvey"):
+        if algorithm.name() not in ("inspectslope", "screenhazards", "simulatesurvey"):
             assert bool(parameter.flags() & ADVANCED) == s.advanced
 
 
@@ -183,6 +197,15 @@ def test_the_whole_flow_shows_few_parameters_at_first(qgis_app: QgsApplication) 
     assert shown == [
         "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "ROI", "PROFILE",
         "CLOTH_RESOLUTION", "CELL", "CONFIDENCE", "MINIMUM_AREA",
+    ]  # fmt: skip
+
+
+def test_screening_shows_few_parameters_at_first(qgis_app: QgsApplication) -> None:
+    screening = next(a for a in ALGORITHMS if a.NAME == "screenhazards")().create()
+    shown = [p.name() for p in screening.parameterDefinitions() if not p.flags() & ADVANCED and not p.isDestination()]
+    assert shown == [
+        "INPUT", "ROI", "PROFILE", "SCREENING_METHOD", "GROUND", "MINIMUM_PROBABILITY", "MINIMUM_HAZARD_AREA",
+        "PROBABILITY_CELL",
     ]  # fmt: skip
 
 
