@@ -99,8 +99,8 @@ class ScreenHazards(SlopeWatchAlgorithm):
             arguments += ["--roi", roi]
         arguments += ["--output", self.output_file(parameters, "OUTPUT", context)]
         for name, (option, endings) in _OPTIONS.items():
-            # A temporary one is the file beside the labelled cloud, and another format is converted from it. Asked for as
-            # a file, because asking for a layer would have it loaded.
+            # A temporary one is the file beside the labelled cloud, and another format is converted from it. Asked for
+            # as a file, because asking for a layer would have it loaded.
             wanted = self.parameterAsFileOutput(parameters, name, context)
             if wanted and wanted.lower().endswith(endings) and not _temporary(wanted):
                 arguments += [option, os.path.abspath(wanted)]
