@@ -1,7 +1,7 @@
 """Screening of one survey: which ground is raised or lowered against the slope around it.
 
 The cloud is averaged in voxels, which is all that is held of it (see ``models.streaming``); the network, or a threshold
-without learning, gives each voxel its probabilities, and a point has those of its voxel.
+without learning, gives each voxel its probabilities, and a point has those of its voxel or of the few about it.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ from .screening_checks import Suitability, measure, refuse_unsuitable
 from .screening_model import ScreeningModel, memory_told
 
 if TYPE_CHECKING:
+    from ..models.configuration import ModelConfiguration
+    from ..models.interpolation import VoxelInterpolation
     from ..models.voxel_sums import SparseVoxels
 
 Float = NDArray[np.float64]
@@ -57,7 +59,9 @@ class Screening:
 
     ``points`` (m, 3) are the voxels' averages in map coordinates, m, and ``count`` (m,) their points; ``probabilities``
     (m, 3) of background, uplift and subsidence; ``labels`` (m,); ``heights`` (m,) over the trend, m, square to the
-    slope's plane. ``model`` are facts about what labelled them; ``ground_points`` how many points were screened.
+    slope's plane. A point has its voxel's probabilities, or those ``between`` the voxels about it; hazards less
+    probable than ``least`` are background. ``model`` are facts about what labelled them; ``ground_points`` how many
+    points were screened.
     """
 
     points: Float
@@ -66,22 +70,27 @@ class Screening:
     labels: NDArray[np.uint8]
     heights: NDArray[np.float32]
     voxels: SparseVoxels
+    between: VoxelInterpolation | None
+    least: float
     plane: Plane
     suitability: Suitability
     model: dict[str, Any]
     ground_points: int
 
-    @property
-    def own_probability(self) -> NDArray[np.float32]:
-        """(m,) probability of each voxel's own label."""
-        return self.probabilities[np.arange(len(self.labels)), self.labels]
-
     def at(self, xyz: Float) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-        """Label and its probability of points (n, 3); both 0 where nothing was screened."""
+        """Label and its probability of points (n, 3) in map coordinates; both 0 where nothing was screened."""
+        from ..models.voxel_sums import flat_axis
+
         place = self.voxels.lookup(xyz)
-        labels, probability = self.labels[place], self.own_probability[place]
-        labels[place < 0], probability[place < 0] = BACKGROUND, 0.0
-        return labels, probability
+        if self.between is None:
+            probabilities = self.probabilities[place]
+        else:
+            flat = np.stack([flat_axis(self.voxels.matrix, xyz, axis) for axis in range(3)], axis=1)
+            probabilities = self.between.at(flat, self.probabilities, self.model.get("threads", 1))
+        labels = most_probable(probabilities, self.least)
+        own = np.take_along_axis(probabilities, labels[:, np.newaxis].astype(np.int64), axis=1)[:, 0]
+        labels[place < 0], own[place < 0] = BACKGROUND, 0.0
+        return labels, own
 
 
 def screen_cloud(
@@ -173,6 +182,8 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
             labels=labels,
             heights=heights,
             voxels=voxels,
+            between=None if model is None else _interpolation(cloud.voxels.points, configuration),
+            least=parameters.minimum_probability,
             plane=plane,
             suitability=suitability,
             model=facts,
@@ -180,7 +191,17 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
         )
 
 
-def _measured(xyz: Float, thinned: float, configuration: Any) -> tuple[Suitability, Plane]:
+def _interpolation(points: Float, configuration: ModelConfiguration) -> VoxelInterpolation | None:
+    """As ``models.prediction.predict`` does it."""
+    neighbours = getattr(configuration, "interpolation", 1)
+    if neighbours <= 1:
+        return None
+    from ..models.interpolation import VoxelInterpolation
+
+    return VoxelInterpolation(points, configuration.voxel, neighbours)
+
+
+def _measured(xyz: Float, thinned: float, configuration: ModelConfiguration) -> tuple[Suitability, Plane]:
     from ..models.preparation import flat_frame
 
     plane, matrix = flat_frame(xyz, configuration)
