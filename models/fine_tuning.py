@@ -20,6 +20,7 @@ from ..engine.errors import InputError
 from ..engine.outputs import atomic_output
 from ..engine.parameters import FineTuneParameters
 from ..engine.progress import Progress
+from .batches import Augmentation
 from .calibration import Calibration, fit_temperature
 from .configuration import CLASSES, SMOKE, ModelConfiguration
 from .cross_validation import Fold, cross_validate, folds
@@ -154,8 +155,14 @@ class _Run:
 
     def settings(self, steps: int) -> TrainingParameters:
         rate = self.parameters.learning_rate or (FROM_WEIGHTS if self.start else FROM_NOTHING)
+        # Blocks that are turned up-slope stay nearly so, as their trends do.
+        turn = 15.0 if self.configuration.align else 180.0
         return TrainingParameters(
-            steps=steps, batch=self.parameters.batch, learning_rate=rate, seed=self.parameters.seed
+            steps=steps,
+            batch=self.parameters.batch,
+            learning_rate=rate,
+            augmentation=Augmentation(turn=turn),
+            seed=self.parameters.seed,
         )
 
     def train(self, chosen: Sequence[int], place: Path, steps: int = 0) -> RandLANet:

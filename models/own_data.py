@@ -19,6 +19,7 @@ from ..engine.plane import apply_matrix, fit_plane, flattening_matrix
 from ..engine.preflight import shown
 from ..engine.progress import Progress
 from ..engine.run_record import sha256
+from ..engine.screening_checks import Suitability, measure
 from .configuration import CLASSES
 from .label_polygons import LabelPolygons, label_by_polygons, read_label_polygons
 from .preparation import UNKNOWN
@@ -26,7 +27,9 @@ from .preparation import UNKNOWN
 Float = NDArray[np.float64]
 Labels = NDArray[np.uint8]
 EVERY_OTHER = "*"
-_PLANE_SAMPLE = 100_000
+ROUGH_SHARE, OPPOSITE_SHARE = 0.15, 0.25
+"""Shares of rough and of opposite ground that are warned of; screening refuses such clouds."""
+_SAMPLE = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -174,7 +177,11 @@ def _read(
     else:
         outside = 0 if parameters.outside == "background" else UNKNOWN
         labels, touching = label_by_polygons(cloud, areas, outside, inputs, progress)
-    return OwnCloud(Path(path), cloud.xyz, labels, sha256(Path(path)), surface_density(cloud.xyz), touching)
+    facts = slope_facts(cloud.xyz)
+    if facts is not None:
+        _warn_of_other_ground(facts, shown(path), progress)
+    density = facts.density if facts else float(len(cloud))
+    return OwnCloud(Path(path), cloud.xyz, labels, sha256(Path(path)), density, touching)
 
 
 def _refuse_useless(clouds: Sequence[OwnCloud], areas: LabelPolygons | None, progress: Progress) -> None:
@@ -205,12 +212,23 @@ def _refuse_useless(clouds: Sequence[OwnCloud], areas: LabelPolygons | None, pro
             progress.warning(f"No point is labelled {name}; the model will forget what that looks like.")
 
 
-def surface_density(xyz: Float) -> float:
-    """Points on the middle one of the square metres of the dominant plane that have any."""
-    sample = xyz[:: max(1, len(xyz) // _PLANE_SAMPLE)]
+def slope_facts(xyz: Float) -> Suitability | None:
+    """What screening would look at before it takes such a cloud (see ``engine.screening_checks``); None for a few
+    points.
+    """
+    every = max(1, len(xyz) // _SAMPLE)
+    sample = xyz[::every]
     if len(sample) < 50:
-        return float(len(xyz))
-    flat = apply_matrix(flattening_matrix(fit_plane(sample, 1.0, 64, 0)), xyz)
-    cell = np.floor(flat[:, :2] - flat[:, :2].min(axis=0)).astype(np.int64)
-    count = np.bincount(cell[:, 0] * (int(cell[:, 1].max()) + 1) + cell[:, 1])
-    return float(np.median(count[count > 0]))
+        return None
+    plane = fit_plane(sample, 1.0, 64, 0)
+    return measure(sample, apply_matrix(flattening_matrix(plane), sample), plane, float(every))
+
+
+def _warn_of_other_ground(facts: Suitability, name: str, progress: Progress) -> None:
+    if facts.rough_share > ROUGH_SHARE:
+        progress.warning(
+            f"{name} scatters as plants do ({100 * facts.rough_share:.0f} % of its square metres), but models screen "
+            "ground points; extract them first (slopewatch ground)."
+        )
+    if facts.opposite_share > OPPOSITE_SHARE:
+        progress.warning(f"{name} has two opposite faces, but models screen one slope at a time; give each by itself.")

@@ -13,7 +13,7 @@ from slopewatch.engine.clouds import PointCloud, write_cloud
 from slopewatch.engine.errors import InputError
 from slopewatch.engine.parameters import FineTuneParameters, InputParameters
 from slopewatch.engine.progress import Progress
-from slopewatch.models.own_data import class_mapping, labels_of_values, read_own_clouds, surface_density
+from slopewatch.models.own_data import class_mapping, labels_of_values, read_own_clouds, slope_facts
 from slopewatch.models.preparation import UNKNOWN
 
 UTM = CRS.from_epsg(32651)
@@ -186,4 +186,24 @@ def test_polygons_that_cannot_be_used_are_refused(tmp_path):
 def test_the_density_does_not_follow_from_the_extent():
     xyz = slope()
     gap = xyz[(xyz[:, 0] - 400_000) % 10 < 5]  # half of the slope is not covered
-    assert surface_density(gap) == pytest.approx(surface_density(xyz), rel=0.15)
+    assert slope_facts(gap).density == pytest.approx(slope_facts(xyz).density, rel=0.15)
+    assert slope_facts(xyz[:20]) is None
+
+
+def test_clouds_that_no_model_screens_are_warned_of(tmp_path):
+    bare = cloud(tmp_path / "bare.laz", slopewatch_class=halves())
+    xyz = slope()
+    plants = np.concatenate([xyz, xyz + np.random.default_rng(2).uniform(0, 1.5, (4000, 1)) * (0, 0, 1)])
+    roof = xyz.copy()
+    roof[:, 2] = -np.abs(xyz[:, 1] - 3_500_010) * np.tan(np.radians(40))
+    told = []
+    for name, points in (("plants", plants), ("roof", roof)):
+        labels = np.resize(halves(), len(points))
+        file = tmp_path / f"{name}.laz"
+        write_cloud(file, PointCloud(xyz=points, crs=UTM, path=file), dimensions={"slopewatch_class": labels})
+        progress = Progress()
+        read(bare, file, progress=progress)
+        told.append(progress.warnings)
+    assert len(told[0]) == len(told[1]) == 1
+    assert "plants.laz' scatters as plants do" in told[0][0]
+    assert "roof.laz' has two opposite faces" in told[1][0]
