@@ -59,14 +59,17 @@ class Screening:
 
     ``points`` (m, 3) are the voxels' averages in map coordinates, m, and ``count`` (m,) their points; ``probabilities``
     (m, 3) of background, uplift and subsidence; ``labels`` (m,); ``heights`` (m,) over the trend, m, square to the
-    slope's plane. A point has its voxel's probabilities, or those ``between`` the voxels about it; hazards less
-    probable than ``least`` are background. ``model`` are facts about what labelled them; ``ground_points`` how many
+    slope's plane. A point has its voxel's probabilities, or those ``between`` the voxels about it; the ``raw`` ones are
+    those before they were calibrated with the model's ``temperature``, which changes no label. Hazards less probable
+    than ``least`` are background. ``model`` are facts about what labelled them; ``ground_points`` how many
     points were screened.
     """
 
     points: Float
     count: NDArray[np.int64]
     probabilities: NDArray[np.float32]
+    raw: NDArray[np.float32]
+    temperature: float
     labels: NDArray[np.uint8]
     heights: NDArray[np.float32]
     voxels: SparseVoxels
@@ -83,10 +86,11 @@ class Screening:
 
         place = self.voxels.lookup(xyz)
         if self.between is None:
-            probabilities = self.probabilities[place]
+            probabilities = self.raw[place]
         else:
             flat = np.stack([flat_axis(self.voxels.matrix, xyz, axis) for axis in range(3)], axis=1)
-            probabilities = self.between.at(flat, self.probabilities, self.model.get("threads", 1))
+            probabilities = self.between.at(flat, self.raw, self.model.get("threads", 1))
+        probabilities = _calibrated(probabilities, self.temperature)
         labels = most_probable(probabilities, self.least)
         own = np.take_along_axis(probabilities, labels[:, np.newaxis].astype(np.int64), axis=1)[:, 0]
         labels[place < 0], own[place < 0] = BACKGROUND, 0.0
@@ -170,15 +174,19 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
             heights = residual_heights(cloud.voxels.points, *TREND).astype(np.float32)
         with progress.stage(0.4, 1.0, "screening"):
             if model is None:
-                probabilities = residual_memberships(heights, parameters.residual_threshold)
+                raw, temperature = residual_memberships(heights, parameters.residual_threshold), 1.0
                 facts: dict[str, Any] = {"name": "residual"}
             else:
-                probabilities, facts = model.probabilities(cloud, progress), model.facts()
+                raw, temperature = model.probabilities(cloud, progress), model.temperature
+                facts = model.facts()
+        probabilities = _calibrated(raw, temperature)
         labels = most_probable(probabilities, parameters.minimum_probability)
         return Screening(
             points=apply_matrix(_inverse(cloud.matrix), cloud.voxels.points),
             count=cloud.voxels.count,
             probabilities=probabilities,
+            raw=raw,
+            temperature=temperature,
             labels=labels,
             heights=heights,
             voxels=voxels,
@@ -189,6 +197,14 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
             model=facts,
             ground_points=sample.points,
         )
+
+
+def _calibrated(probabilities: NDArray[np.float32], temperature: float) -> NDArray[np.float32]:
+    from ..models.calibration import apply_temperature
+
+    if temperature == 1.0 or not len(probabilities):
+        return probabilities
+    return apply_temperature(probabilities, temperature).astype(np.float32)
 
 
 def _interpolation(points: Float, configuration: ModelConfiguration) -> VoxelInterpolation | None:

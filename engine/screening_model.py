@@ -36,6 +36,7 @@ class ScreeningModel:
 
     def __init__(self, parameters: ScreeningParameters) -> None:
         require_torch()
+        from ..models.calibration import temperature_of
         from ..models.network import fold_normalisation
         from ..models.shipped import shipped_model
         from ..models.weights import load_model
@@ -47,6 +48,7 @@ class ScreeningModel:
             self.path, pin = shipped_model()
         self.file: ModelFile = load_model(self.path, pin)
         self.network = fold_normalisation(self.file.network).to(self.device)
+        self.temperature = temperature_of(self.file.metadata)
         self.rotations = parameters.rotations
         self.threads = parameters.threads or os.cpu_count() or 1
 
@@ -63,6 +65,7 @@ class ScreeningModel:
             "sha256": self.file.sha256,
             "parameters": self.file.metadata.get("parameters"),
             "simulator_version": self.file.metadata.get("simulator_version"),
+            "temperature": self.temperature,
             "device": str(self.device),
             "threads": self.threads,
             "torch": torch.__version__,

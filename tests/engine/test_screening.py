@@ -198,6 +198,25 @@ def test_a_file_in_parts_gets_the_labels_of_the_cloud_in_memory(cloud, weights, 
     assert len(hazards.frame) == figures["zone_count"]
 
 
+def test_probabilities_are_calibrated_with_the_models_temperature(cloud, weights, tmp_path):
+    description = json.loads(weights.with_suffix(".json").read_text())
+    points = read_cloud(cloud)
+
+    def screened(**metrics):
+        weights.with_suffix(".json").write_text(json.dumps({**description, "metrics": metrics}))
+        screening, _ = screen_cloud(points, ScreeningParameters(weights=str(weights), threads=1))
+        return screening.at(points.xyz), screening
+
+    (labels, plain), _ = screened()
+    (same, softer), screening = screened(calibration={"temperature": 2.0})
+    np.testing.assert_array_equal(labels, same)
+    assert (softer < plain).mean() > 0.99
+    power = np.sqrt(screening.raw.astype(float))
+    np.testing.assert_allclose(screening.probabilities, power / power.sum(axis=1, keepdims=True), rtol=1e-5)
+    with pytest.raises(InputError, match="temperature"):
+        screened(calibration={"temperature": -1})
+
+
 def test_memory_follows_the_area_and_not_the_number_of_points(tmp_path, monkeypatch):
     """Three times the points at the same places: the same voxels, and hardly more memory."""
     from slopewatch.models import streaming, voxel_sums
