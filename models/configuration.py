@@ -29,7 +29,8 @@ class ModelConfiguration:
 
     Windows of ``window`` every ``step``; those with fewer than ``minimum_points`` are left out. ``block_points`` is the
     fixed number of points a block is sampled to (0: every point once). ``centre_weighting``: where windows overlap,
-    the one whose middle is nearer counts more.
+    the one whose middle is nearer counts more. A point's probabilities lie between those of the ``interpolation``
+    voxels nearest to it; with 1 it has its own voxel's.
 
     Network: ``stem`` channels, encoder blocks of ``widths`` (half their output), ``neighbours`` and ``decimation``.
     ``density`` is the range of points a m² that the model was trained for.
@@ -51,6 +52,7 @@ class ModelConfiguration:
     minimum_points: int = 0
     block_points: int = 0
     centre_weighting: bool = True
+    interpolation: int = 4
     stem: int = 8
     widths: tuple[int, ...] = (16, 64, 128, 256)
     neighbours: int = 16
@@ -124,6 +126,7 @@ PAPER = ModelConfiguration(
     minimum_points=4096,
     block_points=131_072,
     centre_weighting=False,
+    interpolation=1,
 )
 """The published pipeline: 20 m windows every 18 m, divided by half their size, 131,072 points each."""
 

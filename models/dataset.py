@@ -21,14 +21,20 @@ Labels = NDArray[np.uint8]
 
 
 def labelled_blocks(
-    xyz: Float, labels: Labels, configuration: ModelConfiguration, *, seed: int = 0, step: float | None = None
+    xyz: Float,
+    labels: Labels,
+    configuration: ModelConfiguration,
+    *,
+    seed: int = 0,
+    step: float | None = None,
+    share: float = 1.0,
 ) -> list[Block]:
     """The blocks of a cloud with labels: one sample a window.
 
     Args:
         xyz: (n, 3) metres. labels: (n,) classes, ``UNKNOWN`` where not to be trained on. A voxel has the label that
         most of its points have. step: of the windows, m; the configuration's by default. Longer steps repeat fewer
-        points.
+        points. share: of the windows, chosen at random.
 
     Raises:
         InputError: a label is none of the model's classes, or the cloud cannot be prepared.
@@ -46,15 +52,20 @@ def labelled_blocks(
     voted[voted == classes] = UNKNOWN
     chosen = configuration if step is None else replace(configuration, step=step)
     rng = np.random.default_rng([seed, 1])
-    return list(blocks(cloud, chosen, rng, voted, every_point=False))
+    return list(blocks(cloud, chosen, rng, voted, every_point=False, share=share))
 
 
 def scene_blocks(
-    scene: SimulatedScene, configuration: ModelConfiguration, *, seed: int = 0, step: float | None = None
+    scene: SimulatedScene,
+    configuration: ModelConfiguration,
+    *,
+    seed: int = 0,
+    step: float | None = None,
+    share: float = 1.0,
 ) -> list[Block]:
     """The blocks of a simulated scene; points close to the limit between two labels are not trained on."""
     labels = np.where(scene.ignore, np.uint8(UNKNOWN), scene.label)
-    return labelled_blocks(scene.xyz, labels, configuration, seed=seed, step=step)
+    return labelled_blocks(scene.xyz, labels, configuration, seed=seed, step=step, share=share)
 
 
 def simulated_blocks(
@@ -62,10 +73,11 @@ def simulated_blocks(
     configuration: ModelConfiguration,
     *,
     step: float | None = None,
+    share: float = 1.0,
     processes: int = 1,
 ) -> Iterator[list[Block]]:
     """The blocks of each scene in order; ``processes`` at once make the same blocks faster."""
-    make = partial(_spec_blocks, configuration=configuration, step=step)
+    make = partial(_spec_blocks, configuration=configuration, step=step, share=share)
     if processes <= 1:
         yield from map(make, specs)
         return
@@ -73,5 +85,5 @@ def simulated_blocks(
         yield from pool.map(make, specs)
 
 
-def _spec_blocks(spec: SceneSpec, configuration: ModelConfiguration, step: float | None) -> list[Block]:
-    return scene_blocks(build_scene(spec), configuration, seed=spec.seed, step=step)
+def _spec_blocks(spec: SceneSpec, configuration: ModelConfiguration, step: float | None, share: float) -> list[Block]:
+    return scene_blocks(build_scene(spec), configuration, seed=spec.seed, step=step, share=share)

@@ -16,9 +16,11 @@ from ..engine.errors import InputError
 from ..engine.progress import Progress
 from .batches import make_batch, network_inputs
 from .configuration import ModelConfiguration
+from .interpolation import VoxelInterpolation
 from .network import RandLANet
 from .preparation import Block, PreparedCloud, blocks
 from .streaming import prepared_in_voxels
+from .voxel_sums import flat_axis
 
 Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
@@ -64,12 +66,17 @@ def predict(
     Raises:
         InputError: the cloud cannot be prepared, or is too sparse for any window.
     """
-    cloud, voxel = prepared_in_voxels(xyz, network.configuration, seed)
+    configuration = network.configuration
+    cloud, voxel = prepared_in_voxels(xyz, configuration, seed)
     probabilities, covered = predict_voxels(
         network, cloud, rotations=rotations, threads=threads, device=device, seed=seed, progress=progress
     )
     filled = float(cloud.voxels.count[~covered].sum() / cloud.voxels.count.sum())
-    return Prediction(probabilities[voxel], cloud, filled)
+    if configuration.interpolation <= 1:
+        return Prediction(probabilities[voxel], cloud, filled)
+    between = VoxelInterpolation(cloud.voxels.points, configuration.voxel, configuration.interpolation)
+    flat = np.stack([flat_axis(cloud.matrix, xyz, axis) for axis in range(3)], axis=1)
+    return Prediction(between.at(flat, probabilities, threads), cloud, filled)
 
 
 def predict_voxels(

@@ -114,6 +114,7 @@ def blocks(
     labels: NDArray[np.uint8] | None = None,
     *,
     every_point: bool = True,
+    share: float = 1.0,
     workers: int = 1,
 ) -> Iterator[Block]:
     """The cloud's blocks, window by window.
@@ -122,15 +123,18 @@ def blocks(
         labels: of the voxels; unknown by default.
         every_point: where a window has more than the fixed number of points, make as many blocks as hold them all (for
             inference) rather than one random sample (for training).
+        share: of the windows, chosen at random, at least one.
         workers: threads of the neighbour search.
     """
     points = cloud.voxels.points
     if labels is None:
         labels = np.full(len(points), UNKNOWN, dtype=np.uint8)
     spread = configuration.minimum_points == 0
-    for window in windows(
-        points, configuration.window, configuration.step, configuration.minimum_points, spread=spread
-    ):
+    found = windows(points, configuration.window, configuration.step, configuration.minimum_points, spread=spread)
+    if share < 1.0 and found:
+        few = rng.choice(len(found), max(1, round(share * len(found))), replace=False)
+        found = [found[k] for k in sorted(few)]
+    for window in found:
         for chosen in _samples(window, configuration.block_points, rng, every_point):
             yield _block(cloud, configuration, window, chosen, labels, rng, workers)
 

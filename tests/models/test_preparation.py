@@ -73,3 +73,13 @@ def test_clouds_that_cannot_be_screened_are_refused(small_scene):
     broken[5, 1] = np.nan
     with pytest.raises(InputError, match="not numbers"):
         prepare_cloud(broken, SMOKE)
+
+
+def test_a_share_of_the_windows_is_some_of_all_of_them(small_scene):
+    configuration = replace(SMOKE, window=8.0, step=6.0)
+    cloud = prepare_cloud(small_scene.xyz, configuration)
+    every = [set(b.voxel) for b in blocks(cloud, configuration, np.random.default_rng(0))]
+    some = [set(b.voxel) for b in blocks(cloud, configuration, np.random.default_rng(0), share=0.3)]
+    assert len(some) == round(0.3 * len(every))
+    assert all(block in every for block in some)
+    assert len(list(blocks(cloud, configuration, np.random.default_rng(0), share=0.001))) == 1

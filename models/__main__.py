@@ -1,0 +1,119 @@
+"""How the shipped weights and their figures are made again: ``python -m slopewatch.models folds|weights|figures``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..engine.cli.options import Session, command
+from ..engine.errors import InputError
+from ..engine.outputs import atomic_output
+
+Outcome = tuple[dict[str, Path], dict[str, Any]]
+FIGURES = Path(__file__).with_name("weights") / "figures"
+_folder = click.option(
+    "--folder", type=click.Path(path_type=Path), required=True, help="For checkpoints; a broken run goes on from here."
+)
+
+
+@click.group()
+def main() -> None:
+    """Make the shipped model and its figures again."""
+
+
+@main.command()
+@click.option("--recipe", type=click.Choice(["slopewatch", "paper", "residual"]), default="slopewatch")
+@click.option("--scenes", type=int, default=0, help="Only the first so many of the 92 scenes, for a trial.")
+@click.option("--steps", type=int, default=0, help="Instead of the recipe's.")
+@_folder
+@command(profile=False)
+def folds(session: Session, recipe: str, scenes: int, steps: int, folder: Path) -> Outcome:
+    """Five folds by scene of the published set: train and score each."""
+    from ..simulation.hazard_scenes.sets import published_set
+    from .benchmark_folds import score_folds, score_residual, with_steps
+    from .recipes import RECIPES
+
+    _one_thread()
+    specs = published_set().specs[: scenes or None]
+    if recipe == "residual":
+        summary = score_residual(specs, folder, progress=session.report)
+    else:
+        chosen = RECIPES[recipe] if not steps else with_steps(RECIPES[recipe], steps)
+        summary = score_folds(specs, chosen, folder, progress=session.report)
+    path = folder / "folds.json"
+    if not scenes and not steps:
+        path = _keep(f"folds_{recipe}.json", summary)
+    return {"folds": path}, {name: summary[name]["mean"] for name in ("overall_accuracy", "mean_iou")}
+
+
+@main.command()
+@click.option("--minutes", type=float, default=float("inf"), help="Stop after so long; run again to go on.")
+@_folder
+@command(profile=False)
+def weights(session: Session, minutes: float, folder: Path) -> Outcome:
+    """Train the shipped weights from nothing, calibrate them and write them with their description."""
+    import shutil
+
+    from .recipes import SHIPPED
+    from .shipped import SHIPPED_WEIGHTS
+    from .shipping import calibrate, train_shipped
+    from .weights import save_model
+
+    _one_thread()
+    with session.report.stage(0.0, 0.95):
+        made = train_shipped(SHIPPED, folder, seconds=60 * minutes, progress=session.report)
+    if made is None:
+        raise InputError(f"The time is over before the training is; run again with --folder {folder} to go on.")
+    network, facts = made
+    with session.report.stage(0.95, 1.0, "calibrating"):
+        calibration = calibrate(network, session.report)
+    digest = save_model(SHIPPED_WEIGHTS, network, facts, {"calibration": calibration.summary()})
+    with atomic_output(SHIPPED_WEIGHTS.with_name("slopewatch.sha256")) as partial:
+        partial.write_text(f"{digest}  {SHIPPED_WEIGHTS.name}\n", encoding="ascii")
+    shutil.copyfile(folder / "log.csv", SHIPPED_WEIGHTS.with_name("training_log.csv"))
+    return {"weights": SHIPPED_WEIGHTS}, {"temperature": calibration.temperature, **facts}
+
+
+@main.command()
+@click.option("--residual", is_flag=True, help="Score the threshold without learning instead.")
+@click.option("--set", "chosen", multiple=True, type=click.Choice(["published", "realistic", "shifted"]))
+@command(profile=False)
+def figures(session: Session, residual: bool, chosen: tuple[str, ...]) -> Outcome:
+    """Score the shipped weights, or the threshold, on the benchmark sets."""
+    from .calibration import temperature_of
+    from .shipped import shipped_model
+    from .shipping import score_sets
+    from .weights import load_model
+
+    _one_thread()
+    network, temperature = None, 1.0
+    if not residual:
+        model = load_model(*shipped_model())
+        network, temperature = model.network, temperature_of(model.metadata)
+    outputs = {}
+    for name in chosen or ("realistic", "shifted", "published"):
+        scores = score_sets(network, temperature, (name,), progress=session.report)[name]
+        outputs[name] = _keep(f"{name}_{'residual' if residual else 'slopewatch'}.json", scores)
+    return outputs, {}
+
+
+def _keep(name: str, values: dict[str, Any]) -> Path:
+    FIGURES.mkdir(parents=True, exist_ok=True)
+    path = FIGURES / name
+    with atomic_output(path) as partial:
+        partial.write_text(json.dumps(values, indent=1) + "\n", encoding="utf-8")
+    return path
+
+
+def _one_thread() -> None:
+    """Two threads of OpenMP that wait for each other were slower than one on the machines measured."""
+    import torch
+
+    torch.set_num_threads(1)
+
+
+if __name__ == "__main__":
+    main()
