@@ -246,13 +246,16 @@ class _Plan:
         self.identity = json.loads(json.dumps(identity))
         self.found: int | None = None
         if self.path.is_file():
-            plan = json.loads(self.path.read_text(encoding="utf-8"))
-            if plan.get("identity") != self.identity:
+            try:
+                plan = json.loads(self.path.read_text(encoding="utf-8"))
+                same, self.found = plan["identity"] == self.identity, int(plan["steps"])
+            except (ValueError, KeyError, TypeError, OSError) as error:
+                raise InputError(f"{self.path} cannot be read ({error}); remove the folder {folder}.") from error
+            if not same:
                 raise InputError(
                     f"The folder {folder} holds a training on other data or with other settings; choose another output "
                     "folder or remove it."
                 )
-            self.found = int(plan["steps"])
 
     def steps(self, choose: Callable[[], int]) -> int:
         """The steps of each training: as found, else chosen now and kept."""

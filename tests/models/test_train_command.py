@@ -196,6 +196,9 @@ def test_a_training_that_was_stopped_goes_on(tiny_clouds, tmp_path):
     with pytest.raises(InputError, match=r"parts/training holds a training on other data or with other settings"):
         step(tiny_clouds[:2], tmp_path / "parts")
     assert resumed["weights"].read_bytes() == whole["weights"].read_bytes()
+    (tmp_path / "parts/training/plan.json").write_text("{")
+    with pytest.raises(InputError, match=r"plan\.json cannot be read .*; remove the folder"):
+        step(tiny_clouds, tmp_path / "parts")
 
 
 def test_cancelling_leaves_only_what_the_next_run_goes_on_from(tiny_clouds, tmp_path):
