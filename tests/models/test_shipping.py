@@ -1,0 +1,96 @@
+"""How the shipped model and its figures are made, in small."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from slopewatch.models.configuration import SMOKE
+from slopewatch.simulation.hazard_scenes.scenes import build_scene
+from slopewatch.simulation.hazard_scenes.sets import FIRST_TRAINING_SEED, SETS, published_set
+
+
+@pytest.fixture
+def recipe(torch):
+    from slopewatch.models.recipes import Recipe
+    from slopewatch.models.training import TrainingParameters
+
+    small = replace(SMOKE, widths=(4, 8), trends=((4.0, 4.0),))
+    return Recipe(small, TrainingParameters(steps=4, batch=2), step=15.0)
+
+
+@pytest.fixture(scope="module")
+def specs():
+    return [replace(spec, area=220.0, density=25.0) for spec in published_set().specs[:6]]
+
+
+def test_each_scene_is_scored_once_by_a_model_that_never_saw_it(recipe, specs, tmp_path, monkeypatch):
+    from slopewatch.models import benchmark_folds
+
+    trained: list[set[int]] = []
+    original = benchmark_folds.train
+
+    def watched(configuration, provider, *rest, **named):
+        trained.append({len(provider(step).labels) for step in range(40)})
+        return original(configuration, provider, *rest, **named)
+
+    # One block a batch, so that a block is known again by its number of points.
+    single = replace(recipe, training=replace(recipe.training, batch=1))
+    monkeypatch.setattr(benchmark_folds, "train", watched)
+    summary = benchmark_folds.score_folds(specs, single, tmp_path, count=3)
+    assert sum(fold["points"] for fold in summary["folds"]) == sum(len(build_scene(spec)) for spec in specs)
+    assert sorted(k for fold in summary["folds"] for k in fold["test"]) == list(range(6))
+    sizes = [
+        {len(b) for b in benchmark_folds.scene_blocks(build_scene(s), single.configuration, seed=s.seed, step=15.0)}
+        for s in specs
+    ]
+    for fold, seen in zip(summary["folds"], trained):
+        held_out = set.union(*(sizes[k] for k in fold["test"]))
+        assert not held_out & seen
+        assert seen == set.union(*(sizes[k] for k in range(6) if k not in fold["test"]))
+    with (tmp_path / "fold_0" / "seconds.csv").open() as file:
+        assert float(next(csv.DictReader(file))["training_s"]) > 0
+    # Scored folds are not trained again.
+    monkeypatch.setattr(benchmark_folds, "train", None)
+    assert benchmark_folds.score_folds(specs, single, tmp_path, count=3) == summary
+
+
+def test_the_threshold_is_scored_on_the_same_folds(torch, specs, tmp_path):
+    from slopewatch.models.baseline import residual_probabilities
+    from slopewatch.models.benchmark_folds import score_residual
+
+    summary = score_residual(specs, tmp_path, count=3)
+    right = points = 0
+    for spec in specs:
+        scene = build_scene(spec)
+        right += int((residual_probabilities(scene.xyz).argmax(axis=1) == scene.label).sum())
+        points += len(scene)
+    folds = summary["folds"]
+    assert sum(f["overall_accuracy"] * f["points"] for f in folds) == pytest.approx(right, abs=1e-4 * points)
+
+
+def test_training_scenes_are_in_no_benchmark_set(torch):
+    from slopewatch.models.shipping import DENSITY, training_scenes
+
+    chosen = list(training_scenes(60))
+    assert {spec.kind for spec in chosen} == {"published", "realistic"}
+    assert all(DENSITY[0] <= spec.density <= DENSITY[1] for spec in chosen)
+    assert min(spec.density for spec in chosen) < 20 < 120 < max(spec.density for spec in chosen)
+    scored = {spec.seed for make in SETS.values() for spec in make().specs}
+    assert min(spec.seed for spec in chosen) >= FIRST_TRAINING_SEED > max(scored)
+    assert chosen[7:9] == list(training_scenes(2, 7))
+
+
+def test_a_training_that_ran_out_of_time_goes_on(recipe, tmp_path, monkeypatch):
+    from slopewatch.models import shipping
+
+    monkeypatch.setattr(shipping, "SCENE_AREA", (150.0, 200.0))
+    monkeypatch.setattr(shipping, "DENSITY", (20.0, 30.0))
+    assert shipping.train_shipped(recipe, tmp_path / "a", scenes=3, seconds=0.0) is None
+    network, facts = shipping.train_shipped(recipe, tmp_path / "a", scenes=3)
+    whole, _ = shipping.train_shipped(recipe, tmp_path / "b", scenes=3)
+    for a, b in zip(network.state_dict().values(), whole.state_dict().values(), strict=True):
+        np.testing.assert_array_equal(a.numpy(), b.numpy())
+    assert facts["steps"] == 4 and facts["scenes"] == 3 and facts["points"] > 500
