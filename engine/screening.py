@@ -31,6 +31,9 @@ Float = NDArray[np.float64]
 TREND = (4.0, 4.0)
 """Reach (m) along and up the slope of the trend that heights are told over."""
 
+_LEAST_TOLD = np.float32(1e-6)
+"""Of a point that was screened: 0 says that it was not."""
+
 
 class GroundPoints(Protocol):
     """Points to be screened, wherever they are.
@@ -93,6 +96,7 @@ class Screening:
         probabilities = _calibrated(probabilities, self.temperature)
         labels = most_probable(probabilities, self.least)
         own = np.take_along_axis(probabilities, labels[:, np.newaxis].astype(np.int64), axis=1)[:, 0]
+        own = np.maximum(own, _LEAST_TOLD)
         labels[place < 0], own[place < 0] = BACKGROUND, 0.0
         return labels, own
 

@@ -93,14 +93,14 @@ class ScreeningModel:
 
 def require_torch() -> None:
     """Raise InputError, with what to do, where torch or safetensors cannot be imported."""
-    for name in ("torch", "safetensors"):
-        try:
-            __import__(name)
-        except (ImportError, OSError) as error:
-            raise InputError(
-                f"Screening with the network needs the Python library {name}, which cannot be imported ({error}); "
-                "install slopewatch[screening] in the engine's environment, or use --method residual."
-            ) from error
+    try:
+        import safetensors  # noqa: F401
+        import torch  # noqa: F401
+    except (ImportError, OSError) as error:
+        raise InputError(
+            f"Screening with the network needs the Python libraries torch and safetensors ({error}); install "
+            "slopewatch[screening] in the engine's environment, or use --method residual."
+        ) from error
 
 
 @contextmanager

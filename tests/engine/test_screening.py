@@ -14,7 +14,7 @@ import pytest
 import shapely
 from pyproj import CRS
 from slopewatch.engine import las_records, screened_file, screening_model
-from slopewatch.engine.clouds import read_cloud
+from slopewatch.engine.clouds import PointCloud, read_cloud
 from slopewatch.engine.errors import EngineError, InputError
 from slopewatch.engine.parameters import GroundParameters, InputParameters, ScreeningParameters
 from slopewatch.engine.progress import Progress
@@ -217,6 +217,19 @@ def test_probabilities_are_calibrated_with_the_models_temperature(cloud, weights
         screened(calibration={"temperature": -1})
 
 
+def test_a_screened_point_never_has_probability_0():
+    points = PointCloud(slope(20_000), CRS.from_epsg(32651), Path("a.laz"))
+    parameters = ScreeningParameters(screening_method="residual", minimum_probability=0.999, residual_threshold=0.01)
+    screening, _ = screen_cloud(points, parameters)
+    screening.raw[:, 0], screening.raw[:, 1:] = 0.0, 0.5
+    labels, probability = screening.at(points.xyz)
+    assert not labels.any()
+    assert (probability == np.float32(1e-6)).all()
+    labels, probability = screening.at(points.xyz + 1000.0)
+    assert not labels.any()
+    assert not probability.any()
+
+
 def test_memory_follows_the_area_and_not_the_number_of_points(tmp_path, monkeypatch):
     """Three times the points at the same places: the same voxels, and hardly more memory."""
     from slopewatch.models import streaming, voxel_sums
@@ -268,7 +281,7 @@ class TestRefusals:
 
     def test_no_torch(self, cloud, tmp_path, monkeypatch):
         monkeypatch.setitem(sys.modules, "torch", None)
-        self.refused(tmp_path, cloud, r"needs the Python library torch.*slopewatch\[screening\].*--method residual")
+        self.refused(tmp_path, cloud, r"needs the Python libraries torch .*slopewatch\[screening\].*--method residual")
         # without learning it is not needed
         screen(cloud, tmp_path / "residual.laz")
 
