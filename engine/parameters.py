@@ -719,7 +719,7 @@ class FineTuneParameters(ParameterSet):
         choices=("background", "unknown"),
     )
     steps: int = _parameter(
-        300,
+        600,
         "Steps",
         "Steps of each training; there is one for every fold and one on all files. More fit better and take longer.",
         minimum=1,

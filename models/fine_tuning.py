@@ -20,7 +20,6 @@ from ..engine.errors import InputError
 from ..engine.outputs import atomic_output
 from ..engine.parameters import FineTuneParameters
 from ..engine.progress import Progress
-from .batches import Augmentation
 from .calibration import Calibration, fit_temperature
 from .configuration import CLASSES, SMOKE, ModelConfiguration
 from .cross_validation import Fold, cross_validate, folds
@@ -30,6 +29,7 @@ from .network import RandLANet
 from .own_data import OwnCloud
 from .prediction import predict
 from .preparation import Block
+from .recipes import PUBLISHED, SLOPEWATCH
 from .training import TrainingParameters, block_provider, class_frequencies, train
 from .weights import ModelFile
 
@@ -82,7 +82,7 @@ def tuned_configuration(
     start: ModelFile | None, parameters: FineTuneParameters, clouds: Sequence[OwnCloud]
 ) -> ModelConfiguration:
     """The configuration of a model that starts from these weights, or from nothing, and knows these clouds' density."""
-    base = start.configuration if start else SMOKE if parameters.network == "smoke" else ModelConfiguration()
+    base = start.configuration if start else SMOKE if parameters.network == "smoke" else SLOPEWATCH.configuration
     density = [cloud.density for cloud in clouds]
     known = base.density if start else (density[0], density[0])
     bounds = min(known[0], 0.8 * min(density)), max(known[1], 1.25 * max(density))
@@ -155,13 +155,12 @@ class _Run:
 
     def settings(self, steps: int) -> TrainingParameters:
         rate = self.parameters.learning_rate or (FROM_WEIGHTS if self.start else FROM_NOTHING)
-        # Blocks that are turned up-slope stay nearly so, as their trends do.
-        turn = 15.0 if self.configuration.align else 180.0
-        return TrainingParameters(
+        recipe = SLOPEWATCH if self.configuration.align else PUBLISHED
+        return replace(
+            recipe.training,
             steps=steps,
             batch=self.parameters.batch,
             learning_rate=rate,
-            augmentation=Augmentation(turn=turn),
             seed=self.parameters.seed,
         )
 
