@@ -488,8 +488,8 @@ class ScreeningParameters(ParameterSet):
     ground: str = _parameter(
         "auto",
         "Ground points",
-        "Which points are the ground. auto: all, and a cloud that is no bare ground is refused. extract: the ground is "
-        "extracted first. class_2: those of class 2. as_is: all, whatever they look like.",
+        "Which points are the ground. auto: all but those of the noise classes, and a cloud that is no bare ground is "
+        "refused. extract: the ground is extracted first. class_2: those of class 2. as_is: all, whatever they are.",
         choices=("auto", "extract", "class_2", "as_is"),
     )
     weights: str = _parameter(

@@ -23,7 +23,7 @@ from .pipelines import GROUND
 from .preflight import POINT_SIZES, preflight, shown
 from .progress import Progress
 from .roi import read_roi, refuse_outside
-from .screening import Screening
+from .screening import Screening, chosen_by_class
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -107,8 +107,9 @@ class ScreenedFile:
         checked = CheckedRecords(self.header, _places(classification=True, colours=self._sampler is not None))
         for records in checked:
             xyz = self._xyz(records)
-            kinds = classes(records, self.header.point_format) == GROUND
-            mask = self._chosen(xyz, kinds, checked.done - len(records))
+            labels = classes(records, self.header.point_format)
+            kinds = labels == GROUND
+            mask = self._chosen(xyz, labels, checked.done - len(records))
             self.class_2 += int(kinds.sum())
             self.class_2_taken += int(kinds[mask].sum())
             self.taken += int(mask.sum())
@@ -130,10 +131,8 @@ class ScreenedFile:
             )
         self._masks = masks
 
-    def _chosen(self, xyz: Float, kinds: Bool, start: int) -> Bool:
-        mask = np.ones(len(xyz), dtype=bool)
-        if self.ground == "class_2":
-            mask &= kinds
+    def _chosen(self, xyz: Float, labels: NDArray[np.uint8], start: int) -> Bool:
+        mask = chosen_by_class(labels, self.ground)
         if self._listed is not None:
             mask[:] = False
             first, last = np.searchsorted(self._listed, [start, start + len(xyz)])

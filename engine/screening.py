@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from .clouds import PointCloud
 from .hazard_zones import BACKGROUND, Hazards, most_probable, outline_hazards
 from .parameters import ScreeningParameters
+from .pipelines import GROUND, NOISE
 from .plane import Plane, apply_matrix
 from .preflight import shown
 from .progress import Progress
@@ -128,14 +129,23 @@ def screen_cloud(
     return screening, hazards
 
 
+def chosen_by_class(labels: NDArray[np.uint8], ground: str) -> NDArray[np.bool_]:
+    """Which points (n,) ``ScreeningParameters.ground`` takes: class_2 those of that class, auto all but known noise."""
+    if ground == "class_2":
+        return labels == GROUND
+    if ground == "auto":
+        return ~np.isin(labels, NOISE)
+    return np.ones(len(labels), dtype=bool)
+
+
 class _InMemory:
     def __init__(self, cloud: PointCloud, ground: str) -> None:
-        labels = cloud.classification
-        is_ground = np.zeros(len(cloud), dtype=bool) if labels is None else labels == 2
+        labels = np.zeros(len(cloud), np.uint8) if cloud.classification is None else cloud.classification
+        chosen = chosen_by_class(labels, ground)
         self.name = shown(cloud.path)
-        self.xyz = cloud.xyz[is_ground] if ground == "class_2" else cloud.xyz
-        self.classified = bool(is_ground.any())
-        self.bare = self.classified and (ground == "class_2" or bool(is_ground.all()))
+        self.xyz = cloud.xyz if chosen.all() else cloud.xyz[chosen]
+        self.classified = bool((labels == GROUND).any())
+        self.bare = self.classified and bool((labels[chosen] == GROUND).all())
 
     def parts(self) -> Iterable[Float]:
         yield self.xyz
@@ -158,7 +168,7 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
     configuration = residual_configuration(TREND) if model is None else model.configuration
     with memory_told():
         with progress.stage(0.0, 0.15, "reading"):
-            sample = sample_parts(ground.parts)
+            sample = sample_parts(ground.parts, ground.name)
         with progress.stage(0.15, 0.2, "checking the slope"):
             suitability, plane = _measured(sample.xyz, sample.points / len(sample.xyz), configuration)
             refuse_unsuitable(
@@ -213,12 +223,11 @@ def _calibrated(probabilities: NDArray[np.float32], temperature: float) -> NDArr
 
 def _interpolation(points: Float, configuration: ModelConfiguration) -> VoxelInterpolation | None:
     """As ``models.prediction.predict`` does it."""
-    neighbours = getattr(configuration, "interpolation", 1)
-    if neighbours <= 1:
-        return None
     from ..models.interpolation import VoxelInterpolation
 
-    return VoxelInterpolation(points, configuration.voxel, neighbours)
+    if configuration.interpolation <= 1:
+        return None
+    return VoxelInterpolation(points, configuration.voxel, configuration.interpolation)
 
 
 def _measured(xyz: Float, thinned: float, configuration: ModelConfiguration) -> tuple[Suitability, Plane]:

@@ -33,8 +33,8 @@ class Sample:
     points: int
 
 
-def sample_parts(parts: Parts) -> Sample:
-    """A sample of a cloud.
+def sample_parts(parts: Parts, name: str = "The cloud") -> Sample:
+    """A sample of a cloud; ``name`` is what messages call it.
 
     Raises:
         InputError: too few points, or coordinates that are not numbers.
@@ -42,11 +42,11 @@ def sample_parts(parts: Parts) -> Sample:
     thinning = Thinning(SAMPLE)
     for xyz in parts():
         if not np.isfinite(xyz).all():
-            raise InputError("Some of the cloud's coordinates are not numbers; repair the file or remove these points.")
+            raise InputError(f"{name} has coordinates that are not numbers; repair it or remove these points.")
         thinning.add(xyz)
     if thinning.seen < LEAST_POINTS:
         raise InputError(
-            f"There are {thinning.seen} ground points but screening needs at least {LEAST_POINTS}; check the cloud."
+            f"{name} has {thinning.seen} ground points but screening needs at least {LEAST_POINTS}; check it."
         )
     return Sample(np.asarray(thinning.rows(), dtype=np.float64), thinning.seen)
 

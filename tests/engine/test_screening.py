@@ -138,6 +138,18 @@ def test_points_that_are_not_screened_are_background_of_probability_0(tmp_path):
         screen(write(tmp_path / "b.laz", xyz), tmp_path / "no.laz", ground="class_2")
 
 
+def test_known_noise_is_no_ground(tmp_path):
+    xyz = slope(10_000)
+    classes = np.where(np.arange(len(xyz)) % 10 == 0, 7, np.where(np.arange(len(xyz)) % 10 == 1, 18, 1))
+    xyz[classes != 1, 2] += 5.0
+    source = write(tmp_path / "in.laz", xyz, classification=classes.astype(np.uint8))
+    screen(source, tmp_path / "out.laz")
+    las = laspy.read(tmp_path / "out.laz")
+    np.testing.assert_array_equal(las.slopewatch_prob > 0, classes == 1)
+    screening, _ = screen_cloud(read_cloud(source), ScreeningParameters(screening_method="residual"))
+    assert screening.ground_points == (classes == 1).sum()
+
+
 def test_ground_is_extracted_first_where_asked(tmp_path):
     rng = np.random.default_rng(5)
     xyz = slope(50_000)
@@ -294,10 +306,16 @@ class TestRefusals:
             ScreeningParameters(weights=str(weights), device="auto")
         ).device == torch.device("cpu")
 
-    @pytest.mark.parametrize(
-        "failure", [MemoryError(), RuntimeError("DefaultCPUAllocator: can't allocate memory: you tried to allocate 9")]
-    )
-    def test_memory_runs_out(self, cloud, weights, tmp_path, monkeypatch, failure):
+    @pytest.mark.parametrize("kind", ["memory", "processor", "card"])
+    def test_memory_runs_out(self, cloud, weights, tmp_path, monkeypatch, kind):
+        import torch
+
+        failure = {
+            "memory": MemoryError(),
+            "processor": RuntimeError("DefaultCPUAllocator: can't allocate memory: you tried to allocate 9 bytes"),
+            "card": torch.OutOfMemoryError("CUDA error"),
+        }[kind]
+
         def forward(*_):
             raise failure
 

@@ -79,7 +79,7 @@ def test_prediction_of_parts_is_that_of_the_whole(torch, small_scene):
     from slopewatch.models.prediction import predict, predict_voxels
 
     torch.manual_seed(4)
-    network = RandLANet(replace(SMOKE, window=10.0, step=7.0)).eval()
+    network = RandLANet(replace(SMOKE, window=10.0, step=7.0, interpolation=1)).eval()
     expected = predict(network, small_scene.xyz, rotations=2).probabilities
     parts = in_parts(small_scene.xyz, [1234, 5, 9000])
     cloud, voxels = prepare_parts(parts, sample_parts(parts), network.configuration)
