@@ -12,6 +12,9 @@ from slopewatch.models.baseline import residual_probabilities
 from slopewatch.models.configuration import SMOKE
 from slopewatch.models.preparation import prepare_cloud
 
+PLAIN = replace(SMOKE, interpolation=1)
+"""Every point has its own voxel's answer, so that it can be looked up."""
+
 
 @pytest.fixture
 def known(torch):
@@ -38,7 +41,7 @@ def by_height(torch):
 def test_every_point_gets_the_class_of_its_voxel_in_the_cloud_s_order(torch, known, small_scene):
     from slopewatch.models.prediction import predict
 
-    prediction = predict(known(SMOKE, by_height(torch)), small_scene.xyz)
+    prediction = predict(known(PLAIN, by_height(torch)), small_scene.xyz)
     cloud = prepare_cloud(small_scene.xyz, SMOKE)
     height = cloud.residuals[cloud.voxels.inverse, 0] / SMOKE.residual_scale
     expected = np.where(height > 0, 1, 2)
@@ -49,7 +52,7 @@ def test_every_point_gets_the_class_of_its_voxel_in_the_cloud_s_order(torch, kno
     assert prediction.filled == 0.0
     # In another order the points keep their answers.
     order = np.random.default_rng(1).permutation(len(small_scene))
-    again = predict(known(SMOKE, by_height(torch)), small_scene.xyz[order])
+    again = predict(known(PLAIN, by_height(torch)), small_scene.xyz[order])
     assert (again.labels == prediction.labels[order]).mean() > 0.98  # RANSAC draws other points
 
 
@@ -59,7 +62,7 @@ def test_probabilities_not_logits_are_averaged_over_windows(torch, known, small_
     """
     from slopewatch.models.prediction import predict
 
-    configuration = replace(SMOKE, window=12.0, step=6.0, centre_weighting=False)
+    configuration = replace(PLAIN, window=12.0, step=6.0, centre_weighting=False)
 
     def side(features, _):
         return torch.stack([30 * features[:, 0], -30 * features[:, 0], 0 * features[:, 0] - 60], dim=1)
@@ -83,7 +86,7 @@ def test_probabilities_not_logits_are_averaged_over_windows(torch, known, small_
 def test_points_in_no_window_take_the_nearest_covered_point_s(torch, known, small_scene):
     from slopewatch.models.prediction import predict
 
-    sparse = replace(SMOKE, minimum_points=1500, step=18.0)
+    sparse = replace(PLAIN, minimum_points=1500, step=18.0)
     prediction = predict(known(sparse, by_height(torch)), small_scene.xyz)
     assert 0.0 < prediction.filled < 0.6
     cloud = prepare_cloud(small_scene.xyz, sparse)
@@ -98,7 +101,7 @@ def test_points_in_no_window_take_the_nearest_covered_point_s(torch, known, smal
     np.testing.assert_allclose(voxel[uncovered], voxel[nearest], atol=1e-6)
     assert prediction.filled == pytest.approx(np.isin(cloud.voxels.inverse, uncovered).mean())
     with pytest.raises(InputError, match="100000 points"):
-        predict(known(replace(SMOKE, minimum_points=100_000), by_height(torch)), small_scene.xyz)
+        predict(known(replace(PLAIN, minimum_points=100_000), by_height(torch)), small_scene.xyz)
 
 
 def test_threads_and_repeating_change_nothing(torch, small_scene):
@@ -118,8 +121,8 @@ def test_rotations_are_averaged(torch, known, small_scene):
     def direction(features, _):
         return torch.stack([20 * features[:, 0], -20 * features[:, 0], 0 * features[:, 0] - 60], dim=1)
 
-    once = predict(known(SMOKE, direction), small_scene.xyz).probabilities[:, 0]
-    twice = predict(known(SMOKE, direction), small_scene.xyz, rotations=2).probabilities[:, 0]
+    once = predict(known(PLAIN, direction), small_scene.xyz).probabilities[:, 0]
+    twice = predict(known(PLAIN, direction), small_scene.xyz, rotations=2).probabilities[:, 0]
     # x and -x are of equal weight: no point is nearer to either class.
     assert np.abs(once - 0.5).mean() > 0.3
     np.testing.assert_allclose(twice, 0.5, atol=1e-4)
@@ -128,10 +131,10 @@ def test_rotations_are_averaged(torch, known, small_scene):
 def test_fixed_blocks_reach_every_point(torch, known, small_scene):
     from slopewatch.models.prediction import predict
 
-    fixed = replace(SMOKE, block_points=500)
+    fixed = replace(PLAIN, block_points=500)
     prediction = predict(known(fixed, by_height(torch)), small_scene.xyz)
     assert prediction.filled == 0.0
-    free = predict(known(SMOKE, by_height(torch)), small_scene.xyz)
+    free = predict(known(PLAIN, by_height(torch)), small_scene.xyz)
     assert (prediction.labels == free.labels).mean() > 0.999
 
 
