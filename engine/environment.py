@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from ..models.shipped import SHIPPED_SHA256, SHIPPED_WEIGHTS
 from .errors import InputError
 from .pdal import find_pdal
 from .run_record import versions
@@ -30,6 +31,7 @@ def check_environment(pdal: Path | None = None) -> dict[str, Any]:
         found["torch"] = importlib.metadata.version("torch")
     except importlib.metadata.PackageNotFoundError:
         found["torch"] = "not installed"
+    found["screening_weights"] = SHIPPED_SHA256[:12] if SHIPPED_WEIGHTS.is_file() else "not there"
     program = find_pdal(pdal)
     found["pdal"] = program.version
     found["pdal_path"] = program.path

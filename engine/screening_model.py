@@ -77,17 +77,25 @@ class ScreeningModel:
         Raises:
             EngineError: memory ran out.
         """
+        import torch
+
         from ..models.prediction import predict_voxels
 
-        with memory_told():
-            found, _ = predict_voxels(
-                self.network,
-                cloud,
-                rotations=self.rotations,
-                threads=self.threads,
-                device=self.device,
-                progress=progress,
-            )
+        before = torch.get_num_threads()
+        # windows are what is worked on side by side: within one, sums would depend on the number of threads
+        torch.set_num_threads(1)
+        try:
+            with memory_told():
+                found, _ = predict_voxels(
+                    self.network,
+                    cloud,
+                    rotations=self.rotations,
+                    threads=self.threads,
+                    device=self.device,
+                    progress=progress,
+                )
+        finally:
+            torch.set_num_threads(before)
         return found
 
 

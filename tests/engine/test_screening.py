@@ -229,6 +229,27 @@ def test_probabilities_are_calibrated_with_the_models_temperature(cloud, weights
         screened(calibration={"temperature": -1})
 
 
+def test_labels_do_not_depend_on_the_threads(cloud, weights, monkeypatch):
+    import torch
+    from slopewatch.models.network import RandLANet
+
+    forward, seen = RandLANet.forward, set()
+
+    def watched(*given):
+        seen.add(torch.get_num_threads())
+        return forward(*given)
+
+    monkeypatch.setattr(RandLANet, "forward", watched)
+    torch.set_num_threads(2)
+    points = read_cloud(cloud)
+    found = [
+        screen_cloud(points, ScreeningParameters(weights=str(weights), threads=n))[0].probabilities for n in (1, 3)
+    ]
+    assert (seen, torch.get_num_threads()) == ({1}, 2)
+    torch.set_num_threads(1)
+    np.testing.assert_array_equal(*found)
+
+
 def test_a_screened_point_never_has_probability_0():
     points = PointCloud(slope(20_000), CRS.from_epsg(32651), Path("a.laz"))
     parameters = ScreeningParameters(screening_method="residual", minimum_probability=0.999, residual_threshold=0.01)
