@@ -48,7 +48,7 @@ GRADES = ("high", "medium", "low")
 HIGH, MEDIUM = 0.85, 0.65
 """Mean probability of a zone from which its confidence is high, or medium; see ``_confidence``."""
 _FEWEST_POINTS, _SMALL = 50, 1.0
-_MOST_CELLS = 250_000_000
+_MOST_CELLS = 25_000_000  # about 2 GB while they are worked on
 _BRIDGED = 2.0  # cells
 
 

@@ -15,12 +15,15 @@ from ..engine.errors import InputError
 from .configuration import ModelConfiguration
 from .preparation import PreparedCloud, flat_frame, prepared
 from .thinning import Thinning
+from .trends import trend_cell
 from .voxel_sums import SparseVoxels, VoxelSums
 
 Float = NDArray[np.float64]
 Parts = Callable[[], Iterable[Float]]
 """Gives the parts (n, 3) of a cloud in its order, anew at each call."""
 LEAST_POINTS = 50
+MOST_CELLS = 16_000_000
+"""Of the rasters that trends are fitted on, which take about 1.5 GB then; of the default model, a square kilometre."""
 SAMPLE = 1_000_000
 """Points that the plane is fitted to; all of a smaller cloud."""
 
@@ -57,11 +60,22 @@ def prepare_parts(
     """The prepared cloud, without ``inverse``, and where each point's voxel is.
 
     Raises:
-        InputError: the plane cannot be found, or the cloud is wider than voxels can be numbered.
+        InputError: the plane cannot be found, or the cloud is too wide for its trends' rasters or for numbered voxels.
     """
     plane, matrix = flat_frame(sample.xyz, configuration, seed)
     voxels = sum_parts(parts, matrix, configuration.voxel)
+    _refuse_wide(voxels.grid.points, configuration)
     return prepared(plane, matrix, voxels.grid, configuration), voxels
+
+
+def _refuse_wide(points: Float, configuration: ModelConfiguration) -> None:
+    length, height = (float(n) for n in np.ptp(points[:, :2], axis=0))
+    cells = [length * height / (trend_cell(along) * trend_cell(up)) for along, up in configuration.trends]
+    if cells and max(cells) > MOST_CELLS:
+        raise InputError(
+            f"The cloud reaches over {length:.0f} x {height:.0f} m of its slope's plane, which takes too much memory; "
+            "remove its outliers, or cut out a part of the slope."
+        )
 
 
 def sum_parts(parts: Parts, matrix: Float, size: float) -> SparseVoxels:

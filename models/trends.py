@@ -27,7 +27,7 @@ def residual_heights(xyz: Float, along: float, up: float) -> Float:
         wider than about twice these are trend. Where y
             runs up the slope, a long reach in x with a short one in y follows benches, which run along the slope.
     """
-    cell = np.array([max(along / 6.0, 0.2), max(up / 6.0, 0.2)])
+    cell = np.array([trend_cell(along), trend_cell(up)])
     low = xyz[:, :2].min(axis=0) - 0.5 * cell
     place = (xyz[:, :2] - low) / cell
     shape = tuple(int(n) + 1 for n in place.max(axis=0))
@@ -37,6 +37,11 @@ def residual_heights(xyz: Float, along: float, up: float) -> Float:
     # Cells hold the trend at their centres.
     values = map_coordinates(trend, (place - 0.5).T, order=1, mode="nearest")
     return np.asarray(xyz[:, 2] - level - values, dtype=np.float64)
+
+
+def trend_cell(reach: float) -> float:
+    """Side (m) of the raster's cells along an axis on which the trend reaches so far."""
+    return max(reach / 6.0, 0.2)
 
 
 def robust_trend(height: Float, sigma: tuple[float, float]) -> Float:

@@ -98,3 +98,10 @@ def test_what_cannot_be_prepared_is_refused():
     far = VoxelSums(np.eye(4), 0.1)
     with pytest.raises(InputError, match="outliers"):
         far.add(np.array([[0.0, 0.0, 0.0], [2e5, 0.0, 0.0]]))
+
+
+def test_a_cloud_with_a_far_outlier_is_refused_rather_than_filling_the_memory(small_scene):
+    far = small_scene.xyz.mean(axis=0) + [9000.0, 9000.0, 0.0]
+    parts = in_parts(np.concatenate([small_scene.xyz, far[np.newaxis]]), [100])
+    with pytest.raises(InputError, match="remove its outliers"):
+        prepare_parts(parts, sample_parts(parts), SMOKE)
