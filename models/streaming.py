@@ -22,8 +22,8 @@ Float = NDArray[np.float64]
 Parts = Callable[[], Iterable[Float]]
 """Gives the parts (n, 3) of a cloud in its order, anew at each call."""
 LEAST_POINTS = 50
-MOST_CELLS = 16_000_000
-"""Of the rasters that trends are fitted on, which take about 1.5 GB then; of the default model, a square kilometre."""
+MOST_CELLS = 8_000_000
+"""Of the rasters that trends are fitted on, at 170 bytes a cell; half a square kilometre with a reach of 1.5 m."""
 SAMPLE = 1_000_000
 """Points that the plane is fitted to; all of a smaller cloud."""
 
