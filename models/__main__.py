@@ -100,6 +100,33 @@ def figures(session: Session, residual: bool, chosen: tuple[str, ...]) -> Outcom
     return outputs, {}
 
 
+@main.command()
+@click.option(
+    "--folds",
+    "folders",
+    multiple=True,
+    type=(str, click.Path(path_type=Path)),
+    metavar="RECIPE FOLDER",
+    help="Where a recipe's folds were trained, for the time that they took.",
+)
+@command(profile=False)
+def card(session: Session, folders: tuple[tuple[str, Path], ...]) -> Outcome:
+    """Write the model card from the weights' description and the figures beside them."""
+    from .model_card import model_card, read_figures, read_seconds
+    from .shipped import shipped_model
+    from .weights import load_model
+
+    times = FIGURES / "seconds.json"
+    seconds = json.loads(times.read_text(encoding="utf-8")) if times.is_file() else {}
+    seconds.update({recipe: read_seconds(folder) for recipe, folder in folders})
+    _keep(times.name, seconds)
+    path = FIGURES.parent / "README.md"
+    text = model_card(load_model(*shipped_model()).metadata, read_figures(FIGURES), seconds)
+    with atomic_output(path) as partial:
+        partial.write_text(text, encoding="utf-8")
+    return {"card": path}, {}
+
+
 def _keep(name: str, values: dict[str, Any]) -> Path:
     FIGURES.mkdir(parents=True, exist_ok=True)
     path = FIGURES / name
