@@ -26,6 +26,10 @@ _OUT_OF_MEMORY = ("not enough memory", "can't allocate memory", "out of memory")
 """What torch says where it raises a plain RuntimeError."""
 
 
+_MOST_THREADS = 8
+"""By default: each works on a window of its own, which takes memory, and preparing these takes a third of the time."""
+
+
 class ScreeningModel:
     """A network ready to run, as the parameters ask for it.
 
@@ -50,7 +54,7 @@ class ScreeningModel:
         self.network = fold_normalisation(self.file.network).to(self.device)
         self.temperature = temperature_of(self.file.metadata)
         self.rotations = parameters.rotations
-        self.threads = parameters.threads or os.cpu_count() or 1
+        self.threads = parameters.threads or min(processors(), _MOST_THREADS)
 
     @property
     def configuration(self) -> ModelConfiguration:
@@ -97,6 +101,13 @@ class ScreeningModel:
         finally:
             torch.set_num_threads(before)
         return found
+
+
+def processors() -> int:
+    """Processor cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def require_torch() -> None:

@@ -229,6 +229,13 @@ def test_probabilities_are_calibrated_with_the_models_temperature(cloud, weights
         screened(calibration={"temperature": -1})
 
 
+def test_many_processor_cores_do_not_take_all_memory(weights, monkeypatch):
+    for cores, expected in ((2, 2), (64, 8)):
+        monkeypatch.setattr(screening_model, "processors", lambda n=cores: n)
+        assert screening_model.ScreeningModel(ScreeningParameters(weights=str(weights))).threads == expected
+    assert screening_model.ScreeningModel(ScreeningParameters(weights=str(weights), threads=20)).threads == 20
+
+
 def test_labels_do_not_depend_on_the_threads(cloud, weights, monkeypatch):
     import torch
     from slopewatch.models.network import RandLANet
