@@ -90,7 +90,8 @@ def _facts(description: dict[str, Any]) -> list[str]:
         ),
         (
             f"| trained on | {training['scenes']} simulated slopes, {training['points']:,} voxels, "
-            f"{training['steps']:,} steps of {training['batch']} windows, simulator version {description['simulator_version']} |"
+            f"{training['steps']:,} steps of {training['batch']} windows, simulator version "
+            f"{description['simulator_version']} |"
         ),
         (
             f"| cost | {training['processor_seconds_preparing'] / 60:.0f} + "

@@ -25,7 +25,7 @@ from .preparation import Block
 from .recipes import Recipe
 from .training import block_provider, class_frequencies, train
 
-TRAINING_SCENES = 400
+TRAINING_SCENES = 800
 HELD_OUT_SCENES = 24
 FIRST_HELD_OUT = 900_000
 """Scenes for the temperature have training seeds that training does not reach."""
