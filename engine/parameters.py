@@ -581,8 +581,8 @@ class ScreeningParameters(ParameterSet):
     threads: int = _parameter(
         0,
         "Threads",
-        "Windows that are worked on at the same time. Larger is faster and takes more memory. 0: one a processor core, at "
-        "most 8.",
+        "Windows that are worked on at the same time. Larger is faster and takes more memory. 0: one a processor core, "
+        "at most 8.",
         minimum=0,
         maximum=256,
         advanced=True,
