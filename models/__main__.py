@@ -28,9 +28,12 @@ def main() -> None:
 @click.option("--recipe", type=click.Choice(["slopewatch", "paper", "residual"]), default="slopewatch")
 @click.option("--scenes", type=int, default=0, help="Only the first so many of the 92 scenes, for a trial.")
 @click.option("--steps", type=int, default=0, help="Instead of the recipe's.")
+@click.option(
+    "--fold", "only", type=int, multiple=True, help="Only this one (0 to 4), so that processes can share them."
+)
 @_folder
 @command(profile=False)
-def folds(session: Session, recipe: str, scenes: int, steps: int, folder: Path) -> Outcome:
+def folds(session: Session, recipe: str, scenes: int, steps: int, only: tuple[int, ...], folder: Path) -> Outcome:
     """Five folds by scene of the published set: train and score each."""
     from ..simulation.hazard_scenes.sets import published_set
     from .benchmark_folds import score_folds, score_residual, with_steps
@@ -42,9 +45,9 @@ def folds(session: Session, recipe: str, scenes: int, steps: int, folder: Path) 
         summary = score_residual(specs, folder, progress=session.report)
     else:
         chosen = RECIPES[recipe] if not steps else with_steps(RECIPES[recipe], steps)
-        summary = score_folds(specs, chosen, folder, progress=session.report)
+        summary = score_folds(specs, chosen, folder, only=only, progress=session.report)
     path = folder / "folds.json"
-    if not scenes and not steps:
+    if not scenes and not steps and not only:
         path = _keep(f"folds_{recipe}.json", summary)
     return {"folds": path}, {name: summary[name]["mean"] for name in ("overall_accuracy", "mean_iou")}
 

@@ -8,6 +8,7 @@ import csv
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ def score_folds(
     folder: Path,
     *,
     count: int = 5,
+    only: Sequence[int] = (),
     device: torch.device | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
@@ -39,49 +41,53 @@ def score_folds(
 
     Args:
         specs: the scenes; each is simulated when it is needed, which takes less than reading it would.
+        only: numbers of the folds to do now, so that several processes can share them; all by default.
 
     Returns:
-        The summary of ``cross_validation.cross_validate``, with the processor's seconds a fold trained and scored.
+        The summary of ``cross_validation.cross_validate`` over the folds done; ``seconds.csv`` in a fold's folder has
+        the processor's seconds that it took.
     """
     device, progress = device or torch.device("cpu"), progress or Progress()
     chosen = folds(len(specs), count)
-    prepared: list[list[Block]] = []
-    with progress.stage(0.0, 0.1, "preparing the scenes"):
-        started = time.process_time()
-        for number, spec in enumerate(specs):
-            prepared.append(
-                scene_blocks(
-                    build_scene(spec), recipe.configuration, seed=spec.seed, step=recipe.step, share=recipe.share
+    chosen = [chosen[number] for number in only] if only else chosen
+    prepared: dict[int, list[Block]] = {}
+
+    def blocks_of(numbers: Sequence[int]) -> list[Block]:
+        for done, number in enumerate(numbers):
+            if number not in prepared:
+                scene = build_scene(specs[number])
+                prepared[number] = scene_blocks(
+                    scene, recipe.configuration, seed=specs[number].seed, step=recipe.step, share=recipe.share
                 )
-            )
-            progress.update((number + 1) / len(specs), f"scene {number + 1} of {len(specs)}")
-        preparation = time.process_time() - started
+            progress.update((done + 1) / len(numbers), f"preparing scene {done + 1} of {len(numbers)}")
+        return [block for number in numbers for block in prepared[number]]
 
     def one(fold: Fold, place: Path) -> Scores:
-        low = 0.1 + 0.9 * fold.number / count
-        begun = time.process_time()
-        with progress.stage(low, low + 0.6 / count, f"fold {fold.number + 1}: training"):
-            blocks = [block for k in fold.train for block in prepared[k]]
-            classes = len(recipe.configuration.classes)
-            provider = block_provider(blocks, recipe.training, device)
+        low, part = chosen.index(fold) / len(chosen), 1.0 / len(chosen)
+        times = [time.process_time()]
+        with progress.stage(low, low + 0.2 * part, f"fold {fold.number + 1}: preparing"):
+            blocks = blocks_of(fold.train)
+        times.append(time.process_time())
+        with progress.stage(low + 0.2 * part, low + 0.7 * part, f"fold {fold.number + 1}: training"):
             state = train(
                 recipe.configuration,
-                provider,
-                class_frequencies(blocks, classes),
+                block_provider(blocks, recipe.training, device),
+                class_frequencies(blocks, len(recipe.configuration.classes)),
                 recipe.training,
                 place,
                 device=device,
                 progress=progress,
             )
-        trained = time.process_time()
-        with progress.stage(low + 0.6 / count, low + 0.9 / count, f"fold {fold.number + 1}: scoring"):
+        times.append(time.process_time())
+        with progress.stage(low + 0.7 * part, low + part, f"fold {fold.number + 1}: scoring"):
             scores = score_scenes(
                 (specs[k] for k in fold.test),
                 lambda xyz: predict(state.network, xyz, device=device).probabilities,
                 len(fold.test),
                 progress,
             )
-        _write_seconds(place / "seconds.csv", preparation, trained - begun, time.process_time() - trained)
+        times.append(time.process_time())
+        _write_seconds(place / "seconds.csv", *(b - a for a, b in pairwise(times)))
         return scores
 
     return cross_validate(chosen, folder, one)
@@ -120,5 +126,5 @@ def with_steps(recipe: Recipe, steps: int) -> Recipe:
 def _write_seconds(path: Path, preparation: float, training: float, scoring: float) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(["preparing_all_scenes_s", "training_s", "scoring_s"])
+        writer.writerow(["preparing_s", "training_s", "scoring_s"])
         writer.writerow([f"{x:.1f}" for x in (preparation, training, scoring)])
