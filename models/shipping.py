@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from ..engine.progress import Progress
 from ..simulation.hazard_scenes.scenes import build_scene
@@ -98,7 +99,9 @@ def train_shipped(
 
 def calibrate(network: RandLANet, progress: Progress | None = None) -> Calibration:
     """The temperature on realistic scenes that training did not see."""
-    progress, probabilities, labels = progress or Progress(), [], []
+    progress = progress or Progress()
+    probabilities: list[NDArray[np.float32]] = []
+    labels: list[NDArray[np.uint8]] = []
     for number, spec in enumerate(training_scenes(4 * HELD_OUT_SCENES, FIRST_HELD_OUT)):
         if spec.kind != "realistic" or len(labels) >= HELD_OUT_SCENES:
             continue
@@ -122,7 +125,7 @@ def score_sets(
     """Scores of the network, or without one of the threshold on the residual, on the benchmark sets."""
     progress, summary = progress or Progress(), {}
 
-    def screen(xyz: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    def screen(xyz: NDArray[np.float64]) -> NDArray[np.floating]:
         if network is None:
             return residual_probabilities(xyz)
         return apply_temperature(predict(network, xyz, device=device).probabilities, temperature)
