@@ -14,6 +14,7 @@ NAMES = {
     "registration": "Registration",
     "gridding": "Gridding",
     "whole_flow": "The whole flow",
+    "screening": "Screening",
     "real_screening": "Screening of real slopes with known hazards put in",
 }
 

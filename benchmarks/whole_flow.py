@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 import tempfile
-import threading
 import time
 from pathlib import Path
 
@@ -21,6 +17,7 @@ from ..simulation.survey import simulate_pair
 from ..simulation.write import write_pair
 from .controlled_test import inside
 from .table import Row
+from .watched import run_watched
 
 POINTS = 1_000_000
 
@@ -66,45 +63,10 @@ def rows() -> list[Row]:
 
 
 def _inspect(folder: Path, paths: dict[str, Path]) -> tuple[float, int]:
-    command = [sys.executable, "-m", "slopewatch.engine.cli", "inspect"]
+    command = ["inspect"]
     for epoch in ("first", "second"):
         command += ["--epoch", f"{paths[epoch].stem}={paths[epoch]}"]
-    command += ["--roi", str(paths["roi"]), "--output-dir", str(folder / "out")]
-    start = time.perf_counter()
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-    peak = [0]
-    watcher = threading.Thread(target=_watch, args=(process.pid, peak), daemon=True)
-    watcher.start()
-    _, error = process.communicate()
-    seconds = time.perf_counter() - start
-    if process.returncode:
-        raise RuntimeError(error.decode())
-    return seconds, peak[0]
-
-
-def _watch(pid: int, peak: list[int]) -> None:
-    """Largest sum of the resident sizes of a process and its descendants, sampled 20 times a second (Linux)."""
-    while Path(f"/proc/{pid}").exists():
-        peak[0] = max(peak[0], sum(_resident(p) for p in _family(pid)))
-        time.sleep(0.05)
-
-
-def _family(pid: int) -> list[int]:
-    members = [pid]
-    for member in members:
-        for task in Path(f"/proc/{member}/task").glob("*/children"):
-            try:
-                members += [int(child) for child in task.read_text().split()]
-            except OSError:
-                continue
-    return members
-
-
-def _resident(pid: int) -> int:
-    try:
-        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    except (OSError, IndexError):
-        return 0
+    return run_watched([*command, "--roi", str(paths["roi"]), "--output-dir", str(folder / "out")])
 
 
 def _change_error(folder: Path, pair) -> tuple[float, float]:  # type: ignore[no-untyped-def]
