@@ -104,6 +104,19 @@ def figures(session: Session, residual: bool, chosen: tuple[str, ...]) -> Outcom
 
 
 @main.command()
+@click.option("--seconds", type=float, default=90.0, show_default=True, help="Of the processor, for each variant.")
+@_folder
+@command(profile=False)
+def ablation(session: Session, seconds: float, folder: Path) -> Outcome:
+    """Train with one choice changed at a time, each for the same time."""
+    from .ablation import ablate
+
+    _one_thread()
+    found = ablate(folder, seconds, progress=session.report)
+    return {"ablation": _keep("ablation.json", {"seconds": seconds, "variants": found})}, {}
+
+
+@main.command()
 @click.option(
     "--folds",
     "folders",

@@ -49,7 +49,7 @@ def model_card(description: dict[str, Any], figures: dict[str, Any], seconds: di
     """
     lines = ["# Model card: the shipped screening model", "", *_facts(description), "", _USE]
     lines += [*_folds(figures, seconds), *_sets(figures), *_amplitudes(figures), *_negatives(figures)]
-    lines += [*_reliability(figures), *_again(description)]
+    lines += [*_reliability(figures), *_ablation(figures), *_again(description)]
     return "\n".join(lines)
 
 
@@ -229,6 +229,33 @@ def _reliability(figures: dict[str, Any]) -> list[str]:
     ]
 
 
+def _ablation(figures: dict[str, Any]) -> list[str]:
+    found = figures.get("ablation")
+    if found is None:
+        return []
+    rows = [
+        [
+            row["variant"],
+            f"{row['steps']:,}",
+            _percent(row["overall_accuracy"]),
+            _percent(row["mean_iou"]),
+            f"{row['false_zones_per_1000_m2']:.1f}",
+        ]
+        for row in found["variants"]
+    ]
+    return [
+        "## What each choice gives",
+        "",
+        (
+            f"Each trained for {found['seconds']:.0f} seconds of one processor core on the same scenes, one choice "
+            "changed at a time, and scored on eight others of the published kind. One seed: about one point is chance."
+        ),
+        "",
+        *_table(["", "steps", "accuracy %", "mean IoU %", "false zones / 1,000 m²"], rows),
+        "",
+    ]
+
+
 def _again(description: dict[str, Any]) -> list[str]:
     training = description["training"]
     minutes = (training["processor_seconds_preparing"] + training["processor_seconds_training"]) / 60
@@ -240,6 +267,7 @@ def _again(description: dict[str, Any]) -> list[str]:
         "python -m slopewatch.models figures                       # the benchmark sets",
         "python -m slopewatch.models figures --residual",
         "python -m slopewatch.models folds --recipe slopewatch --folder DIR   # and paper, and residual",
+        "python -m slopewatch.models ablation --folder DIR",
         "python -m slopewatch.models card                          # this page",
         "```",
         "",

@@ -1,0 +1,84 @@
+"""The card says what the scores beside the weights say, and the ablation compares at equal cost."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+from slopewatch.models.configuration import SMOKE
+from slopewatch.models.evaluation import Scores
+from slopewatch.models.weights import load_model, save_model
+
+TRAINING = {
+    "scenes": 3,
+    "points": 12_345,
+    "steps": 17,
+    "batch": 4,
+    "processor_seconds_preparing": 60,
+    "processor_seconds_training": 180,
+    "torch": "2.13.0",
+    "seed": 0,
+}
+CALIBRATION = {"temperature": 1.234, "points": 500}
+
+
+@pytest.fixture
+def description(torch, tmp_path):
+    from slopewatch.models.network import RandLANet
+
+    path = tmp_path / "w.safetensors"
+    save_model(path, RandLANet(SMOKE), TRAINING, {"calibration": CALIBRATION})
+    return load_model(path).metadata
+
+
+def test_a_card_without_scores_still_says_what_the_weights_are(description):
+    from slopewatch.models.model_card import model_card
+
+    text = model_card(description, {}, {})
+    for expected in (description["sha256"], "12,345 voxels", "1.234", "1 + 3 minutes", "must not be used"):
+        assert expected in text
+    assert "five folds" not in text
+    assert "weights on the benchmark sets" not in text
+
+
+def test_the_scores_of_a_scene_are_told(description, small_scene, tmp_path):
+    import numpy as np
+    from slopewatch.models.model_card import model_card, read_figures, read_seconds
+
+    scores = Scores()
+    scores.add(small_scene, np.eye(3, dtype=np.float32)[small_scene.label])
+    for name in ("realistic_slopewatch", "realistic_residual"):
+        (tmp_path / f"{name}.json").write_text(json.dumps(scores.summary()))
+    fold = tmp_path / "folds" / "fold_0"
+    fold.mkdir(parents=True)
+    (fold / "seconds.csv").write_text("preparing_s,training_s,scoring_s\n1.0,120.0,30.0\n")
+    mean = {"mean": 0.625, "lowest": 0.6, "highest": 0.65}
+    folds = {"overall_accuracy": mean, "mean_iou": mean, "iou": {"background": 0.7, "uplift": 0.6, "subsidence": 0.5}}
+    (tmp_path / "folds_slopewatch.json").write_text(json.dumps(folds))
+    text = model_card(description, read_figures(tmp_path), {"slopewatch": read_seconds(tmp_path / "folds")})
+    row = next(line for line in text.splitlines() if line.startswith("| realistic | shipped |"))
+    assert row.split(" | ")[3] == "100.0"
+    fold_row = next(line for line in text.splitlines() if line.startswith("| SlopeWatch |"))
+    assert "62.5 (60.0 to 65.0)" in fold_row
+    assert "2.0 min" in fold_row
+    # Every table has as many cells in each row as in its head.
+    widths = [line.count("|") for line in text.splitlines() if line.startswith("|")]
+    groups = [g.splitlines() for g in text.split("\n\n") if g.startswith("|")]
+    assert widths
+    assert all(len({line.count("|") for line in group}) == 1 for group in groups)
+
+
+def test_variants_take_about_the_same_time(torch, tmp_path, monkeypatch):
+    from slopewatch.models import ablation
+    from slopewatch.models.recipes import Recipe
+    from slopewatch.models.training import TrainingParameters
+
+    monkeypatch.setattr(ablation, "AREA", 200.0)
+    recipe = Recipe(replace(SMOKE, trends=((4.0, 4.0),)), TrainingParameters(batch=1), step=20.0)
+    wide = replace(recipe, configuration=replace(recipe.configuration, widths=(32, 64, 64)))
+    variants = (ablation.Variant("small", recipe), ablation.Variant("wide", wide))
+    found = ablation.ablate(tmp_path, 1.0, variants, scenes=2, held_out=1)
+    assert [row["variant"] for row in found] == ["small", "wide"]
+    assert found[0]["steps"] > 1.5 * found[1]["steps"]
+    assert all(0 < row["mean_iou"] < 1 for row in found)
