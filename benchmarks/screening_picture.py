@@ -22,7 +22,8 @@ GAP = 1.0
 """Ground farther than this (m) from any point is left white."""
 NAMED = 15
 """Zones, the largest ones, whose number and height are written."""
-COLOURS = {1: "#d7191c", 2: "#2c5fd7"}
+COLOURS = {1: "#2A6BAE", 2: "#B43628"}
+"""As everywhere: raised ground is cold, lowered ground is warm."""
 
 
 def draw(
@@ -32,7 +33,7 @@ def draw(
     zones: Sequence[Zone],
     truth: KnownHazards | None = None,
 ) -> None:
-    """Write a PNG: points shown as uplift red, as subsidence blue, the largest zones, outlines of hazards put in."""
+    """Write a PNG: points shown as uplift blue, as subsidence red, the largest zones, outlines of hazards put in."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -63,10 +64,10 @@ def draw(
         corners = np.vstack([corners, corners[:1]])
         corners = np.column_stack([corners, np.zeros(len(corners)), np.ones(len(corners))])
         place = corners @ np.linalg.inv(truth.matrix).T @ matrix.T
-        axes.plot(place[:, 0], place[:, 1], c="#d7191c" if hazard.height > 0 else "#2c5fd7", lw=2)
+        axes.plot(place[:, 0], place[:, 1], c=COLOURS[1 if hazard.height > 0 else 2], lw=2)
         axes.plot(place[:, 0], place[:, 1], c="black", lw=0.6)
     axes.set_aspect("equal")
     axes.set_xlabel("along the slope (m)")
     axes.set_ylabel("up the slope (m)")
-    axes.set_title(f"{ground.name}: uplift red, subsidence blue" + (", outlines put in" if truth else ", untouched"))
+    axes.set_title(f"{ground.name}: uplift blue, subsidence red" + (", outlines put in" if truth else ", untouched"))
     FigureCanvasAgg(figure).print_png(str(path))

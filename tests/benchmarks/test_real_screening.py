@@ -139,13 +139,13 @@ def test_the_picture_shows_hazards_put_in_and_zones_where_they_are(even, tmp_pat
         probabilities = as_probabilities(classes)
         draw(tmp_path / f"{name}.png", ground, probabilities, shown_zones(ground, probabilities), truth)
         pictures.append(image.imread(tmp_path / f"{name}.png")[..., :3])
-    red = [np.argwhere((p[..., 0] > 0.6) & (p[..., 1] < 0.3) & (p[..., 2] < 0.3)) for p in pictures]
-    assert len(red[0]) == 0
+    blue = [np.argwhere((p[..., 0] < 0.3) & (p[..., 1] < 0.5) & (p[..., 2] > 0.6)) for p in pictures]
+    assert len(blue[0]) == 0
     # the points found lie within the outline of what was put in (line widths and markers beyond by some pixels)
-    assert len(red[1]) > 100
-    assert len(red[2]) > 100
-    assert np.all(red[2].min(axis=0) >= red[1].min(axis=0) - 8)
-    assert np.all(red[2].max(axis=0) <= red[1].max(axis=0) + 8)
+    assert len(blue[1]) > 100
+    assert len(blue[2]) > 100
+    assert np.all(blue[2].min(axis=0) >= blue[1].min(axis=0) - 8)
+    assert np.all(blue[2].max(axis=0) <= blue[1].max(axis=0) + 8)
 
 
 def test_weights_that_are_not_there_are_refused(tmp_path):
