@@ -501,8 +501,8 @@ class ScreeningParameters(ParameterSet):
     rotations: int = _parameter(
         1,
         "Rotations",
-        "The network looks at each place in so many directions and averages. Larger is a little surer and takes that "
-        "much longer.",
+        "The network looks at each place mirrored and turned in so many ways and averages. Larger is a little surer "
+        "and takes that much longer.",
         minimum=1,
         maximum=16,
         advanced=True,
@@ -587,6 +587,24 @@ class ScreeningParameters(ParameterSet):
         maximum=256,
         advanced=True,
     )
+
+
+@dataclass(frozen=True)
+class LastEpochParameters(ScreeningParameters):
+    """Screening of the last epoch of an inspection, whose ground has been extracted already."""
+
+    ground: str = _parameter("as_is", "Ground points", "The ground that was extracted.", choices=("as_is",))
+    screen_last_epoch: bool = _parameter(
+        True,
+        "Screen the last survey",
+        "Also labels the ground of the last survey by its shape, and says which of the zones found so the change "
+        "confirms. Left out with a warning where the network or the slope does not allow it.",
+    )
+
+    @classmethod
+    def specifications(cls) -> tuple[Specification, ...]:
+        every = [s for s in super().specifications() if s.name != "ground"]
+        return tuple(sorted(every, key=lambda s: s.name != "screen_last_epoch"))
 
 
 @dataclass(frozen=True)
@@ -806,5 +824,6 @@ PROFILES: dict[str, dict[str, dict[str, Any]]] = {
         },
         "ChangeParameters": {"cell": 0.1, "cell_value": "mean", "minimum_points": 1},
         "ScreeningParameters": {"screening_method": "network", "rotations": 1, "minimum_probability": 0.0},
+        "LastEpochParameters": {"screening_method": "network", "rotations": 1, "minimum_probability": 0.0},
     },
 }

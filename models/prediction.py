@@ -24,6 +24,8 @@ from .voxel_sums import flat_axis
 
 Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
+_TURNS = (0.0, 10.0, -10.0, 5.0, -5.0, 12.0, -12.0, 8.0)
+"""Degrees that windows are turned by whose y runs up the slope."""
 
 
 @dataclass(frozen=True)
@@ -55,8 +57,8 @@ def predict(
 ) -> Prediction:
     """Probabilities of every point of a cloud.
 
-    Probabilities (not logits) are added up over the windows that hold a point, and over ``rotations`` about the
-    vertical, and divided by their weights. Points in no window take those of the nearest point that is in one.
+    Probabilities (not logits) are added up over the windows that hold a point, and over ``rotations`` (see ``views``),
+    and divided by their weights. Points in no window take those of the nearest point that is in one.
 
     Args:
         network: in evaluation mode, on ``device``.
@@ -139,17 +141,33 @@ class _Run:
         batch = make_batch([block]).to(self.device)
         total = np.zeros((len(block), len(self.configuration.classes)))
         with torch.inference_mode():
-            for turn in range(self.rotations):
-                angle = 2 * math.pi * turn / self.rotations
+            for number, view in enumerate(views(self.rotations, aligned=self.configuration.align)):
                 coordinates = batch.coordinates
-                if turn:
-                    c, s = math.cos(angle), math.sin(angle)
-                    matrix = coordinates.new_tensor([[c, -s], [s, c]])
+                if number:
+                    matrix = coordinates.new_tensor(view)
                     coordinates = torch.cat([coordinates[:, :2] @ matrix.T, coordinates[:, 2:]], dim=1)
                 features, scaled = network_inputs(coordinates, batch.residuals, self.configuration)
                 logits = self.network(features, scaled, batch.graphs)
                 total += torch.softmax(logits.float(), dim=1).cpu().numpy()
         return block, total / self.rotations
+
+
+def views(count: int, *, aligned: bool) -> list[list[list[float]]]:
+    """Matrices (2, 2) by which a window is seen, the first as it is.
+
+    Windows of which y runs up the slope are mirrored and turned by no more than training did; others are turned evenly
+    all round.
+    """
+    if not aligned:
+        angles, mirrored = [2 * math.pi * k / count for k in range(count)], [False] * count
+    else:
+        angles = [math.radians(_TURNS[k // 2 % len(_TURNS)]) for k in range(count)]
+        mirrored = [k % 2 == 1 for k in range(count)]
+    result = []
+    for angle, mirror in zip(angles, mirrored):
+        c, s, sign = math.cos(angle), math.sin(angle), -1.0 if mirror else 1.0
+        result.append([[c * sign, -s], [s * sign, c]])
+    return result
 
 
 def _in_order(run: _Run, jobs: Iterator[Block], threads: int) -> Iterator[tuple[Block, Float]]:

@@ -128,6 +128,21 @@ def test_rotations_are_averaged(torch, known, small_scene):
     np.testing.assert_allclose(twice, 0.5, atol=1e-4)
 
 
+def test_windows_are_seen_as_training_showed_them(torch):
+    from slopewatch.models.prediction import views
+
+    plain, mirrored, *others = (np.array(view) for view in views(6, aligned=True))
+    np.testing.assert_allclose(plain, np.eye(2))
+    np.testing.assert_allclose(mirrored, np.diag([-1.0, 1.0]))
+    for view in others:
+        # Lengths stay, and up the slope stays up to the 15 degrees of training.
+        np.testing.assert_allclose(view @ view.T, np.eye(2), atol=1e-12)
+        assert np.degrees(np.arccos(view[1, 1])) < 15
+    assert len({tuple(np.round(v, 6).ravel()) for v in views(16, aligned=True)}) == 16
+    around = [np.array(view) @ [1.0, 0.0] for view in views(4, aligned=False)]
+    np.testing.assert_allclose(around, [[1, 0], [0, 1], [-1, 0], [0, -1]], atol=1e-12)
+
+
 def test_fixed_blocks_reach_every_point(torch, known, small_scene):
     from slopewatch.models.prediction import predict
 
