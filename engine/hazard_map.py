@@ -34,13 +34,16 @@ def hazard_picture(hazards: Hazards, view: TopView) -> Heatmap:
     return replace(picture, words=replace(_WORDS, notes=_notes(hazards)))
 
 
-def write_hazard_map(path: Path, hazards: Hazards, view: TopView, *, name: str = "") -> None:
-    """Write the picture as an annotated PNG.
+def write_hazard_map(path: Path, hazards: Hazards, view: TopView, *, name: str = "", note: str = "") -> None:
+    """Write the picture as an annotated PNG; ``note`` is a sentence that is added below it.
 
     Raises:
         InputError: the folder is missing or not writable.
     """
-    write_heatmap_png(path, hazard_picture(hazards, view), zones=hazards.frame, name=name)
+    picture = hazard_picture(hazards, view)
+    if note:
+        picture = replace(picture, words=replace(picture.words, notes=f"{picture.words.notes} {note}"))
+    write_heatmap_png(path, picture, zones=hazards.frame, name=name)
 
 
 def _notes(hazards: Hazards) -> str:

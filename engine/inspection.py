@@ -1,8 +1,9 @@
-"""The whole flow: raw surveys of one slope in, change rasters and hazard zones out."""
+"""The whole flow: raw surveys of one slope in; change, hazard zones and the last survey's screening out."""
 
 from __future__ import annotations
 
 import uuid
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,7 +13,16 @@ from pyproj import CRS
 
 from .change import difference
 from .clouds import copy_with, read_cloud
+from .epoch_screening import (
+    SCREENING_OUTPUTS,
+    EpochScreening,
+    confirmed_by,
+    obstacle,
+    screen_epoch,
+    write_epoch_screening,
+)
 from .epochs import Epoch, check_pair
+from .errors import EngineError, InputError
 from .gridding import Float
 from .ground import GroundResult, extract_ground
 from .outputs import Stage, refuse_inputs_as_outputs, staged_outputs
@@ -22,6 +32,7 @@ from .parameters import (
     GroundParameters,
     HeatmapParameters,
     InputParameters,
+    LastEpochParameters,
     RegistrationParameters,
     ZoneParameters,
 )
@@ -52,6 +63,7 @@ class Settings:
     change: ChangeParameters = field(default_factory=ChangeParameters)
     zones: ZoneParameters = field(default_factory=ZoneParameters)
     heatmap: HeatmapParameters = field(default_factory=HeatmapParameters)
+    screening: LastEpochParameters = field(default_factory=LastEpochParameters)
 
     def groups(self) -> dict[str, Any]:
         return {
@@ -61,6 +73,7 @@ class Settings:
             "change": self.change,
             "zones": self.zones,
             "heatmap": self.heatmap,
+            "screening": self.screening,
         }
 
 
@@ -68,7 +81,7 @@ Outcome = tuple[dict[str, Path], dict[str, Any]]
 
 
 def inspect_slope(
-    epochs: tuple[Epoch, Epoch],
+    epochs: Sequence[Epoch],
     output_dir: Path,
     settings: Settings,
     *,
@@ -77,10 +90,12 @@ def inspect_slope(
     pdal: Path | None = None,
     progress: Progress | None = None,
 ) -> Outcome:
-    """Ground of both epochs, registration, change, zones, heatmap, run record.
+    """Ground of all epochs; of two registration, change, zones and heatmap; screening of the last; run record.
+
+    Two epochs that cannot be screened get all else, and a warning that says why.
 
     Args:
-        epochs: the earlier and the later survey.
+        epochs: the earlier and the later survey, or one, which is screened only.
         output_dir: folder for the outputs; made if missing.
         roi: vector file whose polygons bound the managed slope.
         stable: vector file whose polygons are known to be stable; only they register the epochs.
@@ -93,9 +108,13 @@ def inspect_slope(
         InputError: something given cannot be used; nothing is written then.
     """
     progress = progress or Progress()
-    check_pair(*epochs)
+    epochs = tuple(epochs)
+    if len(epochs) == 2:
+        check_pair(*epochs)
+    elif len(epochs) != 1:
+        raise InputError(f"{len(epochs)} epochs were given; give two, the earlier first, or one to screen it.")
     given = [e.path for e in epochs] + [p for p in (roi, stable) if p is not None]
-    refuse_inputs_as_outputs([output_dir / name for name in CHANGE_OUTPUTS], given)
+    refuse_inputs_as_outputs([output_dir / name for name in (*CHANGE_OUTPUTS, *SCREENING_OUTPUTS)], given)
     program = find_pdal(pdal)
     record = RunRecord("inspect", settings.groups())
     record.facts["pdal"] = {"version": program.version, "path": program.path, "found": program.how}
@@ -103,59 +122,138 @@ def inspect_slope(
     for role, path in (("roi", roi), ("stable", stable)):
         if path is not None:
             record.add_input(role, path)
-    require_comparable(epochs[0].path, epochs[1].path, settings.inputs)
+    record.facts["run_id"] = uuid.uuid5(uuid.NAMESPACE_OID, repr((hashes, plain(record.parameters)))).hex[:12]
+    run = _Run(epochs, settings, hashes, record, roi, stable, program, progress)
+    screened = _to_be_screened(run)
+    if len(epochs) == 2:
+        require_comparable(epochs[0].path, epochs[1].path, settings.inputs)
     with staged_outputs(output_dir) as stage:
         with progress.stage(0.0, 0.6, "extracting the ground"), record.stage("ground") as entry:
             grounds = _grounds(epochs, stage, settings, roi, program, progress)
             entry["epochs"] = {e.name: plain(g) for e, g in zip(epochs, grounds, strict=True)}
-        first, second = (read_cloud(g.ground) for g in grounds)
-        with progress.stage(0.6, 0.78, "registering"), record.stage("registration") as entry:
-            registration = register_pair(first, second, settings.registration, stable, progress)
-            aligned = registration.transform.apply(second.xyz)
-            entry.update(plain(registration.summary()))
-            record.facts["transform"] = registration.transform.matrix
-        with progress.stage(0.78, 0.85, "differencing"), record.stage("change"):
-            change = difference(
-                first.xyz,
-                aligned,
-                settings.change,
-                registration_error=registration.registration_error,
-                area=common_area(roi, first, registration.transform),
-                progress=progress,
-            )
-            warn_of_doubtful_change(change, progress)
-        clouds = _write_clouds(epochs, grounds, aligned, registration, first.crs, stage)
-        with progress.stage(0.85, 0.99, "writing outputs"), record.stage("products"):
-            picture = read_cloud(grounds[1].clipped, colours=True)
-            picture = replace(picture, xyz=registration.transform.apply(picture.xyz))
-            context = Context(
-                first=epochs[0],
-                second=epochs[1],
-                crs=first.crs,
-                transform=registration.transform,
-                input_hashes=hashes,
-                method=f"grid difference ({settings.change.cell_value}), {registration.method} registration",
-                run_id=uuid.uuid5(uuid.NAMESPACE_OID, repr((hashes, plain(record.parameters)))).hex[:12],
-            )
-            files, figures = write_products(change, picture, context, settings.zones, settings.heatmap, stage, progress)
-        outputs = files | clouds | {"run": stage.final("run.json")}
-        record.metrics = figures | registration.figures()
-        for label, result in zip(("reference", "moving"), grounds, strict=True):
+        work = _change_of_two if len(epochs) == 2 else _screening_of_one
+        outputs, figures = work(run, grounds, stage, screened)
+        outputs |= {"run": stage.final("run.json")}
+        record.metrics = figures
+        labels = ("reference", "moving") if len(epochs) == 2 else ("epoch",)
+        for label, result in zip(labels, grounds, strict=True):
+            outputs[f"{label}_ground"] = stage.final(f"clouds/{result.ground.name}")
             record.metrics |= {f"{label}_{name}": value for name, value in result.figures().items()}
-        record.facts["run_id"] = context.run_id
         record.write(stage.path("run.json"), progress.warnings, outputs)
     return outputs, record.metrics
 
 
+@dataclass(frozen=True)
+class _Run:
+    epochs: tuple[Epoch, ...]
+    settings: Settings
+    hashes: tuple[str, ...]
+    record: RunRecord
+    roi: Path | None
+    stable: Path | None
+    program: Pdal
+    progress: Progress
+
+
+def _to_be_screened(run: _Run) -> bool:
+    """Whether the last epoch is to be screened and can be; said before any work.
+
+    Raises:
+        InputError: it cannot, and there is nothing else to be done, or what was asked for by name is missing.
+    """
+    alone = len(run.epochs) == 1
+    if not run.settings.screening.screen_last_epoch:
+        if alone:
+            raise InputError("One epoch can only be screened; leave out --no-screen-last-epoch, or give two epochs.")
+        return False
+    sentence = obstacle(run.settings.screening)
+    if sentence and alone:
+        raise InputError(sentence)
+    if sentence:
+        _leave_out(run, sentence)
+    return not sentence
+
+
+def _leave_out(run: _Run, sentence: str) -> None:
+    run.record.facts["screening_left_out"] = sentence
+    run.progress.warning(f"The last survey was not screened. {sentence}")
+
+
+def _screening_of_one(run: _Run, grounds: list[GroundResult], stage: Stage, _: bool) -> Outcome:
+    epoch, progress, record = run.epochs[0], run.progress, run.record
+    with progress.stage(0.6, 0.95, "screening"), record.stage("screening"):
+        found = _screened(run, grounds[0].ground)
+    with progress.stage(0.95, 0.99, "writing outputs"), record.stage("products"):
+        picture = read_cloud(grounds[0].clipped, colours=True)
+        return write_epoch_screening(found, picture, epoch, run.hashes[0], run.settings.screening, stage)
+
+
+def _change_of_two(run: _Run, grounds: list[GroundResult], stage: Stage, screened: bool) -> Outcome:
+    settings, progress, record = run.settings, run.progress, run.record
+    epochs = run.epochs[0], run.epochs[1]
+    first, second = (read_cloud(g.ground) for g in grounds)
+    with progress.stage(0.6, 0.76, "registering"), record.stage("registration") as entry:
+        registration = register_pair(first, second, settings.registration, run.stable, progress)
+        aligned = registration.transform.apply(second.xyz)
+        entry.update(plain(registration.summary()))
+        record.facts["transform"] = registration.transform.matrix
+    with progress.stage(0.76, 0.82, "differencing"), record.stage("change"):
+        change = difference(
+            first.xyz,
+            aligned,
+            settings.change,
+            registration_error=registration.registration_error,
+            area=common_area(run.roi, first, registration.transform),
+            progress=progress,
+        )
+        warn_of_doubtful_change(change, progress)
+    outputs, moved = _write_clouds(epochs, grounds, aligned, registration, first.crs, stage)
+    found: EpochScreening | None = None
+    if screened:
+        with progress.stage(0.82, 0.88, "screening"), record.stage("screening"):
+            try:
+                found = confirmed_by(_screened(run, moved), change, epochs)
+            except (InputError, EngineError) as error:
+                _leave_out(run, str(error))
+    with progress.stage(0.88, 0.99, "writing outputs"), record.stage("products"):
+        picture = read_cloud(grounds[1].clipped, colours=True)
+        picture = replace(picture, xyz=registration.transform.apply(picture.xyz))
+        context = Context(
+            first=epochs[0],
+            second=epochs[1],
+            crs=first.crs,
+            transform=registration.transform,
+            input_hashes=run.hashes,
+            method=f"grid difference ({settings.change.cell_value}), {registration.method} registration",
+            run_id=record.facts["run_id"],
+        )
+        files, figures = write_products(change, picture, context, settings.zones, settings.heatmap, stage, progress)
+        outputs |= files
+        figures |= registration.figures()
+        if found is not None:
+            files, more = write_epoch_screening(found, picture, epochs[1], run.hashes[1], settings.screening, stage)
+            outputs |= files
+            figures |= more
+    return outputs, figures
+
+
+def _screened(run: _Run, ground: Path) -> EpochScreening:
+    found = screen_epoch(
+        ground, run.epochs[-1], run.settings.screening, run_id=run.record.facts["run_id"], progress=run.progress
+    )
+    run.record.facts["model"] = found.screening.model
+    return found
+
+
 def _grounds(
-    epochs: tuple[Epoch, Epoch],
+    epochs: tuple[Epoch, ...],
     stage: Stage,
     settings: Settings,
     roi: Path | None,
     program: Pdal,
     progress: Progress,
 ) -> list[GroundResult]:
-    """Both epochs at the same time: the work is in child processes of one thread each."""
+    """All epochs at the same time: the work is in child processes of one thread each."""
 
     def ground(epoch: Epoch, share: Progress) -> GroundResult:
         return extract_ground(
@@ -181,12 +279,10 @@ def _write_clouds(
     registration: RegistrationResult,
     crs: CRS,
     stage: Stage,
-) -> dict[str, Path]:
-    """The transform, and the later ground moved into the earlier one's frame; names of all clouds kept."""
+) -> tuple[dict[str, Path], Path]:
+    """The transform, and the later ground moved into the earlier one's frame, and where that lies until the end."""
     registration.transform.save(stage.path("transform.json"), crs, facts=registration.figures())
     name = f"clouds/{epochs[1].name}_aligned.laz"
-    copy_with(grounds[1].ground, stage.path(name), xyz=aligned)
-    outputs = {"transform": stage.final("transform.json"), "aligned": stage.final(name)}
-    for label, result in zip(("reference_ground", "moving_ground"), grounds, strict=True):
-        outputs[label] = stage.final(f"clouds/{result.ground.name}")
-    return outputs
+    moved = stage.path(name)
+    copy_with(grounds[1].ground, moved, xyz=aligned)
+    return {"transform": stage.final("transform.json"), "aligned": stage.final(name)}, moved

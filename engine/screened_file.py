@@ -41,6 +41,7 @@ class ScreenedFile:
         roi: vector file of polygons; only points inside are screened.
         listed: (n,) numbers, from 0, of the points that are ground.
         picture: also keep a sample of all points with their colours for a top view.
+        known_as: the file that messages name, if another.
 
     Raises:
         InputError: as ``open_cloud`` and ``read_roi``.
@@ -55,8 +56,10 @@ class ScreenedFile:
         roi: Path | None = None,
         listed: NDArray[np.unsignedinteger] | None = None,
         picture: bool = False,
+        known_as: Path | None = None,
         progress: Progress | None = None,
     ) -> None:
+        self.known_as = known_as or path
         self.path, self.ground, self._listed = path, ground, listed
         self.progress = progress or Progress()
         self.header, self.frame = open_cloud(path, inputs, self.progress)
@@ -74,7 +77,7 @@ class ScreenedFile:
 
     @property
     def name(self) -> str:
-        return shown(self.path)
+        return shown(self.known_as)
 
     @property
     def classified(self) -> bool:
@@ -127,7 +130,7 @@ class ScreenedFile:
             what = "of class 2" if self.ground == "class_2" else "of the ground"
             where = "" if self._roi is None else f" inside the area {shown(self._roi.path)}"
             raise InputError(
-                f"{shown(self.path)} has no points {what}{where}; give --ground extract, or check the cloud and area."
+                f"{self.name} has no points {what}{where}; give --ground extract, or check the cloud and area."
             )
         self._masks = masks
 
@@ -179,7 +182,7 @@ class ScreenedFile:
         )
         kept = [d for d in own if d.name not in (CLASS, PROBABILITY)]
         if len(kept) < len(own):
-            progress.warning(f"{shown(self.path)} has labels of an earlier screening, which are replaced.")
+            progress.warning(f"{self.name} has labels of an earlier screening, which are replaced.")
         new = [
             new_dimension(CLASS, np.dtype(np.uint8), "0 none 1 uplift 2 subsidence"),
             new_dimension(PROBABILITY, np.dtype(np.float32), "probability of the class"),
@@ -232,7 +235,7 @@ class ScreenedFile:
         """Raise InputError if the classes of ``CODES`` are asked for and the file's points have no room for them."""
         if classification and self.header.point_format < 6:
             raise InputError(
-                f"{shown(self.path)} has point format {self.header.point_format}, whose classes end at 31; leave out "
+                f"{self.name} has point format {self.header.point_format}, whose classes end at 31; leave out "
                 "write_classification, or save the cloud as LAS 1.4 with point format 6 first."
             )
 

@@ -106,7 +106,7 @@ def refuse_unsuitable(
             f"{density[1]:g}"
         )
         if not parameters.any_density:
-            remedy = "--method residual" if sparse else "a thinned cloud"
+            remedy = "--screening-method residual" if sparse else "a thinned cloud"
             raise InputError(f"{sentence}; give {remedy}, other weights, or any_density to screen it all the same.")
         progress.warning(f"{sentence}, so its labels are not to be relied on.")
 

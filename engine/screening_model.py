@@ -118,7 +118,7 @@ def require_torch() -> None:
     except (ImportError, OSError) as error:
         raise InputError(
             f"Screening with the network needs the Python libraries torch and safetensors ({error}); install "
-            "slopewatch[screening] in the engine's environment, or use --method residual."
+            "slopewatch[screening] in the engine's environment, or use --screening-method residual."
         ) from error
 
 

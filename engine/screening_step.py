@@ -6,7 +6,9 @@ import contextlib
 import json
 import tempfile
 import uuid
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ from numpy.typing import NDArray
 
 from . import lifecycle, rasters, styles, vectors
 from .cloud_writing import copy_with
+from .clouds import PointCloud
 from .epochs import date_in_name
 from .errors import InputError
 from .ground import extract_ground
@@ -123,12 +126,13 @@ def screen_step(
         with progress.stage(0.8, 0.85, "outlining zones"), record.stage("zones"):
             hazards = outline_hazards(screening, source.frame.crs, parameters, run_id=run_id)
         with progress.stage(0.85, 0.92, "writing zones and rasters"), record.stage("products"):
-            _write_products(targets, place, hazards, source, digest)
+            survey = date_in_name(source.path)
+            write_products(targets, place, hazards, source.picture(), digest, survey=survey, name=source.path.stem)
         with progress.stage(0.92, 1.0, "writing the labelled cloud"), record.stage("labels"):
             labelled = source.write_labelled(
                 place(targets["labelled"]), screening, classification=parameters.write_classification
             )
-        record.metrics = _figures(source, screening, hazards, labelled)
+        record.metrics = screening_figures(source, screening, hazards, labelled)
         record.facts |= {"model": screening.model, "run_id": run_id}
         outputs = {**{name: path.absolute() for name, path in targets.items()}, "run": run.absolute()}
         record.write(place(run), progress.warnings, outputs)
@@ -144,8 +148,25 @@ def _refuse_targets(targets: dict[str, Path], inputs: list[Path]) -> None:
     refuse_inputs_as_outputs(targets.values(), inputs)
 
 
-def _write_products(targets: dict[str, Path], place: Any, hazards: Hazards, source: ScreenedFile, digest: str) -> None:
-    survey = date_in_name(source.path)
+def write_products(
+    targets: dict[str, Path],
+    place: Callable[[Path], Path],
+    hazards: Hazards,
+    picture: PointCloud,
+    digest: str,
+    *,
+    survey: date | None,
+    name: str,
+    note: str = "",
+) -> None:
+    """Write zones, probabilities and map of a screening.
+
+    Args:
+        targets: as of ``default_targets``; ``place`` tells where the file of a target is to be written now.
+        picture: the cloud that the map's top view shows.
+        digest: SHA-256 of the screened file.
+        survey: day of the survey. name: of the survey, on the map. note: a sentence more below the map.
+    """
     vectors.write_layer(
         place(targets["zones"]),
         hazards.frame,
@@ -158,13 +179,16 @@ def _write_products(targets: dict[str, Path], place: Any, hazards: Hazards, sour
     up, down = hazards.probability[1], hazards.probability[2]
     bands = {"Probability of a hazard": up + down, "Probability of uplift": up, "Probability of subsidence": down}
     tags = rasters.raster_tags(epochs=(None, survey), software=f"SlopeWatch {VERSION}", input_sha256=digest)
-    rasters.write_bands(path, bands, hazards.grid, source.frame.crs, unit="1", tags=tags)
+    rasters.write_bands(path, bands, hazards.grid, picture.crs, unit="1", tags=tags)
     styles.write_qml_beside(path, styles.probability_qml())
-    view = top_view(source.picture(), top_view_grid(hazards.grid, hazards.grid.cell))
-    write_hazard_map(place(targets["map"]), hazards, view, name=source.path.stem)
+    view = top_view(picture, top_view_grid(hazards.grid, hazards.grid.cell))
+    write_hazard_map(place(targets["map"]), hazards, view, name=name, note=note)
 
 
-def _figures(source: ScreenedFile, screening: Screening, hazards: Hazards, labelled: dict[str, int]) -> dict[str, Any]:
+def screening_figures(
+    source: ScreenedFile, screening: Screening, hazards: Hazards, labelled: dict[str, int]
+) -> dict[str, Any]:
+    """The figures that a user reads first; ``labelled`` as ``ScreenedFile.write_labelled`` returns it."""
     frame = hazards.frame
     return {
         "points": source.header.count,

@@ -27,6 +27,6 @@ def shipped_model() -> tuple[Path, str]:
     if not SHIPPED_SHA256 or not SHIPPED_WEIGHTS.is_file():
         raise InputError(
             f"The weights {SHIPPED_WEIGHTS} are missing from this copy of SlopeWatch; install it again, give "
-            "--weights, or use --method residual."
+            "--weights, or use --screening-method residual."
         )
     return SHIPPED_WEIGHTS, SHIPPED_SHA256

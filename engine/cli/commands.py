@@ -12,6 +12,7 @@ from ..parameters import (
     GroundParameters,
     HeatmapParameters,
     InputParameters,
+    LastEpochParameters,
     RegistrationParameters,
     ZoneParameters,
 )
@@ -37,23 +38,35 @@ _output_dir = click.option(
     multiple=True,
     required=True,
     metavar="DATE=CLOUD",
-    help="A survey: the date it was flown (YYYY-MM-DD) and its LAS or LAZ file. Give two, the earlier first.",
+    help="A survey: the date it was flown (YYYY-MM-DD) and its LAS or LAZ file. Give two, the earlier first, or one "
+    "that is screened only.",
 )
 @_roi
 @_stable
 @_output_dir
-@command(InputParameters, GroundParameters, RegistrationParameters, ChangeParameters, ZoneParameters, HeatmapParameters)
+@command(
+    InputParameters,
+    GroundParameters,
+    RegistrationParameters,
+    ChangeParameters,
+    ZoneParameters,
+    HeatmapParameters,
+    LastEpochParameters,
+)
 def inspect(session: Session, epochs: tuple[str, ...], roi: Path, stable: Path, output_dir: Path) -> Outcome:
-    """The whole flow: two raw surveys in, change rasters, hazard zones and a heatmap out."""
+    """The whole flow: two raw surveys in, change rasters, hazard zones and a heatmap out.
+
+    The ground of the last survey is screened, too, and the change says which of the zones found so it confirms. One
+    survey alone is screened only.
+    """
     from ..epochs import parse_epoch
     from ..errors import InputError
     from ..inspection import inspect_slope
 
-    if len(epochs) != 2:
+    if len(epochs) > 2:
         raise InputError(f"--epoch was given {len(epochs)} times; give two epochs, the earlier first.")
-    first, second = (parse_epoch(e) for e in epochs)
     return inspect_slope(
-        (first, second),
+        [parse_epoch(e) for e in epochs],
         output_dir,
         _settings(session),
         roi=roi,
@@ -186,4 +199,5 @@ def _settings(session: Session) -> Any:
         change=session.parameters(ChangeParameters),
         zones=session.parameters(ZoneParameters),
         heatmap=session.parameters(HeatmapParameters),
+        screening=session.parameters(LastEpochParameters),
     )

@@ -10,15 +10,18 @@ import geopandas
 import numpy as np
 import pytest
 import rasterio
+from slopewatch.engine.epoch_screening import SCREENING_OUTPUTS
 from slopewatch.engine.epochs import Epoch
 from slopewatch.engine.errors import InputError
 from slopewatch.engine.gridding import Grid
 from slopewatch.engine.inspection import CHANGE_OUTPUTS, Settings, inspect_slope
-from slopewatch.engine.parameters import ChangeParameters, SurveyParameters
+from slopewatch.engine.parameters import ChangeParameters, LastEpochParameters, SurveyParameters
 from slopewatch.engine.progress import Progress
 from slopewatch.engine.transform import RigidTransform
 from slopewatch.simulation.survey import simulate_pair
 from slopewatch.simulation.write import write_pair
+
+RESIDUAL = LastEpochParameters(screening_method="residual", residual_threshold=0.05)
 
 
 @pytest.fixture(scope="module")
@@ -36,14 +39,14 @@ def run(survey, tmp_path_factory):
     _, paths = survey
     out = tmp_path_factory.mktemp("out") / "new"
     progress = Progress()
-    settings = Settings(change=ChangeParameters(cell=0.2))
+    settings = Settings(change=ChangeParameters(cell=0.2), screening=RESIDUAL)
     outputs, metrics = inspect_slope(epochs(paths), out, settings, roi=paths["roi"], progress=progress)
     return out, outputs, metrics
 
 
 def test_every_promised_output_exists_and_nothing_else_lies_about(run):
     out, outputs, _ = run
-    for name in (*CHANGE_OUTPUTS, "transform.json", "run.json"):
+    for name in (*CHANGE_OUTPUTS, *SCREENING_OUTPUTS, "transform.json", "run.json"):
         assert (out / name).stat().st_size > 0, name
     assert all(path.exists() for path in outputs.values())
     assert not [p for p in out.rglob("*") if ".part" in p.name or p.name.startswith(".")]
@@ -104,7 +107,7 @@ def test_the_known_offset_is_undone(survey, run):
 def test_run_record_tells_what_ran(run):
     out, _, metrics = run
     record = json.loads((out / "run.json").read_text())
-    assert [s["stage"] for s in record["stages"]] == ["ground", "registration", "change", "products"]
+    assert [s["stage"] for s in record["stages"]] == ["ground", "registration", "change", "screening", "products"]
     assert all(s["seconds"] >= 0 and s["peak_memory_mb"] > 0 for s in record["stages"])
     assert record["pdal"]["version"]
     assert record["metrics"].keys() == metrics.keys()

@@ -47,10 +47,19 @@ def test_values_that_are_no_whole_number_are_refused(value):
 
 def test_names_are_unique_over_all_groups_that_share_a_command():
     alone = ("SurveyParameters", "ScenesParameters", "FineTuneParameters")  # each in a command of its own
-    names = [s.name for g in GROUPS if g.__name__ not in alone for s in g.specifications()]
-    assert len(names) == len(set(names))
+    for screening in ("ScreeningParameters", "LastEpochParameters"):  # one of them in each command
+        names = [s.name for g in GROUPS if g.__name__ not in (*alone, screening) for s in g.specifications()]
+        assert len(names) == len(set(names))
     shared = [s.name for g in (parameters.InputParameters, parameters.FineTuneParameters) for s in g.specifications()]
     assert len(shared) == len(set(shared))
+
+
+def test_the_last_epoch_is_screened_with_the_same_parameters_but_its_ground_is_extracted_already():
+    own, whole = parameters.LastEpochParameters, parameters.ScreeningParameters
+    assert own.specifications()[0].name == "screen_last_epoch"
+    assert {s for s in whole.specifications() if s.name != "ground"} == set(own.specifications()[1:])
+    assert own().ground == "as_is"
+    assert PROFILES["paper"][own.__name__] == PROFILES["paper"][whole.__name__]
 
 
 def test_paper_profile_holds_the_published_settings():

@@ -321,7 +321,9 @@ class TestRefusals:
 
     def test_no_torch(self, cloud, tmp_path, monkeypatch):
         monkeypatch.setitem(sys.modules, "torch", None)
-        self.refused(tmp_path, cloud, r"needs the Python libraries torch .*slopewatch\[screening\].*--method residual")
+        self.refused(
+            tmp_path, cloud, r"needs the Python libraries torch .*slopewatch\[screening\].*--screening-method residual"
+        )
         # without learning it is not needed
         screen(cloud, tmp_path / "residual.laz")
 
@@ -387,7 +389,7 @@ class TestRefusals:
     def test_without_shipped_weights_the_remedy_is_named(self, cloud, tmp_path, monkeypatch):
         pytest.importorskip("torch", reason="torch is not installed; install slopewatch[screening]")
         monkeypatch.setattr("slopewatch.models.shipped.SHIPPED_WEIGHTS", tmp_path / "slopewatch.safetensors")
-        self.refused(tmp_path, cloud, r"missing from this copy of SlopeWatch; .* --method residual")
+        self.refused(tmp_path, cloud, r"missing from this copy of SlopeWatch; .* --screening-method residual")
 
 
 def test_outputs_may_lie_in_several_folders(cloud, tmp_path):
