@@ -22,11 +22,14 @@ FEWEST_CELLS = 5
 """Compared cells that it takes, too: of fewer, one that noise made significant would decide."""
 CONFIRMING = 0.3
 """Part of what was compared in a zone from which significant change of its sign confirms it; see docs/guide.md."""
+IN_PART, CELLS_IN_PART = 0.15, 40
+"""From this part on, of at least so many cells, some of the zone has moved; noise hardly ever reaches it."""
 CONTRADICTING = 0.5
 """Significant change of the other sign on more than this part contradicts it."""
 
-CONFIRMED, CONTRADICTED, NOT_CONFIRMED, NOT_MEASURED = "confirmed", "contradicted", "not confirmed", "not measured"
-VERDICTS = (CONFIRMED, CONTRADICTED, NOT_CONFIRMED, NOT_MEASURED)
+CONFIRMED, PARTLY, CONTRADICTED = "confirmed", "confirmed in part", "contradicted"
+NOT_CONFIRMED, NOT_MEASURED = "not confirmed", "not measured"
+VERDICTS = (CONFIRMED, PARTLY, CONTRADICTED, NOT_CONFIRMED, NOT_MEASURED)
 FIELDS: dict[str, str] = {
     "confirmed": "text",
     "compared_share": "real",
@@ -88,9 +91,11 @@ def verdict(evidence: Evidence) -> str:
         return NOT_MEASURED
     if evidence.opposite > CONTRADICTING:
         return CONTRADICTED
-    if evidence.matching >= CONFIRMING and evidence.matching > evidence.opposite:
+    if evidence.matching <= evidence.opposite:
+        return NOT_CONFIRMED
+    if evidence.matching >= CONFIRMING:
         return CONFIRMED
-    return NOT_CONFIRMED
+    return PARTLY if evidence.matching >= IN_PART and evidence.cells >= CELLS_IN_PART else NOT_CONFIRMED
 
 
 def weigh(geometry: BaseGeometry, sign: float, change: Change, *, outline_cell: float) -> Evidence:

@@ -124,9 +124,9 @@ def inspect_slope(
             record.add_input(role, path)
     record.facts["run_id"] = uuid.uuid5(uuid.NAMESPACE_OID, repr((hashes, plain(record.parameters)))).hex[:12]
     run = _Run(epochs, settings, hashes, record, roi, stable, program, progress)
-    screened = _to_be_screened(run)
     if len(epochs) == 2:
         require_comparable(epochs[0].path, epochs[1].path, settings.inputs)
+    screened = _to_be_screened(run)
     with staged_outputs(output_dir) as stage:
         with progress.stage(0.0, 0.6, "extracting the ground"), record.stage("ground") as entry:
             grounds = _grounds(epochs, stage, settings, roi, program, progress)

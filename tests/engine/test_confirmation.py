@@ -118,9 +118,12 @@ def uniform_zone(share: float, dz: float, *, known: float = 1.0) -> Change:
     ("kind", "share", "dz", "known", "word"),
     [
         ("uplift", 0.30, 0.1, 1.0, "confirmed"),
-        ("uplift", 0.29, 0.1, 1.0, "not confirmed"),
+        ("uplift", 0.29, 0.1, 1.0, "confirmed in part"),
+        ("uplift", 0.15, 0.1, 1.0, "confirmed in part"),
+        ("uplift", 0.14, 0.1, 1.0, "not confirmed"),
         ("subsidence", 0.30, -0.1, 1.0, "confirmed"),
-        ("subsidence", 0.29, -0.1, 1.0, "not confirmed"),
+        ("subsidence", 0.29, -0.1, 1.0, "confirmed in part"),
+        ("subsidence", 0.29, -0.1, 0.35, "not confirmed"),
         ("subsidence", 0.50, 0.1, 1.0, "not confirmed"),
         ("subsidence", 0.51, 0.1, 1.0, "contradicted"),
         ("uplift", 0.51, -0.1, 1.0, "contradicted"),
@@ -151,6 +154,8 @@ def test_four_cells_tell_nothing_and_five_do():
 def test_more_of_the_other_sign_does_not_confirm():
     assert verdict(Evidence(1.0, 100.0, 0.35, 0.40, 0.0)) == "not confirmed"
     assert verdict(Evidence(1.0, 100.0, 0.40, 0.35, 0.0)) == "confirmed"
+    assert verdict(Evidence(1.0, 100.0, 0.20, 0.25, 0.0)) == "not confirmed"
+    assert verdict(Evidence(1.0, 100.0, 0.25, 0.20, 0.0)) == "confirmed in part"
 
 
 def test_a_datum_shift_measures_no_zone():

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
 import geopandas
+import laspy
 import numpy as np
 import pytest
 import rasterio
+from affine import Affine
+from rasterio.features import geometry_mask
+from slopewatch.engine import epoch_screening
+from slopewatch.engine.clouds import read_cloud
+from slopewatch.engine.confirmation import VERDICTS
 from slopewatch.engine.epoch_screening import SCREENING_OUTPUTS
 from slopewatch.engine.epochs import Epoch
 from slopewatch.engine.errors import InputError
@@ -17,6 +24,7 @@ from slopewatch.engine.gridding import Grid
 from slopewatch.engine.inspection import CHANGE_OUTPUTS, Settings, inspect_slope
 from slopewatch.engine.parameters import ChangeParameters, LastEpochParameters, SurveyParameters
 from slopewatch.engine.progress import Progress
+from slopewatch.engine.screening import screen_cloud
 from slopewatch.engine.transform import RigidTransform
 from slopewatch.simulation.survey import simulate_pair
 from slopewatch.simulation.write import write_pair
@@ -117,6 +125,107 @@ def test_run_record_tells_what_ran(run):
     assert ".slopewatch-part" not in json.dumps(record)
     for ground in record["stages"][0]["epochs"].values():
         assert (out / ground["ground"]).is_file()
+
+
+def test_the_last_epochs_ground_is_screened_as_the_screening_alone_does(run):
+    out, outputs, metrics = run
+    aligned = read_cloud(outputs["aligned"])
+    screening, hazards = screen_cloud(aligned, RESIDUAL)
+    labels, probability = screening.at(aligned.xyz)
+    labelled = laspy.read(outputs["screened"])
+    np.testing.assert_array_equal(labelled["slopewatch_class"], labels)
+    np.testing.assert_array_equal(labelled["slopewatch_prob"], probability)
+    np.testing.assert_allclose(labelled.xyz, aligned.xyz, atol=1e-6)
+    zones = geopandas.read_file(out / "screened_zones.gpkg", layer="zones")
+    assert len(zones) == metrics["screened_zone_count"] > 2
+    assert zones.geometry.geom_equals(hazards.frame.geometry).all()
+    assert (zones["probability"] == hazards.frame["probability"]).all()
+    assert set(zones["run_id"]) == {json.loads((out / "run.json").read_text())["run_id"]}
+    with rasterio.open(out / "screened_probability.tif") as raster:
+        assert (raster.count, raster.tags()["EPOCH_TO"]) == (3, "2025-05-01")
+        np.testing.assert_array_equal(raster.read(2, masked=True).filled(np.nan), hazards.probability[1])
+
+
+def test_the_word_about_a_screened_zone_agrees_with_the_truth(survey, run):
+    pair, _ = survey
+    out, _, metrics = run
+    zones = geopandas.read_file(out / "screened_zones.gpkg", layer="zones")
+    fine = Grid(*_grid(out))
+    truth = pair.true_change_raster(fine)
+    words = []
+    for kind, word, geometry in zip(zones["kind"], zones["confirmed"], zones.geometry, strict=True):
+        inside = geometry_mask([geometry], fine.shape, Affine(*fine.affine), invert=True)
+        moved = np.nanmean(truth[inside]) * (1 if kind == "uplift" else -1)
+        if abs(moved) < 0.005:
+            assert word in ("not confirmed", "not measured")
+        if moved > 0.15:
+            assert word == "confirmed"
+        words.append(word)
+    assert {"confirmed", "not confirmed"} <= set(words)
+    for word in VERDICTS:
+        assert metrics[f"{word.replace(' ', '_')}_zones"] == words.count(word)
+
+
+def test_one_epoch_is_screened_and_nothing_else(survey, tmp_path):
+    _, paths = survey
+    epoch = epochs(paths)[1]
+    outputs, metrics = inspect_slope([epoch], tmp_path / "out", Settings(screening=RESIDUAL), roi=paths["roi"])
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {
+        *SCREENING_OUTPUTS, "screened_probability.qml", "run.json", "clouds",
+    }  # fmt: skip
+    assert set(outputs) == {
+        "screened", "screened_zones", "screened_probability", "screened_map", "epoch_ground", "run",
+    }  # fmt: skip
+    assert all(path.is_file() for path in outputs.values())
+    zones = geopandas.read_file(outputs["screened_zones"], layer="zones")
+    assert len(zones) == metrics["screened_zone_count"] > 0
+    assert "confirmed" not in zones
+    assert "confirmed_zones" not in metrics
+    record = json.loads(outputs["run"].read_text())
+    assert [s["stage"] for s in record["stages"]] == ["ground", "screening", "products"]
+    assert metrics["screened_ground_points"] == len(laspy.read(outputs["epoch_ground"]).points)
+
+
+def test_a_slope_that_cannot_be_screened_gets_all_else(survey, tmp_path):
+    _, paths = survey
+    progress = Progress()
+    wall = replace(RESIDUAL, minimum_dip=85.0)
+    settings = Settings(change=ChangeParameters(cell=0.2), screening=wall)
+    out = tmp_path / "out"
+    outputs, metrics = inspect_slope(epochs(paths), out, settings, roi=paths["roi"], progress=progress)
+    assert all((out / name).is_file() for name in CHANGE_OUTPUTS)
+    assert not list(out.glob("screened*"))
+    assert metrics["zone_count"] > 0
+    assert not [name for name in (*outputs, *metrics) if name.startswith("screened") or "confirmed" in name]
+    told = [w for w in progress.warnings if w.startswith("The last survey was not screened. ")]
+    assert len(told) == 1
+    assert paths["second"].name in told[0]
+    assert "minimum_dip" in told[0]
+    record = json.loads((out / "run.json").read_text())
+    assert told[0] in record["warnings"]
+    assert told[0].endswith(record["screening_left_out"])
+    # alone, it is all there is to be done
+    with pytest.raises(InputError, match="minimum_dip"):
+        inspect_slope(epochs(paths)[1:], tmp_path / "one", settings, roi=paths["roi"])
+    assert not (tmp_path / "one").exists()
+
+
+def test_what_this_machine_lacks_is_known_before_any_work(survey, tmp_path, monkeypatch):
+    def missing(*_):
+        raise InputError("No torch here.")
+
+    monkeypatch.setattr(epoch_screening, "ScreeningModel", missing)
+    assert epoch_screening.obstacle(LastEpochParameters()) == "No torch here."
+    assert epoch_screening.obstacle(RESIDUAL) is None
+    for own in ({"weights": "mine.safetensors"}, {"device": "gpu"}):
+        with pytest.raises(InputError, match="No torch"):
+            epoch_screening.obstacle(LastEpochParameters(**own))
+    with pytest.raises(InputError, match="No torch"):
+        inspect_slope(epochs(survey[1])[:1], tmp_path / "one", Settings())
+    off = LastEpochParameters(screen_last_epoch=False)
+    with pytest.raises(InputError, match="two epochs"):
+        inspect_slope(epochs(survey[1])[:1], tmp_path / "one", Settings(screening=off))
+    assert not (tmp_path / "one").exists()
 
 
 def test_kept_pipelines_name_files_that_exist(run):

@@ -219,7 +219,21 @@ def bad_cases(tmp_path: Path, clouds: tuple[Path, Path]) -> dict[str, tuple[list
         "bad number": (["change", first, second, "--cell", "-1", *out], "cell is -1.0"),
         "nan": (["change", first, second, "--cell", "nan", *out], "cell is nan"),
         "grid too large": (["change", first, second, "--cell", "0.005", "--memory-limit", "0.05", *out], "at least"),
-        "one epoch": (["inspect", "--epoch", f"2024-05-01={first}", *out], "two epochs"),
+        "one epoch, not screened": (
+            ["inspect", "--epoch", f"2024-05-01={first}", "--no-screen-last-epoch", *out],
+            "two epochs",
+        ),
+        "three epochs": (
+            ["inspect", *(f"--epoch=202{i}-05-01={first}" for i in range(3)), *out],
+            "--epoch was given 3 times",
+        ),
+        "screening of an epoch by weights that are not there": (
+            [
+                *("inspect", f"--epoch=2024-05-01={first}", f"--epoch=2025-05-01={second}"),
+                *("--weights", tmp_path / "mine.safetensors", *out),
+            ],
+            "mine.safetensors",
+        ),
         "no pdal": (["ground", first, "--output", tmp_path / "g.laz", "--pdal", tmp_path / "nopdal"], "nopdal"),
         "no roi": (["ground", first, "--output", tmp_path / "g.laz", "--roi", tmp_path / "no.gpkg"], "no.gpkg"),
         "output is input": (["register", first, second, "--output", second], "also an input"),
@@ -264,7 +278,9 @@ NAMES = [
     "bad number",
     "nan",
     "grid too large",
-    "one epoch",
+    "one epoch, not screened",
+    "three epochs",
+    "screening of an epoch by weights that are not there",
     "no pdal",
     "no roi",
     "output is input",
