@@ -1,7 +1,7 @@
 # SlopeWatch: `make demo` and `make test` each do everything on a fresh Debian 12 or 13, as root or with sudo.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-engine test-plugin lint format bench package install uninstall clean
+.PHONY: help setup demo test test-engine test-plugin lint format bench model package install uninstall clean
 
 PYTHON := .venv/bin/python
 QGIS_PYTHON := .venv-qgis/bin/python
@@ -39,6 +39,15 @@ format:  ## Let ruff rewrite what it can
 
 bench: setup  ## Accuracy and speed beside the published method and its peers, as a table
 	$(PYTHON) -m slopewatch.benchmarks
+
+model: setup  ## The shipped screening weights, their figures and card, from nothing (hours on a processor; goes on where broken off)
+	$(PYTHON) -m slopewatch.models weights --folder build/model/weights
+	$(PYTHON) -m slopewatch.models figures
+	$(PYTHON) -m slopewatch.models figures --residual
+	for recipe in slopewatch paper residual; do \
+		$(PYTHON) -m slopewatch.models folds --recipe $$recipe --folder build/model/$$recipe || exit 1; done
+	$(PYTHON) -m slopewatch.models ablation --folder build/model/ablation
+	$(PYTHON) -m slopewatch.models card --folds slopewatch build/model/slopewatch --folds paper build/model/paper
 
 package:  ## The plugin as a zip for QGIS, from the last commit: dist/slopewatch-VERSION.zip
 	@scripts/package.sh

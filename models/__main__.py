@@ -17,6 +17,9 @@ FIGURES = Path(__file__).with_name("weights") / "figures"
 _folder = click.option(
     "--folder", type=click.Path(path_type=Path), required=True, help="For checkpoints; a broken run goes on from here."
 )
+_device = click.option(
+    "--device", type=click.Choice(["auto", "cpu", "gpu"]), default="auto", show_default=True, help="auto: gpu if any."
+)
 
 
 @click.group()
@@ -31,11 +34,15 @@ def main() -> None:
 @click.option(
     "--fold", "only", type=int, multiple=True, help="Only this one (0 to 4), so that processes can share them."
 )
+@_device
 @_folder
 @command(profile=False)
-def folds(session: Session, recipe: str, scenes: int, steps: int, only: tuple[int, ...], folder: Path) -> Outcome:
+def folds(
+    session: Session, recipe: str, scenes: int, steps: int, only: tuple[int, ...], device: str, folder: Path
+) -> Outcome:
     """Five folds by scene of the published set: train and score each."""
     from ..simulation.hazard_scenes.sets import published_set
+    from .availability import chosen_device
     from .benchmark_folds import score_folds, score_residual, with_steps
     from .recipes import RECIPES
 
@@ -45,7 +52,7 @@ def folds(session: Session, recipe: str, scenes: int, steps: int, only: tuple[in
         summary = score_residual(specs, folder, progress=session.report)
     else:
         chosen = RECIPES[recipe] if not steps else with_steps(RECIPES[recipe], steps)
-        summary = score_folds(specs, chosen, folder, only=only, progress=session.report)
+        summary = score_folds(specs, chosen, folder, only=only, device=chosen_device(device), progress=session.report)
     path = folder / "folds.json"
     if not scenes and not steps and not only:
         path = _keep(f"folds_{recipe}.json", summary)
@@ -54,12 +61,14 @@ def folds(session: Session, recipe: str, scenes: int, steps: int, only: tuple[in
 
 @main.command()
 @click.option("--minutes", type=float, default=float("inf"), help="Stop after so long; run again to go on.")
+@_device
 @_folder
 @command(profile=False)
-def weights(session: Session, minutes: float, folder: Path) -> Outcome:
+def weights(session: Session, minutes: float, device: str, folder: Path) -> Outcome:
     """Train the shipped weights from nothing, calibrate them and write them with their description."""
     import shutil
 
+    from .availability import chosen_device
     from .recipes import SHIPPED
     from .shipped import SHIPPED_WEIGHTS
     from .shipping import calibrate, train_shipped
@@ -67,7 +76,9 @@ def weights(session: Session, minutes: float, folder: Path) -> Outcome:
 
     _one_thread()
     with session.report.stage(0.0, 0.95):
-        made = train_shipped(SHIPPED, folder, seconds=60 * minutes, progress=session.report)
+        made = train_shipped(
+            SHIPPED, folder, device=chosen_device(device), seconds=60 * minutes, progress=session.report
+        )
     if made is None:
         raise InputError(f"The time is over before the training is; run again with --folder {folder} to go on.")
     network, facts = made
@@ -83,9 +94,11 @@ def weights(session: Session, minutes: float, folder: Path) -> Outcome:
 @main.command()
 @click.option("--residual", is_flag=True, help="Score the threshold without learning instead.")
 @click.option("--set", "chosen", multiple=True, type=click.Choice(["published", "realistic", "shifted"]))
+@_device
 @command(profile=False)
-def figures(session: Session, residual: bool, chosen: tuple[str, ...]) -> Outcome:
+def figures(session: Session, residual: bool, chosen: tuple[str, ...], device: str) -> Outcome:
     """Score the shipped weights, or the threshold, on the benchmark sets."""
+    from .availability import chosen_device
     from .calibration import temperature_of
     from .shipped import shipped_model
     from .shipping import score_sets
@@ -95,10 +108,10 @@ def figures(session: Session, residual: bool, chosen: tuple[str, ...]) -> Outcom
     network, temperature = None, 1.0
     if not residual:
         model = load_model(*shipped_model())
-        network, temperature = model.network, temperature_of(model.metadata)
+        network, temperature = model.network.to(chosen_device(device)), temperature_of(model.metadata)
     outputs = {}
     for name in chosen or ("realistic", "shifted", "published"):
-        scores = score_sets(network, temperature, (name,), progress=session.report)[name]
+        scores = score_sets(network, temperature, (name,), device=chosen_device(device), progress=session.report)[name]
         outputs[name] = _keep(f"{name}_{'residual' if residual else 'slopewatch'}.json", scores)
     return outputs, {}
 

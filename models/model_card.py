@@ -262,6 +262,8 @@ def _again(description: dict[str, Any]) -> list[str]:
     return [
         "## Make it again",
         "",
+        "All of it: `make model`. Step by step:",
+        "",
         "```sh",
         f"python -m slopewatch.models weights --folder DIR          # about {minutes:.0f} minutes on one core",
         "python -m slopewatch.models figures                       # the benchmark sets",
