@@ -171,7 +171,7 @@ def write_products(
         place(targets["zones"]),
         hazards.frame,
         "zones",
-        qml=styles.hazards_qml(),
+        qml=styles.hazards_qml(confirmed="confirmed" in hazards.frame),
         geometry_type="MultiPolygon",
         stamp=survey,
     )

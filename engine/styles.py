@@ -75,6 +75,13 @@ _HAZARDS_READ_FIRST = (
     "height_p95_m",
     "points",
 )
+CONFIRMATION_ALIASES = {
+    "confirmed": "Confirmed by the change",
+    "compared_share": "Part compared",
+    "change_share": "Part of it with change of its sign",
+    "opposite_share": "Part of it with change of the other sign",
+    "dz_signif_m": "Mean significant change (m)",
+}
 _READ_FIRST = ("zone_id", "kind", "severity", "area_m2", "dz_mean_m", "dz_p95_m", "vol_net_m3", "vol_err_m3", "lod95_m")
 _FILLED_IN_LATER = ("slope_id", "route", "chain_from", "chain_to", "side", "reviewer")
 _OUTLINE = "boundary(buffer(buffer($geometry, 0.5, 4), -0.4, 4))"
@@ -91,6 +98,9 @@ _HAZARD_MAP_TIP = """<b>[% "zone_id" %]: [% "kind" %], confidence [% "confidence
 mean probability [% format_number("probability", 2) %]<br/>
 [% format_number("height_med_m", 3) %] m over the trend, 95 % within [% format_number("height_p95_m", 3) %] m<br/>
 area [% format_number("area_m2", 1) %] m²"""
+
+_CONFIRMATION_MAP_TIP = """<br/>
+[% "confirmed" %] by the change"""
 
 
 def change_qml(limit: float, level: float | None = None) -> str:
@@ -131,9 +141,18 @@ def zones_qml() -> str:
     return _zones_qml("severity", ("high", "moderate", "low"), ALIASES, _READ_FIRST, _MAP_TIP)
 
 
-def hazards_qml() -> str:
-    """Style of the screening's zones by kind and confidence, otherwise as ``zones_qml``."""
-    return _zones_qml("confidence", ("high", "medium", "low"), HAZARD_ALIASES, _HAZARDS_READ_FIRST, _HAZARD_MAP_TIP)
+def hazards_qml(*, confirmed: bool = False) -> str:
+    """Style of the screening's zones by kind and confidence, otherwise as ``zones_qml``.
+
+    Args:
+        confirmed: whether they have the columns of ``confirmation.FIELDS``.
+    """
+    aliases, first, tip = HAZARD_ALIASES, _HAZARDS_READ_FIRST, _HAZARD_MAP_TIP
+    if confirmed:
+        aliases = {**aliases, **CONFIRMATION_ALIASES}
+        first = (*first[:3], "confirmed", *first[3:], *(name for name in CONFIRMATION_ALIASES if name != "confirmed"))
+        tip += _CONFIRMATION_MAP_TIP
+    return _zones_qml("confidence", ("high", "medium", "low"), aliases, first, tip)
 
 
 def probability_qml() -> str:

@@ -158,9 +158,11 @@ def _same(value: Any, default: Any) -> bool:
     return bool(value == default)
 
 
-def cloud_parameter(name: str, label: str, text: str) -> QgsProcessingParameterDefinition:
+def cloud_parameter(name: str, label: str, text: str, *, optional: bool = False) -> QgsProcessingParameterDefinition:
     """A LAS or LAZ file. Not a point cloud layer: QGIS builds without PDAL refuse those."""
-    return with_help(QgsProcessingParameterFile(name, label, behavior=FILE, fileFilter=CLOUD_FILTER), text)
+    return with_help(
+        QgsProcessingParameterFile(name, label, behavior=FILE, optional=optional, fileFilter=CLOUD_FILTER), text
+    )
 
 
 def cloud_destination(name: str, label: str, text: str) -> QgsProcessingParameterDefinition:

@@ -1,7 +1,8 @@
-"""Inspect slope: two raw surveys to rasters, hazard zones and a heatmap, in one go."""
+"""Inspect slope: two raw surveys to rasters, hazard zones and a heatmap, and the last one screened, in one go."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, ClassVar
 
 from qgis.core import QgsProcessingContext, QgsProcessingException, QgsProcessingFeedback
@@ -11,6 +12,7 @@ from ..engine.parameters import (
     GroundParameters,
     HeatmapParameters,
     InputParameters,
+    LastEpochParameters,
     RegistrationParameters,
     ZoneParameters,
 )
@@ -20,7 +22,7 @@ from .base import SlopeWatchAlgorithm
 from .elevationchange import CHANGE_FILES, CHANGE_NUMBERS
 from .registerepochs import REGISTRATION_NUMBERS, STABLE_HELP
 
-_BASIC = ("cloth_resolution", "cell", "confidence", "minimum_area")
+_BASIC = ("cloth_resolution", "cell", "confidence", "minimum_area", "screen_last_epoch")
 _PREFIXES = {
     "InputParameters": "Input",
     "GroundParameters": "Ground",
@@ -28,7 +30,9 @@ _PREFIXES = {
     "ChangeParameters": "Change",
     "ZoneParameters": "Zones",
     "HeatmapParameters": "Heatmap",
+    "LastEpochParameters": "Screening",
 }
+_PRODUCTS = (*products.CHANGE_PRODUCTS, *products.SCREENED_PRODUCTS)
 _EPOCHS = (("REFERENCE", "REFERENCE_DATE"), ("CLOUD", "CLOUD_DATE"))
 
 
@@ -36,7 +40,10 @@ class InspectSlope(SlopeWatchAlgorithm):
     NAME = "inspectslope"
     TITLE = "Inspect slope"
     GROUP = "inspection"
-    SUMMARY = "Takes two raw surveys of a slope to elevation change, hazard zones with volumes, and a heatmap."
+    SUMMARY = (
+        "Takes two raw surveys of a slope to elevation change, hazard zones with volumes, a heatmap, and a screening "
+        "of the last one."
+    )
     TAGS = ("change", "deformation", "hazard", "zones", "monitoring", "landslide", "subsidence", "uplift", "volume")
     PARAMETER_GROUPS = (
         GroundParameters,
@@ -44,14 +51,22 @@ class InspectSlope(SlopeWatchAlgorithm):
         ChangeParameters,
         ZoneParameters,
         HeatmapParameters,
+        LastEpochParameters,
         InputParameters,
     )
-    NUMBERS: ClassVar = {**CHANGE_NUMBERS, **REGISTRATION_NUMBERS}
+    NUMBERS: ClassVar = {
+        **CHANGE_NUMBERS,
+        **REGISTRATION_NUMBERS,
+        "SCREENED_ZONE_COUNT": ("screened_zone_count", "Number of screened zones"),
+        "CONFIRMED_ZONES": ("confirmed_zones", "Screened zones that the change confirms"),
+    }
     FILES: ClassVar = {
         **CHANGE_FILES,
         "TRANSFORM_FILE": ("transform", "Transform"),
         "REFERENCE_GROUND": ("reference_ground", "Ground of the first survey"),
         "REGISTERED_GROUND": ("aligned", "Ground of the later survey, registered"),
+        "SCREENED_CLOUD": ("screened", "Ground of the last survey, labelled"),
+        "SCREENED_MAP": ("screened_map", "Map of the screening"),
     }
 
     def initAlgorithm(self, configuration: Any = None) -> None:
@@ -60,7 +75,13 @@ class InspectSlope(SlopeWatchAlgorithm):
         )
         self.addParameter(declare.date_parameter("REFERENCE_DATE", "Day of the first survey"))
         self.addParameter(
-            declare.cloud_parameter("CLOUD", "Later survey", "Raw point cloud of the later survey, LAS or LAZ.")
+            declare.cloud_parameter(
+                "CLOUD",
+                "Later survey",
+                "Raw point cloud of the later survey, LAS or LAZ. Not set: the first survey is screened, and no change "
+                "is told.",
+                optional=True,
+            )
         )
         self.addParameter(declare.date_parameter("CLOUD_DATE", "Day of the later survey"))
         self.addParameter(
@@ -76,7 +97,7 @@ class InspectSlope(SlopeWatchAlgorithm):
             declare.polygon_parameter("STABLE", "Registration: stable ground", STABLE_HELP, advanced=True)
         )
         products.declare_folder(self, "Receives the rasters, hazard zones, heatmap and run record under fixed names.")
-        products.declare_products(self, products.CHANGE_PRODUCTS)
+        products.declare_products(self, _PRODUCTS)
         self.declare_outputs()
 
     def arguments(
@@ -87,6 +108,8 @@ class InspectSlope(SlopeWatchAlgorithm):
         days: list[str] = []
         for name, day_name in _EPOCHS:
             path = self.file(parameters, name, context)
+            if not path:
+                continue
             day = self.survey_date(parameters, day_name, path, context)
             if not day:
                 raise QgsProcessingException(
@@ -108,6 +131,9 @@ class InspectSlope(SlopeWatchAlgorithm):
     def results(
         self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
     ) -> dict[str, Any]:
-        group = f"SlopeWatch {self._days[0]} to {self._days[1]}"
-        delivered = products.deliver(self, products.CHANGE_PRODUCTS, result, parameters, context, group)
+        group = f"SlopeWatch {' to '.join(self._days)}"
+        shown = _PRODUCTS
+        if len(self._days) == 1:
+            shown = tuple(replace(p, appearance=replace(p.appearance, visible=bool(p.layer))) for p in shown)
+        delivered = products.deliver(self, shown, result, parameters, context, group)
         return {"OUTPUT_FOLDER": self._folder, **delivered}

@@ -87,6 +87,26 @@ CHANGE_PRODUCTS = (
     ),
 )
 
+SCREENED_PRODUCTS = (
+    Product(
+        "SCREENED_ZONES",
+        "screened_zones",
+        "Screened zones",
+        "Polygons where the last survey's ground looks raised or lowered by its shape, and whether the change confirms "
+        "it.",
+        Appearance(48, visible=False),
+        layer="zones",
+    ),
+    Product(
+        "SCREENED_PROBABILITY",
+        "screened_probability",
+        "Probability of a hazard (screening)",
+        "Raster whose bands are the probabilities of a hazard, of uplift and of subsidence by the last survey's shape.",
+        Appearance(28, visible=False, expanded=False),
+        by_default=False,
+    ),
+)
+
 
 def declare_folder(algorithm: QgsProcessingAlgorithm, text: str) -> None:
     algorithm.addParameter(with_help(QgsProcessingParameterFolderDestination("OUTPUT_FOLDER", "Output folder"), text))

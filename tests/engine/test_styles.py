@@ -13,11 +13,21 @@ import numpy as np
 import pytest
 from PIL import Image
 from pyproj import CRS
+from slopewatch.engine import confirmation, hazard_zones
 from slopewatch.engine.gridding import Grid
 from slopewatch.engine.palette import DIVERGING, SEQUENTIAL
 from slopewatch.engine.parameters import ZoneParameters
 from slopewatch.engine.rasters import write_raster
-from slopewatch.engine.styles import ALIASES, change_qml, level_qml, write_qml_beside, zones_qml
+from slopewatch.engine.styles import (
+    ALIASES,
+    CONFIRMATION_ALIASES,
+    HAZARD_ALIASES,
+    change_qml,
+    hazards_qml,
+    level_qml,
+    write_qml_beside,
+    zones_qml,
+)
 from slopewatch.engine.vectors import write_zones
 from slopewatch.engine.zones import FIELDS, KINDS, SEVERITIES, extract_zones
 
@@ -66,6 +76,16 @@ def test_zones_have_a_symbol_for_every_kind_and_severity() -> None:
     assert set(categories) == {f"{kind}, {severity}" for kind in KINDS for severity in SEVERITIES}
     assert set(categories.values()) == {s.get("name") for s in root.findall("renderer-v2/symbols/symbol")}
     assert set(ALIASES) == set(FIELDS)
+
+
+def test_screened_zones_that_a_change_was_asked_about_show_its_answer() -> None:
+    assert set(HAZARD_ALIASES) == set(hazard_zones.FIELDS)
+    assert list(CONFIRMATION_ALIASES) == list(confirmation.FIELDS)
+    for confirmed in (False, True):
+        root = ElementTree.fromstring(hazards_qml(confirmed=confirmed).partition("\n")[2])
+        names = {alias.get("field") for alias in root.iter("alias")}
+        assert names == set(HAZARD_ALIASES) | (set(CONFIRMATION_ALIASES) if confirmed else set())
+        assert ('"confirmed"' in root.findtext("mapTip")) == confirmed
 
 
 def test_written_where_qgis_looks(tmp_path: Path) -> None:

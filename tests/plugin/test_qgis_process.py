@@ -175,6 +175,8 @@ class TestRuns:
             CELL=0.25,
             OUTPUT_FOLDER=tmp_path / "out",
             ELEVATION_CHANGE=copy,
+            SCREENING_METHOD="residual",
+            RESIDUAL_THRESHOLD=0.05,
         )
         assert set(InspectSlope.NUMBERS) | set(InspectSlope.FILES) <= set(results)
         assert results["ELEVATION_CHANGE"] == str(copy)
@@ -190,6 +192,13 @@ class TestRuns:
         zones = QgsVectorLayer(f"{results['ZONES']}|layername=zones", "zones", "ogr")
         assert zones.featureCount() == results["ZONE_COUNT"] > 0
         assert zones.renderer().type() == "categorizedSymbol"
+        screened = QgsVectorLayer(f"{results['SCREENED_ZONES']}|layername=zones", "screened", "ogr")
+        words = [feature["confirmed"] for feature in screened.getFeatures()]
+        assert len(words) == results["SCREENED_ZONE_COUNT"] > 0
+        assert words.count("confirmed") == results["CONFIRMED_ZONES"]
+        assert screened.renderer().type() == "categorizedSymbol"
+        assert screened.attributeDisplayName(screened.fields().indexOf("confirmed")) == "Confirmed by the change"
+        assert QgsRasterLayer(results["SCREENED_PROBABILITY"]).bandCount() == 3
         # where the truth says that much has changed, the difference says so too
         truth = QgsRasterLayer(survey["TRUTH_DZ"])
         errors = []
@@ -210,6 +219,15 @@ class TestRuns:
         errors.sort()
         assert len(errors) > 50
         assert errors[len(errors) // 2] < 0.06
+
+    def test_one_survey_is_screened(self, qgis_process: QgisProcess, survey: dict[str, Any], tmp_path: Path) -> None:
+        given = {"REFERENCE": survey["CLOUD"], "ROI": survey["ROI"], "OUTPUT_FOLDER": tmp_path / "out"}
+        results = qgis_process.run("inspectslope", **given, SCREENING_METHOD="residual", RESIDUAL_THRESHOLD=0.05)
+        screened = QgsVectorLayer(f"{results['SCREENED_ZONES']}|layername=zones", "screened", "ogr")
+        assert screened.featureCount() == results["SCREENED_ZONE_COUNT"] > 0
+        for name in ("SCREENED_CLOUD", "SCREENED_MAP", "RUN_RECORD"):
+            assert Path(results[name]).stat().st_size > 0
+        assert not {"ZONES", "ELEVATION_CHANGE", "HEATMAP_PICTURE", "CONFIRMED_ZONES"} & set(results)
 
     def test_the_single_steps_chain(self, qgis_process: QgisProcess, survey: dict[str, Any], tmp_path: Path) -> None:
         grounds = {}

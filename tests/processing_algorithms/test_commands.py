@@ -85,6 +85,15 @@ def test_defaults_pass_nothing(tmp_path: Path) -> None:
     ]
 
 
+def test_a_survey_alone_is_one_epoch() -> None:
+    arguments = command(InspectSlope, REFERENCE=LATER, OUTPUT_FOLDER="/out", SCREENING_METHOD="residual")
+    assert arguments == [
+        "inspect", "--epoch", f"2025-05-01={LATER}", "--output-dir", "/out", "--screening-method", "residual",
+    ]  # fmt: skip
+    arguments = command(InspectSlope, REFERENCE=FIRST, CLOUD=LATER, OUTPUT_FOLDER="/out", SCREEN_LAST_EPOCH=False)
+    assert arguments[-1] == "--no-screen-last-epoch"
+
+
 def test_a_dialog_that_gives_every_default_passes_nothing_either() -> None:
     made = SimulateSurvey().create()
     values = {p.name(): p.defaultValue() for p in made.parameterDefinitions() if not p.isDestination()}

@@ -36,10 +36,12 @@ SCREENING = [
 PRODUCTS = [
     "OUTPUT_FOLDER", "ELEVATION_CHANGE", "LEVEL_OF_DETECTION", "SIGNIFICANT_CHANGE", "ZONES", "HEATMAP", "TOP_VIEW",
 ]  # fmt: skip
+SCREENED = ["SCREENED_ZONES", "SCREENED_PROBABILITY"]
 FROZEN_PARAMETERS = {
     "inspectslope": [
         "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "ROI", "PROFILE", "STABLE",
         *GROUND, *REGISTRATION, *CHANGE, *ZONES, *HEATMAP, *INPUT, *PRODUCTS,
+        "SCREEN_LAST_EPOCH", *(name for name in SCREENING if name != "GROUND"), *SCREENED,
     ],
     "screenhazards": [
         "INPUT", "ROI", "PROFILE", *SCREENING, *GROUND, *INPUT, "OUTPUT", "ZONES", "PROBABILITY", "MAP",
@@ -81,6 +83,7 @@ REGISTRATION_OUTPUTS = ["SHIFT_X", "SHIFT_Y", "SHIFT_Z", "STABLE_SHARE", "REGIST
 FROZEN_OUTPUTS = {
     "inspectslope": [
         *CHANGE_OUTPUTS, *REGISTRATION_OUTPUTS, "TRANSFORM_FILE", "REFERENCE_GROUND", "REGISTERED_GROUND",
+        *SCREENED, "SCREENED_ZONE_COUNT", "CONFIRMED_ZONES", "SCREENED_CLOUD", "SCREENED_MAP",
     ],
     "screenhazards": [
         "ZONE_COUNT", "ZONE_AREA", "UPLIFT_ZONES", "SUBSIDENCE_ZONES", "GROUND_POINTS", "DENSITY", "DIP", "RUN_RECORD",
@@ -196,7 +199,7 @@ def test_the_whole_flow_shows_few_parameters_at_first(qgis_app: QgsApplication) 
     shown = [p.name() for p in inspect.parameterDefinitions() if not p.flags() & ADVANCED and not p.isDestination()]
     assert shown == [
         "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "ROI", "PROFILE",
-        "CLOTH_RESOLUTION", "CELL", "CONFIDENCE", "MINIMUM_AREA",
+        "CLOTH_RESOLUTION", "CELL", "CONFIDENCE", "MINIMUM_AREA", "SCREEN_LAST_EPOCH",
     ]  # fmt: skip
 
 

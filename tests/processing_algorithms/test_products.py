@@ -220,6 +220,22 @@ class TestLoading:
         assert any("elevation_change.tif" in line for line in feedback.said("warning"))
 
 
+def test_of_one_survey_only_the_screening_is_loaded(
+    fake_engine: Callable[[str], Path], project: QgsProject, feedback: Recorder, tmp_path: Path
+) -> None:
+    only = 'outputs = {"screened_zones": outputs["zones"], "run": outputs["run"]}\n'
+    fake_engine(ENGINE.replace('say(event="result"', only + 'say(event="result"'))
+    wanted = {p.name: to_load(QgsProcessing.TEMPORARY_OUTPUT, project) for p in products.CHANGE_PRODUCTS}
+    wanted |= {p.name: to_load(QgsProcessing.TEMPORARY_OUTPUT, project) for p in products.SCREENED_PRODUCTS}
+    wanted |= {"OUTPUT_FOLDER": str(tmp_path / "out"), "CLOUD": None}
+    results, context = run(project, feedback, **wanted)
+    assert set(results) == {"OUTPUT_FOLDER", "SCREENED_ZONES", "RUN_RECORD", "ZONE_COUNT", "LOSS", "COMMON_CELL_RATE"}
+    load(context, wanted, feedback)
+    group = project.layerTreeRoot().findGroup("SlopeWatch 2024-05-01")
+    assert [(node.name(), node.itemVisibilityChecked()) for node in group.findLayers()] == [("Screened zones", True)]
+    assert len(project.mapLayers()) == 1
+
+
 @pytest.mark.usefixtures("engine")
 def test_products_chain_in_a_model(project: QgsProject, feedback: Recorder, tmp_path: Path) -> None:
     """Zones of a run go into another algorithm; the elevation change is an output of the model, to be loaded."""
