@@ -147,7 +147,8 @@ def hazards_qml(*, confirmed: bool = False) -> str:
     Args:
         confirmed: whether they have the columns of ``confirmation.FIELDS``.
     """
-    aliases, first, tip = HAZARD_ALIASES, _HAZARDS_READ_FIRST, _HAZARD_MAP_TIP
+    first: tuple[str, ...] = _HAZARDS_READ_FIRST
+    aliases, tip = HAZARD_ALIASES, _HAZARD_MAP_TIP
     if confirmed:
         aliases = {**aliases, **CONFIRMATION_ALIASES}
         first = (*first[:3], "confirmed", *first[3:], *(name for name in CONFIRMATION_ALIASES if name != "confirmed"))

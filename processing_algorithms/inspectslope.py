@@ -132,7 +132,7 @@ class InspectSlope(SlopeWatchAlgorithm):
         self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
     ) -> dict[str, Any]:
         group = f"SlopeWatch {' to '.join(self._days)}"
-        shown = _PRODUCTS
+        shown: tuple[products.Product, ...] = _PRODUCTS
         if len(self._days) == 1:
             shown = tuple(replace(p, appearance=replace(p.appearance, visible=bool(p.layer))) for p in shown)
         delivered = products.deliver(self, shown, result, parameters, context, group)
