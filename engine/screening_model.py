@@ -11,13 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import EngineError, InputError
+from .errors import EngineError
 from .parameters import ScreeningParameters
 from .progress import Progress
 
 if TYPE_CHECKING:
-    import torch
-
     from ..models.configuration import ModelConfiguration
     from ..models.preparation import PreparedCloud
     from ..models.weights import ModelFile
@@ -39,13 +37,15 @@ class ScreeningModel:
     """
 
     def __init__(self, parameters: ScreeningParameters) -> None:
-        require_torch()
+        from ..models.availability import chosen_device, require_libraries
+
+        require_libraries("Screening with the network", "or use --screening-method residual")
         from ..models.calibration import temperature_of
         from ..models.network import fold_normalisation
         from ..models.shipped import shipped_model
         from ..models.weights import load_model
 
-        self.device = _device(parameters.device)
+        self.device = chosen_device(parameters.device)
         if parameters.weights:
             self.path, pin = Path(parameters.weights), None
         else:
@@ -110,18 +110,6 @@ def processors() -> int:
     return os.cpu_count() or 1
 
 
-def require_torch() -> None:
-    """Raise InputError, with what to do, where torch or safetensors cannot be imported."""
-    try:
-        import safetensors  # noqa: F401
-        import torch  # noqa: F401
-    except (ImportError, OSError) as error:
-        raise InputError(
-            f"Screening with the network needs the Python libraries torch and safetensors ({error}); install "
-            "slopewatch[screening] in the engine's environment, or use --screening-method residual."
-        ) from error
-
-
 @contextmanager
 def memory_told() -> Iterator[None]:
     """Turn every way of running out of memory into one sentence."""
@@ -139,13 +127,3 @@ def _no_memory() -> EngineError:
     return EngineError(
         "Memory ran out while screening; give fewer --threads, --device cpu, or cut the cloud with --roi."
     )
-
-
-def _device(name: str) -> torch.device:
-    import torch
-
-    if name == "cpu" or (name == "auto" and not torch.cuda.is_available()):
-        return torch.device("cpu")
-    if not torch.cuda.is_available():
-        raise InputError("No graphics card can be used by torch here; use --device cpu.")
-    return torch.device("cuda")

@@ -10,11 +10,11 @@ if TYPE_CHECKING:
     import torch
 
 
-def require_libraries(task: str) -> None:
+def require_libraries(task: str, otherwise: str = "") -> None:
     """Raise InputError, with what to do, where torch or safetensors cannot be imported.
 
     Args:
-        task: what needs them, as the sentence begins.
+        task: what needs them, as the sentence begins. otherwise: what else can be done, as it ends.
     """
     for name in ("torch", "safetensors"):
         try:
@@ -22,7 +22,7 @@ def require_libraries(task: str) -> None:
         except (ImportError, OSError) as error:
             raise InputError(
                 f"{task} needs the Python library {name}, which cannot be imported ({error}); install "
-                "slopewatch[screening] in the engine's environment."
+                f"slopewatch[screening] in the engine's environment{', ' + otherwise if otherwise else ''}."
             ) from error
 
 

@@ -322,7 +322,7 @@ class TestRefusals:
     def test_no_torch(self, cloud, tmp_path, monkeypatch):
         monkeypatch.setitem(sys.modules, "torch", None)
         self.refused(
-            tmp_path, cloud, r"needs the Python libraries torch .*slopewatch\[screening\].*--screening-method residual"
+            tmp_path, cloud, r"needs the Python library torch.*slopewatch\[screening\].*--screening-method residual"
         )
         # without learning it is not needed
         screen(cloud, tmp_path / "residual.laz")
@@ -331,7 +331,7 @@ class TestRefusals:
         import torch
 
         monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-        self.refused(tmp_path, cloud, "No graphics card .* --device cpu", weights=str(weights), device="gpu")
+        self.refused(tmp_path, cloud, "no graphics card .* --device cpu", weights=str(weights), device="gpu")
         assert screening_model.ScreeningModel(
             ScreeningParameters(weights=str(weights), device="auto")
         ).device == torch.device("cpu")
