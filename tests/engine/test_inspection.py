@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
+from types import SimpleNamespace
 
 import geopandas
 import laspy
@@ -14,9 +15,10 @@ import pytest
 import rasterio
 from affine import Affine
 from rasterio.features import geometry_mask
+from shapely import Point
 from slopewatch.engine import epoch_screening
 from slopewatch.engine.clouds import read_cloud
-from slopewatch.engine.confirmation import VERDICTS
+from slopewatch.engine.confirmation import VERDICTS, verdict, weigh
 from slopewatch.engine.epoch_screening import SCREENING_OUTPUTS
 from slopewatch.engine.epochs import Epoch
 from slopewatch.engine.errors import InputError
@@ -164,6 +166,35 @@ def test_the_word_about_a_screened_zone_agrees_with_the_truth(survey, run):
     assert {"confirmed", "not confirmed"} <= set(words)
     for word in VERDICTS:
         assert metrics[f"{word.replace(' ', '_')}_zones"] == words.count(word)
+
+
+def test_the_words_hold_for_discs_on_ground_whose_change_is_known(survey, run):
+    """What docs/guide.md says of the limits, on the change of this run."""
+    pair, _ = survey
+    out, _, _ = run
+    bands = []
+    for name in ("elevation_change.tif", "significant_change.tif"):
+        with rasterio.open(out / name) as raster:
+            bands.append(raster.read(1, masked=True).filled(np.nan))
+    dz, significant = bands[0], np.isfinite(bands[1])
+    grid = Grid(*_grid(out))
+    change = SimpleNamespace(grid=grid, dz=dz, significant=significant)
+    truth = np.where(np.isfinite(dz), pair.true_change_raster(grid), np.nan)
+    rng = np.random.default_rng(0)
+    cells = np.argwhere(np.isfinite(dz))
+    words: dict[str, list[str]] = {"still": [], "moved": []}
+    for row, column in rng.permutation(cells)[:1500]:
+        middle = Point(grid.west + (column + 0.5) * grid.cell, grid.north - (row + 0.5) * grid.cell)
+        disc = middle.buffer(rng.choice([0.4, 0.8, 1.5]))
+        inside = geometry_mask([disc], grid.shape, Affine(*grid.affine), invert=True)
+        moved = np.nanmean(truth[inside])
+        word = verdict(weigh(disc, 1.0 if moved >= 0 else -1.0, change, outline_cell=0.25))
+        if word != "not measured" and not 0.005 <= abs(moved) <= 0.1:
+            words["moved" if abs(moved) > 0.1 else "still"].append(word)
+    assert len(words["still"]) > 1000
+    assert len(words["moved"]) > 50
+    assert sum(word != "not confirmed" for word in words["still"]) <= 0.003 * len(words["still"])
+    assert set(words["moved"]) == {"confirmed"}
 
 
 def test_one_epoch_is_screened_and_nothing_else(survey, tmp_path):
