@@ -45,7 +45,7 @@ SHIPPED = replace(SLOPEWATCH, training=replace(SLOPEWATCH.training, steps=8000))
 
 PUBLISHED = Recipe(
     replace(PAPER, voxel=0.12, block_points=32_768, widths=HALF_WIDTH),
-    replace(PAPER_TRAINING, steps=550, batch=1),
+    replace(PAPER_TRAINING, steps=510, batch=1),
     step=18.0,
     share=0.35,
 )
