@@ -126,6 +126,25 @@ def zone_rows(survey: Path, results: Path, maps: Maps) -> list[Row]:
     return rows
 
 
+def screening_rows(results: Path, maps: Maps) -> list[Row]:
+    """How many screened zones moved in their direction by the truth, and how many are said to have."""
+    path = results / "screened_zones.gpkg"
+    if not path.is_file():
+        return []
+    zones = geopandas.read_file(path, layer="zones")
+    confirmed, moved = (zones["confirmed"] == "confirmed").to_numpy(), np.zeros(len(zones), dtype=bool)
+    for number, (kind, outline) in enumerate(zip(zones["kind"], zones.geometry, strict=True)):
+        inside = ~geometry_mask([outline], maps.found.shape, maps.transform) & maps.measured
+        sign = 1 if kind == "uplift" else -1
+        moved[number] = inside.any() and sign * np.mean(maps.truth[inside]) > CHANGED
+    name = f"screened zones that moved > {100 * CHANGED:.0f} cm their way"
+    return [
+        ("screened zones", "", f"{len(zones)} zones"),
+        (name, str(moved.sum()), f"{(moved & confirmed).sum()} confirmed"),
+        ("other screened zones", str((~moved).sum()), f"{(~moved & confirmed).sum()} confirmed"),
+    ]
+
+
 def run_rows(survey: Path, results: Path) -> list[Row]:
     """Vegetation cover, cells measured in both epochs, time."""
     record = json.loads((results / "run.json").read_text(encoding="utf-8"))
@@ -152,6 +171,7 @@ def main(survey: Path, results: Path) -> None:
     rows = registration_rows(survey, results)
     rows += change_rows(maps)
     rows += zone_rows(survey, results, maps)
+    rows += screening_rows(results, maps)
     rows += run_rows(survey, results)
     width = max(len(name) for name, _, _ in rows)
     out.write(f"\n  {'':{width}}  {'truth':>12}  found\n")

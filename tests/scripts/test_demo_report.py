@@ -94,3 +94,24 @@ def test_volumes_are_those_of_the_cells_in_zones(report, run):
     assert cells(rows, "volume raised") == ("0.80 m3", "0.80 m3 (+- 0.05)")
     assert cells(rows, "volume lowered")[0] == "0.00 m3"
     assert cells(rows, "cells changed")[1] == "67 %", "16 of 24 changed cells"
+
+
+def test_screened_zones_are_counted_by_what_truly_moved(report, run):
+    survey, results = run
+    maps = report.read_maps(survey, results)
+    assert report.screening_rows(results, maps) == []
+
+    def cells_of(row: int, column: int, rows: int, columns: int):
+        return box(LEFT + column * CELL, TOP - (row + rows) * CELL, LEFT + (column + columns) * CELL, TOP - row * CELL)
+
+    raised, lowered, still = cells_of(10, 10, 4, 4), cells_of(20, 20, 2, 4), cells_of(30, 10, 3, 3)
+    zones = {
+        "kind": ["uplift", "subsidence", "subsidence", "uplift"],
+        "confirmed": ["confirmed", "not confirmed", "confirmed", "not measured"],
+        "geometry": [raised, lowered, still, cells_of(10, 10, 4, 30)],
+    }
+    geopandas.GeoDataFrame(zones, crs="EPSG:32651").to_file(results / "screened_zones.gpkg", layer="zones")
+    rows = report.screening_rows(results, maps)
+    assert cells(rows, "screened zones") == ("", "4 zones")
+    assert cells(rows, "screened zones that moved") == ("2", "1 confirmed")
+    assert cells(rows, "other screened zones") == ("2", "1 confirmed")
