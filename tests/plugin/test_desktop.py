@@ -27,7 +27,8 @@ def session(qgis_process: QgisProcess, tmp_path_factory: pytest.TempPathFactory)
         "simulatesurvey", OUTPUT_FOLDER=folder / "survey", POINTS=120000, LENGTH=30, HEIGHT=12, VEGETATION=0.4
     )
     parameters = {name: survey[name] for name in ("REFERENCE", "CLOUD", "ROI")}
-    report = run_session({**parameters, "CELL": 0.2, "OUTPUT_FOLDER": folder / "results"}, folder, seconds=240)
+    parameters |= {"CELL": 0.2, "SCREENING_METHOD": "residual", "OUTPUT_FOLDER": folder / "results"}
+    report = run_session(parameters, folder, seconds=240)
     keep = os.environ.get("SLOPEWATCH_KEEP_IMAGES")
     if keep:
         shutil.copytree(folder / "images", keep, dirs_exist_ok=True)
@@ -63,14 +64,18 @@ def test_the_run_from_the_dialog_succeeded(session: dict[str, Any]) -> None:
 
 def test_the_styled_layers_are_on_the_map(session: dict[str, Any]) -> None:
     layers = {layer["name"]: layer for layer in session["layers"]}
-    assert list(layers) == ["Hazard zones", "Significant change (m)", "Elevation change (m)", "Top view"]
+    assert list(layers) == [
+        "Hazard zones", "Screened zones", "Significant change (m)", "Elevation change (m)", "Top view",
+    ]  # fmt: skip
     assert {name: layer["renderer"] for name, layer in layers.items()} == {
         "Hazard zones": "categorizedSymbol",
+        "Screened zones": "categorizedSymbol",
         "Significant change (m)": "singlebandpseudocolor",
         "Elevation change (m)": "singlebandpseudocolor",
         "Top view": "multibandcolor",
     }
-    assert {name for name, layer in layers.items() if layer["visible"]} == set(layers) - {"Significant change (m)"}
+    hidden = {"Screened zones", "Significant change (m)"}
+    assert {name for name, layer in layers.items() if layer["visible"]} == set(layers) - hidden
     for layer in layers.values():
         assert layer["valid"]
         assert layer["group"] == "SlopeWatch 2024-05-01 to 2025-05-01"
