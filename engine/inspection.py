@@ -139,8 +139,17 @@ def inspect_slope(
         for label, result in zip(labels, grounds, strict=True):
             outputs[f"{label}_ground"] = stage.final(f"clouds/{result.ground.name}")
             record.metrics |= {f"{label}_{name}": value for name, value in result.figures().items()}
+        _tell_what_is_older(output_dir, outputs, progress)
         record.write(stage.path("run.json"), progress.warnings, outputs)
     return outputs, record.metrics
+
+
+def _tell_what_is_older(folder: Path, outputs: dict[str, Path], progress: Progress) -> None:
+    """Warn of outputs of another run in the folder, which this one does not replace."""
+    own = {path.name for path in outputs.values()}
+    older = [name for name in (*CHANGE_OUTPUTS, *SCREENING_OUTPUTS) if name not in own and (folder / name).exists()]
+    if older:
+        progress.warning(f"The folder {folder} still holds outputs of an earlier run: {', '.join(older)}.")
 
 
 @dataclass(frozen=True)

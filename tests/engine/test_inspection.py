@@ -199,11 +199,14 @@ def test_the_words_hold_for_discs_on_ground_whose_change_is_known(survey, run):
 
 def test_one_epoch_is_screened_and_nothing_else(survey, tmp_path):
     _, paths = survey
-    epoch = epochs(paths)[1]
-    outputs, metrics = inspect_slope([epoch], tmp_path / "out", Settings(screening=RESIDUAL), roi=paths["roi"])
-    assert {p.name for p in (tmp_path / "out").iterdir()} == {
-        *SCREENING_OUTPUTS, "screened_probability.qml", "run.json", "clouds",
+    epoch, out, progress = epochs(paths)[1], tmp_path / "out", Progress()
+    out.mkdir()
+    (out / "zones.gpkg").touch()
+    outputs, metrics = inspect_slope([epoch], out, Settings(screening=RESIDUAL), roi=paths["roi"], progress=progress)
+    assert {p.name for p in out.iterdir()} == {
+        *SCREENING_OUTPUTS, "screened_probability.qml", "run.json", "clouds", "zones.gpkg",
     }  # fmt: skip
+    assert [w for w in progress.warnings if w.endswith("outputs of an earlier run: zones.gpkg.")]
     assert set(outputs) == {
         "screened", "screened_zones", "screened_probability", "screened_map", "epoch_ground", "run",
     }  # fmt: skip
