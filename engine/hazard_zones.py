@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -9,6 +11,7 @@ import geopandas as gpd
 import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS
+from scipy import ndimage
 
 from .errors import InputError
 from .gridding import Float, Grid, cell_index, snapped_grid
@@ -73,8 +76,9 @@ def outline_hazards(
 ) -> Hazards:
     """Put the voxels on a grid and join hazard cells of one class into zones.
 
-    A cell has the mean probability of its points. Cells of one class that share an edge or a corner are a zone; empty
-    cells between them, up to two in a row, do not divide it.
+    A cell has the mean probability of its points. Where voxels are wider than cells, a cell between them has no point
+    and takes after the nearest. Cells of one class that share an edge or a corner are a zone; empty cells
+    between them, up to two in a row, do not divide it.
 
     Raises:
         InputError: the grid would be too large.
@@ -91,6 +95,9 @@ def outline_hazards(
     probability = np.stack([mean(screening.probabilities[:, k]) for k in range(3)])
     heights = mean(screening.heights)
     known = (count > 0).reshape(grid.shape)
+    for cells, (row, column) in _between(known, math.ceil(screening.voxels.size / grid.cell - 1e-9) - 1):
+        probability[:, cells], heights[cells] = probability[:, row, column], heights[row, column]
+        known |= cells
     labels = np.zeros(grid.shape, dtype=np.uint8)
     labels[known] = most_probable(probability[:, known].T, parameters.minimum_probability)
     signed = np.where(known, np.where(labels == SUBSIDENCE, -1.0, 1.0), np.nan)
@@ -125,6 +132,22 @@ def most_probable(probabilities: NDArray[np.floating], least: float) -> NDArray[
     labels = probabilities.argmax(axis=1).astype(np.uint8)
     labels[(labels != BACKGROUND) & (probabilities.max(axis=1) < least)] = BACKGROUND
     return labels
+
+
+def _between(known: NDArray[np.bool_], reach: int) -> Iterator[tuple[NDArray[np.bool_], tuple[NDArray, NDArray]]]:
+    """Cells in gaps of up to ``2 * reach`` cells, and the cells (row, column) they take after, from the edges inwards.
+
+    What is yielded is to be marked in ``known`` before the next is asked for. The outer edge stays where it is.
+    """
+    if reach < 1:
+        return
+    closed = ndimage.binary_closing(np.pad(known, reach), np.ones((3, 3)), iterations=reach)
+    closed = closed[reach:-reach, reach:-reach]
+    while (closed & ~known).any():
+        distance, (row, column) = ndimage.distance_transform_edt(~known, return_indices=True)
+        # only neighbours at a time, so that what takes after a cell is connected with it
+        cells = closed & ~known & (distance < 1.5)
+        yield cells, (row[cells], column[cells])
 
 
 def _grid(points: Float, cell: float) -> Grid:

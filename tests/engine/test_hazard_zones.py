@@ -35,6 +35,7 @@ def screening(*patches, tan=TAN, skip=None, name="net", spread=0.0):
         heights=heights[kept],
         labels=most_probable(probabilities[kept], 0.0),
         plane=SimpleNamespace(dip=np.degrees(np.arctan(tan))),
+        voxels=SimpleNamespace(size=STEP),
         model={"name": name, **({} if name == "residual" else {"sha256": "ab" * 32})},
     )
 
@@ -91,6 +92,33 @@ def test_small_and_improbable_ones_are_left_out():
     hazards = outlined(found, minimum_probability=0.8, minimum_hazard_area=0.1)
     assert len(hazards.frame) == 1
     assert hazards.labels.sum() == 4
+
+
+@pytest.mark.parametrize(("voxel", "cell"), [(0.4, 0.25), (0.4, 0.1), (0.3, 0.25), (0.12, 0.25)])
+def test_voxels_wider_than_cells_leave_no_holes(voxel, cell):
+    rng = np.random.default_rng(4)
+    west, south = (a.ravel() for a in np.meshgrid(np.arange(0, 12, voxel), np.arange(0, 10, voxel)))
+    x, y = west + voxel * rng.uniform(0.2, 0.8, west.size), south + voxel * rng.uniform(0.2, 0.8, west.size)
+    # nothing is known in a strip two metres wide
+    x, y = x[(x < 9) | (x > 11)], y[(x < 9) | (x > 11)]
+    raised = np.hypot(x - 5, y - 5) < 3
+    found = screening()
+    found.points, found.count = np.column_stack([x, y, TAN * y]), np.full(len(x), 3)
+    found.probabilities = np.where(raised[:, None], [0.1, 0.9, 0.0], [0.9, 0.1, 0.0]).astype(np.float32)
+    found.heights, found.voxels.size = np.where(raised, 0.2, 0.0).astype(np.float32), voxel
+    hazards = outlined(found, probability_cell=cell)
+    zone = hazards.frame.iloc[0]
+    assert len(hazards.frame) == 1
+    assert zone["plan_m2"] == pytest.approx(np.pi * 9, rel=0.06)
+    assert zone["probability"] == pytest.approx(0.9, abs=0.02)
+    assert zone["points"] == pytest.approx(3 * raised.sum(), rel=0.05)
+    assert len(zone.geometry.geoms[0].interiors) == 0
+    known = np.isfinite(hazards.heights)
+    middle = hazards.grid.west + (np.arange(hazards.grid.columns) + 0.5) * cell
+    assert not known[:, (middle > 9.3) & (middle < 10.7)].any()
+    edge = round(1 / cell)
+    assert known[edge:-edge, (middle > 1) & (middle < 8)].all()
+    np.testing.assert_array_equal(known, np.isfinite(hazards.probability[1]))
 
 
 def test_neighbours_of_another_class_are_zones_of_their_own():
