@@ -1,0 +1,71 @@
+"""The shipped weights: what they must answer, and that they are of use."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from slopewatch.models.shipped import SHIPPED_WEIGHTS, shipped_model
+from slopewatch.simulation.hazard_scenes.scenes import scene
+
+pytestmark = pytest.mark.skipif(not SHIPPED_WEIGHTS.is_file(), reason="this copy has no shipped weights")
+
+GOLDEN = [
+    [4.265200138092041, -3.816999912261963, -4.740900039672852],
+    [5.263000011444092, -5.992700099945068, -4.390999794006348],
+    [4.5914998054504395, -4.23960018157959, -4.952300071716309],
+    [5.9745001792907715, -5.842100143432617, -5.948200225830078],
+    [4.924900054931641, -4.9980998039245605, -4.718200206756592],
+    [4.9984002113342285, -5.559199810028076, -4.372300148010254],
+    [4.010499954223633, -4.986400127410889, -3.0044000148773193],
+    [1.1970000267028809, -4.757800102233887, 1.0499999523162842],
+]
+"""Logits of every 400th voxel of the first window below, as torch 2.13.0 gave them when the weights were made."""
+
+
+@pytest.fixture
+def shipped(torch):
+    from slopewatch.models.weights import load_model
+
+    return load_model(*shipped_model())
+
+
+def test_golden_logits(torch, shipped):
+    from slopewatch.models.batches import make_batch, network_inputs
+    from slopewatch.models.preparation import blocks, prepare_cloud
+
+    # A ripple with a bulge and a hollow on it: no simulator, no random number but the decimation's.
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(0, 24, 0.2), np.arange(0, 24, 0.2)))
+    z = 0.7 * y + 0.03 * np.sin(1.3 * x) * np.cos(0.9 * y)
+    z += 0.3 * np.exp(-((x - 7) ** 2 + (y - 7) ** 2) / 2) - 0.3 * np.exp(-((x - 16) ** 2 + (y - 15) ** 2) / 2)
+    configuration = shipped.configuration
+    cloud = prepare_cloud(np.column_stack([x, y, z]), configuration)
+    block = next(blocks(cloud, configuration, np.random.default_rng(0)))
+    batch = make_batch([block])
+    with torch.inference_mode():
+        features, scaled = network_inputs(batch.coordinates, batch.residuals, configuration)
+        logits = shipped.network(features, scaled, batch.graphs).numpy()[::400]
+    np.testing.assert_allclose(logits, GOLDEN, atol=2e-3)
+
+
+def test_what_stands_out_is_found(torch, shipped):
+    from slopewatch.models.prediction import predict
+
+    one = scene(4242, "realistic", area=2000.0, density=60.0)
+    found = predict(shipped.network, one.xyz).labels
+    background = one.label == 0
+    assert (found[background] == 0).mean() > 0.9
+    high = np.abs(one.displacement) > 0.3
+    assert high.sum() > 500
+    assert (found[high] == one.label[high]).mean() > 0.8
+
+
+def test_what_lies_beside_the_weights_is_told(shipped):
+    facts = shipped.metadata
+    assert facts["training"]["steps"] > 0
+    assert 0.3 < facts["metrics"]["calibration"]["temperature"] < 3
+    assert facts["sha256"] == shipped.sha256
+    card = SHIPPED_WEIGHTS.with_name("README.md").read_text(encoding="utf-8")
+    assert shipped.sha256 in card
+    rows = SHIPPED_WEIGHTS.with_name("training_log.csv").read_text(encoding="utf-8").splitlines()
+    assert rows[0] == "step,loss,learning_rate,seconds"
+    assert int(rows[-1].split(",")[0]) == facts["training"]["steps"]
