@@ -182,7 +182,7 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
             )
         with progress.stage(0.2, 0.4, "averaging in voxels"):
             cloud, voxels = prepare_parts(ground.parts, sample, configuration)
-        if TREND in configuration.trends:
+        if TREND in configuration.trends and not configuration.own_roughness:
             heights = cloud.residuals[:, configuration.trends.index(TREND)]
         else:
             heights = residual_heights(cloud.voxels.points, *TREND).astype(np.float32)

@@ -44,6 +44,7 @@ class ModelConfiguration:
     features: tuple[str, ...] = FEATURES
     trends: tuple[tuple[float, float], ...] = ((1.5, 1.5), (4.0, 4.0), (10.0, 0.6))
     residual_scale: float = 0.2
+    own_roughness: bool = False
     xy_scale: float = 10.0
     z_scale: float = 0.5
     level_scaling: bool = True

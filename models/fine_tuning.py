@@ -29,7 +29,7 @@ from .network import RandLANet
 from .own_data import OwnCloud
 from .prediction import predict
 from .preparation import Block
-from .recipes import PUBLISHED, SLOPEWATCH
+from .recipes import PUBLISHED, SHIPPED
 from .training import TrainingParameters, block_provider, class_frequencies, train
 from .weights import ModelFile
 
@@ -82,7 +82,7 @@ def tuned_configuration(
     start: ModelFile | None, parameters: FineTuneParameters, clouds: Sequence[OwnCloud]
 ) -> ModelConfiguration:
     """The configuration of a model that starts from these weights, or from nothing, and knows these clouds' density."""
-    base = start.configuration if start else SMOKE if parameters.network == "smoke" else SLOPEWATCH.configuration
+    base = start.configuration if start else SMOKE if parameters.network == "smoke" else SHIPPED.configuration
     density = [cloud.density for cloud in clouds]
     known = base.density if start else (density[0], density[0])
     bounds = min(known[0], 0.8 * min(density)), max(known[1], 1.25 * max(density))
@@ -155,7 +155,7 @@ class _Run:
 
     def settings(self, steps: int) -> TrainingParameters:
         rate = self.parameters.learning_rate or (FROM_WEIGHTS if self.start else FROM_NOTHING)
-        recipe = SLOPEWATCH if self.configuration.align else PUBLISHED
+        recipe = SHIPPED if self.configuration.align else PUBLISHED
         return replace(
             recipe.training,
             steps=steps,

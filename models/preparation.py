@@ -21,6 +21,11 @@ Float32 = NDArray[np.float32]
 Index = NDArray[np.int64]
 LEAST_DIP = np.sin(np.radians(5.0))
 """Below this sine of the dip there is no up-slope direction to turn a cloud to."""
+USUAL_ROUGHNESS = 0.08
+"""Heights over a trend are brought to this scatter (m) where a model asks for its cloud's own roughness as the unit."""
+LEAST_ROUGHNESS = 0.02
+NORMAL_30 = 0.38532
+"""30 % of a normal distribution lie within so many standard deviations of its middle."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +98,19 @@ def prepared(plane: Plane, matrix: Float, voxels: VoxelGrid, configuration: Mode
     if "residuals" in configuration.features:
         columns = [residual_heights(voxels.points, along, up) for along, up in configuration.trends]
         residuals = np.stack(columns, axis=1).astype(np.float32)
+        if configuration.own_roughness:
+            residuals *= USUAL_ROUGHNESS / roughness(residuals)
     return PreparedCloud(plane, matrix, voxels, residuals)
+
+
+def roughness(residuals: Float32) -> Float32:
+    """Robust standard deviation (trends,) of heights (m, trends) over each trend, m; not below ``LEAST_ROUGHNESS``.
+
+    From the smallest 30 % of the distances to the median, so that edges and hazards on two thirds of the ground count
+    little.
+    """
+    away = np.abs(residuals - np.median(residuals, axis=0))
+    return np.maximum(np.quantile(away, 0.3, axis=0) / NORMAL_30, LEAST_ROUGHNESS).astype(np.float32)
 
 
 def _up_slope(matrix: Float) -> Float:

@@ -40,8 +40,14 @@ SLOPEWATCH = Recipe(
 much ground as possible is seen in the time.
 """
 
-SHIPPED = replace(SLOPEWATCH, training=replace(SLOPEWATCH.training, steps=8000))
-"""The same, trained longer."""
+SHIPPED = replace(
+    SLOPEWATCH,
+    configuration=replace(SLOPEWATCH.configuration, own_roughness=True),
+    training=replace(SLOPEWATCH.training, steps=6500),
+)
+"""The same, trained longer, with heights in units of the slope's own roughness: without that, half of the ground of
+slopes rougher than those trained on was taken for hazards.
+"""
 
 PUBLISHED = Recipe(
     replace(PAPER, voxel=0.12, block_points=32_768, widths=HALF_WIDTH),

@@ -1,0 +1,57 @@
+"""Rougher ground and heights in units of a slope's own roughness."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from slopewatch.models.configuration import SMOKE
+from slopewatch.models.preparation import NORMAL_30, USUAL_ROUGHNESS, prepare_cloud, roughness
+from slopewatch.models.rougher import rougher, scene_normal, texture
+
+
+def test_texture_has_the_scatter_and_the_reach_asked_for():
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(0, 40, 0.2), np.arange(0, 40, 0.2)))
+    for reach in (0.3, 0.9):
+        field = texture(np.column_stack([x, y]), reach, 0.05, np.random.default_rng(1)).reshape(200, 200)
+        assert field.std() == pytest.approx(0.05, rel=0.1)
+        # White noise under a Gaussian of s has the correlation exp(-d^2 / (4 s^2)).
+        lag = round(reach / 0.2)
+        found = np.mean(field[:, lag:] * field[:, :-lag]) / field.var()
+        assert found == pytest.approx(np.exp(-((lag * 0.2) ** 2) / (4 * reach**2)), abs=0.1)
+
+
+def test_points_move_along_the_normal_and_hidden_hazards_are_not_trained_on(small_scene):
+    normal = scene_normal(small_scene)
+    dip = np.degrees(np.arccos(normal[2]))
+    assert dip == pytest.approx(small_scene.dip, abs=1e-6)
+    moved = next(s for s in (rougher(small_scene, np.random.default_rng(k)) for k in range(9)) if s is not small_scene)
+    shift = moved.xyz - small_scene.xyz
+    along = shift @ normal
+    np.testing.assert_allclose(shift, along[:, None] * normal, atol=1e-8)
+    assert 0.005 < along.std() < 0.12
+    newly = moved.ignore & ~small_scene.ignore
+    assert (small_scene.label[newly] > 0).all()
+    limit = np.abs(small_scene.displacement[newly]).max()
+    assert limit == pytest.approx(2 * along.std(), rel=0.25)
+    np.testing.assert_array_equal(moved.label, small_scene.label)
+
+
+def test_roughness_is_that_of_most_of_the_ground():
+    rng = np.random.default_rng(2)
+    heights = rng.normal(0.1, (0.03, 0.12), (50_000, 2)).astype(np.float32)
+    np.testing.assert_allclose(roughness(heights), (0.03, 0.12), rtol=0.03)
+    # A fifth of it raised by ten times the scatter changes little.
+    heights[:10_000] += 1.2
+    np.testing.assert_allclose(roughness(heights), (0.03, 0.12), rtol=0.5)
+    assert NORMAL_30 == pytest.approx(np.quantile(np.abs(rng.standard_normal(400_000)), 0.3), abs=0.005)
+
+
+def test_a_slope_twice_as_rough_has_the_same_heights_in_its_own_units(small_scene):
+    configuration = replace(SMOKE, own_roughness=True)
+    plane = small_scene.to_plane(small_scene.xyz)
+    steep = [plane * (1, 1, factor) for factor in (1.0, 1.5)]
+    one, other = (prepare_cloud(xyz, configuration).residuals for xyz in steep)
+    np.testing.assert_allclose(roughness(one), USUAL_ROUGHNESS, rtol=1e-5)
+    np.testing.assert_allclose(roughness(other), USUAL_ROUGHNESS, rtol=1e-5)
