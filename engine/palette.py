@@ -1,4 +1,4 @@
-"""Colours of change: one diverging and one sequential ramp for the styles, the heatmap and the report.
+"""Colours: a diverging and a sequential ramp and greys (probabilities) for the styles, the heatmap and the report.
 
 Lowering is red, raising is blue, as geomorphologists draw erosion and deposition. The two arms have the same lightness
 at the same magnitude (built in OKLCH, https://bottosson.github.io/posts/oklab), and stay apart in simulated red-green
@@ -30,6 +30,13 @@ SEQUENTIAL: tuple[tuple[float, Colour], ...] = (
     (0.5, (0xA7, 0xAE, 0x7C)),
     (0.75, (0x62, 0x82, 0x6C)),
     (1.0, (0x21, 0x4E, 0x5A)),
+)
+LIKELIHOOD: tuple[tuple[float, Colour], ...] = (
+    (0.0, (0xEC, 0xEC, 0xEC)),
+    (0.25, (0xD4, 0xD4, 0xD4)),
+    (0.5, (0xB2, 0xB2, 0xB2)),
+    (0.75, (0x88, 0x88, 0x88)),
+    (1.0, (0x5E, 0x5E, 0x5E)),
 )
 BELOW_LEVEL: Colour = (0x8C, 0x8C, 0x8C)
 

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from .outputs import atomic_output
-from .palette import BELOW_LEVEL, DIVERGING, SEQUENTIAL, Colour, hexadecimal
+from .palette import BELOW_LEVEL, DIVERGING, LIKELIHOOD, SEQUENTIAL, Colour, hexadecimal
 
 _VERSION = "3.34.0"
 
@@ -84,7 +84,12 @@ CONFIRMATION_ALIASES = {
 }
 _READ_FIRST = ("zone_id", "kind", "severity", "area_m2", "dz_mean_m", "dz_p95_m", "vol_net_m3", "vol_err_m3", "lod95_m")
 _FILLED_IN_LATER = ("slope_id", "route", "chain_from", "chain_to", "side", "reviewer")
-_OUTLINE = "boundary(buffer(buffer($geometry, 0.5, 4), -0.4, 4))"
+_OUTLINE = "boundary(buffer(buffer($geometry, {}, 4), {}, 4))"
+# Metres out and back. Zones of a change are scattered cells, which the outline gathers. Zones of the screening are
+# whole and lie side by side, where a wide outline would run through the neighbour.
+_GATHERING, _FOLLOWING = (0.5, -0.4), (0.15, -0.1)
+# Decimals in the table and the form: the measured figures by the end of their names.
+_DECIMALS = {"_m": 3, "_m2": 2, "_m3": 3, "_deg": 1, "_mm_day": 2, "_err": 2, "_share": 2, "probability": 2}
 REVIEW = ("unreviewed", "confirmed", "rejected")
 
 _MAP_TIP = """<b>[% "zone_id" %]: [% "kind" %], [% "severity" %]</b><br/>
@@ -138,7 +143,7 @@ def level_qml(limit: float) -> str:
 
 def zones_qml() -> str:
     """Style of the zones by kind and severity, labelled with their ids, with aliases, map tip and a review list."""
-    return _zones_qml("severity", ("high", "moderate", "low"), ALIASES, _READ_FIRST, _MAP_TIP)
+    return _zones_qml("severity", ("high", "moderate", "low"), ALIASES, _READ_FIRST, _MAP_TIP, _GATHERING)
 
 
 def hazards_qml(*, confirmed: bool = False) -> str:
@@ -153,18 +158,26 @@ def hazards_qml(*, confirmed: bool = False) -> str:
         aliases = {**aliases, **CONFIRMATION_ALIASES}
         first = (*first[:3], "confirmed", *first[3:], *(name for name in CONFIRMATION_ALIASES if name != "confirmed"))
         tip += _CONFIRMATION_MAP_TIP
-    return _zones_qml("confidence", ("high", "medium", "low"), aliases, first, tip)
+    return _zones_qml("confidence", ("high", "medium", "low"), aliases, first, tip, _FOLLOWING)
 
 
 def probability_qml() -> str:
-    """Sequential style of a probability raster's first band, clear where nothing is likely."""
-    opaque = [0 if share == 0 else 255 for share, _ in SEQUENTIAL]
-    stops = [(s, colour, alpha, f"{100 * s:.0f} %") for (s, colour), alpha in zip(SEQUENTIAL, opaque, strict=True)]
+    """Style of a probability raster's first band: greys, a thin veil where nothing is likely.
+
+    Greys, because colour is the zones' that lie over it: a bluish probability looks like uplift. The veil tells what was
+    screened from what was not, as on the map picture.
+    """
+    stops = [(s, colour, 255 if s else 120, f"{100 * s:.0f} %") for s, colour in LIKELIHOOD]
     return _raster_qml(stops, suffix="")
 
 
 def _zones_qml(
-    grade: str, grade_names: tuple[str, ...], aliases: dict[str, str], first: tuple[str, ...], tip: str
+    grade: str,
+    grade_names: tuple[str, ...],
+    aliases: dict[str, str],
+    first: tuple[str, ...],
+    tip: str,
+    outline: tuple[float, float],
 ) -> str:
     root = Element(
         "qgis",
@@ -209,7 +222,7 @@ def _zones_qml(
         generator = SubElement(
             symbol, "layer", {"class": "GeometryGenerator", "enabled": "1", "locked": "0", "pass": "0"}
         )
-        _options(generator, SymbolType="Line", geometryModifier=_OUTLINE, units="MapUnit")
+        _options(generator, SymbolType="Line", geometryModifier=_OUTLINE.format(*outline), units="MapUnit")
         ring = SubElement(generator, "symbol", type="line", name=f"@{number}@1", alpha="1", clip_to_extent="1")
         # a light seam keeps the outline legible on a dark picture
         for colour, alpha, extra in (((255, 255, 255), 200, 0.5), (high[arm], 255, 0.0)):
@@ -317,6 +330,16 @@ def _forms(root: Element, names: dict[str, str]) -> None:
     for status in REVIEW:
         entry = SubElement(choices, "Option", type="Map")
         SubElement(entry, "Option", type="QString", name=status.capitalize(), value=status)
+    editable = SubElement(root, "editable")
+    for field in names:
+        decimals = next((n for end, n in _DECIMALS.items() if field.endswith(end)), None)
+        if decimals is None:
+            continue
+        widget = SubElement(SubElement(configuration, "field", name=field), "editWidget", type="Range")
+        options = SubElement(SubElement(widget, "config"), "Option", type="Map")
+        SubElement(options, "Option", type="int", name="Precision", value=str(decimals))
+        # the form would write the rounded figure back
+        SubElement(editable, "field", name=field, editable="0")
     aliases = SubElement(root, "aliases")
     for field, name in names.items():
         SubElement(aliases, "alias", field=field, name=name)

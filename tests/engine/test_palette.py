@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from slopewatch.engine.palette import DIVERGING, SEQUENTIAL, colour_limit, diverging_colours, rounded_up
+from slopewatch.engine.palette import (
+    DIVERGING,
+    LIKELIHOOD,
+    SEQUENTIAL,
+    Colour,
+    colour_limit,
+    diverging_colours,
+    rounded_up,
+)
 
 # Machado et al. 2009, table 1: full protanopia and deuteranopia, on linear RGB
 PROTAN = [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]
@@ -69,9 +77,15 @@ def test_signs_stay_apart_in_colour_blindness(vision: list[list[float]]) -> None
             assert np.linalg.norm(seen[0] - seen[1]) > 0.13
 
 
-def test_sequential_ramp_darkens() -> None:
-    lightness = [oklab(linear(c))[0] for _, c in SEQUENTIAL]
+@pytest.mark.parametrize("ramp", [SEQUENTIAL, LIKELIHOOD])
+def test_sequential_ramps_darken(ramp: tuple[tuple[float, Colour], ...]) -> None:
+    lightness = [oklab(linear(c))[0] for _, c in ramp]
     assert all(np.diff(lightness) < -0.05)
+
+
+def test_likelihood_has_no_hue_of_a_sign() -> None:
+    for _, colour in LIKELIHOOD:
+        assert np.abs(oklab(linear(colour))[1:]).max() < 1e-3
 
 
 def test_limit_from_the_data() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from pyproj import CRS
+from shapely import MultiPolygon, box, hausdorff_distance, unary_union
 from slopewatch.engine import confirmation, hazard_zones
 from slopewatch.engine.gridding import Grid
 from slopewatch.engine.palette import DIVERGING, SEQUENTIAL
@@ -25,6 +27,7 @@ from slopewatch.engine.styles import (
     change_qml,
     hazards_qml,
     level_qml,
+    probability_qml,
     write_qml_beside,
     zones_qml,
 )
@@ -88,6 +91,48 @@ def test_screened_zones_that_a_change_was_asked_about_show_its_answer() -> None:
         assert ('"confirmed"' in root.findtext("mapTip")) == confirmed
 
 
+def test_probability_is_a_veil_at_zero_and_has_no_colour() -> None:
+    found = stops(probability_qml())
+    assert [(value, label) for value, _, _, label in found] == [(s / 4, f"{25 * s} %") for s in range(5)]
+    assert 0 < found[0][2] < 128
+    assert [alpha for _, _, alpha, _ in found[1:]] == [255] * 4
+    assert all(colour[1:3] == colour[3:5] == colour[5:7] for _, colour, _, _ in found)
+
+
+def outlined(qml: str, zone: MultiPolygon) -> MultiPolygon:
+    """What the style's outline goes around."""
+    expression = ElementTree.fromstring(qml).find(".//Option[@name='geometryModifier']").get("value")
+    out, back = map(
+        float, re.fullmatch(r"boundary\(buffer\(buffer\(.geometry, (.+), 4\), (.+), 4\)\)", expression).groups()
+    )
+    return zone.buffer(out, 4).buffer(back, 4)
+
+
+def test_outlines_follow_screened_zones_and_gather_the_cells_of_a_change() -> None:
+    # cells of 0.25 m: a comb, whose gaps belong to another zone
+    comb = unary_union([box(0, 0, 5, 1), *(box(x, 1, x + 0.5, 2) for x in range(5))])
+    seen = outlined(hazards_qml(), comb)
+    assert hausdorff_distance(seen.boundary.segmentize(0.05), comb.boundary.segmentize(0.05)) < 0.13
+    assert seen.contains(comb)
+    apart = MultiPolygon([box(x * 0.75, 0, x * 0.75 + 0.25, 0.25) for x in range(4)])
+    assert outlined(zones_qml(), apart).geom_type == "Polygon"
+    assert outlined(hazards_qml(), apart).geom_type == "MultiPolygon"
+
+
+def test_measured_figures_are_rounded_where_they_are_read_and_not_where_they_are_kept() -> None:
+    for qml, fields in ((zones_qml(), FIELDS), (hazards_qml(), hazard_zones.FIELDS)):
+        root = ElementTree.fromstring(qml.partition("\n")[2])
+        rounded = {
+            field.get("name"): int(field.find(".//Option[@name='Precision']").get("value"))
+            for field in root.iter("field")
+            if field.find("editWidget[@type='Range']") is not None
+        }
+        others = {"chain_from", "chain_to", "confidence"}
+        measured = {name for name, kind in fields.items() if kind == "real"} - others
+        assert set(rounded) == measured
+        assert {f.get("name") for f in root.iterfind("editable/field[@editable='0']")} == measured
+
+
 def test_written_where_qgis_looks(tmp_path: Path) -> None:
     path = write_qml_beside(tmp_path / "elevation_change.tif", level_qml(0.2))
     assert path == tmp_path / "elevation_change.qml"
@@ -115,6 +160,12 @@ def draw(layer, name):
     job.waitForFinished()
     job.renderedImage().save(folder + "/" + name)
 
+def shown(layer, feature, name):
+    index = layer.fields().indexOf(name)
+    setup = layer.editorWidgetSetup(index)
+    formatter = QgsApplication.fieldFormatterRegistry().fieldFormatter(setup.type())
+    return formatter.representValue(layer, index, setup.config(), None, feature[name])
+
 raster = QgsRasterLayer(folder + "/elevation_change.tif", "change")  # finds its style by itself
 level = QgsRasterLayer(folder + "/level_of_detection.tif", "level")
 zones = QgsVectorLayer(folder + "/zones.gpkg", "zones", "ogr")
@@ -133,6 +184,7 @@ print(json.dumps({
     "alias": zones.attributeAlias(zones.fields().indexOf("dz_mean_m")),
     "widget": zones.editorWidgetSetup(review).type(),
     "choices": [list(c.values())[0] for c in zones.editorWidgetSetup(review).config()["map"]],
+    "shown": [shown(zones, f, name) for f in zones.getFeatures() for name in ("dz_mean_m", "area_m2")],
     "tip": "vol_err_m3" in zones.mapTipTemplate(),
     "empty": [empty.isValid(), empty.featureCount(), empty.renderer().type()],
 }))
@@ -194,6 +246,8 @@ def test_qgis_loads_and_draws_the_styles(tmp_path: Path, qgis_python: str) -> No
     assert seen["alias"] == "Mean change (m)"
     assert seen["widget"] == "ValueMap"
     assert seen["choices"] == ["unreviewed", "confirmed", "rejected"]
+    # 400 cells of 0.25 m² sank by 0.4 m, as many rose
+    assert sorted(seen["shown"]) == ["-0.400", "0.400", "100.00", "100.00"]
     assert seen["tip"]
     assert seen["empty"] == [True, 0, "categorizedSymbol"]
 
