@@ -1,19 +1,20 @@
 #!/usr/bin/env python3
 """Pictures of the plugin at work, for docs/images: a real QGIS on a display in memory (Xvfb).
 
-``scripts/screenshots.py [FOLDER]`` simulates two surveys, runs Inspect slope from its dialog and keeps the pictures.
-The test of the desktop uses ``run_session`` with a small survey.
+``scripts/screenshots.py`` simulates two surveys, runs Inspect slope from its dialog and keeps the pictures;
+``scripts/screenshots.py screening`` simulates one and runs Screen for hazards. The tests of the desktop use
+``run_session`` with small surveys.
 """
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import json
 import os
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ ROOT = Path(__file__).resolve().parent.parent
 START = 90.0  # seconds that QGIS may take to start
 SCREEN = "1600x1000x24"
 KEPT = ("desktop", "dialog", "toolbox", "zones")
+SCREENING_KEPT = {"dialog": "screening_dialog", "layers": "screening_layers"}
 
 
 def private_profile(folder: Path) -> dict[str, str]:
@@ -54,9 +56,14 @@ def private_profile(folder: Path) -> dict[str, str]:
 
 
 def run_session(
-    parameters: dict[str, Any], folder: Path, *, seconds: float = 300.0, screen: str = SCREEN
+    parameters: dict[str, Any],
+    folder: Path,
+    *,
+    script: str = "desktop_session.py",
+    seconds: float = 300.0,
+    screen: str = SCREEN,
 ) -> dict[str, Any]:
-    """Run scripts/desktop_session.py in a real QGIS; gives its report. Pictures lie in ``folder / "images"``.
+    """Run a session of this folder in a real QGIS; gives its report. Pictures lie in ``folder / "images"``.
 
     Raises:
         RuntimeError: QGIS ended without a report; the message has its last words.
@@ -76,7 +83,7 @@ def run_session(
     )
     environment = private_profile(folder / "profile")
     environment["SLOPEWATCH_DESKTOP"] = str(task)
-    session = str(ROOT / "scripts" / "desktop_session.py")
+    session = str(ROOT / "scripts" / script)
     words_file = folder / "words.txt"
     process = subprocess.Popen(
         ["xvfb-run", "-a", "-s", f"-screen 0 {screen}", "qgis", "--nologo", "--noversioncheck", "--code", session],
@@ -127,30 +134,74 @@ def shrink(source: Path, target: Path, size: int = 390_000) -> None:
     subprocess.run([python, "-c", _SHRINK, str(source), str(target), str(size)], check=True)
 
 
-def main(target: Path) -> None:
+ENGINE = [str(ROOT / ".venv" / "bin" / "python"), "-m", "slopewatch.engine.cli"]
+
+
+def inspection(target: Path, folder: Path) -> None:
+    """Inspect slope on two simulated surveys."""
+    survey = folder / "survey"
+    subprocess.run([*ENGINE, "simulate", "survey", "--output-dir", str(survey)], check=True)
+    parameters = {
+        "REFERENCE": survey / "2024-05-01.laz",
+        "CLOUD": survey / "2025-05-01.laz",
+        "ROI": survey / "roi.gpkg",
+        "OUTPUT_FOLDER": folder / "results",
+    }
+    checked(run_session(parameters, folder, seconds=540))
+    pictures = [*(folder / "images" / f"{name}.png" for name in KEPT), folder / "results" / "heatmap.png"]
+    for picture in pictures:
+        keep(picture, target / picture.name)
+
+
+def screening(target: Path, folder: Path, cloud: Path | None = None, choices: dict[str, str] | None = None) -> None:
+    """Screen for hazards on a simulated scene; or on ``cloud``, whose pictures are all kept, as they are."""
+    if cloud is None:
+        size = ["--kind", "realistic", "--count", "1", "--area", "2500", "--density", "60"]
+        subprocess.run([*ENGINE, "simulate", "scenes", *size, "--output-dir", str(folder)], check=True)
+        scene = next(folder.glob("realistic_*.laz"))
+    else:
+        scene = cloud.resolve()
+    parameters = {"INPUT": scene, "OUTPUT": folder / "screened.laz", **(choices or {})}
+    report = checked(run_session(parameters, folder, script="screening_session.py", seconds=540))
+    print(report["log"])
+    print(f"{report['seconds']:.1f} s from Run to the result")
+    if cloud is None:
+        for name, kept in SCREENING_KEPT.items():
+            keep(folder / "images" / f"{name}.png", target / f"{kept}.png")
+    else:
+        shutil.copytree(folder / "images", target, dirs_exist_ok=True)
+
+
+def checked(report: dict[str, Any]) -> dict[str, Any]:
+    if report["errors"]:
+        raise RuntimeError("\n".join(report["errors"]))
+    return report
+
+
+def keep(picture: Path, target: Path) -> None:
+    shrink(picture, target)
+    print(target)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Pictures of the plugin at work in a real QGIS.")
+    parser.add_argument("session", nargs="?", choices=("inspection", "screening"), default="inspection")
+    parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "docs" / "images", help="for the pictures")
+    parser.add_argument("--cloud", type=Path, help="screening: this instead of a simulated one; all pictures are kept")
+    parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="screening: fields of the dialog")
+    given = parser.parse_args()
     # Its name is in the pictures. Not in /tmp: QGIS marks layers from there.
     folder = Path("/var/tmp/slope")
     folder.mkdir()
     try:
-        survey = folder / "survey"
-        engine = [str(ROOT / ".venv" / "bin" / "python"), "-m", "slopewatch.engine.cli"]
-        subprocess.run([*engine, "simulate", "survey", "--output-dir", str(survey)], check=True)
-        parameters = {
-            "REFERENCE": survey / "2024-05-01.laz",
-            "CLOUD": survey / "2025-05-01.laz",
-            "ROI": survey / "roi.gpkg",
-            "OUTPUT_FOLDER": folder / "results",
-        }
-        report = run_session(parameters, folder, seconds=540)
-        if report["errors"]:
-            raise RuntimeError("\n".join(report["errors"]))
-        pictures = [*(folder / "images" / f"{name}.png" for name in KEPT), folder / "results" / "heatmap.png"]
-        for picture in pictures:
-            shrink(picture, target / picture.name)
-            print(target / picture.name)
+        if given.session == "inspection":
+            inspection(given.folder, folder)
+        else:
+            choices = dict(choice.split("=", 1) for choice in given.set)
+            screening(given.folder, folder, given.cloud, choices)
     finally:
         shutil.rmtree(folder)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs" / "images")
+    main()
