@@ -125,6 +125,6 @@ def with_steps(recipe: Recipe, steps: int) -> Recipe:
 
 def _write_seconds(path: Path, preparation: float, training: float, scoring: float) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
+        writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["preparing_s", "training_s", "scoring_s"])
         writer.writerow([f"{x:.1f}" for x in (preparation, training, scoring)])

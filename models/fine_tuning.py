@@ -338,7 +338,7 @@ def _figures(counts: NDArray[np.int64]) -> dict[str, Any]:
 def collect_log(folder: Path, chosen: Sequence[Fold], path: Path) -> None:
     """Write the logs of all trainings in ``folder`` as one CSV file, with the column ``training`` in front."""
     with atomic_output(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
+        writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["training", "step", "loss", "learning_rate", "seconds"])
         for name in [*(f"fold_{fold.number}" for fold in chosen), "all"]:
             with (folder / name / "log.csv").open(newline="", encoding="utf-8") as log:

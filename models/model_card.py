@@ -26,7 +26,7 @@ lies below it, so that people look there first. It reads x, y and z alone.
 - To call a slope free of danger. It sees shape, not movement: what it leaves unmarked may move, and what it marks may
   have had this shape since it was cut. Only a second survey tells.
 - On clouds with vegetation on them (extract the ground first), on flat ground, walls, or two faces at once.
-- On other densities than those stated below, or on clouds of photogrammetry, whose errors it never saw.
+- On other densities than those stated above, or on clouds of photogrammetry, whose errors it never saw.
 - Alone, for a decision on closing a road or on works.
 
 It was trained and scored on simulated slopes only. Real ones have forms that the simulation lacks: expect more false
@@ -129,7 +129,8 @@ def _folds(figures: dict[str, Any], seconds: dict[str, Sequence[float]]) -> list
         (
             "92 simulated scenes; each point of each scene scored by a model that was trained on other scenes, no "
             "ignore band. Both recipes have the same budget of processor time a fold. The weights shipped are not "
-            "these models: they are trained longer, on other scenes."
+            "these models: they are trained longer, on other scenes on which hazards are as rare as on real slopes, "
+            "and read heights in units of the slope's own roughness."
         ),
         "",
         *_table(

@@ -208,7 +208,7 @@ def _step(
 def _log(path: Path, step: int, loss: float, rate: float, seconds: float) -> None:
     new = not path.exists()
     with path.open("a", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
+        writer = csv.writer(file, lineterminator="\n")
         if new:
             writer.writerow(["step", "loss", "learning_rate", "seconds"])
         writer.writerow([step, f"{loss:.5f}", f"{rate:.6f}", f"{seconds:.1f}"])
