@@ -20,7 +20,7 @@ from .pipelines import GROUND, NOISE
 from .plane import Plane, apply_matrix
 from .preflight import shown
 from .progress import Progress
-from .screening_checks import Suitability, measure, refuse_unsuitable
+from .screening_checks import Suitability, measure, refuse_unsuitable, warn_if_much_stands_out
 from .screening_model import ScreeningModel, memory_told
 
 if TYPE_CHECKING:
@@ -195,6 +195,7 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
                 facts = model.facts()
         probabilities = _calibrated(raw, temperature)
         labels = most_probable(probabilities, parameters.minimum_probability)
+        warn_if_much_stands_out(labels, cloud.voxels.count, progress)
         return Screening(
             points=apply_matrix(_inverse(cloud.matrix), cloud.voxels.points),
             count=cloud.voxels.count,

@@ -23,6 +23,8 @@ _ROUGH = 0.15
 """Scatter (m) about a plane within 1 m² beyond which it is not bare ground; see docs/architecture.md."""
 _ROUGH_SHARE = 0.15
 _FEWEST_IN_CELL = 6
+_MUCH = 0.25
+"""Three simulated slopes with hazards as rare as on real ones had 3 to 9 % of their ground labelled, rolling ones half."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,20 @@ def refuse_unsuitable(
             remedy = "--screening-method residual" if sparse else "a thinned cloud"
             raise InputError(f"{sentence}; give {remedy}, other weights, or any_density to screen it all the same.")
         progress.warning(f"{sentence}, so its labels are not to be relied on.")
+
+
+def warn_if_much_stands_out(labels: NDArray[np.uint8], count: NDArray[np.integer], progress: Progress) -> None:
+    """Say so where more of the ground is labelled a hazard than any slope that people maintain has.
+
+    Args:
+        labels: (m,) of voxels. count: (m,) their points.
+    """
+    share = float(count[labels > 0].sum() / max(1, count.sum()))
+    if share > _MUCH:
+        progress.warning(
+            f"{share:.0%} of the ground stands out of the slope or lies below it, so the slope is unlike those that "
+            "screening is made for (natural rolling ground, or a trend that does not fit); its zones say little."
+        )
 
 
 def opposite_share(xyz: Float) -> float:

@@ -16,6 +16,7 @@ import torch
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from PIL import Image
 from slopewatch.models.evaluation import confusion, intersection_over_union, screened_zones
 from slopewatch.models.prediction import predict
 from slopewatch.models.shipped import shipped_model
@@ -68,7 +69,10 @@ def _draw(rows: list[tuple[str, float, int, SimulatedScene, np.ndarray]], path: 
             axis.set_title(name, fontsize=9)
     handles = [Patch(color=[c / 255 for c in LABEL_COLOURS[k]], label=WORDS[k]) for k in WORDS]
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=9)
-    FigureCanvasAgg(figure).print_png(str(path))
+    drawn = FigureCanvasAgg(figure)
+    drawn.draw()
+    # A palette of the colours that it is made of takes half of the bytes.
+    Image.fromarray(np.asarray(drawn.buffer_rgba())[..., :3]).quantize(128).save(path)
 
 
 def _with_labels(one: SimulatedScene, labels: np.ndarray) -> SimulatedScene:

@@ -10,7 +10,12 @@ from slopewatch.engine.errors import InputError
 from slopewatch.engine.parameters import ScreeningParameters
 from slopewatch.engine.progress import Progress
 from slopewatch.engine.screening import screen_cloud
-from slopewatch.engine.screening_checks import Suitability, opposite_share, refuse_unsuitable
+from slopewatch.engine.screening_checks import (
+    Suitability,
+    opposite_share,
+    refuse_unsuitable,
+    warn_if_much_stands_out,
+)
 from slopewatch.tests.engine.screening_clouds import slope
 
 SOUND = {"dip": 35.0, "density": 80.0, "opposite_share": 0.0, "rough_share": 0.01}
@@ -124,3 +129,14 @@ def test_too_few_points_and_what_is_no_number_are_refused():
         screened(xyz)
     with pytest.raises(InputError, match="0 ground points"):
         screened(slope(5000), classes=np.ones(5000, dtype=np.uint8), ground="class_2")
+
+
+def test_much_that_stands_out_is_told():
+    labels, count = np.array([0, 1, 2, 0], dtype=np.uint8), np.array([60, 20, 10, 10])
+    progress = Progress()
+    warn_if_much_stands_out(labels, count, progress)
+    assert len(progress.warnings) == 1
+    assert progress.warnings[0].startswith("30% of the ground")
+    quiet = Progress()
+    warn_if_much_stands_out(labels, np.array([80, 10, 5, 5]), quiet)
+    assert quiet.warnings == []
