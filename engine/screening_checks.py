@@ -24,7 +24,7 @@ _ROUGH = 0.15
 _ROUGH_SHARE = 0.15
 _FEWEST_IN_CELL = 6
 _MUCH = 0.25
-"""Three simulated slopes with hazards as rare as on real ones had 3 to 9 % of their ground labelled, rolling ones half."""
+"""Three simulated slopes with hazards as rare as on real ones had 3 to 9 % of it labelled, rolling ones half."""
 
 
 @dataclass(frozen=True)
