@@ -42,7 +42,7 @@ def rows() -> list[Row]:
     ratio = seconds / filter_seconds
     return [
         Row(
-            f"inspect, two raw clouds ({raw}; in the ROI {clipped})",
+            f"inspect without screening, two raw clouds ({raw}; in the ROI {clipped})",
             f"{seconds:.1f} s = {ratio:.2f} x",
             "at most 1.5 x",
             f"two CSF runs at the published settings {filter_seconds:.1f} s",
@@ -66,6 +66,8 @@ def _inspect(folder: Path, paths: dict[str, Path]) -> tuple[float, int]:
     command = ["inspect"]
     for epoch in ("first", "second"):
         command += ["--epoch", f"{paths[epoch].stem}={paths[epoch]}"]
+    # Screening is measured by its own benchmark.
+    command += ["--no-screen-last-epoch"]
     return run_watched([*command, "--roi", str(paths["roi"]), "--output-dir", str(folder / "out")])
 
 
