@@ -16,6 +16,7 @@ from scipy import ndimage
 from .errors import InputError
 from .gridding import Float, Grid, cell_index, snapped_grid
 from .parameters import ScreeningParameters, ZoneParameters
+from .screening_checks import much_stands_out
 from .zones import cell_polygons, horizontal, inclination, label_groups, table_column
 
 if TYPE_CHECKING:
@@ -200,6 +201,8 @@ def _figures(
         "n_cells": cells,
     }
     rank = _confidence(columns, learned=screening.model.get("name") != "residual")
+    if much_stands_out(screening.labels, screening.count):
+        rank[:] = GRADES.index("low")
     columns["confidence"] = np.array(GRADES, dtype=object)[rank]
     order = np.lexsort((np.arange(count), -columns["area_m2"], rank))
     return order, {name: column[order] for name, column in columns.items()}

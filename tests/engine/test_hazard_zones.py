@@ -80,6 +80,9 @@ def test_confidence_follows_the_rule_and_orders_the_zones():
         ("medium", 0.95, 0.5625),
         ("low", 0.55, 4.0),
     ]
+    # Where a third of the ground stands out, nothing is certain.
+    everywhere = outlined(screening(*patches, (0.0, 7.5, 12.0, 10.0, 1, 0.95, 0.2))).frame
+    assert set(everywhere["confidence"]) == {"low"}
     unlearnt = outlined(screening(*patches, name="residual")).frame
     assert "high" not in set(unlearnt["confidence"])
     assert set(unlearnt["method"]) == {"residual"}
