@@ -108,6 +108,7 @@ def test_voxels_wider_than_cells_leave_no_holes(voxel, cell):
     found = screening()
     found.points, found.count = np.column_stack([x, y, TAN * y]), np.full(len(x), 3)
     found.probabilities = np.where(raised[:, None], [0.1, 0.9, 0.0], [0.9, 0.1, 0.0]).astype(np.float32)
+    found.labels = raised.astype(np.uint8)
     found.heights, found.voxels.size = np.where(raised, 0.2, 0.0).astype(np.float32), voxel
     hazards = outlined(found, probability_cell=cell)
     zone = hazards.frame.iloc[0]
