@@ -49,6 +49,11 @@ SHIPPED = replace(
 slopes rougher than those trained on was taken for hazards.
 """
 
+ROLLING = replace(SHIPPED, training=replace(SHIPPED.training, steps=1200, learning_rate=0.005))
+"""What follows it, on scenes half of which roll as natural ground does: without that, half of such ground was taken for
+hazards.
+"""
+
 PUBLISHED = Recipe(
     replace(PAPER, voxel=0.12, block_points=32_768, widths=HALF_WIDTH),
     replace(PAPER_TRAINING, steps=510, batch=1),

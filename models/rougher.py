@@ -21,6 +21,7 @@ REACH = (0.15, 1.0)
 AMOUNT = 0.07
 """Largest standard deviation of a texture, m."""
 TEXTURES = 2
+ROLLING_SHARE, ROLLING_REACH, ROLLING_AMOUNT = 0.5, (1.2, 5.0), (0.05, 0.35)
 LEFT_ALONE = 0.25
 """Share of the scenes that stay as they are."""
 
@@ -43,6 +44,16 @@ def rougher(scene: SimulatedScene, rng: np.random.Generator) -> SimulatedScene:
     size = np.abs(scene.displacement)
     hidden = (scene.label > 0) & (size < 2.0 * deviation)
     return replace(scene, xyz=scene.xyz + added[:, None] * normal, ignore=scene.ignore | hidden)
+
+
+def rolling(scene: SimulatedScene, rng: np.random.Generator) -> SimulatedScene:
+    """``rougher``, and half of the scenes roll besides, as natural ground does; rolling is no hazard."""
+    scene = rougher(scene, rng)
+    if rng.random() >= ROLLING_SHARE:
+        return scene
+    reach = math.exp(rng.uniform(math.log(ROLLING_REACH[0]), math.log(ROLLING_REACH[1])))
+    heights = texture(scene.to_plane(scene.xyz)[:, :2], reach, rng.uniform(*ROLLING_AMOUNT), rng)
+    return replace(scene, xyz=scene.xyz + heights[:, None] * scene_normal(scene))
 
 
 def texture(xy: Float, reach: float, amount: float, rng: np.random.Generator) -> Float:

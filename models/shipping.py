@@ -24,10 +24,11 @@ from .network import RandLANet
 from .prediction import predict
 from .preparation import Block
 from .recipes import Recipe
-from .rougher import rougher
+from .rougher import rolling, rougher
 from .training import block_provider, class_frequencies, train
 
 TRAINING_SCENES = 600
+ROLLING_SCENES, FIRST_ROLLING = 120, 7000
 HELD_OUT_SCENES = 24
 FIRST_HELD_OUT = 900_000
 """Scenes for the temperature have training seeds that training does not reach."""
@@ -52,11 +53,16 @@ def train_shipped(
     folder: Path,
     *,
     scenes: int = TRAINING_SCENES,
+    rolling_ground: bool = False,
+    start: RandLANet | None = None,
     device: torch.device | None = None,
     seconds: float = math.inf,
     progress: Progress | None = None,
 ) -> tuple[RandLANet, dict[str, Any]] | None:
-    """Train from nothing, or go on from the checkpoint in ``folder``.
+    """Train from nothing or from ``start``, or go on from the checkpoint in ``folder``.
+
+    Args:
+        rolling_ground: train on other scenes, half of which roll as natural ground does.
 
     Returns:
         The network and facts about its training; None where ``seconds`` did not suffice: run again to go on.
@@ -65,8 +71,11 @@ def train_shipped(
     begun = time.process_time()
     blocks: list[Block] = []
     with progress.stage(0.0, 0.3, "simulating and preparing scenes"):
-        for number, spec in enumerate(training_scenes(scenes)):
-            scene = rougher(build_scene(spec), np.random.default_rng([spec.seed, 3]))
+        for number, spec in enumerate(training_scenes(scenes, FIRST_ROLLING if rolling_ground else 0)):
+            if rolling_ground:
+                scene = rolling(build_scene(spec), np.random.default_rng([number, 5]))
+            else:
+                scene = rougher(build_scene(spec), np.random.default_rng([spec.seed, 3]))
             blocks += scene_blocks(scene, recipe.configuration, seed=spec.seed, step=recipe.step, share=recipe.share)
             progress.update((number + 1) / scenes, f"scene {number + 1} of {scenes}")
     prepared = time.process_time()
@@ -78,6 +87,7 @@ def train_shipped(
             recipe.training,
             folder,
             device=device,
+            start=start,
             seconds=seconds,
             progress=progress,
         )
@@ -96,6 +106,22 @@ def train_shipped(
         "processor_seconds_training": round(time.process_time() - prepared),
     }
     return state.network.cpu(), facts
+
+
+def both(first: dict[str, Any], second: dict[str, Any]) -> dict[str, Any]:
+    """Facts of two trainings, one after the other, added up."""
+    added = ("scenes", "blocks", "points", "steps", "processor_seconds_preparing", "processor_seconds_training")
+    return {**first, **{name: first[name] + second[name] for name in added}, "of_these_on_rolling_ground": second}
+
+
+def joined_logs(first: Path, second: Path) -> str:
+    """The rows of two trainings' logs; steps of the second are counted on from the first's."""
+    head, *rows = first.read_text(encoding="utf-8").split()
+    done = int(rows[-1].split(",")[0])
+    for row in second.read_text(encoding="utf-8").split()[1:]:
+        step, rest = row.split(",", 1)
+        rows.append(f"{done + int(step)},{rest}")
+    return "\n".join([head, *rows]) + "\n"
 
 
 def calibrate(network: RandLANet, progress: Progress | None = None) -> Calibration:

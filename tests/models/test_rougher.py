@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from slopewatch.models.configuration import SMOKE
 from slopewatch.models.preparation import NORMAL_30, USUAL_ROUGHNESS, prepare_cloud, roughness
-from slopewatch.models.rougher import rougher, scene_normal, texture
+from slopewatch.models.rougher import rolling, rougher, scene_normal, texture
 
 
 def test_texture_has_the_scatter_and_the_reach_asked_for():
@@ -55,3 +55,15 @@ def test_a_slope_twice_as_rough_has_the_same_heights_in_its_own_units(small_scen
     one, other = (prepare_cloud(xyz, configuration).residuals for xyz in steep)
     np.testing.assert_allclose(roughness(one), USUAL_ROUGHNESS, rtol=1e-5)
     np.testing.assert_allclose(roughness(other), USUAL_ROUGHNESS, rtol=1e-5)
+
+
+def test_half_of_the_scenes_roll_and_keep_their_labels(small_scene):
+    normal = scene_normal(small_scene)
+    spreads = []
+    for k in range(16):
+        moved = rolling(small_scene, np.random.default_rng(k))
+        np.testing.assert_array_equal(moved.label, small_scene.label)
+        spreads.append(float(((moved.xyz - small_scene.xyz) @ normal).std()))
+    # Textures alone stay below 0.1 m; rolling ground reaches further.
+    assert 2 <= sum(s > 0.1 for s in spreads) <= 14
+    assert max(spreads) < 0.45

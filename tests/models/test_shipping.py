@@ -96,3 +96,19 @@ def test_a_training_that_ran_out_of_time_goes_on(recipe, tmp_path, monkeypatch):
     assert facts["steps"] == 4
     assert facts["scenes"] == 3
     assert facts["points"] > 500
+
+
+def test_a_second_training_starts_from_the_first_and_its_log_follows(recipe, tmp_path, monkeypatch):
+    from slopewatch.models import shipping
+
+    monkeypatch.setattr(shipping, "SCENE_AREA", (150.0, 200.0))
+    monkeypatch.setattr(shipping, "DENSITY", (20.0, 30.0))
+    network, first = shipping.train_shipped(recipe, tmp_path / "a", scenes=2)
+    still = replace(recipe, training=replace(recipe.training, learning_rate=0.0, weight_decay=0.0))
+    again, second = shipping.train_shipped(still, tmp_path / "b", scenes=3, rolling_ground=True, start=network)
+    for name, value in network.named_parameters():
+        np.testing.assert_array_equal(dict(again.named_parameters())[name].detach().numpy(), value.detach().numpy())
+    facts = shipping.both(first, second)
+    assert (facts["scenes"], facts["steps"]) == (5, 8)
+    rows = shipping.joined_logs(tmp_path / "a" / "log.csv", tmp_path / "b" / "log.csv").splitlines()
+    assert [row.split(",")[0] for row in rows] == ["step", *(str(k) for k in range(1, 9))]
