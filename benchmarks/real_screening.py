@@ -10,6 +10,7 @@ Neither cloud is as dense as the network asks for, so ``slopewatch screen`` may 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
@@ -28,6 +29,7 @@ from ..models.baseline import residual_probabilities
 from ..models.configuration import CLASSES, ModelConfiguration
 from ..models.evaluation import FOUND, SMALLEST_ZONE, ZONE_CELL
 from ..models.preparation import prepare_cloud
+from ..models.shipped import SHIPPED_WEIGHTS, shipped_model
 from ..models.trends import residual_heights
 from ..simulation.known_hazards import KnownHazards, Site, put_hazards, room_for
 from .own_relief import own_relief
@@ -239,7 +241,6 @@ def _model(weights: Path | None) -> ModelFile | None:
 
     if weights is not None:
         return load_model(weights)
-    from ..models.shipped import SHIPPED_WEIGHTS, shipped_model
 
     return load_model(*shipped_model()) if SHIPPED_WEIGHTS.is_file() else None
 
@@ -291,7 +292,8 @@ def _write(
 
 
 def _ground_row(ground: RealGround) -> Row:
-    low, high = ModelConfiguration().density
+    description = json.loads(SHIPPED_WEIGHTS.with_suffix(".json").read_text(encoding="utf-8"))
+    low, high = description["configuration"]["density"]
     rooms = ", ".join(f"{room_for(ground.xyz, diameter, SITE):.0f} m² for {diameter:g} m" for diameter in DIAMETERS)
     return Row(
         f"{ground.name}, ground ({ground.source})",
