@@ -171,7 +171,8 @@ def _sets(figures: dict[str, Any]) -> list[str]:
         "",
         (
             "Found: hazards of at least 15 cm and 2 m of which at least half of the points have the right class. False "
-            "zones: of at least 1 m², without a labelled point in or beside them."
+            "zones: of at least 1 m², without a labelled point in or beside them. That the shifted set's ground rolls "
+            "was known when rolling ground was added to the training; all else of it was not used."
         ),
         "",
         *_table(
