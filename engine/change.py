@@ -115,6 +115,21 @@ def difference(
     progress.update(0.4, "gridding the second epoch")
     second = cell_statistics(moving, grid, plane=plane)
     progress.update(0.75, "differencing")
+    change = difference_of_cells(first, second, grid, parameters, registration_error=registration_error, area=area)
+    progress.update(1.0, "differencing")
+    return change
+
+
+def difference_of_cells(
+    first: CellStatistics,
+    second: CellStatistics,
+    grid: Grid,
+    parameters: ChangeParameters,
+    *,
+    registration_error: float = 0.0,
+    area: BaseGeometry | None = None,
+) -> Change:
+    """As ``difference``, from the statistics of both epochs' cells on ``grid`` (a series keeps them)."""
     valid_first = first.count >= parameters.minimum_points
     valid_second = second.count >= parameters.minimum_points
     if area is not None:
@@ -139,7 +154,6 @@ def difference(
     level = NormalDist().inv_cdf((1 + parameters.confidence) / 2) * error
     with np.errstate(invalid="ignore"):
         significant = np.abs(dz) > level
-    progress.update(1.0, "differencing")
     return Change(
         grid=grid,
         dz=dz,
