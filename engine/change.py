@@ -13,6 +13,7 @@ from rasterio.features import geometry_mask
 from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
+from .cell_slope import slope_degrees, slope_gradient
 from .errors import InputError
 from .gridding import CellStatistics, Float, Grid, cell_statistics, snapped_grid
 from .parameters import ChangeParameters
@@ -29,7 +30,8 @@ class Change:
     """Elevation change B minus A; arrays of shape ``grid.shape``, NaN where a cell is not valid in both epochs.
 
     ``error`` is the standard error of ``dz``; ``level`` the level of detection at ``confidence``, both in metres.
-    ``common_cell_rate`` is the share of cells valid in both epochs among those valid in either.
+    ``common_cell_rate`` is the share of cells valid in both epochs among those valid in either. ``stable`` marks the
+    cells that were taken as stable ground; ``slope`` is the surface's inclination, degrees, NaN where it is unknown.
     """
 
     grid: Grid
@@ -44,6 +46,8 @@ class Change:
     registration_error: float
     common_cell_rate: float
     uniform_dz: float | None
+    stable: NDArray[np.bool_]
+    slope: Float
     minimum_points: int = 1
 
     @property
@@ -167,6 +171,8 @@ def difference_of_cells(
         registration_error=registration_error,
         common_cell_rate=float(both.sum() / (valid_first | valid_second).sum()),
         uniform_dz=uniform_shift(dz[both], level[both]),
+        stable=both & ~ndimage.binary_dilation(significant, np.ones((3, 3), dtype=bool)),
+        slope=slope_degrees(slope_gradient((first.height, second.height), grid)),
         minimum_points=parameters.minimum_points,
     )
 

@@ -31,6 +31,8 @@ def changed(dz: np.ndarray, significant: np.ndarray, cell: float, *, uniform: fl
         registration_error=0.0,
         common_cell_rate=1.0,
         uniform_dz=uniform,
+        stable=~significant,
+        slope=np.zeros(dz.shape),
     )
 
 
