@@ -1,4 +1,4 @@
-"""How the shipped weights and their figures are made again: ``python -m slopewatch.models folds|weights|figures``."""
+"""How the shipped weights and their figures are made again: ``python -m slopewatch.models``."""
 
 from __future__ import annotations
 
@@ -32,7 +32,11 @@ def main() -> None:
 @click.option("--scenes", type=int, default=0, help="Only the first so many of the 92 scenes, for a trial.")
 @click.option("--steps", type=int, default=0, help="Instead of the recipe's.")
 @click.option(
-    "--fold", "only", type=int, multiple=True, help="Only this one (0 to 4), so that processes can share them."
+    "--fold",
+    "only",
+    type=click.IntRange(0, 4),
+    multiple=True,
+    help="Only this one (0 to 4), so that processes can share them.",
 )
 @_device
 @_folder
@@ -43,7 +47,7 @@ def folds(
     """Five folds by scene of the published set: train and score each."""
     from ..simulation.hazard_scenes.sets import published_set
     from .availability import chosen_device
-    from .benchmark_folds import score_folds, score_residual, with_steps
+    from .benchmark_folds import score_folds, score_residual
     from .recipes import RECIPES
 
     _one_thread()
@@ -51,7 +55,7 @@ def folds(
     if recipe == "residual":
         summary = score_residual(specs, folder, progress=session.report)
     else:
-        chosen = RECIPES[recipe] if not steps else with_steps(RECIPES[recipe], steps)
+        chosen = RECIPES[recipe].with_steps(steps) if steps else RECIPES[recipe]
         summary = score_folds(specs, chosen, folder, only=only, device=chosen_device(device), progress=session.report)
     path = folder / "folds.json"
     if not scenes and not steps and not only:
@@ -113,17 +117,19 @@ def figures(session: Session, residual: bool, chosen: tuple[str, ...], device: s
     from .availability import chosen_device
     from .calibration import temperature_of
     from .shipped import shipped_model
-    from .shipping import score_sets
+    from .shipping import score_set
     from .weights import load_model
 
     _one_thread()
-    network, temperature = None, 1.0
+    network, temperature, on = None, 1.0, chosen_device(device)
     if not residual:
         model = load_model(*shipped_model())
-        network, temperature = model.network.to(chosen_device(device)), temperature_of(model.metadata)
+        network, temperature = model.network.to(on), temperature_of(model.metadata)
     outputs = {}
-    for name in chosen or ("realistic", "shifted", "published"):
-        scores = score_sets(network, temperature, (name,), device=chosen_device(device), progress=session.report)[name]
+    names = chosen or ("realistic", "shifted", "published")
+    for number, name in enumerate(names):
+        with session.report.stage(number / len(names), (number + 1) / len(names), f"{name} set"):
+            scores = score_set(name, network, temperature, device=on, progress=session.report)
         outputs[name] = _keep(f"{name}_{'residual' if residual else 'slopewatch'}.json", scores)
     return outputs, {}
 

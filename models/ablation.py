@@ -8,21 +8,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from ..engine.progress import Progress
 from ..simulation.hazard_scenes.scenes import build_scene
 from ..simulation.hazard_scenes.sets import training_specs
 from ..simulation.hazard_scenes.styles import SceneSpec
 from .batches import Augmentation
-from .benchmark_folds import score_scenes, with_steps
-from .dataset import scene_blocks
+from .benchmark_folds import score_scenes
 from .evaluation import Scores
 from .network import RandLANet
 from .prediction import predict
-from .preparation import Block
 from .recipes import HALF_WIDTH, PUBLISHED, SLOPEWATCH, Recipe
-from .training import block_provider, class_frequencies, train
 
 SCENES, HELD_OUT = 48, 8
 FIRST_HELD_OUT = 950_000
@@ -106,19 +101,11 @@ def _train(
     recipe: Recipe, specs: Sequence[SceneSpec], seconds: float, folder: Path, progress: Progress
 ) -> tuple[RandLANet, int, float]:
     """The network, its steps and the processor's seconds that they took."""
-    blocks: list[Block] = []
-    for spec in specs:
-        blocks += scene_blocks(
-            build_scene(spec), recipe.configuration, seed=spec.seed, step=recipe.step, share=recipe.share
-        )
-    frequencies = class_frequencies(blocks, len(recipe.configuration.classes))
-    device = torch.device("cpu")
+    blocks = [block for spec in specs for block in recipe.blocks(build_scene(spec))]
 
     def run(steps: int, place: Path) -> tuple[RandLANet, float]:
-        parameters = with_steps(recipe, steps).training
         begun = time.process_time()
-        provider = block_provider(blocks, parameters, device)
-        state = train(recipe.configuration, provider, frequencies, parameters, place, progress=progress)
+        state = recipe.with_steps(steps).train(blocks, place, progress=progress)
         return state.network, time.process_time() - begun
 
     run(2, folder / "warm")

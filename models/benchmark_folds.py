@@ -7,7 +7,6 @@ from __future__ import annotations
 import csv
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -19,12 +18,10 @@ from ..simulation.hazard_scenes.scenes import build_scene
 from ..simulation.hazard_scenes.styles import SceneSpec
 from .baseline import residual_probabilities
 from .cross_validation import Fold, cross_validate, folds
-from .dataset import scene_blocks
 from .evaluation import Scores
 from .prediction import predict
 from .preparation import Block
 from .recipes import Recipe
-from .training import block_provider, class_frequencies, train
 
 
 def score_folds(
@@ -55,10 +52,7 @@ def score_folds(
     def blocks_of(numbers: Sequence[int]) -> list[Block]:
         for done, number in enumerate(numbers):
             if number not in prepared:
-                scene = build_scene(specs[number])
-                prepared[number] = scene_blocks(
-                    scene, recipe.configuration, seed=specs[number].seed, step=recipe.step, share=recipe.share
-                )
+                prepared[number] = recipe.blocks(build_scene(specs[number]))
             progress.update((done + 1) / len(numbers), f"preparing scene {done + 1} of {len(numbers)}")
         return [block for number in numbers for block in prepared[number]]
 
@@ -69,15 +63,7 @@ def score_folds(
             blocks = blocks_of(fold.train)
         times.append(time.process_time())
         with progress.stage(low + 0.2 * part, low + 0.7 * part, f"fold {fold.number + 1}: training"):
-            state = train(
-                recipe.configuration,
-                block_provider(blocks, recipe.training, device),
-                class_frequencies(blocks, len(recipe.configuration.classes)),
-                recipe.training,
-                place,
-                device=device,
-                progress=progress,
-            )
+            state = recipe.train(blocks, place, device=device, progress=progress)
         times.append(time.process_time())
         with progress.stage(low + 0.7 * part, low + part, f"fold {fold.number + 1}: scoring"):
             scores = score_scenes(
@@ -116,11 +102,6 @@ def score_scenes(
         scores.add(scene, screen(scene.xyz))
         progress.update((number + 1) / max(count, number + 1), f"scored {number + 1} of {count} scenes")
     return scores
-
-
-def with_steps(recipe: Recipe, steps: int) -> Recipe:
-    """The recipe with another number of steps."""
-    return replace(recipe, training=replace(recipe.training, steps=steps))
 
 
 def _write_seconds(path: Path, preparation: float, training: float, scoring: float) -> None:

@@ -19,13 +19,11 @@ from ..simulation.hazard_scenes.styles import SceneSpec, draw_spec
 from .baseline import residual_probabilities
 from .benchmark_folds import score_scenes
 from .calibration import Calibration, apply_temperature, fit_temperature
-from .dataset import scene_blocks
 from .network import RandLANet
 from .prediction import predict
 from .preparation import Block
 from .recipes import Recipe
 from .rougher import rolling, rougher
-from .training import block_provider, class_frequencies, train
 
 TRAINING_SCENES = 600
 ROLLING_SCENES, FIRST_ROLLING = 120, 7000
@@ -76,21 +74,11 @@ def train_shipped(
                 scene = rolling(build_scene(spec), np.random.default_rng([number, 5]))
             else:
                 scene = rougher(build_scene(spec), np.random.default_rng([spec.seed, 3]))
-            blocks += scene_blocks(scene, recipe.configuration, seed=spec.seed, step=recipe.step, share=recipe.share)
+            blocks += recipe.blocks(scene)
             progress.update((number + 1) / scenes, f"scene {number + 1} of {scenes}")
     prepared = time.process_time()
     with progress.stage(0.3, 1.0, "training"):
-        state = train(
-            recipe.configuration,
-            block_provider(blocks, recipe.training, device),
-            class_frequencies(blocks, len(recipe.configuration.classes)),
-            recipe.training,
-            folder,
-            device=device,
-            start=start,
-            seconds=seconds,
-            progress=progress,
-        )
+        state = recipe.train(blocks, folder, device=device, start=start, seconds=seconds, progress=progress)
     if not state.finished:
         return None
     facts = {
@@ -141,24 +129,20 @@ def calibrate(network: RandLANet, progress: Progress | None = None) -> Calibrati
     return fit_temperature(np.concatenate(probabilities), np.concatenate(labels))
 
 
-def score_sets(
+def score_set(
+    name: str,
     network: RandLANet | None,
     temperature: float,
-    names: tuple[str, ...] = ("published", "realistic", "shifted"),
     *,
     device: torch.device | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """Scores of the network, or without one of the threshold on the residual, on the benchmark sets."""
-    progress, summary = progress or Progress(), {}
+    """Scores of the network, or without one of the threshold on the residual, on the benchmark set ``name``."""
 
     def screen(xyz: NDArray[np.float64]) -> NDArray[np.floating]:
         if network is None:
             return residual_probabilities(xyz)
         return apply_temperature(predict(network, xyz, device=device).probabilities, temperature)
 
-    for number, name in enumerate(names):
-        chosen = SETS[name]()
-        with progress.stage(number / len(names), (number + 1) / len(names), f"{name} set"):
-            summary[name] = score_scenes(iter(chosen.specs), screen, len(chosen), progress).summary()
-    return summary
+    chosen = SETS[name]()
+    return score_scenes(iter(chosen.specs), screen, len(chosen), progress).summary()

@@ -70,23 +70,22 @@ def test_the_scores_of_a_scene_are_told(description, small_scene, tmp_path):
 
 
 def test_variants_take_about_the_same_time(torch, tmp_path, monkeypatch):
-    from slopewatch.models import ablation
-    from slopewatch.models.recipes import Recipe
+    from slopewatch.models import ablation, recipes
     from slopewatch.models.training import TrainingParameters
 
     monkeypatch.setattr(ablation, "AREA", 200.0)
-    recipe = Recipe(replace(SMOKE, trends=((4.0, 4.0),)), TrainingParameters(batch=1), step=20.0)
+    recipe = recipes.Recipe(replace(SMOKE, trends=((4.0, 4.0),)), TrainingParameters(batch=1), step=20.0)
     wide = replace(recipe, configuration=replace(recipe.configuration, widths=(32, 64, 64)))
 
     # A clock by which a step takes a second, and three of the wide network's.
     clock = [0.0]
-    original = ablation.train
+    original = recipes.train
 
     def timed(configuration, provider, frequencies, parameters, place, **named):
         clock[0] += parameters.steps * (3.0 if configuration.widths[0] == 32 else 1.0)
         return original(configuration, provider, frequencies, parameters, place, **named)
 
-    monkeypatch.setattr(ablation, "train", timed)
+    monkeypatch.setattr(recipes, "train", timed)
     monkeypatch.setattr(ablation.time, "process_time", lambda: clock[0])
     variants = (ablation.Variant("small", recipe), ablation.Variant("wide", wide))
     found = ablation.ablate(tmp_path, 36.0, variants, scenes=2, held_out=1)

@@ -27,10 +27,10 @@ def specs():
 
 
 def test_each_scene_is_scored_once_by_a_model_that_never_saw_it(recipe, specs, tmp_path, monkeypatch):
-    from slopewatch.models import benchmark_folds
+    from slopewatch.models import benchmark_folds, recipes
 
     trained: list[set[int]] = []
-    original = benchmark_folds.train
+    original = recipes.train
 
     def watched(configuration, provider, *rest, **named):
         trained.append({len(provider(step).labels) for step in range(40)})
@@ -38,14 +38,11 @@ def test_each_scene_is_scored_once_by_a_model_that_never_saw_it(recipe, specs, t
 
     # One block a batch, so that a block is known again by its number of points.
     single = replace(recipe, training=replace(recipe.training, batch=1))
-    monkeypatch.setattr(benchmark_folds, "train", watched)
+    monkeypatch.setattr(recipes, "train", watched)
     summary = benchmark_folds.score_folds(specs, single, tmp_path, count=3)
     assert sum(fold["points"] for fold in summary["folds"]) == sum(len(build_scene(spec)) for spec in specs)
     assert sorted(k for fold in summary["folds"] for k in fold["test"]) == list(range(6))
-    sizes = [
-        {len(b) for b in benchmark_folds.scene_blocks(build_scene(s), single.configuration, seed=s.seed, step=15.0)}
-        for s in specs
-    ]
+    sizes = [{len(block) for block in single.blocks(build_scene(spec))} for spec in specs]
     for fold, seen in zip(summary["folds"], trained):
         held_out = set.union(*(sizes[k] for k in fold["test"]))
         assert not held_out & seen
@@ -53,7 +50,7 @@ def test_each_scene_is_scored_once_by_a_model_that_never_saw_it(recipe, specs, t
     with (tmp_path / "fold_0" / "seconds.csv").open() as file:
         assert float(next(csv.DictReader(file))["training_s"]) > 0
     # Scored folds are not trained again.
-    monkeypatch.setattr(benchmark_folds, "train", None)
+    monkeypatch.setattr(recipes, "train", None)
     assert benchmark_folds.score_folds(specs, single, tmp_path, count=3) == summary
 
 
@@ -81,6 +78,20 @@ def test_training_scenes_are_in_no_benchmark_set(torch):
     scored = {spec.seed for make in SETS.values() for spec in make().specs}
     assert min(spec.seed for spec in chosen) >= FIRST_TRAINING_SEED > max(scored)
     assert chosen[7:9] == list(training_scenes(2, 7))
+
+
+def test_every_point_of_a_set_is_scored(torch, specs, monkeypatch):
+    from slopewatch.models import shipping
+    from slopewatch.models.baseline import residual_probabilities
+    from slopewatch.simulation.hazard_scenes.sets import BenchmarkSet
+
+    few = BenchmarkSet("published", tuple(specs[:2]))
+    monkeypatch.setitem(shipping.SETS, "published", lambda: few)
+    found = shipping.score_set("published", None, 1.0)
+    scenes = [build_scene(spec) for spec in few.specs]
+    right = sum(int((residual_probabilities(s.xyz).argmax(axis=1) == s.label).sum()) for s in scenes)
+    assert found["points"] == sum(map(len, scenes))
+    assert found["overall_accuracy"] == pytest.approx(right / found["points"], abs=1e-4)
 
 
 def test_a_training_that_ran_out_of_time_goes_on(recipe, tmp_path, monkeypatch):
