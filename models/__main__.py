@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -71,39 +72,32 @@ def folds(
 def weights(session: Session, minutes: float, device: str, folder: Path) -> Outcome:
     """Train the shipped weights from nothing, calibrate them and write them with their description."""
     from .availability import chosen_device
-    from .recipes import ROLLING, SHIPPED
+    from .recipes import SHIPPED
     from .shipped import SHIPPED_WEIGHTS
-    from .shipping import ROLLING_SCENES, both, calibrate, joined_logs, train_shipped
+    from .shipping import calibrate, train_shipped
     from .weights import save_model
 
     _one_thread()
     on = chosen_device(device)
-    with session.report.stage(0.0, 0.8):
-        made = train_shipped(SHIPPED, folder / "first", device=on, seconds=60 * minutes, progress=session.report)
-    if made is not None:
-        network, first = made
-        with session.report.stage(0.8, 0.95):
-            made = train_shipped(
-                ROLLING,
-                folder / "rolling",
-                scenes=ROLLING_SCENES,
-                rolling_ground=True,
-                start=network,
-                device=on,
-                seconds=60 * minutes,
-                progress=session.report,
-            )
+    with session.report.stage(0.0, 0.95):
+        made = train_shipped(
+            SHIPPED,
+            folder,
+            processes=os.cpu_count() or 1,
+            device=on,
+            seconds=60 * minutes,
+            progress=session.report,
+        )
     if made is None:
         raise InputError(f"The time is over before the training is; run again with --folder {folder} to go on.")
-    network, second = made
-    facts = both(first, second)
+    network, facts = made
     with session.report.stage(0.95, 1.0, "calibrating"):
         calibration = calibrate(network, session.report)
     digest = save_model(SHIPPED_WEIGHTS, network, facts, {"calibration": calibration.summary()})
     with atomic_output(SHIPPED_WEIGHTS.with_name("slopewatch.sha256")) as partial:
         partial.write_text(f"{digest}  {SHIPPED_WEIGHTS.name}\n", encoding="ascii")
     with atomic_output(SHIPPED_WEIGHTS.with_name("training_log.csv")) as partial:
-        partial.write_text(joined_logs(folder / "first" / "log.csv", folder / "rolling" / "log.csv"), encoding="utf-8")
+        partial.write_text((folder / "log.csv").read_text(encoding="utf-8"), encoding="utf-8")
     return {"weights": SHIPPED_WEIGHTS}, {"temperature": calibration.temperature, **facts}
 
 

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from functools import partial
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..engine.errors import InputError
-from ..simulation.hazard_scenes.scenes import SimulatedScene, build_scene
-from ..simulation.hazard_scenes.styles import SceneSpec
+from ..simulation.hazard_scenes.scenes import SimulatedScene
 from .configuration import ModelConfiguration
 from .preparation import UNKNOWN, Block, blocks, prepare_cloud
 
 Float = NDArray[np.float64]
 Labels = NDArray[np.uint8]
+Item = TypeVar("Item")
+Made = TypeVar("Made")
 
 
 def labelled_blocks(
@@ -68,22 +69,12 @@ def scene_blocks(
     return labelled_blocks(scene.xyz, labels, configuration, seed=seed, step=step, share=share)
 
 
-def simulated_blocks(
-    specs: Iterable[SceneSpec],
-    configuration: ModelConfiguration,
-    *,
-    step: float | None = None,
-    share: float = 1.0,
-    processes: int = 1,
-) -> Iterator[list[Block]]:
-    """The blocks of each scene in order; ``processes`` at once make the same blocks faster."""
-    make = partial(_spec_blocks, configuration=configuration, step=step, share=share)
+def in_order(make: Callable[[Item], Made], items: Iterable[Item], processes: int = 1) -> Iterator[Made]:
+    """``make`` of each item, in the items' order. Several processes do not wait until the next is asked for, so that
+    all that they made is held at once.
+    """
     if processes <= 1:
-        yield from map(make, specs)
+        yield from map(make, items)
         return
     with ProcessPoolExecutor(processes) as pool:
-        yield from pool.map(make, specs)
-
-
-def _spec_blocks(spec: SceneSpec, configuration: ModelConfiguration, step: float | None, share: float) -> list[Block]:
-    return scene_blocks(build_scene(spec), configuration, seed=spec.seed, step=step, share=share)
+        yield from pool.map(make, items)

@@ -21,7 +21,11 @@ REACH = (0.15, 1.0)
 AMOUNT = 0.07
 """Largest standard deviation of a texture, m."""
 TEXTURES = 2
-ROLLING_SHARE, ROLLING_REACH, ROLLING_AMOUNT = 0.5, (1.2, 5.0), (0.05, 0.35)
+ROLLING_SHARE, ROLLING_REACH = 0.4, (1.2, 8.0)
+ROLLING_GRADE, ROLLING_LARGEST = (0.02, 0.2), 0.5
+"""Of rolling ground: its standard deviation over its reach, log-uniform, and its largest standard deviation, m. That
+it grows with the reach is what natural ground has: a spectrum falls with the wave number.
+"""
 LEFT_ALONE = 0.25
 """Share of the scenes that stay as they are."""
 
@@ -46,13 +50,14 @@ def rougher(scene: SimulatedScene, rng: np.random.Generator) -> SimulatedScene:
     return replace(scene, xyz=scene.xyz + added[:, None] * normal, ignore=scene.ignore | hidden)
 
 
-def rolling(scene: SimulatedScene, rng: np.random.Generator) -> SimulatedScene:
-    """``rougher``, and half of the scenes roll besides, as natural ground does; rolling is no hazard."""
+def natural(scene: SimulatedScene, rng: np.random.Generator) -> SimulatedScene:
+    """``rougher``, and ``ROLLING_SHARE`` of the scenes roll besides, as natural ground does; rolling is no hazard."""
     scene = rougher(scene, rng)
     if rng.random() >= ROLLING_SHARE:
         return scene
     reach = math.exp(rng.uniform(math.log(ROLLING_REACH[0]), math.log(ROLLING_REACH[1])))
-    heights = texture(scene.to_plane(scene.xyz)[:, :2], reach, rng.uniform(*ROLLING_AMOUNT), rng)
+    grade = math.exp(rng.uniform(math.log(ROLLING_GRADE[0]), math.log(ROLLING_GRADE[1])))
+    heights = texture(scene.to_plane(scene.xyz)[:, :2], reach, min(grade * reach, ROLLING_LARGEST), rng)
     return replace(scene, xyz=scene.xyz + heights[:, None] * scene_normal(scene))
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,31 +21,38 @@ from ..simulation.hazard_scenes.styles import SceneSpec, draw_spec
 from .baseline import residual_probabilities
 from .benchmark_folds import score_scenes
 from .calibration import Calibration, apply_temperature, fit_temperature
+from .dataset import in_order
 from .network import RandLANet
 from .prediction import predict
 from .preparation import Block
 from .recipes import Recipe
-from .rougher import rolling, rougher
+from .rougher import natural
 
-TRAINING_SCENES = 600
-ROLLING_SCENES, FIRST_ROLLING = 120, 7000
+TRAINING_SCENES = 1100
 HELD_OUT_SCENES = 24
 FIRST_HELD_OUT = 900_000
 """Scenes for the temperature have training seeds that training does not reach."""
 SCENE_AREA = (1500.0, 3500.0)
 DENSITY = (8.0, 250.0)
-BALANCED_SHARE = 0.1
-"""Share of training scenes whose hazards cover about half of them; on the others they are as rare as on real slopes."""
+BALANCED_SHARE, DENSE_SHARE, DENSE = 0.15, 0.4, 4.0
+"""Shares of the training scenes whose hazards cover about half of them, and ``DENSE`` times as much as on real slopes:
+more to learn from in the same area. On the others hazards are as rare as there.
+"""
 SAMPLE = 40_000
 
 
-def training_scenes(count: int, first: int = 0) -> Iterator[SceneSpec]:
-    """Specifications that no benchmark set holds: small, of all densities that UAVs fly, of both kinds."""
+def training_scenes(
+    count: int, first: int = 0, *, balanced: float = BALANCED_SHARE, dense: float = DENSE_SHARE
+) -> Iterator[SceneSpec]:
+    """Specifications that no benchmark set holds: small, of all densities that UAVs fly."""
     for k in range(first, first + count):
         rng = np.random.default_rng([FIRST_TRAINING_SEED, k])
-        kind = "published" if rng.random() < BALANCED_SHARE else "realistic"
+        kind = "published" if (drawn := rng.random()) < balanced else "realistic"
         density = math.exp(rng.uniform(math.log(DENSITY[0]), math.log(DENSITY[1])))
-        yield draw_spec(FIRST_TRAINING_SEED + k, kind, area=float(rng.uniform(*SCENE_AREA)), density=density)
+        spec = draw_spec(FIRST_TRAINING_SEED + k, kind, area=float(rng.uniform(*SCENE_AREA)), density=density)
+        if balanced <= drawn < balanced + dense:
+            spec = replace(spec, uplift=DENSE * spec.uplift, subsidence=DENSE * spec.subsidence)
+        yield spec
 
 
 def train_shipped(
@@ -51,34 +60,31 @@ def train_shipped(
     folder: Path,
     *,
     scenes: int = TRAINING_SCENES,
-    rolling_ground: bool = False,
-    start: RandLANet | None = None,
+    processes: int = 1,
     device: torch.device | None = None,
     seconds: float = math.inf,
     progress: Progress | None = None,
 ) -> tuple[RandLANet, dict[str, Any]] | None:
-    """Train from nothing or from ``start``, or go on from the checkpoint in ``folder``.
+    """Train from nothing, or go on from the checkpoint in ``folder``.
 
     Args:
-        rolling_ground: train on other scenes, half of which roll as natural ground does.
+        processes: that simulate and prepare scenes at once; the blocks are the same for any number.
 
     Returns:
         The network and facts about its training; None where ``seconds`` did not suffice: run again to go on.
     """
     device, progress = device or torch.device("cpu"), progress or Progress()
-    begun = time.process_time()
     blocks: list[Block] = []
-    with progress.stage(0.0, 0.3, "simulating and preparing scenes"):
-        for number, spec in enumerate(training_scenes(scenes, FIRST_ROLLING if rolling_ground else 0)):
-            if rolling_ground:
-                scene = rolling(build_scene(spec), np.random.default_rng([number, 5]))
-            else:
-                scene = rougher(build_scene(spec), np.random.default_rng([spec.seed, 3]))
-            blocks += recipe.blocks(scene)
+    preparing = 0.0
+    with progress.stage(0.0, 0.2, "simulating and preparing scenes"):
+        specs = list(training_scenes(scenes))
+        for number, (more, took) in enumerate(in_order(partial(_scene_blocks, recipe), specs, processes)):
+            blocks += more
+            preparing += took
             progress.update((number + 1) / scenes, f"scene {number + 1} of {scenes}")
     prepared = time.process_time()
-    with progress.stage(0.3, 1.0, "training"):
-        state = recipe.train(blocks, folder, device=device, start=start, seconds=seconds, progress=progress)
+    with progress.stage(0.2, 1.0, "training"):
+        state = recipe.train(blocks, folder, device=device, seconds=seconds, progress=progress)
     if not state.finished:
         return None
     facts = {
@@ -90,26 +96,17 @@ def train_shipped(
         "seed": recipe.training.seed,
         "device": device.type,
         "torch": torch.__version__,
-        "processor_seconds_preparing": round(prepared - begun),
+        "processor_seconds_preparing": round(preparing),
         "processor_seconds_training": round(time.process_time() - prepared),
     }
     return state.network.cpu(), facts
 
 
-def both(first: dict[str, Any], second: dict[str, Any]) -> dict[str, Any]:
-    """Facts of two trainings, one after the other, added up."""
-    added = ("scenes", "blocks", "points", "steps", "processor_seconds_preparing", "processor_seconds_training")
-    return {**first, **{name: first[name] + second[name] for name in added}, "of_these_on_rolling_ground": second}
-
-
-def joined_logs(first: Path, second: Path) -> str:
-    """The rows of two trainings' logs; steps of the second are counted on from the first's."""
-    head, *rows = first.read_text(encoding="utf-8").split()
-    done = int(rows[-1].split(",")[0])
-    for row in second.read_text(encoding="utf-8").split()[1:]:
-        step, rest = row.split(",", 1)
-        rows.append(f"{done + int(step)},{rest}")
-    return "\n".join([head, *rows]) + "\n"
+def _scene_blocks(recipe: Recipe, spec: SceneSpec) -> tuple[list[Block], float]:
+    """The blocks of a scene on natural ground, and the processor's seconds that they took."""
+    begun = time.process_time()
+    blocks = recipe.blocks(natural(build_scene(spec), np.random.default_rng([spec.seed, 3])))
+    return blocks, time.process_time() - begun
 
 
 def calibrate(network: RandLANet, progress: Progress | None = None) -> Calibration:
@@ -117,15 +114,13 @@ def calibrate(network: RandLANet, progress: Progress | None = None) -> Calibrati
     progress = progress or Progress()
     probabilities: list[NDArray[np.float32]] = []
     labels: list[NDArray[np.uint8]] = []
-    for number, spec in enumerate(training_scenes(4 * HELD_OUT_SCENES, FIRST_HELD_OUT)):
-        if spec.kind != "realistic" or len(labels) >= HELD_OUT_SCENES:
-            continue
+    for number, spec in enumerate(training_scenes(HELD_OUT_SCENES, FIRST_HELD_OUT, balanced=0.0, dense=0.0)):
         scene = build_scene(spec)
         found = predict(network, scene.xyz).probabilities
         few = np.random.default_rng([spec.seed, 2]).permutation(len(scene))[:SAMPLE]
         probabilities.append(found[few])
         labels.append(scene.label[few])
-        progress.update(min(1.0, len(labels) / HELD_OUT_SCENES), f"scene {number + 1}")
+        progress.update((number + 1) / HELD_OUT_SCENES, f"scene {number + 1} of {HELD_OUT_SCENES}")
     return fit_temperature(np.concatenate(probabilities), np.concatenate(labels))
 
 

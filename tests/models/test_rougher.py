@@ -6,9 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from slopewatch.models.configuration import SMOKE
 from slopewatch.models.preparation import NORMAL_30, USUAL_ROUGHNESS, prepare_cloud, roughness
-from slopewatch.models.rougher import rolling, rougher, scene_normal, texture
+from slopewatch.models.rougher import (
+    ROLLING_GRADE,
+    ROLLING_LARGEST,
+    natural,
+    rougher,
+    scene_normal,
+    texture,
+)
+from slopewatch.simulation.hazard_scenes.scenes import scene
 
 
 def test_texture_has_the_scatter_and_the_reach_asked_for():
@@ -57,13 +66,31 @@ def test_a_slope_twice_as_rough_has_the_same_heights_in_its_own_units(small_scen
     np.testing.assert_allclose(roughness(other), USUAL_ROUGHNESS, rtol=1e-5)
 
 
-def test_half_of_the_scenes_roll_and_keep_their_labels(small_scene):
-    normal = scene_normal(small_scene)
-    spreads = []
-    for k in range(16):
-        moved = rolling(small_scene, np.random.default_rng(k))
-        np.testing.assert_array_equal(moved.label, small_scene.label)
-        spreads.append(float(((moved.xyz - small_scene.xyz) @ normal).std()))
-    # Textures alone stay below 0.1 m; rolling ground reaches further.
-    assert 2 <= sum(s > 0.1 for s in spreads) <= 14
-    assert max(spreads) < 0.45
+def test_rolling_ground_rises_with_its_reach_and_keeps_its_labels(monkeypatch):
+    monkeypatch.setattr("slopewatch.models.rougher.LEFT_ALONE", 1.0)  # no textures besides
+    wide = scene(1_000_012, "realistic", area=3000.0, density=6.0)
+    normal, plane = scene_normal(wide), wide.to_plane(wide.xyz)
+    pairs = cKDTree(plane[:, :2]).query_pairs(0.5, output_type="ndarray")
+    apart = np.hypot(*(plane[pairs[:, 0], :2] - plane[pairs[:, 1], :2]).T)
+    deviations, grades = [], []
+    for k in range(40):
+        moved = natural(wide, np.random.default_rng(k))
+        np.testing.assert_array_equal(moved.label, wide.label)
+        np.testing.assert_array_equal(moved.ignore, wide.ignore)
+        shift = moved.xyz - wide.xyz
+        height = shift @ normal
+        np.testing.assert_allclose(shift, height[:, None] * normal, atol=1e-8)
+        if not height.any():
+            continue
+        deviations.append(height.std())
+        rise = (height[pairs[:, 0]] - height[pairs[:, 1]]) / apart
+        # White noise under a Gaussian of s has a gradient of deviation / (s sqrt(2)) along any direction.
+        grades.append(np.sqrt(2 * np.mean(rise**2)))
+    assert 8 <= len(deviations) <= 24
+    deviations, grades = np.array(deviations), np.array(grades)
+    assert deviations.max() < 1.2 * ROLLING_LARGEST
+    assert 0.7 * ROLLING_GRADE[0] < grades.min() < 0.05
+    assert 0.08 < grades.max() < 1.4 * ROLLING_GRADE[1]
+    reaches = deviations / grades
+    assert reaches.min() < 2.5 < 4 < reaches.max()
+    assert deviations[reaches > np.median(reaches)].mean() > 1.5 * deviations[reaches <= np.median(reaches)].mean()

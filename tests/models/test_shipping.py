@@ -80,6 +80,42 @@ def test_training_scenes_are_in_no_benchmark_set(torch):
     assert chosen[7:9] == list(training_scenes(2, 7))
 
 
+def test_some_training_scenes_have_more_hazards_and_nothing_else_differs(torch):
+    from slopewatch.models.shipping import BALANCED_SHARE, DENSE, DENSE_SHARE, training_scenes
+
+    mixed, rare = list(training_scenes(400)), list(training_scenes(400, balanced=0.0, dense=0.0))
+    assert {spec.kind for spec in rare} == {"realistic"}
+    assert sum(spec.kind == "published" for spec in mixed) == pytest.approx(400 * BALANCED_SHARE, abs=25)
+    denser = 0
+    for spec, plain in zip(mixed, rare, strict=True):
+        assert (spec.seed, spec.area, spec.density) == (plain.seed, plain.area, plain.density)
+        if spec.kind == "realistic" and spec != plain:
+            assert spec.uplift == pytest.approx(DENSE * plain.uplift)
+            assert spec.subsidence == pytest.approx(DENSE * plain.subsidence)
+            denser += 1
+    # A fifth of the realistic kind has no hazards; four times none is none.
+    assert denser == pytest.approx(0.8 * 400 * DENSE_SHARE, abs=35)
+    spec = next(spec for spec, plain in zip(mixed, rare) if spec.kind == "realistic" and spec != plain)
+    _, uplift, subsidence = build_scene(replace(spec, area=1500.0, density=25.0)).shares
+    assert uplift == pytest.approx(spec.uplift, abs=0.03)
+    assert subsidence == pytest.approx(spec.subsidence, abs=0.03)
+
+
+def test_training_with_two_processes_gives_the_same_weights(recipe, tmp_path, monkeypatch):
+    from slopewatch.models import shipping
+
+    monkeypatch.setattr(shipping, "SCENE_AREA", (150.0, 300.0))
+    monkeypatch.setattr(shipping, "DENSITY", (20.0, 30.0))
+    one, facts = shipping.train_shipped(recipe, tmp_path / "a", scenes=3)
+    two, others = shipping.train_shipped(recipe, tmp_path / "b", scenes=3, processes=2)
+    for a, b in zip(one.state_dict().values(), two.state_dict().values(), strict=True):
+        np.testing.assert_array_equal(a.numpy(), b.numpy())
+    measured = ("processor_seconds_preparing", "processor_seconds_training")
+    assert {k: v for k, v in facts.items() if k not in measured} == {
+        k: v for k, v in others.items() if k not in measured
+    }
+
+
 def test_every_point_of_a_set_is_scored(torch, specs, monkeypatch):
     from slopewatch.models import shipping
     from slopewatch.models.baseline import residual_probabilities
@@ -107,19 +143,3 @@ def test_a_training_that_ran_out_of_time_goes_on(recipe, tmp_path, monkeypatch):
     assert facts["steps"] == 4
     assert facts["scenes"] == 3
     assert facts["points"] > 500
-
-
-def test_a_second_training_starts_from_the_first_and_its_log_follows(recipe, tmp_path, monkeypatch):
-    from slopewatch.models import shipping
-
-    monkeypatch.setattr(shipping, "SCENE_AREA", (150.0, 200.0))
-    monkeypatch.setattr(shipping, "DENSITY", (20.0, 30.0))
-    network, first = shipping.train_shipped(recipe, tmp_path / "a", scenes=2)
-    still = replace(recipe, training=replace(recipe.training, learning_rate=0.0, weight_decay=0.0))
-    again, second = shipping.train_shipped(still, tmp_path / "b", scenes=3, rolling_ground=True, start=network)
-    for name, value in network.named_parameters():
-        np.testing.assert_array_equal(dict(again.named_parameters())[name].detach().numpy(), value.detach().numpy())
-    facts = shipping.both(first, second)
-    assert (facts["scenes"], facts["steps"]) == (5, 8)
-    rows = shipping.joined_logs(tmp_path / "a" / "log.csv", tmp_path / "b" / "log.csv").splitlines()
-    assert [row.split(",")[0] for row in rows] == ["step", *(str(k) for k in range(1, 9))]

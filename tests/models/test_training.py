@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from slopewatch.engine.errors import InputError
 from slopewatch.models.configuration import SMOKE
-from slopewatch.models.dataset import labelled_blocks, scene_blocks, simulated_blocks
+from slopewatch.models.dataset import in_order, labelled_blocks, scene_blocks
 from slopewatch.models.preparation import UNKNOWN
-from slopewatch.simulation.hazard_scenes.scenes import scene
+from slopewatch.simulation.hazard_scenes.scenes import build_scene, scene
 from slopewatch.simulation.hazard_scenes.sets import training_specs
 
 TINY = replace(SMOKE, widths=(4, 8), voxel=0.5, trends=((4.0, 4.0),))
@@ -43,14 +43,24 @@ def test_a_label_that_is_no_class_is_refused(small_scene):
         labelled_blocks(small_scene.xyz, labels, TINY)
 
 
-def test_simulated_blocks_are_the_same_from_several_processes():
-    specs = [replace(spec, area=200.0, density=25.0) for spec in training_specs("realistic", 2)]
-    one, two = (list(simulated_blocks(specs, TINY, processes=n)) for n in (1, 2))
-    assert len(one) == 2
-    for a, b in zip(one, two):
-        for first, second in zip(a, b, strict=True):
-            np.testing.assert_array_equal(first.coordinates, second.coordinates)
-            np.testing.assert_array_equal(first.levels[0].neighbours, second.levels[0].neighbours)
+def _tiny_blocks_of(spec):
+    return spec.seed, scene_blocks(build_scene(spec), TINY, seed=spec.seed)
+
+
+def test_several_processes_make_the_same_blocks_in_the_same_order():
+    # The first scene is the largest, so that it is the last to be made where two are made at once.
+    areas = (900.0, 150.0, 150.0, 150.0)
+    specs = [
+        replace(spec, area=area, density=25.0) for spec, area in zip(training_specs("realistic", len(areas)), areas)
+    ]
+    one, two = (list(in_order(_tiny_blocks_of, specs, processes)) for processes in (1, 2))
+    assert [seed for seed, _ in one] == [seed for seed, _ in two] == [spec.seed for spec in specs]
+    for (_, expected), (_, found) in zip(one, two, strict=True):
+        assert expected
+        for a, b in zip(expected, found, strict=True):
+            for name in ("coordinates", "residuals", "labels"):
+                np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+            np.testing.assert_array_equal(a.levels[0].neighbours, b.levels[0].neighbours)
 
 
 def test_resident_blocks_make_the_same_batches(torch, tiny_blocks):
