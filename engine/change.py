@@ -41,6 +41,7 @@ class Change:
     significant: NDArray[np.bool_]
     count_from: NDArray[np.int64]
     count_to: NDArray[np.int64]
+    height_from: Float
     height_to: Float
     confidence: float
     registration_error: float
@@ -166,6 +167,7 @@ def difference_of_cells(
         significant=significant,
         count_from=first.count,
         count_to=second.count,
+        height_from=first.height,
         height_to=second.height,
         confidence=parameters.confidence,
         registration_error=registration_error,

@@ -26,6 +26,7 @@ def changed(dz: np.ndarray, significant: np.ndarray, cell: float, *, uniform: fl
         significant=significant & np.isfinite(dz),
         count_from=counts,
         count_to=counts,
+        height_from=ones,
         height_to=ones,
         confidence=0.95,
         registration_error=0.0,
