@@ -3,7 +3,8 @@
 The QGIS dialogs, the command line and the batch manifest are built from these dataclasses, so they cannot
 disagree. Standard library only and Python 3.9's language, because QGIS's interpreter imports this module.
 
-Defaults are chosen by measurement (see docs/figures.md); ``PROFILES["paper"]`` reproduces the published settings.
+Defaults are chosen by measurement (see docs/figures.md); ``PROFILES["paper"]`` reproduces the published settings of
+ground extraction, registration and gridding.
 """
 
 from __future__ import annotations
@@ -823,7 +824,5 @@ PROFILES: dict[str, dict[str, dict[str, Any]]] = {
             "registration_iterations": 200,
         },
         "ChangeParameters": {"cell": 0.1, "cell_value": "mean", "minimum_points": 1},
-        "ScreeningParameters": {"screening_method": "network", "rotations": 1, "minimum_probability": 0.0},
-        "LastEpochParameters": {"screening_method": "network", "rotations": 1, "minimum_probability": 0.0},
     },
 }

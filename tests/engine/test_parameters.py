@@ -59,7 +59,8 @@ def test_the_last_epoch_is_screened_with_the_same_parameters_but_its_ground_is_e
     assert own.specifications()[0].name == "screen_last_epoch"
     assert {s for s in whole.specifications() if s.name != "ground"} == set(own.specifications()[1:])
     assert own().ground == "as_is"
-    assert PROFILES["paper"][own.__name__] == PROFILES["paper"][whole.__name__]
+    # The published network is other weights, which no parameter turns these into.
+    assert not {own.__name__, whole.__name__} & set(PROFILES["paper"])
 
 
 def test_paper_profile_holds_the_published_settings():
