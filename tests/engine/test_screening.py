@@ -412,8 +412,6 @@ def test_shipped_weights_label_the_bulge_and_the_hollow(cloud, tmp_path):
     from slopewatch.models.shipped import SHIPPED_SHA256, SHIPPED_WEIGHTS
     from slopewatch.models.weights import checksum
 
-    if not SHIPPED_WEIGHTS.is_file():
-        pytest.skip("the shipped weights are not there yet")
     assert checksum(SHIPPED_WEIGHTS) == SHIPPED_SHA256
     _, figures = screen(cloud, tmp_path / "out.laz", method="network")
     las = laspy.read(tmp_path / "out.laz")

@@ -7,8 +7,6 @@ import pytest
 from slopewatch.models.shipped import SHIPPED_WEIGHTS, shipped_model
 from slopewatch.simulation.hazard_scenes.scenes import scene
 
-pytestmark = pytest.mark.skipif(not SHIPPED_WEIGHTS.is_file(), reason="this copy has no shipped weights")
-
 GOLDEN = [
     [2.8732, -1.4551, -3.9138],
     [2.7551, -2.2993, -2.6661],
