@@ -1,0 +1,79 @@
+"""Other programs to measure against, each in an environment of its own below ``build/`` (made once, then kept)."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+#: What a peer needs, pinned, so that the figures name what they were measured against.
+PINNED = {
+    "py4dgeo": ("py4dgeo==1.2.0",),
+    "open3d": ("open3d==0.19.0",),
+}
+FOLDER = Path(__file__).resolve().parents[1] / "build" / "peers"
+
+
+class PeerMissingError(RuntimeError):
+    """A peer cannot be installed here; the message is the reason in one line."""
+
+
+def version(peer: str) -> str:
+    """The pinned version of a peer."""
+    return PINNED[peer][0].partition("==")[2]
+
+
+def peer_python(peer: str) -> Path:
+    """The interpreter of an environment that holds the peer; made at the first call.
+
+    Raises:
+        PeerMissingError: it cannot be installed.
+    """
+    folder = FOLDER / peer
+    python = folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    ready = folder / "ready.txt"
+    wanted = "\n".join([sys.version, *PINNED[peer]])
+    if ready.is_file() and ready.read_text(encoding="utf-8") == wanted:
+        return python
+    shutil.rmtree(folder, ignore_errors=True)
+    _call(peer, [sys.executable, "-m", "venv", str(folder)])
+    _call(peer, [str(python), "-m", "pip", "install", "--quiet", "--only-binary=:all:", *PINNED[peer]])
+    _call(peer, [str(python), "-c", f"import {peer}"])
+    ready.write_text(wanted, encoding="utf-8")
+    return python
+
+
+def run_peer(peer: str, script: str, *arguments: str, threads: int | None = None) -> dict[str, Any]:
+    """Run the lines ``script`` (they see ``sys.argv[1:]`` as ``arguments``) with the peer's interpreter.
+
+    Args:
+        threads: how many threads it may use; its own choice by default.
+
+    Returns:
+        The JSON object in the last line that it prints. Arrays are best passed as ``.npy`` files.
+
+    Raises:
+        PeerMissingError: it cannot be installed.
+        RuntimeError: it failed.
+    """
+    environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "VIRTUAL_ENV", "OMP_NUM_THREADS")}
+    if threads is not None:
+        environment["OMP_NUM_THREADS"] = str(threads)
+    command = [str(peer_python(peer)), "-c", script, *arguments]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"{peer} failed: {done.stderr[-2000:]}")
+    found: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
+    return found
+
+
+def _call(peer: str, command: list[str]) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        lines = [line for line in (done.stderr or done.stdout).strip().splitlines() if line.startswith("ERROR")]
+        reason = lines[-1].removeprefix("ERROR: ") if lines else f"{command[-1]} failed"
+        raise PeerMissingError(f"{PINNED[peer][0]} cannot be installed: {reason}")
