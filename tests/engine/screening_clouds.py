@@ -1,4 +1,6 @@
-"""Slopes with a known bulge and hollow, written by laspy, and small weights, for the tests of screening."""
+"""Slopes with a known bulge and hollow, written by laspy, small weights, and the step that screens, for the tests of
+screening.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,10 @@ from pathlib import Path
 
 import laspy
 import numpy as np
+import pytest
 from pyproj import CRS
+from slopewatch.engine.parameters import GroundParameters, InputParameters, ScreeningParameters
+from slopewatch.engine.screening_step import ScreeningSettings, default_targets, screen_step
 
 WEST, SOUTH = 500_000.0, 3_500_000.0
 BULGE, HOLLOW, RADIUS, HEIGHT = (6.0, 14.0), (15.0, 7.0), 2.0, 0.4
@@ -52,11 +57,12 @@ def write(path: Path, xyz: np.ndarray, *, point_format: int = 7, crs: int | None
 
 def small_weights(path: Path) -> Path:
     """Weights of a small network that has learnt nothing: its answers vary from place to place."""
-    import torch
+    torch = pytest.importorskip("torch", reason="torch is not installed; install slopewatch[screening]")
     from slopewatch.models.configuration import SMOKE
     from slopewatch.models.network import RandLANet
     from slopewatch.models.weights import save_model
 
+    torch.set_num_threads(1)
     torch.manual_seed(5)
     save_model(path, RandLANet(replace(SMOKE, window=12.0, step=8.0)).eval(), {}, {})
     return path
@@ -65,3 +71,18 @@ def small_weights(path: Path) -> Path:
 def near(xyz: np.ndarray, place: tuple[float, float], reach: float) -> np.ndarray:
     """Which points lie within ``reach`` m of a place on the map."""
     return np.hypot(xyz[:, 0] - WEST - place[0], xyz[:, 1] - SOUTH - place[1]) < reach
+
+
+def screen(path, output, *, roi=None, inputs=None, progress=None, method="residual", **parameters):
+    """Screen a file into ``output`` and what lies beside it, without learning unless asked for."""
+    settings = ScreeningSettings(
+        inputs or InputParameters(),
+        GroundParameters(),
+        ScreeningParameters(screening_method=method, threads=1, **parameters),
+    )
+    return screen_step(path, default_targets(output), settings, roi=roi, progress=progress)
+
+
+def leftovers(folder: Path) -> list[str]:
+    """Clouds, layers, rasters, pictures and hidden files in a folder."""
+    return sorted(p.name for p in folder.iterdir() if p.suffix in (".laz", ".gpkg", ".tif", ".png") or p.name[0] == ".")

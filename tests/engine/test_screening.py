@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 import tracemalloc
 from pathlib import Path
 
@@ -15,14 +14,26 @@ import shapely
 from pyproj import CRS
 from slopewatch.engine import las_records, screened_file, screening_model
 from slopewatch.engine.clouds import PointCloud, read_cloud
-from slopewatch.engine.errors import EngineError, InputError
+from slopewatch.engine.errors import InputError
 from slopewatch.engine.parameters import GroundParameters, InputParameters, ScreeningParameters
 from slopewatch.engine.progress import Progress
 from slopewatch.engine.rasters import read_raster
 from slopewatch.engine.screened_file import ScreenedFile
 from slopewatch.engine.screening import screen_cloud, screen_points
 from slopewatch.engine.screening_step import ScreeningSettings, default_targets, screen_step
-from slopewatch.tests.engine.screening_clouds import BULGE, DIP, HOLLOW, SOUTH, WEST, near, slope, small_weights, write
+from slopewatch.tests.engine.screening_clouds import (
+    BULGE,
+    DIP,
+    HOLLOW,
+    SOUTH,
+    WEST,
+    leftovers,
+    near,
+    screen,
+    slope,
+    small_weights,
+    write,
+)
 
 
 @pytest.fixture(scope="module")
@@ -32,22 +43,7 @@ def cloud(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def weights(tmp_path) -> Path:
-    torch = pytest.importorskip("torch", reason="torch is not installed; install slopewatch[screening]")
-    torch.set_num_threads(1)
     return small_weights(tmp_path / "model.safetensors")
-
-
-def screen(path, output, *, roi=None, inputs=None, progress=None, method="residual", **parameters):
-    settings = ScreeningSettings(
-        inputs or InputParameters(),
-        GroundParameters(),
-        ScreeningParameters(screening_method=method, threads=1, **parameters),
-    )
-    return screen_step(path, default_targets(output), settings, roi=roi, progress=progress)
-
-
-def leftovers(folder: Path) -> list[str]:
-    return sorted(p.name for p in folder.iterdir() if p.suffix in (".laz", ".gpkg", ".tif", ".png") or p.name[0] == ".")
 
 
 def test_a_bulge_and_a_hollow_are_labelled_where_they_are(cloud, tmp_path):
@@ -294,102 +290,6 @@ def test_memory_follows_the_area_and_not_the_number_of_points(tmp_path, monkeypa
         voxels.append(len(screening.count))
     assert voxels[0] == pytest.approx(voxels[1], rel=0.02)  # another sample, another plane
     assert peaks[1] < peaks[0] + 0.1 * 8 * xyz.nbytes, "more than a tenth of what the further coordinates take"
-
-
-class TestRefusals:
-    def refused(self, tmp_path, cloud, match, error=InputError, **given):
-        folder = tmp_path / "out"
-        folder.mkdir()
-        with pytest.raises(error, match=match):
-            screen(cloud, folder / "out.laz", method=given.pop("method", "network"), **given)
-        assert list(folder.iterdir()) == []
-
-    def test_tampered_weights(self, cloud, weights, tmp_path):
-        content = bytearray(weights.read_bytes())
-        content[-1] ^= 1
-        weights.write_bytes(content)
-        self.refused(tmp_path, cloud, "checksum", weights=str(weights))
-
-    def test_a_pickled_model(self, cloud, weights, tmp_path):
-        import torch
-
-        torch.save({"a": torch.zeros(1)}, tmp_path / "model.pt")
-        self.refused(tmp_path, cloud, "pickled models are not opened", weights=str(tmp_path / "model.pt"))
-
-    def test_no_weights(self, cloud, weights, tmp_path):
-        self.refused(tmp_path, cloud, "do not exist", weights=str(tmp_path / "none.safetensors"))
-
-    def test_no_torch(self, cloud, tmp_path, monkeypatch):
-        monkeypatch.setitem(sys.modules, "torch", None)
-        self.refused(
-            tmp_path, cloud, r"needs the Python library torch.*slopewatch\[screening\].*--screening-method residual"
-        )
-        # without learning it is not needed
-        screen(cloud, tmp_path / "residual.laz")
-
-    def test_no_graphics_card(self, cloud, weights, tmp_path, monkeypatch):
-        import torch
-
-        monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-        self.refused(tmp_path, cloud, "no graphics card .* --device cpu", weights=str(weights), device="gpu")
-        assert screening_model.ScreeningModel(
-            ScreeningParameters(weights=str(weights), device="auto")
-        ).device == torch.device("cpu")
-
-    @pytest.mark.parametrize("kind", ["memory", "processor", "card"])
-    def test_memory_runs_out(self, cloud, weights, tmp_path, monkeypatch, kind):
-        import torch
-
-        failure = {
-            "memory": MemoryError(),
-            "processor": RuntimeError("DefaultCPUAllocator: can't allocate memory: you tried to allocate 9 bytes"),
-            "card": torch.OutOfMemoryError("CUDA error"),
-        }[kind]
-
-        def forward(*_):
-            raise failure
-
-        monkeypatch.setattr("slopewatch.models.network.RandLANet.forward", forward)
-        self.refused(tmp_path, cloud, "Memory ran out while screening", EngineError, weights=str(weights))
-
-    def test_other_failures_keep_their_words(self, cloud, weights, tmp_path, monkeypatch):
-        def forward(*_):
-            raise RuntimeError("shapes do not fit")
-
-        monkeypatch.setattr("slopewatch.models.network.RandLANet.forward", forward)
-        self.refused(tmp_path, cloud, "shapes do not fit", RuntimeError, weights=str(weights))
-
-    def test_density_that_the_network_was_not_made_for(self, weights, tmp_path):
-        sparse = write(tmp_path / "sparse.laz", slope(3000))
-        self.refused(tmp_path, sparse, "made for 20 to 450", weights=str(weights))
-
-    def test_outputs_that_cannot_be(self, cloud, tmp_path):
-        with pytest.raises(InputError, match="also an input"):
-            screen(cloud, cloud)
-        with pytest.raises(InputError, match=r"another ending than \.laz"):
-            screen(cloud, tmp_path / "out.las")
-        settings = ScreeningSettings(
-            InputParameters(), GroundParameters(), ScreeningParameters(screening_method="residual")
-        )
-        targets = default_targets(tmp_path / "out.laz", zones=tmp_path / "out.shp")
-        with pytest.raises(InputError, match=r"another ending than \.gpkg"):
-            screen_step(cloud, targets, settings)
-        with pytest.raises(InputError, match="does not exist"):
-            screen(cloud, tmp_path / "nowhere" / "out.laz")
-        assert leftovers(tmp_path) == []
-
-    def test_a_region_beside_the_cloud(self, cloud, tmp_path):
-        roi = tmp_path / "roi.geojson"
-        geopandas.GeoSeries.from_wkt(["POLYGON((0 0, 9 0, 9 9, 0 0))"], crs=32651).to_file(roi)
-        self.refused(tmp_path, cloud, "lies outside of the cloud", method="residual", roi=roi)
-
-    def test_too_few_points(self, tmp_path):
-        self.refused(tmp_path, write(tmp_path / "few.laz", slope(20)), "20 ground points", method="residual")
-
-    def test_without_shipped_weights_the_remedy_is_named(self, cloud, tmp_path, monkeypatch):
-        pytest.importorskip("torch", reason="torch is not installed; install slopewatch[screening]")
-        monkeypatch.setattr("slopewatch.models.shipped.SHIPPED_WEIGHTS", tmp_path / "slopewatch.safetensors")
-        self.refused(tmp_path, cloud, r"missing from this copy of SlopeWatch; .* --screening-method residual")
 
 
 def test_outputs_may_lie_in_several_folders(cloud, tmp_path):
