@@ -15,6 +15,7 @@ NAMES = {
     "gridding": "Gridding",
     "whole_flow": "The whole flow",
     "screening": "Screening",
+    "known_places": "What a screening could tell by height",
     "real_screening": "Screening of real slopes with known hazards put in",
 }
 
