@@ -16,7 +16,6 @@ import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import laspy
 import numpy as np
@@ -34,9 +33,6 @@ from ..models.trends import residual_heights
 from ..simulation.known_hazards import KnownHazards, Site, put_hazards, room_for
 from .own_relief import own_relief
 from .table import Row, heading, markdown
-
-if TYPE_CHECKING:
-    from ..models.weights import ModelFile
 
 TILES = Path(__file__).resolve().parents[2] / "shared" / "data" / "real" / "ign_tiles"
 AMPLITUDES = (0.15, 0.30, 0.50)
@@ -224,25 +220,12 @@ def shown_zones(ground: RealGround, probabilities: NDArray[np.floating]) -> list
 
 
 def screenings(weights: Path | None = None) -> dict[str, Screening]:
-    """The network, with the given or the shipped weights where there are any, and the residual without learning."""
-    found: dict[str, Screening] = {}
-    model = _model(weights)
-    if model is not None:
-        from ..models.prediction import predict
-
-        found["network"] = lambda xyz: predict(model.network, xyz).probabilities
-    found["residual"] = residual_probabilities
-    return found
-
-
-def _model(weights: Path | None) -> ModelFile | None:
-    """What is loaded; None where this checkout has no weights yet."""
+    """The network, with the given or the shipped weights, and the residual without learning."""
+    from ..models.prediction import predict
     from ..models.weights import load_model
 
-    if weights is not None:
-        return load_model(weights)
-
-    return load_model(*shipped_model()) if SHIPPED_WEIGHTS.is_file() else None
+    network = (load_model(*shipped_model()) if weights is None else load_model(weights)).network
+    return {"network": lambda xyz: predict(network, xyz).probabilities, "residual": residual_probabilities}
 
 
 def rows(weights: Path | None = None, pictures: Path | None = None) -> list[Row]:
