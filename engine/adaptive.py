@@ -1,0 +1,275 @@
+"""Change in cells that grow where points are few, until their level of detection or a largest size is reached."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from .errors import InputError
+from .gridding import Float, Grid
+from .moments import Moments, ParallelPlanes, cell_moments, merged, parallel_planes
+from .parameters import ChangeParameters
+from .progress import Progress
+
+LEAST_POINTS = 4
+"""Points that a block takes in either epoch, at least."""
+_PRIOR_DEGREES = 8.0  # of freedom that the surrounding blocks' variance counts
+_RADIUS = 3  # blocks, of the surroundings
+
+
+@dataclass(frozen=True)
+class AdaptiveCells:
+    """Change in blocks of cells; arrays of the grid's shape, in which all cells of a block have its values.
+
+    Attributes:
+        dz: change, m; NaN where no block is.
+        sampling: standard error of ``dz`` by the points alone, m.
+        height_from, height_to: heights of the epochs' planes at the cell's centre, m.
+        slope: inclination of the block's planes, degrees.
+        count_from, count_to: points of the block in either epoch; outside of blocks, of the cell.
+        block: number of the block, from 0; -1 outside of blocks.
+        cell_size: side of the block, m; NaN outside.
+    """
+
+    dz: Float
+    sampling: Float
+    height_from: Float
+    height_to: Float
+    slope: Float
+    count_from: NDArray[np.int64]
+    count_to: NDArray[np.int64]
+    block: NDArray[np.int64]
+    cell_size: Float
+
+
+def adaptive_cells(
+    reference: Float,
+    moving: Float,
+    grid: Grid,
+    parameters: ChangeParameters,
+    *,
+    registration_error: float = 0.0,
+    inside: NDArray[np.bool_] | None = None,
+    progress: Progress | None = None,
+) -> AdaptiveCells:
+    """Change of each block: the smallest of cell, 2 x 2, 4 x 4 ... cells that meets ``target_level``.
+
+    From the finest size up, a block is taken where both epochs have enough points in it, its gradient is determined,
+    and its level of detection is at most ``target_level``, or more the registration's than the points', so that a
+    larger one would gain little; at the largest size, whatever the level is. What is taken leaves with its points: a
+    larger block is what is left of its square, so that the errors of two blocks are independent but for the
+    registration. What is still left then, with too few points of its own, gets the change of the smallest whole square
+    that serves, whose points finer blocks in it have used as well. A quarter of a block without any point does not
+    count as compared. Blocks lie at multiples of their side whatever the extent of the clouds.
+
+    The surface of a block is a pair of parallel planes (see ``moments.parallel_planes``). The variance of a point about
+    them is moderated by that of the blocks of the same size around (Smyth 2004, doi:10.2202/1544-6115.1027).
+
+    Args:
+        reference: (n, 3) points of the first epoch, metres.
+        moving: (m, 3) points of the second epoch, registered to the first.
+        registration_error: standard error of the registration in height, metres.
+        inside: cells (rows, columns) that may be compared; the points of others are left out.
+
+    Raises:
+        InputError: ``largest_cell`` leaves the cells no room to grow.
+    """
+    progress = progress or Progress()
+    steps = largest_step(parameters)
+    heights = np.concatenate([c[:: max(1, len(c) // 10_000), 2] for c in (reference, moving)])
+    level = float(np.median(heights)) if heights.size else 0.0
+    frame = _Frame.around(grid, 2**steps)
+    left: list[Moments] = []
+    for number, cloud in enumerate((reference, moving)):
+        progress.update(0.35 * number, f"gridding epoch {number + 1}")
+        moments = cell_moments(cloud, frame.grid, level)
+        if inside is not None:
+            moments.sums[:, ~frame.padded(inside, False)] = 0.0
+        left.append(moments)
+    counts = [frame.cut(m.count).astype(np.int64) for m in left]
+    unclaimed = np.ones(frame.grid.shape, dtype=bool) if inside is None else frame.padded(inside, False)
+    result = _Result.empty(frame.grid, unclaimed, level)
+    quantile = NormalDist().inv_cdf((1 + parameters.confidence) / 2)
+
+    def serves(planes: ParallelPlanes, sampling: Float, moments: list[Moments], last: bool) -> NDArray[np.bool_]:
+        enough = planes.sound & np.isfinite(sampling)
+        for epoch in moments:
+            enough &= epoch.count >= max(parameters.minimum_points, LEAST_POINTS)
+        if not last:
+            error = np.hypot(sampling, registration_error)
+            with np.errstate(invalid="ignore"):
+                enough &= (quantile * error <= parameters.target_level) | (sampling <= registration_error)
+        return enough
+
+    every = left
+    squares: list[tuple[ParallelPlanes, Float, list[Moments], NDArray[np.bool_] | None]] = []
+    reached: NDArray[np.bool_] | None = None
+    reached_by_any: NDArray[np.bool_] | None = None
+    for step in range(steps + 1):
+        progress.update(0.7 + 0.3 * step / (steps + 1), f"cells of {grid.cell * 2**step:g} m")
+        if step:
+            reached, left = _reached(left), [merged(m) for m in left]
+        planes = parallel_planes(*left)
+        around = parallel_planes(*every) if step else planes
+        sampling = _sampling_error(planes, around)
+        taken = serves(planes, sampling, left, step == steps)
+        result.take(taken, planes, sampling, left, reached)
+        if step:
+            squares.append((around, _sampling_error(around, around), every, reached_by_any))
+        if step < steps:  # before the points that are taken leave
+            reached_by_any, every = _reached(every), [merged(m) for m in every]
+        for moments in left:
+            moments.sums[:, taken] = 0.0
+    for step, (planes, sampling, whole, reached) in enumerate(squares, 1):
+        result.take(serves(planes, sampling, whole, step == steps), planes, sampling, whole, reached)
+    progress.update(1.0, "cells grown")
+    return result.cells(frame, counts)
+
+
+def largest_step(parameters: ChangeParameters) -> int:
+    """How often a cell may double its side within ``largest_cell``; InputError if not once."""
+    steps = math.floor(math.log2(parameters.largest_cell / parameters.cell) + 1e-9)
+    if steps < 1:
+        raise InputError(
+            f"The largest cell of {parameters.largest_cell:g} m leaves cells of {parameters.cell:g} m no room to grow; "
+            f"give a largest cell of at least {2 * parameters.cell:g} m, or leave out adaptive cells."
+        )
+    return steps
+
+
+def _reached(moments: list[Moments]) -> NDArray[np.bool_]:
+    """Blocks with a point of either epoch."""
+    return (moments[0].count > 0) | (moments[1].count > 0)
+
+
+def _sampling_error(planes: ParallelPlanes, around: ParallelPlanes) -> Float:
+    """Standard error of the blocks' dz by their points, m."""
+    variance = np.zeros(planes.dz.shape)
+    for epoch in (0, 1):
+        prior = _surrounding_variance(around.squares[epoch], around.degrees[epoch])
+        squares, degrees = planes.squares[epoch], planes.degrees[epoch]
+        variance += planes.weights[epoch] * (squares + _PRIOR_DEGREES * prior) / (degrees + _PRIOR_DEGREES)
+    return np.sqrt(variance)
+
+
+def _surrounding_variance(squares: Float, degrees: Float) -> Float:
+    """Variance of a point by the blocks around, all together where there are too few of them."""
+    size = 2 * _RADIUS + 1
+    sums = np.nan_to_num(np.stack([squares, degrees]))
+    near = ndimage.uniform_filter(sums, (1, size, size), mode="constant") * size**2
+    total = sums[1].sum()
+    whole = sums[0].sum() / total if total > 0 else np.nan
+    enough = near[1] >= 0.5
+    return np.where(enough, np.maximum(near[0], 0.0) / np.where(enough, near[1], 1.0), whole)
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """A grid whose edges are multiples of the largest block, and where the given one lies in it."""
+
+    grid: Grid
+    top: int
+    left: int
+    shape: tuple[int, int]
+
+    @classmethod
+    def around(cls, grid: Grid, multiple: int) -> _Frame:
+        first = round(grid.west / grid.cell) % multiple
+        above = -round(grid.north / grid.cell) % multiple
+        rows, columns = (-(-(a + b) // multiple) * multiple for a, b in ((above, grid.rows), (first, grid.columns)))
+        west, north = grid.west - first * grid.cell, grid.north + above * grid.cell
+        return cls(Grid(west, north, grid.cell, rows, columns), above, first, grid.shape)
+
+    def cut(self, array: NDArray) -> NDArray:
+        return array[self.top : self.top + self.shape[0], self.left : self.left + self.shape[1]]
+
+    def padded(self, array: NDArray, fill: object) -> NDArray:
+        whole = np.full(self.grid.shape, fill, dtype=array.dtype)
+        self.cut(whole)[:] = array
+        return whole
+
+
+@dataclass
+class _Result:
+    """What has been taken so far: the block of each cell, and the blocks' figures; heights from ``level``."""
+
+    block: NDArray[np.int64]
+    height: Float
+    figures: list[Float]
+    grid: Grid
+    unclaimed: NDArray[np.bool_]
+    level: float
+
+    @classmethod
+    def empty(cls, grid: Grid, unclaimed: NDArray[np.bool_], level: float) -> _Result:
+        block = np.full(grid.shape, -1, dtype=np.int64)
+        return cls(block, np.full(grid.shape, np.nan), [], grid, unclaimed, level)
+
+    def take(
+        self,
+        taken: NDArray[np.bool_],
+        planes: ParallelPlanes,
+        sampling: Float,
+        moments: list[Moments],
+        reached: NDArray[np.bool_] | None,
+    ) -> None:
+        """Give the cells of the blocks ``taken`` that no finer one has, where a quarter has points, to these."""
+        multiple = round(moments[0].side / self.grid.cell)
+        known = sum(f.shape[1] for f in self.figures)
+        number = np.full(taken.shape, -1, dtype=np.int64)
+        number[taken] = known + np.arange(np.count_nonzero(taken))
+        cells = _spread(number, multiple)
+        claimed = self.unclaimed & (cells >= 0)
+        if reached is not None:
+            claimed &= _spread(reached, multiple // 2)
+        self.block[claimed] = cells[claimed]
+        self.unclaimed[claimed] = False
+        sums = moments[1].sums
+        with np.errstate(invalid="ignore", divide="ignore"):
+            # the second epoch's plane at the block's centre
+            middle = (sums[3] - planes.slope_u * sums[1] - planes.slope_v * sums[2]) / sums[0] + self.level
+        row, column = np.nonzero(claimed)
+        i, j = row // multiple, column // multiple
+        east = (column - (j * multiple + (multiple - 1) / 2)) * self.grid.cell
+        north = ((i * multiple + (multiple - 1) / 2) - row) * self.grid.cell
+        self.height[row, column] = middle[i, j] + planes.slope_u[i, j] * east + planes.slope_v[i, j] * north
+        slope = np.degrees(np.arctan(np.hypot(planes.slope_u, planes.slope_v)))
+        side = np.full(taken.shape, moments[0].side)
+        columns = (planes.dz, sampling, slope, moments[0].count, moments[1].count, side)
+        self.figures.append(np.stack([c[taken] for c in columns]))
+
+    def cells(self, frame: _Frame, counts: list[NDArray[np.int64]]) -> AdaptiveCells:
+        figures = np.concatenate(self.figures, axis=1)
+        block = frame.cut(self.block)
+        inside = block >= 0
+        # numbers without gaps, in the order of the blocks' first cells
+        found, first, cells = np.unique(block[inside], return_index=True, return_inverse=True)
+        order = np.argsort(first, kind="stable")
+        figures = figures[:, found[order]]
+        rank = np.empty(len(found), dtype=np.int64)
+        rank[order] = np.arange(len(found))
+        block = np.full(block.shape, -1, dtype=np.int64)
+        block[inside] = rank[cells.ravel()]
+
+        def of_cells(values: Float) -> Float:
+            array = np.full(block.shape, np.nan)
+            array[inside] = values[block[inside]]
+            return array
+
+        dz, sampling, slope, _, _, side = (of_cells(values) for values in figures)
+        count_from, count_to = (
+            np.where(inside, np.nan_to_num(of_cells(values)).astype(np.int64), own)
+            for values, own in zip(figures[3:5], counts, strict=True)
+        )
+        height = np.where(inside, frame.cut(self.height), np.nan)
+        return AdaptiveCells(dz, sampling, height - dz, height, slope, count_from, count_to, block, side)
+
+
+def _spread(blocks: NDArray, multiple: int) -> NDArray:
+    """Each block's value on its ``multiple`` by ``multiple`` cells."""
+    return np.repeat(np.repeat(blocks, multiple, axis=0), multiple, axis=1)

@@ -1,0 +1,155 @@
+"""Sums of the points in square blocks from which any larger block's plane follows, without the points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .gridding import Float, Grid, cell_index
+
+# Rows of Moments.sums.
+N, U, V, Z, UU, UV, VV, UZ, VZ, ZZ = range(10)
+# A spread of the points of at least a tenth of the block in every direction; else a plane tilts freely.
+_LEAST_SPREAD = 1e-4
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Sums over the points of each block, ``sums`` of shape (10, rows, columns): n, u, v, z, uu, uv, vv, uz, vz, zz.
+
+    u (east) and v (north) are in metres from the block's own centre, z in metres from a common level. ``side`` is the
+    blocks' side in metres.
+    """
+
+    sums: Float
+    side: float
+
+    @property
+    def count(self) -> Float:
+        return self.sums[N]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.sums.shape[1], self.sums.shape[2]
+
+
+@dataclass(frozen=True)
+class ParallelPlanes:
+    """Two parallel planes, one an epoch, through the points of each block; arrays (rows, columns).
+
+    Attributes:
+        dz: height of the second plane over the first, m.
+        slope_u, slope_v: their common gradient.
+        squares: residual squares of the first and the second epoch's points, m².
+        degrees: degrees of freedom left to each epoch's points.
+        weights: the variance of ``dz`` is weights[0] * var_1 + weights[1] * var_2, var the variance of a point.
+        sound: where the gradient is determined and the epochs' centres are not too far apart for it.
+    """
+
+    dz: Float
+    slope_u: Float
+    slope_v: Float
+    squares: tuple[Float, Float]
+    degrees: tuple[Float, Float]
+    weights: tuple[Float, Float]
+    sound: NDArray[np.bool_]
+
+
+def cell_moments(xyz: Float, grid: Grid, level: float) -> Moments:
+    """Moments of the points (n, 3) in the cells of ``grid``, heights from ``level``."""
+    index = cell_index(xyz, grid)
+    if index.size and index.min() < 0:
+        inside = index >= 0
+        index, xyz = index[inside], xyz[inside]
+    row, column = np.divmod(index, grid.columns)
+    u = xyz[:, 0] - (grid.west + (column + 0.5) * grid.cell)
+    v = xyz[:, 1] - (grid.north - (row + 0.5) * grid.cell)
+    z = xyz[:, 2] - level
+    sums = np.empty((10, *grid.shape))
+    for number, values in enumerate((None, u, v, z, u * u, u * v, v * v, u * z, v * z, z * z)):
+        total = np.bincount(index, weights=values, minlength=grid.rows * grid.columns)
+        sums[number] = total.reshape(grid.shape)
+    return Moments(sums, grid.cell)
+
+
+def merged(moments: Moments) -> Moments:
+    """Moments of the blocks of two by two; both sides of the array must be even."""
+    quarter = moments.side / 2
+    total = np.zeros((10, moments.shape[0] // 2, moments.shape[1] // 2))
+    for i, dv in ((0, quarter), (1, -quarter)):  # row 0 is the northern one
+        for j, du in ((0, -quarter), (1, quarter)):
+            n, u, v, z, uu, uv, vv, uz, vz, zz = moments.sums[:, i::2, j::2]
+            total[N] += n
+            total[U] += u + n * du
+            total[V] += v + n * dv
+            total[Z] += z
+            total[UU] += uu + 2 * du * u + n * du**2
+            total[UV] += uv + du * v + dv * u + n * du * dv
+            total[VV] += vv + 2 * dv * v + n * dv**2
+            total[UZ] += uz + du * z
+            total[VZ] += vz + dv * z
+            total[ZZ] += zz
+    return Moments(total, 2 * moments.side)
+
+
+def parallel_planes(first: Moments, second: Moments) -> ParallelPlanes:
+    """Least squares of z = a + g . (u, v) in the first epoch and z = a + dz + g . (u, v) in the second, block by block.
+
+    One gradient for both epochs: where they sample different places of a sloping surface, both are brought to the same
+    place, by all points that there are (analysis of covariance; Cox and Hinkley 1974, Theoretical Statistics).
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        a, b = _centred(first.sums), _centred(second.sums)
+        suu, svv, suv = a.uu + b.uu, a.vv + b.vv, a.uv + b.uv
+        determinant = suu * svv - suv * suv
+        suz, svz = a.uz + b.uz, a.vz + b.vz
+        slope_u = (suz * svv - svz * suv) / determinant
+        slope_v = (svz * suu - suz * suv) / determinant
+        apart_u, apart_v = b.u - a.u, b.v - a.v
+        dz = b.z - a.z - slope_u * apart_u - slope_v * apart_v
+        # S^-1 times the way between the two centres: how the gradient's error reaches dz
+        lever_u = (apart_u * svv - apart_v * suv) / determinant
+        lever_v = (apart_v * suu - apart_u * suv) / determinant
+        squares, degrees, weights = [], [], []
+        for e in (a, b):
+            rest = e.zz - 2 * (slope_u * e.uz + slope_v * e.vz)
+            rest += slope_u**2 * e.uu + 2 * slope_u * slope_v * e.uv + slope_v**2 * e.vv
+            squares.append(np.maximum(rest, 0.0))
+            spent = (svv * e.uu - 2 * suv * e.uv + suu * e.vv) / determinant  # of the two numbers of the gradient
+            degrees.append(np.maximum(e.n - 1 - spent, 0.0))
+            weights.append(1 / e.n + lever_u**2 * e.uu + 2 * lever_u * lever_v * e.uv + lever_v**2 * e.vv)
+        extrapolation = lever_u * apart_u + lever_v * apart_v
+        n = a.n + b.n
+        sound = (a.n > 0) & (b.n > 0) & (n >= 4) & (extrapolation < 1.0)
+        sound &= determinant > _LEAST_SPREAD * (n * first.side**2 / 12.0) ** 2
+    for array in (dz, slope_u, slope_v, *squares, *degrees, *weights):
+        array[~sound] = np.nan
+    return ParallelPlanes(
+        dz, slope_u, slope_v, (squares[0], squares[1]), (degrees[0], degrees[1]), (weights[0], weights[1]), sound
+    )
+
+
+@dataclass(frozen=True)
+class _Centred:
+    """Means, and sums of products about them."""
+
+    n: Float
+    u: Float
+    v: Float
+    z: Float
+    uu: Float
+    uv: Float
+    vv: Float
+    uz: Float
+    vz: Float
+    zz: Float
+
+
+def _centred(sums: Float) -> _Centred:
+    n, u, v, z, uu, uv, vv, uz, vz, zz = sums
+    mu, mv, mz = u / n, v / n, z / n
+    return _Centred(
+        n, mu, mv, mz, uu - u * mu, uv - u * mv, vv - v * mv, uz - u * mz, vz - v * mz, np.maximum(zz - z * mz, 0.0)
+    )
