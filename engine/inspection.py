@@ -12,7 +12,7 @@ from typing import Any
 from pyproj import CRS
 
 from .change import difference
-from .clouds import copy_with, read_cloud
+from .clouds import copy_with, open_cloud, read_cloud
 from .epoch_screening import (
     SCREENING_OUTPUTS,
     EpochScreening,
@@ -34,10 +34,13 @@ from .parameters import (
     InputParameters,
     LastEpochParameters,
     RegistrationParameters,
+    ReportParameters,
     ZoneParameters,
 )
 from .pdal import Pdal, find_pdal
 from .products import Context, write_products
+from .profile_lines import ProfileLine, given_lines
+from .profiles import PROFILE_OUTPUTS
 from .progress import Progress
 from .registration import RegistrationResult
 from .run_record import RunRecord, plain
@@ -50,7 +53,10 @@ CHANGE_OUTPUTS = (
     "heatmap.png",
     "heatmap.tif",
     "top_view.tif",
+    "surface_heights.tif",
+    "point_counts.tif",
 )
+_EVERY_OUTPUT = (*CHANGE_OUTPUTS, *PROFILE_OUTPUTS, *SCREENING_OUTPUTS)
 
 
 @dataclass(frozen=True)
@@ -64,6 +70,7 @@ class Settings:
     zones: ZoneParameters = field(default_factory=ZoneParameters)
     heatmap: HeatmapParameters = field(default_factory=HeatmapParameters)
     screening: LastEpochParameters = field(default_factory=LastEpochParameters)
+    report: ReportParameters = field(default_factory=ReportParameters)
 
     def groups(self) -> dict[str, Any]:
         return {
@@ -74,6 +81,7 @@ class Settings:
             "zones": self.zones,
             "heatmap": self.heatmap,
             "screening": self.screening,
+            "report": self.report,
         }
 
 
@@ -87,6 +95,7 @@ def inspect_slope(
     *,
     roi: Path | None = None,
     stable: Path | None = None,
+    profiles: Path | None = None,
     pdal: Path | None = None,
     progress: Progress | None = None,
 ) -> Outcome:
@@ -99,6 +108,7 @@ def inspect_slope(
         output_dir: folder for the outputs; made if missing.
         roi: vector file whose polygons bound the managed slope.
         stable: vector file whose polygons are known to be stable; only they register the epochs.
+        profiles: vector file whose lines profiles are taken along.
         pdal: the pdal program, if another than the one found.
 
     Returns:
@@ -113,19 +123,25 @@ def inspect_slope(
         check_pair(*epochs)
     elif len(epochs) != 1:
         raise InputError(f"{len(epochs)} epochs were given; give two, the earlier first, or one to screen it.")
-    given = [e.path for e in epochs] + [p for p in (roi, stable) if p is not None]
-    refuse_inputs_as_outputs([output_dir / name for name in (*CHANGE_OUTPUTS, *SCREENING_OUTPUTS)], given)
+    given = [e.path for e in epochs] + [p for p in (roi, stable, profiles) if p is not None]
+    refuse_inputs_as_outputs([output_dir / name for name in _EVERY_OUTPUT], given)
     program = find_pdal(pdal)
     record = RunRecord("inspect", settings.groups())
     record.facts["pdal"] = {"version": program.version, "path": program.path, "found": program.how}
     hashes = tuple(record.add_input(f"epoch {e.name}", e.path) for e in epochs)
-    for role, path in (("roi", roi), ("stable", stable)):
+    for role, path in (("roi", roi), ("stable", stable), ("profiles", profiles)):
         if path is not None:
             record.add_input(role, path)
     record.facts["run_id"] = uuid.uuid5(uuid.NAMESPACE_OID, repr((hashes, plain(record.parameters)))).hex[:12]
-    run = _Run(epochs, settings, hashes, record, roi, stable, program, progress)
     if len(epochs) == 2:
         require_comparable(epochs[0].path, epochs[1].path, settings.inputs)
+    lines: tuple[ProfileLine, ...] = ()
+    if profiles is not None and len(epochs) == 1:
+        raise InputError("--profiles was given with one epoch; profiles show the change between two, so give both.")
+    if profiles is not None:
+        crs = open_cloud(epochs[0].path, settings.inputs)[1].crs
+        lines = given_lines(profiles, crs, settings.report.profile_field, progress)
+    run = _Run(epochs, settings, hashes, record, roi, stable, lines, program, progress)
     screened = _to_be_screened(run)
     with staged_outputs(output_dir) as stage:
         with progress.stage(0.0, 0.6, "extracting the ground"), record.stage("ground") as entry:
@@ -147,7 +163,7 @@ def inspect_slope(
 def _tell_what_is_older(folder: Path, outputs: dict[str, Path], progress: Progress) -> None:
     """Warn of outputs of another run in the folder, which this one does not replace."""
     own = {path.name for path in outputs.values()}
-    older = [name for name in (*CHANGE_OUTPUTS, *SCREENING_OUTPUTS) if name not in own and (folder / name).exists()]
+    older = [name for name in _EVERY_OUTPUT if name not in own and (folder / name).exists()]
     if older:
         progress.warning(f"The folder {folder} still holds outputs of an earlier run: {', '.join(older)}.")
 
@@ -160,6 +176,7 @@ class _Run:
     record: RunRecord
     roi: Path | None
     stable: Path | None
+    lines: tuple[ProfileLine, ...]
     program: Pdal
     progress: Progress
 
@@ -236,9 +253,21 @@ def _change_of_two(run: _Run, grounds: list[GroundResult], stage: Stage, screene
             method=f"grid difference ({settings.change.cell_value}), {registration.method} registration",
             run_id=record.facts["run_id"],
         )
-        files, figures = write_products(change, picture, context, settings.zones, settings.heatmap, stage, progress)
-        outputs |= files
-        figures |= registration.figures()
+        products = write_products(
+            change,
+            picture,
+            context,
+            settings.zones,
+            settings.heatmap,
+            stage,
+            progress,
+            lines=run.lines,
+            report_parameters=settings.report,
+        )
+        outputs |= products.outputs
+        record.facts |= products.facts
+        record.facts["registration"] = registration.summary()
+        figures = products.figures | registration.figures()
         if found is not None:
             files, more = write_epoch_screening(found, picture, epochs[1], run.hashes[1], settings.screening, stage)
             outputs |= files

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +17,11 @@ from .change import Change, compared_share
 from .clouds import PointCloud
 from .epochs import Epoch
 from .outputs import Stage
-from .parameters import HeatmapParameters, ZoneParameters
+from .parameters import HeatmapParameters, ReportParameters, ZoneParameters
+from .profile_lines import GIVEN, ProfileLine, steepest_lines
+from .profiles import Layers, take_profile, write_profiles
 from .progress import Progress
+from .report_facts import change_facts
 from .transform import RigidTransform
 from .version import VERSION
 
@@ -36,6 +41,19 @@ class Context:
     run_id: str
 
 
+@dataclass(frozen=True)
+class Products:
+    """What was written of a change.
+
+    ``outputs`` are the final paths by name, ``figures`` the main figures for the record's metrics, ``facts`` entries of
+    their own for the record: what the report shows beside the main figures.
+    """
+
+    outputs: dict[str, Path]
+    figures: dict[str, Any]
+    facts: dict[str, Any]
+
+
 def write_products(
     change: Change,
     picture: PointCloud,
@@ -44,14 +62,15 @@ def write_products(
     heatmap_parameters: HeatmapParameters,
     stage: Stage,
     progress: Progress,
-) -> tuple[dict[str, Path], dict[str, Any]]:
+    *,
+    lines: Sequence[ProfileLine] = (),
+    report_parameters: ReportParameters | None = None,
+) -> Products:
     """Write the outputs of one change into ``stage``.
 
     Args:
         picture: the cloud that the top view shows (the later epoch with its vegetation).
-
-    Returns:
-        The final paths by name, and the main figures.
+        lines: along which profiles are taken, beside the steepest ones through the zones.
     """
     dates = context.first.date, context.second.date
     tags = rasters.raster_tags(
@@ -103,8 +122,38 @@ def write_products(
     )
     for name, file in (("heatmap", "heatmap.png"), ("heatmap_raster", "heatmap.tif"), ("top_view", "top_view.tif")):
         outputs[name] = stage.final(file)
-    progress.update(1.0, "drawing the heatmap")
-    return outputs, main_figures(change, found.frame)
+    progress.update(0.95, "taking profiles")
+    facts = change_facts(change, found.frame, (context.first, context.second), context.crs, limit)
+    layers = Layers(
+        change.grid, change.height_from, change.height_to, change.dz, change.level, change.significant & change.valid
+    )
+    count = (report_parameters or ReportParameters()).zone_profiles
+    files, facts["profiles"] = profile_products(layers, found.frame, lines, count, context.crs, dates[1], stage)
+    outputs |= files
+    for line in facts["profiles"]:
+        if line["kind"] == GIVEN and not line["compared_share"]:
+            progress.warning(
+                f"The profile {line['name']!r} meets no ground that both surveys measured; check its line."
+            )
+    progress.update(1.0, "taking profiles")
+    return Products(outputs, main_figures(change, found.frame), facts)
+
+
+def profile_products(
+    layers: Layers,
+    zone_frame: gpd.GeoDataFrame,
+    lines: Sequence[ProfileLine],
+    count: int,
+    crs: CRS | None,
+    stamp: date | None,
+    stage: Stage,
+) -> tuple[dict[str, Path], list[dict[str, Any]]]:
+    """Profiles along ``lines`` and down the first ``count`` zones: files (none without a line) and their figures."""
+    every = (*lines, *steepest_lines(zone_frame, layers.height_to, layers.dz, layers.grid, count))
+    if not every:
+        return {}, []
+    profiles = [take_profile(line, layers) for line in every]
+    return write_profiles(every, profiles, crs, stage, stamp), [p.facts() for p in profiles]
 
 
 def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:
@@ -153,5 +202,15 @@ def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float,
         path = stage.path(f"{name}.tif")
         rasters.write_raster(path, array, change.grid, crs, description=description, tags=tags)
         styles.write_qml_beside(path, qml)
+        outputs[name] = stage.final(path.name)
+    epochs = ("earlier", "later")
+    bands = {
+        "surface_heights": ("Height of the {} surface", "m", (change.height_from, change.height_to)),
+        "point_counts": ("Ground points a cell, {}", "points", (change.count_from, change.count_to)),
+    }
+    for name, (description, unit, arrays) in bands.items():
+        path = stage.path(f"{name}.tif")
+        named = {description.format(e): np.asarray(a, np.float64) for e, a in zip(epochs, arrays, strict=True)}
+        rasters.write_bands(path, named, change.grid, crs, unit=unit, tags=tags)
         outputs[name] = stage.final(path.name)
     return outputs

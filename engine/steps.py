@@ -8,9 +8,10 @@ import math
 import uuid
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from .change import difference
-from .clouds import copy_with, read_cloud
+from .clouds import copy_with, open_cloud, read_cloud
 from .epochs import Epoch, check_pair, date_in_name, parse_date
 from .errors import InputError
 from .ground import extract_ground
@@ -19,6 +20,8 @@ from .outputs import refuse_inputs_as_outputs, refuse_other_than_cloud, refuse_u
 from .pair import register_pair, require_comparable, require_two_clouds, warn_of_doubtful_change
 from .pdal import find_pdal
 from .products import Context, write_products
+from .profile_lines import given_lines
+from .profiles import PROFILE_OUTPUTS
 from .progress import Progress
 from .run_record import RunRecord, plain
 from .transform import RigidTransform
@@ -124,6 +127,7 @@ def change_step(
     *,
     dates: tuple[str | None, str | None],
     transform_path: Path | None,
+    profiles: Path | None = None,
     progress: Progress,
 ) -> Outcome:
     """Change between two registered ground clouds, with all its products."""
@@ -133,8 +137,8 @@ def change_step(
         for path, given in zip(paths, dates, strict=True)
     )
     check_pair(first, second)
-    given_files = [*paths] + ([transform_path] if transform_path else [])
-    refuse_inputs_as_outputs([output_dir / name for name in CHANGE_OUTPUTS], given_files)
+    given_files = [*paths] + [p for p in (transform_path, profiles) if p]
+    refuse_inputs_as_outputs([output_dir / name for name in (*CHANGE_OUTPUTS, *PROFILE_OUTPUTS)], given_files)
     record = RunRecord(
         "change",
         {
@@ -142,6 +146,7 @@ def change_step(
             "change": settings.change,
             "zones": settings.zones,
             "heatmap": settings.heatmap,
+            "report": settings.report,
         },
     )
     hashes = tuple(record.add_input(f"epoch {e.name}", e.path) for e in (first, second))
@@ -149,7 +154,12 @@ def change_step(
     if transform is not None and transform_path is not None:
         record.add_input("transform", transform_path)
         record.facts["transform"] = transform.matrix
+        record.facts["registration"] = _registration_facts(transform_path)
+    if profiles is not None:
+        record.add_input("profiles", profiles)
     require_comparable(reference, moving, settings.inputs)
+    crs = open_cloud(reference, settings.inputs)[1].crs
+    lines = given_lines(profiles, crs, settings.report.profile_field, progress)
     with staged_outputs(output_dir) as stage:
         with progress.stage(0.0, 0.3, "reading"), record.stage("read") as entry:
             a = read_cloud(reference, settings.inputs, progress=progress)
@@ -176,11 +186,20 @@ def change_step(
             run_id=uuid.uuid5(uuid.NAMESPACE_OID, repr((hashes, plain(record.parameters)))).hex[:12],
         )
         with progress.stage(0.5, 0.99, "writing outputs"), record.stage("products"):
-            outputs, record.metrics = write_products(
-                change, b, context, settings.zones, settings.heatmap, stage, progress
+            products = write_products(
+                change,
+                b,
+                context,
+                settings.zones,
+                settings.heatmap,
+                stage,
+                progress,
+                lines=lines,
+                report_parameters=settings.report,
             )
-        outputs["run"] = stage.final("run.json")
-        record.facts["run_id"] = context.run_id
+        outputs = products.outputs | {"run": stage.final("run.json")}
+        record.metrics = products.figures
+        record.facts |= products.facts | {"run_id": context.run_id}
         record.write(stage.path("run.json"), progress.warnings, outputs)
     return outputs, record.metrics
 
@@ -189,11 +208,16 @@ def _registration_error(transform_path: Path | None) -> float | None:
     """Standard error of the registration in height (m), where the transform's file tells it."""
     if transform_path is None:
         return None
-    facts = json.loads(transform_path.read_text(encoding="utf-8")).get("registration")
-    known = facts.get("registration_error_m") if isinstance(facts, dict) else None
+    known = _registration_facts(transform_path).get("registration_error_m")
     if isinstance(known, (int, float)) and math.isfinite(known) and known >= 0:
         return float(known)
     return None
+
+
+def _registration_facts(transform_path: Path) -> dict[str, Any]:
+    """What the transform's file tells of the registration that found it."""
+    facts = json.loads(transform_path.read_text(encoding="utf-8")).get("registration")
+    return facts if isinstance(facts, dict) else {}
 
 
 def _record_name(output: Path) -> str:
