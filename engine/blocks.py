@@ -1,0 +1,48 @@
+"""Cells that are one: what to do with the cells of a grown block where each should count, or err, once."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .gridding import Float
+
+Blocks = NDArray[np.int64]
+"""Number of each cell's block (rows, columns); -1 where there is none."""
+
+
+def middle_cells(block: Blocks) -> NDArray[np.bool_]:
+    """One cell of each block (rows, columns): that nearest to the middle of its cells."""
+    inside = np.flatnonzero(block.ravel() >= 0)
+    number = block.ravel()[inside]
+    row, column = np.divmod(inside, block.shape[1])
+    cells = np.maximum(np.bincount(number), 1)
+    away = np.hypot(
+        row - (np.bincount(number, row) / cells)[number], column - (np.bincount(number, column) / cells)[number]
+    )
+    # the nearest first, of equals the first in the order of the cells
+    order = np.lexsort((inside, np.round(away, 6), number))
+    first = np.unique(number[order], return_index=True)[1]
+    found = np.zeros(block.size, dtype=bool)
+    found[inside[order][first]] = True
+    return found.reshape(block.shape)
+
+
+def gathered(values: Float, block: Blocks) -> Float:
+    """Sum of ``values`` over each block's cells, in its middle cell; 0 in the others, untouched outside of blocks."""
+    middle = middle_cells(block)
+    inside = block >= 0
+    total = np.bincount(block[inside], values[inside], minlength=int(block.max(initial=0)) + 1)
+    result = np.where(inside, 0.0, values)
+    result[middle] = total[block[middle]]
+    return result
+
+
+def blocks_in_groups(labels: NDArray[np.integer], block: Blocks, count: int) -> NDArray[np.int64]:
+    """How many blocks have a cell in each group (``labels`` 0 to ``count``), cells outside of blocks one each."""
+    inside = np.flatnonzero(labels.ravel() > 0)
+    number = block.ravel()[inside]
+    # numbers of their own for cells outside of blocks
+    number = np.where(number >= 0, number, block.max(initial=-1) + 1 + inside)
+    pairs = np.unique(np.stack([labels.ravel()[inside].astype(np.int64), number]), axis=1)
+    return np.bincount(pairs[0], minlength=count + 1)
