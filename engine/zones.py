@@ -16,6 +16,7 @@ from rasterio.features import shapes
 from scipy import ndimage
 from scipy.special import erf
 
+from .blocks import Blocks, blocks_in_groups
 from .gridding import Float, Grid
 from .parameters import ZoneParameters
 
@@ -91,6 +92,7 @@ def extract_zones(
     epochs: tuple[date | None, date | None] = (None, None),
     method: str = "",
     run_id: str = "",
+    block: Blocks | None = None,
 ) -> Zones:
     """Join significant cells of one sign into zones.
 
@@ -116,9 +118,10 @@ def extract_zones(
         registration_error: the part of ``sigma`` that all cells share, metres.
         heights: heights of the surface, for the zones' inclination; without them ``slope_deg`` is NULL.
         epochs: dates of both surveys; without them ``days`` and the rates are NULL.
+        block: number of each cell's block where cells grew (-1: none). A block counts as one cell and errs as one.
     """
     parameters = parameters or ZoneParameters()
-    labels, first_cells, groups, cells = label_groups(dz, significant, grid, parameters)
+    labels, first_cells, groups, cells = label_groups(dz, significant, grid, parameters, block)
     count = len(first_cells)
     inside = np.flatnonzero(labels)
     zone = labels.ravel()[inside].astype(np.int64) - 1
@@ -135,7 +138,10 @@ def extract_zones(
         count_min.ravel()[inside],
         cell_area=grid.cell**2,
         registration_error=registration_error,
+        block=None if block is None else block.ravel()[inside],
     )
+    if block is not None:
+        values["n_cells"] = blocks_in_groups(labels, block, count)[1:]
     values["slope_deg"] = np.full(count, np.nan) if heights is None else inclination(zone, inside, count, heights, grid)
     values["severity"] = _severity(values["dz_p95_m"], parameters)
     _add_rates(values, epochs)
@@ -168,7 +174,11 @@ def horizontal(crs: CRS | None) -> CRS | None:
 
 
 def label_groups(
-    dz: NDArray[np.floating], significant: NDArray[np.bool_], grid: Grid, parameters: ZoneParameters
+    dz: NDArray[np.floating],
+    significant: NDArray[np.bool_],
+    grid: Grid,
+    parameters: ZoneParameters,
+    block: Blocks | None = None,
 ) -> tuple[NDArray[np.int32], NDArray[np.int64], int, int]:
     """Labels 1..n of the groups that are large enough, first cell of each, and groups and cells that were not."""
     labels = np.zeros(grid.shape, dtype=np.int32)
@@ -186,7 +196,8 @@ def label_groups(
         found += number
     sizes = np.bincount(labels.ravel(), minlength=found + 1)
     # a group of exactly the least area must not fail by rounding
-    enough = (sizes >= parameters.minimum_cells) & (sizes * grid.cell**2 >= parameters.minimum_area * (1 - 1e-9))
+    number_of = sizes if block is None else blocks_in_groups(labels, block, found)
+    enough = (number_of >= parameters.minimum_cells) & (sizes * grid.cell**2 >= parameters.minimum_area * (1 - 1e-9))
     enough[0] = False
     dropped = ~enough
     dropped[0] = False
@@ -208,6 +219,7 @@ def _statistics(
     *,
     cell_area: float,
     registration_error: float,
+    block: NDArray[np.int64] | None = None,
 ) -> dict[str, NDArray]:
     """Figures of each of ``count`` zones from its cells' values; ``zone`` (n,) says whose a cell is."""
 
@@ -220,7 +232,8 @@ def _statistics(
     sums = total(dz)
     sign = np.sign(sums)
     shared = cells * registration_error
-    variance = shared**2 + total(np.maximum(sigma**2 - registration_error**2, 0.0))
+    own = np.sqrt(np.maximum(sigma**2 - registration_error**2, 0.0))
+    variance = shared**2 + (total(own**2) if block is None else _variance_of_blocks(own, zone, block, count))
     least = np.full(count, np.iinfo(np.int64).max)
     np.minimum.at(least, zone, points)
     mean_sigma = total(sigma) / cells
@@ -242,6 +255,14 @@ def _statistics(
         "lod95_m": _quantile(levels, cells, 0.5),
         "n_pts_min": least,
     }
+
+
+def _variance_of_blocks(
+    own: Float, zone: NDArray[np.int64], block: NDArray[np.int64], count: int
+) -> NDArray[np.float64]:
+    """Variance of the sum over each zone's cells, where those of one block err alike and blocks independently."""
+    pairs, part = np.unique(np.stack([zone, block]), axis=1, return_inverse=True)
+    return np.bincount(pairs[0], np.bincount(part.ravel(), own) ** 2, minlength=count)
 
 
 def _sorted_by_zone(values: Float, zone: NDArray[np.int64]) -> Float:

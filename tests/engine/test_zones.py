@@ -277,3 +277,45 @@ def test_zones_are_in_the_horizontal_part_of_a_compound_system() -> None:
     args = dz, dz > 0, dz, dz, np.ones(dz.shape, int), grid_of(dz.shape)
     assert extract_zones(*args, CRS("EPSG:32651+5773"), EVERYTHING).frame.crs == UTM
     assert extract_zones(*args, None, EVERYTHING).frame.crs is None
+
+
+def grown_blocks() -> tuple[np.ndarray, np.ndarray]:
+    """A change in blocks of 4 by 4 cells (and some single cells), every cell of a block the same."""
+    random = np.random.default_rng(8)
+    block = np.arange(60).reshape(6, 10).repeat(4, axis=0).repeat(4, axis=1)
+    values = ndimage.gaussian_filter(random.normal(size=(6, 10)), 1) * 3
+    dz = values.repeat(4, axis=0).repeat(4, axis=1)
+    fine = random.random(block.shape) < 0.2
+    block[fine] = 60 + np.arange(fine.sum())
+    dz[fine] += random.normal(0, 0.02, fine.sum())
+    return dz, block
+
+
+def test_a_grown_block_counts_as_one_cell() -> None:
+    dz, block = grown_blocks()
+    dz[:, 20:] = np.nan
+    dz[4:8, 12:16], block[4:8, 12:16] = 5.0, 7
+    around = np.s_[3:9, 11:17]
+    dz[around] = np.where(np.abs(dz[around]) < 5, 0.0, dz[around])  # one block stands alone
+    parameters = ZoneParameters(minimum_area=0.0, minimum_cells=2)
+    assert run(dz, parameters).labels[5, 13] > 0
+    found = run(dz, parameters, block=block)
+    assert found.labels[5, 13] == 0
+    for zone in range(1, len(found.frame) + 1):
+        blocks = set(block[found.labels == zone].tolist())
+        assert found.frame["n_cells"].iloc[zone - 1] == len(blocks) >= 2
+        assert found.frame["area_m2"].iloc[zone - 1] == pytest.approx(np.sum(found.labels == zone) * 0.25)
+
+
+def test_the_error_of_a_volume_is_that_of_blocks_that_err_as_one() -> None:
+    dz, block = grown_blocks()
+    sigma_of = np.hypot(np.random.default_rng(2).uniform(0.01, 0.1, block.max() + 1), 0.02)
+    found = run(dz, sigma=sigma_of[block], block=block, registration_error=0.02)
+    assert len(found.frame)
+    random = np.random.default_rng(3)
+    independent = random.normal(size=(4000, len(sigma_of))) * np.sqrt(sigma_of**2 - 0.02**2)
+    shared = random.normal(0, 0.02, (4000, 1))
+    for zone in range(1, len(found.frame) + 1):
+        cells = np.bincount(block[found.labels == zone], minlength=len(sigma_of))
+        volumes = (independent + shared) @ cells * 0.25
+        assert found.frame["vol_err_m3"].iloc[zone - 1] == pytest.approx(volumes.std(), rel=0.06)
