@@ -262,7 +262,7 @@ def _variance_of_blocks(
 ) -> NDArray[np.float64]:
     """Variance of the sum over each zone's cells, where those of one block err alike and blocks independently."""
     pairs, part = np.unique(np.stack([zone, block]), axis=1, return_inverse=True)
-    return np.bincount(pairs[0], np.bincount(part.ravel(), own) ** 2, minlength=count)
+    return np.bincount(pairs[0], np.bincount(part.ravel(), own) ** 2, minlength=count).astype(np.float64, copy=False)
 
 
 def _sorted_by_zone(values: Float, zone: NDArray[np.int64]) -> Float:
