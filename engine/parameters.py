@@ -589,6 +589,24 @@ class DistanceParameters(ParameterSet):
 
 
 @dataclass(frozen=True)
+class SeriesParameters(ParameterSet):
+    """More than two surveys of one slope."""
+
+    ground_ready: bool = _parameter(
+        False,
+        "Clouds are ground already",
+        "Takes all points of the clouds as ground (as Extract ground wrote them), inside the region of interest. Off: "
+        "the ground of each raw survey is extracted first.",
+    )
+    rasters_each_survey: bool = _parameter(
+        True,
+        "Rasters of every survey",
+        "Also writes the change and its level of detection for each survey against the first and against the one "
+        "before. Off: velocity, confirmation and zones only.",
+    )
+
+
+@dataclass(frozen=True)
 class ScreeningParameters(ParameterSet):
     """Screening of one survey: which ground looks raised or lowered against the slope around it."""
 
