@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import sqlite3
 import warnings
+from collections.abc import Sequence
 from contextlib import closing
+from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
@@ -32,6 +34,16 @@ def write_zones(path: Path, frame: gpd.GeoDataFrame, *, stamp: date | None = Non
     write_layer(path, frame, "zones", qml=zones_qml(), geometry_type="MultiPolygon", stamp=stamp)
 
 
+@dataclass(frozen=True)
+class Layer:
+    """A layer to write: its table, its ``name``, ``qml`` as its default style, ``geometry_type`` as declared."""
+
+    frame: gpd.GeoDataFrame
+    name: str
+    qml: str = ""
+    geometry_type: str | None = None
+
+
 def write_layer(
     path: Path,
     frame: gpd.GeoDataFrame,
@@ -52,24 +64,43 @@ def write_layer(
         EngineError: a field name is not lowercase or longer than 31 characters, or the file read back differs.
         InputError: the folder is missing or not writable.
     """
-    fields = [name for name in frame.columns if name != frame.geometry.name]
-    for name in fields:
-        if name != name.lower() or len(name) > 31:
-            raise EngineError(f"{name} is no field name for {Path(path).name}")
+    write_layers(path, [Layer(frame, layer, qml, geometry_type)], stamp=stamp)
+
+
+def write_layers(path: Path, layers: Sequence[Layer], *, stamp: date | None = None) -> None:
+    """As ``write_layer``, with several layers in one new GeoPackage."""
+    fields = {
+        layer.name: [name for name in layer.frame.columns if name != layer.frame.geometry.name] for layer in layers
+    }
+    for names in fields.values():
+        for name in names:
+            if name != name.lower() or len(name) > 31:
+                raise EngineError(f"{name} is no field name for {Path(path).name}")
 
     def check(written: Path) -> None:
         with writable(written) as plain:
-            _check(plain, frame, layer, fields)
+            for layer in layers:
+                _check(plain, layer.frame, layer.name, fields[layer.name])
 
     moment = f"{(stamp or date(1970, 1, 1)).isoformat()}T00:00:00.000Z"
     with atomic_output(Path(path), check) as named, writable(named) as partial:
         partial.unlink(missing_ok=True)
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="'crs' was not provided")
-            pyogrio.write_dataframe(frame, partial, layer=layer, driver="GPKG", geometry_type=geometry_type, **_OPTIONS)
+            for number, layer in enumerate(layers):
+                pyogrio.write_dataframe(
+                    layer.frame,
+                    partial,
+                    layer=layer.name,
+                    driver="GPKG",
+                    geometry_type=layer.geometry_type,
+                    append=number > 0,
+                    **_OPTIONS,
+                )
         with closing(sqlite3.connect(partial)) as database, database:
-            if qml:
-                _add_style(database, layer, qml, moment)
+            styled = [layer for layer in layers if layer.qml]
+            if styled:
+                _add_styles(database, styled, moment)
             database.execute("UPDATE gpkg_contents SET last_change = ?", (moment,))
         _reset_change_counter(partial)
 
@@ -100,14 +131,15 @@ def read_layer(path: Path, layer: str | None = None) -> gpd.GeoDataFrame:
         raise InputError(f"{path} cannot be read as a vector file{wanted}; give a GeoPackage.") from error
 
 
-def _add_style(database: sqlite3.Connection, layer: str, qml: str, moment: str) -> None:
+def _add_styles(database: sqlite3.Connection, layers: Sequence[Layer], moment: str) -> None:
     database.execute(_STYLE_TABLE)
-    database.execute(
-        "INSERT INTO layer_styles (f_table_catalog, f_table_schema, f_table_name, f_geometry_column, styleName,"
-        " styleQML, styleSLD, useAsDefault, description, owner, update_time)"
-        " VALUES ('', '', ?, 'geom', ?, ?, '', 1, '', '', ?)",
-        (layer, "SlopeWatch", qml, moment),
-    )
+    for layer in layers:
+        database.execute(
+            "INSERT INTO layer_styles (f_table_catalog, f_table_schema, f_table_name, f_geometry_column, styleName,"
+            " styleQML, styleSLD, useAsDefault, description, owner, update_time)"
+            " VALUES ('', '', ?, 'geom', ?, ?, '', 1, '', '', ?)",
+            (layer.name, "SlopeWatch", layer.qml, moment),
+        )
     # known to the GeoPackage, else strict readers complain about a stray table
     database.execute(
         "INSERT INTO gpkg_contents (table_name, data_type, identifier, description, srs_id)"
