@@ -78,8 +78,15 @@ def _superellipse(hazard: Hazard, x: Float32, y: Float32) -> Float32:
         y = np.where(y > 0, y / np.float32(1 + hazard.skew), y / np.float32(1 - hazard.skew))
     p = np.float32(hazard.exponent)
     r = np.abs(x) ** p + np.abs(y) ** p
-    profile = np.maximum(1.0 - r ** np.float32(hazard.flatness / hazard.exponent), 0.0) ** np.float32(hazard.fall)
-    return np.asarray(profile, dtype=np.float32)
+    return _power(np.maximum(1.0 - r ** np.float32(hazard.flatness / hazard.exponent), 0.0), hazard.fall)
+
+
+def _power(base: Float32, exponent: float) -> Float32:
+    """``base`` >= 0 to a power > 0. NumPy's own takes many times as long at 0, where most nodes of a window are."""
+    inside = base > 0
+    value = np.where(inside, base, np.float32(1.0)) ** np.float32(exponent)
+    value *= inside
+    return value
 
 
 def _mound(hazard: Hazard, x: Float32, y: Float32, bumps: Float32) -> Float32:
@@ -111,7 +118,7 @@ def _scarp_and_bulge(hazard: Hazard, x: Float32, y: Float32, bumps: Float32) -> 
     steep = np.float32(min(0.4, 0.2 / hazard.half_w))
     across = np.sqrt(np.maximum(1.0 - np.abs(x) ** 3, 0.0))
     scarp = np.clip((arch - 0.35) / 0.45, 0.0, 1.0) * np.clip((1.0 - arch) / steep, 0.0, 1.0) * across
-    bulge = np.maximum(1.0 - (x / 1.05) ** 2 - ((y + 0.35) / 0.65) ** 2, 0.0) ** np.float32(0.8)
+    bulge = _power(np.maximum(1.0 - (x / 1.05) ** 2 - ((y + 0.35) / 0.65) ** 2, 0.0), 0.8)
     return np.float32(hazard.height) * scarp + np.float32(hazard.second) * bulge * (1.0 + 0.15 * bumps)
 
 

@@ -28,16 +28,19 @@ LABELLED = 0.55
 
 
 class _Cover:
-    """What is displaced so far, at every ``stride``-th node, and how far every place is from it."""
+    """What is displaced so far, at every ``stride``-th node, and how far every place is from it, up to ``widest`` m:
+    more room than any hazard's circle needs.
+    """
 
-    def __init__(self, surface: Surface, limit: float) -> None:
-        self.surface, self.limit = surface, limit
+    def __init__(self, surface: Surface, limit: float, widest: float) -> None:
+        self.surface, self.limit, self.widest = surface, limit, widest
         self.stride = max(1, round(COARSE / surface.step))
         self.dz = np.zeros([-(-nodes // self.stride) for nodes in surface.shape], dtype=np.float32)
         self.within = self.coarse(*surface.window(0.0, 0.0, *surface.extent, self.stride))
         u, w = (x[:: self.stride][part] for x, part in zip((surface.u, surface.w), self.within))
         self.u, self.w = u[::2, None], w[None, ::2]
         self.room = np.full((self.u.size, self.w.size), np.inf, dtype=np.float32)
+        self.labelled = np.zeros(2, dtype=np.intp)
 
     def coarse(self, rows: slice, columns: slice) -> tuple[slice, slice]:
         """Slices of the coarse nodes that slices of the surface with this stride take."""
@@ -46,20 +49,46 @@ class _Cover:
 
     def shares(self) -> Float:
         """(2,) shares of the surveyed part that are labelled uplift and subsidence."""
-        dz = self.dz[self.within]
-        return np.array([np.count_nonzero(dz > self.limit), np.count_nonzero(dz < -self.limit)]) / dz.size
+        return self.labelled / self.dz[self.within].size
+
+    def add(self, place: tuple[slice, slice], dz: Float32) -> Float32:
+        """Displace the nodes of the slices; what they were before, for ``restore``."""
+        before = self.dz[place].copy()
+        self.restore(place, before + dz)
+        return before
+
+    def restore(self, place: tuple[slice, slice], dz: Float32) -> None:
+        """Let the nodes of the slices be displaced by ``dz`` in all."""
+        self.labelled -= self._labelled_nodes(place)
+        self.dz[place] = dz
+        self.labelled += self._labelled_nodes(place)
+
+    def _labelled_nodes(self, place: tuple[slice, slice]) -> NDArray[np.intp]:
+        """(2,) surveyed nodes of the slices that are labelled uplift and subsidence."""
+        rows, columns = (
+            slice(max(a.start, b.start), min(a.stop, b.stop)) for a, b in zip(place, self.within, strict=True)
+        )
+        dz = self.dz[rows, columns]
+        return np.array([np.count_nonzero(dz > self.limit), np.count_nonzero(dz < -self.limit)])
 
     def occupy(self, hazard: Hazard) -> None:
         """Places are no farther from anything than from this hazard's circle."""
-        far = np.hypot(self.u - np.float32(hazard.u), self.w - np.float32(hazard.w)) - np.float32(_radius(hazard))
-        np.minimum(self.room, far, out=self.room)
+        radius = _radius(hazard)
+        rows, columns = (
+            slice(*np.searchsorted(nodes.ravel(), (place - radius - self.widest, place + radius + self.widest)))
+            for nodes, place in ((self.u, hazard.u), (self.w, hazard.w))
+        )
+        far = np.hypot(self.u[rows] - np.float32(hazard.u), self.w[:, columns] - np.float32(hazard.w))
+        room = self.room[rows, columns]
+        np.minimum(room, far - np.float32(radius), out=room)
 
-    def free_place(self, radius: float, rng: np.random.Generator) -> tuple[float, float] | None:
-        """A random place with that much room around it; None where there is none."""
-        free = np.flatnonzero(self.room.ravel() > radius)
-        if not len(free):
-            return None
-        i, j = divmod(int(free[rng.integers(len(free))]), self.room.shape[1])
+    def free_nodes(self, radius: float) -> NDArray[np.intp]:
+        """Flat indices of the nodes with that much room around them."""
+        return np.flatnonzero(self.room.ravel() > radius)
+
+    def place_near(self, node: int, rng: np.random.Generator) -> tuple[float, float]:
+        """A random place that no other node is nearer to."""
+        i, j = divmod(node, self.room.shape[1])
         u, w = rng.uniform(-0.5, 0.5, 2) * 2 * self.stride * self.surface.step
         return float(self.u[i, 0] + u), float(self.w[0, j] + w)
 
@@ -80,7 +109,7 @@ def place_hazards(
 
     Hazards hardly overlap. The shares end within 0.4 % of the targets, unless the slope is full before.
     """
-    cover, wanted = _Cover(surface, limit), np.array(targets)
+    cover, wanted = _Cover(surface, limit, style.hazard_size[1]), np.array(targets)
     area = surface.extent[0] * surface.extent[1]
     free_cells = list(rng.permutation(len(cells)))
     placed: list[Hazard] = []
@@ -101,11 +130,10 @@ def place_hazards(
             if found is None:
                 continue
             hazard, place, dz = found
-            before = cover.dz[place].copy()
-            cover.dz[place] += dz
+            before = cover.add(place, dz)
             left = wanted - cover.shares()
             if (left < -slack).any():
-                cover.dz[place] = before
+                cover.restore(place, before)
                 continue
             placed.append(hazard)
             cover.occupy(hazard)
@@ -131,13 +159,13 @@ def _find_place(
     hazard: Hazard, cover: _Cover, rng: np.random.Generator
 ) -> tuple[Hazard, tuple[slice, slice], Float32] | None:
     """The hazard moved to a free place, its coarse slices and displacement there; None where none was found."""
-    fixed = hazard.u != 0.0
-    for _ in range(1 if fixed else ATTEMPTS):
-        if not fixed:
-            place = cover.free_place(_radius(hazard), rng)
-            if place is None:
-                return None
-            hazard = replace(hazard, u=place[0], w=place[1], shift=int(rng.integers(0, 512)))
+    free = None if hazard.u != 0.0 else cover.free_nodes(_radius(hazard))
+    if free is not None and not len(free):
+        return None
+    for _ in range(1 if free is None else ATTEMPTS):
+        if free is not None:
+            u, w = cover.place_near(int(free[rng.integers(len(free))]), rng)
+            hazard = replace(hazard, u=u, w=w, shift=int(rng.integers(0, 512)))
         rows, columns, dz = displacement(hazard, cover.surface, cover.stride)
         slices = cover.coarse(rows, columns)
         body = np.abs(dz) > 0.5 * cover.limit

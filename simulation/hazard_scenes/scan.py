@@ -71,12 +71,13 @@ def scan(surface: Surface, strips: list[Strip], rays: int, style: Style, rng: np
     total = sum(high - low for low, high in spans)
     parts: list[tuple[Float, Float, Float, NDArray[np.uint8]]] = []
     repeating = rng.random() >= style.random_pattern
+    numbers = np.arange(surface.height.size, dtype=np.float64)
     for number, (strip, (low, high)) in enumerate(zip(strips, spans)):
         count = round(rays * (high - low) / total) if high > low else 0
         if count < 2:
             continue
         u, angle = (_lines if repeating else _scattered)(surface, count, low, high, rng)
-        w, tangent, seen = _first_hits(surface, strip, u, np.tan(angle))
+        w, tangent, seen = _first_hits(surface, strip, u, np.tan(angle), numbers)
         where = np.flatnonzero(seen & (u >= 0) & (u <= surface.extent[0]) & (w >= 0) & (w <= surface.extent[1]))
         parts.append((u[where], w[where], tangent[where], np.full(len(where), number, dtype=np.uint8)))
     u, w, tangent = (np.concatenate([part[i] for part in parts]) for i in range(3))
@@ -109,8 +110,10 @@ def _scattered(surface: Surface, count: int, low: float, high: float, rng: np.ra
     return u, rng.uniform(low, high, count)
 
 
-def _first_hits(surface: Surface, strip: Strip, u: Float, tangent: Float) -> tuple[Float, Float, NDArray[np.bool_]]:
-    """w of the first place that each ray meets, its tangent, and whether it meets any."""
+def _first_hits(
+    surface: Surface, strip: Strip, u: Float, tangent: Float, numbers: Float
+) -> tuple[Float, Float, NDArray[np.bool_]]:
+    """w of the first place that each ray meets, its tangent, and whether it meets any; ``numbers`` are the nodes'."""
     rows, columns = surface.shape
     w = surface.w
     seen_at = (w[None, :] - np.float32(strip.w)) / (np.float32(strip.n) - surface.height)
@@ -121,18 +124,25 @@ def _first_hits(surface: Surface, strip: Strip, u: Float, tangent: Float) -> tup
     np.minimum.accumulate(left, axis=1, out=left)
     # One rising sequence for all nodes of u, so that one interpolation serves all rays.
     apart = 5.0 * WIDEST
-    sequence = (seen_at + apart * np.arange(rows, dtype=np.float64)[:, None]).ravel()
-    row = np.clip(np.rint((u - surface.low) / surface.step), 0, rows - 1)
-    place = np.interp(tangent + apart * row, sequence, np.arange(len(sequence), dtype=np.float64))
-    place -= row * columns
+    sequence = seen_at.astype(np.float64)
+    sequence += apart * np.arange(rows, dtype=np.float64)[:, None]
+    row = u - surface.low
+    row /= surface.step
+    np.clip(np.rint(row, out=row), 0, rows - 1, out=row)
+    place = np.interp(tangent + apart * row, sequence.ravel(), numbers)
+    row *= columns
+    place -= row
     seen = (place > 0) & (place < columns - 1)
-    return surface.low + surface.step * place, tangent, seen
+    place *= surface.step
+    place += surface.low
+    return place, tangent, seen
 
 
 def _on_seam(strips: list[Strip], w: Float) -> NDArray[np.bool_]:
     """Points near the edge of any strip's swath, where the number of strips and their mean error changes."""
-    seam = np.zeros(len(w), dtype=bool)
+    seam, apart = np.zeros(len(w), dtype=bool), np.empty_like(w)
     for strip in strips:
         for angle in (strip.lowest, strip.highest):
-            seam |= np.abs(w - (strip.w + strip.n * math.tan(angle))) < SEAM
+            np.subtract(w, strip.w + strip.n * math.tan(angle), out=apart)
+            seam |= np.abs(apart, out=apart) < SEAM
     return seam

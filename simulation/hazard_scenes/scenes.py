@@ -147,10 +147,12 @@ def build_scene(spec: SceneSpec) -> SimulatedScene:
     local[:, 1] = w * c - n * s
     local[:, 2] = w * s + n * c + lift
     frame = _frame(rng)
-    xyz = np.round(frame.to_world(local), 3)
+    xyz = frame.to_world(local)
+    np.round(xyz, 3, out=xyz)
 
     magnitude = np.abs(moved)
-    label = np.where(magnitude > limit, np.where(moved > 0, UPLIFT, SUBSIDENCE), BACKGROUND).astype(np.uint8)
+    side = np.where(moved > 0, np.uint8(UPLIFT), np.uint8(SUBSIDENCE))
+    label = np.where(magnitude > limit, side, np.uint8(BACKGROUND))
     ignore = np.abs(magnitude - limit) < IGNORE_BAND * limit
     identity = part.ravel()[flat]
     table = _table(surface, hazards, dz, part, limit, frame, terrain.dip)
@@ -209,11 +211,11 @@ def _table(
     rows, columns = surface.window(0.0, 0.0, *surface.extent)
     inner_part, inner_dz = part[rows, columns], dz[rows, columns]
     where = np.flatnonzero((np.abs(inner_dz) > limit) & (inner_part >= 0))
-    identity, moved = inner_part.ravel()[where], inner_dz.ravel()[where]
+    identity, moved = inner_part.ravel()[where].astype(np.intp), inner_dz.ravel()[where]
     i, j = np.divmod(where, inner_part.shape[1])
     count = np.bincount(identity, minlength=2 * len(hazards))
     present = np.flatnonzero(count)
-    amplitude = np.zeros(len(count))
+    amplitude = np.zeros(len(count), dtype=moved.dtype)
     np.maximum.at(amplitude, identity, np.abs(moved))
     with np.errstate(invalid="ignore", divide="ignore"):
         middle = np.stack([np.bincount(identity, weights=x, minlength=len(count)) / count for x in (i, j)], axis=1)
@@ -251,24 +253,33 @@ def _bilinear(surface: Surface, fields: tuple[NDArray[np.float32], ...], u: Floa
     i, j = row.astype(np.int32), column.astype(np.int32)
     row -= i
     column -= j
-    index = i * np.int32(surface.shape[1]) + j
+    index = i.astype(np.intp)
+    index *= surface.shape[1]
+    index += j
     found = []
     for field in fields:
         flat = field.ravel()
-        low = flat.take(index)
-        low = low + column * (flat.take(index + 1) - low)
-        high = flat.take(index + surface.shape[1])
-        high = high + column * (flat.take(index + surface.shape[1] + 1) - high)
-        found.append(low + row * (high - low))
+        low, high = (
+            _between(part.take(index), part[1:].take(index), column) for part in (flat, flat[surface.shape[1] :])
+        )
+        found.append(_between(low, high, row))
     return found
+
+
+def _between(low: NDArray[np.floating], high: NDArray[np.floating], part: Float) -> Float:
+    """low + part (high - low); ``high`` is changed."""
+    high -= low
+    value = part * high
+    value += low
+    return value
 
 
 def _within_outline(surface: Surface, hits: Hits, rng: np.random.Generator) -> NDArray[np.bool_]:
     """Points within the region of interest, whose edges are drawn by hand: they wander by half a metre."""
     inside = np.ones(len(hits.u), dtype=bool)
     for along, across, length in ((hits.w, hits.u, surface.extent[0]), (hits.u, hits.w, surface.extent[1])):
+        stations, place = 2 + int(along.max() / 0.5), (along * 2.0).astype(np.intp)
         for start, sign in ((0.0, 1.0), (length, -1.0)):
-            line = 0.5 * np.abs(smooth_line(2 + int(along.max() / 0.5), 0.5, 15.0, rng))
-            edge = line.take((along * 2.0).astype(np.int32), mode="clip")
-            inside &= sign * (across - start) >= edge
+            line = 0.5 * np.abs(smooth_line(stations, 0.5, 15.0, rng))
+            inside &= sign * (across - start) >= line.take(place, mode="clip")
     return inside

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,12 +42,12 @@ class Surface:
         self.height = np.zeros(self.shape, dtype=np.float32)
         self.negative = np.zeros(self.shape, dtype=np.uint8)
 
-    @property
+    @cached_property
     def u(self) -> Float32:
         """u of the nodes of the first axis, m."""
         return (self.low + self.step * np.arange(self.shape[0])).astype(np.float32)
 
-    @property
+    @cached_property
     def w(self) -> Float32:
         """w of the nodes of the second axis, m."""
         return (self.low + self.step * np.arange(self.shape[1])).astype(np.float32)
@@ -69,15 +70,25 @@ class Surface:
 
     def texture(self, tile: Float32, rows: slice, columns: slice, shift: int = 0) -> Float32:
         """The part of a tiled texture that lies on the slices; ``shift`` (nodes) takes it from elsewhere in the
-        tile.
+        tile. It may be a view of the tile: not to be changed.
         """
-        i = (np.arange(self.shape[0])[rows] + shift) % TILE
-        j = (np.arange(self.shape[1])[columns] + 3 * shift) % TILE
-        return tile[i[:, None], j[None, :]]
+        i = _tiled(range(*rows.indices(self.shape[0])), shift)
+        j = _tiled(range(*columns.indices(self.shape[1])), 3 * shift)
+        part = tile[i]
+        return part[:, j] if isinstance(j, slice) else part.take(j, axis=1)
 
     def mark(self, rows: slice, columns: slice, where: NDArray[np.bool_], kind: int) -> None:
         """Set the negative type at the nodes ``where`` of the slices."""
         self.negative[rows, columns][where] = kind
+
+
+def _tiled(nodes: range, shift: int) -> slice | NDArray[np.intp]:
+    """Where ``nodes`` lie in a tile that repeats: a slice where they do not reach over its edge."""
+    first = (nodes.start + shift) % TILE
+    last = first + (len(nodes) - 1) * nodes.step
+    if nodes and last < TILE:
+        return slice(first, last + 1, nodes.step)
+    return (np.arange(nodes.start, nodes.stop, nodes.step, dtype=np.intp) + shift) % TILE
 
 
 def new_surface(extent: tuple[float, float], step: float, rng: np.random.Generator, margin: float = 1.5) -> Surface:

@@ -128,8 +128,10 @@ def _add_section(surface: Surface, section: _Section, rng: np.random.Generator) 
     surface.height += height
     for bench in section.benches:
         for edge in (bench.outer, bench.inner):
-            near = np.abs(surface.w[None, :] - (edge + shift)[:, None]) < EDGE_REACH
-            surface.negative[near] = Negative.BENCH_EDGE
+            reach = EDGE_REACH + 2 * surface.step
+            _, columns = surface.window(0.0, edge + shift.min() - reach, 0.0, edge + shift.max() + reach)
+            near = np.abs(surface.w[None, columns] - (edge + shift)[:, None]) < EDGE_REACH
+            surface.mark(slice(None), columns, near, Negative.BENCH_EDGE)
     return shift
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from slopewatch.simulation.hazard_scenes.hazards import LOWERS, RAISES, SHAPES, Hazard, displacement
-from slopewatch.simulation.hazard_scenes.placing import place_hazards
+from slopewatch.simulation.hazard_scenes.placing import _Cover, place_hazards
 from slopewatch.simulation.hazard_scenes.structures import Cell
 from slopewatch.simulation.hazard_scenes.styles import style_of
 from slopewatch.simulation.hazard_scenes.surface import new_surface
@@ -97,6 +97,31 @@ def test_the_labelled_shares_are_met_without_overlap(surface, targets):
     assert shares == pytest.approx(targets, abs=0.006)
     assert (covered > 1).sum() <= 0.03 * max(1, (covered > 0).sum())
     assert bool(hazards) == (max(targets) > 0)
+
+
+def test_what_is_covered_and_how_much_room_is_left_is_counted_as_hazards_come(surface):
+    cover = _Cover(surface, 0.05, 8.0)
+    rng = np.random.default_rng(8)
+    circles = []
+    for number in range(12):
+        hazard = make("bulge" if number % 2 else "bowl", u=rng.uniform(0, 40), w=rng.uniform(0, 30), half_u=2.0)
+        rows, columns, dz = displacement(hazard, surface, cover.stride)
+        place = cover.coarse(rows, columns)
+        before = cover.add(place, dz)
+        if number % 3 == 0:
+            cover.restore(place, before)
+        else:
+            cover.occupy(hazard)
+            circles.append((hazard.u, hazard.w, 0.8 * np.sqrt(hazard.half_u * hazard.half_w)))
+    inside = cover.dz[cover.within]
+    assert cover.shares() == pytest.approx([(inside > 0.05).mean(), (inside < -0.05).mean()], abs=1e-12)
+    assert cover.shares().min() > 0.01
+    room = np.min([np.hypot(cover.u - u, cover.w - w) - radius for u, w, radius in circles], axis=0)
+    for radius in (0.5, 2.0, 4.0, 8.0):
+        clear = np.abs(room - radius) > 1e-4
+        free = np.zeros(room.size, dtype=bool)
+        free[cover.free_nodes(radius)] = True
+        np.testing.assert_array_equal(free.reshape(room.shape)[clear], (room > radius)[clear])
 
 
 def test_a_collapsed_cell_lies_in_its_cell(surface):

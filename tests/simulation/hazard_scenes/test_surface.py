@@ -42,6 +42,19 @@ def test_the_texture_has_the_power_law_asked_for():
     assert np.abs(tile[0] - tile[-1]).mean() == pytest.approx(np.abs(np.diff(tile, axis=0)).mean(), rel=0.2)
 
 
+@pytest.mark.parametrize("shift", [0, 1, 300, 511])
+@pytest.mark.parametrize("window", [(0.0, 0.0, 3.0, 5.0), (20.0, 22.0, 29.0, 28.0), (-1.5, -1.5, 41.5, 31.5)])
+@pytest.mark.parametrize("stride", [1, 4])
+def test_textures_are_laid_side_by_side(shift, window, stride):
+    surface = flat().surface
+    rows, columns = surface.window(*window, stride)
+    i, j = (np.arange(nodes)[part] for nodes, part in zip(surface.shape, (rows, columns)))
+    expected = np.tile(surface.bumps, (5, 5))[np.ix_(i + shift, j + 3 * shift)]
+    np.testing.assert_array_equal(surface.texture(surface.bumps, rows, columns, shift), expected)
+    empty = surface.texture(surface.bumps, slice(7, 7), columns, shift)
+    assert empty.shape == (0, len(j))
+
+
 def test_roughness_has_the_rms_asked_for_and_tells_its_fine_part():
     terrain = flat((60.0, 60.0), 0.1)
     fine = roughen(terrain.surface, 0.08, 3.0, np.random.default_rng(4))
@@ -90,6 +103,19 @@ def test_berms_lie_level_and_faces_stand_at_the_ratios_of_cut_slopes():
             face = (surface.w > low + 1.0) & (surface.w < high - 1.0)
             assert 1 / 1.6 < np.polyfit(y[face], z[face], 1)[0] < 1 / 0.4
     assert seen >= 4
+
+
+def test_bench_edges_are_marked_where_the_benches_wander():
+    spec = next(
+        spec
+        for spec in (SceneSpec("published", seed, 2000.0, 80.0, 0.0, 0.0) for seed in range(40))
+        if build_terrain(spec, spec.generator(1)).benches
+    )
+    terrain = build_terrain(spec, spec.generator(1))
+    surface = terrain.surface
+    edges = [place for bench in terrain.benches for place in (bench.outer, bench.inner)]
+    away = np.min([np.abs(surface.w[None, :] - (edge + terrain.shift)[:, None]) for edge in edges], axis=0)
+    np.testing.assert_array_equal(surface.negative == Negative.BENCH_EDGE, away < 0.35)
 
 
 def test_a_band_knows_the_distance_to_its_line():
