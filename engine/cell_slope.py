@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
 
-from .gridding import Float, Grid
+if TYPE_CHECKING:
+    from .gridding import Grid
+
+Float = NDArray[np.float64]
 
 _REACH = 0.5  # metres from a cell within which its neighbours tell its slope
 _LEAST_CELLS = 2  # ... and cells, where these are large
@@ -57,6 +62,19 @@ def slope_gradient(heights: Sequence[Float], grid: Grid, *, reach: float = _REAC
     return east, north
 
 
+def widened_gradient(heights: Sequence[Float], grid: Grid, *, reach: float = _REACH) -> tuple[Float, Float]:
+    """As ``slope_gradient``, with twice and four times the reach where fewer cells than it takes are near."""
+    east, north = slope_gradient(heights, grid, reach=reach)
+    for wider in (2.0, 4.0):
+        unknown = np.isnan(east)
+        if not unknown.any():
+            break
+        more = slope_gradient(heights, grid, reach=wider * reach)
+        east[unknown], north[unknown] = more[0][unknown], more[1][unknown]
+    return east, north
+
+
 def slope_degrees(gradient: tuple[Float, Float]) -> Float:
     """Degrees to the horizontal; NaN where the gradient is unknown."""
-    return np.degrees(np.arctan(np.hypot(*gradient)))
+    degrees: Float = np.degrees(np.arctan(np.hypot(*gradient)))
+    return degrees

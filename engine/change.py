@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from statistics import NormalDist
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from affine import Affine
@@ -13,16 +13,21 @@ from rasterio.features import geometry_mask
 from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
-from .cell_slope import slope_degrees, slope_gradient
+from .adaptive import AdaptiveCells, adaptive_cells
+from .cell_slope import slope_degrees, widened_gradient
 from .errors import InputError
-from .gridding import CellStatistics, Float, Grid, cell_statistics, snapped_grid
+from .gridding import CellStatistics, Float, Grid, cell_statistics, sloping_statistics, snapped_grid
 from .parameters import ChangeParameters
 from .progress import Progress
+from .significance import judge
+from .slope_error import ErrorModel, uncalibrated
+from .thresholds import quantile
 
 # Degrees of freedom that the neighbourhood's variance counts beside the cell's own (see pooled_variance).
 _PRIOR_DEGREES = 8.0
 _FEWEST_CELLS = 30  # with fewer in common, nothing can be said of the whole overlap
 _BYTES_A_CELL = 180.0  # measured peak of difference() and what follows it, per cell of the grid
+_BYTES_A_GROWING_CELL = 540.0
 
 
 @dataclass(frozen=True)
@@ -32,6 +37,14 @@ class Change:
     ``error`` is the standard error of ``dz``; ``level`` the level of detection at ``confidence``, both in metres.
     ``common_cell_rate`` is the share of cells valid in both epochs among those valid in either. ``stable`` marks the
     cells that were taken as stable ground; ``slope`` is the surface's inclination, degrees, NaN where it is unknown.
+
+    Where cells grew, ``block`` (numbers from 0, -1 for none) tells which cells are one: they share dz, error, level and
+    counts, and their errors are one and the same. ``cell_size`` is the side of the block, metres. Both are None where
+    every cell stands for itself.
+
+    ``model`` tells how the errors were calibrated; ``threshold`` and ``direction`` are the parameters of that name:
+    with the direction ``normal``, ``dz`` and all errors are distances square to the slope. ``probability`` is the
+    posterior probability that a cell's change is real, of the threshold ``coherent`` only.
     """
 
     grid: Grid
@@ -50,6 +63,23 @@ class Change:
     stable: NDArray[np.bool_]
     slope: Float
     minimum_points: int = 1
+    block: NDArray[np.int64] | None = None
+    cell_size: Float | None = None
+    model: ErrorModel = field(default_factory=uncalibrated)
+    threshold: str = "probabilistic"
+    direction: str = "vertical"
+    probability: Float | None = None
+
+    @property
+    def cell_area(self) -> Float:
+        """Area that each cell's ``dz`` acts on, m²: on the map, or on the slope where ``dz`` is square to it."""
+        flat = np.full(self.grid.shape, self.grid.cell**2)
+        return flat / np.cos(np.radians(self.slope)) if self.direction == "normal" else flat
+
+    @property
+    def measure(self) -> str:
+        """What ``dz`` is, in words."""
+        return "Slope-normal change" if self.direction == "normal" else "Elevation change"
 
     @property
     def valid(self) -> NDArray[np.bool_]:
@@ -58,6 +88,18 @@ class Change:
     @property
     def median_level(self) -> float:
         return float(np.nanmedian(self.level))
+
+    def level_facts(self) -> dict[str, Any]:
+        """How the level of detection came about, for the run record; metres."""
+        return {
+            "threshold": self.threshold,
+            "direction": self.direction,
+            "confidence": self.confidence,
+            "level_median_m": self.median_level,
+            "error_median_m": float(np.nanmedian(self.error)),
+            "registration_error_m": self.registration_error,
+            **self.model.summary(),
+        }
 
 
 def common_grid(reference: Float, moving: Float, parameters: ChangeParameters) -> Grid:
@@ -77,11 +119,13 @@ def common_grid(reference: Float, moving: Float, parameters: ChangeParameters) -
     union = (min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3]))
     grid = snapped_grid(union, parameters.cell)
     limit = parameters.memory_limit * 1e9
-    if _bytes(grid) > limit:
+    a_cell = _BYTES_A_GROWING_CELL if parameters.adaptive else _BYTES_A_CELL
+    needed = grid.rows * grid.columns * a_cell
+    if needed > limit:
         raise InputError(
-            f"A grid of {grid.rows} by {grid.columns} cells needs {_bytes(grid) / 1e9:.3g} GB, more than the "
+            f"A grid of {grid.rows} by {grid.columns} cells needs {needed / 1e9:.3g} GB, more than the "
             f"{parameters.memory_limit:g} GB allowed; clip to the slope or use a cell of at least "
-            f"{_cell_that_fits(union, parameters.cell, limit):g} m."
+            f"{_cell_that_fits(union, parameters.cell, limit / a_cell):g} m."
         )
     return grid
 
@@ -93,13 +137,15 @@ def difference(
     *,
     registration_error: float = 0.0,
     area: BaseGeometry | None = None,
+    stable_area: BaseGeometry | None = None,
     progress: Progress | None = None,
 ) -> Change:
     """Grid both clouds and subtract: change, standard error and level of detection of each cell.
 
     The error of a cell's height is its points' variance times the leverage (1/n for a mean); the difference adds
-    both epochs' and the registration error in quadrature (Lague et al. 2013, doi:10.1016/j.isprsjprs.2013.04.009,
-    eq. 1, with the registration error as a standard error). The level is the two-sided normal quantile times that.
+    both epochs', scaled by slope as stable ground tells (``slope_error.calibrate``), and the registration error in
+    quadrature (Lague et al. 2013, doi:10.1016/j.isprsjprs.2013.04.009, eq. 1, with the registration error as a standard
+    error). The level is the two-sided normal quantile times that, unless another threshold is asked for.
 
     Args:
         reference: (n, 3) points of the first epoch, metres.
@@ -108,21 +154,43 @@ def difference(
             overrides it unless negative.
         area: polygons to which both clouds were clipped. Cells that are not wholly inside hold a part of their
             surface only, not the same in both epochs, and are left out.
+        stable_area: polygons known to be stable, on which the errors are calibrated; found in the data without.
 
     Raises:
         InputError: no overlap, no common cell, no cell with two points, or a grid too large.
     """
     progress = progress or Progress()
     grid = common_grid(reference, moving, parameters)
-    plane = parameters.cell_value == "plane"
+    if parameters.adaptive:
+        if parameters.registration_error >= 0:
+            registration_error = parameters.registration_error
+        cells = adaptive_cells(
+            reference,
+            moving,
+            grid,
+            parameters,
+            registration_error=registration_error,
+            inside=None if area is None else cells_inside(area, grid),
+            progress=progress,
+        )
+        return difference_of_blocks(
+            cells, grid, parameters, registration_error=registration_error, stable_area=stable_area
+        )
     progress.update(0.05, "gridding the first epoch")
-    first = cell_statistics(reference, grid, plane=plane)
-    progress.update(0.4, "gridding the second epoch")
-    second = cell_statistics(moving, grid, plane=plane)
-    progress.update(0.75, "differencing")
-    change = difference_of_cells(first, second, grid, parameters, registration_error=registration_error, area=area)
+    first = epoch_cells(reference, grid, parameters)
+    progress.update(0.35, "gridding the second epoch")
+    second = epoch_cells(moving, grid, parameters)
+    progress.update(0.65, "differencing")
+    change = difference_of_cells(
+        first, second, grid, parameters, registration_error=registration_error, area=area, stable_area=stable_area
+    )
     progress.update(1.0, "differencing")
     return change
+
+
+def epoch_cells(xyz: Float, grid: Grid, parameters: ChangeParameters) -> CellStatistics:
+    """The cells of one epoch's points (n, 3) as ``difference_of_cells`` takes them."""
+    return sloping_statistics(xyz, grid) if parameters.cell_value == "plane" else cell_statistics(xyz, grid)
 
 
 def difference_of_cells(
@@ -133,6 +201,7 @@ def difference_of_cells(
     *,
     registration_error: float = 0.0,
     area: BaseGeometry | None = None,
+    stable_area: BaseGeometry | None = None,
 ) -> Change:
     """As ``difference``, from the statistics of both epochs' cells on ``grid`` (a series keeps them)."""
     valid_first = first.count >= parameters.minimum_points
@@ -154,28 +223,99 @@ def difference_of_cells(
     dz = np.where(both, second.height - first.height, np.nan)
     if parameters.registration_error >= 0:
         registration_error = parameters.registration_error
-    sampling = first.leverage * pooled_variance(first) + second.leverage * pooled_variance(second)
-    error = np.where(both, np.sqrt(sampling + registration_error**2), np.nan)
-    level = NormalDist().inv_cdf((1 + parameters.confidence) / 2) * error
-    with np.errstate(invalid="ignore"):
-        significant = np.abs(dz) > level
+    sampling = np.sqrt(first.leverage * pooled_variance(first) + second.leverage * pooled_variance(second))
+    sampling[~both] = np.nan
+    slope = slope_degrees(widened_gradient((first.height, second.height), grid))
+    uniform = uniform_shift(dz[both], quantile(parameters.confidence) * np.hypot(sampling[both], registration_error))
+    found = judge(
+        dz,
+        sampling,
+        slope,
+        grid.cell,
+        parameters,
+        registration_error=registration_error,
+        uniform=uniform is not None,
+        given=None if stable_area is None else cells_inside(stable_area, grid),
+    )
     return Change(
         grid=grid,
-        dz=dz,
-        error=error,
-        level=level,
-        significant=significant,
+        dz=found.dz,
+        error=found.error,
+        level=found.decision.level,
+        significant=found.decision.significant,
         count_from=first.count,
         count_to=second.count,
         height_from=first.height,
         height_to=second.height,
         confidence=parameters.confidence,
-        registration_error=registration_error,
+        registration_error=found.registration_error,
         common_cell_rate=float(both.sum() / (valid_first | valid_second).sum()),
-        uniform_dz=uniform_shift(dz[both], level[both]),
-        stable=both & ~ndimage.binary_dilation(significant, np.ones((3, 3), dtype=bool)),
-        slope=slope_degrees(slope_gradient((first.height, second.height), grid)),
+        uniform_dz=uniform,
+        stable=found.stable,
+        slope=slope,
         minimum_points=parameters.minimum_points,
+        model=found.model,
+        threshold=parameters.threshold,
+        direction=parameters.direction,
+        probability=found.decision.probability,
+    )
+
+
+def difference_of_blocks(
+    cells: AdaptiveCells,
+    grid: Grid,
+    parameters: ChangeParameters,
+    *,
+    registration_error: float,
+    stable_area: BaseGeometry | None = None,
+) -> Change:
+    """As ``difference``, from cells that grew (see ``adaptive.adaptive_cells``)."""
+    valid = cells.block >= 0
+    if not valid.any():
+        raise InputError(
+            f"No cell of up to {parameters.largest_cell:g} m has enough points in both epochs for its surface to be "
+            "compared; use a larger largest_cell."
+        )
+    uniform = uniform_shift(
+        cells.dz[valid],
+        quantile(parameters.confidence) * np.hypot(cells.sampling[valid], registration_error),
+        independent=int(cells.block.max()) + 1,
+    )
+    found = judge(
+        cells.dz,
+        cells.sampling,
+        cells.slope,
+        grid.cell,
+        parameters,
+        registration_error=registration_error,
+        uniform=uniform is not None,
+        given=None if stable_area is None else cells_inside(stable_area, grid),
+        block=cells.block,
+    )
+    either = valid | (np.maximum(cells.count_from, cells.count_to) >= parameters.minimum_points)
+    return Change(
+        grid=grid,
+        dz=found.dz,
+        error=found.error,
+        level=found.decision.level,
+        significant=found.decision.significant,
+        count_from=cells.count_from,
+        count_to=cells.count_to,
+        height_from=cells.height_from,
+        height_to=cells.height_to,
+        confidence=parameters.confidence,
+        registration_error=found.registration_error,
+        common_cell_rate=float(valid.sum() / either.sum()),
+        uniform_dz=uniform,
+        stable=found.stable,
+        slope=cells.slope,
+        minimum_points=parameters.minimum_points,
+        block=cells.block,
+        cell_size=cells.cell_size,
+        model=found.model,
+        threshold=parameters.threshold,
+        direction=parameters.direction,
+        probability=found.decision.probability,
     )
 
 
@@ -252,8 +392,8 @@ def _moderated(own: Float, degrees: Float, size: int) -> Float:
     return (squares + _PRIOR_DEGREES * prior) / (degrees + _PRIOR_DEGREES)
 
 
-def uniform_shift(dz: Float, level: Float) -> float | None:
-    """Median dz where the whole overlap has moved alike, else None.
+def uniform_shift(dz: Float, level: Float, *, independent: int | None = None) -> float | None:
+    """Median dz where the whole overlap has moved alike, else None; ``independent``: how many of the cells are.
 
     A whole surface that rises or sinks by one amount is a datum or a bias, not a deformation: nine tenths of the cells
     lie beyond their level on one side, and their spread is small beside the shift.
@@ -261,16 +401,13 @@ def uniform_shift(dz: Float, level: Float) -> float | None:
     shift = float(np.median(dz))
     spread = 1.4826 * float(np.median(np.abs(dz - shift)))
     beyond = float(np.mean(dz * math.copysign(1.0, shift) > level))
-    return shift if dz.size >= _FEWEST_CELLS and beyond >= 0.9 and spread < abs(shift) / 3 else None
+    cells = dz.size if independent is None else independent
+    return shift if cells >= _FEWEST_CELLS and beyond >= 0.9 and spread < abs(shift) / 3 else None
 
 
-def _bytes(grid: Grid) -> float:
-    return grid.rows * grid.columns * _BYTES_A_CELL
-
-
-def _cell_that_fits(bounds: tuple[float, float, float, float], cell: float, limit: float) -> float:
-    """The smallest cell of two significant digits, in steps of a tenth, whose grid stays below ``limit`` bytes."""
-    while _bytes(snapped_grid(bounds, cell)) > limit:
+def _cell_that_fits(bounds: tuple[float, float, float, float], cell: float, most: float) -> float:
+    """The smallest cell of two significant digits, in steps of a tenth, whose grid has at most so many cells."""
+    while math.prod(snapped_grid(bounds, cell).shape) > most:
         larger = cell * 1.1
         unit = 10.0 ** (math.floor(math.log10(larger)) - 1)
         cell = round(math.ceil(larger / unit) * unit, 10)

@@ -8,7 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .cell_slope import widened_gradient
+
 Float = NDArray[np.float64]
+
+_NEIGHBOURHOOD = 0.3  # metres around a cell whose cells tell its slope
+_POINTS_FOR_A_PLANE = 12  # measured on simulated faces of 30 to 60 degrees, cells of 0.1 to 1 m
 
 
 @dataclass(frozen=True)
@@ -93,13 +98,41 @@ def cell_index(xy: Float, grid: Grid) -> NDArray[np.int64]:
     return index
 
 
-def cell_statistics(xyz: Float, grid: Grid, *, plane: bool = False) -> CellStatistics:
+def sloping_statistics(xyz: Float, grid: Grid) -> CellStatistics:
+    """As ``cell_statistics``, of points (n, 3) from which the slope of the ground around each cell has been removed.
+
+    On a slope the mean height of a cell depends on where in the cell its few points happen to lie, and their variance
+    is mostly the slope's own rise. The slope that the cells around tell (``cell_slope``) is taken from each point
+    before the mean, so that even a single point gives the height at the cell's centre. Cells with ``_POINTS_FOR_A_PLANE``
+    points follow their own surface by a plane of their own; with fewer, its scatter costs more than it gains.
+    """
+    coarse = cell_statistics(xyz, grid)
+    gradient = widened_gradient([coarse.height], grid, reach=_NEIGHBOURHOOD)
+    east, north = (np.nan_to_num(part).ravel() for part in gradient)
+    index = cell_index(xyz, grid)
+    inside = index >= 0
+    index, xyz = index[inside], xyz[inside]
+    u, v = _from_centre(xyz, index, grid)
+    level = np.column_stack([xyz[:, :2], xyz[:, 2] - east[index] * u - north[index] * v])
+    return cell_statistics(level, grid, plane=True, least=_POINTS_FOR_A_PLANE)
+
+
+def _from_centre(xyz: Float, index: NDArray[np.int64], grid: Grid) -> tuple[Float, Float]:
+    """Metres east and north of the centre of the cell ``index`` that each point lies in."""
+    row, column = np.divmod(index, grid.columns)
+    u = xyz[:, 0] - (grid.west + (column + 0.5) * grid.cell)
+    v = xyz[:, 1] - (grid.north - (row + 0.5) * grid.cell)
+    return u, v
+
+
+def cell_statistics(xyz: Float, grid: Grid, *, plane: bool = False, least: int = 4) -> CellStatistics:
     """Count, height and variance of the points (n, 3) of each cell.
 
     Args:
         plane: fit z = a + b x + c y in each cell and take its value at the cell's centre, rather than the mean. It
-            removes the error that uneven sampling of a sloping cell brings. Cells with fewer than four
+            removes the error that uneven sampling of a sloping cell brings. Cells with fewer than ``least``
             points, or whose points lie nearly on a line, keep the mean.
+        least: at least four.
     """
     index = cell_index(xyz, grid)
     if index.size and index.min() < 0:
@@ -121,7 +154,7 @@ def cell_statistics(xyz: Float, grid: Grid, *, plane: bool = False) -> CellStati
         scatter = np.where(degrees > 0, squares / degrees, np.nan)
         if plane:
             height, squares, degrees, leverage, tilted = _plane_in_cell(
-                xyz, z, index, grid, count, height, squares, degrees, leverage
+                xyz, z, index, grid, count, height, squares, degrees, leverage, least
             )
         variance = np.where(degrees > 0, squares / degrees, np.nan)
     leverage[count == 0] = np.nan
@@ -147,12 +180,11 @@ def _plane_in_cell(
     squares: Float,
     degrees: Float,
     leverage: Float,
+    least: int,
 ) -> tuple[Float, Float, Float, Float, NDArray[np.bool_]]:
     """Least squares in centred moments: height at the cell's centre, residual squares, degrees, leverage, where."""
     cells = grid.rows * grid.columns
-    row, column = np.divmod(index, grid.columns)
-    u = xyz[:, 0] - (grid.west + (column + 0.5) * grid.cell)
-    v = xyz[:, 1] - (grid.north - (row + 0.5) * grid.cell)
+    u, v = _from_centre(xyz, index, grid)
 
     def total(values: Float) -> Float:
         return np.bincount(index, weights=values, minlength=cells).astype(np.float64, copy=False)
@@ -167,7 +199,9 @@ def _plane_in_cell(
     at_centre = mean - slope_u * mean_u - slope_v * mean_v
     extrapolation = (mean_u**2 * svv - 2 * mean_u * mean_v * suv + mean_v**2 * suu) / determinant
     # a spread of at least a tenth of the cell in every direction; else the plane tilts freely
-    enough = (count >= 4) & (determinant > 1e-4 * (count * grid.cell**2 / 12.0) ** 2) & (extrapolation < 1.0)
+    enough = (
+        (count >= max(least, 4)) & (determinant > 1e-4 * (count * grid.cell**2 / 12.0) ** 2) & (extrapolation < 1.0)
+    )
     rest = np.maximum(squares - slope_u * suz - slope_v * svz, 0.0)
     return (
         np.where(enough, at_centre, mean),

@@ -354,10 +354,10 @@ class ChangeParameters(ParameterSet):
         maximum=100.0,
     )
     cell_value: str = _parameter(
-        "mean",
+        "plane",
         "Height of a cell",
-        "mean: mean height of the cell's points, as published. plane: a plane fitted in the cell, at its centre, "
-        "which removes the error of uneven sampling on steep ground.",
+        "plane: the slope of the ground around a cell is taken from its points first, which removes the error of "
+        "uneven sampling on steep ground. mean: mean height of the cell's points, as published.",
         choices=("mean", "plane"),
     )
     minimum_points: int = _parameter(
@@ -374,6 +374,55 @@ class ChangeParameters(ParameterSet):
         minimum=0.5,
         maximum=0.9999,
     )
+    threshold: str = _parameter(
+        "probabilistic",
+        "Threshold",
+        "What counts as change. probabilistic: beyond the level of detection of the cell's own error. coherent: the "
+        "same, surer or less sure by how many cells around changed alike. propagated: beyond the level of the errors "
+        "that you state for both surveys. constant: beyond a level that you give.",
+        choices=("probabilistic", "coherent", "propagated", "constant"),
+    )
+    constant_level: float = _parameter(
+        0.10,
+        "Constant level",
+        "Level of detection of every cell with the constant threshold. Larger reports less. Has no effect on others.",
+        unit="m",
+        minimum=0.0,
+        maximum=100.0,
+        advanced=True,
+    )
+    error_from: float = _parameter(
+        0.04,
+        "Error of the earlier survey",
+        "Standard error of a height, for the propagated threshold. Larger reports less. Has no effect on others.",
+        unit="m",
+        minimum=0.0,
+        maximum=100.0,
+        advanced=True,
+    )
+    error_to: float = _parameter(
+        0.04,
+        "Error of the later survey",
+        "Standard error of a height, for the propagated threshold. Larger reports less. Has no effect on others.",
+        unit="m",
+        minimum=0.0,
+        maximum=100.0,
+        advanced=True,
+    )
+    direction: str = _parameter(
+        "vertical",
+        "Direction of the change",
+        "vertical: difference of heights. normal: distance square to the slope, for faces steeper than about 35 "
+        "degrees, where a small horizontal shift looks like a large change of height.",
+        choices=("vertical", "normal"),
+    )
+    calibrate: bool = _parameter(
+        True,
+        "Calibrate errors on stable ground",
+        "Scales the errors, by slope, so that unchanged ground stays below its level of detection as often as the "
+        "confidence says. Off: errors are what the points' scatter and the registration tell, as they are.",
+        advanced=True,
+    )
     registration_error: float = _parameter(
         -1.0,
         "Registration error",
@@ -382,6 +431,33 @@ class ChangeParameters(ParameterSet):
         unit="m",
         minimum=-1.0,
         maximum=10.0,
+        advanced=True,
+    )
+    adaptive: bool = _parameter(
+        False,
+        "Cells that grow",
+        "Where points are few, as under plants, a cell doubles its side until its level of detection is low enough. "
+        "More ground is compared, with less detail there. Each cell's height is then that of a plane, and a cell has "
+        "at least 4 points of each survey.",
+    )
+    target_level: float = _parameter(
+        0.05,
+        "Level at which a cell stops growing",
+        "A growing cell is large enough once its level of detection is this low. Larger shows finer change, smaller "
+        "finds weaker change. Has no effect on cells that do not grow.",
+        unit="m",
+        minimum=0.001,
+        maximum=10.0,
+        advanced=True,
+    )
+    largest_cell: float = _parameter(
+        1.6,
+        "Largest cell",
+        "No cell grows beyond it, whatever its level of detection. Larger compares more of sparse ground and blurs "
+        "its change more. Has no effect on cells that do not grow.",
+        unit="m",
+        minimum=0.01,
+        maximum=200.0,
         advanced=True,
     )
     memory_limit: float = _parameter(
@@ -532,8 +608,8 @@ class DistanceParameters(ParameterSet):
     core_spacing: float = _parameter(
         0.0,
         "Spacing of the core points",
-        "One point of the reference in each cube of this size is measured. Smaller shows more and takes longer. 0: half "
-        "the projection scale. Has no effect where core points are given.",
+        "One point of the reference in each cube of this size is measured. Smaller shows more and takes longer. 0: "
+        "about half the projection scale. Has no effect where core points are given.",
         unit="m",
         minimum=0.0,
         maximum=1000.0,
@@ -541,7 +617,8 @@ class DistanceParameters(ParameterSet):
     distance_cell: float = _parameter(
         0.0,
         "Cell of the rasters",
-        "Side of a cell, which holds the mean of its core points. Smaller leaves gaps. 0: the spacing of the core points.",
+        "Side of a cell, which holds the mean of its core points. Smaller leaves gaps. 0: the spacing of the core "
+        "points.",
         unit="m",
         minimum=0.0,
         maximum=1000.0,
@@ -550,16 +627,16 @@ class DistanceParameters(ParameterSet):
     normals: str = _parameter(
         "fitted",
         "Normals",
-        "Direction of measuring. fitted: square to the surface of the reference. given: the dimensions NormalX, NormalY "
-        "and NormalZ of the core points. vertical: straight up, as a difference of heights.",
+        "Direction of measuring. fitted: square to the surface of the reference. given: the dimensions NormalX, "
+        "NormalY and NormalZ of the core points. vertical: straight up, as a difference of heights.",
         choices=("fitted", "given", "vertical"),
         advanced=True,
     )
     orientation: str = _parameter(
         "0,0,1",
         "Side of the normals",
-        "Fitted normals point to the side of this direction (x,y,z), which counts as raising. 0,0,1: upwards, right for "
-        "all but overhanging faces.",
+        "Fitted normals point to the side of this direction (x,y,z), which counts as raising. 0,0,1: upwards, right "
+        "for all but overhanging faces.",
         advanced=True,
     )
     minimum_cylinder_points: int = _parameter(
@@ -954,6 +1031,13 @@ PROFILES: dict[str, dict[str, dict[str, Any]]] = {
             "maximum_correspondence": 0.10,
             "registration_iterations": 200,
         },
-        "ChangeParameters": {"cell": 0.1, "cell_value": "mean", "minimum_points": 1},
+        "ChangeParameters": {
+            "cell": 0.1,
+            "cell_value": "mean",
+            "minimum_points": 1,
+            "threshold": "probabilistic",
+            "direction": "vertical",
+            "calibrate": False,
+        },
     },
 }

@@ -1,0 +1,106 @@
+"""From a raw difference to calibrated errors, a level of detection and significant cells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .cell_slope import Float
+from .parameters import ChangeParameters
+from .slope_error import ErrorModel, calibrate, uncalibrated
+from .stable_cells import find_stable
+from .thresholds import Decision, decide
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A difference with its errors; arrays (rows, columns), metres, NaN where not compared.
+
+    ``dz`` is along the direction asked for, and so are ``error`` and ``registration_error``, the part of it that all
+    cells share.
+    """
+
+    dz: Float
+    error: Float
+    decision: Decision
+    model: ErrorModel
+    stable: NDArray[np.bool_]
+    registration_error: float
+
+
+def judge(
+    dz: Float,
+    sampling: Float,
+    slope: Float,
+    cell: float,
+    parameters: ChangeParameters,
+    *,
+    registration_error: float,
+    uniform: bool = False,
+    given: NDArray[np.bool_] | None = None,
+    block: NDArray[np.int64] | None = None,
+) -> Judgement:
+    """Calibrate the errors of ``dz`` on stable ground and tell the level of detection and what is beyond it.
+
+    Along the slope's normal a change is dz cos(slope): the distance of two parallel planes, one dz above the other. A
+    horizontal shift by dx, which a vertical difference shows as dx tan(slope), then shows as dx sin(slope), never more
+    than itself.
+
+    Args:
+        dz: vertical change, metres, NaN where not compared.
+        sampling: its standard error from the points' scatter, metres.
+        slope: degrees to the horizontal, NaN where unknown.
+        cell: side of a cell, metres.
+        registration_error: standard error in height that all cells share, metres.
+        uniform: the whole overlap has moved alike, so that there is no stable ground in it.
+        given: cells known to be stable. Slopes beyond theirs are calibrated on stable cells found.
+        block: number of the group that a cell is one with (-1: none), where cells grew.
+    """
+    valid = np.isfinite(dz)
+    if parameters.direction == "normal":
+        cosine = np.cos(np.radians(slope))
+        dz, sampling = dz * cosine, sampling * cosine
+        valid = np.isfinite(dz)
+        if valid.any():
+            registration_error *= float(np.median(cosine[valid]))
+    first, weight = _groups(block, dz.shape)
+    found = np.zeros(dz.shape, dtype=bool)
+    if not uniform:
+        found = find_stable(dz, sampling, slope, cell, weight=weight)
+    stable = found if given is None else _with_other_slopes(given & valid, found, slope)
+    model = uncalibrated()
+    if parameters.calibrate and not uniform:
+        model = calibrate(
+            dz,
+            sampling,
+            slope,
+            stable & first,
+            registration_error=registration_error,
+            confidence=parameters.confidence,
+        )
+    error = np.where(valid, np.hypot(model.factor(slope) * sampling, registration_error), np.nan)
+    return Judgement(dz, error, decide(dz, error, parameters), model, stable, registration_error)
+
+
+def _with_other_slopes(given: NDArray[np.bool_], found: NDArray[np.bool_], slope: Float) -> NDArray[np.bool_]:
+    """The given cells, and found ones that are flatter or steeper than those: a road tells nothing of a face."""
+    inside = slope[given & np.isfinite(slope)]
+    if not inside.size:
+        return given
+    low, high = np.quantile(inside, [0.02, 0.98])
+    with np.errstate(invalid="ignore"):
+        return given | (found & ((slope < low) | (slope > high)))
+
+
+def _groups(block: NDArray[np.int64] | None, shape: tuple[int, ...]) -> tuple[NDArray[np.bool_], Float]:
+    """The first cell of each group, and one over the number of the group's cells: what a cell counts for."""
+    if block is None:
+        return np.ones(shape, dtype=bool), np.ones(shape)
+    first = np.zeros(block.size, dtype=bool)
+    numbers, places, inverse, count = np.unique(
+        block.ravel(), return_index=True, return_inverse=True, return_counts=True
+    )
+    first[places[numbers >= 0]] = True
+    return first.reshape(shape), (1.0 / count[inverse.ravel()]).reshape(shape)

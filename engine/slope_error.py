@@ -1,0 +1,191 @@
+"""How far the errors of a difference hold, by slope: the model that stable ground calibrates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .cell_slope import Float
+from .thresholds import quantile
+
+_CLASS = 5.0  # degrees; classes with too few cells are joined with the next
+_FEWEST_IN_CLASS = 200  # with 5 % beyond, their share is known to 1.5 %
+_FEWEST_TO_NARROW = 400
+_FEWEST = 50
+_LEAST_STABLE = 0.1  # share of a class's cells that must be stable for the class to tell anything
+_NARROWEST, _WIDEST = 0.4, 5.0
+_DOUBTFUL = 2.0
+_WITHOUT_STABLE = 1.5  # beyond every factor seen on unchanged surveys (docs/figures.md)
+_ROUNDS = 3
+
+
+@dataclass(frozen=True)
+class SlopeClass:
+    """One class of the model, ``slope_from`` to ``slope_to`` degrees.
+
+    ``factor`` multiplies the sampling error at the class's median slope, ``at``. The exceedances are the shares of its
+    stable ``cells`` beyond the level of detection with the uncalibrated errors and with the calibrated.
+    """
+
+    slope_from: float
+    slope_to: float
+    at: float
+    cells: int
+    factor: float
+    exceedance_uncalibrated: float
+    exceedance: float
+
+
+@dataclass(frozen=True)
+class ErrorModel:
+    """Factor of the sampling error by slope.
+
+    Attributes:
+        kind: calibrated (on stable ground), widened (there was none to calibrate on) or uncalibrated.
+        classes: the classes from flat to steep; empty unless calibrated.
+        typical: the factor where the slope is unknown, and everywhere unless calibrated.
+        stable_cells: number of cells that it was calibrated on.
+        stable_share: their share of the compared cells.
+        notes: sentences for the user.
+    """
+
+    kind: str
+    classes: tuple[SlopeClass, ...] = ()
+    typical: float = 1.0
+    stable_cells: int = 0
+    stable_share: float = 0.0
+    notes: tuple[str, ...] = ()
+
+    def factor(self, slope: Float) -> Float:
+        """The factor at each cell's slope (degrees), linear between the classes' medians, constant beyond."""
+        if not self.classes:
+            return np.full(slope.shape, self.typical)
+        at, factor = [c.at for c in self.classes], [c.factor for c in self.classes]
+        return np.where(np.isnan(slope), self.typical, np.interp(np.nan_to_num(slope), at, factor))
+
+    def summary(self) -> dict[str, Any]:
+        """For the run record."""
+        return {
+            "error_model": self.kind,
+            "factor_typical": self.typical,
+            "stable_cells": self.stable_cells,
+            "stable_share": self.stable_share,
+            "slope_classes": [vars(c) for c in self.classes],
+        }
+
+
+def uncalibrated() -> ErrorModel:
+    """Errors as the points' scatter tells them."""
+    return ErrorModel("uncalibrated")
+
+
+def calibrate(
+    dz: Float,
+    sampling: Float,
+    slope: Float,
+    stable: NDArray[np.bool_],
+    *,
+    registration_error: float,
+    confidence: float,
+) -> ErrorModel:
+    """Factor f of the sampling error s with which 1 - confidence of the stable cells are beyond the level, by slope.
+
+    After Hugonnet et al. (2022, doi:10.1109/JSTARS.2022.3188922), who bin the scatter of standardised stable
+    differences by slope and interpolate. In place of the median scatter (NMAD) f is taken from the quantile that
+    the level is about, because differences of real ground have heavy tails: on a dense real cloud the NMAD of dz / s is
+    0.2 to 0.7 where the 95 % quantile asks for 0.6 to 1. With the registration error r and the normal quantile q a
+    stable cell lies beyond its level where (dz² / q² - r²) / s² exceeds f²; f² is the ``confidence`` quantile of that.
+
+    Classes of 5 degrees are joined until each has 200 stable cells. A factor below 1 needs 400 of them.
+
+    Args:
+        dz: change, metres, NaN where not compared; it and the other arrays have the shape (rows, columns).
+        sampling: standard error from the points' scatter alone, metres.
+        slope: degrees, NaN where unknown.
+        stable: cells to calibrate on.
+        registration_error: metres.
+    """
+    known = np.isfinite(dz) & np.isfinite(sampling) & (sampling > 0)
+    use = known & stable
+    cells, share = int(use.sum()), float(use.sum() / max(int(known.sum()), 1))
+    shift = float(np.median(dz[use])) if cells else 0.0
+    spread = 1.4826 * float(np.median(np.abs(dz[use] - shift))) if cells else 0.0
+    if cells < _FEWEST or abs(shift) > 2.0 * spread + 2.0 * registration_error:
+        why = (
+            f"only {cells} cells of stable ground were found"
+            if cells < _FEWEST
+            else f"what looks stable has moved by {shift:+.3f} m"
+        )
+        note = (
+            f"The errors could not be calibrated, because {why}; the level of detection is widened "
+            f"{_WITHOUT_STABLE:g} times; give an area known to be stable."
+        )
+        return ErrorModel("widened", typical=_WITHOUT_STABLE, stable_cells=cells, stable_share=share, notes=(note,))
+    z = quantile(confidence)
+    needed = ((dz[use] / z) ** 2 - registration_error**2) / sampling[use] ** 2
+    typical = _factor(needed, confidence)
+    at, all_at = slope[use], slope[known]
+    bounds = _joined(at, all_at)
+    members = [(at >= low) & (at < high) for low, high in bounds]
+    factors = np.array([_factor(needed[m], confidence) for m in members])
+    centres = np.array([float(np.median(at[m])) for m in members])
+    for _ in range(_ROUNDS):  # between the medians the factor is interpolated: make the classes hold as they are used
+        used = np.interp(np.nan_to_num(at), centres, factors) if len(factors) else np.full(at.shape, typical)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            rest = needed / used**2
+        again = [_factor(rest[m], confidence, len(rest[m]) >= _FEWEST_TO_NARROW) for m in members]
+        factors = np.clip(factors * np.array(again), _NARROWEST, _WIDEST)
+        few = np.array([m.sum() < _FEWEST_TO_NARROW for m in members], dtype=bool)
+        factors = np.where(few, np.maximum(factors, 1.0), factors)
+    used = np.interp(np.nan_to_num(at), centres, factors) if len(factors) else np.full(at.shape, typical)
+    classes = tuple(
+        SlopeClass(
+            slope_from=low,
+            slope_to=high,
+            at=float(centre),
+            cells=int(m.sum()),
+            factor=float(factor),
+            exceedance_uncalibrated=float(np.mean(needed[m] > 1.0)),
+            exceedance=float(np.mean(needed[m] > used[m] ** 2)),
+        )
+        for (low, high), m, centre, factor in zip(bounds, members, centres, factors, strict=True)
+    )
+    return ErrorModel("calibrated", classes, typical, cells, share, _notes(classes, typical))
+
+
+def _factor(needed: Float, confidence: float, narrow: bool | None = None) -> float:
+    """The square root of the quantile, within what can be believed."""
+    allowed = needed.size >= _FEWEST_TO_NARROW if narrow is None else narrow
+    square = float(np.quantile(needed, confidence))
+    return float(np.clip(np.sqrt(max(square, 0.0)), _NARROWEST if allowed else 1.0, _WIDEST))
+
+
+def _joined(at: Float, all_at: Float) -> list[tuple[float, float]]:
+    """Classes of slope with enough stable cells (``at``, degrees) among all compared ones; narrow ones are joined."""
+    bounds: list[tuple[float, float]] = []
+    edges = np.arange(0.0, 90.0 + _CLASS, _CLASS)
+    low = 0.0
+    for high in edges[1:]:
+        cells = np.count_nonzero((at >= low) & (at < high))
+        of = np.count_nonzero((all_at >= low) & (all_at < high))
+        if cells >= max(_FEWEST_IN_CLASS, _LEAST_STABLE * of):
+            bounds.append((low, float(high)))
+            low = float(high)
+    if bounds and np.any(at >= low):
+        bounds[-1] = (bounds[-1][0], 90.0)
+    return bounds
+
+
+def _notes(classes: tuple[SlopeClass, ...], typical: float) -> tuple[str, ...]:
+    largest = max((c.factor for c in classes), default=typical)
+    if largest <= _DOUBTFUL:
+        return ()
+    sentence = (
+        f"Even on ground taken as stable the epochs differ up to {largest:.1f} times as much as their points' scatter "
+        "explains: the surveys do not fit, or much of the slope has moved; the level of detection is widened by as "
+        "much; check the registration, or give an area known to be stable."
+    )
+    return (sentence,)
