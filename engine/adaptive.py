@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from .errors import InputError
 from .gridding import Float, Grid
-from .moments import Moments, ParallelPlanes, cell_moments, merged, parallel_planes
+from .moments import Moments, ParallelPlanes, cell_moments, merged, parallel_planes, variance_by_parts
 from .parameters import ChangeParameters
 from .progress import Progress
 
@@ -20,6 +20,9 @@ LEAST_POINTS = 4
 """Points that a block takes in either epoch, at least."""
 _PRIOR_DEGREES = 8.0  # of freedom that the surrounding blocks' variance counts
 _RADIUS = 3  # blocks, of the surroundings
+_PARTS = 2  # a block is compared with its parts of a quarter of its side
+_SPENT = 3.0  # parts that the fit of the planes takes from their number; measured with independent points
+_PRIOR_PARTS = 4.0  # what independence counts beside them
 
 
 @dataclass(frozen=True)
@@ -84,14 +87,13 @@ def adaptive_cells(
     heights = np.concatenate([c[:: max(1, len(c) // 10_000), 2] for c in (reference, moving)])
     level = float(np.median(heights)) if heights.size else 0.0
     frame = _Frame.around(grid, 2**steps)
-    left: list[Moments] = []
+    moments: list[Moments] = []
     for number, cloud in enumerate((reference, moving)):
-        progress.update(0.35 * number, f"gridding epoch {number + 1}")
-        moments = cell_moments(cloud, frame.grid, level)
+        progress.update(0.25 * number, f"gridding epoch {number + 1}")
+        moments.append(cell_moments(cloud, frame.grid, level))
         if inside is not None:
-            moments.sums[:, ~frame.padded(inside, False)] = 0.0
-        left.append(moments)
-    counts = [frame.cut(m.count).astype(np.int64) for m in left]
+            moments[-1].sums[:, ~frame.padded(inside, False)] = 0.0
+    counts = [frame.cut(m.count).astype(np.int64) for m in moments]
     unclaimed = np.ones(frame.grid.shape, dtype=bool) if inside is None else frame.padded(inside, False)
     result = _Result.empty(frame.grid, unclaimed, level)
     quantile = NormalDist().inv_cdf((1 + parameters.confidence) / 2)
@@ -106,27 +108,29 @@ def adaptive_cells(
                 enough &= (quantile * error <= parameters.target_level) | (sampling <= registration_error)
         return enough
 
-    every = left
-    squares: list[tuple[ParallelPlanes, Float, list[Moments], NDArray[np.bool_] | None]] = []
-    reached: NDArray[np.bool_] | None = None
-    reached_by_any: NDArray[np.bool_] | None = None
-    for step in range(steps + 1):
-        progress.update(0.7 + 0.3 * step / (steps + 1), f"cells of {grid.cell * 2**step:g} m")
+    sizes = [f"cells of {grid.cell * 2**step:g} m" for step in range(steps + 1)]
+    squares: list[_Squares] = []
+    for step, name in enumerate(sizes):
+        progress.update(0.5 + 0.25 * step / len(sizes), name)
+        squares.append(_Squares.of_points(moments) if not step else squares[-1].merged(squares[-_PARTS:][0]))
+    left: list[list[Moments]] = []
+    for step, name in enumerate(sizes):
+        progress.update(0.75 + 0.25 * step / len(sizes), name)
+        reached = _reached(left[-1]) if step else None
+        left.append([merged(m) for m in left[-1]] if step else moments)
+        planes, sampling = squares[0].planes, squares[0].sampling
         if step:
-            reached, left = _reached(left), [merged(m) for m in left]
-        planes = parallel_planes(*left)
-        around = parallel_planes(*every) if step else planes
-        sampling = _sampling_error(planes, around)
-        taken = serves(planes, sampling, left, step == steps)
-        result.take(taken, planes, sampling, left, reached)
-        if step:
-            squares.append((around, _sampling_error(around, around), every, reached_by_any))
-        if step < steps:  # before the points that are taken leave
-            reached_by_any, every = _reached(every), [merged(m) for m in every]
-        for moments in left:
-            moments.sums[:, taken] = 0.0
-    for step, (planes, sampling, whole, reached) in enumerate(squares, 1):
-        result.take(serves(planes, sampling, whole, step == steps), planes, sampling, whole, reached)
+            planes = parallel_planes(*left[step])
+            parts = left[step - _PARTS] if step >= _PARTS else None
+            sampling = _sampling_error(planes, squares[step].planes, left[step], parts)
+        taken = serves(planes, sampling, left[step], step == steps)
+        result.take(taken, planes, sampling, left[step], reached)
+        for back in range(min(step + 1, _PARTS)):
+            for epoch in left[step - back]:
+                epoch.sums[:, _spread(taken, 2**back)] = 0.0
+    for step, whole in enumerate(squares[1:], 1):
+        taken = serves(whole.planes, whole.sampling, whole.moments, step == steps)
+        result.take(taken, whole.planes, whole.sampling, whole.moments, whole.reached)
     progress.update(1.0, "cells grown")
     return result.cells(frame, counts)
 
@@ -147,14 +151,46 @@ def _reached(moments: list[Moments]) -> NDArray[np.bool_]:
     return (moments[0].count > 0) | (moments[1].count > 0)
 
 
-def _sampling_error(planes: ParallelPlanes, around: ParallelPlanes) -> Float:
-    """Standard error of the blocks' dz by their points, m."""
-    variance = np.zeros(planes.dz.shape)
-    for epoch in (0, 1):
-        prior = _surrounding_variance(around.squares[epoch], around.degrees[epoch])
-        squares, degrees = planes.squares[epoch], planes.degrees[epoch]
-        variance += planes.weights[epoch] * (squares + _PRIOR_DEGREES * prior) / (degrees + _PRIOR_DEGREES)
-    return np.sqrt(variance)
+@dataclass(frozen=True)
+class _Squares:
+    """Squares of one size with all their points, and which of their quarters have any."""
+
+    moments: list[Moments]
+    planes: ParallelPlanes
+    sampling: Float
+    reached: NDArray[np.bool_] | None
+
+    @classmethod
+    def of_points(cls, moments: list[Moments]) -> _Squares:
+        planes = parallel_planes(*moments)
+        return cls(moments, planes, _sampling_error(planes, planes, moments, None), None)
+
+    def merged(self, finer: _Squares) -> _Squares:
+        """Those of twice the side; ``finer`` are the squares a quarter of that, or these themselves at the start."""
+        moments = [merged(m) for m in self.moments]
+        planes = parallel_planes(*moments)
+        parts = None if finer is self else finer.moments
+        return _Squares(moments, planes, _sampling_error(planes, planes, moments, parts), _reached(self.moments))
+
+
+def _sampling_error(
+    planes: ParallelPlanes, around: ParallelPlanes, moments: list[Moments], parts: list[Moments] | None
+) -> Float:
+    """Standard error of the blocks' dz by their points, m, widened where the errors of near points are alike."""
+    variance, of_means = np.zeros(planes.dz.shape), np.zeros(planes.dz.shape)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        for epoch in (0, 1):
+            prior = _surrounding_variance(around.squares[epoch], around.degrees[epoch])
+            squares, degrees = planes.squares[epoch], planes.degrees[epoch]
+            of_a_point = (squares + _PRIOR_DEGREES * prior) / (degrees + _PRIOR_DEGREES)
+            variance += planes.weights[epoch] * of_a_point
+            of_means += of_a_point / moments[epoch].count
+        if parts is not None:
+            by_parts, number = variance_by_parts(planes, moments, parts)
+            free = np.maximum(number - _SPENT, 0.0)
+            effect = np.where(free > 0, by_parts * number / np.where(free > 0, free, 1.0) / of_means, 1.0)
+            variance *= np.maximum((free * effect + _PRIOR_PARTS) / (free + _PRIOR_PARTS), 1.0)
+        return np.sqrt(variance)
 
 
 def _surrounding_variance(squares: Float, degrees: Float) -> Float:

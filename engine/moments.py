@@ -45,6 +45,7 @@ class ParallelPlanes:
         squares: residual squares of the first and the second epoch's points, m².
         degrees: degrees of freedom left to each epoch's points.
         weights: the variance of ``dz`` is weights[0] * var_1 + weights[1] * var_2, var the variance of a point.
+        centres: mean u, v and z of either epoch's points.
         sound: where the gradient is determined and the epochs' centres are not too far apart for it.
     """
 
@@ -54,6 +55,7 @@ class ParallelPlanes:
     squares: tuple[Float, Float]
     degrees: tuple[Float, Float]
     weights: tuple[Float, Float]
+    centres: tuple[tuple[Float, Float, Float], tuple[Float, Float, Float]]
     sound: NDArray[np.bool_]
 
 
@@ -127,8 +129,45 @@ def parallel_planes(first: Moments, second: Moments) -> ParallelPlanes:
     for array in (dz, slope_u, slope_v, *squares, *degrees, *weights):
         array[~sound] = np.nan
     return ParallelPlanes(
-        dz, slope_u, slope_v, (squares[0], squares[1]), (degrees[0], degrees[1]), (weights[0], weights[1]), sound
+        dz=dz,
+        slope_u=slope_u,
+        slope_v=slope_v,
+        squares=(squares[0], squares[1]),
+        degrees=(degrees[0], degrees[1]),
+        weights=(weights[0], weights[1]),
+        centres=((a.u, a.v, a.z), (b.u, b.v, b.z)),
+        sound=sound,
     )
+
+
+def variance_by_parts(planes: ParallelPlanes, blocks: list[Moments], parts: list[Moments]) -> tuple[Float, Float]:
+    """Variance of the blocks' dz as the sums of residuals in their parts tell it, and the number of parts with points.
+
+    Where the errors of near points are alike, as under a shrub that was taken for ground, the mean of n points is less
+    certain than n independent ones would be. With R the sum of an epoch's residuals in a part and N its points in the
+    block, the variance is the sum over the parts of (R_2 / N_2 - R_1 / N_1)² (Liang and Zeger 1986,
+    doi:10.1093/biomet/73.1.13). The surface's own shape, alike in both epochs, cancels as far as both sample it alike.
+
+    Args:
+        blocks, parts: moments of both epochs, of the blocks and of the smaller squares that they are made of.
+    """
+    multiple = round(blocks[0].side / parts[0].side)
+    side = parts[0].side
+    variance, number = np.zeros(planes.dz.shape), np.zeros(planes.dz.shape)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        for i, j in np.ndindex(multiple, multiple):
+            east, north = (j - (multiple - 1) / 2) * side, ((multiple - 1) / 2 - i) * side
+            means = []
+            for block, part, (u, v, z) in zip(blocks, parts, planes.centres, strict=True):
+                n, *sums = part.sums[:4, i::multiple, j::multiple]
+                rest = sums[2] - n * z
+                rest -= planes.slope_u * (sums[0] + n * (east - u)) + planes.slope_v * (sums[1] + n * (north - v))
+                means.append(rest / block.count)
+            variance += (means[1] - means[0]) ** 2
+            number += (parts[0].sums[N, i::multiple, j::multiple] > 0) | (
+                parts[1].sums[N, i::multiple, j::multiple] > 0
+            )
+    return variance, number
 
 
 @dataclass(frozen=True)
