@@ -168,7 +168,7 @@ def change_step(
             if transform is not None:
                 b = replace(b, xyz=transform.apply(b.xyz))
         with progress.stage(0.3, 0.5, "differencing"), record.stage("change"):
-            error = _registration_error(transform_path)
+            error = registration_error(transform_path)
             change = difference(a.xyz, b.xyz, settings.change, registration_error=error or 0.0, progress=progress)
             if error is None and settings.change.registration_error < 0:
                 progress.warning(
@@ -204,7 +204,7 @@ def change_step(
     return outputs, record.metrics
 
 
-def _registration_error(transform_path: Path | None) -> float | None:
+def registration_error(transform_path: Path | None) -> float | None:
     """Standard error of the registration in height (m), where the transform's file tells it."""
     if transform_path is None:
         return None

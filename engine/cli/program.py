@@ -10,6 +10,7 @@ import click
 from ..errors import InputError
 from ..version import VERSION
 from .commands import change, check, ground, info, inspect, register
+from .m3c2 import m3c2
 from .reporting import error_event
 from .screen import screen
 from .simulate import simulate
@@ -38,5 +39,5 @@ def cli() -> None:
     """
 
 
-for subcommand in (inspect, ground, register, change, screen, info, train, simulate, check):
+for subcommand in (inspect, ground, register, change, m3c2, screen, info, train, simulate, check):
     cli.add_command(subcommand)

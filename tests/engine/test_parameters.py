@@ -46,12 +46,14 @@ def test_values_that_are_no_whole_number_are_refused(value):
 
 
 def test_names_are_unique_over_all_groups_that_share_a_command():
-    alone = ("SurveyParameters", "ScenesParameters", "FineTuneParameters")  # each in a command of its own
+    # each in a command of its own
+    alone = ("SurveyParameters", "ScenesParameters", "FineTuneParameters", "DistanceParameters")
     for screening in ("ScreeningParameters", "LastEpochParameters"):  # one of them in each command
         names = [s.name for g in GROUPS if g.__name__ not in (*alone, screening) for s in g.specifications()]
         assert len(names) == len(set(names))
-    shared = [s.name for g in (parameters.InputParameters, parameters.FineTuneParameters) for s in g.specifications()]
-    assert len(shared) == len(set(shared))
+    for group in (parameters.FineTuneParameters, parameters.DistanceParameters):
+        shared = [s.name for g in (parameters.InputParameters, group) for s in g.specifications()]
+        assert len(shared) == len(set(shared))
 
 
 def test_the_last_epoch_is_screened_with_the_same_parameters_but_its_ground_is_extracted_already():

@@ -55,7 +55,7 @@ def test_help_shows_every_parameter_with_its_unit_and_default():
     assert f"[default: {resolution.default} m, 0.02 to 20]" in shown
 
 
-@pytest.mark.parametrize("command", ["inspect", "ground", "register", "change", "screen", "info", "check", "simulate"])
+@pytest.mark.parametrize("command", ["inspect", "ground", "register", "change", "m3c2", "screen", "info", "check", "simulate"])
 def test_every_command_has_help(command):
     done = run(command, "--help")
     assert done.returncode == 0

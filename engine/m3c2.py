@@ -1,0 +1,171 @@
+"""M3C2: the distance of two clouds along the surface's normal, and its level of detection (Lague et al. 2013).
+
+Around each core point a cylinder along the normal gathers the points of both clouds. The distance is the difference
+of their mean positions along the axis, and their scatter tells how sure it is (doi:10.1016/j.isprsjprs.2013.04.009).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .m3c2_normals import runs
+from .m3c2_search import Lattice
+from .progress import Progress
+
+Float = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+class Status(IntEnum):
+    """What became of a core point."""
+
+    MEASURED = 0
+    FEW_POINTS = 1  # a distance, but too few points to tell a level of detection
+    NO_POINTS = 2  # a cylinder of one cloud or of both is empty
+    NO_NORMAL = 3  # no direction to measure in
+
+
+@dataclass(frozen=True)
+class Cylinders:
+    """Points of one cloud in m cylinders: ``count`` (m,); ``mean`` and ``std`` (m,) of their positions along the axis
+    from the core point, metres, NaN without points. ``std`` is the sample's (n - 1), NaN for one point.
+    """
+
+    count: Index
+    mean: Float
+    std: Float
+
+
+@dataclass(frozen=True)
+class Distances:
+    """M3C2 at m core points, metres; the moving cloud minus the reference, positive to the side of the normal.
+
+    ``level`` is the level of detection at ``confidence``, NaN unless the ``status`` is MEASURED; ``distance`` is NaN
+    where it is NO_POINTS or NO_NORMAL. Without a normal the counts are those of a ball.
+    """
+
+    core: Float
+    normal: Float
+    distance: Float
+    level: Float
+    significant: NDArray[np.bool_]
+    reference: Cylinders
+    moving: Cylinders
+    status: NDArray[np.uint8]
+    confidence: float
+    registration_error: float
+
+    def share(self, status: Status) -> float:
+        """Share of the core points with this status."""
+        return float(np.mean(self.status == status))
+
+    @property
+    def measured(self) -> NDArray[np.bool_]:
+        return self.status == Status.MEASURED
+
+
+def m3c2_distances(
+    reference: Lattice,
+    moving: Lattice,
+    core: Float,
+    normal: Float,
+    *,
+    radius: float,
+    half_length: float,
+    minimum_points: int = 5,
+    confidence: float = 0.95,
+    registration_error: float = 0.0,
+    progress: Progress | None = None,
+) -> Distances:
+    """Distance and level of detection at each core point.
+
+    Args:
+        core: (m, 3) where to measure.
+        normal: (m, 3) in which direction; brought to length 1 here, zeros where there is none.
+        radius: of the cylinder, metres. Its wall and its ends belong to it.
+        half_length: the cylinder reaches so far to both sides of the core point, metres.
+        minimum_points: of each cloud, for a level of detection.
+        registration_error: standard error of the registration, metres; added as in eq. 1 of the paper.
+    """
+    progress = progress or Progress()
+    length = np.linalg.norm(normal, axis=1)
+    directed = length > 0
+    unit = np.divide(normal, length[:, None], out=np.zeros_like(normal), where=directed[:, None])
+    with progress.stage(0.0, 0.5, "measuring the reference"):
+        first = cylinder_statistics(reference, core, unit, radius, half_length, progress)
+    with progress.stage(0.5, 1.0, "measuring the later survey"):
+        second = cylinder_statistics(moving, core, unit, radius, half_length, progress)
+    fewest = np.minimum(first.count, second.count)
+    status = np.full(len(core), Status.MEASURED, dtype=np.uint8)
+    status[fewest < minimum_points] = Status.FEW_POINTS
+    status[fewest == 0] = Status.NO_POINTS
+    status[~directed] = Status.NO_NORMAL
+    distance = np.where(status <= Status.FEW_POINTS, second.mean - first.mean, np.nan)
+    level = np.full(len(core), np.nan)
+    sure = status == Status.MEASURED
+    level[sure] = level_of_detection(first, second, confidence, registration_error)[sure]
+    with np.errstate(invalid="ignore"):
+        significant = np.abs(distance) > level
+    return Distances(
+        core=core,
+        normal=unit,
+        distance=distance,
+        level=level,
+        significant=significant,
+        reference=first,
+        moving=second,
+        status=status,
+        confidence=confidence,
+        registration_error=registration_error,
+    )
+
+
+def level_of_detection(first: Cylinders, second: Cylinders, confidence: float, registration_error: float) -> Float:
+    """Lague et al. 2013, eq. 1: quantile times (sqrt(s1^2 / n1 + s2^2 / n2) + registration error), metres (m,)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sampling = np.sqrt(first.std**2 / first.count + second.std**2 / second.count)
+    return NormalDist().inv_cdf((1 + confidence) / 2) * (sampling + registration_error)
+
+
+def cylinder_statistics(
+    cloud: Lattice,
+    core: Float,
+    unit: Float,
+    radius: float,
+    half_length: float,
+    progress: Progress | None = None,
+) -> Cylinders:
+    """Count, mean and standard deviation along the axis of a cloud's points in each core point's cylinder.
+
+    The test is made in double precision on the points' offsets from the core point itself, so that large coordinates
+    cost no digits; a point on the wall or on an end is inside.
+
+    Args:
+        core: (m, 3).
+        unit: (m, 3) axes of length 1. One of length 0 makes a ball.
+    """
+    progress = progress or Progress()
+    count = np.zeros(len(core), dtype=np.int64)
+    mean, std = np.full(len(core), np.nan), np.full(len(core), np.nan)
+    done = 0
+    for number, point in cloud.candidates(core, half_length * unit, radius):
+        done += int(np.count_nonzero(number[1:] != number[:-1])) + 1
+        x, y, z = cloud.offsets(core, number, point)
+        a, b, c = (unit[:, axis][number] for axis in range(3))
+        along = x * a + y * b + z * c
+        across = (x - along * a) ** 2 + (y - along * b) ** 2 + (z - along * c) ** 2
+        inside = (np.abs(along) <= half_length) & (across <= radius**2)
+        if inside.any():
+            which, starts, members = runs(number[inside])
+            along = along[inside]
+            count[which], mean[which] = members, np.add.reduceat(along, starts) / members
+            squares = np.add.reduceat((along - np.repeat(mean[which], members)) ** 2, starts)
+            several = members > 1
+            std[which[several]] = np.sqrt(squares[several] / (members[several] - 1))
+        progress.update(done / max(len(core), 1))
+    return Cylinders(count=count, mean=mean, std=std)

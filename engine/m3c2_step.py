@@ -1,0 +1,278 @@
+"""M3C2 as a command: two clouds in; core points, rasters and a run record out."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import rasters
+from .change import uniform_shift
+from .clouds import copy_with, open_cloud, read_cloud
+from .dimensions import read_dimension
+from .epochs import Epoch, check_pair, date_in_name, parse_date
+from .errors import InputError
+from .inspection import Outcome
+from .m3c2 import Distances, Status, cylinder_statistics, m3c2_distances
+from .m3c2_normals import fit_planes
+from .m3c2_products import RASTERS, dimensions, main_figures, median_level_95, write_rasters
+from .m3c2_scales import Scales, choose_scales, overlap_bounds, spread_cores
+from .m3c2_search import Lattice
+from .outputs import refuse_inputs_as_outputs, refuse_other_than_cloud, refuse_unwritable, staged_outputs
+from .pair import require_comparable
+from .parameters import DistanceParameters, InputParameters
+from .progress import Progress
+from .run_record import RunRecord, plain
+from .steps import registration_error
+from .transform import RigidTransform
+from .version import VERSION
+
+Float = NDArray[np.float64]
+_LONGER = 4.0  # cylinders so many times as long tell whether points lie just beyond
+_NORMALS = ("NormalX", "NormalY", "NormalZ")
+
+
+@dataclass(frozen=True)
+class DistanceSettings:
+    """The parameter groups of this command."""
+
+    inputs: InputParameters
+    distances: DistanceParameters
+
+
+@dataclass(frozen=True)
+class Cores:
+    """Where to measure: ``xyz`` (m, 3) metres, the file they are in, and which of its points they are (None: all)."""
+
+    xyz: Float
+    path: Path
+    keep: NDArray[np.bool_] | None
+
+
+def m3c2_step(
+    reference: Path,
+    moving: Path,
+    output: Path,
+    settings: DistanceSettings,
+    *,
+    raster_dir: Path | None,
+    core: Path | None,
+    dates: tuple[str | None, str | None],
+    transform_path: Path | None,
+    progress: Progress,
+) -> Outcome:
+    """Distances along the normal of ``moving`` from ``reference``, at core points and as rasters.
+
+    Args:
+        output: the core points, .laz; ``NAME_run.json`` is written beside.
+        raster_dir: folder of the rasters; that of ``output`` by default.
+        core: cloud of the core points; by default points of the reference, evenly spread.
+        transform_path: transform.json to apply to ``moving`` first.
+
+    Raises:
+        InputError: see the readers; clouds that do not overlap; no core point that can be measured.
+    """
+    parameters = settings.distances
+    toward = parse_direction(parameters.orientation)
+    first, second = (
+        Epoch(path, parse_date(given) if given else date_in_name(path))
+        for path, given in zip((reference, moving), dates, strict=True)
+    )
+    refuse_other_than_cloud(output)
+    refuse_unwritable(output)
+    raster_dir = output.absolute().parent if raster_dir is None else raster_dir.absolute()
+    record_name = f"{output.stem}_run.json"
+    files = {"core": core, "transform": transform_path}
+    targets = [output, output.with_name(record_name), *(raster_dir / f"{name}.tif" for name in RASTERS)]
+    refuse_inputs_as_outputs(targets, [reference, moving, *(p for p in files.values() if p)])
+    if parameters.normals == "given" and core is None:
+        raise InputError(f"--normals given needs --core, a cloud with the dimensions {', '.join(_NORMALS)}.")
+    check_pair(first, second)
+    transform = RigidTransform.load(transform_path) if transform_path else None
+    require_comparable(reference, moving, settings.inputs)
+    if core is not None:
+        require_comparable(reference, core, settings.inputs)
+    record = RunRecord("m3c2", {"inputs": settings.inputs, "distances": parameters})
+    hashes = [record.add_input(f"epoch {e.name}", e.path) for e in (first, second)]
+    for role, path in files.items():
+        if path is not None:
+            record.add_input(role, path)
+    if transform is not None:
+        record.facts["transform"] = transform.matrix
+    error = _registration_error(parameters, transform_path, progress)
+    with contextlib.ExitStack() as stack:
+        stage = stack.enter_context(staged_outputs(output.absolute().parent, last=record_name))
+        other = raster_dir.resolve() != stage.directory.resolve()
+        raster_stage = stack.enter_context(staged_outputs(raster_dir)) if other else stage
+        with progress.stage(0.0, 0.2, "reading"), record.stage("read") as entry:
+            a, b = (read_cloud(path, settings.inputs, progress=progress) for path in (reference, moving))
+            entry["points"] = [len(a.xyz), len(b.xyz)]
+            if transform is not None:
+                b = replace(b, xyz=transform.apply(b.xyz))
+        with progress.stage(0.2, 0.35, "choosing scales"), record.stage("scales"):
+            scales = choose_scales(a.xyz, b.xyz, parameters, progress)
+            for sentence in scales.warnings:
+                progress.warning(sentence)
+        record.facts["scales"] = {**plain(scales), "chosen": _chosen(parameters, core is not None)}
+        with progress.stage(0.35, 0.85, "measuring"), record.stage("distances") as entry:
+            cores = _cores(a.xyz, b.xyz, reference, core, scales.core_spacing, settings.inputs, progress)
+            found = _measure(a.xyz, b.xyz, cores, scales, settings, toward, error, progress)
+            entry["core_points"] = len(cores.xyz)
+        with progress.stage(0.85, 1.0, "writing"), record.stage("write"):
+            copy_with(
+                cores.path,
+                stage.path(output.name),
+                settings.inputs,
+                keep=cores.keep,
+                dimensions=dimensions(found),
+            )
+            tags = rasters.raster_tags(
+                epochs=(first.date, second.date),
+                median_level=median_level_95(found),
+                translation=None if transform is None else transform.translation,
+                software=f"SlopeWatch {VERSION}",
+                input_sha256=" ".join(hashes),
+            )
+            cell = parameters.distance_cell or scales.core_spacing
+            outputs = {"points": stage.final(output.name)}
+            outputs |= write_rasters(found, cell, a.crs, tags, 0.0, raster_stage)
+            outputs["run"] = stage.final(record_name)
+        record.metrics = {
+            **main_figures(found),
+            "normal_scale_m": None if parameters.normals != "fitted" else scales.normal_scale,
+            "projection_scale_m": scales.projection_scale,
+            "half_length_m": scales.half_length,
+        }
+        record.write(stage.path(record_name), progress.warnings, outputs)
+    return outputs, record.metrics
+
+
+def parse_direction(text: str) -> Float:
+    """A direction written as x,y,z.
+
+    Raises:
+        InputError: it is none.
+    """
+    try:
+        direction = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        direction = np.zeros(0)
+    if direction.shape != (3,) or not np.isfinite(direction).all() or not direction.any():
+        raise InputError(f"orientation is {text!r}; give a direction as x,y,z, such as 0,0,1 for upwards.")
+    return direction
+
+
+def _registration_error(parameters: DistanceParameters, transform_path: Path | None, progress: Progress) -> float:
+    if parameters.registration_error >= 0:
+        return parameters.registration_error
+    known = registration_error(transform_path)
+    if known is None:
+        progress.warning(
+            "The registration's error is not known here and taken as 0, so the level of detection covers the scatter "
+            "of the points alone; give the registration_error that the registration reported."
+        )
+    return known or 0.0
+
+
+def _chosen(parameters: DistanceParameters, cores_given: bool) -> dict[str, str]:
+    """Where each scale comes from."""
+    rules = {
+        "normal_scale": "25 times the roughness at that scale, or the scale nearest to it",
+        "projection_scale": "25 points of the sparser cloud where it is thin (25th percentile of density)",
+        "half_length": "twice as far as the surfaces are apart, at least 10 times the roughness",
+        "core_spacing": "not above half the projection scale",
+    }
+    chosen = {name: "given" if getattr(parameters, name) else rule for name, rule in rules.items()}
+    if parameters.normals != "fitted":
+        chosen["normal_scale"] = f"not used, normals are {parameters.normals}"
+    if cores_given:
+        chosen["core_spacing"] = "core points are given"
+    return chosen
+
+
+def _cores(
+    reference: Float,
+    moving: Float,
+    reference_path: Path,
+    given: Path | None,
+    spacing: float,
+    inputs: InputParameters,
+    progress: Progress,
+) -> Cores:
+    if given is not None:
+        return Cores(read_cloud(given, inputs, progress=progress).xyz, given, None)
+    keep = spread_cores(reference, spacing, overlap_bounds(reference, moving))
+    return Cores(reference[keep], reference_path, keep)
+
+
+def _measure(
+    reference: Float,
+    moving: Float,
+    cores: Cores,
+    scales: Scales,
+    settings: DistanceSettings,
+    toward: Float,
+    error: float,
+    progress: Progress,
+) -> Distances:
+    parameters = settings.distances
+    radius = scales.projection_scale / 2
+    if parameters.normals == "vertical":
+        normal = np.tile([0.0, 0.0, 1.0], (len(cores.xyz), 1))
+    elif parameters.normals == "given":
+        normal = np.stack([read_dimension(cores.path, name).astype(np.float64) for name in _NORMALS], axis=1)
+        # another unit stretches the surface along an axis, and its normals the other way
+        normal = np.nan_to_num(normal / np.array(open_cloud(cores.path, settings.inputs)[1].factors))
+    else:
+        with progress.stage(0.0, 0.4, "fitting normals"):
+            lattice = Lattice(reference, scales.normal_scale / 2)
+            normal = fit_planes(lattice, cores.xyz, scales.normal_scale, orientation=toward, progress=progress).normal
+    later = Lattice(moving, radius)
+    with progress.stage(0.4, 0.95):
+        found = m3c2_distances(
+            Lattice(reference, radius),
+            later,
+            cores.xyz,
+            normal,
+            radius=radius,
+            half_length=scales.half_length,
+            minimum_points=parameters.minimum_cylinder_points,
+            confidence=parameters.confidence,
+            registration_error=error,
+            progress=progress,
+        )
+    if not found.measured.any():
+        raise InputError(
+            f"No core point has {parameters.minimum_cylinder_points} points of both surveys in its cylinder of "
+            f"{scales.projection_scale:g} m across and {scales.half_length:g} m to both sides; give a larger "
+            "--projection-scale or --half-length, or check that the clouds are registered."
+        )
+    _warn(found, later, scales, progress)
+    return found
+
+
+def _warn(found: Distances, later: Lattice, scales: Scales, progress: Progress) -> None:
+    """Name what the distances do not show."""
+    empty = (found.status == Status.NO_POINTS) & (found.moving.count == 0) & (found.reference.count > 0)
+    beyond = cylinder_statistics(
+        later,
+        found.core[empty],
+        found.normal[empty],
+        scales.projection_scale / 2,
+        _LONGER * scales.half_length,
+    ).count
+    number = int(np.sum(beyond > 0))
+    if number > max(3, 0.001 * len(found.core)):
+        progress.warning(
+            f"{number} core points have points of the later survey only beyond the cylinder, as change of more than "
+            f"{scales.half_length:g} m leaves them; give a larger --half-length to measure it."
+        )
+    shift = uniform_shift(found.distance[found.measured], found.level[found.measured])
+    if shift is not None:
+        progress.warning(
+            f"The whole overlap has {'risen' if shift > 0 else 'sunk'} by about {abs(shift):.3f} m along its normals: "
+            "a datum or height bias, not a deformation. Check the height systems, or register first."
+        )
