@@ -26,7 +26,7 @@ from .errors import EngineError, InputError
 from .gridding import Float
 from .ground import GroundResult, extract_ground
 from .outputs import Stage, refuse_inputs_as_outputs, staged_outputs
-from .pair import common_area, register_pair, require_comparable, warn_of_doubtful_change
+from .pair import common_area, known_stable, register_pair, require_comparable, warn_of_doubtful_change
 from .parameters import (
     ChangeParameters,
     GroundParameters,
@@ -230,6 +230,7 @@ def _change_of_two(run: _Run, grounds: list[GroundResult], stage: Stage, screene
             settings.change,
             registration_error=registration.registration_error,
             area=common_area(run.roi, first, registration.transform),
+            stable_area=known_stable(run.stable, first),
             progress=progress,
         )
         warn_of_doubtful_change(change, progress)
@@ -250,7 +251,7 @@ def _change_of_two(run: _Run, grounds: list[GroundResult], stage: Stage, screene
             crs=first.crs,
             transform=registration.transform,
             input_hashes=run.hashes,
-            method=f"grid difference ({settings.change.cell_value}), {registration.method} registration",
+            method=f"grid difference ({settings.change.cell_value}, {change.direction}), {registration.method} registration",
             run_id=record.facts["run_id"],
         )
         products = write_products(

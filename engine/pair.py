@@ -57,6 +57,11 @@ def common_area(path: Path | None, first: PointCloud, transform: RigidTransform)
     return area.intersection(translate(area, shift[0], shift[1]))
 
 
+def known_stable(path: Path | None, first: PointCloud) -> BaseGeometry | None:
+    """The polygons known to be stable as ``change.difference`` takes them."""
+    return None if path is None else read_roi(path, first.crs).geometry
+
+
 def register_pair(
     first: PointCloud, second: PointCloud, parameters: RegistrationParameters, stable: Path | None, progress: Progress
 ) -> RegistrationResult:
@@ -78,6 +83,8 @@ def warn_of_doubtful_change(change: Change, progress: Progress) -> None:
             f"Only {100 * compared:.2g} % of the ground that the surveys reached could be compared; the rest has no "
             f"points of both epochs in a cell, and zones and volumes leave it out; {remedy}."
         )
+    for note in change.model.notes:
+        progress.warning(note)
     shift = change.uniform_dz
     if shift is not None:
         progress.warning(

@@ -124,6 +124,7 @@ def write_products(
         outputs[name] = stage.final(file)
     progress.update(0.95, "taking profiles")
     facts = change_facts(change, found.frame, (context.first, context.second), context.crs, limit)
+    facts["level_of_detection"] = change.level_facts()
     layers = Layers(
         change.grid, change.height_from, change.height_to, change.dz, change.level, change.significant & change.valid
     )
@@ -183,7 +184,7 @@ def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:
 def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float, stage: Stage) -> dict[str, Path]:
     level = change.median_level
     layers = (
-        ("elevation_change", change.dz, "Elevation change, later minus earlier", styles.change_qml(limit, level)),
+        ("elevation_change", change.dz, f"{change.measure}, later minus earlier", styles.change_qml(limit, level)),
         (
             "level_of_detection",
             change.level,
@@ -193,7 +194,7 @@ def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float,
         (
             "significant_change",
             np.where(change.significant, change.dz, np.nan),
-            "Elevation change beyond the level of detection",
+            f"{change.measure} beyond the level of detection",
             styles.change_qml(limit),
         ),
     )

@@ -17,7 +17,7 @@ from .errors import InputError
 from .ground import extract_ground
 from .inspection import CHANGE_OUTPUTS, Outcome, Settings
 from .outputs import refuse_inputs_as_outputs, refuse_other_than_cloud, refuse_unwritable, staged_outputs
-from .pair import register_pair, require_comparable, require_two_clouds, warn_of_doubtful_change
+from .pair import known_stable, register_pair, require_comparable, require_two_clouds, warn_of_doubtful_change
 from .pdal import find_pdal
 from .products import Context, write_products
 from .profile_lines import given_lines
@@ -128,6 +128,7 @@ def change_step(
     dates: tuple[str | None, str | None],
     transform_path: Path | None,
     profiles: Path | None = None,
+    stable: Path | None = None,
     progress: Progress,
 ) -> Outcome:
     """Change between two registered ground clouds, with all its products."""
@@ -137,7 +138,7 @@ def change_step(
         for path, given in zip(paths, dates, strict=True)
     )
     check_pair(first, second)
-    given_files = [*paths] + [p for p in (transform_path, profiles) if p]
+    given_files = [*paths] + [p for p in (transform_path, profiles, stable) if p]
     refuse_inputs_as_outputs([output_dir / name for name in (*CHANGE_OUTPUTS, *PROFILE_OUTPUTS)], given_files)
     record = RunRecord(
         "change",
@@ -155,8 +156,9 @@ def change_step(
         record.add_input("transform", transform_path)
         record.facts["transform"] = transform.matrix
         record.facts["registration"] = _registration_facts(transform_path)
-    if profiles is not None:
-        record.add_input("profiles", profiles)
+    for role, path in (("profiles", profiles), ("stable", stable)):
+        if path is not None:
+            record.add_input(role, path)
     require_comparable(reference, moving, settings.inputs)
     crs = open_cloud(reference, settings.inputs)[1].crs
     lines = given_lines(profiles, crs, settings.report.profile_field, progress)
@@ -169,7 +171,14 @@ def change_step(
                 b = replace(b, xyz=transform.apply(b.xyz))
         with progress.stage(0.3, 0.5, "differencing"), record.stage("change"):
             error = registration_error(transform_path)
-            change = difference(a.xyz, b.xyz, settings.change, registration_error=error or 0.0, progress=progress)
+            change = difference(
+                a.xyz,
+                b.xyz,
+                settings.change,
+                registration_error=error or 0.0,
+                stable_area=known_stable(stable, a),
+                progress=progress,
+            )
             if error is None and settings.change.registration_error < 0:
                 progress.warning(
                     "The registration's error is not known here, so the level of detection covers the scatter of the "
@@ -182,7 +191,7 @@ def change_step(
             crs=a.crs,
             transform=transform,
             input_hashes=hashes,
-            method=f"grid difference ({settings.change.cell_value})",
+            method=f"grid difference ({settings.change.cell_value}, {change.direction})",
             run_id=uuid.uuid5(uuid.NAMESPACE_OID, repr((hashes, plain(record.parameters)))).hex[:12],
         )
         with progress.stage(0.5, 0.99, "writing outputs"), record.stage("products"):

@@ -12,6 +12,10 @@ from ..plugin.engine_client import EngineResult
 from . import declare, products
 from .base import SlopeWatchAlgorithm
 
+STABLE_HELP = (
+    "Polygons of ground that has surely not moved, on which the errors are calibrated. Not set: stable ground is found in "
+    "the surveys."
+)
 CHANGE_NUMBERS = {
     "ZONE_COUNT": ("zone_count", "Number of hazard zones"),
     "ZONE_AREA": ("zone_area_m2", "Area of the zones (m²)"),
@@ -51,6 +55,7 @@ class ElevationChange(SlopeWatchAlgorithm):
                 "Transform that Register epochs wrote, where the later survey has not been moved by it yet.",
             )
         )
+        self.addParameter(declare.polygon_parameter("STABLE", "Stable ground", STABLE_HELP, advanced=True))
         self.addParameter(declare.profile_parameter())
         self.declare_groups()
         products.declare_folder(self, "Receives the rasters, hazard zones, heatmap and run record under fixed names.")
@@ -71,6 +76,9 @@ class ElevationChange(SlopeWatchAlgorithm):
         transform = self.file(parameters, "TRANSFORM", context)
         if transform:
             arguments += ["--transform", transform]
+        stable = self.polygons(parameters, "STABLE", context, feedback)
+        if stable:
+            arguments += ["--stable", stable]
         arguments += declare.profile_options(self, parameters, context)
         return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
 

@@ -145,6 +145,7 @@ def register(
 @click.option("--epoch-from", default=None, metavar="DATE", help="Date of REFERENCE; else from its file name.")
 @click.option("--epoch-to", default=None, metavar="DATE", help="Date of MOVING; else from its file name.")
 @click.option("--transform", type=_FILE, default=None, metavar="FILE", help="transform.json to apply to MOVING first.")
+@_stable
 @_output_dir
 @command(InputParameters, ChangeParameters, ZoneParameters, HeatmapParameters)
 def change(
@@ -154,6 +155,7 @@ def change(
     epoch_from: str | None,
     epoch_to: str | None,
     transform: Path | None,
+    stable: Path | None,
     output_dir: Path,
 ) -> Outcome:
     """Elevation change, MOVING minus REFERENCE, of two registered ground clouds."""
@@ -166,6 +168,7 @@ def change(
         _settings(session),
         dates=(epoch_from, epoch_to),
         transform_path=transform,
+        stable=stable,
         progress=session.report,
     )
 

@@ -52,7 +52,7 @@ FROZEN_PARAMETERS = {
     "extractground": ["INPUT", "ROI", "PROFILE", *GROUND, *INPUT, "OUTPUT"],
     "registerepochs": ["REFERENCE", "CLOUD", "STABLE", "PROFILE", *REGISTRATION, *INPUT, "OUTPUT", "TRANSFORM"],
     "elevationchange": [
-        "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "TRANSFORM", "PROFILE",
+        "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "TRANSFORM", "STABLE", "PROFILE",
         *CHANGE, *ZONES, *HEATMAP, *INPUT, *PRODUCTS,
     ],
     "simulatesurvey": [
