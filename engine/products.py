@@ -101,6 +101,7 @@ def write_products(
         epochs=dates,
         method=context.method,
         run_id=context.run_id,
+        block=change.block,
     )
     vectors.write_zones(stage.path("zones.gpkg"), found.frame, stamp=dates[1])
     outputs["zones"] = stage.final("zones.gpkg")
@@ -148,13 +149,18 @@ def profile_products(
     crs: CRS | None,
     stamp: date | None,
     stage: Stage,
+    progress: Progress,
 ) -> tuple[dict[str, Path], list[dict[str, Any]]]:
     """Profiles along ``lines`` and down the first ``count`` zones: files (none without a line) and their figures."""
     every = (*lines, *steepest_lines(zone_frame, layers.height_to, layers.dz, layers.grid, count))
     if not every:
         return {}, []
     profiles = [take_profile(line, layers) for line in every]
-    return write_profiles(every, profiles, crs, stage, stamp), [p.facts() for p in profiles]
+    facts = [profile.facts() for profile in profiles]
+    for profile in facts:
+        if profile["kind"] == GIVEN and not profile["compared_share"]:
+            progress.warning(f"Profile {profile['name']!r} meets no ground that both surveys measured; check the line.")
+    return write_profiles(every, profiles, crs, stage, stamp), facts
 
 
 def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:
@@ -183,7 +189,7 @@ def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:
 
 def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float, stage: Stage) -> dict[str, Path]:
     level = change.median_level
-    layers = (
+    layers = [
         ("elevation_change", change.dz, f"{change.measure}, later minus earlier", styles.change_qml(limit, level)),
         (
             "level_of_detection",
@@ -197,7 +203,10 @@ def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float,
             f"{change.measure} beyond the level of detection",
             styles.change_qml(limit),
         ),
-    )
+    ]
+    if change.cell_size is not None:
+        sizes = np.unique(change.cell_size[change.valid]).tolist()
+        layers.append(("cell_size", change.cell_size, "Side of the grown cell", styles.cell_size_qml(sizes)))
     outputs = {}
     for name, array, description, qml in layers:
         path = stage.path(f"{name}.tif")

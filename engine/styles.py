@@ -5,10 +5,13 @@ They keep to the elements that QGIS 3.34 to 4 reads; what is left out takes QGIS
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
 
 from .outputs import atomic_output
 from .palette import BELOW_LEVEL, DIVERGING, LIKELIHOOD, SEQUENTIAL, Colour, hexadecimal
@@ -139,6 +142,18 @@ def change_qml(limit: float, level: float | None = None) -> str:
 def level_qml(limit: float) -> str:
     """Sequential style of a level-of-detection raster, from 0 to ``limit`` metres."""
     return _raster_qml([(s * limit, colour, 255, f"{s * limit:.3f} m") for s, colour in SEQUENTIAL])
+
+
+def cell_size_qml(sizes: Sequence[float]) -> str:
+    """Style of a raster of cell sizes: a colour for each of the ``sizes`` (metres, ascending), lightest the finest."""
+    shares = [i / max(len(sizes) - 1, 1) for i in range(len(sizes))]
+    places = [share for share, _ in SEQUENTIAL]
+    stops: list[tuple[float, Colour, int, str]] = []
+    for size, share in zip(sizes, shares, strict=True):
+        bands = zip(*(colour for _, colour in SEQUENTIAL), strict=True)
+        red, green, blue = (round(float(np.interp(share, places, band))) for band in bands)
+        stops.append((size, (red, green, blue), 255, f"{size:g} m"))
+    return _raster_qml(stops, suffix="")
 
 
 def zones_qml() -> str:

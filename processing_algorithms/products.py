@@ -71,6 +71,14 @@ CHANGE_PRODUCTS = (
         by_default=False,
     ),
     Product(
+        "CELL_SIZE",
+        "cell_size",
+        "Size of the cells (m)",
+        "Side of the cell that each place was compared in; written only where cells grow.",
+        Appearance(18, visible=False, expanded=False),
+        by_default=False,
+    ),
+    Product(
         "HEATMAP",
         "heatmap_raster",
         "Heatmap",

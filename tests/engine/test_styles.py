@@ -24,6 +24,7 @@ from slopewatch.engine.styles import (
     ALIASES,
     CONFIRMATION_ALIASES,
     HAZARD_ALIASES,
+    cell_size_qml,
     change_qml,
     hazards_qml,
     level_qml,
@@ -264,3 +265,14 @@ def test_qgis_loads_and_draws_the_styles(tmp_path: Path, qgis_python: str) -> No
     assert pixel("raster.png", 55, 5).tolist() == [255, 255, 255]  # no data
     assert pixel("zones.png", 5, 5).tolist() == [255, 255, 255]
     assert np.abs(pixel("level.png", 5, 5) - SEQUENTIAL[2][1]).max() <= 2
+
+
+def test_each_size_of_grown_cells_has_its_colour() -> None:
+    """In the legend and on the map: the finest the lightest, each darker than the one before."""
+    root = ElementTree.fromstring(cell_size_qml([0.1, 0.2, 0.4, 1.6]))
+    items = root.findall(".//item")
+    assert [float(item.attrib["value"]) for item in items] == [0.1, 0.2, 0.4, 1.6]
+    assert [item.attrib["label"] for item in items] == ["0.1 m", "0.2 m", "0.4 m", "1.6 m"]
+    light = [sum(bytes.fromhex(item.attrib["color"][1:7])) for item in items]
+    assert light == sorted(light, reverse=True)
+    assert len(set(light)) == 4
