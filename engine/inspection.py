@@ -251,7 +251,8 @@ def _change_of_two(run: _Run, grounds: list[GroundResult], stage: Stage, screene
             crs=first.crs,
             transform=registration.transform,
             input_hashes=run.hashes,
-            method=f"grid difference ({settings.change.cell_value}, {change.direction}), {registration.method} registration",
+            method=f"grid difference ({settings.change.cell_value}, {change.direction}), "
+            f"{registration.method} registration",
             run_id=record.facts["run_id"],
         )
         products = write_products(

@@ -13,8 +13,8 @@ from . import declare, products
 from .base import SlopeWatchAlgorithm
 
 STABLE_HELP = (
-    "Polygons of ground that has surely not moved, on which the errors are calibrated. Not set: stable ground is found in "
-    "the surveys."
+    "Polygons of ground that has surely not moved, on which the errors are calibrated. Not set: stable ground is found "
+    "in the surveys."
 )
 CHANGE_NUMBERS = {
     "ZONE_COUNT": ("zone_count", "Number of hazard zones"),
