@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from .gridding import Float
 
@@ -46,3 +47,30 @@ def blocks_in_groups(labels: NDArray[np.integer], block: Blocks, count: int) -> 
     number = np.where(number >= 0, number, block.max(initial=-1) + 1 + inside)
     pairs = np.unique(np.stack([labels.ravel()[inside].astype(np.int64), number]), axis=1)
     return np.bincount(pairs[0], minlength=count + 1)
+
+
+def sums_around(cells: NDArray[np.bool_], block: Blocks, window: int) -> Float:
+    """How many blocks with ``cells`` lie around each cell's block, in a window of ``window`` of its own sides.
+
+    A block counts with the part of its cells that is in the window, around the block's middle cell; its own is in it.
+    Cells outside of blocks get and count nothing.
+    """
+    inside = block >= 0
+    number = block[inside]
+    size = np.bincount(number) if number.size else np.zeros(0, dtype=np.int64)
+    weight = np.zeros(block.shape)
+    weight[inside] = cells[inside] / size[number]
+    # a block is a square, or what finer blocks left of one: the side is that of the smallest square that could hold it
+    side = np.zeros(size.shape, dtype=np.int64)
+    side[size > 0] = 2 ** np.ceil(np.log2(size[size > 0]) / 2 - 1e-9).astype(np.int64)
+    middle = middle_cells(block)
+    result = np.zeros(size.shape)
+    for multiple in np.unique(side[side > 0]):
+        reach = 2 * (window * int(multiple) // 2) + 1
+        total = ndimage.uniform_filter(weight, reach, mode="constant") * reach**2
+        these = middle & inside
+        these[these] = side[block[these]] == multiple
+        result[block[these]] = total[these]
+    around = np.zeros(block.shape)
+    around[inside] = result[number]
+    return around

@@ -81,7 +81,7 @@ def judge(
             confidence=parameters.confidence,
         )
     error = np.where(valid, np.hypot(model.factor(slope) * sampling, registration_error), np.nan)
-    return Judgement(dz, error, decide(dz, error, parameters), model, stable, registration_error)
+    return Judgement(dz, error, decide(dz, error, parameters, block), model, stable, registration_error)
 
 
 def _with_other_slopes(given: NDArray[np.bool_], found: NDArray[np.bool_], slope: Float) -> NDArray[np.bool_]:

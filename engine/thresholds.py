@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.special import erf
 
+from .blocks import Blocks, sums_around
 from .cell_slope import Float
 from .parameters import ChangeParameters
 
@@ -36,7 +37,7 @@ def quantile(confidence: float) -> float:
     return NormalDist().inv_cdf((1 + confidence) / 2)
 
 
-def decide(dz: Float, error: Float, parameters: ChangeParameters) -> Decision:
+def decide(dz: Float, error: Float, parameters: ChangeParameters, block: Blocks | None = None) -> Decision:
     """Apply ``parameters.threshold`` to the change ``dz`` with standard error ``error`` (both metres, NaN: no data).
 
     - constant: one level for every cell, whatever its error.
@@ -56,7 +57,7 @@ def decide(dz: Float, error: Float, parameters: ChangeParameters) -> Decision:
     level = z * error
     if parameters.threshold == "probabilistic":
         return _beyond(dz, level)
-    posterior = coherent_probability(dz, error)
+    posterior = coherent_probability(dz, error, block)
     with np.errstate(invalid="ignore"):
         return Decision(level, posterior > parameters.confidence, posterior)
 
@@ -66,18 +67,22 @@ def _beyond(dz: Float, level: Float) -> Decision:
         return Decision(level, np.abs(dz) > level)
 
 
-def coherent_probability(dz: Float, error: Float) -> Float:
+def coherent_probability(dz: Float, error: Float, block: Blocks | None = None) -> Float:
     """Posterior probability that a cell's change is real; NaN where ``dz`` is.
 
     Prior: two-sided probability of the cell alone, erf(|dz| / (error sqrt 2)). Likelihood: from the share of the
     measured cells in a window of 5 by 5 that changed with the cell's sign; 0 up to 60 %, 1 where all did, linear in
-    between. Posterior by Bayes' theorem: p L / (p L + (1 - p) (1 - L)).
+    between. Posterior by Bayes' theorem: p L / (p L + (1 - p) (1 - L)). Where cells grew, ``block`` tells which are
+    one: each counts once, and the window is five of the block's own sides wide.
     """
+
+    def number(cells: NDArray[np.bool_]) -> Float:
+        return _window_sum(cells) if block is None else sums_around(cells, block, _WINDOW)
+
     known = np.isfinite(dz) & np.isfinite(error)
     with np.errstate(invalid="ignore", divide="ignore"):
         prior = erf(np.abs(dz) / (error * math.sqrt(2.0)))
-        around = _window_sum(known)
-        alike = np.where(dz < 0, _window_sum(known & (dz < 0)), _window_sum(known & (dz > 0))) / around
+        alike = np.where(dz < 0, number(known & (dz < 0)), number(known & (dz > 0))) / number(known)
         likelihood = np.clip((alike - _FIRST) / (_FULL - _FIRST), 0.0, 1.0)
         joint = prior * likelihood
         posterior = joint / (joint + (1.0 - prior) * (1.0 - likelihood))
