@@ -44,7 +44,8 @@ _MOST_PARTS = 16
 class Evidence:
     """What the change says of one zone: shares from 0 to 1, lengths in metres.
 
-    ``compared`` is the part of the zone that has a change at all, ``cells`` how many cells of the raster that is;
+    ``compared`` is the part of the zone that has a change at all, ``cells`` how many cells of the raster, or blocks of
+    grown ones, that is;
     ``matching`` and ``opposite`` are the parts of these with significant change of the zone's sign and of the other;
     ``mean`` is the mean significant change in the zone. The last three are NaN where there is nothing to take them of.
     """
@@ -113,7 +114,7 @@ def weigh(geometry: BaseGeometry, sign: float, change: Change, *, outline_cell: 
         matching = float(significant[dz * sign > 0].sum())
     return Evidence(
         compared=min(1.0, cells * change.grid.cell**2 / geometry.area) if geometry.area else 0.0,
-        cells=cells,
+        cells=cells if change.block is None else float(np.unique(change.block[window][weights > 0]).size),
         matching=matching / cells if cells else math.nan,
         opposite=(moved - matching) / cells if cells else math.nan,
         mean=float(np.nansum(significant * dz) / moved) if moved else math.nan,

@@ -77,8 +77,11 @@ def warn_of_doubtful_change(change: Change, progress: Progress) -> None:
     """Name ground that was not compared, and a shift of the whole overlap, for what they are."""
     compared = compared_share(change)
     if compared < _LITTLE_COMPARED:
-        larger = cell_that_compares(change)
-        remedy = f"cells of {larger:g} m would compare most of it" if larger else "check that both cover the same slope"
+        remedy = "check that both cover the same slope"
+        if change.block is not None:
+            remedy = "a larger largest_cell would compare more"
+        elif larger := cell_that_compares(change):
+            remedy = f"cells of {larger:g} m, or cells that grow (adaptive), would compare most of it"
         progress.warning(
             f"Only {100 * compared:.2g} % of the ground that the surveys reached could be compared; the rest has no "
             f"points of both epochs in a cell, and zones and volumes leave it out; {remedy}."

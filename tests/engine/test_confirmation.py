@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import geopandas as gpd
 import numpy as np
@@ -152,6 +153,19 @@ def test_four_cells_tell_nothing_and_five_do():
     change = changed(np.full((5, 5), 0.3), np.ones((5, 5), bool), 0.5)
     frame = zones(("uplift", box(0, 0, 1.0, 1.0)), ("uplift", box(0, 0, 2.5, 0.5)))
     assert list(confirm_zones(frame, change, outline_cell=0.25)["confirmed"]) == ["not measured", "confirmed"]
+
+
+def test_cells_of_a_grown_block_are_one_witness():
+    single = changed(np.full((8, 8), 0.3), np.ones((8, 8), bool), 0.5)
+    block = np.arange(4).reshape(2, 2).repeat(4, axis=0).repeat(4, axis=1)
+    finer = block.copy()
+    finer[3, 3] = 4
+    frame = zones(("uplift", box(0, 0, 4, 4)))
+    words = [
+        confirm_zones(frame, replace(single, block=b), outline_cell=0.25)["confirmed"].iloc[0]
+        for b in (None, block, finer)
+    ]
+    assert words == ["confirmed", "not measured", "confirmed"]
 
 
 def test_more_of_the_other_sign_does_not_confirm():
