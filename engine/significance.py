@@ -13,6 +13,8 @@ from .slope_error import ErrorModel, calibrate, uncalibrated
 from .stable_cells import find_stable
 from .thresholds import Decision, decide
 
+_APART = 5.0  # degrees beyond the slopes of known stable ground, from which that tells nothing of a cell
+
 
 @dataclass(frozen=True)
 class Judgement:
@@ -85,11 +87,11 @@ def judge(
 
 
 def _with_other_slopes(given: NDArray[np.bool_], found: NDArray[np.bool_], slope: Float) -> NDArray[np.bool_]:
-    """The given cells, and found ones that are flatter or steeper than those: a road tells nothing of a face."""
+    """The given cells, and found ones much flatter or steeper than those: a road tells nothing of a face."""
     inside = slope[given & np.isfinite(slope)]
     if not inside.size:
         return given
-    low, high = np.quantile(inside, [0.02, 0.98])
+    low, high = np.quantile(inside, [0.02, 0.98]) + np.array([-_APART, _APART])
     with np.errstate(invalid="ignore"):
         return given | (found & ((slope < low) | (slope > high)))
 
