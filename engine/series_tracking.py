@@ -99,6 +99,7 @@ def _follow(epoch: int, sign: int, labels: Labels, owner: Labels, tracks: list[_
     numbers, starts = np.unique(flat[order], return_index=True)
     cells = dict(zip(numbers.tolist(), np.split(order, starts[1:]), strict=True))
     shared = _overlaps(flat, owner, cells, tracks, reach)
+    source: int | None
     heirs: dict[int, int] = {}  # track: the group with most of it
     for (group, track), count in shared.items():
         known = heirs.get(track)
@@ -120,15 +121,15 @@ def _follow(epoch: int, sign: int, labels: Labels, owner: Labels, tracks: list[_
                 parts.setdefault(source, []).append(group)
         else:
             fresh.append((group, None))
-    for track, groups in parts.items():
-        _add_parts(_living(tracks, track), epoch, [cells[g] for g in groups])
+    for number, groups in parts.items():
+        _add_parts(_living(tracks, number), epoch, [cells[g] for g in groups])
     for group, source in fresh:
         parent = None if source is None else _living(tracks, source)
         tracks.append(_begin(len(tracks) + 1, sign, epoch, cells[group], parent))
     owner[:] = 0
-    for track in tracks:
-        if track.sign == sign and not track.merged_into:
-            owner.ravel()[track.cells] = track.number
+    for one in tracks:
+        if one.sign == sign and not one.merged_into:
+            owner.ravel()[one.cells] = one.number
 
 
 def _overlaps(

@@ -144,7 +144,7 @@ def _series(
     change, variance = np.full(count, np.nan), np.full(count, np.nan)
     measured, seen = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=bool)
     values = [dz.ravel()[cells] for dz in stack.change]
-    ever = np.count_nonzero(np.any([np.isfinite(v) for v in values[1:]], axis=0))
+    ever = int(np.count_nonzero(np.any([np.isfinite(v) for v in values[1:]], axis=0)))
     least = max(3, _LEAST_SHARE * ever)
     for i, dz in enumerate(values):
         own = stack.variance[i].ravel()[cells]

@@ -58,8 +58,8 @@ def tangent_angle(days: Float, change: Float, variance: Float, start: int = 0) -
     level = "blue"
     if low > 1.0:
         level = "red" if ratio >= RED else "orange" if ratio >= ORANGE else "yellow"
-    angles = (math.degrees(math.atan(r)) for r in (ratio, low, high))
-    return TangentAngle(*angles, level, "")
+    degrees, least, most = (math.degrees(math.atan(r)) for r in (ratio, low, high))
+    return TangentAngle(degrees, least, most, level, "")
 
 
 def _fieller(t: Float, v: Float, last: float, steady: float) -> tuple[float, float]:

@@ -89,11 +89,11 @@ def simulate_pair(
     frame, relief = frame or Frame(), relief or Relief()
     run = parameters.height / math.tan(math.radians(parameters.angle)) + parameters.benches * BERM_WIDTH
     slope = (0.0, 0.0, parameters.length, run)
-    roi = _expand(slope, roi_buffer)
+    roi = expand(slope, roi_buffer)
     profile = cut_profile(parameters.height, parameters.angle, parameters.benches)
     with progress.stage(0.0, 0.1, "building the ground"):
         rng = np.random.default_rng([parameters.seed, 1])
-        scene = build_scene(profile, slope, roi_buffer + _largest_margin(roi) + 9.0, frame, relief, rng)
+        scene = build_scene(profile, slope, roi_buffer + largest_margin(roi) + 9.0, frame, relief, rng)
     with progress.stage(0.1, 0.3, "planting"):
         canopy = grow(scene, parameters.vegetation, np.random.default_rng([parameters.seed, 2]), progress=progress)
     plan = plan_flight(roi, profile, Scanner())
@@ -184,7 +184,7 @@ def _fly(
     progress: Progress,
 ) -> SimulatedPair:
     changed = scene.with_changes(changes)
-    area, pulses = _survey_area(scene, canopy, plan, roi, parameters.points, parameters.seed)
+    area, pulses = survey_area(scene, canopy, plan, roi, parameters.points, parameters.seed)
     clouds = []
     for epoch, ground in enumerate((scene, changed)):
         with progress.stage(0.3 + 0.35 * epoch, 0.65 + 0.35 * epoch, f"scanning epoch {epoch + 1}") as stage:
@@ -196,12 +196,12 @@ def _fly(
     return SimulatedPair(parameters, clouds[0], moved, transform, changed, canopy, area, ring)
 
 
-def _survey_area(scene: Scene, canopy: Canopy, flight: Flight, roi: Area, points: int, seed: int) -> tuple[Area, int]:
+def survey_area(scene: Scene, canopy: Canopy, flight: Flight, roi: Area, points: int, seed: int) -> tuple[Area, int]:
     """The area around the ROI of which the ROI holds ROI_SHARE of the points, and the pulses that give ``points``.
 
     Both from a pilot scan: density falls off at the edges of the flight, and leaves return more than bare ground.
     """
-    widest = _expand(roi, _largest_margin(roi))
+    widest = expand(roi, largest_margin(roi))
     pilot = 60_000
     cloud = scan(scene, canopy, flight, widest, pilot, 0.0, (seed, 10))
     local = scene.frame.to_local(cloud.xyz)
@@ -210,11 +210,11 @@ def _survey_area(scene: Scene, canopy: Canopy, flight: Flight, roi: Area, points
     beyond = np.sort(beyond)
     held = np.count_nonzero(beyond <= 0)
     wanted = min(round(held / ROI_SHARE), len(beyond))
-    area = _expand(roi, max(float(beyond[wanted - 1]), 0.5))
+    area = expand(roi, max(float(beyond[wanted - 1]), 0.5))
     return area, max(1, math.ceil(points * pilot / max(wanted, 1)))
 
 
-def _largest_margin(roi: Area) -> float:
+def largest_margin(roi: Area) -> float:
     """Margin of the ground that is modelled around the ROI, m: twice that of an even density."""
     a, b = roi[2] - roi[0], roi[3] - roi[1]
     # (a + 2 m)(b + 2 m) = a b / ROI_SHARE
@@ -222,5 +222,5 @@ def _largest_margin(roi: Area) -> float:
     return -half + math.sqrt(half**2 + a * b * (1 / ROI_SHARE - 1))
 
 
-def _expand(area: Area, margin: float) -> Area:
+def expand(area: Area, margin: float) -> Area:
     return area[0] - margin, area[1] - margin, area[2] + margin, area[3] + margin
