@@ -13,6 +13,7 @@ from .commands import change, check, ground, info, inspect, register
 from .m3c2 import m3c2
 from .reporting import error_event
 from .screen import screen
+from .series import series
 from .simulate import simulate
 from .train import train
 
@@ -39,5 +40,5 @@ def cli() -> None:
     """
 
 
-for subcommand in (inspect, ground, register, change, m3c2, screen, info, train, simulate, check):
+for subcommand in (inspect, ground, register, change, m3c2, screen, series, info, train, simulate, check):
     cli.add_command(subcommand)
