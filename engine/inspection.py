@@ -43,6 +43,7 @@ from .profile_lines import ProfileLine, given_lines
 from .profiles import PROFILE_OUTPUTS
 from .progress import Progress
 from .registration import RegistrationResult
+from .report import write_record_and_report
 from .run_record import RunRecord, plain
 
 CHANGE_OUTPUTS = (
@@ -55,6 +56,7 @@ CHANGE_OUTPUTS = (
     "top_view.tif",
     "surface_heights.tif",
     "point_counts.tif",
+    "report.html",
 )
 _EVERY_OUTPUT = (*CHANGE_OUTPUTS, *PROFILE_OUTPUTS, *SCREENING_OUTPUTS)
 
@@ -156,7 +158,7 @@ def inspect_slope(
             outputs[f"{label}_ground"] = stage.final(f"clouds/{result.ground.name}")
             record.metrics |= {f"{label}_{name}": value for name, value in result.figures().items()}
         _tell_what_is_older(output_dir, outputs, progress)
-        record.write(stage.path("run.json"), progress.warnings, outputs)
+        write_record_and_report(record, stage, progress, outputs)
     return outputs, record.metrics
 
 

@@ -18,8 +18,8 @@ from .clouds import PointCloud
 from .epochs import Epoch
 from .outputs import Stage
 from .parameters import HeatmapParameters, ReportParameters, ZoneParameters
-from .profile_lines import GIVEN, ProfileLine, steepest_lines
-from .profiles import Layers, take_profile, write_profiles
+from .profile_lines import ProfileLine, steepest_lines
+from .profiles import Layers, missed_lines, take_profile, write_profiles
 from .progress import Progress
 from .report_facts import change_facts
 from .transform import RigidTransform
@@ -132,11 +132,8 @@ def write_products(
     count = (report_parameters or ReportParameters()).zone_profiles
     files, facts["profiles"] = profile_products(layers, found.frame, lines, count, context.crs, dates[1], stage)
     outputs |= files
-    for line in facts["profiles"]:
-        if line["kind"] == GIVEN and not line["compared_share"]:
-            progress.warning(
-                f"The profile {line['name']!r} meets no ground that both surveys measured; check its line."
-            )
+    for sentence in missed_lines(facts["profiles"]):
+        progress.warning(sentence)
     progress.update(1.0, "taking profiles")
     return Products(outputs, main_figures(change, found.frame), facts)
 
@@ -149,18 +146,13 @@ def profile_products(
     crs: CRS | None,
     stamp: date | None,
     stage: Stage,
-    progress: Progress,
 ) -> tuple[dict[str, Path], list[dict[str, Any]]]:
     """Profiles along ``lines`` and down the first ``count`` zones: files (none without a line) and their figures."""
     every = (*lines, *steepest_lines(zone_frame, layers.height_to, layers.dz, layers.grid, count))
     if not every:
         return {}, []
     profiles = [take_profile(line, layers) for line in every]
-    facts = [profile.facts() for profile in profiles]
-    for profile in facts:
-        if profile["kind"] == GIVEN and not profile["compared_share"]:
-            progress.warning(f"Profile {profile['name']!r} meets no ground that both surveys measured; check the line.")
-    return write_profiles(every, profiles, crs, stage, stamp), facts
+    return write_profiles(every, profiles, crs, stage, stamp), [p.facts() for p in profiles]
 
 
 def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from pyproj import CRS
 from .errors import EngineError, InputError
 from .gridding import Grid
 from .outputs import Stage, atomic_output
-from .profile_lines import ProfileLine
+from .profile_lines import GIVEN, ProfileLine
 from .vectors import write_layer
 from .zones import horizontal
 
@@ -121,6 +121,15 @@ def take_profile(line: ProfileLine, layers: Layers) -> Profile:
         level=along(layers.level),
         significant=np.asarray(layers.significant[row, column] & np.isfinite(layers.dz[row, column])),
     )
+
+
+def missed_lines(facts: Sequence[dict[str, Any]]) -> list[str]:
+    """A sentence for each line that was given and meets no ground that both surveys measured."""
+    return [
+        f"The profile {profile['name']!r} meets no ground that both surveys measured; check its line."
+        for profile in facts
+        if profile["kind"] == GIVEN and not profile["compared_share"]
+    ]
 
 
 def write_profiles(

@@ -62,7 +62,14 @@ def distribution(change: Change, limit: float) -> dict[str, Any]:
     }
     counts = {name: np.histogram(change.dz[cells], edges)[0].tolist() for name, cells in chosen.items()}
     outside = int((dz < -reach).sum()), int((dz > reach).sum())
-    return {"bin_m": reach / _HALF_BINS, "reach_m": reach, "lower": outside[0], "higher": outside[1], **counts}
+    return {
+        "cells": int(dz.size),
+        "bin_m": reach / _HALF_BINS,
+        "reach_m": reach,
+        "lower": outside[0],
+        "higher": outside[1],
+        **counts,
+    }
 
 
 def stable_ground(change: Change) -> dict[str, Any] | None:

@@ -23,6 +23,7 @@ from .products import Context, write_products
 from .profile_lines import given_lines
 from .profiles import PROFILE_OUTPUTS
 from .progress import Progress
+from .report import write_record_and_report
 from .run_record import RunRecord, plain
 from .transform import RigidTransform
 
@@ -209,7 +210,7 @@ def change_step(
         outputs = products.outputs | {"run": stage.final("run.json")}
         record.metrics = products.figures
         record.facts |= products.facts | {"run_id": context.run_id}
-        record.write(stage.path("run.json"), progress.warnings, outputs)
+        write_record_and_report(record, stage, progress, outputs)
     return outputs, record.metrics
 
 

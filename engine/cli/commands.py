@@ -14,9 +14,11 @@ from ..parameters import (
     InputParameters,
     LastEpochParameters,
     RegistrationParameters,
+    ReportParameters,
     ZoneParameters,
 )
 from .options import Session, command
+from .report import PROFILES_OPTION
 
 Outcome = tuple[dict[str, Path], dict[str, Any]]
 _FILE = click.Path(path_type=Path)
@@ -43,6 +45,7 @@ _output_dir = click.option(
 )
 @_roi
 @_stable
+@PROFILES_OPTION
 @_output_dir
 @command(
     InputParameters,
@@ -51,10 +54,13 @@ _output_dir = click.option(
     ChangeParameters,
     ZoneParameters,
     HeatmapParameters,
+    ReportParameters,
     LastEpochParameters,
 )
-def inspect(session: Session, epochs: tuple[str, ...], roi: Path, stable: Path, output_dir: Path) -> Outcome:
-    """The whole flow: two raw surveys in, change rasters, hazard zones and a heatmap out.
+def inspect(
+    session: Session, epochs: tuple[str, ...], roi: Path, stable: Path, profiles: Path, output_dir: Path
+) -> Outcome:
+    """The whole flow: two raw surveys in, change rasters, hazard zones, a heatmap and a report out.
 
     The ground of the last survey is screened, too, and the change says which of the zones found so it confirms. One
     survey alone is screened only.
@@ -71,6 +77,7 @@ def inspect(session: Session, epochs: tuple[str, ...], roi: Path, stable: Path, 
         _settings(session),
         roi=roi,
         stable=stable,
+        profiles=profiles,
         pdal=session.pdal,
         progress=session.report,
     )
@@ -146,8 +153,9 @@ def register(
 @click.option("--epoch-to", default=None, metavar="DATE", help="Date of MOVING; else from its file name.")
 @click.option("--transform", type=_FILE, default=None, metavar="FILE", help="transform.json to apply to MOVING first.")
 @_stable
+@PROFILES_OPTION
 @_output_dir
-@command(InputParameters, ChangeParameters, ZoneParameters, HeatmapParameters)
+@command(InputParameters, ChangeParameters, ZoneParameters, HeatmapParameters, ReportParameters)
 def change(
     session: Session,
     reference: Path,
@@ -156,6 +164,7 @@ def change(
     epoch_to: str | None,
     transform: Path | None,
     stable: Path | None,
+    profiles: Path | None,
     output_dir: Path,
 ) -> Outcome:
     """Elevation change, MOVING minus REFERENCE, of two registered ground clouds."""
@@ -169,6 +178,7 @@ def change(
         dates=(epoch_from, epoch_to),
         transform_path=transform,
         stable=stable,
+        profiles=profiles,
         progress=session.report,
     )
 
@@ -203,4 +213,5 @@ def _settings(session: Session) -> Any:
         zones=session.parameters(ZoneParameters),
         heatmap=session.parameters(HeatmapParameters),
         screening=session.parameters(LastEpochParameters),
+        report=session.parameters(ReportParameters),
     )

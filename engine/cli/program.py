@@ -11,6 +11,7 @@ from ..errors import InputError
 from ..version import VERSION
 from .commands import change, check, ground, info, inspect, register
 from .m3c2 import m3c2
+from .report import report
 from .reporting import error_event
 from .screen import screen
 from .series import series
@@ -40,5 +41,5 @@ def cli() -> None:
     """
 
 
-for subcommand in (inspect, ground, register, change, m3c2, screen, series, info, train, simulate, check):
+for subcommand in (inspect, ground, register, change, m3c2, screen, series, report, info, train, simulate, check):
     cli.add_command(subcommand)

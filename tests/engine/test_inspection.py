@@ -117,7 +117,9 @@ def test_the_known_offset_is_undone(survey, run):
 def test_run_record_tells_what_ran(run):
     out, _, metrics = run
     record = json.loads((out / "run.json").read_text())
-    assert [s["stage"] for s in record["stages"]] == ["ground", "registration", "change", "screening", "products"]
+    assert [s["stage"] for s in record["stages"]] == [
+        "ground", "registration", "change", "screening", "products", "report",
+    ]  # fmt: skip
     assert all(s["seconds"] >= 0 and s["peak_memory_mb"] > 0 for s in record["stages"])
     assert record["pdal"]["version"]
     assert record["metrics"].keys() == metrics.keys()
@@ -204,11 +206,11 @@ def test_one_epoch_is_screened_and_nothing_else(survey, tmp_path):
     (out / "zones.gpkg").touch()
     outputs, metrics = inspect_slope([epoch], out, Settings(screening=RESIDUAL), roi=paths["roi"], progress=progress)
     assert {p.name for p in out.iterdir()} == {
-        *SCREENING_OUTPUTS, "screened_probability.qml", "run.json", "clouds", "zones.gpkg",
+        *SCREENING_OUTPUTS, "screened_probability.qml", "run.json", "report.html", "clouds", "zones.gpkg",
     }  # fmt: skip
     assert [w for w in progress.warnings if w.endswith("outputs of an earlier run: zones.gpkg.")]
     assert set(outputs) == {
-        "screened", "screened_zones", "screened_probability", "screened_map", "epoch_ground", "run",
+        "screened", "screened_zones", "screened_probability", "screened_map", "epoch_ground", "report", "run",
     }  # fmt: skip
     assert all(path.is_file() for path in outputs.values())
     zones = geopandas.read_file(outputs["screened_zones"], layer="zones")
@@ -216,7 +218,7 @@ def test_one_epoch_is_screened_and_nothing_else(survey, tmp_path):
     assert "confirmed" not in zones
     assert "confirmed_zones" not in metrics
     record = json.loads(outputs["run"].read_text())
-    assert [s["stage"] for s in record["stages"]] == ["ground", "screening", "products"]
+    assert [s["stage"] for s in record["stages"]] == ["ground", "screening", "products", "report"]
     assert metrics["screened_ground_points"] == len(laspy.read(outputs["epoch_ground"]).points)
 
 

@@ -86,6 +86,7 @@ def test_change_writes_what_it_promises(clouds, tmp_path):
         "heatmap.png",
         "heatmap.tif",
         "top_view.tif",
+        "report.html",
         "run.json",
     }
     for path in result["outputs"].values():

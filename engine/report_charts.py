@@ -1,0 +1,178 @@
+"""Charts of the report: distributions of the change, and profiles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from .map_parts import INK, Sheet
+from .palette import BELOW_LEVEL, DIVERGING, hexadecimal
+from .report_pictures import Picture, drawing
+
+_LOWERED, _RAISED = hexadecimal(DIVERGING[4][1]), hexadecimal(DIVERGING[4][2])
+_GREY = hexadecimal(BELOW_LEVEL)
+_BEFORE = "#8a8f98"
+_SOFT = "#57606a"
+_WIDTH, _WIDE = 5.0, 10.2  # inches
+
+Column = NDArray[np.float64]
+
+
+def change_histogram(record: Mapping[str, Any]) -> Picture:
+    """All cells and, below, those beyond their level, as areas; both with the median level drawn."""
+    shown, area = record["distribution"], record["grid"]["cell_m"] ** 2
+    level = record["level"]["median_m"]
+    figure = Figure(figsize=(_WIDTH, 4.2))
+    sheet = Sheet(figure, _WIDTH, 4.2)
+    above, below = sheet.axes(0.72, 2.42, 4.1, 1.6), sheet.axes(0.72, 0.55, 4.1, 1.6)
+    middles, width = _bins(shown)
+    compared, beyond = (np.array(shown[name]) * area for name in ("compared", "beyond"))
+    above.bar(middles, compared, width, color=_GREY)
+    colours = [_LOWERED if m < 0 else _RAISED for m in middles]
+    below.bar(middles, beyond, width, color=colours)
+    low, high = record["level"]["p05_m"], record["level"]["p95_m"]
+    for axes, words in ((above, "all cells"), (below, "beyond their level")):
+        for sign in (-1, 1):
+            axes.axvspan(sign * low, sign * high, color="#000000", alpha=0.06, lw=0)
+            axes.axvline(sign * level, color=INK, lw=1.0, ls=(0, (4, 3)))
+        _finish(axes, sheet)
+        axes.set_xlim(-shown["reach_m"], shown["reach_m"])
+        axes.set_ylabel("area (m²)", fontproperties=sheet.fonts(8), color=INK)
+        axes.text(0.015, 0.9, words, transform=axes.transAxes, fontproperties=sheet.fonts(8, "bold"), color=INK)
+    above.set_xticklabels([])
+    below.set_xlabel("elevation change (m)", fontproperties=sheet.fonts(8), color=INK)
+    return drawing(
+        figure,
+        "Histograms of the elevation change: all cells above, cells beyond their level of detection below, with the "
+        f"median level of {level:.3f} m drawn on both sides of zero",
+    )
+
+
+def stable_histogram(record: Mapping[str, Any]) -> Picture | None:
+    """Change on stable ground beside the normal distribution of its median and NMAD; None without such ground."""
+    facts, shown = record["stable_ground"], record["distribution"]
+    if facts is None:
+        return None
+    figure = Figure(figsize=(_WIDTH, 4.2))
+    sheet = Sheet(figure, _WIDTH, 4.2)
+    axes = sheet.axes(0.72, 0.55, 4.1, 3.47)
+    middles, width = _bins(shown)
+    axes.bar(middles, shown["stable"], width, color="#9fb3a5")
+    spread = facts["nmad_m"]
+    reach = shown["reach_m"]
+    if spread > 0:
+        reach = min(reach, max(5.0 * spread + abs(facts["median_m"]), 3.0 * width))
+        x = np.linspace(-reach, reach, 400)
+        density = np.exp(-0.5 * ((x - facts["median_m"]) / spread) ** 2) / (spread * math.sqrt(2 * math.pi))
+        axes.plot(x, density * facts["cells"] * width, color=INK, lw=1.2)
+    for sign in (-1, 1):
+        axes.axvline(sign * record["level"]["median_m"], color=INK, lw=1.0, ls=(0, (4, 3)))
+    _finish(axes, sheet)
+    axes.set_xlim(-reach, reach)
+    axes.set_xlabel("elevation change on stable ground (m)", fontproperties=sheet.fonts(8), color=INK)
+    axes.set_ylabel("cells", fontproperties=sheet.fonts(8), color=INK)
+    return drawing(
+        figure,
+        f"Histogram of the elevation change on stable ground: median {facts['median_m']:+.4f} m, spread (NMAD) "
+        f"{spread:.3f} m, with the normal distribution of these figures",
+    )
+
+
+def profile_chart(facts: Mapping[str, Any], columns: Mapping[str, Column] | None, epochs: tuple[str, str]) -> Picture:
+    """Heights of both epochs along a line, and below their difference with the level of detection as a ribbon."""
+    figure = Figure(figsize=(_WIDE, 4.0))
+    sheet = Sheet(figure, _WIDE, 4.0)
+    above, below = sheet.axes(0.8, 2.15, 9.2, 1.6), sheet.axes(0.8, 0.5, 9.2, 1.35)
+    length = facts["length_m"]
+    if columns is not None and np.isfinite(columns["dz_m"]).any():
+        _draw_heights(above, columns, epochs, sheet)
+        _draw_difference(below, columns)
+    else:
+        above.text(0.5, 0.5, "not measured", transform=above.transAxes, ha="center", fontproperties=sheet.fonts(9))
+    for axes, words in ((above, "height (m)"), (below, "change (m)")):
+        axes.set_xlim(0, length)
+        _finish(axes, sheet)
+        axes.set_ylabel(words, fontproperties=sheet.fonts(8), color=INK)
+    above.set_xticklabels([])
+    below.set_xlabel("distance along the line (m)", fontproperties=sheet.fonts(8), color=INK)
+    figure.align_ylabels([above, below])
+    lowest, highest = facts["dz_min_m"], facts["dz_max_m"]
+    told = (
+        "no ground that both surveys measured" if lowest is None else f"change from {lowest:+.3f} to {highest:+.3f} m"
+    )
+    return drawing(
+        figure,
+        f"Profile of {length:.1f} m: heights of both surveys, and their difference with the level of detection; {told}",
+    )
+
+
+def _draw_heights(axes: Axes, columns: Mapping[str, Column], epochs: tuple[str, str], sheet: Sheet) -> None:
+    distance = columns["distance_m"]
+    for name, colour, width, label in (
+        ("height_from_m", _BEFORE, 1.8, epochs[0]),
+        ("height_to_m", INK, 0.9, epochs[1]),
+    ):
+        axes.plot(
+            distance, columns[name], color=colour, lw=width, label=label.replace("$", r"\$"), solid_capstyle="butt"
+        )
+    axes.legend(
+        loc="upper right", frameon=False, ncols=2, prop=sheet.fonts(8), borderaxespad=0.1, handlelength=1.6,
+        bbox_to_anchor=(1.0, 1.17),
+    )  # fmt: skip
+
+
+def _draw_difference(axes: Axes, columns: Mapping[str, Column]) -> None:
+    distance, dz, level = columns["distance_m"], columns["dz_m"], columns["level_m"]
+    edges, heights = _ribbon(distance, level)
+    axes.fill_between(edges, -heights, heights, color=_GREY, alpha=0.4, lw=0)
+    axes.axhline(0.0, color=_SOFT, lw=0.6)
+    axes.plot(distance, dz, color="#6e7781", lw=0.6, marker=".", ms=2.5, mew=0)
+    beyond = columns["significant"] > 0
+    for chosen, colour in ((beyond & (dz < 0), _LOWERED), (beyond & (dz > 0), _RAISED)):
+        axes.plot(distance[chosen], dz[chosen], ".", color=colour, ms=4.0, mew=0)
+    # the ribbon shall not shrink what lies beyond it, nor a single wide level the whole chart
+    reach = max(1.15 * np.nanmax(np.abs(dz)), 1.3 * np.nanmedian(level))
+    axes.set_ylim(-reach, reach)
+
+
+def _ribbon(distance: Column, level: Column) -> tuple[Column, Column]:
+    """A band that has each cell's level over the cell's own width; NaN between cells that do not touch."""
+    known = np.isfinite(level)
+    distance, level = distance[known], level[known]
+    steps = np.diff(distance)
+    wide = 1.6 * float(np.median(steps)) if steps.size else 1.0
+    half = np.full(len(distance), wide / 3.2)
+    left, right = distance - half, distance + half
+    near = steps <= wide
+    middles = (distance[1:] + distance[:-1]) / 2
+    right[:-1][near], left[1:][near] = middles[near], middles[near]
+    edges = np.column_stack([left, right, np.full(len(left), np.nan)])
+    heights = np.column_stack([level, level, np.full(len(level), np.nan)])
+    joined = np.append(near, False)
+    edges[joined, 2], heights[joined, 2] = right[joined], level[joined]
+    return edges.ravel(), heights.ravel()
+
+
+def _bins(shown: Mapping[str, Any]) -> tuple[Column, float]:
+    width = shown["bin_m"]
+    count = len(shown["compared"])
+    return (np.arange(count) - count / 2 + 0.5) * width, width
+
+
+def _finish(axes: Axes, sheet: Sheet) -> None:
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        axes.spines[side].set_color("#8c959f")
+        axes.spines[side].set_linewidth(0.6)
+    axes.tick_params(colors=_SOFT, length=3, width=0.6)
+    axes.grid(axis="y", color="#eaeef2", lw=0.6)
+    axes.set_axisbelow(True)
+    for label in (*axes.get_xticklabels(), *axes.get_yticklabels()):
+        label.set_fontproperties(sheet.fonts(7.5))

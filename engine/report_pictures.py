@@ -1,0 +1,76 @@
+"""Pictures inside of a report: a file's bytes as a data URI, with the text for those who cannot see it."""
+
+from __future__ import annotations
+
+import base64
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from PIL import Image
+
+_DPI = 160
+_CSS_DPI = 96
+# no clock and no random ids in a picture, else its bytes differ each time
+_SVG: dict[Any, Any] = {
+    "svg.hashsalt": "slopewatch",
+    "svg.fonttype": "path",
+    "path.simplify": True,
+    "path.simplify_threshold": 0.2,
+}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """``source`` is a data URI, ``text`` says what is to be seen; ``width`` and ``height`` in CSS pixels."""
+
+    source: str
+    text: str
+    width: int
+    height: int
+
+
+def drawing(figure: Figure, text: str) -> Picture:
+    """A chart as SVG, which prints sharply at any size."""
+    stream = io.BytesIO()
+    with matplotlib.rc_context(_SVG):
+        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": "SlopeWatch"})
+    width, height = figure.get_size_inches() * _CSS_DPI
+    return Picture(_uri("image/svg+xml", stream.getvalue()), text, round(width), round(height))
+
+
+def map_picture(figure: Figure, text: str) -> Picture:
+    """A map as PNG."""
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=_DPI, metadata={"Software": "SlopeWatch"})
+    width, height = figure.get_size_inches() * _CSS_DPI
+    return Picture(_uri("image/png", stream.getvalue()), text, round(width), round(height))
+
+
+def image_picture(image: NDArray[np.uint8], text: str, width: int) -> Picture:
+    """An image (rows, columns, 3) as PNG, shown ``width`` CSS pixels wide."""
+    stream = io.BytesIO()
+    Image.fromarray(image).save(stream, "PNG", optimize=False)
+    return Picture(_uri("image/png", stream.getvalue()), text, width, round(width * image.shape[0] / image.shape[1]))
+
+
+def photograph(path: Path, text: str, width: int, *, quality: int = 88) -> Picture | None:
+    """A picture file as JPEG, because views of plants and rocks are several times larger as PNG; None without it."""
+    if not path.is_file():
+        return None
+    with Image.open(path) as source:
+        image = Image.new("RGB", source.size, "white")
+        rgba = source.convert("RGBA")
+        image.paste(rgba, mask=rgba.getchannel("A"))
+    stream = io.BytesIO()
+    image.save(stream, "JPEG", quality=quality, subsampling=0)
+    return Picture(_uri("image/jpeg", stream.getvalue()), text, width, round(width * image.height / image.width))
+
+
+def _uri(kind: str, content: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"

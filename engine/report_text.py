@@ -1,0 +1,83 @@
+"""Figures of a run record as they stand in the report: rounded for people, with their exact value and their place."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from markupsafe import Markup
+
+#: What stands where a figure is not known.
+UNKNOWN = Markup('<span class="unknown">not known</span>')
+
+
+class Figures:
+    """Looks up and formats the figures of one run record.
+
+    Every figure becomes an HTML ``data`` element with its exact value and, as a JSON pointer (RFC 6901), its place in
+    ``run.json``, so that a program, or a reader of the source, can check the report against the record.
+    """
+
+    def __init__(self, record: dict[str, Any]) -> None:
+        self.record = record
+
+    def value(self, *place: str | int) -> Any:
+        """What stands at a place of the record, such as ("metrics", "zone_count"); None where there is nothing."""
+        found: Any = self.record
+        for key in place:
+            if isinstance(found, dict):
+                found = found.get(str(key))
+            elif isinstance(found, list) and isinstance(key, int) and key < len(found):
+                found = found[key]
+            else:
+                return None
+        return found
+
+    def __call__(
+        self,
+        *place: str | int,
+        unit: str = "",
+        digits: int = 3,
+        scale: float = 1.0,
+        sign: bool = False,
+        grouped: bool = True,
+    ) -> Markup:
+        """The number at ``place`` times ``scale``, with ``digits`` decimals and ``unit``; a word where it is not known.
+
+        Args:
+            sign: also write the plus of a positive number.
+            grouped: thousands are set apart; coordinates are not.
+        """
+        value = self.value(*place)
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+            return UNKNOWN
+        text = number(value * scale, digits, sign=sign, grouped=grouped)
+        pointer = "/" + "/".join(str(key).replace("~", "~0").replace("/", "~1") for key in place)
+        factor = Markup(' data-scale="{}"').format(f"{scale:g}") if scale != 1.0 else Markup("")
+        figure = Markup('<data value="{}" data-from="{}"{}>{}</data>').format(repr(value), pointer, factor, text)
+        return figure + Markup("&nbsp;{}").format(unit) if unit else figure
+
+    def with_error(
+        self, place: tuple[str | int, ...], error: tuple[str | int, ...], unit: str = "", digits: int = 3, **more: Any
+    ) -> Markup:
+        """A figure with its standard error: 1.23 ± 0.04 m³; without the error where that is not known."""
+        value = self(*place, digits=digits, **more)
+        if self.value(*error) is None or value == UNKNOWN:
+            return self(*place, unit=unit, digits=digits, **more)
+        return Markup("{}&nbsp;±&nbsp;{}").format(
+            value, self(*error, unit=unit, digits=digits, scale=more.get("scale", 1.0))
+        )
+
+    def percent(self, *place: str | int, digits: int = 0) -> Markup:
+        """A share as a percentage."""
+        return self(*place, unit="%", digits=digits, scale=100.0)
+
+
+def number(value: float, digits: int, *, sign: bool = False, grouped: bool = True) -> str:
+    """``value`` with thousands set apart by commas and a true minus; a zero has no sign."""
+    text = f"{value:,.{digits}f}" if grouped else f"{value:.{digits}f}"
+    if not any(c in "123456789" for c in text):
+        return text.removeprefix("-")
+    if text.startswith("-"):
+        return "\u2212" + text[1:]
+    return f"+{text}" if sign else text
