@@ -4,6 +4,7 @@ from .checkenvironment import CheckEnvironment
 from .elevationchange import ElevationChange
 from .extractground import ExtractGround
 from .inspectslope import InspectSlope
+from .m3c2distances import M3C2Distances
 from .registerepochs import RegisterEpochs
 from .screenhazards import ScreenHazards
 from .simulatescenes import SimulateScenes
@@ -16,6 +17,7 @@ ALGORITHMS = (
     ExtractGround,
     RegisterEpochs,
     ElevationChange,
+    M3C2Distances,
     SimulateSurvey,
     SimulateScenes,
     TrainModel,

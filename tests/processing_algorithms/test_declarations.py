@@ -56,6 +56,12 @@ FROZEN_PARAMETERS = {
         "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "TRANSFORM", "STABLE", "PROFILE",
         *CHANGE, *ZONES, *HEATMAP, *INPUT, *PRODUCTS,
     ],
+    "m3c2distances": [
+        "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "CORE", "TRANSFORM",
+        "NORMAL_SCALE", "PROJECTION_SCALE", "HALF_LENGTH", "CORE_SPACING", "DISTANCE_CELL", "NORMALS", "ORIENTATION",
+        "MINIMUM_CYLINDER_POINTS", "CONFIDENCE", "REGISTRATION_ERROR", *INPUT,
+        "OUTPUT", "DISTANCE", "LEVEL_OF_DETECTION", "SIGNIFICANT",
+    ],
     "simulatesurvey": [
         "SEED", "POINTS", "LENGTH", "HEIGHT", "ANGLE", "BENCHES", "VEGETATION", "RANGE_NOISE", "OFFSET", "AMPLITUDE",
         "OUTPUT_FOLDER", "ROI", "TRUTH_DZ",
@@ -74,6 +80,7 @@ FROZEN_GROUPS = {
     "extractground": "steps",
     "registerepochs": "steps",
     "elevationchange": "steps",
+    "m3c2distances": "steps",
     "simulatesurvey": "tools",
     "simulatescenes": "tools",
     "trainmodel": "tools",
@@ -99,6 +106,11 @@ FROZEN_OUTPUTS = {
     ],
     "registerepochs": [*REGISTRATION_OUTPUTS, "RMSE_BEFORE", "RMSE_AFTER", "INLIER_RMSE", "OUTPUT", "TRANSFORM"],
     "elevationchange": CHANGE_OUTPUTS,
+    "m3c2distances": [
+        "CORE_POINTS", "MEASURED_POINTS", "SIGNIFICANT_POINTS", "LARGEST_LOWERING", "LARGEST_RAISING", "LEVEL_MEDIAN",
+        "NORMAL_SCALE_USED", "PROJECTION_SCALE_USED", "HALF_LENGTH_USED", "RUN_RECORD", "OUTPUT", "DISTANCE",
+        "LEVEL_OF_DETECTION", "SIGNIFICANT",
+    ],
     "simulatesurvey": [
         "REFERENCE", "CLOUD", "TRUTH", "TRUTH_TRANSFORM", "RUN_RECORD", "OUTPUT_FOLDER", "ROI", "TRUTH_DZ",
     ],
@@ -118,6 +130,7 @@ COMMANDS = {
     "extractground": ["ground"],
     "registerepochs": ["register"],
     "elevationchange": ["change"],
+    "m3c2distances": ["m3c2"],
     "simulatesurvey": ["simulate", "survey"],
     "simulatescenes": ["simulate", "scenes"],
     "trainmodel": ["train"],
@@ -152,7 +165,7 @@ def test_names_are_frozen(algorithm: SlopeWatchAlgorithm) -> None:
 
 
 def test_identity_is_complete(algorithm: SlopeWatchAlgorithm) -> None:
-    assert re.fullmatch("[a-z]+", algorithm.name())
+    assert re.fullmatch("[a-z][a-z0-9]+", algorithm.name())
     assert algorithm.shortDescription().endswith(".")
     assert len(algorithm.shortHelpString()) > 200 or not algorithm.parameterDefinitions()
     assert algorithm.tags()
