@@ -50,6 +50,7 @@ CHANGE_OUTPUTS = (
     "elevation_change.tif",
     "level_of_detection.tif",
     "significant_change.tif",
+    "change_probability.tif",
     "zones.gpkg",
     "heatmap.png",
     "heatmap.tif",

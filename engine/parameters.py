@@ -387,7 +387,7 @@ class ChangeParameters(ParameterSet):
         "Constant level",
         "Level of detection of every cell with the constant threshold. Larger reports less. Has no effect on others.",
         unit="m",
-        minimum=0.0,
+        minimum=0.001,
         maximum=100.0,
         advanced=True,
     )

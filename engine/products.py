@@ -179,6 +179,13 @@ def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:
     }
 
 
+def _level_in_words(change: Change) -> str:
+    if change.threshold == "constant":
+        return "Level of detection, as given"
+    of = ", of the errors stated for both surveys" if change.threshold == "propagated" else ""
+    return f"Level of detection, {change.confidence:.4g} confidence{of}"
+
+
 def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float, stage: Stage) -> dict[str, Path]:
     level = change.median_level
     layers = [
@@ -186,7 +193,7 @@ def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float,
         (
             "level_of_detection",
             change.level,
-            f"Level of detection, {change.confidence:.4g} confidence",
+            _level_in_words(change),
             styles.level_qml(float(np.nanpercentile(change.level, 98))),
         ),
         (
@@ -199,10 +206,14 @@ def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float,
     if change.cell_size is not None:
         sizes = np.unique(change.cell_size[change.valid]).tolist()
         layers.append(("cell_size", change.cell_size, "Side of the grown cell", styles.cell_size_qml(sizes)))
+    if change.probability is not None:
+        words = "Probability that the change is real, from the cell and those around it"
+        layers.append(("change_probability", change.probability, words, styles.probability_qml()))
     outputs = {}
     for name, array, description, qml in layers:
         path = stage.path(f"{name}.tif")
-        rasters.write_raster(path, array, change.grid, crs, description=description, tags=tags)
+        unit = "1" if name == "change_probability" else "m"
+        rasters.write_raster(path, array, change.grid, crs, description=description, unit=unit, tags=tags)
         styles.write_qml_beside(path, qml)
         outputs[name] = stage.final(path.name)
     epochs = ("earlier", "later")

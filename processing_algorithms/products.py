@@ -71,6 +71,15 @@ CHANGE_PRODUCTS = (
         by_default=False,
     ),
     Product(
+        "CHANGE_PROBABILITY",
+        "change_probability",
+        "Probability of change",
+        "Probability that a cell's change is real, from the cell and those around it; written only with the threshold "
+        "coherent.",
+        Appearance(19, visible=False, expanded=False),
+        by_default=False,
+    ),
+    Product(
         "CELL_SIZE",
         "cell_size",
         "Size of the cells (m)",
