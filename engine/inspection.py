@@ -50,7 +50,6 @@ CHANGE_OUTPUTS = (
     "elevation_change.tif",
     "level_of_detection.tif",
     "significant_change.tif",
-    "change_probability.tif",
     "zones.gpkg",
     "heatmap.png",
     "heatmap.tif",
@@ -59,7 +58,9 @@ CHANGE_OUTPUTS = (
     "point_counts.tif",
     "report.html",
 )
-_EVERY_OUTPUT = (*CHANGE_OUTPUTS, *PROFILE_OUTPUTS, *SCREENING_OUTPUTS)
+ON_REQUEST = ("cell_size.tif", "change_probability.tif")
+"""Outputs of a change with parameters that ask for them."""
+_EVERY_OUTPUT = (*CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS, *SCREENING_OUTPUTS)
 
 
 @dataclass(frozen=True)

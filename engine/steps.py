@@ -15,7 +15,7 @@ from .clouds import copy_with, open_cloud, read_cloud
 from .epochs import Epoch, check_pair, date_in_name, parse_date
 from .errors import InputError
 from .ground import extract_ground
-from .inspection import CHANGE_OUTPUTS, Outcome, Settings
+from .inspection import CHANGE_OUTPUTS, ON_REQUEST, Outcome, Settings
 from .outputs import refuse_inputs_as_outputs, refuse_other_than_cloud, refuse_unwritable, staged_outputs
 from .pair import known_stable, register_pair, require_comparable, require_two_clouds, warn_of_doubtful_change
 from .pdal import find_pdal
@@ -140,7 +140,7 @@ def change_step(
     )
     check_pair(first, second)
     given_files = [*paths] + [p for p in (transform_path, profiles, stable) if p]
-    refuse_inputs_as_outputs([output_dir / name for name in (*CHANGE_OUTPUTS, *PROFILE_OUTPUTS)], given_files)
+    refuse_inputs_as_outputs([output_dir / name for name in (*CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS)], given_files)
     record = RunRecord(
         "change",
         {
