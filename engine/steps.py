@@ -140,7 +140,8 @@ def change_step(
     )
     check_pair(first, second)
     given_files = [*paths] + [p for p in (transform_path, profiles, stable) if p]
-    refuse_inputs_as_outputs([output_dir / name for name in (*CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS)], given_files)
+    written = (*CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS)
+    refuse_inputs_as_outputs([output_dir / name for name in written], given_files)
     record = RunRecord(
         "change",
         {
