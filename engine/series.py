@@ -24,7 +24,7 @@ from .pair import require_comparable, stable_area, warn_of_doubtful_change
 from .pdal import find_pdal
 from .progress import Progress
 from .run_record import RunRecord, plain
-from .series_epochs import GriddedEpoch, SeriesSettings, Task, prepare_epochs
+from .series_epochs import GriddedEpoch, NamedProgress, SeriesSettings, Task, prepare_epochs
 from .series_persistence import confirmed_cells
 from .series_products import (
     SERIES_OUTPUTS,
@@ -160,7 +160,8 @@ def analyse(
     tells no velocity.
     """
     progress = progress or Progress()
-    shares = progress.split([f"{g.epoch.name}" for g in gridded])
+    names = [g.epoch.name for g in gridded]
+    shares = [NamedProgress(s, n) for s, n in zip(progress.split(names), names, strict=True)]
     first = gridded[0]
     cumulative, incremental = [], []
     for number, (before, later) in enumerate(pairwise(gridded), 1):

@@ -86,7 +86,7 @@ class Task:
     stage: Stage
 
 
-class _Named(Progress):
+class NamedProgress(Progress):
     """One survey's share of the progress; the run record's warnings begin with its name, as those shown do."""
 
     def __init__(self, share: Progress, name: str) -> None:
@@ -114,7 +114,7 @@ def prepare_epochs(task: Task, progress: Progress) -> tuple[list[GriddedEpoch], 
     """
     store = Store(task.stage)
     names = [e.name for e in task.epochs]
-    shares: list[Progress] = [_Named(s, n) for s, n in zip(progress.split(names), names, strict=True)]
+    shares: list[Progress] = [NamedProgress(s, n) for s, n in zip(progress.split(names), names, strict=True)]
     with progress.stage(0.0, 0.6, "extracting the ground"):
         grounds = _grounds(task, store, shares)
     first = _ground_cloud(task, 0, grounds[0], shares[0])
