@@ -10,7 +10,7 @@ from .cell_slope import Float
 
 _REACH = 0.5  # metres around a cell over which a change is looked for as a whole
 _LEAST_REACH = 2  # ... and cells
-_BEYOND = 3.5  # robust standard deviations of the local means, beyond which a place has moved
+_BEYOND = 5.0  # robust standard deviations of the local means, beyond which a place has moved
 _CLIP = 4.0  # one wild cell is not a moved place
 _ROUNDS = 20
 _CLASS = 5.0  # degrees
@@ -25,7 +25,7 @@ def find_stable(
     Noise differs from cell to cell, a change is alike in many. So the mean of dz / error over the cells within half a
     metre, times the square root of their number, is small on stable ground and large where it moved. How large is told
     by the robust scatter of these means over all cells that are still taken as stable, which includes errors that are
-    correlated over some cells; those beyond 3.5 times it, and the cells around them, are left out, and the scatter
+    correlated over some cells; those beyond 5 times it, and the cells around them, are left out, and the scatter
     taken again until nothing changes. The scatter is a median, so that change of 30 % of the cells is found. Errors
     are first scaled by slope with the differences of adjacent cells, which a change, being coherent, hardly touches.
 
