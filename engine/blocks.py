@@ -49,27 +49,36 @@ def blocks_in_groups(labels: NDArray[np.integer], block: Blocks, count: int) -> 
     return np.bincount(pairs[0], minlength=count + 1)
 
 
-def sums_around(cells: NDArray[np.bool_], block: Blocks, window: int) -> Float:
-    """How many blocks with ``cells`` lie around each cell's block, in a window of ``window`` of its own sides.
+def block_sides(block: Blocks) -> NDArray[np.int64]:
+    """Side of each cell's block in cells, a power of two, 0 for none: that of the smallest square with as many cells.
 
-    A block counts with the part of its cells that is in the window, around the block's middle cell; its own is in it.
-    Cells outside of blocks get and count nothing.
+    A block is a square, or what finer blocks left of one, which may then count as smaller.
+    """
+    inside = block >= 0
+    cells = np.bincount(block[inside])
+    side = 2 ** np.ceil(np.log2(np.maximum(cells, 1)) / 2 - 1e-9).astype(np.int64)
+    return np.where(inside, side[block] if side.size else 0, 0)
+
+
+def sums_around(values: NDArray, block: Blocks, window: int, least: int = 1) -> Float:
+    """Sum over the blocks around each cell's block, in a window of ``window`` of its own sides or ``least`` cells.
+
+    A block counts with the mean of its cells' ``values`` (or with 1 for True), times the part of its cells that is in
+    the window. The window lies around the block's middle cell; its own block is in it. Cells outside of blocks get and
+    count nothing.
     """
     inside = block >= 0
     number = block[inside]
-    size = np.bincount(number) if number.size else np.zeros(0, dtype=np.int64)
+    cells = np.bincount(number)
     weight = np.zeros(block.shape)
-    weight[inside] = cells[inside] / size[number]
-    # a block is a square, or what finer blocks left of one: the side is that of the smallest square that could hold it
-    side = np.zeros(size.shape, dtype=np.int64)
-    side[size > 0] = 2 ** np.ceil(np.log2(size[size > 0]) / 2 - 1e-9).astype(np.int64)
+    weight[inside] = values[inside] / cells[number]
+    side = block_sides(block)
     middle = middle_cells(block)
-    result = np.zeros(size.shape)
-    for multiple in np.unique(side[side > 0]):
-        reach = 2 * (window * int(multiple) // 2) + 1
+    result = np.zeros(cells.shape)
+    for multiple in np.unique(side[inside]):
+        reach = max(2 * (window * int(multiple) // 2) + 1, least)
         total = ndimage.uniform_filter(weight, reach, mode="constant") * reach**2
-        these = middle & inside
-        these[these] = side[block[these]] == multiple
+        these = middle & (side == multiple)
         result[block[these]] = total[these]
     around = np.zeros(block.shape)
     around[inside] = result[number]

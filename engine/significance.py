@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from .cell_slope import Float
 from .parameters import ChangeParameters
 from .slope_error import ErrorModel, calibrate, uncalibrated
+from .stable_blocks import find_stable_blocks
 from .stable_cells import find_stable
 from .thresholds import Decision, decide
 
@@ -67,10 +68,13 @@ def judge(
         valid = np.isfinite(dz)
         if valid.any():
             registration_error *= float(np.median(cosine[valid]))
-    first, weight = _groups(block, dz.shape)
+    first = _first_of_blocks(block, dz.shape)
     found = np.zeros(dz.shape, dtype=bool)
     if not uniform:
-        found = find_stable(dz, sampling, slope, cell, weight=weight)
+        if block is None:
+            found = find_stable(dz, sampling, slope, cell)
+        else:
+            found = find_stable_blocks(dz, sampling, slope, cell, block)
     stable = found if given is None else _with_other_slopes(given & valid, found, slope)
     model = uncalibrated()
     if parameters.calibrate and not uniform:
@@ -96,13 +100,11 @@ def _with_other_slopes(given: NDArray[np.bool_], found: NDArray[np.bool_], slope
         return given | (found & ((slope < low) | (slope > high)))
 
 
-def _groups(block: NDArray[np.int64] | None, shape: tuple[int, ...]) -> tuple[NDArray[np.bool_], Float]:
-    """The first cell of each group, and one over the number of the group's cells: what a cell counts for."""
+def _first_of_blocks(block: NDArray[np.int64] | None, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """The first cell of each block, which stands for all: one sample, not many."""
     if block is None:
-        return np.ones(shape, dtype=bool), np.ones(shape)
+        return np.ones(shape, dtype=bool)
     first = np.zeros(block.size, dtype=bool)
-    numbers, places, inverse, count = np.unique(
-        block.ravel(), return_index=True, return_inverse=True, return_counts=True
-    )
+    numbers, places = np.unique(block.ravel(), return_index=True)
     first[places[numbers >= 0]] = True
-    return first.reshape(shape), (1.0 / count[inverse.ravel()]).reshape(shape)
+    return first.reshape(shape)

@@ -8,18 +8,16 @@ from scipy import ndimage
 
 from .cell_slope import Float
 
-_REACH = 0.5  # metres around a cell over which a change is looked for as a whole
+REACH = 0.5  # metres around a cell over which a change is looked for as a whole
 _LEAST_REACH = 2  # ... and cells
-_BEYOND = 5.0  # robust standard deviations of the local means, beyond which a place has moved
-_CLIP = 4.0  # one wild cell is not a moved place
-_ROUNDS = 20
+BEYOND = 5.0  # robust standard deviations of the local means, beyond which a place has moved
+CLIP = 4.0  # one wild cell is not a moved place
+ROUNDS = 20
 _CLASS = 5.0  # degrees
 _FEWEST = 200  # differences of neighbours in a class of slope
 
 
-def find_stable(
-    dz: Float, error: Float, slope: Float, cell: float, *, weight: Float | None = None
-) -> NDArray[np.bool_]:
+def find_stable(dz: Float, error: Float, slope: Float, cell: float) -> NDArray[np.bool_]:
     """Cells (rows, columns) that are not part of a coherent change, nor beside one.
 
     Noise differs from cell to cell, a change is alike in many. So the mean of dz / error over the cells within half a
@@ -34,23 +32,21 @@ def find_stable(
         error: its standard error before calibration, metres.
         slope: degrees; NaN where unknown.
         cell: side of a cell, metres.
-        weight: what a cell counts for, 1 over the number of cells that share its value; all count fully without it.
     """
-    weight = np.ones(dz.shape) if weight is None else weight
     known = np.isfinite(dz) & np.isfinite(error) & (error > 0)
     if not known.any():
         return known
     z = np.where(known, dz, 0.0) / np.where(known, error, 1.0)
-    z = np.clip(z / _adjacent_scatter(z, known, slope), -_CLIP, _CLIP)
-    radius = max(_LEAST_REACH, round(_REACH / cell))
+    z = np.clip(z / adjacent_scatter(z, known, slope), -CLIP, CLIP)
+    radius = max(_LEAST_REACH, round(REACH / cell))
     size = 2 * radius + 1
-    number = ndimage.uniform_filter(np.where(known, weight, 0.0), size, mode="constant") * size**2
-    total = ndimage.uniform_filter(np.where(known, weight * z, 0.0), size, mode="constant") * size**2
-    moved = np.where(known, np.abs(total) / np.sqrt(np.maximum(number, 0.1)), 0.0)
+    number = ndimage.uniform_filter(known.astype(np.float64), size, mode="constant") * size**2
+    total = ndimage.uniform_filter(np.where(known, z, 0.0), size, mode="constant") * size**2
+    moved = np.where(known, np.abs(total) / np.sqrt(np.maximum(number, 1.0)), 0.0)
     stable = known
-    for _ in range(_ROUNDS):
+    for _ in range(ROUNDS):
         scatter = max(1.0, 1.4826 * float(np.median(moved[stable])))
-        centres = known & (moved > _BEYOND * scatter)
+        centres = known & (moved > BEYOND * scatter)
         left: NDArray[np.bool_] = known & ~ndimage.maximum_filter(centres, size=size)
         if not left.any() or np.array_equal(left, stable):
             return left
@@ -58,13 +54,18 @@ def find_stable(
     return stable
 
 
-def _adjacent_scatter(z: Float, known: NDArray[np.bool_], slope: Float) -> Float:
-    """Scatter of z from cell to cell, by slope: the 90 % quantile of adjacent cells' differences, over the normal's."""
+def adjacent_scatter(z: Float, known: NDArray[np.bool_], slope: Float, block: NDArray[np.int64] | None = None) -> Float:
+    """Scatter of z from cell to cell, by slope: the 90 % quantile of adjacent cells' differences, over the normal's.
+
+    Cells of one ``block`` are not compared with each other.
+    """
     found, where = [], []
     values = np.where(known, z, np.nan)
     for axis, here in ((0, slope[:-1]), (1, slope[:, :-1])):
         apart = np.abs(np.diff(values, axis=axis)) / np.sqrt(2.0)
         both = np.isfinite(apart)
+        if block is not None:
+            both &= np.diff(block, axis=axis) != 0
         found.append(apart[both])
         where.append(here[both])
     size, at = np.concatenate(found), np.concatenate(where)
