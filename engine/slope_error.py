@@ -99,7 +99,8 @@ def calibrate(
     0.2 to 0.7 where the 95 % quantile asks for 0.6 to 1. With the registration error r and the normal quantile q a
     stable cell lies beyond its level where (dz² / q² - r²) / s² exceeds f²; f² is the ``confidence`` quantile of that.
 
-    Classes of 5 degrees are joined until each has 200 stable cells. A factor below 1 needs 400 of them.
+    Classes of 5 degrees are joined until each has 200 stable cells. With fewer than 400 a factor below 1 is taken from
+    a quantile one standard error higher, because too narrow a level does more harm than too wide a one.
 
     Args:
         dz: change, metres, NaN where not compared; it and the other arrays have the shape (rows, columns).
@@ -130,16 +131,13 @@ def calibrate(
     at, all_at = slope[use], slope[known]
     bounds = _joined(at, all_at)
     members = [(at >= low) & (at < high) for low, high in bounds]
-    factors = np.array([_factor(needed[m], confidence) for m in members])
+    factors = np.full(len(members), typical)
     centres = np.array([float(np.median(at[m])) for m in members])
     for _ in range(_ROUNDS):  # between the medians the factor is interpolated: make the classes hold as they are used
         used = np.interp(np.nan_to_num(at), centres, factors) if len(factors) else np.full(at.shape, typical)
         with np.errstate(invalid="ignore", divide="ignore"):
             rest = needed / used**2
-        again = [_factor(rest[m], confidence, len(rest[m]) >= _FEWEST_TO_NARROW) for m in members]
-        factors = np.clip(factors * np.array(again), _NARROWEST, _WIDEST)
-        few = np.array([m.sum() < _FEWEST_TO_NARROW for m in members], dtype=bool)
-        factors = np.where(few, np.maximum(factors, 1.0), factors)
+        factors = np.array([_factor(rest[m], confidence, f) for m, f in zip(members, factors, strict=True)])
     used = np.interp(np.nan_to_num(at), centres, factors) if len(factors) else np.full(at.shape, typical)
     classes = tuple(
         SlopeClass(
@@ -156,11 +154,13 @@ def calibrate(
     return ErrorModel("calibrated", classes, typical, cells, share, _notes(classes, typical))
 
 
-def _factor(needed: Float, confidence: float, narrow: bool | None = None) -> float:
-    """The square root of the quantile, within what can be believed."""
-    allowed = needed.size >= _FEWEST_TO_NARROW if narrow is None else narrow
-    square = float(np.quantile(needed, confidence))
-    return float(np.clip(np.sqrt(max(square, 0.0)), _NARROWEST if allowed else 1.0, _WIDEST))
+def _factor(needed: Float, confidence: float, scale: float = 1.0) -> float:
+    """``scale`` times the square root of the quantile, within what can be believed, not below 1 on a chance of few."""
+    factor = scale * float(np.sqrt(max(float(np.quantile(needed, confidence)), 0.0)))
+    if factor < 1.0 and needed.size < _FEWEST_TO_NARROW:
+        surer = min(confidence + float(np.sqrt(confidence * (1 - confidence) / needed.size)), 1.0)
+        factor = min(scale * float(np.sqrt(max(float(np.quantile(needed, surer)), 0.0))), 1.0)
+    return float(np.clip(factor, _NARROWEST, _WIDEST))
 
 
 def _joined(at: Float, all_at: Float) -> list[tuple[float, float]]:
