@@ -13,6 +13,7 @@ NAMES = {
     "ground": "Ground extraction",
     "registration": "Registration",
     "gridding": "Gridding",
+    "calibration": "Calibration of the level of detection",
     "whole_flow": "The whole flow",
     "screening": "Screening",
     "known_places": "What a screening could tell by height",
