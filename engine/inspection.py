@@ -51,6 +51,7 @@ CHANGE_OUTPUTS = (
     "level_of_detection.tif",
     "significant_change.tif",
     "zones.gpkg",
+    "volumes.csv",
     "heatmap.png",
     "heatmap.tif",
     "top_view.tif",

@@ -12,7 +12,7 @@ import geopandas as gpd
 import numpy as np
 from pyproj import CRS
 
-from . import heatmap, palette, rasters, styles, top_view, vectors, zones
+from . import heatmap, palette, rasters, styles, top_view, vectors, volume_table, zones
 from .change import Change, compared_share
 from .clouds import PointCloud
 from .epochs import Epoch
@@ -24,6 +24,7 @@ from .progress import Progress
 from .report_facts import change_facts
 from .transform import RigidTransform
 from .version import VERSION
+from .volumes import Cells
 
 _Z95 = 1.959963984540054
 
@@ -102,9 +103,20 @@ def write_products(
         method=context.method,
         run_id=context.run_id,
         block=change.block,
+        cell_area=change.cell_area,
+        stable=change.stable,
     )
-    vectors.write_zones(stage.path("zones.gpkg"), found.frame, stamp=dates[1])
+    table = volume_table.volume_table(cells_of(change), change.significant, found.volumes, found.correlation)
+    vectors.write_zones(
+        stage.path("zones.gpkg"),
+        found.frame,
+        footprints=zones.footprint_frame(found, change.grid),
+        volumes=volume_table.table_frame(table),
+        stamp=dates[1],
+    )
     outputs["zones"] = stage.final("zones.gpkg")
+    volume_table.write_volume_table(stage.path("volumes.csv"), table)
+    outputs["volumes"] = stage.final("volumes.csv")
 
     progress.update(0.5, "drawing the heatmap")
     view = top_view.top_view(picture, top_view.top_view_grid(change.grid, heatmap_parameters.top_view_pixel))
@@ -126,6 +138,7 @@ def write_products(
     progress.update(0.95, "taking profiles")
     facts = change_facts(change, found.frame, (context.first, context.second), context.crs, limit)
     facts["level_of_detection"] = change.level_facts()
+    facts["volumes"] = table.facts()
     layers = Layers(
         change.grid, change.height_from, change.height_to, change.dz, change.level, change.significant & change.valid
     )
@@ -135,7 +148,12 @@ def write_products(
     for sentence in missed_lines(facts["profiles"]):
         progress.warning(sentence)
     progress.update(1.0, "taking profiles")
-    return Products(outputs, main_figures(change, found.frame), facts)
+    return Products(outputs, main_figures(change, found.frame) | table.figures(), facts)
+
+
+def cells_of(change: Change) -> Cells:
+    """What volumes are taken from."""
+    return Cells(change.dz, change.error, change.cell_area, change.grid.cell, change.block)
 
 
 def profile_products(

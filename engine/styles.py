@@ -42,6 +42,11 @@ ALIASES = {
     "vol_gain_m3": "Volume gained (m³)",
     "vol_net_m3": "Net volume (m³)",
     "vol_err_m3": "Standard error of volume (m³)",
+    "vol_low_m3": "Net volume, 95 % from (m³)",
+    "vol_high_m3": "Net volume, 95 % to (m³)",
+    "vol_area_m2": "Area of the volume (m²)",
+    "vol_measured": "Part of it that was measured",
+    "n_eff": "Effective samples of the volume",
     "lod95_m": "Level of detection, median (m)",
     "rate_mm_day": "Rate (mm/day)",
     "rate_err": "Standard error of rate (mm/day)",
@@ -93,6 +98,7 @@ _OUTLINE = "boundary(buffer(buffer($geometry, {}, 4), {}, 4))"
 _GATHERING, _FOLLOWING = (0.5, -0.4), (0.15, -0.1)
 # Decimals in the table and the form: the measured figures by the end of their names.
 _DECIMALS = {"_m": 3, "_m2": 2, "_m3": 3, "_deg": 1, "_mm_day": 2, "_err": 2, "_share": 2, "probability": 2}
+_DECIMALS |= {"vol_measured": 2, "n_eff": 1}
 REVIEW = ("unreviewed", "confirmed", "rejected")
 
 _MAP_TIP = """<b>[% "zone_id" %]: [% "kind" %], [% "severity" %]</b><br/>

@@ -11,6 +11,7 @@ from datetime import date
 from pathlib import Path
 
 import geopandas as gpd
+import pandas as pd
 import pyogrio
 
 from .errors import EngineError, InputError
@@ -29,16 +30,36 @@ _STYLE_TABLE = """CREATE TABLE layer_styles (
     ui TEXT(30), update_time DATETIME DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ','now')))"""
 
 
-def write_zones(path: Path, frame: gpd.GeoDataFrame, *, stamp: date | None = None) -> None:
-    """Write zones (see ``zones.extract_zones``; none is well too) as layer ``zones``, styled by kind and severity."""
-    write_layer(path, frame, "zones", qml=zones_qml(), geometry_type="MultiPolygon", stamp=stamp)
+def write_zones(
+    path: Path,
+    frame: gpd.GeoDataFrame,
+    *,
+    footprints: gpd.GeoDataFrame | None = None,
+    volumes: pd.DataFrame | None = None,
+    stamp: date | None = None,
+) -> None:
+    """Write zones (see ``zones.extract_zones``; none is well too) as layer ``zones``, styled by kind and severity.
+
+    Args:
+        footprints: where the volumes were taken, as layer ``footprints``.
+        volumes: summary of the change (see ``volume_table``), as table ``volumes`` without geometry.
+    """
+    layers = [Layer(frame, "zones", zones_qml(), "MultiPolygon")]
+    if footprints is not None:
+        layers.append(Layer(footprints, "footprints", geometry_type="MultiPolygon"))
+    if volumes is not None:
+        layers.append(Layer(volumes, "volumes"))
+    write_layers(path, layers, stamp=stamp)
 
 
 @dataclass(frozen=True)
 class Layer:
-    """A layer to write: its table, its ``name``, ``qml`` as its default style, ``geometry_type`` as declared."""
+    """A layer to write: its table, its ``name``, ``qml`` as its default style, ``geometry_type`` as declared.
 
-    frame: gpd.GeoDataFrame
+    A plain table makes a layer without geometry.
+    """
+
+    frame: gpd.GeoDataFrame | pd.DataFrame
     name: str
     qml: str = ""
     geometry_type: str | None = None
@@ -69,9 +90,7 @@ def write_layer(
 
 def write_layers(path: Path, layers: Sequence[Layer], *, stamp: date | None = None) -> None:
     """As ``write_layer``, with several layers in one new GeoPackage."""
-    fields = {
-        layer.name: [name for name in layer.frame.columns if name != layer.frame.geometry.name] for layer in layers
-    }
+    fields = {layer.name: _fields(layer.frame) for layer in layers}
     for names in fields.values():
         for name in names:
             if name != name.lower() or len(name) > 31:
@@ -103,6 +122,11 @@ def write_layers(path: Path, layers: Sequence[Layer], *, stamp: date | None = No
                 _add_styles(database, styled, moment)
             database.execute("UPDATE gpkg_contents SET last_change = ?", (moment,))
         _reset_change_counter(partial)
+
+
+def _fields(frame: pd.DataFrame) -> list[str]:
+    geometry = frame.geometry.name if isinstance(frame, gpd.GeoDataFrame) else None
+    return [name for name in frame.columns if name != geometry]
 
 
 def _reset_change_counter(path: Path) -> None:
@@ -147,7 +171,7 @@ def _add_styles(database: sqlite3.Connection, layers: Sequence[Layer], moment: s
     )
 
 
-def _check(written: Path, frame: gpd.GeoDataFrame, layer: str, fields: list[str]) -> None:
+def _check(written: Path, frame: pd.DataFrame, layer: str, fields: list[str]) -> None:
     info = pyogrio.read_info(written, layer=layer)
     with closing(sqlite3.connect(written)) as database:
         intact = database.execute("PRAGMA quick_check").fetchone()[0] == "ok"

@@ -19,6 +19,18 @@ from scipy.special import erf
 from .blocks import Blocks, blocks_in_groups
 from .gridding import Float, Grid
 from .parameters import ZoneParameters
+from .volumes import (
+    Z95,
+    Cells,
+    CorrelationModel,
+    Footprint,
+    ZoneVolumes,
+    fit_correlation,
+    footprint_labels,
+    outline_footprints,
+    outside,
+    zone_volumes,
+)
 
 # Name and kind of every field, in the order of the attribute table. Text is never NULL; a number that is not known is.
 FIELDS: dict[str, str] = {
@@ -44,6 +56,11 @@ FIELDS: dict[str, str] = {
     "vol_gain_m3": "real",
     "vol_net_m3": "real",
     "vol_err_m3": "real",
+    "vol_low_m3": "real",
+    "vol_high_m3": "real",
+    "vol_area_m2": "real",
+    "vol_measured": "real",
+    "n_eff": "real",
     "lod95_m": "real",
     "rate_mm_day": "real",
     "rate_err": "real",
@@ -69,12 +86,18 @@ class Zones:
         frame: one row a zone; columns ``FIELDS`` and a MultiPolygon ``geometry`` in the horizontal reference system.
         labels: int32 (rows, columns); 0 outside every zone, else 1 + the zone's row in ``frame``.
         dropped_groups, dropped_cells: groups of significant cells that were too small, and their cells.
+        footprints: where each zone's volume was taken, in the order of ``frame``.
+        volumes: their volumes and errors, in the order of ``frame``.
+        correlation: how the errors of cells are related.
     """
 
     frame: gpd.GeoDataFrame
     labels: NDArray[np.int32]
     dropped_groups: int
     dropped_cells: int
+    footprints: tuple[Footprint, ...]
+    volumes: ZoneVolumes
+    correlation: CorrelationModel
 
 
 def extract_zones(
@@ -93,6 +116,8 @@ def extract_zones(
     method: str = "",
     run_id: str = "",
     block: Blocks | None = None,
+    cell_area: Float | None = None,
+    stable: NDArray[np.bool_] | None = None,
 ) -> Zones:
     """Join significant cells of one sign into zones.
 
@@ -102,12 +127,13 @@ def extract_zones(
     unsimplified, with its holes, so that its area is that of its cells; parts are parts of one MultiPolygon.
 
     The fields' meaning, where it is not plain: ``dz_p95_m`` is the 95th percentile of the magnitudes with the zone's
-    sign; ``vol_loss_m3`` and ``vol_gain_m3`` are positive; ``vol_err_m3`` is one standard error, for which the
-    registration's part is taken as one and the same in all cells (n * registration_error) and the rest as independent
-    from cell to cell; ``rate_err`` is the standard error of ``rate_mm_day`` from the same model; ``lod95_m`` is the
-    zone's median of ``lod``; ``slope_deg`` the inclination of the plane through the zone's ``heights``;
-    ``confidence`` the two-sided probability that the mean change is not zero even if the errors of all cells were
-    fully correlated.
+    sign; the volumes are those over the zone's footprint (``volumes.outline_footprints``), which is ``vol_area_m2``
+    large and of whose cells the share ``vol_measured`` was measured; ``vol_loss_m3`` and ``vol_gain_m3`` are positive;
+    ``vol_err_m3`` is one standard error of ``vol_net_m3`` with correlated errors (``volumes.CorrelationModel``),
+    ``vol_low_m3`` to ``vol_high_m3`` its 95 % interval, ``n_eff`` the effective number of samples; ``rate_err`` is the
+    standard error of ``rate_mm_day`` from the same model; ``lod95_m`` is the zone's median of ``lod``; ``slope_deg``
+    the inclination of the plane through the zone's ``heights``; ``confidence`` the two-sided probability that the mean
+    change is not zero even if the errors of all cells were fully correlated.
 
     Args:
         dz: elevation change (rows, columns), metres; NaN for no data.
@@ -119,9 +145,12 @@ def extract_zones(
         heights: heights of the surface, for the zones' inclination; without them ``slope_deg`` is NULL.
         epochs: dates of both surveys; without them ``days`` and the rates are NULL.
         block: number of each cell's block where cells grew (-1: none). A block counts as one cell and errs as one.
+        cell_area: area that each cell's ``dz`` acts on, m²; that of the map without.
+        stable: cells that are taken as stable ground, from which the errors' correlation is told; without it, those
+            outside of every footprint.
     """
     parameters = parameters or ZoneParameters()
-    labels, first_cells, groups, cells = label_groups(dz, significant, grid, parameters, block)
+    labels, first_cells, groups, dropped_cells = label_groups(dz, significant, grid, parameters, block)
     count = len(first_cells)
     inside = np.flatnonzero(labels)
     zone = labels.ravel()[inside].astype(np.int64) - 1
@@ -137,14 +166,24 @@ def extract_zones(
         of_cells(sigma),
         count_min.ravel()[inside],
         cell_area=grid.cell**2,
-        registration_error=registration_error,
-        block=None if block is None else block.ravel()[inside],
     )
+    cells = Cells(
+        np.asarray(dz, dtype=np.float64),
+        np.asarray(sigma, dtype=np.float64),
+        np.full(grid.shape, grid.cell**2) if cell_area is None else cell_area,
+        grid.cell,
+        block,
+    )
+    footprints = outline_footprints(cells, labels, count, gap=parameters.bridged_gap)
+    still = outside(footprints, np.isfinite(cells.dz), grid.cell)
+    correlation = fit_correlation(cells, still if stable is None else still & stable, registration_error)
+    volumes = zone_volumes(footprints, cells, correlation)
+    values.update(_volume_columns(volumes))
     if block is not None:
         values["n_cells"] = blocks_in_groups(labels, block, count)[1:]
     values["slope_deg"] = np.full(count, np.nan) if heights is None else inclination(zone, inside, count, heights, grid)
     values["severity"] = _severity(values["dz_p95_m"], parameters)
-    _add_rates(values, epochs)
+    _add_rates(values, volumes.mean_error, epochs)
     texts = {"method": method, "run_id": run_id, "review_status": "unreviewed"}
     texts.update(zip(("epoch_from", "epoch_to"), (e.isoformat() if e else "" for e in epochs), strict=True))
     values.update({name: np.full(count, text, dtype=object) for name, text in texts.items()})
@@ -163,7 +202,51 @@ def extract_zones(
         geometry=cell_polygons(labels, count, grid),
         crs=horizontal(crs),
     )
-    return Zones(frame=frame, labels=labels, dropped_groups=groups, dropped_cells=cells)
+    return Zones(
+        frame=frame,
+        labels=labels,
+        dropped_groups=groups,
+        dropped_cells=dropped_cells,
+        footprints=tuple(footprints[i] for i in order),
+        volumes=volumes.in_order(order),
+        correlation=correlation,
+    )
+
+
+_FOOTPRINT_FIELDS = (
+    "zone_id",
+    "kind",
+    "vol_net_m3",
+    "vol_err_m3",
+    "vol_low_m3",
+    "vol_high_m3",
+    "vol_area_m2",
+    "vol_measured",
+)
+
+
+def footprint_frame(found: Zones, grid: Grid) -> gpd.GeoDataFrame:
+    """The outlines of the footprints, a MultiPolygon a zone, with the volumes that were taken there."""
+    labels = footprint_labels(found.footprints, grid.shape)
+    return gpd.GeoDataFrame(
+        found.frame[list(_FOOTPRINT_FIELDS)].copy(),
+        geometry=cell_polygons(labels, len(found.footprints), grid),
+        crs=found.frame.crs,
+    )
+
+
+def _volume_columns(volumes: ZoneVolumes) -> dict[str, NDArray]:
+    return {
+        "vol_loss_m3": np.maximum(-volumes.net, 0.0),
+        "vol_gain_m3": np.maximum(volumes.net, 0.0),
+        "vol_net_m3": volumes.net,
+        "vol_err_m3": volumes.error,
+        "vol_low_m3": volumes.net - Z95 * volumes.error,
+        "vol_high_m3": volumes.net + Z95 * volumes.error,
+        "vol_area_m2": volumes.area,
+        "vol_measured": volumes.measured,
+        "n_eff": volumes.samples,
+    }
 
 
 def horizontal(crs: CRS | None) -> CRS | None:
@@ -218,8 +301,6 @@ def _statistics(
     points: NDArray[np.integer],
     *,
     cell_area: float,
-    registration_error: float,
-    block: NDArray[np.int64] | None = None,
 ) -> dict[str, NDArray]:
     """Figures of each of ``count`` zones from its cells' values; ``zone`` (n,) says whose a cell is."""
 
@@ -231,9 +312,6 @@ def _statistics(
     smallest, largest = _quantile(magnitudes, cells, 0.0), _quantile(magnitudes, cells, 1.0)
     sums = total(dz)
     sign = np.sign(sums)
-    shared = cells * registration_error
-    own = np.sqrt(np.maximum(sigma**2 - registration_error**2, 0.0))
-    variance = shared**2 + (total(own**2) if block is None else _variance_of_blocks(own, zone, block, count))
     least = np.full(count, np.iinfo(np.int64).max)
     np.minimum.at(least, zone, points)
     mean_sigma = total(sigma) / cells
@@ -248,21 +326,9 @@ def _statistics(
         "dz_p95_m": sign * _quantile(magnitudes, cells, 0.95),
         "area_m2": cells * cell_area,
         "n_cells": cells,
-        "vol_loss_m3": np.maximum(-sums, 0.0) * cell_area,
-        "vol_gain_m3": np.maximum(sums, 0.0) * cell_area,
-        "vol_net_m3": sums * cell_area,
-        "vol_err_m3": np.sqrt(variance) * cell_area,
         "lod95_m": _quantile(levels, cells, 0.5),
         "n_pts_min": least,
     }
-
-
-def _variance_of_blocks(
-    own: Float, zone: NDArray[np.int64], block: NDArray[np.int64], count: int
-) -> NDArray[np.float64]:
-    """Variance of the sum over each zone's cells, where those of one block err alike and blocks independently."""
-    pairs, part = np.unique(np.stack([zone, block]), axis=1, return_inverse=True)
-    return np.bincount(pairs[0], np.bincount(part.ravel(), own) ** 2, minlength=count).astype(np.float64, copy=False)
 
 
 def _sorted_by_zone(values: Float, zone: NDArray[np.int64]) -> Float:
@@ -311,14 +377,14 @@ def _severity(p95: Float, parameters: ZoneParameters) -> NDArray[np.object_]:
     return np.where(magnitude >= parameters.severity_high, "high", grades).astype(object)
 
 
-def _add_rates(values: dict[str, NDArray], epochs: tuple[date | None, date | None]) -> None:
+def _add_rates(values: dict[str, NDArray], mean_error: Float, epochs: tuple[date | None, date | None]) -> None:
     first, last = epochs
     days = (last - first).days if first and last else 0
     if days <= 0:
         return
     values["days"] = np.full(len(values["area_m2"]), days, dtype=np.int64)
     values["rate_mm_day"] = values["dz_mean_m"] * 1000.0 / days
-    values["rate_err"] = values["vol_err_m3"] / values["area_m2"] * 1000.0 / days
+    values["rate_err"] = mean_error * 1000.0 / days
 
 
 def cell_polygons(labels: NDArray[np.int32], count: int, grid: Grid) -> NDArray[np.object_]:

@@ -10,7 +10,7 @@ from pyproj import CRS
 from scipy import ndimage
 from slopewatch.engine.gridding import Grid
 from slopewatch.engine.parameters import ZoneParameters
-from slopewatch.engine.zones import FIELDS, Zones, extract_zones
+from slopewatch.engine.zones import FIELDS, Zones, extract_zones, footprint_frame
 
 UTM = CRS("EPSG:32651")
 EVERYTHING = ZoneParameters(minimum_area=0.0, minimum_cells=2)
@@ -82,8 +82,6 @@ def test_figures_equal_plain_loops() -> None:
         area = 0.25 * len(group)
         sign = 1 if values[0] > 0 else -1
         p95 = sign * np.percentile(np.abs(values), 95)
-        sampling = sum(sigma[c] ** 2 - 0.02**2 for c in group)
-        error = 0.25 * np.sqrt((len(group) * 0.02) ** 2 + sampling)
         plane = np.array([[1.0, c[1] * 0.5, -c[0] * 0.5] for c in group])
         _, east, north = np.linalg.lstsq(plane, [heights[c] for c in group], rcond=None)[0]
         expected = {
@@ -93,16 +91,11 @@ def test_figures_equal_plain_loops() -> None:
             "dz_min_m": min(values),
             "dz_max_m": max(values),
             "dz_p95_m": p95,
-            "vol_loss_m3": -sum(v for v in values if v < 0) * 0.25,
-            "vol_gain_m3": sum(v for v in values if v > 0) * 0.25,
-            "vol_net_m3": sum(values) * 0.25,
-            "vol_err_m3": error,
             "lod95_m": np.median([lod[c] for c in group]),
             "n_pts_min": min(count[c] for c in group),
             "slope_deg": np.degrees(np.arctan(np.hypot(east, north))),
             "days": 60,
             "rate_mm_day": np.mean(values) * 1000 / 60,
-            "rate_err": error / area * 1000 / 60,
         }
         assert {name: float(row[name]) for name in expected} == pytest.approx(expected, abs=1e-6)
         assert row["kind"] == ("uplift" if sign > 0 else "subsidence")
@@ -232,17 +225,34 @@ def test_most_severe_first_then_by_volume() -> None:
     assert frame.equals(again)
 
 
-def test_volume_error_is_the_spread_over_many_measurements() -> None:
-    dz = np.zeros((12, 12))
-    dz[1:11, 1:11] = -0.5
+def test_the_columns_of_a_volume_agree() -> None:
     random = np.random.default_rng(5)
-    sampling = random.uniform(0.02, 0.08, dz.shape)
-    stated = run(dz, sigma=np.hypot(sampling, 0.01), registration_error=0.01).frame["vol_err_m3"][0]
-    volumes = []
-    for _ in range(4000):
-        measured = dz + random.normal(size=dz.shape) * sampling + random.normal() * 0.01
-        volumes.append(measured[1:11, 1:11].sum() * 0.25)
-    assert stated == pytest.approx(np.std(volumes), rel=0.05)
+    dz = random.normal(0, 0.05, (60, 80))
+    dz[10:20, 10:20] -= 0.5
+    dz[30:45, 40:70] += 0.3
+    found = run(dz, ZoneParameters(), registration_error=0.01, epochs=(date(2024, 1, 1), date(2024, 3, 1)))
+    frame = found.frame
+    assert frame["kind"].tolist() == ["uplift", "subsidence"]
+    np.testing.assert_array_equal(frame["vol_net_m3"], frame["vol_gain_m3"] - frame["vol_loss_m3"])
+    np.testing.assert_allclose(frame["vol_low_m3"], frame["vol_net_m3"] - 1.96 * frame["vol_err_m3"], atol=1e-3)
+    np.testing.assert_allclose(frame["vol_high_m3"], frame["vol_net_m3"] + 1.96 * frame["vol_err_m3"], atol=1e-3)
+    # what happened: 450 and 100 cells of 0.25 m²
+    assert frame["vol_net_m3"].tolist() == pytest.approx([33.75, -12.5], rel=0.05)
+    np.testing.assert_allclose(found.volumes.net, frame["vol_net_m3"], atol=1e-6)
+    # nothing correlates: the mean of n cells errs by the registration and 1 / sqrt(n) of the rest
+    own = np.sqrt(0.05**2 - 0.01**2) / np.sqrt(frame["n_cells"].to_numpy(float))
+    np.testing.assert_allclose(frame["rate_err"], np.hypot(own, 0.01) * 1000 / 60, rtol=0.15)
+    for row, footprint in zip(frame.itertuples(), found.footprints, strict=True):
+        inside = np.zeros(dz.shape, dtype=bool)
+        inside[footprint.window] = footprint.inside
+        assert inside[found.labels == row.Index + 1].all()
+        assert row.vol_area_m2 == pytest.approx(inside.sum() * 0.25)
+        assert row.vol_net_m3 == pytest.approx(dz[inside].sum() * 0.25, abs=1e-6)
+        assert row.vol_measured == 1.0
+    outlines = footprint_frame(found, grid_of(dz.shape))
+    assert outlines["zone_id"].tolist() == ["Z001", "Z002"]
+    assert outlines.area.tolist() == pytest.approx(frame["vol_area_m2"].tolist())
+    assert all(outlines.geometry.covers(frame.geometry))
 
 
 def test_inclination_of_a_plane() -> None:
@@ -305,17 +315,3 @@ def test_a_grown_block_counts_as_one_cell() -> None:
         blocks = set(block[found.labels == zone].tolist())
         assert found.frame["n_cells"].iloc[zone - 1] == len(blocks) >= 2
         assert found.frame["area_m2"].iloc[zone - 1] == pytest.approx(np.sum(found.labels == zone) * 0.25)
-
-
-def test_the_error_of_a_volume_is_that_of_blocks_that_err_as_one() -> None:
-    dz, block = grown_blocks()
-    sigma_of = np.hypot(np.random.default_rng(2).uniform(0.01, 0.1, block.max() + 1), 0.02)
-    found = run(dz, sigma=sigma_of[block], block=block, registration_error=0.02)
-    assert len(found.frame)
-    random = np.random.default_rng(3)
-    independent = random.normal(size=(4000, len(sigma_of))) * np.sqrt(sigma_of**2 - 0.02**2)
-    shared = random.normal(0, 0.02, (4000, 1))
-    for zone in range(1, len(found.frame) + 1):
-        cells = np.bincount(block[found.labels == zone], minlength=len(sigma_of))
-        volumes = (independent + shared) @ cells * 0.25
-        assert found.frame["vol_err_m3"].iloc[zone - 1] == pytest.approx(volumes.std(), rel=0.06)

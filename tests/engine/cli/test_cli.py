@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import shutil
 import subprocess
@@ -55,7 +56,9 @@ def test_help_shows_every_parameter_with_its_unit_and_default():
     assert f"[default: {resolution.default} m, 0.02 to 20]" in shown
 
 
-@pytest.mark.parametrize("command", ["inspect", "ground", "register", "change", "m3c2", "screen", "info", "check", "simulate"])
+@pytest.mark.parametrize(
+    "command", ["inspect", "ground", "register", "change", "m3c2", "screen", "info", "check", "simulate"]
+)
 def test_every_command_has_help(command):
     done = run(command, "--help")
     assert done.returncode == 0
@@ -83,6 +86,7 @@ def test_change_writes_what_it_promises(clouds, tmp_path):
         "level_of_detection.tif",
         "significant_change.tif",
         "zones.gpkg",
+        "volumes.csv",
         "heatmap.png",
         "heatmap.tif",
         "top_view.tif",
@@ -96,6 +100,16 @@ def test_change_writes_what_it_promises(clouds, tmp_path):
     assert record["metrics"] == result["metrics"]
     assert record["metrics"]["zone_count"] == 1
     assert record["metrics"]["vol_loss_m3"] == pytest.approx(0.2 * 4 * 12, rel=0.03)
+    assert record["metrics"]["vol_loss_err_m3"] > 0
+    with (out / "volumes.csv").open(encoding="utf-8", newline="") as file:
+        lines = {(line["group"], line["quantity"]): line for line in csv.DictReader(file)}
+    (lost,) = (row for (group, name), row in lines.items() if "ZONES" in group and name.endswith("Lowering"))
+    assert float(lost["thresholded"]) == pytest.approx(record["metrics"]["vol_loss_m3"], abs=1e-6)
+    assert len(record["volumes"]["rows"]) == len(lines)
+    table = geopandas.read_file(out / "zones.gpkg", layer="volumes")
+    assert table["quantity"].tolist() == [name for _, name in lines]
+    outlines = geopandas.read_file(out / "zones.gpkg", layer="footprints")
+    assert outlines.geometry[0].covers(geopandas.read_file(out / "zones.gpkg", layer="zones").geometry[0])
     assert len(record["inputs"][0]["sha256"]) == 64
     assert not [p for p in out.iterdir() if p.name.startswith(".")]
 
@@ -109,6 +123,7 @@ def test_same_input_gives_the_same_bytes(clouds, tmp_path):
         "significant_change.tif",
         "heatmap.tif",
         "zones.gpkg",
+        "volumes.csv",
     ):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
 
@@ -186,7 +201,7 @@ def test_whole_numbers_are_no_yes_or_no_in_the_help():
 def test_the_zones_level_is_at_95_percent_whatever_confidence_decides(clouds, tmp_path):
     out = tmp_path / "out"
     assert run("change", *clouds, "--output-dir", out, "--cell", 0.5, "--confidence", 0.8).returncode == 0
-    zone = geopandas.read_file(out / "zones.gpkg").iloc[0]
+    zone = geopandas.read_file(out / "zones.gpkg", layer="zones").iloc[0]
     with rasterio.open(out / "level_of_detection.tif") as raster:
         at_80 = np.median(raster.read(1, masked=True).compressed())
     assert zone["lod95_m"] / at_80 == pytest.approx(1.960 / 1.2816, rel=0.05)

@@ -1,0 +1,355 @@
+"""Volumes of zones over their footprints, with errors that account for the errors' spatial correlation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from .gridding import Float
+from .variogram import (
+    FEWEST_CELLS,
+    VariogramModel,
+    effective_samples,
+    empirical_variogram,
+    fit_variogram,
+    sum_variance,
+)
+
+Z95 = 1.959963984540054
+_RINGS = 8  # at most, around a zone
+_MARGIN = 2  # cells around a zone that always belong to its footprint
+_EDGE = 1.0  # m, radius of a disc that does not get into a survey's gaps, only along its edge
+_STABLE_MARGIN = 0.5  # m around a footprint that may have moved with it
+
+
+@dataclass(frozen=True)
+class Cells:
+    """The change of every cell; arrays (rows, columns), NaN where nothing was compared.
+
+    Attributes:
+        dz, error: change and its standard error, m.
+        area: m² that ``dz`` acts on.
+        block: number of the group of cells that are one, -1 for none (see ``change.Change``). None: cells did not grow.
+    """
+
+    dz: Float
+    error: Float
+    area: Float
+    cell: float
+    block: NDArray[np.int64] | None = None
+
+
+@dataclass(frozen=True)
+class CorrelationModel:
+    """How the errors of cells are related.
+
+    The error of a cell is its sampling error, alike in near cells by ``variogram``, and ``registration_error`` (m),
+    which all cells share. Without a variogram the sampling errors count as fully correlated, which is the largest error
+    possible. ``cells`` is the number of cells of stable ground that it was taken from.
+    """
+
+    registration_error: float
+    variogram: VariogramModel | None
+    cells: int = 0
+
+    @property
+    def name(self) -> str:
+        """The model in words."""
+        if self.variogram is None:
+            return "fully correlated (too little stable ground for a variogram)"
+        return "variogram of stable ground, registration error shared by all cells"
+
+    def figures(self) -> dict[str, Any]:
+        """For the run record."""
+        known = {} if self.variogram is None else self.variogram.figures()
+        return {"model": self.name, "registration_error_m": self.registration_error, "cells": self.cells, **known}
+
+    def sampling_error(self, error: Float) -> Float:
+        """The part of ``error`` (any shape, m) that the registration does not explain."""
+        return np.sqrt(np.maximum(error**2 - self.registration_error**2, 0.0))
+
+    def sum_error(self, weights: Float, cells: Cells) -> float:
+        """Standard error of the sum of ``weights`` (rows, columns; of any sign, 0 outside) times the changes."""
+        if self.variogram is None:
+            sampling = float(np.abs(self._weighted(weights, cells)).sum())
+        else:
+            sampling = math.sqrt(sum_variance(self._weighted(weights, cells), cells.cell, self.variogram))
+        return math.hypot(sampling, self.registration_error * float(weights.sum()))
+
+    def samples(self, weights: Float, cells: Cells) -> float:
+        """Effective number of samples of a sum (see ``variogram.effective_samples``)."""
+        if self.variogram is None:
+            return 1.0
+        return effective_samples(self._weighted(weights, cells), cells.cell, self.variogram)
+
+    def _weighted(self, weights: Float, cells: Cells) -> Float:
+        """Weights times sampling errors; those of cells that are one are summed up in the first of them."""
+        used = weights != 0
+        weighted = np.zeros(weights.shape)
+        weighted[used] = weights[used] * self.sampling_error(cells.error[used])
+        if cells.block is None:
+            return weighted
+        inside = np.flatnonzero(used.ravel() & (cells.block.ravel() >= 0))
+        _, first, group = np.unique(cells.block.ravel()[inside], return_index=True, return_inverse=True)
+        sums = np.bincount(group, weighted.ravel()[inside])
+        weighted.ravel()[inside] = 0.0
+        weighted.ravel()[inside[first]] = sums
+        return weighted
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """Where a zone's volume is taken.
+
+    Attributes:
+        window: rows and columns of the arrays below in the grid.
+        inside: cells of the footprint.
+        own: cells of the zone itself.
+        weights: m² that each measured cell stands for.
+        scatter: standard error of the volume by what was interpolated, m³.
+        measured: share of the footprint's cells that were measured in both epochs.
+    """
+
+    window: tuple[slice, ...]
+    inside: NDArray[np.bool_]
+    own: NDArray[np.bool_]
+    weights: Float
+    scatter: float
+    measured: float
+
+
+@dataclass(frozen=True)
+class ZoneVolumes:
+    """Volumes of n zones, arrays of shape (n,).
+
+    Attributes:
+        net: m³ over the footprint, gaps included; negative where the ground sank.
+        error: its standard error, m³.
+        area: of the footprint, m².
+        measured: share of the footprint's cells that were measured in both epochs.
+        samples: effective number of samples.
+        mean_error: standard error of the mean change over the zone's own cells, m.
+        lowering, raising, total: of all zones that sank, all that rose, all: sum of ``net``, and its standard error.
+    """
+
+    net: Float
+    error: Float
+    area: Float
+    measured: Float
+    samples: Float
+    mean_error: Float
+    lowering: tuple[float, float]
+    raising: tuple[float, float]
+    total: tuple[float, float]
+
+    def in_order(self, order: NDArray[np.integer]) -> ZoneVolumes:
+        """The zones in another order."""
+        columns = ("net", "error", "area", "measured", "samples", "mean_error")
+        return replace(self, **{name: getattr(self, name)[order] for name in columns})
+
+
+def fit_correlation(cells: Cells, stable: NDArray[np.bool_], registration_error: float) -> CorrelationModel:
+    """The variogram of change over error on ``stable`` cells (rows, columns).
+
+    The change is taken in units of the error without the registration's part, which is one constant for all cells and
+    therefore not to be seen in a variogram.
+    """
+    model = CorrelationModel(registration_error, None)
+    sampling = model.sampling_error(np.asarray(cells.error, dtype=np.float64))
+    usable = stable & np.isfinite(cells.dz) & (np.nan_to_num(sampling) > 0)
+    if cells.block is not None:
+        usable &= _first_of_blocks(cells.block)
+    count = int(usable.sum())
+    if count < FEWEST_CELLS:
+        return CorrelationModel(registration_error, None, count)
+    standardised = np.full(cells.dz.shape, np.nan)
+    standardised[usable] = cells.dz[usable] / sampling[usable]
+    return CorrelationModel(registration_error, fit_variogram(empirical_variogram(standardised, cells.cell)), count)
+
+
+def outside(footprints: Sequence[Footprint], valid: NDArray[np.bool_], cell: float) -> NDArray[np.bool_]:
+    """Cells of ``valid`` farther than half a metre, and at least two cells, from every footprint.
+
+    Single cells beyond their level stay in: they are the noise's own, and without them it would look too small.
+    """
+    moved = np.zeros(valid.shape, dtype=bool)
+    for footprint in footprints:
+        moved[footprint.window] |= footprint.inside
+    return valid & ~ndimage.maximum_filter(moved, size=2 * max(2, round(_STABLE_MARGIN / cell)) + 1)
+
+
+def footprint_labels(footprints: Sequence[Footprint], shape: tuple[int, int]) -> NDArray[np.int32]:
+    """0, or the number of the zone (from 1) whose footprint holds the cell."""
+    labels = np.zeros(shape, dtype=np.int32)
+    for number, footprint in enumerate(footprints, start=1):
+        labels[footprint.window][footprint.inside] = number
+    return labels
+
+
+def outline_footprints(cells: Cells, labels: NDArray[np.int32], count: int, *, gap: float) -> tuple[Footprint, ...]:
+    """The footprint of each of ``count`` zones.
+
+    Zones are made of the cells that stand out, so a sum over them leans outward: cells that noise made look larger are
+    in, the others out, and so is what lies below the level around them. The footprint takes the cells regardless of
+    their own value: the zone, all cells within it and within two cells of it, and rings around for as long as their sum
+    has the zone's sign, at most to twice the zone's radius. Other zones' cells, and those nearer to these, stay theirs.
+
+    Cells that were not measured, but have a measured one within ``gap`` m, get the weighted mean of these. Its error is
+    that of the measured cells, and the scatter beyond noise that the change has from cell to cell. Larger gaps, and
+    what lies outside of the survey's edge, are left out.
+
+    Args:
+        labels: (rows, columns), 0 or 1 to ``count``.
+    """
+    taken = np.zeros(labels.shape, dtype=bool)
+    reach = max(1, round(gap / cells.cell))
+    found = []
+    for number, box in enumerate(ndimage.find_objects(labels, max_label=count), start=1):
+        assert box is not None
+        # as far as rings can reach (see _Surroundings.grown), the gaps' neighbours, and what tells the survey's edge
+        margin = max(s.stop - s.start for s in box) + 2 * _MARGIN + reach + _edge_reach(cells.cell)
+        window = tuple(slice(max(0, s.start - margin), s.stop + margin) for s in box)
+        near = _window(cells, window)
+        zone = _Surroundings(near, labels[window], number, taken[window], reach)
+        inside = zone.grown()
+        taken[window] |= inside
+        weights, scatter = zone.weights(inside)
+        weights *= np.where(zone.known, near.area, 0.0)
+        measured = float((inside & zone.known).sum() / inside.sum())
+        found.append(Footprint(window, inside, zone.own > 0, weights, scatter, measured))
+    return tuple(found)
+
+
+def zone_volumes(footprints: Sequence[Footprint], cells: Cells, model: CorrelationModel) -> ZoneVolumes:
+    """Volume of each zone over its footprint, with its standard error."""
+    figures = np.zeros((len(footprints), 6))
+    sides = np.zeros((2, *cells.dz.shape)) if footprints else np.zeros((2, 1, 1))  # weights of all that sank, that rose
+    scatters = np.zeros(2)
+    for row, footprint in zip(figures, footprints, strict=True):
+        near = _window(cells, footprint.window)
+        weights = footprint.weights
+        volume = float(np.sum(weights * np.nan_to_num(near.dz)))
+        row[:] = (
+            volume,
+            math.hypot(model.sum_error(weights, near), footprint.scatter),
+            float(weights.sum()),
+            footprint.measured,
+            model.samples(weights, near),
+            model.sum_error(footprint.own / footprint.own.sum(), near),
+        )
+        sides[int(volume > 0)][footprint.window] += weights
+        scatters[int(volume > 0)] += footprint.scatter**2
+
+    def together(volumes: Float, weights: Float, scatter: float) -> tuple[float, float]:
+        if not volumes.size:
+            return 0.0, 0.0
+        return float(volumes.sum()), math.hypot(model.sum_error(weights, cells), math.sqrt(scatter))
+
+    net, error, area, measured, samples, mean_error = (np.ascontiguousarray(column) for column in figures.T)
+    return ZoneVolumes(
+        net,
+        error,
+        area,
+        measured,
+        samples,
+        mean_error,
+        lowering=together(net[net <= 0], sides[0], scatters[0]),
+        raising=together(net[net > 0], sides[1], scatters[1]),
+        total=together(net, sides.sum(axis=0), float(scatters.sum())),
+    )
+
+
+class _Surroundings:
+    """A zone and what is around it; arrays of the window's shape."""
+
+    def __init__(
+        self, cells: Cells, labels: NDArray[np.int32], number: int, taken: NDArray[np.bool_], reach: int
+    ) -> None:
+        self.known = np.isfinite(cells.dz)
+        self.dz = np.where(self.known, cells.dz, 0.0).astype(np.float64)
+        self.variance = np.where(self.known, cells.error, 0.0).astype(np.float64) ** 2
+        self.area = cells.cell**2
+        self.own = (labels == number).astype(np.float64)
+        self.sign = float(np.sign(np.sum(self.dz * self.own)))
+        offsets = np.arange(-reach, reach + 1)
+        distance = np.hypot(offsets[:, None], offsets)
+        self.kernel = np.where(distance <= reach + 0.5, 1.0 / np.maximum(distance, 1.0) ** 2, 0.0)
+        self.kernel[reach, reach] = 0.0
+        self.near = _around(self.known.astype(np.float64), self.kernel)
+        self.distance: Float = ndimage.distance_transform_edt(self.own == 0)
+        free = ~taken
+        others = (labels > 0) & (labels != number)
+        if others.any():
+            free &= self.distance < ndimage.distance_transform_edt(~others)
+        self.within = closed(self.known, _edge_reach(cells.cell))
+        self.usable = free & (self.known | (self.within & (self.near > 0)))
+
+    def grown(self) -> NDArray[np.bool_]:
+        """The footprint."""
+        core: NDArray[np.bool_] = ndimage.binary_fill_holes(self.distance <= _MARGIN) & self.usable
+        core |= self.own > 0
+        radius = max(math.sqrt(float(core.sum()) / math.pi) - _MARGIN, 1.0)
+        width = max(1.0, radius / _RINGS)
+        reached = float(_MARGIN)
+        while reached < radius:
+            ring = (self.distance > reached) & (self.distance <= reached + width) & self.usable & ~core
+            if self.sign * float(self.dz[ring].sum()) <= 0:
+                break
+            core |= ring
+            reached += width
+        return core
+
+    def weights(self, footprint: NDArray[np.bool_]) -> tuple[Float, float]:
+        """For how many cells each measured one stands, and the interpolation's standard error of the volume, m³."""
+        known, gaps = footprint & self.known, footprint & ~self.known
+        weights = known.astype(np.float64)
+        if not gaps.any():
+            return weights, 0.0
+        normal = np.where(self.near > 0, self.near, 1.0)
+        share = np.where(gaps, 1.0 / normal, 0.0)
+        weights += np.where(self.known, _around(share, self.kernel), 0.0)
+        # measured cells told from their neighbours, as the gaps are
+        told = known & (self.near > 0)
+        mean = _around(self.dz, self.kernel) / normal
+        noise = _around(self.variance, self.kernel**2) / normal**2 + self.variance
+        beyond = float(np.mean((self.dz - mean)[told] ** 2 - noise[told])) if told.any() else 0.0
+        return weights, math.sqrt(max(beyond, 0.0) * float(gaps.sum())) * self.area
+
+
+def _edge_reach(cell: float) -> int:
+    """Cells in the radius of the disc that runs along the survey's edge from outside."""
+    return max(5, round(_EDGE / cell))
+
+
+def closed(known: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+    """``known`` and the gaps into which no disc of radius ``reach`` cells fits; nothing outside of its edge."""
+    padded = np.pad(known, 2 * reach + 1)
+    grown = ndimage.distance_transform_edt(~padded) <= reach
+    whole: NDArray[np.bool_] = ndimage.distance_transform_edt(grown) > reach
+    inner = slice(2 * reach + 1, -(2 * reach + 1))
+    return whole[inner, inner] | known
+
+
+def _around(values: Float, kernel: Float) -> Float:
+    """Sum over the cells around each, by the kernel's weights."""
+    total: Float = ndimage.correlate(values, kernel, mode="constant")
+    return total
+
+
+def _window(cells: Cells, window: tuple[slice, ...]) -> Cells:
+    block = None if cells.block is None else cells.block[window]
+    return Cells(cells.dz[window], cells.error[window], cells.area[window], cells.cell, block)
+
+
+def _first_of_blocks(block: NDArray[np.int64]) -> NDArray[np.bool_]:
+    first = np.zeros(block.size, dtype=bool)
+    numbers, places = np.unique(block.ravel(), return_index=True)
+    first[places[numbers >= 0]] = True
+    first |= block.ravel() < 0
+    return first.reshape(block.shape)
