@@ -179,6 +179,7 @@ def _change_context(record: dict[str, Any], folder: Path, profile_table: Path) -
         "epochs": record["epochs"],
         "registration": record.get("registration") or {},
         "stable_given": any(i["role"] == "stable" for i in record["inputs"]),
+        "lod": record.get("level_of_detection") or {},
         "pictures": pictures,
         "gap": f"{report_maps.GAP:g}",
         "most_zones": _MOST_ZONES,

@@ -19,7 +19,7 @@ _LOWERED, _RAISED = hexadecimal(DIVERGING[4][1]), hexadecimal(DIVERGING[4][2])
 _GREY = hexadecimal(BELOW_LEVEL)
 _BEFORE = "#8a8f98"
 _SOFT = "#57606a"
-_WIDTH, _WIDE = 5.0, 10.2  # inches
+_WIDTH, _WIDE = 4.2, 7.2  # inches
 
 Column = NDArray[np.float64]
 
@@ -28,9 +28,9 @@ def change_histogram(record: Mapping[str, Any]) -> Picture:
     """All cells and, below, those beyond their level, as areas; both with the median level drawn."""
     shown, area = record["distribution"], record["grid"]["cell_m"] ** 2
     level = record["level"]["median_m"]
-    figure = Figure(figsize=(_WIDTH, 4.2))
-    sheet = Sheet(figure, _WIDTH, 4.2)
-    above, below = sheet.axes(0.72, 2.42, 4.1, 1.6), sheet.axes(0.72, 0.55, 4.1, 1.6)
+    figure = Figure(figsize=(_WIDTH, 3.6))
+    sheet = Sheet(figure, _WIDTH, 3.6)
+    above, below = sheet.axes(0.65, 2.1, 3.4, 1.35), sheet.axes(0.65, 0.5, 3.4, 1.35)
     middles, width = _bins(shown)
     compared, beyond = (np.array(shown[name]) * area for name in ("compared", "beyond"))
     above.bar(middles, compared, width, color=_GREY)
@@ -59,9 +59,9 @@ def stable_histogram(record: Mapping[str, Any]) -> Picture | None:
     facts, shown = record["stable_ground"], record["distribution"]
     if facts is None:
         return None
-    figure = Figure(figsize=(_WIDTH, 4.2))
-    sheet = Sheet(figure, _WIDTH, 4.2)
-    axes = sheet.axes(0.72, 0.55, 4.1, 3.47)
+    figure = Figure(figsize=(_WIDTH, 3.6))
+    sheet = Sheet(figure, _WIDTH, 3.6)
+    axes = sheet.axes(0.65, 0.5, 3.4, 2.95)
     middles, width = _bins(shown)
     axes.bar(middles, shown["stable"], width, color="#9fb3a5")
     spread = facts["nmad_m"]
@@ -86,9 +86,9 @@ def stable_histogram(record: Mapping[str, Any]) -> Picture | None:
 
 def profile_chart(facts: Mapping[str, Any], columns: Mapping[str, Column] | None, epochs: tuple[str, str]) -> Picture:
     """Heights of both epochs along a line, and below their difference with the level of detection as a ribbon."""
-    figure = Figure(figsize=(_WIDE, 4.0))
-    sheet = Sheet(figure, _WIDE, 4.0)
-    above, below = sheet.axes(0.8, 2.15, 9.2, 1.6), sheet.axes(0.8, 0.5, 9.2, 1.35)
+    figure = Figure(figsize=(_WIDE, 2.15))
+    sheet = Sheet(figure, _WIDE, 2.15)
+    above, below = sheet.axes(0.6, 1.2, 6.5, 0.78), sheet.axes(0.6, 0.4, 6.5, 0.7)
     length = facts["length_m"]
     if columns is not None and np.isfinite(columns["dz_m"]).any():
         _draw_heights(above, columns, epochs, sheet)
@@ -115,15 +115,15 @@ def profile_chart(facts: Mapping[str, Any], columns: Mapping[str, Column] | None
 def _draw_heights(axes: Axes, columns: Mapping[str, Column], epochs: tuple[str, str], sheet: Sheet) -> None:
     distance = columns["distance_m"]
     for name, colour, width, label in (
-        ("height_from_m", _BEFORE, 1.8, epochs[0]),
-        ("height_to_m", INK, 0.9, epochs[1]),
+        ("height_from_m", _BEFORE, 1.5, epochs[0]),
+        ("height_to_m", INK, 0.7, epochs[1]),
     ):
         axes.plot(
             distance, columns[name], color=colour, lw=width, label=label.replace("$", r"\$"), solid_capstyle="butt"
         )
     axes.legend(
-        loc="upper right", frameon=False, ncols=2, prop=sheet.fonts(8), borderaxespad=0.1, handlelength=1.6,
-        bbox_to_anchor=(1.0, 1.17),
+        loc="upper right", frameon=False, ncols=2, prop=sheet.fonts(7.5), borderaxespad=0.1, handlelength=1.6,
+        bbox_to_anchor=(1.0, 1.22),
     )  # fmt: skip
 
 
@@ -132,10 +132,10 @@ def _draw_difference(axes: Axes, columns: Mapping[str, Column]) -> None:
     edges, heights = _ribbon(distance, level)
     axes.fill_between(edges, -heights, heights, color=_GREY, alpha=0.4, lw=0)
     axes.axhline(0.0, color=_SOFT, lw=0.6)
-    axes.plot(distance, dz, color="#6e7781", lw=0.6, marker=".", ms=2.5, mew=0)
+    axes.plot(distance, dz, color="#6e7781", lw=0.5, marker=".", ms=2.0, mew=0)
     beyond = columns["significant"] > 0
     for chosen, colour in ((beyond & (dz < 0), _LOWERED), (beyond & (dz > 0), _RAISED)):
-        axes.plot(distance[chosen], dz[chosen], ".", color=colour, ms=4.0, mew=0)
+        axes.plot(distance[chosen], dz[chosen], ".", color=colour, ms=3.6, mew=0)
     # the ribbon shall not shrink what lies beyond it, nor a single wide level the whole chart
     reach = max(1.15 * np.nanmax(np.abs(dz)), 1.3 * np.nanmedian(level))
     axes.set_ylim(-reach, reach)
@@ -166,6 +166,7 @@ def _bins(shown: Mapping[str, Any]) -> tuple[Column, float]:
 
 
 def _finish(axes: Axes, sheet: Sheet) -> None:
+    axes.locator_params(axis="y", nbins=5)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     for side in ("left", "bottom"):

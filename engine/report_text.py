@@ -7,6 +7,8 @@ from typing import Any
 
 from markupsafe import Markup
 
+#: A key of the record, or several in a row.
+Key = str | int | tuple[str | int, ...]
 #: What stands where a figure is not known.
 UNKNOWN = Markup('<span class="unknown">not known</span>')
 
@@ -21,10 +23,10 @@ class Figures:
     def __init__(self, record: dict[str, Any]) -> None:
         self.record = record
 
-    def value(self, *place: str | int) -> Any:
+    def value(self, *place: Key) -> Any:
         """What stands at a place of the record, such as ("metrics", "zone_count"); None where there is nothing."""
         found: Any = self.record
-        for key in place:
+        for key in _flat(place):
             if isinstance(found, dict):
                 found = found.get(str(key))
             elif isinstance(found, list) and isinstance(key, int) and key < len(found):
@@ -35,7 +37,7 @@ class Figures:
 
     def __call__(
         self,
-        *place: str | int,
+        *place: Key,
         unit: str = "",
         digits: int = 3,
         scale: float = 1.0,
@@ -52,13 +54,13 @@ class Figures:
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
             return UNKNOWN
         text = number(value * scale, digits, sign=sign, grouped=grouped)
-        pointer = "/" + "/".join(str(key).replace("~", "~0").replace("/", "~1") for key in place)
+        pointer = "/" + "/".join(str(key).replace("~", "~0").replace("/", "~1") for key in _flat(place))
         factor = Markup(' data-scale="{}"').format(f"{scale:g}") if scale != 1.0 else Markup("")
         figure = Markup('<data value="{}" data-from="{}"{}>{}</data>').format(repr(value), pointer, factor, text)
         return figure + Markup("&nbsp;{}").format(unit) if unit else figure
 
     def with_error(
-        self, place: tuple[str | int, ...], error: tuple[str | int, ...], unit: str = "", digits: int = 3, **more: Any
+        self, place: tuple[Key, ...], error: tuple[Key, ...], unit: str = "", digits: int = 3, **more: Any
     ) -> Markup:
         """A figure with its standard error: 1.23 ± 0.04 m³; without the error where that is not known."""
         value = self(*place, digits=digits, **more)
@@ -68,9 +70,14 @@ class Figures:
             value, self(*error, unit=unit, digits=digits, scale=more.get("scale", 1.0))
         )
 
-    def percent(self, *place: str | int, digits: int = 0) -> Markup:
+    def percent(self, *place: Key, digits: int = 0) -> Markup:
         """A share as a percentage."""
         return self(*place, unit="%", digits=digits, scale=100.0)
+
+
+def _flat(place: tuple[Any, ...]) -> tuple[str | int, ...]:
+    """Keys in a row; a part of a place may be given as a tuple."""
+    return tuple(key for part in place for key in (part if isinstance(part, tuple) else (part,)))
 
 
 def number(value: float, digits: int, *, sign: bool = False, grouped: bool = True) -> str:

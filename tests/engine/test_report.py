@@ -277,8 +277,7 @@ def test_the_words_are_those_of_the_trade(page: Page) -> None:
 def test_the_same_folder_gives_the_same_bytes(made: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy"
     shutil.copytree(made, copy)
-    assert write_report(copy) == copy / "report.html"
-    assert (copy / "report.html").read_bytes() == (made / "report.html").read_bytes()
+    (copy / "report.html").unlink()
     outputs, _ = report_step(copy, ReportParameters(), profiles=None, progress=Progress())
     assert outputs == {"report": copy / "report.html"}
     assert (copy / "report.html").read_bytes() == (made / "report.html").read_bytes()
