@@ -262,6 +262,20 @@ class TestRuns:
         assert set(ElevationChange.NUMBERS) | set(ElevationChange.FILES) <= set(first)
         assert first["ZONE_COUNT"] > 0
         assert second["GAIN"] == pytest.approx(first["GAIN"], rel=0.02)
+        assert "CELL_SIZE" not in first
+        grown = qgis_process.run(
+            "elevationchange",
+            **grounds,
+            TRANSFORM=tmp_path / "transform.json",
+            OUTPUT_FOLDER=tmp_path / "grown",
+            ADAPTIVE="true",
+            CELL_SIZE=tmp_path / "sizes.tif",
+        )
+        assert grown["CELL_SIZE"] == str(tmp_path / "sizes.tif")
+        sizes = QgsRasterLayer(grown["CELL_SIZE"])
+        assert sizes.rasterUnitsPerPixelX() == pytest.approx(0.1)
+        assert len(sizes.renderer().shader().rasterShaderFunction().colorRampItemList()) >= 3
+        assert grown["COMMON_CELL_RATE"] > 0.98 > first["COMMON_CELL_RATE"]
 
     def test_labelled_scenes(self, qgis_process: QgisProcess, tmp_path: Path) -> None:
         engine_python()
