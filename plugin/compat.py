@@ -28,7 +28,9 @@ _NAMES: dict[str, tuple[str, str, type, str, str]] = {
     "DOUBLE": ("ProcessingNumberParameterType", "Double", QgsProcessingParameterNumber, "Type", "Double"),
     "ADVANCED": ("ProcessingParameterFlag", "Advanced", QgsProcessingParameterDefinition, "Flag", "FlagAdvanced"),
     "POLYGON": ("ProcessingSourceType", "VectorPolygon", QgsProcessing, "SourceType", "TypeVectorPolygon"),
+    "LINE": ("ProcessingSourceType", "VectorLine", QgsProcessing, "SourceType", "TypeVectorLine"),
     "FILE": ("ProcessingFileParameterBehavior", "File", QgsProcessingParameterFile, "Behavior", "File"),
+    "FOLDER": ("ProcessingFileParameterBehavior", "Folder", QgsProcessingParameterFile, "Behavior", "Folder"),
     "FILES": ("ProcessingSourceType", "File", QgsProcessing, "SourceType", "TypeFile"),
     "DATE": ("ProcessingDateTimeParameterDataType", "Date", QgsProcessingParameterDateTime, "Type", "Date"),
 }
@@ -37,6 +39,8 @@ INTEGER = _member(*_NAMES["INTEGER"])
 DOUBLE = _member(*_NAMES["DOUBLE"])
 ADVANCED = _member(*_NAMES["ADVANCED"])
 POLYGON = _member(*_NAMES["POLYGON"])
+LINE = _member(*_NAMES["LINE"])
 FILE = _member(*_NAMES["FILE"])
+FOLDER = _member(*_NAMES["FOLDER"])
 FILES = _member(*_NAMES["FILES"])
 DATE = _member(*_NAMES["DATE"])

@@ -87,6 +87,16 @@ def style_on_completion(
     context.setLayersToLoadOnCompletion(layers)
 
 
+def load_on_completion(context: QgsProcessingContext, path: str, appearance: Appearance, name: str, group: str) -> None:
+    """Have a file that is no declared output loaded as a layer of the project, named, grouped and styled."""
+    details = QgsProcessingContext.LayerDetails(name, context.project() or QgsProject.instance(), name)
+    details.forceName = True
+    details.groupName = group
+    details.layerSortKey = appearance.order
+    details.setPostProcessor(StylePostProcessor.create(appearance))
+    context.addLayerToLoadOnCompletion(path, details)
+
+
 def copy_raster(source: str, target: str) -> None:
     """Copy a raster with the style beside it."""
     Path(target).parent.mkdir(parents=True, exist_ok=True)

@@ -3,6 +3,7 @@
 from .checkenvironment import CheckEnvironment
 from .elevationchange import ElevationChange
 from .extractground import ExtractGround
+from .inspectseries import InspectSeries
 from .inspectslope import InspectSlope
 from .m3c2distances import M3C2Distances
 from .registerepochs import RegisterEpochs
@@ -10,14 +11,17 @@ from .screenhazards import ScreenHazards
 from .simulatescenes import SimulateScenes
 from .simulatesurvey import SimulateSurvey
 from .trainmodel import TrainModel
+from .writereport import WriteReport
 
 ALGORITHMS = (
     InspectSlope,
+    InspectSeries,
     ScreenHazards,
     ExtractGround,
     RegisterEpochs,
     ElevationChange,
     M3C2Distances,
+    WriteReport,
     SimulateSurvey,
     SimulateScenes,
     TrainModel,

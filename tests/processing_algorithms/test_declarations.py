@@ -31,6 +31,7 @@ CHANGE = [
 ]  # fmt: skip
 ZONES = ["MINIMUM_AREA", "MINIMUM_CELLS", "BRIDGED_GAP", "SEVERITY_MODERATE", "SEVERITY_HIGH"]
 HEATMAP = ["TOP_VIEW_PIXEL", "OPACITY", "COLOUR_RANGE"]
+REPORT = ["PROFILES", "ZONE_PROFILES", "PROFILE_FIELD"]
 SCREENING = [
     "SCREENING_METHOD", "GROUND", "WEIGHTS", "ROTATIONS", "RESIDUAL_THRESHOLD", "MINIMUM_PROBABILITY",
     "MINIMUM_HAZARD_AREA", "PROBABILITY_CELL", "WRITE_CLASSIFICATION", "MINIMUM_DIP", "MAXIMUM_DIP", "ANY_DENSITY",
@@ -38,14 +39,19 @@ SCREENING = [
 ]  # fmt: skip
 PRODUCTS = [
     "OUTPUT_FOLDER", "ELEVATION_CHANGE", "LEVEL_OF_DETECTION", "CHANGE_PROBABILITY", "CELL_SIZE", "SIGNIFICANT_CHANGE",
-    "ZONES", "HEATMAP", "TOP_VIEW",
+    "ZONES", "HEATMAP", "TOP_VIEW", "SURFACE_HEIGHTS", "POINT_COUNTS",
 ]  # fmt: skip
 SCREENED = ["SCREENED_ZONES", "SCREENED_PROBABILITY"]
 FROZEN_PARAMETERS = {
     "inspectslope": [
         "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "ROI", "PROFILE", "STABLE",
-        *GROUND, *REGISTRATION, *CHANGE, *ZONES, *HEATMAP, *INPUT, *PRODUCTS,
+        *GROUND, *REGISTRATION, *CHANGE, *ZONES, *HEATMAP, *REPORT, *INPUT, *PRODUCTS,
         "SCREEN_LAST_EPOCH", *(name for name in SCREENING if name != "GROUND"), *SCREENED,
+    ],
+    "inspectseries": [
+        "INPUT", "MANIFEST", "ROI", "ALERTS", "PROFILE", "GROUND_READY", "RASTERS_EACH_SURVEY", "STABLE",
+        "LOAD_RASTERS", *GROUND, *REGISTRATION, *CHANGE, *ZONES, *INPUT,
+        "OUTPUT_FOLDER", "ZONES", "SERIES", "VELOCITY", "VELOCITY_ERROR", "EPOCHS_CONFIRMED",
     ],
     "screenhazards": [
         "INPUT", "ROI", "PROFILE", *SCREENING, *GROUND, *INPUT, "OUTPUT", "ZONES", "PROBABILITY", "MAP",
@@ -54,8 +60,9 @@ FROZEN_PARAMETERS = {
     "registerepochs": ["REFERENCE", "CLOUD", "STABLE", "PROFILE", *REGISTRATION, *INPUT, "OUTPUT", "TRANSFORM"],
     "elevationchange": [
         "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "TRANSFORM", "STABLE", "PROFILE",
-        *CHANGE, *ZONES, *HEATMAP, *INPUT, *PRODUCTS,
+        *CHANGE, *ZONES, *HEATMAP, *REPORT, *INPUT, *PRODUCTS,
     ],
+    "writereport": ["INPUT", *REPORT],
     "m3c2distances": [
         "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "CORE", "TRANSFORM",
         "NORMAL_SCALE", "PROJECTION_SCALE", "HALF_LENGTH", "CORE_SPACING", "DISTANCE_CELL", "NORMALS", "ORIENTATION",
@@ -76,10 +83,12 @@ FROZEN_PARAMETERS = {
 }  # fmt: skip
 FROZEN_GROUPS = {
     "inspectslope": "inspection",
+    "inspectseries": "inspection",
     "screenhazards": "inspection",
     "extractground": "steps",
     "registerepochs": "steps",
     "elevationchange": "steps",
+    "writereport": "steps",
     "m3c2distances": "steps",
     "simulatesurvey": "tools",
     "simulatescenes": "tools",
@@ -88,13 +97,18 @@ FROZEN_GROUPS = {
 }
 CHANGE_OUTPUTS = [
     "ZONE_COUNT", "ZONE_AREA", "LOSS", "GAIN", "LARGEST_SINK", "LARGEST_RISE", "COMMON_CELL_RATE", "LEVEL_MEDIAN",
-    "HEATMAP_PICTURE", "RUN_RECORD", *PRODUCTS,
+    "REPORT", "HEATMAP_PICTURE", "RUN_RECORD", *PRODUCTS,
 ]  # fmt: skip
 REGISTRATION_OUTPUTS = ["SHIFT_X", "SHIFT_Y", "SHIFT_Z", "STABLE_SHARE", "REGISTRATION_STANDARD_ERROR"]
 FROZEN_OUTPUTS = {
     "inspectslope": [
         *CHANGE_OUTPUTS, *REGISTRATION_OUTPUTS, "TRANSFORM_FILE", "REFERENCE_GROUND", "REGISTERED_GROUND",
         *SCREENED, "SCREENED_ZONE_COUNT", "CONFIRMED_ZONES", "SCREENED_CLOUD", "SCREENED_MAP",
+    ],
+    "inspectseries": [
+        "EPOCH_COUNT", "ZONE_COUNT", "CONFIRMED_ZONES", "HIGHEST_ALERT", "ALERTED_ZONES", "FASTEST_RATE",
+        "DETECTABLE_RATE", "LEVEL_MEDIAN", "TABLE", "PICTURE", "ALERTS_USED", "RUN_RECORD", "CUMULATIVE", "INCREMENTAL",
+        "OUTPUT_FOLDER", "ZONES", "SERIES", "VELOCITY", "VELOCITY_ERROR", "EPOCHS_CONFIRMED",
     ],
     "screenhazards": [
         "ZONE_COUNT", "ZONE_AREA", "UPLIFT_ZONES", "SUBSIDENCE_ZONES", "GROUND_POINTS", "DENSITY", "DIP", "RUN_RECORD",
@@ -106,6 +120,7 @@ FROZEN_OUTPUTS = {
     ],
     "registerepochs": [*REGISTRATION_OUTPUTS, "RMSE_BEFORE", "RMSE_AFTER", "INLIER_RMSE", "OUTPUT", "TRANSFORM"],
     "elevationchange": CHANGE_OUTPUTS,
+    "writereport": ["REPORT", "PROFILE_LINES", "PROFILE_TABLE"],
     "m3c2distances": [
         "CORE_POINTS", "MEASURED_POINTS", "SIGNIFICANT_POINTS", "LARGEST_LOWERING", "LARGEST_RAISING", "LEVEL_MEDIAN",
         "NORMAL_SCALE_USED", "PROJECTION_SCALE_USED", "HALF_LENGTH_USED", "RUN_RECORD", "OUTPUT", "DISTANCE",
@@ -126,10 +141,12 @@ FROZEN_OUTPUTS = {
 }  # fmt: skip
 COMMANDS = {
     "inspectslope": ["inspect"],
+    "inspectseries": ["series"],
     "screenhazards": ["screen"],
     "extractground": ["ground"],
     "registerepochs": ["register"],
     "elevationchange": ["change"],
+    "writereport": ["report"],
     "m3c2distances": ["m3c2"],
     "simulatesurvey": ["simulate", "survey"],
     "simulatescenes": ["simulate", "scenes"],
@@ -207,7 +224,7 @@ def test_the_dialog_has_the_engines_parameters(algorithm: SlopeWatchAlgorithm) -
                 assert parameter.maximum() == s.maximum
             decimals = parameter.metadata().get("widget_wrapper", {}).get("decimals", 0)
             assert round(s.default, decimals) == s.default, f"{s.name}: the field would round the default"
-        if algorithm.name() not in ("inspectslope", "screenhazards", "simulatesurvey"):
+        if algorithm.name() not in ("inspectslope", "inspectseries", "screenhazards", "simulatesurvey"):
             assert bool(parameter.flags() & ADVANCED) == s.advanced
 
 

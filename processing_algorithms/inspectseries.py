@@ -1,0 +1,206 @@
+"""Inspect series: two or more surveys of one slope to velocities, zones through time and alert levels."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from qgis.core import (
+    QgsProcessingContext,
+    QgsProcessingException,
+    QgsProcessingFeedback,
+    QgsProcessingOutputMultipleLayers,
+    QgsProcessingParameterBoolean,
+    QgsProcessingParameterFile,
+)
+
+from ..engine.parameters import (
+    ChangeParameters,
+    GroundParameters,
+    InputParameters,
+    RegistrationParameters,
+    SeriesParameters,
+    ZoneParameters,
+)
+from ..plugin.compat import FILE, FOLDER
+from ..plugin.engine_client import EngineResult
+from ..plugin.styling import Appearance, load_on_completion
+from . import declare, products
+from .base import SlopeWatchAlgorithm
+from .registerepochs import STABLE_HELP
+
+_BASIC = ("ground_ready", "rasters_each_survey", "cell", "confidence", "minimum_area")
+_PREFIXES = {
+    "InputParameters": "Input",
+    "GroundParameters": "Ground",
+    "RegistrationParameters": "Registration",
+    "ChangeParameters": "Change",
+    "ZoneParameters": "Zones",
+}
+_PRODUCTS = (
+    products.Product(
+        "ZONES",
+        "series_zones",
+        "Zones and alert levels",
+        "Polygons that moved, followed through the surveys, with velocity, trend, volume and alert level.",
+        Appearance(60),
+        layer="zones",
+    ),
+    products.Product(
+        "SERIES",
+        "series_zones",
+        "Zones survey by survey",
+        "The same polygons once for each survey with their change until then, for the temporal controller.",
+        Appearance(55, visible=False, expanded=False),
+        layer="series",
+    ),
+    products.Product(
+        "VELOCITY",
+        "velocity",
+        "Velocity (mm/day)",
+        "Velocity of each cell by regression over all surveys.",
+        Appearance(30, visible=False, expanded=False),
+    ),
+    products.Product(
+        "VELOCITY_ERROR",
+        "velocity_error",
+        "Standard error of the velocity (mm/day)",
+        "Of each cell, from the errors of all surveys and their scatter about the line.",
+        Appearance(20, visible=False, expanded=False),
+        by_default=False,
+    ),
+    products.Product(
+        "EPOCHS_CONFIRMED",
+        "epochs_confirmed",
+        "Comparisons that confirm",
+        "How many comparisons with the first survey in a row show change of one sign beyond the level of detection.",
+        Appearance(25, visible=False, expanded=False),
+        by_default=False,
+    ),
+)
+_KINDS = (
+    ("CUMULATIVE", "cumulative", "Change since the first survey", 45),
+    ("INCREMENTAL", "incremental", "Change since the survey before", 40),
+)
+
+
+class InspectSeries(SlopeWatchAlgorithm):
+    NAME = "inspectseries"
+    TITLE = "Inspect series"
+    GROUP = "inspection"
+    SUMMARY = "Takes two or more surveys of a slope to velocities, zones followed through time, and alert levels."
+    TAGS = ("series", "time", "velocity", "monitoring", "creep", "landslide", "alert", "temporal", "inverse velocity")
+    PARAMETER_GROUPS = (
+        SeriesParameters,
+        GroundParameters,
+        RegistrationParameters,
+        ChangeParameters,
+        ZoneParameters,
+        InputParameters,
+    )
+    NUMBERS: ClassVar = {
+        "EPOCH_COUNT": ("epoch_count", "Number of surveys"),
+        "ZONE_COUNT": ("zone_count", "Number of zones"),
+        "CONFIRMED_ZONES": ("confirmed_zone_count", "Zones confirmed by two comparisons or more"),
+        "HIGHEST_ALERT": ("highest_alert", "Highest alert level"),
+        "ALERTED_ZONES": ("alerted_zone_count", "Zones with an alert level above 0"),
+        "FASTEST_RATE": ("fastest_rate_mm_day", "Fastest zone (mm/day)"),
+        "DETECTABLE_RATE": ("detectable_rate_mm_day", "Rate that a cell needs to be seen between two surveys (mm/day)"),
+        "LEVEL_MEDIAN": ("lod_median_m", "Median level of detection, last survey against the first (m)"),
+    }
+    FILES: ClassVar = {
+        "TABLE": ("series_table", "Time series of the zones (CSV)"),
+        "PICTURE": ("series_picture", "Picture of velocities and series"),
+        "ALERTS_USED": ("alerts_used", "Alert table that was used"),
+        "RUN_RECORD": ("run", "Run record"),
+    }
+
+    def initAlgorithm(self, configuration: Any = None) -> None:
+        self.addParameter(
+            declare.with_help(
+                QgsProcessingParameterFile("INPUT", "Folder of the surveys", FOLDER, optional=True),
+                "Holds one LAS or LAZ file a survey, each with its day in its name, such as 2024-05-01.laz.",
+            )
+        )
+        self.addParameter(
+            declare.with_help(
+                QgsProcessingParameterFile(
+                    "MANIFEST", "Or manifest", FILE, optional=True, fileFilter="CSV files (*.csv);;All files (*)"
+                ),
+                "CSV file with the columns date (YYYY-MM-DD) and path, one line a survey, instead of a folder.",
+            )
+        )
+        self.addParameter(
+            declare.polygon_parameter(
+                "ROI",
+                "Region of interest",
+                "Polygons of the slope, in any reference system. Larger takes longer; not set: the whole clouds.",
+            )
+        )
+        self.addParameter(
+            declare.with_help(
+                QgsProcessingParameterFile(
+                    "ALERTS", "Alert table", FILE, optional=True, fileFilter="CSV files (*.csv);;All files (*)"
+                ),
+                "Thresholds of the alert levels. Not set: those that come with SlopeWatch, which every run writes as "
+                "alerts_used.csv; edit a copy of it.",
+            )
+        )
+        self.addParameter(declare.profile_parameter())
+        self.declare_groups(basic=_BASIC, prefixes=_PREFIXES)
+        self.addParameter(
+            declare.polygon_parameter("STABLE", "Registration: stable ground", STABLE_HELP, advanced=True)
+        )
+        self.addParameter(
+            declare.with_help(
+                QgsProcessingParameterBoolean("LOAD_RASTERS", "Load the rasters of every survey", True),
+                "Loads the change of every survey with the days on which the temporal controller shows it.",
+                advanced=True,
+            )
+        )
+        products.declare_folder(
+            self, "Receives all results, and in work/ what the next run with one more survey does not compute again."
+        )
+        products.declare_products(self, _PRODUCTS)
+        for name, _, label, _ in _KINDS:
+            self.addOutput(QgsProcessingOutputMultipleLayers(name, f"{label} (m)"))
+        self.declare_outputs()
+
+    def arguments(
+        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
+    ) -> list[str]:
+        self._folder = products.output_folder(self, parameters, context)
+        sources = [self.file(parameters, name, context) for name in ("INPUT", "MANIFEST")]
+        if all(sources) or not any(sources):
+            raise QgsProcessingException("Give either INPUT, the folder of the surveys, or MANIFEST, not both.")
+        arguments = ["series", next(s for s in sources if s)]
+        for option, name in (("--roi", "ROI"), ("--stable", "STABLE")):
+            area = self.polygons(parameters, name, context, feedback)
+            if area:
+                arguments += [option, area]
+        alerts = self.file(parameters, "ALERTS", context)
+        if alerts:
+            arguments += ["--alerts", alerts]
+        arguments += ["--output-dir", self._folder]
+        arguments += declare.profile_options(self, parameters, context)
+        return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
+
+    def results(
+        self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
+    ) -> dict[str, Any]:
+        group = "SlopeWatch series"
+        delivered = products.deliver(self, _PRODUCTS, result, parameters, context, group)
+        # asked for after that: asking for a destination as a layer would have it loaded once more
+        shown = bool(context.layersToLoadOnCompletion()) and self.parameterAsBoolean(
+            parameters, "LOAD_RASTERS", context
+        )
+        lists: dict[str, Any] = {}
+        for name, kind, label, order in _KINDS:
+            paths = [p for key, p in sorted(result.outputs.items()) if key.startswith(f"{kind}_change_")]
+            lists[name] = paths
+            for number, path in enumerate(paths if shown else ()):
+                # the last survey on top, so that without the temporal controller the whole change is seen
+                last = number == len(paths) - 1
+                appearance = Appearance(order * 1000 + number, visible=kind == "cumulative", expanded=last)
+                day = path.rpartition(".")[0][-10:]
+                load_on_completion(context, path, appearance, f"{label}: {day}", f"{group}, {label.lower()}")
+        return {"OUTPUT_FOLDER": self._folder, **lists, **delivered}
