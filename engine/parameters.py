@@ -478,7 +478,8 @@ class ZoneParameters(ParameterSet):
     minimum_area: float = _parameter(
         0.5,
         "Least area of a zone",
-        "Smaller groups of significant cells are not reported. Larger reports fewer and surer zones.",
+        "Smaller groups of significant cells are not reported; small gaps without data within a group count. Larger "
+        "reports fewer and surer zones.",
         unit="m²",
         minimum=0.0,
         maximum=1e6,

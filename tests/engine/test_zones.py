@@ -195,6 +195,19 @@ def test_one_noisy_cell_is_no_zone_however_large() -> None:
     assert run(dz, ZoneParameters(minimum_area=0.0), cell=10.0).dropped_cells == 1
 
 
+def test_change_that_shows_in_every_second_cell_is_as_large_as_what_it_covers() -> None:
+    dz = np.full((30, 30), np.nan)
+    dz[5:15, 5:15] = 0.2  # 1 m² of cells of 0.1 m
+    row, column = np.indices(dz.shape)
+    dz[(row + column) % 2 == 1] = np.nan
+    assert np.isfinite(dz).sum() == 50
+    whole = ZoneParameters(minimum_area=0.75, bridged_gap=0.2)
+    assert run(dz, whole, cell=0.1).frame["n_cells"].tolist() == [50]
+    assert len(run(dz, ZoneParameters(minimum_area=0.75, bridged_gap=0.0), cell=0.1).frame) == 0
+    dz[np.isnan(dz)] = 0.0  # measured, and nothing has changed there: half of the cells is half of the area
+    assert len(run(dz, whole, cell=0.1).frame) == 0
+
+
 def test_zone_of_exactly_the_least_area_stays() -> None:
     dz = np.zeros((20, 20))
     dz[0:5, 0:10] = 0.2
