@@ -291,6 +291,7 @@ def difference_of_blocks(
         uniform=uniform is not None,
         given=None if stable_area is None else cells_inside(stable_area, grid),
         block=cells.block,
+        size=cells.cell_size,
     )
     either = valid | (np.maximum(cells.count_from, cells.count_to) >= parameters.minimum_points)
     return Change(

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from .cell_slope import Float
 from .parameters import ChangeParameters
+from .size_error import widening_by_size
 from .slope_error import ErrorModel, calibrate, uncalibrated
 from .stable_blocks import find_stable_blocks
 from .stable_cells import find_stable
@@ -44,6 +45,7 @@ def judge(
     uniform: bool = False,
     given: NDArray[np.bool_] | None = None,
     block: NDArray[np.int64] | None = None,
+    size: Float | None = None,
 ) -> Judgement:
     """Calibrate the errors of ``dz`` on stable ground and tell the level of detection and what is beyond it.
 
@@ -60,6 +62,7 @@ def judge(
         uniform: the whole overlap has moved alike, so that there is no stable ground in it.
         given: cells known to be stable. Slopes beyond theirs are calibrated on stable cells found.
         block: number of the group that a cell is one with (-1: none), where cells grew.
+        size: side of the grown cell, metres, by which errors are calibrated, too.
     """
     valid = np.isfinite(dz)
     if parameters.direction == "normal":
@@ -78,6 +81,15 @@ def judge(
     stable = found if given is None else _with_other_slopes(given & valid, found, slope)
     model = uncalibrated()
     if parameters.calibrate and not uniform:
+        if size is not None:
+            sampling = sampling * widening_by_size(
+                dz,
+                sampling,
+                size,
+                stable & first,
+                registration_error=registration_error,
+                confidence=parameters.confidence,
+            )
         model = calibrate(
             dz,
             sampling,

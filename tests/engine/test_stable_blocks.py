@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from slopewatch.engine.parameters import ChangeParameters
 from slopewatch.engine.significance import judge
+from slopewatch.engine.size_error import widening_by_size
 from slopewatch.engine.stable_blocks import find_stable_blocks
 
 RNG = np.random.default_rng(11)
@@ -50,6 +51,31 @@ def test_errors_of_blocks_are_calibrated_on_the_ground_that_did_not_move():
     still = first[~MOVED.ravel()[first]]
     assert 0.03 < found.decision.significant.ravel()[still].mean() < 0.07
     assert found.decision.significant[MOVED].mean() > 0.95
+
+
+def test_sizes_whose_errors_are_too_small_are_widened_by_themselves():
+    """Coarse blocks err three times as much as they state, fine ones as much: both exceed as often as promised."""
+    coarse = BLOCK < 1000
+    size = np.where(coarse, 1.6, 0.4)
+    dz = np.where(coarse, 3 * NOISE, NOISE)
+    factor = widening_by_size(dz, ERROR, size, first_cells() & ~MOVED, registration_error=0.0, confidence=0.95)
+    assert set(np.unique(factor[coarse])) == {factor[0, 0]}
+    assert factor[0, 0] == pytest.approx(3.0, rel=0.15)
+    assert factor[-1, 0] == pytest.approx(1.0, abs=0.06)
+    assert factor.min() >= 1.0
+    found = judge(dz, ERROR, FLAT, 0.1, ChangeParameters(), registration_error=0.0, block=BLOCK, size=size)
+    for part in (coarse, ~coarse):
+        assert 0.02 < found.decision.significant[first_cells() & part].mean() < 0.08
+    few = np.zeros(SHAPE, dtype=bool)
+    few[:64, :64] = True  # 16 coarse blocks tell nothing
+    alone = widening_by_size(dz, ERROR, size, first_cells() & few, registration_error=0.0, confidence=0.95)
+    assert (alone == 1.0).all()
+
+
+def first_cells() -> np.ndarray:
+    first = np.zeros(BLOCK.size, dtype=bool)
+    first[np.unique(BLOCK, return_index=True)[1]] = True
+    return first.reshape(SHAPE)
 
 
 def test_no_block_no_stable_ground():
