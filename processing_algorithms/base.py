@@ -16,6 +16,7 @@ from qgis.core import (
     QgsProcessingException,
     QgsProcessingFeedback,
     QgsProcessingOutputFile,
+    QgsProcessingOutputHtml,
     QgsProcessingOutputNumber,
 )
 from qgis.PyQt.QtGui import QIcon
@@ -42,6 +43,8 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm):
     NUMBERS: ClassVar[dict[str, tuple[str, str]]] = {}
     #: name of the output: (key in the engine's outputs, label)
     FILES: ClassVar[dict[str, tuple[str, str]]] = {}
+    #: the same for pages that QGIS shows in its results viewer
+    PAGES: ClassVar[dict[str, tuple[str, str]]] = {}
 
     def arguments(
         self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
@@ -52,7 +55,7 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm):
     def results(
         self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
     ) -> dict[str, Any]:
-        """Outputs besides those of FILES and NUMBERS."""
+        """Outputs besides those of PAGES, FILES and NUMBERS."""
         return {}
 
     # --- identity -----------------------------------------------------------------------------------------------
@@ -101,7 +104,9 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm):
                 self.addParameter(declare.from_specification(specification, prefix=prefix, advanced=advanced))
 
     def declare_outputs(self) -> None:
-        """Declare FILES and NUMBERS."""
+        """Declare PAGES, FILES and NUMBERS."""
+        for name, (_, label) in self.PAGES.items():
+            self.addOutput(QgsProcessingOutputHtml(name, label))
         for name, (_, label) in self.FILES.items():
             self.addOutput(QgsProcessingOutputFile(name, label))
         for name, (_, label) in self.NUMBERS.items():
@@ -131,7 +136,9 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm):
         except EngineError as error:
             raise QgsProcessingException(str(error)) from None
         results: dict[str, Any] = {
-            name: result.outputs[key] for name, (key, _) in self.FILES.items() if key in result.outputs
+            name: result.outputs[key]
+            for name, (key, _) in (*self.PAGES.items(), *self.FILES.items())
+            if key in result.outputs
         }
         for name, (key, _) in self.NUMBERS.items():
             value = result.metrics.get(key)
@@ -162,7 +169,7 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm):
     def polygons(
         self, parameters: dict[str, Any], name: str, context: QgsProcessingContext, feedback: QgsProcessingFeedback
     ) -> str:
-        """Path of a polygon file; a selection, a filter or a layer in memory is exported first."""
+        """Path of a file with polygons or lines; a selection, a filter or a layer in memory is exported first."""
         if parameters.get(name) in (None, ""):
             return ""
         path = self.parameterAsCompatibleSourceLayerPath(parameters, name, context, _VECTOR_FORMATS, "gpkg", feedback)

@@ -24,7 +24,7 @@ from qgis.core import (
 )
 
 from ..engine.parameters import PROFILES, ParameterError, ParameterSet, Specification
-from ..plugin.compat import ADVANCED, DATE, DOUBLE, FILE, INTEGER, POLYGON
+from ..plugin.compat import ADVANCED, DATE, DOUBLE, FILE, INTEGER, LINE, POLYGON
 
 CLOUD_FILTER = "Point clouds (*.las *.LAS *.laz *.LAZ);;All files (*)"
 CLOUD_OUTPUT_FILTER = "LAZ files (*.laz *.LAZ);;LAS files (*.las *.LAS)"
@@ -176,6 +176,16 @@ def polygon_parameter(name: str, label: str, text: str, *, advanced: bool = Fals
     """An optional polygon layer."""
     return with_help(
         QgsProcessingParameterFeatureSource(name, label, [POLYGON], optional=True), text, advanced=advanced
+    )
+
+
+def profiles_parameter(*, advanced: bool = False) -> QgsProcessingParameterDefinition:
+    """An optional layer of lines for profiles."""
+    return with_help(
+        QgsProcessingParameterFeatureSource("PROFILES", "Lines of profiles", [LINE], optional=True),
+        "Lines in any reference system, along which the report shows the heights of both surveys and the change. Not "
+        "set: profiles run down the slope through the zones only.",
+        advanced=advanced,
     )
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from qgis.core import QgsProcessingContext, QgsProcessingFeedback, QgsProcessingParameterFile
 
-from ..engine.parameters import ChangeParameters, HeatmapParameters, InputParameters, ZoneParameters
+from ..engine.parameters import ChangeParameters, HeatmapParameters, InputParameters, ReportParameters, ZoneParameters
 from ..plugin.compat import FILE
 from ..plugin.engine_client import EngineResult
 from . import declare, products
@@ -26,6 +26,7 @@ CHANGE_NUMBERS = {
     "COMMON_CELL_RATE": ("common_cell_rate", "Cells that both surveys cover (0 to 1)"),
     "LEVEL_MEDIAN": ("lod_median_m", "Median level of detection (m)"),
 }
+CHANGE_PAGES = {"REPORT": ("report", "Report")}
 CHANGE_FILES = {
     "HEATMAP_PICTURE": ("heatmap", "Heatmap picture"),
     "RUN_RECORD": ("run", "Run record"),
@@ -38,8 +39,9 @@ class ElevationChange(SlopeWatchAlgorithm):
     GROUP = "steps"
     SUMMARY = "Subtracts two registered ground clouds and outlines where the change is significant."
     TAGS = ("change", "difference", "dod", "deformation", "volume", "hazard", "zones", "heatmap")
-    PARAMETER_GROUPS = (ChangeParameters, ZoneParameters, HeatmapParameters, InputParameters)
+    PARAMETER_GROUPS = (ChangeParameters, ZoneParameters, HeatmapParameters, ReportParameters, InputParameters)
     NUMBERS = CHANGE_NUMBERS
+    PAGES = CHANGE_PAGES
     FILES = CHANGE_FILES
 
     def initAlgorithm(self, configuration: Any = None) -> None:
@@ -56,9 +58,12 @@ class ElevationChange(SlopeWatchAlgorithm):
             )
         )
         self.addParameter(declare.polygon_parameter("STABLE", "Stable ground", STABLE_HELP, advanced=True))
+        self.addParameter(declare.profiles_parameter())
         self.addParameter(declare.profile_parameter())
         self.declare_groups()
-        products.declare_folder(self, "Receives the rasters, hazard zones, heatmap and run record under fixed names.")
+        products.declare_folder(
+            self, "Receives the rasters, hazard zones, heatmap, report and run record under fixed names."
+        )
         products.declare_products(self, products.CHANGE_PRODUCTS)
         self.declare_outputs()
 
@@ -79,6 +84,9 @@ class ElevationChange(SlopeWatchAlgorithm):
         stable = self.polygons(parameters, "STABLE", context, feedback)
         if stable:
             arguments += ["--stable", stable]
+        lines = self.polygons(parameters, "PROFILES", context, feedback)
+        if lines:
+            arguments += ["--profiles", lines]
         arguments += declare.profile_options(self, parameters, context)
         return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
 

@@ -14,12 +14,13 @@ from ..engine.parameters import (
     InputParameters,
     LastEpochParameters,
     RegistrationParameters,
+    ReportParameters,
     ZoneParameters,
 )
 from ..plugin.engine_client import EngineResult
 from . import declare, products
 from .base import SlopeWatchAlgorithm
-from .elevationchange import CHANGE_FILES, CHANGE_NUMBERS
+from .elevationchange import CHANGE_FILES, CHANGE_NUMBERS, CHANGE_PAGES
 from .registerepochs import REGISTRATION_NUMBERS, STABLE_HELP
 
 _BASIC = ("cloth_resolution", "cell", "confidence", "minimum_area", "screen_last_epoch")
@@ -30,6 +31,7 @@ _PREFIXES = {
     "ChangeParameters": "Change",
     "ZoneParameters": "Zones",
     "HeatmapParameters": "Heatmap",
+    "ReportParameters": "Report",
     "LastEpochParameters": "Screening",
 }
 _PRODUCTS = (*products.CHANGE_PRODUCTS, *products.SCREENED_PRODUCTS)
@@ -51,6 +53,7 @@ class InspectSlope(SlopeWatchAlgorithm):
         ChangeParameters,
         ZoneParameters,
         HeatmapParameters,
+        ReportParameters,
         LastEpochParameters,
         InputParameters,
     )
@@ -60,6 +63,7 @@ class InspectSlope(SlopeWatchAlgorithm):
         "SCREENED_ZONE_COUNT": ("screened_zone_count", "Number of screened zones"),
         "CONFIRMED_ZONES": ("confirmed_zones", "Screened zones that the change confirms"),
     }
+    PAGES = CHANGE_PAGES
     FILES: ClassVar = {
         **CHANGE_FILES,
         "TRANSFORM_FILE": ("transform", "Transform"),
@@ -96,7 +100,10 @@ class InspectSlope(SlopeWatchAlgorithm):
         self.addParameter(
             declare.polygon_parameter("STABLE", "Registration: stable ground", STABLE_HELP, advanced=True)
         )
-        products.declare_folder(self, "Receives the rasters, hazard zones, heatmap and run record under fixed names.")
+        self.addParameter(declare.profiles_parameter(advanced=True))
+        products.declare_folder(
+            self, "Receives the rasters, hazard zones, heatmap, report and run record under fixed names."
+        )
         products.declare_products(self, _PRODUCTS)
         self.declare_outputs()
 
@@ -124,6 +131,9 @@ class InspectSlope(SlopeWatchAlgorithm):
         stable = self.polygons(parameters, "STABLE", context, feedback)
         if stable:
             arguments += ["--stable", stable]
+        lines = self.polygons(parameters, "PROFILES", context, feedback)
+        if lines:
+            arguments += ["--profiles", lines]
         arguments += ["--output-dir", self._folder]
         arguments += declare.profile_options(self, parameters, context)
         return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)

@@ -102,6 +102,22 @@ CHANGE_PRODUCTS = (
         "Orthographic picture of the later cloud from above, in its colours or intensity.",
         Appearance(10, expanded=False),
     ),
+    Product(
+        "SURFACE_HEIGHTS",
+        "surface_heights",
+        "Heights of both surfaces (m)",
+        "Height of the ground in each cell: the first band is the earlier survey, the second the later one.",
+        Appearance(8, visible=False, expanded=False),
+        by_default=False,
+    ),
+    Product(
+        "POINT_COUNTS",
+        "point_counts",
+        "Ground points in each cell",
+        "Number of ground points in each cell: the first band is the earlier survey, the second the later one.",
+        Appearance(7, visible=False, expanded=False),
+        by_default=False,
+    ),
 )
 
 SCREENED_PRODUCTS = (

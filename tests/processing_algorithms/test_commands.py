@@ -31,6 +31,7 @@ from slopewatch.processing_algorithms.inspectslope import InspectSlope
 from slopewatch.processing_algorithms.registerepochs import RegisterEpochs
 from slopewatch.processing_algorithms.simulatesurvey import SimulateSurvey
 from slopewatch.processing_algorithms.trainmodel import TrainModel
+from slopewatch.processing_algorithms.writereport import WriteReport
 from slopewatch.tests.qgis_support import Recorder
 
 pytestmark = pytest.mark.usefixtures("qgis_app")
@@ -295,3 +296,23 @@ def test_training_takes_several_clouds_and_other_weights(tmp_path: Path) -> None
     ]  # fmt: skip
     with pytest.raises(QgsProcessingException, match="CLOUDS is empty; give one or more labelled"):
         command(TrainModel, CLOUDS=[], OUTPUT_FOLDER="/out")
+
+
+def test_lines_of_profiles_reach_the_engine_as_a_file(tmp_path: Path) -> None:
+    layer = QgsVectorLayer("LineString?crs=EPSG:32651", "lines", "memory")
+    feature = QgsFeature()
+    feature.setGeometry(QgsGeometry.fromWkt("LINESTRING(500000 3500000, 500030 3500010)"))
+    layer.dataProvider().addFeature(feature)
+    QgsProject.instance().addMapLayer(layer)
+    folder = str(tmp_path / "results")
+    assert command(WriteReport, INPUT=folder) == ["report", folder]
+    for algorithm, inputs in (
+        (WriteReport, {"INPUT": folder}),
+        (ElevationChange, {"REFERENCE": FIRST, "CLOUD": LATER, "OUTPUT_FOLDER": folder}),
+        (InspectSlope, {"REFERENCE": FIRST, "CLOUD": LATER, "OUTPUT_FOLDER": folder}),
+    ):
+        arguments = command(algorithm, PROFILES=layer.id(), ZONE_PROFILES=5, **inputs)
+        assert arguments[-2:] == ["--zone-profiles", "5"]
+        assert extent(arguments[arguments.index("--profiles") + 1]) == (500000, 500030)
+    with pytest.raises(QgsProcessingException, match="INPUT is empty"):
+        command(WriteReport, INPUT="")
