@@ -265,8 +265,8 @@ def label_groups(
 ) -> tuple[NDArray[np.int32], NDArray[np.int64], int, int]:
     """Labels 1..n of the groups that are large enough, first cell of each, and groups and cells that were not.
 
-    The least area is asked of a group with the gaps without data that it encloses: where every second cell was measured,
-    change over 1 m² shows in half as many cells.
+    The least area is asked of a group with the gaps without data that it encloses: where every second cell was
+    measured, change over 1 m² shows in half as many cells.
     """
     labels = np.zeros(grid.shape, dtype=np.int32)
     found = 0
