@@ -106,14 +106,14 @@ def sloping_statistics(xyz: Float, grid: Grid) -> CellStatistics:
     before the mean, so that even a single point gives the height at the cell's centre. Cells with ``_POINTS_FOR_A_PLANE``
     points follow their own surface by a plane of their own; with fewer, its scatter costs more than it gains.
     """
-    coarse = cell_statistics(xyz, grid)
-    gradient = widened_gradient([coarse.height], grid, reach=_NEIGHBOURHOOD)
-    east, north = (np.nan_to_num(part).ravel() for part in gradient)
+    east, north = widened_gradient([cell_statistics(xyz, grid).height], grid, reach=_NEIGHBOURHOOD)
     index = cell_index(xyz, grid)
     inside = index >= 0
     index, xyz = index[inside], xyz[inside]
     u, v = _from_centre(xyz, index, grid)
-    level = np.column_stack([xyz[:, :2], xyz[:, 2] - east[index] * u - north[index] * v])
+    rise = np.nan_to_num(east.ravel()[index]) * u + np.nan_to_num(north.ravel()[index]) * v
+    del east, north
+    level = np.column_stack([xyz[:, :2], xyz[:, 2] - rise])
     return cell_statistics(level, grid, plane=True, least=_POINTS_FOR_A_PLANE)
 
 
