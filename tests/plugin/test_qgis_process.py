@@ -187,7 +187,7 @@ class TestRuns:
         assert change.rasterUnitsPerPixelX() == pytest.approx(0.25)
         for name in ("LEVEL_OF_DETECTION", "SIGNIFICANT_CHANGE", "HEATMAP", "TOP_VIEW"):
             assert QgsRasterLayer(results[name]).isValid()
-        for name in ("HEATMAP_PICTURE", "TRANSFORM_FILE", "RUN_RECORD"):
+        for name in ("REPORT", "HEATMAP_PICTURE", "TRANSFORM_FILE", "RUN_RECORD"):
             assert Path(results[name]).stat().st_size > 0
         zones = QgsVectorLayer(f"{results['ZONES']}|layername=zones", "zones", "ogr")
         assert zones.featureCount() == results["ZONE_COUNT"] > 0

@@ -58,6 +58,8 @@ raster("level_of_detection", "level_of_detection.tif", 0.05)
 raster("significant_change", "significant_change.tif", 0.5)
 raster("heatmap_raster", "heatmap.tif", 1)
 raster("top_view", "top_view.tif", 2)
+for number, key in enumerate(("change_probability", "cell_size", "surface_heights", "point_counts"), 3):
+    raster(key, key + ".tif", number)
 outputs["zones"] = os.path.join(folder, "zones.gpkg")
 data = ogr.GetDriverByName("GPKG").CreateDataSource(outputs["zones"])
 layer = data.CreateLayer("zones", srs, ogr.wkbPolygon)
@@ -80,7 +82,8 @@ row = ("", "", "zones", "geom", "SlopeWatch", qml, "", 1, "", "", "", "2025-05-0
 database.execute(f"INSERT INTO layer_styles VALUES (1, {', '.join('?' * 12)})", row)
 database.commit()
 database.close()
-for key, name in (("heatmap", "heatmap.png"), ("transform", "transform.json"), ("run", "run.json")):
+files = {"heatmap": "heatmap.png", "transform": "transform.json", "run": "run.json", "report": "report.html"}
+for key, name in files.items():
     outputs[key] = os.path.join(folder, name)
     open(outputs[key], "w").close()
 say(event="result", outputs=outputs, metrics={"zone_count": 3, "vol_loss_m3": 1.5, "common_cell_rate": 0.9})
@@ -131,6 +134,8 @@ class TestDestinations:
             assert Path(results[product.name]).is_file()
         assert results["HEATMAP_PICTURE"] == str(tmp_path / "out" / "heatmap.png")
         assert results["RUN_RECORD"] == str(tmp_path / "out" / "run.json")
+        assert results["REPORT"] == str(tmp_path / "out" / "report.html")
+        assert InspectSlope().create().outputDefinition("REPORT").type() == "outputHtml"
         assert results["OUTPUT_FOLDER"] == str(tmp_path / "out")
         assert (results["ZONE_COUNT"], results["LOSS"], results["COMMON_CELL_RATE"]) == (3, 1.5, 0.9)
         assert context.layersToLoadOnCompletion() == {}
@@ -188,8 +193,12 @@ class TestLoading:
             ("Significant change (m)", False),
             ("Elevation change (m)", True),
             ("Level of detection (m)", False),
+            ("Probability of change", False),
+            ("Size of the cells (m)", False),
             ("Heatmap", False),
             ("Top view", True),
+            ("Heights of both surfaces (m)", False),
+            ("Ground points in each cell", False),
         ]
         change = project.mapLayersByName("Elevation change (m)")[0]
         assert change.renderer().type() == "singlebandpseudocolor"
