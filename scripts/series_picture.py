@@ -1,0 +1,33 @@
+"""The picture of the guide's section on series: `python scripts/series_picture.py` writes docs/images/series.png."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from pathlib import Path
+
+from slopewatch.engine.manifest import epochs_of
+from slopewatch.engine.parameters import ChangeParameters, SeriesParameters, SurveyParameters
+from slopewatch.engine.series import monitor_series
+from slopewatch.engine.series_epochs import SeriesSettings
+from slopewatch.simulation.series import Creep, Settling, simulate_series, survey_days, write_series
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def main() -> None:
+    """Six monthly surveys of a simulated cut slope with three zones that move."""
+    parameters = SurveyParameters(seed=1, points=60_000, length=24.0, height=9.0, vegetation=0.3, offset=0.05)
+    laws = (Creep(-0.002, 15.0), Creep(0.005, 45.0), Settling(-0.8, 50.0))
+    series = simulate_series(parameters, survey_days(6, 30), laws)
+    with tempfile.TemporaryDirectory() as name:
+        paths = write_series(series, Path(name), ground_only=True)
+        settings = SeriesSettings(
+            change=ChangeParameters(cell=0.25), series=SeriesParameters(ground_ready=True, rasters_each_survey=False)
+        )
+        outputs, _ = monitor_series(epochs_of(Path(name)), Path(name) / "out", settings, roi=paths["roi"])
+        shutil.copyfile(outputs["series_picture"], ROOT / "docs" / "images" / "series.png")
+
+
+if __name__ == "__main__":
+    main()
