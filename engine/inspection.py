@@ -38,7 +38,7 @@ from .parameters import (
     ZoneParameters,
 )
 from .pdal import Pdal, find_pdal
-from .products import Context, write_products
+from .products import Context, method_name, write_products
 from .profile_lines import ProfileLine, given_lines
 from .profiles import PROFILE_OUTPUTS
 from .progress import Progress
@@ -256,8 +256,7 @@ def _change_of_two(run: _Run, grounds: list[GroundResult], stage: Stage, screene
             crs=first.crs,
             transform=registration.transform,
             input_hashes=run.hashes,
-            method=f"grid difference ({settings.change.cell_value}, {change.direction}), "
-            f"{registration.method} registration",
+            method=f"{method_name(settings.change)}, {registration.method} registration",
             run_id=record.facts["run_id"],
         )
         products = write_products(

@@ -17,7 +17,7 @@ from .change import Change, compared_share
 from .clouds import PointCloud
 from .epochs import Epoch
 from .outputs import Stage
-from .parameters import HeatmapParameters, ReportParameters, ZoneParameters
+from .parameters import ChangeParameters, HeatmapParameters, ReportParameters, ZoneParameters
 from .profile_lines import ProfileLine, steepest_lines
 from .profiles import Layers, missed_lines, take_profile, write_profiles
 from .progress import Progress
@@ -53,6 +53,12 @@ class Products:
     outputs: dict[str, Path]
     figures: dict[str, Any]
     facts: dict[str, Any]
+
+
+def method_name(parameters: ChangeParameters) -> str:
+    """How the change was taken, for the zones' column ``method``."""
+    cells = "cells that grow" if parameters.adaptive else parameters.cell_value
+    return f"grid difference ({cells}, {parameters.direction})"
 
 
 def write_products(
@@ -178,7 +184,11 @@ def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:
     dz = change.dz[change.valid]
     area = change.grid.cell**2
     significant = change.dz[change.significant]
-    return {
+    grown: dict[str, Any] = {}
+    if change.block is not None and change.cell_size is not None:
+        grown["grown_cells"] = int(change.block.max()) + 1
+        grown["cell_size_median_m"] = float(np.nanmedian(change.cell_size))
+    return grown | {
         "common_cell_rate": change.common_cell_rate,
         "common_area_m2": float(change.valid.sum() * area),
         "compared_share": compared_share(change),

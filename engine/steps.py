@@ -19,7 +19,7 @@ from .inspection import CHANGE_OUTPUTS, ON_REQUEST, Outcome, Settings
 from .outputs import refuse_inputs_as_outputs, refuse_other_than_cloud, refuse_unwritable, staged_outputs
 from .pair import known_stable, register_pair, require_comparable, require_two_clouds, warn_of_doubtful_change
 from .pdal import find_pdal
-from .products import Context, write_products
+from .products import Context, method_name, write_products
 from .profile_lines import given_lines
 from .profiles import PROFILE_OUTPUTS
 from .progress import Progress
@@ -193,7 +193,7 @@ def change_step(
             crs=a.crs,
             transform=transform,
             input_hashes=hashes,
-            method=f"grid difference ({settings.change.cell_value}, {change.direction})",
+            method=method_name(settings.change),
             run_id=uuid.uuid5(uuid.NAMESPACE_OID, repr((hashes, plain(record.parameters)))).hex[:12],
         )
         with progress.stage(0.5, 0.99, "writing outputs"), record.stage("products"):

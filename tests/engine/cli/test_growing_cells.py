@@ -63,6 +63,7 @@ def test_sparse_ground_speaks_where_cells_grow(tmp_path):
     assert dz[inside].mean() == pytest.approx(-0.15, abs=0.01)
     assert grown["metrics"]["zone_count"] == 1
     assert grown["metrics"]["zone_area_m2"] == pytest.approx(48, rel=0.25)
+    assert grown["metrics"]["cell_size_median_m"] == pytest.approx(float(np.ma.median(sizes)))
     record = json.loads((tmp_path / "grown" / "run.json").read_text())
     assert record["parameters"]["change"]["adaptive"] is True
     for name in ("elevation_change", "level_of_detection", "cell_size", "zones"):
