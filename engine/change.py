@@ -27,7 +27,7 @@ from .thresholds import quantile
 _PRIOR_DEGREES = 8.0
 _FEWEST_CELLS = 30  # with fewer in common, nothing can be said of the whole overlap
 _BYTES_A_CELL = 280.0  # measured peak of difference() and what follows it, per cell of the grid
-_BYTES_A_GROWING_CELL = 540.0
+_BYTES_A_GROWING_CELL = 620.0
 
 
 @dataclass(frozen=True)
