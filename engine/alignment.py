@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError
-from .observability import Estimate, Information, curvature_folds, estimate, information
+from .observability import Estimate, Information, curvature_folds, estimate, information, probing_motions
 from .point_to_plane import TUKEY, Matcher, Pairs, regional_weights, tukey_weights
 from .pose import Pose
 from .progress import Progress
-from .restarts import Descent, descend, reach_of, reconsider
+from .restarts import LEAST_PAIRS, Descent, descend, reach_of, reconsider
 from .surface import Surface
 from .voxel import block_numbers
 
@@ -29,7 +29,7 @@ _NEWTON = 12
 class Alignment:
     """``pose`` moves the moving surface onto the reference; ``scale`` (m) is the noise of its residuals.
 
-    ``radius`` (m) scales rotations in ``information``. ``pairs`` are the final ones and ``weight`` (n,) theirs.
+    ``radius`` (m) scales rotations in ``information``.
     """
 
     pose: Pose
@@ -38,8 +38,6 @@ class Alignment:
     iterations: int
     converged: bool
     information: Information
-    pairs: Pairs
-    weight: Float
 
 
 def levels(voxel: float, offset: float) -> list[float]:
@@ -48,6 +46,11 @@ def levels(voxel: float, offset: float) -> list[float]:
     while sizes[-1] * _COARSE <= offset:
         sizes.append(sizes[-1] * _COARSE)
     return sizes[::-1]
+
+
+def radius_of(surface: Surface) -> float:
+    """Typical distance of a surface's points from the origin, metres, whatever a stray point says."""
+    return 1.2 * float(np.median(np.linalg.norm(surface.points, axis=1)))
 
 
 def align(
@@ -70,8 +73,8 @@ def align(
         iterations: upper limit.
         stable: (n,) points of the reference on known ground; None for all.
     """
-    radius = float(np.sqrt(np.mean(np.sum(fine.reference.points**2, axis=1))))
-    best, remaining, reach = Descent(Pose.identity(), offset / 2, 0), iterations, offset
+    radius = radius_of(fine.reference)
+    best, remaining, reach = Descent(Pose.identity(), offset / 2), iterations, offset
     known = reference if stable is None else reference[stable]
     for size in levels(voxel, offset)[:-1]:
         progress.update(0.1, f"registering at {size:g} m")
@@ -108,67 +111,131 @@ def align(
     return replace(found, iterations=iterations - remaining + found.iterations)
 
 
-_LEAST_PAIRS = 12
+@dataclass(frozen=True)
+class Weighting:
+    """Weights of pairs at the final ``scale``; places of size ``block`` that have changed are left out as a whole."""
+
+    matcher: Matcher
+    scale: float
+
+    @property
+    def reach(self) -> float:
+        return reach_of(self.matcher, self.scale)
+
+    @property
+    def spacing(self) -> float:
+        return max(self.matcher.reference.spacing, self.matcher.moving.spacing)
+
+    @property
+    def block(self) -> float:
+        return max(10 * self.spacing, TUKEY * self.scale)
+
+    def correlated(self, radius: float) -> float:
+        """Size of the blocks within which residuals may be correlated, metres."""
+        return max(min(self.block, radius / 8), 2 * self.spacing)
+
+    def __call__(self, pairs: Pairs) -> Float:
+        return tukey_weights(pairs.residual, self.scale) * regional_weights(pairs, self.scale, self.block)
+
+
+def curvature_at(pose: Pose, weigh: Weighting, radius: float, progress: Progress) -> Float:
+    """``observability.curvature_folds`` at a pose."""
+    matcher = weigh.matcher
+    few = matcher.sample(_CURVATURE_SOURCES)
+    done = 0
+
+    def evaluate(motion: Float) -> Estimate:
+        nonlocal done
+        done += 1
+        progress.update(0.4 + 0.3 * done / 13, "measuring what the surface fixes")
+        pairs = matcher.match(pose.moved(motion, radius), few, weigh.reach)
+        return estimate(pairs, weigh(pairs), radius, weigh.correlated(radius))
+
+    pairs = matcher.match(pose, few, weigh.reach)
+    # longer steps stand out from the noise of the planes, but the weights let go beyond a few scales
+    motions = probing_motions(
+        pairs.jacobian(radius), weigh(pairs), weigh.scale, min(2 * weigh.scale, weigh.spacing / 2)
+    )
+    return curvature_folds(evaluate, motions)
+
+
+def information_at(folds: Float, pairs: Pairs, weigh: Weighting, radius: float, offset: float) -> Information:
+    """``observability.information`` for the final pairs; ``offset`` (m) is the largest expected one."""
+    terms = pairs.jacobian(radius) * (weigh(pairs) * pairs.residual)[:, None]
+    blocks = block_numbers(pairs.place, weigh.correlated(radius))
+    return information(folds, terms, blocks, weigh.spacing / 2, offset / float(np.sqrt(3.0)))
+
+
+def observe(matcher: Matcher, pose: Pose, scale: float, offset: float, progress: Progress) -> Information:
+    """What the surfaces fix at a pose that another method found, where their noise is ``scale`` metres."""
+    weigh, radius = Weighting(matcher, scale), radius_of(matcher.reference)
+    pairs = matcher.match(pose, matcher.sample(_ALL_SOURCES), weigh.reach)
+    return information_at(curvature_at(pose, weigh, radius, progress), pairs, weigh, radius, offset)
 
 
 def refine(
     matcher: Matcher, pose: Pose, scale: float, radius: float, offset: float, limit: int, progress: Progress
 ) -> Alignment:
-    """Newton's steps with all points and with neighbourhoods that have changed left out as a whole."""
-    reach = reach_of(matcher, scale)
-    voxel = max(matcher.reference.spacing, matcher.moving.spacing)
-    block = max(10 * voxel, TUKEY * scale)
-    fold_block = max(min(block, radius / 8), 2 * voxel)
-
-    if len(matcher.match(pose, matcher.sample(_CURVATURE_SOURCES), reach)) < _LEAST_PAIRS:
+    """At most ``limit`` Newton's steps with all points and with neighbourhoods that have changed left out."""
+    weigh = Weighting(matcher, scale)
+    if len(matcher.match(pose, matcher.sample(_CURVATURE_SOURCES), weigh.reach)) < LEAST_PAIRS:
         raise InputError(
             "The epochs hardly share any surface to register by; check that both cover the same slope, or raise "
             "maximum_offset."
         )
-
-    def weigh(pairs: Pairs) -> Float:
-        return tukey_weights(pairs.residual, scale) * regional_weights(pairs, scale, block)
-
-    few = matcher.sample(_CURVATURE_SOURCES)
-    evaluations = 0
-
-    def evaluate(motion: Float) -> Estimate:
-        nonlocal evaluations
-        evaluations += 1
-        progress.update(0.4 + 0.3 * evaluations / 12, "measuring what the surface fixes")
-        pairs = matcher.match(pose.moved(motion, radius), few, reach)
-        return estimate(pairs, weigh(pairs), radius, fold_block)
-
-    folds = curvature_folds(evaluate, max(scale, voxel / 8))
+    folds = curvature_at(pose, weigh, radius, progress)
     sources = matcher.sample(_ALL_SOURCES)
-    pairs = matcher.match(pose, sources, reach)
-    weight = weigh(pairs)
-
-    def informed() -> Information:
-        terms = pairs.jacobian(radius) * (weight * pairs.residual)[:, None]
-        return information(folds, terms, block_numbers(pairs.place, fold_block), matcher_sd, offset / np.sqrt(3.0))
-
-    matcher_sd = voxel / 2
-    found = informed()
+    pairs = matcher.match(pose, sources, weigh.reach)
+    found = information_at(folds, pairs, weigh, radius, offset)
     if not found.observable.all():
         # what nothing fixes stays as surveyed
         pose = Pose.from_vector(found.without_unobservable(pose.vector(radius)), radius)
-    converged = False
+    error = float(np.sqrt(np.trace(found.observable_covariance)))
+    newton = _steps(weigh, pose, sources, radius, found, error, _NEWTON, min(limit, _NEWTON), progress)
+    if not newton.converged:
+        # curvature measured on too rough a surface can mislead; the plain matrix is slow but sure
+        again = _steps(weigh, pose, sources, radius, found, error, 0, min(limit, 2 * _NEWTON), progress)
+        newton = replace(again, used=newton.used + again.used)
+    pairs = matcher.match(newton.pose, sources, weigh.reach)
+    found = information_at(folds, pairs, weigh, radius, offset)
+    return Alignment(newton.pose, scale, radius, newton.used, newton.converged, found)
+
+
+@dataclass(frozen=True)
+class _Steps:
+    pose: Pose
+    used: int
+    converged: bool
+
+
+def _steps(
+    weigh: Weighting,
+    pose: Pose,
+    sources: tuple[Index, Index],
+    radius: float,
+    found: Information,
+    error: float,
+    newton: int,
+    limit: int,
+    progress: Progress,
+) -> _Steps:
+    """Newton's steps, after the first ``newton`` ones Gauss and Newton's, in the observable directions."""
     used = 0
-    for i in range(min(_NEWTON, max(limit, 1))):
-        progress.update(0.7 + 0.25 * i / _NEWTON, "registering with all points")
-        pairs = matcher.match(pose, sources, reach)
-        weight = weigh(pairs)
-        jacobian = pairs.jacobian(radius)
-        step = found.step(jacobian.T @ (weight * pairs.residual), len(pairs))
+    while used < max(limit, 1):
+        progress.update(0.7 + 0.25 * used / limit, "registering with all points")
+        pairs = weigh.matcher.match(pose, sources, weigh.reach)
+        jacobian, weight = pairs.jacobian(radius), weigh(pairs)
+        gradient = jacobian.T @ (weight * pairs.residual)
+        if used < newton:
+            step = found.step(gradient, len(pairs))
+        else:
+            step = found.damped_step(gradient, jacobian.T @ (jacobian * weight[:, None]))
         length = float(np.linalg.norm(step))
-        if length > voxel / 2:
-            step *= voxel / 2 / length
+        if length > weigh.spacing / 2:
+            step *= weigh.spacing / 2 / length
         pose = pose.moved(step, radius)
         used += 1
         # the pairs of the next step are other ones in part: below its own error a step is noise
-        error = float(np.sqrt(np.trace(found.observable_covariance)))
         if length < max(2e-5, 0.05 * error):
-            converged = True
-            break
-    return Alignment(pose, scale, radius, used, converged, informed(), pairs, weight)
+            return _Steps(pose, used, True)
+    return _Steps(pose, used, False)

@@ -12,8 +12,8 @@ from .point_to_plane import Pairs
 
 Float = NDArray[np.float64]
 
-_FOLDS = 8
-_SIGNIFICANCE = 3.0  # standard errors by which a curvature must stand above zero
+_FOLDS = 16
+_SIGNIFICANCE = 5.0  # standard errors by which a curvature must stand above zero
 _RATIO = 1e-4  # of the largest curvature: slopes that differ by 1 % only
 _HORIZONTAL = 0.02  # least sine of the dip with which a surface has a strike
 
@@ -54,6 +54,13 @@ class Information:
         step: Float = -fixed @ ((fixed.T @ gradient) / (self.curvature[self.observable] * count))
         return step
 
+    def damped_step(self, gradient: Float, normal: Float) -> Float:
+        """Gauss and Newton's step (6,) in the observable directions for the normal matrix (6, 6)."""
+        fixed = self.directions[:, self.observable]
+        if not fixed.shape[1]:
+            return np.zeros(6)
+        return np.asarray(-fixed @ np.linalg.solve(fixed.T @ normal @ fixed, fixed.T @ gradient))
+
     def without_unobservable(self, vector: Float) -> Float:
         """The part of a motion (6,) that the surfaces fix."""
         fixed = self.directions[:, self.observable]
@@ -82,21 +89,36 @@ def estimate(pairs: Pairs, weight: Float, radius: float, block: float) -> Estima
     return Estimate(np.stack(sums, axis=1), len(pairs))
 
 
-def curvature_folds(evaluate: Callable[[Float], Estimate], step: float) -> Float:
-    """(_FOLDS, 6, 6): derivative of the mean gradient by the motion, by central differences over ``step`` metres.
+def curvature_folds(evaluate: Callable[[Float], Estimate], motions: Float) -> Float:
+    """(_FOLDS, 6, 6): derivative of the mean gradient by the motion, by central differences.
 
     Gauss and Newton's J'J would count the noise of the normals as relief: with it a noisy plane seems to be fixed
     along itself, and the covariance comes out too small by up to four times. Pairs that are looked up anew at both
     sides see only relief that both epochs share.
+
+    Args:
+        motions: (6, 6), the steps in its rows, orthogonal, metres.
     """
+    length = np.linalg.norm(motions, axis=1)
+    basis = (motions / length[:, None]).T
     folds = np.zeros((_FOLDS, 6, 6))
-    for i in range(6):
-        motion = np.zeros(6)
-        motion[i] = step
+    for i, motion in enumerate(motions):
         ahead, behind = evaluate(motion), evaluate(-motion)
-        mean_ahead, mean_behind = ahead.gradient / max(ahead.count, 1), behind.gradient / max(behind.count, 1)
-        folds[:, :, i] = (mean_ahead - mean_behind) / (2 * step)
-    return (folds + folds.transpose(0, 2, 1)) / 2
+        change = ahead.gradient / max(ahead.count, 1) - behind.gradient / max(behind.count, 1)
+        folds[:, :, i] = change @ basis / (2 * length[i])
+    folds = (folds + folds.transpose(0, 2, 1)) / 2
+    return np.asarray(basis @ folds @ basis.T)
+
+
+def probing_motions(jacobian: Float, weight: Float, least: float, largest: float) -> Float:
+    """(6, 6) steps along the principal directions of Gauss and Newton's matrix for ``curvature_folds``.
+
+    All change the residuals about as much as ``least`` metres along the normal do: the direction that shows least
+    relief is probed with the longest step, up to ``largest`` metres, where the relief stands out from the noise.
+    """
+    values, vectors = np.linalg.eigh(jacobian.T @ (jacobian * weight[:, None]))
+    length = np.clip(least * np.sqrt(values[-1] / np.maximum(values, 1e-12 * values[-1])), least, max(least, largest))
+    return np.asarray((vectors * length).T)
 
 
 def information(
@@ -139,20 +161,9 @@ def name_unobservable(found: Information, normal: Float) -> tuple[str, ...]:
     free = found.directions[:, ~found.observable]
     if not free.shape[1]:
         return ()
-    flat = float(np.hypot(normal[0], normal[1])) < _HORIZONTAL
-    strike = np.array([1.0, 0.0, 0.0]) if flat else np.array([-normal[1], normal[0], 0.0]) / np.hypot(*normal[:2])
-    dip = np.cross(normal, strike)
-    named = {
-        "sliding to the east" if flat else "sliding along the strike": (np.zeros(3), strike),
-        "sliding to the north" if flat else "sliding up and down the slope": (np.zeros(3), dip),
-        "moving along the surface's normal": (np.zeros(3), normal),
-        "turning about the surface's normal": (normal, np.zeros(3)),
-        "tilting about the strike": (strike, np.zeros(3)),
-        "tilting about the line of dip": (dip, np.zeros(3)),
-    }
     names = []
-    for name, (turn, shift) in named.items():
-        if np.sum((free.T @ np.concatenate([turn, shift])) ** 2) > 0.5:
+    for name, motion in _named_motions(normal).items():
+        if np.sum((free.T @ motion) ** 2) > 0.5:
             names.append(name)
     if not names:
         turn, shift = free[:3, 0], free[3:, 0]
@@ -161,6 +172,52 @@ def name_unobservable(found: Information, normal: Float) -> tuple[str, ...]:
             f"({shift[0]:.2f}, {shift[1]:.2f}, {shift[2]:.2f})"
         )
     return tuple(names)
+
+
+def weakest_direction(found: Information, normal: Float) -> tuple[str, float] | None:
+    """The motion that the surfaces fix least of those that they fix, in words, and its standard error in metres.
+
+    A rotation's error is that at the typical distance of the points from the middle.
+
+    Args:
+        normal: (3,) mean normal of the surface, upwards.
+    """
+    if not found.observable.any():
+        return None
+    deviation = np.sqrt(np.diag(found.directions.T @ found.covariance @ found.directions))
+    worst = int(np.argmax(np.where(found.observable, deviation, -1.0)))
+    likeness = {
+        name: abs(float(found.directions[:, worst] @ motion)) for name, motion in _named_motions(normal).items()
+    }
+    return max(likeness, key=lambda name: likeness[name]), float(deviation[worst])
+
+
+def _named_motions(normal: Float) -> dict[str, Float]:
+    """Unit motions (6,) by their names, for a surface with the mean ``normal``."""
+    flat = float(np.hypot(normal[0], normal[1])) < _HORIZONTAL
+    strike = np.array([1.0, 0.0, 0.0]) if flat else np.array([-normal[1], normal[0], 0.0]) / np.hypot(*normal[:2])
+    dip = np.cross(normal, strike)
+    turns_and_shifts = {
+        "sliding to the east" if flat else "sliding along the strike": (np.zeros(3), strike),
+        "sliding to the north" if flat else "sliding up and down the slope": (np.zeros(3), dip),
+        "moving along the surface's normal": (np.zeros(3), normal),
+        "turning about the surface's normal": (normal, np.zeros(3)),
+        "tilting about the strike": (strike, np.zeros(3)),
+        "tilting about the line of dip": (dip, np.zeros(3)),
+    }
+    return {name: np.concatenate(motion) for name, motion in turns_and_shifts.items()}
+
+
+def relief_sd(found: Information, prior_sd: float) -> float:
+    """Distance along the normal that a motion within what is not fixed would give, metres, by the relief there.
+
+    The curvature in such a direction is not surely different from zero, but it is the best guess.
+
+    Args:
+        prior_sd: standard deviation of such a motion, metres.
+    """
+    free = np.maximum(found.curvature[~found.observable], 0.0)
+    return float(np.sqrt(free.sum())) * prior_sd
 
 
 def height_sd(covariance: Float, places: Float, normals: Float, radius: float) -> float:
@@ -178,4 +235,4 @@ def height_sd(covariance: Float, places: Float, normals: Float, radius: float) -
         open_ground[:] = True
     places, normals = places[open_ground], normals[open_ground]
     rise = np.hstack([np.cross(places, normals) / radius, normals]) / np.maximum(np.abs(normals[:, 2:]), 0.01)
-    return float(np.sqrt(np.mean(np.einsum("ni,ij,nj->n", rise, covariance, rise))))
+    return float(np.sqrt(max(np.mean(np.einsum("ni,ij,nj->n", rise, covariance, rise)), 0.0)))

@@ -339,6 +339,24 @@ class RegistrationParameters(ParameterSet):
         maximum=1.0,
         advanced=True,
     )
+    piecewise: str = _parameter(
+        "never",
+        "Correct bent surveys",
+        "Heights are corrected where one rigid motion leaves stable ground bent over tens of metres, by strips that do "
+        "not fit or a bowl. never: the run only tells. auto: where it fits. always: everywhere. Slow movements of that "
+        "extent are taken off with it. Has no effect without the robust method.",
+        choices=("never", "auto", "always"),
+        advanced=True,
+    )
+    piece_size: float = _parameter(
+        20.0,
+        "Size of a piece",
+        "Distance over which the correction of bent surveys may change. Smaller follows more and hides more movement.",
+        unit="m",
+        minimum=5.0,
+        maximum=1000.0,
+        advanced=True,
+    )
 
 
 @dataclass(frozen=True)

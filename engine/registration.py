@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -11,103 +10,27 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from shapely.geometry.base import BaseGeometry
 
-from .alignment import Alignment, align
+from .alignment import align, observe
 from .errors import InputError
+from .height_correction import HeightCorrection
 from .icp import icp
-from .observability import Information, height_sd, name_unobservable
+from .observability import Information, height_sd, name_unobservable, relief_sd, weakest_direction
 from .parameters import RegistrationParameters
 from .point_to_plane import Matcher
 from .pose import Pose
 from .progress import Progress
-from .registration_quality import Agreement, agreement, explain
+from .registration_pieces import Bend, measure_bend
+from .registration_quality import NO_STABLE_GROUND, Agreement, agreement, explain, widened
+from .registration_result import RegistrationResult, StableGround
 from .surface import Surface, nearest
-from .transform import RigidTransform
+from .transform import BentTransform, RigidTransform
+
+__all__ = ["RegistrationResult", "StableGround", "register"]
 
 Float = NDArray[np.float64]
 
 _LEAST_POINTS = 30
 _NEIGHBOUR_SAMPLE = 100_000
-
-
-@dataclass(frozen=True)
-class RegistrationResult:
-    """A registration and its quality. Lengths are metres.
-
-    Attributes:
-        transform: moving to reference.
-        method: robust, icp or none.
-        iterations, converged: of the method; ``converged`` is True for none.
-        inlier_rmse: RMSE of the nearest-neighbour distances within the largest correspondence (``inliers`` of them).
-        nn_rmse_before, nn_rmse_after: RMSE of all nearest-neighbour distances, moving to reference.
-        agreement: point-to-plane residuals on stable ground, before and after, and the share of stable ground.
-        normal_translation: how far the moving surface was shifted along the mean normal (upwards is positive). A
-            uniform deformation would look the same.
-        vertical_translation: mean rise of the moving cloud.
-        covariance: (6, 6) of rotation vector (rad) about the transform's centre and translation (m), robust only.
-        condition: ratio of the largest to the smallest curvature of the cost, rotations scaled by the cloud's radius.
-        unobservable: motions that the surfaces do not fix, in words.
-        registration_error: standard error of a height after registration, for the level of detection.
-        warnings: sentences for the user.
-    """
-
-    transform: RigidTransform
-    method: str
-    iterations: int
-    converged: bool
-    inlier_rmse: float
-    inliers: int
-    nn_rmse_before: float
-    nn_rmse_after: float
-    agreement: Agreement
-    normal_translation: float
-    vertical_translation: float
-    covariance: Float | None
-    condition: float | None
-    unobservable: tuple[str, ...]
-    registration_error: float
-    warnings: tuple[str, ...]
-
-    @property
-    def improvement(self) -> float:
-        """Share by which the nearest-neighbour RMSE fell."""
-        return 1.0 - self.nn_rmse_after / self.nn_rmse_before if self.nn_rmse_before > 0 else 0.0
-
-    def figures(self) -> dict[str, Any]:
-        """The main figures by name, as JSON takes them."""
-        shift = self.transform.translation
-        return {
-            "registration_method": self.method,
-            "registration_dx_m": float(shift[0]),
-            "registration_dy_m": float(shift[1]),
-            "registration_dz_m": float(shift[2]),
-            "registration_rotation_deg": float(np.degrees(self.transform.angle)),
-            "registration_inlier_rmse_m": self.inlier_rmse,
-            "registration_nn_rmse_before_m": self.nn_rmse_before,
-            "registration_nn_rmse_after_m": self.nn_rmse_after,
-            "registration_improvement": self.improvement,
-            "registration_stable_share": self.agreement.stable_share,
-            "registration_residual_before_m": self.agreement.nmad_before,
-            "registration_residual_after_m": self.agreement.nmad_after,
-            "registration_normal_translation_m": self.normal_translation,
-            "registration_error_m": self.registration_error,
-        }
-
-    def summary(self) -> dict[str, Any]:
-        """Everything for the run record."""
-        return self.figures() | {
-            "iterations": self.iterations,
-            "converged": self.converged,
-            "inliers": self.inliers,
-            "vertical_translation_m": self.vertical_translation,
-            "overlap_share": self.agreement.overlap_share,
-            "residual_rms_before_m": self.agreement.rms_before,
-            "residual_rms_after_m": self.agreement.rms_after,
-            "local_misfit_m": self.agreement.misfit,
-            "noise_m": self.agreement.scale,
-            "covariance": None if self.covariance is None else self.covariance.tolist(),
-            "condition": self.condition,
-            "unobservable": list(self.unobservable),
-        }
 
 
 def register(
@@ -132,108 +55,184 @@ def register(
     _check(reference, "earlier")
     _check(moving, "later")
     _check_overlap(reference, moving, parameters.maximum_offset)
-    centre = (reference.min(axis=0) + reference.max(axis=0)) / 2
+    centre = np.median(reference, axis=0)  # amidst the points even where a stray one stretches the extent
     a, b = reference - centre, moving - centre
     known = _inside(stable, reference)
-    voxel = parameters.registration_voxel
     progress.update(0.0, "averaging points")
-    surfaces = Surface(a, voxel), Surface(b, voxel)
-    on_stable = None if stable is None else _inside(stable, surfaces[0].points + centre)
-    matcher = Matcher(*surfaces, on_stable)
+    surfaces = Surface(a, parameters.registration_voxel), Surface(b, parameters.registration_voxel)
     _check_shape(surfaces[0].points, "earlier")
     _check_shape(surfaces[1].points, "later")
+    matcher = Matcher(*surfaces, None if stable is None else _inside(stable, surfaces[0].points + centre))
     tree = cKDTree(a, balanced_tree=False, compact_nodes=False)
-    pose, found, iterations, converged = Pose.identity(), None, 0, True
+    with progress.stage(0.05, 0.85):
+        solution = _solve(a, b, tree, matcher, known, parameters, progress)
+    progress.update(0.85, "measuring the agreement")
+    quality = agreement(matcher, solution.pose, parameters.maximum_offset)
     if parameters.method == "icp":
-        with progress.stage(0.05, 0.8):
-            plain = icp(
-                a,
-                b,
-                distance=parameters.maximum_correspondence,
-                iterations=parameters.registration_iterations,
-                tree=tree,
-                progress=progress,
-            )
-        pose, iterations, converged = plain.pose, plain.iterations, plain.converged
+        with progress.stage(0.85, 0.95):
+            seen = observe(matcher, solution.pose, quality.scale, parameters.maximum_offset, progress)
+        solution = replace(solution, information=seen)
+    elif parameters.method == "robust" and stable is None and quality.stable_share < NO_STABLE_GROUND:
+        solution = _Solution(Pose.identity(), solution.iterations, left=True)
+        quality = agreement(matcher, solution.pose, parameters.maximum_offset)
     elif parameters.method == "robust":
-        with progress.stage(0.05, 0.85):
-            found = align(
-                a,
-                b,
-                matcher,
-                voxel=voxel,
-                offset=parameters.maximum_offset,
-                iterations=parameters.registration_iterations,
-                stable=known,
-                progress=progress,
-            )
-        pose, iterations, converged = found.pose, found.iterations, found.converged
-    progress.update(0.9, "measuring the agreement")
-    quality = agreement(matcher, pose, parameters.maximum_offset)
-    return _result(
-        a, b, tree, centre, matcher, pose, found, quality, iterations, converged, parameters, stable is not None
-    )
+        solution, quality = _bent(solution, quality, matcher, parameters)
+    some = b[:: max(1, len(b) // _NEIGHBOUR_SAMPLE)]
+    before = nearest(tree, some)[0]
+    after = before if parameters.method == "none" else nearest(tree, solution.apply(some))[0]
+    return _result(solution, quality, before, after, centre, len(b), parameters, stable is not None)
 
 
-def _result(
+@dataclass(frozen=True)
+class _Solution:
+    """What a method found; ``radius`` (m) scales the rotations of ``information``.
+
+    ``left``: left as surveyed for want of stable ground. ``bent``: the correction of ``bend`` is part of it.
+    """
+
+    pose: Pose
+    iterations: int = 0
+    converged: bool = True
+    information: Information | None = None
+    radius: float = 1.0
+    left: bool = False
+    bend: Bend | None = None
+    bent: bool = False
+
+    @property
+    def correction(self) -> HeightCorrection | None:
+        return self.bend.correction if self.bend is not None and self.bent else None
+
+    def apply(self, xyz: Float) -> Float:
+        moved = self.pose.apply(xyz)
+        return moved if self.correction is None else self.correction.apply(moved)
+
+    def transform(self, centre: Float) -> RigidTransform:
+        """In the clouds' own system."""
+        if self.correction is None:
+            return RigidTransform(self.pose.rotation, self.pose.translation, centre)
+        correction = replace(self.correction, nodes=self.correction.nodes.moved(centre[:2]))
+        return BentTransform(self.pose.rotation, self.pose.translation, centre, correction)
+
+
+def _solve(
     a: Float,
     b: Float,
     tree: cKDTree,
-    centre: Float,
     matcher: Matcher,
-    pose: Pose,
-    found: Alignment | None,
-    quality: Agreement,
-    iterations: int,
-    converged: bool,
+    known: NDArray[np.bool_] | None,
     parameters: RegistrationParameters,
-    on_stable: bool,
+    progress: Progress,
+) -> _Solution:
+    """By the method asked for, in local coordinates."""
+    if parameters.method == "icp":
+        plain = icp(
+            a,
+            b,
+            distance=parameters.maximum_correspondence,
+            iterations=parameters.registration_iterations,
+            tree=tree,
+            progress=progress,
+        )
+        return _Solution(plain.pose, plain.iterations, plain.converged)
+    if parameters.method == "robust":
+        found = align(
+            a,
+            b,
+            matcher,
+            voxel=parameters.registration_voxel,
+            offset=parameters.maximum_offset,
+            iterations=parameters.registration_iterations,
+            stable=known,
+            progress=progress,
+        )
+        return _Solution(found.pose, found.iterations, found.converged, found.information, found.radius)
+    return _Solution(Pose.identity())
+
+
+def _bent(
+    solution: _Solution, quality: Agreement, matcher: Matcher, parameters: RegistrationParameters
+) -> tuple[_Solution, Agreement]:
+    """What bends beside the rigid motion: told, and taken off where that was asked for."""
+    spacing = max(matcher.reference.spacing, matcher.moving.spacing)
+    reach = max(0.3 * parameters.maximum_offset, 3 * spacing)
+    bend = measure_bend(matcher, solution.pose, parameters.piece_size, reach, quality.scale)
+    if bend is None:
+        return solution, quality
+    bent = parameters.piecewise == "always" or (parameters.piecewise == "auto" and bend.worth)
+    solution = replace(solution, bend=bend, bent=bent)
+    if bent:
+        quality = agreement(matcher, solution.pose, parameters.maximum_offset, bend.correction)
+    return solution, quality
+
+
+def _result(
+    solution: _Solution,
+    quality: Agreement,
+    before: Float,
+    after: Float,
+    centre: Float,
+    points: int,
+    parameters: RegistrationParameters,
+    stable_given: bool,
 ) -> RegistrationResult:
-    transform = RigidTransform(pose.rotation, pose.translation, centre)
-    some = b[:: max(1, len(b) // _NEIGHBOUR_SAMPLE)]
-    before = nearest(tree, some)[0]
-    after = before if parameters.method == "none" else nearest(tree, pose.apply(some))[0]
-    close = after[after <= parameters.maximum_correspondence]
-    normal = quality.mean_normal
+    """Args: before, after: nearest-neighbour distances of a sample of the moving cloud's ``points``, metres."""
+    pose, information = solution.pose, solution.information
     shift = pose.apply(quality.places).mean(axis=0) - quality.places.mean(axis=0)
-    covariance, condition, error = None, None, 0.0
-    names: tuple[str, ...] = ()
-    if found is not None:
-        information: Information = found.information
-        scale = np.diag([1 / found.radius] * 3 + [1.0] * 3)
+    covariance, error = None, 0.0
+    if information is not None and parameters.method == "robust":
+        scale = np.diag([1 / solution.radius] * 3 + [1.0] * 3)
         covariance = scale @ information.covariance @ scale
-        condition, names = information.condition, name_unobservable(information, normal)
-        error = height_sd(information.observable_covariance, quality.places, quality.normals, found.radius)
+        seen = information.observable_covariance
+        flat = np.broadcast_to(quality.mean_normal, quality.normals.shape)
+        # what is free moves the surface as a whole: sliding a slope along itself leaves its heights, tilting does not
+        prior = parameters.maximum_offset / float(np.sqrt(3.0))
+        error = float(
+            np.linalg.norm(
+                [
+                    height_sd(seen, quality.places, quality.normals, solution.radius),
+                    height_sd(information.covariance - seen, quality.places, flat, solution.radius),
+                    relief_sd(information, prior) / max(float(quality.mean_normal[2]), 0.2),
+                ]
+            )
+        )
     error = float(np.hypot(error, quality.misfit_height))
-    widening = max(1.0, parameters.minimum_stable_share / max(quality.stable_share, 0.02))
-    warnings = explain(
-        quality,
-        parameters,
-        converged=converged,
-        shift=shift,
-        normal=normal,
-        error=error,
-        widening=widening,
-        unobservable=names,
-        stable_given=on_stable,
-    )
+    if solution.correction is not None:
+        error = float(np.hypot(error, np.sqrt(np.mean(solution.correction.sd**2))))
+    error = widened(error, quality, parameters.minimum_stable_share)
+    names = () if information is None else name_unobservable(information, quality.mean_normal)
+    close = after[after <= parameters.maximum_correspondence]
     return RegistrationResult(
-        transform=transform,
+        transform=solution.transform(centre),
         method=parameters.method,
-        iterations=iterations,
-        converged=converged,
+        iterations=solution.iterations,
+        converged=solution.converged,
         inlier_rmse=float(np.sqrt(np.mean(close**2))) if len(close) else 0.0,
-        inliers=round(len(close) * len(b) / len(some)),
+        inliers=round(len(close) * points / len(after)),
         nn_rmse_before=float(np.sqrt(np.mean(before**2))),
         nn_rmse_after=float(np.sqrt(np.mean(after**2))),
         agreement=quality,
-        normal_translation=float(shift @ normal),
+        normal_translation=float(shift @ quality.mean_normal),
         vertical_translation=float(shift[2]),
         covariance=covariance,
-        condition=condition,
+        condition=None if information is None else information.condition,
         unobservable=names,
-        registration_error=error * widening,
-        warnings=warnings,
+        weakest=None if information is None else weakest_direction(information, quality.mean_normal),
+        bend=solution.bend,
+        stable_ground=StableGround(quality.sample + centre, quality.agrees),
+        registration_error=error,
+        warnings=explain(
+            quality,
+            parameters,
+            converged=solution.converged,
+            shift=shift,
+            error=error,
+            unobservable=names,
+            stable_given=stable_given,
+            left=solution.left,
+            bend=solution.bend,
+            bent=solution.bent,
+        ),
     )
 
 
@@ -267,7 +266,9 @@ def _check_overlap(reference: Float, moving: Float, offset: float) -> None:
 def _check_shape(points: Float, name: str) -> None:
     if len(points) < _LEAST_POINTS:
         raise InputError(f"The {name} epoch has only {len(points)} occupied voxels; give a smaller registration voxel.")
-    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    low, high = np.quantile(points, [0.02, 0.98], axis=0)
+    core = np.clip(points, low, high)
+    spread = np.linalg.svd(core - core.mean(axis=0), compute_uv=False)
     if spread[1] < 1e-3 * spread[0]:
         raise InputError(
             f"The {name} epoch's points lie on one line, which fixes no registration; check the region of interest."

@@ -1,14 +1,14 @@
 """Second thoughts of a registration whose residuals are larger than the surfaces' own noise explains.
 
 Where much of what fixes a position lies within ground that has moved, weights that shrink slowly can settle between
-the old and the new place. Registering without one part of the surface after the other finds the way out, as the best
-of these fits shows by its scale (the idea of the S-estimator, Rousseeuw and Yohai 1984).
+the old and the new place. Registering with one part of the surface after the other, and without it, finds the way out;
+the smallest scale tells which fit is best (the idea of the S-estimator, Rousseeuw and Yohai 1984).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,21 +21,23 @@ from .surface import Surface
 Float = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+LEAST_PAIRS = 12
 NOISE_FLOOR = 1e-3  # metres; no scanner is better, and a scale of zero has no weights
 _SHRINK = 0.3  # smallest factor of the scale from one iteration to the next
 _DOUBT = 1.5  # times the surfaces' own noise
 _REGIONS, _REGION_SHARE = 12, 0.3
 _SOURCES = 5_000
-_WITHOUT, _TOGETHER = 10, 8  # iterations without the region and with it again
+_APART, _TOGETHER = 10, 8  # iterations with a part of the surface and with all of it again
 
 
 @dataclass(frozen=True)
 class Descent:
-    """Where Gauss-Newton steps came to: ``scale`` (m) of the residuals, number of ``iterations``."""
+    """Where Gauss-Newton steps came to: ``scale`` (m) of the residuals, ``share`` of the sources that have a pair."""
 
     pose: Pose
     scale: float
-    iterations: int
+    iterations: int = 0
+    share: float = 0.0
 
 
 def own_noise(surface: Surface) -> float:
@@ -75,14 +77,15 @@ def descend(
         shrink: smallest factor of the scale from one iteration to the next.
         among: which pairs to use; all without it.
     """
-    done = 0
+    done, share = 0, 0.0
     for done in range(1, iterations + 1):
         # a pair may lie as far apart as the clouds; later the scale tells how far
         reach = max(reach_of(matcher, scale), offset if done <= 8 else 0.0)
         pairs = matcher.match(pose, sources, reach, agreement)
-        if among is not None:
+        share = len(pairs) / (len(sources[0]) + len(sources[1]))
+        if among is not None and len(pairs):
             pairs = pairs.chosen(among(pairs))
-        if len(pairs) < 12:
+        if len(pairs) < LEAST_PAIRS:
             break
         weight = tukey_weights(pairs.residual, scale)
         jacobian = pairs.jacobian(radius)
@@ -95,52 +98,60 @@ def descend(
         scale = smaller
         if steady and done >= 3:
             break
-    return Descent(pose, scale, done)
+    return Descent(pose, scale, done, share)
 
 
 def reconsider(
     matcher: Matcher, first: Descent, sources: tuple[Index, Index], radius: float, progress: Progress
 ) -> Descent:
-    """``first``, or what a search without parts of the surface found if its residuals are clearly smaller."""
+    """``first``, or what a search with parts of the surface found if its residuals are clearly smaller."""
     noise = max(own_noise(matcher.reference), own_noise(matcher.moving))
     if first.scale <= _DOUBT * noise:
         return first
     few = matcher.sample(_SOURCES)
     best = first
     for number, centre in enumerate(_spread(matcher.reference.points[few[0]], _REGIONS)):
-        progress.update(0.3 + 0.1 * number / _REGIONS, "registering without parts of the surface")
-
-        def elsewhere(pairs: Pairs, centre: Float = centre) -> NDArray[np.bool_]:
-            distance = np.sum((pairs.place - centre) ** 2, axis=1)
-            if not distance.size:
-                return np.zeros(0, dtype=bool)
-            far: NDArray[np.bool_] = distance > np.quantile(distance, _REGION_SHARE)
-            return far
-
-        start = Descent(first.pose, 2 * first.scale, 0)
-        for iterations, among, least in ((_WITHOUT, elsewhere, 0.6), (_TOGETHER, None, 0.3)):
-            start = descend(
-                matcher,
-                start.pose,
-                few,
-                radius,
-                scale=start.scale,
-                offset=4 * first.scale,
-                agreement=0.8,
-                iterations=iterations,
-                noise=noise,
-                shrink=least,
-                among=among,
-            )
-        if start.scale < 0.9 * best.scale:
-            best = start
+        progress.update(0.3 + 0.1 * number / _REGIONS, "registering with parts of the surface")
+        for part in (_Region(centre, inside=False), _Region(centre, inside=True)):
+            start = Descent(first.pose, 2 * first.scale)
+            for iterations, among, least in ((_APART, part, 0.6), (_TOGETHER, None, 0.3)):
+                start = descend(
+                    matcher,
+                    start.pose,
+                    few,
+                    radius,
+                    scale=start.scale,
+                    offset=4 * first.scale,
+                    agreement=0.8,
+                    iterations=iterations,
+                    noise=noise,
+                    shrink=least,
+                    among=among,
+                )
+            # a pose that takes the surfaces apart pairs little of them, and that little well
+            if start.scale < 0.9 * best.scale and start.share > 0.5 * first.share:
+                best = start
     if best is first:
         return first
     found = descend(
         matcher, best.pose, sources, radius, scale=2 * best.scale, offset=0.0, agreement=0.8, iterations=20, noise=noise
     )
-    total = first.iterations + found.iterations
-    return Descent(found.pose, found.scale, total) if found.scale < 0.9 * first.scale else first
+    if found.scale >= 0.9 * first.scale:
+        return first
+    return replace(found, iterations=first.iterations + found.iterations)
+
+
+@dataclass(frozen=True)
+class _Region:
+    """The share of the pairs nearest to a centre, or all others."""
+
+    centre: Float
+    inside: bool
+
+    def __call__(self, pairs: Pairs) -> NDArray[np.bool_]:
+        distance = np.sum((pairs.place - self.centre) ** 2, axis=1)
+        near: NDArray[np.bool_] = distance <= np.quantile(distance, _REGION_SHARE)
+        return near if self.inside else ~near
 
 
 def _spread(points: Float, count: int) -> Float:

@@ -1,4 +1,7 @@
-"""Rigid motions: applied without loss at projected coordinates, saved with direction and frame stated."""
+"""Rigid motions: applied without loss at projected coordinates, saved with direction and frame stated.
+
+A registration that bends carries a correction of heights beside its rigid motion.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +17,12 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from .errors import InputError
+from .height_correction import HeightCorrection
 from .outputs import atomic_output
 
 Float = NDArray[np.float64]
+_AFTER = "after the matrix: add to z the bilinear interpolation of heights at x and y (rows from south to north)"
+_BEFORE = "before the matrix: take from z the bilinear interpolation of heights at x and y (rows from south to north)"
 _RIGID = 1e-6  # largest deviation of R R' from the identity that is rounding and not a scale
 
 
@@ -94,9 +100,13 @@ class RigidTransform:
             "centre": self.centre.tolist(),
             "rotation_angle_rad": self.angle,
             "registration": dict(facts or {}),
-        }
+        } | self._more()
         with atomic_output(path) as partial:
             partial.write_text(json.dumps(document, indent=2, allow_nan=False), encoding="utf-8")
+
+    def _more(self) -> dict[str, Any]:
+        """What a transform that is not rigid alone adds to its file."""
+        return {}
 
     @classmethod
     def load(cls, path: Path) -> RigidTransform:
@@ -109,18 +119,57 @@ class RigidTransform:
         try:
             document = json.loads(Path(path).read_text(encoding="utf-8"))
             centre = document.get("centre")
-            loaded = cls.from_matrix(np.array(document["matrix"], dtype=np.float64), centre)
+            loaded = RigidTransform.from_matrix(np.array(document["matrix"], dtype=np.float64), centre)
             if centre is not None and "rotation" in document and "translation" in document:
-                exact = cls(
+                exact = RigidTransform(
                     np.array(document["rotation"], dtype=np.float64),
                     np.array(document["translation"], dtype=np.float64),
                     np.array(centre, dtype=np.float64),
                 )
                 if np.abs(exact.matrix - loaded.matrix).max() > 1e-6:
                     raise ValueError("its matrix contradicts its rotation and translation")
-                return exact
+                loaded = exact
+            if "pieces" in document:
+                correction = HeightCorrection.from_facts(document["pieces"])
+                bent = BentTransform(loaded.rotation, loaded.translation, loaded.centre, correction)
+                return bent.backwards() if document["pieces"].get("order") == _BEFORE else bent
             return loaded
         except OSError as error:
             raise InputError(f"{path} cannot be read ({error.strerror}); {remedy}.") from error
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputError(f"{path} holds no usable transform ({error}); {remedy}.") from error
+
+
+@dataclass(frozen=True)
+class BentTransform(RigidTransform):
+    """The rigid motion, then ``correction`` of the heights; or, ``inverted``, the correction taken off and then the
+    rigid motion. ``matrix`` is the rigid part.
+    """
+
+    correction: HeightCorrection
+    inverted: bool = False
+
+    @property
+    def rigid(self) -> RigidTransform:
+        """The rigid part alone."""
+        return RigidTransform(self.rotation, self.translation, self.centre)
+
+    def apply(self, xyz: Float) -> Float:
+        if self.inverted:
+            return super().apply(self.correction.undo(xyz))
+        return self.correction.apply(super().apply(xyz))
+
+    def inverse(self) -> BentTransform:
+        back = self.rigid.inverse()
+        # (R x + ...) about the same centre, so that the digits are kept
+        return BentTransform(back.rotation, back.translation, back.centre, self.correction, not self.inverted)
+
+    def backwards(self) -> BentTransform:
+        """The same rigid part with the correction taken off before it."""
+        return BentTransform(self.rotation, self.translation, self.centre, self.correction, not self.inverted)
+
+    def then(self, second: RigidTransform) -> RigidTransform:
+        raise NotImplementedError("a correction of heights cannot be carried through another motion; apply one by one")
+
+    def _more(self) -> dict[str, Any]:
+        return {"pieces": self.correction.facts() | {"order": _BEFORE if self.inverted else _AFTER}}
