@@ -515,7 +515,8 @@ class ZoneParameters(ParameterSet):
         0.2,
         "Gap without data that does not divide a zone",
         "Parts that lie this close with nothing measured between them, as under vegetation, are one zone; the gap does "
-        "not count in its area. Larger joins more. 0: only cells that touch.",
+        "not count in its area. A volume counts what lies this close to measured cells. Larger joins more. 0: only "
+        "cells that touch.",
         unit="m",
         minimum=0.0,
         maximum=100.0,

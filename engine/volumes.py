@@ -192,13 +192,16 @@ def footprint_labels(footprints: Sequence[Footprint], shape: tuple[int, int]) ->
     return labels
 
 
-def outline_footprints(cells: Cells, labels: NDArray[np.int32], count: int, *, gap: float) -> tuple[Footprint, ...]:
+def outline_footprints(
+    cells: Cells, labels: NDArray[np.int32], count: int, *, gap: float, registration_error: float = 0.0
+) -> tuple[Footprint, ...]:
     """The footprint of each of ``count`` zones.
 
     Zones are made of the cells that stand out, so a sum over them leans outward: cells that noise made look larger are
     in, the others out, and so is what lies below the level around them. The footprint takes the cells regardless of
-    their own value: the zone, all cells within it and within two cells of it, and rings around for as long as their sum
-    has the zone's sign, at most to twice the zone's radius. Other zones' cells, and those nearer to these, stay theirs.
+    their own value: the zone, all cells within it and within two cells of it, and rings around for as long as their
+    mean has the zone's sign and exceeds the registration error, which lifts or lowers everything alike; at most to
+    twice the zone's radius. Other zones' cells, and those nearer to these, stay theirs.
 
     Cells that were not measured, but have a measured one within ``gap`` m, get the weighted mean of these. Its error is
     that of the measured cells, and the scatter beyond noise that the change has from cell to cell. Larger gaps, and
@@ -217,7 +220,7 @@ def outline_footprints(cells: Cells, labels: NDArray[np.int32], count: int, *, g
         window = tuple(slice(max(0, s.start - margin), s.stop + margin) for s in box)
         near = _window(cells, window)
         zone = _Surroundings(near, labels[window], number, taken[window], reach)
-        inside = zone.grown()
+        inside = zone.grown(registration_error)
         taken[window] |= inside
         weights, scatter = zone.weights(inside)
         weights *= np.where(zone.known, near.area, 0.0)
@@ -290,8 +293,8 @@ class _Surroundings:
         self.within = closed(self.known, _edge_reach(cells.cell))
         self.usable = free & (self.known | (self.within & (self.near > 0)))
 
-    def grown(self) -> NDArray[np.bool_]:
-        """The footprint."""
+    def grown(self, least: float) -> NDArray[np.bool_]:
+        """The footprint, of rings in which the change is at least ``least`` m on average."""
         core: NDArray[np.bool_] = ndimage.binary_fill_holes(self.distance <= _MARGIN) & self.usable
         core |= self.own > 0
         radius = max(math.sqrt(float(core.sum()) / math.pi) - _MARGIN, 1.0)
@@ -299,7 +302,8 @@ class _Surroundings:
         reached = float(_MARGIN)
         while reached < radius:
             ring = (self.distance > reached) & (self.distance <= reached + width) & self.usable & ~core
-            if self.sign * float(self.dz[ring].sum()) <= 0:
+            measured = max(int((ring & self.known).sum()), 1)
+            if self.sign * float(self.dz[ring].sum()) <= least * measured:
                 break
             core |= ring
             reached += width

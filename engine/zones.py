@@ -174,7 +174,9 @@ def extract_zones(
         grid.cell,
         block,
     )
-    footprints = outline_footprints(cells, labels, count, gap=parameters.bridged_gap)
+    footprints = outline_footprints(
+        cells, labels, count, gap=parameters.bridged_gap, registration_error=registration_error
+    )
     still = outside(footprints, np.isfinite(cells.dz), grid.cell)
     correlation = fit_correlation(cells, still if stable is None else still & stable, registration_error)
     volumes = zone_volumes(footprints, cells, correlation)

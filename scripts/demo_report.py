@@ -112,12 +112,16 @@ def zone_rows(survey: Path, results: Path, maps: Maps) -> list[Row]:
     rows = [("hazard zones", f"{len(changes)} changes", f"{len(zones)} zones")]
     if zones.empty:
         return rows
-    # A zone's volume is that of its measured cells, so the truth is summed over the same cells.
+    # A zone's volume is that of its footprint, so the truth is summed there.
+    footprints = geopandas.read_file(results / "zones.gpkg", layer="footprints")
+    metrics = json.loads((results / "run.json").read_text(encoding="utf-8"))["metrics"]
+    for word, sign, name in (("raised", 1, "vol_gain"), ("lowered", -1, "vol_loss")):
+        outlines = footprints.geometry[sign * footprints["vol_net_m3"] > 0]
+        there = ~geometry_mask(outlines, maps.found.shape, maps.transform) if len(outlines) else np.zeros(0, dtype=int)
+        true = sign * np.sum(maps.truth[there]) * maps.cell_area
+        volume, error = metrics[f"{name}_m3"], metrics[f"{name}_err_m3"]
+        rows.append((f"volume {word} in the zones", f"{true:.2f} m3", f"{volume:.2f} m3 (+- {error:.2f})"))
     inside = ~geometry_mask(zones.geometry, maps.found.shape, maps.transform) & maps.measured
-    error = float(np.sqrt(np.sum(zones["vol_err_m3"] ** 2)))
-    for word, sign, column in (("raised", 1, "vol_gain_m3"), ("lowered", -1, "vol_loss_m3")):
-        true = np.sum(np.clip(sign * maps.truth[inside], 0, None)) * maps.cell_area
-        rows.append((f"volume {word} in the zones", f"{true:.2f} m3", f"{zones[column].sum():.2f} m3 (+- {error:.2f})"))
     within = inside & (np.abs(maps.truth) > CHANGED)
     everywhere = maps.measured & (np.abs(maps.truth) > CHANGED)
     if everywhere.any():

@@ -68,6 +68,16 @@ def test_a_footprint_reaches_to_where_the_change_ends() -> None:
     assert np.pi * 18**2 < footprint.inside.sum() < np.pi * 25**2
 
 
+def test_a_shift_of_everything_does_not_widen_a_footprint() -> None:
+    dz = bowl((90, 90), (45, 45), 15.0, 0.4) - 0.004
+    labels, _ = labelled(dz, 0.05)
+    areas = [
+        outline_footprints(cells_of(dz, 0.05), labels, 1, gap=0.2, registration_error=r)[0].inside.sum()
+        for r in (0.0, 0.005)
+    ]
+    assert areas[1] < np.pi * 18**2 < 0.9 * areas[0]
+
+
 def test_gaps_take_after_the_cells_around_them() -> None:
     random = np.random.default_rng(1)
     whole = bowl((90, 90), (45, 45), 25.0, 0.5)
@@ -198,7 +208,7 @@ def test_the_interval_covers_the_truth_where_zones_are_found_by_their_noise(reac
         error = np.hypot(0.04, 0.003)
         cells = cells_of(dz, error)
         labels, count = labelled(dz, error)
-        footprints = outline_footprints(cells, labels, count, gap=0.2)
+        footprints = outline_footprints(cells, labels, count, gap=0.2, registration_error=0.003)
         model = fit_correlation(cells, outside(footprints, np.isfinite(dz), CELL), 0.003)
         found = zone_volumes(footprints, cells, model)
         named = footprint_labels(footprints, shape)
