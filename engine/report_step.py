@@ -67,7 +67,9 @@ def report_step(
         record["profiles"] = plain(facts)
         record["inputs"] = [i for i in record["inputs"] if i["role"] != "profiles"] + told.inputs
         record["parameters"]["report"] = dataclasses.asdict(parameters)
-        record["warnings"] = [*record["warnings"], *(w for w in progress.warnings if w not in record["warnings"])]
+        # what was said of the lines before no longer holds
+        kept = [w for w in record["warnings"] if not w.startswith(("The profiles' lines ", "The profile "))]
+        record["warnings"] = [*kept, *(w for w in progress.warnings if w not in kept)]
         record["outputs"] |= {name: path.name for name, path in outputs.items()}
         text = json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False)
         stage.path("run.json").write_text(text + "\n", encoding="utf-8", errors="backslashreplace")

@@ -300,6 +300,8 @@ def test_other_lines_replace_the_profiles(made: Path, tmp_path: Path) -> None:
     for attrs, _ in again.figures:
         assert float(attrs["value"]) == at(record, attrs["data-from"])
     assert "across <b>" in again.words
+    assert not [w for w in record["warnings"] if "'beside'" in w]
+    assert [w for w in record["warnings"] if "own.geojson" in w and "transformed" in w]
     assert len(again.all("img")) == 10
     # the lines through the zones are those of the run itself
     old, new = (read_profiles(f / "profiles.csv")["Steepest line through Z001"] for f in (made, copy))
