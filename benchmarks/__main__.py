@@ -14,6 +14,8 @@ NAMES = {
     "registration": "Registration",
     "gridding": "Gridding",
     "calibration": "Calibration of the level of detection",
+    "adaptive": "Cells that grow",
+    "volumes": "Volumes",
     "whole_flow": "The whole flow",
     "screening": "Screening",
     "known_places": "What a screening could tell by height",
