@@ -17,6 +17,7 @@ NAMES = {
     "adaptive": "Cells that grow",
     "volumes": "Volumes",
     "whole_flow": "The whole flow",
+    "series": "More than two surveys",
     "screening": "Screening",
     "known_places": "What a screening could tell by height",
     "real_screening": "Screening of real slopes with known hazards put in",
