@@ -21,6 +21,8 @@ CHANGE_NUMBERS = {
     "ZONE_AREA": ("zone_area_m2", "Area of the zones (m²)"),
     "LOSS": ("vol_loss_m3", "Volume lost in the zones (m³)"),
     "GAIN": ("vol_gain_m3", "Volume gained in the zones (m³)"),
+    "LOSS_ERROR": ("vol_loss_err_m3", "Standard error of the volume lost (m³)"),
+    "GAIN_ERROR": ("vol_gain_err_m3", "Standard error of the volume gained (m³)"),
     "LARGEST_SINK": ("largest_sink_m", "Largest lowering in a zone (m)"),
     "LARGEST_RISE": ("largest_rise_m", "Largest raising in a zone (m)"),
     "COMMON_CELL_RATE": ("common_cell_rate", "Cells that both surveys cover (0 to 1)"),
@@ -28,6 +30,7 @@ CHANGE_NUMBERS = {
 }
 CHANGE_PAGES = {"REPORT": ("report", "Report")}
 CHANGE_FILES = {
+    "VOLUMES": ("volumes", "Table of areas and volumes"),
     "HEATMAP_PICTURE": ("heatmap", "Heatmap picture"),
     "RUN_RECORD": ("run", "Run record"),
 }
