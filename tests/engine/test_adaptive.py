@@ -309,13 +309,14 @@ def test_too_few_points_even_for_the_largest_cell_are_refused():
 
 
 def test_the_memory_that_growing_cells_take_counts():
+    """Where cells of one size still fit, growing ones are refused with a cell that fits."""
     first = epoch(1)
-    needs = np.prod(common_grid(first, first, GROWING).shape) * 540e-9
     wide = np.vstack([first, first + [400.0, 400.0, 0.0]])
-    assert needs < 0.05
-    with pytest.raises(InputError, match="GB allowed"):
-        common_grid(wide, wide, ChangeParameters(adaptive=True, memory_limit=5.0))
-    common_grid(wide, wide, ChangeParameters(memory_limit=5.0))
+    common_grid(wide, wide, ChangeParameters(memory_limit=8.0))
+    with pytest.raises(InputError, match="cell of at least") as refusal:
+        common_grid(wide, wide, ChangeParameters(adaptive=True, memory_limit=8.0))
+    fits = float(str(refusal.value).split("at least ")[1].split(" m")[0])
+    common_grid(wide, wide, ChangeParameters(adaptive=True, memory_limit=8.0, cell=fits * 1.05))
 
 
 def test_a_known_change_under_simulated_plants_is_recovered():
