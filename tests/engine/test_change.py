@@ -169,3 +169,18 @@ def test_the_cell_that_is_advised_compares_what_it_promises():
     assert difference(first, second, ChangeParameters(cell=advised)).common_cell_rate > 0.75
     assert fine.common_cell_rate < 0.2
     assert compared_share(fine) == pytest.approx(fine.valid.sum() * 0.01 / 400, rel=0.02)
+
+
+def test_the_published_profile_subtracts_the_cells_means_and_calibrates_nothing():
+    first, second = epoch(1, n=20_000), epoch(2, n=20_000, lowered=0.2)
+    change = difference(first, second, ChangeParameters.build({"cell": 0.5}, profile="paper"))
+    means = []
+    for points in (first, second):
+        column, row = (np.floor(points[:, axis] / 0.5).astype(int) for axis in (0, 1))
+        total, count = np.zeros((40, 40)), np.zeros((40, 40))
+        np.add.at(total, (39 - row, column), points[:, 2])
+        np.add.at(count, (39 - row, column), 1)
+        means.append(total / count)
+    assert np.abs(change.dz - (means[1] - means[0])).max() < 1e-9
+    assert (change.model.kind, change.threshold, change.direction) == ("uncalibrated", "probabilistic", "vertical")
+    assert np.allclose(change.level, 1.959964 * change.error)
