@@ -180,6 +180,18 @@ def test_relative_paths_become_absolute(tmp_path: Path, monkeypatch: pytest.Monk
     ]  # fmt: skip
 
 
+def test_level_options_and_stable_ground_reach_the_engine(tmp_path: Path) -> None:
+    stable = written(square("stable", 0), tmp_path / "stable.gpkg", "stable")
+    arguments = command(
+        ElevationChange, REFERENCE="/a.laz", CLOUD="/b.laz", OUTPUT_FOLDER="/o", STABLE=str(stable),
+        THRESHOLD=1, DIRECTION=1, CALIBRATE=False,
+    )  # fmt: skip
+    assert arguments[arguments.index("--stable") + 1] == str(stable)
+    assert arguments[arguments.index("--threshold") + 1] == "coherent"
+    assert arguments[arguments.index("--direction") + 1] == "normal"
+    assert "--no-calibrate" in arguments
+
+
 def test_a_polygon_file_is_passed_as_it_is(tmp_path: Path) -> None:
     roi = written(square("roi", 0), tmp_path / "roi.gpkg", "roi")
     arguments = command(ExtractGround, INPUT=FIRST, OUTPUT="/g.laz", ROI=str(roi))
