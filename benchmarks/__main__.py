@@ -13,6 +13,7 @@ NAMES = {
     "ground": "Ground extraction",
     "registration": "Registration",
     "gridding": "Gridding",
+    "m3c2": "M3C2",
     "calibration": "Calibration of the level of detection",
     "adaptive": "Cells that grow",
     "volumes": "Volumes",

@@ -1,0 +1,141 @@
+"""M3C2 beside py4dgeo's: counts against a search through all points, time, and the surface that a grid covers."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..engine.change import difference
+from ..engine.m3c2 import Distances, Status, m3c2_distances
+from ..engine.m3c2_normals import fit_planes
+from ..engine.m3c2_scales import choose_scales, overlap_bounds, spread_cores
+from ..engine.m3c2_search import Lattice
+from ..engine.parameters import ChangeParameters, DistanceParameters, SurveyParameters
+from ..simulation.survey import simulate_pair
+from .controlled_test import inside
+from .peers import PeerMissingError, run_peer, version
+from .table import Row
+
+Float = NDArray[np.float64]
+CHECKED = 300  # core points whose cylinders are searched through all points
+REPEATS = 3
+_PEER = """
+import json, sys, time
+import numpy as np, py4dgeo
+folder, diameter, radius, half_length, repeats = sys.argv[1], *map(float, sys.argv[2:6])
+first, second, core, normal = (np.load(f"{folder}/{n}.npy") for n in ("first", "second", "core", "normal"))
+origin, seconds = first.mean(axis=0), []
+for _ in range(int(repeats)):
+    start = time.perf_counter()
+    epochs = py4dgeo.Epoch(first - origin), py4dgeo.Epoch(second - origin)
+    common = dict(epochs=epochs, corepoints=core - origin, normal_radii=(diameter / 2,), cyl_radius=radius)
+    py4dgeo.M3C2(max_distance=half_length, **common).run()
+    seconds.append(time.perf_counter() - start)
+distance, told = py4dgeo.M3C2(max_distance=half_length, corepoint_normals=normal, **common).run()
+np.save(f"{folder}/peer.npy", np.column_stack([told["num_samples1"], told["num_samples2"], distance]))
+print(json.dumps({"seconds": min(seconds)}))
+"""
+
+
+def rows() -> list[Row]:
+    """Ground of a simulated pair (39 degrees, 70 % vegetation), core points every 0.25 m and every 0.1 m."""
+    pair = simulate_pair(SurveyParameters(seed=1, points=1_000_000, amplitude=0.3, offset=0.0), roi_buffer=0.0)
+    first, second = (c.xyz[inside(c.xyz, pair) & c.truth_ground.astype(bool)] for c in (pair.first, pair.second))
+    scales = choose_scales(first, second, DistanceParameters())
+    radius, found = scales.projection_scale / 2, []
+    core = first[spread_cores(first, scales.core_spacing, overlap_bounds(first, second))]
+    for segments in (3, 4):  # py4dgeo cuts the cylinder into ceil(half length / radius)
+        half_length = (segments - 0.5) * radius
+        seconds, own = _own(first, second, core, scales.normal_scale, radius, half_length)
+        chosen = np.flatnonzero(own.status != Status.NO_NORMAL)[:: max(1, len(core) // CHECKED)]
+        truth = np.array([_brute_force(first, second, own, k, radius, half_length) for k in chosen])
+        counts = np.column_stack([own.reference.count, own.moving.count])
+        share = float(np.mean((counts[chosen] == truth).all(axis=1)))
+        try:
+            peer_seconds, peer = _peer(first, second, own, scales.normal_scale, radius, half_length)
+            peer_share = float(np.mean((peer[chosen, :2] == truth).all(axis=1)))
+            beside = f"py4dgeo {version('py4dgeo')}: {100 * peer_share:.1f} %"
+            faster = f"py4dgeo {version('py4dgeo')} {peer_seconds:.2f} s, ratio {peer_seconds / seconds:.2f}"
+        except PeerMissingError as error:
+            beside = faster = f"not measured: {error}"
+        name = f"M3C2, {len(core)} core points, cylinder of {segments} segments"
+        found += [
+            Row(
+                f"{name}: counts equal to a search through all points, {len(chosen)} cores",
+                f"{100 * share:.1f} %",
+                "100 %",
+                beside,
+                share == 1.0,
+            ),
+            Row(f"{name}: normals and distances", f"{seconds:.2f} s", "", faster),
+        ]
+    return [*found, _surface_row(first, second, scales.normal_scale, radius, scales.half_length)]
+
+
+def _surface_row(first: Float, second: Float, diameter: float, radius: float, half_length: float) -> Row:
+    """Surface a second at one resolution: a cell of the grid, and one core point in each of its common cells."""
+    parameters = ChangeParameters()
+    change = difference(first, second, parameters)
+    seconds = min(_seconds(lambda: difference(first, second, parameters)) for _ in range(REPEATS))
+    cell = parameters.cell
+    core = first[spread_cores(first, cell, overlap_bounds(first, second))]
+    grid = change.valid.sum() * cell**2 / seconds
+    name, target = f"surface a second, grid change of {cell:g} m cells", "at least 20 times py4dgeo's M3C2"
+    _, own = _own(first, second, core, diameter, radius, half_length)
+    try:
+        peer_seconds, _ = _peer(first, second, own, diameter, radius, half_length)
+    except PeerMissingError as error:
+        return Row(name, f"{grid:.0f} m²/s", target, f"not measured: {error}")
+    # one core point a cell: as many cells as it has measured core points
+    peer = own.measured.sum() * cell**2 / peer_seconds
+    beside = f"py4dgeo {version('py4dgeo')} {peer:.0f} m²/s, one core point in each cube of {cell:g} m"
+    return Row(name, f"{grid:.0f} m²/s = {grid / peer:.1f} x", target, beside, bool(grid >= 20 * peer))
+
+
+def _own(
+    first: Float, second: Float, core: Float, diameter: float, radius: float, half_length: float
+) -> tuple[float, Distances]:
+    """Best seconds for normals and distances from memory, and the result."""
+    best, found = np.inf, None
+    for _ in range(REPEATS):
+        start = time.perf_counter()
+        normal = fit_planes(Lattice(first, diameter / 2), core, diameter).normal
+        found = m3c2_distances(
+            Lattice(first, radius), Lattice(second, radius), core, normal, radius=radius, half_length=half_length
+        )
+        best = min(best, time.perf_counter() - start)
+    assert found is not None
+    return best, found
+
+
+def _peer(
+    first: Float, second: Float, own: Distances, diameter: float, radius: float, half_length: float
+) -> tuple[float, Float]:
+    """py4dgeo's best seconds, and its counts and distances with our normals, (m, 3)."""
+    with tempfile.TemporaryDirectory() as folder:
+        for name, array in (("first", first), ("second", second), ("core", own.core), ("normal", own.normal)):
+            np.save(Path(folder) / f"{name}.npy", array)
+        told = run_peer("py4dgeo", _PEER, folder, *map(str, (diameter, radius, half_length, REPEATS)))
+        return float(told["seconds"]), np.load(Path(folder) / "peer.npy")
+
+
+def _brute_force(
+    first: Float, second: Float, own: Distances, number: int, radius: float, half_length: float
+) -> list[int]:
+    counts = []
+    for cloud in (first, second):
+        offset = cloud - own.core[number]
+        along = offset @ own.normal[number]
+        across = np.linalg.norm(offset - along[:, None] * own.normal[number], axis=1)
+        counts.append(int(np.sum((np.abs(along) <= half_length) & (across <= radius))))
+    return counts
+
+
+def _seconds(work) -> float:  # type: ignore[no-untyped-def]
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
