@@ -31,7 +31,7 @@ _MEANINGS = {
 
 
 def write_report(folder: Path) -> Path:
-    """Write ``report.html`` into an output folder of ``inspect`` or ``change``; its path.
+    """Write ``report.html`` into an output folder of ``inspect``, ``change`` or ``series``; its path.
 
     It is made of that folder alone, so that the same folder gives the same bytes.
 
@@ -63,6 +63,8 @@ def compose(record: dict[str, Any], folder: Path, profiles: Path | None = None) 
     }
     if record.get("epochs"):
         template, more = "change.html.j2", _change_context(record, folder, profiles or folder / "profiles.csv")
+    elif record["command"] == "series":
+        template, more = "series.html.j2", _series_context(record, folder)
     elif "screened_zone_count" in record["metrics"]:
         template, more = "screening.html.j2", _screening_context(record, folder)
     else:
@@ -185,6 +187,18 @@ def _change_context(record: dict[str, Any], folder: Path, profile_table: Path) -
         "most_zones": _MOST_ZONES,
         "most_profiles": _MOST_PROFILES,
         "verdicts": _verdicts(),
+    }
+
+
+def _series_context(record: dict[str, Any], folder: Path) -> dict[str, Any]:
+    from .report_pictures import photograph
+
+    roles = [str(i["role"]) for i in record["inputs"]]
+    words = "Map of the velocity of each cell, and the mean change of each zone from survey to survey"
+    return {
+        "days": [role.removeprefix("epoch ") for role in roles if role.startswith("epoch ")],
+        "pictures": {"series": photograph(folder / "series.png", words, 1000)},
+        "most_zones": _MOST_ZONES,
     }
 
 

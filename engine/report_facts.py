@@ -8,6 +8,7 @@ from typing import Any
 
 import geopandas as gpd
 import numpy as np
+import pandas as pd
 import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
@@ -16,7 +17,6 @@ from .change import Change
 from .epochs import Epoch
 from .gridding import Float, Grid
 from .palette import rounded_up
-from .zones import FIELDS
 
 _HALF_BINS = 60
 _MOST_ZONES = 100
@@ -150,12 +150,16 @@ def rates(change: Change, days: int) -> dict[str, Any]:
     }
 
 
-def zone_rows(frame: gpd.GeoDataFrame) -> list[dict[str, Any]]:
-    """The first hundred zones as rows of a table, with a point inside each; fields that are empty are left out."""
+def zone_rows(frame: gpd.GeoDataFrame, texts: tuple[str, ...] = ("severity",)) -> list[dict[str, Any]]:
+    """The first hundred zones as rows of a table, with a point inside each; fields that are empty are left out.
+
+    Args:
+        texts: fields with words that the rows keep, beside id and kind.
+    """
     first = frame.iloc[:_MOST_ZONES]
     points = shapely.get_coordinates(shapely.point_on_surface(np.asarray(first.geometry)))
-    fields = [name for name in first.columns if name != first.geometry.name and FIELDS.get(name) != "text"]
-    fields = ["zone_id", "kind", "severity", *fields]
+    numbers = [name for name in first.columns if pd.api.types.is_numeric_dtype(first[name].dtype)]
+    fields = ["zone_id", "kind", *texts, *numbers]
     rows = []
     for (_, row), (x, y) in zip(first.iterrows(), points.tolist(), strict=True):
         values = {name: _plain(row[name]) for name in fields}

@@ -43,6 +43,10 @@ def report_step(
     if profiles is None:
         progress.update(0.0, "drawing the report")
         return {"report": write_report(folder)}, {}
+    if not record.get("epochs"):
+        raise InputError(
+            f"{folder} holds no change between two surveys to take profiles of; give the folder of inspect or change."
+        )
     refuse_inputs_as_outputs([folder / name for name in (REPORT, *PROFILE_OUTPUTS, "run.json")], [profiles])
     layers, crs = _layers(folder)
     lines = given_lines(profiles, crs, parameters.profile_field, progress)

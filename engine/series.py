@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from .alerts import AlertLevel, read_alerts
@@ -23,6 +24,8 @@ from .outputs import refuse_inputs_as_outputs, staged_outputs
 from .pair import require_comparable, stable_area, warn_of_doubtful_change
 from .pdal import find_pdal
 from .progress import Progress
+from .report import write_record_and_report
+from .report_facts import zone_rows
 from .run_record import RunRecord, plain
 from .series_epochs import GriddedEpoch, NamedProgress, SeriesSettings, Task, prepare_epochs
 from .series_persistence import confirmed_cells
@@ -40,18 +43,38 @@ from .series_velocity import cell_velocity, own_variances
 from .series_zones import Stack, ZoneSeries, zone_series
 from .zones import label_groups
 
+REPORTED = (
+    "status",
+    "alert",
+    "alert_reason",
+    "action",
+    "trend",
+    "velocity_class",
+    "first_seen",
+    "last_seen",
+    "failure_from",
+    "failure_to",
+    "failure_note",
+)
+"""Fields with words that the run record and the report have of each zone."""
+
 Outcome = tuple[dict[str, Path], dict[str, Any]]
 
 
 @dataclass(frozen=True)
 class Analysis:
-    """What the gridded surveys tell. Changes have one entry a survey from the second on."""
+    """What the gridded surveys tell. Changes have one entry a survey from the second on.
+
+    ``confirmed`` (rows, columns) counts comparisons in a row that show a cell changed within a group of at least the
+    least area: a single cell that the first survey's noise lifted would stand out in all comparisons.
+    """
 
     cumulative: list[Change]
     incremental: list[Change]
     stack: Stack
     tracks: tuple[Track, ...]
     zones: tuple[ZoneSeries, ...]
+    confirmed: NDArray[np.int64]
     unconfirmed: int
 
 
@@ -122,8 +145,7 @@ def monitor_series(
                     outputs |= write_epoch_rasters(kind, changes, about, hashes, stage, progress)
             stack = analysis.stack
             velocity = cell_velocity(stack.days, list(stack.change), list(stack.variance))
-            confirmed = confirmed_cells([c.dz for c in analysis.cumulative], [c.level for c in analysis.cumulative])
-            outputs |= write_summary_rasters(velocity, confirmed, velocity.count >= 2, about, hashes, stage)
+            outputs |= write_summary_rasters(velocity, analysis.confirmed, velocity.count >= 2, about, hashes, stage)
             limits = limits_of(analysis, dates)
             files, frame = write_tables(
                 analysis.zones, analysis.cumulative[-1], velocity, about, table, limits[0], stage
@@ -136,12 +158,13 @@ def monitor_series(
             "limits": limits,
             "alerts": [plain(row) for row in table],
             "transforms": {g.epoch.name: g.transform.matrix for g in gridded},
+            "zones": zone_rows(frame, REPORTED),
             "zone_history": {t.zone_id: _history(t, dates) for t in analysis.tracks},
         }
         outputs["run"] = stage.final("run.json")
         for sentence in limits:
             progress.info(sentence)
-        record.write(stage.path("run.json"), progress.warnings, outputs)
+        write_record_and_report(record, stage, progress, outputs)
     return outputs, record.metrics
 
 
@@ -182,7 +205,9 @@ def analyse(
     living = [t for t in tracks if not t.merged_into and len(t.footprint)]
     found = zone_series(living, stack, alerts, minimum_area=settings.zones.minimum_area, bridged=max(2, 2 * reach))
     zones = tuple(z for z in found if z.epochs_confirmed > 0)
-    return Analysis(cumulative, incremental, stack, tracks, zones, len(found) - len(zones))
+    grouped = [np.where(labels > 0, c.level, np.inf) for (_, labels, _), c in zip(groups, cumulative, strict=True)]
+    confirmed = confirmed_cells([c.dz for c in cumulative], grouped)
+    return Analysis(cumulative, incremental, stack, tracks, zones, confirmed, len(found) - len(zones))
 
 
 def _difference(

@@ -32,6 +32,7 @@ SERIES_OUTPUTS = (
     "series.csv",
     "series.png",
     "alerts_used.csv",
+    "report.html",
     "run.json",
 )
 

@@ -107,6 +107,7 @@ class InspectSeries(SlopeWatchAlgorithm):
         "DETECTABLE_RATE": ("detectable_rate_mm_day", "Rate that a cell needs to be seen between two surveys (mm/day)"),
         "LEVEL_MEDIAN": ("lod_median_m", "Median level of detection, last survey against the first (m)"),
     }
+    PAGES: ClassVar = {"REPORT": ("report", "Report")}
     FILES: ClassVar = {
         "TABLE": ("series_table", "Time series of the zones (CSV)"),
         "PICTURE": ("series_picture", "Picture of velocities and series"),

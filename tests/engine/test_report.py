@@ -338,6 +338,8 @@ def test_a_folder_without_a_run_is_refused(made: Path, tmp_path: Path) -> None:
     record = record_of(made)
     del record["epochs"]
     (tmp_path / "run.json").write_text(json.dumps(record))
+    with pytest.raises(InputError, match="no change between two surveys"):
+        report_step(tmp_path, ReportParameters(), profiles=tmp_path / "lines.gpkg", progress=Progress())
     with pytest.raises(InputError, match="no record of a change"):
         write_report(tmp_path)
     assert not (tmp_path / "report.html").exists()

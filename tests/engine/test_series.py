@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import shutil
 from dataclasses import replace
 from datetime import date, datetime, timedelta
@@ -86,6 +87,23 @@ def runs(simulated, tmp_path_factory):
     return out, found
 
 
+def test_the_report_has_the_figures_of_the_record(runs):
+    out, found = runs
+    record, zones = found[-1][1], found[-1][2]
+    page = (out / "report.html").read_text(encoding="utf-8")
+    figures = re.findall(r'<data value="([^"]+)" data-from="/([^"]+)"', page)
+    for value, place in figures:
+        told = record
+        for key in place.split("/"):
+            told = told[int(key)] if isinstance(told, list) else told[key]
+        assert float(value) == told
+    assert {"metrics/detectable_rate_mm_day", "zones/0/rate_mm_day", "zones/0/rate_err"} <= {p for _, p in figures}
+    assert [z["zone_id"] for z in record["zones"]] == list(zones["zone_id"])
+    assert [z["rate_mm_day"] for z in record["zones"]] == list(zones["rate_mm_day"])
+    assert "What this cannot tell you" in page
+    assert record["outputs"]["report"] == "report.html"
+
+
 def read(path: Path) -> np.ndarray:
     with rasterio.open(path) as raster:
         return raster.read(1, masked=True).filled(np.nan)
@@ -123,7 +141,7 @@ def test_what_was_kept_gives_the_same_bytes_as_a_fresh_run(simulated, runs, tmp_
     out, _ = runs
     monitor_series(surveys(paths), tmp_path / "fresh", READY, roi=paths["roi"])
     fresh = {p.relative_to(tmp_path / "fresh") for p in (tmp_path / "fresh").rglob("*") if p.is_file()}
-    for name in fresh - {Path("run.json")}:
+    for name in fresh - {Path("run.json"), Path("report.html")}:  # these tell when they were made
         assert (out / name).read_bytes() == (tmp_path / "fresh" / name).read_bytes(), name
 
 
@@ -186,6 +204,18 @@ def test_differences_to_the_first_are_the_sums_of_the_steps(simulated, runs):
     for number, dz in enumerate(whole, 1):
         error = (dz - series.true_change(number, grid))[np.isfinite(dz)]
         assert abs(np.median(error)) < 0.005
+
+
+def test_cells_are_confirmed_in_groups_only(simulated, runs):
+    series, _ = simulated
+    out, _ = runs
+    confirmed = read(out / "epochs_confirmed.tif")
+    truth = series.true_change(4, grid_of(out / "velocity.tif"))
+    moved = np.abs(truth) > 0.15
+    assert np.nanmean(confirmed[moved] >= 2) > 0.9
+    # far from all that moved, chance alone would confirm single cells
+    far = np.abs(truth) == 0
+    assert np.nanmean(confirmed[far] >= 2) < 0.005
 
 
 def test_rasters_say_what_time_they_are_of_and_when_they_are_shown(simulated, runs):
