@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from ..engine.registration import register
 from ..engine.transform import RigidTransform
 from ..simulation.survey import simulate_pair
 from .controlled_test import inside
+from .peers import PeerMissingError, run_peer, version
 from .table import Row
 
 Float = NDArray[np.float64]
@@ -29,11 +31,12 @@ REAL_CRS = "EPSG:32614"  # the file declares a geocentric system but holds proje
 
 
 def rows() -> list[Row]:
-    """Errors of the robust method beside plain ICP's, on simulated slopes and on a real cloud split in halves."""
+    """Errors of the robust method beside plain ICP's and peers', on simulated slopes and a real cloud in two halves."""
     found = [_row("simulated slope, 39 degrees, ground under vegetation", [_simulated(seed) for seed in SEEDS])]
     if REAL.exists():
         cloud = read_cloud(REAL, InputParameters(crs=REAL_CRS)).xyz
         found.append(_row("real cloud (392 points/m²) split in two halves", [_split(cloud, s) for s in SEEDS]))
+        found += beside_peers(_split(cloud, SEEDS[0]))
     return found
 
 
@@ -76,6 +79,87 @@ def _changed_and_moved(first: Float, second: Float, seed: int) -> Case:
     return first, moved, moved[~lowered], truth
 
 
+PY4DGEO = """
+import json, sys, time
+import numpy as np, py4dgeo
+folder = sys.argv[1]
+reference, moving = (np.load(f"{folder}/{name}.npy") for name in ("reference", "moving"))
+started, cpu = time.perf_counter(), time.process_time()
+a, b = py4dgeo.Epoch(reference), py4dgeo.Epoch(moving)
+for epoch in (a, b):
+    epoch.build_kdtree()
+    epoch.calculate_normals(radius=0.3)
+found = py4dgeo.icp_with_stable_areas(
+    a, b, initial_distance_threshold=0.5, level_of_detection=0.05, reference_supervoxel_resolution=1.0,
+    supervoxel_resolution=1.0, min_svp_num=10, reduction_point=np.zeros(3))
+taken = time.perf_counter() - started, time.process_time() - cpu
+print(json.dumps({"matrix": found.affine_transformation.tolist(), "seconds": taken[0], "cpu": taken[1]}))
+"""
+OPEN3D = """
+import json, sys, time
+import numpy as np, open3d as o3d
+folder = sys.argv[1]
+clouds = (np.load(f"{folder}/{name}.npy") for name in ("reference", "moving"))
+a, b = (o3d.geometry.PointCloud(o3d.utility.Vector3dVector(cloud)) for cloud in clouds)
+started, cpu = time.perf_counter(), time.process_time()
+a.estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(radius=0.5, max_nn=30))
+kernel = o3d.pipelines.registration.TukeyLoss(k=0.1)
+found = o3d.pipelines.registration.registration_icp(
+    b, a, 0.5, np.eye(4), o3d.pipelines.registration.TransformationEstimationPointToPlane(kernel),
+    o3d.pipelines.registration.ICPConvergenceCriteria(1e-7, 1e-7, 200))
+taken = time.perf_counter() - started, time.process_time() - cpu
+print(json.dumps({"matrix": found.transformation.tolist(), "seconds": taken[0], "cpu": taken[1]}))
+"""
+PEERS = {
+    "py4dgeo": ("its ICP with stable areas", PY4DGEO),
+    "open3d": ("its point-to-plane ICP with Tukey's loss of 0.1 m", OPEN3D),
+}
+PEER_SHARE = 0.25  # of py4dgeo's time
+
+
+def beside_peers(case: Case) -> list[Row]:
+    """One real case by SlopeWatch and by each peer, one after the other, so that both find the machine alike."""
+    reference, moving, stable, truth = case
+    middle = reference.mean(axis=0)  # peers lose digits at large coordinates
+    found: list[Row] = []
+    with tempfile.TemporaryDirectory() as folder:
+        np.save(f"{folder}/reference.npy", reference - middle)
+        np.save(f"{folder}/moving.npy", moving - middle)
+        for peer, (what, script) in PEERS.items():
+            started, cpu = time.perf_counter(), time.process_time()
+            own = register(reference, moving, RegistrationParameters())
+            seconds, cpu = time.perf_counter() - started, time.process_time() - cpu
+            error = _error(own.transform, truth, stable)
+            name = f"the same cloud, first seed, beside {peer} {version(peer)}: {what}"
+            value = f"{error:.2f} mm, {seconds:.1f} s ({cpu:.1f} s CPU)"
+            try:
+                theirs = run_peer(peer, script, folder)
+            except (PeerMissingError, RuntimeError) as missing:
+                found.append(Row(name, value, "", f"not measured: {str(missing).splitlines()[-1]}"))
+                continue
+            matrix = np.array(theirs["matrix"])
+            moved = (stable - middle) @ matrix[:3, :3].T + matrix[:3, 3] + middle
+            their_error = 1000 * float(np.sqrt(np.mean(np.sum((moved - truth.apply(stable)) ** 2, axis=1))))
+            share = cpu / theirs["cpu"]
+            goal = peer == "py4dgeo"
+            found.append(
+                Row(
+                    name,
+                    f"{value}: {share:.3f} of its CPU time, {seconds / theirs['seconds']:.3f} of its time",
+                    f"at most 1 mm, {PEER_SHARE:g} of its time" if goal else "",
+                    f"{their_error:.2f} mm, {theirs['seconds']:.1f} s ({theirs['cpu']:.1f} s CPU)",
+                    bool(error <= 1.0 and max(share, seconds / theirs["seconds"]) <= PEER_SHARE) if goal else None,
+                )
+            )
+    return found
+
+
+def _error(found: RigidTransform, truth: RigidTransform, stable: Float) -> float:
+    """Root mean square displacement of the stable points, millimetres."""
+    difference = found.apply(stable) - truth.apply(stable)
+    return 1000 * float(np.sqrt(np.mean(np.sum(difference**2, axis=1))))
+
+
 def _row(name: str, cases: list[Case]) -> Row:
     errors: dict[str, list[float]] = {"robust": [], "icp": []}
     seconds: dict[str, list[float]] = {"robust": [], "icp": []}
@@ -87,9 +171,7 @@ def _row(name: str, cases: list[Case]) -> Row:
             seconds[method].append(time.process_time() - start)
             if method == "robust" and result.covariance is not None:
                 stated.append(1000 * float(np.sqrt(np.trace(result.covariance[3:, 3:]))))
-            found = result.transform
-            difference = found.apply(stable) - truth.apply(stable)
-            errors[method].append(1000 * float(np.sqrt(np.mean(np.sum(difference**2, axis=1)))))
+            errors[method].append(_error(result.transform, truth, stable))
         print(f"  {name}: {errors['robust'][-1]:.2f} mm, icp {errors['icp'][-1]:.1f} mm", file=sys.stderr, flush=True)
     own, icp = np.array(errors["robust"]), np.array(errors["icp"])
     return Row(
