@@ -32,7 +32,7 @@ from .controlled_test import inside
 from .table import Row
 
 GRIDS = range(1, 31)
-SURVEYS = range(1, 11)
+SURVEYS = range(1, 8)
 AMPLITUDE, AREA = (0.02, 0.30), (0.5, 20.0)
 CELL, SIDE = 0.1, 40.0
 ERROR, REGISTRATION = 0.035, 0.003
