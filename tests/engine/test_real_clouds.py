@@ -88,7 +88,7 @@ def autzen(shared_data) -> tuple[Path, Path]:
 def test_the_real_pair_in_mixed_units_equals_arithmetic_on_its_points(autzen, tmp_path):
     cell = 8.0
     progress = Progress()
-    settings = Settings(change=ChangeParameters(cell=cell, minimum_points=2))
+    settings = Settings(change=ChangeParameters(cell=cell, cell_value="mean", minimum_points=2))
     outputs, metrics = change_step(
         *autzen, tmp_path, settings, dates=("2010-01-01", "2023-01-01"), transform_path=None, progress=progress
     )
