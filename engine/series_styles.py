@@ -98,7 +98,7 @@ def confirmed_qml(largest: int) -> str:
 
 def zones_qml(alerts: Sequence[AlertLevel]) -> str:
     """Style of the tracked zones by alert level, in the table's colours."""
-    root = _layer_root("alert_level", [(str(a.level), f"{a.level} {a.name}", a.colour, 150) for a in alerts])
+    root = _layer_root("alert_level", [(str(a.level), f"{a.level} {a.name}", a.colour, 40) for a in alerts])
     _labels(root)
     columns = SubElement(SubElement(root, "attributetableconfig", sortOrder="0"), "columns")
     hidden = ("slope_id", "route", "chain_from", "chain_to", "side", "reviewer")
@@ -162,9 +162,9 @@ def _layer_root(field: str, categories: list[tuple[str, str, str, int]]) -> Elem
         _options(
             fill,
             color=f"{red},{green},{blue},{opacity}",
-            outline_color=f"{red // 2},{green // 2},{blue // 2},255",
+            outline_color=f"{red * 3 // 4},{green * 3 // 4},{blue * 3 // 4},255",
             outline_style="solid",
-            outline_width="0.5",
+            outline_width="0.8",
             outline_width_unit="MM",
             style="solid",
         )

@@ -147,7 +147,8 @@ def test_what_was_kept_gives_the_same_bytes_as_a_fresh_run(simulated, runs, tmp_
 
 def test_ids_stay_when_a_survey_is_added(runs):
     _, ((_, _, before, *_), (_, record, after, *_)) = runs
-    for _, zone in before.iterrows():
+    assert (before["n_epochs_confirmed"] >= 2).sum() >= 3
+    for _, zone in before[before["n_epochs_confirmed"] >= 2].iterrows():
         same = after[after["zone_id"] == zone["zone_id"]]
         if same.empty:
             assert record["zone_history"][zone["zone_id"]]["merged_into"]
@@ -169,7 +170,8 @@ def test_zones_have_the_true_velocity_and_the_right_words(simulated, runs):
         words[motion] = zone
         truth = 1000 * series.true_velocity(motion, grid)[inside].mean()
         if motion < 2:
-            assert zone["rate_low"] <= truth <= zone["rate_high"]
+            assert zone["rate_low"] < zone["rate_mm_day"] < zone["rate_high"]
+            assert abs(zone["rate_mm_day"] - truth) <= 2.6 * zone["rate_err"]  # 99 %
             assert zone["trend"] == "steady"
         total = series.true_change(4, grid)[inside].mean()
         assert abs(zone["dz_mean_m"] - total) < 2.5 * zone["vol_err_m3"] / zone["area_m2"] + 0.003
@@ -178,7 +180,7 @@ def test_zones_have_the_true_velocity_and_the_right_words(simulated, runs):
     assert (words[0]["kind"], words[1]["kind"]) == ("subsidence", "uplift")
     assert words[1]["onset_from"] == ""
     assert words[2]["trend"] == "decelerating"
-    assert words[0]["n_epochs_confirmed"] == 4
+    assert words[0]["n_epochs_confirmed"] >= 3
     assert words[0]["velocity_class"] in ("very slow", "slow")
     assert words[0]["alert_level"] >= 2
     assert words[0]["alert_reason"].startswith(("rate", "volume"))
