@@ -35,7 +35,9 @@ def rows() -> list[Row]:
             cloth_ground(xyz, paper)
         filter_seconds = time.perf_counter() - start
         seconds, peak = _inspect(folder, paths)
-        metrics = json.loads((folder / "out" / "run.json").read_text())["metrics"]
+        record = json.loads((folder / "out" / "run.json").read_text())
+        metrics = record["metrics"]
+        report = next(stage["seconds"] for stage in record["stages"] if stage["stage"] == "report")
         error = _change_error(folder, pair)
     raw = ", ".join(f"{len(c.xyz) / 1e6:.2f} M" for c in (pair.first, pair.second))
     clipped = ", ".join(f"{len(c) / 1e6:.2f} M" for c in clouds)
@@ -49,6 +51,7 @@ def rows() -> list[Row]:
             ratio <= 1.5,
         ),
         Row("inspect, peak memory of all its processes", f"{peak / 1e9:.2f} GB", "at most 2 GB", "", peak <= 2e9),
+        Row("its report", f"{report:.1f} s", "at most 10 s", "", report <= 10),
         Row(
             "common cells, simulated pair",
             f"{100 * metrics['common_cell_rate']:.2f} %",
