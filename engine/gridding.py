@@ -103,8 +103,9 @@ def sloping_statistics(xyz: Float, grid: Grid) -> CellStatistics:
 
     On a slope the mean height of a cell depends on where in the cell its few points happen to lie, and their variance
     is mostly the slope's own rise. The slope that the cells around tell (``cell_slope``) is taken from each point
-    before the mean, so that even a single point gives the height at the cell's centre. Cells with ``_POINTS_FOR_A_PLANE``
-    points follow their own surface by a plane of their own; with fewer, its scatter costs more than it gains.
+    before the mean, so that even a single point gives the height at the cell's centre. Cells with
+    ``_POINTS_FOR_A_PLANE`` points follow their own surface by a plane of their own; with fewer, its scatter costs more
+    than it gains.
     """
     east, north = widened_gradient([cell_statistics(xyz, grid).height], grid, reach=_NEIGHBOURHOOD)
     index = cell_index(xyz, grid)
