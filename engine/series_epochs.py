@@ -91,7 +91,7 @@ class NamedProgress(Progress):
 
     def __init__(self, share: Progress, name: str) -> None:
         super().__init__()
-        self._share, self._name = share, name
+        self._share, self._name, self._doing = share, name, ""
 
     def warning(self, message: str) -> None:
         sentence = f"{self._name}: {message}"
@@ -100,7 +100,8 @@ class NamedProgress(Progress):
             self._share.show("warning", message)
 
     def emit(self, percent: float, message: str) -> None:
-        self._share.update(percent / 100.0, message)
+        self._doing = message or self._doing
+        self._share.update(percent / 100.0, self._doing or "reading")
 
     def show(self, level: str, message: str) -> None:
         self._share.show(level, message)
