@@ -180,7 +180,7 @@ def test_the_words_hold_for_discs_on_ground_whose_change_is_known(survey, run):
             bands.append(raster.read(1, masked=True).filled(np.nan))
     dz, significant = bands[0], np.isfinite(bands[1])
     grid = Grid(*_grid(out))
-    change = SimpleNamespace(grid=grid, dz=dz, significant=significant)
+    change = SimpleNamespace(grid=grid, dz=dz, significant=significant, block=None)
     truth = np.where(np.isfinite(dz), pair.true_change_raster(grid), np.nan)
     rng = np.random.default_rng(0)
     cells = np.argwhere(np.isfinite(dz))
