@@ -17,6 +17,7 @@ NAMES = {
     "calibration": "Calibration of the level of detection",
     "adaptive": "Cells that grow",
     "volumes": "Volumes",
+    "detection": "What is detected: pairs with and without change",
     "whole_flow": "The whole flow",
     "series": "More than two surveys",
     "screening": "Screening",

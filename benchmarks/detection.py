@@ -1,0 +1,281 @@
+"""What the whole chain detects: simulated pairs with and without change, under no to dense vegetation.
+
+Each pair goes through ground extraction, registration, differencing and zones at the default settings. Half of the
+pairs hold bulges and hollows of 2 to 30 cm over 0.5 to 20 m²; the others differ by noise, vegetation and a rigid
+offset alone.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..engine.change import Change, difference
+from ..engine.ground import ground_mask
+from ..engine.parameters import ChangeParameters, GroundParameters, RegistrationParameters, SurveyParameters
+from ..engine.registration import RegistrationResult, register
+from ..engine.zones import Zones, extract_zones
+from ..simulation.change import Bump, true_change_raster
+from ..simulation.survey import SimulatedPair, simulate_pair
+from .controlled_test import inside
+from .table import Row
+
+Float = NDArray[np.float64]
+PAIRS = 60
+VEGETATION = (0.0, 0.2, 0.4, 0.6, 0.8)
+POINTS = 80_000
+"""Of an epoch: about 100 returns a m² of the slope."""
+LENGTH, HEIGHT, ANGLE = 30.0, 12.0, 39.0
+AMPLITUDE, AREA = (0.02, 0.30), (0.5, 20.0)
+RATIOS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, math.inf)
+"""Limits of the classes of amplitude over level of detection."""
+FOUND = 0.5
+"""A change is found if zones of its sign hold this share of its measured cells beyond half of its height."""
+HIGH = 0.10
+CELLS = {"fixed": ChangeParameters(), "growing": ChangeParameters(adaptive=True)}
+NOTHING = 0.005
+"""A zone is false if nowhere in it the ground has moved by more than this, m."""
+
+
+@dataclass(frozen=True)
+class Detected:
+    """A known change: peak height and area, the median level of detection on it (m), the share of its core in zones
+    of its sign, and the vegetation cover of its pair.
+    """
+
+    amplitude: float
+    area: float
+    level: float
+    share: float
+    vegetation: float
+
+    @property
+    def ratio(self) -> float:
+        return abs(self.amplitude) / self.level
+
+
+@dataclass(frozen=True)
+class Volume:
+    """A zone's 95 % interval (m³) and the volume of the one known change that it shows, all of it."""
+
+    low: float
+    high: float
+    true: float
+
+    @property
+    def covered(self) -> bool:
+        return self.low <= self.true <= self.high
+
+
+@dataclass(frozen=True)
+class PairResult:
+    """What became of one pair: ``beyond`` is the share of unchanged cells beyond their level. ``volumes`` holds the
+    zones that show one change alone, which no other zone shows.
+    """
+
+    changes: tuple[Detected, ...]
+    volumes: tuple[Volume, ...]
+    false_zones: int
+    zones: int
+    beyond: float
+    changed: bool
+
+
+def drawn_changes(rng: np.random.Generator, run: float) -> tuple[Bump, ...]:
+    """Up to three bulges and hollows apart from each other on a slope of ``run`` m along the map."""
+    placed: list[Bump] = []
+    for _ in range(60):
+        amplitude = math.exp(rng.uniform(*np.log(AMPLITUDE))) * rng.choice((-1.0, 1.0))
+        area, aspect = math.exp(rng.uniform(*np.log(AREA))), rng.uniform(0.6, 1.6)
+        half_u, half_v = math.sqrt(area * aspect / math.pi), math.sqrt(area / aspect / math.pi)
+        if half_v > run / 2 - 1.0:
+            continue
+        u, v = rng.uniform(half_u + 1, LENGTH - half_u - 1), rng.uniform(half_v + 0.8, run - half_v - 0.8)
+        apart = all(
+            abs(u - other.u) > half_u + other.half_u + 1 or abs(v - other.v) > half_v + other.half_v + 1
+            for other in placed
+        )
+        if apart:
+            placed.append(Bump(float(u), float(v), half_u, half_v, float(amplitude)))
+        if len(placed) == 3:
+            break
+    return tuple(placed)
+
+
+def simulated(number: int) -> SimulatedPair:
+    """Pair ``number``: even ones hold changes, odd ones none; the vegetation goes round in both."""
+    run = HEIGHT / math.tan(math.radians(ANGLE))
+    parameters = SurveyParameters(
+        seed=500 + number,
+        points=POINTS,
+        length=LENGTH,
+        height=HEIGHT,
+        angle=ANGLE,
+        vegetation=VEGETATION[number // 2 % len(VEGETATION)],
+    )
+    changes = () if number % 2 else drawn_changes(np.random.default_rng([parameters.seed, 7]), run)
+    return simulate_pair(parameters, changes=changes)
+
+
+def registered(pair: SimulatedPair) -> tuple[RegistrationResult, Float, Float]:
+    """The registration and both epochs' ground points, registered."""
+    first, second = (
+        xyz[ground_mask(xyz, GroundParameters())]
+        for xyz in (cloud.xyz[inside(cloud.xyz, pair)] for cloud in (pair.first, pair.second))
+    )
+    found = register(first, second, RegistrationParameters())
+    return found, first, found.transform.apply(second)
+
+
+def changed(
+    found: RegistrationResult, first: Float, second: Float, parameters: ChangeParameters
+) -> tuple[Change, Zones]:
+    """Change and zones of two registered epochs."""
+    change = difference(first, second, parameters, registration_error=found.registration_error)
+    none = np.zeros(change.grid.shape, dtype=bool)
+    zones = extract_zones(
+        change.dz,
+        # A shift of everything is named as such and draws no zones.
+        none if change.uniform_dz is not None else change.significant,
+        change.level,
+        change.error,
+        np.minimum(change.count_from, change.count_to),
+        change.grid,
+        None,
+        registration_error=change.registration_error,
+        block=change.block,
+        cell_area=change.cell_area,
+        stable=change.stable,
+    )
+    return change, zones
+
+
+def compared(pair: SimulatedPair, change: Change, zones: Zones) -> PairResult:
+    """The zones of a pair against its truth."""
+    truth = pair.true_change_raster(change.grid, 8)
+    signs = np.sign(np.concatenate([[0.0], zones.frame["vol_net_m3"].to_numpy(dtype=np.float64)]))[zones.labels]
+    found, shown = [], []
+    for known in pair.changes:
+        assert isinstance(known, Bump)
+        raster = true_change_raster((known,), pair.scene.frame, change.grid, 8)
+        shown.append(set(np.unique(zones.labels[np.abs(raster) > NOTHING]).tolist()) - {0})
+        alone = np.abs(raster) > 0.5 * abs(known.height)
+        core = alone & change.valid
+        if not core.any():
+            core = alone
+        level = float(np.nanmedian(change.level[core])) if change.valid[core].any() else math.inf
+        share = float(np.mean(signs[core] == np.sign(known.height)))
+        area = math.pi * known.half_u * known.half_v
+        found.append(Detected(known.height, area, level, share, pair.parameters.vegetation))
+    moved = np.bincount(zones.labels.ravel(), weights=(np.abs(truth) > NOTHING).ravel(), minlength=len(zones.frame) + 1)
+    unchanged = change.valid & (truth == 0)
+    return PairResult(
+        changes=tuple(found),
+        volumes=tuple(_volumes(pair, zones, shown)),
+        false_zones=int(np.count_nonzero(moved[1:] == 0)),
+        zones=len(zones.frame),
+        beyond=float(np.mean(np.abs(change.dz[unchanged]) > change.level[unchanged])),
+        changed=bool(pair.changes),
+    )
+
+
+def _volumes(pair: SimulatedPair, zones: Zones, shown: list[set[int]]) -> Iterator[Volume]:
+    """Of changes that one zone shows, which shows no other."""
+    for number, (known, own) in enumerate(zip(pair.changes, shown, strict=True)):
+        others = set().union(*shown[:number], *shown[number + 1 :])
+        if len(own) == 1 and not own & others:
+            row = zones.frame.iloc[own.pop() - 1]
+            raised, lowered = known.volumes
+            yield Volume(float(row["vol_low_m3"]), float(row["vol_high_m3"]), raised - lowered)
+
+
+def results(count: int = PAIRS) -> dict[str, list[PairResult]]:
+    """All pairs, one after the other, with each of ``CELLS``."""
+    found: dict[str, list[PairResult]] = {name: [] for name in CELLS}
+    for number in range(count):
+        pair = simulated(number)
+        registered_pair = registered(pair)
+        for name, parameters in CELLS.items():
+            found[name].append(compared(pair, *changed(*registered_pair, parameters)))
+        print(f"  pair {number + 1} of {count}", file=sys.stderr, flush=True)
+    return found
+
+
+def rows() -> list[Row]:
+    """Recall by amplitude in units of the level, volumes, false zones with and without change."""
+    found = results()
+    fixed, growing = found.values()
+    lines = []
+    for low, high in pairwise(RATIOS):
+        name = f"{low:g} to {high:g}" if math.isfinite(high) else f"{low:g} and more"
+        lines.append(
+            Row(
+                f"changes found, height {name} times the level",
+                _found(fixed, lambda c, low=low, high=high: low <= c.ratio < high),
+                "",
+                f"growing cells {_found(growing, lambda c, low=low, high=high: low <= c.ratio < high)}",
+            )
+        )
+    for cover in VEGETATION:
+        lines.append(
+            Row(
+                f"found under {100 * cover:.0f} % vegetation, height of 10 cm and more",
+                _found(fixed, lambda c, cover=cover: c.vegetation == cover and abs(c.amplitude) >= HIGH),
+                "",
+                "growing cells "
+                + _found(growing, lambda c, cover=cover: c.vegetation == cover and abs(c.amplitude) >= HIGH),
+            )
+        )
+    (own, zones), (other, more) = _covered(fixed), _covered(growing)
+    lines.append(
+        Row(
+            f"volumes whose 95 % interval holds the true one ({zones} zones of one change each)",
+            f"{100 * own:.0f} %",
+            "90 to 99 %",
+            f"growing cells {100 * other:.0f} % of {more}",
+            bool(0.9 <= own <= 0.99),
+        )
+    )
+    false = _false(fixed, changed_pairs=False)
+    lines.append(
+        Row(
+            f"false zones on an unchanged slope ({len(fixed) // 2} pairs)",
+            f"{false:.2f}; {_false(fixed, changed_pairs=True):.2f} on slopes with change",
+            "below 0.1",
+            f"growing cells {_false(growing, changed_pairs=False):.2f}; {_false(growing, changed_pairs=True):.2f}",
+            false < 0.1,
+        )
+    )
+    own_share, other_share = (np.array([r.beyond for r in some if not r.changed]) for some in (fixed, growing))
+    lines.append(
+        Row(
+            "unchanged cells beyond their level of 95 %, mean of the unchanged pairs",
+            f"{100 * own_share.mean():.1f} % ({100 * own_share.min():.1f} to {100 * own_share.max():.1f})",
+            "3 to 7 %",
+            f"growing cells {100 * other_share.mean():.1f} %",
+            bool(0.03 <= own_share.mean() <= 0.07),
+        )
+    )
+    return lines
+
+
+def _found(results: list[PairResult], of: Callable[[Detected], bool]) -> str:
+    some = [c for result in results for c in result.changes if of(c)]
+    return f"{sum(c.share >= FOUND for c in some)} of {len(some)}"
+
+
+def _covered(results: list[PairResult]) -> tuple[float, int]:
+    volumes = [v for result in results for v in result.volumes]
+    return (float(np.mean([v.covered for v in volumes])) if volumes else float("nan")), len(volumes)
+
+
+def _false(results: list[PairResult], *, changed_pairs: bool) -> float:
+    """False zones a slope of the pairs with, or without, change."""
+    some = [result.false_zones for result in results if result.changed is changed_pairs]
+    return float(np.mean(some)) if some else float("nan")

@@ -1,0 +1,95 @@
+"""What counts as found, as false and as covered, on changes and zones made by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from slopewatch.benchmarks.detection import AMPLITUDE, AREA, LENGTH, compared, drawn_changes
+from slopewatch.engine.change import difference
+from slopewatch.engine.gridding import Grid
+from slopewatch.engine.parameters import ChangeParameters
+from slopewatch.engine.zones import extract_zones
+from slopewatch.simulation.change import Bump, true_change_raster
+from slopewatch.simulation.frame import Frame
+
+FRAME = Frame()
+KNOWN = (Bump(5.0, 5.0, 2.0, 2.0, 0.3), Bump(15.0, 5.0, 2.0, 2.0, -0.3))
+
+
+@pytest.fixture(scope="module")
+def flat():
+    """The change between two noisy clouds of flat ground, in which the first of KNOWN was put, not the second; besides,
+    a patch rose that is in no list.
+    """
+    rng = np.random.default_rng(3)
+    clouds = []
+    for epoch in range(2):
+        local = np.column_stack([rng.uniform(0, 20, 60_000), rng.uniform(0, 10, 60_000), np.zeros(60_000)])
+        if epoch:
+            local[:, 2] += KNOWN[0].dz(local[:, 0], local[:, 1])
+            local[(np.abs(local[:, 0] - 10) < 0.8) & (np.abs(local[:, 1] - 8) < 0.8), 2] += 0.2
+        local[:, 2] += rng.normal(0, 0.01, len(local))
+        clouds.append(FRAME.to_world(local))
+    change = difference(*clouds, ChangeParameters(cell=0.2))
+    zones = extract_zones(
+        change.dz,
+        change.significant,
+        change.level,
+        change.error,
+        np.minimum(change.count_from, change.count_to),
+        change.grid,
+        None,
+        stable=change.stable,
+    )
+    return change, zones
+
+
+def _pair(changes):
+    def raster(grid: Grid, subsamples: int) -> np.ndarray:
+        return true_change_raster(changes, FRAME, grid, subsamples)
+
+    return SimpleNamespace(
+        changes=changes,
+        scene=SimpleNamespace(frame=FRAME),
+        parameters=SimpleNamespace(vegetation=0.0),
+        true_change_raster=raster,
+    )
+
+
+def test_what_is_there_is_found_what_is_not_is_false(flat):
+    found = compared(_pair(KNOWN), *flat)
+    there, missing = found.changes
+    assert there.share > 0.9
+    assert missing.share == 0.0
+    assert there.ratio > 5
+    assert found.false_zones == 1, "the patch that no list names"
+    assert found.zones == 2
+    assert len(found.volumes) == 1
+    assert found.volumes[0].true == pytest.approx(np.pi / 3 * 4 * 0.3)
+    assert found.volumes[0].covered
+    assert not replace(found.volumes[0], true=2 * found.volumes[0].high).covered
+
+
+def test_a_zone_of_the_other_sign_finds_nothing(flat):
+    sunk = (replace(KNOWN[0], height=-0.3),)
+    assert compared(_pair(sunk), *flat).changes[0].share == 0.0
+
+
+def test_drawn_changes_lie_apart_on_the_slope_within_their_ranges():
+    for seed in range(20):
+        drawn = drawn_changes(np.random.default_rng(seed), 14.8)
+        assert 1 <= len(drawn) <= 3
+        for number, one in enumerate(drawn):
+            assert AMPLITUDE[0] <= abs(one.height) <= AMPLITUDE[1]
+            assert AREA[0] * 0.999 <= np.pi * one.half_u * one.half_v <= AREA[1] * 1.001
+            west, south, east, north = one.bounds
+            assert min(west, south) >= 0
+            assert east <= LENGTH
+            assert north <= 14.8
+            for other in drawn[:number]:
+                assert (
+                    abs(one.u - other.u) > one.half_u + other.half_u or abs(one.v - other.v) > one.half_v + other.half_v
+                )
