@@ -22,7 +22,7 @@ from .m3c2_products import RASTERS, dimensions, main_figures, median_level_95, w
 from .m3c2_scales import Scales, choose_scales, overlap_bounds, spread_cores
 from .m3c2_search import Lattice
 from .outputs import refuse_inputs_as_outputs, refuse_other_than_cloud, refuse_unwritable, staged_outputs
-from .pair import require_comparable
+from .pair import refuse_other_heights, require_comparable
 from .parameters import DistanceParameters, InputParameters
 from .progress import Progress
 from .run_record import RunRecord, plain
@@ -32,6 +32,7 @@ from .version import VERSION
 
 Float = NDArray[np.float64]
 _LONGER = 4.0  # cylinders so many times as long tell whether points lie just beyond
+_REGISTERED = 3.0  # m; where all of a survey is farther off in height it was not registered
 _NORMALS = ("NormalX", "NormalY", "NormalZ")
 
 
@@ -112,6 +113,7 @@ def m3c2_step(
             entry["points"] = [len(a.xyz), len(b.xyz)]
             if transform is not None:
                 b = replace(b, xyz=transform.apply(b.xyz))
+            refuse_other_heights(a, b, _REGISTERED)
         with progress.stage(0.2, 0.35, "choosing scales"), record.stage("scales"):
             scales = choose_scales(a.xyz, b.xyz, parameters, progress)
             for sentence in scales.warnings:
@@ -274,5 +276,6 @@ def _warn(found: Distances, later: Lattice, scales: Scales, progress: Progress) 
     if shift is not None:
         progress.warning(
             f"The whole overlap has {'risen' if shift > 0 else 'sunk'} by about {abs(shift):.3f} m along its normals: "
-            "a datum or height bias, not a deformation. Check the height systems, or register first."
+            "a datum or height bias (such as ellipsoidal against orthometric heights), not a deformation. Check the "
+            "height systems, or register first."
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -12,29 +13,44 @@ from shapely.geometry.base import BaseGeometry
 from .change import Change, cell_that_compares, compared_share
 from .clouds import PointCloud, open_cloud
 from .errors import InputError
+from .height_systems import compare_clouds, disagreement
 from .parameters import InputParameters, RegistrationParameters
 from .progress import Progress
 from .registration import RegistrationResult, register
 from .roi import read_roi
+from .run_record import sha256
 from .transform import RigidTransform
 
 _LITTLE_COMPARED = 0.5  # share of the ground
+_FOUND = 3.0  # times the largest expected offset: so far away the robust method finds its way back
 
 
 def require_comparable(first: Path, second: Path, inputs: InputParameters) -> None:
     """Raise InputError unless both clouds can be opened and are in the same reference system, by their headers."""
     systems = [open_cloud(path, inputs, None)[1].crs for path in (first, second)]
     if not systems[0].equals(systems[1], ignore_axis_order=True):
+        plans = [system.sub_crs_list[0] if system.is_compound else system for system in systems]
+        if plans[0].equals(plans[1], ignore_axis_order=True):
+            a, b = (system.sub_crs_list[-1].name if system.is_compound else "none" for system in systems)
+            raise InputError(
+                f"The epochs declare different height systems: {first.name} {a}, {second.name} {b}; bring both to the "
+                "same heights, or if a declaration is wrong or missing give both systems with --crs, such as "
+                "EPSG:32651+5773."
+            )
         raise InputError(
             f"The epochs are in different reference systems: {first.name} in {systems[0].name}, "
             f"{second.name} in {systems[1].name}; reproject one of them, or give --crs if one is declared wrongly."
         )
 
 
-def require_two_clouds(reference: Path, moving: Path) -> None:
-    """Raise InputError if the two paths are one file."""
-    if reference.exists() and moving.exists() and reference.samefile(moving):
+def require_two_clouds(reference: Path, moving: Path, *, contents: bool = True) -> None:
+    """Raise InputError if the two paths are one file, or with ``contents`` copies of one."""
+    if not (reference.is_file() and moving.is_file()):
+        return
+    if reference.samefile(moving):
         raise InputError(f"{reference} was given as both clouds; give two different ones.")
+    if contents and reference.stat().st_size == moving.stat().st_size and sha256(reference) == sha256(moving):
+        raise InputError(f"{reference} and {moving} are the same cloud; give two different epochs.")
 
 
 def stable_area(path: Path | None, crs: CRS, progress: Progress) -> BaseGeometry | None:
@@ -62,10 +78,22 @@ def known_stable(path: Path | None, first: PointCloud) -> BaseGeometry | None:
     return None if path is None else read_roi(path, first.crs).geometry
 
 
+def refuse_other_heights(first: PointCloud, second: PointCloud, limit: float = math.inf) -> None:
+    """Raise InputError where the epochs' heights differ by a unit, or all alike by more than ``limit`` metres."""
+    wrong = disagreement(compare_clouds(first.xyz, second.xyz), first.path.name, second.path.name, limit)
+    if wrong is not None:
+        raise InputError(wrong)
+
+
 def register_pair(
     first: PointCloud, second: PointCloud, parameters: RegistrationParameters, stable: Path | None, progress: Progress
 ) -> RegistrationResult:
-    """Register ``second`` to ``first`` (see ``registration.register``) and tell the user its warnings."""
+    """Register ``second`` to ``first`` (see ``registration.register``) and tell the user its warnings.
+
+    Raises:
+        InputError: see ``registration.register``; heights of another system or unit, farther off than is registered.
+    """
+    refuse_other_heights(first, second, parameters.maximum_offset * (_FOUND if parameters.method == "robust" else 1.0))
     area = stable_area(stable, first.crs, progress)
     result = register(first.xyz, second.xyz, parameters, stable=area, progress=progress)
     for warning in result.warnings:
@@ -92,5 +120,6 @@ def warn_of_doubtful_change(change: Change, progress: Progress) -> None:
     if shift is not None:
         progress.warning(
             f"The whole overlap has {'risen' if shift > 0 else 'sunk'} by about {abs(shift):.3f} m: a datum or height "
-            "bias, not a deformation; no zones are drawn. Check the height systems, or register first."
+            "bias (such as ellipsoidal against orthometric heights), not a deformation; no zones are drawn. Check the "
+            "height systems, or register first."
         )

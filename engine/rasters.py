@@ -151,7 +151,7 @@ def write_rgba(
 
 
 def read_raster(path: Path, band: int = 1) -> Raster:
-    """Read one band with NaN where there is no data.
+    """Read one band with NaN where there is no data: what the file declares as such, NaN, and -9999 in any case.
 
     Raises:
         InputError: not a raster, or not north-up with square cells.
@@ -159,7 +159,8 @@ def read_raster(path: Path, band: int = 1) -> Raster:
     try:
         with rasterio.Env(**_ENVIRONMENT), rasterio.open(path) as source:
             values = source.read(band).astype(np.float32)
-            values[source.read_masks(band) == 0] = np.nan
+            # other programs leave our -9999 behind where they declare NaN, or nothing
+            values[(source.read_masks(band) == 0) | (values == NODATA)] = np.nan
             return Raster(
                 array=values,
                 grid=_grid_of(source, Path(path)),

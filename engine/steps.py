@@ -17,7 +17,14 @@ from .errors import InputError
 from .ground import extract_ground
 from .inspection import CHANGE_OUTPUTS, ON_REQUEST, Outcome, Settings
 from .outputs import refuse_inputs_as_outputs, refuse_other_than_cloud, refuse_unwritable, staged_outputs
-from .pair import known_stable, register_pair, require_comparable, require_two_clouds, warn_of_doubtful_change
+from .pair import (
+    known_stable,
+    refuse_other_heights,
+    register_pair,
+    require_comparable,
+    require_two_clouds,
+    warn_of_doubtful_change,
+)
 from .pdal import find_pdal
 from .products import Context, method_name, write_products
 from .profile_lines import given_lines
@@ -83,7 +90,7 @@ def register_step(
     targets = [output] + ([transform_path] if transform_path else [])
     for target in targets:
         refuse_unwritable(target)
-    require_two_clouds(reference, moving)
+    require_two_clouds(reference, moving, contents=given is None)
     files = {"reference": reference, "moving": moving, "transform": given, "stable": stable}
     refuse_inputs_as_outputs(targets, [p for p in files.values() if p])
     if invert and given is None:
@@ -171,6 +178,7 @@ def change_step(
             entry["points"] = [len(a.xyz), len(b.xyz)]
             if transform is not None:
                 b = replace(b, xyz=transform.apply(b.xyz))
+            refuse_other_heights(a, b)
         with progress.stage(0.3, 0.5, "differencing"), record.stage("change"):
             error = registration_error(transform_path)
             change = difference(

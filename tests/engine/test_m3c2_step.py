@@ -263,7 +263,7 @@ class TestRefusals:
         assert "x 500100.0 to 500112.0" in sentence
 
     def test_no_point_in_any_cylinder(self, pair, tmp_path):
-        high = write(tmp_path / "high.laz", steep(9000, 3, shift=(0.0, 0, 30.0)))
+        high = write(tmp_path / "high.laz", steep(9000, 3, shift=(0.0, 0, 2.8)))
         self.refused(tmp_path, pair[0], high, match="--half-length", half_length=1.0)
 
     @pytest.mark.parametrize(
