@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +51,9 @@ def peer_python(peer: str) -> Path:
 def run_peer(peer: str, script: str, *arguments: str, threads: int | None = None) -> dict[str, Any]:
     """Run the lines ``script`` (they see ``sys.argv[1:]`` as ``arguments``) with the peer's interpreter.
 
+    It runs in an empty folder of its own, removed after: py4dgeo writes a log into the current one. Paths among the
+    ``arguments`` must be absolute.
+
     Args:
         threads: how many threads it may use; its own choice by default.
 
@@ -64,7 +68,8 @@ def run_peer(peer: str, script: str, *arguments: str, threads: int | None = None
     if threads is not None:
         environment["OMP_NUM_THREADS"] = str(threads)
     command = [str(peer_python(peer)), "-c", script, *arguments]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    with tempfile.TemporaryDirectory() as scratch:
+        done = subprocess.run(command, env=environment, cwd=scratch, capture_output=True, text=True, check=False)
     if done.returncode:
         raise RuntimeError(f"{peer} failed: {done.stderr[-2000:]}")
     found: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
@@ -72,7 +77,8 @@ def run_peer(peer: str, script: str, *arguments: str, threads: int | None = None
 
 
 def _call(peer: str, command: list[str]) -> None:
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    with tempfile.TemporaryDirectory() as scratch:
+        done = subprocess.run(command, cwd=scratch, capture_output=True, text=True, check=False)
     if done.returncode:
         lines = [line for line in (done.stderr or done.stdout).strip().splitlines() if line.startswith("ERROR")]
         reason = lines[-1].removeprefix("ERROR: ") if lines else f"{command[-1]} failed"
