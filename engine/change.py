@@ -108,7 +108,7 @@ def common_grid(reference: Float, moving: Float, parameters: ChangeParameters) -
     Raises:
         InputError: the extents do not meet (both are named), or the grid needs more than ``memory_limit``.
     """
-    extents = [(*c[:, :2].min(axis=0).tolist(), *c[:, :2].max(axis=0).tolist()) for c in (reference, moving)]
+    extents = [tuple(float(end(c[:, k])) for end in (np.min, np.max) for k in (0, 1)) for c in (reference, moving)]
     a, b = extents
     meet = (max(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), min(a[3], b[3]))
     if meet[0] > meet[2] or meet[1] > meet[3]:
@@ -225,7 +225,7 @@ def difference_of_cells(
         registration_error = parameters.registration_error
     sampling = np.sqrt(first.leverage * pooled_variance(first) + second.leverage * pooled_variance(second))
     sampling[~both] = np.nan
-    slope = slope_degrees(widened_gradient((first.height, second.height), grid))
+    slope = slope_degrees(widened_gradient((first.height, second.height), grid, where=both))
     uniform = uniform_shift(dz[both], quantile(parameters.confidence) * np.hypot(sampling[both], registration_error))
     found = judge(
         dz,

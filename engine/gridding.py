@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,15 +88,28 @@ def cell_index(xy: Float, grid: Grid) -> NDArray[np.int64]:
     Cells are half open: a point on a shared edge belongs to the eastern, or northern, cell. Points are given on
     lattices (0.001 m) that share numbers with the cells' edges, hence the tolerance of a millionth of a cell.
     """
-    scale = 1.0 / grid.cell
-    south = grid.bounds[1]
-    column = np.floor((xy[:, 0] - grid.west) * scale + 1e-6).astype(np.int64)
-    row = grid.rows - 1 - np.floor((xy[:, 1] - south) * scale + 1e-6).astype(np.int64)
-    index = row * grid.columns + column
-    outside = (column < 0) | (column >= grid.columns) | (row < 0) | (row >= grid.rows)
-    if outside.any():
+    row, column = _row_and_column(xy, grid)
+    index = (row * grid.columns + column).astype(np.int64)
+    outside = _outside(row, column, grid)
+    if outside is not None:
         index[outside] = -1
     return index
+
+
+def _row_and_column(xy: Float, grid: Grid) -> tuple[Float, Float]:
+    """Whole numbers, as floats: they are exact below 2^53."""
+    scale = 1.0 / grid.cell
+    column = np.floor((xy[:, 0] - grid.west) * scale + 1e-6)
+    row = (grid.rows - 1) - np.floor((xy[:, 1] - grid.bounds[1]) * scale + 1e-6)
+    return row, column
+
+
+def _outside(row: Float, column: Float, grid: Grid) -> NDArray[np.bool_] | None:
+    """Points outside the grid; None: none is."""
+    if not row.size or (min(row.min(), column.min()) >= 0 and row.max() < grid.rows and column.max() < grid.columns):
+        return None
+    outside: NDArray[np.bool_] = (column < 0) | (column >= grid.columns) | (row < 0) | (row >= grid.rows)
+    return outside
 
 
 def sloping_statistics(xyz: Float, grid: Grid) -> CellStatistics:
@@ -107,23 +121,13 @@ def sloping_statistics(xyz: Float, grid: Grid) -> CellStatistics:
     ``_POINTS_FOR_A_PLANE`` points follow their own surface by a plane of their own; with fewer, its scatter costs more
     than it gains.
     """
-    east, north = widened_gradient([cell_statistics(xyz, grid).height], grid, reach=_NEIGHBOURHOOD)
-    index = cell_index(xyz, grid)
-    inside = index >= 0
-    index, xyz = index[inside], xyz[inside]
-    u, v = _from_centre(xyz, index, grid)
-    rise = np.nan_to_num(east.ravel()[index]) * u + np.nan_to_num(north.ravel()[index]) * v
-    del east, north
-    level = np.column_stack([xyz[:, :2], xyz[:, 2] - rise])
-    return cell_statistics(level, grid, plane=True, least=_POINTS_FOR_A_PLANE)
-
-
-def _from_centre(xyz: Float, index: NDArray[np.int64], grid: Grid) -> tuple[Float, Float]:
-    """Metres east and north of the centre of the cell ``index`` that each point lies in."""
-    row, column = np.divmod(index, grid.columns)
-    u = xyz[:, 0] - (grid.west + (column + 0.5) * grid.cell)
-    v = xyz[:, 1] - (grid.north - (row + 0.5) * grid.cell)
-    return u, v
+    points = _points_in_cells(xyz, grid)
+    cells = _sums(points, spread=True)
+    around = widened_gradient(
+        [_spread_out(cells.height, cells, grid, np.nan)], grid, reach=_NEIGHBOURHOOD, where=points.count > 0
+    )
+    east, north = (np.nan_to_num(component.ravel()[cells.cell]) for component in around)
+    return _statistics(points, _without_slope(cells, east, north), grid, least=_POINTS_FOR_A_PLANE)
 
 
 def cell_statistics(xyz: Float, grid: Grid, *, plane: bool = False, least: int = 4) -> CellStatistics:
@@ -135,79 +139,153 @@ def cell_statistics(xyz: Float, grid: Grid, *, plane: bool = False, least: int =
             points, or whose points lie nearly on a line, keep the mean.
         least: at least four.
     """
-    index = cell_index(xyz, grid)
-    if index.size and index.min() < 0:
-        inside = index >= 0
-        index, xyz = index[inside], xyz[inside]
-    cells = grid.rows * grid.columns
-    count = np.bincount(index, minlength=cells)
+    points = _points_in_cells(xyz, grid)
+    return _statistics(points, _sums(points, spread=plane), grid, least=least if plane else None)
+
+
+@dataclass(frozen=True)
+class _Points:
+    """Points inside the grid: metres east (u) and north (v) of their cell's centre, heights about ``level``.
+
+    ``count`` (rows, columns) is how many each cell has; ``cell`` the flat index of the cells that have any, and
+    ``number`` the place in it of each point's cell.
+    """
+
+    u: Float
+    v: Float
+    z: Float
+    level: float
+    count: NDArray[np.int64]
+    cell: NDArray[np.int64]
+    number: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Mean height of the points of each cell that has any, and the sums of products about their means, arrays (cells,).
+
+    ``u`` and ``v`` are their mean place from the cell's centre; zeros, as the products with them, where these were not
+    asked for.
+    """
+
+    cell: NDArray[np.int64]
+    n: NDArray[np.int64]
+    height: Float
+    zz: Float
+    u: Float
+    v: Float
+    uu: Float
+    vv: Float
+    uv: Float
+    uz: Float
+    vz: Float
+
+
+def _points_in_cells(xyz: Float, grid: Grid) -> _Points:
+    row, column = _row_and_column(xyz, grid)
+    outside = _outside(row, column, grid)
+    if outside is not None:
+        inside = ~outside
+        xyz, row, column = xyz[inside], row[inside], column[inside]
+    index = (row * grid.columns + column).astype(np.int64)
+    count = np.bincount(index, minlength=grid.rows * grid.columns)
+    cell = np.flatnonzero(count)
+    number = np.empty(count.size, dtype=np.int64)
+    number[cell] = np.arange(cell.size)
     # heights about a common level: squares of small numbers keep their digits
     level = float(np.median(xyz[:: max(1, len(xyz) // 10_000), 2])) if len(xyz) else 0.0
-    z = xyz[:, 2] - level
-    with np.errstate(invalid="ignore", divide="ignore"):
-        sum_z = np.bincount(index, weights=z, minlength=cells)
-        sum_zz = np.bincount(index, weights=z * z, minlength=cells)
-        height = sum_z / count
-        degrees = np.maximum(count - 1.0, 0.0)
-        squares = np.maximum(sum_zz - sum_z * height, 0.0)
-        leverage = 1.0 / count
-        tilted = np.zeros(cells, dtype=bool)
-        scatter = np.where(degrees > 0, squares / degrees, np.nan)
-        if plane:
-            height, squares, degrees, leverage, tilted = _plane_in_cell(
-                xyz, z, index, grid, count, height, squares, degrees, leverage, least
-            )
-        variance = np.where(degrees > 0, squares / degrees, np.nan)
-    leverage[count == 0] = np.nan
-    shape = grid.shape
-    return CellStatistics(
-        count=count.reshape(shape),
-        height=(height + level).reshape(shape),
-        variance=variance.reshape(shape),
-        degrees=degrees.reshape(shape),
-        leverage=leverage.reshape(shape),
-        tilted=tilted.reshape(shape),
-        scatter=scatter.reshape(shape),
+    return _Points(
+        u=xyz[:, 0] - (grid.west + (column + 0.5) * grid.cell),
+        v=xyz[:, 1] - (grid.north - (row + 0.5) * grid.cell),
+        z=xyz[:, 2] - level,
+        level=level,
+        count=count.reshape(grid.shape),
+        cell=cell,
+        number=number[index],
     )
 
 
-def _plane_in_cell(
-    xyz: Float,
-    z: Float,
-    index: NDArray[np.int64],
-    grid: Grid,
-    count: NDArray[np.int64],
-    mean: Float,
-    squares: Float,
-    degrees: Float,
-    leverage: Float,
-    least: int,
-) -> tuple[Float, Float, Float, Float, NDArray[np.bool_]]:
-    """Least squares in centred moments: height at the cell's centre, residual squares, degrees, leverage, where."""
-    cells = grid.rows * grid.columns
-    u, v = _from_centre(xyz, index, grid)
+def _sums(points: _Points, *, spread: bool) -> _Sums:
+    n = points.count.ravel()[points.cell]
 
     def total(values: Float) -> Float:
-        return np.bincount(index, weights=values, minlength=cells).astype(np.float64, copy=False)
+        return np.bincount(points.number, weights=values, minlength=n.size).astype(np.float64, copy=False)
 
-    mean_u, mean_v = total(u) / count, total(v) / count
-    du, dv, dz = u - mean_u[index], v - mean_v[index], z - mean[index]
-    suu, svv, suv = total(du * du), total(dv * dv), total(du * dv)
-    suz, svz = total(du * dz), total(dv * dz)
-    determinant = suu * svv - suv * suv
-    slope_u = (suz * svv - svz * suv) / determinant
-    slope_v = (svz * suu - suz * suv) / determinant
-    at_centre = mean - slope_u * mean_u - slope_v * mean_v
-    extrapolation = (mean_u**2 * svv - 2 * mean_u * mean_v * suv + mean_v**2 * suu) / determinant
+    height = total(points.z) / n
+    dz = points.z - height[points.number]
+    zz = total(dz * dz)
+    if not spread:
+        zero = np.zeros(n.size)
+        return _Sums(points.cell, n, height, zz, zero, zero, zero, zero, zero, zero, zero)
+    u, v = total(points.u) / n, total(points.v) / n
+    du, dv = points.u - u[points.number], points.v - v[points.number]
+    products = (total(a * b) for a, b in ((du, du), (dv, dv), (du, dv), (du, dz), (dv, dz)))
+    return _Sums(points.cell, n, height, zz, u, v, *products)
+
+
+def _without_slope(cells: _Sums, east: Float, north: Float) -> _Sums:
+    """The sums as they would be had z - east u - north v been summed in place of z (both (cells,))."""
+    rise_u, rise_v = east * cells.uu + north * cells.uv, east * cells.uv + north * cells.vv
+    zz = cells.zz - 2.0 * (east * cells.uz + north * cells.vz) + east * rise_u + north * rise_v
+    return replace(
+        cells,
+        height=cells.height - east * cells.u - north * cells.v,
+        zz=np.maximum(zz, 0.0),
+        uz=cells.uz - rise_u,
+        vz=cells.vz - rise_v,
+    )
+
+
+def _spread_out(values: NDArray[Any], cells: _Sums, grid: Grid, empty: Any) -> NDArray[Any]:
+    """``values`` (cells,) on the grid; ``empty`` where no points are."""
+    full = np.full(grid.rows * grid.columns, empty)
+    full[cells.cell] = values
+    return full.reshape(grid.shape)
+
+
+def _statistics(points: _Points, cells: _Sums, grid: Grid, *, least: int | None) -> CellStatistics:
+    """Of means, or of planes in the cells with ``least`` points whose spread tells one."""
+    height, squares, degrees, leverage = cells.height + points.level, cells.zz.copy(), cells.n - 1.0, 1.0 / cells.n
+    tilted = np.zeros(cells.n.size, dtype=bool)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        scatter = np.where(degrees > 0, squares / degrees, np.nan)
+        if least is not None:
+            chosen, fall, rest, extrapolation = _planes(cells, grid.cell, least)
+            tilted[chosen] = True
+            height[chosen] -= fall
+            squares[chosen] = rest
+            degrees[chosen] -= 2.0
+            leverage[chosen] += extrapolation
+        variance = np.where(degrees > 0, squares / degrees, np.nan)
+
+    def full(values: NDArray[Any], empty: Any = np.nan) -> NDArray[Any]:
+        return _spread_out(values, cells, grid, empty)
+
+    return CellStatistics(
+        count=points.count,
+        height=full(height),
+        variance=full(variance),
+        degrees=full(degrees, 0.0),
+        leverage=full(leverage),
+        tilted=full(tilted, False),
+        scatter=full(scatter),
+    )
+
+
+def _planes(cells: _Sums, side: float, least: int) -> tuple[NDArray[np.int64], Float, Float, Float]:
+    """Which cells follow a plane of their own, by least squares in the centred sums.
+
+    And of each: how much lower it is at the cell's centre than its points' mean, its residual squares, and by how much
+    its leverage exceeds that of the mean, (X'X)^-1_00 - 1/n.
+    """
+    may = np.flatnonzero(cells.n >= max(least, 4))
+    n, u, v = cells.n[may], cells.u[may], cells.v[may]
+    uu, vv, uv, uz, vz = (sums[may] for sums in (cells.uu, cells.vv, cells.uv, cells.uz, cells.vz))
+    determinant = uu * vv - uv * uv
+    slope_u = (uz * vv - vz * uv) / determinant
+    slope_v = (vz * uu - uz * uv) / determinant
+    extrapolation = (u**2 * vv - 2 * u * v * uv + v**2 * uu) / determinant
     # a spread of at least a tenth of the cell in every direction; else the plane tilts freely
-    enough = (
-        (count >= max(least, 4)) & (determinant > 1e-4 * (count * grid.cell**2 / 12.0) ** 2) & (extrapolation < 1.0)
-    )
-    rest = np.maximum(squares - slope_u * suz - slope_v * svz, 0.0)
-    return (
-        np.where(enough, at_centre, mean),
-        np.where(enough, rest, squares),
-        np.where(enough, count - 3.0, degrees),
-        np.where(enough, 1.0 / count + extrapolation, leverage),
-        enough,
-    )
+    enough = (determinant > 1e-4 * (n * side**2 / 12.0) ** 2) & (extrapolation < 1.0)
+    rest = np.maximum(cells.zz[may] - slope_u * uz - slope_v * vz, 0.0)
+    return may[enough], (slope_u * u + slope_v * v)[enough], rest[enough], extrapolation[enough]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from slopewatch.engine.cell_slope import slope_degrees, slope_gradient
+from slopewatch.engine import cell_slope
+from slopewatch.engine.cell_slope import slope_degrees, slope_gradient, widened_gradient
 from slopewatch.engine.gridding import Grid
 
 GRID = Grid(500_000.0, 3_500_000.0, 0.25, 30, 40)
@@ -50,3 +51,35 @@ def test_cells_in_one_line_tell_no_slope():
     line = np.full(GRID.shape, np.nan)
     line[10] = 700.0
     assert np.isnan(slope_gradient([line], GRID)[0]).all()
+
+
+def test_cells_wanted_have_the_slope_they_have_among_all_of_a_grid_held_in_bands(monkeypatch):
+    rng = np.random.default_rng(5)
+    rough = heights(0.5, 0.8) + rng.normal(0, 0.1, GRID.shape)
+    rough[rng.random(GRID.shape) < 0.8] = np.nan
+    rough[:9] = np.nan
+    wanted = rng.random(GRID.shape) < 0.3
+    whole = widened_gradient([rough], GRID)
+    monkeypatch.setattr(cell_slope, "_BAND", 1)
+    for component, expected in zip(widened_gradient([rough], GRID, where=wanted), whole, strict=True):
+        assert np.isnan(component[~wanted]).all()
+        assert component[wanted] == pytest.approx(expected[wanted], nan_ok=True, abs=1e-9)
+
+
+def test_a_wider_reach_where_too_few_cells_are_near():
+    sparse = np.full(GRID.shape, np.nan)
+    sparse[::7, ::7] = heights(0.3, -1.7)[::7, ::7]
+    assert np.isnan(slope_gradient([sparse], GRID)[0]).all()
+    east, north = widened_gradient([sparse], GRID)
+    assert np.isfinite(east).sum() > 0.9 * east.size
+    assert east[np.isfinite(east)] == pytest.approx(0.3)
+    assert north[np.isfinite(north)] == pytest.approx(-1.7)
+
+
+def test_one_height_far_off_does_not_spoil_the_others():
+    """Sums are kept in whole units: these must stay fine enough beside an error of kilometres."""
+    spoilt = heights(0.3, -1.7)
+    spoilt[0, 0] = 9000.0
+    east, north = slope_gradient([spoilt], GRID)
+    assert east[6:, 6:] == pytest.approx(0.3, abs=1e-9)
+    assert north[6:, 6:] == pytest.approx(-1.7, abs=1e-9)

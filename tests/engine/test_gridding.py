@@ -7,7 +7,8 @@ from decimal import Decimal
 
 import numpy as np
 import pytest
-from slopewatch.engine.gridding import Grid, cell_index, cell_statistics, snapped_grid
+from slopewatch.engine.cell_slope import widened_gradient
+from slopewatch.engine.gridding import Grid, cell_index, cell_statistics, sloping_statistics, snapped_grid
 
 UTM = (500_000.0, 3_500_000.0)
 
@@ -119,3 +120,22 @@ def test_empty_cells_are_nan():
     assert np.isnan(cells.height).sum() == 3
     assert np.isnan(cells.variance).all()
     assert np.isnan(cells.leverage).sum() == 3
+
+
+def test_the_slope_around_is_taken_from_each_point_before_the_cells_are_summed():
+    """Against the points themselves, levelled by the slope and summed cell by cell."""
+    points = cloud(7, 6000)
+    points[0, 2] += 500.0  # one wild point must not cost the others their digits
+    grid = snapped_grid((*points[:, :2].min(0), *points[:, :2].max(0)), 0.25)
+    known = cell_statistics(points, grid)
+    east, north = widened_gradient([known.height], grid, reach=0.3)
+    row, column = np.divmod(cell_index(points, grid), grid.columns)
+    level = points.copy()
+    level[:, 2] -= np.nan_to_num(east[row, column]) * (points[:, 0] - (grid.west + (column + 0.5) * grid.cell))
+    level[:, 2] -= np.nan_to_num(north[row, column]) * (points[:, 1] - (grid.north - (row + 0.5) * grid.cell))
+    expected = cell_statistics(level, grid, plane=True, least=12)
+    got = sloping_statistics(points, grid)
+    assert np.array_equal(got.tilted, expected.tilted)
+    assert 0 < got.tilted.sum() < (got.count > 0).sum()
+    for name in ("count", "degrees", "height", "leverage", "variance", "scatter"):
+        assert getattr(got, name) == pytest.approx(getattr(expected, name), nan_ok=True, rel=1e-7, abs=1e-8), name
