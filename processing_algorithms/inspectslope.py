@@ -23,7 +23,7 @@ from .base import SlopeWatchAlgorithm
 from .elevationchange import CHANGE_FILES, CHANGE_NUMBERS, CHANGE_PAGES
 from .registerepochs import REGISTRATION_NUMBERS, STABLE_HELP
 
-_BASIC = ("cloth_resolution", "cell", "confidence", "minimum_area", "screen_last_epoch")
+_BASIC = ("cloth_resolution", "cell", "adaptive", "confidence", "minimum_area", "screen_last_epoch")
 _PREFIXES = {
     "InputParameters": "Input",
     "GroundParameters": "Ground",
