@@ -234,7 +234,7 @@ def test_the_whole_flow_shows_few_parameters_at_first(qgis_app: QgsApplication) 
     shown = [p.name() for p in inspect.parameterDefinitions() if not p.flags() & ADVANCED and not p.isDestination()]
     assert shown == [
         "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "ROI", "PROFILE",
-        "CLOTH_RESOLUTION", "CELL", "ADAPTIVE", "CONFIDENCE", "MINIMUM_AREA", "SCREEN_LAST_EPOCH",
+        "CLOTH_RESOLUTION", "CELL", "CONFIDENCE", "ADAPTIVE", "MINIMUM_AREA", "SCREEN_LAST_EPOCH",
     ]  # fmt: skip
 
 
