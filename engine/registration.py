@@ -178,7 +178,8 @@ def _result(
 ) -> RegistrationResult:
     """Args: before, after: nearest-neighbour distances of a sample of the moving cloud's ``points``, metres."""
     pose, information = solution.pose, solution.information
-    shift = pose.apply(quality.places).mean(axis=0) - quality.places.mean(axis=0)
+    moved = quality.places if len(quality.places) else quality.sample  # nothing is stable
+    shift = pose.apply(moved).mean(axis=0) - moved.mean(axis=0)
     covariance, error = None, 0.0
     if information is not None and parameters.method == "robust":
         scale = np.diag([1 / solution.radius] * 3 + [1.0] * 3)

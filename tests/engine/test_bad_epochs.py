@@ -269,6 +269,16 @@ def test_29_a_uniform_dz_is_named_and_no_zone(risen):
     assert json.loads((out / "run.json").read_text())["metrics"]["zone_count"] == 0
 
 
+@pytest.mark.filterwarnings("error")
+def test_29_a_uniform_dz_that_is_left_has_figures_all_the_same(first):
+    """Nothing agrees, as all lies 40 cm higher and registration is off."""
+    other = write(first.with_name("2025-05-01.laz"), slope(2) + [0, 0, 0.4])
+    _, metrics = register(first, other, method="none")
+    assert metrics["registration_stable_share"] == 0
+    assert metrics["registration_normal_translation_m"] == 0
+    assert metrics["registration_error_m"] > 0.3
+
+
 @pytest.mark.parametrize("work", [register, change, m3c2])
 def test_30_no_overlap_names_both_extents(first, work):
     other = write(first.with_name("2025-05-01.laz"), slope(2) + [300, 0, 0])
