@@ -53,7 +53,8 @@ def test_cells_in_one_line_tell_no_slope():
     assert np.isnan(slope_gradient([line], GRID)[0]).all()
 
 
-def test_cells_wanted_have_the_slope_they_have_among_all_of_a_grid_held_in_bands(monkeypatch):
+@pytest.mark.parametrize("few", [0.0, np.inf])
+def test_cells_wanted_have_the_slope_they_have_among_all_of_a_grid_held_in_bands(monkeypatch, few):
     rng = np.random.default_rng(5)
     rough = heights(0.5, 0.8) + rng.normal(0, 0.1, GRID.shape)
     rough[rng.random(GRID.shape) < 0.8] = np.nan
@@ -61,6 +62,7 @@ def test_cells_wanted_have_the_slope_they_have_among_all_of_a_grid_held_in_bands
     wanted = rng.random(GRID.shape) < 0.3
     whole = widened_gradient([rough], GRID)
     monkeypatch.setattr(cell_slope, "_BAND", 1)
+    monkeypatch.setattr(cell_slope, "_FEW", few)
     for component, expected in zip(widened_gradient([rough], GRID, where=wanted), whole, strict=True):
         assert np.isnan(component[~wanted]).all()
         assert component[wanted] == pytest.approx(expected[wanted], nan_ok=True, abs=1e-9)
