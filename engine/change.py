@@ -10,7 +10,6 @@ import numpy as np
 from affine import Affine
 from numpy.typing import NDArray
 from rasterio.features import geometry_mask
-from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
 from .adaptive import AdaptiveCells, adaptive_cells
@@ -22,6 +21,7 @@ from .progress import Progress
 from .significance import judge
 from .slope_error import ErrorModel, uncalibrated
 from .thresholds import quantile
+from .window_sums import RunningSums, fixed_point, windows_around
 
 # Degrees of freedom that the neighbourhood's variance counts beside the cell's own (see pooled_variance).
 _PRIOR_DEGREES = 8.0
@@ -36,7 +36,8 @@ class Change:
 
     ``error`` is the standard error of ``dz``; ``level`` the level of detection at ``confidence``, both in metres.
     ``common_cell_rate`` is the share of cells valid in both epochs among those valid in either. ``stable`` marks the
-    cells that were taken as stable ground; ``slope`` is the surface's inclination, degrees, NaN where it is unknown.
+    cells that were taken as stable ground; ``slope`` is the surface's inclination, degrees, NaN where it is unknown
+    or nothing was compared.
 
     Where cells grew, ``block`` (numbers from 0, -1 for none) tells which cells are one: they share dz, error, level and
     counts, and their errors are one and the same. ``cell_size`` is the side of the block, metres. Both are None where
@@ -367,30 +368,31 @@ def _blocks(count: NDArray[np.int64], multiple: int) -> NDArray[np.int64]:
 
 
 def pooled_variance(cells: CellStatistics, *, radius: int = 5) -> Float:
-    """Variance of a point in each cell, moderated by its neighbourhood.
+    """Variance of a point in each cell, moderated by its neighbourhood; NaN in cells without points.
 
     The variance from two or three points is nearly worthless: small by chance, it would make noise significant. So the
     pooled variance of the cells within ``radius`` counts as a prior with ``_PRIOR_DEGREES`` degrees of freedom
     (moderated variance, Smyth 2004, doi:10.2202/1544-6115.1027, eq. 5).
     """
-    size = 2 * radius + 1
-    spread = np.maximum(cells.count - 1.0, 0.0)
-    pooled = _moderated(cells.scatter, spread, size)
+    # a plane's residuals do not hold the cell's slope, a mean's do: each kind learns from its own
+    pooled = _moderated(cells.scatter, np.maximum(cells.count - 1, 0), radius, cells.count > 0)
     if cells.tilted.any():
-        # a plane's residuals do not hold the cell's slope, a mean's do: each kind learns from its own
-        fitted = np.where(cells.tilted, cells.degrees, 0.0)
-        pooled[cells.tilted] = _moderated(cells.variance, fitted, size)[cells.tilted]
+        fitted = np.where(cells.tilted, cells.degrees, 0.0).astype(np.int64)
+        pooled[cells.tilted] = _moderated(cells.variance, fitted, radius, cells.tilted)[cells.tilted]
     return pooled
 
 
-def _moderated(own: Float, degrees: Float, size: int) -> Float:
-    """Variance with ``degrees`` of freedom a cell, pulled to the pooled one of ``size`` by ``size`` cells around."""
+def _moderated(own: Float, degrees: NDArray[np.int64], radius: int, where: NDArray[np.bool_]) -> Float:
+    """Variance with ``degrees`` of freedom a cell, pulled to the pooled one of the cells within ``radius``."""
     squares = np.nan_to_num(own) * degrees
-    near = ndimage.uniform_filter(np.stack([squares, degrees]), (1, size, size), mode="constant") * size**2
-    whole = squares.sum() / max(degrees.sum(), 1.0)
-    enough = near[1] >= 0.5
-    prior = np.where(enough, np.maximum(near[0], 0.0) / np.where(enough, near[1], 1.0), whole)
-    return (squares + _PRIOR_DEGREES * prior) / (degrees + _PRIOR_DEGREES)
+    whole = squares.sum() / max(int(degrees.sum()), 1)
+    row, column = np.nonzero(where)
+    units, unit = fixed_point(squares, float(squares.sum()))
+    sums = RunningSums([units, degrees]).totals(windows_around(row, column, radius, own.shape))
+    prior = np.where(sums[1] > 0, sums[0] * unit / np.maximum(sums[1], 1), whole)
+    moderated = np.full(own.shape, np.nan)
+    moderated[row, column] = (squares[row, column] + _PRIOR_DEGREES * prior) / (degrees[row, column] + _PRIOR_DEGREES)
+    return moderated
 
 
 def uniform_shift(dz: Float, level: Float, *, independent: int | None = None) -> float | None:

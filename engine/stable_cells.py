@@ -60,14 +60,15 @@ def adjacent_scatter(z: Float, known: NDArray[np.bool_], slope: Float, block: ND
     Cells of one ``block`` are not compared with each other.
     """
     found, where = [], []
-    values = np.where(known, z, np.nan)
-    for axis, here in ((0, slope[:-1]), (1, slope[:, :-1])):
-        apart = np.abs(np.diff(values, axis=axis)) / np.sqrt(2.0)
-        both = np.isfinite(apart)
+    for axis, step in ((0, z.shape[1]), (1, 1)):
+        both = np.zeros(z.shape, dtype=bool)
+        first, second = (np.s_[:-1], np.s_[1:]) if axis == 0 else (np.s_[:, :-1], np.s_[:, 1:])
+        both[first] = known[first] & known[second]
         if block is not None:
-            both &= np.diff(block, axis=axis) != 0
-        found.append(apart[both])
-        where.append(here[both])
+            both[first] &= block[first] != block[second]
+        here = np.flatnonzero(both)
+        found.append(np.abs(z.ravel()[here + step] - z.ravel()[here]) / np.sqrt(2.0))
+        where.append(slope.ravel()[here])
     size, at = np.concatenate(found), np.concatenate(where)
     if size.size < _FEWEST:
         return np.ones(z.shape)
@@ -80,4 +81,7 @@ def adjacent_scatter(z: Float, known: NDArray[np.bool_], slope: Float, block: ND
             scatter.append(max(float(np.quantile(inside, 0.9)) / 1.6449, 0.1 * whole))
     if not centres:
         return np.full(z.shape, whole)
-    return np.where(np.isnan(slope), whole, np.interp(np.nan_to_num(slope), centres, scatter))
+    result = np.full(z.shape, whole)
+    told = known & ~np.isnan(slope)
+    result[told] = np.interp(slope[told], centres, scatter)
+    return result
