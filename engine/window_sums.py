@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -46,8 +47,8 @@ class RunningSums:
         tables = np.zeros((len(fields), rows + 1, columns + 1), dtype=fields[0].dtype)
         for table, field in zip(tables, fields, strict=True):
             np.cumsum(field, axis=1, dtype=table.dtype, out=table[1:, 1:])
-        for row in range(1, rows + 1):  # much faster than numpy's sum along this axis
-            tables[:, row] += tables[:, row - 1]
+        for above, row in pairwise(tables.swapaxes(0, 1)):  # much faster than numpy's sum along this axis
+            np.add(row, above, out=row)
         self._tables = tables.reshape(len(fields), -1)
 
     def totals(self, windows: Windows) -> list[Whole]:
