@@ -101,15 +101,20 @@ def register_pair(
     return result
 
 
-def warn_of_doubtful_change(change: Change, progress: Progress) -> None:
-    """Name ground that was not compared, and a shift of the whole overlap, for what they are."""
+def warn_of_doubtful_change(change: Change, progress: Progress, *, may_grow: bool = True) -> None:
+    """Name ground that was not compared, and a shift of the whole overlap, for what they are.
+
+    Args:
+        may_grow: whether cells that grow can be asked for where this warning is read.
+    """
     compared = compared_share(change)
     if compared < _LITTLE_COMPARED:
         remedy = "check that both cover the same slope"
         if change.block is not None:
             remedy = "a larger largest_cell would compare more"
         elif larger := cell_that_compares(change):
-            remedy = f"cells of {larger:g} m, or cells that grow (adaptive), would compare most of it"
+            growing = ", or cells that grow (adaptive)," if may_grow else ""
+            remedy = f"cells of {larger:g} m{growing} would compare most of it"
         progress.warning(
             f"Only {100 * compared:.2g} % of the ground that the surveys reached could be compared; the rest has no "
             f"points of both epochs in a cell, and zones and volumes leave it out; {remedy}."

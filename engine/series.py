@@ -194,7 +194,7 @@ def analyse(
             incremental.append(cumulative[0] if number == 1 else _difference(before, later, grid, settings, stable))
         except InputError as wrong:
             raise InputError(f"{later.epoch.name}: {wrong}") from wrong
-        warn_of_doubtful_change(cumulative[-1], shares[number])
+        warn_of_doubtful_change(cumulative[-1], shares[number], may_grow=False)
     stack = _stack(gridded, cumulative, grid)
     reach = int(settings.zones.bridged_gap / (2.0 * grid.cell) + 1e-6)
     groups = []
