@@ -16,14 +16,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ..engine.change import Change, difference
-from ..engine.ground import ground_mask
-from ..engine.parameters import ChangeParameters, GroundParameters, RegistrationParameters, SurveyParameters
-from ..engine.registration import RegistrationResult, register
-from ..engine.zones import Zones, extract_zones
+from ..engine.change import Change
+from ..engine.parameters import ChangeParameters, SurveyParameters
+from ..engine.zones import Zones
 from ..simulation.change import Bump, true_change_raster
 from ..simulation.survey import SimulatedPair, simulate_pair
-from .controlled_test import inside
+from .chain import changed, registered
 from .table import Row
 
 Float = NDArray[np.float64]
@@ -121,39 +119,6 @@ def simulated(number: int) -> SimulatedPair:
     )
     changes = () if number % 2 else drawn_changes(np.random.default_rng([parameters.seed, 7]), run)
     return simulate_pair(parameters, changes=changes)
-
-
-def registered(pair: SimulatedPair) -> tuple[RegistrationResult, Float, Float]:
-    """The registration and both epochs' ground points, registered."""
-    first, second = (
-        xyz[ground_mask(xyz, GroundParameters())]
-        for xyz in (cloud.xyz[inside(cloud.xyz, pair)] for cloud in (pair.first, pair.second))
-    )
-    found = register(first, second, RegistrationParameters())
-    return found, first, found.transform.apply(second)
-
-
-def changed(
-    found: RegistrationResult, first: Float, second: Float, parameters: ChangeParameters
-) -> tuple[Change, Zones]:
-    """Change and zones of two registered epochs."""
-    change = difference(first, second, parameters, registration_error=found.registration_error)
-    none = np.zeros(change.grid.shape, dtype=bool)
-    zones = extract_zones(
-        change.dz,
-        # A shift of everything is named as such and draws no zones.
-        none if change.uniform_dz is not None else change.significant,
-        change.level,
-        change.error,
-        np.minimum(change.count_from, change.count_to),
-        change.grid,
-        None,
-        registration_error=change.registration_error,
-        block=change.block,
-        cell_area=change.cell_area,
-        stable=change.stable,
-    )
-    return change, zones
 
 
 def compared(pair: SimulatedPair, change: Change, zones: Zones) -> PairResult:

@@ -17,18 +17,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft, ndimage
 
-from ..engine.change import difference
 from ..engine.gridding import Float, Grid
-from ..engine.ground import ground_mask
-from ..engine.parameters import ChangeParameters, GroundParameters, RegistrationParameters, SurveyParameters
-from ..engine.registration import register
+from ..engine.parameters import ChangeParameters, SurveyParameters
 from ..engine.variogram import VariogramModel
 from ..engine.volumes import Z95, footprint_labels
 from ..engine.zones import Zones, extract_zones
 from ..simulation.change import Bump, Change, Cone, Plateau, true_change_raster
 from ..simulation.frame import Frame
 from ..simulation.survey import simulate_pair
-from .controlled_test import inside
+from .chain import changed, registered
 from .table import Row
 
 GRIDS = range(1, 31)
@@ -113,26 +110,7 @@ def known_survey(seed: int) -> list[Measured]:
         seed=seed, points=200_000, length=length, height=height, angle=angle, vegetation=0.8 * (seed % 5) / 4
     )
     pair = simulate_pair(parameters, changes=tuple(changes))
-    first, second = (
-        xyz[ground_mask(xyz, GroundParameters())]
-        for xyz in (cloud.xyz[inside(cloud.xyz, pair)] for cloud in (pair.first, pair.second))
-    )
-    found = register(first, second, RegistrationParameters())
-    change = difference(
-        first, found.transform.apply(second), ChangeParameters(), registration_error=found.registration_error
-    )
-    zones = extract_zones(
-        change.dz,
-        change.significant,
-        change.level,
-        change.error,
-        np.minimum(change.count_from, change.count_to),
-        change.grid,
-        None,
-        registration_error=change.registration_error,
-        cell_area=change.cell_area,
-        stable=change.stable,
-    )
+    change, zones = changed(*registered(pair), ChangeParameters())
     truth = pair.true_change_raster(change.grid, 8)
     return _compared(zones, change.dz, change.error, truth, change.grid, change.registration_error)
 

@@ -7,11 +7,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from slopewatch.benchmarks.chain import zones_of
 from slopewatch.benchmarks.detection import AMPLITUDE, AREA, LENGTH, compared, drawn_changes
 from slopewatch.engine.change import difference
 from slopewatch.engine.gridding import Grid
 from slopewatch.engine.parameters import ChangeParameters
-from slopewatch.engine.zones import extract_zones
 from slopewatch.simulation.change import Bump, true_change_raster
 from slopewatch.simulation.frame import Frame
 
@@ -34,17 +34,7 @@ def flat():
         local[:, 2] += rng.normal(0, 0.01, len(local))
         clouds.append(FRAME.to_world(local))
     change = difference(*clouds, ChangeParameters(cell=0.2))
-    zones = extract_zones(
-        change.dz,
-        change.significant,
-        change.level,
-        change.error,
-        np.minimum(change.count_from, change.count_to),
-        change.grid,
-        None,
-        stable=change.stable,
-    )
-    return change, zones
+    return change, zones_of(change)
 
 
 def _pair(changes):

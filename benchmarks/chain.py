@@ -1,0 +1,52 @@
+"""A simulated pair through ground extraction, registration, differencing and zones, as the engine's flow does it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..engine.change import Change, difference
+from ..engine.ground import ground_mask
+from ..engine.parameters import ChangeParameters, GroundParameters, RegistrationParameters
+from ..engine.registration import register
+from ..engine.registration_result import RegistrationResult
+from ..engine.zones import Zones, extract_zones
+from ..simulation.survey import SimulatedPair
+from .controlled_test import inside
+
+Float = NDArray[np.float64]
+
+
+def registered(pair: SimulatedPair) -> tuple[RegistrationResult, Float, Float]:
+    """The registration at its default settings, and both epochs' ground points (n, 3) and (m, 3), registered."""
+    first, second = (
+        xyz[ground_mask(xyz, GroundParameters())]
+        for xyz in (cloud.xyz[inside(cloud.xyz, pair)] for cloud in (pair.first, pair.second))
+    )
+    found = register(first, second, RegistrationParameters())
+    return found, first, found.transform.apply(second)
+
+
+def changed(
+    found: RegistrationResult, first: Float, second: Float, parameters: ChangeParameters
+) -> tuple[Change, Zones]:
+    """Change and zones of two registered epochs."""
+    change = difference(first, second, parameters, registration_error=found.registration_error)
+    return change, zones_of(change)
+
+
+def zones_of(change: Change) -> Zones:
+    """The zones of a change at the default settings; none where everything has moved alike."""
+    return extract_zones(
+        change.dz,
+        change.significant & (change.uniform_dz is None),
+        change.level,
+        change.error,
+        np.minimum(change.count_from, change.count_to),
+        change.grid,
+        None,
+        registration_error=change.registration_error,
+        block=change.block,
+        cell_area=change.cell_area,
+        stable=change.stable,
+    )
