@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..engine.change import Change, difference
+from ..engine.change_zones import change_zones
 from ..engine.ground import ground_mask
 from ..engine.parameters import ChangeParameters, GroundParameters, RegistrationParameters
 from ..engine.registration import register
 from ..engine.registration_result import RegistrationResult
-from ..engine.zones import Zones, extract_zones
+from ..engine.zones import Zones
 from ..simulation.survey import SimulatedPair
 from .controlled_test import inside
 
@@ -32,21 +33,4 @@ def changed(
 ) -> tuple[Change, Zones]:
     """Change and zones of two registered epochs."""
     change = difference(first, second, parameters, registration_error=found.registration_error)
-    return change, zones_of(change)
-
-
-def zones_of(change: Change) -> Zones:
-    """The zones of a change at the default settings; none where everything has moved alike."""
-    return extract_zones(
-        change.dz,
-        change.significant & (change.uniform_dz is None),
-        change.level,
-        change.error,
-        np.minimum(change.count_from, change.count_to),
-        change.grid,
-        None,
-        registration_error=change.registration_error,
-        block=change.block,
-        cell_area=change.cell_area,
-        stable=change.stable,
-    )
+    return change, change_zones(change)

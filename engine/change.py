@@ -14,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from .adaptive import AdaptiveCells, adaptive_cells
 from .cell_slope import slope_degrees, widened_gradient
+from .cell_variance import pooled_variance
 from .errors import InputError
 from .gridding import CellStatistics, Float, Grid, cell_statistics, sloping_statistics, snapped_grid
 from .parameters import ChangeParameters
@@ -21,10 +22,7 @@ from .progress import Progress
 from .significance import judge
 from .slope_error import ErrorModel, uncalibrated
 from .thresholds import quantile
-from .window_sums import RunningSums, fixed_point, windows_around
 
-# Degrees of freedom that the neighbourhood's variance counts beside the cell's own (see pooled_variance).
-_PRIOR_DEGREES = 8.0
 _FEWEST_CELLS = 30  # with fewer in common, nothing can be said of the whole overlap
 _BYTES_A_CELL = 280.0  # measured peak of difference() and what follows it, per cell of the grid
 _BYTES_A_GROWING_CELL = 620.0
@@ -163,8 +161,7 @@ def difference(
     progress = progress or Progress()
     grid = common_grid(reference, moving, parameters)
     if parameters.adaptive:
-        if parameters.registration_error >= 0:
-            registration_error = parameters.registration_error
+        registration_error = _stated(parameters, registration_error)
         cells = adaptive_cells(
             reference,
             moving,
@@ -221,44 +218,22 @@ def difference_of_cells(
             f"No cell of {parameters.cell:g} m holds two points of an epoch, so that their scatter and the level of "
             "detection cannot be told; use a larger cell."
         )
-    dz = np.where(both, second.height - first.height, np.nan)
-    if parameters.registration_error >= 0:
-        registration_error = parameters.registration_error
     sampling = np.sqrt(first.leverage * pooled_variance(first) + second.leverage * pooled_variance(second))
     sampling[~both] = np.nan
     slope = slope_degrees(widened_gradient((first.height, second.height), grid, where=both))
-    uniform = uniform_shift(dz[both], quantile(parameters.confidence) * np.hypot(sampling[both], registration_error))
-    found = judge(
-        dz,
-        sampling,
-        slope,
-        grid.cell,
+    return _judged(
+        _Compared(
+            dz=np.where(both, second.height - first.height, np.nan),
+            sampling=sampling,
+            slope=slope,
+            counts=(first.count, second.count),
+            heights=(first.height, second.height),
+            either=valid_first | valid_second,
+        ),
+        grid,
         parameters,
-        registration_error=registration_error,
-        uniform=uniform is not None,
-        given=None if stable_area is None else cells_inside(stable_area, grid),
-    )
-    return Change(
-        grid=grid,
-        dz=found.dz,
-        error=found.error,
-        level=found.decision.level,
-        significant=found.decision.significant,
-        count_from=first.count,
-        count_to=second.count,
-        height_from=first.height,
-        height_to=second.height,
-        confidence=parameters.confidence,
-        registration_error=found.registration_error,
-        common_cell_rate=float(both.sum() / (valid_first | valid_second).sum()),
-        uniform_dz=uniform,
-        stable=found.stable,
-        slope=slope,
-        minimum_points=parameters.minimum_points,
-        model=found.model,
-        threshold=parameters.threshold,
-        direction=parameters.direction,
-        probability=found.decision.probability,
+        _stated(parameters, registration_error),
+        stable_area,
     )
 
 
@@ -277,10 +252,53 @@ def difference_of_blocks(
             f"No cell of up to {parameters.largest_cell:g} m has enough points in both epochs for its surface to be "
             "compared; use a larger largest_cell."
         )
+    return _judged(
+        _Compared(
+            dz=cells.dz,
+            sampling=cells.sampling,
+            slope=cells.slope,
+            counts=(cells.count_from, cells.count_to),
+            heights=(cells.height_from, cells.height_to),
+            either=valid | (np.maximum(cells.count_from, cells.count_to) >= parameters.minimum_points),
+            block=cells.block,
+            cell_size=cells.cell_size,
+        ),
+        grid,
+        parameters,
+        registration_error,
+        stable_area,
+    )
+
+
+@dataclass(frozen=True)
+class _Compared:
+    """What was measured in each cell: change, its standard error from the points' scatter, slope; counts and heights of
+    both epochs; which cells either epoch reached; for cells that grew, which are one and how large they are.
+    """
+
+    dz: Float
+    sampling: Float
+    slope: Float
+    counts: tuple[NDArray[np.int64], NDArray[np.int64]]
+    heights: tuple[Float, Float]
+    either: NDArray[np.bool_]
+    block: NDArray[np.int64] | None = None
+    cell_size: Float | None = None
+
+
+def _judged(
+    cells: _Compared,
+    grid: Grid,
+    parameters: ChangeParameters,
+    registration_error: float,
+    stable_area: BaseGeometry | None,
+) -> Change:
+    """The change with its calibrated errors, levels and what they decide."""
+    valid = np.isfinite(cells.dz)
     uniform = uniform_shift(
         cells.dz[valid],
         quantile(parameters.confidence) * np.hypot(cells.sampling[valid], registration_error),
-        independent=int(cells.block.max()) + 1,
+        independent=None if cells.block is None else int(cells.block.max()) + 1,
     )
     found = judge(
         cells.dz,
@@ -294,20 +312,19 @@ def difference_of_blocks(
         block=cells.block,
         size=cells.cell_size,
     )
-    either = valid | (np.maximum(cells.count_from, cells.count_to) >= parameters.minimum_points)
     return Change(
         grid=grid,
         dz=found.dz,
         error=found.error,
         level=found.decision.level,
         significant=found.decision.significant,
-        count_from=cells.count_from,
-        count_to=cells.count_to,
-        height_from=cells.height_from,
-        height_to=cells.height_to,
+        count_from=cells.counts[0],
+        count_to=cells.counts[1],
+        height_from=cells.heights[0],
+        height_to=cells.heights[1],
         confidence=parameters.confidence,
         registration_error=found.registration_error,
-        common_cell_rate=float(valid.sum() / either.sum()),
+        common_cell_rate=float(valid.sum() / cells.either.sum()),
         uniform_dz=uniform,
         stable=found.stable,
         slope=cells.slope,
@@ -321,6 +338,11 @@ def difference_of_blocks(
     )
 
 
+def _stated(parameters: ChangeParameters, measured: float) -> float:
+    """The registration error (m) that was given as a parameter, or else what the registration measured."""
+    return parameters.registration_error if parameters.registration_error >= 0 else measured
+
+
 def cells_inside(area: BaseGeometry, grid: Grid) -> NDArray[np.bool_]:
     """Cells (rows, columns) that lie wholly inside the polygons."""
     # a cell is inside if its centre is, and no edge of the polygons comes nearer than half the cell's diagonal
@@ -330,69 +352,6 @@ def cells_inside(area: BaseGeometry, grid: Grid) -> NDArray[np.bool_]:
     affine = Affine(*grid.affine)
     inside: NDArray[np.bool_] = geometry_mask([core], grid.shape, affine, invert=True)
     return inside
-
-
-def common_rate_at(change: Change, multiple: int) -> float:
-    """Share of common cells, were the cells ``multiple`` times as large."""
-    least = max(int(change.minimum_points), 1)
-    common, either = (
-        combine(*(_blocks(count, multiple) >= least for count in (change.count_from, change.count_to)))
-        for combine in (np.logical_and, np.logical_or)
-    )
-    return float(common.sum() / max(either.sum(), 1))
-
-
-def cell_that_compares(change: Change, share: float = 0.8) -> float | None:
-    """The smallest multiple of the cell with which at least ``share`` of the cells would be common; None: none is."""
-    for multiple in (2, 3, 4, 5, 6, 8, 10, 15, 20, 30, 50):
-        if multiple >= max(change.grid.shape):
-            break
-        if common_rate_at(change, multiple) >= share:
-            return round(multiple * change.grid.cell, 6)
-    return None
-
-
-def compared_share(change: Change, block: float = 1.0) -> float:
-    """Area of the common cells over the area that either epoch reached, in blocks of at least ``block`` metres."""
-    multiple = max(1, math.ceil(block / change.grid.cell - 1e-9))
-    reached = (_blocks(change.count_from, multiple) + _blocks(change.count_to, multiple)) > 0
-    return min(1.0, float(change.valid.sum() / (reached.sum() * multiple**2)))
-
-
-def _blocks(count: NDArray[np.int64], multiple: int) -> NDArray[np.int64]:
-    """Points in blocks of ``multiple`` by ``multiple`` cells."""
-    rows = np.arange(0, count.shape[0], multiple)
-    columns = np.arange(0, count.shape[1], multiple)
-    blocks: NDArray[np.int64] = np.add.reduceat(np.add.reduceat(count, rows, axis=0), columns, axis=1)
-    return blocks
-
-
-def pooled_variance(cells: CellStatistics, *, radius: int = 5) -> Float:
-    """Variance of a point in each cell, moderated by its neighbourhood; NaN in cells without points.
-
-    The variance from two or three points is nearly worthless: small by chance, it would make noise significant. So the
-    pooled variance of the cells within ``radius`` counts as a prior with ``_PRIOR_DEGREES`` degrees of freedom
-    (moderated variance, Smyth 2004, doi:10.2202/1544-6115.1027, eq. 5).
-    """
-    # a plane's residuals do not hold the cell's slope, a mean's do: each kind learns from its own
-    pooled = _moderated(cells.scatter, np.maximum(cells.count - 1, 0), radius, cells.count > 0)
-    if cells.tilted.any():
-        fitted = np.where(cells.tilted, cells.degrees, 0.0).astype(np.int64)
-        pooled[cells.tilted] = _moderated(cells.variance, fitted, radius, cells.tilted)[cells.tilted]
-    return pooled
-
-
-def _moderated(own: Float, degrees: NDArray[np.int64], radius: int, where: NDArray[np.bool_]) -> Float:
-    """Variance with ``degrees`` of freedom a cell, pulled to the pooled one of the cells within ``radius``."""
-    squares = np.nan_to_num(own) * degrees
-    whole = squares.sum() / max(int(degrees.sum()), 1)
-    row, column = np.nonzero(where)
-    units, unit = fixed_point(squares, float(squares.sum()))
-    sums = RunningSums([units, degrees]).totals(windows_around(row, column, radius, own.shape))
-    prior = np.where(sums[1] > 0, sums[0] * unit / np.maximum(sums[1], 1), whole)
-    moderated = np.full(own.shape, np.nan)
-    moderated[row, column] = (squares[row, column] + _PRIOR_DEGREES * prior) / (degrees[row, column] + _PRIOR_DEGREES)
-    return moderated
 
 
 def uniform_shift(dz: Float, level: Float, *, independent: int | None = None) -> float | None:

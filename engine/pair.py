@@ -10,8 +10,9 @@ from pyproj import CRS
 from shapely.affinity import translate
 from shapely.geometry.base import BaseGeometry
 
-from .change import Change, cell_that_compares, compared_share
+from .change import Change
 from .clouds import PointCloud, open_cloud
+from .coverage import cell_that_compares, compared_share
 from .errors import InputError
 from .height_systems import compare_clouds, disagreement
 from .parameters import InputParameters, RegistrationParameters

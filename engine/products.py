@@ -13,8 +13,10 @@ import numpy as np
 from pyproj import CRS
 
 from . import heatmap, palette, rasters, styles, top_view, vectors, volume_table, zones
-from .change import Change, compared_share
+from .change import Change
+from .change_zones import change_zones
 from .clouds import PointCloud
+from .coverage import compared_share
 from .epochs import Epoch
 from .outputs import Stage
 from .parameters import ChangeParameters, HeatmapParameters, ReportParameters, ZoneParameters
@@ -94,23 +96,8 @@ def write_products(
     outputs = _write_rasters(change, context.crs, tags, limit, stage)
 
     progress.update(0.3, "outlining zones")
-    found = zones.extract_zones(
-        change.dz,
-        change.significant & (change.uniform_dz is None),
-        _Z95 * change.error,  # ``lod95_m`` is at 95 % whatever confidence was asked for
-        change.error,
-        np.minimum(change.count_from, change.count_to),
-        change.grid,
-        context.crs,
-        zone_parameters,
-        registration_error=change.registration_error,
-        heights=change.height_to,
-        epochs=dates,
-        method=context.method,
-        run_id=context.run_id,
-        block=change.block,
-        cell_area=change.cell_area,
-        stable=change.stable,
+    found = change_zones(
+        change, context.crs, zone_parameters, epochs=dates, method=context.method, run_id=context.run_id
     )
     table = volume_table.volume_table(cells_of(change), change.significant, found.volumes, found.correlation)
     vectors.write_zones(

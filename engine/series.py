@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from .alerts import AlertLevel, read_alerts
-from .change import Change, difference_of_cells, pooled_variance
+from .cell_variance import pooled_variance
+from .change import Change, difference_of_cells
 from .epochs import Epoch
 from .errors import InputError
 from .gridding import Grid

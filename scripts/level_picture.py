@@ -17,7 +17,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from slopewatch.benchmarks.controlled_test import inside
-from slopewatch.engine.change import Change, difference, epoch_cells, pooled_variance
+from slopewatch.engine.cell_variance import pooled_variance
+from slopewatch.engine.change import Change, difference, epoch_cells
 from slopewatch.engine.palette import BELOW_LEVEL, diverging_colours
 from slopewatch.engine.parameters import ChangeParameters, SurveyParameters
 from slopewatch.simulation.change import Bump

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from slopewatch.benchmarks.chain import zones_of
 from slopewatch.benchmarks.detection import AMPLITUDE, AREA, LENGTH, compared, drawn_changes
 from slopewatch.engine.change import difference
+from slopewatch.engine.change_zones import change_zones
 from slopewatch.engine.gridding import Grid
 from slopewatch.engine.parameters import ChangeParameters
 from slopewatch.simulation.change import Bump, true_change_raster
@@ -34,7 +34,7 @@ def flat():
         local[:, 2] += rng.normal(0, 0.01, len(local))
         clouds.append(FRAME.to_world(local))
     change = difference(*clouds, ChangeParameters(cell=0.2))
-    return change, zones_of(change)
+    return change, change_zones(change)
 
 
 def _pair(changes):

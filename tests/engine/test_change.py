@@ -8,16 +8,8 @@ import numpy as np
 import pytest
 import shapely
 import shapely.affinity
-from slopewatch.engine.change import (
-    cell_that_compares,
-    common_grid,
-    compared_share,
-    difference,
-    pooled_variance,
-    uniform_shift,
-)
+from slopewatch.engine.change import common_grid, difference, uniform_shift
 from slopewatch.engine.errors import InputError
-from slopewatch.engine.gridding import cell_statistics, snapped_grid
 from slopewatch.engine.parameters import ChangeParameters
 
 
@@ -91,21 +83,6 @@ def test_one_lucky_pair_of_points_is_not_significant():
     assert np.nanmin(change.error) > 0.005
 
 
-def test_pooled_variance_is_the_weighted_sum_of_own_and_neighbourhood():
-    points = epoch(5, n=2000)
-    cells = cell_statistics(points, snapped_grid((0, 0, 19.99, 19.99), 0.5))
-    got = pooled_variance(cells, radius=2)
-    row, column = 20, 17
-    squares = degrees = 0.0
-    for r in range(row - 2, row + 3):
-        for c in range(column - 2, column + 3):
-            if cells.degrees[r, c] > 0:
-                squares += cells.variance[r, c] * cells.degrees[r, c]
-                degrees += cells.degrees[r, c]
-    own = np.nan_to_num(cells.variance[row, column]) * cells.degrees[row, column]
-    assert got[row, column] == pytest.approx((own + 8 * squares / degrees) / (cells.degrees[row, column] + 8))
-
-
 def test_no_overlap_names_both_extents():
     far = epoch(1) + [1000.0, 0.0, 0.0]
     with pytest.raises(InputError, match=r"x 0\.0 to 20\.0.*x 1000\.0 to 1020\.0"):
@@ -159,16 +136,6 @@ def test_without_two_points_in_any_cell_there_is_no_level_and_so_no_result():
     first = np.array([[0.5, 0.5, 1.0], [5.5, 0.5, 1.0]])
     with pytest.raises(InputError, match="larger cell"):
         difference(first, first + [0.0, 0.0, 3.0], ChangeParameters(cell=1.0))
-
-
-def test_the_cell_that_is_advised_compares_what_it_promises():
-    first, second = epoch(1, n=3000), epoch(2, n=3000)
-    fine = difference(first, second, ChangeParameters(cell=0.1))
-    advised = cell_that_compares(fine)
-    assert advised is not None
-    assert difference(first, second, ChangeParameters(cell=advised)).common_cell_rate > 0.75
-    assert fine.common_cell_rate < 0.2
-    assert compared_share(fine) == pytest.approx(fine.valid.sum() * 0.01 / 400, rel=0.02)
 
 
 def test_the_published_profile_subtracts_the_cells_means_and_calibrates_nothing():

@@ -1,0 +1,29 @@
+"""The moderated variance against a loop over its window."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from slopewatch.engine.cell_variance import pooled_variance
+from slopewatch.engine.gridding import cell_statistics, snapped_grid
+
+
+def slope(seed: int, count: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(0, 20, (2, count))
+    return np.column_stack([x, y, 100.0 + 0.4 * x + rng.normal(0, 0.02, count)])
+
+
+def test_pooled_variance_is_the_weighted_sum_of_own_and_neighbourhood():
+    points = slope(5, 2000)
+    cells = cell_statistics(points, snapped_grid((0, 0, 19.99, 19.99), 0.5))
+    got = pooled_variance(cells, radius=2)
+    row, column = 20, 17
+    squares = degrees = 0.0
+    for r in range(row - 2, row + 3):
+        for c in range(column - 2, column + 3):
+            if cells.degrees[r, c] > 0:
+                squares += cells.variance[r, c] * cells.degrees[r, c]
+                degrees += cells.degrees[r, c]
+    own = np.nan_to_num(cells.variance[row, column]) * cells.degrees[row, column]
+    assert got[row, column] == pytest.approx((own + 8 * squares / degrees) / (cells.degrees[row, column] + 8))

@@ -1,0 +1,25 @@
+"""What larger cells would compare, against the difference on such cells."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from slopewatch.engine.change import difference
+from slopewatch.engine.coverage import cell_that_compares, compared_share
+from slopewatch.engine.parameters import ChangeParameters
+
+
+def slope(seed: int, count: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(0, 20, (2, count))
+    return np.column_stack([x, y, 100.0 + 0.4 * x + rng.normal(0, 0.02, count)])
+
+
+def test_the_cell_that_is_advised_compares_what_it_promises():
+    first, second = slope(1, 3000), slope(2, 3000)
+    fine = difference(first, second, ChangeParameters(cell=0.1))
+    advised = cell_that_compares(fine)
+    assert advised is not None
+    assert difference(first, second, ChangeParameters(cell=advised)).common_cell_rate > 0.75
+    assert fine.common_cell_rate < 0.2
+    assert compared_share(fine) == pytest.approx(fine.valid.sum() * 0.01 / 400, rel=0.02)
