@@ -9,10 +9,9 @@ from xml.etree.ElementTree import Element, SubElement
 
 from .alerts import AlertLevel
 from .palette import DIVERGING, SEQUENTIAL, hexadecimal
-from .styles import ALIASES, REVIEW
+from .style_parts import HEAD, VERSION, attribute_table, document, forms, labels, options
+from .styles import ALIASES
 
-_HEAD = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
-_VERSION = "3.34.0"
 _FIXED_RANGE = "0"  # of a raster's temporal modes
 _FROM_FIELDS = "2"  # of a vector's: start and end from two fields
 
@@ -72,18 +71,18 @@ _DECIMALS = {"_m": 3, "_m2": 2, "_m3": 3, "_deg": 1, "rate_": 2, "tangent_angle"
 
 def shown_during(qml: str, begin: date, end: date) -> str:
     """A raster's style with the days on which the temporal controller shows it: after ``begin`` until ``end``."""
-    root = ElementTree.fromstring(qml.removeprefix(_HEAD))
+    root = ElementTree.fromstring(qml.removeprefix(HEAD))
     root.set("styleCategories", f"{root.get('styleCategories', 'Symbology')}|Temporal")
     temporal = SubElement(root, "temporal", enabled="1", mode=_FIXED_RANGE, fetchMode="0")
     fixed = SubElement(temporal, "fixedRange")
     SubElement(fixed, "start").text = f"{(begin + timedelta(days=1)).isoformat()}T00:00:00Z"
     SubElement(fixed, "end").text = f"{end.isoformat()}T23:59:59Z"
-    return _document(root)
+    return document(root)
 
 
 def confirmed_qml(largest: int) -> str:
     """Style of the raster of comparisons that confirm a cell: none is transparent."""
-    root = Element("qgis", version=_VERSION, styleCategories="Symbology")
+    root = Element("qgis", version=VERSION, styleCategories="Symbology")
     renderer = SubElement(
         SubElement(root, "pipe"), "rasterrenderer", type="paletted", band="1", opacity="1", alphaBand="-1"
     )
@@ -93,22 +92,18 @@ def confirmed_qml(largest: int) -> str:
         label = {0: "none", 1: "1 comparison, not confirmed"}.get(count, f"{count} comparisons in a row")
         colour = hexadecimal(SEQUENTIAL[place][1])
         SubElement(entries, "paletteEntry", value=str(count), color=colour, alpha="255" if count else "0", label=label)
-    return _document(root)
+    return document(root)
 
 
 def zones_qml(alerts: Sequence[AlertLevel]) -> str:
     """Style of the tracked zones by alert level, in the table's colours."""
     root = _layer_root("alert_level", [(str(a.level), f"{a.level} {a.name}", a.colour, 40) for a in alerts])
-    _labels(root)
-    columns = SubElement(SubElement(root, "attributetableconfig", sortOrder="0"), "columns")
-    hidden = ("slope_id", "route", "chain_from", "chain_to", "side", "reviewer")
-    for name in [*_FIRST, *(n for n in SERIES_ALIASES if n not in _FIRST)]:
-        width = str(max(80, 30 + 7 * len(SERIES_ALIASES[name])))
-        SubElement(columns, "column", type="field", name=name, hidden=str(int(name in hidden)), width=width)
-    _forms(root)
+    labels(root)
+    attribute_table(root, SERIES_ALIASES, _FIRST)
+    forms(root, SERIES_ALIASES, _DECIMALS)
     SubElement(root, "mapTip", enabled="1").text = _TIP
     SubElement(root, "layerGeometryType").text = "2"
-    return _document(root)
+    return document(root)
 
 
 def states_qml() -> str:
@@ -119,7 +114,7 @@ def states_qml() -> str:
         "state",
         [(s, s.capitalize(), c, a) for s, c, a in zip(STATES, colours, (170, 170, 60, 0), strict=True)],
     )
-    _labels(root)
+    labels(root)
     SubElement(
         root,
         "temporal",
@@ -136,14 +131,14 @@ def states_qml() -> str:
         accumulate="0",
     )
     SubElement(root, "layerGeometryType").text = "2"
-    return _document(root)
+    return document(root)
 
 
 def _layer_root(field: str, categories: list[tuple[str, str, str, int]]) -> Element:
     """A layer with a fill and an outline for each category: value, label, colour (#rrggbb) and opacity of the fill."""
     root = Element(
         "qgis",
-        version=_VERSION,
+        version=VERSION,
         styleCategories="Symbology|Labeling|Fields|Forms|MapTips|AttributeTable|Temporal",
         labelsEnabled="1",
         readOnly="0",
@@ -159,7 +154,7 @@ def _layer_root(field: str, categories: list[tuple[str, str, str, int]]) -> Elem
         symbol = SubElement(symbols, "symbol", type="fill", name=str(number), alpha="1", clip_to_extent="1")
         fill = SubElement(symbol, "layer", {"class": "SimpleFill", "enabled": "1", "locked": "0", "pass": "0"})
         red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
-        _options(
+        options(
             fill,
             color=f"{red},{green},{blue},{opacity}",
             outline_color=f"{red * 3 // 4},{green * 3 // 4},{blue * 3 // 4},255",
@@ -169,61 +164,3 @@ def _layer_root(field: str, categories: list[tuple[str, str, str, int]]) -> Elem
             style="solid",
         )
     return root
-
-
-def _labels(root: Element) -> None:
-    settings = SubElement(SubElement(root, "labeling", type="simple"), "settings", calloutType="simple")
-    text = SubElement(
-        settings,
-        "text-style",
-        fieldName="zone_id",
-        isExpression="0",
-        fontSize="8",
-        fontSizeUnit="Point",
-        fontFamily="Open Sans",
-        textColor="30,30,30,255",
-    )
-    SubElement(
-        text,
-        "text-buffer",
-        bufferDraw="1",
-        bufferSize="0.8",
-        bufferSizeUnits="MM",
-        bufferColor="255,255,255,255",
-        bufferOpacity="0.85",
-        bufferNoFill="1",
-    )
-    SubElement(settings, "placement", placement="1", centroidInside="1", centroidWhole="1", priority="5", dist="0")
-    SubElement(settings, "rendering", drawLabels="1", obstacle="1", scaleVisibility="0", labelPerPart="0")
-
-
-def _forms(root: Element) -> None:
-    configuration = SubElement(root, "fieldConfiguration")
-    widget = SubElement(SubElement(configuration, "field", name="review_status"), "editWidget", type="ValueMap")
-    choices = SubElement(
-        SubElement(SubElement(widget, "config"), "Option", type="Map"), "Option", type="List", name="map"
-    )
-    for status in REVIEW:
-        entry = SubElement(choices, "Option", type="Map")
-        SubElement(entry, "Option", type="QString", name=status.capitalize(), value=status)
-    editable = SubElement(root, "editable")
-    aliases = SubElement(root, "aliases")
-    for field, name in SERIES_ALIASES.items():
-        SubElement(aliases, "alias", field=field, name=name)
-        decimals = next((n for end, n in _DECIMALS.items() if field.endswith(end) or field.startswith(end)), None)
-        if decimals is not None:
-            number = SubElement(SubElement(configuration, "field", name=field), "editWidget", type="Range")
-            options = SubElement(SubElement(number, "config"), "Option", type="Map")
-            SubElement(options, "Option", type="int", name="Precision", value=str(decimals))
-            SubElement(editable, "field", name=field, editable="0")  # the form would write the rounded figure back
-
-
-def _options(parent: Element, **values: str) -> None:
-    option = SubElement(parent, "Option", type="Map")
-    for name, value in values.items():
-        SubElement(option, "Option", type="QString", name=name, value=value)
-
-
-def _document(root: Element) -> str:
-    ElementTree.indent(root)
-    return f"{_HEAD}{ElementTree.tostring(root, encoding='unicode')}\n"

@@ -8,15 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
 from .outputs import atomic_output
 from .palette import BELOW_LEVEL, DIVERGING, LIKELIHOOD, SEQUENTIAL, Colour, hexadecimal
-
-_VERSION = "3.34.0"
+from .style_parts import VERSION, attribute_table, document, forms, labels, options
 
 # What analysts read in the attribute table instead of the field's name.
 ALIASES = {
@@ -91,7 +89,6 @@ CONFIRMATION_ALIASES = {
     "dz_signif_m": "Mean significant change (m)",
 }
 _READ_FIRST = ("zone_id", "kind", "severity", "area_m2", "dz_mean_m", "dz_p95_m", "vol_net_m3", "vol_err_m3", "lod95_m")
-_FILLED_IN_LATER = ("slope_id", "route", "chain_from", "chain_to", "side", "reviewer")
 _OUTLINE = "boundary(buffer(buffer($geometry, {}, 4), {}, 4))"
 # Metres out and back. Zones of a change are scattered cells, which the outline gathers. Zones of the screening are
 # whole and lie side by side, where a wide outline would run through the neighbour.
@@ -99,7 +96,6 @@ _GATHERING, _FOLLOWING = (0.5, -0.4), (0.15, -0.1)
 # Decimals in the table and the form: the measured figures by the end of their names.
 _DECIMALS = {"_m": 3, "_m2": 2, "_m3": 3, "_deg": 1, "_mm_day": 2, "_err": 2, "_share": 2, "probability": 2}
 _DECIMALS |= {"vol_measured": 2, "n_eff": 1}
-REVIEW = ("unreviewed", "confirmed", "rejected")
 
 _MAP_TIP = """<b>[% "zone_id" %]: [% "kind" %], [% "severity" %]</b><br/>
 mean [% format_number("dz_mean_m", 3) %] m, 95 % within [% format_number("dz_p95_m", 3) %] m<br/>
@@ -202,7 +198,7 @@ def _zones_qml(
 ) -> str:
     root = Element(
         "qgis",
-        version=_VERSION,
+        version=VERSION,
         styleCategories="Symbology|Labeling|Fields|Forms|MapTips|AttributeTable",
         labelsEnabled="1",
         readOnly="0",
@@ -238,17 +234,17 @@ def _zones_qml(
         )
         symbol = SubElement(symbols, "symbol", type="fill", name=str(number), alpha="1", clip_to_extent="1")
         fill = SubElement(symbol, "layer", {"class": "SimpleFill", "enabled": "1", "locked": "0", "pass": "0"})
-        _options(fill, color=_rgba(low[arm], opacity), outline_style="no", style="solid")
+        options(fill, color=_rgba(low[arm], opacity), outline_style="no", style="solid")
         # around cells that lie close: a zone has many parts and holes of one cell, whose outlines would cover it
         generator = SubElement(
             symbol, "layer", {"class": "GeometryGenerator", "enabled": "1", "locked": "0", "pass": "0"}
         )
-        _options(generator, SymbolType="Line", geometryModifier=_OUTLINE.format(*outline), units="MapUnit")
+        options(generator, SymbolType="Line", geometryModifier=_OUTLINE.format(*outline), units="MapUnit")
         ring = SubElement(generator, "symbol", type="line", name=f"@{number}@1", alpha="1", clip_to_extent="1")
         # a light seam keeps the outline legible on a dark picture
         for colour, alpha, extra in (((255, 255, 255), 200, 0.5), (high[arm], 255, 0.0)):
             line = SubElement(ring, "layer", {"class": "SimpleLine", "enabled": "1", "locked": "0", "pass": "0"})
-            _options(
+            options(
                 line,
                 line_color=_rgba(colour, alpha),
                 line_style="solid",
@@ -256,12 +252,12 @@ def _zones_qml(
                 line_width_unit="MM",
                 joinstyle="round",
             )
-    _labels(root)
-    _table(root, aliases, first)
-    _forms(root, aliases)
+    labels(root)
+    attribute_table(root, aliases, first)
+    forms(root, aliases, _DECIMALS)
     SubElement(root, "mapTip", enabled="1").text = tip
     SubElement(root, "layerGeometryType").text = "2"
-    return _document(root)
+    return document(root)
 
 
 def write_qml_beside(raster: Path, qml: str) -> Path:
@@ -273,7 +269,7 @@ def write_qml_beside(raster: Path, qml: str) -> Path:
 
 
 def _raster_qml(stops: list[tuple[float, Colour, int, str]], *, suffix: str = " m") -> str:
-    root = Element("qgis", version=_VERSION, styleCategories="Symbology")
+    root = Element("qgis", version=VERSION, styleCategories="Symbology")
     pipe = SubElement(root, "pipe")
     low, high = _number(stops[0][0]), _number(stops[-1][0])
     renderer = SubElement(
@@ -302,74 +298,7 @@ def _raster_qml(stops: list[tuple[float, Colour, int, str]], *, suffix: str = " 
     # each stop in the legend: the continuous bar would name the two ends only
     SubElement(shader, "rampLegendSettings", useContinuousLegend="0", suffix=suffix)
     SubElement(root, "blendMode").text = "0"
-    return _document(root)
-
-
-def _labels(root: Element) -> None:
-    settings = SubElement(SubElement(root, "labeling", type="simple"), "settings", calloutType="simple")
-    text = SubElement(
-        settings,
-        "text-style",
-        fieldName="zone_id",
-        isExpression="0",
-        fontSize="8",
-        fontSizeUnit="Point",
-        fontFamily="Open Sans",
-        fontWeight="63",
-        textColor="30,30,30,255",
-        textOpacity="1",
-        allowHtml="0",
-    )
-    SubElement(
-        text,
-        "text-buffer",
-        bufferDraw="1",
-        bufferSize="0.8",
-        bufferSizeUnits="MM",
-        bufferColor="255,255,255,255",
-        bufferOpacity="0.85",
-        bufferNoFill="1",
-    )
-    SubElement(settings, "placement", placement="1", centroidInside="1", centroidWhole="1", priority="5", dist="0")
-    SubElement(settings, "rendering", drawLabels="1", obstacle="1", scaleVisibility="0", labelPerPart="0")
-
-
-def _table(root: Element, aliases: dict[str, str], first: tuple[str, ...]) -> None:
-    """The attribute table begins with what is read first; what the analyst may fill in is hidden until then."""
-    columns = SubElement(SubElement(root, "attributetableconfig", sortOrder="0"), "columns")
-    for field in [*first, *(f for f in aliases if f not in first)]:
-        hidden = "1" if field in _FILLED_IN_LATER else "0"
-        width = str(max(80, 30 + 7 * len(aliases[field])))  # pixels; QGIS itself cuts long headings
-        SubElement(columns, "column", type="field", name=field, hidden=hidden, width=width)
-
-
-def _forms(root: Element, names: dict[str, str]) -> None:
-    configuration = SubElement(root, "fieldConfiguration")
-    widget = SubElement(SubElement(configuration, "field", name="review_status"), "editWidget", type="ValueMap")
-    options = SubElement(SubElement(widget, "config"), "Option", type="Map")
-    choices = SubElement(options, "Option", type="List", name="map")
-    for status in REVIEW:
-        entry = SubElement(choices, "Option", type="Map")
-        SubElement(entry, "Option", type="QString", name=status.capitalize(), value=status)
-    editable = SubElement(root, "editable")
-    for field in names:
-        decimals = next((n for end, n in _DECIMALS.items() if field.endswith(end)), None)
-        if decimals is None:
-            continue
-        widget = SubElement(SubElement(configuration, "field", name=field), "editWidget", type="Range")
-        options = SubElement(SubElement(widget, "config"), "Option", type="Map")
-        SubElement(options, "Option", type="int", name="Precision", value=str(decimals))
-        # the form would write the rounded figure back
-        SubElement(editable, "field", name=field, editable="0")
-    aliases = SubElement(root, "aliases")
-    for field, name in names.items():
-        SubElement(aliases, "alias", field=field, name=name)
-
-
-def _options(parent: Element, **values: str) -> None:
-    option = SubElement(parent, "Option", type="Map")
-    for name, value in values.items():
-        SubElement(option, "Option", type="QString", name=name, value=value)
+    return document(root)
 
 
 def _between(share: float, *, raising: bool) -> Colour:
@@ -395,9 +324,3 @@ def _number(value: float) -> str:
 
 def _rgba(colour: Colour, alpha: int) -> str:
     return ",".join(str(c) for c in (*colour, alpha))
-
-
-def _document(root: Element) -> str:
-    ElementTree.indent(root)
-    body = ElementTree.tostring(root, encoding="unicode")
-    return f"<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n{body}\n"

@@ -1,0 +1,94 @@
+"""What the styles of all layers of zones share: labels, attribute table, forms, the document around them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+VERSION = "3.34.0"
+"""Of QGIS, the oldest that the styles are for."""
+HEAD = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
+FILLED_IN_LATER = ("slope_id", "route", "chain_from", "chain_to", "side", "reviewer")
+REVIEW = ("unreviewed", "confirmed", "rejected")
+
+
+def labels(root: Element) -> None:
+    """Zones are labelled with their ids."""
+    settings = SubElement(SubElement(root, "labeling", type="simple"), "settings", calloutType="simple")
+    text = SubElement(
+        settings,
+        "text-style",
+        fieldName="zone_id",
+        isExpression="0",
+        fontSize="8",
+        fontSizeUnit="Point",
+        fontFamily="Open Sans",
+        fontWeight="63",
+        textColor="30,30,30,255",
+        textOpacity="1",
+        allowHtml="0",
+    )
+    SubElement(
+        text,
+        "text-buffer",
+        bufferDraw="1",
+        bufferSize="0.8",
+        bufferSizeUnits="MM",
+        bufferColor="255,255,255,255",
+        bufferOpacity="0.85",
+        bufferNoFill="1",
+    )
+    SubElement(settings, "placement", placement="1", centroidInside="1", centroidWhole="1", priority="5", dist="0")
+    SubElement(settings, "rendering", drawLabels="1", obstacle="1", scaleVisibility="0", labelPerPart="0")
+
+
+def attribute_table(root: Element, aliases: dict[str, str], first: tuple[str, ...]) -> None:
+    """The attribute table begins with what is read first; what the analyst may fill in is hidden until then."""
+    columns = SubElement(SubElement(root, "attributetableconfig", sortOrder="0"), "columns")
+    for field in [*first, *(f for f in aliases if f not in first)]:
+        hidden = "1" if field in FILLED_IN_LATER else "0"
+        width = str(max(80, 30 + 7 * len(aliases[field])))  # pixels; QGIS itself cuts long headings
+        SubElement(columns, "column", type="field", name=field, hidden=hidden, width=width)
+
+
+def forms(root: Element, names: Mapping[str, str], decimals: Mapping[str, int]) -> None:
+    """Names of the fields, decimals of the measured ones, and a list to choose the state of the review from.
+
+    Args:
+        names: by field.
+        decimals: by the end or the beginning of a field's name.
+    """
+    configuration = SubElement(root, "fieldConfiguration")
+    widget = SubElement(SubElement(configuration, "field", name="review_status"), "editWidget", type="ValueMap")
+    listed = SubElement(SubElement(widget, "config"), "Option", type="Map")
+    choices = SubElement(listed, "Option", type="List", name="map")
+    for status in REVIEW:
+        entry = SubElement(choices, "Option", type="Map")
+        SubElement(entry, "Option", type="QString", name=status.capitalize(), value=status)
+    editable = SubElement(root, "editable")
+    for field in names:
+        places = next((n for part, n in decimals.items() if field.endswith(part) or field.startswith(part)), None)
+        if places is None:
+            continue
+        widget = SubElement(SubElement(configuration, "field", name=field), "editWidget", type="Range")
+        precision = SubElement(SubElement(widget, "config"), "Option", type="Map")
+        SubElement(precision, "Option", type="int", name="Precision", value=str(places))
+        # the form would write the rounded figure back
+        SubElement(editable, "field", name=field, editable="0")
+    aliases = SubElement(root, "aliases")
+    for field, name in names.items():
+        SubElement(aliases, "alias", field=field, name=name)
+
+
+def options(parent: Element, **values: str) -> None:
+    """Settings of a symbol's layer."""
+    option = SubElement(parent, "Option", type="Map")
+    for name, value in values.items():
+        SubElement(option, "Option", type="QString", name=name, value=value)
+
+
+def document(root: Element) -> str:
+    """The style as QGIS reads it."""
+    ElementTree.indent(root)
+    return f"{HEAD}{ElementTree.tostring(root, encoding='unicode')}\n"
