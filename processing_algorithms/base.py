@@ -177,6 +177,25 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm):
             raise QgsProcessingException(self.invalidSourceError(parameters, name))
         return os.path.abspath(path)
 
+    def vector_options(
+        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback, *names: str
+    ) -> list[str]:
+        """Options for those of the vector parameters that are given; the engine calls each as the dialog does."""
+        given = [(name, self.polygons(parameters, name, context, feedback)) for name in names]
+        return [part for name, path in given if path for part in (f"--{name.lower()}", path)]
+
+    def pair_days(self, parameters: dict[str, Any], context: QgsProcessingContext) -> list[str]:
+        """Days of the surveys REFERENCE and CLOUD, empty where unknown."""
+        return [
+            self.survey_date(parameters, f"{name}_DATE", self.file(parameters, name, context), context)
+            for name in ("REFERENCE", "CLOUD")
+        ]
+
+    def pair_options(self, parameters: dict[str, Any], context: QgsProcessingContext) -> list[str]:
+        """Options for those of the two days that are known."""
+        days = zip(("--epoch-from", "--epoch-to"), self.pair_days(parameters, context))
+        return [part for option, day in days if day for part in (option, day)]
+
     def survey_date(self, parameters: dict[str, Any], name: str, path: str, context: QgsProcessingContext) -> str:
         """Day of a survey as YYYY-MM-DD: the parameter ``name``, else from the file's name; empty if unknown."""
         given = self.parameterAsDateTime(parameters, name, context)

@@ -77,29 +77,18 @@ class ElevationChange(SlopeWatchAlgorithm):
         cloud = self.file(parameters, "CLOUD", context)
         self._folder = products.output_folder(self, parameters, context)
         arguments = ["change", reference, cloud, "--output-dir", self._folder]
-        for option, name, path in (("from", "REFERENCE_DATE", reference), ("to", "CLOUD_DATE", cloud)):
-            day = self.survey_date(parameters, name, path, context)
-            if day:
-                arguments += [f"--epoch-{option}", day]
+        arguments += self.pair_options(parameters, context)
         transform = self.file(parameters, "TRANSFORM", context)
         if transform:
             arguments += ["--transform", transform]
-        stable = self.polygons(parameters, "STABLE", context, feedback)
-        if stable:
-            arguments += ["--stable", stable]
-        lines = self.polygons(parameters, "PROFILES", context, feedback)
-        if lines:
-            arguments += ["--profiles", lines]
+        arguments += self.vector_options(parameters, context, feedback, "STABLE", "PROFILES")
         arguments += declare.profile_options(self, parameters, context)
         return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
 
     def results(
         self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
     ) -> dict[str, Any]:
-        days = [
-            self.survey_date(parameters, f"{name}_DATE", self.file(parameters, name, context), context)
-            for name in ("REFERENCE", "CLOUD")
-        ]
+        days = self.pair_days(parameters, context)
         group = f"SlopeWatch {days[0]} to {days[1]}" if all(days) else "SlopeWatch"
         delivered = products.deliver(self, products.CHANGE_PRODUCTS, result, parameters, context, group)
         return {"OUTPUT_FOLDER": self._folder, **delivered}

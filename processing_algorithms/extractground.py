@@ -50,9 +50,7 @@ class ExtractGround(SlopeWatchAlgorithm):
         self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
     ) -> list[str]:
         arguments = ["ground", self.file(parameters, "INPUT", context)]
-        roi = self.polygons(parameters, "ROI", context, feedback)
-        if roi:
-            arguments += ["--roi", roi]
+        arguments += self.vector_options(parameters, context, feedback, "ROI")
         arguments += ["--output", self.output_file(parameters, "OUTPUT", context)]
         arguments += declare.profile_options(self, parameters, context)
         return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)

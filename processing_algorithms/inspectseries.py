@@ -174,10 +174,7 @@ class InspectSeries(SlopeWatchAlgorithm):
         if all(sources) or not any(sources):
             raise QgsProcessingException("Give either INPUT, the folder of the surveys, or MANIFEST, not both.")
         arguments = ["series", next(s for s in sources if s)]
-        for option, name in (("--roi", "ROI"), ("--stable", "STABLE")):
-            area = self.polygons(parameters, name, context, feedback)
-            if area:
-                arguments += [option, area]
+        arguments += self.vector_options(parameters, context, feedback, "ROI", "STABLE")
         alerts = self.file(parameters, "ALERTS", context)
         if alerts:
             arguments += ["--alerts", alerts]

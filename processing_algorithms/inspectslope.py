@@ -125,15 +125,7 @@ class InspectSlope(SlopeWatchAlgorithm):
             days.append(day)
             arguments += ["--epoch", f"{day}={path}"]
         self._days = days
-        roi = self.polygons(parameters, "ROI", context, feedback)
-        if roi:
-            arguments += ["--roi", roi]
-        stable = self.polygons(parameters, "STABLE", context, feedback)
-        if stable:
-            arguments += ["--stable", stable]
-        lines = self.polygons(parameters, "PROFILES", context, feedback)
-        if lines:
-            arguments += ["--profiles", lines]
+        arguments += self.vector_options(parameters, context, feedback, "ROI", "STABLE", "PROFILES")
         arguments += ["--output-dir", self._folder]
         arguments += declare.profile_options(self, parameters, context)
         return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)

@@ -98,10 +98,7 @@ class M3C2Distances(SlopeWatchAlgorithm):
         reference = self.file(parameters, "REFERENCE", context)
         cloud = self.file(parameters, "CLOUD", context)
         arguments = ["m3c2", reference, cloud, "--output", self.output_file(parameters, "OUTPUT", context)]
-        for option, name, path in (("from", "REFERENCE_DATE", reference), ("to", "CLOUD_DATE", cloud)):
-            day = self.survey_date(parameters, name, path, context)
-            if day:
-                arguments += [f"--epoch-{option}", day]
+        arguments += self.pair_options(parameters, context)
         for option, name in (("--core", "CORE"), ("--transform", "TRANSFORM")):
             given = self.file(parameters, name, context)
             if given:
@@ -111,10 +108,7 @@ class M3C2Distances(SlopeWatchAlgorithm):
     def results(
         self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
     ) -> dict[str, Any]:
-        days = [
-            self.survey_date(parameters, f"{name}_DATE", self.file(parameters, name, context), context)
-            for name in ("REFERENCE", "CLOUD")
-        ]
+        days = self.pair_days(parameters, context)
         group = f"SlopeWatch M3C2 {days[0]} to {days[1]}" if all(days) else "SlopeWatch M3C2"
         delivered = products.deliver(self, _PRODUCTS, result, parameters, context, group)
         return {"OUTPUT": result.outputs["points"], **delivered}

@@ -72,9 +72,7 @@ class RegisterEpochs(SlopeWatchAlgorithm):
         transform = self.output_file(parameters, "TRANSFORM", context)
         if transform:
             arguments += ["--transform", transform]
-        stable = self.polygons(parameters, "STABLE", context, feedback)
-        if stable:
-            arguments += ["--stable", stable]
+        arguments += self.vector_options(parameters, context, feedback, "STABLE")
         arguments += declare.profile_options(self, parameters, context)
         return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
 

@@ -94,9 +94,7 @@ class ScreenHazards(SlopeWatchAlgorithm):
         self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
     ) -> list[str]:
         arguments = ["screen", self.file(parameters, "INPUT", context)]
-        roi = self.polygons(parameters, "ROI", context, feedback)
-        if roi:
-            arguments += ["--roi", roi]
+        arguments += self.vector_options(parameters, context, feedback, "ROI")
         arguments += ["--output", self.output_file(parameters, "OUTPUT", context)]
         for name, (option, endings) in _OPTIONS.items():
             # A temporary one is the file beside the labelled cloud, and another format is converted from it. Asked for

@@ -86,9 +86,7 @@ class TrainModel(SlopeWatchAlgorithm):
             raise QgsProcessingException("CLOUDS is empty; give one or more labelled LAS or LAZ files.")
         self._folder = products.output_folder(self, parameters, context)
         arguments = ["train", *(os.path.abspath(cloud) for cloud in clouds), "--output-dir", self._folder]
-        polygons = self.polygons(parameters, "POLYGONS", context, feedback)
-        if polygons:
-            arguments += ["--polygons", polygons]
+        arguments += self.vector_options(parameters, context, feedback, "POLYGONS")
         arguments += declare.options(self, self.PARAMETER_GROUPS, parameters, context)
         weights = self.file(parameters, "START_WEIGHTS", context)
         return [*arguments, "--start", weights] if weights else arguments

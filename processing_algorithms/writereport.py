@@ -42,6 +42,5 @@ class WriteReport(SlopeWatchAlgorithm):
         folder = self.file(parameters, "INPUT", context)
         if not folder:
             raise QgsProcessingException("INPUT is empty; give the output folder of Inspect slope or Elevation change.")
-        lines = self.polygons(parameters, "PROFILES", context, feedback)
-        arguments = ["report", folder, *(["--profiles", lines] if lines else [])]
+        arguments = ["report", folder, *self.vector_options(parameters, context, feedback, "PROFILES")]
         return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
