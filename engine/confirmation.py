@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from .change import Change
 from .gridding import Float, Grid
-from .zones import table_column
+from .zone_shapes import table_column
 
 LEAST_COMPARED = 0.25
 """Part of a zone that must have been compared for a word about it."""

@@ -257,3 +257,10 @@ def _from_geotiff(header: CloudHeader) -> CRS | None:
         header.vlrs.get(("LASF_Projection", 34736), b""),
         header.vlrs.get(("LASF_Projection", 34737), b""),
     )
+
+
+def horizontal(crs: CRS | None) -> CRS | None:
+    """The horizontal part of a compound reference system: zones are flat polygons."""
+    if crs is not None and crs.is_compound:
+        return CRS(crs.sub_crs_list[0])
+    return crs

@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 from pyproj import CRS
 from scipy import ndimage
 
+from .crs import horizontal
 from .errors import InputError
 from .gridding import Float, Grid, cell_index, snapped_grid
 from .parameters import ScreeningParameters, ZoneParameters
 from .screening_checks import much_stands_out
-from .zones import cell_polygons, horizontal, inclination, label_groups, table_column
+from .zone_shapes import cell_polygons, inclination, table_column
+from .zones import label_groups
 
 if TYPE_CHECKING:
     from .screening import Screening

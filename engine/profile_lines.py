@@ -19,12 +19,12 @@ from rasterio.features import geometry_mask
 from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
+from .crs import horizontal
 from .errors import InputError
 from .gridding import Grid
 from .plain_names import readable
 from .preflight import shown
 from .progress import Progress
-from .zones import horizontal
 
 GIVEN, STEEPEST = "given", "steepest"
 _NAMES = ("name", "label", "profile", "id")  # fields that name a line, where none is asked for

@@ -16,12 +16,12 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from .crs import horizontal
 from .errors import EngineError, InputError
 from .gridding import Grid
 from .outputs import Stage, atomic_output
 from .profile_lines import GIVEN, ProfileLine
 from .vectors import write_layer
-from .zones import horizontal
 
 PROFILE_OUTPUTS = ("profiles.gpkg", "profiles.csv")
 _COLUMNS = ("distance_m", "x", "y", "height_from_m", "height_to_m", "dz_m", "level_m", "significant")

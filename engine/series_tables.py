@@ -15,10 +15,12 @@ import pandas as pd
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from .crs import horizontal
 from .gridding import Float, Grid
 from .series_zones import ZoneSeries
 from .velocity_class import velocity_class
-from .zones import KINDS, cell_polygons, horizontal, inclination, table_column
+from .zone_shapes import cell_polygons, inclination, table_column
+from .zones import KINDS
 
 _Z95 = 1.959963984540054
 

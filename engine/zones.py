@@ -7,16 +7,13 @@ from datetime import date
 
 import geopandas as gpd
 import numpy as np
-import pandas as pd
-import shapely
-from affine import Affine
 from numpy.typing import NDArray
 from pyproj import CRS
-from rasterio.features import shapes
 from scipy import ndimage
 from scipy.special import erf
 
 from .blocks import Blocks, blocks_in_groups
+from .crs import horizontal
 from .gridding import Float, Grid
 from .parameters import ZoneParameters
 from .volumes import (
@@ -31,6 +28,7 @@ from .volumes import (
     outside,
     zone_volumes,
 )
+from .zone_shapes import cell_polygons, inclination, table_column
 
 # Name and kind of every field, in the order of the attribute table. Text is never NULL; a number that is not known is.
 FIELDS: dict[str, str] = {
@@ -251,13 +249,6 @@ def _volume_columns(volumes: ZoneVolumes) -> dict[str, NDArray]:
     }
 
 
-def horizontal(crs: CRS | None) -> CRS | None:
-    """The horizontal part of a compound reference system: zones are flat polygons."""
-    if crs is not None and crs.is_compound:
-        return CRS(crs.sub_crs_list[0])
-    return crs
-
-
 def label_groups(
     dz: NDArray[np.floating],
     significant: NDArray[np.bool_],
@@ -358,30 +349,6 @@ def _quantile(ordered: Float, cells: NDArray[np.int64], share: float) -> Float:
     return ordered[starts + low] + (position - low) * (ordered[starts + high] - ordered[starts + low])
 
 
-def inclination(
-    zone: NDArray[np.int64], inside: NDArray[np.int64], count: int, heights: NDArray[np.floating], grid: Grid
-) -> Float:
-    """Degrees to the horizontal of the least-squares plane through each zone's heights; NaN where there is none."""
-    z = heights.ravel()[inside].astype(np.float64)
-    known = np.isfinite(z)
-    zone, z = zone[known], z[known]
-    row, column = np.divmod(inside[known], grid.columns)
-    cells = np.bincount(zone, minlength=count)
-
-    def centred(values: NDArray) -> Float:
-        values = values.astype(np.float64)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return values - (np.bincount(zone, weights=values, minlength=count) / cells)[zone]
-
-    x, y, z = centred(column * grid.cell), centred(-row * grid.cell), centred(z)
-    xx, yy, xy, xz, yz = (np.bincount(zone, weights=w, minlength=count) for w in (x * x, y * y, x * y, x * z, y * z))
-    determinant = xx * yy - xy * xy
-    with np.errstate(invalid="ignore", divide="ignore"):
-        a, b = (xz * yy - yz * xy) / determinant, (yz * xx - xz * xy) / determinant
-    # cells in one line leave the plane free to turn about it
-    return np.where(determinant > 1e-9 * (xx + yy) ** 2, np.degrees(np.arctan(np.hypot(a, b))), np.nan)
-
-
 def _severity(p95: Float, parameters: ZoneParameters) -> NDArray[np.object_]:
     magnitude = np.abs(p95)
     grades = np.where(magnitude >= parameters.severity_moderate, "moderate", "low")
@@ -396,35 +363,3 @@ def _add_rates(values: dict[str, NDArray], mean_error: Float, epochs: tuple[date
     values["days"] = np.full(len(values["area_m2"]), days, dtype=np.int64)
     values["rate_mm_day"] = values["dz_mean_m"] * 1000.0 / days
     values["rate_err"] = mean_error * 1000.0 / days
-
-
-def cell_polygons(labels: NDArray[np.int32], count: int, grid: Grid) -> NDArray[np.object_]:
-    """One MultiPolygon a label, along the cells' edges.
-
-    The parts are traced through edges only: a ring traced through corners would touch itself, which is not valid.
-    """
-    if not count:
-        return np.empty(0, dtype=object)
-    corners: list[tuple[float, float]] = []
-    lengths: list[int] = []  # corners of each ring
-    rings: list[int] = []  # rings of each part, the shell first
-    owners: list[int] = []  # zone of each part
-    for outline, label in shapes(labels, mask=labels > 0, connectivity=4, transform=Affine(*grid.affine)):
-        rings.append(len(outline["coordinates"]))
-        owners.append(int(label) - 1)
-        for ring in outline["coordinates"]:
-            lengths.append(len(ring))
-            corners.extend(ring)
-    loops = shapely.linearrings(np.array(corners), indices=np.repeat(np.arange(len(lengths)), lengths))
-    parts = shapely.polygons(loops, indices=np.repeat(np.arange(len(rings)), rings))
-    order = np.argsort(owners, kind="stable")
-    return shapely.multipolygons(parts[order], indices=np.array(owners)[order])
-
-
-def table_column(values: NDArray | None, kind: str, count: int) -> pd.Series:
-    if kind == "text":
-        return pd.Series(np.full(count, "", dtype=object) if values is None else values, dtype=object)
-    if kind == "integer":
-        return pd.Series([pd.NA] * count if values is None else values, dtype="Int64")
-    # micrometres and cubic centimetres: what lies beyond is noise that clutters the attribute table
-    return pd.Series(np.full(count, np.nan) if values is None else np.round(values, 6), dtype=np.float64)
