@@ -13,18 +13,17 @@ import pyogrio
 import shapely
 from affine import Affine
 from numpy.typing import NDArray
-from pyproj import CRS, Transformer
-from pyproj.exceptions import CRSError, ProjError
+from pyproj import CRS
 from rasterio.features import geometry_mask
 from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
-from .crs import horizontal
 from .errors import InputError
 from .gridding import Grid
 from .plain_names import readable
 from .preflight import shown
 from .progress import Progress
+from .reprojection import reprojected
 
 GIVEN, STEEPEST = "given", "steepest"
 _NAMES = ("name", "label", "profile", "id")  # fields that name a line, where none is asked for
@@ -210,28 +209,8 @@ def _parts(geometry: BaseGeometry) -> list[LineString]:
 
 
 def _transformed(frame: gpd.GeoDataFrame, crs: CRS, name: str, notes: list[str]) -> gpd.GeoSeries:
-    target = horizontal(crs)
-    assert target is not None
     if frame.crs is None:
         notes.append(f"The profiles' lines {name} declare no reference system; the clouds' ({crs.name}) is assumed.")
         return frame.geometry
-    try:
-        own = horizontal(CRS.from_user_input(frame.crs))
-        if own is not None and own.equals(target, ignore_axis_order=True):
-            return frame.geometry
-        transformer = Transformer.from_crs(own, target, always_xy=True)
-        moved = shapely.transform(
-            np.asarray(frame.geometry), lambda xy: np.column_stack(transformer.transform(xy[:, 0], xy[:, 1]))
-        )
-    except (CRSError, ProjError) as error:
-        raise InputError(
-            f"The profiles' lines {name} cannot be brought to the clouds' reference system ({crs.name}); save them "
-            "in that."
-        ) from error
-    if not np.isfinite(shapely.get_coordinates(moved)).all():
-        raise InputError(
-            f"The profiles' lines {name} lie outside of where the clouds' reference system ({crs.name}) holds; check "
-            "the reference systems of both."
-        )
-    notes.append(f"The profiles' lines {name} were transformed from {CRS(frame.crs).name} to {target.name}.")
+    moved = reprojected(list(frame.geometry), frame.crs, crs, f"The file of the profiles' lines {name}", notes)
     return gpd.GeoSeries(moved, index=frame.index)

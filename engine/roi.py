@@ -9,13 +9,13 @@ import numpy as np
 import pyogrio
 import shapely
 from pyogrio.raw import read as read_raw
-from pyproj import CRS, Transformer
-from pyproj.exceptions import CRSError, ProjError
+from pyproj import CRS
 from shapely.geometry import MultiPolygon, Polygon
 
 from .errors import InputError
 from .plain_names import readable
 from .preflight import shown
+from .reprojection import reprojected
 
 Bounds = tuple[float, float, float, float]
 
@@ -131,28 +131,7 @@ def _transformed(
     if not declared:
         notes.append(f"The area {name} declares no reference system; that of the cloud ({crs.name}) is assumed.")
         return polygons if unit == 1.0 else list(shapely.transform(polygons, lambda xy: xy * unit))
-    try:
-        own, target = CRS.from_user_input(declared), _horizontal(crs)
-        if _horizontal(own).equals(target, ignore_axis_order=True):
-            return polygons
-        transformer = Transformer.from_crs(_horizontal(own), target, always_xy=True)
-        moved = shapely.transform(polygons, lambda xy: np.column_stack(transformer.transform(xy[:, 0], xy[:, 1])))
-    except (CRSError, ProjError) as error:
-        raise InputError(
-            f"The area {name} cannot be brought from its reference system to that of the cloud ({crs.name}); save it "
-            "in the cloud's."
-        ) from error
-    if not np.isfinite(shapely.get_coordinates(moved)).all():
-        raise InputError(
-            f"The area {name} lies outside of where the cloud's reference system ({crs.name}) holds; check the "
-            "reference systems of both."
-        )
-    notes.append(f"The area {name} was transformed from {own.name} to {target.name}.")
-    return list(moved)
-
-
-def _horizontal(crs: CRS) -> CRS:
-    return crs.sub_crs_list[0] if crs.is_compound else crs
+    return list(reprojected(polygons, declared, crs, f"The area {name}", notes))
 
 
 def _extent(bounds: Bounds) -> str:
