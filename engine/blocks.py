@@ -29,16 +29,6 @@ def middle_cells(block: Blocks) -> NDArray[np.bool_]:
     return found.reshape(block.shape)
 
 
-def gathered(values: Float, block: Blocks) -> Float:
-    """Sum of ``values`` over each block's cells, in its middle cell; 0 in the others, untouched outside of blocks."""
-    middle = middle_cells(block)
-    inside = block >= 0
-    total = np.bincount(block[inside], values[inside], minlength=int(block.max(initial=0)) + 1)
-    result = np.where(inside, 0.0, values)
-    result[middle] = total[block[middle]]
-    return result
-
-
 def blocks_in_groups(labels: NDArray[np.integer], block: Blocks, count: int) -> NDArray[np.int64]:
     """How many blocks have a cell in each group (``labels`` 0 to ``count``), cells outside of blocks one each."""
     inside = np.flatnonzero(labels.ravel() > 0)

@@ -9,9 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
-import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from PIL import Image
 
 _DPI = 160
@@ -50,13 +48,6 @@ def map_picture(figure: Figure, text: str) -> Picture:
     figure.savefig(stream, format="png", dpi=_DPI, metadata={"Software": "SlopeWatch"})
     width, height = figure.get_size_inches() * _CSS_DPI
     return Picture(_uri("image/png", stream.getvalue()), text, round(width), round(height))
-
-
-def image_picture(image: NDArray[np.uint8], text: str, width: int) -> Picture:
-    """An image (rows, columns, 3) as PNG, shown ``width`` CSS pixels wide."""
-    stream = io.BytesIO()
-    Image.fromarray(image).save(stream, "PNG", optimize=False)
-    return Picture(_uri("image/png", stream.getvalue()), text, width, round(width * image.shape[0] / image.shape[1]))
 
 
 def photograph(path: Path, text: str, width: int, *, quality: int = 88) -> Picture | None:

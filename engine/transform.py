@@ -80,11 +80,6 @@ class RigidTransform:
     def inverse(self) -> RigidTransform:
         return RigidTransform(self.rotation.T, -self.rotation.T @ self.translation, self.centre)
 
-    def then(self, second: RigidTransform) -> RigidTransform:
-        """This motion followed by ``second``, about this motion's centre."""
-        moved = second.apply((self.centre + self.translation)[None])[0]
-        return RigidTransform(second.rotation @ self.rotation, moved - self.centre, self.centre)
-
     def save(self, path: Path, crs: CRS, facts: Mapping[str, Any] | None = None) -> None:
         """Write as JSON: ``matrix`` row by row, moving to reference, and what is needed to use it rightly.
 
@@ -167,9 +162,6 @@ class BentTransform(RigidTransform):
     def backwards(self) -> BentTransform:
         """The same rigid part with the correction taken off before it."""
         return BentTransform(self.rotation, self.translation, self.centre, self.correction, not self.inverted)
-
-    def then(self, second: RigidTransform) -> RigidTransform:
-        raise NotImplementedError("a correction of heights cannot be carried through another motion; apply one by one")
 
     def _more(self) -> dict[str, Any]:
         return {"pieces": self.correction.facts() | {"order": _BEFORE if self.inverted else _AFTER}}

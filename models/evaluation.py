@@ -5,7 +5,6 @@ No point is left out of the scores, those near the limit between two labels incl
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
@@ -197,11 +196,3 @@ def screened_zones(scene: SimulatedScene, predicted: Labels) -> tuple[int, list[
             kind = int(kinds[1:].argmax()) + 1
             false.append(Negative(kind if 3 * kinds[kind] >= kinds.sum() else 0).name.lower())
     return zones, false
-
-
-def score_all(results: Iterable[tuple[SimulatedScene, NDArray[np.floating]]]) -> Scores:
-    """Scores of scenes with their points' probabilities."""
-    scores = Scores()
-    for scene, probabilities in results:
-        scores.add(scene, probabilities)
-    return scores

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from slopewatch.engine.blocks import blocks_in_groups, gathered, middle_cells, sums_around
+from slopewatch.engine.blocks import blocks_in_groups, middle_cells, sums_around
 from slopewatch.engine.thresholds import coherent_probability
 
 rng = np.random.default_rng(4)
@@ -22,15 +22,6 @@ def test_middle_cells_are_one_a_block_and_near_its_middle():
         assert np.hypot(*(np.array([row, column]) - cells.mean(axis=0))) == pytest.approx(distance.min())
 
 
-def test_gathered_values_keep_their_sum_in_one_cell_a_block():
-    values = rng.normal(size=BLOCK.shape)
-    got = gathered(values, BLOCK)
-    assert np.array_equal(got[BLOCK < 0], values[BLOCK < 0])
-    assert np.count_nonzero(got[BLOCK >= 0]) == len(np.unique(BLOCK)) - 1
-    for number in np.unique(BLOCK[BLOCK >= 0]):
-        assert got[number == BLOCK].sum() == pytest.approx(values[number == BLOCK].sum())
-
-
 def test_blocks_in_groups_are_counted_once_in_each():
     labels = rng.integers(0, 4, BLOCK.shape)
     got = blocks_in_groups(labels, BLOCK, 4)
@@ -42,7 +33,6 @@ def test_blocks_in_groups_are_counted_once_in_each():
 def test_no_block_at_all():
     nothing = np.full((3, 3), -1)
     assert not middle_cells(nothing).any()
-    assert np.array_equal(gathered(np.ones((3, 3)), nothing), np.ones((3, 3)))
     assert blocks_in_groups(np.eye(3, dtype=int), nothing, 1).tolist() == [0, 3]
 
 
