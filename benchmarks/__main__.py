@@ -1,10 +1,15 @@
-"""Run the benchmarks and print their tables: ``python -m slopewatch.benchmarks [NAME ...]``."""
+"""Run the benchmarks and print their tables: ``python -m slopewatch.benchmarks [--results FOLDER] [NAME ...]``.
+
+``--results`` keeps what became of each single case as FOLDER/NAME.csv, for the benchmarks that can (``KEPT``).
+"""
 
 from __future__ import annotations
 
+import argparse
 import importlib
 import sys
 import time
+from pathlib import Path
 
 from .table import heading, markdown
 
@@ -26,8 +31,17 @@ NAMES = {
 }
 
 
-def main(names: list[str]) -> int:
+KEPT = {"detection"}
+"""Benchmarks that can keep their single results."""
+
+
+def main(arguments: list[str]) -> int:
     """Print one table after the other; 1 if a target was missed."""
+    parser = argparse.ArgumentParser(prog="python -m slopewatch.benchmarks")
+    parser.add_argument("names", nargs="*", metavar="NAME")
+    parser.add_argument("--results", type=Path, metavar="FOLDER", help=f"keep single results of {', '.join(KEPT)}")
+    options = parser.parse_args(arguments)
+    names: list[str] = options.names
     unknown = [name for name in names if name not in NAMES]
     if unknown:
         print(f"No benchmark {unknown[0]!r}; there are {', '.join(NAMES)}.", file=sys.stderr)
@@ -37,7 +51,8 @@ def main(names: list[str]) -> int:
     for name in names or NAMES:
         started = time.monotonic()
         print(f"running {name} ...", file=sys.stderr, flush=True)
-        rows = importlib.import_module(f"{__package__}.{name}").rows()
+        keep = [options.results / f"{name}.csv"] if options.results and name in KEPT else []
+        rows = importlib.import_module(f"{__package__}.{name}").rows(*keep)
         print(markdown(NAMES[name], rows), flush=True)
         print(f"{name} took {time.monotonic() - started:.0f} s", file=sys.stderr, flush=True)
         missed = missed or any(row.met is False for row in rows)

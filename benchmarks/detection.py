@@ -10,10 +10,11 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
+from geopandas import GeoDataFrame
 from numpy.typing import NDArray
 
 from ..engine.change import Change
@@ -22,6 +23,7 @@ from ..engine.zones import Zones
 from ..simulation.change import Bump, true_change_raster
 from ..simulation.survey import SimulatedPair, simulate_pair
 from .chain import changed, registered
+from .detection_results import Detected, FalseZone, PairResult, Volume, write_results
 from .table import Row
 
 Float = NDArray[np.float64]
@@ -33,56 +35,10 @@ LENGTH, HEIGHT, ANGLE = 30.0, 12.0, 39.0
 AMPLITUDE, AREA = (0.02, 0.30), (0.5, 20.0)
 RATIOS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, math.inf)
 """Limits of the classes of amplitude over level of detection."""
-FOUND = 0.5
-"""A change is found if zones of its sign hold this share of its measured cells beyond half of its height."""
 HIGH = 0.10
-CELLS = {"fixed": ChangeParameters(), "growing": ChangeParameters(adaptive=True)}
+CELLS = {"fixed": ChangeParameters(adaptive=False), "growing": ChangeParameters(adaptive=True)}
 NOTHING = 0.005
 """A zone is false if nowhere in it the ground has moved by more than this, m."""
-
-
-@dataclass(frozen=True)
-class Detected:
-    """A known change: peak height and area, the median level of detection on it (m), the share of its core in zones
-    of its sign, and the vegetation cover of its pair.
-    """
-
-    amplitude: float
-    area: float
-    level: float
-    share: float
-    vegetation: float
-
-    @property
-    def ratio(self) -> float:
-        return abs(self.amplitude) / self.level
-
-
-@dataclass(frozen=True)
-class Volume:
-    """A zone's 95 % interval (m³) and the volume of the one known change that it shows, all of it."""
-
-    low: float
-    high: float
-    true: float
-
-    @property
-    def covered(self) -> bool:
-        return self.low <= self.true <= self.high
-
-
-@dataclass(frozen=True)
-class PairResult:
-    """What became of one pair: ``beyond`` is the share of unchanged cells beyond their level. ``volumes`` holds the
-    zones that show one change alone, which no other zone shows.
-    """
-
-    changes: tuple[Detected, ...]
-    volumes: tuple[Volume, ...]
-    false_zones: int
-    zones: int
-    beyond: float
-    changed: bool
 
 
 def drawn_changes(rng: np.random.Generator, run: float) -> tuple[Bump, ...]:
@@ -143,10 +99,10 @@ def compared(pair: SimulatedPair, change: Change, zones: Zones) -> PairResult:
     return PairResult(
         changes=tuple(found),
         volumes=tuple(_volumes(pair, zones, shown)),
-        false_zones=int(np.count_nonzero(moved[1:] == 0)),
+        false_zones=tuple(_false_zones(zones.frame[moved[1:] == 0])),
         zones=len(zones.frame),
         beyond=float(np.mean(np.abs(change.dz[unchanged]) > change.level[unchanged])),
-        changed=bool(pair.changes),
+        vegetation=pair.parameters.vegetation,
     )
 
 
@@ -158,6 +114,11 @@ def _volumes(pair: SimulatedPair, zones: Zones, shown: list[set[int]]) -> Iterat
             row = zones.frame.iloc[own.pop() - 1]
             raised, lowered = known.volumes
             yield Volume(float(row["vol_low_m3"]), float(row["vol_high_m3"]), raised - lowered)
+
+
+def _false_zones(frame: GeoDataFrame) -> Iterator[FalseZone]:
+    for row in frame.itertuples():
+        yield FalseZone(float(row.dz_p95_m), float(row.area_m2), float(row.lod95_m))
 
 
 def results(count: int = PAIRS) -> dict[str, list[PairResult]]:
@@ -172,9 +133,13 @@ def results(count: int = PAIRS) -> dict[str, list[PairResult]]:
     return found
 
 
-def rows() -> list[Row]:
-    """Recall by amplitude in units of the level, volumes, false zones with and without change."""
+def rows(keep: Path | None = None) -> list[Row]:
+    """Recall by amplitude in units of the level, volumes, false zones with and without change; ``keep`` is a CSV file
+    for what became of each pair, from which ``scripts/detection_picture.py`` draws.
+    """
     found = results()
+    if keep is not None:
+        write_results(keep, found)
     fixed, growing = found.values()
     lines = []
     for low, high in pairwise(RATIOS):
@@ -232,7 +197,7 @@ def rows() -> list[Row]:
 
 def _found(results: list[PairResult], of: Callable[[Detected], bool]) -> str:
     some = [c for result in results for c in result.changes if of(c)]
-    return f"{sum(c.share >= FOUND for c in some)} of {len(some)}"
+    return f"{sum(c.found for c in some)} of {len(some)}"
 
 
 def _covered(results: list[PairResult]) -> tuple[float, int]:
@@ -242,5 +207,5 @@ def _covered(results: list[PairResult]) -> tuple[float, int]:
 
 def _false(results: list[PairResult], *, changed_pairs: bool) -> float:
     """False zones a slope of the pairs with, or without, change."""
-    some = [result.false_zones for result in results if result.changed is changed_pairs]
+    some = [len(result.false_zones) for result in results if result.changed is changed_pairs]
     return float(np.mean(some)) if some else float("nan")

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from slopewatch.benchmarks.detection import AMPLITUDE, AREA, LENGTH, compared, drawn_changes
+from slopewatch.benchmarks.detection_results import (
+    Detected,
+    FalseZone,
+    PairResult,
+    Volume,
+    read_results,
+    write_results,
+)
 from slopewatch.engine.change import difference
 from slopewatch.engine.change_zones import change_zones
 from slopewatch.engine.gridding import Grid
@@ -55,7 +64,10 @@ def test_what_is_there_is_found_what_is_not_is_false(flat):
     assert there.share > 0.9
     assert missing.share == 0.0
     assert there.ratio > 5
-    assert found.false_zones == 1, "the patch that no list names"
+    (false,) = found.false_zones
+    assert false.amplitude == pytest.approx(0.2, abs=0.02), "the patch that no list names"
+    assert false.area == pytest.approx(1.6**2, rel=0.3)
+    assert 0 < false.level < false.amplitude
     assert found.zones == 2
     assert len(found.volumes) == 1
     assert found.volumes[0].true == pytest.approx(np.pi / 3 * 4 * 0.3)
@@ -83,3 +95,21 @@ def test_drawn_changes_lie_apart_on_the_slope_within_their_ranges():
                 assert (
                     abs(one.u - other.u) > one.half_u + other.half_u or abs(one.v - other.v) > one.half_v + other.half_v
                 )
+
+
+def test_results_kept_in_a_file_come_back(tmp_path):
+    """All but the figures' last digits; a change on which nothing was measured has an infinite level."""
+    changed = PairResult(
+        changes=(Detected(-0.12, 3.5, 0.04, 0.75, 0.4), Detected(0.05, 1.25, math.inf, 0.0, 0.4)),
+        volumes=(Volume(-0.5, -0.25, -0.375),),
+        false_zones=(FalseZone(0.06, 0.09, 0.03),),
+        zones=2,
+        beyond=0.0625,
+        vegetation=0.4,
+    )
+    unchanged = PairResult((), (), (), 0, 0.05, 0.0)
+    kept = {"fixed": [changed, unchanged], "growing": [unchanged, unchanged]}
+    write_results(tmp_path / "results" / "detection.csv", kept)
+    assert read_results(tmp_path / "results" / "detection.csv") == kept
+    assert changed.changed
+    assert not unchanged.changed
