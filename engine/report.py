@@ -191,13 +191,15 @@ def _change_context(record: dict[str, Any], folder: Path, profile_table: Path) -
 
 
 def _series_context(record: dict[str, Any], folder: Path) -> dict[str, Any]:
+    from .report_charts import COURSES, course_chart
     from .report_pictures import photograph
 
     roles = [str(i["role"]) for i in record["inputs"]]
     words = "Map of the velocity of each cell, and the mean change of each zone from survey to survey"
     return {
         "days": [role.removeprefix("epoch ") for role in roles if role.startswith("epoch ")],
-        "pictures": {"series": photograph(folder / "series.png", words, 1000)},
+        "pictures": {"series": photograph(folder / "series.png", words, 1000), "course": course_chart(record)},
+        "courses": [zone["zone_id"] for zone in (record["zones"] or [])[:COURSES]] if record.get("course") else [],
         "most_zones": _MOST_ZONES,
     }
 

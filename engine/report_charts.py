@@ -1,13 +1,15 @@
-"""Charts of the report: distributions of the change, and profiles."""
+"""Charts of the report: distributions of the change, profiles, and the course of a series' zones."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from datetime import date
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -20,6 +22,9 @@ _GREY = hexadecimal(BELOW_LEVEL)
 _BEFORE = "#8a8f98"
 _SOFT = "#57606a"
 _WIDTH, _WIDE = 4.2, 7.2  # inches
+_Z95 = 1.959963984540054
+COURSES = 8
+"""Zones whose course is drawn; more cannot be told apart."""
 
 Column = NDArray[np.float64]
 
@@ -111,6 +116,62 @@ def profile_chart(facts: Mapping[str, Any], columns: Mapping[str, Column] | None
     return drawing(
         figure,
         f"Profile of {length:.1f} m: heights of both surveys, and their difference with the level of detection; {told}",
+    )
+
+
+def course_chart(record: Mapping[str, Any]) -> Picture | None:
+    """Mean change and net volume of the first ``COURSES`` zones against the day, with 95 % bands; None without zones.
+
+    Zones have the colours of the same zones in ``series.png``. A survey that did not measure a zone is left out of its
+    curve.
+    """
+    course = record.get("course")
+    if not course:
+        return None
+    names = [zone["zone_id"] for zone in record["zones"][:COURSES]]
+    days = [date.fromisoformat(day) for day in record["dates"]]
+    figure = Figure(figsize=(_WIDE, 4.6))
+    sheet = Sheet(figure, _WIDE, 4.6)
+    above, below = sheet.axes(0.7, 2.45, 6.3, 1.7), sheet.axes(0.7, 0.45, 6.3, 1.7)
+    for axes, value, error, words in (
+        (above, "dz_mean_m", "dz_err_m", "mean change (m)"),
+        (below, "vol_net_m3", "vol_err_m3", "net volume (m³)"),
+    ):
+        for number, name in enumerate(names):
+            known = [row for row in course[name] if value in row and error in row]
+            at = [days[0], *(date.fromisoformat(row["epoch"]) for row in known)]
+            middle = np.array([0.0, *(row[value] for row in known)])
+            half = _Z95 * np.array([0.0, *(row[error] for row in known)])
+            # dates as numbers: matplotlib's own conversion takes lists of dates, which type checkers do not know
+            x, colour = np.asarray(date2num(at)), f"C{number}"
+            axes.fill_between(x, middle - half, middle + half, color=colour, alpha=0.2, lw=0)
+            axes.plot(x, middle, color=colour, lw=1.1, marker="o", ms=3, label=name.replace("$", r"\$"))
+        axes.axhline(0.0, color=_SOFT, lw=0.6)
+        for day in date2num(days):
+            axes.axvline(day, color="#6e7781", lw=0.6, ls=(0, (2, 3)), zorder=0.5)
+        first, last = date2num([days[0], days[-1]])
+        axes.set_xlim(first - 0.02 * (last - first), last + 0.02 * (last - first))
+        locator = AutoDateLocator(maxticks=8)
+        axes.xaxis.set_major_locator(locator)
+        axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+        _finish(axes, sheet)
+        axes.set_ylabel(words, fontproperties=sheet.fonts(8), color=INK)
+    above.set_xticklabels([])
+    below.xaxis.get_offset_text().set_fontproperties(sheet.fonts(7.5))
+    above.legend(
+        loc="lower left", frameon=False, ncols=len(names), prop=sheet.fonts(7.5), borderaxespad=0.0, handlelength=1.2,
+        columnspacing=1.2, bbox_to_anchor=(0.0, 1.02),
+    )  # fmt: skip
+    figure.align_ylabels([above, below])
+    ends = "; ".join(
+        f"{name} {row['dz_mean_m']:+.3f} m and {row['vol_net_m3']:+.2f} m³"
+        for name in names
+        for row in [r for r in course[name] if "dz_mean_m" in r][-1:]
+    )
+    return drawing(
+        figure,
+        f"Mean change and net volume of {len(names)} zones against the first survey on {len(days)} days, with 95 % "
+        f"bands; at the end: {ends}",
     )
 
 

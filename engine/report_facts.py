@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -21,6 +22,10 @@ from .palette import rounded_up
 _HALF_BINS = 60
 _MOST_ZONES = 100
 _DAYS_A_YEAR = 365.25
+_COURSE = (
+    "epoch", "days", "dz_mean_m", "dz_err_m", "area_m2", "vol_net_m3", "vol_err_m3", "days_before", "rate_mm_day",
+    "rate_err",
+)  # fmt: skip
 _SLOPES = (0.0, 15.0, 30.0, 45.0, 60.0, 90.0)  # degrees, classes of the level's table
 
 
@@ -167,11 +172,24 @@ def zone_rows(frame: gpd.GeoDataFrame, texts: tuple[str, ...] = ("severity",)) -
     return rows
 
 
+def course_rows(table: pd.DataFrame, zone_ids: Sequence[str]) -> dict[str, list[dict[str, Any]]]:
+    """Of each zone named, its surveys from the second on, as ``series_tables.series_frame`` has them.
+
+    What a survey did not measure is left out, so that its row has no more than its day.
+    """
+    rows: dict[str, list[dict[str, Any]]] = {}
+    for name in zone_ids:
+        own = table[table["zone_id"] == name]
+        values = [{field: _plain(row[field]) for field in _COURSE} for _, row in own.iterrows()]
+        rows[name] = [{k: v for k, v in row.items() if v is not None} for row in values]
+    return rows
+
+
 def _plain(value: Any) -> Any:
     """A table's value as JSON takes it; what is not known is None."""
     if isinstance(value, str):
         return value
-    if value is None or value != value or not np.isfinite(float(value)):
+    if pd.isna(value) or not np.isfinite(float(value)):
         return None
     return int(value) if isinstance(value, (int, np.integer)) else float(value)
 

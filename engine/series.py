@@ -26,7 +26,7 @@ from .pair import require_comparable, stable_area, warn_of_doubtful_change
 from .pdal import find_pdal
 from .progress import Progress
 from .report import write_record_and_report
-from .report_facts import zone_rows
+from .report_facts import course_rows, zone_rows
 from .run_record import RunRecord, plain
 from .series_epochs import GriddedEpoch, NamedProgress, SeriesSettings, Task, prepare_epochs
 from .series_persistence import confirmed_cells
@@ -148,18 +148,21 @@ def monitor_series(
             velocity = cell_velocity(stack.days, list(stack.change), list(stack.variance))
             outputs |= write_summary_rasters(velocity, analysis.confirmed, velocity.count >= 2, about, hashes, stage)
             limits = limits_of(analysis, dates)
-            files, frame = write_tables(
+            files, frame, course = write_tables(
                 analysis.zones, analysis.cumulative[-1], velocity, about, table, limits[0], stage
             )
             outputs |= files
         record.metrics = series_figures(frame, analysis.cumulative, analysis.incremental, about)
         record.metrics["dropped_zones"] = analysis.unconfirmed
+        zones = zone_rows(frame, REPORTED)
         record.facts |= {
             "run_id": run_id,
             "limits": limits,
             "alerts": [plain(row) for row in table],
             "transforms": {g.epoch.name: g.transform.matrix for g in gridded},
-            "zones": zone_rows(frame, REPORTED),
+            "dates": [d.isoformat() for d in dates],
+            "zones": zones,
+            "course": course_rows(course, [row["zone_id"] for row in zones]),
             "zone_history": {t.zone_id: _history(t, dates) for t in analysis.tracks},
         }
         outputs["run"] = stage.final("run.json")

@@ -134,8 +134,12 @@ def write_tables(
     alerts: Sequence[AlertLevel],
     footer: str,
     stage: Stage,
-) -> tuple[dict[str, Path], gpd.GeoDataFrame]:
-    """Zones and their series as GeoPackage and CSV, the picture, and the alert table as it was used."""
+) -> tuple[dict[str, Path], gpd.GeoDataFrame, gpd.GeoDataFrame]:
+    """Zones and their series as GeoPackage and CSV, the picture, and the alert table as it was used.
+
+    Returns:
+        The files by name, the table of the zones and that of their series.
+    """
     table = zone_frame(zones, last.dz, last.height_to, about)
     series = series_frame(zones, about)
     vectors.write_layers(
@@ -156,7 +160,7 @@ def write_tables(
     stage.path("alerts_used.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
     write_series_picture(stage.path("series.png"), zones, velocity, about, footer)
     names = {"series_zones": "series.gpkg", "series_table": "series.csv", "series_picture": "series.png"}
-    return {key: stage.final(name) for key, name in {**names, "alerts_used": "alerts_used.csv"}.items()}, table
+    return {key: stage.final(name) for key, name in {**names, "alerts_used": "alerts_used.csv"}.items()}, table, series
 
 
 def _quoted(text: str) -> str:

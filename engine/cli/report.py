@@ -21,7 +21,7 @@ PROFILES_OPTION = click.option(
 @PROFILES_OPTION
 @command(ReportParameters, profile=False)
 def report(session: Session, folder: Path, profiles: Path | None) -> tuple[dict[str, Path], dict[str, Any]]:
-    """Make the report of FOLDER, which inspect or change wrote, again.
+    """Make the report of FOLDER, which inspect, change or series wrote, again.
 
     With --profiles its profiles are replaced by those along the lines given, beside those through the zones. The other
     options have no effect without it.

@@ -33,6 +33,7 @@ from slopewatch.engine.parameters import (
     SurveyParameters,
 )
 from slopewatch.engine.progress import Progress
+from slopewatch.engine.report import write_report
 from slopewatch.engine.series import monitor_series
 from slopewatch.engine.series_epochs import SeriesSettings
 from slopewatch.engine.series_products import SERIES_OUTPUTS
@@ -102,6 +103,32 @@ def test_the_report_has_the_figures_of_the_record(runs):
     assert [z["rate_mm_day"] for z in record["zones"]] == list(zones["rate_mm_day"])
     assert "What this cannot tell you" in page
     assert record["outputs"]["report"] == "report.html"
+
+
+def test_the_report_draws_and_tells_the_course_of_every_zone(runs):
+    out, found = runs
+    record = found[-1][1]
+    with (out / "series.csv").open(newline="") as file:
+        table = list(csv.DictReader(file))
+    assert list(record["course"]) == [z["zone_id"] for z in record["zones"]]
+    for name, rows in record["course"].items():
+        own = [line for line in table if line["zone_id"] == name]
+        assert [r["epoch"] for r in rows] == [line["epoch"] for line in own] == record["dates"][1:]
+        for field in ("dz_mean_m", "dz_err_m", "vol_net_m3", "vol_err_m3", "rate_mm_day"):
+            assert [r.get(field) for r in rows] == [float(line[field]) if line[field] else None for line in own]
+    page = (out / "report.html").read_text(encoding="utf-8")
+    places = re.findall(r'data-from="/(course/[^"]+/vol_net_m3)"', page)
+    assert len(places) == sum("vol_net_m3" in row for rows in record["course"].values() for row in rows)
+    last = record["course"]["S001"][-1]
+    assert f"S001 {last['dz_mean_m']:+.3f} m and {last['vol_net_m3']:+.2f} m³" in page
+
+
+def test_a_report_of_a_series_from_before_courses_were_kept(runs, tmp_path):
+    out, found = runs
+    record = {k: v for k, v in found[-1][1].items() if k not in ("course", "dates")}
+    (tmp_path / "run.json").write_text(json.dumps(record))
+    assert "Survey by survey" not in write_report(tmp_path).read_text(encoding="utf-8")
+    assert "Survey by survey" in (out / "report.html").read_text(encoding="utf-8")
 
 
 def read(path: Path) -> np.ndarray:
