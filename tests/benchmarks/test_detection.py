@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from slopewatch.benchmarks import detection
 from slopewatch.benchmarks.detection import AMPLITUDE, AREA, LENGTH, compared, drawn_changes
+from slopewatch.benchmarks.detection_curves import false_alarms, recall
 from slopewatch.benchmarks.detection_results import (
     Detected,
     FalseZone,
@@ -113,3 +116,49 @@ def test_results_kept_in_a_file_come_back(tmp_path):
     assert read_results(tmp_path / "results" / "detection.csv") == kept
     assert changed.changed
     assert not unchanged.changed
+
+
+def test_recall_by_class_has_the_interval_of_the_binomial_law():
+    """Clopper and Pearson: at an end of the interval, as many found or more (fewer) have a chance of 2.5 %."""
+    sizes = ((0.05, 1.0), (0.06, 0.6), (0.07, 0.4), (0.09, 0.9), (0.02, 0.1), (0.04, 0.0))
+    changes = tuple(Detected(-height, 1.0, 0.04, share, 0.0) for height, share in sizes)
+    unmeasured = Detected(0.3, 1.0, math.inf, 0.0, 0.0)
+    pair = PairResult((*changes, unmeasured), (), (), 0, 0.05, 0.0)
+    below, beyond = recall([pair], lambda c: c.ratio, (0.0, 1.0, 5.0, 9.0))
+    assert (below.found, below.count, below.size) == (0, 1, pytest.approx(0.5))
+    assert (beyond.found, beyond.count, beyond.size) == (3, 5, pytest.approx(1.5))
+    assert below.low == 0.0
+    assert (1 - below.high) ** 1 == pytest.approx(0.025, rel=1e-6)
+
+    def chance(k, p):
+        return math.comb(5, k) * p**k * (1 - p) ** (5 - k)
+
+    assert sum(chance(k, beyond.low) for k in range(3, 6)) == pytest.approx(0.025, rel=1e-6)
+    assert sum(chance(k, beyond.high) for k in range(4)) == pytest.approx(0.025, rel=1e-6)
+    assert [c.count for c in recall([pair], lambda c: abs(c.amplitude), (0.1, 0.5))] == [1]
+
+
+def test_false_zones_a_slope_have_the_interval_of_poissons_law():
+    zones = tuple(FalseZone(change, 1.0, 0.05) for change in (-0.06, 0.09, 0.2))
+    pairs = [PairResult((), (), zones[:2], 2, 0.05, 0.0), PairResult((), (), zones[2:], 1, 0.05, 0.0)]
+    found = false_alarms([*pairs, *[PairResult((), (), (), 0, 0.05, 0.0)] * 8], (1.0, 1.5, 3.0, 5.0))
+    assert found.a_slope.tolist() == [0.3, 0.2, 0.1, 0.0]
+    assert found.low[3] == 0.0
+
+    def chance(k, mean):
+        return math.exp(-mean) * mean**k / math.factorial(k)
+
+    for count, low, high in zip((3, 2, 1), 10 * found.low, 10 * found.high, strict=False):
+        assert 1 - sum(chance(k, low) for k in range(count)) == pytest.approx(0.025, rel=1e-6)
+        assert sum(chance(k, high) for k in range(count + 1)) == pytest.approx(0.025, rel=1e-6)
+    assert chance(0, 10 * found.high[3]) == pytest.approx(0.025, rel=1e-6)
+
+
+def test_the_results_that_the_picture_is_drawn_from_are_whole():
+    """A run of all pairs with both kinds of cells, half of the pairs without change."""
+    kept = read_results(Path(detection.__file__).parent / "results" / "detection.csv")
+    assert list(kept) == list(detection.CELLS)
+    for pairs in kept.values():
+        assert [p.changed for p in pairs] == [True, False] * (detection.PAIRS // 2)
+    known = [[(c.amplitude, c.area) for p in pairs for c in p.changes] for pairs in kept.values()]
+    assert known[0] == known[1]
