@@ -121,6 +121,11 @@ def _parameter(
     )
 
 
+def _other_default(group: type[ParameterSet], name: str, default: Any) -> Any:
+    """The parameter ``name`` of another group with a default of its own."""
+    return field(default=default, metadata=next(f.metadata for f in fields(group) if f.name == name))
+
+
 @dataclass(frozen=True)
 class ParameterSet:
     """Base of the parameter groups: checked on construction, built from names and values."""
@@ -883,6 +888,46 @@ class SurveyParameters(ParameterSet):
     amplitude: float = _parameter(
         0.3, "Change", "Largest height change that is put into the second epoch.", unit="m", minimum=0.0, maximum=10.0
     )
+
+
+@dataclass(frozen=True)
+class CreepParameters(SurveyParameters):
+    """Simulated series of surveys of one cut slope with zones that creep; ``amplitude`` has no part in it."""
+
+    points: int = _other_default(SurveyParameters, "points", 150_000)
+    length: float = _other_default(SurveyParameters, "length", 30.0)
+    height: float = _other_default(SurveyParameters, "height", 12.0)
+    vegetation: float = _other_default(SurveyParameters, "vegetation", 0.3)
+    offset: float = _other_default(SurveyParameters, "offset", 0.05)
+    surveys: int = _parameter(6, "Surveys", "Number of surveys, the first included.", minimum=2, maximum=100)
+    interval: int = _parameter(
+        30, "Days between surveys", "From each survey to the next.", unit="days", minimum=1, maximum=3650
+    )
+    velocities: str = _parameter(
+        "-10, 5, -2",
+        "Velocities",
+        "Vertical velocities in the middle of the zones, separated by commas: a zone for each, side by side along the "
+        "slope; negative ones lower. Towards its edge a zone moves less.",
+        unit="mm/day",
+    )
+    onset: float = _parameter(
+        15.0,
+        "Onset",
+        "Days after the first survey at which the motion begins.",
+        unit="days",
+        minimum=0.0,
+        maximum=36500.0,
+    )
+    ground_only: bool = _parameter(
+        False,
+        "Ground points only",
+        "Writes only the echoes of the ground, as a perfect ground filter would leave them (for Clouds hold ground "
+        "points of a series).",
+    )
+
+    @classmethod
+    def specifications(cls) -> tuple[Specification, ...]:
+        return tuple(s for s in super().specifications() if s.name != "amplitude")
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from .m3c2distances import M3C2Distances
 from .registerepochs import RegisterEpochs
 from .screenhazards import ScreenHazards
 from .simulatescenes import SimulateScenes
+from .simulateseries import SimulateSeries
 from .simulatesurvey import SimulateSurvey
 from .trainmodel import TrainModel
 from .writereport import WriteReport
@@ -23,6 +24,7 @@ ALGORITHMS = (
     M3C2Distances,
     WriteReport,
     SimulateSurvey,
+    SimulateSeries,
     SimulateScenes,
     TrainModel,
     CheckEnvironment,

@@ -1,18 +1,31 @@
-"""``slopewatch simulate survey``: a simulated pair in an output folder."""
+"""``slopewatch simulate survey`` and ``series``: a simulated pair, or a series, in an output folder."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from pyproj import CRS
+
+from ..engine.errors import InputError
+from ..engine.gridding import snapped_grid
 from ..engine.outputs import staged_outputs
-from ..engine.parameters import SurveyParameters
+from ..engine.parameters import CreepParameters, SurveyParameters
 from ..engine.progress import Progress
+from ..engine.rasters import write_raster
 from ..engine.run_record import RunRecord
+from .series import Creep, SimulatedSeries, simulate_series, survey_days, write_series
 from .survey import simulate_pair
 from .write import write_pair
 
 _NAMES = {"first": "reference", "second": "cloud"}
+_HALF_AXES = (2.0, 1.6)
+_APART = 0.8
+"""Least room (m) between two zones of a series, their places being drawn within it."""
+_FARTHEST = 5.0
+_TRUTH_CELL = 0.25
 
 
 def survey_step(
@@ -43,3 +56,90 @@ def survey_step(
         }
         record.write(stage.path("run.json"), progress.warnings, outputs)
     return outputs, record.metrics
+
+
+def series_step(
+    parameters: CreepParameters, output_dir: Path, progress: Progress
+) -> tuple[dict[str, Path], dict[str, Any]]:
+    """Simulate a series of surveys and write it with a manifest and the truth; nothing is left when it fails.
+
+    Returns:
+        Paths by name (``manifest``, ``roi``, ``truth``, ``truth_velocity``, each survey by its day, ``run``) and the
+        main figures.
+
+    Raises:
+        InputError: the velocities cannot be read, are too many for the slope's length, or lead too far.
+    """
+    laws = creep_laws(parameters)
+    record = RunRecord("simulate series", {"creep": parameters})
+    with staged_outputs(output_dir) as stage:
+        with record.stage("simulate"), progress.stage(0.0, 0.9, "simulating"):
+            days = survey_days(parameters.surveys, parameters.interval)
+            series = simulate_series(parameters, days, laws, half_axes=_HALF_AXES, progress=progress)
+        with record.stage("write"), progress.stage(0.9, 1.0, "writing"):
+            written = write_series(series, stage.folder, ground_only=parameters.ground_only)
+            written["truth_velocity"] = stage.path("truth_velocity.tif")
+            _write_velocity(series, written["truth_velocity"])
+            written["manifest"] = stage.path("surveys.csv")
+            lines = ["date,path", *(f"{day},{written[day.isoformat()].name}" for day in days)]
+            written["manifest"].write_text("\n".join(lines) + "\n", encoding="utf-8")
+        outputs = {name: stage.final(path.name) for name, path in written.items()}
+        outputs["run"] = stage.final("run.json")
+        record.metrics = {
+            "surveys": len(days),
+            "days": (days[-1] - days[0]).days,
+            "points": sum(len(cloud) for cloud in series.clouds),
+            "zones": len(laws),
+            "vegetation_cover": series.canopy.cover(series.scene.slope),
+        }
+        record.write(stage.path("run.json"), progress.warnings, outputs)
+    return outputs, record.metrics
+
+
+def creep_laws(parameters: CreepParameters) -> tuple[Creep, ...]:
+    """One law of motion for each of the velocities (mm/day in the middle of the zone).
+
+    Raises:
+        InputError: see ``series_step``.
+    """
+    try:
+        values = [float(word) for word in parameters.velocities.split(",") if word.strip()]
+    except ValueError:
+        values = [math.nan]
+    if not all(math.isfinite(v) for v in values):
+        raise InputError(
+            f"velocities is {parameters.velocities!r}; give numbers (mm a day) separated by commas, such as -10, 5."
+        )
+    room = 2 * _HALF_AXES[0] + _APART
+    if len(values) * room > parameters.length:
+        raise InputError(
+            f"velocities names {len(values)} zones, which need {len(values) * room:.0f} m of slope; give a length "
+            "of at least that, or fewer."
+        )
+    run = parameters.height / math.tan(math.radians(parameters.angle))
+    if values and run < 2.5 * _HALF_AXES[1]:
+        raise InputError(
+            f"The slope is {run:.1f} m wide on the map, too little for zones of {2 * _HALF_AXES[1]:g} m; give a larger "
+            "height or a smaller angle."
+        )
+    moving = max(0.0, parameters.interval * (parameters.surveys - 1) - parameters.onset)
+    farthest = max((abs(v) / 1000 * moving for v in values), default=0.0)
+    if farthest > _FARTHEST:
+        raise InputError(
+            f"At these velocities the ground would move by {farthest:.1f} m until the last survey; give slower ones, "
+            f"or fewer days, for at most {_FARTHEST:g} m."
+        )
+    return tuple(Creep(v / 1000, parameters.onset) for v in values)
+
+
+def _write_velocity(series: SimulatedSeries, path: Path) -> None:
+    """The true velocity at the last survey (mm/day) of each cell over the slope, in the first survey's coordinates."""
+    west, south = series.roi.min(axis=0)
+    east, north = series.roi.max(axis=0)
+    grid = snapped_grid((float(west), float(south), float(east), float(north)), _TRUTH_CELL)
+    velocity = np.zeros(grid.shape)
+    for number in range(len(series.motions)):
+        velocity += 1000 * series.true_velocity(number, grid)
+    write_raster(
+        path, velocity, grid, CRS.from_user_input(series.crs), description="True vertical velocity", unit="mm/day"
+    )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from ..parameters import ScenesParameters, SurveyParameters
+from ..parameters import CreepParameters, ScenesParameters, SurveyParameters
 from .commands import Outcome, _output_dir
 from .options import Session, command
 
@@ -24,6 +24,19 @@ def survey(session: Session, output_dir: Path) -> Outcome:
     from ...simulation.command import survey_step
 
     return survey_step(session.parameters(SurveyParameters), output_dir, session.report)
+
+
+@simulate.command()
+@_output_dir
+@command(CreepParameters, profile=False)
+def series(session: Session, output_dir: Path) -> Outcome:
+    """Dated surveys of one cut slope whose zones creep at known velocities: something to try `series` on.
+
+    The folder holds one cloud a survey, a manifest (surveys.csv), the slope's outline and the truth.
+    """
+    from ...simulation.command import series_step
+
+    return series_step(session.parameters(CreepParameters), output_dir, session.report)
 
 
 @simulate.command()

@@ -47,7 +47,7 @@ def test_values_that_are_no_whole_number_are_refused(value):
 
 def test_names_are_unique_over_all_groups_that_share_a_command():
     # each in a command of its own
-    alone = ("SurveyParameters", "ScenesParameters", "FineTuneParameters", "DistanceParameters")
+    alone = ("SurveyParameters", "CreepParameters", "ScenesParameters", "FineTuneParameters", "DistanceParameters")
     for screening in ("ScreeningParameters", "LastEpochParameters"):  # one of them in each command
         names = [s.name for g in GROUPS if g.__name__ not in (*alone, screening) for s in g.specifications()]
         assert len(names) == len(set(names))

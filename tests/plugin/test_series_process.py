@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -108,6 +109,22 @@ def test_a_manifest_instead_of_a_folder(
     both = qgis_process.attempt("inspectseries", INPUT=clouds, **given)
     assert both.returncode == 1
     assert "not both" in both.stderr
+
+
+def test_a_simulated_series_is_inspected_with_its_manifest(qgis_process: QgisProcess, tmp_path: Path) -> None:
+    made = qgis_process.run(
+        "simulateseries", OUTPUT_FOLDER=tmp_path / "made", POINTS=15000, LENGTH=12, HEIGHT=6, VEGETATION=0, SURVEYS=3,
+        VELOCITIES="-6", GROUND_ONLY=True,
+    )  # fmt: skip
+    assert json.loads(Path(made["TRUTH"]).read_text())["motions"][0]["rate"] == -0.006
+    assert QgsVectorLayer(f"{made['ROI']}|layername=roi", "roi", "ogr").featureCount() == 1
+    assert QgsRasterLayer(made["TRUTH_VELOCITY"], "velocity").isValid()
+    settings = {"GROUND_READY": True, "CELL": 0.25, "RASTERS_EACH_SURVEY": False}
+    found = qgis_process.run(
+        "inspectseries", MANIFEST=made["MANIFEST"], ROI=made["ROI"], OUTPUT_FOLDER=tmp_path / "found", **settings
+    )
+    assert (found["EPOCH_COUNT"], found["ZONE_COUNT"]) == (3, 1)
+    assert 1 < found["FASTEST_RATE"] < 6
 
 
 def test_the_dialog_loads_every_survey_with_its_days(

@@ -73,6 +73,10 @@ FROZEN_PARAMETERS = {
         "SEED", "POINTS", "LENGTH", "HEIGHT", "ANGLE", "BENCHES", "VEGETATION", "RANGE_NOISE", "OFFSET", "AMPLITUDE",
         "OUTPUT_FOLDER", "ROI", "TRUTH_DZ",
     ],
+    "simulateseries": [
+        "SEED", "POINTS", "LENGTH", "HEIGHT", "ANGLE", "BENCHES", "VEGETATION", "RANGE_NOISE", "OFFSET", "SURVEYS",
+        "INTERVAL", "VELOCITIES", "ONSET", "GROUND_ONLY", "OUTPUT_FOLDER", "ROI", "TRUTH_VELOCITY",
+    ],
     "simulatescenes": ["KIND", "COUNT", "SEED", "AREA", "DENSITY", "BENCHMARK", "PICTURE", "OUTPUT_FOLDER"],
     "trainmodel": [
         "CLOUDS", "POLYGONS", "START", "DIMENSION", "CLASSES", "CLASS_FIELD", "OUTSIDE", "STEPS", "MINUTES", "FOLDS",
@@ -91,6 +95,7 @@ FROZEN_GROUPS = {
     "writereport": "steps",
     "m3c2distances": "steps",
     "simulatesurvey": "tools",
+    "simulateseries": "tools",
     "simulatescenes": "tools",
     "trainmodel": "tools",
     "checkenvironment": "tools",
@@ -130,6 +135,7 @@ FROZEN_OUTPUTS = {
     "simulatesurvey": [
         "REFERENCE", "CLOUD", "TRUTH", "TRUTH_TRANSFORM", "RUN_RECORD", "OUTPUT_FOLDER", "ROI", "TRUTH_DZ",
     ],
+    "simulateseries": ["MANIFEST", "TRUTH", "RUN_RECORD", "OUTPUT_FOLDER", "ROI", "TRUTH_VELOCITY"],
     "simulatescenes": [
         "SCENE", "HAZARDS", "MANIFEST", "PICTURE_FILE", "RUN_RECORD", "SCENES", "POINTS", "HAZARD_COUNT",
         "SHARE_BACKGROUND", "SHARE_UPLIFT", "SHARE_SUBSIDENCE", "OUTPUT_FOLDER",
@@ -150,6 +156,7 @@ COMMANDS = {
     "writereport": ["report"],
     "m3c2distances": ["m3c2"],
     "simulatesurvey": ["simulate", "survey"],
+    "simulateseries": ["simulate", "series"],
     "simulatescenes": ["simulate", "scenes"],
     "trainmodel": ["train"],
     "checkenvironment": ["check"],
@@ -225,7 +232,13 @@ def test_the_dialog_has_the_engines_parameters(algorithm: SlopeWatchAlgorithm) -
                 assert parameter.maximum() == s.maximum
             decimals = parameter.metadata().get("widget_wrapper", {}).get("decimals", 0)
             assert round(s.default, decimals) == s.default, f"{s.name}: the field would round the default"
-        if algorithm.name() not in ("inspectslope", "inspectseries", "screenhazards", "simulatesurvey"):
+        if algorithm.name() not in (
+            "inspectslope",
+            "inspectseries",
+            "screenhazards",
+            "simulatesurvey",
+            "simulateseries",
+        ):
             assert bool(parameter.flags() & ADVANCED) == s.advanced
 
 
