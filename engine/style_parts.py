@@ -13,14 +13,14 @@ FILLED_IN_LATER = ("slope_id", "route", "chain_from", "chain_to", "side", "revie
 REVIEW = ("unreviewed", "confirmed", "rejected")
 
 
-def labels(root: Element) -> None:
-    """Zones are labelled with their ids."""
+def labels(root: Element, text: str = "") -> None:
+    """Zones are labelled with their ids, or with what the expression ``text`` makes of their fields."""
     settings = SubElement(SubElement(root, "labeling", type="simple"), "settings", calloutType="simple")
-    text = SubElement(
+    style = SubElement(
         settings,
         "text-style",
-        fieldName="zone_id",
-        isExpression="0",
+        fieldName=text or "zone_id",
+        isExpression="1" if text else "0",
         fontSize="8",
         fontSizeUnit="Point",
         fontFamily="Open Sans",
@@ -30,7 +30,7 @@ def labels(root: Element) -> None:
         allowHtml="0",
     )
     SubElement(
-        text,
+        style,
         "text-buffer",
         bufferDraw="1",
         bufferSize="0.8",
@@ -60,12 +60,8 @@ def forms(root: Element, names: Mapping[str, str], decimals: Mapping[str, int]) 
         decimals: by the end or the beginning of a field's name.
     """
     configuration = SubElement(root, "fieldConfiguration")
-    widget = SubElement(SubElement(configuration, "field", name="review_status"), "editWidget", type="ValueMap")
-    listed = SubElement(SubElement(widget, "config"), "Option", type="Map")
-    choices = SubElement(listed, "Option", type="List", name="map")
-    for status in REVIEW:
-        entry = SubElement(choices, "Option", type="Map")
-        SubElement(entry, "Option", type="QString", name=status.capitalize(), value=status)
+    if "review_status" in names:
+        _review(SubElement(configuration, "field", name="review_status"))
     editable = SubElement(root, "editable")
     for field in names:
         places = next((n for part, n in decimals.items() if field.endswith(part) or field.startswith(part)), None)
@@ -79,6 +75,15 @@ def forms(root: Element, names: Mapping[str, str], decimals: Mapping[str, int]) 
     aliases = SubElement(root, "aliases")
     for field, name in names.items():
         SubElement(aliases, "alias", field=field, name=name)
+
+
+def _review(field: Element) -> None:
+    widget = SubElement(field, "editWidget", type="ValueMap")
+    listed = SubElement(SubElement(widget, "config"), "Option", type="Map")
+    choices = SubElement(listed, "Option", type="List", name="map")
+    for status in REVIEW:
+        entry = SubElement(choices, "Option", type="Map")
+        SubElement(entry, "Option", type="QString", name=status.capitalize(), value=status)
 
 
 def options(parent: Element, **values: str) -> None:

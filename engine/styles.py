@@ -81,6 +81,12 @@ _HAZARDS_READ_FIRST = (
     "height_p95_m",
     "points",
 )
+FOOTPRINT_ALIASES = {
+    name: ALIASES[name]
+    for name in (
+        "zone_id", "kind", "vol_net_m3", "vol_err_m3", "vol_low_m3", "vol_high_m3", "vol_area_m2", "vol_measured",
+    )
+}  # fmt: skip
 CONFIRMATION_ALIASES = {
     "confirmed": "Confirmed by the change",
     "compared_share": "Part compared",
@@ -104,6 +110,14 @@ volume [% format_number("vol_net_m3", 2) %] ± [% format_number("vol_err_m3", 2)
 [% "epoch_from" %] to [% "epoch_to" %]"""
 
 
+_VOLUME_LABEL = (
+    """"zone_id" || ': ' || if("vol_net_m3" > 0, '+', '') || format_number("vol_net_m3", 2)"""
+    """ || ' ± ' || format_number("vol_err_m3", 2) || ' m³'"""
+)
+_FOOTPRINT_MAP_TIP = """<b>[% "zone_id" %]: [% "kind" %], volume and where it was taken</b><br/>
+[% format_number("vol_net_m3", 2) %] ± [% format_number("vol_err_m3", 2) %] m³,
+95 % within [% format_number("vol_low_m3", 2) %] to [% format_number("vol_high_m3", 2) %]<br/>
+over [% format_number("vol_area_m2", 1) %] m², measured on [% format_number(100 * "vol_measured", 0) %] % of it"""
 _HAZARD_MAP_TIP = """<b>[% "zone_id" %]: [% "kind" %], confidence [% "confidence" %]</b><br/>
 mean probability [% format_number("probability", 2) %]<br/>
 [% format_number("height_med_m", 3) %] m over the trend, 95 % within [% format_number("height_p95_m", 3) %] m<br/>
@@ -178,6 +192,40 @@ def hazards_qml(*, confirmed: bool = False) -> str:
     return _zones_qml("confidence", ("high", "medium", "low"), aliases, first, tip, _FOLLOWING)
 
 
+def footprints_qml() -> str:
+    """Style of the footprints of the volumes: a dashed outline and a faint fill by kind, labelled with zone and volume.
+
+    The zones, which are drawn in full, lie within; both layers can be shown at once.
+    """
+    root = Element(
+        "qgis",
+        version=VERSION,
+        styleCategories="Symbology|Labeling|Fields|Forms|MapTips|AttributeTable",
+        labelsEnabled="1",
+        readOnly="0",
+    )
+    renderer = SubElement(
+        root,
+        "renderer-v2",
+        {"type": "categorizedSymbol", "attr": "kind", "enableorderby": "0", "forceraster": "0", "symbollevels": "0"},
+    )
+    categories, symbols = SubElement(renderer, "categories"), SubElement(renderer, "symbols")
+    veils, edges = DIVERGING[3][1:], DIVERGING[-2][1:]
+    for number, kind in enumerate(("subsidence", "uplift")):
+        label = f"Footprint of the volume, {kind}"
+        SubElement(categories, "category", value=kind, label=label, symbol=str(number), render="true", type="string")
+        symbol = SubElement(symbols, "symbol", type="fill", name=str(number), alpha="1", clip_to_extent="1")
+        fill = SubElement(symbol, "layer", {"class": "SimpleFill", "enabled": "1", "locked": "0", "pass": "0"})
+        options(fill, color=_rgba(veils[number], 45), outline_style="no", style="solid")
+        _outline(symbol, edges[number], 0.4, dashed=True)
+    labels(root, _VOLUME_LABEL)
+    attribute_table(root, FOOTPRINT_ALIASES, tuple(FOOTPRINT_ALIASES))
+    forms(root, FOOTPRINT_ALIASES, _DECIMALS)
+    SubElement(root, "mapTip", enabled="1").text = _FOOTPRINT_MAP_TIP
+    SubElement(root, "layerGeometryType").text = "2"
+    return document(root)
+
+
 def probability_qml() -> str:
     """Style of a probability raster's first band: greys, a thin veil where nothing is likely.
 
@@ -241,23 +289,30 @@ def _zones_qml(
         )
         options(generator, SymbolType="Line", geometryModifier=_OUTLINE.format(*outline), units="MapUnit")
         ring = SubElement(generator, "symbol", type="line", name=f"@{number}@1", alpha="1", clip_to_extent="1")
-        # a light seam keeps the outline legible on a dark picture
-        for colour, alpha, extra in (((255, 255, 255), 200, 0.5), (high[arm], 255, 0.0)):
-            line = SubElement(ring, "layer", {"class": "SimpleLine", "enabled": "1", "locked": "0", "pass": "0"})
-            options(
-                line,
-                line_color=_rgba(colour, alpha),
-                line_style="solid",
-                line_width=f"{width + extra:g}",
-                line_width_unit="MM",
-                joinstyle="round",
-            )
+        _outline(ring, high[arm], width)
     labels(root)
     attribute_table(root, aliases, first)
     forms(root, aliases, _DECIMALS)
     SubElement(root, "mapTip", enabled="1").text = tip
     SubElement(root, "layerGeometryType").text = "2"
     return document(root)
+
+
+def _outline(symbol: Element, colour: Colour, width: float, *, dashed: bool = False) -> None:
+    """A line (millimetres) over a light seam, which keeps it legible on a dark picture."""
+    for shade, alpha, extra, style in (
+        ((255, 255, 255), 200, 0.5, "solid"),
+        (colour, 255, 0.0, "dash" if dashed else "solid"),
+    ):
+        line = SubElement(symbol, "layer", {"class": "SimpleLine", "enabled": "1", "locked": "0", "pass": "0"})
+        options(
+            line,
+            line_color=_rgba(shade, alpha),
+            line_style=style,
+            line_width=f"{width + extra:g}",
+            line_width_unit="MM",
+            joinstyle="round",
+        )
 
 
 def write_qml_beside(raster: Path, qml: str) -> Path:

@@ -17,7 +17,7 @@ import pyogrio
 from .errors import EngineError, InputError
 from .outputs import atomic_output
 from .plain_names import readable, writable
-from .styles import zones_qml
+from .styles import footprints_qml, zones_qml
 
 # Version 1.2 is what every GDAL since 2018 reads without a warning.
 _OPTIONS = {"dataset_options": {"VERSION": "1.2", "DATETIME_FORMAT": "UTC"}, "layer_options": {"GEOMETRY_NAME": "geom"}}
@@ -46,7 +46,7 @@ def write_zones(
     """
     layers = [Layer(frame, "zones", zones_qml(), "MultiPolygon")]
     if footprints is not None:
-        layers.append(Layer(footprints, "footprints", geometry_type="MultiPolygon"))
+        layers.append(Layer(footprints, "footprints", footprints_qml(), "MultiPolygon"))
     if volumes is not None:
         layers.append(Layer(volumes, "volumes"))
     write_layers(path, layers, stamp=stamp)

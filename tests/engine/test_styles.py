@@ -23,9 +23,11 @@ from slopewatch.engine.rasters import write_raster
 from slopewatch.engine.styles import (
     ALIASES,
     CONFIRMATION_ALIASES,
+    FOOTPRINT_ALIASES,
     HAZARD_ALIASES,
     cell_size_qml,
     change_qml,
+    footprints_qml,
     hazards_qml,
     level_qml,
     probability_qml,
@@ -33,7 +35,7 @@ from slopewatch.engine.styles import (
     zones_qml,
 )
 from slopewatch.engine.vectors import write_zones
-from slopewatch.engine.zones import FIELDS, KINDS, SEVERITIES, extract_zones
+from slopewatch.engine.zones import FIELDS, KINDS, SEVERITIES, extract_zones, footprint_frame
 
 GRID = Grid(west=500000.0, north=4000030.0, cell=0.5, rows=60, columns=80)
 
@@ -80,6 +82,20 @@ def test_zones_have_a_symbol_for_every_kind_and_severity() -> None:
     assert set(categories) == {f"{kind}, {severity}" for kind in KINDS for severity in SEVERITIES}
     assert set(categories.values()) == {s.get("name") for s in root.findall("renderer-v2/symbols/symbol")}
     assert set(ALIASES) == set(FIELDS)
+
+
+def test_footprints_have_a_symbol_for_every_kind_and_names_for_their_own_fields() -> None:
+    root = ElementTree.fromstring(footprints_qml().partition("\n")[2])
+    categories = {c.get("value"): c.get("symbol") for c in root.iter("category")}
+    assert set(categories) == set(KINDS)
+    assert set(categories.values()) == {s.get("name") for s in root.findall("renderer-v2/symbols/symbol")}
+    assert {a.get("field"): a.get("name") for a in root.iter("alias")} == FOOTPRINT_ALIASES
+    # they are not reviewed
+    assert {f.get("name") for f in root.iterfind("fieldConfiguration/field")} <= set(FOOTPRINT_ALIASES)
+    none = np.zeros(GRID.shape)
+    count = none.astype(int)
+    found = extract_zones(none, none > 0, none + 1, none + 1, count, GRID, CRS(32651), ZoneParameters())
+    assert list(footprint_frame(found, GRID).columns.drop("geometry")) == list(FOOTPRINT_ALIASES)
 
 
 def test_screened_zones_that_a_change_was_asked_about_show_its_answer() -> None:
@@ -142,17 +158,18 @@ def test_written_where_qgis_looks(tmp_path: Path) -> None:
 
 SCRIPT = """
 import json, sys
-from qgis.core import (QgsApplication, QgsMapRendererParallelJob, QgsMapSettings, QgsRasterLayer, QgsVectorLayer)
+from qgis.core import (QgsApplication, QgsExpression, QgsExpressionContext, QgsExpressionContextUtils,
+    QgsMapRendererParallelJob, QgsMapSettings, QgsRasterLayer, QgsVectorLayer)
 from qgis.PyQt.QtCore import QSize
 from qgis.PyQt.QtGui import QColor
 application = QgsApplication([], False)
 application.initQgis()
 folder = sys.argv[1]
 
-def draw(layer, name):
+def draw(layers, name):
     settings = QgsMapSettings()
-    settings.setLayers([layer])
-    settings.setDestinationCrs(layer.crs())
+    settings.setLayers(layers)
+    settings.setDestinationCrs(layers[0].crs())
     settings.setExtent(raster.extent())
     settings.setOutputSize(QSize(800, 600))
     settings.setBackgroundColor(QColor("white"))
@@ -170,9 +187,18 @@ def shown(layer, feature, name):
 raster = QgsRasterLayer(folder + "/elevation_change.tif", "change")  # finds its style by itself
 level = QgsRasterLayer(folder + "/level_of_detection.tif", "level")
 zones = QgsVectorLayer(folder + "/zones.gpkg", "zones", "ogr")
+footprints = QgsVectorLayer(folder + "/zones.gpkg|layername=footprints", "footprints", "ogr")
 empty = QgsVectorLayer(folder + "/empty.gpkg", "zones", "ogr")
-for layer, name in ((raster, "raster.png"), (level, "level.png"), (zones, "zones.png")):
-    draw(layer, name)
+for layer, name in ((raster, "raster.png"), (level, "level.png"), (zones, "zones.png"), (footprints, "footprints.png")):
+    draw([layer], name)
+draw([zones, footprints], "both.png")
+label = QgsExpression(footprints.labeling().settings().fieldName)
+context = QgsExpressionContext(QgsExpressionContextUtils.globalProjectLayerScopes(footprints))
+told = []
+for feature in footprints.getFeatures():
+    context.setFeature(feature)
+    values = [feature[name] for name in ("zone_id", "kind", "vol_net_m3", "vol_err_m3")]
+    told.append([*values, label.evaluate(context)])
 review = zones.fields().indexOf("review_status")
 print(json.dumps({
     "raster": raster.renderer().type(),
@@ -186,11 +212,14 @@ print(json.dumps({
     "widget": zones.editorWidgetSetup(review).type(),
     "choices": [list(c.values())[0] for c in zones.editorWidgetSetup(review).config()["map"]],
     "shown": [shown(zones, f, name) for f in zones.getFeatures() for name in ("dz_mean_m", "area_m2")],
+    "footprints": [c.value() for c in footprints.renderer().categories()],
+    "told": told,
+    "footprint_tip": "vol_low_m3" in footprints.mapTipTemplate(),
     "tip": "vol_err_m3" in zones.mapTipTemplate(),
     "empty": [empty.isValid(), empty.featureCount(), empty.renderer().type()],
 }))
 sys.stdout.flush()
-del raster, level, zones, empty, layer
+del raster, level, zones, footprints, empty, layer, context, feature
 application.exitQgis()
 """
 
@@ -220,7 +249,7 @@ def test_qgis_loads_and_draws_the_styles(tmp_path: Path, qgis_python: str) -> No
     for name, significant in (("zones", np.nan_to_num(np.abs(dz)) > level), ("empty", np.zeros(dz.shape, bool))):
         count = np.ones(dz.shape, int)
         found = extract_zones(dz, significant, level, level / 2, count, GRID, CRS(32651), ZoneParameters())
-        write_zones(tmp_path / f"{name}.gpkg", found.frame)
+        write_zones(tmp_path / f"{name}.gpkg", found.frame, footprints=footprint_frame(found, GRID))
 
     environment = {
         k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME", "GDAL_DATA", "PROJ_LIB")
@@ -250,6 +279,11 @@ def test_qgis_loads_and_draws_the_styles(tmp_path: Path, qgis_python: str) -> No
     # 400 cells of 0.25 m² sank by 0.4 m, as many rose
     assert sorted(seen["shown"]) == ["-0.400", "0.400", "100.00", "100.00"]
     assert seen["tip"]
+    assert sorted(seen["footprints"]) == sorted(KINDS)
+    assert seen["footprint_tip"]
+    for zone, kind, volume, error, words in seen["told"]:
+        assert (volume > 0) == (kind == "uplift")
+        assert words == f"{zone}: {volume:+.2f} ± {error:.2f} m³"
     assert seen["empty"] == [True, 0, "categorizedSymbol"]
 
     def pixel(picture: str, row: int, column: int) -> np.ndarray:
@@ -264,6 +298,13 @@ def test_qgis_loads_and_draws_the_styles(tmp_path: Path, qgis_python: str) -> No
     assert 150 < pixel("raster.png", 5, 5)[0] < 250
     assert pixel("raster.png", 55, 5).tolist() == [255, 255, 255]  # no data
     assert pixel("zones.png", 5, 5).tolist() == [255, 255, 255]
+    # the footprint reaches around the zone, over which it is a veil; far from it nothing is drawn
+    beside = pixel("footprints.png", 8, 20)
+    assert 20 < 255 - beside[2] < 120
+    assert beside[0] > beside[2] + 10
+    assert pixel("footprints.png", 5, 5).tolist() == [255, 255, 255]
+    assert pixel("zones.png", 8, 20).tolist() == [255, 255, 255]
+    assert pixel("both.png", 13, 13)[0] > pixel("both.png", 13, 13)[2] + 30
     assert np.abs(pixel("level.png", 5, 5) - SEQUENTIAL[2][1]).max() <= 2
 
 
