@@ -195,7 +195,7 @@ def _to_be_screened(run: _Run) -> bool:
     alone = len(run.epochs) == 1
     if not run.settings.screening.screen_last_epoch:
         if alone:
-            raise InputError("One epoch can only be screened; leave out --no-screen-last-epoch, or give two epochs.")
+            raise InputError("One epoch can only be screened; ask for it with --screen-last-epoch, or give two epochs.")
         return False
     sentence = obstacle(run.settings.screening)
     if sentence and alone:

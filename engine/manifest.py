@@ -27,9 +27,7 @@ def epochs_of(source: Path) -> tuple[Epoch, ...]:
     if source.is_dir():
         return epochs_in_folder(source)
     if source.suffix.lower() in CLOUD_ENDINGS:
-        raise InputError(
-            f"{shown(source)} is one cloud; give the folder of all surveys, a manifest, or --epoch for each."
-        )
+        raise InputError(f"{shown(source)} is one cloud; give the folder of all surveys, or a manifest.")
     if not source.is_file():
         raise InputError(f"{shown(source)} does not exist; give a folder of dated clouds or a manifest (CSV).")
     return read_manifest(source)

@@ -24,6 +24,7 @@ from qgis.PyQt.QtGui import QIcon
 from ..plugin import resources
 from ..plugin.engine_client import EngineError, EngineResult, run_engine
 from . import declare
+from .dialog_words import DialogFeedback, in_dialog_words
 
 GROUPS = {"inspection": "Inspection", "steps": "Single steps", "tools": "Tools"}
 _DATE = re.compile(r"(?<!\d)(\d{4})[-_.]?(\d{2})[-_.]?(\d{2})(?!\d)")
@@ -117,7 +118,7 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm):
     def checkParameterValues(self, parameters: dict[str, Any], context: QgsProcessingContext) -> tuple[bool, str]:
         sentence = declare.problem(self, self.PARAMETER_GROUPS, parameters, context)
         if sentence:
-            return False, sentence
+            return False, in_dialog_words(self, self.PARAMETER_GROUPS, sentence)
         return super().checkParameterValues(declare.worded(self, parameters), context)
 
     def prepareAlgorithm(
@@ -132,9 +133,9 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm):
     ) -> dict[str, Any]:
         feedback.pushCommandInfo(shown(["slopewatch", *self._arguments]))
         try:
-            result = run_engine(self._arguments, feedback)
+            result = run_engine(self._arguments, DialogFeedback(feedback, self, self.PARAMETER_GROUPS))
         except EngineError as error:
-            raise QgsProcessingException(str(error)) from None
+            raise QgsProcessingException(in_dialog_words(self, self.PARAMETER_GROUPS, str(error))) from None
         results: dict[str, Any] = {
             name: result.outputs[key]
             for name, (key, _) in (*self.PAGES.items(), *self.FILES.items())

@@ -124,7 +124,7 @@ def worded(algorithm: QgsProcessingAlgorithm, parameters: Any) -> dict[str, Any]
 def problem(
     algorithm: QgsProcessingAlgorithm, groups: Groups, parameters: Any, context: QgsProcessingContext
 ) -> str | None:
-    """The sentence for the first value that is out of bounds, in the command line's words; None if there is none."""
+    """The sentence for the first value that is out of bounds, in the engine's words; None if there is none."""
     for group in groups:
         for s in group.specifications():
             raw = parameters.get(s.qgis_name)

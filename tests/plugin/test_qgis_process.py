@@ -54,6 +54,16 @@ class TestOffer:
         assert "OUTPUT_FOLDER" in text
 
 
+CLOUD_WITHOUT_SYSTEM = """
+import sys
+import laspy
+import numpy as np
+las = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
+las.x = las.y = las.z = np.arange(200.0)
+las.write(sys.argv[1])
+"""
+
+
 class TestErrors:
     def test_no_engine(self, qgis_process: QgisProcess) -> None:
         done = qgis_process("run", "slopewatch:checkenvironment", SLOPEWATCH_PYTHON="/nowhere/python")
@@ -72,6 +82,16 @@ class TestErrors:
         assert engine_says("ground", str(cloud), "--output", str(output)) in done.stderr
         assert done.stdout.strip() == ""
         assert {p.name for p in tmp_path.iterdir()} <= {cloud.name}
+
+    def test_a_refusal_names_the_dialogs_parameter(self, qgis_process: QgisProcess, tmp_path: Path) -> None:
+        cloud, output = tmp_path / "nowhere.las", tmp_path / "ground.laz"
+        subprocess.run([engine_python(), "-c", CLOUD_WITHOUT_SYSTEM, str(cloud)], check=True)
+        assert "with --crs EPSG:n." in engine_says("ground", str(cloud), "--output", str(output))
+        done = qgis_process.attempt("extractground", INPUT=cloud, OUTPUT=output)
+        assert done.returncode == 1
+        assert "declares no coordinate reference system" in done.stderr
+        assert "with EPSG:n in “Coordinate reference system”." in done.stderr
+        assert not output.exists()
 
     def test_a_value_out_of_bounds(self, qgis_process: QgisProcess, tmp_path: Path) -> None:
         given = {"REFERENCE": "a_2024-05-01.laz", "CLOUD": "b_2025-05-01.laz", "OUTPUT_FOLDER": tmp_path / "out"}

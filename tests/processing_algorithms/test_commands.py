@@ -228,7 +228,7 @@ def test_the_named_layer_of_several_is_taken(tmp_path: Path) -> None:
     assert extent(arguments[3]) == (500, 610)
 
 
-def test_values_out_of_bounds_are_refused_in_the_engines_words() -> None:
+def test_values_out_of_bounds_are_refused_with_the_dialogs_name_and_the_engines_bounds() -> None:
     made = InspectSlope().create()
     given = {"REFERENCE": FIRST, "CLOUD": LATER, "OUTPUT_FOLDER": "/out"}
     context = QgsProcessingContext()
@@ -236,7 +236,7 @@ def test_values_out_of_bounds_are_refused_in_the_engines_words() -> None:
     for value in (0, -1.5, "0"):
         ok, sentence = made.checkParameterValues({**given, "CELL": value}, context)
         assert not ok
-        assert sentence.startswith("cell is ")
+        assert sentence.startswith("“Cell size (m)” is ")
         assert sentence.endswith("give a number from 0.005 to 100 m.")
     assert made.checkParameterValues({**given, "PROFILE": "1", "METHOD": "icp"}, context)[0]
     assert not made.checkParameterValues({**given, "PROFILE": "2"}, context)[0]
@@ -254,6 +254,25 @@ def test_the_engines_sentence_reaches_the_user(
     with pytest.raises(QgsProcessingException) as caught:
         made.run(parameters, QgsProcessingContext(), feedback, catchExceptions=False)
     assert str(caught.value) == sentence
+
+
+def test_options_of_the_command_line_have_the_dialogs_names(
+    fake_engine: Callable[[str], Path], feedback: Recorder, tmp_path: Path
+) -> None:
+    warning, refusal = "cloth_reach is small.", "g.laz declares no reference system; give one with --crs EPSG:n."
+    fake_engine(
+        f"say(event='log', level='warning', message={warning!r})\nsay(event='error', message={refusal!r}, code=2)\n"
+        "sys.exit(2)"
+    )
+    made = ExtractGround().create()
+    parameters = {"INPUT": FIRST, "OUTPUT": str(tmp_path / "g.laz")}
+    with pytest.raises(QgsProcessingException) as caught:
+        made.run(parameters, QgsProcessingContext(), feedback, catchExceptions=False)
+    label = made.parameterDefinition("CRS").description()
+    assert str(caught.value) == f"g.laz declares no reference system; give one with EPSG:n in “{label}”."
+    assert feedback.said("warning") == [f"“{made.parameterDefinition('CLOTH_REACH').description()}” is small."]
+    # what is run is shown as it is typed
+    assert feedback.said("command")[0].startswith("slopewatch ground ")
 
 
 def test_another_version_of_the_engine_is_said(
