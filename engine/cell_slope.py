@@ -4,68 +4,65 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from functools import reduce
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .window_sums import RunningSums, Whole, Windows, fixed_point, windows_around
+from .window_sums import Cells, Windows, slide
 
 if TYPE_CHECKING:
     from .gridding import Grid
 
 Float = NDArray[np.float64]
-Chosen = NDArray[np.bool_]
-Cells = NDArray[np.intp]
+Counts = NDArray[np.signedinteger[Any]]
+Numbers = NDArray[Any]
 
 _REACH = 0.5  # metres from a cell within which its neighbours tell its slope
 _LEAST_CELLS = 2  # ... and cells, where these are large
 _WIDER = (2.0, 4.0)  # times the reach where too few cells are within it
-_BAND = 60_000  # cells whose running sums are held at a time: what a processor's cache holds
+_NARROW = 12  # cells of radius within which all sums of squares of places are below 2^15
 _FEW = 0.3  # cells to look at, in shares of the grid's, up to which looking is faster than running sums
 
 
-def slope_gradient(
-    heights: Sequence[Float], grid: Grid, *, reach: float = _REACH, where: Chosen | None = None
+Surface = tuple[Cells, Float]
+"""The cells of which a height is known (k,), and the heights, metres."""
+
+
+def gradient_at(
+    cell: Cells, surfaces: Sequence[Surface], grid: Grid, *, reach: float = _REACH, wider: Sequence[float] = _WIDER
 ) -> tuple[Float, Float]:
-    """Eastward and northward rise of the surface at each cell (rows, columns), metres a metre.
+    """Eastward and northward rise of the surface at each of the cells ``cell``, (n,), metres a metre.
 
     The least-squares plane through the cells within ``reach`` metres (at least two cells) east, west, north and south.
-    All of ``heights`` (each (rows, columns), NaN where unknown) share one slope but not one height, so that what has
-    been raised or lowered as a whole between two epochs does not tilt it. NaN where the cells around fix no plane.
-
-    Args:
-        where: cells whose slope is wanted, all without; NaN in the others.
+    All ``surfaces`` share one slope but not one height, so that what has been raised or lowered as a whole between two
+    epochs does not tilt it. NaN where the cells around fix no plane, nor those within ``wider`` times the reach.
     """
-    return _gradient(heights, grid, (_radius(reach, grid),), where)
-
-
-def widened_gradient(
-    heights: Sequence[Float], grid: Grid, *, reach: float = _REACH, where: Chosen | None = None
-) -> tuple[Float, Float]:
-    """As ``slope_gradient``, with twice and four times the reach where fewer cells than it takes are near."""
-    return _gradient(heights, grid, tuple(_radius(times * reach, grid) for times in (1.0, *_WIDER)), where)
-
-
-def _radius(reach: float, grid: Grid) -> int:
-    return max(_LEAST_CELLS, round(reach / grid.cell))
-
-
-def _gradient(
-    heights: Sequence[Float], grid: Grid, radii: tuple[int, ...], where: Chosen | None
-) -> tuple[Float, Float]:
-    """With the first of the ``radii`` (cells, ascending) that fixes a plane, cell by cell."""
-    east, north = np.full((2, *grid.shape), np.nan)
-    row, column = np.indices(grid.shape).reshape(2, -1) if where is None else np.nonzero(where)
-    for radius in radii:
-        planes = _planes_of_few if row.size * (2 * radius + 1) ** 2 < _FEW * east.size else _planes_in_bands
-        found = planes(heights, row, column, radius)
-        east[row, column], north[row, column] = found[0] / grid.cell, found[1] / grid.cell
-        unknown = np.isnan(found[0])
-        row, column = row[unknown], column[unknown]
-        if not row.size:
-            break
+    east, north = _planes(cell, surfaces, grid, reach)
+    for times in wider:
+        unknown = np.flatnonzero(np.isnan(east))
+        if unknown.size:
+            east[unknown], north[unknown] = _planes(cell[unknown], surfaces, grid, times * reach)
     return east, north
+
+
+def _planes(cell: Cells, surfaces: Sequence[Surface], grid: Grid, reach: float) -> tuple[Float, Float]:
+    windows = Windows(cell, grid.shape, max(_LEAST_CELLS, round(reach / grid.cell)))
+    few = cell.size * windows.size**2 < _FEW * grid.rows * grid.columns
+    east, north = (_planes_of_few if few else _planes_in_parts)([_padded(*s, windows) for s in surfaces], windows)
+    return east / grid.cell, north / grid.cell
+
+
+def _padded(cell: Cells, height: Float, windows: Windows) -> tuple[Float, Counts]:
+    """Heights on the padded grid, 0 where none is known, and where one is: 1, or 0, as narrow as sums of products of
+    places in a window allow.
+    """
+    # about their mean: small numbers keep their digits
+    about = height - height.mean() if height.size else height
+    known = np.ones(height.size, dtype=np.int16 if windows.radius <= _NARROW else np.int32)
+    padded = windows.padded(cell, about, known)
+    return padded[0], padded[1]
 
 
 @dataclass(frozen=True)
@@ -80,94 +77,81 @@ class _Products:
     yz: Float
 
 
-def _planes_of_few(heights: Sequence[Float], row: Cells, column: Cells, radius: int) -> tuple[Float, Float]:
-    """As ``_planes_in_bands``, looking at every cell of every window."""
-    step = np.arange(-radius, radius + 1)
+def _planes_of_few(surfaces: Sequence[tuple[Float, Counts]], windows: Windows) -> tuple[Float, Float]:
+    """As ``_planes_in_parts``, looking at every cell of every window."""
+    row, column = np.divmod(windows.cell, windows.shape[1])
+    step = np.arange(windows.size)
     i, j = row[:, None, None] + step[:, None], column[:, None, None] + step
-    rows, columns = heights[0].shape
-    inside = (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
-    i, j = np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)
     parts = []
-    for height in heights:
-        z = height[i, j]
-        known = inside & np.isfinite(z)
-        n = known.sum(axis=(1, 2))
+    for z, known in surfaces:
+        one = known[i, j].astype(np.float64)
+        n = one.sum(axis=(1, 2))
         # about the means: coordinates that are zero where nothing is known
-        x, y, z = (
-            np.where(known, a - _mean(a, known, n), 0.0)
-            for a in np.broadcast_arrays(step.astype(np.float64), -step[:, None].astype(np.float64), z)
+        x, y, about = (
+            (a - ((a * one).sum(axis=(1, 2)) / np.maximum(n, 1.0))[:, None, None]) * one
+            for a in (step.astype(np.float64), -step[:, None].astype(np.float64), z[i, j])
         )
-        parts.append(
-            _Products(
-                n.astype(np.float64), *((a * b).sum(axis=(1, 2)) for a, b in ((x, x), (y, y), (x, y), (x, z), (y, z)))
-            )
-        )
+        products = ((a * b).sum(axis=(1, 2)) for a, b in ((x, x), (y, y), (x, y), (x, about), (y, about)))
+        parts.append(_Products(n, *products))
     return _solved(parts)
 
 
-def _mean(values: Float, known: Chosen, n: Cells) -> Float:
-    total = np.where(known, values, 0.0).sum(axis=(1, 2))
-    return (total / np.maximum(n, 1))[:, None, None]
-
-
-def _planes_in_bands(heights: Sequence[Float], row: Cells, column: Cells, radius: int) -> tuple[Float, Float]:
-    """Gradient east and north, metres a cell, of the plane through the ``radius`` around each cell; NaN: none is fixed.
-
-    ``row`` must ascend.
-    """
-    rows, columns = heights[0].shape
-    lines = max(_BAND // columns, 4 * radius)
-    east, north = np.full((2, row.size), np.nan)
-    for top in range(0, rows, lines):
-        here = slice(*np.searchsorted(row, (top, top + lines)))
-        band = slice(max(top - radius, 0), top + lines + radius)
-        known = [h[band] for h in heights if np.isfinite(h[band]).any()]
-        if here.start == here.stop or not known:
-            continue
-        i, j = row[here] - band.start, column[here]
-        windows = windows_around(i, j, radius, known[0].shape)
-        east[here], north[here] = _solved([_products(h, i, j, windows, radius) for h in known])
+def _planes_in_parts(surfaces: Sequence[tuple[Float, Counts]], windows: Windows) -> tuple[Float, Float]:
+    """Gradient east and north, metres a cell, of the plane through each window's cells; NaN: none is fixed."""
+    east, north = np.empty((2, windows.cell.size))
+    for here, part, row, column in windows.parts():
+        parts = [_products(z[part], known[part], row, column, windows.radius) for z, known in surfaces]
+        east[here], north[here] = _solved(parts)
     return east, north
 
 
-def _products(height: Float, row: Whole, column: Whole, windows: Windows, radius: int) -> _Products:
-    known = np.isfinite(height)
-    low, high = np.fmin.reduce(height, axis=None), np.fmax.reduce(height, axis=None)
-    level, largest = (low + high) / 2, (2 * radius + 1) ** 2 * radius  # sum of |i| over a window, at most
-    z, unit = fixed_point(np.where(known, height - level, 0.0), largest * max(high - level, 1e-3))
-    i: Whole = np.arange(height.shape[0])[:, None]
-    j: Whole = np.arange(height.shape[1])
-    sum_z, zi, zj = RunningSums([z, z * i, z * j]).totals(windows)
-    xz, yz = zj - column * sum_z, row * sum_z - zi
-    narrow = np.int32 if largest * radius < 2**31 else np.int64
-    one, i, j, row, column = (a.astype(narrow) for a in (known, i, j, row, column))
-    in_row, in_column = one * i, one * j
-    n, ni, nj, nii, njj, nij = RunningSums([one, in_row, in_column, in_row * i, in_column * j, in_row * j]).totals(
-        windows
-    )
+def _products(z: Float, known: Counts, row: Cells, column: Cells, radius: int) -> _Products:
+    """Of the windows that begin at ``row``, ``column`` of a part of the padded grid."""
+    line, size, narrow = z.shape[1], 2 * radius + 1, known.dtype
+    corner = row * line + column
+
+    def along(cells: Numbers) -> Numbers:
+        return slide(cells.ravel(), size)
+
+    def total(cells: Numbers) -> Numbers:
+        return slide(cells, size, line).take(corner)
+
+    j = np.arange(line)
+    known_j = known * j.astype(narrow)
+    one, one_j, one_jj = along(known), along(known_j), along(known_j * j.astype(narrow))
+    z, zj = along(z), along(z * j.astype(np.float64))
+    i = np.repeat(np.arange(known.shape[0]), line)[: one.size]
+    sum_z, zi, zj = total(z), total(z * i.astype(np.float64)), total(zj)
+    i = i.astype(narrow)
+    one_i = one * i
+    n, ni, nj = total(one), total(one_i), total(one_j)
+    nii, njj, nij = total(one_i * i), total(one_jj), total(one_j * i)
     # from the cell at the middle: small whole numbers, exact
+    row, column = ((a + radius).astype(narrow) for a in (row, column))
     x, y = nj - column * n, row * n - ni
     xx, yy, xy = njj - column * (nj + x), nii - row * (ni - y), row * x - nij + column * ni
-    mean = 1.0 / np.maximum(n, 1)
+    xz, yz = zj - column.astype(np.float64) * sum_z, row.astype(np.float64) * sum_z - zi
+    cells: Float = n.astype(np.float64)
+    x, y = x.astype(np.float64), y.astype(np.float64)
+    mean = 1.0 / np.maximum(cells, 1.0)
     mean_x, mean_y = x * mean, y * mean
     return _Products(
-        n=n.astype(np.float64),
+        n=cells,
         xx=xx - x * mean_x,
         yy=yy - y * mean_y,
         xy=xy - x * mean_y,
-        xz=(xz - sum_z * mean_x) * unit,
-        yz=(yz - sum_z * mean_y) * unit,
+        xz=xz - sum_z * mean_x,
+        yz=yz - sum_z * mean_y,
     )
 
 
 def _solved(parts: Sequence[_Products]) -> tuple[Float, Float]:
     """The gradient that the surfaces of all ``parts`` share."""
-    cells, xx, yy, xy, xz, yz = (sum(getattr(p, f.name) for p in parts) for f in fields(_Products))
+    cells, xx, yy, xy, xz, yz = (reduce(np.add, (getattr(p, f.name) for p in parts)) for f in fields(_Products))
     determinant = xx * yy - xy * xy
     # three cells in a row leave the plane free to turn about them
     fixed = (cells > 2.5) & (determinant > 1e-3 * (xx + yy) ** 2)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        factor = np.where(fixed, 1.0 / determinant, np.nan)
+    factor = 1.0 / np.where(fixed, determinant, np.nan)
     return (xz * yy - yz * xy) * factor, (yz * xx - xz * xy) * factor
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,14 +14,16 @@ from rasterio.features import geometry_mask
 from shapely.geometry.base import BaseGeometry
 
 from .adaptive import AdaptiveCells, adaptive_cells
-from .cell_slope import slope_degrees, widened_gradient
+from .cell_slope import gradient_at, slope_degrees
 from .cell_variance import pooled_variance
 from .errors import InputError
-from .gridding import CellStatistics, Float, Grid, cell_statistics, sloping_statistics, snapped_grid
+from .gridding import CellStatistics, Float, Grid, cell_statistics, on_grid, sloping_statistics, snapped_grid
+from .order_statistics import sample_quantile
 from .parameters import ChangeParameters
 from .progress import Progress
 from .significance import judge
 from .slope_error import ErrorModel, uncalibrated
+from .threads import side_by_side
 from .thresholds import quantile
 
 _FEWEST_CELLS = 30  # with fewer in common, nothing can be said of the whole overlap
@@ -174,10 +177,8 @@ def difference(
         return difference_of_blocks(
             cells, grid, parameters, registration_error=registration_error, stable_area=stable_area
         )
-    progress.update(0.05, "gridding the first epoch")
-    first = epoch_cells(reference, grid, parameters)
-    progress.update(0.35, "gridding the second epoch")
-    second = epoch_cells(moving, grid, parameters)
+    progress.update(0.05, "gridding both epochs")
+    first, second = side_by_side(*(partial(epoch_cells, xyz, grid, parameters) for xyz in (reference, moving)))
     progress.update(0.65, "differencing")
     change = difference_of_cells(
         first, second, grid, parameters, registration_error=registration_error, area=area, stable_area=stable_area
@@ -218,16 +219,21 @@ def difference_of_cells(
             f"No cell of {parameters.cell:g} m holds two points of an epoch, so that their scatter and the level of "
             "detection cannot be told; use a larger cell."
         )
-    sampling = np.sqrt(first.leverage * pooled_variance(first) + second.leverage * pooled_variance(second))
-    sampling[~both] = np.nan
-    slope = slope_degrees(widened_gradient((first.height, second.height), grid, where=both))
+    here = np.flatnonzero(both)
+    surfaces = [(cells.cell, cells.height) for cells in (first, second)]
+    slope, error_from, error_to = side_by_side(
+        lambda: slope_degrees(gradient_at(here, surfaces, grid)),
+        partial(_squared_error, first, both),
+        partial(_squared_error, second, both),
+    )
+    height_from, height_to = (cells.on_grid(cells.height) for cells in (first, second))
     return _judged(
         _Compared(
-            dz=np.where(both, second.height - first.height, np.nan),
-            sampling=sampling,
-            slope=slope,
+            dz=np.where(both, height_to - height_from, np.nan),
+            sampling=on_grid(here, np.sqrt(error_from + error_to), grid.shape),
+            slope=on_grid(here, slope, grid.shape),
             counts=(first.count, second.count),
-            heights=(first.height, second.height),
+            heights=(height_from, height_to),
             either=valid_first | valid_second,
         ),
         grid,
@@ -235,6 +241,11 @@ def difference_of_cells(
         _stated(parameters, registration_error),
         stable_area,
     )
+
+
+def _squared_error(cells: CellStatistics, where: NDArray[np.bool_]) -> Float:
+    """Of the height of each cell of ``where`` (rows, columns), all of which have points; m², (n,)."""
+    return (cells.leverage * pooled_variance(cells))[where.ravel().take(cells.cell)]
 
 
 def difference_of_blocks(
@@ -360,8 +371,8 @@ def uniform_shift(dz: Float, level: Float, *, independent: int | None = None) ->
     A whole surface that rises or sinks by one amount is a datum or a bias, not a deformation: nine tenths of the cells
     lie beyond their level on one side, and their spread is small beside the shift.
     """
-    shift = float(np.median(dz))
-    spread = 1.4826 * float(np.median(np.abs(dz - shift)))
+    shift = sample_quantile(dz, 0.5)
+    spread = 1.4826 * sample_quantile(np.abs(dz - shift), 0.5)
     beyond = float(np.mean(dz * math.copysign(1.0, shift) > level))
     cells = dz.size if independent is None else independent
     return shift if cells >= _FEWEST_CELLS and beyond >= 0.9 and spread < abs(shift) / 3 else None

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .cell_slope import widened_gradient
+from .cell_slope import gradient_at
 
 Float = NDArray[np.float64]
 
@@ -65,21 +65,44 @@ def snapped_grid(bounds: tuple[float, float, float, float], cell: float) -> Grid
 
 @dataclass(frozen=True)
 class CellStatistics:
-    """Statistics of the points in each cell; arrays of shape (rows, columns).
+    """Statistics of the points in each cell that has any: arrays (cells,), of ``cell``, ascending flat indices.
 
-    ``height`` is NaN in cells without points. ``variance`` is that of the points about the cell's height model (their
-    mean, or the plane), with ``degrees`` of freedom left; NaN where none is left. ``leverage`` times the variance
-    of a point is the variance of ``height``: 1/n for a mean, ((X'X)^-1)_00 for a plane. ``tilted`` marks the cells
-    whose height is that of a plane; ``scatter`` is the variance about the mean in every cell, with count - 1 degrees.
+    ``count`` is that of the points of every cell, (rows, columns). ``variance`` is that of the points about the cell's
+    height model (their mean, or the plane), with ``degrees`` of freedom left; NaN where none is left. ``leverage``
+    times the variance of a point is the variance of ``height``: 1/n for a mean, ((X'X)^-1)_00 for a plane. ``tilted``
+    marks the cells whose height is that of a plane; ``scatter`` is the variance about the mean in every cell, with one
+    degree less than points.
     """
 
     count: NDArray[np.int64]
+    cell: NDArray[np.int64]
     height: Float
     variance: Float
     degrees: Float
     leverage: Float
     tilted: NDArray[np.bool_]
     scatter: Float
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        rows, columns = self.count.shape
+        return rows, columns
+
+    @property
+    def points(self) -> NDArray[np.int64]:
+        """How many each cell has, (cells,)."""
+        return self.count.ravel().take(self.cell)
+
+    def on_grid(self, values: NDArray[Any], empty: Any = np.nan) -> NDArray[Any]:
+        """``values`` (cells,) on the grid (rows, columns); ``empty`` where no points are."""
+        return on_grid(self.cell, values, self.shape, empty)
+
+
+def on_grid(cell: NDArray[np.int64], values: NDArray[Any], shape: tuple[int, int], empty: Any = np.nan) -> NDArray[Any]:
+    """``values`` (n,) of the cells ``cell`` (n,) on a grid of ``shape``; ``empty`` elsewhere."""
+    full = np.full(shape, empty)
+    full.ravel()[cell] = values
+    return full
 
 
 def cell_index(xy: Float, grid: Grid) -> NDArray[np.int64]:
@@ -123,10 +146,8 @@ def sloping_statistics(xyz: Float, grid: Grid) -> CellStatistics:
     """
     points = _points_in_cells(xyz, grid)
     cells = _sums(points, spread=True)
-    around = widened_gradient(
-        [_spread_out(cells.height, cells, grid, np.nan)], grid, reach=_NEIGHBOURHOOD, where=points.count > 0
-    )
-    east, north = (np.nan_to_num(component.ravel()[cells.cell]) for component in around)
+    around = gradient_at(cells.cell, [(cells.cell, cells.height)], grid, reach=_NEIGHBOURHOOD)
+    east, north = (np.nan_to_num(component) for component in around)
     return _statistics(points, _without_slope(cells, east, north), grid, least=_POINTS_FOR_A_PLANE)
 
 
@@ -189,7 +210,7 @@ def _points_in_cells(xyz: Float, grid: Grid) -> _Points:
         xyz, row, column = xyz[inside], row[inside], column[inside]
     index = (row * grid.columns + column).astype(np.int64)
     count = np.bincount(index, minlength=grid.rows * grid.columns)
-    cell = np.flatnonzero(count)
+    cell = np.flatnonzero(count > 0)
     number = np.empty(count.size, dtype=np.int64)
     number[cell] = np.arange(cell.size)
     # heights about a common level: squares of small numbers keep their digits
@@ -218,9 +239,12 @@ def _sums(points: _Points, *, spread: bool) -> _Sums:
         zero = np.zeros(n.size)
         return _Sums(points.cell, n, height, zz, zero, zero, zero, zero, zero, zero, zero)
     u, v = total(points.u) / n, total(points.v) / n
-    du, dv = points.u - u[points.number], points.v - v[points.number]
-    products = (total(a * b) for a, b in ((du, du), (dv, dv), (du, dv), (du, dz), (dv, dz)))
-    return _Sums(points.cell, n, height, zz, u, v, *products)
+    # places are small numbers already, and the heights' differences from their mean add up to nothing
+    uu, vv, uv, uz, vz = (
+        total(a * b)
+        for a, b in ((points.u, points.u), (points.v, points.v), (points.u, points.v), (points.u, dz), (points.v, dz))
+    )
+    return _Sums(points.cell, n, height, zz, u, v, uu - n * u * u, vv - n * v * v, uv - n * u * v, uz, vz)
 
 
 def _without_slope(cells: _Sums, east: Float, north: Float) -> _Sums:
@@ -236,40 +260,26 @@ def _without_slope(cells: _Sums, east: Float, north: Float) -> _Sums:
     )
 
 
-def _spread_out(values: NDArray[Any], cells: _Sums, grid: Grid, empty: Any) -> NDArray[Any]:
-    """``values`` (cells,) on the grid; ``empty`` where no points are."""
-    full = np.full(grid.rows * grid.columns, empty)
-    full[cells.cell] = values
-    return full.reshape(grid.shape)
-
-
 def _statistics(points: _Points, cells: _Sums, grid: Grid, *, least: int | None) -> CellStatistics:
     """Of means, or of planes in the cells with ``least`` points whose spread tells one."""
-    height, squares, degrees, leverage = cells.height + points.level, cells.zz.copy(), cells.n - 1.0, 1.0 / cells.n
+    n = cells.n.astype(np.float64)
+    height, squares, degrees, leverage = cells.height + points.level, cells.zz.copy(), n - 1.0, 1.0 / n
     tilted = np.zeros(cells.n.size, dtype=bool)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        scatter = np.where(degrees > 0, squares / degrees, np.nan)
-        if least is not None:
-            chosen, fall, rest, extrapolation = _planes(cells, grid.cell, least)
-            tilted[chosen] = True
-            height[chosen] -= fall
-            squares[chosen] = rest
-            degrees[chosen] -= 2.0
-            leverage[chosen] += extrapolation
-        variance = np.where(degrees > 0, squares / degrees, np.nan)
+    scatter = _ratio(squares, degrees)
+    if least is not None:
+        chosen, fall, rest, extrapolation = _planes(cells, grid.cell, least)
+        tilted[chosen] = True
+        height[chosen] -= fall
+        squares[chosen] = rest
+        degrees[chosen] -= 2.0
+        leverage[chosen] += extrapolation
+    variance = _ratio(squares, degrees)
+    return CellStatistics(points.count, cells.cell, height, variance, degrees, leverage, tilted, scatter)
 
-    def full(values: NDArray[Any], empty: Any = np.nan) -> NDArray[Any]:
-        return _spread_out(values, cells, grid, empty)
 
-    return CellStatistics(
-        count=points.count,
-        height=full(height),
-        variance=full(variance),
-        degrees=full(degrees, 0.0),
-        leverage=full(leverage),
-        tilted=full(tilted, False),
-        scatter=full(scatter),
-    )
+def _ratio(squares: Float, degrees: Float) -> Float:
+    """NaN without a degree of freedom."""
+    return squares / np.where(degrees > 0, degrees, np.nan)
 
 
 def _planes(cells: _Sums, side: float, least: int) -> tuple[NDArray[np.int64], Float, Float, Float]:
@@ -282,9 +292,10 @@ def _planes(cells: _Sums, side: float, least: int) -> tuple[NDArray[np.int64], F
     n, u, v = cells.n[may], cells.u[may], cells.v[may]
     uu, vv, uv, uz, vz = (sums[may] for sums in (cells.uu, cells.vv, cells.uv, cells.uz, cells.vz))
     determinant = uu * vv - uv * uv
-    slope_u = (uz * vv - vz * uv) / determinant
-    slope_v = (vz * uu - uz * uv) / determinant
-    extrapolation = (u**2 * vv - 2 * u * v * uv + v**2 * uu) / determinant
+    with np.errstate(invalid="ignore", divide="ignore"):
+        slope_u = (uz * vv - vz * uv) / determinant
+        slope_v = (vz * uu - uz * uv) / determinant
+        extrapolation = (u**2 * vv - 2 * u * v * uv + v**2 * uu) / determinant
     # a spread of at least a tenth of the cell in every direction; else the plane tilts freely
     enough = (determinant > 1e-4 * (n * side**2 / 12.0) ** 2) & (extrapolation < 1.0)
     rest = np.maximum(cells.zz[may] - slope_u * uz - slope_v * vz, 0.0)

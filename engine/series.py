@@ -225,7 +225,7 @@ def _difference(
 
 
 def _stack(gridded: Sequence[GriddedEpoch], cumulative: Sequence[Change], grid: Grid) -> Stack:
-    sampling = [g.cells.leverage * pooled_variance(g.cells) for g in gridded]
+    sampling = [g.cells.on_grid(g.cells.leverage * pooled_variance(g.cells)) for g in gridded]
     usable = [c.uniform_dz is None for c in cumulative]
     shared = [0.0, *(c.registration_error for c in cumulative)]
     own = own_variances([c.error for c in cumulative], shared[1:], sampling[0], sampling[1:])

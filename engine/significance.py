@@ -91,14 +91,15 @@ def judge(
                 confidence=parameters.confidence,
             )
         model = calibrate(
-            dz,
-            sampling,
-            slope,
-            stable & first,
+            dz[valid],
+            sampling[valid],
+            slope[valid],
+            (stable & first)[valid],
             registration_error=registration_error,
             confidence=parameters.confidence,
         )
-    error = np.where(valid, np.hypot(model.factor(slope) * sampling, registration_error), np.nan)
+    error = np.full(dz.shape, np.nan)
+    error[valid] = np.hypot(model.factor(slope[valid]) * sampling[valid], registration_error)
     return Judgement(dz, error, decide(dz, error, parameters, block), model, stable, registration_error)
 
 

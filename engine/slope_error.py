@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .cell_slope import Float
+from .order_statistics import sample_quantile
 from .thresholds import quantile
 
 _CLASS = 5.0  # degrees; classes with too few cells are joined with the next
@@ -64,7 +65,7 @@ class ErrorModel:
         if not self.classes:
             return np.full(slope.shape, self.typical)
         at, factor = [c.at for c in self.classes], [c.factor for c in self.classes]
-        return np.where(np.isnan(slope), self.typical, np.interp(np.nan_to_num(slope), at, factor))
+        return np.where(np.isnan(slope), self.typical, np.interp(slope, at, factor))
 
     def summary(self) -> dict[str, Any]:
         """For the run record."""
@@ -110,10 +111,11 @@ def calibrate(
         registration_error: metres.
     """
     known = np.isfinite(dz) & np.isfinite(sampling) & (sampling > 0)
-    use = known & stable
-    cells, share = int(use.sum()), float(use.sum() / max(int(known.sum()), 1))
-    shift = float(np.median(dz[use])) if cells else 0.0
-    spread = 1.4826 * float(np.median(np.abs(dz[use] - shift))) if cells else 0.0
+    all_at, chosen = slope[known], stable[known]
+    dz, sampling, at = dz[known][chosen], sampling[known][chosen], all_at[chosen]
+    cells, share = dz.size, dz.size / max(all_at.size, 1)
+    shift = sample_quantile(dz, 0.5) if cells else 0.0
+    spread = 1.4826 * sample_quantile(np.abs(dz - shift), 0.5) if cells else 0.0
     if cells < _FEWEST or abs(shift) > 2.0 * spread + 2.0 * registration_error:
         why = (
             f"only {cells} cells of stable ground were found"
@@ -126,19 +128,19 @@ def calibrate(
         )
         return ErrorModel("widened", typical=_WITHOUT_STABLE, stable_cells=cells, stable_share=share, notes=(note,))
     z = quantile(confidence)
-    needed = ((dz[use] / z) ** 2 - registration_error**2) / sampling[use] ** 2
+    needed = ((dz / z) ** 2 - registration_error**2) / sampling**2
     typical = _factor(needed, confidence)
-    at, all_at = slope[use], slope[known]
     bounds = _joined(at, all_at)
     members = [(at >= low) & (at < high) for low, high in bounds]
+    at_known = np.nan_to_num(at)
     factors = np.full(len(members), typical)
-    centres = np.array([float(np.median(at[m])) for m in members])
+    centres = np.array([sample_quantile(at[m], 0.5) for m in members])
     for _ in range(_ROUNDS):  # between the medians the factor is interpolated: make the classes hold as they are used
-        used = np.interp(np.nan_to_num(at), centres, factors) if len(factors) else np.full(at.shape, typical)
+        used = np.interp(at_known, centres, factors) if len(factors) else np.full(at.shape, typical)
         with np.errstate(invalid="ignore", divide="ignore"):
             rest = needed / used**2
         factors = np.array([_factor(rest[m], confidence, f) for m, f in zip(members, factors, strict=True)])
-    used = np.interp(np.nan_to_num(at), centres, factors) if len(factors) else np.full(at.shape, typical)
+    used = np.interp(at_known, centres, factors) if len(factors) else np.full(at.shape, typical)
     classes = tuple(
         SlopeClass(
             slope_from=low,
@@ -156,10 +158,10 @@ def calibrate(
 
 def _factor(needed: Float, confidence: float, scale: float = 1.0) -> float:
     """``scale`` times the square root of the quantile, within what can be believed, not below 1 on a chance of few."""
-    factor = scale * float(np.sqrt(max(float(np.quantile(needed, confidence)), 0.0)))
+    factor = scale * float(np.sqrt(max(sample_quantile(needed, confidence), 0.0)))
     if factor < 1.0 and needed.size < _FEWEST_TO_NARROW:
         surer = min(confidence + float(np.sqrt(confidence * (1 - confidence) / needed.size)), 1.0)
-        factor = min(scale * float(np.sqrt(max(float(np.quantile(needed, surer)), 0.0))), 1.0)
+        factor = min(scale * float(np.sqrt(max(sample_quantile(needed, surer), 0.0))), 1.0)
     return float(np.clip(factor, _NARROWEST, _WIDEST))
 
 

@@ -29,11 +29,12 @@ def find_stable_blocks(dz: Float, error: Float, slope: Float, cell: float, block
     known = np.isfinite(dz) & np.isfinite(error) & (error > 0) & (block >= 0)
     if not known.any():
         return known
-    z = np.where(known, dz, 0.0) / np.where(known, error, 1.0)
-    z = np.clip(z / adjacent_scatter(z, known, slope, block), -CLIP, CLIP)
+    scaled = dz[known] / error[known]
+    z = np.zeros(dz.shape)
+    z[known] = np.clip(scaled / adjacent_scatter(scaled, np.flatnonzero(known), slope, block), -CLIP, CLIP)
     least = 2 * round(REACH / cell) + 1
     number = sums_around(known, block, _WINDOW, least)
-    total = sums_around(np.where(known, z, 0.0), block, _WINDOW, least)
+    total = sums_around(z, block, _WINDOW, least)
     moved = np.where(known, np.abs(total) / np.sqrt(np.maximum(number, 1.0)), 0.0)
     side = block_sides(block)
     stable = known

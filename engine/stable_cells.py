@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from .cell_slope import Float
+from .order_statistics import sample_quantile
+from .window_sums import Cells, Windows
 
 REACH = 0.5  # metres around a cell over which a change is looked for as a whole
 _LEAST_REACH = 2  # ... and cells
@@ -34,54 +35,56 @@ def find_stable(dz: Float, error: Float, slope: Float, cell: float) -> NDArray[n
         cell: side of a cell, metres.
     """
     known = np.isfinite(dz) & np.isfinite(error) & (error > 0)
-    if not known.any():
-        return known
-    z = np.where(known, dz, 0.0) / np.where(known, error, 1.0)
-    z = np.clip(z / adjacent_scatter(z, known, slope), -CLIP, CLIP)
-    radius = max(_LEAST_REACH, round(REACH / cell))
-    size = 2 * radius + 1
-    number = ndimage.uniform_filter(known.astype(np.float64), size, mode="constant") * size**2
-    total = ndimage.uniform_filter(np.where(known, z, 0.0), size, mode="constant") * size**2
-    moved = np.where(known, np.abs(total) / np.sqrt(np.maximum(number, 1.0)), 0.0)
-    stable = known
+    here = np.flatnonzero(known)
+    found = np.zeros(known.shape, dtype=bool)
+    if not here.size:
+        return found
+    z = dz.ravel().take(here) / error.ravel().take(here)
+    z = np.clip(z / adjacent_scatter(z, here, slope), -CLIP, CLIP)
+    windows = Windows(here, known.shape, max(_LEAST_REACH, round(REACH / cell)))
+    total, number = windows.totals(here, z, np.ones(here.size, dtype=np.int32))
+    moved = np.abs(total) / np.sqrt(number)
+    stable = left = np.ones(here.size, dtype=bool)
     for _ in range(ROUNDS):
-        scatter = max(1.0, 1.4826 * float(np.median(moved[stable])))
-        centres = known & (moved > BEYOND * scatter)
-        left: NDArray[np.bool_] = known & ~ndimage.maximum_filter(centres, size=size)
+        scatter = max(1.0, 1.4826 * sample_quantile(moved[stable], 0.5))
+        left = ~windows.any(here[moved > BEYOND * scatter])
         if not left.any() or np.array_equal(left, stable):
-            return left
+            break
         stable = left
-    return stable
+    found.ravel()[here] = left
+    return found
 
 
-def adjacent_scatter(z: Float, known: NDArray[np.bool_], slope: Float, block: NDArray[np.int64] | None = None) -> Float:
-    """Scatter of z from cell to cell, by slope: the 90 % quantile of adjacent cells' differences, over the normal's.
+def adjacent_scatter(z: Float, here: Cells, slope: Float, block: NDArray[np.int64] | None = None) -> Float:
+    """Scatter from cell to cell of ``z`` (n,) at the cells ``here`` (n,), by ``slope`` (rows, columns); (n,).
 
-    Cells of one ``block`` are not compared with each other.
+    It is the 90 % quantile of adjacent cells' differences, over the normal's. Cells of one ``block`` are not compared.
     """
+    columns = slope.shape[1]
+    number = np.full(slope.size + columns, -1)
+    number[here] = np.arange(here.size)
+    at = slope.ravel().take(here)
     found, where = [], []
-    for axis, step in ((0, z.shape[1]), (1, 1)):
-        both = np.zeros(z.shape, dtype=bool)
-        first, second = (np.s_[:-1], np.s_[1:]) if axis == 0 else (np.s_[:, :-1], np.s_[:, 1:])
-        both[first] = known[first] & known[second]
+    for step, last in ((columns, None), (1, columns - 1)):
+        other = number.take(here + step)
+        pair = np.flatnonzero(other >= 0 if last is None else (other >= 0) & (here % columns != last))
+        other = other[pair]
         if block is not None:
-            both[first] &= block[first] != block[second]
-        here = np.flatnonzero(both)
-        found.append(np.abs(z.ravel()[here + step] - z.ravel()[here]) / np.sqrt(2.0))
-        where.append(slope.ravel()[here])
-    size, at = np.concatenate(found), np.concatenate(where)
+            blocks = block.ravel().take(here)
+            apart = blocks[pair] != blocks[other]
+            pair, other = pair[apart], other[apart]
+        found.append(np.abs(z[other] - z[pair]) / np.sqrt(2.0))
+        where.append(at[pair])
+    size, of_pair = np.concatenate(found), np.concatenate(where)
     if size.size < _FEWEST:
-        return np.ones(z.shape)
-    whole = max(float(np.quantile(size, 0.9)) / 1.6449, 1e-6)
+        return np.ones(here.size)
+    whole = max(sample_quantile(size, 0.9) / 1.6449, 1e-6)
     centres, scatter = [], []
-    for low in np.arange(0.0, 90.0, _CLASS):
-        inside = size[(at >= low) & (at < low + _CLASS)]
-        if inside.size >= _FEWEST:
-            centres.append(low + _CLASS / 2)
-            scatter.append(max(float(np.quantile(inside, 0.9)) / 1.6449, 0.1 * whole))
+    classes = np.where(np.isnan(of_pair), -1.0, of_pair / _CLASS).astype(np.int8)
+    for low, cells in enumerate(np.bincount(classes[classes >= 0])):
+        if cells >= _FEWEST:
+            centres.append((low + 0.5) * _CLASS)
+            scatter.append(max(sample_quantile(size[classes == low], 0.9) / 1.6449, 0.1 * whole))
     if not centres:
-        return np.full(z.shape, whole)
-    result = np.full(z.shape, whole)
-    told = known & ~np.isnan(slope)
-    result[told] = np.interp(slope[told], centres, scatter)
-    return result
+        return np.full(here.size, whole)
+    return np.where(np.isnan(at), whole, np.interp(at, centres, scatter))

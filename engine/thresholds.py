@@ -47,13 +47,15 @@ def decide(dz: Float, error: Float, parameters: ChangeParameters, block: Blocks 
     - coherent: posterior probability, from that of the cell alone and how many around it changed alike, beyond
       ``confidence`` (Wheaton et al. 2010, doi:10.1002/esp.1886).
     """
-    known = np.isfinite(dz)
-    one = np.where(known, 1.0, np.nan)
+
+    def alike(level: float) -> Float:
+        return np.where(np.isfinite(dz), level, np.nan)
+
     if parameters.threshold == "constant":
-        return _beyond(dz, parameters.constant_level * one)
+        return _beyond(dz, alike(parameters.constant_level))
     z = quantile(parameters.confidence)
     if parameters.threshold == "propagated":
-        return _beyond(dz, z * math.hypot(parameters.error_from, parameters.error_to) * one)
+        return _beyond(dz, alike(z * math.hypot(parameters.error_from, parameters.error_to)))
     level = z * error
     if parameters.threshold == "probabilistic":
         return _beyond(dz, level)

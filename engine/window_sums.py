@@ -1,69 +1,98 @@
-"""Sums over square windows of cells, from running sums: exact, and as fast for large windows as for small ones."""
+"""Sums over square windows of cells, as fast for large windows as for small ones."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
-Whole = NDArray[np.signedinteger[Any]]
+Cells = NDArray[np.intp]
+"""Cells of a grid (n,) by their flat index, ascending."""
+
+_BAND = 40_000  # cells of a grid to sum at a time: what a processor's cache holds of some fields
+
+
+def slide(cells: NDArray[Any], size: int, step: int = 1, join: np.ufunc = np.add) -> NDArray[Any]:
+    """``join`` of ``size`` cells each: the k-th, and those ``step``, 2 ``step``, ... after it; (n - (size - 1) step,).
+
+    Of a grid's cells line by line, windows along the lines and then, with a line's length for ``step``, of those
+    across them make squares; windows that reach past the end of a line wrap round and are for nobody. A window's sum
+    is made of nothing but its own cells, so that a large value far off costs it no digit; whole numbers count
+    modulo 2^16 or 2^32, and only the sum itself must fit.
+    """
+    length = cells.size - (size - 1) * step
+    joined, start, width = None, 0, 1  # windows of 1, 2, 4, ... cells, of which the size is made
+    while True:
+        if size & width:
+            part = cells[start * step :][:length]
+            joined = part if joined is None else join(joined, part)
+            start += width
+        if 2 * width > size:
+            assert joined is not None
+            return joined
+        cells = join(cells[: -width * step], cells[width * step :])
+        width *= 2
 
 
 @dataclass(frozen=True)
 class Windows:
-    """Windows around cells, cut at the grid's edges, as places of their corners in the tables of ``RunningSums``."""
+    """Windows of 2 ``radius`` + 1 cells a side around the cells ``cell`` of a grid of ``shape`` (rows, columns)."""
 
-    upper_left: NDArray[np.intp]
-    upper_right: NDArray[np.intp]
-    lower_left: NDArray[np.intp]
-    lower_right: NDArray[np.intp]
+    cell: Cells
+    shape: tuple[int, int]
+    radius: int
 
+    @property
+    def size(self) -> int:
+        return 2 * self.radius + 1
 
-def windows_around(row: NDArray[np.intp], column: NDArray[np.intp], radius: int, shape: tuple[int, int]) -> Windows:
-    """Windows of 2 ``radius`` + 1 cells a side around the cells ``row``, ``column`` (n,) of a grid (rows, columns)."""
-    line = shape[1] + 1
-    upper = np.maximum(row - radius, 0) * line
-    lower = np.minimum(row + (radius + 1), shape[0]) * line
-    left, right = np.maximum(column - radius, 0), np.minimum(column + (radius + 1), shape[1])
-    return Windows(upper + left, upper + right, lower + left, lower + right)
+    def padded(self, cell: Cells, *fields: NDArray[Any]) -> list[NDArray[Any]]:
+        """The grid with ``radius`` cells more on every side: values (k,) at the cells ``cell`` (k,), 0 elsewhere."""
+        rows, columns = self.shape
+        line = columns + 2 * self.radius
+        place = cell + (cell // columns) * (2 * self.radius) + self.radius * (line + 1)
+        grids = [np.zeros((rows + 2 * self.radius, line), dtype=field.dtype) for field in fields]
+        for grid, field in zip(grids, fields, strict=True):
+            grid.ravel()[place] = field
+        return grids
 
+    def totals(self, cell: Cells, *fields: NDArray[Any]) -> list[NDArray[Any]]:
+        """Sum over the windows, (n,), of each of ``fields``, values (k,) at the cells ``cell`` (k,)."""
+        padded = self.padded(cell, *fields)
+        totals = [np.empty(self.cell.size, dtype=field.dtype) for field in fields]
+        for here, part, row, column in self.parts():
+            line = part[1].stop - part[1].start
+            corner = row * line + column
+            for total, field in zip(totals, padded, strict=True):
+                total[here] = slide(slide(field[part].ravel(), self.size), self.size, line).take(corner)
+        return totals
 
-class RunningSums:
-    """Summed-area tables (Crow 1984, doi:10.1145/800031.808600) of fields of whole numbers over one grid.
+    def any(self, cell: Cells) -> NDArray[np.bool_]:
+        """Whether any of the cells ``cell`` (k,) is in the windows, (n,)."""
+        (grid,) = self.padded(cell, np.ones(cell.size, dtype=bool))
+        begin = self.cell + (self.cell // self.shape[1]) * (2 * self.radius)
+        along = slide(grid.ravel(), self.size, join=np.logical_or)
+        return slide(along, self.size, grid.shape[1], np.logical_or).take(begin)
 
-    Whole numbers because they add up exactly, even where a running sum overflows: it counts modulo 2^32 or 2^64, and
-    so does the difference that is the sum over a window. Only that itself must fit (see ``fixed_point``).
-    """
-
-    def __init__(self, fields: Sequence[Whole]) -> None:
-        """Of ``fields``, each (rows, columns), of one type."""
-        rows, columns = fields[0].shape
-        tables = np.zeros((len(fields), rows + 1, columns + 1), dtype=fields[0].dtype)
-        for table, field in zip(tables, fields, strict=True):
-            np.cumsum(field, axis=1, dtype=table.dtype, out=table[1:, 1:])
-        for above, row in pairwise(tables.swapaxes(0, 1)):  # much faster than numpy's sum along this axis
-            np.add(row, above, out=row)
-        self._tables = tables.reshape(len(fields), -1)
-
-    def totals(self, windows: Windows) -> list[Whole]:
-        """Sum of each field over each window (n,)."""
-        found: list[Whole] = []
-        for table in self._tables:
-            total = table.take(windows.lower_right)
-            total -= table.take(windows.lower_left)
-            total -= table.take(windows.upper_right)
-            total += table.take(windows.upper_left)
-            found.append(total)
-        return found
-
-
-def fixed_point(values: Float, largest: float) -> tuple[NDArray[np.int64], float]:
-    """``values`` (finite) in whole units, and the unit: the power of two with which sums up to ``largest`` fit."""
-    unit = 2.0 ** (math.ceil(math.log2(max(largest, 1e-30))) - 62)
-    return np.rint(values * (1.0 / unit)).astype(np.int64), unit
+    def parts(self) -> Iterator[tuple[slice, tuple[slice, slice], Cells, Cells]]:
+        """Which of the cells have windows in one part of the padded grid, that part, and its row and column where each
+        window begins.
+        """
+        row = self.cell // self.shape[1]
+        column = self.cell - row * self.shape[1]
+        lines = max(_BAND // self.shape[1], 4 * self.radius, 1)
+        for top in range(0, self.shape[0], lines):
+            here = slice(*np.searchsorted(row, (top, top + lines)).tolist())
+            if here.start < here.stop:
+                i, j = row[here], column[here]
+                left = int(j.min())
+                i, j = i - top, j - left
+                yield (
+                    here,
+                    (slice(top, top + int(i[-1]) + self.size), slice(left, left + int(j.max()) + self.size)),
+                    i,
+                    j,
+                )

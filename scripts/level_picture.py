@@ -67,7 +67,7 @@ def _extent(change: Change) -> tuple[float, float, float, float]:
 
 def _sampling(clouds: list[np.ndarray], change: Change) -> np.ndarray:
     first, second = (epoch_cells(xyz, change.grid, ChangeParameters(cell=CELL)) for xyz in clouds)
-    return np.sqrt(first.leverage * pooled_variance(first) + second.leverage * pooled_variance(second))
+    return np.sqrt(sum(cells.on_grid(cells.leverage * pooled_variance(cells)) for cells in (first, second)))
 
 
 def _points(axis, cloud: np.ndarray, change: Change) -> None:  # type: ignore[no-untyped-def]

@@ -17,13 +17,14 @@ def slope(seed: int, count: int) -> np.ndarray:
 def test_pooled_variance_is_the_weighted_sum_of_own_and_neighbourhood():
     points = slope(5, 2000)
     cells = cell_statistics(points, snapped_grid((0, 0, 19.99, 19.99), 0.5))
-    got = pooled_variance(cells, radius=2)
+    got = cells.on_grid(pooled_variance(cells, radius=2))
+    degrees_of, variance_of = cells.on_grid(cells.degrees, 0.0), cells.on_grid(cells.variance)
     row, column = 20, 17
     squares = degrees = 0.0
     for r in range(row - 2, row + 3):
         for c in range(column - 2, column + 3):
-            if cells.degrees[r, c] > 0:
-                squares += cells.variance[r, c] * cells.degrees[r, c]
-                degrees += cells.degrees[r, c]
-    own = np.nan_to_num(cells.variance[row, column]) * cells.degrees[row, column]
-    assert got[row, column] == pytest.approx((own + 8 * squares / degrees) / (cells.degrees[row, column] + 8))
+            if degrees_of[r, c] > 0:
+                squares += variance_of[r, c] * degrees_of[r, c]
+                degrees += degrees_of[r, c]
+    own = np.nan_to_num(variance_of[row, column]) * degrees_of[row, column]
+    assert got[row, column] == pytest.approx((own + 8 * squares / degrees) / (degrees_of[row, column] + 8))

@@ -7,7 +7,7 @@ from decimal import Decimal
 
 import numpy as np
 import pytest
-from slopewatch.engine.cell_slope import widened_gradient
+from slopewatch.engine.cell_slope import gradient_at
 from slopewatch.engine.gridding import Grid, cell_index, cell_statistics, sloping_statistics, snapped_grid
 
 UTM = (500_000.0, 3_500_000.0)
@@ -59,7 +59,7 @@ def test_points_outside_are_marked_and_not_counted():
     assert (cell_index(points, grid) >= 0).tolist() == [True, False, False, False, False]
     cells = cell_statistics(points, grid)
     assert cells.count.sum() == 1
-    assert cells.height[1, 0] == 1.0
+    assert cells.on_grid(cells.height)[1, 0] == 1.0
 
 
 def brute_force(points: np.ndarray, grid: Grid, *, plane: bool) -> dict[tuple[int, int], tuple[float, ...]]:
@@ -98,9 +98,11 @@ def test_statistics_equal_a_loop_over_the_cells(plane):
     assert (cells.count > 0).sum() == len(expected)
     for place, (count, height, variance, factor) in expected.items():
         assert cells.count[place] == count
-        assert cells.height[place] == pytest.approx(height, abs=1e-7)
-        assert cells.variance[place] == pytest.approx(variance, abs=1e-9, nan_ok=True)
-        assert cells.leverage[place] == pytest.approx(factor, rel=1e-5)
+        here = cells.cell == place[0] * grid.columns + place[1]
+        assert cells.points[here] == count
+        assert cells.height[here] == pytest.approx(height, abs=1e-7)
+        assert cells.variance[here] == pytest.approx(variance, abs=1e-9, nan_ok=True)
+        assert cells.leverage[here] == pytest.approx(factor, rel=1e-5)
 
 
 def test_plane_removes_the_error_of_uneven_sampling():
@@ -110,16 +112,17 @@ def test_plane_removes_the_error_of_uneven_sampling():
     points[:, 2] = points[:, 0]
     grid = snapped_grid((0, 0, 4.999, 4.999), 0.5)
     centre = grid.west + (np.arange(grid.columns) + 0.5) * grid.cell
-    mean = cell_statistics(points, grid).height - centre
-    plane = cell_statistics(points, grid, plane=True).height - centre
+    mean, plane = (cell_statistics(points, grid, plane=plane) for plane in (False, True))
+    mean, plane = (cells.on_grid(cells.height) - centre for cells in (mean, plane))
     assert np.abs(plane).max() < 1e-9 < 1e-3 < np.abs(mean).max()
 
 
-def test_empty_cells_are_nan():
-    cells = cell_statistics(np.array([[0.5, 0.5, 3.0]]), Grid(0.0, 2.0, 1.0, 2, 2))
-    assert np.isnan(cells.height).sum() == 3
+def test_cells_with_points_have_statistics_and_the_others_none():
+    cells = cell_statistics(np.array([[1.5, 0.5, 3.0]]), Grid(0.0, 2.0, 1.0, 2, 2))
+    assert cells.cell.tolist() == [3]
+    assert (cells.height.tolist(), cells.leverage.tolist()) == ([3.0], [1.0])
     assert np.isnan(cells.variance).all()
-    assert np.isnan(cells.leverage).sum() == 3
+    assert np.isnan(cells.on_grid(cells.height)).tolist() == [[True, True], [True, False]]
 
 
 def test_the_slope_around_is_taken_from_each_point_before_the_cells_are_summed():
@@ -128,7 +131,8 @@ def test_the_slope_around_is_taken_from_each_point_before_the_cells_are_summed()
     points[0, 2] += 500.0  # one wild point must not cost the others their digits
     grid = snapped_grid((*points[:, :2].min(0), *points[:, :2].max(0)), 0.25)
     known = cell_statistics(points, grid)
-    east, north = widened_gradient([known.height], grid, reach=0.3)
+    gradient = gradient_at(np.arange(grid.rows * grid.columns), [(known.cell, known.height)], grid, reach=0.3)
+    east, north = (component.reshape(grid.shape) for component in gradient)
     row, column = np.divmod(cell_index(points, grid), grid.columns)
     level = points.copy()
     level[:, 2] -= np.nan_to_num(east[row, column]) * (points[:, 0] - (grid.west + (column + 0.5) * grid.cell))

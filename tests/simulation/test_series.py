@@ -41,10 +41,15 @@ def series():
 def test_surveys_show_the_true_change_once_their_offset_is_undone(series):
     first = series.clouds[0].xyz
     grid = snapped_grid((*first[:, :2].min(axis=0), *first[:, :2].max(axis=0)), 0.5)
-    before = cell_statistics(first, grid, plane=True).height
+
+    def heights(points):
+        cells = cell_statistics(points, grid, plane=True)
+        return cells.on_grid(cells.height)
+
+    before = heights(first)
     for number in (1, 2):
         moved = series.transforms[number].apply(series.clouds[number].xyz)
-        dz = cell_statistics(moved, grid, plane=True).height - before
+        dz = heights(moved) - before
         truth = series.true_change(number, grid)
         for sign in (-1, 1):
             there = (truth * sign > 0.05) & np.isfinite(dz)
