@@ -15,7 +15,7 @@ from .cloud_writing import copy_with, write_cloud
 from .crs import WorkingFrame, declared_crs, plausibility, working_frame
 from .errors import InputError
 from .extents import CheckedRecords
-from .las_records import classes
+from .las_records import classes, read_records
 from .parameters import InputParameters
 from .preflight import CloudHeader, preflight, shown
 from .progress import Progress
@@ -139,6 +139,24 @@ def read_cloud(
         classification=labels,
         notes=(*frame.notes, *warnings),
     )
+
+
+def sample_cloud(path: Path | str, inputs: InputParameters | None = None, stretches: int = 12) -> Float:
+    """Coordinates (n, 3) of some stretches of a cloud's points, evenly over the file, metres: for a first look.
+
+    A file of any size takes about a second. What is wrong with the rest of it is not seen.
+
+    Raises:
+        InputError: see ``preflight`` and ``working_frame``; damaged points.
+    """
+    header, frame = open_cloud(path, inputs)
+    factors = np.array(frame.factors)
+    scales, offsets = np.array(header.scales) * factors, np.array(header.offsets) * factors
+    groups = [
+        np.column_stack([records[axis] for axis in "XYZ"])
+        for records in read_records(header, selection=_selection(False, False), stretches=stretches)
+    ]
+    return np.concatenate(groups) * scales + offsets
 
 
 def eight_bits(rgb: NDArray[np.uint16]) -> NDArray[np.uint8]:

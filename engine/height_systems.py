@@ -42,8 +42,12 @@ class HeightComparison:
         return self.spread <= _EVEN * abs(self.offset)
 
 
-def compare_clouds(reference: Float, moving: Float) -> HeightComparison | None:
-    """``compare_heights`` of two clouds (n, 3) and (m, 3) on coarse cells; None where they hardly overlap in plan."""
+def compare_clouds(reference: Float, moving: Float, *, lowest: bool = False) -> HeightComparison | None:
+    """``compare_heights`` of two clouds (n, 3) and (m, 3) on coarse cells; None where they hardly overlap in plan.
+
+    Args:
+        lowest: compare the lowest points of the cells instead of the means, for clouds with plants.
+    """
     if min(len(reference), len(moving)) < _FEWEST:
         return None
     reference, moving = (xyz[:: max(1, len(xyz) // _POINTS)] for xyz in (reference, moving))
@@ -55,7 +59,7 @@ def compare_clouds(reference: Float, moving: Float) -> HeightComparison | None:
     shape = np.ceil((high - low) / side).astype(np.int64) + 1
     if shape.prod() > 100 * _CELLS:  # a sliver
         return None
-    return compare_heights(*(_cell_heights(xyz, low, high, side, shape) for xyz in (reference, moving)))
+    return compare_heights(*(_cell_heights(xyz, low, high, side, shape, lowest) for xyz in (reference, moving)))
 
 
 def compare_heights(first: Float, second: Float) -> HeightComparison | None:
@@ -99,15 +103,19 @@ def disagreement(found: HeightComparison | None, first: str, second: str, limit:
     )
 
 
-def _cell_heights(xyz: Float, low: Float, high: Float, side: float, shape: NDArray[np.int64]) -> Float:
-    """Mean height of each cell, NaN without a point."""
+def _cell_heights(xyz: Float, low: Float, high: Float, side: float, shape: NDArray[np.int64], lowest: bool) -> Float:
+    """Mean or lowest height of each cell, NaN without a point."""
     xyz = xyz[((xyz[:, :2] >= low) & (xyz[:, :2] <= high)).all(axis=1)]
     column, row = np.floor((xyz[:, :2] - low) / side).astype(np.int64).T
     cell = row * shape[0] + column
     number = int(shape.prod())
+    if lowest:
+        heights: Float = np.full(number, np.inf)
+        np.minimum.at(heights, cell, xyz[:, 2])
+        return np.where(np.isfinite(heights), heights, np.nan)
     count = np.bincount(cell, minlength=number)
     with np.errstate(invalid="ignore"):
-        heights: Float = np.bincount(cell, xyz[:, 2], minlength=number) / count
+        heights = np.bincount(cell, xyz[:, 2], minlength=number) / count
     return heights
 
 

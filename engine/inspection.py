@@ -26,7 +26,14 @@ from .errors import EngineError, InputError
 from .gridding import Float
 from .ground import GroundResult, extract_ground
 from .outputs import Stage, refuse_inputs_as_outputs, staged_outputs
-from .pair import common_area, known_stable, register_pair, require_comparable, warn_of_doubtful_change
+from .pair import (
+    common_area,
+    known_stable,
+    refuse_other_raw_heights,
+    register_pair,
+    require_comparable,
+    warn_of_doubtful_change,
+)
 from .parameters import (
     ChangeParameters,
     GroundParameters,
@@ -140,6 +147,7 @@ def inspect_slope(
     record.facts["run_id"] = uuid.uuid5(uuid.NAMESPACE_OID, repr((hashes, plain(record.parameters)))).hex[:12]
     if len(epochs) == 2:
         require_comparable(epochs[0].path, epochs[1].path, settings.inputs)
+        refuse_other_raw_heights(epochs[0].path, epochs[1].path, settings.inputs, settings.registration)
     lines: tuple[ProfileLine, ...] = ()
     if profiles is not None and len(epochs) == 1:
         raise InputError("--profiles was given with one epoch; profiles show the change between two, so give both.")

@@ -33,6 +33,8 @@ _FIELDS = {
     10: _NEW + _TIME + _RGB + _NIR + _WAVE,
 }
 _GROUP_BYTES = 32 << 20
+_STRETCH = 50_000
+"""Points in a row that a sample takes of a file without chunks; LAZ files mostly have chunks of as many."""
 
 
 def record_dtype(point_format: int, record_length: int) -> np.dtype[np.void]:
@@ -63,27 +65,33 @@ def return_totals(records: NDArray[np.void], point_format: int) -> NDArray[np.ui
 
 
 def read_records(
-    header: CloudHeader, *, selection: int | None = None, warnings: list[str] | None = None
+    header: CloudHeader,
+    *,
+    selection: int | None = None,
+    warnings: list[str] | None = None,
+    stretches: int | None = None,
 ) -> Iterator[NDArray[np.void]]:
     """The records in the order of the file, in groups of at most about 32 MB (one chunk where chunks are larger).
 
     Args:
         selection: bits of ``lazrs.SELECTIVE_DECOMPRESS_*`` of what is needed; the rest may be zero. None: all.
         warnings: takes sentences about a file that contradicts its header.
+        stretches: only so many chunks (50,000 points of a file without chunks), evenly over the file, one a group.
 
     Raises:
         InputError: the compressed points are damaged, or the file changed or ends while it is read.
     """
-    yield from (_compressed(header, selection, warnings) if header.compressed else _plain(header))
+    yield from (_compressed(header, selection, warnings, stretches) if header.compressed else _plain(header, stretches))
 
 
-def _plain(header: CloudHeader) -> Iterator[NDArray[np.void]]:
+def _plain(header: CloudHeader, stretches: int | None) -> Iterator[NDArray[np.void]]:
     dtype = record_dtype(header.point_format, header.record_length)
-    step = max(1, _GROUP_BYTES // dtype.itemsize)
+    step = max(1, _GROUP_BYTES // dtype.itemsize) if stretches is None else _STRETCH
+    starts = range(0, header.count, step)
     try:
         with header.path.open("rb") as stream:
-            stream.seek(header.offset_to_points)
-            for start in range(0, header.count, step):
+            for start in starts if stretches is None else [starts[i] for i in _evenly(len(starts), stretches)]:
+                stream.seek(header.offset_to_points + start * dtype.itemsize)
                 number = min(step, header.count - start)
                 data = stream.read(number * dtype.itemsize)
                 if len(data) < number * dtype.itemsize:
@@ -93,7 +101,9 @@ def _plain(header: CloudHeader) -> Iterator[NDArray[np.void]]:
         raise InputError(f"{shown(header.path)} cannot be read ({error.strerror}); check the disk.") from error
 
 
-def _compressed(header: CloudHeader, selection: int | None, warnings: list[str] | None) -> Iterator[NDArray[np.void]]:
+def _compressed(
+    header: CloudHeader, selection: int | None, warnings: list[str] | None, stretches: int | None
+) -> Iterator[NDArray[np.void]]:
     import lazrs
 
     layout = header.laz
@@ -111,8 +121,12 @@ def _compressed(header: CloudHeader, selection: int | None, warnings: list[str] 
             odd = check_chunks(stream, name, layout, chunks, header.offset_to_points, dtype.itemsize, header.count)
             if odd and warnings is not None:
                 warnings.append(odd)
-            stream.seek(header.offset_to_points + 8)
-            for group in _groups(chunks, max(1, _GROUP_BYTES // dtype.itemsize)):
+            places = header.offset_to_points + 8 + np.concatenate([[0], np.cumsum([size for _, size in chunks])])
+            groups = _groups(chunks, max(1, _GROUP_BYTES // dtype.itemsize))
+            if stretches is not None:
+                groups = ((i, [chunks[i]]) for i in _evenly(len(chunks), stretches))
+            for first, group in groups:
+                stream.seek(int(places[first]))
                 compressed = stream.read(sum(size for _, size in group))
                 out = np.zeros(sum(points for points, _ in group), dtype)
                 lazrs.decompress_points_with_chunk_table(compressed, layout.record, out.view(np.uint8), group, chosen)
@@ -128,14 +142,20 @@ def _compressed(header: CloudHeader, selection: int | None, warnings: list[str] 
         raise InputError(f"{name} is damaged inside its compressed points; copy it again from its source.") from error
 
 
-def _groups(chunks: list[tuple[int, int]], limit: int) -> Iterator[list[tuple[int, int]]]:
+def _groups(chunks: list[tuple[int, int]], limit: int) -> Iterator[tuple[int, list[tuple[int, int]]]]:
+    """Chunks that hold at most ``limit`` points together, with the number of the first of them."""
     group: list[tuple[int, int]] = []
-    held = 0
-    for chunk in chunks:
+    first = held = 0
+    for number, chunk in enumerate(chunks):
         if group and held + chunk[0] > limit:
-            yield group
-            group, held = [], 0
+            yield first, group
+            group, first, held = [], number, 0
         group.append(chunk)
         held += chunk[0]
     if group:
-        yield group
+        yield first, group
+
+
+def _evenly(count: int, wanted: int) -> list[int]:
+    """At most ``wanted`` of the numbers below ``count``, evenly apart, the first and the last among them."""
+    return [int(i) for i in np.unique(np.linspace(0, count - 1, min(wanted, count)).round())]

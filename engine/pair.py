@@ -11,7 +11,7 @@ from shapely.affinity import translate
 from shapely.geometry.base import BaseGeometry
 
 from .change import Change
-from .clouds import PointCloud, open_cloud
+from .clouds import PointCloud, open_cloud, sample_cloud
 from .coverage import cell_that_compares, compared_share
 from .errors import InputError
 from .height_systems import compare_clouds, disagreement
@@ -23,6 +23,7 @@ from .run_record import sha256
 from .transform import RigidTransform
 
 _LITTLE_COMPARED = 0.5  # share of the ground
+_PLANTS = 5.0  # m that the lowest points of a cell can fall all over a slope by cutting what grows there
 _FOUND = 3.0  # times the largest expected offset: so far away the robust method finds its way back
 
 
@@ -86,6 +87,28 @@ def refuse_other_heights(first: PointCloud, second: PointCloud, limit: float = m
         raise InputError(wrong)
 
 
+def refuse_other_raw_heights(
+    first: Path, second: Path, inputs: InputParameters, parameters: RegistrationParameters
+) -> None:
+    """As ``register_pair`` refuses the ground of two surveys, told from samples of the raw clouds before all work.
+
+    The lowest points of coarse cells are compared. As plants that are cut lower these too, only what no plant explains
+    is refused here, and whatever remains is left to the ground.
+
+    Raises:
+        InputError: heights of another system or unit.
+    """
+    found = compare_clouds(sample_cloud(first, inputs), sample_cloud(second, inputs), lowest=True)
+    wrong = disagreement(found, first.name, second.name, max(_registered(parameters), _PLANTS))
+    if wrong is not None:
+        raise InputError(wrong)
+
+
+def _registered(parameters: RegistrationParameters) -> float:
+    """The offset of heights (m) up to which a registration finds its way."""
+    return parameters.maximum_offset * (_FOUND if parameters.method == "robust" else 1.0)
+
+
 def register_pair(
     first: PointCloud, second: PointCloud, parameters: RegistrationParameters, stable: Path | None, progress: Progress
 ) -> RegistrationResult:
@@ -94,7 +117,7 @@ def register_pair(
     Raises:
         InputError: see ``registration.register``; heights of another system or unit, farther off than is registered.
     """
-    refuse_other_heights(first, second, parameters.maximum_offset * (_FOUND if parameters.method == "robust" else 1.0))
+    refuse_other_heights(first, second, _registered(parameters))
     area = stable_area(stable, first.crs, progress)
     result = register(first.xyz, second.xyz, parameters, stable=area, progress=progress)
     for warning in result.warnings:

@@ -31,7 +31,7 @@ import shapely
 from click.testing import CliRunner
 from pyproj import CRS
 from scipy.spatial.transform import Rotation
-from slopewatch.engine import ground, lifecycle
+from slopewatch.engine import ground, inspection, lifecycle
 from slopewatch.engine.change import difference
 from slopewatch.engine.cli.program import cli
 from slopewatch.engine.clouds import read_cloud
@@ -40,7 +40,7 @@ from slopewatch.engine.errors import InputError
 from slopewatch.engine.height_systems import compare_clouds, disagreement
 from slopewatch.engine.inspection import Settings, inspect_slope
 from slopewatch.engine.m3c2_step import DistanceSettings, m3c2_step
-from slopewatch.engine.pair import require_comparable, warn_of_doubtful_change
+from slopewatch.engine.pair import refuse_other_raw_heights, require_comparable, warn_of_doubtful_change
 from slopewatch.engine.parameters import (
     ChangeParameters,
     DistanceParameters,
@@ -222,6 +222,45 @@ def test_28_ellipsoidal_against_orthometric_heights(first, work, offset):
     sentence = refused(first.parent, run.get(work, lambda: register(first, other, method=work)), *words)
     assert "overlap:" in sentence
     assert "do not overlap" not in sentence
+
+
+def planted(seed: int, tall: float) -> np.ndarray:
+    """``slope`` under plants: of nine tenths of the points each lies up to ``tall`` metres higher."""
+    xyz = slope(seed, 60_000)
+    rng = np.random.default_rng(seed + 100)
+    xyz[:, 2] += rng.uniform(0, tall, len(xyz)) * (rng.uniform(size=len(xyz)) < 0.9)
+    return xyz
+
+
+@pytest.mark.parametrize(
+    ("later", "words"),
+    [
+        (planted(2, 4.0) + [0, 0, 27.3], "about 27.3 m above 2024-05-01.laz over the whole overlap"),
+        (planted(2, 4.0) * [1, 1, 0.3048], "0.305 times those of 2024-05-01.laz"),
+    ],
+    ids=["another height system", "feet"],
+)
+def test_27_and_28_are_told_by_an_inspection_before_the_ground_is_extracted(tmp_path, monkeypatch, later, words):
+    def never(*_, **__):
+        raise AssertionError("the ground was extracted")
+
+    monkeypatch.setattr(inspection, "extract_ground", never)
+    clouds = [write(tmp_path / "2024-05-01.laz", planted(1, 4.0)), write(tmp_path / "2025-05-01.laz", later)]
+    epochs = [Epoch(path, date(2024 + n, 5, 1)) for n, path in enumerate(clouds)]
+    refused(tmp_path, lambda: inspect(tmp_path, *epochs), "2025-05-01.laz", words)
+
+
+@pytest.mark.parametrize("parameters", [{}, {"method": "icp"}])
+def test_28_plants_that_were_cut_and_what_registration_takes_off_are_not_told_too_early(tmp_path, parameters):
+    first = write(tmp_path / "a.laz", planted(1, 12.0))
+    for later in (planted(2, 0.5), planted(2, 12.0) + [0, 0, 4.0]):
+        other = write(tmp_path / "b.laz", later)
+        refuse_other_raw_heights(first, other, InputParameters(), RegistrationParameters(**parameters))
+    other = write(tmp_path / "b.laz", planted(2, 12.0) + [0, 0, 20.0])
+    with pytest.raises(InputError, match=r"about 20\.\d m above"):
+        refuse_other_raw_heights(first, other, InputParameters(), RegistrationParameters(**parameters))
+    wide = RegistrationParameters(maximum_offset=25.0, **parameters)
+    refuse_other_raw_heights(first, other, InputParameters(), wide)
 
 
 def test_28_the_registration_takes_the_offset_off_where_that_is_asked_for(first):

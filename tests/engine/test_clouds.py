@@ -5,7 +5,7 @@ from __future__ import annotations
 import laspy
 import numpy as np
 import pytest
-from slopewatch.engine.clouds import eight_bits, open_cloud, read_cloud
+from slopewatch.engine.clouds import eight_bits, open_cloud, read_cloud, sample_cloud
 from slopewatch.engine.extents import measure_extent
 from slopewatch.engine.las_records import classes, read_records, record_dtype, return_numbers, return_totals
 from slopewatch.engine.parameters import InputParameters
@@ -148,3 +148,25 @@ def test_progress_ends_at_the_end(tmp_path, las_file):
     read_cloud(las_file(tmp_path / "a.laz"), progress=Seen())
     assert seen[-1] == 100.0
     assert seen == sorted(seen)
+
+
+@pytest.mark.parametrize("extension", ["las", "laz"])
+def test_a_sample_is_some_stretches_of_the_points_evenly_over_the_file(tmp_path, las_file, extension):
+    path = las_file(tmp_path / f"a.{extension}", points=270_000)
+    xyz = laspy.read(path).xyz
+    parts = [xyz[start : start + 50_000] for start in range(0, 270_000, 50_000)]
+    assert np.array_equal(sample_cloud(path, stretches=3), np.concatenate([parts[i] for i in (0, 2, 5)]))
+    assert np.array_equal(sample_cloud(path, stretches=9), xyz)
+    assert np.array_equal(
+        sample_cloud(las_file(tmp_path / f"b.{extension}", points=20)), read_cloud(tmp_path / f"b.{extension}").xyz
+    )
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_a_sample_of_a_real_cloud_is_part_of_it(shared_data, name):
+    inputs = InputParameters(crs="EPSG:32613") if "lone" in name else None
+    whole = read_cloud(shared_data / name, inputs).xyz
+    sample = sample_cloud(shared_data / name, inputs, stretches=2)
+    rows = {row.tobytes() for row in whole}
+    assert 0 < len(sample) <= len(whole)
+    assert all(row.tobytes() in rows for row in sample[:: max(1, len(sample) // 500)])
