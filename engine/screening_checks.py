@@ -51,12 +51,11 @@ def measure(xyz: Float, flat: Float, plane: Plane, thinned: float = 1.0) -> Suit
     """
     bounds = (*flat[:, :2].min(axis=0).tolist(), *flat[:, :2].max(axis=0).tolist())
     cells = cell_statistics(flat, snapped_grid(bounds, 1.0), plane=True)
-    occupied = cells.count > 0
-    judged = occupied & (cells.count >= _FEWEST_IN_CELL)
+    judged = cells.points >= _FEWEST_IN_CELL
     rough = np.sqrt(cells.variance[judged]) > _ROUGH
     return Suitability(
         dip=plane.dip,
-        density=float(np.median(cells.count[occupied])) * thinned,
+        density=float(np.median(cells.points)) * thinned,
         opposite_share=opposite_share(xyz),
         rough_share=float(rough.mean()) if judged.any() else 0.0,
     )
