@@ -159,3 +159,8 @@ def slope_degrees(gradient: tuple[Float, Float]) -> Float:
     """Degrees to the horizontal; NaN where the gradient is unknown."""
     degrees: Float = np.degrees(np.arctan(np.hypot(*gradient)))
     return degrees
+
+
+def class_of_slope(slope: Float, width: float) -> NDArray[np.int8]:
+    """Number of the class, ``width`` degrees wide, that each slope (n,) of 0 to 90 degrees is in; -1 where unknown."""
+    return np.where(np.isnan(slope), -1.0, slope / width).astype(np.int8)

@@ -27,7 +27,7 @@ from .threads import side_by_side
 from .thresholds import quantile
 
 _FEWEST_CELLS = 30  # with fewer in common, nothing can be said of the whole overlap
-_BYTES_A_CELL = 280.0  # measured peak of difference() and what follows it, per cell of the grid
+_BYTES_A_CELL = 460.0  # measured peak of difference() and what follows it, per cell of the grid
 _BYTES_A_GROWING_CELL = 620.0
 
 
@@ -306,9 +306,10 @@ def _judged(
 ) -> Change:
     """The change with its calibrated errors, levels and what they decide."""
     valid = np.isfinite(cells.dz)
+    here = np.flatnonzero(valid)
     uniform = uniform_shift(
-        cells.dz[valid],
-        quantile(parameters.confidence) * np.hypot(cells.sampling[valid], registration_error),
+        cells.dz.ravel()[here],
+        quantile(parameters.confidence) * np.hypot(cells.sampling.ravel()[here], registration_error),
         independent=None if cells.block is None else int(cells.block.max()) + 1,
     )
     found = judge(
@@ -335,7 +336,7 @@ def _judged(
         height_to=cells.heights[1],
         confidence=parameters.confidence,
         registration_error=found.registration_error,
-        common_cell_rate=float(valid.sum() / cells.either.sum()),
+        common_cell_rate=here.size / int(np.count_nonzero(cells.either)),
         uniform_dz=uniform,
         stable=found.stable,
         slope=cells.slope,

@@ -144,11 +144,10 @@ def sloping_statistics(xyz: Float, grid: Grid) -> CellStatistics:
     ``_POINTS_FOR_A_PLANE`` points follow their own surface by a plane of their own; with fewer, its scatter costs more
     than it gains.
     """
-    points = _points_in_cells(xyz, grid)
-    cells = _sums(points, spread=True)
+    cells = _sums(_points_in_cells(xyz, grid), spread=True)
     around = gradient_at(cells.cell, [(cells.cell, cells.height)], grid, reach=_NEIGHBOURHOOD)
     east, north = (np.nan_to_num(component) for component in around)
-    return _statistics(points, _without_slope(cells, east, north), grid, least=_POINTS_FOR_A_PLANE)
+    return _statistics(_without_slope(cells, east, north), grid, least=_POINTS_FOR_A_PLANE)
 
 
 def cell_statistics(xyz: Float, grid: Grid, *, plane: bool = False, least: int = 4) -> CellStatistics:
@@ -160,8 +159,7 @@ def cell_statistics(xyz: Float, grid: Grid, *, plane: bool = False, least: int =
             points, or whose points lie nearly on a line, keep the mean.
         least: at least four.
     """
-    points = _points_in_cells(xyz, grid)
-    return _statistics(points, _sums(points, spread=plane), grid, least=least if plane else None)
+    return _statistics(_sums(_points_in_cells(xyz, grid), spread=plane), grid, least=least if plane else None)
 
 
 @dataclass(frozen=True)
@@ -185,10 +183,13 @@ class _Points:
 class _Sums:
     """Mean height of the points of each cell that has any, and the sums of products about their means, arrays (cells,).
 
-    ``u`` and ``v`` are their mean place from the cell's centre; zeros, as the products with them, where these were not
-    asked for.
+    Heights are about ``level``. ``count`` is how many points every cell has (rows, columns), ``n`` that of the cells
+    with any. ``u`` and ``v`` are their mean place from the cell's centre; zeros, as the products with them, where these
+    were not asked for.
     """
 
+    count: NDArray[np.int64]
+    level: float
     cell: NDArray[np.int64]
     n: NDArray[np.int64]
     height: Float
@@ -237,14 +238,28 @@ def _sums(points: _Points, *, spread: bool) -> _Sums:
     zz = total(dz * dz)
     if not spread:
         zero = np.zeros(n.size)
-        return _Sums(points.cell, n, height, zz, zero, zero, zero, zero, zero, zero, zero)
+        return _Sums(points.count, points.level, points.cell, n, height, zz, zero, zero, zero, zero, zero, zero, zero)
     u, v = total(points.u) / n, total(points.v) / n
     # places are small numbers already, and the heights' differences from their mean add up to nothing
     uu, vv, uv, uz, vz = (
         total(a * b)
         for a, b in ((points.u, points.u), (points.v, points.v), (points.u, points.v), (points.u, dz), (points.v, dz))
     )
-    return _Sums(points.cell, n, height, zz, u, v, uu - n * u * u, vv - n * v * v, uv - n * u * v, uz, vz)
+    return _Sums(
+        points.count,
+        points.level,
+        points.cell,
+        n,
+        height,
+        zz,
+        u,
+        v,
+        uu - n * u * u,
+        vv - n * v * v,
+        uv - n * u * v,
+        uz,
+        vz,
+    )
 
 
 def _without_slope(cells: _Sums, east: Float, north: Float) -> _Sums:
@@ -260,10 +275,10 @@ def _without_slope(cells: _Sums, east: Float, north: Float) -> _Sums:
     )
 
 
-def _statistics(points: _Points, cells: _Sums, grid: Grid, *, least: int | None) -> CellStatistics:
+def _statistics(cells: _Sums, grid: Grid, *, least: int | None) -> CellStatistics:
     """Of means, or of planes in the cells with ``least`` points whose spread tells one."""
     n = cells.n.astype(np.float64)
-    height, squares, degrees, leverage = cells.height + points.level, cells.zz.copy(), n - 1.0, 1.0 / n
+    height, squares, degrees, leverage = cells.height + cells.level, cells.zz.copy(), n - 1.0, 1.0 / n
     tilted = np.zeros(cells.n.size, dtype=bool)
     scatter = _ratio(squares, degrees)
     if least is not None:
@@ -274,7 +289,7 @@ def _statistics(points: _Points, cells: _Sums, grid: Grid, *, least: int | None)
         degrees[chosen] -= 2.0
         leverage[chosen] += extrapolation
     variance = _ratio(squares, degrees)
-    return CellStatistics(points.count, cells.cell, height, variance, degrees, leverage, tilted, scatter)
+    return CellStatistics(cells.count, cells.cell, height, variance, degrees, leverage, tilted, scatter)
 
 
 def _ratio(squares: Float, degrees: Float) -> Float:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .cell_slope import Float
+from .gridding import on_grid
 from .parameters import ChangeParameters
 from .size_error import widening_by_size
 from .slope_error import ErrorModel, calibrate, uncalibrated
@@ -71,6 +72,7 @@ def judge(
         valid = np.isfinite(dz)
         if valid.any():
             registration_error *= float(np.median(cosine[valid]))
+    here = np.flatnonzero(valid)
     first = _first_of_blocks(block, dz.shape)
     found = np.zeros(dz.shape, dtype=bool)
     if not uniform:
@@ -91,15 +93,15 @@ def judge(
                 confidence=parameters.confidence,
             )
         model = calibrate(
-            dz[valid],
-            sampling[valid],
-            slope[valid],
-            (stable & first)[valid],
+            dz.ravel()[here],
+            sampling.ravel()[here],
+            slope.ravel()[here],
+            (stable & first).ravel()[here],
             registration_error=registration_error,
             confidence=parameters.confidence,
         )
-    error = np.full(dz.shape, np.nan)
-    error[valid] = np.hypot(model.factor(slope[valid]) * sampling[valid], registration_error)
+    scaled = model.factor(slope.ravel()[here]) * sampling.ravel()[here]
+    error = on_grid(here, np.hypot(scaled, registration_error), dz.shape)
     return Judgement(dz, error, decide(dz, error, parameters, block), model, stable, registration_error)
 
 

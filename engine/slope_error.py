@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .cell_slope import Float
+from .cell_slope import Float, class_of_slope
 from .order_statistics import sample_quantile
 from .thresholds import quantile
 
@@ -131,27 +131,23 @@ def calibrate(
     needed = ((dz / z) ** 2 - registration_error**2) / sampling**2
     typical = _factor(needed, confidence)
     bounds = _joined(at, all_at)
-    members = [(at >= low) & (at < high) for low, high in bounds]
-    at_known = np.nan_to_num(at)
-    factors = np.full(len(members), typical)
-    centres = np.array([sample_quantile(at[m], 0.5) for m in members])
+    members = [(needed[m], at[m]) for m in ((at >= low) & (at < high) for low, high in bounds)]
+    centres = [sample_quantile(slopes, 0.5) for _, slopes in members]
+    factors = [typical] * len(members)
     for _ in range(_ROUNDS):  # between the medians the factor is interpolated: make the classes hold as they are used
-        used = np.interp(at_known, centres, factors) if len(factors) else np.full(at.shape, typical)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            rest = needed / used**2
-        factors = np.array([_factor(rest[m], confidence, f) for m, f in zip(members, factors, strict=True)])
-    used = np.interp(at_known, centres, factors) if len(factors) else np.full(at.shape, typical)
+        scaled = [squares / np.interp(slopes, centres, factors) ** 2 for squares, slopes in members]
+        factors = [_factor(rest, confidence, f) for rest, f in zip(scaled, factors, strict=True)]
     classes = tuple(
         SlopeClass(
             slope_from=low,
             slope_to=high,
-            at=float(centre),
-            cells=int(m.sum()),
-            factor=float(factor),
-            exceedance_uncalibrated=float(np.mean(needed[m] > 1.0)),
-            exceedance=float(np.mean(needed[m] > used[m] ** 2)),
+            at=centre,
+            cells=squares.size,
+            factor=factor,
+            exceedance_uncalibrated=float(np.mean(squares > 1.0)),
+            exceedance=float(np.mean(squares > np.interp(slopes, centres, factors) ** 2)),
         )
-        for (low, high), m, centre, factor in zip(bounds, members, centres, factors, strict=True)
+        for (low, high), (squares, slopes), centre, factor in zip(bounds, members, centres, factors, strict=True)
     )
     return ErrorModel("calibrated", classes, typical, cells, share, _notes(classes, typical))
 
@@ -168,14 +164,15 @@ def _factor(needed: Float, confidence: float, scale: float = 1.0) -> float:
 def _joined(at: Float, all_at: Float) -> list[tuple[float, float]]:
     """Classes of slope with enough stable cells (``at``, degrees) among all compared ones; narrow ones are joined."""
     bounds: list[tuple[float, float]] = []
-    edges = np.arange(0.0, 90.0 + _CLASS, _CLASS)
-    low = 0.0
-    for high in edges[1:]:
-        cells = np.count_nonzero((at >= low) & (at < high))
-        of = np.count_nonzero((all_at >= low) & (all_at < high))
+    low, cells, of = 0.0, 0, 0
+    numbers = (class_of_slope(slopes, _CLASS) for slopes in (at, all_at))
+    classes = round(90.0 / _CLASS)
+    counts = (np.bincount(number[number >= 0], minlength=classes)[:classes].tolist() for number in numbers)
+    for number, (stable, compared) in enumerate(zip(*counts, strict=True), 1):
+        cells, of = cells + stable, of + compared
         if cells >= max(_FEWEST_IN_CLASS, _LEAST_STABLE * of):
-            bounds.append((low, float(high)))
-            low = float(high)
+            bounds.append((low, number * _CLASS))
+            low, cells, of = number * _CLASS, 0, 0
     if bounds and np.any(at >= low):
         bounds[-1] = (bounds[-1][0], 90.0)
     return bounds

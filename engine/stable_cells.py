@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .cell_slope import Float
+from .cell_slope import Float, class_of_slope
 from .order_statistics import sample_quantile
 from .window_sums import Cells, Windows
 
@@ -80,7 +80,7 @@ def adjacent_scatter(z: Float, here: Cells, slope: Float, block: NDArray[np.int6
         return np.ones(here.size)
     whole = max(sample_quantile(size, 0.9) / 1.6449, 1e-6)
     centres, scatter = [], []
-    classes = np.where(np.isnan(of_pair), -1.0, of_pair / _CLASS).astype(np.int8)
+    classes = class_of_slope(of_pair, _CLASS)
     for low, cells in enumerate(np.bincount(classes[classes >= 0])):
         if cells >= _FEWEST:
             centres.append((low + 0.5) * _CLASS)
