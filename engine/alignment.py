@@ -20,7 +20,9 @@ Float = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _COARSE = 4.0  # voxels of one level in those of the next finer one
-_COARSE_SOURCES, _SOURCES, _CURVATURE_SOURCES, _ALL_SOURCES = 6_000, 40_000, 30_000, 150_000
+_COARSE_SOURCES, _SOURCES, _CURVATURE_SOURCES = 6_000, 25_000, 15_000
+_MANY_SOURCES, _ALL_SOURCES = 75_000, 150_000
+_PRECISE = 1e-3  # metres; with a smaller standard error of the position there is no need of all points
 _LEAST_POINTS = 400  # of a coarse level
 _NEWTON = 12
 
@@ -54,31 +56,27 @@ def radius_of(surface: Surface) -> float:
 
 
 def align(
-    reference: Float,
-    moving: Float,
     fine: Matcher,
     *,
     voxel: float,
     offset: float,
     iterations: int,
-    stable: NDArray[np.bool_] | None,
     progress: Progress,
 ) -> Alignment:
-    """Pose of ``moving`` on ``reference``, local coordinates (n, 3) and (m, 3) with their origin amidst them.
+    """Pose of the moving surface on the reference, local coordinates with their origin amidst the points.
 
     Args:
-        fine: the surfaces at ``voxel``.
-        voxel: in metres.
+        fine: the surfaces.
+        voxel: theirs, in metres.
         offset: largest expected offset, metres.
         iterations: upper limit.
-        stable: (n,) points of the reference on known ground; None for all.
     """
     radius = radius_of(fine.reference)
     best, remaining, reach = Descent(Pose.identity(), offset / 2), iterations, offset
-    known = reference if stable is None else reference[stable]
+    known = fine.reference.points if fine.stable is None else fine.reference.points[fine.stable]
     for size in levels(voxel, offset)[:-1]:
         progress.update(0.1, f"registering at {size:g} m")
-        coarse = Matcher(Surface(known, size), Surface(moving, size))
+        coarse = Matcher(Surface(known, size), Surface(fine.moving.points, size))
         if min(len(coarse.reference.points), len(coarse.moving.points)) < _LEAST_POINTS:
             continue
         best = descend(
@@ -161,7 +159,7 @@ def curvature_at(pose: Pose, weigh: Weighting, radius: float, progress: Progress
 
 def information_at(folds: Float, pairs: Pairs, weigh: Weighting, radius: float, offset: float) -> Information:
     """``observability.information`` for the final pairs; ``offset`` (m) is the largest expected one."""
-    terms = pairs.jacobian(radius) * (weigh(pairs) * pairs.residual)[:, None]
+    terms = pairs.jacobian(radius) * (weigh(pairs) * pairs.gap)[:, None]
     blocks = block_numbers(pairs.place, weigh.correlated(radius))
     return information(folds, terms, blocks, weigh.spacing / 2, offset / float(np.sqrt(3.0)))
 
@@ -184,26 +182,31 @@ def refine(
             "maximum_offset."
         )
     folds = curvature_at(pose, weigh, radius, progress)
-    sources = matcher.sample(_ALL_SOURCES)
-    pairs = matcher.match(pose, sources, weigh.reach)
-    found = information_at(folds, pairs, weigh, radius, offset)
+    for limited in (_MANY_SOURCES, _ALL_SOURCES):
+        sources = matcher.sample(limited)
+        pairs = matcher.match(pose, sources, weigh.reach)
+        found = information_at(folds, pairs, weigh, radius, offset)
+        error = float(np.sqrt(np.trace(found.observable_covariance)))
+        if error < _PRECISE:
+            break
     if not found.observable.all():
         # what nothing fixes stays as surveyed
         pose = Pose.from_vector(found.without_unobservable(pose.vector(radius)), radius)
-    error = float(np.sqrt(np.trace(found.observable_covariance)))
     newton = _steps(weigh, pose, sources, radius, found, error, _NEWTON, min(limit, _NEWTON), progress)
     if not newton.converged:
         # curvature measured on too rough a surface can mislead; the plain matrix is slow but sure
         again = _steps(weigh, pose, sources, radius, found, error, 0, min(limit, 2 * _NEWTON), progress)
         newton = replace(again, used=newton.used + again.used)
-    pairs = matcher.match(newton.pose, sources, weigh.reach)
-    found = information_at(folds, pairs, weigh, radius, offset)
+    found = information_at(folds, newton.pairs, weigh, radius, offset)
     return Alignment(newton.pose, scale, radius, newton.used, newton.converged, found)
 
 
 @dataclass(frozen=True)
 class _Steps:
+    """``pairs`` are those from which the last step to ``pose`` was taken."""
+
     pose: Pose
+    pairs: Pairs
     used: int
     converged: bool
 
@@ -220,13 +223,12 @@ def _steps(
     progress: Progress,
 ) -> _Steps:
     """Newton's steps, after the first ``newton`` ones Gauss and Newton's, in the observable directions."""
-    used = 0
-    while used < max(limit, 1):
-        progress.update(0.7 + 0.25 * used / limit, "registering with all points")
+    for used in range(1, max(limit, 1) + 1):
+        progress.update(0.7 + 0.25 * (used - 1) / max(limit, 1), "registering with all points")
         pairs = weigh.matcher.match(pose, sources, weigh.reach)
         jacobian, weight = pairs.jacobian(radius), weigh(pairs)
-        gradient = jacobian.T @ (weight * pairs.residual)
-        if used < newton:
+        gradient = jacobian.T @ (weight * pairs.gap)
+        if used <= newton:
             step = found.step(gradient, len(pairs))
         else:
             step = found.damped_step(gradient, jacobian.T @ (jacobian * weight[:, None]))
@@ -234,8 +236,7 @@ def _steps(
         if length > weigh.spacing / 2:
             step *= weigh.spacing / 2 / length
         pose = pose.moved(step, radius)
-        used += 1
         # the pairs of the next step are other ones in part: below its own error a step is noise
         if length < max(2e-5, 0.05 * error):
-            return _Steps(pose, used, True)
-    return _Steps(pose, used, False)
+            return _Steps(pose, pairs, used, True)
+    return _Steps(pose, pairs, used, False)

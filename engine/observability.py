@@ -84,7 +84,7 @@ def folds_of(place: Float, block: float) -> NDArray[np.int64]:
 def estimate(pairs: Pairs, weight: Float, radius: float, block: float) -> Estimate:
     """The gradient of the robust cost by the motion, in folds."""
     fold = folds_of(pairs.place, block)
-    terms = pairs.jacobian(radius) * (weight * pairs.residual)[:, None]
+    terms = pairs.jacobian(radius) * (weight * pairs.gap)[:, None]
     sums = [np.bincount(fold, terms[:, i], minlength=_FOLDS) for i in range(6)]
     return Estimate(np.stack(sums, axis=1), len(pairs))
 

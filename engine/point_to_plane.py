@@ -4,17 +4,22 @@ Chen and Medioni 1992 (doi:10.1016/0262-8856(92)90066-C) with Tukey's biweight. 
 with the planes of the other one: a plane through a curved neighbourhood lies on its hollow side, which moves the
 clouds apart in one direction and together in the other and cancels in the sum. The distance is taken along the mean of
 both surfaces' normals (Rusinkiewicz 2019, doi:10.1145/3306346.3323037), of which the noise is smaller than of one.
+A point's own distance tells whether it belongs to what has changed. How far the surfaces lie apart there is told by the
+place halfway between it and the centre of its own plane: half of its noise is gone, as all points around it speak, and
+of the relief that stops a slide along the surface less is lost than by the centre alone.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .pose import Pose
+from .pose import Pose, turned
 from .surface import Surface
+from .tracked_neighbours import TrackedNeighbours
 from .voxel import block_numbers
 
 Float = NDArray[np.float64]
@@ -27,24 +32,33 @@ _QUANTILE, _NORMAL = 0.3, 0.38532  # the 30 % quantile of |r| is 0.385 standard 
 
 @dataclass(frozen=True)
 class Pairs:
-    """Places (n, 3) and unit normals (n, 3) in the reference frame; signed distance ``residual`` (n,), moving minus
-    reference along the normal; ``source`` (n,): number of the source point.
+    """Where the surfaces were compared, in the reference frame.
+
+    Attributes:
+        place, normal: (n, 3), normals of unit length.
+        residual: (n,) signed distance of point and plane, moving minus reference along the normal, metres.
+        gap: (n,) the same of the place halfway between the point and the centre of its own plane.
+        source: (n,) number of the source point.
     """
 
     place: Float
     normal: Float
     residual: Float
+    gap: Float
     source: Index
 
     def __len__(self) -> int:
         return len(self.residual)
 
     def chosen(self, which: Mask) -> Pairs:
-        return Pairs(self.place[which], self.normal[which], self.residual[which], self.source[which])
+        return Pairs(*(values[which] for values in vars(self).values()))
 
     def jacobian(self, radius: float) -> Float:
         """(n, 6) derivative of the residual by the vector of ``Pose.moved``."""
-        return np.hstack([np.cross(self.place, self.normal) / radius, self.normal])
+        x, y, z = self.place.T / radius
+        u, v, w = self.normal.T
+        # in columns, along which it is summed
+        return np.stack([y * w - z * v, z * u - x * w, x * v - y * u, u, v, w]).T
 
 
 @dataclass(frozen=True)
@@ -59,6 +73,18 @@ class Matcher:
         """At most ``limit`` sources of each surface."""
         return self.reference.sample(limit, self.stable), self.moving.sample(limit)
 
+    @cached_property
+    def _of_moving(self) -> TrackedNeighbours:
+        return TrackedNeighbours(self.reference.tree, len(self.moving.points))
+
+    @cached_property
+    def _of_reference(self) -> TrackedNeighbours:
+        return TrackedNeighbours(self.moving.tree, len(self.reference.points))
+
+    def distance(self, pose: Pose, sources: Index, reach: float) -> Float:
+        """(n,) from the moving surface's points to the nearest one of the reference; infinity beyond ``reach``."""
+        return self._of_moving.nearest(sources, pose.apply(self.moving.points[sources]), reach)[0]
+
     def onto_reference(self, pose: Pose, sources: Index, reach: float, agreement: float) -> Pairs:
         """The moving surface's points against the planes of the reference.
 
@@ -67,54 +93,62 @@ class Matcher:
             agreement: least cosine between the two surfaces' normals.
         """
         place = pose.apply(self.moving.points[sources])
-        distance, number = self.reference.nearest(place, reach)
+        distance, number = self._of_moving.nearest(sources, place, reach)
         found = np.isfinite(distance)
         if self.stable is not None:
             found[found] = self.stable[number[found]]
-        sources, number, place = sources[found], number[found], place[found]
+        found = np.flatnonzero(found)
+        sources, number = sources[found], number[found]
         self.reference.fit(number)
         self.moving.fit(sources)
         normal, keep = _mean_normals(
-            self.reference.normals[number], self.moving.normals[sources] @ pose.rotation.T, agreement
+            np.take(self.reference.normals, number, axis=0),
+            turned(np.take(self.moving.normals, sources, axis=0), pose.rotation),
+            agreement,
         )
         keep &= self.reference.planar[number] & self.moving.planar[sources]
-        place, normal, number = place[keep], normal[keep], number[keep]
-        residual = np.einsum("ij,ij->i", place - self.reference.centroids[number], normal)
-        return Pairs(place, normal, residual, sources[keep])
+        kept = np.flatnonzero(keep)
+        place, normal = np.take(place, found[kept], axis=0), np.take(normal, kept, axis=0)
+        plane = np.take(self.reference.centroids, number[kept], axis=0)
+        around = (place + pose.apply(np.take(self.moving.centroids, sources[kept], axis=0))) / 2
+        return Pairs(place, normal, _along(place - plane, normal), _along(around - plane, normal), sources[kept])
 
     def onto_moving(self, pose: Pose, sources: Index, reach: float, agreement: float) -> Pairs:
         """The reference's points against the planes of the moving surface."""
-        place = self.reference.points[sources]
-        distance, number = self.moving.nearest(pose.undo(place), reach)
-        found = np.isfinite(distance)
-        sources, number, place = sources[found], number[found], place[found]
+        place = np.take(self.reference.points, sources, axis=0)
+        distance, number = self._of_reference.nearest(sources, pose.undo(place), reach)
+        found = np.flatnonzero(np.isfinite(distance))
+        sources, number = sources[found], number[found]
         self.reference.fit(sources)
         self.moving.fit(number)
         normal, keep = _mean_normals(
-            self.moving.normals[number] @ pose.rotation.T, self.reference.normals[sources], agreement
+            turned(np.take(self.moving.normals, number, axis=0), pose.rotation),
+            np.take(self.reference.normals, sources, axis=0),
+            agreement,
         )
         keep &= self.moving.planar[number] & self.reference.planar[sources]
-        place, normal, number = place[keep], normal[keep], number[keep]
-        plane = pose.apply(self.moving.centroids[number])
-        return Pairs(place, normal, np.einsum("ij,ij->i", plane - place, normal), sources[keep])
+        kept = np.flatnonzero(keep)
+        place, normal = np.take(place, found[kept], axis=0), np.take(normal, kept, axis=0)
+        plane = pose.apply(np.take(self.moving.centroids, number[kept], axis=0))
+        around = (place + np.take(self.reference.centroids, sources[kept], axis=0)) / 2
+        return Pairs(place, normal, _along(plane - place, normal), _along(plane - around, normal), sources[kept])
 
     def match(self, pose: Pose, sources: tuple[Index, Index], reach: float, agreement: float = 0.8) -> Pairs:
         """Both directions together."""
         one = self.onto_moving(pose, sources[0], reach, agreement)
         two = self.onto_reference(pose, sources[1], reach, agreement)
-        return Pairs(
-            np.vstack([one.place, two.place]),
-            np.vstack([one.normal, two.normal]),
-            np.concatenate([one.residual, two.residual]),
-            np.concatenate([one.source, two.source]),
-        )
+        return Pairs(*(np.concatenate(both) for both in zip(vars(one).values(), vars(two).values(), strict=True)))
 
 
 def _mean_normals(own: Float, other: Float, agreement: float) -> tuple[Float, Mask]:
     """Unit vectors amid two unit vectors (n, 3) each, on the side of the first, and where these agree."""
-    cosine = np.einsum("ij,ij->i", own, other)
+    cosine = _along(own, other)
     both = own + np.where(cosine < 0, -1.0, 1.0)[:, None] * other
-    return both / np.linalg.norm(both, axis=1, keepdims=True), np.abs(cosine) > agreement
+    return both / np.sqrt(_along(both, both))[:, None], np.abs(cosine) > agreement
+
+
+def _along(offset: Float, normal: Float) -> Float:
+    return np.asarray(np.einsum("ij,ij->i", offset, normal))
 
 
 def robust_scale(residual: Float) -> float:

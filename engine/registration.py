@@ -30,7 +30,7 @@ __all__ = ["RegistrationResult", "StableGround", "register"]
 Float = NDArray[np.float64]
 
 _LEAST_POINTS = 30
-_NEIGHBOUR_SAMPLE = 100_000
+_NEIGHBOUR_SAMPLE = 25_000
 
 
 def register(
@@ -57,7 +57,6 @@ def register(
     _check_overlap(reference, moving, parameters.maximum_offset)
     centre = np.median(reference, axis=0)  # amidst the points even where a stray one stretches the extent
     a, b = reference - centre, moving - centre
-    known = _inside(stable, reference)
     progress.update(0.0, "averaging points")
     surfaces = Surface(a, parameters.registration_voxel), Surface(b, parameters.registration_voxel)
     _check_shape(surfaces[0].points, "earlier")
@@ -65,7 +64,7 @@ def register(
     matcher = Matcher(*surfaces, None if stable is None else _inside(stable, surfaces[0].points + centre))
     tree = cKDTree(a, balanced_tree=False, compact_nodes=False)
     with progress.stage(0.05, 0.85):
-        solution = _solve(a, b, tree, matcher, known, parameters, progress)
+        solution = _solve(a, b, tree, matcher, parameters, progress)
     progress.update(0.85, "measuring the agreement")
     quality = agreement(matcher, solution.pose, parameters.maximum_offset)
     if parameters.method == "icp":
@@ -120,7 +119,6 @@ def _solve(
     b: Float,
     tree: cKDTree,
     matcher: Matcher,
-    known: NDArray[np.bool_] | None,
     parameters: RegistrationParameters,
     progress: Progress,
 ) -> _Solution:
@@ -137,13 +135,10 @@ def _solve(
         return _Solution(plain.pose, plain.iterations, plain.converged)
     if parameters.method == "robust":
         found = align(
-            a,
-            b,
             matcher,
             voxel=parameters.registration_voxel,
             offset=parameters.maximum_offset,
             iterations=parameters.registration_iterations,
-            stable=known,
             progress=progress,
         )
         return _Solution(found.pose, found.iterations, found.converged, found.information, found.radius)

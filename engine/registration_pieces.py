@@ -8,13 +8,13 @@ stays level where nothing is known. Whether it is worth having is told by blocks
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .height_correction import HeightCorrection, Nodes
-from .point_to_plane import Matcher, Pairs, regional_weights, robust_scale, tukey_weights
+from .point_to_plane import Matcher, regional_weights, robust_scale, tukey_weights
 from .pose import Pose
 from .voxel import block_numbers
 
@@ -92,7 +92,7 @@ def measure_bend(matcher: Matcher, pose: Pose, spacing: float, reach: float, sca
         left = (height + weights @ correction) * upward
         # never wider than at the rigid motion: what it took for change stays change
         scale = min(max(robust_scale(left), 1e-4), scale)
-        now = Pairs(pairs.place, pairs.normal, left, pairs.source)
+        now = replace(pairs, residual=left)
         weight = tukey_weights(left, scale) * regional_weights(now, scale, region)
         blocks = _blocks(plan, height, weight * upward**2, left / upward, number)
         if len(blocks.height) < _LEAST_BLOCKS:

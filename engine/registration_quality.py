@@ -83,7 +83,7 @@ def agreement(matcher: Matcher, pose: Pose, offset: float, correction: HeightCor
             f"Only {len(pairs)} points of the later epoch have a counterpart within {reach:g} m on the earlier one, "
             "so the epochs do not overlap or hold no surface; check the files, their ground and the largest offset."
         )
-    distance, _ = matcher.reference.nearest(pose.apply(matcher.moving.points[sources]), reach)
+    distance = matcher.distance(pose, sources, reach)
     if correction is not None:
         pairs = replace(pairs, residual=pairs.residual + pairs.normal[:, 2] * correction.at(pairs.place[:, :2]))
     noise = max(own_noise(matcher.reference), own_noise(matcher.moving))

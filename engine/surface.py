@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from .principal_axes import thinnest
 from .voxel import voxel_average
 
 Float = NDArray[np.float64]
@@ -14,19 +15,21 @@ Mask = NDArray[np.bool_]
 
 NEIGHBOURS = 12  # of a plane; fewer follow finer relief, more average more noise
 _THICKNESS = 0.5  # a neighbourhood thicker than this share of its width has no normal worth using
+_LEAF = 24  # points; measured, faster than the default where all points ask for their neighbours
 _CHUNK = 50_000  # points a native call, so that a cancel is heard in time
 
 
 class Surface:
     """Voxel means ``points`` (m, 3) of a cloud, and planes that are fitted where they are first asked for.
 
-    ``centroids`` and ``normals`` (m, 3), ``planar`` (m,) are valid where ``fit`` was called for.
+    ``centroids`` and ``normals`` (m, 3), upwards, and ``planar`` (m,) are valid where ``fit`` was called for.
     """
 
     def __init__(self, xyz: Float, voxel: float) -> None:
         self.points = voxel_average(xyz, voxel)
         # the default build sorts and shrinks at a cost that so few queries do not return
-        self.tree = cKDTree(self.points, balanced_tree=False, compact_nodes=False)
+        self.tree = cKDTree(self.points, balanced_tree=False, compact_nodes=False, leafsize=_LEAF)
+        self._axes = np.ascontiguousarray(self.points.T)
         self.neighbours = min(NEIGHBOURS, len(self.points))
         self.centroids = np.zeros_like(self.points)
         self.normals = np.zeros_like(self.points)
@@ -39,28 +42,28 @@ class Surface:
         numbers = np.arange(len(self.points)) if eligible is None else np.flatnonzero(eligible)
         if len(numbers) <= limit:
             return numbers.astype(np.int64)
-        generator = np.random.default_rng(0)
-        chosen: Index = np.sort(generator.choice(numbers, limit, replace=False)).astype(np.int64)
+        # the first ones of one order: what was found out of a smaller sample serves a larger one
+        order = np.random.default_rng(0).permutation(len(numbers))
+        chosen: Index = np.sort(numbers[order[:limit]]).astype(np.int64)
         return chosen
-
-    def nearest(self, xyz: Float, reach: float) -> tuple[Float, Index]:
-        """Distance (n,) to the nearest point and its number; infinity and m beyond ``reach``."""
-        return nearest(self.tree, xyz, reach)
 
     def fit(self, numbers: Index) -> None:
         """Fit the planes of the points ``numbers`` by principal components, unless that was done before."""
-        missing = np.unique(numbers[~self._fitted[numbers]])
+        asked = np.zeros(len(self.points), dtype=bool)
+        asked[numbers] = True
+        missing = np.flatnonzero(asked & ~self._fitted)
         for start in range(0, len(missing), _CHUNK):
             chosen = missing[start : start + _CHUNK]
-            _, near = self.tree.query(self.points[chosen], k=self.neighbours, workers=-1)
-            cloud = self.points[near]
-            middle = cloud.mean(axis=1)
-            local = cloud - middle[:, None]
-            values, vectors = np.linalg.eigh(np.matmul(local.transpose(0, 2, 1), local))
-            values = np.sqrt(np.maximum(values, 0.0))
-            self.centroids[chosen] = middle
-            self.normals[chosen] = vectors[:, :, 0]
-            self.planar[chosen] = values[:, 0] < _THICKNESS * values[:, 1]
+            _, near = self.tree.query(self.points[chosen], k=list(range(1, self.neighbours + 1)), workers=-1)
+            own = self.points[chosen].T
+            x, y, z = (np.take(axis, near.T) - middle for axis, middle in zip(self._axes, own, strict=True))
+            mean = [axis.mean(axis=0) for axis in (x, y, z)]
+            x, y, z = (axis - middle for axis, middle in zip((x, y, z), mean, strict=True))
+            moments = (np.einsum("kn,kn->n", *pair) for pair in ((x, x), (y, y), (z, z), (x, y), (x, z), (y, z)))
+            thin, wide, normal = thinnest(*moments)
+            self.centroids[chosen] = (own + mean).T
+            self.normals[chosen] = normal * np.where(normal[:, 2:] < 0, -1.0, 1.0)
+            self.planar[chosen] = thin < _THICKNESS**2 * wide
         self._fitted[missing] = True
 
     def _spacing(self) -> float:

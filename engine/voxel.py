@@ -50,4 +50,7 @@ def block_numbers(xyz: Float, size: float) -> NDArray[np.int64]:
     cell = np.floor((xyz - xyz.min(axis=0)) / size).astype(np.int64)
     spans = cell.max(axis=0) + 1
     key = (cell[:, 0] * spans[1] + cell[:, 1]) * spans[2] + cell[:, 2]
-    return np.unique(key, return_inverse=True)[1].astype(np.int64)
+    if np.prod(spans.astype(np.float64)) > 8 * len(xyz) + 1e6:
+        return np.unique(key, return_inverse=True)[1].astype(np.int64)
+    number: NDArray[np.int64] = np.cumsum(np.bincount(key) > 0) - 1
+    return number[key]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from slopewatch.engine.point_to_plane import Matcher, regional_weights, robust_scale, tukey_weights
@@ -37,6 +39,34 @@ def test_curvature_cancels_between_the_two_directions():
     assert biases[0] > 5e-4
     assert biases[1] < -5e-4
     assert abs(sum(biases)) < 0.1 * abs(biases[0])
+
+
+def test_the_gap_is_the_distance_of_the_surfaces_with_about_half_the_noise_of_a_point():
+    """Of a point and the mean of the twelve around it, itself one of them, half of the sum has 0.56 of its noise."""
+    rng = np.random.default_rng(3)
+    flat = [np.column_stack([*rng.uniform(-4, 4, (2, 60_000)), rng.normal(0, 0.004, 60_000)]) for _ in range(2)]
+    matcher = Matcher(Surface(flat[0], 0.05), Surface(flat[1] + [0.0, 0.0, 0.01], 0.05))
+    turn = Pose.from_vector(np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.02]), 1.0)
+    sources = matcher.sample(100_000)
+    for pairs in (matcher.onto_reference(turn, sources[1], 0.3, 0.8), matcher.onto_moving(turn, sources[0], 0.3, 0.8)):
+        assert (pairs.normal[:, 2] > 0).all()
+        assert pairs.gap.mean() == pytest.approx(0.03, abs=5e-4)
+        assert 0.5 * pairs.residual.std() < pairs.gap.std() < 0.7 * pairs.residual.std()
+
+
+def test_pairs_do_not_depend_on_what_was_matched_before():
+    """Neighbours that are kept from call to call are those of a new search."""
+    surfaces = Surface(dome(1), 0.1), Surface(dome(2), 0.1)
+    used = Matcher(*surfaces)
+    rng = np.random.default_rng(0)
+    pose = Pose.identity()
+    for size, limit in ((0.2, 500), (0.02, 3000), (0.002, 1000), (0.03, 3000)):
+        pose = pose.moved(rng.normal(0, size, 6), 2.0)
+        new = Matcher(*surfaces).match(pose, used.sample(limit), 0.3)
+        again = used.match(pose, used.sample(limit), 0.3)
+        assert len(new) > 100
+        for one, other in zip(vars(new).values(), vars(again).values(), strict=True):
+            assert np.array_equal(one, other)
 
 
 def test_jacobian_is_the_change_of_the_residual():
@@ -80,7 +110,7 @@ def test_a_region_that_changed_is_left_out_as_a_whole():
     pairs = matcher.match(Pose.identity(), matcher.sample(5000), 0.3)
     changed = pairs.place[:, 0] > 1.0
     residual = np.where(changed & (np.arange(len(pairs)) % 3 > 0), 0.3, 0.0)
-    weight = regional_weights(type(pairs)(pairs.place, pairs.normal, residual, pairs.source), scale=0.01, block=0.25)
+    weight = regional_weights(replace(pairs, residual=residual), scale=0.01, block=0.25)
     # blocks that the surface only grazes hold too few pairs to tell; they are few
     agreeing = changed & (residual == 0)
     assert np.mean(weight[agreeing & (pairs.place[:, 0] > 1.3)]) < 0.05

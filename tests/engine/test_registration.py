@@ -10,6 +10,7 @@ import shapely
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
+from slopewatch.engine import alignment
 from slopewatch.engine.clouds import read_cloud
 from slopewatch.engine.errors import InputError
 from slopewatch.engine.parameters import InputParameters, RegistrationParameters
@@ -182,3 +183,18 @@ def test_a_seam_of_overlap_is_told_to_fix_next_to_nothing():
     result = register(reference, beside, RegistrationParameters(maximum_offset=0.2))
     assert len(result.unobservable) >= 3
     assert any("does not fix" in warning for warning in result.warnings)
+
+
+def test_all_points_are_used_where_fewer_do_not_fix_the_position_well_enough(monkeypatch):
+    reference, moving = scan(1, n=40_000)[0], scan(2, n=40_000)[0]
+    monkeypatch.setattr(alignment, "_MANY_SOURCES", 1000)
+    stated, made = [], []
+    for precise in (1.0, 1e-3):  # metres
+        monkeypatch.setattr(alignment, "_PRECISE", precise)
+        found = register(reference, moving, RegistrationParameters())
+        stated.append(float(np.sqrt(np.trace(found.covariance[3:, 3:]))))
+        made.append(float(np.linalg.norm(found.transform.apply(UTM + [10.0, 10.0, 7.0]) - UTM - [10.0, 10.0, 7.0])))
+    assert stated[0] > 1e-3
+    assert stated[1] < 0.6 * stated[0]
+    assert made[0] < 3 * stated[0]
+    assert made[1] < 3 * stated[1]

@@ -21,7 +21,7 @@ def test_planes_are_those_of_the_nearest_points():
         near = surface.points[np.argsort(distance)[:NEIGHBOURS]]
         normal = np.linalg.svd(near - near.mean(axis=0))[2][2]
         assert np.abs(surface.centroids[number] - near.mean(axis=0)).max() < 1e-12
-        assert abs(surface.normals[number] @ normal) > 1 - 1e-9
+        assert surface.normals[number] @ (normal * np.sign(normal[2])) > 1 - 1e-9  # upwards
 
 
 def test_a_cloud_without_surface_has_no_planes():
@@ -57,3 +57,8 @@ def test_a_sample_is_always_the_same_and_within_what_is_eligible():
     assert np.array_equal(surface.sample(100, eligible), surface.sample(100, eligible))
     assert eligible[surface.sample(100, eligible)].all()
     assert len(np.unique(surface.sample(100))) == 100
+
+
+def test_a_smaller_sample_is_part_of_a_larger_one():
+    surface = Surface(bumpy(), 0.1)
+    assert np.isin(surface.sample(50), surface.sample(200)).all()

@@ -41,3 +41,11 @@ def test_blocks_are_counted_without_gaps():
     assert number[0] == number[2]
     assert number[1] == number[3]
     assert set(number) == {0, 1}
+
+
+@pytest.mark.parametrize("stray", [3.0, 1e6])
+def test_blocks_are_counted_without_gaps_however_far_a_stray_point_lies(stray):
+    xyz = np.vstack([np.random.default_rng(2).uniform(0, 2, (500, 3)), [[stray, 0.5, stray]]])
+    cells = [tuple(cell) for cell in np.floor((xyz - xyz.min(axis=0)) / 0.25).astype(int)]
+    expected = {cell: number for number, cell in enumerate(sorted(set(cells)))}
+    assert block_numbers(xyz, 0.25).tolist() == [expected[cell] for cell in cells]
