@@ -45,6 +45,7 @@ def _trained(**values: Any) -> Recipe:
 VARIANTS = (
     Variant("SlopeWatch's recipe", SLOPEWATCH),
     Variant("a point has its own voxel's class", _changed(interpolation=1)),
+    Variant("points thinned at random, as published", _changed(sampling="random")),
     Variant("without Dice", _trained(dice=0.0)),
     Variant("turned to any side", _trained(augmentation=Augmentation(turn=180.0))),
     Variant("first block of half width", _changed(widths=HALF_WIDTH)),

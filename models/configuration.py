@@ -13,6 +13,9 @@ from ..engine.errors import InputError
 
 CLASSES = ("background", "uplift", "subsidence")
 FEATURES = ("x", "y", "z", "residuals")
+SAMPLINGS = ("grid", "random")
+_LATER: dict[str, Any] = {"sampling": "random"}
+"""Settings that models of earlier versions do not name, and what held for them."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,9 @@ class ModelConfiguration:
     the one whose middle is nearer counts more. A point's probabilities lie between those of the ``interpolation``
     voxels nearest to it; with 1 it has its own voxel's.
 
-    Network: ``stem`` channels, encoder blocks of ``widths`` (half their output), ``neighbours`` and ``decimation``.
+    Network: ``stem`` channels, encoder blocks of ``widths`` (half their output), ``neighbours`` and ``decimation``: one
+    in so many points goes on to the next level, drawn ``random`` (published) or spread evenly (``grid``) by
+    ``sampling``.
     ``density`` is the range of points a m² that the model was trained for.
     """
 
@@ -58,6 +63,7 @@ class ModelConfiguration:
     widths: tuple[int, ...] = (16, 64, 128, 256)
     neighbours: int = 16
     decimation: int = 4
+    sampling: str = "grid"
     dropout: float = 0.5
     classes: tuple[str, ...] = CLASSES
     density: tuple[float, float] = (20.0, 450.0)
@@ -68,6 +74,8 @@ class ModelConfiguration:
             raise InputError(
                 f"The model's features {self.features} are not all of {', '.join(FEATURES)}; correct them."
             )
+        if self.sampling not in SAMPLINGS:
+            raise InputError(f"The model's sampling is {self.sampling!r}; give {' or '.join(SAMPLINGS)}.")
         for name in ("voxel", "xy_scale", "z_scale", "residual_scale", "window", "step"):
             if not getattr(self, name) > 0:
                 raise InputError(f"The model's {name} is {getattr(self, name)}; give a number above 0.")
@@ -101,6 +109,7 @@ class ModelConfiguration:
             InputError: a name is missing or not known, or a value cannot be used.
         """
         known = {f.name for f in fields(cls)}
+        values = {**_LATER, **values}
         if set(values) != known:
             wrong = ", ".join(sorted(set(values) ^ known))
             raise InputError(f"The model's settings do not fit this version (see {wrong}); take weights made for it.")
@@ -128,6 +137,7 @@ PAPER = ModelConfiguration(
     block_points=131_072,
     centre_weighting=False,
     interpolation=1,
+    sampling="random",
 )
 """The published pipeline: 20 m windows every 18 m, divided by half their size, 131,072 points each."""
 

@@ -184,6 +184,12 @@ def _block(
         weight = centre_weight(points, window.middle, configuration.window)
     coordinates = (points - middle).astype(np.float32)
     levels = build_pyramid(
-        coordinates, len(configuration.widths), configuration.neighbours, configuration.decimation, rng, workers
+        coordinates,
+        len(configuration.widths),
+        configuration.neighbours,
+        configuration.decimation,
+        rng,
+        workers,
+        spacing=configuration.voxel if configuration.sampling == "grid" else None,
     )
     return Block(coordinates, cloud.residuals[chosen], levels, chosen, weight.astype(np.float32), labels[chosen])

@@ -22,6 +22,7 @@ def test_the_published_settings():
     assert PAPER.features == ("x", "y", "z")
     assert PAPER.xy_scale == PAPER.z_scale == PAPER.window / 2
     assert (PAPER.neighbours, PAPER.decimation, PAPER.stem, PAPER.dropout) == (16, 4, 8, 0.5)
+    assert PAPER.sampling == "random"
     assert [2 * width for width in PAPER.widths] == [32, 128, 256, 512]
     assert PAPER.offset_scales() == (1.0, 1.0, 1.0, 1.0)
 
@@ -40,7 +41,15 @@ def test_what_cannot_be_used_is_refused():
         replace(SMOKE, voxel=0.0)
     with pytest.raises(InputError, match="left out"):
         replace(SMOKE, step=21.0)
+    with pytest.raises(InputError, match="sampling"):
+        replace(SMOKE, sampling="dense")
     values = json.loads(SMOKE.to_json())
     del values["voxel"]
     with pytest.raises(InputError, match="voxel"):
         ModelConfiguration.from_mapping(values)
+
+
+def test_a_model_that_does_not_name_its_sampling_was_made_with_random_points():
+    values = json.loads(SMOKE.to_json())
+    del values["sampling"]
+    assert ModelConfiguration.from_mapping(values) == replace(SMOKE, sampling="random")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
-from slopewatch.models.pyramid import build_pyramid
+from slopewatch.models.pyramid import build_pyramid, evenly
 
 
 def test_every_level_holds_the_nearest_points():
@@ -34,10 +36,43 @@ def test_the_kept_points_are_random_and_seeded():
     assert share.std() < 0.12
 
 
+def test_evenly_kept_points_are_the_nearest_to_the_middles_of_squares():
+    xyz, side = np.random.default_rng(6).uniform(-7, 9, (700, 3)), 0.8
+    kept = evenly(xyz, side, np.random.default_rng(7))
+    origin = np.random.default_rng(7).uniform(0.0, 1.0, 2)
+    best: dict[tuple[int, int], tuple[float, int]] = {}
+    for number, (x, y, _) in enumerate(xyz):
+        column, row = int(np.floor(x / side + origin[0])), int(np.floor(y / side + origin[1]))
+        middle = (np.array([column, row]) + 0.5 - origin) * side
+        far = float(np.hypot(x - middle[0], y - middle[1]))
+        best[column, row] = min(best.get((column, row), (np.inf, -1)), (far, number))
+    assert sorted(number for _, number in best.values()) == kept.tolist()
+
+
+def test_an_even_pyramid_leaves_no_holes_that_a_random_one_leaves():
+    x, y = np.meshgrid(np.arange(0, 20, 0.4), np.arange(0, 20, 0.4))
+    xyz = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    farthest = {}
+    for spacing in (0.4, None):
+        level = build_pyramid(xyz, 1, 10, 4, np.random.default_rng(8), spacing=spacing)[0]
+        farthest[spacing] = np.linalg.norm(xyz - xyz[level.kept][level.nearest], axis=1).max()
+        assert len(level.kept) == pytest.approx(len(xyz) / 4, rel=0.05)
+    assert farthest[0.4] <= 0.4 * np.sqrt(2) + 1e-9 < farthest[None]
+
+
+def test_even_levels_thin_by_the_decimation_each():
+    x, y = np.meshgrid(np.arange(0, 60, 0.4), np.arange(0, 60, 0.4))
+    xyz = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    levels = build_pyramid(xyz, 3, 10, 4, np.random.default_rng(9), spacing=0.4)
+    sizes = [len(xyz), *(len(level.kept) for level in levels)]
+    assert [a / b for a, b in pairwise(sizes)] == pytest.approx([4.0, 4.0, 4.0], rel=0.15)
+
+
+@pytest.mark.parametrize("spacing", [None, 0.4])
 @pytest.mark.parametrize("count", [1, 3, 17])
-def test_a_block_of_few_points_has_a_pyramid(count):
-    xyz = np.random.default_rng(4).uniform(0, 5, (count, 3))
-    levels = build_pyramid(xyz, 3, 16, 4, np.random.default_rng(5))
+def test_a_block_of_few_points_has_a_pyramid(count, spacing):
+    xyz = np.random.default_rng(4).uniform(0, 1, (count, 3))
+    levels = build_pyramid(xyz, 3, 16, 4, np.random.default_rng(5), spacing=spacing)
     assert all(level.neighbours.shape[1] == 16 for level in levels)
-    assert len(levels[-1].kept) == 1
+    assert len(levels[-1].kept) == 1 if spacing is None else 1 <= len(levels[-1].kept) <= 4
     assert set(levels[0].neighbours.ravel().tolist()) == set(range(count)) or count == 17
