@@ -91,7 +91,7 @@ def rows() -> list[Row]:
 def _surface_row(scene: str, first: Float, second: Float) -> Row:
     """Surface a second at one resolution: a cell of the grid, and one core point in each of its common cells.
 
-    By the clock, with as many cores as each uses (py4dgeo all there are, the grid change two), and by the work of all.
+    By the clock, with as many cores as each uses (py4dgeo all there are, the grid change one), and by the work of all.
     """
     parameters = ChangeParameters(adaptive=False)
     change = difference(first, second, parameters)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,11 +22,10 @@ from .parameters import ChangeParameters
 from .progress import Progress
 from .significance import judge
 from .slope_error import ErrorModel, uncalibrated
-from .threads import side_by_side
 from .thresholds import quantile
 
 _FEWEST_CELLS = 30  # with fewer in common, nothing can be said of the whole overlap
-_BYTES_A_CELL = 460.0  # measured peak of difference() and what follows it, per cell of the grid
+_BYTES_A_CELL = 280.0  # measured peak of difference() and what follows it, per cell of the grid
 _BYTES_A_GROWING_CELL = 620.0
 
 
@@ -177,8 +175,10 @@ def difference(
         return difference_of_blocks(
             cells, grid, parameters, registration_error=registration_error, stable_area=stable_area
         )
-    progress.update(0.05, "gridding both epochs")
-    first, second = side_by_side(*(partial(epoch_cells, xyz, grid, parameters) for xyz in (reference, moving)))
+    progress.update(0.05, "gridding the first epoch")
+    first = epoch_cells(reference, grid, parameters)
+    progress.update(0.35, "gridding the second epoch")
+    second = epoch_cells(moving, grid, parameters)
     progress.update(0.65, "differencing")
     change = difference_of_cells(
         first, second, grid, parameters, registration_error=registration_error, area=area, stable_area=stable_area
@@ -221,16 +221,13 @@ def difference_of_cells(
         )
     here = np.flatnonzero(both)
     surfaces = [(cells.cell, cells.height) for cells in (first, second)]
-    slope, error_from, error_to = side_by_side(
-        lambda: slope_degrees(gradient_at(here, surfaces, grid)),
-        partial(_squared_error, first, both),
-        partial(_squared_error, second, both),
-    )
+    slope = slope_degrees(gradient_at(here, surfaces, grid))
+    squares = _squared_error(first, both) + _squared_error(second, both)
     height_from, height_to = (cells.on_grid(cells.height) for cells in (first, second))
     return _judged(
         _Compared(
             dz=np.where(both, height_to - height_from, np.nan),
-            sampling=on_grid(here, np.sqrt(error_from + error_to), grid.shape),
+            sampling=on_grid(here, np.sqrt(squares), grid.shape),
             slope=on_grid(here, slope, grid.shape),
             counts=(first.count, second.count),
             heights=(height_from, height_to),
