@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from ..engine.change import Change, cells_inside, difference
 from ..engine.gridding import cell_index
 from ..engine.ground import ground_mask
-from ..engine.palette import SEQUENTIAL, diverging_colours
+from ..engine.palette import diverging_colours, sequential_steps
 from ..engine.parameters import (
     ChangeParameters,
     GroundParameters,
@@ -86,7 +86,7 @@ def compare(change: Change, fine: Change, truth: np.ndarray, slope: np.ndarray) 
     once = cells > 0
     mean = [np.bincount(unit, array[known])[once] / cells[once] for array in (dz, truth, error)]
     still = known & (np.abs(truth) <= UNCHANGED)
-    labels, zones, _, _ = label_groups(change.dz, change.significant, change.grid, ZoneParameters(), change.block)
+    labels, zones, _, _ = label_groups(change.dz, change.significant, change.grid, ZoneParameters(), change.cell_size)
     moved = labels.ravel()[at[(within & (np.abs(truth) > STILL)).ravel()]]
     return Result(
         compared=float(known.sum() / slope.sum()),
@@ -104,7 +104,9 @@ def results(pair: SimulatedPair) -> dict[str, Result]:
     first, second, error = clouds_of(pair)
     area = shapely.Polygon(pair.roi)
     changes = {
-        f"{cell:g} m": difference(first, second, ChangeParameters(cell=cell), registration_error=error, area=area)
+        f"{cell:g} m": difference(
+            first, second, ChangeParameters(cell=cell, adaptive=False), registration_error=error, area=area
+        )
         for cell in SIZES
     }
     growing = ChangeParameters(adaptive=True)
@@ -185,9 +187,7 @@ def picture(path: Path, vegetation: float = 0.8, seed: int = 2) -> None:
         axis.imshow(rgb, extent=extent)
         axis.set_title(title)
     sizes = np.unique(grown.cell_size[grown.valid])
-    bands = list(zip(*(colour for _, colour in SEQUENTIAL), strict=True))
-    places = [place for place, _ in SEQUENTIAL]
-    colours = [np.array([np.interp(share, places, band) for band in bands]) for share in np.linspace(0, 1, len(sizes))]
+    colours = [np.array(colour, dtype=float) for colour in sequential_steps(len(sizes))]
     rgb = np.full((*grid.shape, 3), 255, dtype=np.uint8)
     handles = []
     for size, colour in zip(sizes, colours, strict=True):

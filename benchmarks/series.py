@@ -18,7 +18,7 @@ from rasterio.features import geometry_mask
 from ..engine.epochs import Epoch
 from ..engine.gridding import Grid
 from ..engine.inverse_velocity import failure_time
-from ..engine.parameters import ChangeParameters, SeriesParameters, SurveyParameters
+from ..engine.parameters import GridChangeParameters, SeriesParameters, SurveyParameters
 from ..engine.series import monitor_series
 from ..engine.series_epochs import SeriesSettings
 from ..engine.series_velocity import zone_velocity
@@ -39,7 +39,7 @@ _MONTHLY = survey_days(6, 30)
 _NEARING = tuple(_FIRST + timedelta(days=d) for d in (0, 30, 55, 75, 90, 100))
 _FAILURE = 110.0
 _SETTINGS = SeriesSettings(
-    change=ChangeParameters(cell=0.25), series=SeriesParameters(ground_ready=True, rasters_each_survey=False)
+    change=GridChangeParameters(cell=0.25), series=SeriesParameters(ground_ready=True, rasters_each_survey=False)
 )
 
 
@@ -223,7 +223,7 @@ def _one_more(series: SimulatedSeries) -> Row:
     with tempfile.TemporaryDirectory() as name:
         paths = write_series(series, Path(name))
         epochs = _epochs(series, paths)[:4]
-        settings = SeriesSettings(change=ChangeParameters(cell=0.25))
+        settings = SeriesSettings(change=GridChangeParameters(cell=0.25))
         seconds = {}
         for label, surveys in (("before", epochs[:-1]), ("added", epochs)):
             start = time.perf_counter()

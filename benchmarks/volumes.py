@@ -110,7 +110,7 @@ def known_survey(seed: int) -> list[Measured]:
         seed=seed, points=200_000, length=length, height=height, angle=angle, vegetation=0.8 * (seed % 5) / 4
     )
     pair = simulate_pair(parameters, changes=tuple(changes))
-    change, zones = changed(*registered(pair), ChangeParameters())
+    change, zones = changed(*registered(pair), ChangeParameters(adaptive=True))
     truth = pair.true_change_raster(change.grid, 8)
     return _compared(zones, change.dz, change.error, truth, change.grid, change.registration_error)
 

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from .errors import InputError
 from .gridding import Float, Grid
 from .moments import Moments, ParallelPlanes, cell_moments, merged, parallel_planes, variance_by_parts
 from .parameters import ChangeParameters
@@ -23,6 +22,7 @@ _RADIUS = 3  # blocks, of the surroundings
 _PARTS = 2  # a block is compared with its parts of a quarter of its side
 _SPENT = 3.0  # parts that the fit of the planes takes from their number; measured with independent points
 _PRIOR_PARTS = 4.0  # what independence counts beside them
+_SCATTERED = 0.25  # of a square's cells: what is left of it to less than that is no place of its own
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,7 @@ class AdaptiveCells:
         height_from, height_to: heights of the epochs' planes at the cell's centre, m.
         slope: inclination of the block's planes, degrees.
         count_from, count_to: points of the block in either epoch; outside of blocks, of the cell.
+        points: points of each cell itself in either epoch.
         block: number of the block, from 0; -1 outside of blocks.
         cell_size: side of the block, m; NaN outside.
     """
@@ -46,6 +47,7 @@ class AdaptiveCells:
     slope: Float
     count_from: NDArray[np.int64]
     count_to: NDArray[np.int64]
+    points: tuple[NDArray[np.int64], NDArray[np.int64]]
     block: NDArray[np.int64]
     cell_size: Float
 
@@ -66,9 +68,11 @@ def adaptive_cells(
     and its level of detection is at most ``target_level``, or more the registration's than the points', so that a
     larger one would gain little; at the largest size, whatever the level is. What is taken leaves with its points: a
     larger block is what is left of its square, so that the errors of two blocks are independent but for the
-    registration. What is still left then, with too few points of its own, gets the change of the smallest whole square
-    that serves, whose points finer blocks in it have used as well. A quarter of a block without any point does not
-    count as compared. Blocks lie at multiples of their side whatever the extent of the clouds.
+    registration. Single cells here and there in a square, less than a quarter of it, are no block: their mean would
+    be that of places far apart. They, and what has too few points of its own, get the change of the smallest whole
+    square that serves, whose points finer blocks in it have used as well. A quarter of a block without any point does
+    not count as compared, nor does what lies outside of either survey, gaps within it aside. Blocks lie at multiples of
+    their side whatever the extent of the clouds.
 
     The surface of a block is a pair of parallel planes (see ``moments.parallel_planes``). The variance of a point about
     them is moderated by that of the blocks of the same size around (Smyth 2004, doi:10.2202/1544-6115.1027).
@@ -78,24 +82,24 @@ def adaptive_cells(
         moving: (m, 3) points of the second epoch, registered to the first.
         registration_error: standard error of the registration in height, metres.
         inside: cells (rows, columns) that may be compared; the points of others are left out.
-
-    Raises:
-        InputError: ``largest_cell`` leaves the cells no room to grow.
     """
     progress = progress or Progress()
     steps = largest_step(parameters)
     heights = np.concatenate([c[:: max(1, len(c) // 10_000), 2] for c in (reference, moving)])
     level = float(np.median(heights)) if heights.size else 0.0
     frame = _Frame.around(grid, 2**steps)
+    within = np.ones(frame.grid.shape, dtype=bool) if inside is None else frame.padded(inside, False)
     moments: list[Moments] = []
     for number, cloud in enumerate((reference, moving)):
         progress.update(0.25 * number, f"gridding epoch {number + 1}")
         moments.append(cell_moments(cloud, frame.grid, level))
-        if inside is not None:
-            moments[-1].sums[:, ~frame.padded(inside, False)] = 0.0
-    counts = [frame.cut(m.count).astype(np.int64) for m in moments]
-    unclaimed = np.ones(frame.grid.shape, dtype=bool) if inside is None else frame.padded(inside, False)
-    result = _Result.empty(frame.grid, unclaimed, level)
+        moments[-1].sums[:, ~within] = 0.0
+    points = frame.cut(moments[0].count).astype(np.int64), frame.cut(moments[1].count).astype(np.int64)
+    for epoch in moments:
+        within &= surveyed(epoch.count, 2**steps)
+    for epoch in moments:
+        epoch.sums[:, ~within] = 0.0
+    result = _Result.empty(frame.grid, within.copy(), level)
     quantile = NormalDist().inv_cdf((1 + parameters.confidence) / 2)
 
     def serves(planes: ParallelPlanes, sampling: Float, moments: list[Moments], last: bool) -> NDArray[np.bool_]:
@@ -124,6 +128,7 @@ def adaptive_cells(
             parts = left[step - _PARTS] if step >= _PARTS else None
             sampling = _sampling_error(planes, squares[step].planes, left[step], parts)
         taken = serves(planes, sampling, left[step], step == steps)
+        taken &= _filled(result.unclaimed, 2**step) >= _SCATTERED * _filled(within, 2**step)
         result.take(taken, planes, sampling, left[step], reached)
         for back in range(min(step + 1, _PARTS)):
             for epoch in left[step - back]:
@@ -132,23 +137,47 @@ def adaptive_cells(
         taken = serves(whole.planes, whole.sampling, whole.moments, step == steps)
         result.take(taken, whole.planes, whole.sampling, whole.moments, whole.reached)
     progress.update(1.0, "cells grown")
-    return result.cells(frame, counts)
+    return result.cells(frame, points)
 
 
 def largest_step(parameters: ChangeParameters) -> int:
-    """How often a cell may double its side within ``largest_cell``; InputError if not once."""
-    steps = math.floor(math.log2(parameters.largest_cell / parameters.cell) + 1e-9)
-    if steps < 1:
-        raise InputError(
-            f"The largest cell of {parameters.largest_cell:g} m leaves cells of {parameters.cell:g} m no room to grow; "
-            f"give a largest cell of at least {2 * parameters.cell:g} m, or leave out adaptive cells."
-        )
-    return steps
+    """How often a cell may double its side within ``largest_cell``."""
+    return max(0, math.floor(math.log2(parameters.largest_cell / parameters.cell) + 1e-9))
 
 
 def _reached(moments: list[Moments]) -> NDArray[np.bool_]:
     """Blocks with a point of either epoch."""
     return (moments[0].count > 0) | (moments[1].count > 0)
+
+
+def surveyed(count: Float, reach: int) -> NDArray[np.bool_]:
+    """Cells (rows, columns) within a survey's outline: those with points, gaps of up to twice ``reach`` cells between
+    them, and a rim as wide as points lie apart, in which none came to lie by chance.
+
+    Args:
+        count: points in each cell.
+    """
+    hit = count > 0
+    outline = _closed(hit, reach)
+    rim = int(math.sqrt(outline.sum() / max(count.sum(), 1.0)))
+    return _closed(hit, reach, rim) if rim else outline
+
+
+def _closed(cells: NDArray[np.bool_], reach: int, rim: int = 0) -> NDArray[np.bool_]:
+    """Cells widened by ``reach`` and ``rim`` and narrowed by ``reach`` again, along rows and columns."""
+    margin = reach + rim
+    wide = np.pad(cells, margin).astype(np.uint8)
+    for axis in (0, 1):
+        wide = ndimage.maximum_filter1d(wide, 2 * margin + 1, axis=axis, mode="constant")
+    for axis in (0, 1):
+        wide = ndimage.minimum_filter1d(wide, 2 * reach + 1, axis=axis, mode="constant", cval=1)
+    return wide[margin:-margin, margin:-margin] > 0
+
+
+def _filled(cells: NDArray[np.bool_], multiple: int) -> Float:
+    """Share of each block's cells that are set."""
+    rows, columns = cells.shape
+    return cells.reshape(rows // multiple, multiple, columns // multiple, multiple).mean(axis=(1, 3))
 
 
 @dataclass(frozen=True)
@@ -279,7 +308,7 @@ class _Result:
         columns = (planes.dz, sampling, slope, moments[0].count, moments[1].count, side)
         self.figures.append(np.stack([c[taken] for c in columns]))
 
-    def cells(self, frame: _Frame, counts: list[NDArray[np.int64]]) -> AdaptiveCells:
+    def cells(self, frame: _Frame, points: tuple[NDArray[np.int64], NDArray[np.int64]]) -> AdaptiveCells:
         figures = np.concatenate(self.figures, axis=1)
         block = frame.cut(self.block)
         inside = block >= 0
@@ -300,10 +329,10 @@ class _Result:
         dz, sampling, slope, _, _, side = (of_cells(values) for values in figures)
         count_from, count_to = (
             np.where(inside, np.nan_to_num(of_cells(values)).astype(np.int64), own)
-            for values, own in zip(figures[3:5], counts, strict=True)
+            for values, own in zip(figures[3:5], points, strict=True)
         )
         height = np.where(inside, frame.cut(self.height), np.nan)
-        return AdaptiveCells(dz, sampling, height - dz, height, slope, count_from, count_to, block, side)
+        return AdaptiveCells(dz, sampling, height - dz, height, slope, count_from, count_to, points, block, side)
 
 
 def _spread(blocks: NDArray, multiple: int) -> NDArray:

@@ -18,7 +18,7 @@ from .cell_variance import pooled_variance
 from .errors import InputError
 from .gridding import CellStatistics, Float, Grid, cell_statistics, on_grid, sloping_statistics, snapped_grid
 from .order_statistics import sample_quantile
-from .parameters import ChangeParameters
+from .parameters import ChangeParameters, GridChangeParameters
 from .progress import Progress
 from .significance import judge
 from .slope_error import ErrorModel, uncalibrated
@@ -34,13 +34,15 @@ class Change:
     """Elevation change B minus A; arrays of shape ``grid.shape``, NaN where a cell is not valid in both epochs.
 
     ``error`` is the standard error of ``dz``; ``level`` the level of detection at ``confidence``, both in metres.
-    ``common_cell_rate`` is the share of cells valid in both epochs among those valid in either. ``stable`` marks the
-    cells that were taken as stable ground; ``slope`` is the surface's inclination, degrees, NaN where it is unknown
-    or nothing was compared.
+    ``common_cell_rate`` is the share of cells with enough points of both epochs among those with enough of either, also
+    where cells grew: it tells how dense the surveys are beside ``grid.cell``. ``stable`` marks the cells that were
+    taken as stable ground; ``slope`` is the surface's inclination, degrees, NaN where it is unknown or nothing was
+    compared.
 
     Where cells grew, ``block`` (numbers from 0, -1 for none) tells which cells are one: they share dz, error, level and
     counts, and their errors are one and the same. ``cell_size`` is the side of the block, metres. Both are None where
-    every cell stands for itself.
+    every cell stands for itself. ``count_from`` and ``count_to`` are the points behind a cell's change, those of its
+    block; ``points`` are those of the cell itself.
 
     ``model`` tells how the errors were calibrated; ``threshold`` and ``direction`` are the parameters of that name:
     with the direction ``normal``, ``dz`` and all errors are distances square to the slope. ``probability`` is the
@@ -65,10 +67,16 @@ class Change:
     minimum_points: int = 1
     block: NDArray[np.int64] | None = None
     cell_size: Float | None = None
+    own_points: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
     model: ErrorModel = field(default_factory=uncalibrated)
     threshold: str = "probabilistic"
     direction: str = "vertical"
     probability: Float | None = None
+
+    @property
+    def points(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Points of each cell itself in either epoch."""
+        return self.own_points or (self.count_from, self.count_to)
 
     @property
     def cell_area(self) -> Float:
@@ -102,7 +110,7 @@ class Change:
         }
 
 
-def common_grid(reference: Float, moving: Float, parameters: ChangeParameters) -> Grid:
+def common_grid(reference: Float, moving: Float, parameters: GridChangeParameters) -> Grid:
     """The snapped grid that covers both clouds ((n, 3) and (m, 3)) where their extents meet.
 
     Raises:
@@ -119,7 +127,7 @@ def common_grid(reference: Float, moving: Float, parameters: ChangeParameters) -
     union = (min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3]))
     grid = snapped_grid(union, parameters.cell)
     limit = parameters.memory_limit * 1e9
-    a_cell = _BYTES_A_GROWING_CELL if parameters.adaptive else _BYTES_A_CELL
+    a_cell = _BYTES_A_GROWING_CELL if parameters.grows else _BYTES_A_CELL
     needed = grid.rows * grid.columns * a_cell
     if needed > limit:
         raise InputError(
@@ -133,7 +141,7 @@ def common_grid(reference: Float, moving: Float, parameters: ChangeParameters) -
 def difference(
     reference: Float,
     moving: Float,
-    parameters: ChangeParameters,
+    parameters: GridChangeParameters,
     *,
     registration_error: float = 0.0,
     area: BaseGeometry | None = None,
@@ -161,7 +169,7 @@ def difference(
     """
     progress = progress or Progress()
     grid = common_grid(reference, moving, parameters)
-    if parameters.adaptive:
+    if isinstance(parameters, ChangeParameters) and parameters.grows:
         registration_error = _stated(parameters, registration_error)
         cells = adaptive_cells(
             reference,
@@ -175,6 +183,8 @@ def difference(
         return difference_of_blocks(
             cells, grid, parameters, registration_error=registration_error, stable_area=stable_area
         )
+    if isinstance(parameters, ChangeParameters) and parameters.adaptive:
+        progress.info(parameters.why_one_size)
     progress.update(0.05, "gridding the first epoch")
     first = epoch_cells(reference, grid, parameters)
     progress.update(0.35, "gridding the second epoch")
@@ -187,7 +197,7 @@ def difference(
     return change
 
 
-def epoch_cells(xyz: Float, grid: Grid, parameters: ChangeParameters) -> CellStatistics:
+def epoch_cells(xyz: Float, grid: Grid, parameters: GridChangeParameters) -> CellStatistics:
     """The cells of one epoch's points (n, 3) as ``difference_of_cells`` takes them."""
     return sloping_statistics(xyz, grid) if parameters.cell_value == "plane" else cell_statistics(xyz, grid)
 
@@ -196,7 +206,7 @@ def difference_of_cells(
     first: CellStatistics,
     second: CellStatistics,
     grid: Grid,
-    parameters: ChangeParameters,
+    parameters: GridChangeParameters,
     *,
     registration_error: float = 0.0,
     area: BaseGeometry | None = None,
@@ -231,7 +241,7 @@ def difference_of_cells(
             slope=on_grid(here, slope, grid.shape),
             counts=(first.count, second.count),
             heights=(height_from, height_to),
-            either=valid_first | valid_second,
+            common=_common(valid_first, valid_second),
         ),
         grid,
         parameters,
@@ -260,6 +270,7 @@ def difference_of_blocks(
             f"No cell of up to {parameters.largest_cell:g} m has enough points in both epochs for its surface to be "
             "compared; use a larger largest_cell."
         )
+    common = _common(*(own >= parameters.minimum_points for own in cells.points))
     return _judged(
         _Compared(
             dz=cells.dz,
@@ -267,9 +278,10 @@ def difference_of_blocks(
             slope=cells.slope,
             counts=(cells.count_from, cells.count_to),
             heights=(cells.height_from, cells.height_to),
-            either=valid | (np.maximum(cells.count_from, cells.count_to) >= parameters.minimum_points),
+            common=common,
             block=cells.block,
             cell_size=cells.cell_size,
+            own_points=cells.points,
         ),
         grid,
         parameters,
@@ -281,7 +293,8 @@ def difference_of_blocks(
 @dataclass(frozen=True)
 class _Compared:
     """What was measured in each cell: change, its standard error from the points' scatter, slope; counts and heights of
-    both epochs; which cells either epoch reached; for cells that grew, which are one and how large they are.
+    both epochs; the share of common cells; for cells that grew, which are one, how large they are, and their own
+    points.
     """
 
     dz: Float
@@ -289,15 +302,16 @@ class _Compared:
     slope: Float
     counts: tuple[NDArray[np.int64], NDArray[np.int64]]
     heights: tuple[Float, Float]
-    either: NDArray[np.bool_]
+    common: float
     block: NDArray[np.int64] | None = None
     cell_size: Float | None = None
+    own_points: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
 
 
 def _judged(
     cells: _Compared,
     grid: Grid,
-    parameters: ChangeParameters,
+    parameters: GridChangeParameters,
     registration_error: float,
     stable_area: BaseGeometry | None,
 ) -> Change:
@@ -333,13 +347,14 @@ def _judged(
         height_to=cells.heights[1],
         confidence=parameters.confidence,
         registration_error=found.registration_error,
-        common_cell_rate=here.size / int(np.count_nonzero(cells.either)),
+        common_cell_rate=cells.common,
         uniform_dz=uniform,
         stable=found.stable,
         slope=cells.slope,
         minimum_points=parameters.minimum_points,
         block=cells.block,
         cell_size=cells.cell_size,
+        own_points=cells.own_points,
         model=found.model,
         threshold=parameters.threshold,
         direction=parameters.direction,
@@ -347,7 +362,12 @@ def _judged(
     )
 
 
-def _stated(parameters: ChangeParameters, measured: float) -> float:
+def _common(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> float:
+    """Share of cells that both epochs have among those that either has."""
+    return float((first & second).sum() / max((first | second).sum(), 1))
+
+
+def _stated(parameters: GridChangeParameters, measured: float) -> float:
     """The registration error (m) that was given as a parameter, or else what the registration measured."""
     return parameters.registration_error if parameters.registration_error >= 0 else measured
 

@@ -41,6 +41,7 @@ def change_zones(
         method=method,
         run_id=run_id,
         block=change.block,
+        cell_size=change.cell_size,
         cell_area=change.cell_area,
         stable=change.stable,
     )

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rasterio.features import geometry_mask
 from shapely.geometry.base import BaseGeometry
 
+from .blocks import Blocks
 from .change import Change
 from .gridding import Float, Grid
 from .zone_shapes import table_column
@@ -44,10 +45,10 @@ _MOST_PARTS = 16
 class Evidence:
     """What the change says of one zone: shares from 0 to 1, lengths in metres.
 
-    ``compared`` is the part of the zone that has a change at all, ``cells`` how many cells of the raster, or blocks of
-    grown ones, that is;
-    ``matching`` and ``opposite`` are the parts of these with significant change of the zone's sign and of the other;
-    ``mean`` is the mean significant change in the zone. The last three are NaN where there is nothing to take them of.
+    ``compared`` is the part of the zone that has a change at all, ``cells`` how many cells of the raster that
+    is, or equal blocks where cells grew; ``matching`` and ``opposite`` are the parts of these with significant change
+    of the zone's sign and of the other; ``mean`` is the mean significant change in the zone. The last three are NaN
+    where there is nothing to take them of.
     """
 
     compared: float
@@ -114,11 +115,19 @@ def weigh(geometry: BaseGeometry, sign: float, change: Change, *, outline_cell: 
         matching = float(significant[dz * sign > 0].sum())
     return Evidence(
         compared=min(1.0, cells * change.grid.cell**2 / geometry.area) if geometry.area else 0.0,
-        cells=cells if change.block is None else float(np.unique(change.block[window][weights > 0]).size),
+        cells=cells if change.block is None else _effective(change.block[window], weights),
         matching=matching / cells if cells else math.nan,
         opposite=(moved - matching) / cells if cells else math.nan,
         mean=float(np.nansum(significant * dz) / moved) if moved else math.nan,
     )
+
+
+def _effective(block: Blocks, weights: Float) -> float:
+    """How many equal blocks would tell a share as surely as those with ``weights``, of which a few may hold most
+    (Kish 1965, Survey Sampling: the square of the sum over the sum of squares).
+    """
+    each = np.bincount(block[weights > 0], weights[weights > 0])
+    return float(each.sum() ** 2 / (each**2).sum()) if each.size else 0.0
 
 
 def _inside(geometry: BaseGeometry, grid: Grid, outline_cell: float) -> tuple[tuple[slice, slice], Float]:

@@ -14,7 +14,7 @@ def common_rate_at(change: Change, multiple: int) -> float:
     """Share of common cells, were the cells ``multiple`` times as large."""
     least = max(int(change.minimum_points), 1)
     common, either = (
-        combine(*(_blocks(count, multiple) >= least for count in (change.count_from, change.count_to)))
+        combine(*(_blocks(count, multiple) >= least for count in change.points))
         for combine in (np.logical_and, np.logical_or)
     )
     return float(common.sum() / max(either.sum(), 1))
@@ -33,7 +33,8 @@ def cell_that_compares(change: Change, share: float = 0.8) -> float | None:
 def compared_share(change: Change, block: float = 1.0) -> float:
     """Area of the common cells over the area that either epoch reached, in blocks of at least ``block`` metres."""
     multiple = max(1, math.ceil(block / change.grid.cell - 1e-9))
-    reached = (_blocks(change.count_from, multiple) + _blocks(change.count_to, multiple)) > 0
+    first, second = (_blocks(count, multiple) for count in change.points)
+    reached = (first + second) > 0
     return min(1.0, float(change.valid.sum() / (reached.sum() * multiple**2)))
 
 

@@ -67,7 +67,7 @@ CHANGE_OUTPUTS = (
     "report.html",
 )
 ON_REQUEST = ("cell_size.tif", "change_probability.tif")
-"""Outputs of a change with parameters that ask for them."""
+"""Outputs of a change with some parameters only."""
 _EVERY_OUTPUT = (*CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS, *SCREENING_OUTPUTS)
 
 
@@ -246,7 +246,7 @@ def _change_of_two(run: _Run, grounds: list[GroundResult], stage: Stage, screene
             stable_area=known_stable(run.stable, first),
             progress=progress,
         )
-        warn_of_doubtful_change(change, progress)
+        warn_of_doubtful_change(change, progress, may_grow=not settings.change.adaptive)
     outputs, moved = _write_clouds(epochs, grounds, aligned, registration, first.crs, stage)
     found: EpochScreening | None = None
     if screened:

@@ -13,6 +13,7 @@ from .gridding import Float, Grid, cell_index
 N, U, V, Z, UU, UV, VV, UZ, VZ, ZZ = range(10)
 # A spread of the points of at least a tenth of the block in every direction; else a plane tilts freely.
 _LEAST_SPREAD = 1e-4
+_AT_ONCE = 20_000  # blocks, whose figures fit a cache
 
 
 @dataclass(frozen=True)
@@ -102,42 +103,54 @@ def parallel_planes(first: Moments, second: Moments) -> ParallelPlanes:
     One gradient for both epochs: where they sample different places of a sloping surface, both are brought to the same
     place, by all points that there are (analysis of covariance; Cox and Hinkley 1974, Theoretical Statistics).
     """
+    rows, columns = first.shape
+    found = np.empty((15, rows, columns))
+    sound = np.empty((rows, columns), dtype=bool)
+    step = max(1, _AT_ONCE // columns)
+    for top in range(0, rows, step):
+        part = slice(top, top + step)
+        _fit_planes(first.sums[:, part], second.sums[:, part], first.side, found[:, part], sound[part])
+    dz, slope_u, slope_v, square_1, square_2, degree_1, degree_2, weight_1, weight_2, *centres = found
+    return ParallelPlanes(
+        dz=dz,
+        slope_u=slope_u,
+        slope_v=slope_v,
+        squares=(square_1, square_2),
+        degrees=(degree_1, degree_2),
+        weights=(weight_1, weight_2),
+        centres=((centres[0], centres[1], centres[2]), (centres[3], centres[4], centres[5])),
+        sound=sound,
+    )
+
+
+def _fit_planes(first: Float, second: Float, side: float, found: Float, sound: NDArray[np.bool_]) -> None:
+    """Planes of the blocks with the sums ``first`` and ``second``, into ``found`` (15, rows, columns) and ``sound``."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        a, b = _centred(first.sums), _centred(second.sums)
+        a, b = _centred(first), _centred(second)
         suu, svv, suv = a.uu + b.uu, a.vv + b.vv, a.uv + b.uv
         determinant = suu * svv - suv * suv
         suz, svz = a.uz + b.uz, a.vz + b.vz
         slope_u = (suz * svv - svz * suv) / determinant
         slope_v = (svz * suu - suz * suv) / determinant
         apart_u, apart_v = b.u - a.u, b.v - a.v
-        dz = b.z - a.z - slope_u * apart_u - slope_v * apart_v
+        found[0] = b.z - a.z - slope_u * apart_u - slope_v * apart_v
+        found[1], found[2] = slope_u, slope_v
         # S^-1 times the way between the two centres: how the gradient's error reaches dz
         lever_u = (apart_u * svv - apart_v * suv) / determinant
         lever_v = (apart_v * suu - apart_u * suv) / determinant
-        squares, degrees, weights = [], [], []
-        for e in (a, b):
+        for epoch, e in enumerate((a, b)):
             rest = e.zz - 2 * (slope_u * e.uz + slope_v * e.vz)
             rest += slope_u**2 * e.uu + 2 * slope_u * slope_v * e.uv + slope_v**2 * e.vv
-            squares.append(np.maximum(rest, 0.0))
+            np.maximum(rest, 0.0, out=found[3 + epoch])
             spent = (svv * e.uu - 2 * suv * e.uv + suu * e.vv) / determinant  # of the two numbers of the gradient
-            degrees.append(np.maximum(e.n - 1 - spent, 0.0))
-            weights.append(1 / e.n + lever_u**2 * e.uu + 2 * lever_u * lever_v * e.uv + lever_v**2 * e.vv)
+            np.maximum(e.n - 1 - spent, 0.0, out=found[5 + epoch])
+            found[7 + epoch] = 1 / e.n + lever_u**2 * e.uu + 2 * lever_u * lever_v * e.uv + lever_v**2 * e.vv
+            found[9 + 3 * epoch], found[10 + 3 * epoch], found[11 + 3 * epoch] = e.u, e.v, e.z
         extrapolation = lever_u * apart_u + lever_v * apart_v
         n = a.n + b.n
-        sound = (a.n > 0) & (b.n > 0) & (n >= 4) & (extrapolation < 1.0)
-        sound &= determinant > _LEAST_SPREAD * (n * first.side**2 / 12.0) ** 2
-    for array in (dz, slope_u, slope_v, *squares, *degrees, *weights):
-        array[~sound] = np.nan
-    return ParallelPlanes(
-        dz=dz,
-        slope_u=slope_u,
-        slope_v=slope_v,
-        squares=(squares[0], squares[1]),
-        degrees=(degrees[0], degrees[1]),
-        weights=(weights[0], weights[1]),
-        centres=((a.u, a.v, a.z), (b.u, b.v, b.z)),
-        sound=sound,
-    )
+        sound[:] = (a.n > 0) & (b.n > 0) & (n >= 4) & (extrapolation < 1.0)
+        sound &= determinant > _LEAST_SPREAD * (n * side**2 / 12.0) ** 2
+    found[:9, ~sound] = np.nan
 
 
 def variance_by_parts(planes: ParallelPlanes, blocks: list[Moments], parts: list[Moments]) -> tuple[Float, Float]:

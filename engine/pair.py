@@ -135,7 +135,7 @@ def warn_of_doubtful_change(change: Change, progress: Progress, *, may_grow: boo
     if compared < _LITTLE_COMPARED:
         remedy = "check that both cover the same slope"
         if change.block is not None:
-            remedy = "a larger largest_cell would compare more"
+            remedy += ", or give a larger largest_cell"
         elif larger := cell_that_compares(change):
             growing = ", or cells that grow (adaptive)," if may_grow else ""
             remedy = f"cells of {larger:g} m{growing} would compare most of it"

@@ -52,6 +52,17 @@ def diverging_colours(values: NDArray[np.floating], limit: float) -> NDArray[np.
     return rgb
 
 
+def sequential_steps(count: int) -> list[Colour]:
+    """``count`` colours along the sequential ramp, lightest first."""
+    places = [share for share, _ in SEQUENTIAL]
+    bands = list(zip(*(colour for _, colour in SEQUENTIAL), strict=True))
+    found = []
+    for step in range(count):
+        red, green, blue = (round(float(np.interp(step / max(count - 1, 1), places, band))) for band in bands)
+        found.append((red, green, blue))
+    return found
+
+
 def colour_limit(values: NDArray[np.floating], colour_range: float = 0.0, *, level: float = 0.0) -> float:
     """End of a legend in metres: ``colour_range`` where it is set, else the rounded 98th percentile of magnitudes.
 

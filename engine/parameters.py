@@ -143,14 +143,17 @@ class ParameterSet:
 
     @classmethod
     def build(cls: type[T], values: Mapping[str, Any] | None = None, profile: str = "default") -> T:
-        """The profile's values, overridden by those of ``values`` that are not None and belong to this group.
+        """The profile's values for this group and those it extends, overridden by those of ``values`` that are not None
+        and belong to this group.
 
         Raises:
             ParameterError: an unknown profile, or a value out of bounds.
         """
         if profile not in PROFILES:
             raise ParameterError(f"profile is {profile!r}; give one of {', '.join(PROFILES)}")
-        merged: dict[str, Any] = dict(PROFILES[profile].get(cls.__name__, {}))
+        merged: dict[str, Any] = {}
+        for group in reversed(cls.__mro__):
+            merged.update(PROFILES[profile].get(group.__name__, {}))
         names = {f.name for f in fields(cls)}
         merged.update({k: v for k, v in (values or {}).items() if k in names and v is not None})
         return cls(**merged)
@@ -365,13 +368,14 @@ class RegistrationParameters(ParameterSet):
 
 
 @dataclass(frozen=True)
-class ChangeParameters(ParameterSet):
-    """Gridding and differencing of two registered ground clouds."""
+class GridChangeParameters(ParameterSet):
+    """Gridding and differencing of registered ground clouds in cells of one size, as a series takes them."""
 
     cell: float = _parameter(
         0.1,
         "Cell size",
-        "Side of a grid cell. Larger is less noisy and covers more, smaller shows finer change.",
+        "Side of a grid cell; where cells grow, of the smallest. Larger is less noisy and covers more, smaller shows "
+        "finer change.",
         unit="m",
         minimum=0.005,
         maximum=100.0,
@@ -456,12 +460,32 @@ class ChangeParameters(ParameterSet):
         maximum=10.0,
         advanced=True,
     )
+    memory_limit: float = _parameter(
+        2.0,
+        "Memory for the grid",
+        "A grid that would need more is refused, with its size and a cell size that fits.",
+        unit="GB",
+        minimum=0.05,
+        maximum=1024.0,
+        advanced=True,
+    )
+
+    @property
+    def grows(self) -> bool:
+        """Whether cells grow with these settings."""
+        return False
+
+
+@dataclass(frozen=True)
+class ChangeParameters(GridChangeParameters):
+    """Gridding and differencing of two registered ground clouds."""
+
     adaptive: bool = _parameter(
-        False,
+        True,
         "Cells that grow",
         "Where points are few, as under plants, a cell doubles its side until its level of detection is low enough. "
-        "More ground is compared, with less detail there. Each cell's height is then that of a plane, and a cell has "
-        "at least 4 points of each survey.",
+        "More ground is compared, with less detail there; a cell has at least 4 points of each survey, and planes "
+        "through them are compared. Off, or with the mean as height of a cell: all cells have one size.",
     )
     target_level: float = _parameter(
         0.05,
@@ -483,15 +507,22 @@ class ChangeParameters(ParameterSet):
         maximum=200.0,
         advanced=True,
     )
-    memory_limit: float = _parameter(
-        2.0,
-        "Memory for the grid",
-        "A grid that would need more is refused, with its size and a cell size that fits.",
-        unit="GB",
-        minimum=0.05,
-        maximum=1024.0,
-        advanced=True,
-    )
+
+    @property
+    def grows(self) -> bool:
+        return self.adaptive and not self.why_one_size
+
+    @property
+    def why_one_size(self) -> str:
+        """Why cells cannot grow with these settings, in a sentence; empty where they can."""
+        if self.cell_value != "plane":
+            return "Cells have one size: their heights are means (cell_value), which is for cells of one size."
+        if self.largest_cell < 2 * self.cell * (1 - 1e-9):
+            return (
+                f"Cells have one size: {self.cell:g} m leave no room to grow within a largest_cell of "
+                f"{self.largest_cell:g} m."
+            )
+        return ""
 
 
 @dataclass(frozen=True)
@@ -508,11 +539,11 @@ class ZoneParameters(ParameterSet):
         maximum=1e6,
     )
     minimum_cells: int = _parameter(
-        6,
+        5,
         "Least cells in a zone",
-        "Smaller groups of significant cells are not reported, whatever their area. Larger is surer where cells are "
-        "large: on 66 unchanged simulated slopes with cells that grow, groups of five came up by chance five times, of "
-        "six or more twice.",
+        "Smaller groups of significant cells are not reported, whatever their area. A part of a grown cell counts as a "
+        "part. Larger is surer where cells are large: on 90 unchanged simulated slopes with cells that grow, groups of "
+        "five or more came up by chance on one.",
         minimum=2,
         maximum=100000,
         advanced=True,
@@ -1097,7 +1128,7 @@ PROFILES: dict[str, dict[str, dict[str, Any]]] = {
             "maximum_correspondence": 0.10,
             "registration_iterations": 200,
         },
-        "ChangeParameters": {
+        "GridChangeParameters": {
             "cell": 0.1,
             "cell_value": "mean",
             "minimum_points": 1,
@@ -1105,5 +1136,6 @@ PROFILES: dict[str, dict[str, dict[str, Any]]] = {
             "direction": "vertical",
             "calibrate": False,
         },
+        "ChangeParameters": {"adaptive": False},
     },
 }

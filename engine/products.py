@@ -59,7 +59,7 @@ class Products:
 
 def method_name(parameters: ChangeParameters) -> str:
     """How the change was taken, for the zones' column ``method``."""
-    cells = "cells that grow" if parameters.adaptive else parameters.cell_value
+    cells = "cells that grow" if parameters.grows else parameters.cell_value
     return f"grid difference ({cells}, {parameters.direction})"
 
 
@@ -234,7 +234,7 @@ def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float,
     epochs = ("earlier", "later")
     bands = {
         "surface_heights": ("Height of the {} surface", "m", (change.height_from, change.height_to)),
-        "point_counts": ("Ground points a cell, {}", "points", (change.count_from, change.count_to)),
+        "point_counts": ("Ground points a cell, {}", "points", change.points),
     }
     for name, (description, unit, arrays) in bands.items():
         path = stage.path(f"{name}.tif")

@@ -172,6 +172,7 @@ def _change_context(record: dict[str, Any], folder: Path, profile_table: Path) -
         "stable": report_charts.stable_histogram(record),
         "hillshade": report_maps.hillshades(folder),
         "density": report_maps.densities(folder),
+        "cell_sizes": report_maps.cell_sizes(folder),
         "profiles": [
             report_charts.profile_chart(facts, tables.get(facts["name"]), (epochs[0], epochs[1])) for facts in drawn
         ],
@@ -253,7 +254,13 @@ def _specifications() -> dict[tuple[str, str], Specification]:
 
 def _record_names(kind: type[ParameterSet]) -> tuple[str, ...]:
     name = kind.__name__.removesuffix("Parameters").lower()
-    return {"input": ("inputs",), "zone": ("zones",), "lastepoch": ("screening",), "screening": ()}.get(name, (name,))
+    return {
+        "input": ("inputs",),
+        "zone": ("zones",),
+        "lastepoch": ("screening",),
+        "screening": (),
+        "gridchange": (),
+    }.get(name, (name,))
 
 
 def _shown(value: Any, specification: Specification | None) -> str:

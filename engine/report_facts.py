@@ -44,12 +44,13 @@ def change_facts(
         "days": days,
         "reference_system": {"name": crs.name, "epsg": crs.to_epsg()},
         "grid": {"cell_m": change.grid.cell, "rows": change.grid.rows, "columns": change.grid.columns},
+        "cell_sizes": cell_sizes(change),
         "colour_limit_m": limit,
         "uniform_dz_m": change.uniform_dz,
         "level": level_facts(change),
         "distribution": distribution(change, limit),
         "stable_ground": stable_ground(change),
-        "density": [density(count, change.grid) for count in (change.count_from, change.count_to)],
+        "density": [density(count, change.grid) for count in change.points],
         "rates": None if days is None else rates(change, days),
         "zones": zone_rows(frame),
     }
@@ -115,6 +116,25 @@ def level_facts(change: Change) -> dict[str, Any]:
             )
     low, median, high = (float(v) for v in np.percentile(level, (5, 50, 95)))
     return {"p05_m": low, "median_m": median, "p95_m": high, "by_slope": classes}
+
+
+def cell_sizes(change: Change) -> list[dict[str, Any]]:
+    """Where cells grew: their number, area and median level by their side, the smallest first; else nothing."""
+    if change.cell_size is None or change.block is None:
+        return []
+    rows = []
+    for side in np.unique(change.cell_size[change.valid]):
+        cells = change.cell_size == side
+        rows.append(
+            {
+                "side_m": round(float(side), 6),
+                "cells": int(np.unique(change.block[cells]).size),
+                "area_m2": float(cells.sum() * change.grid.cell**2),
+                "share": float(cells.sum() / change.valid.sum()),
+                "level_median_m": float(np.median(change.level[cells])),
+            }
+        )
+    return rows
 
 
 def density(count: NDArray[np.int64], grid: Grid) -> dict[str, Any]:

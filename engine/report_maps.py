@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from .gridding import Float, Grid
 from .heatmap import Words, make_heatmap
 from .map_figure import make_figure
 from .map_parts import INK, Sheet, draw_scale_bar
-from .palette import SEQUENTIAL
+from .palette import SEQUENTIAL, Colour, hexadecimal, sequential_steps
 from .parameters import HeatmapParameters
 from .rasters import Raster, read_raster
 from .report_facts import block_cells, points_a_square_metre
@@ -94,6 +95,23 @@ def densities(folder: Path) -> tuple[Picture | None, Picture | None]:
     return first, second
 
 
+def cell_sizes(folder: Path) -> Picture | None:
+    """Side of the cell that each place was compared in, where cells grew."""
+    path = folder / "cell_size.tif"
+    if not path.is_file():
+        return None
+    raster = read_raster(path)
+    sizes = np.unique(raster.array[np.isfinite(raster.array)])
+    if not sizes.size:
+        return None
+    colours = sequential_steps(len(sizes))
+    image = np.full((*raster.array.shape, 3), 255, dtype=np.uint8)
+    for size, colour in zip(sizes, colours, strict=True):
+        image[raster.array == size] = colour
+    words = [(f"{float(size):.4g} m", colour) for size, colour in zip(sizes, colours, strict=True)]
+    return _panel(image, raster.grid, "Map of the size of the cells that were compared", boxes=words)
+
+
 def _relief(raster: Raster) -> Float:
     """Shaded relief (rows, columns, 3), 0 to 255, NaN where the surface is unknown."""
     heights = raster.array.astype(np.float64)
@@ -156,8 +174,20 @@ def _sequential(share: Float) -> NDArray[np.uint8]:
     return np.rint(np.stack(bands, axis=-1)).astype(np.uint8)
 
 
-def _panel(image: NDArray[np.uint8], grid: Grid, text: str, *, legend: float | None = None) -> Picture:
-    """A small map: the picture over the grid, a scale bar below and, with ``legend``, a scale from 0 to it."""
+def _panel(
+    image: NDArray[np.uint8],
+    grid: Grid,
+    text: str,
+    *,
+    legend: float | None = None,
+    boxes: Sequence[tuple[str, Colour]] = (),
+) -> Picture:
+    """A small map: the picture over the grid, and a scale bar below.
+
+    Args:
+        legend: end of a scale of colours from 0, points/m².
+        boxes: words and colours of a legend.
+    """
     west, south, east, north = grid.bounds
     width = _PANEL
     height = min(max(width * (north - south) / (east - west), 0.6), 6.5)
@@ -166,9 +196,19 @@ def _panel(image: NDArray[np.uint8], grid: Grid, text: str, *, legend: float | N
     figure = Figure(figsize=(width, tall + 0.55))
     sheet = Sheet(figure, width, tall + 0.55)
     axes = sheet.axes((width - wide) / 2, 0.55, wide, tall)
-    axes.imshow(image, interpolation="nearest" if legend else "antialiased", aspect="auto")
+    axes.imshow(image, interpolation="nearest" if legend or boxes else "antialiased", aspect="auto")
     axes.set_axis_off()
     draw_scale_bar(sheet, 0.15, 0.3, 1.6, inches)
+    for number, (word, colour) in enumerate(boxes):
+        left = 2.0 + number * min(0.7, (width - 2.0) / len(boxes))
+        box = sheet.axes(left, 0.24, 0.14, 0.14)
+        box.set_facecolor(hexadecimal(colour))
+        box.set_xticks([])
+        box.set_yticks([])
+        for spine in box.spines.values():
+            spine.set_linewidth(0.6)
+            spine.set_color(INK)
+        sheet.text(left + 0.19, 0.31, word)
     if legend is not None:
         bar = sheet.axes(2.5, 0.3, 1.6, 0.12)
         bar.imshow(_sequential(np.linspace(0, 1, 128))[np.newaxis], aspect="auto", extent=(0, 1, 0, 1))

@@ -112,9 +112,10 @@ def monitor_series(
     settings, progress, epochs = settings or SeriesSettings(), progress or Progress(), tuple(epochs)
     check_series(epochs)
     table = read_alerts(alerts)
-    if settings.change.adaptive:
+    if settings.change.grows:
         raise InputError(
-            "Cells that grow (adaptive) are not for a series: all its surveys share one grid; leave it off."
+            "Cells that grow (adaptive) are not for a series: all its surveys share one grid; "
+            "give GridChangeParameters, or adaptive=False."
         )
     given = [p for p in (roi, stable, alerts) if p is not None]
     dates = tuple(e.date for e in epochs if e.date is not None)

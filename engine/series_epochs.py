@@ -22,7 +22,7 @@ from .ground import extract_ground
 from .outputs import Stage
 from .pair import common_area, register_pair
 from .parameters import (
-    ChangeParameters,
+    GridChangeParameters,
     GroundParameters,
     InputParameters,
     RegistrationParameters,
@@ -45,7 +45,7 @@ class SeriesSettings:
     inputs: InputParameters = field(default_factory=InputParameters)
     ground: GroundParameters = field(default_factory=GroundParameters)
     registration: RegistrationParameters = field(default_factory=RegistrationParameters)
-    change: ChangeParameters = field(default_factory=ChangeParameters)
+    change: GridChangeParameters = field(default_factory=GridChangeParameters)
     zones: ZoneParameters = field(default_factory=ZoneParameters)
     series: SeriesParameters = field(default_factory=SeriesParameters)
 

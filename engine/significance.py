@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .cell_slope import Float
 from .gridding import on_grid
-from .parameters import ChangeParameters
+from .parameters import GridChangeParameters
 from .size_error import widening_by_size
 from .slope_error import ErrorModel, calibrate, uncalibrated
 from .stable_blocks import find_stable_blocks
@@ -40,7 +40,7 @@ def judge(
     sampling: Float,
     slope: Float,
     cell: float,
-    parameters: ChangeParameters,
+    parameters: GridChangeParameters,
     *,
     registration_error: float,
     uniform: bool = False,

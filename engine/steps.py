@@ -194,7 +194,7 @@ def change_step(
                     "The registration's error is not known here, so the level of detection covers the scatter of the "
                     "points alone; give the registration_error that the registration reported."
                 )
-            warn_of_doubtful_change(change, progress)
+            warn_of_doubtful_change(change, progress, may_grow=not settings.change.adaptive)
         context = Context(
             first=first,
             second=second,

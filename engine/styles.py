@@ -10,10 +10,8 @@ from itertools import pairwise
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
-import numpy as np
-
 from .outputs import atomic_output
-from .palette import BELOW_LEVEL, DIVERGING, LIKELIHOOD, SEQUENTIAL, Colour, hexadecimal
+from .palette import BELOW_LEVEL, DIVERGING, LIKELIHOOD, SEQUENTIAL, Colour, hexadecimal, sequential_steps
 from .style_parts import VERSION, attribute_table, document, forms, labels, options
 
 # What analysts read in the attribute table instead of the field's name.
@@ -162,13 +160,8 @@ def level_qml(limit: float) -> str:
 
 def cell_size_qml(sizes: Sequence[float]) -> str:
     """Style of a raster of cell sizes: a colour for each of the ``sizes`` (metres, ascending), lightest the finest."""
-    shares = [i / max(len(sizes) - 1, 1) for i in range(len(sizes))]
-    places = [share for share, _ in SEQUENTIAL]
-    stops: list[tuple[float, Colour, int, str]] = []
-    for size, share in zip(sizes, shares, strict=True):
-        bands = zip(*(colour for _, colour in SEQUENTIAL), strict=True)
-        red, green, blue = (round(float(np.interp(share, places, band))) for band in bands)
-        stops.append((size, (red, green, blue), 255, f"{size:g} m"))
+    colours = sequential_steps(len(sizes))
+    stops = [(size, colour, 255, f"{size:g} m") for size, colour in zip(sizes, colours, strict=True)]
     return _raster_qml(stops, suffix="")
 
 

@@ -13,7 +13,7 @@ from scipy.special import erf
 
 from .blocks import Blocks, sums_around
 from .cell_slope import Float
-from .parameters import ChangeParameters
+from .parameters import GridChangeParameters
 
 _WINDOW = 5  # cells along the side of the window of spatial coherence
 _FIRST, _FULL = 0.6, 1.0  # shares of the window that have changed alike from which coherence counts, and counts fully
@@ -37,7 +37,7 @@ def quantile(confidence: float) -> float:
     return NormalDist().inv_cdf((1 + confidence) / 2)
 
 
-def decide(dz: Float, error: Float, parameters: ChangeParameters, block: Blocks | None = None) -> Decision:
+def decide(dz: Float, error: Float, parameters: GridChangeParameters, block: Blocks | None = None) -> Decision:
     """Apply ``parameters.threshold`` to the change ``dz`` with standard error ``error`` (both metres, NaN: no data).
 
     - constant: one level for every cell, whatever its error.

@@ -114,6 +114,7 @@ def extract_zones(
     method: str = "",
     run_id: str = "",
     block: Blocks | None = None,
+    cell_size: Float | None = None,
     cell_area: Float | None = None,
     stable: NDArray[np.bool_] | None = None,
 ) -> Zones:
@@ -143,12 +144,13 @@ def extract_zones(
         heights: heights of the surface, for the zones' inclination; without them ``slope_deg`` is NULL.
         epochs: dates of both surveys; without them ``days`` and the rates are NULL.
         block: number of each cell's block where cells grew (-1: none). A block counts as one cell and errs as one.
+        cell_size: side of each cell's block, metres (see ``label_groups``).
         cell_area: area that each cell's ``dz`` acts on, m²; that of the map without.
         stable: cells that are taken as stable ground, from which the errors' correlation is told; without it, those
             outside of every footprint.
     """
     parameters = parameters or ZoneParameters()
-    labels, first_cells, groups, dropped_cells = label_groups(dz, significant, grid, parameters, block)
+    labels, first_cells, groups, dropped_cells = label_groups(dz, significant, grid, parameters, cell_size)
     count = len(first_cells)
     inside = np.flatnonzero(labels)
     zone = labels.ravel()[inside].astype(np.int64) - 1
@@ -254,12 +256,17 @@ def label_groups(
     significant: NDArray[np.bool_],
     grid: Grid,
     parameters: ZoneParameters,
-    block: Blocks | None = None,
+    cell_size: Float | None = None,
 ) -> tuple[NDArray[np.int32], NDArray[np.int64], int, int]:
     """Labels 1..n of the groups that are large enough, first cell of each, and groups and cells that were not.
 
     The least area is asked of a group with the gaps without data that it encloses: where every second cell was
     measured, change over 1 m² shows in half as many cells.
+
+    Args:
+        cell_size: side of the grown cell that each cell is part of, metres; NaN for none. Towards the least number of
+            cells it counts with the part of its square that the group holds: what is left of a square tells less than
+            all of it, and where finer cells lent it their points nothing new.
     """
     labels = np.zeros(grid.shape, dtype=np.int32)
     found = 0
@@ -280,9 +287,10 @@ def label_groups(
         found += number
     sizes = np.bincount(labels.ravel(), minlength=found + 1)
     # a group of exactly the least area must not fail by rounding
-    number_of = sizes if block is None else blocks_in_groups(labels, block, found)
+    part_of_one = None if cell_size is None else np.nan_to_num((grid.cell / cell_size.ravel()) ** 2, nan=1.0)
+    number_of = np.bincount(labels.ravel(), part_of_one, minlength=found + 1)
     extent = (sizes + gaps) * grid.cell**2
-    enough = (number_of >= parameters.minimum_cells) & (extent >= parameters.minimum_area * (1 - 1e-9))
+    enough = (number_of >= parameters.minimum_cells - 1e-6) & (extent >= parameters.minimum_area * (1 - 1e-9))
     enough[0] = False
     dropped = ~enough
     dropped[0] = False

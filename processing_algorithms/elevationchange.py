@@ -25,7 +25,8 @@ CHANGE_NUMBERS = {
     "GAIN_ERROR": ("vol_gain_err_m3", "Standard error of the volume gained (m³)"),
     "LARGEST_SINK": ("largest_sink_m", "Largest lowering in a zone (m)"),
     "LARGEST_RISE": ("largest_rise_m", "Largest raising in a zone (m)"),
-    "COMMON_CELL_RATE": ("common_cell_rate", "Cells that both surveys cover (0 to 1)"),
+    "COMPARED_SHARE": ("compared_share", "Ground that was compared (0 to 1)"),
+    "COMMON_CELL_RATE": ("common_cell_rate", "Cells with points of both surveys (0 to 1)"),
     "LEVEL_MEDIAN": ("lod_median_m", "Median level of detection (m)"),
 }
 CHANGE_PAGES = {"REPORT": ("report", "Report")}

@@ -14,7 +14,7 @@ from qgis.core import (
 )
 
 from ..engine.parameters import (
-    ChangeParameters,
+    GridChangeParameters,
     GroundParameters,
     InputParameters,
     RegistrationParameters,
@@ -33,7 +33,7 @@ _PREFIXES = {
     "InputParameters": "Input",
     "GroundParameters": "Ground",
     "RegistrationParameters": "Registration",
-    "ChangeParameters": "Change",
+    "GridChangeParameters": "Change",
     "ZoneParameters": "Zones",
 }
 _PRODUCTS = (
@@ -93,7 +93,7 @@ class InspectSeries(SlopeWatchAlgorithm):
         SeriesParameters,
         GroundParameters,
         RegistrationParameters,
-        ChangeParameters,
+        GridChangeParameters,
         ZoneParameters,
         InputParameters,
     )

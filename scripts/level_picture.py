@@ -41,7 +41,7 @@ def main(path: Path) -> None:
     )
     pair = simulate_pair(parameters, changes=LOWERED, roi_buffer=3.0, frame=Frame(dip_azimuth=180.0))
     clouds = [c.xyz[inside(c.xyz, pair) & c.truth_ground.astype(bool)] for c in (pair.first, pair.second)]
-    settings = ChangeParameters(cell=CELL)
+    settings = ChangeParameters(cell=CELL, adaptive=False)
     found = [difference(*clouds, replace(settings, **values)) for _, values in WAYS]
     published = difference(*clouds, replace(settings, cell_value="mean", calibrate=False))
     figure = Figure(figsize=(12.0, 7.4), dpi=130, layout="constrained")
@@ -66,7 +66,7 @@ def _extent(change: Change) -> tuple[float, float, float, float]:
 
 
 def _sampling(clouds: list[np.ndarray], change: Change) -> np.ndarray:
-    first, second = (epoch_cells(xyz, change.grid, ChangeParameters(cell=CELL)) for xyz in clouds)
+    first, second = (epoch_cells(xyz, change.grid, ChangeParameters(cell=CELL, adaptive=False)) for xyz in clouds)
     return np.sqrt(sum(cells.on_grid(cells.leverage * pooled_variance(cells)) for cells in (first, second)))
 
 

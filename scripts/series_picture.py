@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 
 from slopewatch.engine.manifest import epochs_of
-from slopewatch.engine.parameters import ChangeParameters, SeriesParameters, SurveyParameters
+from slopewatch.engine.parameters import GridChangeParameters, SeriesParameters, SurveyParameters
 from slopewatch.engine.series import monitor_series
 from slopewatch.engine.series_epochs import SeriesSettings
 from slopewatch.simulation.series import Creep, Settling, simulate_series, survey_days, write_series
@@ -23,7 +23,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         paths = write_series(series, Path(name), ground_only=True)
         settings = SeriesSettings(
-            change=ChangeParameters(cell=0.25), series=SeriesParameters(ground_ready=True, rasters_each_survey=False)
+            change=GridChangeParameters(cell=0.25),
+            series=SeriesParameters(ground_ready=True, rasters_each_survey=False),
         )
         outputs, _ = monitor_series(epochs_of(Path(name)), Path(name) / "out", settings, roi=paths["roi"])
         shutil.copyfile(outputs["series_picture"], ROOT / "docs" / "images" / "series.png")

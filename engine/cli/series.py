@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from ..parameters import (
-    ChangeParameters,
+    GridChangeParameters,
     GroundParameters,
     InputParameters,
     RegistrationParameters,
@@ -39,7 +39,9 @@ from .options import Session, command
     "a copy to start from.",
 )
 @_output_dir
-@command(SeriesParameters, ChangeParameters, ZoneParameters, RegistrationParameters, GroundParameters, InputParameters)
+@command(
+    SeriesParameters, GridChangeParameters, ZoneParameters, RegistrationParameters, GroundParameters, InputParameters
+)
 def series(
     session: Session,
     source: Path | None,
@@ -67,7 +69,7 @@ def series(
         inputs=session.parameters(InputParameters),
         ground=session.parameters(GroundParameters),
         registration=session.parameters(RegistrationParameters),
-        change=session.parameters(ChangeParameters),
+        change=session.parameters(GridChangeParameters),
         zones=session.parameters(ZoneParameters),
         series=session.parameters(SeriesParameters),
     )

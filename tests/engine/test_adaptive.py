@@ -7,12 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 import shapely
+from scipy import ndimage
 from slopewatch.engine.adaptive import LEAST_POINTS, adaptive_cells
 from slopewatch.engine.change import Change, cells_inside, common_grid, difference
 from slopewatch.engine.errors import InputError
 from slopewatch.engine.gridding import cell_index, cell_statistics, snapped_grid
 from slopewatch.engine.moments import cell_moments, merged
 from slopewatch.engine.parameters import ChangeParameters, SurveyParameters
+from slopewatch.engine.progress import Progress
 from slopewatch.simulation.survey import simulate_pair
 
 GROWING = ChangeParameters(adaptive=True, calibrate=False)
@@ -106,12 +108,25 @@ def square(clouds, place, side):
     return [c[(np.floor(c[:, :2] / side + 1e-6) == place).all(axis=1)] for c in clouds]
 
 
+def outline(points, grid):
+    """Cells within a survey's outline: no square of 33 cells without points has them in it, but for a rim."""
+    hit = np.pad(
+        (np.bincount(cell_index(points, grid), minlength=grid.rows * grid.columns) > 0).reshape(grid.shape), 40
+    )
+    within = ndimage.binary_closing(hit, np.ones((33, 33)))
+    rim = int(np.sqrt(within.sum() / len(points)))
+    wide = ndimage.binary_dilation(hit, np.ones((33 + 2 * rim,) * 2))
+    return ndimage.binary_erosion(wide, np.ones((33, 33)))[40:-40, 40:-40]
+
+
 @pytest.fixture(scope="module")
 def sparse() -> tuple[np.ndarray, np.ndarray, Change, list[Block]]:
     """Two epochs, their change and every block of it, its points found one by one."""
     clouds = epoch(1), epoch(2)
     change = difference(*clouds, GROWING)
     owner = [change.block.ravel()[cell_index(c, change.grid)] for c in clouds]
+    both = np.logical_and(*(outline(c, change.grid) for c in clouds))
+    seen = [c[both.ravel()[cell_index(c, change.grid)]] for c in clouds]
     blocks = []
     for cell in blocks_of(change):
         number, side = change.block.ravel()[cell], change.cell_size.ravel()[cell]
@@ -121,10 +136,10 @@ def sparse() -> tuple[np.ndarray, np.ndarray, Change, list[Block]]:
         if whole:
             row, column = np.divmod(cell, change.grid.columns)
             centre = np.array([change.grid.west, change.grid.north]) + 0.1 * np.array([column + 0.5, -row - 0.5])
-            own = square(clouds, np.floor(centre / side), side)
+            own = square(seen, np.floor(centre / side), side)
         assert [len(p) for p in own] == counts
         blocks.append(Block(int(cell), float(side), own, whole))
-    return *clouds, change, blocks
+    return *seen, change, blocks
 
 
 def test_moments_of_merged_blocks_are_those_of_their_points():
@@ -216,7 +231,7 @@ def test_far_more_ground_is_compared_than_cells_of_one_size_could(sparse):
     first, second, change, _ = sparse
     index = [np.unique(cell_index(c, change.grid)) for c in (first, second)]
     assert len(np.intersect1d(*index)) < 0.2 * change.valid.size, "few cells have points of both"
-    assert change.common_cell_rate > 0.97
+    assert change.common_cell_rate < 0.2, "which tells how dense the surveys are, not what was compared"
     assert change.valid.sum() * 0.01 == pytest.approx(24.0**2, rel=0.03)
 
 
@@ -278,8 +293,44 @@ def test_cells_outside_of_the_clipped_area_stay_empty_and_lend_no_points():
     assert not change.valid[~inside].any()
     assert change.valid[inside].mean() > 0.95
     kept = [c[inside.ravel()[cell_index(c, change.grid)]] for c in clouds]
-    alone = adaptive_cells(*kept, change.grid, GROWING)
+    alone = adaptive_cells(*kept, change.grid, GROWING, inside=inside)
     assert np.allclose(alone.dz[inside], change.dz[inside], equal_nan=True)
+
+
+def test_cells_do_not_grow_out_of_the_survey():
+    """A square turned by 30 degrees, dense and sparse: compared is what lies in it, but for a rim as points lie."""
+    for density, rim in ((300, 0.1), (8, 0.5)):
+        clouds = []
+        for seed in (1, 2):
+            rng = np.random.default_rng(seed)
+            local = rng.uniform(0, 10, (100 * density, 2))
+            x, y = 20 + local @ [0.866, -0.5], 20 + local @ [0.5, 0.866]
+            clouds.append(np.column_stack([x, y, surface(x, y) + rng.normal(0, 0.01, len(x))]))
+        outlines = shapely.intersection_all([shapely.convex_hull(shapely.multipoints(c[:, :2])) for c in clouds])
+        change = difference(*clouds, GROWING)
+        row, column = np.nonzero(change.valid)
+        x = change.grid.west + (column + 0.5) * change.grid.cell
+        y = change.grid.north - (row + 0.5) * change.grid.cell
+        assert shapely.contains_xy(outlines.buffer(rim), x, y).all()
+        assert change.valid.sum() * 0.01 == pytest.approx(outlines.area, rel=0.08)
+
+
+def test_on_dense_ground_single_thin_cells_take_after_their_neighbours():
+    """A step of 0.16 m on ground with few thin cells: a mean of them over metres would be that of both its sides."""
+    clouds = []
+    for seed in (1, 2):
+        rng = np.random.default_rng(seed)
+        x, y = rng.uniform(0, 16, (2, 256 * 700))
+        raised = (seed == 2) & (np.abs(x - 8.03) < 0.6) & (np.abs(y - 8.03) < 0.6)
+        clouds.append(np.column_stack([x, y, 50 + 0.5 * x + 0.16 * raised + rng.normal(0, 0.015, len(x))]))
+    change = difference(*clouds, GROWING)
+    grid = change.grid
+    x = grid.west + (np.arange(grid.columns) + 0.5) * grid.cell
+    y = grid.north - (np.arange(grid.rows) + 0.5) * grid.cell
+    away = np.maximum(np.abs(x[None, :] - 8.03), np.abs(y[:, None] - 8.03)) - 0.6
+    assert np.nanmax(change.cell_size[np.abs(away) > 0.3]) <= 0.4, "no thin cell is joined with others far from it"
+    assert np.nanmean(change.dz[away < -0.05]) == pytest.approx(0.16, abs=0.006)
+    assert np.nanmean(np.abs(change.dz[(away > 0.15) & (away < 1.5)])) < 0.01
 
 
 def test_heights_of_a_grown_cell_follow_its_plane():
@@ -298,9 +349,22 @@ def test_heights_of_a_grown_cell_follow_its_plane():
     assert np.nanmax(np.abs(change.dz - 0.2)) < 1e-3
 
 
-def test_no_room_to_grow_is_refused():
-    with pytest.raises(InputError, match="at least 2 m"):
-        difference(epoch(1), epoch(2), ChangeParameters(adaptive=True, cell=1.0))
+@pytest.mark.parametrize("values", [{"cell": 1.0}, {"cell": 0.5, "cell_value": "mean"}])
+def test_cells_that_cannot_grow_have_one_size_and_it_is_said(values):
+    class Told(Progress):
+        def __init__(self):
+            super().__init__()
+            self.said = []
+
+        def show(self, level, message):
+            self.said.append((level, message))
+
+    told = Told()
+    change = difference(epoch(1), epoch(2), ChangeParameters(**values), progress=told)
+    fixed = difference(epoch(1), epoch(2), ChangeParameters(**values, adaptive=False))
+    assert change.block is None
+    assert np.array_equal(change.dz, fixed.dz, equal_nan=True)
+    assert [level for level, message in told.said if "Cells have one size" in message] == ["info"]
 
 
 def test_too_few_points_even_for_the_largest_cell_are_refused():
@@ -313,7 +377,7 @@ def test_the_memory_that_growing_cells_take_counts():
     """Where cells of one size still fit, growing ones are refused with a cell that fits."""
     first = epoch(1)
     wide = np.vstack([first, first + [400.0, 400.0, 0.0]])
-    common_grid(wide, wide, ChangeParameters(memory_limit=8.0))
+    common_grid(wide, wide, ChangeParameters(adaptive=False, memory_limit=8.0))
     with pytest.raises(InputError, match="cell of at least") as refusal:
         common_grid(wide, wide, ChangeParameters(adaptive=True, memory_limit=8.0))
     fits = float(str(refusal.value).split("at least ")[1].split(" m")[0])

@@ -44,6 +44,7 @@ from slopewatch.engine.pair import refuse_other_raw_heights, require_comparable,
 from slopewatch.engine.parameters import (
     ChangeParameters,
     DistanceParameters,
+    GridChangeParameters,
     GroundParameters,
     InputParameters,
     RegistrationParameters,
@@ -61,6 +62,7 @@ from slopewatch.engine.steps import change_step, ground_step, register_step
 X, Y = 500_000.0, 3_500_000.0
 SIDE = 12.0
 COARSE = ChangeParameters(cell=0.5)
+ONE_SIZE = GridChangeParameters(cell=0.5)
 AS_SURVEYED = RegistrationParameters(method="none")
 FOOT = 1200 / 3937
 
@@ -149,7 +151,7 @@ def m3c2(reference: Path, moving: Path, progress: Progress | None = None, output
 
 def series(folder: Path, *clouds: Path, progress: Progress | None = None, **options):
     epochs = [Epoch(path, date(2024 + n, 5, 1)) for n, path in enumerate(clouds)]
-    settings = SeriesSettings(series=SeriesParameters(ground_ready=True), change=COARSE, registration=AS_SURVEYED)
+    settings = SeriesSettings(series=SeriesParameters(ground_ready=True), change=ONE_SIZE, registration=AS_SURVEYED)
     return monitor_series(epochs, folder / "out", settings, progress=progress, **options)
 
 

@@ -45,13 +45,21 @@ def unchanged(request) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("cell", [0.1, 0.25])
 @pytest.mark.parametrize("statistic", ["plane", "mean"])
 def test_simulated_surveys(unchanged, cell, statistic):
-    found = shares(difference(*unchanged, ChangeParameters(cell=cell, cell_value=statistic)))
+    found = shares(difference(*unchanged, ChangeParameters(cell=cell, cell_value=statistic, adaptive=False)))
     assert len(found) >= 2
     assert all(0.03 <= share <= 0.07 for share in found.values()), found
 
 
-def test_along_the_normal(unchanged):
-    found = shares(difference(*unchanged, ChangeParameters(cell=0.25, direction="normal")))
+@pytest.mark.parametrize("cell", [0.1, 0.25])
+def test_simulated_surveys_in_cells_that_grow(unchanged, cell):
+    found = shares(difference(*unchanged, ChangeParameters(cell=cell)))
+    assert len(found) >= 2
+    assert all(0.03 <= share <= 0.07 for share in found.values()), found
+
+
+@pytest.mark.parametrize("adaptive", [False, True])
+def test_along_the_normal(unchanged, adaptive):
+    found = shares(difference(*unchanged, ChangeParameters(cell=0.25, direction="normal", adaptive=adaptive)))
     assert all(0.03 <= share <= 0.07 for share in found.values()), found
 
 
@@ -75,18 +83,19 @@ def test_the_steep_face_is_measured_as_well_as_the_road(unchanged):
     """The slope's own rise within a cell is no error of the height at its centre."""
     first, second = unchanged
     published = difference(first, second, ChangeParameters(cell=0.25, cell_value="mean", calibrate=False))
-    own = difference(first, second, ChangeParameters(cell=0.25))
+    own = difference(first, second, ChangeParameters(cell=0.25, adaptive=False))
     steep = own.valid & (own.slope > 30)
     scatter = [float(np.quantile(np.abs(change.dz[steep]), 0.68)) for change in (own, published)]
     assert scatter[0] < 0.6 * scatter[1]
     assert np.median(own.level[steep]) < 0.6 * np.median(published.level[steep])
 
 
+@pytest.mark.parametrize("adaptive", [False, True])
 @pytest.mark.parametrize("cell", [0.1, 0.25])
-def test_a_real_cloud_in_two_halves(shared_data: Path, cell):
+def test_a_real_cloud_in_two_halves(shared_data: Path, cell, adaptive):
     cloud = read_cloud(shared_data / "real" / "lone-star.copc.laz", InputParameters(crs="EPSG:32614")).xyz
     half = np.random.default_rng(1).permutation(len(cloud)) < len(cloud) // 2
-    change = difference(cloud[half], cloud[~half], ChangeParameters(cell=cell))
+    change = difference(cloud[half], cloud[~half], ChangeParameters(cell=cell, adaptive=adaptive))
     found = shares(change)
     assert len(found) >= 4
     assert all(0.03 <= share <= 0.07 for share in found.values()), found

@@ -26,7 +26,7 @@ def epoch(seed: int, *, n: int = 60_000, noise: float = 0.02, lowered: float = 0
 
 
 def test_known_lowering_is_measured_with_its_sign():
-    change = difference(epoch(1), epoch(2, lowered=0.2), ChangeParameters(cell=0.5, cell_value="plane"))
+    change = difference(epoch(1), epoch(2, lowered=0.2), ChangeParameters(cell=0.5, adaptive=False))
     west = change.dz[:, :10]
     east = change.dz[:, 10:]
     assert west.mean() == pytest.approx(-0.2, abs=0.002)
@@ -37,7 +37,7 @@ def test_known_lowering_is_measured_with_its_sign():
 @pytest.mark.parametrize("statistic", ["mean", "plane"])
 @pytest.mark.parametrize("density", [6_000, 60_000])
 def test_unchanged_ground_exceeds_the_level_about_as_often_as_promised(statistic, density):
-    parameters = ChangeParameters(cell=0.5, cell_value=statistic, minimum_points=1)
+    parameters = ChangeParameters(cell=0.5, cell_value=statistic, minimum_points=1, adaptive=False)
     shares = []
     for seed in range(4):
         change = difference(epoch(10 + seed, n=density), epoch(20 + seed, n=density), parameters)
@@ -47,7 +47,7 @@ def test_unchanged_ground_exceeds_the_level_about_as_often_as_promised(statistic
 
 def test_registration_error_adds_in_quadrature():
     first, second = epoch(1), epoch(2)
-    parameters = ChangeParameters(cell=0.5, calibrate=False)
+    parameters = ChangeParameters(cell=0.5, calibrate=False, adaptive=False)
     without = difference(first, second, parameters)
     given = difference(first, second, parameters, registration_error=0.03)
     overridden = difference(first, second, replace(parameters, registration_error=0.03))
@@ -79,7 +79,7 @@ def test_one_lucky_pair_of_points_is_not_significant():
         points[inside] = points[inside][:1]
         points[inside, 2] = 100.0 + height
     pair = [np.vstack([p, p[-1:]]) for p in (first, second)]
-    change = difference(*pair, ChangeParameters(cell=0.5))
+    change = difference(*pair, ChangeParameters(cell=0.5, adaptive=False))
     assert np.nanmin(change.error) > 0.005
 
 
@@ -120,7 +120,7 @@ def test_cells_at_the_edge_of_the_clipped_area_are_left_out():
         inside = shapely.contains_xy(ring, *(points[:, :2] - moved * shift[:2]).T)
         clouds.append(points[inside])
     area = ring.intersection(shapely.affinity.translate(ring, *shift[:2]))
-    parameters = ChangeParameters(cell=0.5, cell_value="plane")
+    parameters = ChangeParameters(cell=0.5, adaptive=False)
     change = difference(*clouds, parameters, area=area)
     everything = difference(*clouds, parameters)
     grid = change.grid

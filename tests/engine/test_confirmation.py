@@ -158,14 +158,20 @@ def test_four_cells_tell_nothing_and_five_do():
 def test_cells_of_a_grown_block_are_one_witness():
     single = changed(np.full((8, 8), 0.3), np.ones((8, 8), bool), 0.5)
     block = np.arange(4).reshape(2, 2).repeat(4, axis=0).repeat(4, axis=1)
-    finer = block.copy()
-    finer[3, 3] = 4
+    sliver = block.copy()
+    sliver[3, 3] = 4
+    finer = np.where(block == 0, 4 + np.arange(64).reshape(8, 8), block)
+    five = np.where(block == 0, 4 + (np.arange(8) > 1)[:, None], block)
     frame = zones(("uplift", box(0, 0, 4, 4)))
     words = [
         confirm_zones(frame, replace(single, block=b), outline_cell=0.25)["confirmed"].iloc[0]
-        for b in (None, block, finer)
+        for b in (None, block, sliver, five, np.arange(64).reshape(8, 8), np.arange(64).reshape(8, 8) // 12)
     ]
-    assert words == ["confirmed", "not measured", "confirmed"]
+    assert words == ["confirmed", "not measured", "not measured", "not measured", "confirmed", "confirmed"]
+    # 16 small blocks beside three of 16 cells each: 64² / (16 + 3 * 16²)
+    assert weigh(frame.geometry[0], 1.0, replace(single, block=finer), outline_cell=0.25).cells == pytest.approx(
+        5.224, abs=0.001
+    )
 
 
 def test_more_of_the_other_sign_does_not_confirm():

@@ -17,9 +17,13 @@ def slope(seed: int, count: int) -> np.ndarray:
 
 def test_the_cell_that_is_advised_compares_what_it_promises():
     first, second = slope(1, 3000), slope(2, 3000)
-    fine = difference(first, second, ChangeParameters(cell=0.1))
+    fine = difference(first, second, ChangeParameters(cell=0.1, adaptive=False))
     advised = cell_that_compares(fine)
     assert advised is not None
-    assert difference(first, second, ChangeParameters(cell=advised)).common_cell_rate > 0.75
+    assert difference(first, second, ChangeParameters(cell=advised, adaptive=False)).common_cell_rate > 0.75
     assert fine.common_cell_rate < 0.2
+    # cells that grow compare more, and do not make the surveys denser
+    grown = difference(first, second, ChangeParameters(cell=0.1))
+    assert compared_share(grown) > 0.9
+    assert grown.common_cell_rate == pytest.approx(fine.common_cell_rate, rel=0.01)
     assert compared_share(fine) == pytest.approx(fine.valid.sum() * 0.01 / 400, rel=0.02)

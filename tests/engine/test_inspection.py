@@ -175,12 +175,21 @@ def test_the_words_hold_for_discs_on_ground_whose_change_is_known(survey, run):
     pair, _ = survey
     out, _, _ = run
     bands = []
-    for name in ("elevation_change.tif", "significant_change.tif"):
+    for name in ("elevation_change.tif", "significant_change.tif", "cell_size.tif"):
         with rasterio.open(out / name) as raster:
             bands.append(raster.read(1, masked=True).filled(np.nan))
     dz, significant = bands[0], np.isfinite(bands[1])
     grid = Grid(*_grid(out))
-    change = SimpleNamespace(grid=grid, dz=dz, significant=significant, block=None)
+    # cells of one size with one change in one square are one grown cell
+    row, column = np.indices(dz.shape)
+    size = np.round(np.nan_to_num(bands[2].astype(np.float64), nan=grid.cell), 3)
+    square = [
+        np.floor(place / size + 1e-6) for place in (grid.west + column * grid.cell, grid.north - (row + 1) * grid.cell)
+    ]
+    cells = np.stack([size, *square, np.nan_to_num(dz)]).reshape(4, -1)
+    block = np.unique(cells, axis=1, return_inverse=True)[1].reshape(dz.shape)
+    block[np.isnan(dz)] = -1
+    change = SimpleNamespace(grid=grid, dz=dz, significant=significant, block=block)
     truth = np.where(np.isfinite(dz), pair.true_change_raster(grid), np.nan)
     rng = np.random.default_rng(0)
     cells = np.argwhere(np.isfinite(dz))
@@ -191,6 +200,10 @@ def test_the_words_hold_for_discs_on_ground_whose_change_is_known(survey, run):
         inside = geometry_mask([disc], grid.shape, Affine(*grid.affine), invert=True)
         moved = np.nanmean(truth[inside])
         word = verdict(weigh(disc, 1.0 if moved >= 0 else -1.0, change, outline_cell=0.25))
+        # a grown cell at the rim of a change shows its mean on still ground as well
+        reached = np.isin(block, block[inside & (block >= 0)])
+        if abs(moved) < 0.005 < np.max(np.abs(truth[reached]), initial=0.0):
+            continue
         if word != "not measured" and not 0.005 <= abs(moved) <= 0.1:
             words["moved" if abs(moved) > 0.1 else "still"].append(word)
     assert len(words["still"]) > 1000

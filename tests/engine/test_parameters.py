@@ -48,9 +48,12 @@ def test_values_that_are_no_whole_number_are_refused(value):
 def test_names_are_unique_over_all_groups_that_share_a_command():
     # each in a command of its own
     alone = ("SurveyParameters", "CreepParameters", "ScenesParameters", "FineTuneParameters", "DistanceParameters")
-    for screening in ("ScreeningParameters", "LastEpochParameters"):  # one of them in each command
-        names = [s.name for g in GROUPS if g.__name__ not in (*alone, screening) for s in g.specifications()]
-        assert len(names) == len(set(names))
+    # one of each two in each command
+    for screening in ("ScreeningParameters", "LastEpochParameters"):
+        for change in ("ChangeParameters", "GridChangeParameters"):
+            others = (*alone, screening, change)
+            names = [s.name for g in GROUPS if g.__name__ not in others for s in g.specifications()]
+            assert len(names) == len(set(names))
     for group in (parameters.FineTuneParameters, parameters.DistanceParameters):
         shared = [s.name for g in (parameters.InputParameters, group) for s in g.specifications()]
         assert len(shared) == len(set(shared))
@@ -75,7 +78,27 @@ def test_paper_profile_holds_the_published_settings():
         0.10,
         200,
     )
-    assert parameters.ChangeParameters.build(profile="paper").cell == 0.1
+    change = parameters.ChangeParameters.build(profile="paper")
+    assert (change.cell, change.cell_value, change.adaptive, change.grows) == (0.1, "mean", False, False)
+    series = parameters.GridChangeParameters.build(profile="paper")
+    assert (series.cell, series.cell_value, series.calibrate) == (0.1, "mean", False)
+
+
+def test_cells_grow_by_default_where_they_can():
+    group = parameters.ChangeParameters
+    assert group().grows
+    assert not group(adaptive=False).grows
+    assert group(cell=0.8).grows
+    for change, why in ((group(cell=1.0), "1 m leave no room"), (group(cell_value="mean"), "are means")):
+        assert not change.grows
+        assert why in change.why_one_size
+
+
+def test_a_series_takes_the_same_parameters_of_change_but_for_cells_that_grow():
+    own, whole = parameters.GridChangeParameters, parameters.ChangeParameters
+    growing = {"adaptive", "target_level", "largest_cell"}
+    assert {s for s in whole.specifications() if s.name not in growing} == set(own.specifications())
+    assert not own().grows
 
 
 def test_values_given_override_the_profile_and_none_does_not():

@@ -159,7 +159,8 @@ def test_every_figure_is_that_of_the_run_record(made: Path, page: Page) -> None:
         "/metrics/lod_median_m", "/metrics/compared_share", "/metrics/registration_error_m", "/zones/0/vol_net_m3",
         "/zones/0/vol_err_m3", "/zones/1/rate_mm_day", "/rates/detectable_mm_day", "/level/by_slope/0/median_m",
         "/stable_ground/nmad_m", "/density/0/median_points_m2", "/density/1/points", "/profiles/0/dz_min_m",
-        "/profiles/2/length_m", "/inputs/0/bytes", "/distribution/cells",
+        "/profiles/2/length_m", "/inputs/0/bytes", "/distribution/cells", "/cell_sizes/0/share", "/cell_sizes/1/side_m",
+        "/metrics/common_cell_rate",
     ):  # fmt: skip
         assert wanted in places
     # and there is no other number in a cell of a table
@@ -199,6 +200,16 @@ def test_the_records_own_figures_are_those_of_the_rasters(made: Path) -> None:
     assert record["density"][0]["median_points_m2"] == pytest.approx(150, rel=0.05)
     before, after = read("surface_heights", 1), read("surface_heights", 2)
     np.testing.assert_allclose((after - before)[known], dz[known], atol=2e-5)
+    side = read("cell_size")
+    for row in record["cell_sizes"]:
+        assert row["share"] == pytest.approx((np.isclose(side, row["side_m"])).sum() / known.sum())
+    assert sum(row["area_m2"] for row in record["cell_sizes"]) == pytest.approx(known.sum() * 0.25**2)
+    assert len(record["cell_sizes"]) == len(np.unique(side[known])) > 1
+    later = read("point_counts", 2)
+    both, either = (
+        (op(np.nan_to_num(counts) > 0, np.nan_to_num(later) > 0)).sum() for op in (np.logical_and, np.logical_or)
+    )
+    assert record["metrics"]["common_cell_rate"] == pytest.approx(both / either)
     assert record["rates"]["detectable_mm_day"] == pytest.approx(np.median(level[known]) * 1000 / 365, rel=1e-4)
     zones = gpd.read_file(made / "zones.gpkg", layer="zones")
     assert [z["zone_id"] for z in record["zones"]] == list(zones["zone_id"])
@@ -217,7 +228,7 @@ def test_it_stands_alone(made: Path, page: Page) -> None:
     assert not re.search(r"(src|href|action|data|poster)\s*=\s*[\"']?(?!data:|#)[a-z./]*:?//", text)
     assert not re.search(r"url\s*\(|@import|<script|<link|javascript:", text, re.IGNORECASE)
     pictures = page.all("img")
-    assert len(pictures) == 12  # two maps, two histograms, two hillshades, two densities, four profiles
+    assert len(pictures) == 13  # two maps, two histograms, two hillshades, two densities, cell sizes, four profiles
     for picture in pictures:
         assert picture["src"].startswith("data:image/")
     assert not [a for _, a in page.elements for name in a if name.startswith("on")]
@@ -302,7 +313,7 @@ def test_other_lines_replace_the_profiles(made: Path, tmp_path: Path) -> None:
     assert "across <b>" in again.words
     assert not [w for w in record["warnings"] if "'beside'" in w]
     assert [w for w in record["warnings"] if "own.geojson" in w and "transformed" in w]
-    assert len(again.all("img")) == 10
+    assert len(again.all("img")) == 11
     # the lines through the zones are those of the run itself
     old, new = (read_profiles(f / "profiles.csv")["Steepest line through Z001"] for f in (made, copy))
     np.testing.assert_array_equal(old["dz_m"], new["dz_m"])
@@ -322,7 +333,7 @@ def test_it_says_what_is_missing(tmp_path: Path) -> None:
     record = record_of(tmp_path / "out")
     for key in ("profiles", "rates", "stable_ground", "zones"):
         record[key] = None
-    for name in ("heatmap.png", "surface_heights.tif", "point_counts.tif", "zones.gpkg"):
+    for name in ("heatmap.png", "surface_heights.tif", "point_counts.tif", "cell_size.tif", "zones.gpkg"):
         (tmp_path / "out" / name).unlink()
     (tmp_path / "out" / "run.json").write_text(json.dumps(record))
     assert len(Page(write_report(tmp_path / "out").read_text(encoding="utf-8")).all("img")) == 2

@@ -27,6 +27,7 @@ from slopewatch.engine.gridding import Grid
 from slopewatch.engine.manifest import epochs_of
 from slopewatch.engine.parameters import (
     ChangeParameters,
+    GridChangeParameters,
     InputParameters,
     RegistrationParameters,
     SeriesParameters,
@@ -39,7 +40,7 @@ from slopewatch.engine.series_epochs import SeriesSettings
 from slopewatch.engine.series_products import SERIES_OUTPUTS
 from slopewatch.simulation.series import Creep, Settling, simulate_series, survey_days, write_series
 
-READY = SeriesSettings(series=SeriesParameters(ground_ready=True), change=ChangeParameters(cell=0.25))
+READY = SeriesSettings(series=SeriesParameters(ground_ready=True), change=GridChangeParameters(cell=0.25))
 STEPS = ("extract_ground", "register_pair", "epoch_cells")
 
 
@@ -305,7 +306,9 @@ def test_raw_surveys_get_their_ground_once(tmp_path):
     parameters = SurveyParameters(seed=5, points=12_000, length=12.0, height=5.0, vegetation=0.3, offset=0.02)
     series = simulate_series(parameters, survey_days(3, 60), (Creep(-0.005),), half_axes=(1.8, 1.4))
     paths = write_series(series, tmp_path / "clouds")
-    settings = SeriesSettings(change=ChangeParameters(cell=0.25), series=SeriesParameters(rasters_each_survey=False))
+    settings = SeriesSettings(
+        change=GridChangeParameters(cell=0.25), series=SeriesParameters(rasters_each_survey=False)
+    )
     calls = []
     for count in (2, 3):
         with pytest.MonkeyPatch.context() as patch:
@@ -348,7 +351,7 @@ def test_a_survey_that_rose_as_a_whole_makes_no_zones(tmp_path):
         plane(tmp_path / f"2024-0{number + 1}-01.laz", raised=raised, bump=0.1 * number, seed=number)
     progress = Progress()
     # told to be exact: else the registration's own misfit widens that survey's level instead
-    exact = replace(FIXED, change=ChangeParameters(cell=0.25, registration_error=0.005))
+    exact = replace(FIXED, change=GridChangeParameters(cell=0.25, registration_error=0.005))
     monitor_series(epochs_of(tmp_path), tmp_path / "out", exact, progress=progress)
     assert [w for w in progress.warnings if w.startswith("2024-03-01: The whole overlap has risen by about 0.2")]
     zones = geopandas.read_file(tmp_path / "out" / "series.gpkg", layer="zones")

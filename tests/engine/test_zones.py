@@ -322,9 +322,13 @@ def test_a_grown_block_counts_as_one_cell() -> None:
     dz[around] = np.where(np.abs(dz[around]) < 5, 0.0, dz[around])  # one block stands alone
     parameters = ZoneParameters(minimum_area=0.0, minimum_cells=2)
     assert run(dz, parameters).labels[5, 13] > 0
-    found = run(dz, parameters, block=block)
+    side = np.where(block < 60, 2.0, 0.5)
+    found = run(dz, parameters, block=block, cell_size=side)
     assert found.labels[5, 13] == 0
     for zone in range(1, len(found.frame) + 1):
         blocks = set(block[found.labels == zone].tolist())
         assert found.frame["n_cells"].iloc[zone - 1] == len(blocks) >= 2
+        # of each block, the part of its square of 16 cells that is in the zone
+        parts = [np.sum((block == b) & (found.labels == zone)) / (16 if b < 60 else 1) for b in blocks]
+        assert sum(parts) >= 2 - 1e-9
         assert found.frame["area_m2"].iloc[zone - 1] == pytest.approx(np.sum(found.labels == zone) * 0.25)

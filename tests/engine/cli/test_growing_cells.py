@@ -42,12 +42,13 @@ def test_sparse_ground_speaks_where_cells_grow(tmp_path):
         write_slope(tmp_path / f"{year}-05-01.laz", year, lowered) for year, lowered in ((2024, 0.0), (2025, 0.15))
     ]
     options = (*clouds, "--registration-error", 0.002)
-    fixed = change(*options, "--output-dir", tmp_path / "fixed")
-    grown = change(*options, "--output-dir", tmp_path / "grown", "--adaptive")
+    fixed = change(*options, "--output-dir", tmp_path / "fixed", "--no-adaptive")
+    grown = change(*options, "--output-dir", tmp_path / "grown")
     again = change(*options, "--output-dir", tmp_path / "again", "--adaptive")
     assert "cell_size" not in fixed["outputs"]
     assert fixed["metrics"]["compared_share"] < 0.05
     assert grown["metrics"]["compared_share"] > 0.95
+    assert grown["metrics"]["common_cell_rate"] == pytest.approx(fixed["metrics"]["common_cell_rate"], rel=0.01)
     path = Path(grown["outputs"]["cell_size"])
     assert path.with_suffix(".qml").stat().st_size > 0
     with rasterio.open(path) as raster:
@@ -70,12 +71,10 @@ def test_sparse_ground_speaks_where_cells_grow(tmp_path):
         assert Path(grown["outputs"][name]).read_bytes() == Path(again["outputs"][name]).read_bytes(), name
 
 
-def test_a_largest_cell_that_is_too_small_is_refused(tmp_path):
-    cloud = write_slope(tmp_path / "2024-05-01.laz", 1)
-    later = write_slope(tmp_path / "2025-05-01.laz", 2)
-    command = [sys.executable, "-m", "slopewatch.engine.cli", "change", str(cloud), str(later), "--adaptive"]
-    command += ["--cell", "1", "--output-dir", str(tmp_path / "out")]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 2
-    assert "at least 2 m" in done.stderr
-    assert not (tmp_path / "out").exists()
+@pytest.mark.parametrize("options", [("--cell", 1), ("--profile", "paper", "--cell", 1)])
+def test_large_cells_and_the_published_profile_have_one_size(tmp_path, options):
+    clouds = [write_slope(tmp_path / f"{year}-05-01.laz", year) for year in (2024, 2025)]
+    found = change(*clouds, *options, "--output-dir", tmp_path / "out")
+    assert "cell_size" not in found["outputs"]
+    assert "grown_cells" not in found["metrics"]
+    assert found["metrics"]["compared_share"] > 0.9

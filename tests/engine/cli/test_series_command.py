@@ -40,6 +40,13 @@ def folder(tmp_path_factory) -> Path:
     return folder
 
 
+def test_cells_that_grow_are_not_offered(folder, tmp_path):
+    done = run(folder, "--ground-ready", "--adaptive", "--output-dir", tmp_path / "a")
+    assert done.returncode == 2
+    assert "No such option" in done.stderr
+    assert "--adaptive" in done.stderr
+
+
 def test_folder_in_results_out(folder, tmp_path):
     done = run(
         folder,
