@@ -14,7 +14,7 @@ from ..engine.errors import InputError
 CLASSES = ("background", "uplift", "subsidence")
 FEATURES = ("x", "y", "z", "residuals")
 SAMPLINGS = ("grid", "random")
-_LATER: dict[str, Any] = {"sampling": "random"}
+_LATER: dict[str, Any] = {"sampling": "random", "thinnings": 1}
 """Settings that models of earlier versions do not name, and what held for them."""
 
 
@@ -32,8 +32,9 @@ class ModelConfiguration:
 
     Windows of ``window`` every ``step``; those with fewer than ``minimum_points`` are left out. ``block_points`` is the
     fixed number of points a block is sampled to (0: every point once). ``centre_weighting``: where windows overlap,
-    the one whose middle is nearer counts more. A point's probabilities lie between those of the ``interpolation``
-    voxels nearest to it; with 1 it has its own voxel's.
+    the one whose middle is nearer counts more. Each window is looked at ``thinnings`` times, its points thinned anew
+    from level to level, and the probabilities are averaged. A point's probabilities lie between those of the
+    ``interpolation`` voxels nearest to it; with 1 it has its own voxel's.
 
     Network: ``stem`` channels, encoder blocks of ``widths`` (half their output), ``neighbours`` and ``decimation``: one
     in so many points goes on to the next level, drawn ``random`` (published) or spread evenly (``grid``) by
@@ -59,6 +60,7 @@ class ModelConfiguration:
     block_points: int = 0
     centre_weighting: bool = True
     interpolation: int = 4
+    thinnings: int = 1
     stem: int = 8
     widths: tuple[int, ...] = (16, 64, 128, 256)
     neighbours: int = 16
@@ -79,6 +81,8 @@ class ModelConfiguration:
         for name in ("voxel", "xy_scale", "z_scale", "residual_scale", "window", "step"):
             if not getattr(self, name) > 0:
                 raise InputError(f"The model's {name} is {getattr(self, name)}; give a number above 0.")
+        if self.thinnings < 1:
+            raise InputError(f"The model's thinnings are {self.thinnings}; give at least 1.")
         if self.step > self.window:
             raise InputError(f"The model's step of {self.step} m is longer than its window; points would be left out.")
 

@@ -57,8 +57,8 @@ def predict(
 ) -> Prediction:
     """Probabilities of every point of a cloud.
 
-    Probabilities (not logits) are added up over the windows that hold a point, and over ``rotations`` (see ``views``),
-    and divided by their weights. Points in no window take those of the nearest point that is in one.
+    Probabilities (not logits) are added up over the windows that hold a point, their ``thinnings`` and ``rotations``
+    (see ``views``), and divided by their weights. Points in no window take those of the nearest point that is in one.
 
     Args:
         network: in evaluation mode, on ``device``.
@@ -104,8 +104,12 @@ def predict_voxels(
     total = np.zeros((len(cloud.voxels.points), len(configuration.classes)))
     weight = np.zeros(len(total))
     run = _Run(network, configuration, device, rotations)
-    jobs = blocks(cloud, configuration, np.random.default_rng(seed))
-    expected = _expected(cloud, configuration)
+    jobs = (
+        block
+        for turn in range(configuration.thinnings)
+        for block in blocks(cloud, configuration, np.random.default_rng(seed if not turn else [seed, turn]))
+    )
+    expected = _expected(cloud, configuration) * configuration.thinnings
     before = torch.get_num_threads()
     if device.type == "cpu" and threads > 1:
         torch.set_num_threads(1)

@@ -71,6 +71,7 @@ SLOPEWATCH = Recipe(
         dropout=0.1,
         trends=((0.8, 0.8), (2.0, 2.0), (5.0, 5.0), (10.0, 0.6), (0.6, 10.0), (20.0, 1.5)),
         density=(8.0, 450.0),
+        thinnings=2,
     ),
     TrainingParameters(steps=1800, batch=4, learning_rate=0.01, augmentation=Augmentation(turn=15.0)),
     step=15.0,

@@ -41,6 +41,8 @@ def test_what_cannot_be_used_is_refused():
         replace(SMOKE, voxel=0.0)
     with pytest.raises(InputError, match="left out"):
         replace(SMOKE, step=21.0)
+    with pytest.raises(InputError, match="thinnings"):
+        replace(SMOKE, thinnings=0)
     with pytest.raises(InputError, match="sampling"):
         replace(SMOKE, sampling="dense")
     values = json.loads(SMOKE.to_json())
@@ -51,5 +53,5 @@ def test_what_cannot_be_used_is_refused():
 
 def test_a_model_that_does_not_name_its_sampling_was_made_with_random_points():
     values = json.loads(SMOKE.to_json())
-    del values["sampling"]
+    del values["sampling"], values["thinnings"]
     assert ModelConfiguration.from_mapping(values) == replace(SMOKE, sampling="random")

@@ -56,6 +56,31 @@ def test_every_point_gets_the_class_of_its_voxel_in_the_cloud_s_order(torch, kno
     assert (again.labels == prediction.labels[order]).mean() > 0.98  # RANSAC draws other points
 
 
+def test_each_thinning_keeps_other_points_and_their_answers_are_averaged(torch, small_scene):
+    """The 'network' is sure of class 1 on the points that the first level keeps, and of class 0 on the others."""
+    from slopewatch.models.prediction import predict_voxels
+
+    class Kept(torch.nn.Module):
+        def __init__(self, thinnings):
+            super().__init__()
+            self.configuration = replace(PLAIN, window=500.0, step=500.0, thinnings=thinnings)
+
+        def forward(self, features, coordinates, graphs):
+            logits = torch.zeros(len(features), 3)
+            logits[:, 2] = -99.0
+            logits[:, 0], logits[graphs[0].kept, 1] = 20.0, 40.0
+            return logits
+
+    cloud = prepare_cloud(small_scene.xyz, PLAIN)
+    once, four = (predict_voxels(Kept(n).eval(), cloud)[0][:, 1] for n in (1, 4))
+    assert set(np.round(once, 3)) == {0.0, 1.0}
+    assert set(np.round(four, 3)) <= {0.0, 0.25, 0.5, 0.75, 1.0}
+    assert len(set(np.round(four, 3))) > 2
+    # The first of the four is the one alone: it alone can lift them by a quarter.
+    assert (four[once > 0.5] >= 0.25 - 1e-6).all()
+    assert four.mean() == pytest.approx(once.mean(), rel=0.1)
+
+
 def test_probabilities_not_logits_are_averaged_over_windows(torch, known, small_scene):
     """x over the window's middle decides: where two windows overlap, one is sure of it and the other of the
     contrary.
