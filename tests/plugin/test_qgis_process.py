@@ -296,7 +296,8 @@ class TestRuns:
         sizes = QgsRasterLayer(grown["CELL_SIZE"])
         assert sizes.rasterUnitsPerPixelX() == pytest.approx(0.1)
         assert len(sizes.renderer().shader().rasterShaderFunction().colorRampItemList()) >= 3
-        assert grown["COMPARED_SHARE"] > 0.95 > grown["COMMON_CELL_RATE"]
+        # of the blocks of 1 m that the surveys reach, those at the edge are not wholly in them
+        assert grown["COMPARED_SHARE"] > max(0.85, first["COMPARED_SHARE"], grown["COMMON_CELL_RATE"])
 
     def test_labelled_scenes(self, qgis_process: QgisProcess, tmp_path: Path) -> None:
         engine_python()
