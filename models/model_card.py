@@ -84,7 +84,7 @@ def _facts(description: dict[str, Any]) -> list[str]:
         ),
         (
             f"| windows | {configuration['window']:g} m every {configuration['step']:g} m, "
-            f"{configuration['neighbours']} neighbours |"
+            f"{configuration['neighbours']} neighbours, {_thinning(configuration)} |"
         ),
         (
             "| inputs | x, y, z in the slope's plane, and heights over robust trends that reach "
@@ -105,6 +105,13 @@ def _facts(description: dict[str, Any]) -> list[str]:
             "that training never saw |"
         ),
     ]
+
+
+def _thinning(configuration: dict[str, Any]) -> str:
+    """How a quarter of the points goes on to the next level; models that do not name it draw them at random."""
+    how = {"random": "at random", "grid": "evenly"}[configuration.get("sampling", "random")]
+    looks = configuration.get("thinnings", 1)
+    return f"points thinned {how} from level to level" + (f", {looks} looks at each window" if looks > 1 else "")
 
 
 def _folds(figures: dict[str, Any], seconds: dict[str, Sequence[float]]) -> list[str]:
@@ -132,7 +139,8 @@ def _folds(figures: dict[str, Any], seconds: dict[str, Sequence[float]]) -> list
             "92 simulated scenes; each point of each scene scored by a model that was trained on other scenes, no "
             "ignore band. Both recipes have the same budget of processor time a fold. The weights shipped are not "
             "these models: they are trained longer, on other scenes on which hazards are as rare as on real slopes, "
-            "and read heights in units of the slope's own roughness."
+            "and read heights in units of the slope's own roughness; how their points are thinned is said above, here "
+            "it is evenly for SlopeWatch, each window looked at twice, and at random for the published pipeline."
         ),
         "",
         *_table(

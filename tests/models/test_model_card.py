@@ -38,6 +38,12 @@ def test_a_card_without_scores_still_says_what_the_weights_are(description):
     text = model_card(description, {}, {})
     for expected in (description["sha256"], "12,345 voxels", "1.234", "1 + 3 minutes", "must not be used"):
         assert expected in text
+    assert "points thinned evenly from level to level |" in text
+    description["configuration"].update(sampling="random", thinnings=3)
+    again = model_card(description, {}, {})
+    assert "points thinned at random from level to level, 3 looks at each window |" in again
+    del description["configuration"]["sampling"]
+    assert "thinned at random" in model_card(description, {}, {})
     assert "five folds" not in text
     assert "weights on the benchmark sets" not in text
 
