@@ -313,5 +313,7 @@ def _planes(cells: _Sums, side: float, least: int) -> tuple[NDArray[np.int64], F
         extrapolation = (u**2 * vv - 2 * u * v * uv + v**2 * uu) / determinant
     # a spread of at least a tenth of the cell in every direction; else the plane tilts freely
     enough = (determinant > 1e-4 * (n * side**2 / 12.0) ** 2) & (extrapolation < 1.0)
-    rest = np.maximum(cells.zz[may] - slope_u * uz - slope_v * vz, 0.0)
-    return may[enough], (slope_u * u + slope_v * v)[enough], rest[enough], extrapolation[enough]
+    chosen = may[enough]
+    slope_u, slope_v, u, v, uz, vz = (values[enough] for values in (slope_u, slope_v, u, v, uz, vz))
+    rest = np.maximum(cells.zz[chosen] - slope_u * uz - slope_v * vz, 0.0)
+    return chosen, slope_u * u + slope_v * v, rest, extrapolation[enough]
