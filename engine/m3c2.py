@@ -13,8 +13,7 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from .m3c2_normals import runs
-from .m3c2_search import Lattice
+from .m3c2_search import Lattice, runs
 from .progress import Progress
 
 Float = NDArray[np.float64]
@@ -152,17 +151,23 @@ def cylinder_statistics(
     progress = progress or Progress()
     count = np.zeros(len(core), dtype=np.int64)
     mean, std = np.full(len(core), np.nan), np.full(len(core), np.nan)
+    places, axes = (np.ascontiguousarray(rows.T) for rows in (core, unit))
     done = 0
     for number, point in cloud.candidates(core, half_length * unit, radius):
         done += int(np.count_nonzero(number[1:] != number[:-1])) + 1
-        x, y, z = cloud.offsets(core, number, point)
-        a, b, c = (unit[:, axis][number] for axis in range(3))
-        along = x * a + y * b + z * c
-        across = (x - along * a) ** 2 + (y - along * b) ** 2 + (z - along * c) ** 2
-        inside = (np.abs(along) <= half_length) & (across <= radius**2)
-        if inside.any():
-            which, starts, members = runs(number[inside])
-            along = along[inside]
+        offset = cloud.offsets(places, number, point)
+        axis = [component.take(number) for component in axes]
+        along = offset[0] * axis[0] + offset[1] * axis[1] + offset[2] * axis[2]
+        across = np.zeros_like(along)
+        for component, share in zip(offset, axis, strict=True):
+            share *= along
+            component -= share
+            component *= component
+            across += component
+        inside = np.flatnonzero((np.abs(along) <= half_length) & (across <= radius**2))
+        if len(inside):
+            which, starts, members = runs(number.take(inside))
+            along = along.take(inside)
             count[which], mean[which] = members, np.add.reduceat(along, starts) / members
             squares = np.add.reduceat((along - np.repeat(mean[which], members)) ** 2, starts)
             several = members > 1

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .m3c2_search import Lattice
+from .m3c2_search import Lattice, runs
 from .progress import Progress
 
 Float = NDArray[np.float64]
@@ -51,13 +51,14 @@ def fit_planes(
     toward = np.array([0.0, 0.0, 1.0]) if orientation is None else np.asarray(orientation, dtype=np.float64)
     count = np.zeros(len(places), dtype=np.int64)
     normal, roughness = np.zeros((len(places), 3)), np.full(len(places), np.nan)
+    at = np.ascontiguousarray(places.T)
     done = 0
     for number, point in lattice.candidates(places, np.zeros_like(places), radius):
         done += int(np.count_nonzero(number[1:] != number[:-1])) + 1
-        local = lattice.offsets(places, number, point)
-        inside = local[0] ** 2 + local[1] ** 2 + local[2] ** 2 <= radius**2
-        if inside.any():
-            which, members, scatter = _scatter(number[inside], [axis[inside] for axis in local])
+        local = lattice.offsets(at, number, point)
+        inside = np.flatnonzero(local[0] ** 2 + local[1] ** 2 + local[2] ** 2 <= radius**2)
+        if len(inside):
+            which, members, scatter = _scatter(number.take(inside), [axis.take(inside) for axis in local])
             count[which] = members
             for start in range(0, len(which), _GROUP):
                 part = slice(start, start + _GROUP)
@@ -65,12 +66,6 @@ def fit_planes(
         progress.update(done / max(len(places), 1))
     normal[normal @ toward < 0] *= -1.0
     return Fits(normal=normal, roughness=roughness, count=count)
-
-
-def runs(number: Index) -> tuple[Index, Index, Index]:
-    """Runs of equal ``number`` (n,), n > 0: the numbers, where they start, and their lengths."""
-    starts = np.flatnonzero(np.concatenate([[True], number[1:] != number[:-1]]))
-    return number[starts], starts, np.diff(np.append(starts, len(number)))
 
 
 def _scatter(number: Index, local: list[Float]) -> tuple[Index, Index, Float]:

@@ -1,13 +1,15 @@
-"""Which points of a cloud can lie in a cylinder or a ball: candidates by the cells of the cloud's own plane.
+"""Which points of a cloud can lie in a cylinder or a ball: candidates by cubes of the cloud's own frame.
 
-A surface seen along its dominant plane's normal is thin: all that a cylinder across it can hold lies in the cells that
-the cylinder covers in that plane. The points are sorted by these cells once, so that a cylinder's candidates are a few
-runs of neighbouring points. What lies within is for the caller to test; nothing within is ever left out.
+The points are sorted by cubes, each cut into eight parts, once. A surface seen along its dominant plane's normal is
+thin: all that a cylinder across it can hold lies in the cells that the cylinder covers in that plane, a few runs of
+neighbouring cubes. Of these only cubes, and of these only parts, are looked into whose sphere around their points the
+cylinder's axis comes near. What lies within is for the caller to test; nothing within is ever left out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +17,11 @@ from numpy.typing import NDArray
 Float = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-CELLS_A_RADIUS = 2.0  # measured: finer cells fit the cylinder better, but take more looking up
-_PAIRS = 1_000_000  # pairs of a place and a point held at a time; some 150 bytes each
+CUBES_A_RADIUS = 1.0  # measured: smaller cubes fit the cylinder better, but take more looking up
+_PAIRS = 500_000  # pairs of a place and a point held at a time; some 150 bytes each, fewer stay in a faster cache
 _RUNS = 500_000  # rows of cells looked up at a time
 _SAMPLE = 100_000
+_MOST_CUBES = 2.0**57  # the key of one takes three bits less
 
 
 def dominant_frame(xyz: Float) -> Float:
@@ -31,8 +34,20 @@ def dominant_frame(xyz: Float) -> Float:
     return np.stack([u, np.cross(w, u), w])
 
 
+@dataclass(frozen=True)
+class _Spheres:
+    """Spheres around ``m`` groups of points: ``centre`` (3, m), ``radius`` (m,). Group k holds the ``sizes[k]``
+    members from ``bounds[k]`` on of what comes next: smaller groups, or points.
+    """
+
+    bounds: Index
+    sizes: Index
+    centre: Float
+    radius: Float
+
+
 class Lattice:
-    """Points sorted by square cells of the plane that ``frame`` (see ``dominant_frame``) spans.
+    """Points sorted by cubes along the axes of ``frame`` (see ``dominant_frame``).
 
     ``points`` (3, n), x, y and z by themselves, are in that order.
     """
@@ -40,22 +55,38 @@ class Lattice:
     def __init__(self, xyz: Float, radius: float, frame: Float | None = None) -> None:
         """Sort ``xyz`` (n, 3), n > 0, for searches of about ``radius``."""
         self.frame = dominant_frame(xyz) if frame is None else frame
-        self.cell = radius / CELLS_A_RADIUS
+        self.cell = radius / CUBES_A_RADIUS
         self._origin = xyz[0].copy()
         self._digits = 16 * np.finfo(np.float64).eps * float(np.abs(xyz).max())
-        plane = self._in_plane(xyz)
-        self._low = plane.min(axis=0)
-        spans = np.floor((plane.max(axis=0) - self._low) / self.cell) + 1
-        if spans.prod() > 2.0**62:
-            # so few points in so many cells: larger cells do as well
-            self.cell *= float(spans.max()) / 2.0**30
-            spans = np.floor((plane.max(axis=0) - self._low) / self.cell) + 1
-        self._columns, self._rows = (int(s) for s in spans)
-        column, row = np.floor((plane - self._low) / self.cell).astype(np.int64).T
-        key = row * self._columns + column
+        local = self.frame @ np.ascontiguousarray((xyz - self._origin).T)
+        self._low = local.min(axis=1)
+        local -= self._low[:, None]
+        widest = local.max(axis=1)
+        spans = np.floor(widest / self.cell) + 1
+        if spans.prod() > _MOST_CUBES:
+            # so few points in so many cubes: larger ones do as well
+            self.cell *= float(spans.max()) / _MOST_CUBES ** (1 / 3)
+            spans = np.floor(widest / self.cell) + 1
+        self._columns, self._rows, layers = (int(s) for s in spans)
+        local /= self.cell
+        whole = np.floor(local)
+        column, row, layer = whole.astype(np.int64)
+        eighth = np.array([1, 2, 4]) @ (local - whole >= 0.5)
+        key = ((row * self._columns + column) * layers + layer) * 8 + eighth
         order = np.argsort(key, kind="stable")
-        self._key = key[order]
-        self.points = np.ascontiguousarray(xyz[order].T)
+        key = key[order]
+        self.points = np.stack([axis.take(order) for axis in xyz.T])
+        eighths, cubes = (np.append(runs(k)[1], len(key)) for k in (key, key // 8))
+        self._key = key[cubes[:-1]] // (8 * layers)
+        self._cubes = cubes
+        self._levels = (self._spheres(cubes, np.searchsorted(eighths, cubes)), self._spheres(eighths, eighths))
+
+    def _spheres(self, ends: Index, bounds: Index) -> _Spheres:
+        """Around the points from each of ``ends`` (m + 1,) to the next."""
+        sizes = np.diff(ends)
+        centre = np.add.reduceat(self.points, ends[:-1], axis=1) / sizes
+        apart = ((self.points - np.repeat(centre, sizes, axis=1)) ** 2).sum(axis=0)
+        return _Spheres(bounds, np.diff(bounds), centre, np.sqrt(np.maximum.reduceat(apart, ends[:-1])))
 
     def candidates(self, places: Float, half_axes: Float, radius: float) -> Iterator[tuple[Index, Index]]:
         """Pairs (number of a place, number of a point) that hold every point within ``radius`` of a place's segment.
@@ -69,7 +100,7 @@ class Lattice:
             half_axes: (m, 3).
         """
         place, axis = self._in_plane(places), half_axes @ self.frame[:2].T
-        length = float(np.abs(axis).max(initial=0.0))
+        length = float(np.abs(half_axes).max(initial=0.0))
         reach = radius + 1e-9 * (radius + length) + self._digits
         low = (place[:, 1] - np.abs(axis[:, 1]) - reach - self._low[1]) / self.cell
         high = (place[:, 1] + np.abs(axis[:, 1]) + reach - self._low[1]) / self.cell
@@ -79,26 +110,36 @@ class Lattice:
         # neighbours in the plane one after the other, for the sake of the processor's cache
         column = np.clip(np.floor((place[:, 0] - self._low[0]) / self.cell), 0, self._columns - 1).astype(np.int64)
         order = np.lexsort((column, (first + last) // 2))
+        squared = (half_axes**2).sum(axis=1)
+        inverse = np.divide(1.0, squared, out=np.zeros_like(squared), where=squared > np.finfo(np.float64).tiny)
+        segments = np.vstack([places.T, half_axes.T, inverse])
         for part in _parts(rows[order], _RUNS):
             chosen = order[part]
             chosen = chosen[rows[chosen] > 0]
             number = np.repeat(chosen, rows[chosen])
-            row = np.repeat(first[chosen], rows[chosen]) + _count_up(rows[chosen])
+            row = _ranges(first[chosen], rows[chosen])
             start, stop = self._runs(row, place[number], axis[number], reach)
-            held = np.bincount(np.repeat(np.arange(len(chosen)), rows[chosen]), stop - start, len(chosen))
+            points = self._cubes[stop] - self._cubes[start]
+            held = np.bincount(np.repeat(np.arange(len(chosen)), rows[chosen]), points, len(chosen))
             ends = np.cumsum(rows[chosen])
             for few in _parts(held.astype(np.int64), _PAIRS):
-                runs = slice(ends[few.start] - rows[chosen[few.start]], ends[few.stop - 1])
-                size = stop[runs] - start[runs]
-                if size.any():
-                    yield np.repeat(number[runs], size), np.repeat(start[runs], size) + _count_up(size)
+                lines = slice(ends[few.start] - rows[chosen[few.start]], ends[few.stop - 1])
+                size = stop[lines] - start[lines]
+                owner, member = np.repeat(number[lines], size), _ranges(start[lines], size)
+                for spheres in self._levels:
+                    near = _near(spheres, member, segments, owner, reach)
+                    group = member.take(near)
+                    size = spheres.sizes.take(group)
+                    owner, member = np.repeat(owner.take(near), size), _ranges(spheres.bounds.take(group), size)
+                if len(member):
+                    yield owner, member
 
     def offsets(self, places: Float, number: Index, point: Index) -> tuple[Float, Float, Float]:
-        """x, y and z of the points from their places (m, 3), for pairs as ``candidates`` gives them.
+        """x, y and z of the points from their places (3, m), for pairs as ``candidates`` gives them.
 
         The difference of two coordinates is taken before anything else, so that large ones cost no digits.
         """
-        x, y, z = (self.points[axis][point] - places[:, axis][number] for axis in range(3))
+        x, y, z = (self.points[axis].take(point) - places[axis].take(number) for axis in range(3))
         return x, y, z
 
     def _in_plane(self, xyz: Float) -> Float:
@@ -125,10 +166,31 @@ class Lattice:
         return start, np.maximum(start, stop)
 
 
-def _count_up(sizes: Index) -> Index:
-    """0, 1, ... size - 1 for each size, one after the other."""
+def _near(spheres: _Spheres, sphere: Index, segments: Float, number: Index, reach: float) -> Index:
+    """Which of the pairs of a sphere and a segment are within ``reach``.
+
+    ``segments`` (7, m): middle, half axis, and one over the half axis' squared length (0 where that is 0).
+    """
+    x, y, z = (spheres.centre[axis].take(sphere) - segments[axis].take(number) for axis in range(3))
+    a, b, c, inverse = (row.take(number) for row in segments[3:])
+    t = np.clip((x * a + y * b + z * c) * inverse, -1.0, 1.0)
+    x -= a * t
+    y -= b * t
+    z -= c * t
+    squared = x * x + y * y + z * z
+    return np.flatnonzero(squared <= ((spheres.radius + reach) ** 2).take(sphere))
+
+
+def runs(number: Index) -> tuple[Index, Index, Index]:
+    """Runs of equal ``number`` (n,), n > 0: the numbers, where they start, and their lengths."""
+    starts = np.flatnonzero(np.concatenate([[True], number[1:] != number[:-1]]))
+    return number[starts], starts, np.diff(np.append(starts, len(number)))
+
+
+def _ranges(starts: Index, sizes: Index) -> Index:
+    """start, start + 1, ... start + size - 1 for each start and its size, one after the other."""
     ends = np.cumsum(sizes)
-    return np.arange(ends[-1] if len(ends) else 0) - np.repeat(ends - sizes, sizes)
+    return np.arange(ends[-1] if len(ends) else 0) + np.repeat(starts - (ends - sizes), sizes)
 
 
 def _parts(sizes: Index, limit: int) -> Iterator[slice]:

@@ -104,6 +104,20 @@ def test_a_stray_point_costs_no_memory_and_no_exactness():
     assert np.array_equal(found.count, brute_force(cloud, core, normal, 0.5, 1.0)[0])
 
 
+def test_few_points_are_looked_into_that_are_not_in_the_cylinder():
+    # a steep hollow: seen from above, long cylinders across its walls cover much ground that they never come near
+    rng = np.random.default_rng(1)
+    place, angle = rng.uniform(-20, 20, (120_000, 2)), np.pi / 4
+    cloud = np.column_stack([place, np.hypot(*place.T) + rng.normal(0, 0.02, len(place))])
+    core = cloud[(np.abs(np.hypot(*place.T) - 12) < 1)][:300]
+    across = -core[:, :2] / np.hypot(*core[:, :2].T)[:, None] * np.sin(angle)
+    normal = np.column_stack([across, np.full(len(core), np.cos(angle))])
+    inside, _, _ = brute_force(cloud, core, normal, 0.4, 1.5)
+    looked = sum(len(point) for _, point in Lattice(cloud, 0.4).candidates(core, 1.5 * normal, 0.4))
+    assert inside.sum() > 5_000
+    assert inside.sum() <= looked < 2.5 * inside.sum()
+
+
 def test_normals_and_roughness_are_those_of_principal_components():
     cloud = slope(8000, 1)
     core = cloud[::200]
