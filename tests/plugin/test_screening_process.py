@@ -34,7 +34,7 @@ def test_a_raw_survey_is_refused_with_the_remedy_and_screened_with_it(
     }
     done = qgis_process.attempt("screenhazards", **given)
     assert done.returncode == 1
-    assert "--ground extract" in done.stderr
+    assert "give extract in “Ground points”" in done.stderr
     assert list(tmp_path.iterdir()) == []
     results = qgis_process.run("screenhazards", **given, GROUND="extract", RESIDUAL_THRESHOLD=0.05)
     assert set(ScreenHazards.NUMBERS) | set(ScreenHazards.FILES) <= set(results)
