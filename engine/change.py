@@ -128,12 +128,13 @@ def common_grid(reference: Float, moving: Float, parameters: GridChangeParameter
     grid = snapped_grid(union, parameters.cell)
     limit = parameters.memory_limit * 1e9
     a_cell = _BYTES_A_GROWING_CELL if parameters.grows else _BYTES_A_CELL
-    needed = grid.rows * grid.columns * a_cell
-    if needed > limit:
+    cells = grid.rows * grid.columns
+    if cells * a_cell > limit:
+        one_size = "turn off cells that grow, " if parameters.grows and cells * _BYTES_A_CELL <= limit else ""
         raise InputError(
-            f"A grid of {grid.rows} by {grid.columns} cells needs {needed / 1e9:.3g} GB, more than the "
-            f"{parameters.memory_limit:g} GB allowed; clip to the slope or use a cell of at least "
-            f"{_cell_that_fits(union, parameters.cell, limit / a_cell):g} m."
+            f"A grid of {grid.rows} by {grid.columns} cells needs {cells * a_cell / 1e9:.3g} GB, more than the "
+            f"{parameters.memory_limit:g} GB allowed; clip to the slope, use a cell of at least "
+            f"{_cell_that_fits(union, parameters.cell, limit / a_cell):g} m, {one_size}or raise memory_limit."
         )
     return grid
 

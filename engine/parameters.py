@@ -461,7 +461,7 @@ class GridChangeParameters(ParameterSet):
         advanced=True,
     )
     memory_limit: float = _parameter(
-        2.0,
+        4.0,
         "Memory for the grid",
         "A grid that would need more is refused, with its size and a cell size that fits.",
         unit="GB",

@@ -98,6 +98,17 @@ def test_too_large_a_grid_is_refused_with_a_cell_that_fits():
     common_grid(first, outlier, ChangeParameters(cell=fits * 1.05, memory_limit=0.1))
 
 
+def test_a_grid_too_large_for_growing_cells_alone_says_that_one_size_would_fit():
+    first = epoch(1)
+    far = np.vstack([first, [200.0, 10.0, 100.0]])
+    with pytest.raises(InputError, match="turn off cells that grow, or raise memory_limit"):
+        common_grid(first, far, ChangeParameters(cell=0.1, memory_limit=0.2))
+    common_grid(first, far, ChangeParameters(cell=0.1, memory_limit=0.2, adaptive=False))
+    farther = np.vstack([first, [3e4, 10.0, 100.0]])
+    with pytest.raises(InputError, match=r"at least [\d.]+ m, or raise memory_limit"):
+        common_grid(first, farther, ChangeParameters(cell=0.1, memory_limit=0.2))
+
+
 def test_uniform_shift_is_told_from_deformation():
     rng = np.random.default_rng(0)
     level = np.full(10_000, 0.05)
