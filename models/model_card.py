@@ -287,7 +287,8 @@ def _again(description: dict[str, Any]) -> list[str]:
         "",
         (
             "Trainings and folds go on where they were broken off. Whoever replaces the weights replaces "
-            "`slopewatch.json` and `slopewatch.sha256` with them. `training_log.csv` is the log of the training, `figures/` holds all scores."
+            "`slopewatch.json` and `slopewatch.sha256` with them. `training_log.csv` is the log of the training, "
+            "`figures/` holds all scores."
         ),
         "",
     ]
