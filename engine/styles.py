@@ -190,19 +190,7 @@ def footprints_qml() -> str:
 
     The zones, which are drawn in full, lie within; both layers can be shown at once.
     """
-    root = Element(
-        "qgis",
-        version=VERSION,
-        styleCategories="Symbology|Labeling|Fields|Forms|MapTips|AttributeTable",
-        labelsEnabled="1",
-        readOnly="0",
-    )
-    renderer = SubElement(
-        root,
-        "renderer-v2",
-        {"type": "categorizedSymbol", "attr": "kind", "enableorderby": "0", "forceraster": "0", "symbollevels": "0"},
-    )
-    categories, symbols = SubElement(renderer, "categories"), SubElement(renderer, "symbols")
+    root, categories, symbols = _categorized("kind")
     veils, edges = DIVERGING[3][1:], DIVERGING[-2][1:]
     for number, kind in enumerate(("subsidence", "uplift")):
         label = f"Footprint of the volume, {kind}"
@@ -229,14 +217,8 @@ def probability_qml() -> str:
     return _raster_qml(stops, suffix="")
 
 
-def _zones_qml(
-    grade: str,
-    grade_names: tuple[str, ...],
-    aliases: dict[str, str],
-    first: tuple[str, ...],
-    tip: str,
-    outline: tuple[float, float],
-) -> str:
+def _categorized(attribute: str) -> tuple[Element, Element, Element]:
+    """The root of a style of polygons by ``attribute``, and what takes its categories and their symbols."""
     root = Element(
         "qgis",
         version=VERSION,
@@ -249,15 +231,25 @@ def _zones_qml(
         "renderer-v2",
         {
             "type": "categorizedSymbol",
-            "attr": f'concat("kind", \', \', "{grade}")',
+            "attr": attribute,
             "enableorderby": "0",
             "forceraster": "0",
             "symbollevels": "0",
             "referencescale": "-1",
         },
     )
-    categories = SubElement(renderer, "categories")
-    symbols = SubElement(renderer, "symbols")
+    return root, SubElement(renderer, "categories"), SubElement(renderer, "symbols")
+
+
+def _zones_qml(
+    grade: str,
+    grade_names: tuple[str, ...],
+    aliases: dict[str, str],
+    first: tuple[str, ...],
+    tip: str,
+    outline: tuple[float, float],
+) -> str:
+    root, categories, symbols = _categorized(f'concat("kind", \', \', "{grade}")')
     looks = zip(grade_names, ((4, 150, 0.4), (3, 110, 0.3), (2, 80, 0.2)), strict=True)
     pairs = [(kind, name, *look) for name, look in looks for kind in ("subsidence", "uplift")]
     pairs.sort(key=lambda pair: pair[0])
