@@ -15,8 +15,9 @@ from shapely.geometry.base import BaseGeometry
 from .adaptive import AdaptiveCells, adaptive_cells
 from .cell_slope import gradient_at, slope_degrees
 from .cell_variance import pooled_variance
+from .common_grid import common_grid
 from .errors import InputError
-from .gridding import CellStatistics, Float, Grid, cell_statistics, on_grid, sloping_statistics, snapped_grid
+from .gridding import CellStatistics, Float, Grid, cell_statistics, on_grid, sloping_statistics
 from .order_statistics import sample_quantile
 from .parameters import ChangeParameters, GridChangeParameters
 from .progress import Progress
@@ -25,8 +26,6 @@ from .slope_error import ErrorModel, uncalibrated
 from .thresholds import quantile
 
 _FEWEST_CELLS = 30  # with fewer in common, nothing can be said of the whole overlap
-_BYTES_A_CELL = 280.0  # measured peak of difference() and what follows it, per cell of the grid
-_BYTES_A_GROWING_CELL = 620.0
 
 
 @dataclass(frozen=True)
@@ -108,35 +107,6 @@ class Change:
             "registration_error_m": self.registration_error,
             **self.model.summary(),
         }
-
-
-def common_grid(reference: Float, moving: Float, parameters: GridChangeParameters) -> Grid:
-    """The snapped grid that covers both clouds ((n, 3) and (m, 3)) where their extents meet.
-
-    Raises:
-        InputError: the extents do not meet (both are named), or the grid needs more than ``memory_limit``.
-    """
-    extents = [tuple(float(end(c[:, k])) for end in (np.min, np.max) for k in (0, 1)) for c in (reference, moving)]
-    a, b = extents
-    meet = (max(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), min(a[3], b[3]))
-    if meet[0] > meet[2] or meet[1] > meet[3]:
-        raise InputError(
-            f"The epochs do not overlap: the first spans {_extent(a)}, the second {_extent(b)}; "
-            "check that both are of the same slope and in the same reference system."
-        )
-    union = (min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3]))
-    grid = snapped_grid(union, parameters.cell)
-    limit = parameters.memory_limit * 1e9
-    a_cell = _BYTES_A_GROWING_CELL if parameters.grows else _BYTES_A_CELL
-    cells = grid.rows * grid.columns
-    if cells * a_cell > limit:
-        one_size = "turn off cells that grow, " if parameters.grows and cells * _BYTES_A_CELL <= limit else ""
-        raise InputError(
-            f"A grid of {grid.rows} by {grid.columns} cells needs {cells * a_cell / 1e9:.3g} GB, more than the "
-            f"{parameters.memory_limit:g} GB allowed; clip to the slope, use a cell of at least "
-            f"{_cell_that_fits(union, parameters.cell, limit / a_cell):g} m, {one_size}or raise memory_limit."
-        )
-    return grid
 
 
 def difference(
@@ -395,16 +365,3 @@ def uniform_shift(dz: Float, level: Float, *, independent: int | None = None) ->
     beyond = float(np.mean(dz * math.copysign(1.0, shift) > level))
     cells = dz.size if independent is None else independent
     return shift if cells >= _FEWEST_CELLS and beyond >= 0.9 and spread < abs(shift) / 3 else None
-
-
-def _cell_that_fits(bounds: tuple[float, float, float, float], cell: float, most: float) -> float:
-    """The smallest cell of two significant digits, in steps of a tenth, whose grid has at most so many cells."""
-    while math.prod(snapped_grid(bounds, cell).shape) > most:
-        larger = cell * 1.1
-        unit = 10.0 ** (math.floor(math.log10(larger)) - 1)
-        cell = round(math.ceil(larger / unit) * unit, 10)
-    return cell
-
-
-def _extent(bounds: tuple[float, ...]) -> str:
-    return f"x {bounds[0]:.1f} to {bounds[2]:.1f}, y {bounds[1]:.1f} to {bounds[3]:.1f}"

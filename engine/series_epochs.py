@@ -13,8 +13,9 @@ import shapely
 from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
-from .change import common_grid, epoch_cells
+from .change import epoch_cells
 from .clouds import PointCloud, read_cloud
+from .common_grid import common_grid
 from .epochs import Epoch
 from .errors import InputError
 from .gridding import CellStatistics, Grid

@@ -9,7 +9,8 @@ import pytest
 import shapely
 from scipy import ndimage
 from slopewatch.engine.adaptive import LEAST_POINTS, adaptive_cells
-from slopewatch.engine.change import Change, cells_inside, common_grid, difference
+from slopewatch.engine.change import Change, cells_inside, difference
+from slopewatch.engine.common_grid import common_grid
 from slopewatch.engine.errors import InputError
 from slopewatch.engine.gridding import cell_index, cell_statistics, snapped_grid
 from slopewatch.engine.moments import cell_moments, merged

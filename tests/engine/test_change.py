@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import shapely
 import shapely.affinity
-from slopewatch.engine.change import common_grid, difference, uniform_shift
+from slopewatch.engine.change import difference, uniform_shift
+from slopewatch.engine.common_grid import common_grid
 from slopewatch.engine.errors import InputError
 from slopewatch.engine.parameters import ChangeParameters
 
