@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from .alerts import AlertLevel
 from .palette import DIVERGING, SEQUENTIAL, hexadecimal
-from .style_parts import HEAD, VERSION, attribute_table, document, forms, labels, options
+from .style_parts import HEAD, VERSION, attribute_table, categorized, document, forms, labels, options
 from .styles import ALIASES
 
 _FIXED_RANGE = "0"  # of a raster's temporal modes
@@ -136,19 +136,7 @@ def states_qml() -> str:
 
 def _layer_root(field: str, categories: list[tuple[str, str, str, int]]) -> Element:
     """A layer with a fill and an outline for each category: value, label, colour (#rrggbb) and opacity of the fill."""
-    root = Element(
-        "qgis",
-        version=VERSION,
-        styleCategories="Symbology|Labeling|Fields|Forms|MapTips|AttributeTable|Temporal",
-        labelsEnabled="1",
-        readOnly="0",
-    )
-    renderer = SubElement(
-        root,
-        "renderer-v2",
-        {"type": "categorizedSymbol", "attr": field, "enableorderby": "0", "forceraster": "0", "symbollevels": "0"},
-    )
-    listed, symbols = SubElement(renderer, "categories"), SubElement(renderer, "symbols")
+    root, listed, symbols = categorized(field, "|Temporal")
     for number, (value, label, colour, opacity) in enumerate(categories):
         SubElement(listed, "category", value=value, label=label, symbol=str(number), render="true", type="string")
         symbol = SubElement(symbols, "symbol", type="fill", name=str(number), alpha="1", clip_to_extent="1")

@@ -13,6 +13,35 @@ FILLED_IN_LATER = ("slope_id", "route", "chain_from", "chain_to", "side", "revie
 REVIEW = ("unreviewed", "confirmed", "rejected")
 
 
+def categorized(attribute: str, also: str = "") -> tuple[Element, Element, Element]:
+    """The root of a style of polygons by ``attribute`` (a field or an expression), and what takes its categories and
+    their symbols.
+
+    Args:
+        also: parts of a style that it has besides those that all have, such as ``|Temporal``.
+    """
+    root = Element(
+        "qgis",
+        version=VERSION,
+        styleCategories=f"Symbology|Labeling|Fields|Forms|MapTips|AttributeTable{also}",
+        labelsEnabled="1",
+        readOnly="0",
+    )
+    renderer = SubElement(
+        root,
+        "renderer-v2",
+        {
+            "type": "categorizedSymbol",
+            "attr": attribute,
+            "enableorderby": "0",
+            "forceraster": "0",
+            "symbollevels": "0",
+            "referencescale": "-1",
+        },
+    )
+    return root, SubElement(renderer, "categories"), SubElement(renderer, "symbols")
+
+
 def labels(root: Element, text: str = "") -> None:
     """Zones are labelled with their ids, or with what the expression ``text`` makes of their fields."""
     settings = SubElement(SubElement(root, "labeling", type="simple"), "settings", calloutType="simple")

@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from .outputs import atomic_output
 from .palette import BELOW_LEVEL, DIVERGING, LIKELIHOOD, SEQUENTIAL, Colour, hexadecimal, sequential_steps
-from .style_parts import VERSION, attribute_table, document, forms, labels, options
+from .style_parts import VERSION, attribute_table, categorized, document, forms, labels, options
 
 # What analysts read in the attribute table instead of the field's name.
 ALIASES = {
@@ -190,7 +190,7 @@ def footprints_qml() -> str:
 
     The zones, which are drawn in full, lie within; both layers can be shown at once.
     """
-    root, categories, symbols = _categorized("kind")
+    root, categories, symbols = categorized("kind")
     veils, edges = DIVERGING[3][1:], DIVERGING[-2][1:]
     for number, kind in enumerate(("subsidence", "uplift")):
         label = f"Footprint of the volume, {kind}"
@@ -217,30 +217,6 @@ def probability_qml() -> str:
     return _raster_qml(stops, suffix="")
 
 
-def _categorized(attribute: str) -> tuple[Element, Element, Element]:
-    """The root of a style of polygons by ``attribute``, and what takes its categories and their symbols."""
-    root = Element(
-        "qgis",
-        version=VERSION,
-        styleCategories="Symbology|Labeling|Fields|Forms|MapTips|AttributeTable",
-        labelsEnabled="1",
-        readOnly="0",
-    )
-    renderer = SubElement(
-        root,
-        "renderer-v2",
-        {
-            "type": "categorizedSymbol",
-            "attr": attribute,
-            "enableorderby": "0",
-            "forceraster": "0",
-            "symbollevels": "0",
-            "referencescale": "-1",
-        },
-    )
-    return root, SubElement(renderer, "categories"), SubElement(renderer, "symbols")
-
-
 def _zones_qml(
     grade: str,
     grade_names: tuple[str, ...],
@@ -249,7 +225,7 @@ def _zones_qml(
     tip: str,
     outline: tuple[float, float],
 ) -> str:
-    root, categories, symbols = _categorized(f'concat("kind", \', \', "{grade}")')
+    root, categories, symbols = categorized(f'concat("kind", \', \', "{grade}")')
     looks = zip(grade_names, ((4, 150, 0.4), (3, 110, 0.3), (2, 80, 0.2)), strict=True)
     pairs = [(kind, name, *look) for name, look in looks for kind in ("subsidence", "uplift")]
     pairs.sort(key=lambda pair: pair[0])
