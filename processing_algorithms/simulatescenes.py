@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
-
-from qgis.core import QgsProcessingContext, QgsProcessingFeedback
+from typing import ClassVar
 
 from ..engine.parameters import ScenesParameters
-from ..plugin.engine_client import EngineResult
-from . import declare, products
-from .base import SlopeWatchAlgorithm
+from .simulation import SimulationAlgorithm
 
 
-class SimulateScenes(SlopeWatchAlgorithm):
+class SimulateScenes(SimulationAlgorithm):
     NAME = "simulatescenes"
     TITLE = "Simulate labelled scenes"
-    GROUP = "tools"
     SUMMARY = "Writes simulated slopes with bulges, hollows and what looks like them, the class of every point known."
     TAGS = ("simulation", "synthetic", "labels", "truth", "training data", "hazard", "benchmark")
     PARAMETER_GROUPS = (ScenesParameters,)
+    KIND = "scenes"
+    FOLDER_HELP = "Receives the scenes, their hazards, a picture and a manifest."
     FILES: ClassVar = {
         "SCENE": ("scene", "First scene"),
         "HAZARDS": ("hazards", "Hazards"),
@@ -34,20 +31,3 @@ class SimulateScenes(SlopeWatchAlgorithm):
         "SHARE_UPLIFT": ("share_uplift", "Share of uplift (0 to 1)"),
         "SHARE_SUBSIDENCE": ("share_subsidence", "Share of subsidence (0 to 1)"),
     }
-
-    def initAlgorithm(self, configuration: Any = None) -> None:
-        self.declare_groups()
-        products.declare_folder(self, "Receives the scenes, their hazards, a picture and a manifest.")
-        self.declare_outputs()
-
-    def arguments(
-        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
-    ) -> list[str]:
-        self._folder = products.output_folder(self, parameters, context)
-        arguments = ["simulate", "scenes", "--output-dir", self._folder]
-        return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
-
-    def results(
-        self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
-    ) -> dict[str, Any]:
-        return {"OUTPUT_FOLDER": self._folder}

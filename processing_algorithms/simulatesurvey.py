@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
-
-from qgis.core import QgsProcessingContext, QgsProcessingFeedback
+from typing import ClassVar
 
 from ..engine.parameters import SurveyParameters
-from ..plugin.engine_client import EngineResult
 from ..plugin.styling import Appearance
-from . import declare, products
-from .base import SlopeWatchAlgorithm
+from . import products
+from .simulation import SimulationAlgorithm
 
 _PRODUCTS = (
     products.Product("ROI", "roi", "Region of interest", "Polygon of the cut face.", Appearance(20), layer="roi"),
@@ -25,13 +22,17 @@ _PRODUCTS = (
 )
 
 
-class SimulateSurvey(SlopeWatchAlgorithm):
+class SimulateSurvey(SimulationAlgorithm):
     NAME = "simulatesurvey"
     TITLE = "Simulate a survey"
-    GROUP = "tools"
     SUMMARY = "Writes two simulated UAV LiDAR surveys of one cut slope with known change and offset."
     TAGS = ("simulation", "synthetic", "test data", "truth", "demo")
     PARAMETER_GROUPS = (SurveyParameters,)
+    KIND = "survey"
+    FOLDER_HELP = "Receives both surveys, the region of interest and the truth."
+    BASIC = ("seed", "points", "length", "height", "angle", "vegetation", "amplitude")
+    PRODUCTS = _PRODUCTS
+    LAYERS = "SlopeWatch simulated survey"
     FILES: ClassVar = {
         "REFERENCE": ("reference", "First survey"),
         "CLOUD": ("cloud", "Later survey"),
@@ -39,22 +40,3 @@ class SimulateSurvey(SlopeWatchAlgorithm):
         "TRUTH_TRANSFORM": ("truth_transform", "True transform"),
         "RUN_RECORD": ("run", "Run record"),
     }
-
-    def initAlgorithm(self, configuration: Any = None) -> None:
-        self.declare_groups(basic=("seed", "points", "length", "height", "angle", "vegetation", "amplitude"))
-        products.declare_folder(self, "Receives both surveys, the region of interest and the truth.")
-        products.declare_products(self, _PRODUCTS)
-        self.declare_outputs()
-
-    def arguments(
-        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
-    ) -> list[str]:
-        self._folder = products.output_folder(self, parameters, context)
-        arguments = ["simulate", "survey", "--output-dir", self._folder]
-        return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
-
-    def results(
-        self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
-    ) -> dict[str, Any]:
-        delivered = products.deliver(self, _PRODUCTS, result, parameters, context, "SlopeWatch simulated survey")
-        return {"OUTPUT_FOLDER": self._folder, **delivered}
