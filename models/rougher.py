@@ -1,6 +1,7 @@
 """Simulated ground made rougher: what a model should not take for hazards on slopes rougher than those it learns from.
 
-The texture is white noise under a Gaussian, which is not how the scenes' own roughness is made.
+The texture is white noise under a Gaussian, which is not how the scenes' own roughness is made. Broken ground is made
+of flat pieces with edges, as rock, treads and dumped soil have them; unlike the scenes' landforms none of it repeats.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.spatial import cKDTree
 
 from ..simulation.hazard_scenes.scenes import SimulatedScene
 
@@ -26,6 +28,12 @@ ROLLING_GRADE, ROLLING_LARGEST = (0.02, 0.2), 0.5
 """Of rolling ground: its standard deviation over its reach, log-uniform, and its largest standard deviation, m. That
 it grows with the reach is what natural ground has: a spectrum falls with the wave number.
 """
+BROKEN_SHARE, PIECE, STRETCH = 0.35, (0.5, 4.0), (1.0, 5.0)
+"""Of broken ground: how far its pieces lie apart (m) and how much longer than wide they are, both log-uniform."""
+BROKEN_GRADE, BROKEN_LARGEST, BROKEN_PATCH = (0.02, 0.15), 0.12, 6.0
+"""Standard deviation of its pieces' heights over their distance, log-uniform, that deviation's limit (m), and the reach
+of its patches (m).
+"""
 LEFT_ALONE = 0.25
 """Share of the scenes that stay as they are."""
 
@@ -40,7 +48,7 @@ def rougher(scene: SimulatedScene, rng: np.random.Generator) -> SimulatedScene:
     plane = scene.to_plane(scene.xyz)
     added, deviation = np.zeros(len(scene)), 0.0
     for _ in range(TEXTURES):
-        reach = math.exp(rng.uniform(math.log(REACH[0]), math.log(REACH[1])))
+        reach = _between(REACH, rng)
         amount = rng.uniform(0.0, AMOUNT)
         added += texture(plane[:, :2], reach, amount, rng)
         deviation = math.hypot(deviation, amount)
@@ -51,14 +59,48 @@ def rougher(scene: SimulatedScene, rng: np.random.Generator) -> SimulatedScene:
 
 
 def natural(scene: SimulatedScene, rng: np.random.Generator) -> SimulatedScene:
-    """``rougher``, and ``ROLLING_SHARE`` of the scenes roll besides, as natural ground does; rolling is no hazard."""
+    """``rougher``, and besides ``ROLLING_SHARE`` of the scenes roll and ``BROKEN_SHARE`` are broken in pieces, as
+    natural ground is; neither is a hazard.
+    """
     scene = rougher(scene, rng)
-    if rng.random() >= ROLLING_SHARE:
-        return scene
-    reach = math.exp(rng.uniform(math.log(ROLLING_REACH[0]), math.log(ROLLING_REACH[1])))
-    grade = math.exp(rng.uniform(math.log(ROLLING_GRADE[0]), math.log(ROLLING_GRADE[1])))
-    heights = texture(scene.to_plane(scene.xyz)[:, :2], reach, min(grade * reach, ROLLING_LARGEST), rng)
-    return replace(scene, xyz=scene.xyz + heights[:, None] * scene_normal(scene))
+    plane = scene.to_plane(scene.xyz)[:, :2]
+    if rng.random() < ROLLING_SHARE:
+        reach = _between(ROLLING_REACH, rng)
+        heights = texture(plane, reach, min(_between(ROLLING_GRADE, rng) * reach, ROLLING_LARGEST), rng)
+        scene = replace(scene, xyz=scene.xyz + heights[:, None] * scene_normal(scene))
+    if rng.random() < BROKEN_SHARE:
+        apart = _between(PIECE, rng)
+        amount = min(_between(BROKEN_GRADE, rng) * apart, BROKEN_LARGEST)
+        heights = pieces(plane, apart, _between(STRETCH, rng), amount, rng)
+        hidden = (scene.label > 0) & (np.abs(scene.displacement) < 2.0 * float(heights.std()))
+        moved = scene.xyz + heights[:, None] * scene_normal(scene)
+        scene = replace(scene, xyz=moved, ignore=scene.ignore | hidden)
+    return scene
+
+
+def pieces(xy: Float, apart: float, stretch: float, amount: float, rng: np.random.Generator) -> Float:
+    """Heights (n,) at points (n, 2) of ground broken in flat, tilted pieces, in patches that fade out.
+
+    The pieces are the cells of a Voronoi diagram of random places ``apart`` m apart, drawn out to ``stretch`` times
+    their width in one direction. Their heights scatter by ``amount`` m within a patch, half of it by their tilt.
+    """
+    angle = rng.uniform(0.0, math.pi)
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    even = xy @ turn * (math.sqrt(stretch), 1.0 / math.sqrt(stretch))
+    low, size = even.min(axis=0), np.ptp(even, axis=0)
+    places = low + rng.random((int(np.prod(size / apart)) + 2, 2)) * size
+    nearest = cKDTree(places).query(even)[1]
+    level = rng.standard_normal(len(places))[nearest]
+    lean = rng.standard_normal((len(places), 2))[nearest]
+    tilt = np.einsum("ij,ij->i", lean, even - places[nearest])
+    heights = level + tilt / max(float(tilt.std()), 1e-12)
+    patch = np.clip(0.5 + texture(xy, BROKEN_PATCH, 1.0, rng), 0.0, 1.0)
+    return np.asarray(heights * patch * (amount / math.sqrt(2.0)))
+
+
+def _between(limits: tuple[float, float], rng: np.random.Generator) -> float:
+    """A value between the limits, uniform in its logarithm."""
+    return math.exp(rng.uniform(math.log(limits[0]), math.log(limits[1])))
 
 
 def texture(xy: Float, reach: float, amount: float, rng: np.random.Generator) -> Float:

@@ -13,6 +13,7 @@ from slopewatch.models.rougher import (
     ROLLING_GRADE,
     ROLLING_LARGEST,
     natural,
+    pieces,
     rougher,
     scene_normal,
     texture,
@@ -68,6 +69,7 @@ def test_a_slope_twice_as_rough_has_the_same_heights_in_its_own_units(small_scen
 
 def test_rolling_ground_rises_with_its_reach_and_keeps_its_labels(monkeypatch):
     monkeypatch.setattr("slopewatch.models.rougher.LEFT_ALONE", 1.0)  # no textures besides
+    monkeypatch.setattr("slopewatch.models.rougher.BROKEN_SHARE", 0.0)
     wide = scene(1_000_012, "realistic", area=3000.0, density=6.0)
     normal, plane = scene_normal(wide), wide.to_plane(wide.xyz)
     pairs = cKDTree(plane[:, :2]).query_pairs(0.5, output_type="ndarray")
@@ -94,3 +96,50 @@ def test_rolling_ground_rises_with_its_reach_and_keeps_its_labels(monkeypatch):
     reaches = deviations / grades
     assert reaches.min() < 2.5 < 4 < reaches.max()
     assert deviations[reaches > np.median(reaches)].mean() > 1.5 * deviations[reaches <= np.median(reaches)].mean()
+
+
+def test_broken_ground_is_flat_pieces_with_edges_in_patches():
+    """Within a piece heights follow a plane, between pieces they jump; some ground stays as it is."""
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(0, 50, 0.1), np.arange(0, 40, 0.1)))
+    broken = []
+    for seed in range(3):
+        field = pieces(np.column_stack([x, y]), 2.0, 1.0, 0.1, np.random.default_rng(seed)).reshape(400, 500)
+        bend = np.abs(field[:, 2:] - 2 * field[:, 1:-1] + field[:, :-2])
+        flat = bend < 0.003  # a patch's fading bends a piece a little
+        assert 0.8 < flat.mean() < 0.985
+        assert bend[~flat].mean() > 10 * bend[flat].mean()
+        broken.append(field[field != 0])
+        assert 0.1 < np.mean(field == 0) < 0.9
+    assert np.std(np.concatenate(broken)) == pytest.approx(0.07, abs=0.02)  # fading patches take off a third
+
+
+def test_pieces_are_drawn_out_one_way_and_as_many_as_asked_for():
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(0, 60, 0.1), np.arange(0, 60, 0.1)))
+    counts = {}
+    for stretch in (1.0, 4.0):
+        # Level ground within a piece: heights before tilt and patches differ only between pieces.
+        rng = np.random.default_rng(5)
+        field = pieces(np.column_stack([x, y]), 2.0, stretch, 0.1, rng).reshape(600, 600)
+        jumps = [np.abs(np.diff(field, axis=axis)) > 0.03 for axis in (0, 1)]
+        counts[stretch] = sorted(j.sum() for j in jumps)
+    assert counts[1.0][1] < 1.3 * counts[1.0][0]
+    assert counts[4.0][1] > 1.3 * counts[4.0][0]
+
+
+def test_hazards_lower_than_broken_ground_is_high_are_not_trained_on(monkeypatch):
+    monkeypatch.setattr("slopewatch.models.rougher.LEFT_ALONE", 1.0)
+    monkeypatch.setattr("slopewatch.models.rougher.ROLLING_SHARE", 0.0)
+    monkeypatch.setattr("slopewatch.models.rougher.BROKEN_SHARE", 1.0)
+    wide = scene(1_000_012, "realistic", area=3000.0, density=6.0)
+    normal, found = scene_normal(wide), 0
+    for seed in range(4):
+        moved = natural(wide, np.random.default_rng(seed))
+        np.testing.assert_array_equal(moved.label, wide.label)
+        shift = (moved.xyz - wide.xyz) @ normal
+        newly = moved.ignore & ~wide.ignore
+        left = (moved.label > 0) & ~moved.ignore
+        assert (moved.label[newly] > 0).all()
+        assert np.abs(wide.displacement[newly]).max(initial=0.0) <= 2 * shift.std()
+        assert np.abs(wide.displacement[left]).min() >= 2 * shift.std() - 1e-6
+        found += newly.sum()
+    assert found > 0
