@@ -17,6 +17,8 @@ from .progress import Progress
 
 LEAST_POINTS = 4
 """Points that a block takes in either epoch, at least."""
+CLEAR, FEWEST_OF_CLEAR = 0.25, 3
+"""A change is clear where its level of detection is at most this share of it; its blocks take so many points."""
 _PRIOR_DEGREES = 8.0  # of freedom that the surrounding blocks' variance counts
 _RADIUS = 3  # blocks, of the surroundings
 _PARTS = 2  # a block is compared with its parts of a quarter of its side
@@ -64,15 +66,17 @@ def adaptive_cells(
 ) -> AdaptiveCells:
     """Change of each block: the smallest of cell, 2 x 2, 4 x 4 ... cells that meets ``target_level``.
 
-    From the finest size up, a block is taken where both epochs have enough points in it, its gradient is determined,
-    and its level of detection is at most ``target_level``, or more the registration's than the points', so that a
-    larger one would gain little; at the largest size, whatever the level is. What is taken leaves with its points: a
-    larger block is what is left of its square, so that the errors of two blocks are independent but for the
-    registration. Single cells here and there in a square, less than a quarter of it, are no block: their mean would
-    be that of places far apart. They, and what has too few points of its own, get the change of the smallest whole
-    square that serves, whose points finer blocks in it have used as well. A quarter of a block without any point does
-    not count as compared, nor does what lies outside of either survey, gaps within it aside. Blocks lie at multiples of
-    their side whatever the extent of the clouds.
+    From the finest size up, a block is taken where both epochs have enough points in it, its gradient is
+    determined, and its level of detection is at most ``target_level``, or more the registration's than the points',
+    so that a larger one would gain little; at the largest size, whatever the level is. Where a change is clear, one
+    point less suffices and its level may be a quarter of it: a larger block would blur the tip of a cone and the
+    edge of a step, and on unchanged ground so clear a change does not come by chance (eight standard errors). What
+    is taken leaves with its points: a larger block is what is left of its square, so that the errors of two blocks
+    are independent but for the registration. Single cells here and there in a square, less than a quarter of it,
+    are no block: their mean would be that of places far apart. They, and what has too few points of its own, get
+    the change of the smallest whole square that serves, whose points finer blocks in it have used as well. A
+    quarter of a block without any point does not count as compared, nor does what lies outside of either survey,
+    gaps within it aside. Blocks lie at multiples of their side whatever the extent of the clouds.
 
     The surface of a block is a pair of parallel planes (see ``moments.parallel_planes``). The variance of a point about
     them is moderated by that of the blocks of the same size around (Smyth 2004, doi:10.2202/1544-6115.1027).
@@ -103,14 +107,15 @@ def adaptive_cells(
     quantile = NormalDist().inv_cdf((1 + parameters.confidence) / 2)
 
     def serves(planes: ParallelPlanes, sampling: Float, moments: list[Moments], last: bool) -> NDArray[np.bool_]:
-        enough = planes.sound & np.isfinite(sampling)
-        for epoch in moments:
-            enough &= epoch.count >= max(parameters.minimum_points, LEAST_POINTS)
-        if not last:
-            error = np.hypot(sampling, registration_error)
-            with np.errstate(invalid="ignore"):
-                enough &= (quantile * error <= parameters.target_level) | (sampling <= registration_error)
-        return enough
+        fewest = np.minimum(moments[0].count, moments[1].count)
+        usable = planes.sound & np.isfinite(sampling) & (fewest >= parameters.minimum_points)
+        enough = fewest >= LEAST_POINTS
+        with np.errstate(invalid="ignore"):
+            level = quantile * np.hypot(sampling, registration_error)
+            if not last:
+                enough &= (level <= parameters.target_level) | (sampling <= registration_error)
+            enough |= (fewest >= FEWEST_OF_CLEAR) & (level <= CLEAR * np.abs(planes.dz))
+        return usable & enough
 
     sizes = [f"cells of {grid.cell * 2**step:g} m" for step in range(steps + 1)]
     squares: list[_Squares] = []

@@ -484,8 +484,9 @@ class ChangeParameters(GridChangeParameters):
         True,
         "Cells that grow",
         "Where points are few, as under plants, a cell doubles its side until its level of detection is low enough. "
-        "More ground is compared, with less detail there; a cell has at least 4 points of each survey, and planes "
-        "through them are compared. Off, or with the mean as height of a cell: all cells have one size.",
+        "More ground is compared, with less detail there; a cell has at least 4 points of each survey (3 where the "
+        "change is four times its level), and planes through them are compared. Off, or with the mean as height of a "
+        "cell: all cells have one size.",
     )
     target_level: float = _parameter(
         0.05,

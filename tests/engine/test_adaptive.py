@@ -412,3 +412,35 @@ def test_a_known_change_under_simulated_plants_is_recovered():
     still = np.intersect1d(still, number)
     beyond = np.abs(measured) > 1.96 * (np.bincount(number, change.error[cells]) / np.bincount(number).clip(1))
     assert 0.03 <= beyond[still].mean() <= 0.07
+
+
+def test_a_clear_change_is_not_blurred_and_unchanged_ground_keeps_its_points(monkeypatch):
+    """A step of half a metre where cells have three to five points: a block of 0.2 m across its edge is far off."""
+    rng = np.random.default_rng(11)
+
+    def heights(xy, step):
+        return 0.5 * xy[:, 0] + step * (np.hypot(*(xy - 6.0).T) < 2.0) + rng.normal(0, 0.01, len(xy))
+
+    clouds = []
+    for step in (0.0, 0.5):
+        xy = rng.uniform(0, 12, (60_000, 2))
+        clouds.append(np.column_stack([xy, heights(xy, step)]))
+    grid = difference(*clouds, GROWING).grid
+    x, y = grid.west + (np.arange(grid.columns) + 0.5) * 0.1, grid.north - (np.arange(grid.rows) + 0.5) * 0.1
+    away = np.hypot(*(np.stack(np.meshgrid(x, y), axis=-1) - 6.0).transpose(2, 0, 1)) - 2.0
+    rim = np.abs(away) < 0.15
+    inner = (away > -0.15) & (away < -0.075)  # cells that the step covers whole
+
+    def short_by(change):
+        return 0.5 - np.nanmean(change.dz[inner])
+
+    fine = difference(*clouds, GROWING)
+    few = np.minimum(fine.count_from, fine.count_to)[fine.valid & (fine.cell_size < 0.15)]
+    assert few.min() == 3
+    unchanged = fine.valid & (away > 0.3)
+    assert np.minimum(fine.count_from, fine.count_to)[unchanged].min() >= LEAST_POINTS
+    monkeypatch.setattr("slopewatch.engine.adaptive.CLEAR", 0.0)
+    blurred = difference(*clouds, GROWING)
+    assert np.nanmean(fine.cell_size[rim]) < 0.9 * np.nanmean(blurred.cell_size[rim])
+    assert short_by(fine) < 0.8 * short_by(blurred)
+    np.testing.assert_allclose(fine.cell_size[unchanged], blurred.cell_size[unchanged])
