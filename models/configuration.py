@@ -14,7 +14,7 @@ from ..engine.errors import InputError
 CLASSES = ("background", "uplift", "subsidence")
 FEATURES = ("x", "y", "z", "residuals")
 SAMPLINGS = ("grid", "random")
-_LATER: dict[str, Any] = {"sampling": "random", "thinnings": 1}
+_LATER: dict[str, Any] = {"sampling": "random", "thinnings": 1, "least_peak": 0.0}
 """Settings that models of earlier versions do not name, and what held for them."""
 
 
@@ -34,7 +34,8 @@ class ModelConfiguration:
     fixed number of points a block is sampled to (0: every point once). ``centre_weighting``: where windows overlap,
     the one whose middle is nearer counts more. Each window is looked at ``thinnings`` times, its points thinned anew
     from level to level, and the probabilities are averaged. A point's probabilities lie between those of the
-    ``interpolation`` voxels nearest to it; with 1 it has its own voxel's.
+    ``interpolation`` voxels nearest to it; with 1 it has its own voxel's. Neighbouring voxels of one hazard class are
+    background if none of them has a probability of ``least_peak`` (see ``groups``).
 
     Network: ``stem`` channels, encoder blocks of ``widths`` (half their output), ``neighbours`` and ``decimation``: one
     in so many points goes on to the next level, drawn ``random`` (published) or spread evenly (``grid``) by
@@ -61,6 +62,7 @@ class ModelConfiguration:
     centre_weighting: bool = True
     interpolation: int = 4
     thinnings: int = 1
+    least_peak: float = 0.0
     stem: int = 8
     widths: tuple[int, ...] = (16, 64, 128, 256)
     neighbours: int = 16
@@ -83,6 +85,8 @@ class ModelConfiguration:
                 raise InputError(f"The model's {name} is {getattr(self, name)}; give a number above 0.")
         if self.thinnings < 1:
             raise InputError(f"The model's thinnings are {self.thinnings}; give at least 1.")
+        if not 0 <= self.least_peak < 1:
+            raise InputError(f"The model's least_peak is {self.least_peak}; give a probability from 0 to below 1.")
         if self.step > self.window:
             raise InputError(f"The model's step of {self.step} m is longer than its window; points would be left out.")
 

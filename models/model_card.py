@@ -104,7 +104,14 @@ def _facts(description: dict[str, Any]) -> list[str]:
             f"| temperature | {calibration['temperature']:.3f}, fitted on {calibration['points']:,} points of scenes "
             "that training never saw |"
         ),
+        *_groups(configuration),
     ]
+
+
+def _groups(configuration: dict[str, Any]) -> list[str]:
+    """What makes a group of voxels a hazard, where the model judges them together."""
+    least = configuration.get("least_peak", 0.0)
+    return [f"| groups | neighbouring voxels none of which is a hazard by {_percent(least)} % are none |"] if least else []
 
 
 def _thinning(configuration: dict[str, Any]) -> str:
@@ -180,7 +187,8 @@ def _sets(figures: dict[str, Any]) -> list[str]:
         (
             "Found: hazards of at least 15 cm and 2 m of which at least half of the points have the right class. False "
             "zones: of at least 1 m², without a labelled point in or beside them. That the shifted set's ground rolls "
-            "was known when rolling ground was added to the training; all else of it was not used."
+            "and has facets and treads was known when rolling ground and ground broken in flat pieces were added to "
+            "the training, which are made in other ways; all else of it was not used."
         ),
         "",
         *_table(

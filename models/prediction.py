@@ -16,6 +16,7 @@ from ..engine.errors import InputError
 from ..engine.progress import Progress
 from .batches import make_batch, network_inputs
 from .configuration import ModelConfiguration
+from .groups import without_faint
 from .interpolation import VoxelInterpolation
 from .network import RandLANet
 from .preparation import Block, PreparedCloud, blocks
@@ -93,6 +94,8 @@ def predict_voxels(
 ) -> tuple[Float32, NDArray[np.bool_]]:
     """Probabilities (m, classes) of the voxels of a prepared cloud, and which of them (m,) a window covered.
 
+    Faint groups of voxels are background, where the configuration has a ``least_peak``.
+
     The other arguments are those of ``predict``.
 
     Raises:
@@ -130,7 +133,11 @@ def predict_voxels(
     total[covered] /= weight[covered, None]
     if not covered.all():
         total[~covered] = total[covered][_nearest(cloud.voxels.points, covered)]
-    return total.astype(np.float32), covered
+    probabilities = total.astype(np.float32)
+    if configuration.least_peak > 0:
+        voxels = cloud.voxels.points
+        probabilities = without_faint(voxels, probabilities, configuration.voxel, configuration.least_peak)
+    return probabilities, covered
 
 
 @dataclass(frozen=True)
