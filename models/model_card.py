@@ -111,7 +111,9 @@ def _facts(description: dict[str, Any]) -> list[str]:
 def _groups(configuration: dict[str, Any]) -> list[str]:
     """What makes a group of voxels a hazard, where the model judges them together."""
     least = configuration.get("least_peak", 0.0)
-    return [f"| groups | neighbouring voxels none of which is a hazard by {_percent(least)} % are none |"] if least else []
+    if not least:
+        return []
+    return [f"| groups | neighbouring voxels none of which is a hazard by {_percent(least)} % are none |"]
 
 
 def _thinning(configuration: dict[str, Any]) -> str:
