@@ -27,6 +27,7 @@ _children: set[subprocess.Popen[bytes]] = set()
 _temporaries: list[tuple[Path, bool]] = []
 _cancelled = threading.Event()
 _wakeup: tuple[socket.socket, socket.socket] | None = None
+_STUBBORN = 0.5  # seconds that what is half-written is removed again and again
 _LAUNCHER = Path(__file__).with_name("child_launcher.py")
 
 
@@ -201,10 +202,14 @@ def abort(on_cancel: Callable[[], None]) -> None:
         children, paths = list(_children), list(_temporaries)
         for child in children:
             _end(child)
-        # twice: another thread may be creating a file in a folder while it is removed
-        for _ in range(2):
+        # Other threads may still be creating files in a folder while it is removed, or be removing it themselves.
+        until = time.monotonic() + _STUBBORN
+        while True:
             for path, only_empty in reversed(paths):
                 _remove(path, only_empty)
+            if time.monotonic() > until or not any(os.path.lexists(path) for path, _ in paths):
+                break
+            time.sleep(0.01)
         with contextlib.suppress(Exception):
             on_cancel()
         os._exit(Cancelled.exit_code)

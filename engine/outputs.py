@@ -73,17 +73,19 @@ def staged_outputs(directory: Path, *, last: str = "run.json") -> Iterator[Stage
     """
     directory = Path(directory).absolute()
     made = [p for p in (directory, *directory.parents) if not p.exists()]
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        folder = Path(tempfile.mkdtemp(prefix=".slopewatch-part-", dir=directory))
-    except OSError as error:
-        raise InputError(
-            f"The output folder {directory} cannot be written ({error.strerror}); choose another one."
-        ) from error
     with contextlib.ExitStack() as stack:
-        for path in reversed(made):
-            stack.enter_context(lifecycle.temporary(path, only_empty=True))
-        stack.enter_context(lifecycle.temporary(folder))
+        # Made and known to be temporary at once: cancelling in between would leave them.
+        with lifecycle.uninterrupted():
+            try:
+                directory.mkdir(parents=True, exist_ok=True)
+                folder = Path(tempfile.mkdtemp(prefix=".slopewatch-part-", dir=directory))
+            except OSError as error:
+                raise InputError(
+                    f"The output folder {directory} cannot be written ({error.strerror}); choose another one."
+                ) from error
+            for path in reversed(made):
+                stack.enter_context(lifecycle.temporary(path, only_empty=True))
+            stack.enter_context(lifecycle.temporary(folder))
         try:
             yield Stage(directory, folder)
             _move_all(folder, directory, last)

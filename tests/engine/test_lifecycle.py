@@ -20,6 +20,9 @@ from slopewatch.engine.outputs import staged_outputs
 
 out = Path(sys.argv[1])
 lifecycle.install(lambda: print("cancelled", flush=True), watch_parent=sys.argv[2] == "watch")
+if sys.argv[3] == "stubborn":  # as where another thread still writes into the folder, or removes it
+    rmtree, calls = lifecycle.shutil.rmtree, []
+    lifecycle.shutil.rmtree = lambda *a, **k: rmtree(*a, **k) if len(calls) > 4 else calls.append(a)
 with staged_outputs(out / "made" / "here") as stage:
     stage.path("zones.gpkg").write_text("half")
     child = [sys.executable, "-c", "import os,time; open(%r,'w').write(str(os.getpid())); time.sleep(600)"
@@ -54,7 +57,7 @@ def running(pid: int) -> bool:
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, "stdin"])
-@pytest.mark.parametrize("work", ["child", "busy"])
+@pytest.mark.parametrize("work", ["child", "busy", "stubborn"])
 def test_cancel_ends_children_and_removes_what_is_half_written(tmp_path, how, work):
     process = start(tmp_path, "watch", work)
     asked = time.monotonic()
