@@ -28,6 +28,7 @@ NAMES = {
     "screening": "Screening",
     "known_places": "What a screening could tell by height",
     "real_screening": "Screening of real slopes with known hazards put in",
+    "rough_ground": "Screening of hazards on rougher ground",
 }
 
 

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 REACH = 1.6
-"""Voxels of a class that are at most so many sides apart belong together: those that share an edge or a corner."""
+"""Voxels of a class that are at most so many sides apart belong together: about those that share an edge or corner."""
 
 
 def without_faint(points: Float, probabilities: Float32, voxel: float, least: float) -> Float32:

@@ -26,8 +26,7 @@ lies below it, so that people look there first. It reads x, y and z alone.
 - To call a slope free of danger. It sees shape, not movement: what it leaves unmarked may move, and what it marks may
   have had this shape since it was cut. Only a second survey tells.
 - On natural ground that rolls or is broken: a part of its training is such ground, so that little of it is taken for
-  hazards, but most hazards on it are missed (the shifted set below). On two real natural slopes it found none and a
-  tenth of the bulges and hollows of 30 cm and 3 m put into them.
+  hazards, but most hazards on it are missed (the shifted set below; `docs/figures.md` has real slopes).
 - On clouds with vegetation on them (extract the ground first), on flat ground, walls, or two faces at once.
 - On other densities than those stated above, or on clouds of photogrammetry, whose errors it never saw.
 - Alone, for a decision on closing a road or on works.

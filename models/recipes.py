@@ -86,8 +86,8 @@ SHIPPED = replace(
     training=replace(SLOPEWATCH.training, steps=24_000),
 )
 """The same, trained longer, with heights in units of the slope's own roughness: in metres, a hollow of 40 cm on a
-smooth slope was missed. Groups of voxels that are nowhere a hazard by 75 % are none: of those that are rare, as on real
-slopes, two thirds would be false. One look at each window: a second gave 0.2 points for twice the time.
+smooth slope was missed. Groups of voxels that are nowhere a hazard by 75 % are none: where
+hazards are rare, most of those are false. One look at each window: a second gave 0.2 points for twice the windows.
 """
 
 PUBLISHED = Recipe(
