@@ -90,6 +90,7 @@ def copy_with(
     xyz: NDArray[np.float64] | None = None,
     dimensions: Arrays | None = None,
     classification: NDArray[np.integer] | None = None,
+    flags_in_class: bool = False,
 ) -> None:
     """Copy a cloud as LAZ with every dimension it has, in metres, changed as asked.
 
@@ -99,6 +100,8 @@ def copy_with(
         xyz: (m, 3) new coordinates in metres of the points that are written.
         dimensions: (m,) extra dimensions by name; one that the source has already is replaced.
         classification: (m,) new classes.
+        flags_in_class: the classes of this source of point format 6 to 10 are bytes of an older format, whose upper
+            three bits are flags; they are put where they belong.
 
     Raises:
         EngineError: arrays that do not fit the source.
@@ -155,6 +158,9 @@ def copy_with(
                 records[field] = chosen[field]
             if xyz is not None:
                 _set_coordinates(records, xyz[part], scales, offsets)
+            if flags_in_class:
+                records["more_flags"] |= records["classification"] >> 5
+                records["classification"] &= 0x1F
             if classification is not None:
                 flags = records["classification"] & 0xE0 if header.point_format < 6 else 0
                 records["classification"] = np.asarray(classification)[part] | flags

@@ -242,7 +242,8 @@ class _Extraction:
             return
         with lifecycle.temporary(self._file("clip.las")) as plain:
             self._run("clip", pipelines.clip_pipeline(self.cloud, plain, header, frame, area), header.count)
-            copy_with(plain, clipped)
+            # these formats have no class that large: what is in the upper bits of the byte are flags
+            copy_with(plain, clipped, flags_in_class=header.point_format < 6)
 
     def _noise(self, flat: Float, labels: NDArray[np.uint8]) -> Bool:
         if not self.parameters.denoise:

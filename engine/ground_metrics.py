@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from .decoded_bounds import DecodedBounds
 from .ground_surface import point_spacing
-from .las_records import classes, read_records
+from .las_records import read_records
 from .preflight import CloudHeader
 
 COVERAGE_CELL = 1.0
@@ -21,7 +21,7 @@ Float = NDArray[np.float64]
 class Coverage:
     """Area seen from above that points cover: occupied cells of ``COVERAGE_CELL`` metres. Points come in parts.
 
-    ``largest_class`` is that of the points of a file.
+    ``largest_class`` is that of the points of a file, as its bytes are: before LAS 1.4 these hold flags, too.
     """
 
     def __init__(self) -> None:
@@ -69,7 +69,7 @@ def file_coverage(header: CloudHeader, factor: float) -> Coverage:
     selection |= int(lazrs.SELECTIVE_DECOMPRESS_CLASSIFICATION)
     for records in read_records(header, selection=selection):
         decoded.add(records)
-        covered.largest_class = max(covered.largest_class, int(classes(records, header.point_format).max()))
+        covered.largest_class = max(covered.largest_class, int(records["classification"].max()))
         covered.add(
             *((records[field] * header.scales[axis] + header.offsets[axis]) * factor for axis, field in enumerate("XY"))
         )

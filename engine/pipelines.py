@@ -24,7 +24,8 @@ NOISE = (7, 18)
 WAVEFORM_FORMATS = (4, 5, 9, 10)
 """Point formats that PDAL does not read."""
 LARGEST_CLASS = 31
-"""Classes above it stop PDAL 2.2 when it compresses; they are written uncompressed."""
+"""Classes above it stop PDAL 2.2 when it compresses; they are written uncompressed. It takes the flags that formats
+before 6 keep in the same byte for such classes, too."""
 _SCALED = 0b11000
 """Options of an extra dimension with a scale or an offset, which PDAL applies."""
 _MODERN_FORMAT = {0: 6, 1: 6, 2: 7, 3: 7, 6: 6, 7: 7, 8: 8}
