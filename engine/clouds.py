@@ -108,7 +108,7 @@ def read_cloud(
         intensity = np.empty(count, np.uint16) if colours else None
         labels = np.empty(count, np.uint8) if classification else None
         done = 0
-        checked = CheckedRecords(header, _selection(colours, classification))
+        checked = CheckedRecords(header, selection(colours, classification))
         for records in checked:
             part = slice(done, done + len(records))
             for axis, field in enumerate("XYZ"):
@@ -154,7 +154,7 @@ def sample_cloud(path: Path | str, inputs: InputParameters | None = None, stretc
     scales, offsets = np.array(header.scales) * factors, np.array(header.offsets) * factors
     groups = [
         np.column_stack([records[axis] for axis in "XYZ"])
-        for records in read_records(header, selection=_selection(False, False), stretches=stretches)
+        for records in read_records(header, selection=selection(False, False), stretches=stretches)
     ]
     return np.concatenate(groups) * scales + offsets
 
@@ -166,7 +166,8 @@ def eight_bits(rgb: NDArray[np.uint16]) -> NDArray[np.uint8]:
     return rgb.astype(np.uint8)
 
 
-def _selection(colours: bool, classification: bool) -> int:
+def selection(colours: bool, classification: bool) -> int:
+    """Bits of ``read_records`` for coordinates and returns, with or without colours and intensity, and classes."""
     import lazrs
 
     bits = int(lazrs.SELECTIVE_DECOMPRESS_XY_RETURNS_CHANNEL) | int(lazrs.SELECTIVE_DECOMPRESS_Z)

@@ -13,6 +13,7 @@ from pyproj import CRS
 
 from .change import difference
 from .clouds import copy_with, open_cloud, read_cloud
+from .dating import check_days
 from .epoch_screening import (
     SCREENING_OUTPUTS,
     EpochScreening,
@@ -36,12 +37,14 @@ from .pair import (
 )
 from .parameters import (
     ChangeParameters,
+    DateParameters,
     GroundParameters,
     HeatmapParameters,
     InputParameters,
     LastEpochParameters,
     RegistrationParameters,
     ReportParameters,
+    SurfaceParameters,
     ZoneParameters,
 )
 from .pdal import Pdal, find_pdal
@@ -73,9 +76,11 @@ _EVERY_OUTPUT = (*CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS, *SCREENING_OUTP
 
 @dataclass(frozen=True)
 class Settings:
-    """All parameter groups of the flow."""
+    """All parameter groups of the flow; ``surface`` is for the single steps that take clouds as they are."""
 
     inputs: InputParameters = field(default_factory=InputParameters)
+    dates: DateParameters = field(default_factory=DateParameters)
+    surface: SurfaceParameters = field(default_factory=SurfaceParameters)
     ground: GroundParameters = field(default_factory=GroundParameters)
     registration: RegistrationParameters = field(default_factory=RegistrationParameters)
     change: ChangeParameters = field(default_factory=ChangeParameters)
@@ -87,6 +92,7 @@ class Settings:
     def groups(self) -> dict[str, Any]:
         return {
             "inputs": self.inputs,
+            "dates": self.dates,
             "ground": self.ground,
             "registration": self.registration,
             "change": self.change,
@@ -145,6 +151,7 @@ def inspect_slope(
         if path is not None:
             record.add_input(role, path)
     record.facts["run_id"] = uuid.uuid5(uuid.NAMESPACE_OID, repr((hashes, plain(record.parameters)))).hex[:12]
+    check_days(epochs, trusted=settings.dates.trust_dates, progress=progress)
     if len(epochs) == 2:
         require_comparable(epochs[0].path, epochs[1].path, settings.inputs)
         refuse_other_raw_heights(epochs[0].path, epochs[1].path, settings.inputs, settings.registration)

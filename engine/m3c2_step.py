@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from . import rasters
 from .change import uniform_shift
 from .clouds import copy_with, open_cloud, read_cloud
+from .dating import check_days
 from .dimensions import read_dimension
 from .epochs import Epoch, check_pair, date_in_name, parse_date
 from .errors import InputError
@@ -23,10 +24,11 @@ from .m3c2_scales import Scales, choose_scales, overlap_bounds, spread_cores
 from .m3c2_search import Lattice
 from .outputs import refuse_inputs_as_outputs, refuse_other_than_cloud, refuse_unwritable, staged_outputs
 from .pair import refuse_other_heights, require_comparable
-from .parameters import DistanceParameters, InputParameters
+from .parameters import DateParameters, DistanceParameters, InputParameters, SurfaceParameters
 from .progress import Progress
+from .raw_survey import refuse_raw, taken_as_ground
 from .run_record import RunRecord, plain
-from .steps import registration_error
+from .steps import ground_of, registration_error
 from .transform import RigidTransform
 from .version import VERSION
 
@@ -42,6 +44,8 @@ class DistanceSettings:
 
     inputs: InputParameters
     distances: DistanceParameters
+    dates: DateParameters = field(default_factory=DateParameters)
+    surface: SurfaceParameters = field(default_factory=SurfaceParameters)
 
 
 @dataclass(frozen=True)
@@ -96,7 +100,17 @@ def m3c2_step(
     require_comparable(reference, moving, settings.inputs)
     if core is not None:
         require_comparable(reference, core, settings.inputs)
-    record = RunRecord("m3c2", {"inputs": settings.inputs, "distances": parameters})
+    check_days((first, second), trusted=settings.dates.trust_dates, progress=progress)
+    refuse_raw((reference, moving), settings.surface.ground, settings.inputs)
+    record = RunRecord(
+        "m3c2",
+        {
+            "inputs": settings.inputs,
+            "dates": settings.dates,
+            "surface": settings.surface,
+            "distances": parameters,
+        },
+    )
     hashes = [record.add_input(f"epoch {e.name}", e.path) for e in (first, second)]
     for role, path in files.items():
         if path is not None:
@@ -111,6 +125,8 @@ def m3c2_step(
         with progress.stage(0.0, 0.2, "reading"), record.stage("read") as entry:
             a, b = (read_cloud(path, settings.inputs, progress=progress) for path in (reference, moving))
             entry["points"] = [len(a.xyz), len(b.xyz)]
+            taken = taken_as_ground(a.classification, settings.surface.ground, reference)
+            a, b = (ground_of(cloud, settings.surface.ground) for cloud in (a, b))
             if transform is not None:
                 b = replace(b, xyz=transform.apply(b.xyz))
             refuse_other_heights(a, b, _REGISTERED)
@@ -128,7 +144,7 @@ def m3c2_step(
                 cores.path,
                 stage.path(output.name),
                 settings.inputs,
-                keep=cores.keep,
+                keep=_of_all(cores.keep, taken),
                 dimensions=dimensions(found),
             )
             tags = rasters.raster_tags(
@@ -208,6 +224,15 @@ def _cores(
         return Cores(read_cloud(given, inputs, progress=progress).xyz, given, None)
     keep = spread_cores(reference, spacing, overlap_bounds(reference, moving))
     return Cores(reference[keep], reference_path, keep)
+
+
+def _of_all(keep: NDArray[np.bool_] | None, taken: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
+    """``keep`` of the points that were ``taken`` as one of all points of the file."""
+    if keep is None or taken is None:
+        return keep
+    every = taken.copy()
+    every[taken] = keep
+    return every
 
 
 def _measure(

@@ -179,6 +179,32 @@ class InputParameters(ParameterSet):
 
 
 @dataclass(frozen=True)
+class DateParameters(ParameterSet):
+    """What is done where the days of surveys and their files disagree."""
+
+    trust_dates: bool = _parameter(
+        False,
+        "Trust the days given",
+        "Goes on where GPS times, names or creation days of the files say that the surveys are in reversed order. Off: "
+        "they are refused, as swapped surveys turn raising into lowering.",
+        advanced=True,
+    )
+
+
+@dataclass(frozen=True)
+class SurfaceParameters(ParameterSet):
+    """Which points are taken of clouds that are compared as they are."""
+
+    ground: str = _parameter(
+        "auto",
+        "Ground points",
+        "Which points are the ground. auto: all, and a raw survey with its plants is refused. class_2: those of class "
+        "2. as_is: all, whatever they are, as for rock faces and structures that look like plants.",
+        choices=("auto", "class_2", "as_is"),
+    )
+
+
+@dataclass(frozen=True)
 class GroundParameters(ParameterSet):
     """Ground extraction: denoising, the Cloth Simulation Filter (Zhang et al. 2016, doi:10.3390/rs8060501), refinement.
 

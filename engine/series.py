@@ -17,6 +17,7 @@ from shapely.geometry.base import BaseGeometry
 from .alerts import AlertLevel, read_alerts
 from .cell_variance import pooled_variance
 from .change import Change, difference_of_cells
+from .dating import check_days
 from .epochs import Epoch
 from .errors import InputError
 from .gridding import Grid
@@ -129,6 +130,7 @@ def monitor_series(
     if alerts is not None:
         record.add_input("alerts", alerts)
     run_id = uuid.uuid5(uuid.NAMESPACE_OID, repr((hashes, plain(record.parameters)))).hex[:12]
+    check_days(epochs, trusted=settings.dates.trust_dates, progress=progress)
     for epoch in epochs[1:]:
         require_comparable(epochs[0].path, epoch.path, settings.inputs)
     with staged_outputs(output_dir) as stage:

@@ -23,6 +23,7 @@ from .ground import extract_ground
 from .outputs import Stage
 from .pair import common_area, register_pair
 from .parameters import (
+    DateParameters,
     GridChangeParameters,
     GroundParameters,
     InputParameters,
@@ -44,6 +45,7 @@ class SeriesSettings:
     """All parameter groups of a series."""
 
     inputs: InputParameters = field(default_factory=InputParameters)
+    dates: DateParameters = field(default_factory=DateParameters)
     ground: GroundParameters = field(default_factory=GroundParameters)
     registration: RegistrationParameters = field(default_factory=RegistrationParameters)
     change: GridChangeParameters = field(default_factory=GridChangeParameters)

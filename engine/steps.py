@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from .change import difference
-from .clouds import copy_with, open_cloud, read_cloud
+from .clouds import PointCloud, copy_with, open_cloud, read_cloud
+from .dating import check_days
 from .epochs import Epoch, check_pair, date_in_name, parse_date
 from .errors import InputError
 from .ground import extract_ground
@@ -30,6 +31,7 @@ from .products import Context, method_name, write_products
 from .profile_lines import given_lines
 from .profiles import PROFILE_OUTPUTS
 from .progress import Progress
+from .raw_survey import refuse_raw, taken_as_ground
 from .report import write_record_and_report
 from .run_record import RunRecord, plain
 from .transform import RigidTransform
@@ -97,7 +99,12 @@ def register_step(
         raise InputError("--invert was given without --apply; name the transform.json that is to be inverted.")
     transform = None if given is None else RigidTransform.load(given)
     require_comparable(reference, moving, settings.inputs)
-    record = RunRecord("register", {"inputs": settings.inputs, "registration": settings.registration})
+    if transform is None:
+        refuse_raw((reference, moving), settings.surface.ground, settings.inputs)
+    record = RunRecord(
+        "register",
+        {"inputs": settings.inputs, "surface": settings.surface, "registration": settings.registration},
+    )
     for role, path in files.items():
         if path is not None:
             record.add_input(role, path)
@@ -111,7 +118,8 @@ def register_step(
             transform = transform.inverse() if invert else transform
         else:
             with progress.stage(0.2, 0.8, "registering"), record.stage("registration") as entry:
-                result = register_pair(first, second, settings.registration, stable, progress)
+                a, b = (ground_of(cloud, settings.surface.ground) for cloud in (first, second))
+                result = register_pair(a, b, settings.registration, stable, progress)
                 entry.update(plain(result.summary()))
             transform, record.metrics = result.transform, result.figures()
         outputs = {"aligned": stage.final(output.name), "run": stage.final(_record_name(output))}
@@ -153,6 +161,8 @@ def change_step(
         "change",
         {
             "inputs": settings.inputs,
+            "dates": settings.dates,
+            "surface": settings.surface,
             "change": settings.change,
             "zones": settings.zones,
             "heatmap": settings.heatmap,
@@ -168,7 +178,9 @@ def change_step(
     for role, path in (("profiles", profiles), ("stable", stable)):
         if path is not None:
             record.add_input(role, path)
+    check_days((first, second), trusted=settings.dates.trust_dates, progress=progress)
     require_comparable(reference, moving, settings.inputs)
+    refuse_raw(paths, settings.surface.ground, settings.inputs)
     crs = open_cloud(reference, settings.inputs)[1].crs
     lines = given_lines(profiles, crs, settings.report.profile_field, progress)
     with staged_outputs(output_dir) as stage:
@@ -178,6 +190,8 @@ def change_step(
             entry["points"] = [len(a.xyz), len(b.xyz)]
             if transform is not None:
                 b = replace(b, xyz=transform.apply(b.xyz))
+            picture = b
+            a, b = (ground_of(cloud, settings.surface.ground) for cloud in (a, b))
             refuse_other_heights(a, b)
         with progress.stage(0.3, 0.5, "differencing"), record.stage("change"):
             error = registration_error(transform_path)
@@ -207,7 +221,7 @@ def change_step(
         with progress.stage(0.5, 0.99, "writing outputs"), record.stage("products"):
             products = write_products(
                 change,
-                b,
+                picture,
                 context,
                 settings.zones,
                 settings.heatmap,
@@ -221,6 +235,16 @@ def change_step(
         record.facts |= products.facts | {"run_id": context.run_id}
         write_record_and_report(record, stage, progress, outputs)
     return outputs, record.metrics
+
+
+def ground_of(cloud: PointCloud, ground: str) -> PointCloud:
+    """The points of a cloud that ``SurfaceParameters.ground`` takes, without colours.
+
+    Raises:
+        InputError: there is none.
+    """
+    mask = taken_as_ground(cloud.classification, ground, cloud.path)
+    return cloud if mask is None else PointCloud(cloud.xyz[mask], cloud.crs, cloud.path)
 
 
 def registration_error(transform_path: Path | None) -> float | None:

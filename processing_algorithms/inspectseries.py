@@ -14,6 +14,7 @@ from qgis.core import (
 )
 
 from ..engine.parameters import (
+    DateParameters,
     GridChangeParameters,
     GroundParameters,
     InputParameters,
@@ -31,6 +32,7 @@ from .registerepochs import STABLE_HELP
 _BASIC = ("ground_ready", "rasters_each_survey", "cell", "confidence", "minimum_area")
 _PREFIXES = {
     "InputParameters": "Input",
+    "DateParameters": "Input",
     "GroundParameters": "Ground",
     "RegistrationParameters": "Registration",
     "GridChangeParameters": "Change",
@@ -96,6 +98,7 @@ class InspectSeries(SlopeWatchAlgorithm):
         GridChangeParameters,
         ZoneParameters,
         InputParameters,
+        DateParameters,
     )
     NUMBERS: ClassVar = {
         "EPOCH_COUNT": ("epoch_count", "Number of surveys"),

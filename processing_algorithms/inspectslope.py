@@ -9,6 +9,7 @@ from qgis.core import QgsProcessingContext, QgsProcessingException, QgsProcessin
 
 from ..engine.parameters import (
     ChangeParameters,
+    DateParameters,
     GroundParameters,
     HeatmapParameters,
     InputParameters,
@@ -26,6 +27,7 @@ from .registerepochs import REGISTRATION_NUMBERS, STABLE_HELP
 _BASIC = ("cloth_resolution", "cell", "adaptive", "confidence", "minimum_area", "screen_last_epoch")
 _PREFIXES = {
     "InputParameters": "Input",
+    "DateParameters": "Input",
     "GroundParameters": "Ground",
     "RegistrationParameters": "Registration",
     "ChangeParameters": "Change",
@@ -56,6 +58,7 @@ class InspectSlope(SlopeWatchAlgorithm):
         ReportParameters,
         LastEpochParameters,
         InputParameters,
+        DateParameters,
     )
     NUMBERS: ClassVar = {
         **CHANGE_NUMBERS,

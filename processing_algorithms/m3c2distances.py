@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from qgis.core import QgsProcessingContext, QgsProcessingFeedback, QgsProcessingParameterFile
 
-from ..engine.parameters import DistanceParameters, InputParameters
+from ..engine.parameters import DateParameters, DistanceParameters, InputParameters, SurfaceParameters
 from ..plugin.compat import FILE
 from ..plugin.engine_client import EngineResult
 from ..plugin.styling import Appearance
@@ -45,7 +45,7 @@ class M3C2Distances(SlopeWatchAlgorithm):
     GROUP = "steps"
     SUMMARY = "Measures how far a surface has moved along its normal, and from where on that is sure."
     TAGS = ("m3c2", "distance", "change", "deformation", "cliff", "steep", "normal", "cloud to cloud")
-    PARAMETER_GROUPS = (DistanceParameters, InputParameters)
+    PARAMETER_GROUPS = (SurfaceParameters, DistanceParameters, InputParameters, DateParameters)
     NUMBERS: ClassVar = {
         "CORE_POINTS": ("core_points", "Core points"),
         "MEASURED_POINTS": ("measured_points", "Core points with a level of detection"),

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from qgis.core import QgsProcessingContext, QgsProcessingFeedback, QgsProcessingParameterFileDestination
 
-from ..engine.parameters import InputParameters, RegistrationParameters
+from ..engine.parameters import InputParameters, RegistrationParameters, SurfaceParameters
 from ..plugin.engine_client import EngineResult
 from . import declare
 from .base import SlopeWatchAlgorithm
@@ -30,7 +30,7 @@ class RegisterEpochs(SlopeWatchAlgorithm):
     GROUP = "steps"
     SUMMARY = "Moves a later ground cloud rigidly onto the reference without following real change."
     TAGS = ("registration", "align", "icp", "co-registration", "transform")
-    PARAMETER_GROUPS = (RegistrationParameters, InputParameters)
+    PARAMETER_GROUPS = (SurfaceParameters, RegistrationParameters, InputParameters)
     NUMBERS: ClassVar = {
         **REGISTRATION_NUMBERS,
         "RMSE_BEFORE": ("registration_nn_rmse_before_m", "Nearest-neighbour RMSE before (m)"),

@@ -9,12 +9,14 @@ import click
 
 from ..parameters import (
     ChangeParameters,
+    DateParameters,
     GroundParameters,
     HeatmapParameters,
     InputParameters,
     LastEpochParameters,
     RegistrationParameters,
     ReportParameters,
+    SurfaceParameters,
     ZoneParameters,
 )
 from .options import Session, command
@@ -49,6 +51,7 @@ _output_dir = click.option(
 @_output_dir
 @command(
     InputParameters,
+    DateParameters,
     GroundParameters,
     RegistrationParameters,
     ChangeParameters,
@@ -119,7 +122,7 @@ def ground(session: Session, cloud: Path, roi: Path, output: Path) -> Outcome:
 )
 @click.option("--invert", is_flag=True, help="Apply the inverse of the transform given with --apply.")
 @_stable
-@command(InputParameters, RegistrationParameters)
+@command(InputParameters, SurfaceParameters, RegistrationParameters)
 def register(
     session: Session,
     reference: Path,
@@ -130,7 +133,10 @@ def register(
     invert: bool,
     stable: Path | None,
 ) -> Outcome:
-    """Move the cloud MOVING into the frame of REFERENCE. Both should be ground points."""
+    """Move the cloud MOVING into the frame of REFERENCE. Both should be ground points.
+
+    With --ground class_2 those of class 2 are registered, and all of MOVING is moved.
+    """
     from ..steps import register_step
 
     return register_step(
@@ -155,7 +161,15 @@ def register(
 @_stable
 @PROFILES_OPTION
 @_output_dir
-@command(InputParameters, ChangeParameters, ZoneParameters, HeatmapParameters, ReportParameters)
+@command(
+    InputParameters,
+    DateParameters,
+    SurfaceParameters,
+    ChangeParameters,
+    ZoneParameters,
+    HeatmapParameters,
+    ReportParameters,
+)
 def change(
     session: Session,
     reference: Path,
@@ -207,6 +221,8 @@ def _settings(session: Session) -> Any:
 
     return Settings(
         inputs=session.parameters(InputParameters),
+        dates=session.parameters(DateParameters),
+        surface=session.parameters(SurfaceParameters),
         ground=session.parameters(GroundParameters),
         registration=session.parameters(RegistrationParameters),
         change=session.parameters(ChangeParameters),

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from ..parameters import (
+    DateParameters,
     GridChangeParameters,
     GroundParameters,
     InputParameters,
@@ -40,7 +41,13 @@ from .options import Session, command
 )
 @_output_dir
 @command(
-    SeriesParameters, GridChangeParameters, ZoneParameters, RegistrationParameters, GroundParameters, InputParameters
+    SeriesParameters,
+    DateParameters,
+    GridChangeParameters,
+    ZoneParameters,
+    RegistrationParameters,
+    GroundParameters,
+    InputParameters,
 )
 def series(
     session: Session,
@@ -67,6 +74,7 @@ def series(
         raise InputError("Give either a folder or manifest of the surveys, or --epoch DATE=CLOUD for each of them.")
     settings = SeriesSettings(
         inputs=session.parameters(InputParameters),
+        dates=session.parameters(DateParameters),
         ground=session.parameters(GroundParameters),
         registration=session.parameters(RegistrationParameters),
         change=session.parameters(GridChangeParameters),

@@ -48,3 +48,24 @@ def test_pairs_that_cannot_be_compared(tmp_path):
     with pytest.raises(InputError, match="does not exist"):
         check_pair(Epoch(a, early), Epoch(tmp_path / "d.laz", late))
     check_pair(Epoch(a, early), Epoch(c, late))
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("25-05-2024.laz", date(2024, 5, 25)),
+        ("slope_25.05.2024_ground.laz", date(2024, 5, 25)),
+        ("05_25_2024.laz", date(2024, 5, 25)),
+        ("05-05-2024.laz", date(2024, 5, 5)),
+        ("01-05-2024.laz", None),  # of May or of January
+        ("2024-05-01-2025.laz", date(2024, 5, 1)),
+        ("25-05-2024 2024-05-25.laz", date(2024, 5, 25)),
+        ("25-05-2024 2024-05-26.laz", None),
+        ("may24.laz", None),
+        ("tile_0652_0612.laz", None),
+        ("19800106.laz", None),
+        ("31-02-2024.laz", None),
+    ],
+)
+def test_dates_with_the_year_last_and_numbers_that_are_none(name, expected):
+    assert date_in_name(Path(name)) == expected
