@@ -136,7 +136,7 @@ def refuse_raw(paths: Sequence[Path], ground: str, inputs: InputParameters | Non
         found = bareness(path, inputs)
         signs = found.signs()
         if signs:
-            ready = "--ground class_2 to take the points of class 2, " if found.ground > 0 else ""
+            ready = "--ground class_2 to take the points of class 2, or " if found.ground > 0 else ""
             raise InputError(
                 f"{shown(path)} is no bare ground ({' and '.join(signs)}); extract the ground of both surveys with "
                 f"slopewatch ground first, or give the raw ones to slopewatch inspect, or give {ready}--ground as_is "

@@ -15,7 +15,12 @@ from slopewatch.engine.cli.program import cli
 from slopewatch.engine.dating import Evidence, check_days, days_of, evidence
 from slopewatch.engine.epochs import Epoch
 from slopewatch.engine.errors import InputError
+from slopewatch.engine.ground import extract_ground
+from slopewatch.engine.parameters import SurveyParameters
+from slopewatch.engine.pdal import find_pdal
 from slopewatch.engine.progress import Progress
+from slopewatch.simulation.survey import simulate_pair
+from slopewatch.simulation.write import write_survey
 from slopewatch.tests.engine.test_bad_epochs import slope
 
 MAY24, MAY25 = date(2024, 5, 1), date(2025, 5, 1)
@@ -236,6 +241,27 @@ def test_surveys_of_neighbouring_days_in_their_order(tmp_path):
     assert checked(Epoch(a, MAY24), Epoch(b, MAY24 + timedelta(1))) == []
     with pytest.raises(InputError, match="reversed"):
         checked(Epoch(b, MAY24), Epoch(a, MAY24 + timedelta(1)))
+
+
+def test_simulated_surveys_tell_their_days(tmp_path):
+    pair = simulate_pair(SurveyParameters(points=3000, length=10.0, height=5.0))
+    paths = [tmp_path / "a.laz", tmp_path / "b.laz"]
+    for path, cloud, day in zip(paths, (pair.first, pair.second), pair.dates, strict=True):
+        write_survey(path, cloud, CRS.from_user_input(pair.crs), day)
+    assert [evidence(path) for path in paths] == [Evidence((d, d), None, d) for d in (MAY24, MAY25)]
+    assert checked(*(Epoch(p, d) for p, d in zip(paths, (MAY24, MAY25), strict=True))) == []
+
+
+@pytest.mark.parametrize("point_format", [1, 6])
+def test_extracted_ground_tells_the_same(tmp_path, point_format):
+    try:
+        found = find_pdal()
+    except InputError as error:
+        pytest.skip(f"no PDAL to run pipelines with: {error}")
+    source = write(tmp_path / "a.laz", gps=times(MAY24, points=2000), created=MAY25, point_format=point_format)
+    result = extract_ground(source, tmp_path / "a_ground.laz", pdal=found)
+    for path in (result.clipped, result.classified, result.ground):
+        assert evidence(path) == evidence(source) == Evidence(flown=(MAY24, MAY24), created=MAY25)
 
 
 @pytest.fixture(autouse=True)

@@ -191,7 +191,7 @@ def test_a_raw_survey_is_refused_before_any_work(surveys, tmp_path, command):
     assert code == 2, said
     for word in ("2024-05-01.laz", "is no bare ground", "slopewatch ground", "slopewatch inspect"):
         assert word in said
-    assert "--ground class_2 to take the points of class 2" in said
+    assert "or give --ground class_2 to take the points of class 2, or --ground as_is if it is a bare surface." in said
     assert list(tmp_path.iterdir()) == []
 
 
