@@ -28,6 +28,7 @@ from slopewatch.processing_algorithms.checkenvironment import CheckEnvironment
 from slopewatch.processing_algorithms.elevationchange import ElevationChange
 from slopewatch.processing_algorithms.extractground import ExtractGround
 from slopewatch.processing_algorithms.inspectslope import InspectSlope
+from slopewatch.processing_algorithms.m3c2distances import M3C2Distances
 from slopewatch.processing_algorithms.registerepochs import RegisterEpochs
 from slopewatch.processing_algorithms.simulatesurvey import SimulateSurvey
 from slopewatch.processing_algorithms.trainmodel import TrainModel
@@ -190,6 +191,14 @@ def test_level_options_and_stable_ground_reach_the_engine(tmp_path: Path) -> Non
     assert arguments[arguments.index("--threshold") + 1] == "coherent"
     assert arguments[arguments.index("--direction") + 1] == "normal"
     assert "--no-calibrate" in arguments
+
+
+@pytest.mark.parametrize("algorithm", [ElevationChange, M3C2Distances])
+def test_which_points_are_taken_and_trusted_days_reach_the_engine(algorithm: Any) -> None:
+    values = {"OUTPUT_FOLDER": "/o", "OUTPUT": "/o/a.laz", "GROUND": "as_is", "TRUST_DATES": True}
+    arguments = command(algorithm, REFERENCE="/a.laz", CLOUD="/b.laz", **values)
+    assert arguments[arguments.index("--ground") + 1] == "as_is"
+    assert "--trust-dates" in arguments
 
 
 def test_a_polygon_file_is_passed_as_it_is(tmp_path: Path) -> None:
