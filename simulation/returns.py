@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .layers import Cover, Crossing
 from .scene import Scene
 from .trace import Float, Rays
 from .vegetation import ENVELOPE, Canopy
 
-GROUND, TURF, LEAVES = 0, 1, 2
+GROUND, TURF, LEAVES, MULTIPATH, STRAY = 0, 1, 2, 3, 4
+"""What an echo is of; TURF is all grass, mown or not, and what lies on the ground."""
 MARCH = 0.15
 """Step along a ray within the canopy, m."""
 SEPARATION = 0.25
@@ -22,7 +24,7 @@ LEAST_ENERGY = 0.2
 
 @dataclass(frozen=True)
 class Echoes:
-    """Echoes sorted by ray, then distance: index of the ray, distance (m), share of the energy, GROUND/TURF/LEAVES."""
+    """Echoes sorted by ray, then distance: index of the ray, distance (m), share of the energy, what it is of."""
 
     ray: NDArray[np.int64]
     distance: Float
@@ -38,26 +40,68 @@ def echoes(
     ground: Float,
     maximum: int,
     rng: np.random.Generator,
+    cover: Cover | None = None,
+    entry: Float | None = None,
 ) -> Echoes:
     """The echoes of each ray, of which ``ground`` (n,) is the distance to the ground.
 
     At ``start`` (n,) the rays are still above all leaves. At most ``maximum`` echoes a ray.
 
     Within leaves, the optical depth to the next echo is exponentially distributed (Beer-Lambert); each echo takes
-    a random part of the energy, and a pulse with less than LEAST_ENERGY left ends there.
+    a random part of the energy, and a pulse with less than LEAST_ENERGY left ends there. The layers of ``cover`` come
+    below the last leaf of the canopy; at ``entry`` (n,) the rays are still above all of them.
     """
-    ray, distance, energy, left, last, count = _through_leaves(scene, canopy, rays, start, ground, maximum, rng)
+    state = _through_leaves(scene, canopy, rays, start, ground, maximum, rng)
+    ray, distance, energy, left, last, count = state
+    source = np.full(len(ray), LEAVES, np.uint8)
+    if cover is not None and cover.layers and entry is not None:
+        crossing = Crossing(scene, cover, rays, np.maximum(entry, last), ground)
+        layered = _through_layers(crossing, left, last, count, maximum, rng)
+        ray, distance = np.concatenate([ray, layered.ray]), np.concatenate([distance, layered.distance])
+        energy, source = np.concatenate([energy, layered.energy]), np.concatenate([source, layered.source])
     reached = np.flatnonzero((left >= LEAST_ENERGY) & (ground - last >= SEPARATION) & (count < maximum))
     place = rays.take(reached).at(ground[reached])
     grass = scene.turf(place[0], place[1])
+    if cover is not None and cover.litter is not None:
+        grass = np.maximum(grass, cover.litter(place[0], place[1]))
     caught = rng.random(len(reached)) < np.minimum(grass / 0.06, 0.8)
     height = np.where(caught, grass * rng.beta(1.5, 2.0, len(reached)), 0.0)
     final = ground[reached] + height / rays.direction[2, reached]
     all_rays = np.concatenate([ray, reached])
     all_distances = np.concatenate([distance, final])
-    source = np.concatenate([np.full(len(ray), LEAVES, np.uint8), np.where(caught, TURF, GROUND).astype(np.uint8)])
+    source = np.concatenate([source, np.where(caught, TURF, GROUND).astype(np.uint8)])
     order = np.lexsort((all_distances, all_rays))
     return Echoes(all_rays[order], all_distances[order], np.concatenate([energy, left[reached]])[order], source[order])
+
+
+def _through_layers(
+    crossing: Crossing,
+    left: Float,
+    last: Float,
+    count: NDArray[np.int64],
+    maximum: int,
+    rng: np.random.Generator,
+) -> Echoes:
+    """Echoes of the layers' plants, not sorted; ``left``, ``last`` and ``count`` (n,) are brought up to date."""
+    threshold = rng.standard_exponential(len(left))
+    found: list[tuple[NDArray[np.intp], Float, Float, NDArray[np.uint8]]] = []
+    threshold[(left < LEAST_ENERGY) | (count >= maximum)] = np.inf
+    while np.isfinite(threshold).any():
+        hits = crossing.hits(threshold, rng)
+        taken = rng.uniform(0.35, 1.0, len(hits.ray)) * left[hits.ray]
+        left[hits.ray] -= taken
+        apart = hits.distance - last[hits.ray] >= SEPARATION
+        struck = hits.ray[apart]
+        found.append((struck, hits.distance[apart], taken[apart], hits.source[apart]))
+        last[struck] = hits.distance[apart]
+        count[struck] += 1
+        following = np.full(len(threshold), np.inf)
+        going = hits.ray[(left[hits.ray] >= LEAST_ENERGY) & (count[hits.ray] < maximum)]
+        following[going] = threshold[going] + rng.standard_exponential(len(going))
+        threshold = following
+    if not found:
+        return Echoes(np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0, np.uint8))
+    return Echoes(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
 
 def _through_leaves(

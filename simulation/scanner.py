@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from ..engine.progress import Progress
 from .appearance import colours, intensities
+from .layers import Cover
 from .pattern import Flight, Pulses, emit
-from .returns import LEAVES, Echoes, echoes
+from .returns import LEAVES, MULTIPATH, STRAY, Echoes, echoes
 from .scene import Scene
+from .stray import disturbed
 from .trace import Steepness, approach, first_hit
 from .vegetation import Canopy
 
@@ -56,6 +58,7 @@ def scan(
     seed: tuple[int, ...],
     progress: Progress | None = None,
     workers: int = 2,
+    cover: Cover | None = None,
 ) -> SurveyCloud:
     """Scan ``area`` (u and v from, u and v to) of the scene with ``pulses`` pulses spread evenly over the flight.
 
@@ -71,7 +74,7 @@ def scan(
         index = np.arange(starts[number], min(starts[number] + CHUNK, pulses), dtype=np.float64)
         rng = np.random.default_rng([*seed, number])
         seconds: Float = (index + 0.5) * interval
-        return _scan_chunk(scene, canopy, flight, area, ceiling, seconds, range_noise, rng)
+        return _scan_chunk(scene, canopy, cover, flight, area, ceiling, seconds, range_noise, rng)
 
     parts: list[SurveyCloud] = []
     with ThreadPoolExecutor(workers) as pool:
@@ -98,6 +101,7 @@ def _in_order(
 def _scan_chunk(
     scene: Scene,
     canopy: Canopy,
+    cover: Cover | None,
     flight: Flight,
     area: Area,
     ceiling: float,
@@ -111,7 +115,8 @@ def _scan_chunk(
     low, high = scene.profile.slopes
     # The plain profile first, a table in v only: most pulses of a small area fall outside it.
     rough = Steepness(0.05, low - 0.05, high + 0.05)
-    leaves = max(canopy.depth, ceiling)
+    layers = ceiling + (cover.tallest if cover else 0.0)
+    leaves = max(canopy.depth, layers)
     start = approach(lambda u, v: scene.profile(v) + leaves, rays, np.zeros(len(rays)), rough, 0.5, reach)
     near = approach(lambda u, v: scene.profile(v) + ceiling, rays, start, rough, 0.3, reach)
     place = rays.at(near)
@@ -129,7 +134,11 @@ def _scan_chunk(
     ground = first_hit(scene.height, rays, near[chosen], steep, reach)
     landed = np.isfinite(ground)
     chosen, rays, ground = chosen[landed], rays.take(landed), ground[landed]
-    found = echoes(scene, canopy, rays, start[chosen], ground, flight.scanner.maximum_returns, rng)
+    start = start[chosen]
+    entry = approach(lambda u, v: scene.profile(v) + layers, rays, start, rough, 0.3, reach) if cover else None
+    found = echoes(scene, canopy, rays, start, ground, flight.scanner.maximum_returns, rng, cover, entry)
+    if cover is not None and (cover.multipath or cover.stray):
+        found = disturbed(found, rays, ground, cover.multipath, cover.stray, rng)
     kept = Pulses(rays, sent.line[chosen], seconds[chosen], sent.scan_angle[chosen])
     return _points(scene, area, kept, found, noise, rng)
 
@@ -148,7 +157,7 @@ def _points(
     true, direction, ray = true[:, keep], direction[:, keep], found.ray[keep]
     source, energy, number = found.source[keep], found.energy[keep], number[keep]
     above = true[2] - scene.height(true[0], true[1])
-    is_ground = (source != LEAVES) & (above <= TURF_GROUND)
+    is_ground = ~np.isin(source, (LEAVES, MULTIPATH, STRAY)) & (above <= TURF_GROUND)
     measured = true + direction * (noise * rng.standard_normal(true.shape[1]))
     rgb, incidence = colours(scene, true, direction, source, above, rng)
     return SurveyCloud(
