@@ -93,7 +93,7 @@ class Crossing:
         return [layer.density(u, v, above) for layer in self.cover.layers]
 
     def hits(self, threshold: Float, rng: np.random.Generator) -> LayerHits:
-        """Where each ray's optical depth reaches ``threshold`` (n,); rays that come to the ground before are left out."""
+        """Where each ray's optical depth reaches ``threshold`` (n,); without the rays that reach the ground before."""
         index = np.count_nonzero(self.optical[1:] < threshold, axis=0)
         ray = np.flatnonzero(index < len(self.optical) - 1)
         k = index[ray]
