@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,32 +21,51 @@ LOW, NODES_LOW, NODES_HIGH = 2.0, 28, 72
 
 @dataclass(frozen=True)
 class Layer:
-    """One kind of plant: ``height`` (m above the ground, 0: none) and ``depth`` over the place.
+    """One kind of plant on a regular grid of the local frame, even within each cell.
 
-    ``depth`` is the optical depth of a vertical ray through the whole layer: exp(-depth) of the rays pass
-    (Beer-Lambert). ``profile`` (k,) is the density at equally spaced relative heights from 0 to 1, of mean 1.
+    ``height`` (rows, columns) is in m above the ground, 0: none; ``depth`` (the same) is the optical depth of a vertical
+    ray through the whole layer: exp(-depth) of the rays pass (Beer-Lambert). The middle of cell (0, 0) lies at
+    ``origin`` (u, v). ``profile`` (k,) is the density at equally spaced relative heights from 0 to 1, of mean 1.
     ``source`` is what its echoes are (see ``returns``).
     """
 
-    height: HeightField
-    depth: HeightField
-    profile: Float
+    origin: tuple[float, float]
+    step: float
+    height: NDArray[np.float32]
+    depth: NDArray[np.float32]
+    profile: NDArray[np.float32]
     source: int
 
-    def density(self, u: Float, v: Float, above: Float) -> Float:
-        """Optical density at places ``above`` m over the ground, 1/m."""
-        height = self.height(u, v)
-        relative = above / np.maximum(height, LEAST_HEIGHT)
-        index = np.clip(relative * (len(self.profile) - 1) + 0.5, 0, len(self.profile) - 1).astype(np.int64)
-        value = self.depth(u, v) / np.maximum(height, LEAST_HEIGHT) * self.profile.take(index)
-        return np.where((relative >= 0) & (relative <= 1) & (height > LEAST_HEIGHT), value, 0.0)
+    @cached_property
+    def tallest(self) -> float:
+        return float(self.height.max())
+
+    def cell(self, u: Float, v: Float) -> NDArray[np.int64]:
+        """Flat index of the cell at (u, v), the nearest one outside."""
+        rows, columns = self.height.shape
+        i = np.clip((v - self.origin[1]) / self.step + 0.5, 0, rows - 1).astype(np.int64)
+        j = np.clip((u - self.origin[0]) / self.step + 0.5, 0, columns - 1).astype(np.int64)
+        return i * columns + j
+
+    def density(self, cell: NDArray[np.int64], above: Float) -> Float:
+        """Optical density ``above`` m over the ground in each cell (n,), 1/m."""
+        low = np.flatnonzero(above <= self.tallest)
+        height = self.height.ravel().take(cell[low])
+        within = above[low] <= height
+        low, height = low[within], np.maximum(height[within], LEAST_HEIGHT)
+        relative = np.maximum(above[low], 0.0) / height
+        index = (relative * (len(self.profile) - 1) + 0.5).astype(np.int64)
+        index = np.minimum(index, len(self.profile) - 1)
+        density = np.zeros(len(above))
+        density[low] = self.depth.ravel().take(cell[low]) / height * self.profile.take(index)
+        return density
 
 
 @dataclass(frozen=True)
 class Cover:
     """What lies over the ground of one epoch besides shrubs, trees and turf.
 
-    ``litter`` is the thickness (m) of dead leaves or cuttings on the ground. ``multipath`` and ``stray`` are the
+    All layers have the same grid. ``litter`` is the thickness (m) of dead leaves or cuttings on the ground. ``multipath`` and ``stray`` are the
     shares of the returns that lie below the ground, and anywhere along their beam.
     """
 
@@ -57,14 +77,15 @@ class Cover:
     @property
     def tallest(self) -> float:
         """Largest height of a layer above the ground, m."""
-        return max((float(layer.height.values.max()) for layer in self.layers), default=0.0)
+        return max((layer.tallest for layer in self.layers), default=0.0)
 
 
 @dataclass(frozen=True)
 class LayerHits:
-    """Where rays meet plants: index of the ray, distance along it (m), what it met."""
+    """Where rays meet plants: index of the ray, optical depth and distance (m) so far, what it met."""
 
     ray: NDArray[np.intp]
+    optical: Float
     distance: Float
     source: NDArray[np.uint8]
 
@@ -90,27 +111,20 @@ class Crossing:
     def _densities(self, rays: Rays, distance: Float) -> list[Float]:
         u, v, z = rays.at(distance)
         above = z - self.scene.height(u, v)
-        return [layer.density(u, v, above) for layer in self.cover.layers]
+        cell = self.cover.layers[0].cell(u, v)
+        return [layer.density(cell, above) for layer in self.cover.layers]
 
-    def hits(self, threshold: Float, rng: np.random.Generator) -> LayerHits:
-        """Where each ray's optical depth reaches ``threshold`` (n,); without the rays that reach the ground before."""
-        index = np.count_nonzero(self.optical[1:] < threshold, axis=0)
-        ray = np.flatnonzero(index < len(self.optical) - 1)
-        k = index[ray]
+    def hits(self, ray: NDArray[np.intp], threshold: Float, rng: np.random.Generator) -> LayerHits:
+        """Where the optical depth of each ``ray`` (m,) reaches its ``threshold`` (m,), if it does so above the ground."""
+        index = np.count_nonzero(self.optical[1:, ray] < threshold, axis=0)
+        met = index < len(self.optical) - 1
+        ray, threshold, k = ray[met], threshold[met], index[met]
         low, high = self.optical[k, ray], self.optical[k + 1, ray]
-        part = np.clip((threshold[ray] - low) / np.maximum(high - low, 1e-12), 0.0, 1.0)
+        part = np.clip((threshold - low) / np.maximum(high - low, 1e-12), 0.0, 1.0)
         distance = self.nodes[k, ray] + part * (self.nodes[k + 1, ray] - self.nodes[k, ray])
         # Which plant it was: in proportion to the densities in the middle of the step.
         middle = (self.nodes[k, ray] + self.nodes[k + 1, ray]) / 2
         shares = np.cumsum(self._densities(self.rays.take(ray), middle), axis=0)
         chosen = np.count_nonzero(shares < rng.random(len(ray)) * shares[-1], axis=0)
         kinds = np.array([layer.source for layer in self.cover.layers], dtype=np.uint8)
-        return LayerHits(ray, distance, kinds[np.minimum(chosen, len(kinds) - 1)])
-
-    def passed(self, distance: Float) -> Float:
-        """Optical depth of each ray up to ``distance`` (n,)."""
-        index = np.clip(np.count_nonzero(self.nodes < distance, axis=0) - 1, 0, len(self.nodes) - 2)
-        ray = np.arange(len(distance))
-        low, high = self.nodes[index, ray], self.nodes[index + 1, ray]
-        part = np.clip((distance - low) / np.maximum(high - low, 1e-12), 0.0, 1.0)
-        return self.optical[index, ray] + part * (self.optical[index + 1, ray] - self.optical[index, ray])
+        return LayerHits(ray, threshold, distance, kinds[np.minimum(chosen, len(kinds) - 1)])

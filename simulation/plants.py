@@ -103,7 +103,8 @@ class Ground:
         dense = kind.together * tall + math.sqrt(1 - kind.together**2) * dense
         heights = height * np.clip(np.exp(kind.spread * tall - kind.spread**2 / 2), *LIMITS) * part
         depths = kind.depth * np.exp(kind.depth_spread * dense)
-        return Layer(self.field(heights), self.field(depths), profile(*kind.exponents), kind.source)
+        heights, depths = heights.astype(np.float32), depths.astype(np.float32)
+        return Layer(self.origin, self.step, heights, depths, profile(*kind.exponents), kind.source)
 
     def _pattern(self, kind: Kind, epoch: int, *seed: int) -> Float:
         lasting = self._waves(kind, *seed, 0)
@@ -116,12 +117,12 @@ class Ground:
         return math.sqrt(kind.tuft_share) * tufts + math.sqrt(1 - kind.tuft_share) * places
 
 
-def profile(low: float, high: float, count: int = 65) -> Float:
+def profile(low: float, high: float, count: int = 65) -> NDArray[np.float32]:
     """Density r^low (1 - r)^high at ``count`` relative heights, of mean 1."""
     r = np.linspace(0.0, 1.0, count)
     values = r**low * (1.0 - r) ** high
     mean = float(((values[1:] + values[:-1]) / 2).mean())
-    return values / mean
+    return (values / mean).astype(np.float32)
 
 
 def cover_of(parameters: SurveyParameters, scene: Scene, epoch: int) -> Cover | None:

@@ -83,11 +83,11 @@ def _through_layers(
     rng: np.random.Generator,
 ) -> Echoes:
     """Echoes of the layers' plants, not sorted; ``left``, ``last`` and ``count`` (n,) are brought up to date."""
-    threshold = rng.standard_exponential(len(left))
+    ray = np.flatnonzero((left >= LEAST_ENERGY) & (count < maximum))
+    threshold = rng.standard_exponential(len(ray))
     found: list[tuple[NDArray[np.intp], Float, Float, NDArray[np.uint8]]] = []
-    threshold[(left < LEAST_ENERGY) | (count >= maximum)] = np.inf
-    while np.isfinite(threshold).any():
-        hits = crossing.hits(threshold, rng)
+    while len(ray):
+        hits = crossing.hits(ray, threshold, rng)
         taken = rng.uniform(0.35, 1.0, len(hits.ray)) * left[hits.ray]
         left[hits.ray] -= taken
         apart = hits.distance - last[hits.ray] >= SEPARATION
@@ -95,10 +95,9 @@ def _through_layers(
         found.append((struck, hits.distance[apart], taken[apart], hits.source[apart]))
         last[struck] = hits.distance[apart]
         count[struck] += 1
-        following = np.full(len(threshold), np.inf)
-        going = hits.ray[(left[hits.ray] >= LEAST_ENERGY) & (count[hits.ray] < maximum)]
-        following[going] = threshold[going] + rng.standard_exponential(len(going))
-        threshold = following
+        going = (left[hits.ray] >= LEAST_ENERGY) & (count[hits.ray] < maximum)
+        ray = hits.ray[going]
+        threshold = hits.optical[going] + rng.standard_exponential(len(ray))
     if not found:
         return Echoes(np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0, np.uint8))
     return Echoes(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
