@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from .fields import HeightField
 from .scene import Scene
+from .sources import LEAVES
 from .trace import Rays
+from .vegetation import Canopy
 
 Float = NDArray[np.float64]
 LEAST_HEIGHT = 0.005
@@ -23,8 +25,8 @@ LOW, NODES_LOW, NODES_HIGH = 2.0, 28, 72
 class Layer:
     """One kind of plant on a regular grid of the local frame, even within each cell.
 
-    ``height`` (rows, columns) is in m above the ground, 0: none; ``depth`` (the same) is the optical depth of a vertical
-    ray through the whole layer: exp(-depth) of the rays pass (Beer-Lambert). The middle of cell (0, 0) lies at
+    ``height`` (rows, columns) is in m above the ground, 0: none; ``depth`` (the same) is the optical depth of a
+    vertical ray through the whole layer: exp(-depth) of the rays pass (Beer-Lambert). The middle of cell (0, 0) lies at
     ``origin`` (u, v). ``profile`` (k,) is the density at equally spaced relative heights from 0 to 1, of mean 1.
     ``source`` is what its echoes are (see ``returns``).
     """
@@ -65,8 +67,8 @@ class Layer:
 class Cover:
     """What lies over the ground of one epoch besides shrubs, trees and turf.
 
-    All layers have the same grid. ``litter`` is the thickness (m) of dead leaves or cuttings on the ground. ``multipath`` and ``stray`` are the
-    shares of the returns that lie below the ground, and anywhere along their beam.
+    All layers have the same grid. ``litter`` is the thickness (m) of dead leaves or cuttings on the ground.
+    ``multipath`` and ``stray`` are the shares of the returns that lie below the ground, and anywhere along their beam.
     """
 
     layers: tuple[Layer, ...] = ()
@@ -91,15 +93,17 @@ class LayerHits:
 
 
 class Crossing:
-    """Rays on their way from ``entry`` to ``ground`` (n,), distances, through all layers at once.
+    """Rays on their way from ``entry`` to ``ground`` (n,), distances, through all layers and the canopy at once.
 
     The optical depth is summed at nodes that lie closer towards the ground; between them it rises evenly, so that the
     place where a ray meets a plant is known exactly.
     """
 
-    def __init__(self, scene: Scene, cover: Cover, rays: Rays, entry: Float, ground: Float) -> None:
+    def __init__(self, scene: Scene, canopy: Canopy, cover: Cover, rays: Rays, entry: Float, ground: Float) -> None:
         self.scene, self.cover, self.rays = scene, cover, rays
-        count = NODES_LOW if cover.tallest <= LOW else NODES_HIGH
+        self.canopy = canopy if canopy.covered.any() else None
+        self.sources = np.array([*(layer.source for layer in cover.layers), LEAVES], dtype=np.uint8)
+        count = NODES_LOW if cover.tallest <= LOW and self.canopy is None else NODES_HIGH
         back = (1.0 - np.arange(count + 1, dtype=np.float64) / count) ** 2
         self.nodes: Float = ground - np.maximum(ground - entry, 0.0) * back[:, None]
         self.optical = np.zeros_like(self.nodes)
@@ -112,10 +116,16 @@ class Crossing:
         u, v, z = rays.at(distance)
         above = z - self.scene.height(u, v)
         cell = self.cover.layers[0].cell(u, v)
-        return [layer.density(cell, above) for layer in self.cover.layers]
+        densities = [layer.density(cell, above) for layer in self.cover.layers]
+        if self.canopy is not None:
+            clear = np.flatnonzero(above >= self.canopy.clearance)
+            leaves = np.zeros(len(above))
+            leaves[clear] = self.canopy.density_at(u[clear], v[clear], z[clear])
+            densities.append(leaves)
+        return densities
 
     def hits(self, ray: NDArray[np.intp], threshold: Float, rng: np.random.Generator) -> LayerHits:
-        """Where the optical depth of each ``ray`` (m,) reaches its ``threshold`` (m,), if it does so above the ground."""
+        """Where the optical depth of each ``ray`` (m,) reaches its ``threshold`` (m,), if above the ground."""
         index = np.count_nonzero(self.optical[1:, ray] < threshold, axis=0)
         met = index < len(self.optical) - 1
         ray, threshold, k = ray[met], threshold[met], index[met]
@@ -126,5 +136,4 @@ class Crossing:
         middle = (self.nodes[k, ray] + self.nodes[k + 1, ray]) / 2
         shares = np.cumsum(self._densities(self.rays.take(ray), middle), axis=0)
         chosen = np.count_nonzero(shares < rng.random(len(ray)) * shares[-1], axis=0)
-        kinds = np.array([layer.source for layer in self.cover.layers], dtype=np.uint8)
-        return LayerHits(ray, threshold, distance, kinds[np.minimum(chosen, len(kinds) - 1)])
+        return LayerHits(ray, threshold, distance, self.sources[np.minimum(chosen, len(shares) - 1)])

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ..engine.parameters import SurveyParameters
 from .fields import HeightField, power_law_field
 from .layers import Cover, Layer
-from .returns import LEAVES, TURF
 from .scene import Scene
+from .sources import LEAVES, TURF
 from .vegetation import ROAD_EDGE
 
 Float = NDArray[np.float64]
@@ -50,12 +50,12 @@ class Kind:
 GROWN = Kind(4.1, 0.25, 0.35, (0.4, 2.0), (1.5, 12.0), 0.5, 0.5, (0.0, 3.0), TURF)
 MOWN = Kind(1.9, 0.20, 0.30, (0.4, 2.0), (1.5, 12.0), 0.3, 0.5, (0.3, 0.0), TURF)
 FERNS = Kind(5.6, 0.25, 0.30, (0.8, 3.0), (3.0, 15.0), 0.5, 0.3, (1.0, 0.6), LEAVES)
-UNDERSTOREY = Kind(3.3, 0.35, 0.45, (1.0, 4.0), (4.0, 20.0), 0.5, 0.3, (0.6, 0.6), LEAVES)
-CANOPY = Kind(2.2, 0.25, 0.55, (3.0, 10.0), (10.0, 40.0), 0.6, 0.3, (0.6, 0.8), LEAVES)
+UNDERSTOREY = Kind(2.9, 0.50, 0.40, (1.0, 4.0), (4.0, 20.0), 0.5, 0.3, (0.6, 0.6), LEAVES)
+CANOPY = Kind(3.0, 0.23, 0.45, (3.0, 10.0), (10.0, 40.0), 0.6, 0.3, (0.6, 0.5), LEAVES)
 STUBBLE = 0.055
 FERN_HEIGHT = 0.9
-UNDERSTOREY_HEIGHT = 1.2
-CANOPY_HEIGHT = 9.0
+UNDERSTOREY_HEIGHT = 1.3
+CANOPY_HEIGHT = 8.4
 LIMITS = (0.45, 1.9)
 """Heights stay within these multiples of the mean."""
 CUTTINGS = 0.02
@@ -103,8 +103,14 @@ class Ground:
         dense = kind.together * tall + math.sqrt(1 - kind.together**2) * dense
         heights = height * np.clip(np.exp(kind.spread * tall - kind.spread**2 / 2), *LIMITS) * part
         depths = kind.depth * np.exp(kind.depth_spread * dense)
-        heights, depths = heights.astype(np.float32), depths.astype(np.float32)
-        return Layer(self.origin, self.step, heights, depths, profile(*kind.exponents), kind.source)
+        return Layer(
+            self.origin,
+            self.step,
+            heights.astype(np.float32),
+            depths.astype(np.float32),
+            profile(*kind.exponents),
+            kind.source,
+        )
 
     def _pattern(self, kind: Kind, epoch: int, *seed: int) -> Float:
         lasting = self._waves(kind, *seed, 0)

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from .layers import Cover, Crossing
 from .scene import Scene
+from .sources import GROUND, LEAVES, TURF
 from .trace import Float, Rays
 from .vegetation import ENVELOPE, Canopy
 
-GROUND, TURF, LEAVES, MULTIPATH, STRAY = 0, 1, 2, 3, 4
-"""What an echo is of; TURF is all grass, mown or not, and what lies on the ground."""
 MARCH = 0.15
 """Step along a ray within the canopy, m."""
 SEPARATION = 0.25
@@ -32,6 +31,9 @@ class Echoes:
     source: NDArray[np.uint8]
 
 
+NOTHING = Echoes(np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0, np.uint8))
+
+
 def echoes(
     scene: Scene,
     canopy: Canopy,
@@ -41,24 +43,20 @@ def echoes(
     maximum: int,
     rng: np.random.Generator,
     cover: Cover | None = None,
-    entry: Float | None = None,
 ) -> Echoes:
     """The echoes of each ray, of which ``ground`` (n,) is the distance to the ground.
 
     At ``start`` (n,) the rays are still above all leaves. At most ``maximum`` echoes a ray.
 
     Within leaves, the optical depth to the next echo is exponentially distributed (Beer-Lambert); each echo takes
-    a random part of the energy, and a pulse with less than LEAST_ENERGY left ends there. The layers of ``cover`` come
-    below the last leaf of the canopy; at ``entry`` (n,) the rays are still above all of them.
+    a random part of the energy, and a pulse with less than LEAST_ENERGY left ends there. With layers of a ``cover``,
+    the rays are above them and all leaves at ``start``.
     """
-    state = _through_leaves(scene, canopy, rays, start, ground, maximum, rng)
-    ray, distance, energy, left, last, count = state
-    source = np.full(len(ray), LEAVES, np.uint8)
-    if cover is not None and cover.layers and entry is not None:
-        crossing = Crossing(scene, cover, rays, np.maximum(entry, last), ground)
-        layered = _through_layers(crossing, left, last, count, maximum, rng)
-        ray, distance = np.concatenate([ray, layered.ray]), np.concatenate([distance, layered.distance])
-        energy, source = np.concatenate([energy, layered.energy]), np.concatenate([source, layered.source])
+    if cover is not None and cover.layers:
+        crossing = Crossing(scene, canopy, cover, rays, start, ground)
+        plants, left, last, count = _through_layers(crossing, maximum, rng)
+    else:
+        plants, left, last, count = _through_leaves(scene, canopy, rays, start, ground, maximum, rng)
     reached = np.flatnonzero((left >= LEAST_ENERGY) & (ground - last >= SEPARATION) & (count < maximum))
     place = rays.take(reached).at(ground[reached])
     grass = scene.turf(place[0], place[1])
@@ -67,24 +65,21 @@ def echoes(
     caught = rng.random(len(reached)) < np.minimum(grass / 0.06, 0.8)
     height = np.where(caught, grass * rng.beta(1.5, 2.0, len(reached)), 0.0)
     final = ground[reached] + height / rays.direction[2, reached]
-    all_rays = np.concatenate([ray, reached])
-    all_distances = np.concatenate([distance, final])
-    source = np.concatenate([source, np.where(caught, TURF, GROUND).astype(np.uint8)])
+    all_rays = np.concatenate([plants.ray, reached])
+    all_distances = np.concatenate([plants.distance, final])
+    energy = np.concatenate([plants.energy, left[reached]])
+    source = np.concatenate([plants.source, np.where(caught, TURF, GROUND).astype(np.uint8)])
     order = np.lexsort((all_distances, all_rays))
-    return Echoes(all_rays[order], all_distances[order], np.concatenate([energy, left[reached]])[order], source[order])
+    return Echoes(all_rays[order], all_distances[order], energy[order], source[order])
 
 
 def _through_layers(
-    crossing: Crossing,
-    left: Float,
-    last: Float,
-    count: NDArray[np.int64],
-    maximum: int,
-    rng: np.random.Generator,
-) -> Echoes:
-    """Echoes of the layers' plants, not sorted; ``left``, ``last`` and ``count`` (n,) are brought up to date."""
-    ray = np.flatnonzero((left >= LEAST_ENERGY) & (count < maximum))
-    threshold = rng.standard_exponential(len(ray))
+    crossing: Crossing, maximum: int, rng: np.random.Generator
+) -> tuple[Echoes, Float, Float, NDArray[np.int64]]:
+    """Echoes of all plants, not sorted; energy left, last echo's distance and count of every ray."""
+    n = len(crossing.rays)
+    left, last, count = np.ones(n), np.full(n, -np.inf), np.zeros(n, dtype=np.int64)
+    ray, threshold = np.arange(n), rng.standard_exponential(n)
     found: list[tuple[NDArray[np.intp], Float, Float, NDArray[np.uint8]]] = []
     while len(ray):
         hits = crossing.hits(ray, threshold, rng)
@@ -99,14 +94,14 @@ def _through_layers(
         ray = hits.ray[going]
         threshold = hits.optical[going] + rng.standard_exponential(len(ray))
     if not found:
-        return Echoes(np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0, np.uint8))
-    return Echoes(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+        return NOTHING, left, last, count
+    return Echoes(*(np.concatenate(parts) for parts in zip(*found, strict=True))), left, last, count
 
 
 def _through_leaves(
     scene: Scene, canopy: Canopy, rays: Rays, start: Float, ground: Float, maximum: int, rng: np.random.Generator
-) -> tuple[NDArray[np.int64], Float, Float, Float, Float, NDArray[np.int64]]:
-    """Ray, distance and energy of the leaves' echoes; energy left, last echo's distance and count of every ray."""
+) -> tuple[Echoes, Float, Float, NDArray[np.int64]]:
+    """Echoes of the leaves, not sorted; energy left, last echo's distance and count of every ray."""
     n = len(rays)
     left, last, count = np.ones(n), np.full(n, -np.inf), np.zeros(n, dtype=np.int64)
     found: list[tuple[NDArray[np.int64], Float, Float]] = []
@@ -143,9 +138,9 @@ def _through_leaves(
                 active, t, threshold, end, depth = active[going], t[going], threshold[going], end[going], depth[going]
                 under_way = under_way.take(going)
     if not found:
-        return np.empty(0, np.int64), np.empty(0), np.empty(0), left, last, count
+        return NOTHING, left, last, count
     ray, distance, energy = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    return ray, distance, energy, left, last, count
+    return Echoes(ray, distance, energy, np.full(len(ray), LEAVES, np.uint8)), left, last, count
 
 
 def _enter(canopy: Canopy, rays: Rays, start: Float, ground: Float) -> Float:

@@ -13,8 +13,9 @@ from ..engine.progress import Progress
 from .appearance import colours, intensities
 from .layers import Cover
 from .pattern import Flight, Pulses, emit
-from .returns import LEAVES, MULTIPATH, STRAY, Echoes, echoes
+from .returns import Echoes, echoes
 from .scene import Scene
+from .sources import LEAVES, MULTIPATH, STRAY
 from .stray import disturbed
 from .trace import Steepness, approach, first_hit
 from .vegetation import Canopy
@@ -115,8 +116,9 @@ def _scan_chunk(
     low, high = scene.profile.slopes
     # The plain profile first, a table in v only: most pulses of a small area fall outside it.
     rough = Steepness(0.05, low - 0.05, high + 0.05)
-    layers = ceiling + (cover.tallest if cover else 0.0)
-    leaves = max(canopy.depth, layers)
+    leaves = max(canopy.depth, ceiling)
+    if cover is not None:
+        leaves = max(canopy.depth if canopy.covered.any() else 0.0, ceiling + cover.tallest)
     start = approach(lambda u, v: scene.profile(v) + leaves, rays, np.zeros(len(rays)), rough, 0.5, reach)
     near = approach(lambda u, v: scene.profile(v) + ceiling, rays, start, rough, 0.3, reach)
     place = rays.at(near)
@@ -134,9 +136,7 @@ def _scan_chunk(
     ground = first_hit(scene.height, rays, near[chosen], steep, reach)
     landed = np.isfinite(ground)
     chosen, rays, ground = chosen[landed], rays.take(landed), ground[landed]
-    start = start[chosen]
-    entry = approach(lambda u, v: scene.profile(v) + layers, rays, start, rough, 0.3, reach) if cover else None
-    found = echoes(scene, canopy, rays, start, ground, flight.scanner.maximum_returns, rng, cover, entry)
+    found = echoes(scene, canopy, rays, start[chosen], ground, flight.scanner.maximum_returns, rng, cover)
     if cover is not None and (cover.multipath or cover.stray):
         found = disturbed(found, rays, ground, cover.multipath, cover.stray, rng)
     kept = Pulses(rays, sent.line[chosen], seconds[chosen], sent.scan_angle[chosen])

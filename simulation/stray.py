@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .returns import MULTIPATH, STRAY, Echoes
+from .returns import Echoes
+from .sources import MULTIPATH, STRAY
 from .trace import Float, Rays
 
 SHALLOWEST, TYPICAL, DEEPEST = 0.1, 0.6, 6.0
