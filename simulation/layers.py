@@ -99,13 +99,24 @@ class Crossing:
     place where a ray meets a plant is known exactly.
     """
 
-    def __init__(self, scene: Scene, canopy: Canopy, cover: Cover, rays: Rays, entry: Float, ground: Float) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        canopy: Canopy,
+        cover: Cover,
+        rays: Rays,
+        entry: Float,
+        ground: Float,
+        rng: np.random.Generator,
+    ) -> None:
         self.scene, self.cover, self.rays = scene, cover, rays
         self.canopy = canopy if canopy.covered.any() else None
         self.sources = np.array([*(layer.source for layer in cover.layers), LEAVES], dtype=np.uint8)
         count = NODES_LOW if cover.tallest <= LOW and self.canopy is None else NODES_HIGH
-        back = (1.0 - np.arange(count + 1, dtype=np.float64) / count) ** 2
-        self.nodes: Float = ground - np.maximum(ground - entry, 0.0) * back[:, None]
+        # At random between rays, so that a layer's top does not lie at the same node in all.
+        node = np.arange(count + 1, dtype=np.float64)[:, None] - rng.random(len(rays))
+        node[0], node[-1] = 0.0, count
+        self.nodes: Float = ground - np.maximum(ground - entry, 0.0) * (1.0 - node / count) ** 2
         self.optical = np.zeros_like(self.nodes)
         for k in range(count):
             middle = (self.nodes[k] + self.nodes[k + 1]) / 2

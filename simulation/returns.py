@@ -17,6 +17,8 @@ MARCH = 0.15
 """Step along a ray within the canopy, m."""
 SEPARATION = 0.25
 """Echoes closer than this along the beam cannot be told apart; the first stands for them, m."""
+CLOSED_LITTER = 0.03
+"""Thickness from which on litter leaves hardly a gap, m."""
 LEAST_ENERGY = 0.2
 """Share of the pulse's energy below which nothing more is detected."""
 
@@ -53,17 +55,21 @@ def echoes(
     the rays are above them and all leaves at ``start``.
     """
     if cover is not None and cover.layers:
-        crossing = Crossing(scene, canopy, cover, rays, start, ground)
+        crossing = Crossing(scene, canopy, cover, rays, start, ground, rng)
         plants, left, last, count = _through_layers(crossing, maximum, rng)
     else:
         plants, left, last, count = _through_leaves(scene, canopy, rays, start, ground, maximum, rng)
     reached = np.flatnonzero((left >= LEAST_ENERGY) & (ground - last >= SEPARATION) & (count < maximum))
     place = rays.take(reached).at(ground[reached])
     grass = scene.turf(place[0], place[1])
-    if cover is not None and cover.litter is not None:
-        grass = np.maximum(grass, cover.litter(place[0], place[1]))
     caught = rng.random(len(reached)) < np.minimum(grass / 0.06, 0.8)
     height = np.where(caught, grass * rng.beta(1.5, 2.0, len(reached)), 0.0)
+    if cover is not None and cover.litter is not None:
+        # Dead leaves hide what is beneath sooner than turf does, and most pulses end near their top.
+        litter = cover.litter(place[0], place[1])
+        on_top = rng.random(len(reached)) < np.minimum(litter / CLOSED_LITTER, 0.95)
+        height = np.where(on_top, litter * rng.beta(3.0, 1.5, len(reached)), height)
+        caught |= on_top
     final = ground[reached] + height / rays.direction[2, reached]
     all_rays = np.concatenate([plants.ray, reached])
     all_distances = np.concatenate([plants.distance, final])
