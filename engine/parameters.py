@@ -926,7 +926,7 @@ class SurveyParameters(ParameterSet):
     grass_height: float = _parameter(
         0.7,
         "Grass height",
-        "Mean height of the longest stems of closed grass; half of its returns lie below a third of it.",
+        "Mean height of the longest stems of closed grass; half of its returns lie below about a third of it.",
         unit="m",
         minimum=0.1,
         maximum=1.5,
