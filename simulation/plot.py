@@ -92,13 +92,19 @@ def grass_plot(
     """A plot of closed grass, ``state`` grown or mown; a seed has the same ground in both states.
 
     Args:
+        side, density, slope: as in ``plot``.
         height: mean height of the longest stems, m.
+
+    Raises:
+        ValueError: ``state`` is neither.
     """
+    if state not in ("grown", "mown"):
+        raise ValueError(f"state is {state!r}; give grown or mown")
     parameters = SurveyParameters(
         seed=seed,
         grass=1.0,
         grass_height=height,
         vegetation=0.0,
-        mown={"grown": "never", "mown": "both"}[state],
+        mown="never" if state == "grown" else "both",
     )
     return plot(parameters, side, density, slope, epoch=0 if state == "grown" else 1)

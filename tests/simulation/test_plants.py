@@ -195,6 +195,11 @@ def test_shrubs_stand_over_grass_and_forest_over_shrubs():
     assert made.above.min() > -1e-3
 
 
+def test_a_plot_in_no_known_state_is_refused():
+    with pytest.raises(ValueError, match="grown or mown"):
+        grass_plot(1, state="burnt")
+
+
 def test_profiles_have_a_mean_of_one():
     for exponents in ((0.0, 3.0), (1.0, 0.6), (0.3, 0.0)):
         values = profile(*exponents)
