@@ -16,6 +16,7 @@ from .table import heading, markdown
 NAMES = {
     "controlled_test": "The published controlled test, simulated",
     "ground": "Ground extraction",
+    "plants": "Simulated plants beside real ones",
     "registration": "Registration",
     "gridding": "Gridding",
     "m3c2": "M3C2",

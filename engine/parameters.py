@@ -946,6 +946,71 @@ class SurveyParameters(ParameterSet):
     amplitude: float = _parameter(
         0.3, "Change", "Largest height change that is put into the second epoch.", unit="m", minimum=0.0, maximum=10.0
     )
+    grass: float = _parameter(
+        0.0, "Closed grass", "Share of the slope under closed grass, without gaps.", minimum=0.0, maximum=1.0
+    )
+    grass_height: float = _parameter(
+        0.7,
+        "Grass height",
+        "Mean height of the longest stems of closed grass; half of its returns lie below about a third of it.",
+        unit="m",
+        minimum=0.1,
+        maximum=1.5,
+        advanced=True,
+    )
+    mown: str = _parameter(
+        "never",
+        "Mown in",
+        "Surveys in which the closed grass is mown: stubble of 3 to 8 cm with cuttings on the ground.",
+        choices=("never", "first", "later", "both"),
+    )
+    ferns: float = _parameter(
+        0.0,
+        "Ferns and low shrubs",
+        "Share of the slope under ferns and low shrubs that close, 0.4 to 1.5 m high; few returns are of the ground.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    forest: float = _parameter(
+        0.0,
+        "Native forest",
+        "Share of the slope under dense native forest with ferns beneath: one return in 60 is of the ground.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    layout: str = _parameter(
+        "patches",
+        "Place of grass, ferns and forest",
+        "patches: in patches of some metres. left: from the left end of the slope, seen from the road (ferns: from the "
+        "right).",
+        choices=("patches", "left"),
+        advanced=True,
+    )
+    litter: float = _parameter(
+        0.0,
+        "Litter",
+        "Mean thickness of dead leaves on the ground; hides the ground partly.",
+        unit="m",
+        minimum=0.0,
+        maximum=0.1,
+        advanced=True,
+    )
+    multipath: float = _parameter(
+        0.0,
+        "Returns below the ground",
+        "Share of the returns that echoed on the way and lie 0.1 to 6 m below the ground, each alone.",
+        minimum=0.0,
+        maximum=0.05,
+        advanced=True,
+    )
+    stray: float = _parameter(
+        0.0,
+        "Stray returns",
+        "Share of the returns that lie anywhere along their beam, up to 15 m before the ground and 3 m behind it.",
+        minimum=0.0,
+        maximum=0.05,
+        advanced=True,
+    )
 
 
 @dataclass(frozen=True)

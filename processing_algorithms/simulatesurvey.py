@@ -30,7 +30,7 @@ class SimulateSurvey(SimulationAlgorithm):
     PARAMETER_GROUPS = (SurveyParameters,)
     KIND = "survey"
     FOLDER_HELP = "Receives both surveys, the region of interest and the truth."
-    BASIC = ("seed", "points", "length", "height", "angle", "vegetation", "amplitude")
+    BASIC = ("seed", "points", "length", "height", "angle", "vegetation", "amplitude", "grass", "mown")
     PRODUCTS = _PRODUCTS
     LAYERS = "SlopeWatch simulated survey"
     FILES: ClassVar = {

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .returns import LEAVES, TURF
 from .scene import Scene
+from .sources import LEAVES, TURF
 
 Float = NDArray[np.float64]
 SUN = np.array([-0.35, -0.45, 0.82])

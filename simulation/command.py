@@ -49,6 +49,7 @@ def survey_step(
             "points_reference": len(pair.first),
             "points_cloud": len(pair.second),
             "ground_share": float(pair.first.truth_ground.mean()),
+            "ground_share_cloud": float(pair.second.truth_ground.mean()),
             "vegetation_cover": pair.canopy.cover(pair.scene.slope),
             "changes": len(pair.changes),
             "volume_raised_m3": sum(change.volumes[0] for change in pair.changes),

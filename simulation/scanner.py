@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 
 from ..engine.progress import Progress
 from .appearance import colours, intensities
+from .layers import Cover
 from .pattern import Flight, Pulses, emit
-from .returns import LEAVES, Echoes, echoes
+from .returns import Echoes, echoes
 from .scene import Scene
+from .sources import LEAVES, MULTIPATH, STRAY
+from .stray import disturbed
 from .trace import Steepness, approach, first_hit
 from .vegetation import Canopy
 
@@ -56,6 +59,7 @@ def scan(
     seed: tuple[int, ...],
     progress: Progress | None = None,
     workers: int = 2,
+    cover: Cover | None = None,
 ) -> SurveyCloud:
     """Scan ``area`` (u and v from, u and v to) of the scene with ``pulses`` pulses spread evenly over the flight.
 
@@ -71,7 +75,7 @@ def scan(
         index = np.arange(starts[number], min(starts[number] + CHUNK, pulses), dtype=np.float64)
         rng = np.random.default_rng([*seed, number])
         seconds: Float = (index + 0.5) * interval
-        return _scan_chunk(scene, canopy, flight, area, ceiling, seconds, range_noise, rng)
+        return _scan_chunk(scene, canopy, cover, flight, area, ceiling, seconds, range_noise, rng)
 
     parts: list[SurveyCloud] = []
     with ThreadPoolExecutor(workers) as pool:
@@ -98,6 +102,7 @@ def _in_order(
 def _scan_chunk(
     scene: Scene,
     canopy: Canopy,
+    cover: Cover | None,
     flight: Flight,
     area: Area,
     ceiling: float,
@@ -112,6 +117,8 @@ def _scan_chunk(
     # The plain profile first, a table in v only: most pulses of a small area fall outside it.
     rough = Steepness(0.05, low - 0.05, high + 0.05)
     leaves = max(canopy.depth, ceiling)
+    if cover is not None:
+        leaves = max(canopy.depth if canopy.covered.any() else 0.0, ceiling + cover.tallest)
     start = approach(lambda u, v: scene.profile(v) + leaves, rays, np.zeros(len(rays)), rough, 0.5, reach)
     near = approach(lambda u, v: scene.profile(v) + ceiling, rays, start, rough, 0.3, reach)
     place = rays.at(near)
@@ -129,7 +136,9 @@ def _scan_chunk(
     ground = first_hit(scene.height, rays, near[chosen], steep, reach)
     landed = np.isfinite(ground)
     chosen, rays, ground = chosen[landed], rays.take(landed), ground[landed]
-    found = echoes(scene, canopy, rays, start[chosen], ground, flight.scanner.maximum_returns, rng)
+    found = echoes(scene, canopy, rays, start[chosen], ground, flight.scanner.maximum_returns, rng, cover)
+    if cover is not None and (cover.multipath or cover.stray):
+        found = disturbed(found, rays, ground, cover.multipath, cover.stray, rng)
     kept = Pulses(rays, sent.line[chosen], seconds[chosen], sent.scan_angle[chosen])
     return _points(scene, area, kept, found, noise, rng)
 
@@ -148,7 +157,7 @@ def _points(
     true, direction, ray = true[:, keep], direction[:, keep], found.ray[keep]
     source, energy, number = found.source[keep], found.energy[keep], number[keep]
     above = true[2] - scene.height(true[0], true[1])
-    is_ground = (source != LEAVES) & (above <= TURF_GROUND)
+    is_ground = ~np.isin(source, (LEAVES, MULTIPATH, STRAY)) & (above <= TURF_GROUND)
     measured = true + direction * (noise * rng.standard_normal(true.shape[1]))
     rgb, incidence = colours(scene, true, direction, source, above, rng)
     return SurveyCloud(

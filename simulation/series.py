@@ -25,6 +25,7 @@ from ..engine.vectors import write_layer
 from .change import Bump, true_change_raster
 from .frame import Frame
 from .pattern import Scanner, flown, plan_flight
+from .plants import cover_of
 from .scanner import SurveyCloud, scan
 from .scene import BERM_WIDTH, Relief, Scene, build_scene, cut_profile
 from .survey import CRS as SURVEY_CRS
@@ -137,7 +138,7 @@ def simulate_series(
     """Surveys of one slope on ``dates``; its zones lie side by side and move by ``laws`` (negative: lowering).
 
     ``parameters.offset`` is the norm of each later survey's own rigid offset; ``points`` are those of one survey;
-    ``amplitude`` has no effect. Plants are the same in all surveys.
+    ``amplitude`` has no effect. Plants are the same in all surveys, but closed grass has grown anew, or is mown.
 
     Args:
         half_axes: of each zone along and up the slope, metres.
@@ -156,7 +157,8 @@ def simulate_series(
         u = parameters.length * (number + 0.5) / len(laws) + rng.uniform(-0.2, 0.2)
         v = run * rng.uniform(0.45, 0.55)
         motions.append(Motion(Bump(float(u), float(v), *half_axes, 1.0), law))
-    area, pulses = survey_area(scene, canopy, plan, slope, parameters.points, seed)
+    cover = cover_of(parameters, scene, 0)
+    area, pulses = survey_area(scene, canopy, plan, slope, parameters.points, seed, cover)
     clouds, transforms = [], []
     for number, day in enumerate(dates):
         with progress.stage(number / len(dates), (number + 1) / len(dates), f"scanning on {day}") as stage:
@@ -167,7 +169,9 @@ def simulate_series(
                 else RigidTransform.identity()
             )
             flight = flown(plan, np.random.default_rng([seed, 11 + number, 0]))
-            cloud = scan(changed, canopy, flight, area, pulses, parameters.range_noise, (seed, 11 + number, 1), stage)
+            cover = cover_of(parameters, scene, number)
+            noise = parameters.range_noise
+            cloud = scan(changed, canopy, flight, area, pulses, noise, (seed, 11 + number, 1), stage, cover=cover)
             clouds.append(replace(cloud, xyz=transform.inverse().apply(cloud.xyz)))
             transforms.append(transform)
     ring = rectangle(slope, scene.frame)

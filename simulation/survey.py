@@ -14,7 +14,9 @@ from ..engine.progress import Progress
 from ..engine.transform import RigidTransform
 from .change import Bump, Change, Cone, Plateau, Slump, true_change_raster
 from .frame import Frame
+from .layers import Cover
 from .pattern import Flight, Scanner, flown, plan_flight
+from .plants import cover_of
 from .scanner import SurveyCloud, scan
 from .scene import BERM_WIDTH, Relief, Scene, build_scene, cut_profile
 from .vegetation import Canopy, grow
@@ -47,6 +49,7 @@ class SimulatedPair:
     roi: Float
     crs: str = CRS
     dates: tuple[str, str] = ("2024-05-01", "2025-05-01")
+    covers: tuple[Cover | None, Cover | None] = (None, None)
 
     @property
     def changes(self) -> tuple[Change, ...]:
@@ -81,7 +84,8 @@ def simulate_pair(
 ) -> SimulatedPair:
     """Two surveys of one cut slope: the second with ``changes`` (by default one of each kind) and a rigid offset.
 
-    Grass and leaves are the same in both epochs; grass moves with the ground. The ROI runs along toe and crest,
+    Shrubs, trees, ferns, forest and turf are the same in both epochs; closed grass has grown anew between them, or is
+    mown in one. All but shrubs and trees move with the ground. The ROI runs along toe and crest,
     ``roi_buffer`` m outside of the cut face.
     """
     parameters = parameters or SurveyParameters()
@@ -95,12 +99,13 @@ def simulate_pair(
         rng = np.random.default_rng([parameters.seed, 1])
         scene = build_scene(profile, slope, roi_buffer + largest_margin(roi) + 9.0, frame, relief, rng)
     with progress.stage(0.1, 0.3, "planting"):
+        covers = (cover_of(parameters, scene, 0), cover_of(parameters, scene, 1))
         canopy = grow(scene, parameters.vegetation, np.random.default_rng([parameters.seed, 2]), progress=progress)
     plan = plan_flight(roi, profile, Scanner())
     if changes is None:
         changes = default_changes(slope, parameters.amplitude, np.random.default_rng([parameters.seed, 3]))
     transform = known_offset(scene, parameters.offset, np.random.default_rng([parameters.seed, 4]))
-    return _fly(parameters, scene, canopy, plan, roi, changes, transform, progress)
+    return _fly(parameters, scene, canopy, covers, plan, roi, changes, transform, progress)
 
 
 def simulate_controlled_test(
@@ -177,6 +182,7 @@ def _fly(
     parameters: SurveyParameters,
     scene: Scene,
     canopy: Canopy,
+    covers: tuple[Cover | None, Cover | None],
     plan: Flight,
     roi: Area,
     changes: tuple[Change, ...],
@@ -184,26 +190,39 @@ def _fly(
     progress: Progress,
 ) -> SimulatedPair:
     changed = scene.with_changes(changes)
-    area, pulses = survey_area(scene, canopy, plan, roi, parameters.points, parameters.seed)
+    area, pulses = survey_area(scene, canopy, plan, roi, parameters.points, parameters.seed, covers[0])
     clouds = []
     for epoch, ground in enumerate((scene, changed)):
         with progress.stage(0.3 + 0.35 * epoch, 0.65 + 0.35 * epoch, f"scanning epoch {epoch + 1}") as stage:
             seed = (parameters.seed, 11 + epoch)
             flight = flown(plan, np.random.default_rng([*seed, 0]))
-            clouds.append(scan(ground, canopy, flight, area, pulses, parameters.range_noise, (*seed, 1), stage))
+            cloud = scan(
+                ground,
+                canopy,
+                flight,
+                area,
+                pulses,
+                parameters.range_noise,
+                (*seed, 1),
+                stage,
+                cover=covers[epoch],
+            )
+            clouds.append(cloud)
     moved = replace(clouds[1], xyz=transform.inverse().apply(clouds[1].xyz))
     ring = rectangle(roi, scene.frame)
-    return SimulatedPair(parameters, clouds[0], moved, transform, changed, canopy, area, ring)
+    return SimulatedPair(parameters, clouds[0], moved, transform, changed, canopy, area, ring, covers=covers)
 
 
-def survey_area(scene: Scene, canopy: Canopy, flight: Flight, roi: Area, points: int, seed: int) -> tuple[Area, int]:
+def survey_area(
+    scene: Scene, canopy: Canopy, flight: Flight, roi: Area, points: int, seed: int, cover: Cover | None = None
+) -> tuple[Area, int]:
     """The area around the ROI of which the ROI holds ROI_SHARE of the points, and the pulses that give ``points``.
 
     Both from a pilot scan: density falls off at the edges of the flight, and leaves return more than bare ground.
     """
     widest = expand(roi, largest_margin(roi))
     pilot = 60_000
-    cloud = scan(scene, canopy, flight, widest, pilot, 0.0, (seed, 10))
+    cloud = scan(scene, canopy, flight, widest, pilot, 0.0, (seed, 10), cover=cover)
     local = scene.frame.to_local(cloud.xyz)
     # Margin at which each point comes in.
     beyond = np.maximum.reduce([roi[0] - local[:, 0], local[:, 0] - roi[2], roi[1] - local[:, 1], local[:, 1] - roi[3]])

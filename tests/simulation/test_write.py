@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import rasterio
 from slopewatch.engine.errors import InputError
+from slopewatch.engine.parameters import SurveyParameters
 from slopewatch.engine.progress import Progress
 from slopewatch.simulation.command import survey_step
 from slopewatch.simulation.write import GPS_EPOCH, write_pair
@@ -111,3 +112,22 @@ def test_command_writes_everything_it_names(tmp_path):
     run = json.loads(outputs["run"].read_text())
     assert run["parameters"]["survey"]["seed"] == SMALL.seed
     assert figures["points_cloud"] == len(laspy.read(outputs["cloud"]))
+
+
+def test_a_pair_under_grass_by_its_step(tmp_path):
+    """What the command line and the toolbox call: mown later, the truth beside it."""
+    parameters = SurveyParameters(
+        points=6000, length=12.0, height=5.0, vegetation=0.0, grass=1.0, mown="later", multipath=0.01, amplitude=0.0
+    )
+    outputs, figures = survey_step(parameters, tmp_path / "out", Progress())
+    share = {}
+    for name in ("reference", "cloud"):
+        las = laspy.read(outputs[name])
+        share[name] = float(np.mean(las["truth_ground"]))
+    # The road's strip is bare in both.
+    assert share["cloud"] > share["reference"] + 0.15
+    assert figures["ground_share"] == pytest.approx(share["reference"])
+    assert figures["ground_share_cloud"] == pytest.approx(share["cloud"])
+    truth = json.loads(outputs["truth"].read_text())
+    assert truth["parameters"]["grass"] == 1.0
+    assert truth["parameters"]["mown"] == "later"
