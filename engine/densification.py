@@ -1,0 +1,189 @@
+"""Progressive densification of a triangulated surface: the ground as the lowest sheet that returns support.
+
+Axelsson 2000 (DEM generation from laser scanner data using adaptive TIN models, IAPRS 33 B4): a few sure points span
+triangles; a point joins where it lies close to its triangle and is seen from the triangle's corners under a small
+angle; the triangles become smaller and the surface follows the ground. Here the points come from low to high in ever
+smaller windows, so that a plant never joins before the ground beside it, and nothing joins because it is dense.
+
+Works in a frame in which the slope lies flat.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import LinearNDInterpolator
+from scipy.spatial import Delaunay, cKDTree
+from threadpoolctl import threadpool_limits
+
+Float = NDArray[np.float64]
+Index = NDArray[np.int64]
+Bool = NDArray[np.bool_]
+
+CANDIDATE_CELL_M = 0.5
+"""One candidate each cell: its lowest point that has support."""
+SUPPORT_DEPTH_M, SUPPORT_SHARE = 0.1, 0.012
+"""A lowest point is believed if this share of its cell's points lies less than this above it."""
+SEED_WINDOW_M, FEWEST_WINDOWS = 15.0, 5
+"""Side of the windows whose lowest candidates are the seeds; a smaller cloud has this many across."""
+SEED_STEEPEST_DEG = 30.0
+"""A seed that stands over all but one of its neighbours more steeply is in a crown."""
+PIT_STEEPEST_DEG, PIT_DEPTH_M = 50.0, 0.15
+"""A candidate that lies deeper below all of its neighbours, and more steeply, is no ground."""
+ANGLES_DEG = (3.0, 12.0)
+"""Angle under which a point is seen from its triangle, at first and at last."""
+ANGLE_STEP_DEG = 1.0
+LARGEST_DISTANCE_M, CLOSE_M = 1.0, 0.05
+"""Distance from the triangle: never more than the first; less than the second joins at any angle."""
+SMALLEST_WINDOW_M = 1.0
+MOST_ROUNDS = 24
+LEAST_GAIN = 0.002
+"""Share of new points in a round below which the surface is done."""
+_EDGE_M, _EDGE_POINTS = 5.0, 20
+
+
+def lowest_of_cells(xyz: Float, cell: float) -> Index:
+    """Index of the lowest point (n, 3) of each square cell of side ``cell`` that has points."""
+    key = _cells(xyz, cell)
+    order = np.lexsort((xyz[:, 2], key))
+    return order[_first(key[order])]
+
+
+def lowest_supported(xyz: Float, cell: float = CANDIDATE_CELL_M) -> Index:
+    """Index of each cell's lowest point that SUPPORT_SHARE of the cell's points follow within SUPPORT_DEPTH_M.
+
+    Single returns below the ground (multipath) have nothing right above them; where returns are few, every point has
+    support.
+    """
+    key = _cells(xyz, cell)
+    z = xyz[:, 2] - xyz[:, 2].min()
+    order = np.lexsort((z, key))
+    key, z = key[order], z[order]
+    height = float(z.max()) + 1.0 + SUPPORT_DEPTH_M
+    rank = np.cumsum(_first(key)) - 1
+    place = rank * height + z
+    above = np.searchsorted(place, place + SUPPORT_DEPTH_M, side="right") - np.arange(len(place))
+    supported = above >= np.maximum(1.0, SUPPORT_SHARE * np.bincount(rank)[rank])
+    order, rank = order[supported], rank[supported]
+    return order[_first(rank)]
+
+
+def densified(points: Float, anchored: Bool | None = None) -> Bool:
+    """Which of the candidates (n, 3), at most one a cell, lie on the ground.
+
+    Args:
+        points: (n, 3) metres, in a frame in which the slope lies flat.
+        anchored: (n,) candidates that may be seeds (those that the cloth found); all by default.
+
+    Returns:
+        (n,) bool.
+    """
+    ground = np.zeros(len(points), dtype=bool)
+    if len(points) == 0:
+        return ground
+    usable = ~_pits(points)
+    window = min(SEED_WINDOW_M, max(SMALLEST_WINDOW_M, float(np.ptp(points[:, :2], axis=0).min()) / FEWEST_WINDOWS))
+    ground[_seeds(points, usable if anchored is None else usable & anchored, window)] = True
+    if not ground.any():
+        ground[_seeds(points, usable, window)] = True
+    for round_number in range(MOST_ROUNDS):
+        rest = np.flatnonzero(usable & ~ground)
+        if not len(rest) or not ground.any():
+            break
+        distance, angle = Triangles(points[ground]).seen(points[rest])
+        allowed = min(ANGLES_DEG[0] + ANGLE_STEP_DEG * round_number, ANGLES_DEG[1])
+        joins = (np.abs(distance) < LARGEST_DISTANCE_M) & ((angle < allowed) | (np.abs(distance) < CLOSE_M))
+        if not joins.any():
+            if allowed >= ANGLES_DEG[1]:
+                break
+            continue
+        size = max(SMALLEST_WINDOW_M, window / 2.0 ** (round_number + 1))
+        low = np.column_stack([points[rest[joins], :2], distance[joins]])
+        chosen = rest[joins][lowest_of_cells(low, size)]
+        ground[chosen] = True
+        if allowed >= ANGLES_DEG[1] and len(chosen) < LEAST_GAIN * np.count_nonzero(ground):
+            break
+    return ground
+
+
+class Triangles:
+    """A surface of triangles through points (n, 3), level outwards from its edge."""
+
+    def __init__(self, points: Float) -> None:
+        rim = _rim(points)
+        nearest = cKDTree(points[:, :2]).query(rim)[1]
+        self.points = np.vstack([points, np.column_stack([rim, points[nearest, 2]])])
+        self.middle = self.points[:, :2].mean(axis=0)
+        self.mesh = Delaunay(self.points[:, :2] - self.middle)
+        # scipy solves a tiny system for each triangle; the threads of a BLAS only wait for each other there
+        with threadpool_limits(limits=1, user_api="blas"):
+            self.mesh.transform  # noqa: B018  (kept by the mesh once it was asked for)
+
+    def height(self, xy: Float) -> Float:
+        """Height of the surface at places (m, 2)."""
+        interpolator = LinearNDInterpolator(self.mesh, self.points[:, 2])
+        return np.asarray(interpolator(xy - self.middle), dtype=np.float64)
+
+    def seen(self, points: Float) -> tuple[Float, Float]:
+        """Signed distance (m,) of points from their triangle's plane, and the angle seen from its nearest corner, degrees."""
+        place = points[:, :2] - self.middle
+        corners = self.points[self.mesh.simplices[self.mesh.find_simplex(place)]]
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        length = np.maximum(np.linalg.norm(normal, axis=1), 1e-12)
+        upward = np.where(normal[:, 2] < 0, -1.0, 1.0)
+        distance = ((points - corners[:, 0]) * normal).sum(axis=1) / length * upward
+        near = np.hypot(*np.moveaxis(corners[:, :, :2] - points[:, None, :2], 2, 0)).min(axis=1)
+        return distance, np.degrees(np.arctan2(np.abs(distance), near))
+
+
+def _seeds(points: Float, usable: Bool, window: float) -> Index:
+    """The lowest usable candidates of windows, without those in crowns."""
+    index = np.flatnonzero(usable)
+    if not len(index):
+        return index
+    index = index[lowest_of_cells(points[index], window)]
+    for _ in range(10):
+        if len(index) < 4:
+            break
+        place = points[index]
+        distance, neighbour = cKDTree(place[:, :2]).query(place[:, :2], k=min(7, len(index)))
+        rise = place[:, None, 2] - place[neighbour[:, 1:], 2]
+        steepness = np.sort(np.degrees(np.arctan2(rise, distance[:, 1:])), axis=1)
+        high = steepness[:, 1] > SEED_STEEPEST_DEG
+        if not high.any():
+            break
+        index = index[~high]
+    return index
+
+
+def _pits(points: Float) -> Bool:
+    """(n,) candidates far and steeply below all of their neighbours."""
+    if len(points) < 9:
+        return np.zeros(len(points), dtype=bool)
+    distance, neighbour = cKDTree(points[:, :2]).query(points[:, :2], k=9)
+    rise = points[neighbour[:, 1:], 2] - points[:, None, 2]
+    deepest = PIT_DEPTH_M + math.tan(math.radians(PIT_STEEPEST_DEG)) * distance[:, 1:]
+    return np.asarray((rise > deepest).all(axis=1), dtype=np.bool_)
+
+
+def _rim(points: Float) -> Float:
+    """(m, 2) places around the points, so that every point lies within a triangle."""
+    low, high = points[:, :2].min(axis=0) - _EDGE_M, points[:, :2].max(axis=0) + _EDGE_M
+    step = np.linspace(0.0, 1.0, _EDGE_POINTS, endpoint=False)
+    corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+    sides = [a + step[:, None] * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0))]
+    return np.vstack(sides)
+
+
+def _cells(xyz: Float, cell: float) -> Index:
+    index = np.floor((xyz[:, :2] - xyz[:, :2].min(axis=0)) / cell).astype(np.int64)
+    return np.asarray(index[:, 0] * (int(index[:, 1].max()) + 1) + index[:, 1], dtype=np.int64)
+
+
+def _first(key: Index) -> Bool:
+    """(n,) the first of each run of equal keys."""
+    first = np.ones(len(key), dtype=bool)
+    first[1:] = key[1:] != key[:-1]
+    return first

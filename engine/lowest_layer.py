@@ -1,0 +1,100 @@
+"""Where in the lowest layer of returns the ground lies: a closed plant cover has no gap that would show it.
+
+Of a pulse into grass little reaches the ground, and the layer is densest in the grass. So the ground is not looked for
+where returns are many but where they end: below the ground there is only the noise of the range. Points below a height
+lie below it by 0.8 sigma on average (mean of a half normal distribution) if that height is the ground; if it is in the
+plants, the points below it are spread wider. The lowest height at which the depth is reached is taken. On bare ground, where
+returns lie on both sides alike, it is their median.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+
+BIN_M = 0.005
+LOWEST_M, HIGHEST_M = -0.3, 0.7
+BINS = round((HIGHEST_M - LOWEST_M) / BIN_M)
+HALF_NORMAL_MEAN = 0.798
+LEAST_BELOW, LEAST_BELOW_SHARE = 1.5, 0.004
+"""Points that must lie below the ground for it to be believed: at least, and of all returns."""
+EDGES: Float = LOWEST_M + BIN_M * np.arange(BINS + 1)
+_MIDDLES = EDGES[:-1] + BIN_M / 2
+
+
+@dataclass(frozen=True)
+class Layers:
+    """The lowest layer of windows; arrays of the windows' shape, metres above the surface that heights refer to.
+
+    ``ground`` is the height of the ground, NaN where too few returns tell; ``top`` the height up to which returns are
+    taken for ground, so that their mean is the ground; ``below`` and ``taken`` count returns below the ground and
+    between the lowest and ``top``; ``returns`` all of them; ``surplus`` is how much the mean of all returns
+    within the threshold of the ground lies over it: plants too low to be told from ground; ``median`` the height of
+    half of the returns over the ground.
+    """
+
+    ground: Float
+    top: Float
+    below: Float
+    taken: Float
+    returns: Float
+    surplus: Float
+    median: Float
+
+
+def histograms(height: Float, window: NDArray[np.int64], count: int) -> Float:
+    """(count, BINS) returns by height; ``window`` (n,) is each return's; heights beyond the range are left out."""
+    bins = np.floor((height - LOWEST_M) / BIN_M).astype(np.int64)
+    inside = (bins >= 0) & (bins < BINS)
+    found = np.bincount(window[inside] * BINS + bins[inside], minlength=count * BINS)
+    return np.asarray(found, dtype=np.float64).reshape(count, BINS)
+
+
+def lowest_layers(counts: Float, sigma: float, threshold: float) -> Layers:
+    """The ground in windows of which the returns by height are known.
+
+    Args:
+        counts: (..., BINS) see ``histograms``.
+        sigma: standard deviation (m) of returns from bare ground about its surface.
+        threshold: largest distance (m) from the ground of what may be taken.
+    """
+    returns = counts.sum(axis=-1)
+    number, moment = np.cumsum(counts, axis=-1), np.cumsum(counts * _MIDDLES, axis=-1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        depth = EDGES[1:] - moment / number
+    least = np.maximum(LEAST_BELOW, LEAST_BELOW_SHARE * returns)[..., None]
+    reached = (depth >= HALF_NORMAL_MEAN * sigma) & (number >= least)
+    unknown = ~reached.any(axis=-1)
+    ground = EDGES[1:][np.argmax(reached, axis=-1)]
+    for _ in range(2):
+        # bare ground that scatters less than sigma: the middle of what lies around
+        low, high = _at(number, ground - 3.0 * sigma), _at(number, ground + 3.0 * sigma)
+        middle = EDGES[1:][np.argmax(number >= ((low + high) / 2)[..., None], axis=-1)] - BIN_M / 2
+        ground = np.minimum(ground, middle)
+    lowest = ground - threshold
+    number_from = number - _at(number, lowest)[..., None]
+    moment_from = moment - _at(moment, lowest)[..., None]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = moment_from / number_from
+    upper = EDGES[1:]
+    within = (upper >= ground[..., None]) & (upper <= (ground + threshold)[..., None] + 1e-9)
+    fits = within & (mean <= (ground + BIN_M / 2)[..., None])
+    top = np.where(fits.any(axis=-1), upper[BINS - 1 - np.argmax(fits[..., ::-1], axis=-1)], ground)
+    surplus = _at(moment_from, ground + threshold) / np.maximum(_at(number_from, ground + threshold), 1e-9) - ground
+    below = _at(number, ground)
+    median = EDGES[1:][np.argmax(number >= returns[..., None] / 2, axis=-1)] - ground
+    taken = _at(number, top) - _at(number, lowest)
+    ground[unknown] = np.nan
+    return Layers(ground, top, below, taken, returns, surplus, median)
+
+
+def _at(cumulated: Float, height: Float) -> Float:
+    """Cumulated counts (..., BINS) up to a height (...)."""
+    index = np.floor((height - LOWEST_M) / BIN_M + 1e-6).astype(np.int64) - 1
+    found = np.take_along_axis(cumulated, np.clip(index, 0, BINS - 1)[..., None], axis=-1)[..., 0]
+    return np.where(index < 0, 0.0, found)

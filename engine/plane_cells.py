@@ -1,0 +1,82 @@
+"""Weighted planes on square cells, each fitted to its own points and, with less weight, to those around."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+FloatArray = NDArray[np.float64]
+
+
+class Planes:
+    """Weighted planes on square cells of side 1, each fitted to its own and (with less weight) the eight cells around.
+
+    Sums of products are shifted from cell to cell instead of searching neighbours, so the cost is linear in points.
+    """
+
+    POOL = (0.5, 1.0, 0.5)
+
+    def __init__(self, xy: FloatArray) -> None:
+        index = np.floor(xy).astype(np.int64)
+        self.shape = tuple(int(v) + 1 for v in index.max(axis=0))
+        self.key = index[:, 0] * self.shape[1] + index[:, 1]
+        self.x, self.y = (xy - index - 0.5).T
+
+    def fit(
+        self, z: FloatArray, weight: FloatArray, prior_height: float, prior_slope: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Height and inclinations of each cell's plane; the priors pull it towards 0 and towards level."""
+        x, y = self.x, self.y
+        wx, wy, wz = weight * x, weight * y, weight * z
+        sums = [self.sum(v) for v in (weight, wx, wy, wx * x, wx * y, wy * y, wz, wz * x, wz * y)]
+        w, sx, sy, sxx, sxy, syy, sz, sxz, syz = self._pool(sums)
+        w = w + prior_height + 1e-9
+        sxx, syy = sxx + prior_slope * w, syy + prior_slope * w
+        # cofactors of the symmetric 3 x 3 normal matrix
+        c00, c01, c02 = sxx * syy - sxy * sxy, sxy * sy - sx * syy, sx * sxy - sxx * sy
+        c11, c12, c22 = w * syy - sy * sy, sx * sy - w * sxy, w * sxx - sx * sx
+        determinant = w * c00 + sx * c01 + sy * c02
+        height = (c00 * sz + c01 * sxz + c02 * syz) / determinant
+        along = (c01 * sz + c11 * sxz + c12 * syz) / determinant
+        across = (c02 * sz + c12 * sxz + c22 * syz) / determinant
+        return height, along, across
+
+    def at_points(self, height: FloatArray, along: FloatArray, across: FloatArray) -> FloatArray:
+        """(n,) height of the cells' planes at the points."""
+        key = self.key
+        return np.asarray(
+            height.ravel()[key] + along.ravel()[key] * self.x + across.ravel()[key] * self.y, dtype=np.float64
+        )
+
+    def sum(self, values: FloatArray) -> FloatArray:
+        """Sum of the points' values in each cell."""
+        sums = np.bincount(self.key, values, self.shape[0] * self.shape[1])
+        return np.asarray(sums, dtype=np.float64).reshape(self.shape)
+
+    def pooled(self, values: FloatArray) -> FloatArray:
+        """Values of cells with (weighted) those of the cells around added."""
+        for axis in (0, 1):
+            values = ndimage.correlate1d(values, self.POOL, axis=axis, mode="constant")
+        return np.asarray(values, dtype=np.float64)
+
+    def _pool(self, sums: list[FloatArray]) -> list[FloatArray]:
+        """Sums over the cells around, moved to each cell's middle: first along the rows' axis, then across."""
+        rows, columns = self.shape
+        centre = self.POOL[1]
+        pooled = [centre * s for s in sums]
+        for u, to, of in ((-1.0, np.s_[1:], np.s_[: rows - 1]), (1.0, np.s_[: rows - 1], np.s_[1:])):
+            w, sx, sy, sxx, sxy, syy, sz, sxz, syz = (s[of] for s in sums)
+            parts = (w, sx + u * w, sy, sxx + 2 * u * sx + w, sxy + u * sy, syy, sz, sxz + u * sz, syz)
+            for total, part in zip(pooled, parts, strict=True):
+                total[to] += self.POOL[0] * part
+        sums, pooled = pooled, [centre * s for s in pooled]
+        for v, right, left in (
+            (-1.0, np.s_[:, 1:], np.s_[:, : columns - 1]),
+            (1.0, np.s_[:, : columns - 1], np.s_[:, 1:]),
+        ):
+            w, sx, sy, sxx, sxy, syy, sz, sxz, syz = (s[left] for s in sums)
+            parts = (w, sx, sy + v * w, sxx, sxy + v * sx, syy + 2 * v * sy + w, sz, sxz, syz + v * sz)
+            for total, part in zip(pooled, parts, strict=True):
+                total[right] += self.POOL[2] * part
+        return pooled
