@@ -13,6 +13,7 @@ from ..parameters import (
     HeatmapParameters,
     InputParameters,
     LastEpochParameters,
+    OutputParameters,
     RegistrationParameters,
     ReportParameters,
     ZoneParameters,
@@ -56,6 +57,7 @@ _output_dir = click.option(
     HeatmapParameters,
     ReportParameters,
     LastEpochParameters,
+    OutputParameters,
 )
 def inspect(
     session: Session, epochs: tuple[str, ...], roi: Path, stable: Path, profiles: Path, output_dir: Path
@@ -79,6 +81,7 @@ def inspect(
         stable=stable,
         profiles=profiles,
         pdal=session.pdal,
+        overwrite=session.parameters(OutputParameters).overwrite,
         progress=session.report,
     )
 
@@ -155,7 +158,7 @@ def register(
 @_stable
 @PROFILES_OPTION
 @_output_dir
-@command(InputParameters, ChangeParameters, ZoneParameters, HeatmapParameters, ReportParameters)
+@command(InputParameters, ChangeParameters, ZoneParameters, HeatmapParameters, ReportParameters, OutputParameters)
 def change(
     session: Session,
     reference: Path,
@@ -179,6 +182,7 @@ def change(
         transform_path=transform,
         stable=stable,
         profiles=profiles,
+        overwrite=session.parameters(OutputParameters).overwrite,
         progress=session.report,
     )
 
