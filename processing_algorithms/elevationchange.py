@@ -6,7 +6,14 @@ from typing import Any
 
 from qgis.core import QgsProcessingContext, QgsProcessingFeedback, QgsProcessingParameterFile
 
-from ..engine.parameters import ChangeParameters, HeatmapParameters, InputParameters, ReportParameters, ZoneParameters
+from ..engine.parameters import (
+    ChangeParameters,
+    HeatmapParameters,
+    InputParameters,
+    OutputParameters,
+    ReportParameters,
+    ZoneParameters,
+)
 from ..plugin.compat import FILE
 from ..plugin.engine_client import EngineResult
 from . import declare, products
@@ -43,7 +50,14 @@ class ElevationChange(SlopeWatchAlgorithm):
     GROUP = "steps"
     SUMMARY = "Subtracts two registered ground clouds and outlines where the change is significant."
     TAGS = ("change", "difference", "dod", "deformation", "volume", "hazard", "zones", "heatmap")
-    PARAMETER_GROUPS = (ChangeParameters, ZoneParameters, HeatmapParameters, ReportParameters, InputParameters)
+    PARAMETER_GROUPS = (
+        ChangeParameters,
+        ZoneParameters,
+        HeatmapParameters,
+        ReportParameters,
+        InputParameters,
+        OutputParameters,
+    )
     NUMBERS = CHANGE_NUMBERS
     PAGES = CHANGE_PAGES
     FILES = CHANGE_FILES

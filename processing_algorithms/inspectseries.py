@@ -17,6 +17,7 @@ from ..engine.parameters import (
     GridChangeParameters,
     GroundParameters,
     InputParameters,
+    OutputParameters,
     RegistrationParameters,
     SeriesParameters,
     ZoneParameters,
@@ -28,7 +29,7 @@ from . import declare, products
 from .base import SlopeWatchAlgorithm
 from .registerepochs import STABLE_HELP
 
-_BASIC = ("ground_ready", "rasters_each_survey", "cell", "confidence", "minimum_area")
+_BASIC = ("ground_ready", "rasters_each_survey", "cell", "confidence", "minimum_area", "overwrite")
 _PREFIXES = {
     "InputParameters": "Input",
     "GroundParameters": "Ground",
@@ -96,6 +97,7 @@ class InspectSeries(SlopeWatchAlgorithm):
         GridChangeParameters,
         ZoneParameters,
         InputParameters,
+        OutputParameters,
     )
     NUMBERS: ClassVar = {
         "EPOCH_COUNT": ("epoch_count", "Number of surveys"),

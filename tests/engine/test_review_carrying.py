@@ -210,13 +210,13 @@ def _later(rng: np.random.Generator, old: list[Rectangle]) -> list[tuple[Rectang
 
 
 def _cells_of(zones: gpd.GeoDataFrame, rng: np.random.Generator) -> gpd.GeoDataFrame:
-    """The zones as a run finds them under plants: three in four of their cells of 0.25 m."""
+    """The zones as a run finds them under plants: three in four of their cells of half a metre."""
     shapes = []
     for shape in zones.geometry:
         w, s, e, n = shape.bounds
-        x, y = np.meshgrid(np.arange(w, e, 0.25), np.arange(s, n, 0.25))
+        x, y = np.meshgrid(np.arange(w, e, 0.5), np.arange(s, n, 0.5))
         keep = rng.random(x.size) < 0.75
-        cells = shapely.box(x.ravel()[keep], y.ravel()[keep], x.ravel()[keep] + 0.25, y.ravel()[keep] + 0.25)
+        cells = shapely.box(x.ravel()[keep], y.ravel()[keep], x.ravel()[keep] + 0.5, y.ravel()[keep] + 0.5)
         whole = shapely.union_all(cells)
         shapes.append(whole if whole.geom_type == "MultiPolygon" else MultiPolygon([whole]))
     return zones.set_geometry(gpd.GeoSeries(shapes, crs=zones.crs))
