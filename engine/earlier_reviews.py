@@ -170,8 +170,18 @@ def _together(frames: Sequence[gpd.GeoDataFrame]) -> gpd.GeoDataFrame:
     names = list(dict.fromkeys(name for part in parts for name in part.columns))
     columns = {name: [v for part in parts for v in part.get(name, [None] * len(part))] for name in names}
     shapes = columns.pop("geometry")
-    typed = {name: pd.Series(values, dtype=object).infer_objects() for name, values in columns.items()}
+    typed = {name: _typed(values) for name, values in columns.items()}
     return gpd.GeoDataFrame(typed, geometry=shapes, crs=crs)
+
+
+def _typed(values: Sequence[Any]) -> pd.Series:
+    """A column whose whole numbers stay whole though there are gaps."""
+    column = pd.Series([None if pd.isna(v) else v for v in values], dtype=object)
+    known = column.dropna()
+    for is_kind, name in ((pd.api.types.is_bool, "boolean"), (pd.api.types.is_integer, "Int64")):
+        if len(known) and all(map(is_kind, known)):
+            return column.astype(name)
+    return column.infer_objects()
 
 
 def _multi(shape: Any) -> Any:

@@ -19,7 +19,7 @@ from slopewatch.engine.measured_columns import guarded_columns
 from slopewatch.engine.review_fields import REVIEW_FIELDS
 from slopewatch.engine.styles import ALIASES
 from slopewatch.engine.vectors import write_zones
-from slopewatch.tests.engine.zone_layers import entered, zone_layer
+from slopewatch.tests.engine.zone_layers import entered, opened, zone_layer
 
 WHAT_PEOPLE_DO = """
 import json, sys
@@ -77,9 +77,7 @@ def written(tmp_path: Path) -> Path:
 
 def attempt(path: Path, statement: str) -> str:
     """What SQLite says to a change; empty where it was made."""
-    with closing(sqlite3.connect(path)) as database, database:
-        for name in ("ST_IsEmpty", "ST_MinX", "ST_MaxX", "ST_MinY", "ST_MaxY"):  # GDAL's, for the spatial index
-            database.create_function(name, 1, lambda _: 0)
+    with opened(path) as database:
         try:
             database.execute(statement)
         except sqlite3.Error as error:

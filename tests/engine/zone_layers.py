@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path
 from typing import Any
 
 import geopandas as gpd
@@ -49,3 +52,26 @@ def entered(zones: gpd.GeoDataFrame, row: int, **entries: Any) -> gpd.GeoDataFra
     for name, value in entries.items():
         zones.loc[row, name] = value
     return zones
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[sqlite3.Connection]:
+    """A GeoPackage as a program that knows geometries opens it; what is done is kept."""
+    with closing(connected(path)) as database, database:
+        yield database
+
+
+def connected(path: Path) -> sqlite3.Connection:
+    """As ``opened``; the caller commits and closes."""
+    database = sqlite3.connect(path)
+    for name in ("ST_IsEmpty", "ST_MinX", "ST_MaxX", "ST_MinY", "ST_MaxY"):  # GDAL's, for the spatial index
+        database.create_function(name, 1, lambda _: 0)
+    return database
+
+
+def enter(path: Path, zone_id: str, **entries: Any) -> None:
+    """Enter something in the layer ``zones`` of a file."""
+    with opened(path) as database:
+        names = ", ".join(f'"{name}" = ?' for name in entries)
+        done = database.execute(f"UPDATE zones SET {names} WHERE zone_id = ?", (*entries.values(), zone_id))
+        assert done.rowcount == 1
