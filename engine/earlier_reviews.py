@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +16,7 @@ import shapely
 
 from .errors import InputError
 from .measured_columns import guarded_columns
+from .outputs import Stage
 from .plain_names import readable
 from .progress import Progress
 from .review_carrying import carry_reviews
@@ -81,33 +82,26 @@ class EarlierReviews:
         self._split += carried.split
         return carried.frame
 
-    def finish(
-        self, path: Callable[[str], Path], discard: Callable[[str], None], progress: Progress
-    ) -> tuple[int, dict[str, Any]]:
-        """Write what was not carried over, and tell all of it.
-
-        Args:
-            path: where to write an output for now; ``discard`` has an output of before removed.
+    def finish(self, stage: Stage, outputs: dict[str, Path], progress: Progress) -> dict[str, Any]:
+        """Write what was not carried over, if there is any, add the file to ``outputs``, and tell all of it.
 
         Returns:
-            How many reviews are in the file for those that were not carried over (it is written if there are any),
-            and the facts for the run record.
+            The facts for the run record.
         """
         before = self._read(self.not_carried)[0]
         others = [] if before is None else [before[~before["from_file"].isin(list(self._rest))]]
         rest = [part for part in (*self._rest.values(), *others) if len(part)]
         left = sum(len(part) for part in self._rest.values())
-        total = sum(map(len, rest))
-        if total:
+        if rest:
             frame = _together(rest)
             frame["geometry"] = [_multi(shape) for shape in frame.geometry]
             own = own_columns(frame, (*_TOLD, *_ADDED))
-            write_layers(path(self.not_carried), [Layer(frame, "reviews", "", "MultiPolygon", own)])
+            write_layers(stage.path(self.not_carried), [Layer(frame, "reviews", "", "MultiPolygon", own)])
+            outputs["reviews_not_carried"] = stage.final(self.not_carried)
         elif before is not None:
-            discard(self.not_carried)
+            stage.discard(self.not_carried)
         self._tell(left, progress)
-        facts = {"carried": self._count, "in_remarks": self._joined, "split": self._split, "not_carried": left}
-        return total, facts
+        return {"carried": self._count, "in_remarks": self._joined, "split": self._split, "not_carried": left}
 
     def _tell(self, left: int, progress: Progress) -> None:
         if self._count:

@@ -142,7 +142,8 @@ def inspect_slope(
     given = [e.path for e in epochs] + [p for p in (roi, stable, profiles) if p is not None]
     refuse_inputs_as_outputs([output_dir / name for name in _EVERY_OUTPUT], given)
     refuse_results(output_dir, ("run.json", "transform.json", *_EVERY_OUTPUT), overwrite=overwrite)
-    reviews = EarlierReviews(output_dir, ("zones.gpkg", "screened_zones.gpkg"))
+    replaced = {"zones.gpkg": len(epochs) == 2, "screened_zones.gpkg": settings.screening.screen_last_epoch}
+    reviews = EarlierReviews(output_dir, [name for name, written in replaced.items() if written])
     program = find_pdal(pdal)
     record = RunRecord("inspect", settings.groups())
     record.facts["pdal"] = {"version": program.version, "path": program.path, "found": program.how}
@@ -174,9 +175,7 @@ def inspect_slope(
         for label, result in zip(labels, grounds, strict=True):
             outputs[f"{label}_ground"] = stage.final(f"clouds/{result.ground.name}")
             record.metrics |= {f"{label}_{name}": value for name, value in result.figures().items()}
-        not_carried, record.facts["reviews"] = reviews.finish(stage.path, stage.discard, progress)
-        if not_carried:
-            outputs["reviews_not_carried"] = stage.final(reviews.not_carried)
+        record.facts["reviews"] = reviews.finish(stage, outputs, progress)
         _tell_what_is_older(output_dir, outputs, progress)
         write_record_and_report(record, stage, progress, outputs)
     return outputs, record.metrics

@@ -95,9 +95,9 @@ def screen_step(
     if parameters.ground == "extract":
         record.parameters["ground"] = plain(settings.ground)
     run_id = uuid.uuid5(uuid.NAMESPACE_OID, repr((digest, plain(record.parameters)))).hex[:12]
+    zones = targets["zones"].absolute()
+    reviews = EarlierReviews(zones.parent, [zones.name], f"{zones.stem}_{NOT_CARRIED}")
     with contextlib.ExitStack() as stack:
-        folder = targets["zones"].absolute().parent
-        reviews = EarlierReviews(folder, [targets["zones"].name], f"{targets['zones'].stem}_{NOT_CARRIED}")
         stages: dict[Path, Stage] = {}
         for path in targets.values():
             folder = path.absolute().parent
@@ -135,8 +135,6 @@ def screen_step(
             write_products(
                 targets, place, hazards, source.picture(), digest, survey=survey, name=source.path.stem, reviews=reviews
             )
-            stage = stages[targets["zones"].absolute().parent]
-            not_carried, record.facts["reviews"] = reviews.finish(stage.path, stage.discard, progress)
         with progress.stage(0.92, 1.0, "writing the labelled cloud"), record.stage("labels"):
             labelled = source.write_labelled(
                 place(targets["labelled"]), screening, classification=parameters.write_classification
@@ -144,8 +142,7 @@ def screen_step(
         record.metrics = screening_figures(source, screening, hazards, labelled)
         record.facts |= {"model": screening.model, "run_id": run_id}
         outputs = {**{name: path.absolute() for name, path in targets.items()}, "run": run.absolute()}
-        if not_carried:
-            outputs["reviews_not_carried"] = stage.final(reviews.not_carried)
+        record.facts["reviews"] = reviews.finish(stages[reviews.folder], outputs, progress)
         record.write(place(run), progress.warnings, outputs)
     return outputs, record.metrics
 

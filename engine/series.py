@@ -165,9 +165,7 @@ def monitor_series(
                 analysis.zones, analysis.cumulative[-1], velocity, about, table, limits[0], stage, reviews
             )
             outputs |= files
-        not_carried, record.facts["reviews"] = reviews.finish(stage.path, stage.discard, progress)
-        if not_carried:
-            outputs["reviews_not_carried"] = stage.final(reviews.not_carried)
+        record.facts["reviews"] = reviews.finish(stage, outputs, progress)
         record.metrics = series_figures(frame, analysis.cumulative, analysis.incremental, about)
         record.metrics["dropped_zones"] = analysis.unconfirmed
         zones = zone_rows(frame, REPORTED)

@@ -224,10 +224,8 @@ def change_step(
             )
         outputs = products.outputs | {"run": stage.final("run.json")}
         record.metrics = products.figures
-        not_carried, found = reviews.finish(stage.path, stage.discard, progress)
-        if not_carried:
-            outputs["reviews_not_carried"] = stage.final(reviews.not_carried)
-        record.facts |= products.facts | {"run_id": context.run_id, "reviews": found}
+        record.facts |= products.facts | {"run_id": context.run_id}
+        record.facts["reviews"] = reviews.finish(stage, outputs, progress)
         write_record_and_report(record, stage, progress, outputs)
     return outputs, record.metrics
 

@@ -31,10 +31,11 @@ def run_again(
             fields = HAZARD_FIELDS if name.startswith("screened") else FIELDS
             frame = reviews.carried_to(zone_layer(places, run=run, fields=fields), name, fields)
             write_zones(stage.path(name), frame)
-        total, facts = reviews.finish(stage.path, stage.discard, progress)
+        outputs: dict[str, Path] = {}
+        facts = reviews.finish(stage, outputs, progress)
         if fails:
             raise RuntimeError
-    assert (folder / NOT_CARRIED).exists() == bool(total)
+    assert outputs == ({"reviews_not_carried": folder / NOT_CARRIED} if (folder / NOT_CARRIED).exists() else {})
     return {name: read_layer(folder / name, "zones") for name in files}, facts, progress
 
 
@@ -102,7 +103,7 @@ def test_a_file_that_cannot_be_read_is_said_before_any_work_and_kept(results: Pa
     with pytest.raises(InputError, match=r"zones\.gpkg cannot be read, so what was entered in it would be lost"):
         EarlierReviews(results, ("zones.gpkg",))
     EarlierReviews(results, ("screened_zones.gpkg",))
-    assert not EarlierReviews(results / "new", ("zones.gpkg",)).finish(Path, str, Progress())[0]
+    EarlierReviews(results / "new", ("zones.gpkg",))
 
 
 def test_what_is_entered_while_the_run_is_at_work_counts(results: Path) -> None:

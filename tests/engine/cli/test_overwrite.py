@@ -16,9 +16,7 @@ ALL_COMMANDS = (
     ("inspect",), ("change",), ("series",), ("m3c2",), ("train",), ("simulate", "survey"), ("simulate", "series"),
     ("simulate", "scenes"),
 )  # fmt: skip
-REFUSED = re.compile(
-    r"Error: The folder (\S+) holds (results already|another series) .*--overwrite to replace (them|it)\."
-)
+REFUSED = re.compile(r"Error: The folder (\S+) holds (?:results already|another series) .*--overwrite to replace \w+\.")
 
 
 def bytes_of(folder: Path) -> dict[str, bytes]:
@@ -110,12 +108,8 @@ def test_a_series_goes_on_in_its_folder_with_its_reviews(clouds: tuple[Path, Pat
     page = " ".join((out / "report.html").read_text(encoding="utf-8").split())
     assert "Review: Rejected by B. Ito." in page
     refused(out, *series(clouds[0], clouds[2]))
-    refused(out, *series(*clouds), "--minimum-area", 2.0)
     made(*series(clouds[0], clouds[2]), "--overwrite")
     assert read_layer(out / "series.gpkg", "zones")["reviewer"].tolist() == ["B. Ito"]
-    (out / "series.gpkg").unlink()
-    (out / "run.json").unlink()
-    refused(out, *series(*clouds))
 
 
 def test_an_inspection_made_again_keeps_the_reviews_of_its_zones_and_of_the_screened_ones(tmp_path: Path) -> None:
@@ -154,7 +148,6 @@ def test_rasters_of_m3c2_and_a_model_are_results_too(clouds: tuple[Path, Path, P
     line = ["m3c2", *clouds[:2], "--output", tmp_path / "cores.laz", "--output-dir", out, "--registration-error", 0.002]
     made(*line, "--core-spacing", 1.0)
     refused(out, *line)
-    made(*line, "--core-spacing", 1.0, "--overwrite")
     model = tmp_path / "model"
     model.mkdir()
     (model / "model.safetensors").touch()
