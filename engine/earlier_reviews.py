@@ -141,6 +141,12 @@ class EarlierReviews:
             raise InputError(
                 f"{path} cannot be read, so what was entered in it would be lost; repair it, or move it elsewhere."
             ) from error
+        for column, kind in zip(info["fields"], info["ogr_types"], strict=True):
+            if kind == "OFTBinary":
+                raise InputError(
+                    f"{path} has a column {column} of binary values, which cannot be carried over; name files in a "
+                    "column of text instead, or move it elsewhere."
+                )
         for column, kind in zip(info["fields"], info["dtypes"], strict=True):
             if kind.startswith("int") and pd.api.types.is_float_dtype(frame[column].dtype):
                 frame[column] = frame[column].astype("Int64")  # read as real because of gaps

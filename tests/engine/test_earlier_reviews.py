@@ -104,6 +104,10 @@ def test_a_file_that_cannot_be_read_is_said_before_any_work_and_kept(results: Pa
         EarlierReviews(results, ("zones.gpkg",))
     EarlierReviews(results, ("screened_zones.gpkg",))
     EarlierReviews(results / "new", ("zones.gpkg",))
+    with opened(results / "screened_zones.gpkg") as database:
+        database.execute("ALTER TABLE zones ADD COLUMN photo BLOB")
+    with pytest.raises(InputError, match=r"screened_zones\.gpkg has a column photo of binary values"):
+        EarlierReviews(results, ("screened_zones.gpkg",))
 
 
 def test_what_is_entered_while_the_run_is_at_work_counts(results: Path) -> None:
