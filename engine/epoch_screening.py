@@ -9,6 +9,7 @@ from typing import Any
 from .change import Change
 from .clouds import PointCloud
 from .confirmation import VERDICTS, confirm_zones
+from .earlier_reviews import EarlierReviews
 from .epochs import Epoch
 from .errors import InputError
 from .hazard_zones import Hazards, outline_hazards
@@ -92,12 +93,14 @@ def write_epoch_screening(
     digest: str,
     parameters: LastEpochParameters,
     stage: Stage,
+    reviews: EarlierReviews | None = None,
 ) -> tuple[dict[str, Path], dict[str, Any]]:
     """Write labelled cloud, zones, probabilities and map into ``stage``.
 
     Args:
         picture: the cloud that the map's top view shows, in the frame of the screened one.
         digest: SHA-256 of the epoch's own file.
+        reviews: what people entered in the screened zones of an earlier run, which the new ones get.
 
     Returns:
         The final paths by name, and the main figures.
@@ -106,7 +109,17 @@ def write_epoch_screening(
     def place(path: Path) -> Path:
         return stage.path(path.name)
 
-    write_products(_TARGETS, place, found.hazards, picture, digest, survey=epoch.date, name=epoch.name, note=found.note)
+    write_products(
+        _TARGETS,
+        place,
+        found.hazards,
+        picture,
+        digest,
+        survey=epoch.date,
+        name=epoch.name,
+        note=found.note,
+        reviews=reviews,
+    )
     labelled = found.source.write_labelled(
         place(_TARGETS["labelled"]), found.screening, classification=parameters.write_classification
     )

@@ -17,6 +17,7 @@ from .crs import horizontal
 from .errors import InputError
 from .gridding import Float, Grid, cell_index, snapped_grid
 from .parameters import ScreeningParameters, ZoneParameters
+from .review_fields import UNREVIEWED
 from .screening_checks import much_stands_out
 from .zone_shapes import cell_polygons, inclination, table_column
 from .zones import label_groups
@@ -45,6 +46,7 @@ FIELDS: dict[str, str] = {
     "n_cells": "integer",
     "review_status": "text",
     "reviewer": "text",
+    "remarks": "text",
     "method": "text",
     "run_id": "text",
 }
@@ -118,7 +120,7 @@ def outline_hazards(
         for name, text in {
             "method": _method(screening),
             "run_id": run_id,
-            "review_status": "unreviewed",
+            "review_status": UNREVIEWED,
         }.items()
     }
     columns["zone_id"] = np.array([f"H{i:03d}" for i in range(1, len(order) + 1)], dtype=object)

@@ -14,6 +14,8 @@ from pyproj import CRS
 from .change import difference
 from .clouds import copy_with, open_cloud, read_cloud
 from .dating import check_days
+from .earlier_results import refuse_results
+from .earlier_reviews import EarlierReviews
 from .epoch_screening import (
     SCREENING_OUTPUTS,
     EpochScreening,
@@ -115,6 +117,7 @@ def inspect_slope(
     stable: Path | None = None,
     profiles: Path | None = None,
     pdal: Path | None = None,
+    overwrite: bool = False,
     progress: Progress | None = None,
 ) -> Outcome:
     """Ground of all epochs; of two registration, change, zones and heatmap; screening of the last; run record.
@@ -128,6 +131,7 @@ def inspect_slope(
         stable: vector file whose polygons are known to be stable; only they register the epochs.
         profiles: vector file whose lines profiles are taken along.
         pdal: the pdal program, if another than the one found.
+        overwrite: replace results that the folder holds, and carry over what people entered in their zones.
 
     Returns:
         Paths of the outputs by name, and the main figures.
@@ -143,6 +147,9 @@ def inspect_slope(
         raise InputError(f"{len(epochs)} epochs were given; give two, the earlier first, or one to screen it.")
     given = [e.path for e in epochs] + [p for p in (roi, stable, profiles) if p is not None]
     refuse_inputs_as_outputs([output_dir / name for name in _EVERY_OUTPUT], given)
+    refuse_results(output_dir, ("run.json", "transform.json", *_EVERY_OUTPUT), overwrite=overwrite)
+    replaced = {"zones.gpkg": len(epochs) == 2, "screened_zones.gpkg": settings.screening.screen_last_epoch}
+    reviews = EarlierReviews(output_dir, [name for name, written in replaced.items() if written])
     program = find_pdal(pdal)
     record = RunRecord("inspect", settings.groups())
     record.facts["pdal"] = {"version": program.version, "path": program.path, "found": program.how}
@@ -161,7 +168,7 @@ def inspect_slope(
     if profiles is not None:
         crs = open_cloud(epochs[0].path, settings.inputs)[1].crs
         lines = given_lines(profiles, crs, settings.report.profile_field, progress)
-    run = _Run(epochs, settings, hashes, record, roi, stable, lines, program, progress)
+    run = _Run(epochs, settings, hashes, record, roi, stable, lines, program, reviews, progress)
     screened = _to_be_screened(run)
     with staged_outputs(output_dir) as stage:
         with progress.stage(0.0, 0.6, "extracting the ground"), record.stage("ground") as entry:
@@ -175,6 +182,7 @@ def inspect_slope(
         for label, result in zip(labels, grounds, strict=True):
             outputs[f"{label}_ground"] = stage.final(f"clouds/{result.ground.name}")
             record.metrics |= {f"{label}_{name}": value for name, value in result.figures().items()}
+        record.facts["reviews"] = reviews.finish(stage, outputs, progress)
         _tell_what_is_older(output_dir, outputs, progress)
         write_record_and_report(record, stage, progress, outputs)
     return outputs, record.metrics
@@ -198,6 +206,7 @@ class _Run:
     stable: Path | None
     lines: tuple[ProfileLine, ...]
     program: Pdal
+    reviews: EarlierReviews
     progress: Progress
 
 
@@ -231,7 +240,7 @@ def _screening_of_one(run: _Run, grounds: list[GroundResult], stage: Stage, _: b
         found = _screened(run, grounds[0].ground)
     with progress.stage(0.95, 0.99, "writing outputs"), record.stage("products"):
         picture = read_cloud(grounds[0].clipped, colours=True)
-        return write_epoch_screening(found, picture, epoch, run.hashes[0], run.settings.screening, stage)
+        return write_epoch_screening(found, picture, epoch, run.hashes[0], run.settings.screening, stage, run.reviews)
 
 
 def _change_of_two(run: _Run, grounds: list[GroundResult], stage: Stage, screened: bool) -> Outcome:
@@ -284,13 +293,16 @@ def _change_of_two(run: _Run, grounds: list[GroundResult], stage: Stage, screene
             progress,
             lines=run.lines,
             report_parameters=settings.report,
+            reviews=run.reviews,
         )
         outputs |= products.outputs
         record.facts |= products.facts
         record.facts["registration"] = registration.summary()
         figures = products.figures | registration.figures()
         if found is not None:
-            files, more = write_epoch_screening(found, picture, epochs[1], run.hashes[1], settings.screening, stage)
+            files, more = write_epoch_screening(
+                found, picture, epochs[1], run.hashes[1], settings.screening, stage, run.reviews
+            )
             outputs |= files
             figures |= more
     return outputs, figures

@@ -14,6 +14,7 @@ from .change import uniform_shift
 from .clouds import copy_with, open_cloud, read_cloud
 from .dating import check_days
 from .dimensions import read_dimension
+from .earlier_results import refuse_results
 from .epochs import Epoch, check_pair, date_in_name, parse_date
 from .errors import InputError
 from .inspection import Outcome
@@ -67,6 +68,7 @@ def m3c2_step(
     core: Path | None,
     dates: tuple[str | None, str | None],
     transform_path: Path | None,
+    overwrite: bool = False,
     progress: Progress,
 ) -> Outcome:
     """Distances along the normal of ``moving`` from ``reference``, at core points and as rasters.
@@ -76,6 +78,7 @@ def m3c2_step(
         raster_dir: folder of the rasters; that of ``output`` by default.
         core: cloud of the core points; by default points of the reference, evenly spread.
         transform_path: transform.json to apply to ``moving`` first.
+        overwrite: replace rasters that ``raster_dir`` holds. Other results there are not touched, nor asked about.
 
     Raises:
         InputError: see the readers; clouds that do not overlap; no core point that can be measured.
@@ -88,6 +91,8 @@ def m3c2_step(
     )
     refuse_other_than_cloud(output)
     refuse_unwritable(output)
+    if raster_dir is not None:
+        refuse_results(raster_dir, [f"{name}.tif" for name in RASTERS], overwrite=overwrite)
     raster_dir = output.absolute().parent if raster_dir is None else raster_dir.absolute()
     record_name = f"{output.stem}_run.json"
     files = {"core": core, "transform": transform_path}

@@ -13,6 +13,8 @@ from pathlib import Path
 from . import lifecycle
 from .errors import Cancelled, EngineError, InputError
 
+_SIDECARS = ("-wal", "-shm", "-journal")
+"""Of a GeoPackage that a program has open: they belong to the file that is replaced, and would damage the new one."""
 _LITTLE_SPACE = 100_000_000  # bytes; a run that fails with less left than this most likely failed for that
 
 
@@ -50,6 +52,7 @@ class Stage:
     def __init__(self, directory: Path, folder: Path) -> None:
         self.directory = directory
         self.folder = folder
+        self.discarded: list[str] = []
 
     def path(self, name: str) -> Path:
         """Where to write the output ``name`` (it may have a subfolder) for now."""
@@ -60,6 +63,10 @@ class Stage:
     def final(self, name: str) -> Path:
         """Where the output ``name`` will be once the run has ended well."""
         return self.directory / name
+
+    def discard(self, name: str) -> None:
+        """Have the output ``name`` of an earlier run removed once this one has ended well."""
+        self.discarded.append(name)
 
 
 @contextlib.contextmanager
@@ -87,8 +94,9 @@ def staged_outputs(directory: Path, *, last: str = "run.json") -> Iterator[Stage
                 stack.enter_context(lifecycle.temporary(path, only_empty=True))
             stack.enter_context(lifecycle.temporary(folder))
         try:
-            yield Stage(directory, folder)
-            _move_all(folder, directory, last)
+            stage = Stage(directory, folder)
+            yield stage
+            _move_all(folder, directory, last, stage.discarded)
         except (InputError, Cancelled):
             raise
         except Exception as error:
@@ -96,8 +104,12 @@ def staged_outputs(directory: Path, *, last: str = "run.json") -> Iterator[Stage
             raise
 
 
-def _move_all(folder: Path, directory: Path, last: str) -> None:
-    """Move all files of ``folder`` to ``directory``; if one cannot be moved, what was there before stays."""
+def _move_all(folder: Path, directory: Path, last: str, discarded: Iterable[str] = ()) -> None:
+    """Move all files of ``folder`` to ``directory``; if one cannot be moved, what was there before stays.
+
+    Args:
+        discarded: names of files in ``directory`` that are to go.
+    """
     files = sorted((p for p in folder.rglob("*") if p.is_file()), key=lambda p: (p.name == last, p))
     targets = [directory / path.relative_to(folder) for path in files]
     for target in targets:
@@ -107,14 +119,21 @@ def _move_all(folder: Path, directory: Path, last: str) -> None:
     old.mkdir()
     replaced: list[tuple[Path, Path]] = []
     moved: list[Path] = []
+
+    def set_aside(target: Path) -> None:
+        for place in (target, *(target.with_name(target.name + ending) for ending in _SIDECARS)):
+            if place.is_symlink() or place.exists():
+                kept = old / str(len(replaced))
+                _rename(place, kept, place)
+                replaced.append((kept, place))
+
     with lifecycle.uninterrupted():
         try:
-            for number, (path, target) in enumerate(zip(files, targets, strict=True)):
+            for name in discarded:
+                set_aside(directory / name)
+            for path, target in zip(files, targets, strict=True):
                 _make_folder(target.parent)
-                if target.is_symlink() or target.exists():
-                    kept = old / str(number)
-                    _rename(target, kept, target)
-                    replaced.append((kept, target))
+                set_aside(target)
                 _rename(path, target, target)
                 moved.append(target)
         except BaseException:

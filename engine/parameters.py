@@ -205,6 +205,18 @@ class SurfaceParameters(ParameterSet):
 
 
 @dataclass(frozen=True)
+class OutputParameters(ParameterSet):
+    """What is done with results that an output folder holds already."""
+
+    overwrite: bool = _parameter(
+        False,
+        "Overwrite earlier results",
+        "Replaces the results in the output folder; what people entered in the tables of their zones goes over to the "
+        "zones that continue. Off: a folder that holds results is refused.",
+    )
+
+
+@dataclass(frozen=True)
 class GroundParameters(ParameterSet):
     """Ground extraction: denoising, the Cloth Simulation Filter (Zhang et al. 2016, doi:10.3390/rs8060501), refinement.
 

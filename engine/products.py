@@ -17,6 +17,7 @@ from .change import Change
 from .change_zones import change_zones
 from .clouds import PointCloud
 from .coverage import compared_share
+from .earlier_reviews import EarlierReviews
 from .epochs import Epoch
 from .outputs import Stage
 from .parameters import ChangeParameters, HeatmapParameters, ReportParameters, ZoneParameters
@@ -74,12 +75,14 @@ def write_products(
     *,
     lines: Sequence[ProfileLine] = (),
     report_parameters: ReportParameters | None = None,
+    reviews: EarlierReviews | None = None,
 ) -> Products:
     """Write the outputs of one change into ``stage``.
 
     Args:
         picture: the cloud that the top view shows (the later epoch with its vegetation).
         lines: along which profiles are taken, beside the steepest ones through the zones.
+        reviews: what people entered in the zones of an earlier run, which the new ones get.
     """
     dates = context.first.date, context.second.date
     tags = rasters.raster_tags(
@@ -102,7 +105,7 @@ def write_products(
     table = volume_table.volume_table(cells_of(change), change.significant, found.volumes, found.correlation)
     vectors.write_zones(
         stage.path("zones.gpkg"),
-        found.frame,
+        found.frame if reviews is None else reviews.carried_to(found.frame, "zones.gpkg", zones.FIELDS),
         footprints=zones.footprint_frame(found, change.grid),
         volumes=volume_table.table_frame(table),
         stamp=dates[1],

@@ -15,6 +15,7 @@ from .errors import EngineError, InputError
 from .outputs import Stage, atomic_output
 from .parameters import ParameterSet, Specification
 from .progress import Progress
+from .report_reviews import zone_reviews
 from .report_text import Figures, number
 from .run_record import RunRecord
 
@@ -188,6 +189,8 @@ def _change_context(record: dict[str, Any], folder: Path, profile_table: Path) -
         "most_zones": _MOST_ZONES,
         "most_profiles": _MOST_PROFILES,
         "verdicts": _verdicts(),
+        "reviews": zone_reviews(folder / "zones.gpkg"),
+        "screened_reviews": zone_reviews(folder / "screened_zones.gpkg"),
     }
 
 
@@ -202,6 +205,7 @@ def _series_context(record: dict[str, Any], folder: Path) -> dict[str, Any]:
         "pictures": {"series": photograph(folder / "series.png", words, 1000), "course": course_chart(record)},
         "courses": [zone["zone_id"] for zone in (record["zones"] or [])[:COURSES]] if record.get("course") else [],
         "most_zones": _MOST_ZONES,
+        "reviews": zone_reviews(folder / "series.gpkg"),
     }
 
 
@@ -212,6 +216,7 @@ def _screening_context(record: dict[str, Any], folder: Path) -> dict[str, Any]:
         "survey": survey,
         "pictures": {"screening": _screening_picture(record, folder)},
         "verdicts": _verdicts(),
+        "screened_reviews": zone_reviews(folder / "screened_zones.gpkg"),
     }
 
 

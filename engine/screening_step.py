@@ -18,11 +18,13 @@ from numpy.typing import NDArray
 from . import lifecycle, rasters, styles, vectors
 from .cloud_writing import copy_with
 from .clouds import PointCloud
+from .confirmation import FIELDS as CONFIRMATION_FIELDS
+from .earlier_reviews import NOT_CARRIED, EarlierReviews
 from .epochs import date_in_name
 from .errors import InputError
 from .ground import extract_ground
 from .hazard_map import write_hazard_map
-from .hazard_zones import Hazards, outline_hazards
+from .hazard_zones import FIELDS, Hazards, outline_hazards
 from .las_records import read_records, record_dtype
 from .las_writing import extra_fields, read_dimensions
 from .outputs import Stage, refuse_inputs_as_outputs, refuse_unwritable, staged_outputs
@@ -30,6 +32,7 @@ from .parameters import GroundParameters, InputParameters, ScreeningParameters
 from .pdal import find_pdal
 from .preflight import POINT_SIZES, preflight, shown
 from .progress import Progress
+from .review_fields import own_columns
 from .run_record import RunRecord, plain
 from .screened_file import ScreenedFile
 from .screening import Screening, screen_points
@@ -92,6 +95,8 @@ def screen_step(
     if parameters.ground == "extract":
         record.parameters["ground"] = plain(settings.ground)
     run_id = uuid.uuid5(uuid.NAMESPACE_OID, repr((digest, plain(record.parameters)))).hex[:12]
+    zones = targets["zones"].absolute()
+    reviews = EarlierReviews(zones.parent, [zones.name], f"{zones.stem}_{NOT_CARRIED}")
     with contextlib.ExitStack() as stack:
         stages: dict[Path, Stage] = {}
         for path in targets.values():
@@ -127,7 +132,9 @@ def screen_step(
             hazards = outline_hazards(screening, source.frame.crs, parameters, run_id=run_id)
         with progress.stage(0.85, 0.92, "writing zones and rasters"), record.stage("products"):
             survey = date_in_name(source.path)
-            write_products(targets, place, hazards, source.picture(), digest, survey=survey, name=source.path.stem)
+            write_products(
+                targets, place, hazards, source.picture(), digest, survey=survey, name=source.path.stem, reviews=reviews
+            )
         with progress.stage(0.92, 1.0, "writing the labelled cloud"), record.stage("labels"):
             labelled = source.write_labelled(
                 place(targets["labelled"]), screening, classification=parameters.write_classification
@@ -135,6 +142,7 @@ def screen_step(
         record.metrics = screening_figures(source, screening, hazards, labelled)
         record.facts |= {"model": screening.model, "run_id": run_id}
         outputs = {**{name: path.absolute() for name, path in targets.items()}, "run": run.absolute()}
+        record.facts["reviews"] = reviews.finish(stages[reviews.folder], outputs, progress)
         record.write(place(run), progress.warnings, outputs)
     return outputs, record.metrics
 
@@ -158,6 +166,7 @@ def write_products(
     survey: date | None,
     name: str,
     note: str = "",
+    reviews: EarlierReviews | None = None,
 ) -> None:
     """Write zones, probabilities and map of a screening.
 
@@ -166,15 +175,15 @@ def write_products(
         picture: the cloud that the map's top view shows.
         digest: SHA-256 of the screened file.
         survey: day of the survey. name: of the survey, on the map. note: a sentence more below the map.
+        reviews: what people entered in the zones of an earlier run, which the new ones get.
     """
-    vectors.write_layer(
-        place(targets["zones"]),
-        hazards.frame,
-        "zones",
-        qml=styles.hazards_qml(confirmed="confirmed" in hazards.frame),
-        geometry_type="MultiPolygon",
-        stamp=survey,
-    )
+    known = (*FIELDS, *CONFIRMATION_FIELDS)
+    frame = hazards.frame
+    if reviews is not None:
+        frame = reviews.carried_to(frame, targets["zones"].name, known)
+    qml = styles.hazards_qml(confirmed="confirmed" in frame)
+    layer = vectors.Layer(frame, "zones", qml, "MultiPolygon", own_columns(frame, known), guarded=True)
+    vectors.write_layers(place(targets["zones"]), [layer], stamp=survey)
     path = place(targets["probability"])
     up, down = hazards.probability[1], hazards.probability[2]
     bands = {"Probability of a hazard": up + down, "Probability of uplift": up, "Probability of subsidence": down}

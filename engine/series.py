@@ -18,6 +18,8 @@ from .alerts import AlertLevel, read_alerts
 from .cell_variance import pooled_variance
 from .change import Change, difference_of_cells
 from .dating import check_days
+from .earlier_results import earlier_series, refuse_another_series, refuse_results
+from .earlier_reviews import EarlierReviews
 from .epochs import Epoch
 from .errors import InputError
 from .gridding import Grid
@@ -89,6 +91,7 @@ def monitor_series(
     stable: Path | None = None,
     alerts: Path | None = None,
     pdal: Path | None = None,
+    overwrite: bool = False,
     progress: Progress | None = None,
 ) -> Outcome:
     """Bring all surveys to the first one's frame and grid, and tell what moved, how fast, and how surely.
@@ -103,6 +106,9 @@ def monitor_series(
         stable: vector file whose polygons are known to be stable.
         alerts: alert table, if another than the one that comes with SlopeWatch.
         pdal: the pdal program, if another than the one found.
+        overwrite: replace whatever results the folder holds. A series that this one goes on with, by more surveys and
+            with the same settings, is replaced without it, because that is how a series is kept. What people entered
+            in its zones is carried over either way.
 
     Returns:
         Paths of the outputs by name, and the main figures.
@@ -121,6 +127,10 @@ def monitor_series(
     given = [p for p in (roi, stable, alerts) if p is not None]
     dates = tuple(e.date for e in epochs if e.date is not None)
     refuse_inputs_as_outputs(_targets(output_dir, dates), [*(e.path for e in epochs), *given])
+    earlier = None if overwrite else earlier_series(output_dir)
+    if earlier is None:
+        refuse_results(output_dir, SERIES_OUTPUTS, overwrite=overwrite)
+    reviews = EarlierReviews(output_dir, ("series.gpkg",))
     program = None if settings.series.ground_ready else find_pdal(pdal)
     record = RunRecord("series", settings.groups())
     if program is not None:
@@ -129,6 +139,8 @@ def monitor_series(
     others = {role: record.add_input(role, p) if p else "" for role, p in (("roi", roi), ("stable", stable))}
     if alerts is not None:
         record.add_input("alerts", alerts)
+    if earlier is not None:
+        refuse_another_series(output_dir, earlier, record)
     run_id = uuid.uuid5(uuid.NAMESPACE_OID, repr((hashes, plain(record.parameters)))).hex[:12]
     check_days(epochs, trusted=settings.dates.trust_dates, progress=progress)
     for epoch in epochs[1:]:
@@ -152,9 +164,10 @@ def monitor_series(
             outputs |= write_summary_rasters(velocity, analysis.confirmed, velocity.count >= 2, about, hashes, stage)
             limits = limits_of(analysis, dates)
             files, frame, course = write_tables(
-                analysis.zones, analysis.cumulative[-1], velocity, about, table, limits[0], stage
+                analysis.zones, analysis.cumulative[-1], velocity, about, table, limits[0], stage, reviews
             )
             outputs |= files
+        record.facts["reviews"] = reviews.finish(stage, outputs, progress)
         record.metrics = series_figures(frame, analysis.cumulative, analysis.incremental, about)
         record.metrics["dropped_zones"] = analysis.unconfirmed
         zones = zone_rows(frame, REPORTED)

@@ -13,12 +13,14 @@ import numpy as np
 from . import palette, rasters, styles, vectors
 from .alerts import COLUMNS, AlertLevel
 from .change import Change
+from .earlier_reviews import EarlierReviews
 from .gridding import Float
 from .outputs import Stage
 from .progress import Progress
+from .review_fields import own_columns
 from .series_picture import write_series_picture
-from .series_styles import confirmed_qml, shown_during, states_qml, zones_qml
-from .series_tables import About, series_csv, series_frame, zone_frame
+from .series_styles import SERIES_ALIASES, confirmed_qml, shown_during, states_qml, zones_qml
+from .series_tables import ZONE_FIELDS, About, series_csv, series_frame, zone_frame
 from .series_velocity import CellVelocity
 from .series_zones import ZoneSeries
 from .version import VERSION
@@ -134,19 +136,27 @@ def write_tables(
     alerts: Sequence[AlertLevel],
     footer: str,
     stage: Stage,
+    reviews: EarlierReviews | None = None,
 ) -> tuple[dict[str, Path], gpd.GeoDataFrame, gpd.GeoDataFrame]:
     """Zones and their series as GeoPackage and CSV, the picture, and the alert table as it was used.
+
+    Args:
+        reviews: what people entered in the zones of an earlier run, which the new ones get.
 
     Returns:
         The files by name, the table of the zones and that of their series.
     """
     table = zone_frame(zones, last.dz, last.height_to, about)
+    if reviews is not None:
+        table = reviews.carried_to(table, "series.gpkg", ZONE_FIELDS, persistent_ids=True)
     series = series_frame(zones, about)
     vectors.write_layers(
         stage.path("series.gpkg"),
         [
-            vectors.Layer(table, "zones", zones_qml(alerts), "MultiPolygon"),
-            vectors.Layer(series, "series", states_qml(), "MultiPolygon"),
+            vectors.Layer(
+                table, "zones", zones_qml(alerts), "MultiPolygon", own_columns(table, SERIES_ALIASES), guarded=True
+            ),
+            vectors.Layer(series, "series", states_qml(), "MultiPolygon", guarded=True),
         ],
         stamp=about.dates[-1],
     )

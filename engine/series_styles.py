@@ -9,7 +9,8 @@ from xml.etree.ElementTree import Element, SubElement
 
 from .alerts import AlertLevel
 from .palette import DIVERGING, SEQUENTIAL, hexadecimal
-from .style_parts import HEAD, VERSION, attribute_table, categorized, document, forms, labels, options
+from .series_tables import SERIES_FIELDS
+from .style_parts import HEAD, VERSION, attribute_table, categorized, document, forms, labels, options, read_only
 from .styles import ALIASES
 
 _FIXED_RANGE = "0"  # of a raster's temporal modes
@@ -130,6 +131,7 @@ def states_qml() -> str:
         fixedDuration="0",
         accumulate="0",
     )
+    read_only(root, SERIES_FIELDS)
     SubElement(root, "layerGeometryType").text = "2"
     return document(root)
 

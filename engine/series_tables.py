@@ -17,6 +17,7 @@ from pyproj import CRS
 
 from .crs import horizontal
 from .gridding import Float, Grid
+from .review_fields import UNREVIEWED
 from .series_zones import ZoneSeries
 from .velocity_class import velocity_class
 from .zone_shapes import cell_polygons, inclination, table_column
@@ -74,6 +75,7 @@ ZONE_FIELDS: dict[str, str] = {
     "slope_deg": "real",
     "review_status": "text",
     "reviewer": "text",
+    "remarks": "text",
     "method": "text",
     "run_id": "text",
 }
@@ -217,7 +219,7 @@ def _zone_row(zone: ZoneSeries, last_change: Float, heights: Float, about: About
         "vol_err_m3": error * area,
         "lod95_m": _Z95 * error,
         "slope_deg": float(inclination(owner, zone.cells, 1, heights, about.grid)[0]),
-        "review_status": "unreviewed",
+        "review_status": UNREVIEWED,
         "method": about.method,
         "run_id": about.run_id,
         "tangent_angle": zone.angle.degrees,

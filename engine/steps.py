@@ -13,6 +13,8 @@ from typing import Any
 from .change import difference
 from .clouds import PointCloud, copy_with, open_cloud, read_cloud
 from .dating import check_days
+from .earlier_results import refuse_results
+from .earlier_reviews import EarlierReviews
 from .epochs import Epoch, check_pair, date_in_name, parse_date
 from .errors import InputError
 from .ground import extract_ground
@@ -145,6 +147,7 @@ def change_step(
     transform_path: Path | None,
     profiles: Path | None = None,
     stable: Path | None = None,
+    overwrite: bool = False,
     progress: Progress,
 ) -> Outcome:
     """Change between two registered ground clouds, with all its products."""
@@ -157,6 +160,8 @@ def change_step(
     given_files = [*paths] + [p for p in (transform_path, profiles, stable) if p]
     written = (*CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS)
     refuse_inputs_as_outputs([output_dir / name for name in written], given_files)
+    refuse_results(output_dir, ("run.json", *written), overwrite=overwrite)
+    reviews = EarlierReviews(output_dir, ("zones.gpkg",))
     record = RunRecord(
         "change",
         {
@@ -229,10 +234,12 @@ def change_step(
                 progress,
                 lines=lines,
                 report_parameters=settings.report,
+                reviews=reviews,
             )
         outputs = products.outputs | {"run": stage.final("run.json")}
         record.metrics = products.figures
         record.facts |= products.facts | {"run_id": context.run_id}
+        record.facts["reviews"] = reviews.finish(stage, outputs, progress)
         write_record_and_report(record, stage, progress, outputs)
     return outputs, record.metrics
 

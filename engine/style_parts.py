@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
+
+from .review_fields import PLACE_FIELDS, REVIEW_FIELDS, STATES
 
 VERSION = "3.34.0"
 """Of QGIS, the oldest that the styles are for."""
 HEAD = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
-FILLED_IN_LATER = ("slope_id", "route", "chain_from", "chain_to", "side", "reviewer")
-REVIEW = ("unreviewed", "confirmed", "rejected")
 
 
 def categorized(attribute: str, also: str = "") -> tuple[Element, Element, Element]:
@@ -73,16 +73,16 @@ def labels(root: Element, text: str = "") -> None:
 
 
 def attribute_table(root: Element, aliases: dict[str, str], first: tuple[str, ...]) -> None:
-    """The attribute table begins with what is read first; what the analyst may fill in is hidden until then."""
+    """The attribute table begins with what is read first; where a zone lies by the register is hidden until then."""
     columns = SubElement(SubElement(root, "attributetableconfig", sortOrder="0"), "columns")
     for field in [*first, *(f for f in aliases if f not in first)]:
-        hidden = "1" if field in FILLED_IN_LATER else "0"
+        hidden = "1" if field in PLACE_FIELDS else "0"
         width = str(max(80, 30 + 7 * len(aliases[field])))  # pixels; QGIS itself cuts long headings
         SubElement(columns, "column", type="field", name=field, hidden=hidden, width=width)
 
 
 def forms(root: Element, names: Mapping[str, str], decimals: Mapping[str, int]) -> None:
-    """Names of the fields, decimals of the measured ones, and a list to choose the state of the review from.
+    """Names of the fields, decimals of the measured ones, and what to enter a review with; only that can be edited.
 
     Args:
         names: by field.
@@ -91,7 +91,10 @@ def forms(root: Element, names: Mapping[str, str], decimals: Mapping[str, int]) 
     configuration = SubElement(root, "fieldConfiguration")
     if "review_status" in names:
         _review(SubElement(configuration, "field", name="review_status"))
-    editable = SubElement(root, "editable")
+    if "remarks" in names:
+        _remarks(SubElement(configuration, "field", name="remarks"))
+    # the form would also write the rounded figure back
+    read_only(root, (name for name in names if name not in REVIEW_FIELDS))
     for field in names:
         places = next((n for part, n in decimals.items() if field.endswith(part) or field.startswith(part)), None)
         if places is None:
@@ -99,20 +102,31 @@ def forms(root: Element, names: Mapping[str, str], decimals: Mapping[str, int]) 
         widget = SubElement(SubElement(configuration, "field", name=field), "editWidget", type="Range")
         precision = SubElement(SubElement(widget, "config"), "Option", type="Map")
         SubElement(precision, "Option", type="int", name="Precision", value=str(places))
-        # the form would write the rounded figure back
-        SubElement(editable, "field", name=field, editable="0")
     aliases = SubElement(root, "aliases")
     for field, name in names.items():
         SubElement(aliases, "alias", field=field, name=name)
+
+
+def read_only(root: Element, names: Iterable[str]) -> None:
+    """Fields that the form shows and does not let be edited."""
+    editable = SubElement(root, "editable")
+    for name in names:
+        SubElement(editable, "field", name=name, editable="0")
 
 
 def _review(field: Element) -> None:
     widget = SubElement(field, "editWidget", type="ValueMap")
     listed = SubElement(SubElement(widget, "config"), "Option", type="Map")
     choices = SubElement(listed, "Option", type="List", name="map")
-    for status in REVIEW:
+    for status in STATES:
         entry = SubElement(choices, "Option", type="Map")
         SubElement(entry, "Option", type="QString", name=status.capitalize(), value=status)
+
+
+def _remarks(field: Element) -> None:
+    widget = SubElement(field, "editWidget", type="TextEdit")
+    settings = SubElement(SubElement(widget, "config"), "Option", type="Map")
+    SubElement(settings, "Option", type="bool", name="IsMultiline", value="true")
 
 
 def options(parent: Element, **values: str) -> None:

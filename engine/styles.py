@@ -51,6 +51,7 @@ ALIASES = {
     "n_epochs_confirmed": "Epochs that confirm",
     "review_status": "Review",
     "reviewer": "Reviewer",
+    "remarks": "Remarks",
     "method": "Method",
     "run_id": "Run",
 }
@@ -67,7 +68,7 @@ HAZARD_ALIASES = {
     "slope_deg": "Inclination (degrees)",
     "points": "Points",
     "n_cells": "Cells",
-    **{name: ALIASES[name] for name in ("review_status", "reviewer", "method", "run_id")},
+    **{name: ALIASES[name] for name in ("review_status", "reviewer", "remarks", "method", "run_id")},
 }
 _HAZARDS_READ_FIRST = (
     "zone_id",

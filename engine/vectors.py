@@ -15,9 +15,11 @@ import pandas as pd
 import pyogrio
 
 from .errors import EngineError, InputError
+from .measured_columns import guard_table
 from .outputs import atomic_output
 from .plain_names import readable, writable
-from .styles import footprints_qml, zones_qml
+from .review_fields import REVIEW_FIELDS, own_columns
+from .styles import ALIASES, footprints_qml, zones_qml
 
 # Version 1.2 is what every GDAL since 2018 reads without a warning.
 _OPTIONS = {"dataset_options": {"VERSION": "1.2", "DATETIME_FORMAT": "UTC"}, "layer_options": {"GEOMETRY_NAME": "geom"}}
@@ -40,15 +42,17 @@ def write_zones(
 ) -> None:
     """Write zones (see ``zones.extract_zones``; none is well too) as layer ``zones``, styled by kind and severity.
 
+    Only what people enter can be edited afterwards: ``review_fields.REVIEW_FIELDS`` and columns of their own.
+
     Args:
         footprints: where the volumes were taken, as layer ``footprints``.
         volumes: summary of the change (see ``volume_table``), as table ``volumes`` without geometry.
     """
-    layers = [Layer(frame, "zones", zones_qml(), "MultiPolygon")]
+    layers = [Layer(frame, "zones", zones_qml(), "MultiPolygon", own_columns(frame, ALIASES), guarded=True)]
     if footprints is not None:
-        layers.append(Layer(footprints, "footprints", footprints_qml(), "MultiPolygon"))
+        layers.append(Layer(footprints, "footprints", footprints_qml(), "MultiPolygon", guarded=True))
     if volumes is not None:
-        layers.append(Layer(volumes, "volumes"))
+        layers.append(Layer(volumes, "volumes", guarded=True))
     write_layers(path, layers, stamp=stamp)
 
 
@@ -56,13 +60,16 @@ def write_zones(
 class Layer:
     """A layer to write: its table, its ``name``, ``qml`` as its default style, ``geometry_type`` as declared.
 
-    A plain table makes a layer without geometry.
+    A plain table makes a layer without geometry. ``own`` are columns that people added, whose names may be any;
+    a ``guarded`` layer lets nothing be edited but these and ``review_fields.REVIEW_FIELDS``.
     """
 
     frame: gpd.GeoDataFrame | pd.DataFrame
     name: str
     qml: str = ""
     geometry_type: str | None = None
+    own: tuple[str, ...] = ()
+    guarded: bool = False
 
 
 def write_layer(
@@ -91,8 +98,10 @@ def write_layer(
 def write_layers(path: Path, layers: Sequence[Layer], *, stamp: date | None = None) -> None:
     """As ``write_layer``, with several layers in one new GeoPackage."""
     fields = {layer.name: _fields(layer.frame) for layer in layers}
-    for names in fields.values():
-        for name in names:
+    for layer in layers:
+        for name in fields[layer.name]:
+            if name in layer.own:
+                continue
             if name != name.lower() or len(name) > 31:
                 raise EngineError(f"{name} is no field name for {Path(path).name}")
 
@@ -120,6 +129,9 @@ def write_layers(path: Path, layers: Sequence[Layer], *, stamp: date | None = No
             styled = [layer for layer in layers if layer.qml]
             if styled:
                 _add_styles(database, styled, moment)
+            for layer in layers:
+                if layer.guarded:
+                    guard_table(database, layer.name, (*REVIEW_FIELDS, *layer.own))
             database.execute("UPDATE gpkg_contents SET last_change = ?", (moment,))
         _reset_change_counter(partial)
 

@@ -16,6 +16,7 @@ from .blocks import Blocks, blocks_in_groups
 from .crs import horizontal
 from .gridding import Float, Grid
 from .parameters import ZoneParameters
+from .review_fields import UNREVIEWED
 from .volumes import (
     Z95,
     Cells,
@@ -67,6 +68,7 @@ FIELDS: dict[str, str] = {
     "n_epochs_confirmed": "integer",
     "review_status": "text",
     "reviewer": "text",
+    "remarks": "text",
     "method": "text",
     "run_id": "text",
 }
@@ -186,7 +188,7 @@ def extract_zones(
     values["slope_deg"] = np.full(count, np.nan) if heights is None else inclination(zone, inside, count, heights, grid)
     values["severity"] = _severity(values["dz_p95_m"], parameters)
     _add_rates(values, volumes.mean_error, epochs)
-    texts = {"method": method, "run_id": run_id, "review_status": "unreviewed"}
+    texts = {"method": method, "run_id": run_id, "review_status": UNREVIEWED}
     texts.update(zip(("epoch_from", "epoch_to"), (e.isoformat() if e else "" for e in epochs), strict=True))
     values.update({name: np.full(count, text, dtype=object) for name, text in texts.items()})
     values["n_epochs_confirmed"] = np.ones(count, dtype=np.int64)

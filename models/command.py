@@ -7,6 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..engine.earlier_results import refuse_results
 from ..engine.errors import InputError
 from ..engine.outputs import refuse_inputs_as_outputs, staged_outputs
 from ..engine.parameters import FineTuneParameters, InputParameters
@@ -38,11 +39,13 @@ def train_step(
     inputs: InputParameters,
     *,
     polygons: Path | None = None,
+    overwrite: bool = False,
     progress: Progress,
 ) -> tuple[dict[str, Path], dict[str, Any]]:
     """Train on labelled clouds; everything given is checked before anything is written.
 
-    Stopped and started again with the same values it goes on from the checkpoints in ``output_dir``/training.
+    Stopped and started again with the same values it goes on from the checkpoints in ``output_dir``/training. A model
+    that the folder holds is replaced with ``overwrite`` only.
 
     Returns:
         Paths by name (``NAMES``) and the main figures.
@@ -64,6 +67,7 @@ def train_step(
     start = start_weights(parameters)
     given = [*paths, *([polygons] if polygons else []), *([start_path(parameters)] if start else [])]
     refuse_inputs_as_outputs([output_dir / name for name in NAMES.values()], [p for p in given if p])
+    refuse_results(output_dir, NAMES.values(), overwrite=overwrite)
     record = RunRecord("train", {"inputs": inputs, "training": parameters})
     with record.stage("read"), progress.stage(0.0, 0.04):
         clouds = read_own_clouds(paths, parameters, inputs, polygons, progress)

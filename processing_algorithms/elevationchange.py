@@ -11,6 +11,7 @@ from ..engine.parameters import (
     DateParameters,
     HeatmapParameters,
     InputParameters,
+    OutputParameters,
     ReportParameters,
     SurfaceParameters,
     ZoneParameters,
@@ -59,6 +60,7 @@ class ElevationChange(SlopeWatchAlgorithm):
         ReportParameters,
         InputParameters,
         DateParameters,
+        OutputParameters,
     )
     NUMBERS = CHANGE_NUMBERS
     PAGES = CHANGE_PAGES

@@ -18,6 +18,7 @@ from ..engine.parameters import (
     GridChangeParameters,
     GroundParameters,
     InputParameters,
+    OutputParameters,
     RegistrationParameters,
     SeriesParameters,
     ZoneParameters,
@@ -29,7 +30,7 @@ from . import declare, products
 from .base import SlopeWatchAlgorithm
 from .registerepochs import STABLE_HELP
 
-_BASIC = ("ground_ready", "rasters_each_survey", "cell", "confidence", "minimum_area")
+_BASIC = ("ground_ready", "rasters_each_survey", "cell", "confidence", "minimum_area", "overwrite")
 _PREFIXES = {
     "InputParameters": "Input",
     "DateParameters": "Input",
@@ -99,6 +100,7 @@ class InspectSeries(SlopeWatchAlgorithm):
         ZoneParameters,
         InputParameters,
         DateParameters,
+        OutputParameters,
     )
     NUMBERS: ClassVar = {
         "EPOCH_COUNT": ("epoch_count", "Number of surveys"),

@@ -14,6 +14,7 @@ from ..engine.parameters import (
     HeatmapParameters,
     InputParameters,
     LastEpochParameters,
+    OutputParameters,
     RegistrationParameters,
     ReportParameters,
     ZoneParameters,
@@ -24,7 +25,7 @@ from .base import SlopeWatchAlgorithm
 from .elevationchange import CHANGE_FILES, CHANGE_NUMBERS, CHANGE_PAGES
 from .registerepochs import REGISTRATION_NUMBERS, STABLE_HELP
 
-_BASIC = ("cloth_resolution", "cell", "adaptive", "confidence", "minimum_area", "screen_last_epoch")
+_BASIC = ("cloth_resolution", "cell", "adaptive", "confidence", "minimum_area", "screen_last_epoch", "overwrite")
 _PREFIXES = {
     "InputParameters": "Input",
     "DateParameters": "Input",
@@ -59,6 +60,7 @@ class InspectSlope(SlopeWatchAlgorithm):
         LastEpochParameters,
         InputParameters,
         DateParameters,
+        OutputParameters,
     )
     NUMBERS: ClassVar = {
         **CHANGE_NUMBERS,

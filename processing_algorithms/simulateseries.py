@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ..engine.parameters import CreepParameters
+from ..engine.parameters import CreepParameters, OutputParameters
 from ..plugin.styling import Appearance
 from . import products
 from .simulation import SimulationAlgorithm
@@ -27,10 +27,21 @@ class SimulateSeries(SimulationAlgorithm):
     TITLE = "Simulate a series"
     SUMMARY = "Writes dated simulated surveys of one cut slope, of which zones creep at known velocities."
     TAGS = ("simulation", "synthetic", "test data", "truth", "creep", "velocity", "time series")
-    PARAMETER_GROUPS = (CreepParameters,)
+    PARAMETER_GROUPS = (CreepParameters, OutputParameters)
     KIND = "series"
     FOLDER_HELP = "Receives the surveys, a manifest, the region of interest and the truth."
-    BASIC = ("seed", "points", "length", "height", "vegetation", "surveys", "interval", "velocities", "onset")
+    BASIC = (
+        "seed",
+        "points",
+        "length",
+        "height",
+        "vegetation",
+        "surveys",
+        "interval",
+        "velocities",
+        "onset",
+        "overwrite",
+    )
     PRODUCTS = _PRODUCTS
     LAYERS = "SlopeWatch simulated series"
     FILES: ClassVar = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ..engine.parameters import SurveyParameters
+from ..engine.parameters import OutputParameters, SurveyParameters
 from ..plugin.styling import Appearance
 from . import products
 from .simulation import SimulationAlgorithm
@@ -27,10 +27,10 @@ class SimulateSurvey(SimulationAlgorithm):
     TITLE = "Simulate a survey"
     SUMMARY = "Writes two simulated UAV LiDAR surveys of one cut slope with known change and offset."
     TAGS = ("simulation", "synthetic", "test data", "truth", "demo")
-    PARAMETER_GROUPS = (SurveyParameters,)
+    PARAMETER_GROUPS = (SurveyParameters, OutputParameters)
     KIND = "survey"
     FOLDER_HELP = "Receives both surveys, the region of interest and the truth."
-    BASIC = ("seed", "points", "length", "height", "angle", "vegetation", "amplitude", "grass", "mown")
+    BASIC = ("seed", "points", "length", "height", "angle", "vegetation", "amplitude", "grass", "mown", "overwrite")
     PRODUCTS = _PRODUCTS
     LAYERS = "SlopeWatch simulated survey"
     FILES: ClassVar = {

@@ -13,7 +13,7 @@ from qgis.core import (
     QgsProcessingParameterMultipleLayers,
 )
 
-from ..engine.parameters import FineTuneParameters, InputParameters
+from ..engine.parameters import FineTuneParameters, InputParameters, OutputParameters
 from ..plugin.compat import FILE, FILES
 from ..plugin.engine_client import EngineResult
 from . import declare, products
@@ -26,7 +26,7 @@ class TrainModel(SlopeWatchAlgorithm):
     GROUP = "tools"
     SUMMARY = "Trains a screening model on your own labelled clouds and scores it on slopes it never saw."
     TAGS = ("training", "fine-tuning", "labels", "network", "RandLA-Net", "calibration", "cross-validation")
-    PARAMETER_GROUPS = (FineTuneParameters, InputParameters)
+    PARAMETER_GROUPS = (FineTuneParameters, InputParameters, OutputParameters)
     FILES: ClassVar = {
         "WEIGHTS": ("weights", "Weights"),
         "DESCRIPTION": ("description", "Description of the weights"),

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from pyproj import CRS
 
+from ..engine.earlier_results import refuse_results
 from ..engine.errors import InputError
 from ..engine.gridding import snapped_grid
 from ..engine.outputs import staged_outputs
@@ -29,7 +30,7 @@ _TRUTH_CELL = 0.25
 
 
 def survey_step(
-    parameters: SurveyParameters, output_dir: Path, progress: Progress
+    parameters: SurveyParameters, output_dir: Path, progress: Progress, *, overwrite: bool = False
 ) -> tuple[dict[str, Path], dict[str, Any]]:
     """Simulate a pair of surveys and write it with its truth; nothing is left when it fails.
 
@@ -37,6 +38,7 @@ def survey_step(
         Paths by name (``reference`` and ``cloud`` are the earlier and the later survey, the rest as in
         ``write_pair``, and ``run``) and the main figures.
     """
+    refuse_results(output_dir, ("run.json", "truth.json"), overwrite=overwrite)
     record = RunRecord("simulate survey", {"survey": parameters})
     with staged_outputs(output_dir) as stage:
         with record.stage("simulate"), progress.stage(0.0, 0.8, "simulating"):
@@ -60,7 +62,7 @@ def survey_step(
 
 
 def series_step(
-    parameters: CreepParameters, output_dir: Path, progress: Progress
+    parameters: CreepParameters, output_dir: Path, progress: Progress, *, overwrite: bool = False
 ) -> tuple[dict[str, Path], dict[str, Any]]:
     """Simulate a series of surveys and write it with a manifest and the truth; nothing is left when it fails.
 
@@ -72,6 +74,7 @@ def series_step(
         InputError: the velocities cannot be read, are too many for the slope's length, or lead too far.
     """
     laws = creep_laws(parameters)
+    refuse_results(output_dir, ("run.json", "truth.json", "surveys.csv"), overwrite=overwrite)
     record = RunRecord("simulate series", {"creep": parameters})
     with staged_outputs(output_dir) as stage:
         with record.stage("simulate"), progress.stage(0.0, 0.9, "simulating"):

@@ -14,6 +14,7 @@ from ..parameters import (
     HeatmapParameters,
     InputParameters,
     LastEpochParameters,
+    OutputParameters,
     RegistrationParameters,
     ReportParameters,
     SurfaceParameters,
@@ -59,6 +60,7 @@ _output_dir = click.option(
     HeatmapParameters,
     ReportParameters,
     LastEpochParameters,
+    OutputParameters,
 )
 def inspect(
     session: Session, epochs: tuple[str, ...], roi: Path, stable: Path, profiles: Path, output_dir: Path
@@ -82,6 +84,7 @@ def inspect(
         stable=stable,
         profiles=profiles,
         pdal=session.pdal,
+        overwrite=session.parameters(OutputParameters).overwrite,
         progress=session.report,
     )
 
@@ -169,6 +172,7 @@ def register(
     ZoneParameters,
     HeatmapParameters,
     ReportParameters,
+    OutputParameters,
 )
 def change(
     session: Session,
@@ -193,6 +197,7 @@ def change(
         transform_path=transform,
         stable=stable,
         profiles=profiles,
+        overwrite=session.parameters(OutputParameters).overwrite,
         progress=session.report,
     )
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from ..parameters import DateParameters, DistanceParameters, InputParameters, SurfaceParameters
+from ..parameters import DateParameters, DistanceParameters, InputParameters, OutputParameters, SurfaceParameters
 from .commands import _FILE, Outcome
 from .options import Session, command
 
@@ -34,7 +34,7 @@ from .options import Session, command
 @click.option("--epoch-from", default=None, metavar="DATE", help="Date of REFERENCE; else from its file name.")
 @click.option("--epoch-to", default=None, metavar="DATE", help="Date of MOVING; else from its file name.")
 @click.option("--transform", type=_FILE, default=None, metavar="FILE", help="transform.json to apply to MOVING first.")
-@command(InputParameters, DateParameters, SurfaceParameters, DistanceParameters, profile=False)
+@command(InputParameters, DateParameters, SurfaceParameters, DistanceParameters, OutputParameters, profile=False)
 def m3c2(
     session: Session,
     reference: Path,
@@ -66,5 +66,6 @@ def m3c2(
         core=core,
         dates=(epoch_from, epoch_to),
         transform_path=transform,
+        overwrite=session.parameters(OutputParameters).overwrite,
         progress=session.report,
     )

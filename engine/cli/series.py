@@ -11,6 +11,7 @@ from ..parameters import (
     GridChangeParameters,
     GroundParameters,
     InputParameters,
+    OutputParameters,
     RegistrationParameters,
     SeriesParameters,
     ZoneParameters,
@@ -48,6 +49,7 @@ from .options import Session, command
     RegistrationParameters,
     GroundParameters,
     InputParameters,
+    OutputParameters,
 )
 def series(
     session: Session,
@@ -62,7 +64,7 @@ def series(
 
     FOLDER holds one cloud a survey, each with its date in its name (2024-05-01.laz); MANIFEST is a CSV file with the
     columns date and path. All surveys are registered to the first. Run again with one more survey, only that one is
-    computed. This screens trends; it is no alarm.
+    computed: a series that goes on with the same settings needs no --overwrite. This screens trends; it is no alarm.
     """
     from ..epochs import parse_epoch
     from ..errors import InputError
@@ -89,5 +91,6 @@ def series(
         stable=stable,
         alerts=alerts,
         pdal=session.pdal,
+        overwrite=session.parameters(OutputParameters).overwrite,
         progress=session.report,
     )

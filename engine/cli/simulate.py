@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from ..parameters import CreepParameters, ScenesParameters, SurveyParameters
+from ..parameters import CreepParameters, OutputParameters, ScenesParameters, SurveyParameters
 from .commands import Outcome, _output_dir
 from .options import Session, command
 
@@ -18,17 +18,18 @@ def simulate() -> None:
 
 @simulate.command()
 @_output_dir
-@command(SurveyParameters, profile=False)
+@command(SurveyParameters, OutputParameters, profile=False)
 def survey(session: Session, output_dir: Path) -> Outcome:
     """Two surveys of one cut slope with a known change and a known rigid offset, the truth beside them."""
     from ...simulation.command import survey_step
 
-    return survey_step(session.parameters(SurveyParameters), output_dir, session.report)
+    overwrite = session.parameters(OutputParameters).overwrite
+    return survey_step(session.parameters(SurveyParameters), output_dir, session.report, overwrite=overwrite)
 
 
 @simulate.command()
 @_output_dir
-@command(CreepParameters, profile=False)
+@command(CreepParameters, OutputParameters, profile=False)
 def series(session: Session, output_dir: Path) -> Outcome:
     """Dated surveys of one cut slope whose zones creep at known velocities: something to try `series` on.
 
@@ -36,14 +37,16 @@ def series(session: Session, output_dir: Path) -> Outcome:
     """
     from ...simulation.command import series_step
 
-    return series_step(session.parameters(CreepParameters), output_dir, session.report)
+    overwrite = session.parameters(OutputParameters).overwrite
+    return series_step(session.parameters(CreepParameters), output_dir, session.report, overwrite=overwrite)
 
 
 @simulate.command()
 @_output_dir
-@command(ScenesParameters, profile=False)
+@command(ScenesParameters, OutputParameters, profile=False)
 def scenes(session: Session, output_dir: Path) -> Outcome:
     """Slopes of one epoch with bulges, hollows and what looks like them, the class of every point known."""
     from ...simulation.hazard_scenes.command import scenes_step
 
-    return scenes_step(session.parameters(ScenesParameters), output_dir, session.report)
+    overwrite = session.parameters(OutputParameters).overwrite
+    return scenes_step(session.parameters(ScenesParameters), output_dir, session.report, overwrite=overwrite)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from ..parameters import FineTuneParameters, InputParameters
+from ..parameters import FineTuneParameters, InputParameters, OutputParameters
 from .commands import _FILE, Outcome, _output_dir
 from .options import Session, command
 
@@ -21,7 +21,7 @@ from .options import Session, command
     help="Vector file whose polygons give the points inside them their class, instead of a dimension.",
 )
 @_output_dir
-@command(InputParameters, FineTuneParameters, profile=False)
+@command(InputParameters, FineTuneParameters, OutputParameters, profile=False)
 def train(session: Session, clouds: tuple[Path, ...], polygons: Path | None, output_dir: Path) -> Outcome:
     """Train a screening model on labelled clouds of ground points, each of one slope, and score it by folds.
 
@@ -35,5 +35,6 @@ def train(session: Session, clouds: tuple[Path, ...], polygons: Path | None, out
         session.parameters(FineTuneParameters),
         session.parameters(InputParameters),
         polygons=polygons,
+        overwrite=session.parameters(OutputParameters).overwrite,
         progress=session.report,
     )

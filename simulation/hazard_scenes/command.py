@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...engine.earlier_results import refuse_results
 from ...engine.errors import InputError
 from ...engine.outputs import staged_outputs
 from ...engine.parameters import ScenesParameters
@@ -46,7 +47,7 @@ def scene_specs(parameters: ScenesParameters) -> list[SceneSpec]:
 
 
 def scenes_step(
-    parameters: ScenesParameters, output_dir: Path, progress: Progress
+    parameters: ScenesParameters, output_dir: Path, progress: Progress, *, overwrite: bool = False
 ) -> tuple[dict[str, Path], dict[str, Any]]:
     """Simulate scenes one after the other and write them with their truth; nothing is left when it fails.
 
@@ -55,6 +56,7 @@ def scenes_step(
         for, ``run``; and the main figures.
     """
     specs = scene_specs(parameters)
+    refuse_results(output_dir, ("run.json", "manifest.json", "hazards.gpkg"), overwrite=overwrite)
     expected = float(sum(spec.points for spec in specs))
     record = RunRecord("simulate scenes", {"scenes": parameters})
     entries: list[dict[str, Any]] = []

@@ -217,7 +217,10 @@ def test_one_epoch_is_screened_and_nothing_else(survey, tmp_path):
     epoch, out, progress = epochs(paths)[1], tmp_path / "out", Progress()
     out.mkdir()
     (out / "zones.gpkg").touch()
-    outputs, metrics = inspect_slope([epoch], out, Settings(screening=RESIDUAL), roi=paths["roi"], progress=progress)
+    given = {"roi": paths["roi"], "progress": progress}
+    with pytest.raises(InputError, match=r"holds results already \(zones\.gpkg\)"):
+        inspect_slope([epoch], out, Settings(screening=RESIDUAL), **given)
+    outputs, metrics = inspect_slope([epoch], out, Settings(screening=RESIDUAL), overwrite=True, **given)
     assert {p.name for p in out.iterdir()} == {
         *SCREENING_OUTPUTS, "screened_probability.qml", "run.json", "report.html", "clouds", "zones.gpkg",
     }  # fmt: skip

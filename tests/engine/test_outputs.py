@@ -92,6 +92,44 @@ def test_an_output_that_cannot_be_replaced_leaves_the_earlier_run_as_it_was(tmp_
     assert {p.name: p.read_text() for p in tmp_path.iterdir()} == dict.fromkeys(("a.tif", "c.tif", "run.json"), "old")
 
 
+def discard_and(stage, work):
+    stage.discard("rest.gpkg")
+    work()
+
+
+def test_what_a_run_discards_goes_with_its_end_and_stays_when_it_fails(tmp_path, monkeypatch):
+    (tmp_path / "rest.gpkg").write_text("old")
+    with pytest.raises(RuntimeError), staged_outputs(tmp_path) as stage:
+        discard_and(stage, lambda: write_and_fail(stage.path("a")))
+    assert (tmp_path / "rest.gpkg").read_text() == "old"
+    replace = os.replace
+
+    def locked(source, target):
+        if os.path.basename(target) == "run.json":
+            raise PermissionError(13, "Permission denied")
+        replace(source, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", locked)
+        with pytest.raises(InputError), staged_outputs(tmp_path) as stage:
+            discard_and(stage, lambda: write_new(stage, "run.json"))
+    assert [p.name for p in tmp_path.iterdir()] == ["rest.gpkg"]
+    with staged_outputs(tmp_path) as stage:
+        stage.discard("rest.gpkg")
+        stage.discard("never there")
+        write_new(stage, "run.json")
+    assert [p.name for p in tmp_path.iterdir()] == ["run.json"]
+
+
+def test_what_a_program_wrote_beside_an_open_file_goes_with_that_file(tmp_path):
+    """SQLite would read the log of the replaced file into the new one."""
+    for name in ("zones.gpkg", "zones.gpkg-wal", "zones.gpkg-shm", "mine.gpkg-wal"):
+        (tmp_path / name).write_text("old")
+    with staged_outputs(tmp_path) as stage:
+        write_new(stage, "zones.gpkg")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["mine.gpkg-wal", "zones.gpkg"]
+
+
 def test_a_folder_in_the_place_of_an_output_is_named_and_nothing_is_moved(tmp_path):
     (tmp_path / "zones.gpkg").mkdir()
     with pytest.raises(InputError, match=r"zones\.gpkg is a folder"), staged_outputs(tmp_path) as stage:

@@ -20,6 +20,7 @@ from slopewatch.engine.gridding import Grid
 from slopewatch.engine.palette import DIVERGING, SEQUENTIAL
 from slopewatch.engine.parameters import ZoneParameters
 from slopewatch.engine.rasters import write_raster
+from slopewatch.engine.review_fields import REVIEW_FIELDS
 from slopewatch.engine.styles import (
     ALIASES,
     CONFIRMATION_ALIASES,
@@ -147,7 +148,10 @@ def test_measured_figures_are_rounded_where_they_are_read_and_not_where_they_are
         others = {"chain_from", "chain_to", "confidence"}
         measured = {name for name, kind in fields.items() if kind == "real"} - others
         assert set(rounded) == measured
-        assert {f.get("name") for f in root.iterfind("editable/field[@editable='0']")} == measured
+        # people enter their review, and nothing else
+        locked = {f.get("name") for f in root.iterfind("editable/field[@editable='0']")}
+        assert locked == set(fields) - set(REVIEW_FIELDS)
+        assert measured < locked
 
 
 def test_written_where_qgis_looks(tmp_path: Path) -> None:

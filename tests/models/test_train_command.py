@@ -74,10 +74,8 @@ def torch_module():
     return pytest.importorskip("torch", reason="torch is not installed; install slopewatch[screening]")
 
 
-def step(paths, folder, parameters=TINY, progress=None, polygons=None):
-    return command.train_step(
-        paths, folder, parameters, InputParameters(), polygons=polygons, progress=progress or Progress()
-    )
+def step(paths, folder, parameters=TINY, progress=None, **options):
+    return command.train_step(paths, folder, parameters, InputParameters(), progress=progress or Progress(), **options)
 
 
 def test_a_small_net_beats_the_majority_within_a_minute(trained):
@@ -193,12 +191,14 @@ def test_a_training_that_was_stopped_goes_on(tiny_clouds, tmp_path):
     assert resumed["weights"].read_bytes() == whole["weights"].read_bytes()
     documents = [json.loads(outputs["description"].read_text()) for outputs in (whole, resumed)]
     assert documents[0] == documents[1]
+    with pytest.raises(InputError, match=r"parts holds results already \(model\.safetensors\)"):
+        step(tiny_clouds, tmp_path / "parts")
     with pytest.raises(InputError, match=r"parts/training holds a training on other data or with other settings"):
-        step(tiny_clouds[:2], tmp_path / "parts")
+        step(tiny_clouds[:2], tmp_path / "parts", overwrite=True)
     assert resumed["weights"].read_bytes() == whole["weights"].read_bytes()
     (tmp_path / "parts/training/plan.json").write_text("{")
     with pytest.raises(InputError, match=r"plan\.json cannot be read .*; remove the folder"):
-        step(tiny_clouds, tmp_path / "parts")
+        step(tiny_clouds, tmp_path / "parts", overwrite=True)
 
 
 def test_cancelling_leaves_only_what_the_next_run_goes_on_from(tiny_clouds, tmp_path):

@@ -96,6 +96,13 @@ def test_a_survey_alone_is_one_epoch() -> None:
     assert arguments[-1] == "--no-screen-last-epoch"
 
 
+@pytest.mark.parametrize("algorithm", [InspectSlope, ElevationChange])
+def test_earlier_results_are_replaced_where_that_is_asked_for(algorithm: Any) -> None:
+    given = {"REFERENCE": FIRST, "CLOUD": LATER, "OUTPUT_FOLDER": "/out"}
+    assert command(algorithm, **given, OVERWRITE=True)[-1] == "--overwrite"
+    assert "--overwrite" not in command(algorithm, **given)
+
+
 def test_a_dialog_that_gives_every_default_passes_nothing_either() -> None:
     made = SimulateSurvey().create()
     values = {p.name(): p.defaultValue() for p in made.parameterDefinitions() if not p.isDestination()}

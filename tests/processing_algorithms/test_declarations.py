@@ -44,16 +44,17 @@ PRODUCTS = [
     "ZONES", "HEATMAP", "TOP_VIEW", "SURFACE_HEIGHTS", "POINT_COUNTS",
 ]  # fmt: skip
 PLANTS = ["GRASS", "GRASS_HEIGHT", "MOWN", "FERNS", "FOREST", "LAYOUT", "LITTER", "MULTIPATH", "STRAY"]
+OUTPUT = ["OVERWRITE"]
 SCREENED = ["SCREENED_ZONES", "SCREENED_PROBABILITY"]
 FROZEN_PARAMETERS = {
     "inspectslope": [
         "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "ROI", "PROFILE", "STABLE",
         *GROUND, *REGISTRATION, *CHANGE, *ZONES, *HEATMAP, *REPORT, *INPUT, *PRODUCTS,
-        "SCREEN_LAST_EPOCH", *(name for name in SCREENING if name != "GROUND"), *SCREENED,
+        "SCREEN_LAST_EPOCH", *(name for name in SCREENING if name != "GROUND"), *SCREENED, *OUTPUT,
     ],
     "inspectseries": [
         "INPUT", "MANIFEST", "ROI", "ALERTS", "PROFILE", "GROUND_READY", "RASTERS_EACH_SURVEY", "STABLE",
-        "LOAD_RASTERS", *GROUND, *REGISTRATION, *ONE_SIZE, *ZONES, *INPUT,
+        "LOAD_RASTERS", *GROUND, *REGISTRATION, *ONE_SIZE, *ZONES, *INPUT, *OUTPUT,
         "OUTPUT_FOLDER", "ZONES", "SERIES", "VELOCITY", "VELOCITY_ERROR", "EPOCHS_CONFIRMED",
     ],
     "screenhazards": [
@@ -63,7 +64,7 @@ FROZEN_PARAMETERS = {
     "registerepochs": ["REFERENCE", "CLOUD", "STABLE", "PROFILE", *REGISTRATION, *INPUT, "OUTPUT", "TRANSFORM"],
     "elevationchange": [
         "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "TRANSFORM", "STABLE", "PROFILE",
-        *CHANGE, *ZONES, *HEATMAP, *REPORT, *INPUT, *PRODUCTS,
+        *CHANGE, *ZONES, *HEATMAP, *REPORT, *INPUT, *PRODUCTS, *OUTPUT,
     ],
     "writereport": ["INPUT", *REPORT],
     "m3c2distances": [
@@ -74,17 +75,17 @@ FROZEN_PARAMETERS = {
     ],
     "simulatesurvey": [
         "SEED", "POINTS", "LENGTH", "HEIGHT", "ANGLE", "BENCHES", "VEGETATION", "RANGE_NOISE", "OFFSET", "AMPLITUDE",
-        *PLANTS, "OUTPUT_FOLDER", "ROI", "TRUTH_DZ",
+        *PLANTS, "OUTPUT_FOLDER", "ROI", "TRUTH_DZ", *OUTPUT,
     ],
     "simulateseries": [
         "SEED", "POINTS", "LENGTH", "HEIGHT", "ANGLE", "BENCHES", "VEGETATION", "RANGE_NOISE", "OFFSET", *PLANTS,
-        "SURVEYS", "INTERVAL", "VELOCITIES", "ONSET", "GROUND_ONLY", "OUTPUT_FOLDER", "ROI", "TRUTH_VELOCITY",
+        "SURVEYS", "INTERVAL", "VELOCITIES", "ONSET", "GROUND_ONLY", "OUTPUT_FOLDER", "ROI", "TRUTH_VELOCITY", *OUTPUT,
     ],
-    "simulatescenes": ["KIND", "COUNT", "SEED", "AREA", "DENSITY", "BENCHMARK", "PICTURE", "OUTPUT_FOLDER"],
+    "simulatescenes": ["KIND", "COUNT", "SEED", "AREA", "DENSITY", "BENCHMARK", "PICTURE", "OUTPUT_FOLDER", *OUTPUT],
     "trainmodel": [
         "CLOUDS", "POLYGONS", "START", "DIMENSION", "CLASSES", "CLASS_FIELD", "OUTSIDE", "STEPS", "MINUTES", "FOLDS",
         "LEARNING_RATE", "BATCH", "NETWORK", "SEED", "DEVICE", "THREADS", "CRS", "HEIGHT_UNIT", "START_WEIGHTS",
-        "OUTPUT_FOLDER",
+        "OUTPUT_FOLDER", *OUTPUT,
     ],
     "checkenvironment": [],
 }  # fmt: skip
@@ -251,6 +252,7 @@ def test_the_whole_flow_shows_few_parameters_at_first(qgis_app: QgsApplication) 
     assert shown == [
         "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "ROI", "PROFILE",
         "CLOTH_RESOLUTION", "CELL", "CONFIDENCE", "ADAPTIVE", "MINIMUM_AREA", "SCREEN_LAST_EPOCH",
+        "OVERWRITE",
     ]  # fmt: skip
 
 

@@ -36,6 +36,8 @@ def told(algorithm, sentence: str) -> str:
          "“Cell size (m)” is -1; give a number from 0.005 to 100 m."),
         (InspectSlope, "correct the setting (--pdal).",
          "correct the setting (“PDAL program” under Settings > Options > SlopeWatch)."),
+        (InspectSlope, "choose another one, or give --overwrite to replace them.",
+         "choose another one, or give “Overwrite earlier results” to replace them."),
         (ScreenHazards, "give --ground extract to do so first, or --ground as_is if it is rough ground.",
          "give extract in “Ground points” to do so first, or as_is in “Ground points” if it is rough ground."),
         (ScreenHazards, "give fewer --threads, --device cpu, or cut the cloud with --roi.",

@@ -1,0 +1,45 @@
+"""What people enter in the tables of zones: the fields for it, and the states of a review."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import geopandas as gpd
+import pandas as pd
+
+PLACE_FIELDS: dict[str, str] = {
+    "slope_id": "text",
+    "route": "text",
+    "chain_from": "real",
+    "chain_to": "real",
+    "side": "text",
+}
+"""Where a zone lies by the register of slopes."""
+REVIEW_FIELDS: dict[str, str] = {**PLACE_FIELDS, "review_status": "text", "reviewer": "text", "remarks": "text"}
+"""Name and kind of every field that people fill in; all others are measured."""
+UNREVIEWED = "unreviewed"
+STATES = (UNREVIEWED, "confirmed", "rejected")
+
+
+def own_columns(frame: pd.DataFrame, known: Iterable[str]) -> tuple[str, ...]:
+    """Columns that people added to a table whose fields are ``known``."""
+    geometry = frame.geometry.name if isinstance(frame, gpd.GeoDataFrame) else None
+    fields = {name.lower() for name in (*known, *REVIEW_FIELDS)}
+    return tuple(name for name in frame.columns if name != geometry and name.lower() not in fields)
+
+
+def is_entered(field: str, value: object) -> bool:
+    """Whether a person must have entered ``value``: it is no gap, and not the state that every zone begins with."""
+    if value is None or (not isinstance(value, str) and bool(pd.isna(value))):
+        return False
+    text = str(value).strip()
+    return bool(text) and not (field == "review_status" and text == UNREVIEWED)
+
+
+def in_words(entries: Mapping[str, object]) -> str:
+    """A review as text, such as ``confirmed by A. Sato; route: S1; remarks: crack``."""
+    rest = dict(entries)
+    status, reviewer = rest.pop("review_status", ""), rest.pop("reviewer", "")
+    head = f"{status or 'entries'} by {reviewer}" if reviewer else f"{status}"
+    parts = [f"{name}: {value:g}" if isinstance(value, float) else f"{name}: {value}" for name, value in rest.items()]
+    return "; ".join(part for part in (head, *parts) if part)
