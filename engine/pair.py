@@ -119,7 +119,9 @@ def register_pair(
     """
     refuse_other_heights(first, second, _registered(parameters))
     area = stable_area(stable, first.crs, progress)
-    result = register(first.xyz, second.xyz, parameters, stable=area, progress=progress)
+    result = register(
+        first.xyz, second.xyz, parameters, stable=area, plants=(first.plants, second.plants), progress=progress
+    )
     for warning in result.warnings:
         progress.warning(warning)
     return result
@@ -145,8 +147,22 @@ def warn_of_doubtful_change(change: Change, progress: Progress, *, may_grow: boo
         )
     for note in change.model.notes:
         progress.warning(note)
+    if change.season is not None and change.season.differs:
+        progress.warning(change.season.sentence)
+    if change.explained is not None and change.explained.any():
+        progress.warning(
+            f"{change.explained.sum() * change.grid.cell**2:.1f} m² of change beyond the level of detection may be "
+            "that of the plants, which differ there by as much: it counts in no zone and no volume, and "
+            "plant_change.tif shows it; look at the place where it matters."
+        )
     shift = change.uniform_dz
-    if shift is not None:
+    if shift is not None and change.season is not None and change.season.explains(shift):
+        progress.warning(
+            f"The whole overlap has {'risen' if shift > 0 else 'sunk'} by about {abs(shift):.3f} m, and the plants "
+            "changed alike: most likely the plants, not a deformation; no zones are drawn. Register on bare ground, "
+            "such as a road given as stable, or compare surveys of the same season."
+        )
+    elif shift is not None:
         progress.warning(
             f"The whole overlap has {'risen' if shift > 0 else 'sunk'} by about {abs(shift):.3f} m: a datum or height "
             "bias (such as ellipsoidal against orthometric heights), not a deformation; no zones are drawn. Check the "

@@ -132,6 +132,8 @@ def write_products(
     facts = change_facts(change, found.frame, (context.first, context.second), context.crs, limit)
     facts["level_of_detection"] = change.level_facts()
     facts["volumes"] = table.facts()
+    if change.season is not None:
+        facts["season"] = change.season.facts()
     layers = Layers(
         change.grid, change.height_from, change.height_to, change.dz, change.level, change.significant & change.valid
     )
@@ -146,7 +148,8 @@ def write_products(
 
 def cells_of(change: Change) -> Cells:
     """What volumes are taken from."""
-    return Cells(change.dz, change.error, change.cell_area, change.grid.cell, change.block)
+    plants = None if change.plants is None else change.plants.error
+    return Cells(change.dz, change.error, change.cell_area, change.grid.cell, change.block, plants)
 
 
 def profile_products(
@@ -175,23 +178,38 @@ def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:
     if change.block is not None and change.cell_size is not None:
         grown["grown_cells"] = int(change.block.max()) + 1
         grown["cell_size_median_m"] = float(np.nanmedian(change.cell_size))
-    return grown | {
-        "common_cell_rate": change.common_cell_rate,
-        "common_area_m2": float(change.valid.sum() * area),
-        "compared_share": compared_share(change),
-        "lod_median_m": change.median_level,
-        "confidence": change.confidence,
-        "registration_error_m": change.registration_error,
-        "dz_median_m": float(np.median(dz)),
-        "dz_nmad_m": float(1.4826 * np.median(np.abs(dz - np.median(dz)))),
-        "significant_area_m2": float(significant.size * area),
-        "zone_count": len(found),
-        "zone_area_m2": float(found["area_m2"].sum()),
-        "vol_loss_m3": float(found["vol_loss_m3"].sum()),
-        "vol_gain_m3": float(found["vol_gain_m3"].sum()),
-        "largest_sink_m": float(min(found["dz_min_m"].min(), 0.0)) if len(found) else 0.0,
-        "largest_rise_m": float(max(found["dz_max_m"].max(), 0.0)) if len(found) else 0.0,
-    }
+    return (
+        grown
+        | plant_figures(change)
+        | {
+            "common_cell_rate": change.common_cell_rate,
+            "common_area_m2": float(change.valid.sum() * area),
+            "compared_share": compared_share(change),
+            "lod_median_m": change.median_level,
+            "confidence": change.confidence,
+            "registration_error_m": change.registration_error,
+            "dz_median_m": float(np.median(dz)),
+            "dz_nmad_m": float(1.4826 * np.median(np.abs(dz - np.median(dz)))),
+            "significant_area_m2": float(significant.size * area),
+            "zone_count": len(found),
+            "zone_area_m2": float(found["area_m2"].sum()),
+            "vol_loss_m3": float(found["vol_loss_m3"].sum()),
+            "vol_gain_m3": float(found["vol_gain_m3"].sum()),
+            "largest_sink_m": float(min(found["dz_min_m"].min(), 0.0)) if len(found) else 0.0,
+            "largest_rise_m": float(max(found["dz_max_m"].max(), 0.0)) if len(found) else 0.0,
+        }
+    )
+
+
+def plant_figures(change: Change) -> dict[str, Any]:
+    """What plants make of the errors and of the change; nothing where they are not known."""
+    if change.plants is None:
+        return {}
+    figures: dict[str, Any] = {"plant_error_median_m": float(np.median(change.plants.error[change.valid]))}
+    figures["plant_error_largest_share"] = change.error_terms()[-1]["largest_share"]
+    if change.explained is not None:
+        figures["plant_change_area_m2"] = float(change.explained.sum() * change.grid.cell**2)
+    return figures
 
 
 def _level_in_words(change: Change) -> str:
@@ -221,6 +239,19 @@ def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float,
     if change.cell_size is not None:
         sizes = np.unique(change.cell_size[change.valid]).tolist()
         layers.append(("cell_size", change.cell_size, "Side of the grown cell", styles.cell_size_qml(sizes)))
+    if change.plants is not None:
+        by_plants = np.where(change.valid, change.plants.error, np.nan)
+        qml = styles.level_qml(max(float(np.nanpercentile(by_plants, 98)), 0.01))
+        layers.append(("plant_error", by_plants, "Standard error of the change by plants", qml))
+    if change.explained is not None and change.explained.any():
+        layers.append(
+            (
+                "plant_change",
+                np.where(change.explained, change.dz, np.nan),
+                f"{change.measure} beyond the level of detection that the plants explain",
+                styles.change_qml(limit),
+            )
+        )
     if change.probability is not None:
         words = "Probability that the change is real, from the cell and those around it"
         layers.append(("change_probability", change.probability, words, styles.probability_qml()))

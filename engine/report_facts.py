@@ -94,7 +94,7 @@ def stable_ground(change: Change) -> dict[str, Any] | None:
         "median_m": median,
         "nmad_m": float(1.4826 * np.median(np.abs(dz - median))),
         "rms_m": float(np.sqrt(np.mean(dz**2))),
-        "beyond_share": float(change.significant[cells].mean()),
+        "beyond_share": float(change.beyond[cells].mean()),
     }
 
 

@@ -146,7 +146,7 @@ def monitor_series(
                 for kind, changes in (("cumulative", analysis.cumulative), ("incremental", analysis.incremental)):
                     outputs |= write_epoch_rasters(kind, changes, about, hashes, stage, progress)
             stack = analysis.stack
-            velocity = cell_velocity(stack.days, list(stack.change), list(stack.variance))
+            velocity = cell_velocity(stack.days, list(stack.change), stack.cell_variance)
             outputs |= write_summary_rasters(velocity, analysis.confirmed, velocity.count >= 2, about, hashes, stage)
             limits = limits_of(analysis, dates)
             files, frame, course = write_tables(
@@ -229,7 +229,13 @@ def _stack(gridded: Sequence[GriddedEpoch], cumulative: Sequence[Change], grid: 
     sampling = [g.cells.on_grid(g.cells.leverage * pooled_variance(g.cells)) for g in gridded]
     usable = [c.uniform_dz is None for c in cumulative]
     shared = [0.0, *(c.registration_error for c in cumulative)]
-    own = own_variances([c.error for c in cumulative], shared[1:], sampling[0], sampling[1:])
+    nothing = np.zeros(grid.shape)
+    plants = [nothing if c.plants is None else np.nan_to_num(c.plants.error_to) for c in cumulative]
+    of_first = nothing if cumulative[0].plants is None else np.nan_to_num(cumulative[0].plants.error_from)
+    without = [
+        np.sqrt(np.maximum(c.error**2 - p**2 - of_first**2, 0.0)) for c, p in zip(cumulative, plants, strict=True)
+    ]
+    own = own_variances(without, shared[1:], sampling[0], sampling[1:])
     start = np.where(np.isfinite(own[0]), 0.0, np.nan)
     first = gridded[0].epoch.date or date.min
     return Stack(
@@ -242,6 +248,7 @@ def _stack(gridded: Sequence[GriddedEpoch], cumulative: Sequence[Change], grid: 
             *(c.significant & ok for ok, c in zip(usable, cumulative, strict=True)),
         ],
         cell=grid.cell,
+        plants=[of_first, *plants],
     )
 
 

@@ -229,7 +229,7 @@ def _gridded(
         made += [] if entry.reused else ["registration"]
 
     def grid_cells(path: Path) -> dict[str, Any]:
-        save_cells(path, epoch_cells(transform.apply(cloud().xyz), grid, settings.change))
+        save_cells(path, epoch_cells(transform.apply(cloud().xyz), grid, settings.change, cloud().plants))
         return {"points": len(cloud().xyz)}
 
     cells_key = key_of(

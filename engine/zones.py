@@ -117,6 +117,7 @@ def extract_zones(
     cell_size: Float | None = None,
     cell_area: Float | None = None,
     stable: NDArray[np.bool_] | None = None,
+    plants: Float | None = None,
 ) -> Zones:
     """Join significant cells of one sign into zones.
 
@@ -148,6 +149,7 @@ def extract_zones(
         cell_area: area that each cell's ``dz`` acts on, m²; that of the map without.
         stable: cells that are taken as stable ground, from which the errors' correlation is told; without it, those
             outside of every footprint.
+        plants: the part of ``sigma`` that plants make, metres.
     """
     parameters = parameters or ZoneParameters()
     labels, first_cells, groups, dropped_cells = label_groups(dz, significant, grid, parameters, cell_size)
@@ -173,6 +175,7 @@ def extract_zones(
         np.full(grid.shape, grid.cell**2) if cell_area is None else cell_area,
         grid.cell,
         block,
+        plants,
     )
     footprints = outline_footprints(
         cells, labels, count, gap=parameters.bridged_gap, registration_error=registration_error
