@@ -20,6 +20,7 @@ from .parameters import RegistrationParameters
 from .point_to_plane import Matcher, Pairs
 from .pose import Pose
 from .progress import Progress
+from .restarts import descend
 from .voxel import block_numbers
 
 Float = NDArray[np.float64]
@@ -30,6 +31,10 @@ LITTLE = 0.01
 _LEAST_POINTS = 300
 _SOURCES = 25_000
 _STEPS = 24
+_FAR = 5.0  # times the noise of the residuals: how far all ground together may have gone astray
+_ALIKE = 1.2  # times the smaller noise: two places that fit equally well
+_STEEP = 0.2  # least vertical part of a normal: heights of steeper faces say little
+_PLACES = 5_000
 
 
 @dataclass(frozen=True)
@@ -84,15 +89,28 @@ def align_bare(
     return _completed(found, whole, ground, parameters.maximum_offset, progress)
 
 
+class _LevelledPairs(Pairs):
+    """Pairs whose residuals do not tell a common difference in height, and no motion as far as it makes one."""
+
+    def jacobian(self, radius: float) -> Float:
+        full, upward = super().jacobian(radius), self.normal[:, 2:]
+        return full - upward @ (upward.T @ full) / max(float(np.sum(upward**2)), 1e-12)
+
+
 class _Levelled(Matcher):
-    """Surfaces whose common distance along the normals is left out of the residuals."""
+    """Surfaces whose common difference in height is left out of the residuals: plants lift the ground upwards."""
 
     def match(self, pose: Pose, sources: tuple[Index, Index], reach: float, agreement: float = 0.8) -> Pairs:
         pairs = super().match(pose, sources, reach, agreement)
-        if not len(pairs):
-            return pairs
-        common = float(np.median(pairs.residual))
-        return replace(pairs, residual=pairs.residual - common, gap=pairs.gap - common)
+        common = _height(pairs) * pairs.normal[:, 2]
+        return _LevelledPairs(pairs.place, pairs.normal, pairs.residual - common, pairs.gap - common, pairs.source)
+
+
+def _height(pairs: Pairs) -> float:
+    """Median difference of heights, metres, of the pairs that are not on a wall; 0 without any."""
+    upward = pairs.normal[:, 2]
+    open_ground = np.abs(upward) > _STEEP
+    return float(np.median(pairs.residual[open_ground] / upward[open_ground])) if open_ground.any() else 0.0
 
 
 def _completed(found: Alignment, whole: Alignment, ground: Covered, offset: float, progress: Progress) -> Alignment:
@@ -101,11 +119,10 @@ def _completed(found: Alignment, whole: Alignment, ground: Covered, offset: floa
     weigh, radius = Weighting(covered, whole.scale), radius_of(covered.reference)
     sources = covered.sample(_SOURCES)
     free = known.directions[:, ~known.observable]
-    apart = whole.pose.vector(radius) - found.pose.vector(radius)
-    start = found.pose.moved(free @ (free.T @ apart), radius)
-    if len(covered.match(start, sources, weigh.reach)) < _LEAST_POINTS:
+    pose = _slid(found.pose, whole, covered, sources, free, radius)
+    if pose is None:
         return found
-    folds = curvature_at(start, weigh, radius, progress)
+    folds = curvature_at(pose, weigh, radius, progress)
 
     def told(pairs: Pairs) -> Information:
         terms = pairs.jacobian(radius) * (weigh(pairs) * pairs.gap)[:, None]
@@ -114,10 +131,11 @@ def _completed(found: Alignment, whole: Alignment, ground: Covered, offset: floa
         part = information(inner, terms @ free, blocks, weigh.spacing / 2, offset / float(np.sqrt(3.0)))
         return Information(part.curvature, free @ part.directions, part.observable, free @ part.covariance @ free.T)
 
-    part = told(covered.match(start, sources, weigh.reach))
+    part = told(covered.match(pose, sources, weigh.reach))
     if not part.observable.any():
         return found
     # what nothing fixes stays as surveyed
+    apart = pose.vector(radius) - found.pose.vector(radius)
     pose = found.pose.moved(part.without_unobservable(apart), radius)
     slid = take_steps(weigh, pose, sources, radius, part, 0.0, 0, _STEPS, progress)
     # a long slide along a road that is not quite plane
@@ -129,6 +147,43 @@ def _completed(found: Alignment, whole: Alignment, ground: Covered, offset: floa
         iterations=found.iterations + slid.used + held.used,
         information=_joined(known, told(slid.pairs)),
     )
+
+
+def _slid(
+    pose: Pose, whole: Alignment, covered: Matcher, sources: tuple[Index, Index], free: Float, radius: float
+) -> Pose | None:
+    """``pose`` moved in the ``free`` directions (6, k) to where covered ground agrees; None where that is not clear.
+
+    It is looked for from where all ground together lies, which may have slid to where road and grass both fit, and from
+    where the surveys are as delivered. Where both ends are equally good and apart, nothing but chance tells.
+    """
+    apart = whole.pose.vector(radius) - pose.vector(radius)
+    spacing = max(covered.reference.spacing, covered.moving.spacing)
+    ends = []
+    for start in (pose.moved(free @ (free.T @ apart), radius), pose):
+        if len(covered.match(start, sources, max(3 * spacing, 3 * whole.scale))) < _LEAST_POINTS:
+            continue
+        ends.append(
+            descend(
+                covered,
+                start,
+                sources,
+                radius,
+                scale=max(_FAR * whole.scale, spacing),
+                offset=0.0,
+                agreement=0.8,
+                iterations=_STEPS,
+                free=free,
+            )
+        )
+    if not ends:
+        return None
+    ends.sort(key=lambda end: end.scale)
+    if len(ends) == 2 and ends[1].scale < _ALIKE * ends[0].scale:
+        away = np.linalg.norm(ends[1].pose.vector(radius) - ends[0].pose.vector(radius))
+        if away > spacing / 2:
+            return None
+    return ends[0].pose
 
 
 def _joined(known: Information, part: Information) -> Information:
@@ -160,5 +215,12 @@ def offset_of_covered(ground: Covered, pose: Pose, reach: float) -> float | None
     """Median height of the later survey's covered ground over the earlier one's at ``pose``, metres."""
     plain = Matcher(ground.covered.reference, ground.covered.moving, ground.covered.stable, ground.covered.firm)
     pairs = plain.match(pose, plain.sample(_SOURCES), reach, 0.5)
-    upright = pairs.chosen(np.abs(pairs.normal[:, 2]) > 0.2)
-    return float(np.median(upright.residual / upright.normal[:, 2])) if len(upright) >= _LEAST_POINTS else None
+    return _height(pairs) if len(pairs) >= _LEAST_POINTS else None
+
+
+def compared_ground(ground: Covered, pose: Pose, reach: float) -> tuple[Float, Float]:
+    """Places of the later survey's points before registration and upward normals there, (n, 3) each, of all ground."""
+    whole = Matcher(ground.bare.reference, ground.bare.moving)
+    pairs = whole.onto_reference(pose, whole.moving.sample(_PLACES), reach, 0.5)
+    upward = np.where(pairs.normal[:, 2:] < 0, -1.0, 1.0)
+    return whole.moving.points[pairs.source], pairs.normal * upward

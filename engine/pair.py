@@ -24,6 +24,7 @@ from .transform import RigidTransform
 
 _LITTLE_COMPARED = 0.5  # share of the ground
 _PLANTS = 5.0  # m that the lowest points of a cell can fall all over a slope by cutting what grows there
+_WORTH_TELLING = 1.0  # m² of change that plants explain: less comes by chance where plants end
 _FOUND = 3.0  # times the largest expected offset: so far away the robust method finds its way back
 
 
@@ -149,9 +150,10 @@ def warn_of_doubtful_change(change: Change, progress: Progress, *, may_grow: boo
         progress.warning(note)
     if change.season is not None and change.season.differs:
         progress.warning(change.season.sentence)
-    if change.explained is not None and change.explained.any():
+    explained = 0.0 if change.explained is None else float(change.explained.sum()) * change.grid.cell**2
+    if explained >= _WORTH_TELLING:
         progress.warning(
-            f"{change.explained.sum() * change.grid.cell**2:.1f} m² of change beyond the level of detection may be "
+            f"{explained:.1f} m² of change beyond the level of detection may be "
             "that of the plants, which differ there by as much: it counts in no zone and no volume, and "
             "plant_change.tif shows it; look at the place where it matters."
         )

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from shapely.geometry.base import BaseGeometry
 
 from .alignment import Alignment, align, observe
-from .bare_ground import Covered, align_bare, divide, error_by_plants, offset_of_covered
+from .bare_ground import Covered, align_bare, compared_ground, divide, error_by_plants, offset_of_covered
 from .errors import InputError
 from .height_correction import HeightCorrection
 from .icp import icp
@@ -182,9 +182,9 @@ def _measured(
     parameters: RegistrationParameters,
     stable_given: bool,
     progress: Progress,
-    over: Matcher | None = None,
+    ground: Covered | None = None,
 ) -> _Measured:
-    """Agreement and error of a solution by the ground of ``matcher``; the error over the ground of ``over``."""
+    """Agreement of a solution by the ground of ``matcher``, and its error there, or over all of ``ground``."""
     quality = agreement(matcher, solution.pose, parameters.maximum_offset)
     if parameters.method == "icp":
         seen = observe(matcher, solution.pose, quality.scale, parameters.maximum_offset, progress)
@@ -194,10 +194,12 @@ def _measured(
         quality = agreement(matcher, solution.pose, parameters.maximum_offset)
     elif parameters.method == "robust":
         solution, quality = _bent(solution, quality, matcher, parameters)
-    every = quality if over is None else agreement(over, solution.pose, parameters.maximum_offset)
+    over = quality.places, quality.normals
+    if ground is not None:
+        over = compared_ground(ground, solution.pose, parameters.maximum_offset)
     by_plants = error_by_plants(matcher, solution.pose, quality.sample[quality.agrees])
     error = widened(
-        float(np.hypot(_error(solution, quality, every, parameters), by_plants)),
+        float(np.hypot(_error(solution, quality, over, parameters), by_plants)),
         quality,
         parameters.minimum_stable_share,
     )
@@ -217,28 +219,32 @@ def _surer(
     found = align_bare(ground, alignment, parameters, progress)
     if found is None:
         return all_ground
-    over = Matcher(ground.bare.reference, ground.bare.moving)
-    bare = _measured(_of_alignment(found), ground.bare, parameters, stable_given, progress, over)
+    bare = _measured(_of_alignment(found), ground.bare, parameters, stable_given, progress, ground)
     if bare.solution.left or bare.error >= all_ground.error:
         return all_ground
     offset = offset_of_covered(ground, bare.solution.pose, parameters.maximum_offset)
     return replace(bare, ground=ground, bare=True, offset=offset)
 
 
-def _error(solution: _Solution, quality: Agreement, every: Agreement, parameters: RegistrationParameters) -> float:
-    """Standard error of a height over the places of ``every``, metres, plants aside."""
+def _error(
+    solution: _Solution, quality: Agreement, over: tuple[Float, Float], parameters: RegistrationParameters
+) -> float:
+    """Standard error of a height over places with their normals, (n, 3) each, in metres; plants aside."""
     information, error = solution.information, 0.0
     if information is not None and parameters.method == "robust":
+        places, normals = over
+        mean = normals.mean(axis=0) if len(normals) else quality.mean_normal
+        mean = mean / np.linalg.norm(mean)
         seen = information.observable_covariance
-        flat = np.broadcast_to(every.mean_normal, every.normals.shape)
+        flat = np.broadcast_to(mean, normals.shape)
         # what is free moves the surface as a whole: sliding a slope along itself leaves its heights, tilting does not
         prior = parameters.maximum_offset / float(np.sqrt(3.0))
         error = float(
             np.linalg.norm(
                 [
-                    height_sd(seen, every.places, every.normals, solution.radius),
-                    height_sd(information.covariance - seen, every.places, flat, solution.radius),
-                    relief_sd(information, prior) / max(float(every.mean_normal[2]), 0.2),
+                    height_sd(seen, places, normals, solution.radius),
+                    height_sd(information.covariance - seen, places, flat, solution.radius),
+                    relief_sd(information, prior) / max(float(mean[2]), 0.2),
                 ]
             )
         )

@@ -164,6 +164,11 @@ def monitor_series(
             "dates": [d.isoformat() for d in dates],
             "zones": zones,
             "course": course_rows(course, [row["zone_id"] for row in zones]),
+            "seasons": {
+                d.isoformat(): c.season.facts()
+                for d, c in zip(dates[1:], analysis.cumulative, strict=True)
+                if c.season is not None
+            },
             "zone_history": {t.zone_id: _history(t, dates) for t in analysis.tracks},
         }
         outputs["run"] = stage.final("run.json")

@@ -21,6 +21,7 @@ _NARROWEST, _WIDEST = 0.4, 5.0
 _DOUBTFUL = 2.0
 _WITHOUT_STABLE = 1.5  # beyond every factor seen on unchanged surveys (docs/figures.md)
 _ROUNDS = 3
+_LITTLE = 0.5  # of the sampling error: plants that add an eighth to it at most
 
 
 @dataclass(frozen=True)
@@ -105,8 +106,8 @@ def calibrate(
     a quantile one standard error higher, because too narrow a level does more harm than too wide a one.
 
     The error by plants p is no sampling error, and no factor multiplies it. Where it is the larger part, a cell tells
-    little of its sampling: the cells whose p is below s serve if there are enough, else all with r² + p² in place of
-    r², and then f does not fall below 1, as plant errors stated too large would make it.
+    little of its sampling: the cells whose p is below s / 2 serve if there are enough, else all with r² + p² in place
+    of r², and then f does not fall below 1, as plant errors stated too large would make it.
 
     Args:
         dz: change, metres, NaN where not compared; it and the other arrays have the shape (rows, columns).
@@ -119,7 +120,7 @@ def calibrate(
     known = np.isfinite(dz) & np.isfinite(sampling) & (sampling > 0)
     all_at, chosen = slope[known], stable[known]
     plant = np.zeros(all_at.size) if plants is None else plants[known]
-    little = plant <= sampling[known]
+    little = plant <= _LITTLE * sampling[known]
     compared = all_at.size
     bare = bool(little.all()) or int(np.count_nonzero(chosen & little)) >= _FEWEST_IN_CLASS
     if bare:
