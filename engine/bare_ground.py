@@ -39,7 +39,10 @@ _PLACES = 5_000
 
 @dataclass(frozen=True)
 class Covered:
-    """Two surfaces, the pairs of points on bare ground and those on the other; ``bare_share`` of the moving points."""
+    """Two surfaces, compared on ground that is ``bare`` in both surveys, and on ground that is ``covered`` by plants.
+
+    Covered ground is told by the survey with more of it; ``bare_share`` is the other share of its points.
+    """
 
     bare: Matcher
     covered: Matcher
@@ -55,12 +58,9 @@ def divide(matcher: Matcher) -> Covered | None:
     if first.all() and second.all():
         return None
     known = np.ones_like(first) if matcher.stable is None else matcher.stable
-    # a pair is covered as soon as one of its points is: the surfaces together tell
-    return Covered(
-        Matcher(*surfaces, known & first, second),
-        _Levelled(*surfaces, known & ~first, ~second),
-        float(np.mean(second)),
-    )
+    shares = float(np.mean(first[known])), float(np.mean(second))
+    covered = (known & ~first, None) if shares[0] <= shares[1] else (known, ~second)
+    return Covered(Matcher(*surfaces, known & first, second), _Levelled(*surfaces, *covered), min(shares))
 
 
 def align_bare(

@@ -22,7 +22,7 @@ from .order_statistics import sample_quantile
 from .parameters import ChangeParameters, GridChangeParameters
 from .plant_cover import PlantCells, PlantCover, cell_means, together
 from .progress import Progress
-from .season import Season, compare_seasons, explained_by_plants
+from .season import Season, judge_season
 from .significance import judge
 from .slope_error import ErrorModel, uncalibrated
 from .thresholds import quantile
@@ -50,9 +50,9 @@ class Change:
     posterior probability that a cell's change is real, of the threshold ``coherent`` only.
 
     ``sampling`` is the part of the error that the points' scatter makes, after calibration; ``plants`` the part that
-    plants make, and how high they stand, None where neither epoch tells. ``explained`` marks cells beyond their level
-    that are not significant, because a change of the plants' height explains theirs; ``season`` tells how the plants
-    differ between the epochs.
+    plants make, and how high they stand, None where neither epoch tells. ``plant_like`` marks cells whose change a
+    change of the plants' height explains, ``explained`` those of them that would else be significant; ``season`` tells
+    how the plants differ between the epochs. All are None where the plants' heights are not known.
     """
 
     grid: Grid
@@ -80,6 +80,7 @@ class Change:
     probability: Float | None = None
     sampling: Float | None = None
     plants: PlantCells | None = None
+    plant_like: NDArray[np.bool_] | None = None
     explained: NDArray[np.bool_] | None = None
     season: Season | None = None
 
@@ -122,22 +123,7 @@ class Change:
             "error_median_m": float(np.nanmedian(self.error)),
             "registration_error_m": self.registration_error,
             **self.model.summary(),
-            **({} if self.plants is None else {"terms": self.error_terms()}),
         }
-
-    def error_terms(self) -> list[dict[str, Any]]:
-        """Parts of the cells' errors: median standard error, metres, and share of the cells where it is the largest."""
-        valid = self.valid
-        parts = {"points": np.zeros(self.dz.shape) if self.sampling is None else self.sampling}
-        parts["registration"] = np.full(self.dz.shape, self.registration_error)
-        if self.plants is not None:
-            parts["plants"] = self.plants.error
-        values = np.stack([part[valid] for part in parts.values()])
-        largest = np.argmax(values, axis=0)
-        return [
-            {"term": name, "median_m": float(np.median(part)), "largest_share": float(np.mean(largest == number))}
-            for number, (name, part) in enumerate(zip(parts, values, strict=True))
-        ]
 
 
 def difference(
@@ -254,20 +240,13 @@ def difference_of_cells(
             counts=(first.count, second.count),
             heights=(height_from, height_to),
             common=_common(valid_first, valid_second),
-            plants=together(plants_on_grid(first), plants_on_grid(second)),
+            plants=together(first.plants, second.plants),
         ),
         grid,
         parameters,
         _stated(parameters, registration_error),
         stable_area,
     )
-
-
-def plants_on_grid(cells: CellStatistics) -> tuple[Float | None, Float | None]:
-    """Error by plants and their height on the grid (rows, columns), metres; None for what is not known."""
-    known = cells.plant_error, cells.plant_height
-    first, second = (None if values is None else cells.on_grid(values) for values in known)
-    return first, second
 
 
 def _squared_error(cells: CellStatistics, where: NDArray[np.bool_]) -> Float:
@@ -361,11 +340,8 @@ def _judged(
         size=cells.cell_size,
         plants=cells.plants,
     )
-    season, explained = None, None
-    if cells.plants is not None and cells.plants.height_from is not None and cells.plants.height_to is not None:
-        heights = cells.plants.height_from, cells.plants.height_to
-        season = compare_seasons(*heights, found.dz)
-        explained = found.decision.significant & explained_by_plants(found.dz, found.decision.level, *heights)
+    season, plant_like = judge_season(cells.plants, found.dz, found.decision.level)
+    explained = None if plant_like is None else plant_like & found.decision.significant
     significant = found.decision.significant if explained is None else found.decision.significant & ~explained
     return Change(
         grid=grid,
@@ -393,6 +369,7 @@ def _judged(
         probability=found.decision.probability,
         sampling=found.sampling,
         plants=found.plants,
+        plant_like=plant_like,
         explained=explained,
         season=season,
     )

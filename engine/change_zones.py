@@ -45,4 +45,5 @@ def change_zones(
         cell_area=change.cell_area,
         stable=change.stable,
         plants=None if change.plants is None else change.plants.error,
+        plant_like=change.plant_like,
     )

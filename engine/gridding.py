@@ -96,6 +96,12 @@ class CellStatistics:
         """How many each cell has, (cells,)."""
         return self.count.ravel().take(self.cell)
 
+    @property
+    def plants(self) -> tuple[Float | None, Float | None]:
+        """Error by plants and their height on the grid (rows, columns), metres; None for what is not known."""
+        error, height = self.plant_error, self.plant_height
+        return None if error is None else self.on_grid(error), None if height is None else self.on_grid(height)
+
     def on_grid(self, values: NDArray[Any], empty: Any = np.nan) -> NDArray[Any]:
         """``values`` (cells,) on the grid (rows, columns); ``empty`` where no points are."""
         return on_grid(self.cell, values, self.shape, empty)

@@ -23,7 +23,7 @@ from .parameters import ChangeParameters, HeatmapParameters, ReportParameters, Z
 from .profile_lines import ProfileLine, steepest_lines
 from .profiles import Layers, missed_lines, take_profile, write_profiles
 from .progress import Progress
-from .report_facts import change_facts
+from .report_facts import change_facts, error_terms
 from .transform import RigidTransform
 from .version import VERSION
 from .volumes import Cells
@@ -130,7 +130,8 @@ def write_products(
         outputs[name] = stage.final(file)
     progress.update(0.95, "taking profiles")
     facts = change_facts(change, found.frame, (context.first, context.second), context.crs, limit)
-    facts["level_of_detection"] = change.level_facts()
+    terms = error_terms(change)
+    facts["level_of_detection"] = change.level_facts() | ({"terms": terms} if terms else {})
     facts["volumes"] = table.facts()
     if change.season is not None:
         facts["season"] = change.season.facts()
@@ -149,7 +150,7 @@ def write_products(
 def cells_of(change: Change) -> Cells:
     """What volumes are taken from."""
     plants = None if change.plants is None else change.plants.error
-    return Cells(change.dz, change.error, change.cell_area, change.grid.cell, change.block, plants)
+    return Cells(change.dz, change.error, change.cell_area, change.grid.cell, change.block, plants, change.plant_like)
 
 
 def profile_products(
@@ -178,27 +179,24 @@ def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:
     if change.block is not None and change.cell_size is not None:
         grown["grown_cells"] = int(change.block.max()) + 1
         grown["cell_size_median_m"] = float(np.nanmedian(change.cell_size))
-    return (
-        grown
-        | plant_figures(change)
-        | {
-            "common_cell_rate": change.common_cell_rate,
-            "common_area_m2": float(change.valid.sum() * area),
-            "compared_share": compared_share(change),
-            "lod_median_m": change.median_level,
-            "confidence": change.confidence,
-            "registration_error_m": change.registration_error,
-            "dz_median_m": float(np.median(dz)),
-            "dz_nmad_m": float(1.4826 * np.median(np.abs(dz - np.median(dz)))),
-            "significant_area_m2": float(significant.size * area),
-            "zone_count": len(found),
-            "zone_area_m2": float(found["area_m2"].sum()),
-            "vol_loss_m3": float(found["vol_loss_m3"].sum()),
-            "vol_gain_m3": float(found["vol_gain_m3"].sum()),
-            "largest_sink_m": float(min(found["dz_min_m"].min(), 0.0)) if len(found) else 0.0,
-            "largest_rise_m": float(max(found["dz_max_m"].max(), 0.0)) if len(found) else 0.0,
-        }
-    )
+    return grown | {
+        "common_cell_rate": change.common_cell_rate,
+        "common_area_m2": float(change.valid.sum() * area),
+        "compared_share": compared_share(change),
+        "lod_median_m": change.median_level,
+        "confidence": change.confidence,
+        "registration_error_m": change.registration_error,
+        "dz_median_m": float(np.median(dz)),
+        "dz_nmad_m": float(1.4826 * np.median(np.abs(dz - np.median(dz)))),
+        "significant_area_m2": float(significant.size * area),
+        "zone_count": len(found),
+        "zone_area_m2": float(found["area_m2"].sum()),
+        "vol_loss_m3": float(found["vol_loss_m3"].sum()),
+        "vol_gain_m3": float(found["vol_gain_m3"].sum()),
+        "largest_sink_m": float(min(found["dz_min_m"].min(), 0.0)) if len(found) else 0.0,
+        "largest_rise_m": float(max(found["dz_max_m"].max(), 0.0)) if len(found) else 0.0,
+        **plant_figures(change),
+    }
 
 
 def plant_figures(change: Change) -> dict[str, Any]:
@@ -206,7 +204,8 @@ def plant_figures(change: Change) -> dict[str, Any]:
     if change.plants is None:
         return {}
     figures: dict[str, Any] = {"plant_error_median_m": float(np.median(change.plants.error[change.valid]))}
-    figures["plant_error_largest_share"] = change.error_terms()[-1]["largest_share"]
+    if terms := error_terms(change):
+        figures["plant_error_largest_share"] = terms[-1]["largest_share"]
     if change.explained is not None:
         figures["plant_change_area_m2"] = float(change.explained.sum() * change.grid.cell**2)
     return figures

@@ -197,7 +197,9 @@ def _measured(
     over = quality.places, quality.normals
     if ground is not None:
         over = compared_ground(ground, solution.pose, parameters.maximum_offset)
-    by_plants = error_by_plants(matcher, solution.pose, quality.sample[quality.agrees])
+    by_plants = 0.0
+    if parameters.method != "none" and not solution.left:  # a cloud left as it is takes nothing from plants
+        by_plants = error_by_plants(matcher, solution.pose, quality.sample[quality.agrees])
     error = widened(
         float(np.hypot(_error(solution, quality, over, parameters), by_plants)),
         quality,

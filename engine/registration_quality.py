@@ -212,7 +212,7 @@ def explain_plants(
     """Sentences about what plants do to the registration; lengths in metres.
 
     Args:
-        bare: bare ground alone was registered, ``bare_share`` of the later survey; None: nothing is known of plants.
+        bare: bare ground alone was registered, the share ``bare_share``; None: nothing is known of plants.
         offset: height of the later survey's ground under plants over the earlier one's after that.
     """
     if bare_share is None:

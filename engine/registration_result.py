@@ -37,7 +37,7 @@ class PlantsInRegistration:
     """What plants did to a registration, where the clouds tell of them.
 
     Attributes:
-        bare_share: share of the later survey's ground without plants.
+        bare_share: share of the ground without plants, in the survey that has less of it.
         bare_only: bare ground alone was registered.
         error: part of the registration error that plants make, metres.
         offset: median height of the later survey's ground under plants over the earlier one's, metres; None where

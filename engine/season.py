@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .gridding import Float
+from .plant_cover import PlantCells
 
 PLANTS = 0.05
 """Metres: ground over which returns lie so high at the median has plants."""
@@ -94,6 +95,18 @@ class Season:
             "dz_median_plants_m": self.dz_plants,
             "dz_median_bare_m": self.dz_bare,
         }
+
+
+def judge_season(plants: PlantCells | None, dz: Float, level: Float) -> tuple[Season | None, NDArray[np.bool_] | None]:
+    """How the plants of a change differ, and which cells (rows, columns) they explain; None where that is not known.
+
+    Args:
+        dz, level: change and its level of detection (rows, columns), metres.
+    """
+    if plants is None or plants.height_from is None or plants.height_to is None:
+        return None, None
+    heights = plants.height_from, plants.height_to
+    return compare_seasons(*heights, dz), explained_by_plants(dz, level, *heights)
 
 
 def compare_seasons(height_from: Float, height_to: Float, dz: Float | None = None) -> Season | None:

@@ -37,6 +37,7 @@ class Cells:
         area: m² that ``dz`` acts on.
         block: number of the group of cells that are one, -1 for none (see ``change.Change``). None: cells did not grow.
         plants: the part of ``error`` that plants make, m; None where nothing is known of them.
+        plant_like: cells whose change may be the plants' (see ``season``): no footprint reaches out for it.
     """
 
     dz: Float
@@ -45,6 +46,7 @@ class Cells:
     cell: float
     block: NDArray[np.int64] | None = None
     plants: Float | None = None
+    plant_like: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True)
@@ -295,6 +297,7 @@ class _Surroundings:
         self.variance = np.where(self.known, cells.error, 0.0).astype(np.float64) ** 2
         self.area = cells.cell**2
         self.plants = np.zeros(self.dz.shape) if cells.plants is None else np.nan_to_num(cells.plants)
+        self.moved = self.dz if cells.plant_like is None else np.where(cells.plant_like, 0.0, self.dz)
         self.own = (labels == number).astype(np.float64)
         self.sign = float(np.sign(np.sum(self.dz * self.own)))
         offsets = np.arange(-reach, reach + 1)
@@ -321,7 +324,7 @@ class _Surroundings:
             ring = (self.distance > reached) & (self.distance <= reached + width) & self.usable & ~core
             measured = max(int((ring & self.known).sum()), 1)
             by_plants = float(self.plants[ring & self.known].sum()) / measured
-            if self.sign * float(self.dz[ring].sum()) <= math.hypot(least, by_plants) * measured:
+            if self.sign * float(self.moved[ring].sum()) <= math.hypot(least, by_plants) * measured:
                 break
             core |= ring
             reached += width
@@ -367,7 +370,8 @@ def _around(values: Float, kernel: Float) -> Float:
 def _window(cells: Cells, window: tuple[slice, ...]) -> Cells:
     block = None if cells.block is None else cells.block[window]
     plants = None if cells.plants is None else cells.plants[window]
-    return Cells(cells.dz[window], cells.error[window], cells.area[window], cells.cell, block, plants)
+    plant_like = None if cells.plant_like is None else cells.plant_like[window]
+    return Cells(cells.dz[window], cells.error[window], cells.area[window], cells.cell, block, plants, plant_like)
 
 
 def _first_of_blocks(block: NDArray[np.int64]) -> NDArray[np.bool_]:

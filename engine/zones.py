@@ -118,6 +118,7 @@ def extract_zones(
     cell_area: Float | None = None,
     stable: NDArray[np.bool_] | None = None,
     plants: Float | None = None,
+    plant_like: NDArray[np.bool_] | None = None,
 ) -> Zones:
     """Join significant cells of one sign into zones.
 
@@ -150,6 +151,7 @@ def extract_zones(
         stable: cells that are taken as stable ground, from which the errors' correlation is told; without it, those
             outside of every footprint.
         plants: the part of ``sigma`` that plants make, metres.
+        plant_like: cells whose change may be the plants', to which no volume reaches out.
     """
     parameters = parameters or ZoneParameters()
     labels, first_cells, groups, dropped_cells = label_groups(dz, significant, grid, parameters, cell_size)
@@ -176,6 +178,7 @@ def extract_zones(
         grid.cell,
         block,
         plants,
+        plant_like,
     )
     footprints = outline_footprints(
         cells, labels, count, gap=parameters.bridged_gap, registration_error=registration_error
