@@ -159,7 +159,7 @@ def difference(
         InputError: no overlap, no common cell, no cell with two points, or a grid too large.
     """
     progress = progress or Progress()
-    grid = common_grid(reference, moving, parameters)
+    grid = common_grid(reference, moving, parameters, plants=any(cover is not None for cover in plants))
     if isinstance(parameters, ChangeParameters) and parameters.grows:
         registration_error = _stated(parameters, registration_error)
         cells = adaptive_cells(

@@ -33,6 +33,7 @@ Float = NDArray[np.float64]
 
 _LEAST_POINTS = 30
 _NEIGHBOUR_SAMPLE = 25_000
+_NEGLIGIBLE = 1e-3  # metres that plants make of a registration's error: nothing is to be gained without them
 
 
 def register(
@@ -218,6 +219,8 @@ def _surer(
 ) -> _Measured:
     """By all ground or by bare ground alone, whichever states the smaller error."""
     all_ground = replace(all_ground, ground=ground)
+    if all_ground.by_plants < _NEGLIGIBLE:
+        return all_ground
     found = align_bare(ground, alignment, parameters, progress)
     if found is None:
         return all_ground

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from slopewatch.engine.blocks import middle_cells
 from slopewatch.engine.change import difference, uniform_shift
+from slopewatch.engine.common_grid import common_grid
+from slopewatch.engine.errors import InputError
 from slopewatch.engine.gridding import snapped_grid
 from slopewatch.engine.parameters import ChangeParameters
 from slopewatch.engine.plant_cover import PlantCells, PlantCover, cell_means, together
@@ -167,6 +169,14 @@ def test_the_direction_of_the_normal_takes_the_plants_along():
     cover = PlantCover(np.full(len(first), 0.05))
     change = difference(first, second, replace(ONE_SIZE, direction="normal"), plants=(cover, None))
     assert np.nanmedian(change.plants.error) == pytest.approx(0.05 * np.cos(np.arctan(0.3)), rel=0.01)
+
+
+def test_the_memory_that_plants_take_is_asked_for():
+    first, second = flat(12, points=2000, side=27.4), flat(13, points=2000, side=27.4)
+    parameters = ChangeParameters(cell=0.1, memory_limit=0.05)
+    common_grid(first, second, parameters)
+    with pytest.raises(InputError, match="more than the"):
+        common_grid(first, second, parameters, plants=True)
 
 
 def test_what_is_no_number_counts_as_bare():
