@@ -144,7 +144,10 @@ def write_products(
     for sentence in missed_lines(facts["profiles"]):
         progress.warning(sentence)
     progress.update(1.0, "taking profiles")
-    return Products(outputs, main_figures(change, found.frame) | table.figures(), facts)
+    figures = main_figures(change, found.frame) | table.figures()
+    if change.plants is not None:
+        figures["groups_within_plant_error"] = found.within_plants
+    return Products(outputs, figures, facts)
 
 
 def cells_of(change: Change) -> Cells:

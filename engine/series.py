@@ -209,7 +209,8 @@ def analyse(
     reach = int(settings.zones.bridged_gap / (2.0 * grid.cell) + 1e-6)
     groups = []
     for number, change in enumerate(cumulative, 1):
-        labels = label_groups(change.dz, stack.significant[number], grid, settings.zones)[0]
+        plants = None if change.plants is None else change.plants.error
+        labels = label_groups(change.dz, stack.significant[number], grid, settings.zones, plants=plants)[0]
         groups.append((number, labels, np.sign(np.nan_to_num(change.dz)).astype(np.int8)))
     tracks = track_zones(groups, max(1, reach))
     living = [t for t in tracks if not t.merged_into and len(t.footprint)]

@@ -10,8 +10,8 @@ from slopewatch.engine.blocks import middle_cells
 from slopewatch.engine.change import difference, uniform_shift
 from slopewatch.engine.common_grid import common_grid
 from slopewatch.engine.errors import InputError
-from slopewatch.engine.gridding import snapped_grid
-from slopewatch.engine.parameters import ChangeParameters
+from slopewatch.engine.gridding import Grid, snapped_grid
+from slopewatch.engine.parameters import ChangeParameters, ZoneParameters
 from slopewatch.engine.plant_cover import PlantCells, PlantCover, cell_means, together
 from slopewatch.engine.significance import judge
 from slopewatch.engine.size_error import widening_by_size
@@ -20,6 +20,7 @@ from slopewatch.engine.stable_cells import find_stable
 from slopewatch.engine.thresholds import quantile
 from slopewatch.engine.variogram import VariogramModel
 from slopewatch.engine.volumes import Cells, CorrelationModel, fit_correlation, outline_footprints, zone_volumes
+from slopewatch.engine.zones import extract_zones, label_groups
 
 SHAPE = (160, 240)
 ONE_SIZE = ChangeParameters(cell=0.5, adaptive=False)
@@ -120,6 +121,28 @@ def test_grass_that_shares_its_error_is_no_moved_ground():
     assert told[grass].mean() > 0.9
     assert alone[grass].mean() < 0.5
     assert told[22:58, 12:58].mean() < 0.02
+
+
+def test_patches_of_grass_beyond_their_level_are_no_zones_but_a_slump_is():
+    """1,536 patches of 2.5 m on unchanged ground, of which 5 % are beyond their level as a whole; and a slump."""
+    found, _ = judged(14, covered=1.0)
+    dz, significant = found.dz.copy(), found.decision.significant.copy()
+    dz[60:80, 100:120] -= 0.3
+    significant[60:80, 100:120] = True
+    grid = Grid(0.0, 0.0, 0.5, *SHAPE)
+    assert found.plants is not None
+    every = label_groups(dz, significant, grid, ZoneParameters())[1]
+    labels, kept, dropped, _ = label_groups(dz, significant, grid, ZoneParameters(), plants=found.plants.error)
+    assert len(every) > 60
+    assert len(kept) <= 10, "one in 370, and the slump"
+    assert dropped >= len(every) - len(kept)
+    assert labels[70, 110] > 0
+    zones = [
+        extract_zones(dz, significant, found.decision.level, found.error, np.full(SHAPE, 9), grid, None, plants=error)
+        for error in (None, found.plants.error)
+    ]
+    assert zones[1].within_plants == len(every) - len(kept) == len(zones[0].frame) - len(zones[1].frame)
+    assert zones[0].within_plants == 0
 
 
 def flat(seed: int, points: int = 30_000, side: float = 20.0) -> np.ndarray:
