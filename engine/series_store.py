@@ -24,7 +24,7 @@ from .run_record import plain, sha256
 from .version import VERSION
 
 FOLDER = "work"
-_FORMAT = 1  # of the entries; another number makes all of them new
+_FORMAT = 2  # of the entries; another number makes all of them new
 
 
 @dataclass(frozen=True)
