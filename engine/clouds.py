@@ -183,7 +183,7 @@ def eight_bits(rgb: NDArray[np.uint16]) -> NDArray[np.uint8]:
 
 
 def selection(colours: bool, classification: bool, extra: bool = False) -> int:
-    """Bits of ``read_records`` for coordinates and returns, with or without colours and intensity, classes, extra bytes."""
+    """Bits of ``read_records`` for coordinates and returns, what else is asked for."""
     import lazrs
 
     bits = int(lazrs.SELECTIVE_DECOMPRESS_XY_RETURNS_CHANNEL) | int(lazrs.SELECTIVE_DECOMPRESS_Z)
