@@ -13,6 +13,7 @@ from scipy import ndimage
 from .gridding import Float, Grid
 from .moments import Moments, ParallelPlanes, cell_moments, merged, parallel_planes, variance_by_parts
 from .parameters import ChangeParameters
+from .plant_cover import PlantCells, PlantCover, together
 from .progress import Progress
 
 LEAST_POINTS = 4
@@ -40,6 +41,7 @@ class AdaptiveCells:
         points: points of each cell itself in either epoch.
         block: number of the block, from 0; -1 outside of blocks.
         cell_size: side of the block, m; NaN outside.
+        plants: what plants do to the heights, and how high they stand; None where nothing is known of them.
     """
 
     dz: Float
@@ -52,6 +54,7 @@ class AdaptiveCells:
     points: tuple[NDArray[np.int64], NDArray[np.int64]]
     block: NDArray[np.int64]
     cell_size: Float
+    plants: PlantCells | None = None
 
 
 def adaptive_cells(
@@ -62,21 +65,22 @@ def adaptive_cells(
     *,
     registration_error: float = 0.0,
     inside: NDArray[np.bool_] | None = None,
+    plants: tuple[PlantCover | None, PlantCover | None] = (None, None),
     progress: Progress | None = None,
 ) -> AdaptiveCells:
     """Change of each block: the smallest of cell, 2 x 2, 4 x 4 ... cells that meets ``target_level``.
 
     From the finest size up, a block is taken where both epochs have enough points in it, its gradient is
-    determined, and its level of detection is at most ``target_level``, or more the registration's than the points',
-    so that a larger one would gain little; at the largest size, whatever the level is. Where a change is clear, one
-    point less suffices and its level may be a quarter of it: a larger block would blur the tip of a cone and the
-    edge of a step, and on unchanged ground so clear a change does not come by chance (eight standard errors). What
-    is taken leaves with its points: a larger block is what is left of its square, so that the errors of two blocks
-    are independent but for the registration. Single cells here and there in a square, less than a quarter of it,
-    are no block: their mean would be that of places far apart. They, and what has too few points of its own, get
-    the change of the smallest whole square that serves, whose points finer blocks in it have used as well. A
-    quarter of a block without any point does not count as compared, nor does what lies outside of either survey,
-    gaps within it aside. Blocks lie at multiples of their side whatever the extent of the clouds.
+    determined, and its level of detection is at most ``target_level``, or more the registration's and the plants'
+    than the points', so that a larger one would gain little; at the largest size, whatever the level is. Where a
+    change is clear, one point less suffices and its level may be a quarter of it: a larger block would blur the tip
+    of a cone and the edge of a step, and on unchanged ground so clear a change does not come by chance (eight
+    standard errors). What is taken leaves with its points: a larger block is what is left of its square, so that
+    the errors of two blocks are independent but for the registration. Single cells here and there in a square, less
+    than a quarter of it, are no block: their mean would be that of places far apart. They, and what has too few
+    points of its own, get the change of the smallest whole square that serves, whose points finer blocks in it have
+    used as well. A quarter of a block without any point does not count as compared, nor does what lies outside of
+    either survey, gaps within it aside. Blocks lie at multiples of their side whatever the extent of the clouds.
 
     The surface of a block is a pair of parallel planes (see ``moments.parallel_planes``). The variance of a point about
     them is moderated by that of the blocks of the same size around (Smyth 2004, doi:10.2202/1544-6115.1027).
@@ -86,6 +90,7 @@ def adaptive_cells(
         moving: (m, 3) points of the second epoch, registered to the first.
         registration_error: standard error of the registration in height, metres.
         inside: cells (rows, columns) that may be compared; the points of others are left out.
+        plants: of each epoch's points, where known.
     """
     progress = progress or Progress()
     steps = largest_step(parameters)
@@ -94,9 +99,10 @@ def adaptive_cells(
     frame = _Frame.around(grid, 2**steps)
     within = np.ones(frame.grid.shape, dtype=bool) if inside is None else frame.padded(inside, False)
     moments: list[Moments] = []
-    for number, cloud in enumerate((reference, moving)):
+    for number, (cloud, cover) in enumerate(zip((reference, moving), plants, strict=True)):
         progress.update(0.25 * number, f"gridding epoch {number + 1}")
-        moments.append(cell_moments(cloud, frame.grid, level))
+        more = [] if cover is None else [cover.error] if cover.height is None else [cover.error, cover.height]
+        moments.append(cell_moments(cloud, frame.grid, level, more))
         moments[-1].sums[:, ~within] = 0.0
     points = frame.cut(moments[0].count).astype(np.int64), frame.cut(moments[1].count).astype(np.int64)
     for epoch in moments:
@@ -107,13 +113,15 @@ def adaptive_cells(
     quantile = NormalDist().inv_cdf((1 + parameters.confidence) / 2)
 
     def serves(planes: ParallelPlanes, sampling: Float, moments: list[Moments], last: bool) -> NDArray[np.bool_]:
+        # what no larger cell averages out
+        shared = np.hypot(registration_error, _plant_error(moments))
         fewest = np.minimum(moments[0].count, moments[1].count)
         usable = planes.sound & np.isfinite(sampling) & (fewest >= parameters.minimum_points)
         enough = fewest >= LEAST_POINTS
         with np.errstate(invalid="ignore"):
-            level = quantile * np.hypot(sampling, registration_error)
+            level = quantile * np.hypot(sampling, shared)
             if not last:
-                enough &= (level <= parameters.target_level) | (sampling <= registration_error)
+                enough &= (level <= parameters.target_level) | (sampling <= shared)
             enough |= (fewest >= FEWEST_OF_CLEAR) & (level <= CLEAR * np.abs(planes.dz))
         return usable & enough
 
@@ -142,7 +150,21 @@ def adaptive_cells(
         taken = serves(whole.planes, whole.sampling, whole.moments, step == steps)
         result.take(taken, whole.planes, whole.sampling, whole.moments, whole.reached)
     progress.update(1.0, "cells grown")
-    return result.cells(frame, points)
+    return result.cells(frame, points, [m.more for m in moments])
+
+
+def _plants_of(moments: list[Moments]) -> list[Float]:
+    """Mean error and height of the plants over each block's points, of the first and then the second epoch; NaN where
+    they are not known.
+    """
+    unknown = np.full(moments[0].shape, np.nan)
+    return [m.mean(k) if k < m.more else unknown for m in moments for k in (0, 1)]
+
+
+def _plant_error(moments: list[Moments]) -> Float | float:
+    """Of the change of each block, metres; 0 where it is not known."""
+    squares = [np.nan_to_num(m.mean(0)) ** 2 for m in moments if m.more]
+    return np.sqrt(sum(squares, np.zeros(moments[0].shape))) if squares else 0.0
 
 
 def largest_step(parameters: ChangeParameters) -> int:
@@ -310,10 +332,13 @@ class _Result:
         self.height[row, column] = middle[i, j] + planes.slope_u[i, j] * east + planes.slope_v[i, j] * north
         slope = np.degrees(np.arctan(np.hypot(planes.slope_u, planes.slope_v)))
         side = np.full(taken.shape, moments[0].side)
-        columns = (planes.dz, sampling, slope, moments[0].count, moments[1].count, side)
+        columns = (planes.dz, sampling, slope, moments[0].count, moments[1].count, side, *_plants_of(moments))
         self.figures.append(np.stack([c[taken] for c in columns]))
 
-    def cells(self, frame: _Frame, points: tuple[NDArray[np.int64], NDArray[np.int64]]) -> AdaptiveCells:
+    def cells(
+        self, frame: _Frame, points: tuple[NDArray[np.int64], NDArray[np.int64]], known: list[int]
+    ) -> AdaptiveCells:
+        """Args: known: how many values of plants each epoch has."""
         figures = np.concatenate(self.figures, axis=1)
         block = frame.cut(self.block)
         inside = block >= 0
@@ -331,13 +356,29 @@ class _Result:
             array[inside] = values[block[inside]]
             return array
 
-        dz, sampling, slope, _, _, side = (of_cells(values) for values in figures)
+        dz, sampling, slope, _, _, side = (of_cells(values) for values in figures[:6])
+        plants = [
+            (of_cells(figures[at]) if number else None, of_cells(figures[at + 1]) if number > 1 else None)
+            for at, number in zip((6, 8), known, strict=True)
+        ]
         count_from, count_to = (
             np.where(inside, np.nan_to_num(of_cells(values)).astype(np.int64), own)
             for values, own in zip(figures[3:5], points, strict=True)
         )
         height = np.where(inside, frame.cut(self.height), np.nan)
-        return AdaptiveCells(dz, sampling, height - dz, height, slope, count_from, count_to, points, block, side)
+        return AdaptiveCells(
+            dz,
+            sampling,
+            height - dz,
+            height,
+            slope,
+            count_from,
+            count_to,
+            points,
+            block,
+            side,
+            together(plants[0], plants[1]),
+        )
 
 
 def _spread(blocks: NDArray, multiple: int) -> NDArray:

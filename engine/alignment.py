@@ -74,9 +74,10 @@ def align(
     radius = radius_of(fine.reference)
     best, remaining, reach = Descent(Pose.identity(), offset / 2), iterations, offset
     known = fine.reference.points if fine.stable is None else fine.reference.points[fine.stable]
+    later = fine.moving.points if fine.firm is None else fine.moving.points[fine.firm]
     for size in levels(voxel, offset)[:-1]:
         progress.update(0.1, f"registering at {size:g} m")
-        coarse = Matcher(Surface(known, size), Surface(fine.moving.points, size))
+        coarse = Matcher(Surface(known, size), Surface(later, size))
         if min(len(coarse.reference.points), len(coarse.moving.points)) < _LEAST_POINTS:
             continue
         best = descend(
@@ -192,17 +193,17 @@ def refine(
     if not found.observable.all():
         # what nothing fixes stays as surveyed
         pose = Pose.from_vector(found.without_unobservable(pose.vector(radius)), radius)
-    newton = _steps(weigh, pose, sources, radius, found, error, _NEWTON, min(limit, _NEWTON), progress)
+    newton = take_steps(weigh, pose, sources, radius, found, error, _NEWTON, min(limit, _NEWTON), progress)
     if not newton.converged:
         # curvature measured on too rough a surface can mislead; the plain matrix is slow but sure
-        again = _steps(weigh, pose, sources, radius, found, error, 0, min(limit, 2 * _NEWTON), progress)
+        again = take_steps(weigh, pose, sources, radius, found, error, 0, min(limit, 2 * _NEWTON), progress)
         newton = replace(again, used=newton.used + again.used)
     found = information_at(folds, newton.pairs, weigh, radius, offset)
     return Alignment(newton.pose, scale, radius, newton.used, newton.converged, found)
 
 
 @dataclass(frozen=True)
-class _Steps:
+class Steps:
     """``pairs`` are those from which the last step to ``pose`` was taken."""
 
     pose: Pose
@@ -211,7 +212,7 @@ class _Steps:
     converged: bool
 
 
-def _steps(
+def take_steps(
     weigh: Weighting,
     pose: Pose,
     sources: tuple[Index, Index],
@@ -221,7 +222,7 @@ def _steps(
     newton: int,
     limit: int,
     progress: Progress,
-) -> _Steps:
+) -> Steps:
     """Newton's steps, after the first ``newton`` ones Gauss and Newton's, in the observable directions."""
     for used in range(1, max(limit, 1) + 1):
         progress.update(0.7 + 0.25 * (used - 1) / max(limit, 1), "registering with all points")
@@ -238,5 +239,5 @@ def _steps(
         pose = pose.moved(step, radius)
         # the pairs of the next step are other ones in part: below its own error a step is noise
         if length < max(2e-5, 0.05 * error):
-            return _Steps(pose, pairs, used, True)
-    return _Steps(pose, pairs, used, False)
+            return Steps(pose, pairs, used, True)
+    return Steps(pose, pairs, used, False)

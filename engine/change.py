@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,9 @@ from .errors import InputError
 from .gridding import CellStatistics, Float, Grid, cell_statistics, on_grid, sloping_statistics
 from .order_statistics import sample_quantile
 from .parameters import ChangeParameters, GridChangeParameters
+from .plant_cover import PlantCells, PlantCover, cell_means, together
 from .progress import Progress
+from .season import Season, judge_season
 from .significance import judge
 from .slope_error import ErrorModel, uncalibrated
 from .thresholds import quantile
@@ -46,6 +48,11 @@ class Change:
     ``model`` tells how the errors were calibrated; ``threshold`` and ``direction`` are the parameters of that name:
     with the direction ``normal``, ``dz`` and all errors are distances square to the slope. ``probability`` is the
     posterior probability that a cell's change is real, of the threshold ``coherent`` only.
+
+    ``sampling`` is the part of the error that the points' scatter makes, after calibration; ``plants`` the part that
+    plants make, and how high they stand, None where neither epoch tells. ``plant_like`` marks cells whose change a
+    change of the plants' height explains, ``explained`` those of them that would else be significant; ``season`` tells
+    how the plants differ between the epochs. All are None where the plants' heights are not known.
     """
 
     grid: Grid
@@ -71,6 +78,11 @@ class Change:
     threshold: str = "probabilistic"
     direction: str = "vertical"
     probability: Float | None = None
+    sampling: Float | None = None
+    plants: PlantCells | None = None
+    plant_like: NDArray[np.bool_] | None = None
+    explained: NDArray[np.bool_] | None = None
+    season: Season | None = None
 
     @property
     def points(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -91,6 +103,11 @@ class Change:
     @property
     def valid(self) -> NDArray[np.bool_]:
         return np.isfinite(self.dz)
+
+    @property
+    def beyond(self) -> NDArray[np.bool_]:
+        """Cells beyond their level, those included that the plants explain."""
+        return self.significant if self.explained is None else self.significant | self.explained
 
     @property
     def median_level(self) -> float:
@@ -117,14 +134,16 @@ def difference(
     registration_error: float = 0.0,
     area: BaseGeometry | None = None,
     stable_area: BaseGeometry | None = None,
+    plants: tuple[PlantCover | None, PlantCover | None] = (None, None),
     progress: Progress | None = None,
 ) -> Change:
     """Grid both clouds and subtract: change, standard error and level of detection of each cell.
 
     The error of a cell's height is its points' variance times the leverage (1/n for a mean); the difference adds
-    both epochs', scaled by slope as stable ground tells (``slope_error.calibrate``), and the registration error in
-    quadrature (Lague et al. 2013, doi:10.1016/j.isprsjprs.2013.04.009, eq. 1, with the registration error as a standard
-    error). The level is the two-sided normal quantile times that, unless another threshold is asked for.
+    both epochs', scaled by slope as stable ground tells (``slope_error.calibrate``), and in quadrature the
+    registration error and, where it is known, the error that plants make in either epoch (Lague et al. 2013,
+    doi:10.1016/j.isprsjprs.2013.04.009, eq. 1, with the registration error as a standard error). The level is the
+    two-sided normal quantile times that, unless another threshold is asked for.
 
     Args:
         reference: (n, 3) points of the first epoch, metres.
@@ -134,12 +153,13 @@ def difference(
         area: polygons to which both clouds were clipped. Cells that are not wholly inside hold a part of their
             surface only, not the same in both epochs, and are left out.
         stable_area: polygons known to be stable, on which the errors are calibrated; found in the data without.
+        plants: what each epoch's cloud tells of plants over its points; nothing without.
 
     Raises:
         InputError: no overlap, no common cell, no cell with two points, or a grid too large.
     """
     progress = progress or Progress()
-    grid = common_grid(reference, moving, parameters)
+    grid = common_grid(reference, moving, parameters, plants=any(cover is not None for cover in plants))
     if isinstance(parameters, ChangeParameters) and parameters.grows:
         registration_error = _stated(parameters, registration_error)
         cells = adaptive_cells(
@@ -149,6 +169,7 @@ def difference(
             parameters,
             registration_error=registration_error,
             inside=None if area is None else cells_inside(area, grid),
+            plants=plants,
             progress=progress,
         )
         return difference_of_blocks(
@@ -157,9 +178,9 @@ def difference(
     if isinstance(parameters, ChangeParameters) and parameters.adaptive:
         progress.info(parameters.why_one_size)
     progress.update(0.05, "gridding the first epoch")
-    first = epoch_cells(reference, grid, parameters)
+    first = epoch_cells(reference, grid, parameters, plants[0])
     progress.update(0.35, "gridding the second epoch")
-    second = epoch_cells(moving, grid, parameters)
+    second = epoch_cells(moving, grid, parameters, plants[1])
     progress.update(0.65, "differencing")
     change = difference_of_cells(
         first, second, grid, parameters, registration_error=registration_error, area=area, stable_area=stable_area
@@ -168,9 +189,15 @@ def difference(
     return change
 
 
-def epoch_cells(xyz: Float, grid: Grid, parameters: GridChangeParameters) -> CellStatistics:
-    """The cells of one epoch's points (n, 3) as ``difference_of_cells`` takes them."""
-    return sloping_statistics(xyz, grid) if parameters.cell_value == "plane" else cell_statistics(xyz, grid)
+def epoch_cells(
+    xyz: Float, grid: Grid, parameters: GridChangeParameters, plants: PlantCover | None = None
+) -> CellStatistics:
+    """The cells of one epoch's points (n, 3) as ``difference_of_cells`` takes them, with the ``plants`` over these."""
+    cells = sloping_statistics(xyz, grid) if parameters.cell_value == "plane" else cell_statistics(xyz, grid)
+    if plants is None:
+        return cells
+    means = [None if v is None else cell_means(xyz, v, grid).ravel()[cells.cell] for v in (plants.error, plants.height)]
+    return replace(cells, plant_error=means[0], plant_height=means[1])
 
 
 def difference_of_cells(
@@ -213,6 +240,7 @@ def difference_of_cells(
             counts=(first.count, second.count),
             heights=(height_from, height_to),
             common=_common(valid_first, valid_second),
+            plants=together(first.plants, second.plants),
         ),
         grid,
         parameters,
@@ -253,6 +281,7 @@ def difference_of_blocks(
             block=cells.block,
             cell_size=cells.cell_size,
             own_points=cells.points,
+            plants=cells.plants,
         ),
         grid,
         parameters,
@@ -265,7 +294,7 @@ def difference_of_blocks(
 class _Compared:
     """What was measured in each cell: change, its standard error from the points' scatter, slope; counts and heights of
     both epochs; the share of common cells; for cells that grew, which are one, how large they are, and their own
-    points.
+    points; the plants, where known.
     """
 
     dz: Float
@@ -277,6 +306,7 @@ class _Compared:
     block: NDArray[np.int64] | None = None
     cell_size: Float | None = None
     own_points: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
+    plants: PlantCells | None = None
 
 
 def _judged(
@@ -289,9 +319,12 @@ def _judged(
     """The change with its calibrated errors, levels and what they decide."""
     valid = np.isfinite(cells.dz)
     here = np.flatnonzero(valid)
+    stated = np.hypot(cells.sampling.ravel()[here], registration_error)
+    if cells.plants is not None:
+        stated = np.hypot(stated, cells.plants.error.ravel()[here])
     uniform = uniform_shift(
         cells.dz.ravel()[here],
-        quantile(parameters.confidence) * np.hypot(cells.sampling.ravel()[here], registration_error),
+        quantile(parameters.confidence) * stated,
         independent=None if cells.block is None else int(cells.block.max()) + 1,
     )
     found = judge(
@@ -305,13 +338,17 @@ def _judged(
         given=None if stable_area is None else cells_inside(stable_area, grid),
         block=cells.block,
         size=cells.cell_size,
+        plants=cells.plants,
     )
+    season, plant_like = judge_season(cells.plants, found.dz, found.decision.level)
+    explained = None if plant_like is None else plant_like & found.decision.significant
+    significant = found.decision.significant if explained is None else found.decision.significant & ~explained
     return Change(
         grid=grid,
         dz=found.dz,
         error=found.error,
         level=found.decision.level,
-        significant=found.decision.significant,
+        significant=significant,
         count_from=cells.counts[0],
         count_to=cells.counts[1],
         height_from=cells.heights[0],
@@ -330,6 +367,11 @@ def _judged(
         threshold=parameters.threshold,
         direction=parameters.direction,
         probability=found.decision.probability,
+        sampling=found.sampling,
+        plants=found.plants,
+        plant_like=plant_like,
+        explained=explained,
+        season=season,
     )
 
 

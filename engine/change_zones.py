@@ -44,4 +44,6 @@ def change_zones(
         cell_size=change.cell_size,
         cell_area=change.cell_area,
         stable=change.stable,
+        plants=None if change.plants is None else change.plants.error,
+        plant_like=change.plant_like,
     )

@@ -13,10 +13,12 @@ from pyproj import CRS
 from .cloud_summary import describe_cloud
 from .cloud_writing import copy_with, write_cloud
 from .crs import WorkingFrame, declared_crs, plausibility, working_frame
+from .dimensions import ExtraNumbers
 from .errors import InputError
 from .extents import CheckedRecords
 from .las_records import classes, read_records
 from .parameters import InputParameters
+from .plant_cover import ERROR, HEIGHT, PlantCover
 from .preflight import CloudHeader, preflight, shown
 from .progress import Progress
 
@@ -33,8 +35,9 @@ class PointCloud:
     """A cloud in metres.
 
     ``xyz`` (n, 3) float64 in ``crs``, whose axes are metres. ``rgb`` (n, 3) uint8, ``intensity`` (n,) uint16 and
-    ``classification`` (n,) uint8 are None where the file has none or they were not asked for. ``notes`` are sentences
-    about what was converted, repaired or left out.
+    ``classification`` (n,) uint8 are None where the file has none or they were not asked for. ``plant_error`` and
+    ``plant_height`` (n,) float32, metres, are None where the file does not have them (see ``plant_cover``). ``notes``
+    are sentences about what was converted, repaired or left out.
     """
 
     xyz: Float
@@ -44,6 +47,13 @@ class PointCloud:
     intensity: NDArray[np.uint16] | None = None
     classification: NDArray[np.uint8] | None = None
     notes: tuple[str, ...] = ()
+    plant_error: NDArray[np.float32] | None = None
+    plant_height: NDArray[np.float32] | None = None
+
+    @property
+    def plants(self) -> PlantCover | None:
+        """What plants do to this ground; None where that is not known."""
+        return None if self.plant_error is None else PlantCover(self.plant_error, self.plant_height)
 
     def __len__(self) -> int:
         return len(self.xyz)
@@ -88,7 +98,7 @@ def read_cloud(
     classification: bool = True,
     progress: Progress | None = None,
 ) -> PointCloud:
-    """Read a whole cloud into metres.
+    """Read a whole cloud into metres, with what it tells of plants over its ground.
 
     Args:
         colours: also read colours and intensity.
@@ -107,8 +117,10 @@ def read_cloud(
         rgb16 = np.empty((count, 3), np.uint16) if colours and header.colours else None
         intensity = np.empty(count, np.uint16) if colours else None
         labels = np.empty(count, np.uint8) if classification else None
+        plants = ExtraNumbers(header, (ERROR, HEIGHT))
+        over_ground = {name: np.empty(count, np.float32) for name in plants.found}
         done = 0
-        checked = CheckedRecords(header, selection(colours, classification))
+        checked = CheckedRecords(header, selection(colours, classification, extra=bool(over_ground)))
         for records in checked:
             part = slice(done, done + len(records))
             for axis, field in enumerate("XYZ"):
@@ -121,6 +133,8 @@ def read_cloud(
                 intensity[part] = records["intensity"]
             if labels is not None:
                 labels[part] = classes(records, header.point_format)
+            for name, values in over_ground.items():
+                values[part] = plants.values(records, name)
             done += len(records)
             progress.update(done / count)
     except MemoryError as error:
@@ -138,6 +152,8 @@ def read_cloud(
         intensity=intensity,
         classification=labels,
         notes=(*frame.notes, *warnings),
+        plant_error=over_ground.get(ERROR),
+        plant_height=over_ground.get(HEIGHT),
     )
 
 
@@ -166,8 +182,8 @@ def eight_bits(rgb: NDArray[np.uint16]) -> NDArray[np.uint8]:
     return rgb.astype(np.uint8)
 
 
-def selection(colours: bool, classification: bool) -> int:
-    """Bits of ``read_records`` for coordinates and returns, with or without colours and intensity, and classes."""
+def selection(colours: bool, classification: bool, extra: bool = False) -> int:
+    """Bits of ``read_records`` for coordinates and returns, what else is asked for."""
     import lazrs
 
     bits = int(lazrs.SELECTIVE_DECOMPRESS_XY_RETURNS_CHANNEL) | int(lazrs.SELECTIVE_DECOMPRESS_Z)
@@ -175,4 +191,6 @@ def selection(colours: bool, classification: bool) -> int:
         bits |= int(lazrs.SELECTIVE_DECOMPRESS_INTENSITY) | int(lazrs.SELECTIVE_DECOMPRESS_RGB)
     if classification:
         bits |= int(lazrs.SELECTIVE_DECOMPRESS_CLASSIFICATION)
+    if extra:
+        bits |= int(lazrs.SELECTIVE_DECOMPRESS_ALL_EXTRA_BYTES)
     return bits

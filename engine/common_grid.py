@@ -12,10 +12,14 @@ from .parameters import GridChangeParameters
 
 _BYTES_A_CELL = 280.0  # measured peak of change.difference() and what follows it, per cell of the grid
 _BYTES_A_GROWING_CELL = 620.0
+_BYTES_OF_PLANTS = 100.0  # more, where the clouds tell of plants
 
 
-def common_grid(reference: Float, moving: Float, parameters: GridChangeParameters) -> Grid:
+def common_grid(reference: Float, moving: Float, parameters: GridChangeParameters, *, plants: bool = False) -> Grid:
     """The snapped grid that covers both clouds ((n, 3) and (m, 3)) where their extents meet.
+
+    Args:
+        plants: whether the cells also hold what a cloud tells of plants.
 
     Raises:
         InputError: the extents do not meet (both are named), or the grid needs more than ``memory_limit``.
@@ -31,10 +35,11 @@ def common_grid(reference: Float, moving: Float, parameters: GridChangeParameter
     union = (min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3]))
     grid = snapped_grid(union, parameters.cell)
     limit = parameters.memory_limit * 1e9
-    a_cell = _BYTES_A_GROWING_CELL if parameters.grows else _BYTES_A_CELL
+    more = _BYTES_OF_PLANTS if plants else 0.0
+    a_cell = more + (_BYTES_A_GROWING_CELL if parameters.grows else _BYTES_A_CELL)
     cells = grid.rows * grid.columns
     if cells * a_cell > limit:
-        one_size = "turn off cells that grow, " if parameters.grows and cells * _BYTES_A_CELL <= limit else ""
+        one_size = "turn off cells that grow, " if parameters.grows and cells * (_BYTES_A_CELL + more) <= limit else ""
         raise InputError(
             f"A grid of {grid.rows} by {grid.columns} cells needs {cells * a_cell / 1e9:.3g} GB, more than the "
             f"{parameters.memory_limit:g} GB allowed; clip to the slope, use a cell of at least "

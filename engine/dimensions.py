@@ -51,6 +51,27 @@ def read_dimension(path: Path | str, name: str) -> NDArray[np.generic]:
     return _scaled(np.concatenate(parts), chosen.descriptor)
 
 
+class ExtraNumbers:
+    """Extra dimensions of single numbers, told from a file's records group by group.
+
+    ``found`` are those of the ``names`` asked for that the file has.
+    """
+
+    def __init__(self, header: CloudHeader, names: tuple[str, ...]) -> None:
+        own = _extra(header)
+        self._chosen = {d.name: d for d in own if d.name in names and d.dtype.kind in "uif"}
+        standard = record_dtype(header.point_format, POINT_SIZES[header.point_format])
+        self._dtype = np.dtype(standard.descr + extra_fields(own))
+
+    @property
+    def found(self) -> tuple[str, ...]:
+        return tuple(self._chosen)
+
+    def values(self, records: NDArray[np.void], name: str) -> NDArray[np.generic]:
+        """Of one group of the file's records, (n,)."""
+        return _scaled(records.view(self._dtype)[f"extra:{name}"], self._chosen[name].descriptor)
+
+
 def _extra(header: CloudHeader) -> list[ExtraDimension]:
     own = header.record_length - POINT_SIZES[header.point_format]
     return read_dimensions(header.vlrs.get(("LASF_Spec", 4)), own)

@@ -71,7 +71,8 @@ class CellStatistics:
     height model (their mean, or the plane), with ``degrees`` of freedom left; NaN where none is left. ``leverage``
     times the variance of a point is the variance of ``height``: 1/n for a mean, ((X'X)^-1)_00 for a plane. ``tilted``
     marks the cells whose height is that of a plane; ``scatter`` is the variance about the mean in every cell, with one
-    degree less than points.
+    degree less than points. ``plant_error`` and ``plant_height`` are the means of the points' (``plant_cover``),
+    metres; None where they are not known.
     """
 
     count: NDArray[np.int64]
@@ -82,6 +83,8 @@ class CellStatistics:
     leverage: Float
     tilted: NDArray[np.bool_]
     scatter: Float
+    plant_error: Float | None = None
+    plant_height: Float | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -92,6 +95,12 @@ class CellStatistics:
     def points(self) -> NDArray[np.int64]:
         """How many each cell has, (cells,)."""
         return self.count.ravel().take(self.cell)
+
+    @property
+    def plants(self) -> tuple[Float | None, Float | None]:
+        """Error by plants and their height on the grid (rows, columns), metres; None for what is not known."""
+        error, height = self.plant_error, self.plant_height
+        return None if error is None else self.on_grid(error), None if height is None else self.on_grid(height)
 
     def on_grid(self, values: NDArray[Any], empty: Any = np.nan) -> NDArray[Any]:
         """``values`` (cells,) on the grid (rows, columns); ``empty`` where no points are."""

@@ -71,8 +71,8 @@ CHANGE_OUTPUTS = (
     "point_counts.tif",
     "report.html",
 )
-ON_REQUEST = ("cell_size.tif", "change_probability.tif")
-"""Outputs of a change with some parameters only."""
+ON_REQUEST = ("cell_size.tif", "change_probability.tif", "plant_error.tif", "plant_change.tif")
+"""Outputs of a change with some parameters only, or of ground that tells of plants."""
 _EVERY_OUTPUT = (*CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS, *SCREENING_OUTPUTS)
 
 
@@ -260,6 +260,7 @@ def _change_of_two(run: _Run, grounds: list[GroundResult], stage: Stage, screene
             registration_error=registration.registration_error,
             area=common_area(run.roi, first, registration.transform),
             stable_area=known_stable(run.stable, first),
+            plants=(first.plants, second.plants),
             progress=progress,
         )
         warn_of_doubtful_change(change, progress, may_grow=not settings.change.adaptive)

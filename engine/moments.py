@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from .gridding import Float, Grid, cell_index
 
 # Rows of Moments.sums.
 N, U, V, Z, UU, UV, VV, UZ, VZ, ZZ = range(10)
+_PLAIN = 10  # of them; behind come the sums of what else is known of the points
 # A spread of the points of at least a tenth of the block in every direction; else a plane tilts freely.
 _LEAST_SPREAD = 1e-4
 _AT_ONCE = 20_000  # blocks, whose figures fit a cache
@@ -18,10 +20,11 @@ _AT_ONCE = 20_000  # blocks, whose figures fit a cache
 
 @dataclass(frozen=True)
 class Moments:
-    """Sums over the points of each block, ``sums`` of shape (10, rows, columns): n, u, v, z, uu, uv, vv, uz, vz, zz.
+    """Sums over the points of each block, ``sums`` of shape (10 + k, rows, columns).
 
-    u (east) and v (north) are in metres from the block's own centre, z in metres from a common level. ``side`` is the
-    blocks' side in metres.
+    The first ten are n, u, v, z, uu, uv, vv, uz, vz, zz: u (east) and v (north) are in metres from the block's own
+    centre, z in metres from a common level. Behind are the sums of k more values that were given of each point.
+    ``side`` is the blocks' side in metres.
     """
 
     sums: Float
@@ -34,6 +37,16 @@ class Moments:
     @property
     def shape(self) -> tuple[int, int]:
         return self.sums.shape[1], self.sums.shape[2]
+
+    @property
+    def more(self) -> int:
+        """How many further values are known of each point."""
+        return len(self.sums) - _PLAIN
+
+    def mean(self, more: int) -> Float:
+        """Mean of a value that was given beside the coordinates, by its number from 0; NaN without points."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(self.sums[_PLAIN + more] / self.sums[N])
 
 
 @dataclass(frozen=True)
@@ -60,18 +73,18 @@ class ParallelPlanes:
     sound: NDArray[np.bool_]
 
 
-def cell_moments(xyz: Float, grid: Grid, level: float) -> Moments:
-    """Moments of the points (n, 3) in the cells of ``grid``, heights from ``level``."""
+def cell_moments(xyz: Float, grid: Grid, level: float, more: Sequence[NDArray[np.floating]] = ()) -> Moments:
+    """Moments of the points (n, 3) in the cells of ``grid``, heights from ``level``, and of ``more`` values (n,)."""
     index = cell_index(xyz, grid)
     if index.size and index.min() < 0:
         inside = index >= 0
-        index, xyz = index[inside], xyz[inside]
+        index, xyz, more = index[inside], xyz[inside], [values[inside] for values in more]
     row, column = np.divmod(index, grid.columns)
     u = xyz[:, 0] - (grid.west + (column + 0.5) * grid.cell)
     v = xyz[:, 1] - (grid.north - (row + 0.5) * grid.cell)
     z = xyz[:, 2] - level
-    sums = np.empty((10, *grid.shape))
-    for number, values in enumerate((None, u, v, z, u * u, u * v, v * v, u * z, v * z, z * z)):
+    sums = np.empty((_PLAIN + len(more), *grid.shape))
+    for number, values in enumerate((None, u, v, z, u * u, u * v, v * v, u * z, v * z, z * z, *more)):
         total = np.bincount(index, weights=values, minlength=grid.rows * grid.columns)
         sums[number] = total.reshape(grid.shape)
     return Moments(sums, grid.cell)
@@ -80,10 +93,10 @@ def cell_moments(xyz: Float, grid: Grid, level: float) -> Moments:
 def merged(moments: Moments) -> Moments:
     """Moments of the blocks of two by two; both sides of the array must be even."""
     quarter = moments.side / 2
-    total = np.zeros((10, moments.shape[0] // 2, moments.shape[1] // 2))
+    total = np.zeros((len(moments.sums), moments.shape[0] // 2, moments.shape[1] // 2))
     for i, dv in ((0, quarter), (1, -quarter)):  # row 0 is the northern one
         for j, du in ((0, -quarter), (1, quarter)):
-            n, u, v, z, uu, uv, vv, uz, vz, zz = moments.sums[:, i::2, j::2]
+            n, u, v, z, uu, uv, vv, uz, vz, zz = moments.sums[:_PLAIN, i::2, j::2]
             total[N] += n
             total[U] += u + n * du
             total[V] += v + n * dv
@@ -94,6 +107,7 @@ def merged(moments: Moments) -> Moments:
             total[UZ] += uz + du * z
             total[VZ] += vz + dv * z
             total[ZZ] += zz
+            total[_PLAIN:] += moments.sums[_PLAIN:, i::2, j::2]
     return Moments(total, 2 * moments.side)
 
 
@@ -200,7 +214,7 @@ class _Centred:
 
 
 def _centred(sums: Float) -> _Centred:
-    n, u, v, z, uu, uv, vv, uz, vz, zz = sums
+    n, u, v, z, uu, uv, vv, uz, vz, zz = sums[:_PLAIN]
     mu, mv, mz = u / n, v / n, z / n
     return _Centred(
         n, mu, mv, mz, uu - u * mu, uv - u * mv, vv - v * mv, uz - u * mz, vz - v * mz, np.maximum(zz - z * mz, 0.0)

@@ -139,7 +139,7 @@ def information(
     curvature, directions = np.linalg.eigh(folds.sum(axis=0))
     pieces = np.einsum("ia,fij,ja->fa", directions, folds, directions)
     error = np.sqrt(_FOLDS * pieces.var(axis=0, ddof=1))
-    scatter = np.stack([np.bincount(blocks, terms[:, i]) for i in range(6)], axis=1)
+    scatter = np.stack([np.bincount(blocks, terms[:, i]) for i in range(terms.shape[1])], axis=1)
     along = scatter @ directions
     observable = (curvature > _SIGNIFICANCE * error) & (curvature > _RATIO * curvature[-1])
     safe = np.where(observable, curvature, 1.0) * len(terms)

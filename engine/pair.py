@@ -24,6 +24,7 @@ from .transform import RigidTransform
 
 _LITTLE_COMPARED = 0.5  # share of the ground
 _PLANTS = 5.0  # m that the lowest points of a cell can fall all over a slope by cutting what grows there
+_WORTH_TELLING = 1.0  # m² of change that plants explain: less comes by chance where plants end
 _FOUND = 3.0  # times the largest expected offset: so far away the robust method finds its way back
 
 
@@ -119,7 +120,9 @@ def register_pair(
     """
     refuse_other_heights(first, second, _registered(parameters))
     area = stable_area(stable, first.crs, progress)
-    result = register(first.xyz, second.xyz, parameters, stable=area, progress=progress)
+    result = register(
+        first.xyz, second.xyz, parameters, stable=area, plants=(first.plants, second.plants), progress=progress
+    )
     for warning in result.warnings:
         progress.warning(warning)
     return result
@@ -145,8 +148,23 @@ def warn_of_doubtful_change(change: Change, progress: Progress, *, may_grow: boo
         )
     for note in change.model.notes:
         progress.warning(note)
+    if change.season is not None and change.season.differs:
+        progress.warning(change.season.sentence)
+    explained = 0.0 if change.explained is None else float(change.explained.sum()) * change.grid.cell**2
+    if explained >= _WORTH_TELLING:
+        progress.warning(
+            f"{explained:.1f} m² of change beyond the level of detection may be "
+            "that of the plants, which differ there by as much: it counts in no zone and no volume, and "
+            "plant_change.tif shows it; look at the place where it matters."
+        )
     shift = change.uniform_dz
-    if shift is not None:
+    if shift is not None and change.season is not None and change.season.explains(shift):
+        progress.warning(
+            f"The whole overlap has {'risen' if shift > 0 else 'sunk'} by about {abs(shift):.3f} m, and the plants "
+            "changed alike: most likely the plants, not a deformation; no zones are drawn. Register on bare ground, "
+            "such as a road given as stable, or compare surveys of the same season."
+        )
+    elif shift is not None:
         progress.warning(
             f"The whole overlap has {'risen' if shift > 0 else 'sunk'} by about {abs(shift):.3f} m: a datum or height "
             "bias (such as ellipsoidal against orthometric heights), not a deformation; no zones are drawn. Check the "

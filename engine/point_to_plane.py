@@ -63,15 +63,19 @@ class Pairs:
 
 @dataclass(frozen=True)
 class Matcher:
-    """Two surfaces to be compared. ``stable`` (points of the reference,) restricts the comparison to known ground."""
+    """Two surfaces to be compared.
+
+    ``stable`` (points of the reference,) and ``firm`` (points of the moving surface,) restrict the comparison to them.
+    """
 
     reference: Surface
     moving: Surface
     stable: Mask | None = None
+    firm: Mask | None = None
 
     def sample(self, limit: int) -> tuple[Index, Index]:
         """At most ``limit`` sources of each surface."""
-        return self.reference.sample(limit, self.stable), self.moving.sample(limit)
+        return self.reference.sample(limit, self.stable), self.moving.sample(limit, self.firm)
 
     @cached_property
     def _of_moving(self) -> TrackedNeighbours:
@@ -117,7 +121,10 @@ class Matcher:
         """The reference's points against the planes of the moving surface."""
         place = np.take(self.reference.points, sources, axis=0)
         distance, number = self._of_reference.nearest(sources, pose.undo(place), reach)
-        found = np.flatnonzero(np.isfinite(distance))
+        near = np.isfinite(distance)
+        if self.firm is not None:
+            near[near] = self.firm[number[near]]
+        found = np.flatnonzero(near)
         sources, number = sources[found], number[found]
         self.reference.fit(sources)
         self.moving.fit(number)

@@ -24,7 +24,7 @@ from .parameters import ChangeParameters, HeatmapParameters, ReportParameters, Z
 from .profile_lines import ProfileLine, steepest_lines
 from .profiles import Layers, missed_lines, take_profile, write_profiles
 from .progress import Progress
-from .report_facts import change_facts
+from .report_facts import change_facts, error_terms
 from .transform import RigidTransform
 from .version import VERSION
 from .volumes import Cells
@@ -133,8 +133,11 @@ def write_products(
         outputs[name] = stage.final(file)
     progress.update(0.95, "taking profiles")
     facts = change_facts(change, found.frame, (context.first, context.second), context.crs, limit)
-    facts["level_of_detection"] = change.level_facts()
+    terms = error_terms(change)
+    facts["level_of_detection"] = change.level_facts() | ({"terms": terms} if terms else {})
     facts["volumes"] = table.facts()
+    if change.season is not None:
+        facts["season"] = change.season.facts()
     layers = Layers(
         change.grid, change.height_from, change.height_to, change.dz, change.level, change.significant & change.valid
     )
@@ -144,12 +147,16 @@ def write_products(
     for sentence in missed_lines(facts["profiles"]):
         progress.warning(sentence)
     progress.update(1.0, "taking profiles")
-    return Products(outputs, main_figures(change, found.frame) | table.figures(), facts)
+    figures = main_figures(change, found.frame) | table.figures()
+    if change.plants is not None:
+        figures["groups_within_plant_error"] = found.within_plants
+    return Products(outputs, figures, facts)
 
 
 def cells_of(change: Change) -> Cells:
     """What volumes are taken from."""
-    return Cells(change.dz, change.error, change.cell_area, change.grid.cell, change.block)
+    plants = None if change.plants is None else change.plants.error
+    return Cells(change.dz, change.error, change.cell_area, change.grid.cell, change.block, plants, change.plant_like)
 
 
 def profile_products(
@@ -194,7 +201,20 @@ def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:
         "vol_gain_m3": float(found["vol_gain_m3"].sum()),
         "largest_sink_m": float(min(found["dz_min_m"].min(), 0.0)) if len(found) else 0.0,
         "largest_rise_m": float(max(found["dz_max_m"].max(), 0.0)) if len(found) else 0.0,
+        **plant_figures(change),
     }
+
+
+def plant_figures(change: Change) -> dict[str, Any]:
+    """What plants make of the errors and of the change; nothing where they are not known."""
+    if change.plants is None:
+        return {}
+    figures: dict[str, Any] = {"plant_error_median_m": float(np.median(change.plants.error[change.valid]))}
+    if terms := error_terms(change):
+        figures["plant_error_largest_share"] = terms[-1]["largest_share"]
+    if change.explained is not None:
+        figures["plant_change_area_m2"] = float(change.explained.sum() * change.grid.cell**2)
+    return figures
 
 
 def _level_in_words(change: Change) -> str:
@@ -224,6 +244,19 @@ def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float,
     if change.cell_size is not None:
         sizes = np.unique(change.cell_size[change.valid]).tolist()
         layers.append(("cell_size", change.cell_size, "Side of the grown cell", styles.cell_size_qml(sizes)))
+    if change.plants is not None:
+        by_plants = np.where(change.valid, change.plants.error, np.nan)
+        qml = styles.level_qml(max(float(np.nanpercentile(by_plants, 98)), 0.01))
+        layers.append(("plant_error", by_plants, "Standard error of the change by plants", qml))
+    if change.explained is not None and change.explained.any():
+        layers.append(
+            (
+                "plant_change",
+                np.where(change.explained, change.dz, np.nan),
+                f"{change.measure} beyond the level of detection that the plants explain",
+                styles.change_qml(limit),
+            )
+        )
     if change.probability is not None:
         words = "Probability that the change is real, from the cell and those around it"
         layers.append(("change_probability", change.probability, words, styles.probability_qml()))

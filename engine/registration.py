@@ -10,18 +10,20 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from shapely.geometry.base import BaseGeometry
 
-from .alignment import align, observe
+from .alignment import Alignment, align, observe
+from .bare_ground import Covered, align_bare, compared_ground, divide, error_by_plants, offset_of_covered
 from .errors import InputError
 from .height_correction import HeightCorrection
 from .icp import icp
 from .observability import Information, height_sd, name_unobservable, relief_sd, weakest_direction
 from .parameters import RegistrationParameters
+from .plant_cover import PlantCover
 from .point_to_plane import Matcher
 from .pose import Pose
 from .progress import Progress
 from .registration_pieces import Bend, measure_bend
-from .registration_quality import NO_STABLE_GROUND, Agreement, agreement, explain, widened
-from .registration_result import RegistrationResult, StableGround
+from .registration_quality import NO_STABLE_GROUND, Agreement, agreement, explain, explain_plants, widened
+from .registration_result import PlantsInRegistration, RegistrationResult, StableGround
 from .surface import Surface, nearest
 from .transform import BentTransform, RigidTransform
 
@@ -31,6 +33,7 @@ Float = NDArray[np.float64]
 
 _LEAST_POINTS = 30
 _NEIGHBOUR_SAMPLE = 25_000
+_NEGLIGIBLE = 1e-3  # metres that plants make of a registration's error: nothing is to be gained without them
 
 
 def register(
@@ -39,13 +42,18 @@ def register(
     parameters: RegistrationParameters,
     *,
     stable: BaseGeometry | None = None,
+    plants: tuple[PlantCover | None, PlantCover | None] = (None, None),
     progress: Progress | None = None,
 ) -> RegistrationResult:
     """Register ``moving`` (m, 3) to ``reference`` (n, 3), both in metres of one reference system.
 
+    Where the clouds tell of plants, the robust method takes bare ground alone if that states the smaller error (see
+    ``bare_ground``).
+
     Args:
         stable: area known to be stable, in the same system; only the reference's points within it are used by the
             robust method and by the quality figures.
+        plants: what the clouds tell of plants over their points.
 
     Raises:
         InputError: no overlap, too few points, coordinates that are not finite, points on one line, or a stable area
@@ -58,7 +66,7 @@ def register(
     centre = np.median(reference, axis=0)  # amidst the points even where a stray one stretches the extent
     a, b = reference - centre, moving - centre
     progress.update(0.0, "averaging points")
-    surfaces = Surface(a, parameters.registration_voxel), Surface(b, parameters.registration_voxel)
+    surfaces = _surface(a, plants[0], parameters), _surface(b, plants[1], parameters)
     _check_shape(surfaces[0].points, "earlier")
     _check_shape(surfaces[1].points, "later")
     matcher = Matcher(*surfaces, None if stable is None else _inside(stable, surfaces[0].points + centre))
@@ -66,20 +74,16 @@ def register(
     with progress.stage(0.05, 0.85):
         solution = _solve(a, b, tree, matcher, parameters, progress)
     progress.update(0.85, "measuring the agreement")
-    quality = agreement(matcher, solution.pose, parameters.maximum_offset)
-    if parameters.method == "icp":
-        with progress.stage(0.85, 0.95):
-            seen = observe(matcher, solution.pose, quality.scale, parameters.maximum_offset, progress)
-        solution = replace(solution, information=seen)
-    elif parameters.method == "robust" and stable is None and quality.stable_share < NO_STABLE_GROUND:
-        solution = _Solution(Pose.identity(), solution.iterations, left=True)
-        quality = agreement(matcher, solution.pose, parameters.maximum_offset)
-    elif parameters.method == "robust":
-        solution, quality = _bent(solution, quality, matcher, parameters)
+    found = _measured(solution, matcher, parameters, stable is not None, progress)
+    ground = divide(matcher) if parameters.method == "robust" else None
+    if ground is not None and solution.alignment is not None:
+        with progress.stage(0.86, 0.95):
+            found = _surer(found, solution.alignment, ground, parameters, stable is not None, progress)
+    solution = found.solution
     some = b[:: max(1, len(b) // _NEIGHBOUR_SAMPLE)]
     before = nearest(tree, some)[0]
     after = before if parameters.method == "none" else nearest(tree, solution.apply(some))[0]
-    return _result(solution, quality, before, after, centre, len(b), parameters, stable is not None)
+    return _result(found, before, after, centre, len(b), parameters, stable is not None)
 
 
 @dataclass(frozen=True)
@@ -87,6 +91,7 @@ class _Solution:
     """What a method found; ``radius`` (m) scales the rotations of ``information``.
 
     ``left``: left as surveyed for want of stable ground. ``bent``: the correction of ``bend`` is part of it.
+    ``alignment`` is what the robust method found.
     """
 
     pose: Pose
@@ -97,6 +102,7 @@ class _Solution:
     left: bool = False
     bend: Bend | None = None
     bent: bool = False
+    alignment: Alignment | None = None
 
     @property
     def correction(self) -> HeightCorrection | None:
@@ -141,8 +147,116 @@ def _solve(
             iterations=parameters.registration_iterations,
             progress=progress,
         )
-        return _Solution(found.pose, found.iterations, found.converged, found.information, found.radius)
+        return _of_alignment(found)
     return _Solution(Pose.identity())
+
+
+def _of_alignment(found: Alignment) -> _Solution:
+    return _Solution(found.pose, found.iterations, found.converged, found.information, found.radius, alignment=found)
+
+
+def _surface(xyz: Float, plants: PlantCover | None, parameters: RegistrationParameters) -> Surface:
+    error = None if plants is None else np.asarray(plants.error, dtype=np.float64)
+    return Surface(xyz, parameters.registration_voxel, error)
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """A solution, the agreement of the surfaces there, and the standard error of a height, ``error`` (m).
+
+    ``by_plants`` (m) is the part of it that plants make. ``ground`` is known where the clouds tell of plants; ``bare``
+    says that its bare part alone was registered, above which the later survey's covered ground lies by ``offset`` (m).
+    """
+
+    solution: _Solution
+    quality: Agreement
+    error: float
+    by_plants: float
+    ground: Covered | None = None
+    bare: bool = False
+    offset: float | None = None
+
+
+def _measured(
+    solution: _Solution,
+    matcher: Matcher,
+    parameters: RegistrationParameters,
+    stable_given: bool,
+    progress: Progress,
+    ground: Covered | None = None,
+) -> _Measured:
+    """Agreement of a solution by the ground of ``matcher``, and its error there, or over all of ``ground``."""
+    quality = agreement(matcher, solution.pose, parameters.maximum_offset)
+    if parameters.method == "icp":
+        seen = observe(matcher, solution.pose, quality.scale, parameters.maximum_offset, progress)
+        solution = replace(solution, information=seen)
+    elif parameters.method == "robust" and not stable_given and quality.stable_share < NO_STABLE_GROUND:
+        solution = _Solution(Pose.identity(), solution.iterations, left=True)
+        quality = agreement(matcher, solution.pose, parameters.maximum_offset)
+    elif parameters.method == "robust":
+        solution, quality = _bent(solution, quality, matcher, parameters)
+    over = quality.places, quality.normals
+    if ground is not None:
+        over = compared_ground(ground, solution.pose, parameters.maximum_offset)
+    by_plants = 0.0
+    if parameters.method != "none" and not solution.left:  # a cloud left as it is takes nothing from plants
+        by_plants = error_by_plants(matcher, solution.pose, quality.sample[quality.agrees])
+    error = widened(
+        float(np.hypot(_error(solution, quality, over, parameters), by_plants)),
+        quality,
+        parameters.minimum_stable_share,
+    )
+    return _Measured(solution, quality, error, by_plants)
+
+
+def _surer(
+    all_ground: _Measured,
+    alignment: Alignment,
+    ground: Covered,
+    parameters: RegistrationParameters,
+    stable_given: bool,
+    progress: Progress,
+) -> _Measured:
+    """By all ground or by bare ground alone, whichever states the smaller error."""
+    all_ground = replace(all_ground, ground=ground)
+    if all_ground.by_plants < _NEGLIGIBLE:
+        return all_ground
+    found = align_bare(ground, alignment, parameters, progress)
+    if found is None:
+        return all_ground
+    bare = _measured(_of_alignment(found), ground.bare, parameters, stable_given, progress, ground)
+    if bare.solution.left or bare.error >= all_ground.error:
+        return all_ground
+    offset = offset_of_covered(ground, bare.solution.pose, parameters.maximum_offset)
+    return replace(bare, ground=ground, bare=True, offset=offset)
+
+
+def _error(
+    solution: _Solution, quality: Agreement, over: tuple[Float, Float], parameters: RegistrationParameters
+) -> float:
+    """Standard error of a height over places with their normals, (n, 3) each, in metres; plants aside."""
+    information, error = solution.information, 0.0
+    if information is not None and parameters.method == "robust":
+        places, normals = over
+        mean = normals.mean(axis=0) if len(normals) else quality.mean_normal
+        mean = mean / np.linalg.norm(mean)
+        seen = information.observable_covariance
+        flat = np.broadcast_to(mean, normals.shape)
+        # what is free moves the surface as a whole: sliding a slope along itself leaves its heights, tilting does not
+        prior = parameters.maximum_offset / float(np.sqrt(3.0))
+        error = float(
+            np.linalg.norm(
+                [
+                    height_sd(seen, places, normals, solution.radius),
+                    height_sd(information.covariance - seen, places, flat, solution.radius),
+                    relief_sd(information, prior) / max(float(mean[2]), 0.2),
+                ]
+            )
+        )
+    error = float(np.hypot(error, quality.misfit_height))
+    if solution.correction is not None:
+        error = float(np.hypot(error, np.sqrt(np.mean(solution.correction.sd**2))))
+    return error
 
 
 def _bent(
@@ -162,8 +276,7 @@ def _bent(
 
 
 def _result(
-    solution: _Solution,
-    quality: Agreement,
+    found: _Measured,
     before: Float,
     after: Float,
     centre: Float,
@@ -172,30 +285,14 @@ def _result(
     stable_given: bool,
 ) -> RegistrationResult:
     """Args: before, after: nearest-neighbour distances of a sample of the moving cloud's ``points``, metres."""
+    solution, quality, error = found.solution, found.quality, found.error
     pose, information = solution.pose, solution.information
     moved = quality.places if len(quality.places) else quality.sample  # nothing is stable
     shift = pose.apply(moved).mean(axis=0) - moved.mean(axis=0)
-    covariance, error = None, 0.0
+    covariance = None
     if information is not None and parameters.method == "robust":
         scale = np.diag([1 / solution.radius] * 3 + [1.0] * 3)
         covariance = scale @ information.covariance @ scale
-        seen = information.observable_covariance
-        flat = np.broadcast_to(quality.mean_normal, quality.normals.shape)
-        # what is free moves the surface as a whole: sliding a slope along itself leaves its heights, tilting does not
-        prior = parameters.maximum_offset / float(np.sqrt(3.0))
-        error = float(
-            np.linalg.norm(
-                [
-                    height_sd(seen, quality.places, quality.normals, solution.radius),
-                    height_sd(information.covariance - seen, quality.places, flat, solution.radius),
-                    relief_sd(information, prior) / max(float(quality.mean_normal[2]), 0.2),
-                ]
-            )
-        )
-    error = float(np.hypot(error, quality.misfit_height))
-    if solution.correction is not None:
-        error = float(np.hypot(error, np.sqrt(np.mean(solution.correction.sd**2))))
-    error = widened(error, quality, parameters.minimum_stable_share)
     names = () if information is None else name_unobservable(information, quality.mean_normal)
     close = after[after <= parameters.maximum_correspondence]
     return RegistrationResult(
@@ -228,7 +325,17 @@ def _result(
             left=solution.left,
             bend=solution.bend,
             bent=solution.bent,
+        )
+        + explain_plants(
+            error_by_plants=found.by_plants,
+            error=error,
+            bare=found.bare,
+            bare_share=None if found.ground is None else found.ground.bare_share,
+            offset=found.offset,
         ),
+        plants=None
+        if found.ground is None
+        else PlantsInRegistration(found.ground.bare_share, found.bare, found.by_plants, found.offset),
     )
 
 

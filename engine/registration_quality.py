@@ -28,6 +28,7 @@ _UNIFORM = 0.15
 _DOUBT = 3.0  # times the surfaces' own noise: what differs more is no noise, however much of the ground it is
 NO_STABLE_GROUND = 0.15  # share below which there is nothing to register by
 _LITTLE_OVERLAP = 0.2
+_PLANTS = 0.02  # metres that plants may make of a height before that is worth a sentence
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ def agreement(matcher: Matcher, pose: Pose, offset: float, correction: HeightCor
     spacing = max(matcher.reference.spacing, matcher.moving.spacing)
     reach = max(offset, 3 * spacing)
     sources = matcher.moving.sample(_SOURCES)
-    pairs = matcher.onto_reference(pose, sources, reach, 0.5)
+    pairs = matcher.onto_reference(pose, matcher.moving.sample(_SOURCES, matcher.firm), reach, 0.5)
     if len(pairs) < _LEAST_PAIRS:
         raise InputError(
             f"Only {len(pairs)} points of the later epoch have a counterpart within {reach:g} m on the earlier one, "
@@ -203,6 +204,35 @@ def explain(
             "check that both cover the slope."
         )
     return tuple(sentences)
+
+
+def explain_plants(
+    *, error_by_plants: float, error: float, bare: bool, bare_share: float | None, offset: float | None
+) -> tuple[str, ...]:
+    """Sentences about what plants do to the registration; lengths in metres.
+
+    Args:
+        bare: bare ground alone was registered, the share ``bare_share``; None: nothing is known of plants.
+        offset: height of the later survey's ground under plants over the earlier one's after that.
+    """
+    if bare_share is None:
+        return ()
+    if not bare and error_by_plants > _PLANTS:
+        sentence = (
+            f"Too little ground is bare ({bare_share:.0%}) to register by it alone, so what plants make of the heights "
+            f"({error_by_plants:.3f} m) is part of the registration error: a season that differs alike all over is "
+            "taken for an offset of the survey; give bare ground, such as a road or rock, as stable where there is "
+            "some."
+        )
+        return (sentence,)
+    if bare and offset is not None and abs(offset) > max(_PLANTS, 2.0 * error):
+        sentence = (
+            f"On bare ground the surveys agree, but the ground under plants lies {abs(offset):.3f} m "
+            f"{'lower' if offset < 0 else 'higher'} in the later one at the median: another season, or a movement of "
+            "all that is under plants."
+        )
+        return (sentence,)
+    return ()
 
 
 def _misfit(pairs: Pairs, stable: NDArray[np.bool_], block: float) -> float:

@@ -33,6 +33,32 @@ class StableGround:
 
 
 @dataclass(frozen=True)
+class PlantsInRegistration:
+    """What plants did to a registration, where the clouds tell of them.
+
+    Attributes:
+        bare_share: share of the ground without plants, in the survey that has less of it.
+        bare_only: bare ground alone was registered.
+        error: part of the registration error that plants make, metres.
+        offset: median height of the later survey's ground under plants over the earlier one's, metres; None where
+            all ground was registered together.
+    """
+
+    bare_share: float
+    bare_only: bool
+    error: float
+    offset: float | None
+
+    def facts(self) -> dict[str, Any]:
+        return {
+            "bare_share": self.bare_share,
+            "registered_on_bare_ground": self.bare_only,
+            "registration_error_by_plants_m": self.error,
+            "ground_under_plants_offset_m": self.offset,
+        }
+
+
+@dataclass(frozen=True)
 class RegistrationResult:
     """A registration and its quality. Lengths are metres.
 
@@ -54,6 +80,7 @@ class RegistrationResult:
         stable_ground: where both epochs were compared, and what of it is stable.
         registration_error: standard error of a height after registration, for the level of detection.
         warnings: sentences for the user.
+        plants: None where the clouds tell nothing of plants, or have none.
     """
 
     transform: RigidTransform
@@ -75,6 +102,7 @@ class RegistrationResult:
     stable_ground: StableGround
     registration_error: float
     warnings: tuple[str, ...]
+    plants: PlantsInRegistration | None = None
 
     @property
     def improvement(self) -> float:
@@ -121,5 +149,6 @@ class RegistrationResult:
             "height_differences_spread_m": self.agreement.spread,
             "bend_before_m": None if self.bend is None else self.bend.before,
             "bend_after_m": None if self.bend is None else self.bend.after,
+            **({} if self.plants is None else self.plants.facts()),
             "pieces": self.transform.correction.facts() if isinstance(self.transform, BentTransform) else None,
         }

@@ -94,7 +94,7 @@ def stable_ground(change: Change) -> dict[str, Any] | None:
         "median_m": median,
         "nmad_m": float(1.4826 * np.median(np.abs(dz - median))),
         "rms_m": float(np.sqrt(np.mean(dz**2))),
-        "beyond_share": float(change.significant[cells].mean()),
+        "beyond_share": float(change.beyond[cells].mean()),
     }
 
 
@@ -116,6 +116,26 @@ def level_facts(change: Change) -> dict[str, Any]:
             )
     low, median, high = (float(v) for v in np.percentile(level, (5, 50, 95)))
     return {"p05_m": low, "median_m": median, "p95_m": high, "by_slope": classes}
+
+
+def error_terms(change: Change) -> list[dict[str, Any]]:
+    """Parts of the cells' errors: median standard error, metres, and share of the cells where it is the largest.
+
+    Without knowledge of plants there are no terms to be told apart.
+    """
+    if change.plants is None or change.sampling is None:
+        return []
+    parts = {
+        "points": change.sampling,
+        "registration": np.full(change.dz.shape, change.registration_error),
+        "plants": change.plants.error,
+    }
+    values = np.stack([part[change.valid] for part in parts.values()])
+    largest = np.argmax(values, axis=0)
+    return [
+        {"term": name, "median_m": float(np.median(part)), "largest_share": float(np.mean(largest == number))}
+        for number, (name, part) in enumerate(zip(parts, values, strict=True))
+    ]
 
 
 def cell_sizes(change: Change) -> list[dict[str, Any]]:

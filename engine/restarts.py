@@ -67,6 +67,7 @@ def descend(
     noise: float = NOISE_FLOOR,
     shrink: float = _SHRINK,
     among: Callable[[Pairs], NDArray[np.bool_]] | None = None,
+    free: Float | None = None,
 ) -> Descent:
     """Gauss-Newton steps while the scale shrinks from ``scale`` to that of the residuals, all in metres.
 
@@ -76,7 +77,9 @@ def descend(
         noise: least scale.
         shrink: smallest factor of the scale from one iteration to the next.
         among: which pairs to use; all without it.
+        free: (6, k) directions in which to move, columns of unit length at right angles; all without it.
     """
+    axes = np.eye(6) if free is None else free
     done, share = 0, 0.0
     for done in range(1, iterations + 1):
         # a pair may lie as far apart as the clouds; later the scale tells how far
@@ -89,9 +92,11 @@ def descend(
             break
         weight = tukey_weights(pairs.residual, scale)
         jacobian = pairs.jacobian(radius)
+        jacobian = jacobian if free is None else jacobian @ free
         normal = jacobian.T @ (jacobian * weight[:, None])
-        normal += 1e-6 * max(float(np.trace(normal)), 1e-12) * np.eye(6)
+        normal += 1e-6 * max(float(np.trace(normal)), 1e-12) * np.eye(axes.shape[1])
         step = np.asarray(-np.linalg.solve(normal, jacobian.T @ (weight * pairs.residual)), dtype=np.float64)
+        step = axes @ step
         pose = pose.moved(step, radius)
         smaller = max(robust_scale(pairs.residual), noise, shrink * scale)
         steady = abs(smaller - scale) < 0.02 * scale and np.linalg.norm(step) < max(0.1 * scale, 1e-4)

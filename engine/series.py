@@ -160,7 +160,7 @@ def monitor_series(
                 for kind, changes in (("cumulative", analysis.cumulative), ("incremental", analysis.incremental)):
                     outputs |= write_epoch_rasters(kind, changes, about, hashes, stage, progress)
             stack = analysis.stack
-            velocity = cell_velocity(stack.days, list(stack.change), list(stack.variance))
+            velocity = cell_velocity(stack.days, list(stack.change), stack.cell_variance)
             outputs |= write_summary_rasters(velocity, analysis.confirmed, velocity.count >= 2, about, hashes, stage)
             limits = limits_of(analysis, dates)
             files, frame, course = write_tables(
@@ -179,6 +179,11 @@ def monitor_series(
             "dates": [d.isoformat() for d in dates],
             "zones": zones,
             "course": course_rows(course, [row["zone_id"] for row in zones]),
+            "seasons": {
+                d.isoformat(): c.season.facts()
+                for d, c in zip(dates[1:], analysis.cumulative, strict=True)
+                if c.season is not None
+            },
             "zone_history": {t.zone_id: _history(t, dates) for t in analysis.tracks},
         }
         outputs["run"] = stage.final("run.json")
@@ -219,7 +224,8 @@ def analyse(
     reach = int(settings.zones.bridged_gap / (2.0 * grid.cell) + 1e-6)
     groups = []
     for number, change in enumerate(cumulative, 1):
-        labels = label_groups(change.dz, stack.significant[number], grid, settings.zones)[0]
+        plants = None if change.plants is None else change.plants.error
+        labels = label_groups(change.dz, stack.significant[number], grid, settings.zones, plants=plants)[0]
         groups.append((number, labels, np.sign(np.nan_to_num(change.dz)).astype(np.int8)))
     tracks = track_zones(groups, max(1, reach))
     living = [t for t in tracks if not t.merged_into and len(t.footprint)]
@@ -244,7 +250,13 @@ def _stack(gridded: Sequence[GriddedEpoch], cumulative: Sequence[Change], grid: 
     sampling = [g.cells.on_grid(g.cells.leverage * pooled_variance(g.cells)) for g in gridded]
     usable = [c.uniform_dz is None for c in cumulative]
     shared = [0.0, *(c.registration_error for c in cumulative)]
-    own = own_variances([c.error for c in cumulative], shared[1:], sampling[0], sampling[1:])
+    nothing = np.zeros(grid.shape)
+    plants = [nothing if c.plants is None else np.nan_to_num(c.plants.error_to) for c in cumulative]
+    of_first = nothing if cumulative[0].plants is None else np.nan_to_num(cumulative[0].plants.error_from)
+    without = [
+        np.sqrt(np.maximum(c.error**2 - p**2 - of_first**2, 0.0)) for c, p in zip(cumulative, plants, strict=True)
+    ]
+    own = own_variances(without, shared[1:], sampling[0], sampling[1:])
     start = np.where(np.isfinite(own[0]), 0.0, np.nan)
     first = gridded[0].epoch.date or date.min
     return Stack(
@@ -257,6 +269,7 @@ def _stack(gridded: Sequence[GriddedEpoch], cumulative: Sequence[Change], grid: 
             *(c.significant & ok for ok, c in zip(usable, cumulative, strict=True)),
         ],
         cell=grid.cell,
+        plants=[of_first, *plants],
     )
 
 

@@ -122,7 +122,7 @@ def prepare_epochs(task: Task, progress: Progress) -> tuple[list[GriddedEpoch], 
     with progress.stage(0.0, 0.6, "extracting the ground"):
         grounds = _grounds(task, store, shares)
     first = _ground_cloud(task, 0, grounds[0], shares[0])
-    grid = common_grid(first.xyz, first.xyz, task.settings.change)
+    grid = common_grid(first.xyz, first.xyz, task.settings.change, plants=first.plants is not None)
     found = []
     for number in range(len(task.epochs)):
         low, high = (0.6 + 0.4 * n / len(task.epochs) for n in (number, number + 1))
@@ -231,7 +231,7 @@ def _gridded(
         made += [] if entry.reused else ["registration"]
 
     def grid_cells(path: Path) -> dict[str, Any]:
-        save_cells(path, epoch_cells(transform.apply(cloud().xyz), grid, settings.change))
+        save_cells(path, epoch_cells(transform.apply(cloud().xyz), grid, settings.change, cloud().plants))
         return {"points": len(cloud().xyz)}
 
     cells_key = key_of(

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from .run_record import plain, sha256
 from .version import VERSION
 
 FOLDER = "work"
-_FORMAT = 1  # of the entries; another number makes all of them new
+_FORMAT = 2  # of the entries; another number makes all of them new
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def key_of(**parts: Any) -> str:
 
 def save_cells(path: Path, cells: CellStatistics) -> None:
     """Write the statistics of an epoch's cells as compressed NumPy arrays."""
-    arrays = {f.name: getattr(cells, f.name) for f in fields(cells)}
+    arrays = {f.name: getattr(cells, f.name) for f in fields(cells) if getattr(cells, f.name) is not None}
     with path.open("wb") as file:
         np.savez_compressed(file, **arrays)
 
@@ -98,6 +98,7 @@ def load_cells(path: Path) -> CellStatistics:
     """
     try:
         with np.load(path, allow_pickle=False) as arrays:
-            return CellStatistics(**{f.name: arrays[f.name] for f in fields(CellStatistics)})
+            wanted = [f.name for f in fields(CellStatistics) if f.name in arrays or f.default is MISSING]
+            return CellStatistics(**{name: arrays[name] for name in wanted})
     except (OSError, ValueError, KeyError) as error:
         raise InputError(f"{path} cannot be read; remove the folder {path.parent} and run again.") from error

@@ -35,6 +35,7 @@ class Stack:
         shared: each survey's registration error, metres; 0 for the first.
         significant: cells beyond their level of detection; none for the first.
         cell: side of a cell, metres.
+        plants: (rows, columns) each survey's own error by plants, metres, which neighbours share; none without.
     """
 
     days: Float
@@ -43,6 +44,18 @@ class Stack:
     shared: Sequence[float]
     significant: Sequence[NDArray[np.bool_]]
     cell: float
+    plants: Sequence[Float] = ()
+
+    @property
+    def cell_variance(self) -> list[Float]:
+        """Each survey's own variance of a cell, plants included, m²."""
+        if not self.plants:
+            return list(self.variance)
+        return [own + plant**2 for own, plant in zip(self.variance, self.plants, strict=True)]
+
+    def mean_plants(self, survey: int, cells: Index) -> float:
+        """Error by plants of the mean change of ``cells`` (flat indices), which averages nothing out, metres."""
+        return float(self.plants[survey].ravel()[cells].mean()) if self.plants else 0.0
 
 
 @dataclass(frozen=True)
@@ -97,8 +110,9 @@ def zone_series(
     A survey confirms a zone where the mean change is beyond its own level of detection with the zone's sign, and the
     zone's significant cells of that sign are at least ``minimum_area`` (m²).
 
-    The mean's error holds the sampling of its cells; the registration, or what patches of stable ground of the zone's
-    size show if that is more; and, where a survey measured only part of the zone, the scatter of the change within it.
+    The mean's error holds the sampling of its cells; the registration and the plants, or what patches of stable ground
+    of the zone's size show if that is more; and, where a survey measured only part of the zone, the scatter of the
+    change within it.
 
     Args:
         bridged: gap in cells up to which the footprint is closed.
@@ -154,7 +168,8 @@ def _series(
             continue
         measured[i] = n
         change[i] = dz[known].mean()
-        common = max(stack.shared[i] ** 2, shared[i].excess_of(n) if i else 0.0)
+        by_plants = stack.mean_plants(i, cells[known]) ** 2
+        common = max(stack.shared[i] ** 2 + by_plants, shared[i].excess_of(n) if i else 0.0)
         # of a part measured, the mean differs from that of the whole by the scatter within
         partial = dz[known].var() / n * max(0.0, 1.0 - n / max(ever, 1)) if i else 0.0
         variance[i] = own[known].sum() / n**2 + common + partial

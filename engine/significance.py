@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from .cell_slope import Float
 from .gridding import on_grid
 from .parameters import GridChangeParameters
+from .plant_cover import PlantCells
 from .size_error import widening_by_size
 from .slope_error import ErrorModel, calibrate, uncalibrated
 from .stable_blocks import find_stable_blocks
@@ -23,8 +24,8 @@ _APART = 5.0  # degrees beyond the slopes of known stable ground, from which tha
 class Judgement:
     """A difference with its errors; arrays (rows, columns), metres, NaN where not compared.
 
-    ``dz`` is along the direction asked for, and so are ``error`` and ``registration_error``, the part of it that all
-    cells share.
+    ``dz`` is along the direction asked for, and so are ``error`` and its parts: ``sampling``, that of the points after
+    calibration, ``plants``, and ``registration_error``, which all cells share.
     """
 
     dz: Float
@@ -33,6 +34,8 @@ class Judgement:
     model: ErrorModel
     stable: NDArray[np.bool_]
     registration_error: float
+    sampling: Float
+    plants: PlantCells | None
 
 
 def judge(
@@ -47,8 +50,11 @@ def judge(
     given: NDArray[np.bool_] | None = None,
     block: NDArray[np.int64] | None = None,
     size: Float | None = None,
+    plants: PlantCells | None = None,
 ) -> Judgement:
     """Calibrate the errors of ``dz`` on stable ground and tell the level of detection and what is beyond it.
+
+    The error is, in quadrature, that of the points, which the calibration scales, the registration's, and the plants'.
 
     Along the slope's normal a change is dz cos(slope): the distance of two parallel planes, one dz above the other. A
     horizontal shift by dx, which a vertical difference shows as dx tan(slope), then shows as dx sin(slope), never more
@@ -64,22 +70,25 @@ def judge(
         given: cells known to be stable. Slopes beyond theirs are calibrated on stable cells found.
         block: number of the group that a cell is one with (-1: none), where cells grew.
         size: side of the grown cell, metres, by which errors are calibrated, too.
+        plants: error of the heights by plants.
     """
     valid = np.isfinite(dz)
     if parameters.direction == "normal":
         cosine = np.cos(np.radians(slope))
         dz, sampling = dz * cosine, sampling * cosine
+        plants = None if plants is None else plants.scaled(cosine)
         valid = np.isfinite(dz)
         if valid.any():
             registration_error *= float(np.median(cosine[valid]))
+    by_plants = None if plants is None else plants.error
     here = np.flatnonzero(valid)
     first = _first_of_blocks(block, dz.shape)
     found = np.zeros(dz.shape, dtype=bool)
     if not uniform:
         if block is None:
-            found = find_stable(dz, sampling, slope, cell)
+            found = find_stable(dz, sampling, slope, cell, by_plants)
         else:
-            found = find_stable_blocks(dz, sampling, slope, cell, block)
+            found = find_stable_blocks(dz, sampling, slope, cell, block, by_plants)
     stable = found if given is None else _with_other_slopes(given & valid, found, slope)
     model = uncalibrated()
     if parameters.calibrate and not uniform:
@@ -91,6 +100,7 @@ def judge(
                 stable & first,
                 registration_error=registration_error,
                 confidence=parameters.confidence,
+                plants=by_plants,
             )
         model = calibrate(
             dz.ravel()[here],
@@ -99,10 +109,14 @@ def judge(
             (stable & first).ravel()[here],
             registration_error=registration_error,
             confidence=parameters.confidence,
+            plants=None if by_plants is None else by_plants.ravel()[here],
         )
-    scaled = model.factor(slope.ravel()[here]) * sampling.ravel()[here]
-    error = on_grid(here, np.hypot(scaled, registration_error), dz.shape)
-    return Judgement(dz, error, decide(dz, error, parameters, block), model, stable, registration_error)
+    scaled = on_grid(here, model.factor(slope.ravel()[here]) * sampling.ravel()[here], dz.shape)
+    error = np.hypot(scaled, registration_error)
+    if by_plants is not None:
+        error = np.hypot(error, by_plants)
+    decision = decide(dz, error, parameters, block)
+    return Judgement(dz, error, decision, model, stable, registration_error, scaled, plants)
 
 
 def _with_other_slopes(given: NDArray[np.bool_], found: NDArray[np.bool_], slope: Float) -> NDArray[np.bool_]:

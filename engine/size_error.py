@@ -20,6 +20,7 @@ def widening_by_size(
     *,
     registration_error: float,
     confidence: float,
+    plants: Float | None = None,
 ) -> Float:
     """Factor (rows, columns), 1 or more, with which 1 - ``confidence`` of the stable cells of each size are beyond.
 
@@ -32,9 +33,11 @@ def widening_by_size(
         size: side of the grown cell, metres.
         stable: one cell of each grown cell that is taken as stable.
         registration_error: metres.
+        plants: error of the change by plants, metres, which is no part of what is widened.
     """
     known = stable & np.isfinite(dz) & np.isfinite(sampling) & (sampling > 0)
-    needed = ((dz[known] / quantile(confidence)) ** 2 - registration_error**2) / sampling[known] ** 2
+    others = registration_error**2 + (0.0 if plants is None else plants[known] ** 2)
+    needed = ((dz[known] / quantile(confidence)) ** 2 - others) / sampling[known] ** 2
     factor = np.ones(dz.shape)
     last = 1.0
     for side in np.unique(size[np.isfinite(size)]):

@@ -21,6 +21,7 @@ _NARROWEST, _WIDEST = 0.4, 5.0
 _DOUBTFUL = 2.0
 _WITHOUT_STABLE = 1.5  # beyond every factor seen on unchanged surveys (docs/figures.md)
 _ROUNDS = 3
+_LITTLE = 0.5  # of the sampling error: plants that add an eighth to it at most
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,7 @@ def calibrate(
     *,
     registration_error: float,
     confidence: float,
+    plants: Float | None = None,
 ) -> ErrorModel:
     """Factor f of the sampling error s with which 1 - confidence of the stable cells are beyond the level, by slope.
 
@@ -103,20 +105,36 @@ def calibrate(
     Classes of 5 degrees are joined until each has 200 stable cells. With fewer than 400 a factor below 1 is taken from
     a quantile one standard error higher, because too narrow a level does more harm than too wide a one.
 
+    The error by plants p is no sampling error, and no factor multiplies it. Where it is the larger part, a cell tells
+    little of its sampling: the cells whose p is below s / 2 serve if there are enough, else all with r² + p² in place
+    of r², and then f does not fall below 1, as plant errors stated too large would make it.
+
     Args:
         dz: change, metres, NaN where not compared; it and the other arrays have the shape (rows, columns).
         sampling: standard error from the points' scatter alone, metres.
         slope: degrees, NaN where unknown.
         stable: cells to calibrate on.
         registration_error: metres.
+        plants: error of the change by plants, metres; none without.
     """
     known = np.isfinite(dz) & np.isfinite(sampling) & (sampling > 0)
     all_at, chosen = slope[known], stable[known]
-    dz, sampling, at = dz[known][chosen], sampling[known][chosen], all_at[chosen]
-    cells, share = dz.size, dz.size / max(all_at.size, 1)
+    plant = np.zeros(all_at.size) if plants is None else plants[known]
+    little = plant <= _LITTLE * sampling[known]
+    compared = all_at.size
+    bare = bool(little.all()) or int(np.count_nonzero(chosen & little)) >= _FEWEST_IN_CLASS
+    if bare:
+        # classes are judged by what there is of such cells in them
+        chosen, all_at, plant = chosen[little], all_at[little], plant[little]
+        known = known.copy()
+        known[known] = little
+    dz, sampling, at, plant = dz[known][chosen], sampling[known][chosen], all_at[chosen], plant[chosen]
+    others = registration_error**2 + plant**2
+    cells, share = dz.size, dz.size / max(compared, 1)
     shift = sample_quantile(dz, 0.5) if cells else 0.0
     spread = 1.4826 * sample_quantile(np.abs(dz - shift), 0.5) if cells else 0.0
-    if cells < _FEWEST or abs(shift) > 2.0 * spread + 2.0 * registration_error:
+    usual = float(np.sqrt(np.median(others))) if cells else registration_error
+    if cells < _FEWEST or abs(shift) > 2.0 * spread + 2.0 * usual:
         why = (
             f"only {cells} cells of stable ground were found"
             if cells < _FEWEST
@@ -128,15 +146,16 @@ def calibrate(
         )
         return ErrorModel("widened", typical=_WITHOUT_STABLE, stable_cells=cells, stable_share=share, notes=(note,))
     z = quantile(confidence)
-    needed = ((dz / z) ** 2 - registration_error**2) / sampling**2
-    typical = _factor(needed, confidence)
+    needed = ((dz / z) ** 2 - others) / sampling**2
+    least = _NARROWEST if bare else 1.0
+    typical = _factor(needed, confidence, least=least)
     bounds = _joined(at, all_at)
     members = [(needed[m], at[m]) for m in ((at >= low) & (at < high) for low, high in bounds)]
     centres = [sample_quantile(slopes, 0.5) for _, slopes in members]
     factors = [typical] * len(members)
     for _ in range(_ROUNDS):  # between the medians the factor is interpolated: make the classes hold as they are used
         scaled = [squares / np.interp(slopes, centres, factors) ** 2 for squares, slopes in members]
-        factors = [_factor(rest, confidence, f) for rest, f in zip(scaled, factors, strict=True)]
+        factors = [_factor(rest, confidence, f, least=least) for rest, f in zip(scaled, factors, strict=True)]
     classes = tuple(
         SlopeClass(
             slope_from=low,
@@ -152,13 +171,13 @@ def calibrate(
     return ErrorModel("calibrated", classes, typical, cells, share, _notes(classes, typical))
 
 
-def _factor(needed: Float, confidence: float, scale: float = 1.0) -> float:
+def _factor(needed: Float, confidence: float, scale: float = 1.0, *, least: float = _NARROWEST) -> float:
     """``scale`` times the square root of the quantile, within what can be believed, not below 1 on a chance of few."""
     factor = scale * float(np.sqrt(max(sample_quantile(needed, confidence), 0.0)))
     if factor < 1.0 and needed.size < _FEWEST_TO_NARROW:
         surer = min(confidence + float(np.sqrt(confidence * (1 - confidence) / needed.size)), 1.0)
         factor = min(scale * float(np.sqrt(max(sample_quantile(needed, surer), 0.0))), 1.0)
-    return float(np.clip(factor, _NARROWEST, _WIDEST))
+    return float(np.clip(factor, least, _WIDEST))
 
 
 def _joined(at: Float, all_at: Float) -> list[tuple[float, float]]:

@@ -8,12 +8,14 @@ from scipy import ndimage
 
 from .blocks import Blocks, block_sides, sums_around
 from .cell_slope import Float
-from .stable_cells import BEYOND, CLIP, REACH, ROUNDS, adjacent_scatter
+from .stable_cells import BEYOND, CLIP, REACH, ROUNDS, adjacent_scatter, with_alike
 
 _WINDOW = 3  # of a block's own sides, at least: it and its neighbours
 
 
-def find_stable_blocks(dz: Float, error: Float, slope: Float, cell: float, block: Blocks) -> NDArray[np.bool_]:
+def find_stable_blocks(
+    dz: Float, error: Float, slope: Float, cell: float, block: Blocks, alike: Float | None = None
+) -> NDArray[np.bool_]:
     """Cells (rows, columns) of blocks that are not part of a coherent change, nor beside one.
 
     As ``stable_cells.find_stable``, with windows as wide as there, or that hold a block and its neighbours where it is
@@ -25,15 +27,23 @@ def find_stable_blocks(dz: Float, error: Float, slope: Float, cell: float, block
         slope: degrees; NaN where unknown.
         cell: side of a cell, metres.
         block: number of each cell's block, -1 for none.
+        alike: (rows, columns) an error beside it that neighbours share, metres: it does not average out in a mean.
     """
     known = np.isfinite(dz) & np.isfinite(error) & (error > 0) & (block >= 0)
     if not known.any():
         return known
     scaled = dz[known] / error[known]
-    z = np.zeros(dz.shape)
-    z[known] = np.clip(scaled / adjacent_scatter(scaled, np.flatnonzero(known), slope, block), -CLIP, CLIP)
+    scatter_of_one = adjacent_scatter(scaled, np.flatnonzero(known), slope, block)
+    scaled = scaled / scatter_of_one
+    z, shared, own = np.zeros(dz.shape), np.zeros(dz.shape), known.astype(np.float64)
+    if alike is not None:
+        scaled, shared[known] = with_alike(scaled, alike[known] / (error[known] * scatter_of_one))
+        own = np.where(known, 1.0 - shared**2, 0.0)
+    z[known] = np.clip(scaled, -CLIP, CLIP)
     least = 2 * round(REACH / cell) + 1
-    number = sums_around(known, block, _WINDOW, least)
+    number = sums_around(own, block, _WINDOW, least)
+    if alike is not None:
+        number += sums_around(shared, block, _WINDOW, least) ** 2
     total = sums_around(z, block, _WINDOW, least)
     moved = np.where(known, np.abs(total) / np.sqrt(np.maximum(number, 1.0)), 0.0)
     side = block_sides(block)

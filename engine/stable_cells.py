@@ -18,7 +18,7 @@ _CLASS = 5.0  # degrees
 _FEWEST = 200  # differences of neighbours in a class of slope
 
 
-def find_stable(dz: Float, error: Float, slope: Float, cell: float) -> NDArray[np.bool_]:
+def find_stable(dz: Float, error: Float, slope: Float, cell: float, alike: Float | None = None) -> NDArray[np.bool_]:
     """Cells (rows, columns) that are not part of a coherent change, nor beside one.
 
     Noise differs from cell to cell, a change is alike in many. So the mean of dz / error over the cells within half a
@@ -33,6 +33,7 @@ def find_stable(dz: Float, error: Float, slope: Float, cell: float) -> NDArray[n
         error: its standard error before calibration, metres.
         slope: degrees; NaN where unknown.
         cell: side of a cell, metres.
+        alike: (rows, columns) an error beside it that neighbours share, metres: it does not average out in a mean.
     """
     known = np.isfinite(dz) & np.isfinite(error) & (error > 0)
     here = np.flatnonzero(known)
@@ -40,9 +41,18 @@ def find_stable(dz: Float, error: Float, slope: Float, cell: float) -> NDArray[n
     if not here.size:
         return found
     z = dz.ravel().take(here) / error.ravel().take(here)
-    z = np.clip(z / adjacent_scatter(z, here, slope), -CLIP, CLIP)
+    scatter_of_one = adjacent_scatter(z, here, slope)
+    z = z / scatter_of_one
+    shared = np.zeros(here.size)
+    if alike is not None:
+        z, shared = with_alike(z, alike.ravel().take(here) / (error.ravel().take(here) * scatter_of_one))
+    z = np.clip(z, -CLIP, CLIP)
     windows = Windows(here, known.shape, max(_LEAST_REACH, round(REACH / cell)))
-    total, number = windows.totals(here, z, np.ones(here.size, dtype=np.int32))
+    if alike is None:
+        total, number = windows.totals(here, z, np.ones(here.size, dtype=np.int32))
+    else:
+        total, own, common = windows.totals(here, z, 1.0 - shared**2, shared)
+        number = own + common**2
     moved = np.abs(total) / np.sqrt(number)
     stable = left = np.ones(here.size, dtype=bool)
     for _ in range(ROUNDS):
@@ -53,6 +63,17 @@ def find_stable(dz: Float, error: Float, slope: Float, cell: float) -> NDArray[n
         stable = left
     found.ravel()[here] = left
     return found
+
+
+def with_alike(z: Float, ratio: Float) -> tuple[Float, Float]:
+    """Changes over their whole error, and the share of it that neighbours have in common.
+
+    Args:
+        z: changes over their own error.
+        ratio: the common error over the own one.
+    """
+    whole = np.hypot(1.0, ratio)
+    return z / whole, ratio / whole
 
 
 def adjacent_scatter(z: Float, here: Cells, slope: Float, block: NDArray[np.int64] | None = None) -> Float:

@@ -206,6 +206,7 @@ def change_step(
                 settings.change,
                 registration_error=error or 0.0,
                 stable_area=known_stable(stable, a),
+                plants=(a.plants, b.plants),
                 progress=progress,
             )
             if error is None and settings.change.registration_error < 0:

@@ -23,10 +23,13 @@ class Surface:
     """Voxel means ``points`` (m, 3) of a cloud, and planes that are fitted where they are first asked for.
 
     ``centroids`` and ``normals`` (m, 3), upwards, and ``planar`` (m,) are valid where ``fit`` was called for.
+    ``plants`` (m,) is the error of the heights by plants, metres; None where it is not known.
     """
 
-    def __init__(self, xyz: Float, voxel: float) -> None:
-        self.points = voxel_average(xyz, voxel)
+    def __init__(self, xyz: Float, voxel: float, plants: Float | None = None) -> None:
+        means = voxel_average(xyz, voxel, plants)
+        self.points = means if plants is None else np.ascontiguousarray(means[:, :3])
+        self.plants = None if plants is None else np.ascontiguousarray(means[:, 3])
         # the default build sorts and shrinks at a cost that so few queries do not return
         self.tree = cKDTree(self.points, balanced_tree=False, compact_nodes=False, leafsize=_LEAF)
         self._axes = np.ascontiguousarray(self.points.T)
@@ -65,6 +68,20 @@ class Surface:
             self.normals[chosen] = normal * np.where(normal[:, 2:] < 0, -1.0, 1.0)
             self.planar[chosen] = thin < _THICKNESS**2 * wide
         self._fitted[missing] = True
+
+    def bare(self, limit: float) -> Mask:
+        """Points (m,) over which, and over whose neighbours, the error by plants is at most ``limit`` metres."""
+        if self.plants is None:
+            return np.ones(len(self.points), dtype=bool)
+        bare: Mask = self.plants <= limit
+        some = np.flatnonzero(bare)
+        for start in range(0, len(some), _CHUNK):
+            chosen = some[start : start + _CHUNK]
+            near = np.asarray(
+                self.tree.query(self.points[chosen], k=list(range(1, self.neighbours + 1)), workers=-1)[1]
+            )
+            bare[chosen] = (self.plants[near] <= limit).all(axis=1)
+        return bare
 
     def _spacing(self) -> float:
         """Side of the square that one point has to itself, metres."""

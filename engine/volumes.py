@@ -36,6 +36,8 @@ class Cells:
         dz, error: change and its standard error, m.
         area: m² that ``dz`` acts on.
         block: number of the group of cells that are one, -1 for none (see ``change.Change``). None: cells did not grow.
+        plants: the part of ``error`` that plants make, m; None where nothing is known of them.
+        plant_like: cells whose change may be the plants' (see ``season``): no footprint reaches out for it.
     """
 
     dz: Float
@@ -43,15 +45,18 @@ class Cells:
     area: Float
     cell: float
     block: NDArray[np.int64] | None = None
+    plants: Float | None = None
+    plant_like: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True)
 class CorrelationModel:
     """How the errors of cells are related.
 
-    The error of a cell is its sampling error, alike in near cells by ``variogram``, and ``registration_error`` (m),
-    which all cells share. Without a variogram the sampling errors count as fully correlated, which is the largest error
-    possible. ``cells`` is the number of cells of stable ground that it was taken from.
+    The error of a cell is its sampling error, alike in near cells by ``variogram``, ``registration_error`` (m), which
+    all cells share, and the error by plants, which counts as fully correlated: one season is alike all over. Without a
+    variogram the sampling errors count as fully correlated, which is the largest error possible. ``cells`` is the
+    number of cells of stable ground that it was taken from.
     """
 
     registration_error: float
@@ -70,9 +75,10 @@ class CorrelationModel:
         known = {} if self.variogram is None else self.variogram.figures()
         return {"model": self.name, "registration_error_m": self.registration_error, "cells": self.cells, **known}
 
-    def sampling_error(self, error: Float) -> Float:
-        """The part of ``error`` (any shape, m) that the registration does not explain."""
-        return np.sqrt(np.maximum(error**2 - self.registration_error**2, 0.0))
+    def sampling_error(self, error: Float, plants: Float | None = None) -> Float:
+        """The part of ``error`` (any shape, m) that neither the registration nor the ``plants``' part explain."""
+        others = self.registration_error**2 + (0.0 if plants is None else np.nan_to_num(plants) ** 2)
+        return np.sqrt(np.maximum(error**2 - others, 0.0))
 
     def sum_error(self, weights: Float, cells: Cells) -> float:
         """Standard error of the sum of ``weights`` (rows, columns; of any sign, 0 outside) times the changes."""
@@ -80,7 +86,9 @@ class CorrelationModel:
             sampling = float(np.abs(self._weighted(weights, cells)).sum())
         else:
             sampling = math.sqrt(sum_variance(self._weighted(weights, cells), cells.cell, self.variogram))
-        return math.hypot(sampling, self.registration_error * float(weights.sum()))
+        return math.hypot(
+            sampling, self.registration_error * float(weights.sum()), shared_error(np.abs(weights), cells.plants)
+        )
 
     def samples(self, weights: Float, cells: Cells) -> float:
         """Effective number of samples of a sum (see ``variogram.effective_samples``)."""
@@ -92,7 +100,8 @@ class CorrelationModel:
         """Weights times sampling errors; those of cells that are one are summed up in the first of them."""
         used = weights != 0
         weighted = np.zeros(weights.shape)
-        weighted[used] = weights[used] * self.sampling_error(cells.error[used])
+        plants = None if cells.plants is None else cells.plants[used]
+        weighted[used] = weights[used] * self.sampling_error(cells.error[used], plants)
         if cells.block is None:
             return weighted
         inside = np.flatnonzero(used.ravel() & (cells.block.ravel() >= 0))
@@ -101,6 +110,11 @@ class CorrelationModel:
         weighted.ravel()[inside] = 0.0
         weighted.ravel()[inside[first]] = sums
         return weighted
+
+
+def shared_error(weights: Float, error: Float | None) -> float:
+    """Of a sum of ``weights`` times values whose errors (rows, columns; NaN: none) are all one; 0 for None."""
+    return 0.0 if error is None else float(np.sum(weights * np.nan_to_num(error)))
 
 
 @dataclass(frozen=True)
@@ -158,13 +172,17 @@ def fit_correlation(cells: Cells, stable: NDArray[np.bool_], registration_error:
     """The variogram of change over error on ``stable`` cells (rows, columns).
 
     The change is taken in units of the error without the registration's part, which is one constant for all cells and
-    therefore not to be seen in a variogram.
+    therefore not to be seen in a variogram. Where plants make more of a cell's error than its points, it tells of the
+    plants; such cells are left out where enough others are.
     """
     model = CorrelationModel(registration_error, None)
-    sampling = model.sampling_error(np.asarray(cells.error, dtype=np.float64))
+    sampling = model.sampling_error(np.asarray(cells.error, dtype=np.float64), cells.plants)
     usable = stable & np.isfinite(cells.dz) & (np.nan_to_num(sampling) > 0)
     if cells.block is not None:
         usable &= _first_of_blocks(cells.block)
+    if cells.plants is not None:
+        little = usable & (np.nan_to_num(cells.plants) <= np.nan_to_num(sampling))
+        usable = little if int(little.sum()) >= FEWEST_CELLS else usable
     count = int(usable.sum())
     if count < FEWEST_CELLS:
         return CorrelationModel(registration_error, None, count)
@@ -278,6 +296,8 @@ class _Surroundings:
         self.dz = np.where(self.known, cells.dz, 0.0).astype(np.float64)
         self.variance = np.where(self.known, cells.error, 0.0).astype(np.float64) ** 2
         self.area = cells.cell**2
+        self.plants = np.zeros(self.dz.shape) if cells.plants is None else np.nan_to_num(cells.plants)
+        self.moved = self.dz if cells.plant_like is None else np.where(cells.plant_like, 0.0, self.dz)
         self.own = (labels == number).astype(np.float64)
         self.sign = float(np.sign(np.sum(self.dz * self.own)))
         offsets = np.arange(-reach, reach + 1)
@@ -294,7 +314,7 @@ class _Surroundings:
         self.usable = free & (self.known | (self.within & (self.near > 0)))
 
     def grown(self, least: float) -> NDArray[np.bool_]:
-        """The footprint, of rings in which the change is at least ``least`` m on average."""
+        """The footprint, of rings in which the change is at least ``least`` m, and the plants' error, on average."""
         core: NDArray[np.bool_] = ndimage.binary_fill_holes(self.distance <= _MARGIN) & self.usable
         core |= self.own > 0
         radius = max(math.sqrt(float(core.sum()) / math.pi) - _MARGIN, 1.0)
@@ -303,7 +323,8 @@ class _Surroundings:
         while reached < radius:
             ring = (self.distance > reached) & (self.distance <= reached + width) & self.usable & ~core
             measured = max(int((ring & self.known).sum()), 1)
-            if self.sign * float(self.dz[ring].sum()) <= least * measured:
+            by_plants = float(self.plants[ring & self.known].sum()) / measured
+            if self.sign * float(self.moved[ring].sum()) <= math.hypot(least, by_plants) * measured:
                 break
             core |= ring
             reached += width
@@ -348,7 +369,9 @@ def _around(values: Float, kernel: Float) -> Float:
 
 def _window(cells: Cells, window: tuple[slice, ...]) -> Cells:
     block = None if cells.block is None else cells.block[window]
-    return Cells(cells.dz[window], cells.error[window], cells.area[window], cells.cell, block)
+    plants = None if cells.plants is None else cells.plants[window]
+    plant_like = None if cells.plant_like is None else cells.plant_like[window]
+    return Cells(cells.dz[window], cells.error[window], cells.area[window], cells.cell, block, plants, plant_like)
 
 
 def _first_of_blocks(block: NDArray[np.int64]) -> NDArray[np.bool_]:

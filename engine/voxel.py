@@ -14,15 +14,16 @@ Float = NDArray[np.float64]
 _SHIFT = 0.381966
 
 
-def voxel_average(xyz: Float, size: float) -> Float:
+def voxel_average(xyz: Float, size: float, more: Float | None = None) -> Float:
     """Mean of the points of each occupied voxel.
 
     Args:
         xyz: (n, 3) coordinates in metres, n > 0.
         size: side of a voxel in metres.
+        more: (n,) another value of each point.
 
     Returns:
-        (m, 3) means, sorted by voxel, so that neighbours are near one another in memory.
+        (m, 3) means, sorted by voxel, so that neighbours are near one another in memory; with ``more`` (m, 4).
 
     Raises:
         InputError: the extent holds more voxels than can be numbered, which a stray point causes.
@@ -41,7 +42,8 @@ def voxel_average(xyz: Float, size: float) -> Float:
     key = key[order]
     starts = np.flatnonzero(np.concatenate([[True], key[1:] != key[:-1]]))
     members = np.diff(np.append(starts, len(key)))
-    means: Float = np.add.reduceat(xyz[order], starts, axis=0) / members[:, None]
+    values = xyz if more is None else np.column_stack([xyz, more])
+    means: Float = np.add.reduceat(values[order], starts, axis=0) / members[:, None]
     return means
 
 

@@ -16,6 +16,7 @@ from .blocks import Blocks, blocks_in_groups
 from .crs import horizontal
 from .gridding import Float, Grid
 from .parameters import ZoneParameters
+from .plant_cover import clear_of_plants
 from .review_fields import UNREVIEWED
 from .volumes import (
     Z95,
@@ -85,7 +86,8 @@ class Zones:
     Attributes:
         frame: one row a zone; columns ``FIELDS`` and a MultiPolygon ``geometry`` in the horizontal reference system.
         labels: int32 (rows, columns); 0 outside every zone, else 1 + the zone's row in ``frame``.
-        dropped_groups, dropped_cells: groups of significant cells that were too small, and their cells.
+        dropped_groups, dropped_cells: groups of significant cells that were too small, and their cells, and those
+            that are large enough, but whose mean change is within what plants make of it: ``within_plants`` groups.
         footprints: where each zone's volume was taken, in the order of ``frame``.
         volumes: their volumes and errors, in the order of ``frame``.
         correlation: how the errors of cells are related.
@@ -98,6 +100,7 @@ class Zones:
     footprints: tuple[Footprint, ...]
     volumes: ZoneVolumes
     correlation: CorrelationModel
+    within_plants: int = 0
 
 
 def extract_zones(
@@ -119,6 +122,8 @@ def extract_zones(
     cell_size: Float | None = None,
     cell_area: Float | None = None,
     stable: NDArray[np.bool_] | None = None,
+    plants: Float | None = None,
+    plant_like: NDArray[np.bool_] | None = None,
 ) -> Zones:
     """Join significant cells of one sign into zones.
 
@@ -150,10 +155,15 @@ def extract_zones(
         cell_area: area that each cell's ``dz`` acts on, m²; that of the map without.
         stable: cells that are taken as stable ground, from which the errors' correlation is told; without it, those
             outside of every footprint.
+        plants: the part of ``sigma`` that plants make, metres.
+        plant_like: cells whose change may be the plants', to which no volume reaches out.
     """
     parameters = parameters or ZoneParameters()
-    labels, first_cells, groups, dropped_cells = label_groups(dz, significant, grid, parameters, cell_size)
+    labels, first_cells, groups, dropped_cells = label_groups(dz, significant, grid, parameters, cell_size, plants)
     count = len(first_cells)
+    within_plants = 0
+    if plants is not None:
+        within_plants = len(label_groups(dz, significant, grid, parameters, cell_size)[1]) - count
     inside = np.flatnonzero(labels)
     zone = labels.ravel()[inside].astype(np.int64) - 1
 
@@ -175,6 +185,8 @@ def extract_zones(
         np.full(grid.shape, grid.cell**2) if cell_area is None else cell_area,
         grid.cell,
         block,
+        plants,
+        plant_like,
     )
     footprints = outline_footprints(
         cells, labels, count, gap=parameters.bridged_gap, registration_error=registration_error
@@ -214,6 +226,7 @@ def extract_zones(
         footprints=tuple(footprints[i] for i in order),
         volumes=volumes.in_order(order),
         correlation=correlation,
+        within_plants=within_plants,
     )
 
 
@@ -259,6 +272,7 @@ def label_groups(
     grid: Grid,
     parameters: ZoneParameters,
     cell_size: Float | None = None,
+    plants: Float | None = None,
 ) -> tuple[NDArray[np.int32], NDArray[np.int64], int, int]:
     """Labels 1..n of the groups that are large enough, first cell of each, and groups and cells that were not.
 
@@ -269,6 +283,8 @@ def label_groups(
         cell_size: side of the grown cell that each cell is part of, metres; NaN for none. Towards the least number of
             cells it counts with the part of its square that the group holds: what is left of a square tells less than
             all of it, and where finer cells lent it their points nothing new.
+        plants: error that plants make of each cell's change, metres: groups whose mean change is not beyond it
+            (``plant_cover.clear_of_plants``) are left out.
     """
     labels = np.zeros(grid.shape, dtype=np.int32)
     found = 0
@@ -293,6 +309,8 @@ def label_groups(
     number_of = np.bincount(labels.ravel(), part_of_one, minlength=found + 1)
     extent = (sizes + gaps) * grid.cell**2
     enough = (number_of >= parameters.minimum_cells - 1e-6) & (extent >= parameters.minimum_area * (1 - 1e-9))
+    if plants is not None:
+        enough &= clear_of_plants(labels, found, np.asarray(dz, dtype=np.float64), plants)
     enough[0] = False
     dropped = ~enough
     dropped[0] = False

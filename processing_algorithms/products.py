@@ -88,6 +88,23 @@ CHANGE_PRODUCTS = (
         by_default=False,
     ),
     Product(
+        "PLANT_ERROR",
+        "plant_error",
+        "Error by plants (m)",
+        "Standard error that plants make of each cell's change; written only where the ground tells of plants.",
+        Appearance(17, visible=False, expanded=False),
+        by_default=False,
+    ),
+    Product(
+        "PLANT_CHANGE",
+        "plant_change",
+        "Change that plants explain (m)",
+        "Change beyond the level of detection that no zone and no volume counts, because the plants differ as much; "
+        "written only where there is any.",
+        Appearance(16, visible=False, expanded=False),
+        by_default=False,
+    ),
+    Product(
         "HEATMAP",
         "heatmap_raster",
         "Heatmap",

@@ -58,7 +58,9 @@ raster("level_of_detection", "level_of_detection.tif", 0.05)
 raster("significant_change", "significant_change.tif", 0.5)
 raster("heatmap_raster", "heatmap.tif", 1)
 raster("top_view", "top_view.tif", 2)
-for number, key in enumerate(("change_probability", "cell_size", "surface_heights", "point_counts"), 3):
+for number, key in enumerate(
+    ("change_probability", "cell_size", "plant_error", "plant_change", "surface_heights", "point_counts"), 3
+):
     raster(key, key + ".tif", number)
 outputs["zones"] = os.path.join(folder, "zones.gpkg")
 data = ogr.GetDriverByName("GPKG").CreateDataSource(outputs["zones"])
@@ -195,6 +197,8 @@ class TestLoading:
             ("Level of detection (m)", False),
             ("Probability of change", False),
             ("Size of the cells (m)", False),
+            ("Error by plants (m)", False),
+            ("Change that plants explain (m)", False),
             ("Heatmap", False),
             ("Top view", True),
             ("Heights of both surfaces (m)", False),
