@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from .ground_surface import point_spacing
+from .point_spacing import point_spacing
 
 WIDTH, HEIGHT = 2.5, 0.5
 """Sides of a box along the slope and across it, in units of the radius."""

@@ -41,6 +41,11 @@ SMALLEST_WINDOW_M = 1.0
 MOST_ROUNDS = 24
 LEAST_GAIN = 0.002
 """Share of new points in a round below which the surface is done."""
+NEIGHBOURS, REACH_M = 6, 1.25
+"""Ground points through which a plane is laid that continues the ground beyond an edge, and how far it reaches."""
+SMOOTH_M, CONTINUED_M, CONTINUED_SHARE = 0.02, 0.06, 0.05
+"""Largest scatter about such a plane; distance from it, at first and for each metre, within which a candidate joins."""
+CONTINUED_ROUNDS = 8
 _EDGE_M, _EDGE_POINTS = 5.0, 20
 
 
@@ -88,12 +93,24 @@ def densified(points: Float, anchored: Bool | None = None) -> Bool:
     ground[_seeds(points, usable if anchored is None else usable & anchored, window)] = True
     if not ground.any():
         ground[_seeds(points, usable, window)] = True
+    _densify(points, ground, usable, window)
+    for _ in range(CONTINUED_ROUNDS):
+        beside = _continued(points, ground, usable)
+        if np.count_nonzero(beside) <= LEAST_GAIN * np.count_nonzero(ground):
+            break
+        ground |= beside
+    _densify(points, ground, usable, SMALLEST_WINDOW_M, ANGLES_DEG[1])
+    return ground
+
+
+def _densify(points: Float, ground: Bool, usable: Bool, window: float, first_angle: float = ANGLES_DEG[0]) -> None:
+    """Let candidates join ``ground`` (n,), in place, until no more come."""
     for round_number in range(MOST_ROUNDS):
         rest = np.flatnonzero(usable & ~ground)
         if not len(rest) or not ground.any():
             break
         distance, angle = Triangles(points[ground]).seen(points[rest])
-        allowed = min(ANGLES_DEG[0] + ANGLE_STEP_DEG * round_number, ANGLES_DEG[1])
+        allowed = min(first_angle + ANGLE_STEP_DEG * round_number, ANGLES_DEG[1])
         joins = (np.abs(distance) < LARGEST_DISTANCE_M) & ((angle < allowed) | (np.abs(distance) < CLOSE_M))
         if not joins.any():
             if allowed >= ANGLES_DEG[1]:
@@ -105,7 +122,39 @@ def densified(points: Float, anchored: Bool | None = None) -> Bool:
         ground[chosen] = True
         if allowed >= ANGLES_DEG[1] and len(chosen) < LEAST_GAIN * np.count_nonzero(ground):
             break
-    return ground
+
+
+def _continued(points: Float, ground: Bool, usable: Bool) -> Bool:
+    """(n,) candidates beside the ground that lie on a plane which continues it.
+
+    Beyond an edge, as of a berm, triangles span from below it to what lies behind, and what is on them is hidden.
+    """
+    joins = np.zeros(len(points), dtype=bool)
+    base, rest = points[ground], np.flatnonzero(usable & ~ground)
+    if len(base) < NEIGHBOURS or not len(rest):
+        return joins
+    tree = cKDTree(base[:, :2])
+    distance, neighbour = tree.query(base[:, :2], k=NEIGHBOURS)
+    around = base[neighbour]
+    middle = around.mean(axis=1)
+    local = around - middle[:, None]
+    x, y, z = local[..., 0], local[..., 1], local[..., 2]
+    xx, xy, yy, xz, yz = ((a * b).sum(axis=1) for a, b in ((x, x), (x, y), (y, y), (x, z), (y, z)))
+    determinant = xx * yy - xy**2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        east, north = (yy * xz - xy * yz) / determinant, (xx * yz - xy * xz) / determinant
+    scatter = np.sqrt(((z - east[:, None] * x - north[:, None] * y) ** 2).sum(axis=1) / (NEIGHBOURS - 3))
+    # a plane needs neighbours on several sides, not a row of them
+    sound = (determinant > 0.05 * (xx + yy) ** 2) & (scatter < SMOOTH_M) & (distance[:, -1] < 2.0 * REACH_M)
+    away, nearest = tree.query(points[rest, :2], k=3, distance_upper_bound=REACH_M)
+    for column in range(3):
+        found = np.flatnonzero(np.isfinite(away[:, column]))
+        vertex = nearest[found, column]
+        offset = points[rest[found]] - middle[vertex]
+        over = offset[:, 2] - east[vertex] * offset[:, 0] - north[vertex] * offset[:, 1]
+        close = sound[vertex] & (np.abs(over) < CONTINUED_M + CONTINUED_SHARE * away[found, column])
+        joins[rest[found[close]]] = True
+    return joins
 
 
 class Triangles:
@@ -127,7 +176,7 @@ class Triangles:
         return np.asarray(interpolator(xy - self.middle), dtype=np.float64)
 
     def seen(self, points: Float) -> tuple[Float, Float]:
-        """Signed distance (m,) of points from their triangle's plane, and the angle seen from its nearest corner, degrees."""
+        """Signed distance (m,) of points from their triangle's plane, and the angle at its nearest corner, degrees."""
         place = points[:, :2] - self.middle
         corners = self.points[self.mesh.simplices[self.mesh.find_simplex(place)]]
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -6,6 +6,7 @@ library does (see csf.py). Everything else is the same code for both, so both gi
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import lifecycle, pipelines
+from . import lifecycle, pipelines, plant_cover
 from .cloud_writing import copy_with
 from .clouds import open_cloud
 from .crs import WorkingFrame
@@ -24,12 +25,12 @@ from .csf import cloth_ground, filling, refuse_large_cloth
 from .denoise import outliers
 from .errors import EngineError, InputError
 from .ground_metrics import coverage, file_coverage, vegetation_cover
-from .ground_points import cloth_threshold, dominant_plane, ground_mask, refined, require_points
-from .ground_surface import point_spacing
+from .ground_points import Filtered, cloth_threshold, dominant_plane, ground_mask, refined, require_points
 from .las_records import classes, read_records, return_numbers
 from .parameters import GroundParameters, InputParameters
 from .pdal import Pdal, find_pdal
 from .plane import Plane, apply_matrix, flattening_matrix
+from .point_spacing import point_spacing
 from .preflight import CloudHeader, EmptyCloud, preflight, shown
 from .progress import Progress
 from .returns import Returns, last_returns, return_totals
@@ -39,6 +40,9 @@ __all__ = ["GroundResult", "extract_ground", "ground_mask"]
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
+HEIGHT_OVER_GROUND = "height_over_ground"
+"""Name of the dimension in the classified cloud, metres."""
+STEEPEST_COSINE = 0.1
 _MEMORY = 4_000_000_000
 _MEMORY_PER_POINT = 1_000
 
@@ -194,7 +198,7 @@ class _Extraction:
         with self._step("write", 0.9, 1.0, "writing the ground"):
             classified = self._file("classified.laz")
             labels = np.where(found.ground, pipelines.GROUND, pipelines.UNCLASSIFIED).astype(np.uint8)
-            copy_with(clipped, classified, classification=labels)
+            copy_with(clipped, classified, classification=labels, dimensions=_dimensions(found, plane.dip))
             self._run("select", pipelines.select_pipeline(classified, self.output, preflight(classified)), len(xyz))
             self._check_output(int(np.count_nonzero(found.ground)))
         ground_points = int(np.count_nonzero(found.ground))
@@ -333,6 +337,18 @@ class _Extraction:
         with self.progress.stage(start, end, message):
             yield
         self.seconds[name] = round(time.monotonic() - began, 3)
+
+
+def _dimensions(found: Filtered, dip: float) -> dict[str, NDArray[np.float32]]:
+    """What is known of the plants at each point, as the file holds it: vertical metres; nothing without refinement."""
+    # distances are square to the slope's plane
+    vertical = 1.0 / max(math.cos(math.radians(dip)), STEEPEST_COSINE)
+    named = {
+        HEIGHT_OVER_GROUND: found.height,
+        plant_cover.ERROR: found.plant_error,
+        plant_cover.HEIGHT: found.plant_height,
+    }
+    return {name: (values * vertical).astype(np.float32) for name, values in named.items() if values is not None}
 
 
 def _read(header: CloudHeader) -> tuple[Float, Returns, NDArray[np.uint8]]:

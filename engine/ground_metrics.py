@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from .decoded_bounds import DecodedBounds
-from .ground_surface import point_spacing
 from .las_records import read_records
+from .point_spacing import point_spacing
 from .preflight import CloudHeader
 
 COVERAGE_CELL = 1.0

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from .csf import cloth_ground
 from .denoise import outliers
 from .errors import InputError
-from .ground_surface import ground_surface
+from .layered_ground import layered_ground
 from .parameters import GroundParameters
 from .plane import Plane, apply_matrix, fit_plane, flattening_matrix, lowest_points
 
@@ -24,11 +24,17 @@ FEWEST_POINTS = 10
 
 @dataclass(frozen=True)
 class Filtered:
-    """``ground`` (n,) bool, and the scatter and threshold of the refinement."""
+    """``ground`` (n,) bool, and the scatter and threshold of the refinement, metres.
+
+    ``height``, ``plant_error`` and ``plant_height`` (n,) are those of ``layered_ground.LayeredGround``; None without it.
+    """
 
     ground: Bool
     scatter: float
     threshold: float
+    height: Float | None = None
+    plant_error: Float | None = None
+    plant_height: Float | None = None
 
 
 def ground_mask(xyz: Float, parameters: GroundParameters | None = None, last: Bool | None = None) -> Bool:
@@ -92,10 +98,8 @@ def refined(flat: Float, near: Bool, taken: Bool, parameters: GroundParameters) 
     """
     if not parameters.refine:
         return Filtered(near & taken, 0.0, parameters.class_threshold)
-    surface = ground_surface(flat[taken], near[taken], parameters.class_threshold)
-    ground = np.zeros(len(flat), dtype=bool)
-    ground[np.flatnonzero(taken)[surface.ground]] = True
-    return Filtered(ground, surface.scatter, surface.threshold)
+    found = layered_ground(flat, near, taken, parameters.class_threshold)
+    return Filtered(found.ground, found.scatter, found.threshold, found.height, found.plant_error, found.plant_height)
 
 
 def cloth_threshold(parameters: GroundParameters) -> float:

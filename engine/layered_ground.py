@@ -3,16 +3,19 @@
 1. Candidates, the lowest supported returns of cells, are densified from seeds near the cloth (``densification``).
 2. Planes on square windows follow the triangulated surface: in each window the lowest layer (``lowest_layer``) says which
    returns are ground, a plane is laid through them, and heights are taken over it; twice, then the layers once more.
-3. A window is bare where all returns within the threshold of the ground scatter about it alike; elsewhere plants stand in the
-   layer, and only the returns up to ``Layers.top`` are ground.
+3. A window whose lowest layer is as narrow as bare ground, and shaped like it, is bare: all returns within the threshold of
+   their mean are ground. Elsewhere plants stand in the layer, and only returns up to ``Layers.top`` are ground.
+4. Where returns are dense, smaller windows look for bare ground that bends within a larger one (edges of berms, cones).
 
-Windows are as large as the density of returns demands.
+Nothing is ground because it is dense. Windows are as large as the density of returns demands. The constants were measured on
+real and simulated clouds, see benchmarks/real_ground.py and docs/ground.md.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +24,7 @@ from scipy import ndimage
 from .densification import Triangles, densified, lowest_supported
 from .lowest_layer import HIGHEST_M, LOWEST_M, Layers, histograms, lowest_layers
 from .plane_cells import Planes
+from .square_tiles import in_tiles
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -33,30 +37,51 @@ SMALLEST_WINDOW_M, LARGEST_WINDOW_M = 0.5, 1.5
 WIDEST_POOL = 3
 """Windows on each side that help at most."""
 ROUNDS = 2
-TYPICAL_SCATTER_M, SCATTER_LIMITS_M = 0.02, (0.01, 0.04)
-"""Scatter of returns from bare ground where no window is bare, and its limits."""
-NARROW_M, FEWEST_NARROW = 0.05, 0.05
-"""A window whose lowest layer scatters less is taken for bare when the scatter is judged; the least share of those."""
+BARE_SCATTER_M, ROUGHNESS = 0.022, 0.016
+"""Scatter of returns about bare ground in windows of a metre, and what the ground's relief adds for each metre more."""
+LEAST_KURTOSIS, NARROWER_M = 2.75, 0.01
+"""Returns from bare ground are distributed about normally (3), from a layer more evenly (1.8): bare ground must be
+narrower by so many metres for each unit less."""
+MEDIAN_WINDOWS, NEIGHBOURS_HELP_M = 5, 0.006
+"""Windows on a side whose median decides, and by how much one among bare ones may scatter more."""
+FEWEST_BARE = 20.0
+"""Returns to tell bare ground by."""
+PLANT_SCATTER = 0.73
+"""Scatter of the ground under plants, as a share of the largest that bare ground may have."""
+JUDGED_M = 0.1
+"""Height over and below the ground of the returns by which a window is judged."""
+CLOSER_WINDOW_M, CLOSER_PARTS = 0.8, (2, 4)
+"""Windows at most this large hold enough returns to be divided, into so many."""
+EDGE_SPREAD = 1.3
+"""Returns across an edge scatter more in a large window than bare ground may, by this factor at least."""
+CLOSER_M, CLOSER_ROUNDS = 0.3, 4
+"""Height within which returns take part in a closer look, and its rounds."""
 SPREAD = 2.5
 """The threshold is at least so many times the scatter."""
-LARGEST_SURPLUS_M = 0.007
-"""A window is bare where the mean within the threshold lies no more than this above the ground."""
-_POOL = (0.5, 1.0, 0.5)
+PLANT_ERROR_M, FEW_GROUND = 0.018, 0.12
+"""Error of the ground under plants in windows of a metre, and share of ground below which it grows: measured on simulated
+grass, ferns and forest, of which 6 % of the cells lie beyond 1.96 errors."""
+CLEARLY_BARE = 0.5
+"""Share of the lower returns that is ground, from which bare ground has no error by plants."""
+LARGEST_PLANT_ERROR_M = 0.25
+"""Where plants make a larger error, no ground is known."""
+FARTHEST_CELLS = 4.0
+"""Cells from the nearest known ground up to which a return's height over it is told."""
+TILE_M, MARGIN_M = 60.0, 9.0
 
 
 @dataclass(frozen=True)
 class LayeredGround:
     """What was found; arrays of shape (n,) for the points given.
 
-    ``height`` is that over the surface (infinite far from it), ``ground`` the returns taken for ground, ``allowed``
-    those that a closer look may still take (all over bare ground, those up to the layer's top under plants); ``bare``
-    says whether the point's window is bare, ``plant_error`` and ``plant_height`` what its plants are and cost, metres.
-    ``scatter`` and ``threshold`` are those of the whole cloud.
+    ``height`` is that over the ground, NaN where no ground is known near; ``ground`` the returns taken for ground;
+    ``bare`` says whether the window of a point is bare, ``plant_error`` (NaN where no ground is known) and
+    ``plant_height`` what its plants cost and how high half of its lower returns stand, metres. ``scatter`` is the
+    largest that bare ground may show, ``threshold`` the largest distance of ground from its surface.
     """
 
     height: Float
     ground: Bool
-    allowed: Bool
     bare: Bool
     plant_error: Float
     plant_height: Float
@@ -64,65 +89,133 @@ class LayeredGround:
     threshold: float
 
 
-def layered_ground(xyz: Float, anchored: Bool, threshold: float) -> LayeredGround:
+@dataclass(frozen=True)
+class _Windows:
+    """Side of the windows, largest scatter of bare ground in them and threshold, metres."""
+
+    side: float
+    scatter: float
+    threshold: float
+
+
+def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) -> LayeredGround:
     """Ground among points (n, 3) in a frame in which the slope lies flat.
 
     Args:
         anchored: (n,) points near the settled cloth.
+        taken: (n,) points that may be ground.
         threshold: least distance (m) from the surface within which a point of bare ground is ground.
     """
-    low = lowest_supported(xyz)
-    vertices = low[densified(xyz[low], anchored[low])]
-    height = _over_triangles(xyz, xyz[vertices])
-    index = np.flatnonzero((height > LOWEST_M) & (height < HIGHEST_M))
+    height = _over_triangles(xyz, anchored, taken)
+    index = np.flatnonzero(taken & (height > LOWEST_M) & (height < HIGHEST_M))
     side = _window_side(xyz[index])
-    planes = Planes((xyz[index, :2] - xyz[:, :2].min(axis=0)) / side)
-    over = height[index]
-    scatter = TYPICAL_SCATTER_M
-    for _ in range(ROUNDS):
-        layers = _pooled_layers(over, planes, scatter, max(threshold, SPREAD * scatter))
-        over = over - _through(over, planes, layers, max(threshold, SPREAD * scatter))
-        scatter = _scatter(over, planes, layers)
-    threshold = max(threshold, SPREAD * scatter)
-    layers = _pooled_layers(over, planes, scatter, threshold)
-    return _judged(len(xyz), index, over, planes, layers, scatter, threshold)
+    scatter = math.hypot(BARE_SCATTER_M, ROUGHNESS * max(2.0 * side - 1.0, 0.0))
+    windows = _Windows(side, scatter, max(threshold, SPREAD * scatter))
+    if not len(index):
+        nowhere, none = np.full(len(xyz), np.nan), np.zeros(len(xyz), dtype=bool)
+        return LayeredGround(nowhere, none, none, nowhere, nowhere, scatter, windows.threshold)
+    low = np.column_stack([xyz[index, :2] - xyz[:, :2].min(axis=0), height[index]])
+    judged = in_tiles(low, partial(_judged, windows=windows), TILE_M, MARGIN_M, side)
+    ground, bare = (np.zeros(len(xyz), dtype=bool) for _ in range(2))
+    ground[index], bare[index] = judged[:, 1] > 0, judged[:, 2] > 0
+    known = np.column_stack([height[index] - judged[:, 0], judged[:, 3:]])
+    offset, error, plants = _everywhere(xyz, index, known, side).T
+    over = height - offset
+    over[index] = judged[:, 0]
+    return LayeredGround(over, ground, bare, error, plants, scatter, windows.threshold)
 
 
-def _judged(
-    count: int, index: NDArray[np.int64], over: Float, planes: Planes, layers: Layers, scatter: float, threshold: float
-) -> LayeredGround:
-    """The answer for all points from the windows."""
-    def each(values: Float) -> Float:
-        return values.ravel()[planes.key]
-
-    ground, top = each(layers.ground), each(layers.top)
-    is_bare = each((layers.surplus <= LARGEST_SURPLUS_M).astype(float)) > 0
-    error = np.where(layers.surplus <= LARGEST_SURPLUS_M, 0.0, plant_error(layers, scatter))
-    height, plant_height = np.full(count, np.inf), np.full(count, np.nan)
-    height[index] = over - ground
-    found, allowed, bare = (np.zeros(count, dtype=bool) for _ in range(3))
-    found[index] = (over >= ground - threshold) & (over <= np.where(is_bare, ground + threshold, top))
-    allowed[index] = found[index] | is_bare
-    bare[index] = is_bare
-    errors = np.full(count, np.nan)
-    errors[index], plant_height[index] = each(error), each(np.maximum(layers.median, 0.0))
-    return LayeredGround(height, found, allowed, bare, errors, plant_height, scatter, threshold)
+def _everywhere(xyz: Float, index: NDArray[np.int64], known: Float, side: float) -> Float:
+    """(n, k) values at all points from those ``known`` (m, k) at ``index``: the mean of the cell, else of the nearest."""
+    cells = np.floor((xyz[:, :2] - xyz[:, :2].min(axis=0)) / side).astype(np.int64)
+    shape = tuple(int(n) + 1 for n in cells.max(axis=0))
+    key = cells[:, 0] * shape[1] + cells[:, 1]
+    finite = np.isfinite(known).all(axis=1)
+    place, values = key[index[finite]], known[finite]
+    number = np.bincount(place, minlength=shape[0] * shape[1])
+    with np.errstate(invalid="ignore"):
+        means = np.column_stack([np.bincount(place, column, len(number)) / number for column in values.T])
+    distance, (rows, columns) = ndimage.distance_transform_edt((number == 0).reshape(shape), return_indices=True)
+    nearest = (rows * shape[1] + columns).ravel()
+    found = means[nearest[key]]
+    found[distance.ravel()[key] > FARTHEST_CELLS] = np.nan
+    found[index[finite]] = values
+    found[index[~finite]] = np.nan
+    return found
 
 
 def plant_error(layers: Layers, scatter: float) -> Float:
-    """Standard error (m) of the ground's height in windows, from the returns that reached it."""
-    return 1.3 * scatter / np.sqrt(np.maximum(layers.below, 1.0))
+    """Standard error (m) of the ground's height by plants, in windows where bare ground may show ``scatter``.
+
+    It grows with the width of the windows that returns are gathered over, which ``scatter`` follows, and where little of
+    the returns is ground.
+    """
+    share = np.maximum(layers.taken, 1.0) / np.maximum(layers.returns, 1.0)
+    wider = scatter / BARE_SCATTER_M
+    return PLANT_ERROR_M * wider**3 * np.sqrt(1.0 + FEW_GROUND / np.minimum(share, 1.0))
 
 
-def _over_triangles(xyz: Float, vertices: Float) -> Float:
-    """(n,) height over the triangles through ``vertices``, by a grid of SURFACE_CELL_M."""
+def _judged(points: Float, windows: _Windows) -> Float:
+    """(n, 5) height over the ground, ground, bare, plant error and height of points (n, 3): x, y, height over triangles."""
+    low = np.floor(points[:, :2].min(axis=0) / windows.side) * windows.side
+    planes = Planes((points[:, :2] - low) / windows.side)
+    over, sigma = points[:, 2], PLANT_SCATTER * windows.scatter
+    for _ in range(ROUNDS):
+        layers = _pooled_layers(over, planes, sigma, windows.threshold)
+        over = over - _through(over, planes, layers, windows.threshold)
+    layers = _pooled_layers(over, planes, sigma, windows.threshold)
+
+    def each(values: NDArray[np.generic]) -> Float:
+        return np.asarray(values.ravel()[planes.key], dtype=np.float64)
+
+    narrow, mean, spread = _narrow(over - each(layers.ground), planes, windows.scatter)
+    bare = each(narrow) > 0
+    height = over - each(layers.ground) - np.where(bare, each(mean), 0.0)
+    top = np.where(bare, windows.threshold, each(layers.top - layers.ground))
+    sure = narrow & (layers.taken >= CLEARLY_BARE * layers.returns)
+    error = each(np.where(sure, 0.0, plant_error(layers, windows.scatter)))
+    if windows.side <= CLOSER_WINDOW_M:
+        bends = ~bare & (each(spread) > EDGE_SPREAD * windows.scatter)
+        for parts in CLOSER_PARTS:
+            finer = Planes((points[:, :2] - low) * (parts / windows.side))
+            residual, found = _closer(height, finer, windows.scatter)
+            found &= bends & ~bare
+            height, bare = np.where(found, residual, height), bare | found
+            top, error = np.where(found, windows.threshold, top), np.where(found, 0.0, error)
+    ground = (height >= -windows.threshold) & (height <= top) & (error <= LARGEST_PLANT_ERROR_M)
+    unknown = ~np.isfinite(height) | (error > LARGEST_PLANT_ERROR_M)
+    height[unknown], error[unknown] = np.nan, np.nan
+    return np.column_stack([height, ground, bare, error, np.maximum(each(layers.median), 0.0)])
+
+
+def _closer(height: Float, planes: Planes, scatter: float) -> tuple[Float, Bool]:
+    """Height (n,) over planes in smaller windows, and where those show bare ground."""
+    near = np.abs(height) < CLOSER_M
+    start, weight = np.where(near, height, 0.0), near.astype(np.float64)
+    residual = start
+    for _ in range(CLOSER_ROUNDS):
+        residual = start - planes.at_points(*planes.fit(start, weight, 0.2, 0.02))
+        weight = near / (1.0 + (residual / scatter) ** 2)
+    narrow, _, _ = _narrow(np.where(near, residual, np.inf), planes, scatter)
+    return residual, near & narrow.ravel()[planes.key]
+
+
+def _over_triangles(xyz: Float, anchored: Bool, taken: Bool) -> Float:
+    """(n,) height over triangles through the ground's candidates, by a grid of SURFACE_CELL_M."""
+    usable = np.flatnonzero(taken)
+    if not len(usable):
+        return np.full(len(xyz), np.inf)
+    candidates = usable[lowest_supported(xyz[usable])]
+    vertices = candidates[densified(xyz[candidates], anchored[candidates])]
+    if len(vertices) < 3:
+        return np.full(len(xyz), np.inf)
     low = xyz[:, :2].min(axis=0)
     shape = np.ceil(np.ptp(xyz[:, :2], axis=0) / SURFACE_CELL_M).astype(int) + 2
     rows, columns = np.meshgrid(*(np.arange(n) for n in shape), indexing="ij")
     nodes = low + SURFACE_CELL_M * np.column_stack([rows.ravel(), columns.ravel()])
-    surface = Triangles(vertices).height(nodes).reshape(shape)
+    surface = Triangles(xyz[vertices]).height(nodes).reshape(shape)
     place = ((xyz[:, :2] - low) / SURFACE_CELL_M).T
-    return xyz[:, 2] - ndimage.map_coordinates(surface, place, order=1, mode="nearest")
+    return np.asarray(xyz[:, 2] - ndimage.map_coordinates(surface, place, order=1, mode="nearest"), dtype=np.float64)
 
 
 def _window_side(xyz: Float) -> float:
@@ -138,19 +231,14 @@ def _window_side(xyz: Float) -> float:
 def _pooled_layers(over: Float, planes: Planes, scatter: float, threshold: float) -> Layers:
     """The layers of windows, each with (half of) the windows around it; of more windows where returns are few."""
     counts = histograms(over, planes.key, planes.shape[0] * planes.shape[1]).reshape(*planes.shape, -1)
-    pooled = counts
-    for axis in (0, 1):
-        pooled = ndimage.correlate1d(pooled, _POOL, axis=axis, mode="constant")
-    layers = lowest_layers(pooled, scatter, threshold)
+    layers = lowest_layers(planes.pooled(counts), scatter, threshold)
     for reach in range(2, WIDEST_POOL + 1):
         few = (layers.returns < FEWEST_RETURNS) & (layers.returns > 0)
         if not few.any():
             break
         width = 2 * reach + 1
         wider = ndimage.uniform_filter(counts, (width, width, 1), mode="constant") * width**2
-        help_ = lowest_layers(wider[few], scatter, threshold)
-        for name in Layers.__dataclass_fields__:
-            getattr(layers, name)[few] = getattr(help_, name)
+        layers = layers.where(few, lowest_layers(wider[few], scatter, threshold))
     return layers
 
 
@@ -164,17 +252,24 @@ def _through(over: Float, planes: Planes, layers: Layers, threshold: float) -> F
     return planes.at_points(height, along, across)
 
 
-def _scatter(over: Float, planes: Planes, layers: Layers) -> float:
-    """Scatter (m) of returns about bare ground: the lower quartile over the windows whose lowest layer is narrow."""
-    from_ground = over - layers.ground.ravel()[planes.key]
-    weight = (np.abs(from_ground) < 2.0 * NARROW_M).astype(np.float64)
-    value = np.nan_to_num(from_ground)
-    number = planes.sum(weight)
+def _narrow(height: Float, planes: Planes, scatter: float) -> tuple[Bool, Float, Float]:
+    """Windows whose returns about 0 scatter as those from bare ground do; the returns' mean and standard deviation."""
+    near = np.abs(height) < JUDGED_M
+    value = np.where(near, height, 0.0)
+    number, *sums = (planes.pooled(planes.pooled(planes.sum(near * value**power))) for power in range(5))
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean = planes.sum(weight * value) / number
-        spread = np.sqrt(planes.sum(weight * value**2) / number - mean**2)
-    enough = number >= 10
-    narrow = enough & (spread < NARROW_M)
-    if np.count_nonzero(narrow) < max(1.0, FEWEST_NARROW * np.count_nonzero(enough)):
-        return TYPICAL_SCATTER_M
-    return float(np.clip(np.quantile(spread[narrow], 0.25), *SCATTER_LIMITS_M))
+        mean, square, cube, fourth = (total / number for total in sums)
+        variance = np.maximum(square - mean**2, 0.0)
+        kurtosis = (fourth - 4 * mean * cube + 6 * mean**2 * square - 3 * mean**4) / variance**2
+        spread = np.sqrt(variance)
+        score = spread - NARROWER_M * (kurtosis - LEAST_KURTOSIS)
+    known = (number >= FEWEST_BARE) & np.isfinite(score)
+    return known & (score <= scatter + NEIGHBOURS_HELP_M) & (_median_around(score, known) <= scatter), mean, spread
+
+
+def _median_around(values: Float, known: Bool) -> Float:
+    """Median of MEDIAN_WINDOWS x MEDIAN_WINDOWS windows; an unknown one counts as the nearest that is known."""
+    if not known.any():
+        return np.full(values.shape, np.inf)
+    nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
+    return np.asarray(ndimage.median_filter(values[tuple(nearest)], size=MEDIAN_WINDOWS, mode="nearest"), np.float64)

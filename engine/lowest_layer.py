@@ -9,7 +9,7 @@ returns lie on both sides alike, it is their median.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,14 @@ class Layers:
     returns: Float
     surplus: Float
     median: Float
+
+    def where(self, chosen: Bool, other: Layers) -> Layers:
+        """These layers, with ``other``'s (m,) in the m windows ``chosen``."""
+        values = {}
+        for name in (f.name for f in fields(self)):
+            values[name] = getattr(self, name).copy()
+            values[name][chosen] = getattr(other, name)
+        return Layers(**values)
 
 
 def histograms(height: Float, window: NDArray[np.int64], count: int) -> Float:

@@ -1,0 +1,25 @@
+"""How far the points of a cloud are apart."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+def point_spacing(xy: FloatArray) -> float:
+    """Mean spacing (m) of points (n, 2) seen from above: the root of the median area a point has in occupied cells."""
+    low = xy.min(axis=0)
+    extent = float(np.ptp(xy, axis=0).max())
+    cell = 1.0
+    while True:
+        keys = np.floor((xy - low) / cell).astype(np.int64)
+        _, counts = np.unique(keys[:, 0] * (int(keys[:, 1].max()) + 1) + keys[:, 1], return_counts=True)
+        density = float(np.median(counts))
+        # cells of a point or two say nothing of the gaps between them
+        if density >= 8 or cell >= extent:
+            return cell / math.sqrt(density)
+        cell *= 2.0
