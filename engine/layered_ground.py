@@ -1,14 +1,14 @@
 """The ground under plants: a surface from below, and which returns about it are ground.
 
 1. Candidates, the lowest supported returns of cells, are densified from seeds near the cloth (``densification``).
-2. Planes on square windows follow the triangulated surface: in each window the lowest layer (``lowest_layer``) says which
-   returns are ground, a plane is laid through them, and heights are taken over it; twice, then the layers once more.
-3. A window whose lowest layer is as narrow as bare ground, and shaped like it, is bare: all returns within the threshold of
-   their mean are ground. Elsewhere plants stand in the layer, and only returns up to ``Layers.top`` are ground.
+2. Planes on square windows follow the triangulated surface: in each window the lowest layer (``lowest_layer``) says
+   which returns are ground, a plane is laid through them, and heights are taken over it; twice, then the layers again.
+3. A window whose lowest layer is as narrow as bare ground, and shaped like it, is bare: all returns within the
+   threshold of their mean are ground. Elsewhere plants stand in the layer, and returns up to ``Layers.top`` are ground.
 4. Where returns are dense, smaller windows look for bare ground that bends within a larger one (edges of berms, cones).
 
-Nothing is ground because it is dense. Windows are as large as the density of returns demands. The constants were measured on
-real and simulated clouds, see benchmarks/real_ground.py and docs/ground.md.
+Nothing is ground because it is dense. Windows are as large as the density of returns demands. The constants were
+measured on real and simulated clouds, see benchmarks/real_ground.py and docs/ground.md.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ CLOSER_M, CLOSER_ROUNDS = 0.3, 4
 SPREAD = 2.5
 """The threshold is at least so many times the scatter."""
 PLANT_ERROR_M, FEW_GROUND = 0.018, 0.12
-"""Error of the ground under plants in windows of a metre, and share of ground below which it grows: measured on simulated
-grass, ferns and forest, of which 6 % of the cells lie beyond 1.96 errors."""
+"""Error of the ground under plants in windows of a metre, and share of ground below which it grows: measured on
+simulated grass, ferns and forest, of which 6 % of the cells lie beyond 1.96 errors."""
 CLEARLY_BARE = 0.5
 """Share of the lower returns that is ground, from which bare ground has no error by plants."""
 LARGEST_PLANT_ERROR_M = 0.25
@@ -126,7 +126,7 @@ def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) ->
 
 
 def _everywhere(xyz: Float, index: NDArray[np.int64], known: Float, side: float) -> Float:
-    """(n, k) values at all points from those ``known`` (m, k) at ``index``: the mean of the cell, else of the nearest."""
+    """(n, k) values at all points from those ``known`` (m, k) at ``index``: mean of the cell, else of the nearest."""
     cells = np.floor((xyz[:, :2] - xyz[:, :2].min(axis=0)) / side).astype(np.int64)
     shape = tuple(int(n) + 1 for n in cells.max(axis=0))
     key = cells[:, 0] * shape[1] + cells[:, 1]
@@ -147,8 +147,8 @@ def _everywhere(xyz: Float, index: NDArray[np.int64], known: Float, side: float)
 def plant_error(layers: Layers, scatter: float) -> Float:
     """Standard error (m) of the ground's height by plants, in windows where bare ground may show ``scatter``.
 
-    It grows with the width of the windows that returns are gathered over, which ``scatter`` follows, and where little of
-    the returns is ground.
+    It grows with the width of the windows that returns are gathered over, which ``scatter`` follows, and where little
+    of the returns is ground.
     """
     share = np.maximum(layers.taken, 1.0) / np.maximum(layers.returns, 1.0)
     wider = scatter / BARE_SCATTER_M
@@ -156,7 +156,10 @@ def plant_error(layers: Layers, scatter: float) -> Float:
 
 
 def _judged(points: Float, windows: _Windows) -> Float:
-    """(n, 5) height over the ground, ground, bare, plant error and height of points (n, 3): x, y, height over triangles."""
+    """(n, 5) height over the ground, ground, bare, plant error and plant height of points (n, 3).
+
+    ``points`` are x, y and the height over the triangles.
+    """
     low = np.floor(points[:, :2].min(axis=0) / windows.side) * windows.side
     planes = Planes((points[:, :2] - low) / windows.side)
     over, sigma = points[:, 2], PLANT_SCATTER * windows.scatter

@@ -3,8 +3,8 @@
 Of a pulse into grass little reaches the ground, and the layer is densest in the grass. So the ground is not looked for
 where returns are many but where they end: below the ground there is only the noise of the range. Points below a height
 lie below it by 0.8 sigma on average (mean of a half normal distribution) if that height is the ground; if it is in the
-plants, the points below it are spread wider. The lowest height at which the depth is reached is taken. On bare ground, where
-returns lie on both sides alike, it is their median.
+plants, the points below it are spread wider. The lowest height at which the depth is reached is taken. On bare ground,
+where returns lie on both sides alike, it is their median.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ BINS = round((HIGHEST_M - LOWEST_M) / BIN_M)
 HALF_NORMAL_MEAN = 0.798
 LEAST_BELOW, LEAST_BELOW_SHARE = 1.5, 0.004
 """Points that must lie below the ground for it to be believed: at least, and of all returns."""
-EDGES: Float = LOWEST_M + BIN_M * np.arange(BINS + 1)
-_MIDDLES = EDGES[:-1] + BIN_M / 2
+EDGES: Float = LOWEST_M + BIN_M * np.arange(BINS + 1, dtype=np.float64)
+_MIDDLES: Float = LOWEST_M + BIN_M * (np.arange(BINS, dtype=np.float64) + 0.5)
 
 
 @dataclass(frozen=True)
