@@ -1,8 +1,8 @@
 """What covers the ground: bare, grass, shrubs, trees; and how well the ground below is known.
 
-Squares seen from above are told apart by the heights of their returns over the extracted ground. Squares start at 4 m
-and are quartered down to 0.5 m as long as they hold ``SPLIT`` returns, so that a class is never told from a handful.
-Their corners are whole multiples of their side, so two surveys of one slope have the same places.
+Squares seen from above are told apart by the heights of their returns over the extracted ground. Squares of 4 m are
+quartered down to 0.5 m as long as they hold ``ENOUGH`` returns for each quarter that holds any, so that a class is not
+told from a handful. Corners are whole multiples of the side, so two surveys of one slope have the same places.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ Index = NDArray[np.int64]
 FINEST = 0.5
 _LEVELS = 3
 COARSEST = FINEST * 2**_LEVELS
-SPLIT = 32
-"""Returns that a square must hold to be quartered: 8 a quarter on average."""
+ENOUGH = 8
+"""Returns that a square must hold for each of its quarters that holds any, to be quartered."""
 BARE, LOW, SHRUBS, TREES, UNKNOWN = "bare", "low_plants", "shrubs", "trees", "unknown"
 CLASSES = {
     BARE: "bare ground",
@@ -44,10 +44,12 @@ class CoverCells:
     """``index`` (n,) the square of each point; of the m squares, ``side`` (m,) metres and the south-west corner.
 
     ``column`` and ``row`` (m,) count steps of ``FINEST`` metres from the coordinates' zero. Every square has a point.
+    ``area`` (m,) m² of the quarters that hold any: squares reach beyond the survey's edge.
     """
 
     index: Index
     side: Float
+    area: Float
     column: Index
     row: Index
 
@@ -88,7 +90,7 @@ class HeightCounts:
 
 @dataclass(frozen=True)
 class GroundCover:
-    """Cover of a survey. Areas are of squares that hold returns; shares are 0 to 1, lengths metres, NaN where unknown.
+    """Cover of a survey. Areas are of what holds returns; shares are 0 to 1, lengths metres, NaN where unknown.
 
     ``ground_share`` of all returns; ``without_ground_share`` of the area; ``error_m`` and ``noise_m``: the error of the
     ground by plants, and the standard error of a square's mean by the scatter of its ground returns, medians over the
@@ -143,7 +145,7 @@ def cover_facts(
     for kind, limit in enumerate(HEIGHTS, 1):
         kinds[counted(height > limit) > _FEW * known] = kind
     kinds[2 * known < returns] = len(HEIGHTS) + 1
-    area = cells.side**2
+    area = cells.area
     noise = _noise(cells, ground, height, on_ground)
     classes = []
     for kind, name in enumerate(CLASSES):
@@ -179,23 +181,29 @@ def cover_facts(
 
 
 def cover_cells(xyz: Float) -> CoverCells:
-    """Squares of points (n, 2 or 3), n > 0: quartered from 4 m down to 0.5 m while they hold ``SPLIT`` returns."""
+    """Squares of points (n, 2 or 3), n > 0: of 4 m, quartered down to 0.5 m while they hold enough returns."""
     step = [np.floor(xyz[:, axis] / FINEST).astype(np.int64) for axis in (0, 1)]
     index, column, row = _blocks(*(axis >> _LEVELS for axis in step))
     column, row = column << _LEVELS, row << _LEVELS
     size = np.full(len(column), 1 << _LEVELS)
+    area = np.zeros(len(size))
     for level in range(_LEVELS - 1, -1, -1):
-        full = (np.bincount(index, minlength=len(size)) >= SPLIT) & (size == 2 << level)
+        quarter = 2 * ((step[0] >> level) & 1) + ((step[1] >> level) & 1)
+        counts = np.bincount(4 * index + quarter, minlength=4 * len(size)).reshape(-1, 4)
+        held, now = np.count_nonzero(counts, axis=1), size == 2 << level
+        full = (counts.sum(axis=1) >= ENOUGH * held) & now
+        area = np.where(now, held * (FINEST * (1 << level)) ** 2, area)
         parts = np.where(full, 4, 1)
         start = np.cumsum(parts) - parts
-        quarter = 2 * ((step[0] >> level) & 1) + ((step[1] >> level) & 1)
         index = start[index] + np.where(full[index], quarter, 0)
         which = np.arange(parts.sum()) - np.repeat(start, parts)
+        area = np.repeat(area, parts)
         size = np.repeat(np.where(full, size >> 1, size), parts)
         column = np.repeat(column, parts) + (which >> 1) * size
         row = np.repeat(row, parts) + (which & 1) * size
-    held = np.bincount(index, minlength=len(size)) > 0
-    return CoverCells((np.cumsum(held) - 1)[index], FINEST * size[held], column[held], row[held])
+    area[size == 1] = FINEST**2
+    some = np.bincount(index, minlength=len(size)) > 0
+    return CoverCells((np.cumsum(some) - 1)[index], FINEST * size[some], area[some], column[some], row[some])
 
 
 def cover_sentence(cover: GroundCover) -> str:

@@ -12,8 +12,8 @@ import pytest
 from slopewatch.engine.ground_cover import (
     CLASSES,
     COARSEST,
+    ENOUGH,
     FINEST,
-    SPLIT,
     GroundCover,
     cover_cells,
     cover_facts,
@@ -43,7 +43,8 @@ def by_hand() -> np.ndarray:
             rows(0.75, 0.25, [0.02, 0.04, 0.0] + [0.3] * 17, 3, 0.02, 0.3),
             rows(0.25, 0.75, [0.5] * 18 + [5.0, 6.0], 0, 0.04, 0.5),
             rows(0.75, 0.75, [0.0] * 9 + [math.nan] * 11, 1, math.nan, math.nan),
-            rows(41.0, 81.0, [1.5] * 5, 0, 0.06, 1.5),
+            *(rows(x, y, [1.5], 0, 0.06, 1.5) for x in (41.0, 43.0) for y in (81.0, 83.0)),
+            rows(43.1, 83.1, [1.5], 0, 0.06, 1.5),
         ]
     )
 
@@ -120,11 +121,21 @@ def test_squares_are_quartered_while_they_hold_enough():
     np.testing.assert_array_equal(corner % sides[:, None], 0)
     counts = np.bincount(cells.index)
     assert counts.min() >= 1
-    assert counts[cells.side > FINEST].max() < SPLIT
-    # what was quartered held enough: the squares of 1 m around those of 0.5 m
-    parents = np.floor(xy[sides == FINEST] / (2 * FINEST)).astype(int)
-    assert np.unique(parents, axis=0, return_counts=True)[1].min() >= SPLIT
+    assert (cells.area[cells.side == FINEST] == FINEST**2).all()
+    for cell in np.flatnonzero(cells.side > FINEST):
+        own = xy[cells.index == cell]
+        held = len(np.unique(np.floor(own / (cells.side[cell] / 2)), axis=0))
+        assert len(own) < ENOUGH * held
+        assert cells.area[cell] == held * cells.side[cell] ** 2 / 4
     assert len(np.unique(np.column_stack([cells.column, cells.row, cells.side]), axis=0)) == len(cells.side)
+
+
+def test_squares_do_not_reach_far_beyond_the_edge_of_a_survey():
+    rng = np.random.default_rng(4)
+    xy = rng.uniform(-0.4, 16.4, (100_000, 2)) @ np.array([[0.8, 0.6], [-0.6, 0.8]]) + 100
+    cells = cover_cells(xy)
+    assert cells.area.sum() == pytest.approx(16.8**2, rel=0.08)
+    assert cells.area[cells.side > 1].sum() < 0.02 * 16.8**2
 
 
 def test_the_sentence_and_the_table_tell_the_figures(by_hand):
