@@ -2,7 +2,8 @@
 
 Squares seen from above are told apart by the heights of their returns over the extracted ground. Squares of 4 m are
 quartered down to 0.5 m as long as they hold ``ENOUGH`` returns for each quarter that holds any, so that a class is not
-told from a handful. Corners are whole multiples of the side, so two surveys of one slope have the same places.
+told from a handful; or where all returns lie in one half, as at the edge of a survey. Corners are whole multiples of
+the side, so two surveys of one slope have the same places.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ _FEW = 0.05  # share of a square's returns that may lie above a limit: a wire or
 _BARE_ERROR = 0.01  # largest plant error (m) of bare ground: short closed grass has no return above 0.1 m
 _NOISE_FLOOR = 0.005  # plant errors (m) below it are not worth a warning
 _MUCH = 0.25
+_HALVES = ((0, 1, 2, 3), (0, 2, 1, 3))  # quarters west and east, south and north; numbered from the south-west
 _BIN, _LOWEST, _BINS = 0.05, -0.5, 70
 
 
@@ -190,8 +192,10 @@ def cover_cells(xyz: Float) -> CoverCells:
     for level in range(_LEVELS - 1, -1, -1):
         quarter = 2 * ((step[0] >> level) & 1) + ((step[1] >> level) & 1)
         counts = np.bincount(4 * index + quarter, minlength=4 * len(size)).reshape(-1, 4)
-        held, now = np.count_nonzero(counts, axis=1), size == 2 << level
-        full = (counts.sum(axis=1) >= ENOUGH * held) & now
+        some, now = counts > 0, size == 2 << level
+        held = np.count_nonzero(some, axis=1)
+        both_sides = [(some[:, a] | some[:, b]) & (some[:, c] | some[:, d]) for a, b, c, d in _HALVES]
+        full = ((counts.sum(axis=1) >= ENOUGH * held) | ~(both_sides[0] & both_sides[1])) & now
         area = np.where(now, held * (FINEST * (1 << level)) ** 2, area)
         parts = np.where(full, 4, 1)
         start = np.cumsum(parts) - parts
@@ -202,8 +206,8 @@ def cover_cells(xyz: Float) -> CoverCells:
         column = np.repeat(column, parts) + (which >> 1) * size
         row = np.repeat(row, parts) + (which & 1) * size
     area[size == 1] = FINEST**2
-    some = np.bincount(index, minlength=len(size)) > 0
-    return CoverCells((np.cumsum(some) - 1)[index], FINEST * size[some], area[some], column[some], row[some])
+    kept = np.bincount(index, minlength=len(size)) > 0
+    return CoverCells((np.cumsum(kept) - 1)[index], FINEST * size[kept], area[kept], column[kept], row[kept])
 
 
 def cover_sentence(cover: GroundCover) -> str:

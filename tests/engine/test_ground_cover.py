@@ -115,7 +115,9 @@ def test_squares_are_quartered_while_they_hold_enough():
     cells = cover_cells(xy)
     sides = cells.side[cells.index]
     assert set(sides[:30_000]) == {FINEST}
-    assert set(cells.side[cells.index[30_000:]]) <= {1.0, 2.0, COARSEST}
+    assert set(cells.side[cells.index[30_000:-1]]) <= {FINEST, 1.0, 2.0, COARSEST}
+    assert np.median(cells.side[cells.index[30_000:-1]]) == COARSEST
+    assert sides[-1] == FINEST
     corner = np.column_stack([cells.column, cells.row])[cells.index] * FINEST
     assert ((xy >= corner) & (xy < corner + sides[:, None])).all()
     np.testing.assert_array_equal(corner % sides[:, None], 0)
@@ -126,6 +128,7 @@ def test_squares_are_quartered_while_they_hold_enough():
         own = xy[cells.index == cell]
         held = len(np.unique(np.floor(own / (cells.side[cell] / 2)), axis=0))
         assert len(own) < ENOUGH * held
+        assert (np.ptp(np.floor(own / (cells.side[cell] / 2)), axis=0) == 1).all()
         assert cells.area[cell] == held * cells.side[cell] ** 2 / 4
     assert len(np.unique(np.column_stack([cells.column, cells.row, cells.side]), axis=0)) == len(cells.side)
 
@@ -135,7 +138,10 @@ def test_squares_do_not_reach_far_beyond_the_edge_of_a_survey():
     xy = rng.uniform(-0.4, 16.4, (100_000, 2)) @ np.array([[0.8, 0.6], [-0.6, 0.8]]) + 100
     cells = cover_cells(xy)
     assert cells.area.sum() == pytest.approx(16.8**2, rel=0.08)
-    assert cells.area[cells.side > 1].sum() < 0.02 * 16.8**2
+    assert (cells.side**2).sum() == pytest.approx(16.8**2, rel=0.08)
+    # a strip of a few returns in squares of their own
+    edge = np.concatenate([rng.uniform(0, [8, 8], (8_000, 2)), rng.uniform([8, 0], [8.01, 8], (9, 2))])
+    assert cover_cells(edge).side.max() == FINEST
 
 
 def test_the_sentence_and_the_table_tell_the_figures(by_hand):

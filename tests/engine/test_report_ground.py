@@ -30,8 +30,8 @@ def survey(path: Path, *, mown: bool, count: int = 4_000, side: float = 6.0) -> 
     returns of the ground, and a tree without ground in its north-east; written, and its cover.
     """
     rng = np.random.default_rng(3)
-    x, y = rng.uniform(0, side, (2, count))
-    grass, tree = (x > side / 2) & (not mown), (x > side - 1) & (y > side - 1)
+    x, y = rng.uniform(0.001, side - 0.001, (2, count))
+    grass, tree = (x > side / 2) & (not mown), (x > side - 1.001) & (y > side - 1.001)
     ground = ~tree & (~grass | (rng.uniform(size=count) < 0.05))
     height = np.where(tree, 5.0, np.where(ground, rng.normal(0, 0.01, count), 0.4))
     xyz = np.column_stack([WEST + x, SOUTH + y, 50 + height])
