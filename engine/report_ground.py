@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import lazrs
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -163,9 +164,6 @@ def _of_survey(facts: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
 def _squares(cloud: Path) -> tuple[CoverCells, Index]:
     """The squares of a classified cloud and the ground returns in each."""
-    # importing matplotlib's maps shall not need the decompressor
-    import lazrs
-
     header = preflight(cloud)
     xy, ground = np.empty((header.count, 2)), np.empty(header.count, dtype=np.bool_)
     selection = int(lazrs.SELECTIVE_DECOMPRESS_XY_RETURNS_CHANNEL) | int(lazrs.SELECTIVE_DECOMPRESS_CLASSIFICATION)

@@ -20,6 +20,7 @@ from .epochs import Epoch
 from .errors import InputError
 from .gridding import CellStatistics, Grid
 from .ground import extract_ground
+from .ground_cover import cover_sentence
 from .outputs import Stage
 from .pair import common_area, register_pair
 from .parameters import (
@@ -148,6 +149,8 @@ def _grounds(task: Task, store: Store, shares: list[Progress]) -> list[Entry | N
                 final=task.stage.final(path.parent.name),
                 progress=shares[number],
             )
+            if result.cover is not None:
+                shares[number].info(cover_sentence(result.cover))
             classified = f"{path.parent.name}/{result.classified.name}"
             more = {"warnings": list(result.warnings), "cover": result.cover, "classified": classified}
             return result.figures() | more
