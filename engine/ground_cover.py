@@ -37,6 +37,7 @@ _FEW = 0.05  # share of a square's returns that may lie above a limit: a wire or
 _BARE_ERROR = 0.01  # largest plant error (m) of bare ground: short closed grass has no return above 0.1 m
 _NOISE_FLOOR = 0.005  # plant errors (m) below it are not worth a warning
 _MUCH = 0.25
+_STEEPEST = 0.1  # least cosine of the dip
 _HALVES = ((0, 1, 2, 3), (0, 2, 1, 3))  # quarters west and east, south and north; numbered from the south-west
 _BIN, _LOWEST, _BINS = 0.05, -0.5, 70
 
@@ -118,7 +119,13 @@ class GroundCover:
 
 
 def cover_facts(
-    xyz: Float, ground: Bool, height: Float, plant_error: Float | None = None, plant_height: Float | None = None
+    xyz: Float,
+    ground: Bool,
+    height: Float,
+    plant_error: Float | None = None,
+    plant_height: Float | None = None,
+    *,
+    dip: float = 0.0,
 ) -> GroundCover:
     """Cover classes of a cloud whose ground was extracted.
 
@@ -131,7 +138,10 @@ def cover_facts(
         height: (n,) height over the ground's surface, metres; NaN where no surface is known.
         plant_error: (n,) standard error of the ground there by plants, metres; 0 on bare ground, NaN unknown.
         plant_height: (n,) median height of the lowest layer around, metres.
+        dip: angle of the slope's plane to the horizontal, degrees. The limits of the classes hold square to the slope,
+            as on a steep face even the scatter of bare ground is large in the vertical.
     """
+    upright = height * max(math.cos(math.radians(dip)), _STEEPEST)
     cells = cover_cells(xyz)
     count = len(cells.side)
 
@@ -145,7 +155,7 @@ def cover_facts(
     kinds = np.zeros(count, dtype=np.int64)
     kinds[error > _BARE_ERROR] = 1
     for kind, limit in enumerate(HEIGHTS, 1):
-        kinds[counted(height > limit) > _FEW * known] = kind
+        kinds[counted(upright > limit) > _FEW * known] = kind
     kinds[2 * known < returns] = len(HEIGHTS) + 1
     area = cells.area
     noise = _noise(cells, ground, height, on_ground)

@@ -108,6 +108,15 @@ def test_short_closed_grass_is_not_bare(by_hand):
     assert alone.error_beyond_noise_share == 0.0
 
 
+def test_classes_are_told_square_to_the_slope():
+    table = rows(0.25, 0.25, [0.0] * 20 + [0.15] * 20, 20, 0.0, 0.1)
+    xyz = np.column_stack([table[:, :2], table[:, 2]])
+    for dip, name in ((0.0, "low_plants"), (40.0, "low_plants"), (60.0, "bare"), (90.0, "bare")):
+        cover = cover_facts(xyz, table[:, 3] > 0, table[:, 2], dip=dip)
+        assert [c.name for c in cover.classes if c.area_share == 1.0] == [name]
+        assert sum(cover.heights.returns[11:14]) == 20
+
+
 def test_squares_are_quartered_while_they_hold_enough():
     rng = np.random.default_rng(1)
     dense, thin = rng.uniform(0, 8, (30_000, 2)), rng.uniform([100, 0], [140, 40], (1_600, 2))
