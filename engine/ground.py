@@ -24,6 +24,7 @@ from .crs import WorkingFrame
 from .csf import cloth_ground, filling, refuse_large_cloth
 from .denoise import outliers
 from .errors import EngineError, InputError
+from .ground_cover import GroundCover
 from .ground_metrics import coverage, file_coverage, vegetation_cover
 from .ground_points import Filtered, cloth_threshold, dominant_plane, ground_mask, refined, require_points
 from .las_records import classes, read_records, return_numbers
@@ -55,7 +56,8 @@ class GroundResult:
     ``clipped`` the denoised cloud within the region; ``classified`` the same with class 2 for ground, 1 for the rest;
     ``pipelines`` the PDAL pipelines that ran. ``vegetation_cover`` is C_v, see ``ground_metrics.vegetation_cover``.
     ``raw_area`` and ``roi_area`` without a region are those of occupied cells of 1 m². ``plane_*`` describe the
-    dominant plane; ``scatter`` and ``threshold`` come from the refinement (0 and the parameter without it).
+    dominant plane; ``scatter`` and ``threshold`` come from the refinement (0 and the parameter without it). ``cover``
+    tells what covers the ground and how well it is known below, None where that was not asked.
     """
 
     ground: Path
@@ -82,10 +84,12 @@ class GroundResult:
     filter: str
     warnings: tuple[str, ...]
     seconds: dict[str, float]
+    cover: GroundCover | None = None
 
     def figures(self) -> dict[str, Any]:
         """The numbers by name."""
-        return {f.name: getattr(self, f.name) for f in fields(self) if isinstance(getattr(self, f.name), (int, float))}
+        own = {f.name: getattr(self, f.name) for f in fields(self) if isinstance(getattr(self, f.name), (int, float))}
+        return own | (self.cover.figures() if self.cover else {})
 
 
 def extract_ground(

@@ -28,6 +28,7 @@ from .epochs import Epoch, check_pair
 from .errors import EngineError, InputError
 from .gridding import Float
 from .ground import GroundResult, extract_ground
+from .ground_cover import cover_sentence
 from .outputs import Stage, refuse_inputs_as_outputs, staged_outputs
 from .pair import (
     common_area,
@@ -174,6 +175,9 @@ def inspect_slope(
         with progress.stage(0.0, 0.6, "extracting the ground"), record.stage("ground") as entry:
             grounds = _grounds(epochs, stage, settings, roi, program, progress)
             entry["epochs"] = {e.name: plain(g) for e, g in zip(epochs, grounds, strict=True)}
+        for epoch, ground in zip(epochs, grounds, strict=True):
+            if ground.cover is not None:
+                progress.info(f"{epoch.name}: {cover_sentence(ground.cover)}")
         work = _change_of_two if len(epochs) == 2 else _screening_of_one
         outputs, figures = work(run, grounds, stage, screened)
         outputs |= {"run": stage.final("run.json")}

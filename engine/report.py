@@ -158,6 +158,7 @@ def _change_context(record: dict[str, Any], folder: Path, profile_table: Path) -
     # matplotlib takes half a second to import; nothing else of the engine should wait for it
     from . import report_charts, report_maps
     from .profiles import read_profiles
+    from .report_ground import ground_section
     from .report_pictures import photograph
 
     epochs = [epoch["name"] for epoch in record["epochs"]]
@@ -181,6 +182,7 @@ def _change_context(record: dict[str, Any], folder: Path, profile_table: Path) -
     }
     return {
         "epochs": record["epochs"],
+        "ground": ground_section(record, folder),
         "registration": record.get("registration") or {},
         "stable_given": any(i["role"] == "stable" for i in record["inputs"]),
         "lod": record.get("level_of_detection") or {},
@@ -196,6 +198,7 @@ def _change_context(record: dict[str, Any], folder: Path, profile_table: Path) -
 
 def _series_context(record: dict[str, Any], folder: Path) -> dict[str, Any]:
     from .report_charts import COURSES, course_chart
+    from .report_ground import ground_section
     from .report_pictures import photograph
 
     roles = [str(i["role"]) for i in record["inputs"]]
@@ -203,6 +206,7 @@ def _series_context(record: dict[str, Any], folder: Path) -> dict[str, Any]:
     return {
         "days": [role.removeprefix("epoch ") for role in roles if role.startswith("epoch ")],
         "pictures": {"series": photograph(folder / "series.png", words, 1000), "course": course_chart(record)},
+        "ground": ground_section(record, folder),
         "courses": [zone["zone_id"] for zone in (record["zones"] or [])[:COURSES]] if record.get("course") else [],
         "most_zones": _MOST_ZONES,
         "reviews": zone_reviews(folder / "series.gpkg"),
@@ -210,10 +214,13 @@ def _series_context(record: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def _screening_context(record: dict[str, Any], folder: Path) -> dict[str, Any]:
+    from .report_ground import ground_section
+
     roles = [str(i["role"]) for i in record["inputs"]]
     survey = next((role.removeprefix("epoch ") for role in roles if role.startswith("epoch ")), "")
     return {
         "survey": survey,
+        "ground": ground_section(record, folder),
         "pictures": {"screening": _screening_picture(record, folder)},
         "verdicts": _verdicts(),
         "screened_reviews": zone_reviews(folder / "screened_zones.gpkg"),

@@ -48,7 +48,7 @@ def change_histogram(record: Mapping[str, Any]) -> Picture:
         for sign in (-1, 1):
             axes.axvspan(sign * low, sign * high, color="#000000", alpha=0.06, lw=0)
             axes.axvline(sign * level, color=INK, lw=1.0, ls=(0, (4, 3)))
-        _finish(axes, sheet)
+        finish(axes, sheet)
         axes.set_xlim(-shown["reach_m"], shown["reach_m"])
         axes.set_ylabel("area (m²)", fontproperties=sheet.fonts(8), color=INK)
         axes.text(0.015, 0.9, words, transform=axes.transAxes, fontproperties=sheet.fonts(8, "bold"), color=INK)
@@ -80,7 +80,7 @@ def stable_histogram(record: Mapping[str, Any]) -> Picture | None:
         axes.plot(x, density * facts["cells"] * width, color=INK, lw=1.2)
     for sign in (-1, 1):
         axes.axvline(sign * record["level"]["median_m"], color=INK, lw=1.0, ls=(0, (4, 3)))
-    _finish(axes, sheet)
+    finish(axes, sheet)
     axes.set_xlim(-reach, reach)
     axes.set_xlabel("elevation change on stable ground (m)", fontproperties=sheet.fonts(8), color=INK)
     axes.set_ylabel("cells", fontproperties=sheet.fonts(8), color=INK)
@@ -104,7 +104,7 @@ def profile_chart(facts: Mapping[str, Any], columns: Mapping[str, Column] | None
         above.text(0.5, 0.5, "not measured", transform=above.transAxes, ha="center", fontproperties=sheet.fonts(9))
     for axes, words in ((above, "height (m)"), (below, "change (m)")):
         axes.set_xlim(0, length)
-        _finish(axes, sheet)
+        finish(axes, sheet)
         axes.set_ylabel(words, fontproperties=sheet.fonts(8), color=INK)
     above.set_xticklabels([])
     below.set_xlabel("distance along the line (m)", fontproperties=sheet.fonts(8), color=INK)
@@ -154,7 +154,7 @@ def course_chart(record: Mapping[str, Any]) -> Picture | None:
         locator = AutoDateLocator(maxticks=8)
         axes.xaxis.set_major_locator(locator)
         axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
-        _finish(axes, sheet)
+        finish(axes, sheet)
         axes.set_ylabel(words, fontproperties=sheet.fonts(8), color=INK)
     above.set_xticklabels([])
     below.xaxis.get_offset_text().set_fontproperties(sheet.fonts(7.5))
@@ -229,7 +229,8 @@ def _bins(shown: Mapping[str, Any]) -> tuple[Column, float]:
     return (np.arange(count + 1) - count / 2) * width, width
 
 
-def _finish(axes: Axes, sheet: Sheet) -> None:
+def finish(axes: Axes, sheet: Sheet) -> None:
+    """Frame, grid and tick labels that all charts share."""
     axes.locator_params(axis="y", nbins=5)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)

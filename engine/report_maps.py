@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -75,7 +76,7 @@ def hillshades(folder: Path) -> tuple[Picture | None, Picture | None]:
         grey = 40.0 + 205.0 * (np.nan_to_num(relief) - low) / max(high - low, 1.0)
         image = np.where(known[..., np.newaxis], np.clip(np.rint(grey), 0, 255), 255).astype(np.uint8)
         words = f"Shaded relief of the {epoch} survey’s ground"
-        pictures.append(_panel(image, raster.grid, words) if known.any() else None)
+        pictures.append(panel(image, raster.grid, words) if known.any() else None)
     return pictures[0], pictures[1]
 
 
@@ -109,7 +110,7 @@ def cell_sizes(folder: Path) -> Picture | None:
     for size, colour in zip(sizes, colours, strict=True):
         image[raster.array == size] = colour
     words = [(f"{float(size):.4g} m", colour) for size, colour in zip(sizes, colours, strict=True)]
-    return _panel(image, raster.grid, "Map of the size of the cells that were compared", boxes=words)
+    return panel(image, raster.grid, "Map of the size of the cells that were compared", boxes=words)
 
 
 def _relief(raster: Raster) -> Float:
@@ -157,9 +158,9 @@ def closed(heights: Float, cell: float, gap: float) -> Float:
 def _density_panel(blocks: Float, grid: Grid, limit: float, epoch: str) -> Picture:
     side = block_cells(grid)
     share = np.clip(blocks / limit, 0.0, 1.0)
-    image = _sequential(share)
+    image = sequential(share)
     image[blocks == 0] = 255
-    return _panel(
+    return panel(
         image,
         Grid(grid.west, grid.north, grid.cell * side, *blocks.shape),
         f"Map of the density of ground points of the {epoch} survey",
@@ -167,14 +168,15 @@ def _density_panel(blocks: Float, grid: Grid, limit: float, epoch: str) -> Pictu
     )
 
 
-def _sequential(share: Float) -> NDArray[np.uint8]:
+def sequential(share: Float) -> NDArray[np.uint8]:
+    """RGB (..., 3) of shares from 0 to 1 on the sequential ramp."""
     places = [place for place, _ in SEQUENTIAL]
     colours = np.array([colour for _, colour in SEQUENTIAL], dtype=np.float64)
     bands = [np.interp(share, places, colours[:, band]) for band in range(3)]
     return np.rint(np.stack(bands, axis=-1)).astype(np.uint8)
 
 
-def _panel(
+def panel(
     image: NDArray[np.uint8],
     grid: Grid,
     text: str,
@@ -186,38 +188,41 @@ def _panel(
 
     Args:
         legend: end of a scale of colours from 0, points/m².
-        boxes: words and colours of a legend.
+        boxes: words and colours of a legend; in a row of their own above a scale of colours.
     """
     west, south, east, north = grid.bounds
     width = _PANEL
     height = min(max(width * (north - south) / (east - west), 0.6), 6.5)
     inches = min(width / (east - west), height / (north - south))
     wide, tall = inches * (east - west), inches * (north - south)
-    figure = Figure(figsize=(width, tall + 0.55))
-    sheet = Sheet(figure, width, tall + 0.55)
-    axes = sheet.axes((width - wide) / 2, 0.55, wide, tall)
+    both = legend is not None and len(boxes) > 0
+    foot = 0.83 if both else 0.55
+    figure = Figure(figsize=(width, tall + foot))
+    sheet = Sheet(figure, width, tall + foot)
+    axes = sheet.axes((width - wide) / 2, foot, wide, tall)
     axes.imshow(image, interpolation="nearest" if legend or boxes else "antialiased", aspect="auto")
     axes.set_axis_off()
     draw_scale_bar(sheet, 0.15, 0.3, 1.6, inches)
     for number, (word, colour) in enumerate(boxes):
-        left = 2.0 + number * min(0.7, (width - 2.0) / len(boxes))
-        box = sheet.axes(left, 0.24, 0.14, 0.14)
+        left = 2.5 if both else 2.0
+        left += number * min(0.7, (width - left) / len(boxes))
+        box = sheet.axes(left, 0.52 if both else 0.24, 0.14, 0.14)
         box.set_facecolor(hexadecimal(colour))
-        box.set_xticks([])
-        box.set_yticks([])
-        for spine in box.spines.values():
-            spine.set_linewidth(0.6)
-            spine.set_color(INK)
-        sheet.text(left + 0.19, 0.31, word)
+        _framed(box)
+        sheet.text(left + 0.19, 0.59 if both else 0.31, word)
     if legend is not None:
         bar = sheet.axes(2.5, 0.3, 1.6, 0.12)
-        bar.imshow(_sequential(np.linspace(0, 1, 128))[np.newaxis], aspect="auto", extent=(0, 1, 0, 1))
-        bar.set_xticks([])
-        bar.set_yticks([])
-        for spine in bar.spines.values():
-            spine.set_linewidth(0.6)
-            spine.set_color(INK)
+        bar.imshow(sequential(np.linspace(0, 1, 128))[np.newaxis], aspect="auto", extent=(0, 1, 0, 1))
+        _framed(bar)
         for share in (0.0, 0.5, 1.0):
             sheet.text(2.5 + 1.6 * share, 0.18, f"{share * legend:.3g}", ha="center")
         sheet.text(4.18, 0.36, "points/m²")
     return map_picture(figure, text)
+
+
+def _framed(axes: Axes) -> None:
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for spine in axes.spines.values():
+        spine.set_linewidth(0.6)
+        spine.set_color(INK)

@@ -20,6 +20,7 @@ from .epochs import Epoch
 from .errors import InputError
 from .gridding import CellStatistics, Grid
 from .ground import extract_ground
+from .ground_cover import cover_sentence
 from .outputs import Stage
 from .pair import common_area, register_pair
 from .parameters import (
@@ -148,7 +149,11 @@ def _grounds(task: Task, store: Store, shares: list[Progress]) -> list[Entry | N
                 final=task.stage.final(path.parent.name),
                 progress=shares[number],
             )
-            return result.figures() | {"warnings": list(result.warnings)}
+            if result.cover is not None:
+                shares[number].info(cover_sentence(result.cover))
+            classified = f"{path.parent.name}/{result.classified.name}"
+            more = {"warnings": list(result.warnings), "cover": result.cover, "classified": classified}
+            return result.figures() | more
 
         return store.entry("ground.laz", _ground_key(task, number), make, shares[number])
 
@@ -244,6 +249,9 @@ def _gridded(
     entry = store.entry("cells.npz", cells_key, grid_cells, progress)
     made += [] if entry.reused else ["cells"]
     facts |= {"ground_points": entry.facts["points"]}
+    if ground is not None:
+        # for the report; what an older version kept tells nothing of the cover
+        facts |= {name: ground.facts[name] for name in ("classified", "cover") if ground.facts.get(name)}
     return GriddedEpoch(
         epoch=epoch,
         transform=transform,

@@ -18,6 +18,7 @@ from .earlier_reviews import EarlierReviews
 from .epochs import Epoch, check_pair, date_in_name, parse_date
 from .errors import InputError
 from .ground import extract_ground
+from .ground_cover import cover_sentence, cover_table
 from .inspection import CHANGE_OUTPUTS, ON_REQUEST, Outcome, Settings
 from .outputs import refuse_inputs_as_outputs, refuse_other_than_cloud, refuse_unwritable, staged_outputs
 from .pair import (
@@ -67,6 +68,9 @@ def ground_step(
                 progress=progress,
             )
             entry.update(plain(result))
+        if result.cover is not None:
+            for line in (cover_sentence(result.cover), *cover_table(result.cover)):
+                progress.info(line)
         outputs = {
             "ground": stage.final(output.name),
             "clipped": stage.final(result.clipped.name),
