@@ -32,7 +32,7 @@ SEED_STEEPEST_DEG = 30.0
 """A seed that stands over all but one of its neighbours more steeply is in a crown."""
 PIT_STEEPEST_DEG, PIT_DEPTH_M = 50.0, 0.15
 """A candidate that lies deeper below all of its neighbours, and more steeply, is no ground."""
-ANGLES_DEG = (3.0, 12.0)
+ANGLES_DEG = (3.0, 10.0)
 """Angle under which a point is seen from its triangle, at first and at last."""
 ANGLE_STEP_DEG = 1.0
 LARGEST_DISTANCE_M, CLOSE_M = 1.0, 0.05

@@ -52,8 +52,14 @@ JUDGED_M = 0.1
 """Height over and below the ground of the returns by which a window is judged."""
 CLOSER_WINDOW_M, CLOSER_PARTS = 0.8, (2, 4)
 """Windows at most this large hold enough returns to be divided, into so many."""
-EDGE_SPREAD = 1.3
-"""Returns across an edge scatter more in a large window than bare ground may, by this factor at least."""
+DENSE_TOLERANCE_M, SPARSE_TOLERANCE_M = 0.0025, 0.012
+"""Height over the ground of the mean of what is taken under plants: where returns are few, each counts."""
+LEAST_BEND_M = 0.06
+"""Height of the smaller windows' ground over the larger one's, from which it bends: no more than stubble stands."""
+LEAST_INCLINATION = 0.14
+"""Inclination of the smaller windows' ground against the larger one's, from which it bends."""
+BENDS_M = 0.012
+"""What a bend adds to the scatter in a smaller window."""
 CLOSER_M, CLOSER_ROUNDS = 0.3, 4
 """Height within which returns take part in a closer look, and its rounds."""
 SPREAD = 2.5
@@ -96,6 +102,11 @@ class _Windows:
     side: float
     scatter: float
     threshold: float
+
+    @property
+    def tolerance(self) -> float:
+        """Height (m) over the ground that the mean of what is taken may have."""
+        return DENSE_TOLERANCE_M if self.side <= CLOSER_WINDOW_M else SPARSE_TOLERANCE_M
 
 
 def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) -> LayeredGround:
@@ -164,25 +175,24 @@ def _judged(points: Float, windows: _Windows) -> Float:
     planes = Planes((points[:, :2] - low) / windows.side)
     over, sigma = points[:, 2], PLANT_SCATTER * windows.scatter
     for _ in range(ROUNDS):
-        layers = _pooled_layers(over, planes, sigma, windows.threshold)
+        layers = _pooled_layers(over, planes, sigma, windows)
         over = over - _through(over, planes, layers, windows.threshold)
-    layers = _pooled_layers(over, planes, sigma, windows.threshold)
+    layers = _pooled_layers(over, planes, sigma, windows)
 
     def each(values: NDArray[np.generic]) -> Float:
         return np.asarray(values.ravel()[planes.key], dtype=np.float64)
 
-    narrow, mean, spread = _narrow(over - each(layers.ground), planes, windows.scatter)
+    narrow, mean = _narrow(over - each(layers.ground), planes, windows.scatter)
     bare = each(narrow) > 0
     height = over - each(layers.ground) - np.where(bare, each(mean), 0.0)
     top = np.where(bare, windows.threshold, each(layers.top - layers.ground))
     sure = narrow & (layers.taken >= CLEARLY_BARE * layers.returns)
     error = each(np.where(sure, 0.0, plant_error(layers, windows.scatter)))
     if windows.side <= CLOSER_WINDOW_M:
-        bends = ~bare & (each(spread) > EDGE_SPREAD * windows.scatter)
         for parts in CLOSER_PARTS:
             finer = Planes((points[:, :2] - low) * (parts / windows.side))
-            residual, found = _closer(height, finer, windows.scatter)
-            found &= bends & ~bare
+            residual, found = _closer(height, finer, windows.scatter, windows.side / parts)
+            found &= ~bare
             height, bare = np.where(found, residual, height), bare | found
             top, error = np.where(found, windows.threshold, top), np.where(found, 0.0, error)
     ground = (height >= -windows.threshold) & (height <= top) & (error <= LARGEST_PLANT_ERROR_M)
@@ -191,16 +201,19 @@ def _judged(points: Float, windows: _Windows) -> Float:
     return np.column_stack([height, ground, bare, error, np.maximum(each(layers.median), 0.0)])
 
 
-def _closer(height: Float, planes: Planes, scatter: float) -> tuple[Float, Bool]:
-    """Height (n,) over planes in smaller windows, and where those show bare ground."""
+def _closer(height: Float, planes: Planes, scatter: float, side: float) -> tuple[Float, Bool]:
+    """Height (n,) over planes in smaller windows of ``side`` m, and where those show bare ground that bends."""
     near = np.abs(height) < CLOSER_M
     start, weight = np.where(near, height, 0.0), near.astype(np.float64)
     residual = start
     for _ in range(CLOSER_ROUNDS):
-        residual = start - planes.at_points(*planes.fit(start, weight, 0.2, 0.02))
+        middle, along, across = planes.fit(start, weight, 0.2, 0.02)
+        residual = start - planes.at_points(middle, along, across)
         weight = near / (1.0 + (residual / scatter) ** 2)
-    narrow, _, _ = _narrow(np.where(near, residual, np.inf), planes, scatter)
-    return residual, near & narrow.ravel()[planes.key]
+    narrow, _ = _narrow(np.where(near, residual, np.inf), planes, scatter + BENDS_M, median=False)
+    inclined = np.hypot(along, across) > LEAST_INCLINATION * side
+    bends = inclined.ravel()[planes.key] | (np.abs(start - residual) > LEAST_BEND_M)
+    return residual, near & bends & narrow.ravel()[planes.key]
 
 
 def _over_triangles(xyz: Float, anchored: Bool, taken: Bool) -> Float:
@@ -231,17 +244,18 @@ def _window_side(xyz: Float) -> float:
     return min(max(side, SMALLEST_WINDOW_M), LARGEST_WINDOW_M)
 
 
-def _pooled_layers(over: Float, planes: Planes, scatter: float, threshold: float) -> Layers:
+def _pooled_layers(over: Float, planes: Planes, sigma: float, windows: _Windows) -> Layers:
     """The layers of windows, each with (half of) the windows around it; of more windows where returns are few."""
     counts = histograms(over, planes.key, planes.shape[0] * planes.shape[1]).reshape(*planes.shape, -1)
-    layers = lowest_layers(planes.pooled(counts), scatter, threshold)
+    asked = sigma, windows.threshold, windows.tolerance
+    layers = lowest_layers(planes.pooled(counts), *asked)
     for reach in range(2, WIDEST_POOL + 1):
         few = (layers.returns < FEWEST_RETURNS) & (layers.returns > 0)
         if not few.any():
             break
         width = 2 * reach + 1
         wider = ndimage.uniform_filter(counts, (width, width, 1), mode="constant") * width**2
-        layers = layers.where(few, lowest_layers(wider[few], scatter, threshold))
+        layers = layers.where(few, lowest_layers(wider[few], *asked))
     return layers
 
 
@@ -255,8 +269,8 @@ def _through(over: Float, planes: Planes, layers: Layers, threshold: float) -> F
     return planes.at_points(height, along, across)
 
 
-def _narrow(height: Float, planes: Planes, scatter: float) -> tuple[Bool, Float, Float]:
-    """Windows whose returns about 0 scatter as those from bare ground do; the returns' mean and standard deviation."""
+def _narrow(height: Float, planes: Planes, scatter: float, median: bool = True) -> tuple[Bool, Float]:
+    """Windows whose returns about 0 scatter as those from bare ground do; and the returns' mean."""
     near = np.abs(height) < JUDGED_M
     value = np.where(near, height, 0.0)
     number, *sums = (planes.pooled(planes.pooled(planes.sum(near * value**power))) for power in range(5))
@@ -267,7 +281,9 @@ def _narrow(height: Float, planes: Planes, scatter: float) -> tuple[Bool, Float,
         spread = np.sqrt(variance)
         score = spread - NARROWER_M * (kurtosis - LEAST_KURTOSIS)
     known = (number >= FEWEST_BARE) & np.isfinite(score)
-    return known & (score <= scatter + NEIGHBOURS_HELP_M) & (_median_around(score, known) <= scatter), mean, spread
+    if not median:
+        return known & (score <= scatter), mean
+    return known & (score <= scatter + NEIGHBOURS_HELP_M) & (_median_around(score, known) <= scatter), mean
 
 
 def _median_around(values: Float, known: Bool) -> Float:

@@ -63,13 +63,14 @@ def histograms(height: Float, window: NDArray[np.int64], count: int) -> Float:
     return np.asarray(found, dtype=np.float64).reshape(count, BINS)
 
 
-def lowest_layers(counts: Float, sigma: float, threshold: float) -> Layers:
+def lowest_layers(counts: Float, sigma: float, threshold: float, tolerance: float = BIN_M / 2) -> Layers:
     """The ground in windows of which the returns by height are known.
 
     Args:
         counts: (..., BINS) see ``histograms``.
         sigma: standard deviation (m) of returns from bare ground about its surface.
         threshold: largest distance (m) from the ground of what may be taken.
+        tolerance: height (m) over the ground that the mean of what is taken may have.
     """
     returns = counts.sum(axis=-1)
     number, moment = np.cumsum(counts, axis=-1), np.cumsum(counts * _MIDDLES, axis=-1)
@@ -91,7 +92,7 @@ def lowest_layers(counts: Float, sigma: float, threshold: float) -> Layers:
         mean = moment_from / number_from
     upper = EDGES[1:]
     within = (upper >= ground[..., None]) & (upper <= (ground + threshold)[..., None] + 1e-9)
-    fits = within & (mean <= (ground + BIN_M / 2)[..., None])
+    fits = within & (mean <= (ground + tolerance)[..., None])
     top = np.where(fits.any(axis=-1), upper[BINS - 1 - np.argmax(fits[..., ::-1], axis=-1)], ground)
     surplus = _at(moment_from, ground + threshold) / np.maximum(_at(number_from, ground + threshold), 1e-9) - ground
     below = _at(number, ground)
