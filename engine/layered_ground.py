@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from .densification import Triangles, densified, lowest_supported
-from .lowest_layer import HIGHEST_M, LOWEST_M, Layers, histograms, lowest_layers
+from .lowest_layer import HIGHEST_M, LOWEST_M, Layers, histograms, lowest_layers, separate_layers
 from .plane_cells import Planes
 from .square_tiles import in_tiles
 
@@ -52,6 +52,8 @@ JUDGED_M = 0.1
 """Height over and below the ground of the returns by which a window is judged."""
 CLOSER_WINDOW_M, CLOSER_PARTS = 0.8, (2, 4)
 """Windows at most this large hold enough returns to be divided, into so many."""
+SEPARATE_WINDOW_M = 1.2
+"""In larger windows relief and forest floor fill the gap between rough ground and what grows on it."""
 DENSE_TOLERANCE_M, SPARSE_TOLERANCE_M = 0.0025, 0.012
 """Height over the ground of the mean of what is taken under plants: where returns are few, each counts."""
 LEAST_BEND_M = 0.06
@@ -178,6 +180,10 @@ def _judged(points: Float, windows: _Windows) -> Float:
         layers = _pooled_layers(over, planes, sigma, windows)
         over = over - _through(over, planes, layers, windows.threshold)
     layers = _pooled_layers(over, planes, sigma, windows)
+    rough = np.zeros(planes.shape, dtype=bool)
+    if CLOSER_WINDOW_M < windows.side <= SEPARATE_WINDOW_M:
+        counts = histograms(over, planes.key, planes.shape[0] * planes.shape[1]).reshape(*planes.shape, -1)
+        rough, middle, spread = separate_layers(planes.pooled(counts), layers.ground)
 
     def each(values: NDArray[np.generic]) -> Float:
         return np.asarray(values.ravel()[planes.key], dtype=np.float64)
@@ -186,6 +192,11 @@ def _judged(points: Float, windows: _Windows) -> Float:
     bare = each(narrow) > 0
     height = over - each(layers.ground) - np.where(bare, each(mean), 0.0)
     top = np.where(bare, windows.threshold, each(layers.top - layers.ground))
+    if rough.any():
+        stony = (each(rough) > 0) & ~bare
+        height = np.where(stony, over - each(middle), height)
+        bare = bare | stony
+        top = np.where(stony, np.maximum(SPREAD * each(spread), windows.threshold), top)
     sure = narrow & (layers.taken >= CLEARLY_BARE * layers.returns)
     error = each(np.where(sure, 0.0, plant_error(layers, windows.scatter)))
     if windows.side <= CLOSER_WINDOW_M:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -23,6 +24,10 @@ BINS = round((HIGHEST_M - LOWEST_M) / BIN_M)
 HALF_NORMAL_MEAN = 0.798
 LEAST_BELOW, LEAST_BELOW_SHARE = 1.5, 0.004
 """Points that must lie below the ground for it to be believed: at least, and of all returns."""
+SMOOTHING_M, PEAK_WITHIN_M, VALLEY_WITHIN_M, VALLEY = 0.02, 0.1, 0.15, 0.35
+"""Of a separate lowest layer: smoothing of the density, distance of its peak from the ground, and where it must fall to
+what share of it."""
+FEWEST_IN_LAYER = 45.0
 EDGES: Float = LOWEST_M + BIN_M * np.arange(BINS + 1, dtype=np.float64)
 _MIDDLES: Float = LOWEST_M + BIN_M * (np.arange(BINS, dtype=np.float64) + 0.5)
 
@@ -100,6 +105,36 @@ def lowest_layers(counts: Float, sigma: float, threshold: float, tolerance: floa
     taken = _at(number, top) - _at(number, lowest)
     ground[unknown] = np.nan
     return Layers(ground, top, below, taken, returns, surplus, median)
+
+
+def separate_layers(counts: Float, ground: Float) -> tuple[Bool, Float, Float]:
+    """Windows whose lowest layer ends in a gap, as rough bare ground below plants does; its middle and scatter.
+
+    The density of returns must fall to VALLEY of its peak within VALLEY_WITHIN_M above it; the peak is near the ground.
+
+    Args:
+        counts: (..., BINS) see ``histograms``.
+        ground: (...) height of the ground as ``lowest_layers`` gave it, m.
+
+    Returns:
+        (...) bool, and heights in metres.
+    """
+    smooth = ndimage.gaussian_filter1d(counts, SMOOTHING_M / BIN_M, axis=-1, mode="constant")
+    middles = np.broadcast_to(_MIDDLES, smooth.shape)
+    reach = (middles >= ground[..., None] - PEAK_WITHIN_M) & (middles <= ground[..., None] + PEAK_WITHIN_M)
+    at = np.argmax(np.where(reach, smooth, -1.0), axis=-1)
+    peak = np.take_along_axis(smooth, at[..., None], axis=-1)
+    above = (middles > _MIDDLES[at][..., None]) & (middles <= _MIDDLES[at][..., None] + VALLEY_WITHIN_M)
+    low = above & (smooth <= VALLEY * peak)
+    ends = low.any(axis=-1) & (peak[..., 0] > 0)
+    end = _MIDDLES[np.argmax(low, axis=-1)]
+    layer = (middles <= end[..., None]) & (middles >= 2.0 * _MIDDLES[at][..., None] - end[..., None])
+    weight = np.where(layer, counts, 0.0)
+    number = weight.sum(axis=-1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        middle = (weight * _MIDDLES).sum(axis=-1) / number
+        scatter = np.sqrt((weight * _MIDDLES**2).sum(axis=-1) / number - middle**2)
+    return ends & (number >= FEWEST_IN_LAYER), middle, scatter
 
 
 def _at(cumulated: Float, height: Float) -> Float:
