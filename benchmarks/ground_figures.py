@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .ground_clouds import Case, Cloud
+from .ground_clouds import Cloud
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -124,21 +124,24 @@ def cell_means(xyz: Float, above: Float, found: Bool) -> tuple[Float, int]:
     return total[number > 0] / number[number > 0], count
 
 
-class Record:
-    """Collects the lines of the CSV file: one for each cloud, part of it and method."""
+@dataclass(frozen=True)
+class Result:
+    """Figures of a method on a part of a case and the seconds it took; ``reason`` where it was not measured."""
 
-    def __init__(self) -> None:
-        self.lines: list[dict[str, object]] = []
+    figures: Figures | None = None
+    seconds: float | None = None
+    reason: str = ""
 
-    def add(self, case: Case, part: str, method: str, figures: Figures, seconds: float | None = None) -> None:
-        head = {"cloud": case.name, "simulated": int(case.simulated), "part": part, "method": method}
-        values = {name: f"{value:.6g}" for name, value in asdict(figures).items() if name != "points"}
-        spent = "" if seconds is None else f"{seconds:.1f}"
-        self.lines.append(head | {"points": figures.points} | values | {"seconds": spent})
 
-    def write(self, path: Path) -> None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("w", newline="", encoding="utf-8") as file:
-            table = csv.DictWriter(file, list(self.lines[0]) if self.lines else [], lineterminator="\n")
-            table.writeheader()
-            table.writerows(self.lines)
+def write_results(path: Path, results: Mapping[tuple[str, str, str], Result]) -> None:
+    """Keep what was measured as CSV: a line for each case, part of it and method, by which ``results`` go."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        columns = [field.name for field in fields(Figures)]
+        table = csv.DictWriter(file, ["cloud", "part", "method", *columns, "seconds"], lineterminator="\n")
+        table.writeheader()
+        for (case, part, method), result in results.items():
+            if result.figures is not None:
+                spent = "" if result.seconds is None else f"{result.seconds:.1f}"
+                values = {name: f"{value:.8g}" for name, value in asdict(result.figures).items()}
+                table.writerow({"cloud": case, "part": part, "method": method, **values, "seconds": spent})

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .ground_clouds import CASES, Case, Cloud
-from .ground_figures import Figures, Record, Target, measured
+from .ground_figures import Figures, Result, Target, measured, write_results
 from .ground_methods import Method, peers, slopewatch
 from .peers import PeerMissingError
 from .table import Row, heading, markdown
@@ -43,22 +43,26 @@ TARGETS = {
 
 
 @dataclass(frozen=True)
+class Job:
+    """A method on a part of the clouds of a case: ``all`` of their points, or a share of their pulses."""
+
+    case: str
+    part: str
+    method: Method
+    clouds: tuple[Cloud, ...]
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        return self.case, self.part, self.method.name
+
+
+@dataclass(frozen=True)
 class Outcome:
-    """Masks (n,) of a method on the clouds of a case and the seconds they took; ``reason`` where there are none."""
+    """Masks (n,) of a method on the clouds of a job and the seconds they took; ``reason`` where there are none."""
 
     found: tuple[Bool, ...] = ()
     seconds: float = 0.0
     reason: str = ""
-
-
-def applied(method: Method, clouds: Sequence[Cloud]) -> Outcome:
-    """The method on each cloud."""
-    start = time.perf_counter()
-    try:
-        found = tuple(method.find(cloud.seen) for cloud in clouds)
-    except PeerMissingError as error:
-        return Outcome(reason=str(error))
-    return Outcome(found, time.perf_counter() - start)
 
 
 def rows(results: Path | None = None, names: Sequence[str] = (), with_peers: bool = True) -> list[Row]:
@@ -71,94 +75,139 @@ def rows(results: Path | None = None, names: Sequence[str] = (), with_peers: boo
     """
     cases = [case for case in CASES if not names or any(name in case.name for name in names)]
     made = {case.name: case.make() for case in cases if not case.missing}
-    others = peers() if with_peers else ()
-    record = Record()
-    outcomes = _all_applied(made, (OWN, *others))
+    methods = (OWN, *(peers() if with_peers else ()))
+    known = measure_all(made, methods)
     table: list[Row] = []
     for case in cases:
         if case.missing:
             table.append(Row(case.title, f"not measured: {case.file} is not beside the checkout"))
-            continue
-        clouds = made[case.name]
-        own = outcomes[case.name, OWN.name]
-        figures = measured(clouds, own.found)
-        record.add(case, "all", OWN.name, figures, own.seconds)
-        target = TARGETS.get(case.name)
-        table.append(
-            Row(
-                case.title,
-                f"{figures.text(cells=case.simulated)}; {own.seconds:.0f} s",
-                target.text() if target else "",
-                "",
-                target.met(figures) if target else None,
-            )
-        )
-        for method in others:
-            if (case.name, method.name) in outcomes:
-                table.append(_beside(case, clouds, figures, method, outcomes[case.name, method.name], record))
-        table += [_density_row(case, clouds, figures, record), _slope_row(case, clouds, own.found, record)]
-    table += _season_rows(record)
+        else:
+            table += _case_rows(case, made[case.name], methods, known)
+    for density in (700, 40):
+        table += season_row(density, methods, known)
     if results is not None:
-        record.write(results)
+        write_results(results, known)
     return table
 
 
-def _all_applied(made: dict[str, tuple[Cloud, ...]], methods: Sequence[Method]) -> dict[tuple[str, str], Outcome]:
-    """What each method found, by names of case and method; those that suit no cloud of a case are left out."""
-    pairs = [
-        (name, clouds, method)
+def measure_all(made: dict[str, tuple[Cloud, ...]], methods: Sequence[Method]) -> dict[tuple[str, str, str], Result]:
+    """Results by names of case, part and method; methods that do not suit a case are left out of it."""
+    jobs = [
+        Job(name, "all", method, clouds)
         for name, clouds in made.items()
         for method in methods
         if all(method.suits(cloud.seen) for cloud in clouds)
     ]
+    jobs += [
+        Job(name, f"density {share:g}", OWN, tuple(cloud.thinned(share) for cloud in clouds))
+        for name, clouds in made.items()
+        for share in SHARES
+    ]
     # the cloth of 0.1 m takes longer than all the rest together, so it is laid beside the rest
     pool = ThreadPoolExecutor(1)
     try:
-        slow = {(name, m.name): pool.submit(applied, m, clouds) for name, clouds, m in pairs if m.slow}
-        quick = {(name, m.name): applied(m, clouds) for name, clouds, m in pairs if not m.slow}
-        return quick | {key: future.result() for key, future in slow.items()}
+        slow = {job.key: pool.submit(applied, job.method, job.clouds) for job in jobs if job.method.slow}
+        quick = {job.key: applied(job.method, job.clouds) for job in jobs if not job.method.slow}
+        outcomes = quick | {key: future.result() for key, future in slow.items()}
     finally:
         pool.shutdown(cancel_futures=True)
+    known: dict[tuple[str, str, str], Result] = {}
+    for job in jobs:
+        outcome = outcomes[job.key]
+        if outcome.reason:
+            known[job.key] = Result(reason=outcome.reason)
+            continue
+        known[job.key] = Result(measured(job.clouds, outcome.found), outcome.seconds)
+        if job.method is OWN and job.part == "all":
+            known |= _by_slope(job, outcome.found)
+    return known
 
 
-def _beside(case: Case, clouds: Sequence[Cloud], own: Figures, method: Method, outcome: Outcome, record: Record) -> Row:
-    """SlopeWatch's mean height beside that of a peer."""
-    title = f"{case.name}: mean height beside {method.name}"
-    target = "smaller magnitude" if method.rival else ""
-    if outcome.reason:
-        return Row(title, f"{own.mean:+.3f} m", target, f"not measured: {outcome.reason}")
-    theirs = measured(clouds, outcome.found)
-    record.add(case, "all", method.name, theirs, outcome.seconds)
-    met = abs(own.mean) < abs(theirs.mean) if method.rival and theirs.points else None
-    return Row(title, f"{own.mean:+.3f} m", target, theirs.text(cells=case.simulated), met)
+def applied(method: Method, clouds: Sequence[Cloud]) -> Outcome:
+    """The method on each cloud."""
+    start = time.perf_counter()
+    try:
+        found = tuple(method.find(cloud.seen) for cloud in clouds)
+    except PeerMissingError as error:
+        return Outcome(reason=str(error))
+    return Outcome(found, time.perf_counter() - start)
 
 
-def _density_row(case: Case, clouds: Sequence[Cloud], whole: Figures, record: Record) -> Row:
-    """SlopeWatch on the clouds with fewer pulses."""
-    found = [whole]
-    for share in SHARES:
-        thinner = [cloud.thinned(share) for cloud in clouds]
-        outcome = applied(OWN, thinner)
-        found.append(measured(thinner, outcome.found))
-        record.add(case, f"density {share:g}", OWN.name, found[-1], outcome.seconds)
+def _by_slope(job: Job, masks: Sequence[Bool]) -> dict[tuple[str, str, str], Result]:
+    """Results by classes of the reference's slope that hold enough of its points."""
+    known = {}
+    for low, high in pairwise(SLOPES):
+        inside = [(cloud.slope >= low) & (cloud.slope < high) for cloud in job.clouds]
+        held = sum(int(np.count_nonzero(c.ground & part)) for c, part in zip(job.clouds, inside, strict=True))
+        if held >= FEWEST:
+            key = (job.case, f"slope {low:g} to {high:g}", job.method.name)
+            known[key] = Result(measured(job.clouds, masks, inside))
+    return known
+
+
+def _case_rows(
+    case: Case,
+    clouds: Sequence[Cloud],
+    methods: Sequence[Method],
+    known: dict[tuple[str, str, str], Result],
+) -> list[Row]:
+    """SlopeWatch's figures, its mean beside the others', its figures by density and by slope."""
+    whole = known[case.name, "all", OWN.name]
+    own = whole.figures
+    assert own is not None
+    target = TARGETS.get(case.name)
+    value = f"{own.text(cells=case.simulated)}; {whole.seconds:.0f} s"
+    table = [Row(case.title, value, target.text() if target else "", "", target.met(own) if target else None)]
+    for method in methods:
+        result = known.get((case.name, "all", method.name))
+        if method is not OWN and result is not None:
+            table.append(_beside(case, own, method, result))
+    parts = {part: r.figures for (name, part, _), r in known.items() if name == case.name and r.figures is not None}
+    thinner = [parts[f"density {share:g}"] for share in SHARES]
     density = np.mean([cloud.seen.density for cloud in clouds])
-    parts = ", ".join(f"1/{1 / share:.0f}" for share in SHARES)
+    shares = ", ".join(f"1/{1 / share:.0f}" for share in SHARES)
+    table.append(
+        Row(
+            f"{case.name}: all of its {density:.0f} returns/m², {shares} of the pulses",
+            in_series([own, *thinner], case.simulated),
+        )
+    )
+    slopes = {part.removeprefix("slope "): figures for part, figures in parts.items() if part.startswith("slope ")}
+    if slopes:
+        title = f"{case.name}: slopes of {', '.join(slopes)} degrees"
+        table.append(Row(title, in_series(list(slopes.values()), case.simulated)))
+    return table
+
+
+def _beside(case: Case, own: Figures, method: Method, result: Result) -> Row:
+    """SlopeWatch's mean height beside that of a peer."""
+    theirs = result.figures
+    peer = f"not measured: {result.reason}" if theirs is None else theirs.text(cells=case.simulated)
+    met = None
+    if method.rival and theirs is not None and theirs.points:
+        met = abs(own.mean) < abs(theirs.mean)
     return Row(
-        f"{case.name}: all of its {density:.0f} returns/m², {parts} of the pulses", in_series(found, case.simulated)
+        f"{case.name}: mean height beside {method.name}",
+        f"{own.mean:+.3f} m",
+        "smaller magnitude" if method.rival else "",
+        peer,
+        met,
     )
 
 
-def _slope_row(case: Case, clouds: Sequence[Cloud], masks: Sequence[Bool], record: Record) -> Row:
-    """SlopeWatch by the slope of the reference."""
-    found, parts = [], []
-    for low, high in pairwise(SLOPES):
-        inside = [(cloud.slope >= low) & (cloud.slope < high) for cloud in clouds]
-        if sum(np.count_nonzero(cloud.ground & part) for cloud, part in zip(clouds, inside, strict=True)) < FEWEST:
-            continue
-        parts.append(f"{low:g} to {high:g}")
-        found.append(measured(clouds, masks, inside))
-        record.add(case, f"slope {parts[-1]}", OWN.name, found[-1])
-    return Row(f"{case.name}: slopes of {', '.join(parts)} degrees", in_series(found, case.simulated))
+def season_row(density: int, methods: Sequence[Method], known: dict[tuple[str, str, str], Result]) -> list[Row]:
+    """How much higher the ground of grown grass lies than that of mown grass: change that is grass."""
+    texts = {}
+    for method in methods:
+        both = [known.get((f"grass_{state}_{density}", "all", method.name)) for state in ("grown", "mown")]
+        grown, mown = (result.figures if result else None for result in both)
+        if grown is not None and mown is not None:
+            texts[method.name] = f"{grown.bias - mown.bias:+.3f} m"
+    own = texts.pop(OWN.name, None)
+    if own is None:
+        return []
+    peer = "; ".join(f"{name}: {text}" for name, text in texts.items())
+    return [Row(f"grass of {density}/m²: bias of cells grown less mown", own, "", peer)]
 
 
 def in_series(found: Sequence[Figures], cells: bool) -> str:
@@ -172,25 +221,6 @@ def in_series(found: Sequence[Figures], cells: bool) -> str:
     if cells:
         texts.append("bias of cells " + ", ".join(f"{figures.bias:+.3f}" for figures in found))
     return "; ".join(texts)
-
-
-def _season_rows(record: Record) -> list[Row]:
-    """How much higher the ground of grown grass lies than that of mown grass: change that is grass."""
-    found: dict[tuple[object, object], object] = {
-        (line["cloud"], line["method"]): line["bias"] for line in record.lines if line["part"] == "all"
-    }
-    table = []
-    for density in (700, 40):
-        texts = {}
-        for (cloud, method), bias in found.items():
-            mown = found.get((f"grass_mown_{density}", method))
-            if cloud == f"grass_grown_{density}" and mown is not None:
-                texts[method] = f"{float(str(bias)) - float(str(mown)):+.3f} m"
-        own = texts.pop(OWN.name, "")
-        if own:
-            peer = "; ".join(f"{name}: {text}" for name, text in texts.items())
-            table.append(Row(f"grass of {density}/m²: bias of cells grown less mown", own, "", peer))
-    return table
 
 
 if __name__ == "__main__":

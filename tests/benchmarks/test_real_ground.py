@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from slopewatch.benchmarks import real_ground
 from slopewatch.benchmarks.ground_clouds import CASES, Case, Cloud, Seen, pulses, simulated_cloud
-from slopewatch.benchmarks.ground_figures import Target, measured
+from slopewatch.benchmarks.ground_figures import Result, Target, measured
 from slopewatch.benchmarks.ground_methods import Method, lowest_returns, smrf, write_las
 from slopewatch.benchmarks.peers import PeerMissingError
 from slopewatch.benchmarks.plants import over_ground_planes
@@ -221,6 +221,26 @@ def test_a_choice_of_clouds_without_peers(two_cases):
     table = real_ground.rows(names=("here",), with_peers=False)
     assert [row.figure for row in table if "missing" in row.figure or "beside" in row.figure] == []
     assert table[0].figure == "a row of points"
+
+
+def test_slopes_with_too_few_points_of_the_reference_are_left_out(two_cases, monkeypatch, row_of_points):
+    assert not any("slopes of" in row.figure for row in real_ground.rows(names=("here",), with_peers=False))
+    monkeypatch.setattr(real_ground, "FEWEST", 3)
+    known = real_ground.measure_all({"here": (row_of_points,)}, (real_ground.OWN,))
+    assert {part for _, part, _ in known if part.startswith("slope")} == {"slope 0 to 15"}
+    assert known["here", "slope 0 to 15", "SlopeWatch"].figures == known["here", "all", "SlopeWatch"].figures
+
+
+def test_grown_less_mown_grass(row_of_points):
+    higher = cloud_of(row_of_points.seen.xyz, row_of_points.above + 0.25, row_of_points.ground)
+    known = {
+        ("grass_grown_700", "all", "SlopeWatch"): Result(measured([higher], [higher.ground])),
+        ("grass_mown_700", "all", "SlopeWatch"): Result(measured([row_of_points], [row_of_points.ground])),
+        ("grass_grown_700", "all", "peer"): Result(measured([higher], [higher.ground])),
+    }
+    (row,) = real_ground.season_row(700, (real_ground.OWN, Method("peer", lowest_returns)), known)
+    assert (row.value, row.peer) == ("+0.250 m", "")
+    assert real_ground.season_row(40, (real_ground.OWN,), known) == []
 
 
 def test_every_target_belongs_to_a_cloud():
