@@ -5,7 +5,6 @@ What a method may see of a cloud (``Seen``) is kept apart from what is known of 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,6 +24,8 @@ VENDORS_GROUND = 2
 SLOPE_STEP = 0.25
 """The true surface's slope is measured so far (m) to each side."""
 DENSITY_CELL = 2.0
+THIN = 100.0
+"""Plots of so many returns a m² and fewer are larger."""
 
 
 @dataclass(frozen=True)
@@ -148,8 +149,7 @@ def _simulated(name: str, title: str, make: Callable[[int], Plot]) -> Case:
 
 
 def _grass(state: str, density: float) -> Case:
-    # as many returns in the thin plots as about in the dense ones
-    side = 10.0 if math.isclose(density, 700.0) else 30.0
+    side = 10.0 if density > THIN else 20.0
     return _simulated(
         f"grass_{state}_{density:g}",
         f"grass, {state}, {density:g}/m²",

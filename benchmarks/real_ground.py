@@ -29,6 +29,8 @@ SHARES = (0.5, 0.25, 0.125)
 SLOPES = (0.0, 15.0, 30.0, 45.0, 90.0)
 FEWEST = 50
 """Points of the reference that a class of slope must hold to be shown."""
+CLOTHS = 2
+"""Slow methods that run at a time."""
 OWN = Method("SlopeWatch", slopewatch)
 TARGETS = {
     "coromandel_forest": Target(mean=0.40, near=0.6),
@@ -103,8 +105,8 @@ def measure_all(made: dict[str, tuple[Cloud, ...]], methods: Sequence[Method]) -
         for name, clouds in made.items()
         for share in SHARES
     ]
-    # the cloth of 0.1 m takes longer than all the rest together, so it is laid beside the rest
-    pool = ThreadPoolExecutor(1)
+    # the cloths of 0.1 m take longer than all the rest together, so they are laid beside it
+    pool = ThreadPoolExecutor(CLOTHS)
     try:
         slow = {job.key: pool.submit(applied, job.method, job.clouds) for job in jobs if job.method.slow}
         quick = {job.key: applied(job.method, job.clouds) for job in jobs if not job.method.slow}
