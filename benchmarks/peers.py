@@ -15,6 +15,7 @@ from typing import Any
 PINNED = {
     "py4dgeo": ("py4dgeo==1.2.0",),
     "open3d": ("open3d==0.19.0",),
+    "fastgc": ("fastgc==0.2.0",),
 }
 FOLDER = Path(__file__).resolve().parents[1] / "build" / "peers"
 

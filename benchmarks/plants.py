@@ -76,9 +76,14 @@ def height_over_ground(xyz: Float, ground: Bool, neighbours: int = NEIGHBOURS) -
 
     Points of the ground itself lie near 0. Needs as many points of the ground as neighbours.
     """
+    return over_ground_planes(xyz, ground, neighbours)[0]
+
+
+def over_ground_planes(xyz: Float, ground: Bool, neighbours: int = NEIGHBOURS) -> tuple[Float, Float]:
+    """Height (n,) over the plane as in ``height_over_ground``, m, and that plane's slope (n,), degrees."""
     base = xyz[ground]
     tree = cKDTree(base[:, :2])
-    above = np.empty(len(xyz))
+    above, slope = np.empty(len(xyz)), np.empty(len(xyz))
     for start in range(0, len(xyz), 50_000):
         part = slice(start, start + 50_000)
         _, index = tree.query(xyz[part, :2], k=neighbours)
@@ -90,7 +95,8 @@ def height_over_ground(xyz: Float, ground: Bool, neighbours: int = NEIGHBOURS) -
         normal += 1e-9 * np.eye(2)
         tilt = np.linalg.solve(normal, np.einsum("nki,nk->ni", offset[..., :2], offset[..., 2])[..., None])[..., 0]
         above[part] = (tilt * middle[:, :2]).sum(axis=1) - middle[:, 2]
-    return above
+        slope[part] = np.degrees(np.arctan(np.hypot(*tilt.T)))
+    return above, slope
 
 
 def returns_of(made: Plot, side: float) -> Returns:
