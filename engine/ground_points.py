@@ -26,7 +26,8 @@ FEWEST_POINTS = 10
 class Filtered:
     """``ground`` (n,) bool, and the scatter and threshold of the refinement, metres.
 
-    ``height``, ``plant_error`` and ``plant_height`` (n,) are those of ``layered_ground.LayeredGround``; None without it.
+    ``height``, ``plant_error`` and ``plant_height`` (n,) are those of ``layered_ground.LayeredGround``; None without
+    the refinement.
     """
 
     ground: Bool

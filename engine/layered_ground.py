@@ -1,14 +1,14 @@
 """The ground under plants: a surface from below, and which returns about it are ground.
 
 1. Candidates, the lowest supported returns of cells, are densified from seeds near the cloth (``densification``).
-2. Planes on square windows follow the triangulated surface: in each window the lowest layer (``lowest_layer``) says which
-   returns are ground, a plane is laid through them, and heights are taken over it; twice, then the layers once more.
-3. A window whose lowest layer is as narrow as bare ground, and shaped like it, is bare: all returns within the threshold of
-   their mean are ground. Elsewhere plants stand in the layer, and only returns up to ``Layers.top`` are ground.
+2. Planes on square windows follow the triangulated surface: in each window the lowest layer (``lowest_layer``) says
+   which returns are ground, a plane is laid through them, and heights are taken over it; twice, then the layers again.
+3. A window whose lowest layer is as narrow as bare ground, and shaped like it, is bare: all returns within the
+   threshold of their mean are ground. Elsewhere plants stand in the layer, and returns up to ``Layers.top`` are ground.
 4. Where returns are dense, smaller windows look for bare ground that bends within a larger one (edges of berms, cones).
 
-Nothing is ground because it is dense. Windows are as large as the density of returns demands. The constants were measured on
-real and simulated clouds, see benchmarks/real_ground.py and docs/ground.md.
+Nothing is ground because it is dense. Windows are as large as the density of returns demands. The constants were
+measured on real and simulated clouds, see benchmarks/real_ground.py and docs/ground.md.
 """
 
 from __future__ import annotations
@@ -54,13 +54,15 @@ CLOSER_WINDOW_M, CLOSER_PARTS = 0.8, (2, 4)
 """Windows at most this large hold enough returns to be divided, into so many."""
 EDGE_SPREAD = 1.3
 """Returns across an edge scatter more in a large window than bare ground may, by this factor at least."""
+ALONE_SHARE = 0.05
+"""Returns of the ground around, as a share of those above it, below which a small window is looked at by itself."""
 CLOSER_M, CLOSER_ROUNDS = 0.3, 4
 """Height within which returns take part in a closer look, and its rounds."""
 SPREAD = 2.5
 """The threshold is at least so many times the scatter."""
 PLANT_ERROR_M, FEW_GROUND = 0.018, 0.12
-"""Error of the ground under plants in windows of a metre, and share of ground below which it grows: measured on simulated
-grass, ferns and forest, of which 6 % of the cells lie beyond 1.96 errors."""
+"""Error of the ground under plants in windows of a metre, and share of ground below which it grows: measured on
+simulated grass, ferns and forest, of which 6 % of the cells lie beyond 1.96 errors."""
 CLEARLY_BARE = 0.5
 """Share of the lower returns that is ground, from which bare ground has no error by plants."""
 LARGEST_PLANT_ERROR_M = 0.25
@@ -126,7 +128,7 @@ def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) ->
 
 
 def _everywhere(xyz: Float, index: NDArray[np.int64], known: Float, side: float) -> Float:
-    """(n, k) values at all points from those ``known`` (m, k) at ``index``: the mean of the cell, else of the nearest."""
+    """(n, k) values at all points from those ``known`` (m, k) at ``index``: mean of the cell, else of the nearest."""
     cells = np.floor((xyz[:, :2] - xyz[:, :2].min(axis=0)) / side).astype(np.int64)
     shape = tuple(int(n) + 1 for n in cells.max(axis=0))
     key = cells[:, 0] * shape[1] + cells[:, 1]
@@ -147,8 +149,8 @@ def _everywhere(xyz: Float, index: NDArray[np.int64], known: Float, side: float)
 def plant_error(layers: Layers, scatter: float) -> Float:
     """Standard error (m) of the ground's height by plants, in windows where bare ground may show ``scatter``.
 
-    It grows with the width of the windows that returns are gathered over, which ``scatter`` follows, and where little of
-    the returns is ground.
+    It grows with the width of the windows that returns are gathered over, which ``scatter`` follows, and where little
+    of the returns is ground.
     """
     share = np.maximum(layers.taken, 1.0) / np.maximum(layers.returns, 1.0)
     wider = scatter / BARE_SCATTER_M
@@ -156,7 +158,10 @@ def plant_error(layers: Layers, scatter: float) -> Float:
 
 
 def _judged(points: Float, windows: _Windows) -> Float:
-    """(n, 5) height over the ground, ground, bare, plant error and height of points (n, 3): x, y, height over triangles."""
+    """(n, 5) height over the ground, ground, bare, plant error and plant height of points (n, 3).
+
+    ``points`` are x, y and the height over the triangles.
+    """
     low = np.floor(points[:, :2].min(axis=0) / windows.side) * windows.side
     planes = Planes((points[:, :2] - low) / windows.side)
     over, sigma = points[:, 2], PLANT_SCATTER * windows.scatter
@@ -179,13 +184,22 @@ def _judged(points: Float, windows: _Windows) -> Float:
         for parts in CLOSER_PARTS:
             finer = Planes((points[:, :2] - low) * (parts / windows.side))
             residual, found = _closer(height, finer, windows.scatter)
-            found &= bends & ~bare
+            found &= (bends & ~bare) | _stands_alone(height, finer, windows.threshold)
             height, bare = np.where(found, residual, height), bare | found
             top, error = np.where(found, windows.threshold, top), np.where(found, 0.0, error)
     ground = (height >= -windows.threshold) & (height <= top) & (error <= LARGEST_PLANT_ERROR_M)
     unknown = ~np.isfinite(height) | (error > LARGEST_PLANT_ERROR_M)
     height[unknown], error[unknown] = np.nan, np.nan
     return np.column_stack([height, ground, bare, error, np.maximum(each(layers.median), 0.0)])
+
+
+def _stands_alone(height: Float, planes: Planes, threshold: float) -> Bool:
+    """(n,) points in windows that hold nearly none of the ground that was found around them, as on a step."""
+    present, over = (
+        planes.sum(chosen.astype(np.float64)) for chosen in (np.abs(height) <= threshold, height > threshold)
+    )
+    alone = present < ALONE_SHARE * over
+    return np.asarray(alone.ravel()[planes.key], dtype=np.bool_)
 
 
 def _closer(height: Float, planes: Planes, scatter: float) -> tuple[Float, Bool]:
@@ -210,12 +224,15 @@ def _over_triangles(xyz: Float, anchored: Bool, taken: Bool) -> Float:
     if len(vertices) < 3:
         return np.full(len(xyz), np.inf)
     low = xyz[:, :2].min(axis=0)
-    shape = np.ceil(np.ptp(xyz[:, :2], axis=0) / SURFACE_CELL_M).astype(int) + 2
-    rows, columns = np.meshgrid(*(np.arange(n) for n in shape), indexing="ij")
-    nodes = low + SURFACE_CELL_M * np.column_stack([rows.ravel(), columns.ravel()])
-    surface = Triangles(xyz[vertices]).height(nodes).reshape(shape)
-    place = ((xyz[:, :2] - low) / SURFACE_CELL_M).T
-    return np.asarray(xyz[:, 2] - ndimage.map_coordinates(surface, place, order=1, mode="nearest"), dtype=np.float64)
+    place = (xyz[:, :2] - low) / SURFACE_CELL_M
+    node = np.floor(place).astype(np.int64)
+    # a slope that lies across the axes fills little of the grid, and only nodes about its points are looked up
+    needed = np.zeros(node.max(axis=0) + 2, dtype=bool)
+    for right, up in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        needed[node[:, 0] + right, node[:, 1] + up] = True
+    surface = np.zeros(needed.shape)
+    surface[needed] = Triangles(xyz[vertices]).height(low + SURFACE_CELL_M * np.argwhere(needed))
+    return np.asarray(xyz[:, 2] - ndimage.map_coordinates(surface, place.T, order=1, mode="nearest"), dtype=np.float64)
 
 
 def _window_side(xyz: Float) -> float:

@@ -3,8 +3,8 @@
 Of a pulse into grass little reaches the ground, and the layer is densest in the grass. So the ground is not looked for
 where returns are many but where they end: below the ground there is only the noise of the range. Points below a height
 lie below it by 0.8 sigma on average (mean of a half normal distribution) if that height is the ground; if it is in the
-plants, the points below it are spread wider. The lowest height at which the depth is reached is taken. On bare ground, where
-returns lie on both sides alike, it is their median.
+plants, the points below it are spread wider. The lowest height at which the depth is reached is taken. On bare ground,
+where returns lie on both sides alike, it is their median.
 """
 
 from __future__ import annotations
@@ -23,8 +23,10 @@ BINS = round((HIGHEST_M - LOWEST_M) / BIN_M)
 HALF_NORMAL_MEAN = 0.798
 LEAST_BELOW, LEAST_BELOW_SHARE = 1.5, 0.004
 """Points that must lie below the ground for it to be believed: at least, and of all returns."""
-EDGES: Float = LOWEST_M + BIN_M * np.arange(BINS + 1)
-_MIDDLES = EDGES[:-1] + BIN_M / 2
+FARTHEST_BELOW = 4.0
+"""Times sigma: returns deeper below the ground tell nothing of it."""
+EDGES: Float = LOWEST_M + BIN_M * np.arange(BINS + 1, dtype=np.float64)
+_MIDDLES: Float = LOWEST_M + BIN_M * (np.arange(BINS, dtype=np.float64) + 0.5)
 
 
 @dataclass(frozen=True)
@@ -73,10 +75,15 @@ def lowest_layers(counts: Float, sigma: float, threshold: float) -> Layers:
     """
     returns = counts.sum(axis=-1)
     number, moment = np.cumsum(counts, axis=-1), np.cumsum(counts * _MIDDLES, axis=-1)
+    # farther below lie single returns (multipath), which would make a layer seem deep
+    few = max(round(FARTHEST_BELOW * sigma / BIN_M), 1)
+    number_below, moment_below = number.copy(), moment.copy()
+    number_below[..., few:] -= number[..., :-few]
+    moment_below[..., few:] -= moment[..., :-few]
     with np.errstate(invalid="ignore", divide="ignore"):
-        depth = EDGES[1:] - moment / number
+        depth = EDGES[1:] - moment_below / number_below
     least = np.maximum(LEAST_BELOW, LEAST_BELOW_SHARE * returns)[..., None]
-    reached = (depth >= HALF_NORMAL_MEAN * sigma) & (number >= least)
+    reached = (depth >= HALF_NORMAL_MEAN * sigma) & (number_below >= least)
     unknown = ~reached.any(axis=-1)
     ground = EDGES[1:][np.argmax(reached, axis=-1)]
     for _ in range(2):
@@ -97,7 +104,7 @@ def lowest_layers(counts: Float, sigma: float, threshold: float) -> Layers:
     below = _at(number, ground)
     median = EDGES[1:][np.argmax(number >= returns[..., None] / 2, axis=-1)] - ground
     taken = _at(number, top) - _at(number, lowest)
-    ground[unknown] = np.nan
+    ground = np.where(unknown, np.nan, ground)
     return Layers(ground, top, below, taken, returns, surplus, median)
 
 
