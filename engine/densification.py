@@ -52,9 +52,10 @@ _EDGE_M, _EDGE_POINTS = 5.0, 20
 
 def lowest_of_cells(xyz: Float, cell: float) -> Index:
     """Index of the lowest point (n, 3) of each square cell of side ``cell`` that has points."""
+    if not len(xyz):
+        return np.zeros(0, dtype=np.int64)
     key = _cells(xyz, cell)
-    order = np.lexsort((xyz[:, 2], key))
-    return order[_first(key[order])]
+    return _lowest(xyz, key, np.lexsort((xyz[:, 2], key)))
 
 
 def lowest_supported(xyz: Float, cell: float = CANDIDATE_CELL_M) -> Index:
@@ -63,17 +64,18 @@ def lowest_supported(xyz: Float, cell: float = CANDIDATE_CELL_M) -> Index:
     Single returns below the ground (multipath) have nothing right above them; where returns are few, every point has
     support.
     """
+    if not len(xyz):
+        return np.zeros(0, dtype=np.int64)
     key = _cells(xyz, cell)
     z = xyz[:, 2] - xyz[:, 2].min()
     order = np.lexsort((z, key))
-    key, z = key[order], z[order]
+    z = z[order]
     height = float(z.max()) + 1.0 + SUPPORT_DEPTH_M
-    rank = np.cumsum(_first(key)) - 1
+    rank = np.cumsum(_first(key[order])) - 1
     place = rank * height + z
     above = np.searchsorted(place, place + SUPPORT_DEPTH_M, side="right") - np.arange(len(place))
     supported = above >= np.maximum(1.0, SUPPORT_SHARE * np.bincount(rank)[rank])
-    order, rank = order[supported], rank[supported]
-    return order[_first(rank)]
+    return _lowest(xyz, key, order[supported])
 
 
 def densified(points: Float, anchored: Bool | None = None) -> Bool:
@@ -114,7 +116,9 @@ def _densify(
             break
         distance, angle = Triangles(points[ground]).seen(points[rest])
         allowed = min(first_angle + ANGLE_STEP_DEG * round_number, ANGLES_DEG[1])
-        joins = (np.abs(distance) < LARGEST_DISTANCE_M) & ((angle < allowed + bonus[rest]) | (np.abs(distance) < CLOSE_M))
+        joins = (np.abs(distance) < LARGEST_DISTANCE_M) & (
+            (angle < allowed + bonus[rest]) | (np.abs(distance) < CLOSE_M)
+        )
         if not joins.any():
             if allowed >= ANGLES_DEG[1]:
                 break
@@ -174,18 +178,22 @@ class Triangles:
             self.mesh.transform  # noqa: B018  (kept by the mesh once it was asked for)
 
     def height(self, xy: Float) -> Float:
-        """Height of the surface at places (m, 2)."""
+        """Height of the surface at places (m, 2); NaN beyond it, more than 5 m outside the points' extent."""
         interpolator = LinearNDInterpolator(self.mesh, self.points[:, 2])
         return np.asarray(interpolator(xy - self.middle), dtype=np.float64)
 
     def seen(self, points: Float) -> tuple[Float, Float]:
-        """Signed distance (m,) of points from their triangle's plane, and the angle at its nearest corner, degrees."""
-        place = points[:, :2] - self.middle
-        corners = self.points[self.mesh.simplices[self.mesh.find_simplex(place)]]
+        """Signed distance (m,) of points from their triangle's plane, and the angle at its nearest corner, degrees.
+
+        Beyond the surface the distance is infinite: nothing is told of points there.
+        """
+        triangle = self.mesh.find_simplex(points[:, :2] - self.middle)
+        corners = self.points[self.mesh.simplices[triangle]]
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         length = np.maximum(np.linalg.norm(normal, axis=1), 1e-12)
         upward = np.where(normal[:, 2] < 0, -1.0, 1.0)
         distance = ((points - corners[:, 0]) * normal).sum(axis=1) / length * upward
+        distance[triangle < 0] = np.inf
         near = np.hypot(*np.moveaxis(corners[:, :, :2] - points[:, None, :2], 2, 0)).min(axis=1)
         return distance, np.degrees(np.arctan2(np.abs(distance), near))
 
@@ -232,6 +240,18 @@ def _rim(points: Float) -> Float:
 def _cells(xyz: Float, cell: float) -> Index:
     index = np.floor((xyz[:, :2] - xyz[:, :2].min(axis=0)) / cell).astype(np.int64)
     return np.asarray(index[:, 0] * (int(index[:, 1].max()) + 1) + index[:, 1], dtype=np.int64)
+
+
+def _lowest(xyz: Float, key: Index, order: Index) -> Index:
+    """Of points in ``order`` of their cells' ``key`` and height, the lowest of each cell.
+
+    Among those at one height it is the one with the least coordinates, whatever the order in the file.
+    """
+    first = _first(key[order])
+    height = xyz[order, 2]
+    tied = order[height == height[first][np.cumsum(first) - 1]]
+    tied = tied[np.lexsort((xyz[tied, 1], xyz[tied, 0], key[tied]))]
+    return np.asarray(tied[_first(key[tied])], dtype=np.int64)
 
 
 def _first(key: Index) -> Bool:

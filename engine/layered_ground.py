@@ -56,12 +56,16 @@ SEPARATE_WINDOW_M = 1.2
 """In larger windows relief and forest floor fill the gap between rough ground and what grows on it."""
 DENSE_TOLERANCE_M, SPARSE_TOLERANCE_M = 0.0025, 0.012
 """Height over the ground of the mean of what is taken under plants: where returns are few, each counts."""
+TRIANGLE_REACH = 1.5
+"""Where returns are few: thresholds from the windows' ground up to which the triangles decide."""
 LEAST_BEND_M = 0.06
 """Height of the smaller windows' ground over the larger one's, from which it bends: no more than stubble stands."""
 LEAST_INCLINATION = 0.14
 """Inclination of the smaller windows' ground against the larger one's, from which it bends."""
 BENDS_M = 0.012
 """What a bend adds to the scatter in a smaller window."""
+ALONE_SHARE = 0.05
+"""Returns of the ground around, as a share of those above it, below which a small window is looked at by itself."""
 CLOSER_M, CLOSER_ROUNDS = 0.3, 4
 """Height within which returns take part in a closer look, and its rounds."""
 SPREAD = 2.5
@@ -203,13 +207,27 @@ def _judged(points: Float, windows: _Windows) -> Float:
         for parts in CLOSER_PARTS:
             finer = Planes((points[:, :2] - low) * (parts / windows.side))
             residual, found = _closer(height, finer, windows.scatter, windows.side / parts)
-            found &= ~bare
+            found &= ~bare | _stands_alone(height, finer, windows.threshold)
             height, bare = np.where(found, residual, height), bare | found
             top, error = np.where(found, windows.threshold, top), np.where(found, 0.0, error)
-    ground = (height >= -windows.threshold) & (height <= top) & (error <= LARGEST_PLANT_ERROR_M)
+    ground = (height >= -windows.threshold) & (height <= top)
+    if windows.side > CLOSER_WINDOW_M:
+        # planes of such windows are wider than relief; the triangles follow it
+        about = np.abs(height) <= TRIANGLE_REACH * windows.threshold
+        ground = (np.abs(points[:, 2]) <= windows.threshold) & (about | ~np.isfinite(height))
+    ground &= ~(error > LARGEST_PLANT_ERROR_M)
     unknown = ~np.isfinite(height) | (error > LARGEST_PLANT_ERROR_M)
     height[unknown], error[unknown] = np.nan, np.nan
     return np.column_stack([height, ground, bare, error, np.maximum(each(layers.median), 0.0)])
+
+
+def _stands_alone(height: Float, planes: Planes, threshold: float) -> Bool:
+    """(n,) points in windows that hold nearly none of the ground that was found around them, as on a step."""
+    present, over = (
+        planes.sum(chosen.astype(np.float64)) for chosen in (np.abs(height) <= threshold, height > threshold)
+    )
+    alone = present < ALONE_SHARE * over
+    return np.asarray(alone.ravel()[planes.key], dtype=np.bool_)
 
 
 def _closer(height: Float, planes: Planes, scatter: float, side: float) -> tuple[Float, Bool]:
@@ -237,12 +255,15 @@ def _over_triangles(xyz: Float, anchored: Bool, taken: Bool) -> Float:
     if len(vertices) < 3:
         return np.full(len(xyz), np.inf)
     low = xyz[:, :2].min(axis=0)
-    shape = np.ceil(np.ptp(xyz[:, :2], axis=0) / SURFACE_CELL_M).astype(int) + 2
-    rows, columns = np.meshgrid(*(np.arange(n) for n in shape), indexing="ij")
-    nodes = low + SURFACE_CELL_M * np.column_stack([rows.ravel(), columns.ravel()])
-    surface = Triangles(xyz[vertices]).height(nodes).reshape(shape)
-    place = ((xyz[:, :2] - low) / SURFACE_CELL_M).T
-    return np.asarray(xyz[:, 2] - ndimage.map_coordinates(surface, place, order=1, mode="nearest"), dtype=np.float64)
+    place = (xyz[:, :2] - low) / SURFACE_CELL_M
+    node = np.floor(place).astype(np.int64)
+    # a slope that lies across the axes fills little of the grid, and only nodes about its points are looked up
+    needed = np.zeros(node.max(axis=0) + 2, dtype=bool)
+    for right, up in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        needed[node[:, 0] + right, node[:, 1] + up] = True
+    surface = np.zeros(needed.shape)
+    surface[needed] = Triangles(xyz[vertices]).height(low + SURFACE_CELL_M * np.argwhere(needed))
+    return np.asarray(xyz[:, 2] - ndimage.map_coordinates(surface, place.T, order=1, mode="nearest"), dtype=np.float64)
 
 
 def _window_side(xyz: Float) -> float:

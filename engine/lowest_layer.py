@@ -28,6 +28,8 @@ SMOOTHING_M, PEAK_WITHIN_M, VALLEY_WITHIN_M, VALLEY = 0.02, 0.1, 0.15, 0.35
 """Of a separate lowest layer: smoothing of the density, distance of its peak from the ground, and where it must fall to
 what share of it."""
 FEWEST_IN_LAYER = 45.0
+FARTHEST_BELOW = 4.0
+"""Times sigma: returns deeper below the ground tell nothing of it."""
 EDGES: Float = LOWEST_M + BIN_M * np.arange(BINS + 1, dtype=np.float64)
 _MIDDLES: Float = LOWEST_M + BIN_M * (np.arange(BINS, dtype=np.float64) + 0.5)
 
@@ -79,10 +81,15 @@ def lowest_layers(counts: Float, sigma: float, threshold: float, tolerance: floa
     """
     returns = counts.sum(axis=-1)
     number, moment = np.cumsum(counts, axis=-1), np.cumsum(counts * _MIDDLES, axis=-1)
+    # farther below lie single returns (multipath), which would make a layer seem deep
+    few = max(round(FARTHEST_BELOW * sigma / BIN_M), 1)
+    number_below, moment_below = number.copy(), moment.copy()
+    number_below[..., few:] -= number[..., :-few]
+    moment_below[..., few:] -= moment[..., :-few]
     with np.errstate(invalid="ignore", divide="ignore"):
-        depth = EDGES[1:] - moment / number
+        depth = EDGES[1:] - moment_below / number_below
     least = np.maximum(LEAST_BELOW, LEAST_BELOW_SHARE * returns)[..., None]
-    reached = (depth >= HALF_NORMAL_MEAN * sigma) & (number >= least)
+    reached = (depth >= HALF_NORMAL_MEAN * sigma) & (number_below >= least)
     unknown = ~reached.any(axis=-1)
     ground = EDGES[1:][np.argmax(reached, axis=-1)]
     for _ in range(2):
@@ -103,7 +110,7 @@ def lowest_layers(counts: Float, sigma: float, threshold: float, tolerance: floa
     below = _at(number, ground)
     median = EDGES[1:][np.argmax(number >= returns[..., None] / 2, axis=-1)] - ground
     taken = _at(number, top) - _at(number, lowest)
-    ground[unknown] = np.nan
+    ground = np.where(unknown, np.nan, ground)
     return Layers(ground, top, below, taken, returns, surplus, median)
 
 

@@ -100,6 +100,42 @@ def test_the_ground_is_that_of_the_truth_and_its_points_are_untouched(inputs, re
     assert np.array_equal(np.sort(labels.gps_time[np.asarray(labels.classification) == 2]), np.sort(found.gps_time))
 
 
+def test_the_files_say_how_high_points_stand_and_what_plants_cost(pair, result):
+    las, ground = laspy.read(result.classified), laspy.read(result.ground)
+    height, labels = np.asarray(las.height_over_ground), np.asarray(las.classification)
+    truth = np.asarray(las.z) - pair.scene.with_changes(()).height_at(np.array(las.xyz))
+    known = np.isfinite(height)
+    assert known[labels == 2].all()
+    assert np.abs(height - truth)[labels == 2].mean() < 0.02
+    # in the vertical, on a slope of 39 degrees
+    plants = known & (truth > 0.3) & (truth < 0.6)
+    assert np.median(height[plants] / truth[plants]) == pytest.approx(1.0, abs=0.05)
+    for name in ("plant_error", "plant_height"):
+        values = np.asarray(las[name])
+        assert values.dtype == np.float32
+        assert (values[labels == 2] >= 0).all()
+        by_time = dict(zip(np.asarray(las.gps_time).tolist(), values.tolist(), strict=True))
+        assert [by_time[t] for t in np.asarray(ground.gps_time).tolist()] == np.asarray(ground[name]).tolist()
+    # most of this slope's ground shows itself between the plants
+    assert np.median(ground.plant_error) == 0.0
+    assert np.nanmedian(las.plant_height[truth < 1.0]) > 0.0
+
+
+def test_without_refinement_nothing_is_said_of_plants(inputs, tmp_path):
+    parameters = GroundParameters(refine=False, class_threshold=0.1)
+    found = extract_ground(inputs[0], tmp_path / "g.laz", roi=inputs[1], parameters=parameters, pdal=any_pdal())
+    for path in (found.classified, found.ground):
+        assert not list(laspy.read(path).point_format.extra_dimension_names)
+
+
+def test_ground_of_a_classified_cloud_replaces_what_the_file_said_of_plants(result, tmp_path):
+    again = extract_ground(result.classified, tmp_path / "g.laz", pdal=any_pdal())
+    for path in (again.classified, again.ground):
+        names = list(laspy.read(path).point_format.extra_dimension_names)
+        assert sorted(names) == ["height_over_ground", "plant_error", "plant_height"]
+    assert abs(again.ground_points - result.ground_points) < 0.01 * result.ground_points
+
+
 def test_the_reported_figures_are_those_of_the_points(pair, inputs, result):
     raw, found = laspy.read(inputs[0]), laspy.read(result.ground)
     region = geopandas.read_file(inputs[1]).geometry[0]
