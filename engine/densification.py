@@ -34,8 +34,7 @@ PIT_STEEPEST_DEG, PIT_DEPTH_M = 50.0, 0.15
 """A candidate that lies deeper below all of its neighbours, and more steeply, is no ground."""
 ANGLES_DEG = (3.0, 10.0)
 """Angle under which a point is seen from its triangle, at first and at last."""
-ANGLE_STEP_DEG, CLOTH_BONUS_DEG = 1.0, 2.0
-"""Degrees by which the angle grows from round to round, and by which it is larger for what the cloth found too."""
+ANGLE_STEP_DEG = 1.0
 LARGEST_DISTANCE_M, CLOSE_M = 1.0, 0.05
 """Distance from the triangle: never more than the first; less than the second joins at any angle."""
 SMALLEST_WINDOW_M = 1.0
@@ -83,7 +82,7 @@ def densified(points: Float, anchored: Bool | None = None) -> Bool:
 
     Args:
         points: (n, 3) metres, in a frame in which the slope lies flat.
-        anchored: (n,) candidates that the cloth found too; none by default.
+        anchored: (n,) candidates that the cloth found, from which the seeds are taken; all by default.
 
     Returns:
         (n,) bool.
@@ -93,32 +92,26 @@ def densified(points: Float, anchored: Bool | None = None) -> Bool:
         return ground
     usable = ~_pits(points)
     window = min(SEED_WINDOW_M, max(SMALLEST_WINDOW_M, float(np.ptp(points[:, :2], axis=0).min()) / FEWEST_WINDOWS))
-    ground[_seeds(points, usable, window)] = True
-    # what two filters take for ground is believed more readily
-    trusted = np.zeros(len(points)) if anchored is None else np.where(anchored, CLOTH_BONUS_DEG, 0.0)
-    _densify(points, ground, usable, window, trusted)
+    ground[_all_seeds(points, usable, anchored, window)] = True
+    _densify(points, ground, usable, window)
     for _ in range(CONTINUED_ROUNDS):
         beside = _continued(points, ground, usable)
         if np.count_nonzero(beside) <= LEAST_GAIN * np.count_nonzero(ground):
             break
         ground |= beside
-    _densify(points, ground, usable, SMALLEST_WINDOW_M, trusted, ANGLES_DEG[1])
+    _densify(points, ground, usable, SMALLEST_WINDOW_M, ANGLES_DEG[1])
     return ground
 
 
-def _densify(
-    points: Float, ground: Bool, usable: Bool, window: float, bonus: Float, first_angle: float = ANGLES_DEG[0]
-) -> None:
-    """Let candidates join ``ground`` (n,), in place, until no more come; ``bonus`` (n,) degrees are added to the angle."""
+def _densify(points: Float, ground: Bool, usable: Bool, window: float, first_angle: float = ANGLES_DEG[0]) -> None:
+    """Let candidates join ``ground`` (n,), in place, until no more come."""
     for round_number in range(MOST_ROUNDS):
         rest = np.flatnonzero(usable & ~ground)
         if not len(rest) or not ground.any():
             break
         distance, angle = Triangles(points[ground]).seen(points[rest])
         allowed = min(first_angle + ANGLE_STEP_DEG * round_number, ANGLES_DEG[1])
-        joins = (np.abs(distance) < LARGEST_DISTANCE_M) & (
-            (angle < allowed + bonus[rest]) | (np.abs(distance) < CLOSE_M)
-        )
+        joins = (np.abs(distance) < LARGEST_DISTANCE_M) & ((angle < allowed) | (np.abs(distance) < CLOSE_M))
         if not joins.any():
             if allowed >= ANGLES_DEG[1]:
                 break
@@ -198,12 +191,34 @@ class Triangles:
         return distance, np.degrees(np.arctan2(np.abs(distance), near))
 
 
+def _all_seeds(points: Float, usable: Bool, anchored: Bool | None, window: float) -> Index:
+    """The lowest candidates of windows that the cloth found, and those of all that lie below them.
+
+    Over closed plants the cloth hangs above the ground, so what lies lower is believed; what lies far above it, as on a
+    roof, is not.
+    """
+    if anchored is None or not (usable & anchored).any():
+        return _seeds(points, usable, window)
+    found = _seeds(points, usable & anchored, window)
+    lowest = _seeds(points, usable, window)
+    if len(found) >= 3:
+        distance, _ = Triangles(points[found]).seen(points[lowest])
+        lowest = lowest[distance < 0]
+    together = np.zeros(len(points), dtype=bool)
+    together[found], together[lowest] = True, True
+    return _without_crowns(points, np.flatnonzero(together))
+
+
 def _seeds(points: Float, usable: Bool, window: float) -> Index:
     """The lowest usable candidates of windows, without those in crowns."""
     index = np.flatnonzero(usable)
     if not len(index):
         return index
-    index = index[lowest_of_cells(points[index], window)]
+    return _without_crowns(points, index[lowest_of_cells(points[index], window)])
+
+
+def _without_crowns(points: Float, index: Index) -> Index:
+    """Seeds without those that stand steeply over their neighbours."""
     for _ in range(10):
         if len(index) < 4:
             break

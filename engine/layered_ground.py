@@ -56,6 +56,8 @@ SEPARATE_WINDOW_M = 1.2
 """In larger windows relief and forest floor fill the gap between rough ground and what grows on it."""
 DENSE_TOLERANCE_M, SPARSE_TOLERANCE_M = 0.0025, 0.012
 """Height over the ground of the mean of what is taken under plants: where returns are few, each counts."""
+SPARSE_THRESHOLD_M = 0.1
+"""Least threshold where returns are few, and triangles are as wide as relief."""
 TRIANGLE_REACH = 1.5
 """Where returns are few: thresholds from the windows' ground up to which the triangles decide."""
 LEAST_BEND_M = 0.06
@@ -127,7 +129,8 @@ def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) ->
     index = np.flatnonzero(taken & (height > LOWEST_M) & (height < HIGHEST_M))
     side = _window_side(xyz[index])
     scatter = math.hypot(BARE_SCATTER_M, ROUGHNESS * max(2.0 * side - 1.0, 0.0))
-    windows = _Windows(side, scatter, max(threshold, SPREAD * scatter))
+    threshold = max(threshold, SPREAD * scatter, SPARSE_THRESHOLD_M if side > CLOSER_WINDOW_M else 0.0)
+    windows = _Windows(side, scatter, threshold)
     if not len(index):
         nowhere, none = np.full(len(xyz), np.nan), np.zeros(len(xyz), dtype=bool)
         return LayeredGround(nowhere, none, none, nowhere, nowhere, scatter, windows.threshold)
