@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from .bare_scatter import bare_scatter
 from .densification import Triangles, densified, lowest_supported
 from .lowest_layer import HIGHEST_M, LOWEST_M, Layers, histograms, lowest_layers, separate_layers
 from .plane_cells import Planes
@@ -48,8 +49,8 @@ FEWEST_BARE = 20.0
 """Returns to tell bare ground by."""
 PLANT_SCATTER = 0.73
 """Scatter of the ground under plants, as a share of the largest that bare ground may have."""
-JUDGED_M = 0.1
-"""Height over and below the ground of the returns by which a window is judged."""
+JUDGED_M, JUDGED_SCATTERS = 0.1, 4.5
+"""Height over and below the ground of the returns by which a window is judged: at least m, and times the scatter."""
 CLOSER_WINDOW_M, CLOSER_PARTS = 0.8, (2, 4)
 """Windows at most this large hold enough returns to be divided, into so many."""
 SEPARATE_WINDOW_M = 1.2
@@ -128,13 +129,17 @@ def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) ->
     height = _over_triangles(xyz, anchored, taken)
     index = np.flatnonzero(taken & (height > LOWEST_M) & (height < HIGHEST_M))
     side = _window_side(xyz[index])
-    scatter = math.hypot(BARE_SCATTER_M, ROUGHNESS * max(2.0 * side - 1.0, 0.0))
+    low = np.column_stack([xyz[index, :2] - xyz[:, :2].min(axis=0), height[index]])
+    level = np.column_stack(
+        [low[:, :2], xyz[index, 2] - np.median(xyz[index, 2]) if len(index) else low[:, 2], low[:, 2]]
+    )
+    bare_ground = (bare_scatter(level, side) if side <= CLOSER_WINDOW_M else None) or BARE_SCATTER_M
+    scatter = math.hypot(bare_ground, ROUGHNESS * max(2.0 * side - 1.0, 0.0))
     threshold = max(threshold, SPREAD * scatter, SPARSE_THRESHOLD_M if side > CLOSER_WINDOW_M else 0.0)
     windows = _Windows(side, scatter, threshold)
     if not len(index):
         nowhere, none = np.full(len(xyz), np.nan), np.zeros(len(xyz), dtype=bool)
         return LayeredGround(nowhere, none, none, nowhere, nowhere, scatter, windows.threshold)
-    low = np.column_stack([xyz[index, :2] - xyz[:, :2].min(axis=0), height[index]])
     judged = in_tiles(low, partial(_judged, windows=windows), TILE_M, MARGIN_M, side)
     ground, bare = (np.zeros(len(xyz), dtype=bool) for _ in range(2))
     ground[index], bare[index] = judged[:, 1] > 0, judged[:, 2] > 0
@@ -306,7 +311,7 @@ def _through(over: Float, planes: Planes, layers: Layers, threshold: float) -> F
 
 def _narrow(height: Float, planes: Planes, scatter: float, median: bool = True) -> tuple[Bool, Float]:
     """Windows whose returns about 0 scatter as those from bare ground do; and the returns' mean."""
-    near = np.abs(height) < JUDGED_M
+    near = np.abs(height) < max(JUDGED_M, JUDGED_SCATTERS * scatter)
     value = np.where(near, height, 0.0)
     number, *sums = (planes.pooled(planes.pooled(planes.sum(near * value**power))) for power in range(5))
     with np.errstate(invalid="ignore", divide="ignore"):
