@@ -25,6 +25,7 @@ from .densification import Triangles, densified, lowest_supported
 from .lowest_layer import HIGHEST_M, LOWEST_M, Layers, histograms, lowest_layers
 from .plane_cells import Planes
 from .square_tiles import in_tiles
+from .stray_low import NOTEWORTHY, stray_below
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -67,6 +68,8 @@ LARGEST_PLANT_ERROR_M = 0.25
 """Where plants make a larger error, no ground is known."""
 FARTHEST_CELLS = 4.0
 """Cells from the nearest known ground up to which a return's height over it is told."""
+SLICE_M, CLOSE_SLICE_M = 0.1, 0.05
+"""Slices in which strays are looked for: of the slope, and of heights over the triangles."""
 TILE_M, MARGIN_M = 60.0, 9.0
 
 
@@ -106,7 +109,11 @@ def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) ->
         taken: (n,) points that may be ground.
         threshold: least distance (m) from the surface within which a point of bare ground is ground.
     """
+    taken = _without_strays(xyz, taken, SLICE_M)
     height = _over_triangles(xyz, anchored, taken)
+    near = taken & np.isfinite(height)
+    if near.any():
+        taken = _without_strays(np.column_stack([xyz[:, :2], height]), near, CLOSE_SLICE_M)
     index = np.flatnonzero(taken & (height > LOWEST_M) & (height < HIGHEST_M))
     side = _window_side(xyz[index])
     scatter = math.hypot(BARE_SCATTER_M, ROUGHNESS * max(2.0 * side - 1.0, 0.0))
@@ -123,6 +130,17 @@ def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) ->
     over = height - offset
     over[index] = judged[:, 0]
     return LayeredGround(over, ground, bare, error, plants, scatter, windows.threshold)
+
+
+def _without_strays(xyz: Float, taken: Bool, slice_m: float) -> Bool:
+    """(n,) those ``taken`` without stray returns below the ground, where the cloud has a noteworthy share of them."""
+    index = np.flatnonzero(taken)
+    stray = stray_below(xyz[index], slice_m)
+    if np.count_nonzero(stray) < NOTEWORTHY * len(index):
+        return taken
+    left = taken.copy()
+    left[index[stray]] = False
+    return left
 
 
 def _everywhere(xyz: Float, index: NDArray[np.int64], known: Float, side: float) -> Float:
