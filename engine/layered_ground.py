@@ -68,8 +68,8 @@ LARGEST_PLANT_ERROR_M = 0.25
 """Where plants make a larger error, no ground is known."""
 FARTHEST_CELLS = 4.0
 """Cells from the nearest known ground up to which a return's height over it is told."""
-SLICE_M, CLOSE_SLICE_M = 0.1, 0.05
-"""Slices in which strays are looked for: of the slope, and of heights over the triangles."""
+SLICE_M, CLOSE_SLICE_M, STRAY_ROUNDS = 0.1, 0.05, 3
+"""Slices in which strays are looked for: of the slope, and of heights over the triangles, in so many rounds."""
 TILE_M, MARGIN_M = 60.0, 9.0
 
 
@@ -111,9 +111,13 @@ def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) ->
     """
     taken = _without_strays(xyz, taken, SLICE_M)
     height = _over_triangles(xyz, anchored, taken)
-    near = taken & np.isfinite(height)
-    if near.any():
-        taken = _without_strays(np.column_stack([xyz[:, :2], height]), near, CLOSE_SLICE_M)
+    for _ in range(STRAY_ROUNDS):
+        near = taken & np.isfinite(height)
+        left = _without_strays(np.column_stack([xyz[:, :2], height]), near, CLOSE_SLICE_M)
+        if left is near:
+            break
+        taken = left
+        height = _over_triangles(xyz, anchored, taken)
     index = np.flatnonzero(taken & (height > LOWEST_M) & (height < HIGHEST_M))
     side = _window_side(xyz[index])
     scatter = math.hypot(BARE_SCATTER_M, ROUGHNESS * max(2.0 * side - 1.0, 0.0))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
+Index = NDArray[np.int64]
 
 SQUARE_M, REACH = 0.5, 2
 """Side of the squares, and how many on each side are counted together: 2.5 m, in which few hits of ground add up."""
@@ -46,13 +47,38 @@ def stray_below(xyz: Float, slice_m: float) -> Bool:
         for along in range(-REACH, REACH + 1):
             start = key + (across * width + along) * levels
             pooled += total[np.searchsorted(key, start + 2)] - total[np.searchsorted(key, start)]
-    place = key // levels
-    rank = np.cumsum(np.concatenate([[0], np.diff(place) != 0]))
-    fullest = _running_maximum(pooled[::-1], rank[-1] - rank[::-1])[::-1]
+    place, height = key // levels, key % levels
+    fullest = _fullest_above(place, height, pooled, width)
     empty = (pooled < STRAY_SHARE * fullest) & (fullest >= FEWEST_ABOVE)
+    rank = np.cumsum(np.concatenate([[0], np.diff(place) != 0]))
     # below a wall or a crown there is ground; below strays there is nothing
     nothing_below = _running_maximum((~empty).astype(np.float64), rank) == 0
     return np.asarray((empty & nothing_below)[voxel.ravel()], dtype=np.bool_)
+
+
+def _fullest_above(place: Index, height: Index, pooled: Float, width: int) -> Float:
+    """(v,) the largest of ``pooled`` (v,) among the fullest voxels of the columns around that lie above each voxel.
+
+    Args:
+        place, height: (v,) column and level of each voxel, sorted by both; a row of columns has ``width``.
+    """
+    rank = np.cumsum(np.concatenate([[0], np.diff(place) != 0]))
+    own = _running_maximum(pooled[::-1], rank[-1] - rank[::-1])[::-1]
+    found = own.copy()
+    # a beam that leaves its column on its way down has no ground above it: look beside
+    lonely = np.flatnonzero(own < FEWEST_ABOVE)
+    order = np.lexsort((-pooled, place))
+    first = np.ones(len(order), dtype=bool)
+    first[1:] = place[order][1:] != place[order][:-1]
+    best = order[first]
+    columns, level, value = place[best], height[best], pooled[best]
+    for across in range(-REACH, REACH + 1):
+        for along in range(-REACH, REACH + 1):
+            beside = place[lonely] + across * width + along
+            index = np.minimum(np.searchsorted(columns, beside), len(columns) - 1)
+            above = (columns[index] == beside) & (level[index] > height[lonely])
+            found[lonely] = np.maximum(found[lonely], np.where(above, value[index], 0.0))
+    return found
 
 
 def _running_maximum(values: Float, group: NDArray[np.int64]) -> Float:
