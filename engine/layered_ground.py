@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from .densification import Triangles, densified, lowest_supported
-from .lowest_layer import HIGHEST_M, LOWEST_M, Layers, histograms, lowest_layers
+from .lowest_layer import HIGHEST_M, LEAST_BELOW_SHARE, LOWEST_M, Layers, histograms, lowest_layers
 from .plane_cells import Planes
 from .square_tiles import in_tiles
 from .stray_low import NOTEWORTHY, stray_below
@@ -70,6 +70,9 @@ FARTHEST_CELLS = 4.0
 """Cells from the nearest known ground up to which a return's height over it is told."""
 SLICE_M, CLOSE_SLICE_M, STRAY_ROUNDS = 0.1, 0.05, 3
 """Slices in which strays are looked for: of the slope, and of heights over the triangles, in so many rounds."""
+STRAYS_LEFT = 0.5
+"""Strays close below the ground that no slice tells from it, as a share of those found; with less the ground under grass comes
+out too low where 5 % of the returns are strays."""
 TILE_M, MARGIN_M = 60.0, 9.0
 
 
@@ -94,11 +97,12 @@ class LayeredGround:
 
 @dataclass(frozen=True)
 class _Windows:
-    """Side of the windows, largest scatter of bare ground in them and threshold, metres."""
+    """Side of the windows, largest scatter of bare ground in them and threshold, metres; see ``lowest_layers``."""
 
     side: float
     scatter: float
     threshold: float
+    least_below: float
 
 
 def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) -> LayeredGround:
@@ -109,19 +113,11 @@ def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) ->
         taken: (n,) points that may be ground.
         threshold: least distance (m) from the surface within which a point of bare ground is ground.
     """
-    taken = _without_strays(xyz, taken, SLICE_M)
-    height = _over_triangles(xyz, anchored, taken)
-    for _ in range(STRAY_ROUNDS):
-        near = taken & np.isfinite(height)
-        left = _without_strays(np.column_stack([xyz[:, :2], height]), near, CLOSE_SLICE_M)
-        if left is near:
-            break
-        taken = left
-        height = _over_triangles(xyz, anchored, taken)
+    height, taken, strays = _above_strays(xyz, anchored, taken)
     index = np.flatnonzero(taken & (height > LOWEST_M) & (height < HIGHEST_M))
     side = _window_side(xyz[index])
     scatter = math.hypot(BARE_SCATTER_M, ROUGHNESS * max(2.0 * side - 1.0, 0.0))
-    windows = _Windows(side, scatter, max(threshold, SPREAD * scatter))
+    windows = _Windows(side, scatter, max(threshold, SPREAD * scatter), LEAST_BELOW_SHARE + STRAYS_LEFT * strays)
     if not len(index):
         nowhere, none = np.full(len(xyz), np.nan), np.zeros(len(xyz), dtype=bool)
         return LayeredGround(nowhere, none, none, nowhere, nowhere, scatter, windows.threshold)
@@ -136,14 +132,28 @@ def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) ->
     return LayeredGround(over, ground, bare, error, plants, scatter, windows.threshold)
 
 
+def _above_strays(xyz: Float, anchored: Bool, taken: Bool) -> tuple[Float, Bool, float]:
+    """Height (n,) over triangles, the points (n,) left to take part, and the share of strays that were left out."""
+    everything = max(np.count_nonzero(taken), 1)
+    left = _without_strays(xyz, taken, SLICE_M)
+    height = _over_triangles(xyz, anchored, left)
+    for _ in range(STRAY_ROUNDS):
+        # over the triangles the ground is level, so that what is not shows better
+        level = _without_strays(np.column_stack([xyz[:, :2], height]), left & np.isfinite(height), CLOSE_SLICE_M)
+        if np.count_nonzero(level) > (1.0 - NOTEWORTHY) * np.count_nonzero(left):
+            break
+        left = level
+        height = _over_triangles(xyz, anchored, left)
+    return height, left, 1.0 - np.count_nonzero(left) / everything
+
+
 def _without_strays(xyz: Float, taken: Bool, slice_m: float) -> Bool:
     """(n,) those ``taken`` without stray returns below the ground, where the cloud has a noteworthy share of them."""
     index = np.flatnonzero(taken)
     stray = stray_below(xyz[index], slice_m)
-    if np.count_nonzero(stray) < NOTEWORTHY * len(index):
-        return taken
     left = taken.copy()
-    left[index[stray]] = False
+    if np.count_nonzero(stray) >= NOTEWORTHY * len(index):
+        left[index[stray]] = False
     return left
 
 
@@ -186,9 +196,9 @@ def _judged(points: Float, windows: _Windows) -> Float:
     planes = Planes((points[:, :2] - low) / windows.side)
     over, sigma = points[:, 2], PLANT_SCATTER * windows.scatter
     for _ in range(ROUNDS):
-        layers = _pooled_layers(over, planes, sigma, windows.threshold)
+        layers = _pooled_layers(over, planes, sigma, windows)
         over = over - _through(over, planes, layers, windows.threshold)
-    layers = _pooled_layers(over, planes, sigma, windows.threshold)
+    layers = _pooled_layers(over, planes, sigma, windows)
 
     def each(values: NDArray[np.generic]) -> Float:
         return np.asarray(values.ravel()[planes.key], dtype=np.float64)
@@ -253,17 +263,17 @@ def _window_side(xyz: Float) -> float:
     return min(max(side, SMALLEST_WINDOW_M), LARGEST_WINDOW_M)
 
 
-def _pooled_layers(over: Float, planes: Planes, scatter: float, threshold: float) -> Layers:
+def _pooled_layers(over: Float, planes: Planes, scatter: float, windows: _Windows) -> Layers:
     """The layers of windows, each with (half of) the windows around it; of more windows where returns are few."""
     counts = histograms(over, planes.key, planes.shape[0] * planes.shape[1]).reshape(*planes.shape, -1)
-    layers = lowest_layers(planes.pooled(counts), scatter, threshold)
+    layers = lowest_layers(planes.pooled(counts), scatter, windows.threshold, windows.least_below)
     for reach in range(2, WIDEST_POOL + 1):
         few = (layers.returns < FEWEST_RETURNS) & (layers.returns > 0)
         if not few.any():
             break
         width = 2 * reach + 1
         wider = ndimage.uniform_filter(counts, (width, width, 1), mode="constant") * width**2
-        layers = layers.where(few, lowest_layers(wider[few], scatter, threshold))
+        layers = layers.where(few, lowest_layers(wider[few], scatter, windows.threshold, windows.least_below))
     return layers
 
 

@@ -63,19 +63,20 @@ def histograms(height: Float, window: NDArray[np.int64], count: int) -> Float:
     return np.asarray(found, dtype=np.float64).reshape(count, BINS)
 
 
-def lowest_layers(counts: Float, sigma: float, threshold: float) -> Layers:
+def lowest_layers(counts: Float, sigma: float, threshold: float, least_below: float = LEAST_BELOW_SHARE) -> Layers:
     """The ground in windows of which the returns by height are known.
 
     Args:
         counts: (..., BINS) see ``histograms``.
         sigma: standard deviation (m) of returns from bare ground about its surface.
         threshold: largest distance (m) from the ground of what may be taken.
+        least_below: share of the returns that must lie below the ground.
     """
     returns = counts.sum(axis=-1)
     number, moment = np.cumsum(counts, axis=-1), np.cumsum(counts * _MIDDLES, axis=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
         depth = EDGES[1:] - moment / number
-    least = np.maximum(LEAST_BELOW, LEAST_BELOW_SHARE * returns)[..., None]
+    least = np.maximum(LEAST_BELOW, least_below * returns)[..., None]
     reached = (depth >= HALF_NORMAL_MEAN * sigma) & (number >= least)
     unknown = ~reached.any(axis=-1)
     ground = EDGES[1:][np.argmax(reached, axis=-1)]
