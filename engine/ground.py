@@ -10,7 +10,7 @@ import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from .crs import WorkingFrame
 from .csf import cloth_ground, filling, refuse_large_cloth
 from .denoise import outliers
 from .errors import EngineError, InputError
+from .ground_doubts import Found, ground_doubts
 from .ground_metrics import coverage, file_coverage, vegetation_cover
 from .ground_points import Filtered, cloth_threshold, dominant_plane, ground_mask, refined, require_points
 from .las_records import classes, read_records, return_numbers
@@ -183,10 +184,11 @@ class _Extraction:
             plane = dominant_plane(xyz)
             flat = apply_matrix(flattening_matrix(plane), xyz)
             noise = self._noise(flat, labels)
+            removed = flat[noise]
             if noise.any():
                 copy_with(clipped, clipped, keep=~noise)
                 xyz, flat = xyz[~noise], flat[~noise]
-                returns = Returns(returns.last[~noise], returns.usable, returns.mixed, returns.note)
+                returns = replace(returns, last=returns.last[~noise])
             require_points(f"{shown(self.cloud)} without its outliers", len(xyz))
         spacing = self._check_spacing(xyz)
         with self._step("cloth", 0.45, 0.8, "laying the cloth"):
@@ -195,6 +197,9 @@ class _Extraction:
         with self._step("refine", 0.8, 0.9, "refining the ground"):
             found = refined(flat, near, taken, self.parameters)
             self._judge(found.ground, len(xyz))
+            doubted = Found(flat, found.ground, taken, found.height, found.plant_error, removed, found.threshold)
+            for sentence in ground_doubts(shown(self.cloud), doubted, returns.lost):
+                self._warn(sentence)
         with self._step("write", 0.9, 1.0, "writing the ground"):
             classified = self._file("classified.laz")
             labels = np.where(found.ground, pipelines.GROUND, pipelines.UNCLASSIFIED).astype(np.uint8)

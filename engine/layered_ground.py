@@ -71,8 +71,8 @@ FARTHEST_CELLS = 4.0
 SLICE_M, CLOSE_SLICE_M, STRAY_ROUNDS = 0.1, 0.05, 3
 """Slices in which strays are looked for: of the slope, and of heights over the triangles, in so many rounds."""
 STRAYS_LEFT = 0.5
-"""Strays close below the ground that no slice tells from it, as a share of those found; with less the ground under grass comes
-out too low where 5 % of the returns are strays."""
+"""Strays close below the ground that no slice tells from it, as a share of those found: with less, the ground under
+grass comes out too low where 5 % of the returns are strays."""
 TILE_M, MARGIN_M = 60.0, 9.0
 
 

@@ -1,9 +1,9 @@
 """Stray returns below a surface: multipath, whose pulse took a longer way than its place tells.
 
-They lie at any depth and make no sheet. The ground, even where plants let few pulses through, is a sheet: within a few square
-metres its returns have one height. So returns are counted in slices of squares, and a slice with a small part of the returns of
-a slice above it is stray. Only clouds with a noteworthy share of such returns are treated: elsewhere these are sparse
-ground under dense plants as well as strays, and single strays are left to what follows.
+They lie at any depth and make no sheet. The ground, even where plants let few pulses through, is a sheet: within a few
+square metres its returns have one height. So returns are counted in slices of squares, and a slice with a small part of
+the returns of a slice above it is stray, if nothing fuller lies below. Only clouds with a noteworthy share of such
+returns should be treated: elsewhere these may be sparse ground under dense plants, and single strays do no harm.
 """
 
 from __future__ import annotations
@@ -18,19 +18,20 @@ Index = NDArray[np.int64]
 SQUARE_M, REACH = 0.5, 2
 """Side of the squares, and how many on each side are counted together: 2.5 m, in which few hits of ground add up."""
 STRAY_SHARE = 0.06
-"""Share of the returns of the fullest slice above, below which a slice is stray. Of 5 % multipath a slice of 0.2 m holds
-up to 1.5 %; under closed grass the ground holds more than a tenth of the fullest slice of grass."""
+"""Share of the returns of the fullest slice above, below which a slice is stray: of 5 % multipath a slice of 0.2 m
+holds up to 1.5 %, and the ground under simulated closed grass is never that empty."""
 FEWEST_ABOVE = 12.0
-"""Returns in the fullest slice above, below which no slice is stray: single hits of ground under trees are no strays."""
+"""Returns in the fullest slice above, below which no slice is stray: single hits of ground under trees are none."""
 NOTEWORTHY = 0.003
 """Share of stray returns in the cloud from which they are taken out."""
 
 
 def stray_below(xyz: Float, slice_m: float) -> Bool:
-    """Which returns (n, 3) lie in a slice (``slice_m`` m thick, with the one above) far emptier than one above it; (n,).
+    """Which returns (n,) lie below the ground, in slices far emptier than one above.
 
     Args:
-        xyz: metres, in a frame in which the slope lies flat.
+        xyz: (n, 3) metres, in a frame in which the slope lies flat.
+        slice_m: thickness of the slices; two count together.
     """
     if len(xyz) == 0:
         return np.zeros(0, dtype=bool)
