@@ -43,7 +43,7 @@ def warn_of_classes(path: Path, xyz: Float, progress: Progress) -> None:
     )
     if share >= REFUSED:
         raise InputError(f"{told}, so they are no surface; extract its ground with slopewatch ground instead.")
-    return (
+    progress.warning(
         f"{told}: plants or strays among them; look at them in profile, or extract the ground with slopewatch ground."
     )
 

@@ -19,7 +19,7 @@ BARE_SHARE = 0.01
 none, slopes with 70 % plants half."""
 BELOW_M, BELOW_THRESHOLDS, BELOW_SHARE = 0.2, 3.0, 0.003
 """Depth below the ground that no noise of the range reaches, in thresholds of the ground at least, and share of
-returns there that sound surveys do not have (0 to 0.05 % in five real ones; in two steep forests where ground is missed more)."""
+returns there: 0 to 0.05 % in five real surveys, more where strays are many or ground was missed."""
 LOST_SHARE = 0.05
 """Share of the pulses without their last return; in complete surveys at most 0.1 %."""
 EVEN_SHARE, SQUARE_POINTS = 0.35, 4

@@ -134,7 +134,7 @@ def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) ->
 
 def _above_strays(xyz: Float, anchored: Bool, taken: Bool) -> tuple[Float, Bool, float]:
     """Height (n,) over triangles, the points (n,) left to take part, and the share of strays that were left out."""
-    everything = max(np.count_nonzero(taken), 1)
+    everything = max(int(np.count_nonzero(taken)), 1)
     left = _without_strays(xyz, taken, SLICE_M)
     height = _over_triangles(xyz, anchored, left)
     for _ in range(STRAY_ROUNDS):
@@ -144,7 +144,7 @@ def _above_strays(xyz: Float, anchored: Bool, taken: Bool) -> tuple[Float, Bool,
             break
         left = level
         height = _over_triangles(xyz, anchored, left)
-    return height, left, 1.0 - np.count_nonzero(left) / everything
+    return height, left, 1.0 - int(np.count_nonzero(left)) / everything
 
 
 def _without_strays(xyz: Float, taken: Bool, slice_m: float) -> Bool:

@@ -172,10 +172,12 @@ def test_classes_that_contradict_themselves():
     warn_of_classes(Path("a.laz"), mixed, progress)
     (said,) = progress.warnings
     assert said.startswith(
-        f"{100 * contradicting_share(mixed):.0f} % of the points of class 2 of a.laz lie more than 0.3 m"
+        f"{100 * contradicting_share(mixed):.0f} % of the points of class 2 of 'a.laz' lie more than 0.3 m"
     )
     mixed[:, 2] += np.random.default_rng(7).uniform(0, 3, len(mixed))
-    with pytest.raises(InputError, match=r"\d+ % of the points of class 2 of a.laz .* no surface; extract its ground"):
+    with pytest.raises(
+        InputError, match=r"\d+ % of the points of class 2 of 'a.laz' .* no surface; extract its ground"
+    ):
         warn_of_classes(Path("a.laz"), mixed, progress)
 
 
