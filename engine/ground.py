@@ -10,7 +10,7 @@ import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,8 @@ from .crs import WorkingFrame
 from .csf import cloth_ground, filling, refuse_large_cloth
 from .denoise import outliers
 from .errors import EngineError, InputError
-from .ground_cover import GroundCover
+from .ground_cover import GroundCover, cover_facts, cover_warnings
+from .ground_doubts import Found, ground_doubts
 from .ground_metrics import coverage, file_coverage, vegetation_cover
 from .ground_points import Filtered, cloth_threshold, dominant_plane, ground_mask, refined, require_points
 from .las_records import classes, read_records, return_numbers
@@ -187,10 +188,11 @@ class _Extraction:
             plane = dominant_plane(xyz)
             flat = apply_matrix(flattening_matrix(plane), xyz)
             noise = self._noise(flat, labels)
+            removed = flat[noise]
             if noise.any():
                 copy_with(clipped, clipped, keep=~noise)
                 xyz, flat = xyz[~noise], flat[~noise]
-                returns = Returns(returns.last[~noise], returns.usable, returns.mixed, returns.note)
+                returns = replace(returns, last=returns.last[~noise])
             require_points(f"{shown(self.cloud)} without its outliers", len(xyz))
         spacing = self._check_spacing(xyz)
         with self._step("cloth", 0.45, 0.8, "laying the cloth"):
@@ -199,10 +201,15 @@ class _Extraction:
         with self._step("refine", 0.8, 0.9, "refining the ground"):
             found = refined(flat, near, taken, self.parameters)
             self._judge(found.ground, len(xyz))
+            doubted = Found(flat, found.ground, taken, found.height, found.plant_error, removed, found.threshold)
+            for sentence in ground_doubts(shown(self.cloud), doubted, returns.lost):
+                self._warn(sentence)
+            dimensions = _dimensions(found, plane.dip)
+            cover = self._cover(xyz, found.ground, dimensions, plane.dip)
         with self._step("write", 0.9, 1.0, "writing the ground"):
             classified = self._file("classified.laz")
             labels = np.where(found.ground, pipelines.GROUND, pipelines.UNCLASSIFIED).astype(np.uint8)
-            copy_with(clipped, classified, classification=labels, dimensions=_dimensions(found, plane.dip))
+            copy_with(clipped, classified, classification=labels, dimensions=dimensions)
             self._run("select", pipelines.select_pipeline(classified, self.output, preflight(classified)), len(xyz))
             self._check_output(int(np.count_nonzero(found.ground)))
         ground_points = int(np.count_nonzero(found.ground))
@@ -232,6 +239,7 @@ class _Extraction:
             filter=method,
             warnings=tuple(self.warnings),
             seconds=self.seconds,
+            cover=cover,
         )
 
     def _region(self, roi: Path, frame: WorkingFrame, bounds: tuple[float, float, float, float]) -> Roi:
@@ -301,6 +309,20 @@ class _Extraction:
         near = np.zeros(len(xyz), dtype=bool)
         near[taken] = cloth_ground(aligned[taken], parameters, threshold=threshold)
         return near, "cloth-simulation-filter"
+
+    def _cover(
+        self, xyz: Float, ground: Bool, dimensions: dict[str, NDArray[np.float32]], dip: float
+    ) -> GroundCover | None:
+        """What covers the ground, where its heights are known; and the warnings about it."""
+        if not dimensions:
+            return None
+        lengths = (
+            dimensions[name].astype(np.float64) for name in (HEIGHT_OVER_GROUND, plant_cover.ERROR, plant_cover.HEIGHT)
+        )
+        cover = cover_facts(xyz, ground, *lengths, dip=dip)
+        for sentence in cover_warnings(cover, shown(self.cloud)):
+            self._warn(sentence)
+        return cover
 
     def _judge(self, ground: Bool, count: int) -> None:
         found = int(np.count_nonzero(ground))

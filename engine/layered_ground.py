@@ -23,9 +23,10 @@ from scipy import ndimage
 
 from .bare_scatter import bare_scatter
 from .densification import Triangles, densified, lowest_supported
-from .lowest_layer import HIGHEST_M, LOWEST_M, Layers, histograms, lowest_layers, separate_layers
+from .lowest_layer import HIGHEST_M, LEAST_BELOW_SHARE, LOWEST_M, Layers, histograms, lowest_layers, separate_layers
 from .plane_cells import Planes
 from .square_tiles import in_tiles
+from .stray_low import NOTEWORTHY, stray_below
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -82,6 +83,11 @@ LARGEST_PLANT_ERROR_M = 0.25
 """Where plants make a larger error, no ground is known."""
 FARTHEST_CELLS = 4.0
 """Cells from the nearest known ground up to which a return's height over it is told."""
+SLICE_M, CLOSE_SLICE_M, STRAY_ROUNDS = 0.1, 0.05, 3
+"""Slices in which strays are looked for: of the slope, and of heights over the triangles, in so many rounds."""
+STRAYS_LEFT = 0.5
+"""Strays close below the ground that no slice tells from it, as a share of those found: with less, the ground under
+grass comes out too low where 5 % of the returns are strays."""
 TILE_M, MARGIN_M = 60.0, 9.0
 
 
@@ -106,11 +112,16 @@ class LayeredGround:
 
 @dataclass(frozen=True)
 class _Windows:
-    """Side of the windows, largest scatter of bare ground in them and threshold, metres."""
+    """Side of the windows, largest scatter of bare ground in them and threshold, metres.
+
+    ``wider`` is how much more returns scatter there than in small windows; ``least_below`` see ``lowest_layers``.
+    """
 
     side: float
     scatter: float
     threshold: float
+    wider: float
+    least_below: float
 
     @property
     def tolerance(self) -> float:
@@ -126,17 +137,17 @@ def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) ->
         taken: (n,) points that may be ground.
         threshold: least distance (m) from the surface within which a point of bare ground is ground.
     """
-    height = _over_triangles(xyz, anchored, taken)
+    height, taken, strays = _above_strays(xyz, anchored, taken)
     index = np.flatnonzero(taken & (height > LOWEST_M) & (height < HIGHEST_M))
     side = _window_side(xyz[index])
     low = np.column_stack([xyz[index, :2] - xyz[:, :2].min(axis=0), height[index]])
-    level = np.column_stack(
-        [low[:, :2], xyz[index, 2] - np.median(xyz[index, 2]) if len(index) else low[:, 2], low[:, 2]]
-    )
-    bare_ground = (bare_scatter(level, side) if side <= CLOSER_WINDOW_M else None) or BARE_SCATTER_M
+    bare_ground = BARE_SCATTER_M
+    if len(index) and side <= CLOSER_WINDOW_M:
+        level = np.column_stack([low[:, :2], xyz[index, 2] - np.median(xyz[index, 2]), low[:, 2]])
+        bare_ground = bare_scatter(level, side) or BARE_SCATTER_M
     scatter = math.hypot(bare_ground, ROUGHNESS * max(2.0 * side - 1.0, 0.0))
     threshold = max(threshold, SPREAD * scatter, SPARSE_THRESHOLD_M if side > CLOSER_WINDOW_M else 0.0)
-    windows = _Windows(side, scatter, threshold)
+    windows = _Windows(side, scatter, threshold, scatter / bare_ground, LEAST_BELOW_SHARE + STRAYS_LEFT * strays)
     if not len(index):
         nowhere, none = np.full(len(xyz), np.nan), np.zeros(len(xyz), dtype=bool)
         return LayeredGround(nowhere, none, none, nowhere, nowhere, scatter, windows.threshold)
@@ -148,6 +159,31 @@ def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) ->
     over = height - offset
     over[index] = judged[:, 0]
     return LayeredGround(over, ground, bare, error, plants, scatter, windows.threshold)
+
+
+def _above_strays(xyz: Float, anchored: Bool, taken: Bool) -> tuple[Float, Bool, float]:
+    """Height (n,) over triangles, the points (n,) left to take part, and the share of strays that were left out."""
+    everything = max(int(np.count_nonzero(taken)), 1)
+    left = _without_strays(xyz, taken, SLICE_M)
+    height = _over_triangles(xyz, anchored, left)
+    for _ in range(STRAY_ROUNDS):
+        # over the triangles the ground is level, so that what is not shows better
+        level = _without_strays(np.column_stack([xyz[:, :2], height]), left & np.isfinite(height), CLOSE_SLICE_M)
+        if np.count_nonzero(level) > (1.0 - NOTEWORTHY) * np.count_nonzero(left):
+            break
+        left = level
+        height = _over_triangles(xyz, anchored, left)
+    return height, left, 1.0 - int(np.count_nonzero(left)) / everything
+
+
+def _without_strays(xyz: Float, taken: Bool, slice_m: float) -> Bool:
+    """(n,) those ``taken`` without stray returns below the ground, where the cloud has a noteworthy share of them."""
+    index = np.flatnonzero(taken)
+    stray = stray_below(xyz[index], slice_m)
+    left = taken.copy()
+    if np.count_nonzero(stray) >= NOTEWORTHY * len(index):
+        left[index[stray]] = False
+    return left
 
 
 def _everywhere(xyz: Float, index: NDArray[np.int64], known: Float, side: float) -> Float:
@@ -169,14 +205,13 @@ def _everywhere(xyz: Float, index: NDArray[np.int64], known: Float, side: float)
     return found
 
 
-def plant_error(layers: Layers, scatter: float) -> Float:
-    """Standard error (m) of the ground's height by plants, in windows where bare ground may show ``scatter``.
+def plant_error(layers: Layers, wider: float) -> Float:
+    """Standard error (m) of the ground's height by plants, in windows.
 
-    It grows with the width of the windows that returns are gathered over, which ``scatter`` follows, and where little
-    of the returns is ground.
+    It grows with the width of the windows that returns are gathered over, and where little of the returns is ground;
+    ``wider`` is how much more bare ground scatters there than in small windows.
     """
     share = np.maximum(layers.taken, 1.0) / np.maximum(layers.returns, 1.0)
-    wider = scatter / BARE_SCATTER_M
     return PLANT_ERROR_M * wider**3 * np.sqrt(1.0 + FEW_GROUND / np.minimum(share, 1.0))
 
 
@@ -210,7 +245,7 @@ def _judged(points: Float, windows: _Windows) -> Float:
         bare = bare | stony
         top = np.where(stony, np.maximum(SPREAD * each(spread), windows.threshold), top)
     sure = narrow & (layers.taken >= CLEARLY_BARE * layers.returns)
-    error = each(np.where(sure, 0.0, plant_error(layers, windows.scatter)))
+    error = each(np.where(sure, 0.0, plant_error(layers, windows.wider)))
     if windows.side <= CLOSER_WINDOW_M:
         for parts in CLOSER_PARTS:
             finer = Planes((points[:, :2] - low) * (parts / windows.side))
@@ -287,7 +322,7 @@ def _window_side(xyz: Float) -> float:
 def _pooled_layers(over: Float, planes: Planes, sigma: float, windows: _Windows) -> Layers:
     """The layers of windows, each with (half of) the windows around it; of more windows where returns are few."""
     counts = histograms(over, planes.key, planes.shape[0] * planes.shape[1]).reshape(*planes.shape, -1)
-    asked = sigma, windows.threshold, windows.tolerance
+    asked = sigma, windows.threshold, windows.tolerance, windows.least_below
     layers = lowest_layers(planes.pooled(counts), *asked)
     for reach in range(2, WIDEST_POOL + 1):
         few = (layers.returns < FEWEST_RETURNS) & (layers.returns > 0)

@@ -70,7 +70,13 @@ def histograms(height: Float, window: NDArray[np.int64], count: int) -> Float:
     return np.asarray(found, dtype=np.float64).reshape(count, BINS)
 
 
-def lowest_layers(counts: Float, sigma: float, threshold: float, tolerance: float = BIN_M / 2) -> Layers:
+def lowest_layers(
+    counts: Float,
+    sigma: float,
+    threshold: float,
+    tolerance: float = BIN_M / 2,
+    least_below: float = LEAST_BELOW_SHARE,
+) -> Layers:
     """The ground in windows of which the returns by height are known.
 
     Args:
@@ -78,6 +84,7 @@ def lowest_layers(counts: Float, sigma: float, threshold: float, tolerance: floa
         sigma: standard deviation (m) of returns from bare ground about its surface.
         threshold: largest distance (m) from the ground of what may be taken.
         tolerance: height (m) over the ground that the mean of what is taken may have.
+        least_below: share of the returns that must lie below the ground.
     """
     returns = counts.sum(axis=-1)
     number, moment = np.cumsum(counts, axis=-1), np.cumsum(counts * _MIDDLES, axis=-1)
@@ -88,7 +95,7 @@ def lowest_layers(counts: Float, sigma: float, threshold: float, tolerance: floa
     moment_below[..., few:] -= moment[..., :-few]
     with np.errstate(invalid="ignore", divide="ignore"):
         depth = EDGES[1:] - moment_below / number_below
-    least = np.maximum(LEAST_BELOW, LEAST_BELOW_SHARE * returns)[..., None]
+    least = np.maximum(LEAST_BELOW, least_below * returns)[..., None]
     reached = (depth >= HALF_NORMAL_MEAN * sigma) & (number_below >= least)
     unknown = ~reached.any(axis=-1)
     ground = EDGES[1:][np.argmax(reached, axis=-1)]

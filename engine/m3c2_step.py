@@ -131,7 +131,7 @@ def m3c2_step(
             a, b = (read_cloud(path, settings.inputs, progress=progress) for path in (reference, moving))
             entry["points"] = [len(a.xyz), len(b.xyz)]
             taken = taken_as_ground(a.classification, settings.surface.ground, reference)
-            a, b = (ground_of(cloud, settings.surface.ground) for cloud in (a, b))
+            a, b = (ground_of(cloud, settings.surface.ground, progress) for cloud in (a, b))
             if transform is not None:
                 b = replace(b, xyz=transform.apply(b.xyz))
             refuse_other_heights(a, b, _REGISTERED)

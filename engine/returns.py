@@ -15,13 +15,14 @@ class Returns:
     """``last`` (n,) bool: last or only returns; all True where the numbers make no sense, ``note`` says why.
 
     ``usable`` says whether a choice by return number makes sense; ``mixed`` that some numbers but not all are 0,
-    which PDAL refuses.
+    which PDAL refuses. ``lost`` is the share of the pulses whose last return is missing, 0 where it is not known.
     """
 
     last: NDArray[np.bool_]
     usable: bool
     mixed: bool
     note: str = ""
+    lost: float = 0.0
 
 
 def last_returns(number: NDArray[np.integer], total: NDArray[np.integer]) -> Returns:
@@ -35,9 +36,10 @@ def last_returns(number: NDArray[np.integer], total: NDArray[np.integer]) -> Ret
     last = (total == 1) | (number == total)
     firsts, lasts = int(np.count_nonzero(number == 1)), int(np.count_nonzero(last))
     # every pulse has one first and one last return, unless somebody took them out
+    lost = max(0.0, 1.0 - lasts / max(firsts, 1))
     if lasts < _FEWEST_LASTS * firsts:
-        return Returns(everything, False, False, f"{lasts} last returns for {firsts} first ones")
-    return Returns(last, True, False)
+        return Returns(everything, False, False, f"{lasts} last returns for {firsts} first ones", lost)
+    return Returns(last, True, False, lost=lost)
 
 
 def return_totals(records: NDArray[np.void], point_format: int) -> NDArray[np.uint8]:

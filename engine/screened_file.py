@@ -11,6 +11,7 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from .classified_ground import MOST_POINTS, warn_of_classes
 from .clouds import PointCloud, eight_bits, open_cloud
 from .crs import declared_crs, given_crs
 from .errors import EngineError, InputError
@@ -107,6 +108,7 @@ class ScreenedFile:
     def _first_reading(self) -> Iterator[Float]:
         """The first time also decides which points are screened."""
         masks = []
+        classified, kept = [], 0
         checked = CheckedRecords(self.header, _places(classification=True, colours=self._sampler is not None))
         for records in checked:
             xyz = self._xyz(records)
@@ -117,6 +119,9 @@ class ScreenedFile:
             self.class_2_taken += int(kinds[mask].sum())
             self.taken += int(mask.sum())
             masks.append(np.packbits(mask))
+            if self.ground == "class_2" and kept < MOST_POINTS:
+                classified.append(xyz[mask])
+                kept += len(classified[-1])
             if self._sampler is not None:
                 self._sampler.add(xyz, records, colours=self.header.colours)
             yield xyz[mask]
@@ -132,6 +137,8 @@ class ScreenedFile:
             raise InputError(
                 f"{self.name} has no points {what}{where}; give --ground extract, or check the cloud and area."
             )
+        if classified:
+            warn_of_classes(self.known_as, np.concatenate(classified), self.progress)
         self._masks = masks
 
     def _chosen(self, xyz: Float, labels: NDArray[np.uint8], start: int) -> Bool:

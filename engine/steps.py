@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from .change import difference
+from .classified_ground import warn_of_classes
 from .clouds import PointCloud, copy_with, open_cloud, read_cloud
 from .dating import check_days
 from .earlier_results import refuse_results
@@ -124,7 +125,7 @@ def register_step(
             transform = transform.inverse() if invert else transform
         else:
             with progress.stage(0.2, 0.8, "registering"), record.stage("registration") as entry:
-                a, b = (ground_of(cloud, settings.surface.ground) for cloud in (first, second))
+                a, b = (ground_of(cloud, settings.surface.ground, progress) for cloud in (first, second))
                 result = register_pair(a, b, settings.registration, stable, progress)
                 entry.update(plain(result.summary()))
             transform, record.metrics = result.transform, result.figures()
@@ -200,7 +201,7 @@ def change_step(
             if transform is not None:
                 b = replace(b, xyz=transform.apply(b.xyz))
             picture = b
-            a, b = (ground_of(cloud, settings.surface.ground) for cloud in (a, b))
+            a, b = (ground_of(cloud, settings.surface.ground, progress) for cloud in (a, b))
             refuse_other_heights(a, b)
         with progress.stage(0.3, 0.5, "differencing"), record.stage("change"):
             error = registration_error(transform_path)
@@ -249,14 +250,17 @@ def change_step(
     return outputs, record.metrics
 
 
-def ground_of(cloud: PointCloud, ground: str) -> PointCloud:
-    """The points of a cloud that ``SurfaceParameters.ground`` takes, without colours.
+def ground_of(cloud: PointCloud, ground: str, progress: Progress) -> PointCloud:
+    """The points of a cloud that ``SurfaceParameters.ground`` takes, without colours; warns where they are no surface.
 
     Raises:
-        InputError: there is none.
+        InputError: there is none, or those of class 2 contradict each other.
     """
     mask = taken_as_ground(cloud.classification, ground, cloud.path)
-    return cloud if mask is None else PointCloud(cloud.xyz[mask], cloud.crs, cloud.path)
+    taken = cloud if mask is None else PointCloud(cloud.xyz[mask], cloud.crs, cloud.path)
+    if ground == "class_2":
+        warn_of_classes(taken.path, taken.xyz, progress)
+    return taken
 
 
 def registration_error(transform_path: Path | None) -> float | None:
