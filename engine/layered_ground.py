@@ -137,6 +137,8 @@ def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) ->
         taken: (n,) points that may be ground.
         threshold: least distance (m) from the surface within which a point of bare ground is ground.
     """
+    if not taken.any():
+        return _nothing(len(xyz), BARE_SCATTER_M, threshold)
     height, taken, strays = _above_strays(xyz, anchored, taken)
     index = np.flatnonzero(taken & (height > LOWEST_M) & (height < HIGHEST_M))
     side = _window_side(xyz[index])
@@ -149,8 +151,7 @@ def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) ->
     threshold = max(threshold, SPREAD * scatter, SPARSE_THRESHOLD_M if side > CLOSER_WINDOW_M else 0.0)
     windows = _Windows(side, scatter, threshold, scatter / bare_ground, LEAST_BELOW_SHARE + STRAYS_LEFT * strays)
     if not len(index):
-        nowhere, none = np.full(len(xyz), np.nan), np.zeros(len(xyz), dtype=bool)
-        return LayeredGround(nowhere, none, none, nowhere, nowhere, scatter, windows.threshold)
+        return _nothing(len(xyz), scatter, windows.threshold)
     judged = in_tiles(low, partial(_judged, windows=windows), TILE_M, MARGIN_M, side)
     ground, bare = (np.zeros(len(xyz), dtype=bool) for _ in range(2))
     ground[index], bare[index] = judged[:, 1] > 0, judged[:, 2] > 0
@@ -159,6 +160,11 @@ def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) ->
     over = height - offset
     over[index] = judged[:, 0]
     return LayeredGround(over, ground, bare, error, plants, scatter, windows.threshold)
+
+
+def _nothing(count: int, scatter: float, threshold: float) -> LayeredGround:
+    nowhere, none = np.full(count, np.nan), np.zeros(count, dtype=bool)
+    return LayeredGround(nowhere, none, none, nowhere, nowhere, scatter, threshold)
 
 
 def _above_strays(xyz: Float, anchored: Bool, taken: Bool) -> tuple[Float, Bool, float]:

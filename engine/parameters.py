@@ -323,7 +323,7 @@ class GroundParameters(ParameterSet):
         advanced=True,
     )
     minimum_ground_ratio: float = _parameter(
-        0.005,
+        0.001,
         "Least plausible share of ground",
         "Below this share of the clipped points the extraction fails with an error. Larger is stricter.",
         minimum=0.0,
