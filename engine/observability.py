@@ -55,11 +55,15 @@ class Information:
         return step
 
     def damped_step(self, gradient: Float, normal: Float) -> Float:
-        """Gauss and Newton's step (6,) in the observable directions for the normal matrix (6, 6)."""
+        """Gauss and Newton's step (6,) in the observable directions for the normal matrix (6, 6).
+
+        The shortest one where too few pairs are left to fix them all; none without any pair.
+        """
         fixed = self.directions[:, self.observable]
         if not fixed.shape[1]:
             return np.zeros(6)
-        return np.asarray(-fixed @ np.linalg.solve(fixed.T @ normal @ fixed, fixed.T @ gradient))
+        step, *_ = np.linalg.lstsq(fixed.T @ normal @ fixed, fixed.T @ gradient, rcond=None)
+        return np.asarray(-fixed @ step)
 
     def without_unobservable(self, vector: Float) -> Float:
         """The part of a motion (6,) that the surfaces fix."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from slopewatch.engine.observability import height_sd
+from slopewatch.engine.observability import Information, height_sd
 from slopewatch.engine.parameters import RegistrationParameters
 from slopewatch.engine.registration import register
 
@@ -85,3 +85,8 @@ def test_height_error_of_a_known_covariance():
         moved = np.cross(motion[:3] / radius, places) + motion[3:]
         heights.append(np.mean((np.einsum("ij,ij->i", moved, normals) / 0.8) ** 2))
     assert height_sd(covariance, places, normals, radius) == pytest.approx(np.sqrt(np.mean(heights)), rel=0.05)
+
+
+def test_without_pairs_there_is_no_step():
+    known = Information(np.ones(6), np.eye(6), np.ones(6, dtype=bool), np.eye(6))
+    assert (known.damped_step(np.zeros(6), np.zeros((6, 6))) == 0).all()
