@@ -26,6 +26,7 @@ NAMES = {
     "volumes": "Volumes",
     "detection": "What is detected: pairs with and without change",
     "whole_flow": "The whole flow",
+    "seasons": "Grass grown and mown: what is reported where nothing moved",
     "series": "More than two surveys",
     "screening": "Screening",
     "known_places": "What a screening could tell by height",

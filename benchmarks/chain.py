@@ -2,35 +2,64 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..engine.change import Change, difference
 from ..engine.change_zones import change_zones
-from ..engine.ground import ground_mask
+from ..engine.ground_points import known_ground
 from ..engine.parameters import ChangeParameters, GroundParameters, RegistrationParameters
+from ..engine.plant_cover import PlantCover
 from ..engine.registration import register
 from ..engine.registration_result import RegistrationResult
+from ..engine.returns import last_returns
 from ..engine.zones import Zones
+from ..simulation.scanner import SurveyCloud
 from ..simulation.survey import SimulatedPair
 from .controlled_test import inside
 
 Float = NDArray[np.float64]
 
 
-def registered(pair: SimulatedPair) -> tuple[RegistrationResult, Float, Float]:
-    """The registration at its default settings, and both epochs' ground points (n, 3) and (m, 3), registered."""
-    first, second = (
-        xyz[ground_mask(xyz, GroundParameters())]
-        for xyz in (cloud.xyz[inside(cloud.xyz, pair)] for cloud in (pair.first, pair.second))
-    )
-    found = register(first, second, RegistrationParameters())
-    return found, first, found.transform.apply(second)
+@dataclass(frozen=True)
+class Ground:
+    """Ground points ``xyz`` (n, 3) of an epoch and the plants over them, None where nothing is known."""
+
+    xyz: Float
+    plants: PlantCover | None = None
+
+
+def ground_of(cloud: SurveyCloud, pair: SimulatedPair, parameters: GroundParameters | None = None) -> Ground:
+    """The ground of an epoch within the region, of its last returns as from a file."""
+    held = inside(cloud.xyz, pair)
+    xyz, last = cloud.xyz[held], last_returns(cloud.return_number[held], cloud.number_of_returns[held]).last
+    found = known_ground(xyz, parameters, last)
+    return Ground(xyz[found.mask], found.plants)
+
+
+def registered(
+    pair: SimulatedPair,
+    ground: GroundParameters | None = None,
+    registration: RegistrationParameters | None = None,
+) -> tuple[RegistrationResult, Ground, Ground]:
+    """The registration and both epochs' ground, registered; at the default settings where none are given."""
+    first, second = (ground_of(cloud, pair, ground) for cloud in (pair.first, pair.second))
+    parameters = registration or RegistrationParameters()
+    found = register(first.xyz, second.xyz, parameters, plants=(first.plants, second.plants))
+    return found, first, Ground(found.transform.apply(second.xyz), second.plants)
 
 
 def changed(
-    found: RegistrationResult, first: Float, second: Float, parameters: ChangeParameters
+    found: RegistrationResult, first: Ground, second: Ground, parameters: ChangeParameters
 ) -> tuple[Change, Zones]:
     """Change and zones of two registered epochs."""
-    change = difference(first, second, parameters, registration_error=found.registration_error)
+    change = difference(
+        first.xyz,
+        second.xyz,
+        parameters,
+        registration_error=found.registration_error,
+        plants=(first.plants, second.plants),
+    )
     return change, change_zones(change)

@@ -1,9 +1,9 @@
 """What the whole chain detects: simulated pairs with and without change, under no to dense vegetation.
 
 Each pair goes through ground extraction, registration, differencing and zones at the default settings, with cells that
-grow, and with cells of one size beside them. Half of the
-pairs hold bulges and hollows of 2 to 30 cm over 0.5 to 20 m²; the others differ by noise, vegetation and a rigid
-offset alone.
+grow, and with cells of one size beside them. Half of the pairs hold bulges and hollows of 2 to 30 cm over 0.5 to 20 m²;
+the others differ by noise, vegetation and a rigid offset alone. Those with changes are looked at a second time, with
+closed grass on half of the slope.
 """
 
 from __future__ import annotations
@@ -39,6 +39,11 @@ RATIOS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, math.inf)
 HIGH = 0.10
 CELLS = {"fixed": ChangeParameters(adaptive=False), "growing": ChangeParameters(adaptive=True)}
 """Growing ones are the default."""
+GRASS = 0.5
+LEAST_IN_GRASS, LEAST_UNDER_PLANTS = 27 / 35, 5 / 7
+"""Shares to be found: of changes of three times the level with grass on half of the slope, and of those of 10 cm and
+more under much vegetation."""
+MUCH_VEGETATION = (0.6, 0.8)
 NOTHING = 0.005
 """A zone is false if nowhere in it the ground has moved by more than this, m."""
 
@@ -64,8 +69,12 @@ def drawn_changes(rng: np.random.Generator, run: float) -> tuple[Bump, ...]:
     return tuple(placed)
 
 
-def simulated(number: int) -> SimulatedPair:
-    """Pair ``number``: even ones hold changes, odd ones none; the vegetation goes round in both."""
+def simulated(number: int, grass: float = 0.0) -> SimulatedPair:
+    """Pair ``number``: even ones hold changes, odd ones none; the vegetation goes round in both.
+
+    Args:
+        grass: share of the slope under closed grass, from its left end on.
+    """
     run = HEIGHT / math.tan(math.radians(ANGLE))
     parameters = SurveyParameters(
         seed=500 + number,
@@ -74,6 +83,8 @@ def simulated(number: int) -> SimulatedPair:
         height=HEIGHT,
         angle=ANGLE,
         vegetation=VEGETATION[number // 2 % len(VEGETATION)],
+        grass=grass,
+        layout="left",
     )
     changes = () if number % 2 else drawn_changes(np.random.default_rng([parameters.seed, 7]), run)
     return simulate_pair(parameters, changes=changes)
@@ -135,6 +146,16 @@ def results(count: int = PAIRS) -> dict[str, list[PairResult]]:
     return found
 
 
+def in_grass(count: int = PAIRS) -> list[PairResult]:
+    """The pairs with changes among the first ``count``, with grass on half of the slope and cells that grow."""
+    found = []
+    for number in range(0, count, 2):
+        pair = simulated(number, GRASS)
+        found.append(compared(pair, *changed(*registered(pair), CELLS["growing"])))
+        print(f"  in grass, pair {number + 1} of {count}", file=sys.stderr, flush=True)
+    return found
+
+
 def rows(keep: Path | None = None) -> list[Row]:
     """Recall by amplitude in units of the level, volumes, false zones with and without change; ``keep`` is a CSV file
     for what became of each pair, from which ``scripts/detection_picture.py`` draws.
@@ -154,16 +175,10 @@ def rows(keep: Path | None = None) -> list[Row]:
                 f"cells of one size {_found(fixed, lambda c, low=low, high=high: low <= c.ratio < high)}",
             )
         )
+    grassy = in_grass()
+    lines.append(grass_row(growing, grassy))
     for cover in VEGETATION:
-        lines.append(
-            Row(
-                f"found under {100 * cover:.0f} % vegetation, height of 10 cm and more",
-                _found(growing, lambda c, cover=cover: c.vegetation == cover and abs(c.amplitude) >= HIGH),
-                "",
-                "cells of one size "
-                + _found(fixed, lambda c, cover=cover: c.vegetation == cover and abs(c.amplitude) >= HIGH),
-            )
-        )
+        lines.append(high_row(cover, growing, fixed, grassy))
     (own, zones), (other, more) = _covered(growing), _covered(fixed)
     lines.append(
         Row(
@@ -197,9 +212,45 @@ def rows(keep: Path | None = None) -> list[Row]:
     return lines
 
 
+def grass_row(open_ground: list[PairResult], grassy: list[PairResult]) -> Row:
+    """Changes of three times the level and more, with grass on half of the slope and without."""
+    found, count = _counts(grassy, lambda c: c.ratio >= 3)
+    false = _false(grassy, changed_pairs=True)
+    return Row(
+        f"the same, 3 and more, with grass on half of the slope ({len(grassy)} pairs)",
+        f"{found} of {count}; {false:.2f} false zones a slope",
+        f"{100 * LEAST_IN_GRASS:.0f} %",
+        f"without grass {_found(open_ground, lambda c: c.ratio >= 3)}",
+        found >= LEAST_IN_GRASS * count if count else None,
+    )
+
+
+def high_row(cover: float, growing: list[PairResult], fixed: list[PairResult], grassy: list[PairResult]) -> Row:
+    """Changes of 10 cm and more under a vegetation ``cover``; a target where that is much."""
+
+    def high(change: Detected) -> bool:
+        return change.vegetation == cover and abs(change.amplitude) >= HIGH
+
+    found, count = _counts(growing, high)
+    much = cover in MUCH_VEGETATION
+    return Row(
+        f"found under {100 * cover:.0f} % vegetation, height of 10 cm and more",
+        _found(growing, high),
+        "5 of 7" if much else "",
+        f"cells of one size {_found(fixed, high)}; with grass on half of the slope {_found(grassy, high)}",
+        found >= LEAST_UNDER_PLANTS * count if much and count else None,
+    )
+
+
 def _found(results: list[PairResult], of: Callable[[Detected], bool]) -> str:
+    found, count = _counts(results, of)
+    return f"{found} of {count}"
+
+
+def _counts(results: list[PairResult], of: Callable[[Detected], bool]) -> tuple[int, int]:
+    """How many of the changes of a kind were found, and how many there are."""
     some = [c for result in results for c in result.changes if of(c)]
-    return f"{sum(c.found for c in some)} of {len(some)}"
+    return sum(c.found for c in some), len(some)
 
 
 def _covered(results: list[PairResult]) -> tuple[float, int]:

@@ -177,11 +177,7 @@ def refine(
 ) -> Alignment:
     """At most ``limit`` Newton's steps with all points and with neighbourhoods that have changed left out."""
     weigh = Weighting(matcher, scale)
-    if len(matcher.match(pose, matcher.sample(_CURVATURE_SOURCES), weigh.reach)) < LEAST_PAIRS:
-        raise InputError(
-            "The epochs hardly share any surface to register by; check that both cover the same slope, or raise "
-            "maximum_offset."
-        )
+    _require(matcher.match(pose, matcher.sample(_CURVATURE_SOURCES), weigh.reach))
     folds = curvature_at(pose, weigh, radius, progress)
     for limited in (_MANY_SOURCES, _ALL_SOURCES):
         sources = matcher.sample(limited)
@@ -192,7 +188,7 @@ def refine(
             break
     if not found.observable.all():
         # what nothing fixes stays as surveyed
-        pose = Pose.from_vector(found.without_unobservable(pose.vector(radius)), radius)
+        pose = Pose.from_vector(found.held(pose.vector(radius)), radius)
     newton = take_steps(weigh, pose, sources, radius, found, error, _NEWTON, min(limit, _NEWTON), progress)
     if not newton.converged:
         # curvature measured on too rough a surface can mislead; the plain matrix is slow but sure
@@ -223,10 +219,15 @@ def take_steps(
     limit: int,
     progress: Progress,
 ) -> Steps:
-    """Newton's steps, after the first ``newton`` ones Gauss and Newton's, in the observable directions."""
+    """Newton's steps, after the first ``newton`` ones Gauss and Newton's, in the observable directions.
+
+    Raises:
+        InputError: a step, or what nothing fixes, has taken the surfaces apart.
+    """
     for used in range(1, max(limit, 1) + 1):
         progress.update(0.7 + 0.25 * (used - 1) / max(limit, 1), "registering with all points")
         pairs = weigh.matcher.match(pose, sources, weigh.reach)
+        _require(pairs)
         jacobian, weight = pairs.jacobian(radius), weigh(pairs)
         gradient = jacobian.T @ (weight * pairs.gap)
         if used <= newton:
@@ -241,3 +242,12 @@ def take_steps(
         if length < max(2e-5, 0.05 * error):
             return Steps(pose, pairs, used, True)
     return Steps(pose, pairs, used, False)
+
+
+def _require(pairs: Pairs) -> None:
+    """Raise InputError if there are too few pairs to register by."""
+    if len(pairs) < LEAST_PAIRS:
+        raise InputError(
+            "The epochs hardly share any surface to register by; check that both cover the same slope, or raise "
+            "maximum_offset."
+        )

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .alignment import Alignment, Weighting, align, curvature_at, radius_of, take_steps
-from .errors import InputError
 from .observability import Information, information
 from .parameters import RegistrationParameters
 from .point_to_plane import Matcher, Pairs
@@ -70,20 +69,20 @@ def align_bare(
 
     Args:
         whole: by all ground together.
+
+    Raises:
+        InputError: the two surveys' bare ground is not the same.
     """
     bare = ground.bare
     if min(np.count_nonzero(which) for which in (bare.stable, bare.firm) if which is not None) < _LEAST_POINTS:
         return None
-    try:
-        found = align(
-            bare,
-            voxel=parameters.registration_voxel,
-            offset=parameters.maximum_offset,
-            iterations=parameters.registration_iterations,
-            progress=progress,
-        )
-    except InputError:  # the two surveys' bare ground is not the same
-        return None
+    found = align(
+        bare,
+        voxel=parameters.registration_voxel,
+        offset=parameters.maximum_offset,
+        iterations=parameters.registration_iterations,
+        progress=progress,
+    )
     if found.information.observable.all():
         return found
     return _completed(found, whole, ground, parameters.maximum_offset, progress)
@@ -136,7 +135,7 @@ def _completed(found: Alignment, whole: Alignment, ground: Covered, offset: floa
         return found
     # what nothing fixes stays as surveyed
     apart = pose.vector(radius) - found.pose.vector(radius)
-    pose = found.pose.moved(part.without_unobservable(apart), radius)
+    pose = found.pose.moved(part.held(apart), radius)
     slid = take_steps(weigh, pose, sources, radius, part, 0.0, 0, _STEPS, progress)
     # a long slide along a road that is not quite plane
     own = Weighting(ground.bare, found.scale)

@@ -340,7 +340,7 @@ def _judged(
         size=cells.cell_size,
         plants=cells.plants,
     )
-    season, plant_like = judge_season(cells.plants, found.dz, found.decision.level)
+    season, plant_like = judge_season(cells.plants, found.dz, found.decision.level, grid.cell)
     explained = None if plant_like is None else plant_like & found.decision.significant
     significant = found.decision.significant if explained is None else found.decision.significant & ~explained
     return Change(

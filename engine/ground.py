@@ -6,7 +6,6 @@ library does (see csf.py). Everything else is the same code for both, so both gi
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -27,7 +26,7 @@ from .errors import EngineError, InputError
 from .ground_cover import GroundCover, cover_facts, cover_warnings
 from .ground_doubts import Found, ground_doubts
 from .ground_metrics import coverage, file_coverage, vegetation_cover
-from .ground_points import Filtered, cloth_threshold, dominant_plane, ground_mask, refined, require_points
+from .ground_points import Filtered, cloth_threshold, dominant_plane, ground_mask, refined, require_points, vertical
 from .las_records import classes, read_records, return_numbers
 from .parameters import GroundParameters, InputParameters
 from .pdal import Pdal, find_pdal
@@ -44,7 +43,6 @@ Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 HEIGHT_OVER_GROUND = "height_over_ground"
 """Name of the dimension in the classified cloud, metres."""
-STEEPEST_COSINE = 0.1
 _MEMORY = 4_000_000_000
 _MEMORY_PER_POINT = 1_000
 
@@ -368,13 +366,13 @@ class _Extraction:
 def _dimensions(found: Filtered, dip: float) -> dict[str, NDArray[np.float32]]:
     """What is known of the plants at each point, as the file holds it: vertical metres; nothing without refinement."""
     # distances are square to the slope's plane
-    vertical = 1.0 / max(math.cos(math.radians(dip)), STEEPEST_COSINE)
+    upright = vertical(dip)
     named = {
         HEIGHT_OVER_GROUND: found.height,
         plant_cover.ERROR: found.plant_error,
         plant_cover.HEIGHT: found.plant_height,
     }
-    return {name: (values * vertical).astype(np.float32) for name, values in named.items() if values is not None}
+    return {name: (values * upright).astype(np.float32) for name, values in named.items() if values is not None}
 
 
 def _read(header: CloudHeader) -> tuple[Float, Returns, NDArray[np.uint8]]:

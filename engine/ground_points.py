@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from .errors import InputError
 from .layered_ground import layered_ground
 from .parameters import GroundParameters
 from .plane import Plane, apply_matrix, fit_plane, flattening_matrix, lowest_points
+from .plant_cover import PlantCover
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -20,6 +22,7 @@ PLANE_CELL, PLANE_TRIES, PLANE_SEED = 1.0, 500, 1
 PLANE_DISTANCES = (0.3, 0.6, 1.2, 2.4, 4.8)
 PLANE_SHARE = 0.5
 FEWEST_POINTS = 10
+STEEPEST_COSINE = 0.1
 
 
 @dataclass(frozen=True)
@@ -38,14 +41,26 @@ class Filtered:
     plant_height: Float | None = None
 
 
+@dataclass(frozen=True)
+class KnownGround:
+    """``mask`` (n,): which points are ground; ``plants`` over those, vertical metres, None without the refinement."""
+
+    mask: Bool
+    plants: PlantCover | None
+
+
 def ground_mask(xyz: Float, parameters: GroundParameters | None = None, last: Bool | None = None) -> Bool:
-    """Ground among points (n, 3) in metres, by the CSF authors' library.
+    """Ground among points (n, 3) in metres: the mask (n,) of ``known_ground``, which see."""
+    return known_ground(xyz, parameters, last).mask
+
+
+def known_ground(xyz: Float, parameters: GroundParameters | None = None, last: Bool | None = None) -> KnownGround:
+    """Ground among points (n, 3) in metres and the plants over it, by the CSF authors' library.
+
+    Points that are not finite are not ground.
 
     Args:
         last: (n,) which points are last returns; all where unknown.
-
-    Returns:
-        (n,) bool; points that are not finite are not ground.
 
     Raises:
         InputError: too few points, all on a line, or more than 0.1 % that are not finite.
@@ -72,8 +87,18 @@ def ground_mask(xyz: Float, parameters: GroundParameters | None = None, last: Bo
     near = np.zeros(len(points), dtype=bool)
     frame = flat if parameters.slope_aligned else points
     near[taken] = cloth_ground(frame[taken], parameters, threshold=cloth_threshold(parameters))
-    ground[np.flatnonzero(finite)[kept]] = refined(flat, near, taken, parameters).ground
-    return ground
+    found = refined(flat, near, taken, parameters)
+    ground[np.flatnonzero(finite)[kept]] = found.ground
+    if found.plant_error is None or found.plant_height is None:
+        return KnownGround(ground, None)
+    upright = vertical(plane.dip)
+    error, height = (values[found.ground] * upright for values in (found.plant_error, found.plant_height))
+    return KnownGround(ground, PlantCover(error, height))
+
+
+def vertical(dip: float) -> float:
+    """Vertical metres to a metre square to a plane of the inclination ``dip``, degrees."""
+    return 1.0 / max(math.cos(math.radians(dip)), STEEPEST_COSINE)
 
 
 def dominant_plane(xyz: Float) -> Plane:

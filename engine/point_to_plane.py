@@ -186,6 +186,8 @@ def regional_weights(pairs: Pairs, scale: float, block: float) -> Float:
     Lowered ground keeps pairs that seem to agree, such as those on walls, along which a lowering slides. Their
     neighbours tell that the place has changed.
     """
+    if not len(pairs):
+        return np.ones(0)
     number = block_numbers(pairs.place, block)
     inside = np.abs(pairs.residual) < 3 * scale
     share = (np.bincount(number, inside) / np.bincount(number))[number]

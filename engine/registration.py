@@ -221,10 +221,13 @@ def _surer(
     all_ground = replace(all_ground, ground=ground)
     if all_ground.by_plants < _NEGLIGIBLE:
         return all_ground
-    found = align_bare(ground, alignment, parameters, progress)
-    if found is None:
+    try:
+        found = align_bare(ground, alignment, parameters, progress)
+        if found is None:
+            return all_ground
+        bare = _measured(_of_alignment(found), ground.bare, parameters, stable_given, progress, ground)
+    except InputError:  # the two surveys are not bare in the same places
         return all_ground
-    bare = _measured(_of_alignment(found), ground.bare, parameters, stable_given, progress, ground)
     if bare.solution.left or bare.error >= all_ground.error:
         return all_ground
     offset = offset_of_covered(ground, bare.solution.pose, parameters.maximum_offset)

@@ -10,7 +10,7 @@ from slopewatch.engine.parameters import RegistrationParameters
 from slopewatch.engine.plant_cover import PlantCover
 from slopewatch.engine.registration import register
 from slopewatch.engine.registration_result import RegistrationResult
-from slopewatch.tests.engine.plant_clouds import DIP, Grass, Ground, grassy_slope
+from slopewatch.tests.engine.plant_clouds import DIP, SIDE, Grass, Ground, grassy_slope
 
 OFFSET = np.array([0.04, -0.03, 0.07])
 TALL, MOWN = Grass(0.25, lifted=0.08), Grass(0.05)
@@ -91,3 +91,16 @@ def test_one_survey_that_tells_is_enough():
     found = register(first.xyz, second.xyz, RegistrationParameters(), plants=(first.plants, None))
     away = (found.transform.apply(second.xyz) - second.xyz - OFFSET).mean(axis=0)
     assert abs(away[2]) < 0.01
+
+
+def test_surveys_that_are_bare_in_different_places_register_by_all_ground():
+    first, second = (grassy_slope(seed, Grass(0.25, error=0.02), bare_share=0.0) for seed in (1, 2))
+    clouds = []
+    for ground, west, east in ((first, 0.0, 9.9), (second, 10.1, SIDE)):
+        bare = (ground.xyz[:, 0] > west) & (ground.xyz[:, 0] < east)
+        clouds.append(Ground(ground.xyz, PlantCover(np.where(bare, 0.0, ground.plants.error)), bare))
+    moved = Ground(clouds[1].xyz - OFFSET, clouds[1].plants, clouds[1].bare)
+    found, away, _ = registered(clouds[0], moved)
+    assert found.plants is not None
+    assert not found.plants.bare_only
+    assert np.linalg.norm(away) < 0.005

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 from slopewatch.engine.errors import InputError
-from slopewatch.engine.ground_points import dominant_plane, ground_mask
+from slopewatch.engine.ground_points import dominant_plane, ground_mask, known_ground
 from slopewatch.engine.parameters import GroundParameters, SurveyParameters
 from slopewatch.simulation.survey import SimulatedPair, simulate_pair
 
@@ -114,3 +114,25 @@ def test_the_same_points_give_the_same_ground_in_any_place(slope):
 def test_too_little_to_find_ground_in_is_refused(xyz):
     with pytest.raises(InputError, match="region"):
         ground_mask(xyz)
+
+
+def test_known_ground_tells_of_the_plants_over_it():
+    """Half of the slope under grown grass: a mask as before, and errors there, in vertical metres."""
+    pair = simulate_pair(
+        SurveyParameters(
+            seed=4, points=60_000, length=14.0, height=7.0, angle=45.0, vegetation=0.0, grass=0.5, layout="left"
+        )
+    )
+    scene = Scene(pair)
+    found = known_ground(scene.xyz, last=scene.last)
+    assert np.array_equal(found.mask, ground_mask(scene.xyz, last=scene.last))
+    plants = found.plants
+    assert plants is not None
+    assert plants.height is not None
+    assert len(plants.error) == len(plants.height) == found.mask.sum()
+    left = pair.scene.frame.to_local(scene.xyz[found.mask])[:, 0] < 5.0
+    right = pair.scene.frame.to_local(scene.xyz[found.mask])[:, 0] > 9.0
+    assert np.median(plants.error[left]) > 0.018 * np.sqrt(2)
+    assert np.median(plants.error[right]) == 0.0
+    assert np.median(plants.height[left]) == pytest.approx(0.2, abs=0.1)
+    assert known_ground(scene.xyz, GroundParameters(refine=False)).plants is None

@@ -90,3 +90,25 @@ def test_height_error_of_a_known_covariance():
 def test_without_pairs_there_is_no_step():
     known = Information(np.ones(6), np.eye(6), np.ones(6, dtype=bool), np.eye(6))
     assert (known.damped_step(np.zeros(6), np.zeros((6, 6))) == 0).all()
+
+
+def test_a_free_motion_of_turn_and_slide_does_not_turn_the_survey():
+    """The surveys differ by a slide of 17 cm; of turn and slide together only one combination is fixed."""
+    directions = np.eye(6)
+    directions[[2, 2, 4, 4], [2, 4, 2, 4]] = [0.8, -0.6, 0.6, 0.8]
+    observable = np.array([True, True, False, True, True, True])
+    found = Information(np.ones(6), directions, observable, np.eye(6))
+    slide = np.array([0.0, 0.0, 0.0, 0.02, 0.17, 0.01])
+    held = found.held(slide)
+    fixed = directions[:, observable]
+    assert fixed.T @ held == pytest.approx(fixed.T @ slide, abs=1e-12), "what is fixed stays"
+    assert abs(held[2]) < 0.003, "without regard to what surveys do it would turn by 8 cm at the radius"
+    assert held[4] == pytest.approx(0.17, abs=0.005)
+
+
+def test_a_slide_that_nothing_fixes_is_taken_out_whole():
+    observable = np.array([True, True, True, False, True, True])
+    found = Information(np.ones(6), np.eye(6), observable, np.eye(6))
+    motion = np.array([0.01, -0.02, 0.03, 0.4, 0.05, -0.06])
+    assert found.held(motion) == pytest.approx(np.where(observable, motion, 0.0))
+    assert np.array_equal(Information(np.ones(6), np.eye(6), np.ones(6, bool), np.eye(6)).held(motion), motion)

@@ -11,8 +11,8 @@ from slopewatch.engine.change_zones import change_zones
 from slopewatch.engine.pair import warn_of_doubtful_change
 from slopewatch.engine.parameters import ChangeParameters
 from slopewatch.engine.progress import Progress
-from slopewatch.engine.season import compare_seasons, explained_by_plants
-from slopewatch.tests.engine.plant_clouds import Grass, Ground, grassy_slope
+from slopewatch.engine.season import around, compare_seasons, explained_by_plants
+from slopewatch.tests.engine.plant_clouds import SIDE, Grass, Ground, grassy_slope
 
 TALL, MOWN = Grass(0.25, lifted=0.08, error=0.03), Grass(0.05, lifted=0.01, error=0.01)
 
@@ -130,3 +130,27 @@ def test_verdicts():
     assert half.explains(-0.1)
     assert not half.explains(0.1)
     assert not half.explains(-0.3)
+
+
+@pytest.mark.parametrize("beside", [True, False])
+def test_the_margin_of_mown_grass_whose_own_plants_were_taken_for_ground(beside):
+    """Grass that ends 0.6 m before the road: the ground within it came out 6 cm high, and looked bare."""
+    first, second = surveys(TALL, MOWN)
+    x = first.xyz[:, 0]
+    margin = first.bare & (np.abs(x - SIDE / 2) > 0.15 * SIDE - 0.6) if beside else np.abs(x - SIDE / 2) < 0.3
+    xyz = first.xyz.copy()
+    xyz[margin, 2] += 0.06
+    change = changed(Ground(xyz, first.plants, first.bare), second)
+    assert change_zones(change).frame.empty == beside, "in the middle of the road it is change"
+
+
+def test_plants_around_are_those_within_a_metre():
+    first, second = np.full((40, 40), 0.02), np.full((40, 40), 0.01)
+    first[:, :10], second[:, :10] = 0.3, 0.1
+    first[5, 5] = np.nan
+    before, after = around(first, second, 0.2)
+    assert before[20, 12] == pytest.approx(0.3), "bare cells do not count"
+    assert after[20, 12] == pytest.approx(0.1)
+    assert np.isfinite(before[:, :15]).all()
+    assert np.isnan(before[:, 15:]).all()
+    assert before[5, 5] == pytest.approx(0.3)
