@@ -70,6 +70,9 @@ BENDS_M = 0.012
 """What a bend adds to the scatter in a smaller window."""
 ALONE_SHARE = 0.05
 """Returns of the ground around, as a share of those above it, below which a small window is looked at by itself."""
+FEWEST_IN_SHEET, FEWEST_BESIDE_BARE, SHEET_SHARE = 12.0, 6.0, 0.4
+"""Returns of a small window by itself that tell a thin sheet, fewer where the ground around is bare; and their share of
+those near the ground."""
 CLOSER_M, CLOSER_ROUNDS = 0.3, 4
 """Height within which returns take part in a closer look, and its rounds."""
 SPREAD = 2.5
@@ -255,7 +258,7 @@ def _judged(points: Float, windows: _Windows) -> Float:
     if windows.side <= CLOSER_WINDOW_M:
         for parts in CLOSER_PARTS:
             finer = Planes((points[:, :2] - low) * (parts / windows.side))
-            residual, found = _closer(height, finer, windows.scatter, windows.side / parts)
+            residual, found = _closer(height, bare, finer, windows.scatter, windows.side / parts)
             found &= ~bare | _stands_alone(height, finer, windows.threshold)
             height, bare = np.where(found, residual, height), bare | found
             top, error = np.where(found, windows.threshold, top), np.where(found, 0.0, error)
@@ -279,7 +282,7 @@ def _stands_alone(height: Float, planes: Planes, threshold: float) -> Bool:
     return np.asarray(alone.ravel()[planes.key], dtype=np.bool_)
 
 
-def _closer(height: Float, planes: Planes, scatter: float, side: float) -> tuple[Float, Bool]:
+def _closer(height: Float, bare: Bool, planes: Planes, scatter: float, side: float) -> tuple[Float, Bool]:
     """Height (n,) over planes in smaller windows of ``side`` m, and where those show bare ground that bends."""
     near = np.abs(height) < CLOSER_M
     start, weight = np.where(near, height, 0.0), near.astype(np.float64)
@@ -291,7 +294,20 @@ def _closer(height: Float, planes: Planes, scatter: float, side: float) -> tuple
     narrow, _ = _narrow(np.where(near, residual, np.inf), planes, scatter + BENDS_M, median=False)
     inclined = np.hypot(along, across) > LEAST_INCLINATION * side
     bends = inclined.ravel()[planes.key] | (np.abs(start - residual) > LEAST_BEND_M)
-    return residual, near & bends & narrow.ravel()[planes.key]
+    returns = _sheets(residual, near, planes, scatter + BENDS_M).ravel()[planes.key]
+    fewest = np.where(bare, FEWEST_BESIDE_BARE, FEWEST_IN_SHEET)
+    raised = (returns >= fewest) & (start - residual > LEAST_BEND_M)
+    return residual, near & (bends & narrow.ravel()[planes.key] | raised)
+
+
+def _sheets(residual: Float, near: Bool, planes: Planes, scatter: float) -> Float:
+    """Returns of windows most of whose lie in one thin sheet, whatever lies around (small steps, cones); else 0."""
+    within = near & (np.abs(residual) < JUDGED_M)
+    value = np.where(within, residual, 0.0)
+    number, total, square, everything = (planes.sum(v.astype(np.float64)) for v in (within, value, value**2, near))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        spread = np.sqrt(np.maximum(square / number - (total / number) ** 2, 0.0))
+    return np.where((number >= SHEET_SHARE * everything) & (spread <= scatter), number, 0.0)
 
 
 def _over_triangles(xyz: Float, anchored: Bool, taken: Bool) -> Float:
