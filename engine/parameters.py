@@ -220,7 +220,7 @@ class OutputParameters(ParameterSet):
 class GroundParameters(ParameterSet):
     """Ground extraction: denoising, the Cloth Simulation Filter (Zhang et al. 2016, doi:10.3390/rs8060501), refinement.
 
-    The cloth finds where the ground is, within ``cloth_reach``; the refinement finds the ground itself there. Without
+    The cloth gives the seeds, within ``cloth_reach``; the refinement finds the ground from there, from below. Without
     it, points within ``class_threshold`` of the cloth are ground, as published.
     """
 
@@ -247,8 +247,8 @@ class GroundParameters(ParameterSet):
     class_threshold: float = _parameter(
         0.06,
         "Ground threshold",
-        "Points within this distance of the ground's surface (of the cloth, without refinement) are ground. It widens "
-        "by itself to 2.5 times the scatter of rougher ground. Larger keeps more ground and more low vegetation.",
+        "Points within this distance of bare ground's surface (of the cloth, without refinement) are ground. It widens "
+        "by itself with the scatter of the ground, and to 0.1 m where returns are few. Larger keeps more low plants.",
         unit="m",
         minimum=0.005,
         maximum=5.0,
@@ -256,14 +256,14 @@ class GroundParameters(ParameterSet):
     refine: bool = _parameter(
         True,
         "Refine the ground",
-        "Fits the surface to the points near the cloth, so that edges, steps and small cones are kept that the cloth "
-        "cuts off. Off: the cloth alone decides, as published.",
+        "Follows the lowest layer of returns from seeds near the cloth, so that grass and shrubs are not taken for ground "
+        "and places that no return reached stay empty. Off: the cloth alone decides, as published.",
     )
     cloth_reach: float = _parameter(
         0.3,
         "Reach of the cloth",
-        "The refinement starts from points within this distance of the cloth. Larger starts from more ground and takes "
-        "more plants for ground where no pulse reached it.",
+        "The refinement takes its seeds from points within this distance of the cloth, and from what lies below them. "
+        "Larger takes more seeds, also from plants where no pulse reached the ground.",
         unit="m",
         minimum=0.05,
         maximum=20.0,
