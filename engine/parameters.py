@@ -256,7 +256,7 @@ class GroundParameters(ParameterSet):
     refine: bool = _parameter(
         True,
         "Refine the ground",
-        "Follows the lowest layer of returns from seeds near the cloth, so that grass and shrubs are not taken for ground "
+        "Follows the lowest layer of returns from seeds near the cloth, so that grass and shrubs are not taken for it "
         "and places that no return reached stay empty. Off: the cloth alone decides, as published.",
     )
     cloth_reach: float = _parameter(
