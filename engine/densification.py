@@ -11,6 +11,7 @@ Works in a frame in which the slope lies flat.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,8 @@ LEAST_GAIN = 0.002
 """Share of new points in a round below which the surface is done."""
 NEIGHBOURS, REACH_M = 6, 1.25
 """Ground points through which a plane is laid that continues the ground beyond an edge, and how far it reaches."""
+OWN_NEIGHBOURS = 8
+"""Candidates through which a plane is laid that leads back to the ground."""
 SMOOTH_M, CONTINUED_M, CONTINUED_SHARE = 0.02, 0.06, 0.05
 """Largest scatter about such a plane; distance from it, at first and for each metre, within which a candidate joins."""
 CONTINUED_ROUNDS = 8
@@ -125,17 +128,50 @@ def _densify(points: Float, ground: Bool, usable: Bool, window: float, first_ang
 
 
 def _continued(points: Float, ground: Bool, usable: Bool) -> Bool:
-    """(n,) candidates beside the ground that lie on a plane which continues it.
+    """(n,) candidates beside the ground that lie on a plane which continues it, or whose own plane leads to it.
 
-    Beyond an edge, as of a berm, triangles span from below it to what lies behind, and what is on them is hidden.
+    Beyond an edge, as of a berm, triangles span from below it to what lies behind, and what is on them is hidden. Where
+    the ground bends upwards, as from a slope laid flat to the road below it, the first points beyond the bend are seen
+    steeply.
     """
     joins = np.zeros(len(points), dtype=bool)
-    base, rest = points[ground], np.flatnonzero(usable & ~ground)
+    base, rest = np.flatnonzero(ground), np.flatnonzero(usable & ~ground)
     if len(base) < NEIGHBOURS or not len(rest):
         return joins
-    tree = cKDTree(base[:, :2])
-    distance, neighbour = tree.query(base[:, :2], k=NEIGHBOURS)
-    around = base[neighbour]
+    beside = cKDTree(points[base, :2]).query(points[rest, :2], k=3, distance_upper_bound=REACH_M)
+    forward = _planes(points, base, points[base])
+    back = _planes(points, rest, points[usable | ground], OWN_NEIGHBOURS)
+    for away, nearest in zip(beside[0].T, beside[1].T, strict=True):
+        found = np.flatnonzero(np.isfinite(away))
+        vertex = nearest[found]
+        limit = CONTINUED_M + CONTINUED_SHARE * away[found]
+        over = np.abs(forward.over(vertex, points[rest[found]]))
+        joins[rest[found[forward.sound[vertex] & (over < limit)]]] = True
+        over = np.abs(back.over(found, points[base[vertex]]))
+        joins[rest[found[back.sound[found] & (over < limit)]]] = True
+    return joins
+
+
+@dataclass(frozen=True)
+class _LocalPlanes:
+    """Planes through the points around each of some points: middles (n, 3), inclinations (n,), which are smooth."""
+
+    middle: Float
+    east: Float
+    north: Float
+    sound: Bool
+
+    def over(self, which: Index, points: Float) -> Float:
+        """(m,) height of points (m, 3) over the planes ``which`` (m,)."""
+        offset = points - self.middle[which]
+        return np.asarray(offset[:, 2] - self.east[which] * offset[:, 0] - self.north[which] * offset[:, 1])
+
+
+def _planes(points: Float, index: Index, others: Float, count: int = NEIGHBOURS) -> _LocalPlanes:
+    """Planes through the nearest ``count`` of ``others`` (m, 3) to each of the points at ``index``."""
+    count = min(count, len(others))
+    distance, neighbour = cKDTree(others[:, :2]).query(points[index, :2], k=count)
+    around = others[neighbour]
     middle = around.mean(axis=1)
     local = around - middle[:, None]
     x, y, z = local[..., 0], local[..., 1], local[..., 2]
@@ -143,18 +179,10 @@ def _continued(points: Float, ground: Bool, usable: Bool) -> Bool:
     determinant = xx * yy - xy**2
     with np.errstate(invalid="ignore", divide="ignore"):
         east, north = (yy * xz - xy * yz) / determinant, (xx * yz - xy * xz) / determinant
-    scatter = np.sqrt(((z - east[:, None] * x - north[:, None] * y) ** 2).sum(axis=1) / (NEIGHBOURS - 3))
+    scatter = np.sqrt(((z - east[:, None] * x - north[:, None] * y) ** 2).sum(axis=1) / (count - 3))
     # a plane needs neighbours on several sides, not a row of them
     sound = (determinant > 0.05 * (xx + yy) ** 2) & (scatter < SMOOTH_M) & (distance[:, -1] < 2.0 * REACH_M)
-    away, nearest = tree.query(points[rest, :2], k=3, distance_upper_bound=REACH_M)
-    for column in range(3):
-        found = np.flatnonzero(np.isfinite(away[:, column]))
-        vertex = nearest[found, column]
-        offset = points[rest[found]] - middle[vertex]
-        over = offset[:, 2] - east[vertex] * offset[:, 0] - north[vertex] * offset[:, 1]
-        close = sound[vertex] & (np.abs(over) < CONTINUED_M + CONTINUED_SHARE * away[found, column])
-        joins[rest[found[close]]] = True
-    return joins
+    return _LocalPlanes(middle, east, north, sound)
 
 
 class Triangles:

@@ -22,8 +22,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from .bare_scatter import bare_scatter
+from .closer_look import looked_closer
 from .densification import Triangles, densified, lowest_supported
 from .lowest_layer import HIGHEST_M, LEAST_BELOW_SHARE, LOWEST_M, Layers, histograms, lowest_layers, separate_layers
+from .narrow_windows import narrow_windows
 from .plane_cells import Planes
 from .square_tiles import in_tiles
 from .stray_low import NOTEWORTHY, stray_below
@@ -41,19 +43,10 @@ WIDEST_POOL = 3
 ROUNDS = 2
 BARE_SCATTER_M, ROUGHNESS = 0.022, 0.016
 """Scatter of returns about bare ground in windows of a metre, and what the ground's relief adds for each metre more."""
-LEAST_KURTOSIS, NARROWER_M = 2.75, 0.01
-"""Returns from bare ground are distributed about normally (3), from a layer more evenly (1.8): bare ground must be
-narrower by so many metres for each unit less."""
-MEDIAN_WINDOWS, NEIGHBOURS_HELP_M = 5, 0.006
-"""Windows on a side whose median decides, and by how much one among bare ones may scatter more."""
-FEWEST_BARE = 20.0
-"""Returns to tell bare ground by."""
 PLANT_SCATTER = 0.73
 """Scatter of the ground under plants, as a share of the largest that bare ground may have."""
-JUDGED_M, JUDGED_SCATTERS = 0.1, 4.5
-"""Height over and below the ground of the returns by which a window is judged: at least m, and times the scatter."""
-CLOSER_WINDOW_M, CLOSER_PARTS = 0.8, (2, 4)
-"""Windows at most this large hold enough returns to be divided, into so many."""
+CLOSER_WINDOW_M = 0.8
+"""Windows at most this large hold enough returns to be divided."""
 SEPARATE_WINDOW_M = 1.2
 """In larger windows relief and forest floor fill the gap between rough ground and what grows on it."""
 DENSE_TOLERANCE_M, SPARSE_TOLERANCE_M = 0.0025, 0.012
@@ -62,19 +55,8 @@ SPARSE_THRESHOLD_M = 0.1
 """Least threshold where returns are few, and triangles are as wide as relief."""
 TRIANGLE_REACH = 1.5
 """Where returns are few: thresholds from the windows' ground up to which the triangles decide."""
-LEAST_BEND_M = 0.06
-"""Height of the smaller windows' ground over the larger one's, from which it bends: no more than stubble stands."""
-LEAST_INCLINATION = 0.14
-"""Inclination of the smaller windows' ground against the larger one's, from which it bends."""
-BENDS_M = 0.012
-"""What a bend adds to the scatter in a smaller window."""
-ALONE_SHARE = 0.05
-"""Returns of the ground around, as a share of those above it, below which a small window is looked at by itself."""
-FEWEST_IN_SHEET, FEWEST_BESIDE_BARE, SHEET_SHARE = 12.0, 6.0, 0.4
-"""Returns of a small window by itself that tell a thin sheet, fewer where the ground around is bare; and their share of
-those near the ground."""
-CLOSER_M, CLOSER_ROUNDS = 0.3, 4
-"""Height within which returns take part in a closer look, and its rounds."""
+STEEPEST_STRETCH = 1.55
+"""Of heights on steep ground: beyond 50 degrees the triangles tell little of its inclination."""
 SPREAD = 2.5
 """The threshold is at least so many times the scatter."""
 PLANT_ERROR_M, FEW_GROUND = 0.018, 0.12
@@ -145,11 +127,11 @@ def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) ->
     height, taken, strays = _above_strays(xyz, anchored, taken)
     index = np.flatnonzero(taken & (height > LOWEST_M) & (height < HIGHEST_M))
     side = _window_side(xyz[index])
-    low = np.column_stack([xyz[index, :2] - xyz[:, :2].min(axis=0), height[index]])
+    level = xyz[index, 2] - np.median(xyz[:, 2])
+    low = np.column_stack([xyz[index, :2] - xyz[:, :2].min(axis=0), height[index], level])
     bare_ground = BARE_SCATTER_M
     if len(index) and side <= CLOSER_WINDOW_M:
-        level = np.column_stack([low[:, :2], xyz[index, 2] - np.median(xyz[index, 2]), low[:, 2]])
-        bare_ground = bare_scatter(level, side) or BARE_SCATTER_M
+        bare_ground = bare_scatter(low[:, [0, 1, 3, 2]], side) or BARE_SCATTER_M
     scatter = math.hypot(bare_ground, ROUGHNESS * max(2.0 * side - 1.0, 0.0))
     threshold = max(threshold, SPREAD * scatter, SPARSE_THRESHOLD_M if side > CLOSER_WINDOW_M else 0.0)
     windows = _Windows(side, scatter, threshold, scatter / bare_ground, LEAST_BELOW_SHARE + STRAYS_LEFT * strays)
@@ -227,11 +209,12 @@ def plant_error(layers: Layers, wider: float) -> Float:
 def _judged(points: Float, windows: _Windows) -> Float:
     """(n, 5) height over the ground, ground, bare, plant error and plant height of points (n, 3).
 
-    ``points`` are x, y and the height over the triangles.
+    ``points`` are x, y, the height over the triangles and that in the frame.
     """
     low = np.floor(points[:, :2].min(axis=0) / windows.side) * windows.side
     planes = Planes((points[:, :2] - low) / windows.side)
-    over, sigma = points[:, 2], PLANT_SCATTER * windows.scatter
+    stretch = _stretch(points[:, 3] - points[:, 2], planes, windows.side)
+    over, sigma = points[:, 2] / stretch, PLANT_SCATTER * windows.scatter
     for _ in range(ROUNDS):
         layers = _pooled_layers(over, planes, sigma, windows)
         over = over - _through(over, planes, layers, windows.threshold)
@@ -244,7 +227,7 @@ def _judged(points: Float, windows: _Windows) -> Float:
     def each(values: NDArray[np.generic]) -> Float:
         return np.asarray(values.ravel()[planes.key], dtype=np.float64)
 
-    narrow, mean = _narrow(over - each(layers.ground), planes, windows.scatter)
+    narrow, mean = narrow_windows(over - each(layers.ground), planes, windows.scatter)
     bare = each(narrow) > 0
     height = over - each(layers.ground) - np.where(bare, each(mean), 0.0)
     top = np.where(bare, windows.threshold, each(layers.top - layers.ground))
@@ -256,12 +239,10 @@ def _judged(points: Float, windows: _Windows) -> Float:
     sure = narrow & (layers.taken >= CLEARLY_BARE * layers.returns)
     error = each(np.where(sure, 0.0, plant_error(layers, windows.wider)))
     if windows.side <= CLOSER_WINDOW_M:
-        for parts in CLOSER_PARTS:
-            finer = Planes((points[:, :2] - low) * (parts / windows.side))
-            residual, found = _closer(height, bare, finer, windows.scatter, windows.side / parts)
-            found &= ~bare | _stands_alone(height, finer, windows.threshold)
-            height, bare = np.where(found, residual, height), bare | found
-            top, error = np.where(found, windows.threshold, top), np.where(found, 0.0, error)
+        places = points[:, :2] - low
+        height, found = looked_closer(height, bare, places, windows.side, windows.scatter, windows.threshold)
+        bare, top = bare | found, np.where(found, windows.threshold, top)
+        error = np.where(found, 0.0, error)
     ground = (height >= -windows.threshold) & (height <= top)
     if windows.side > CLOSER_WINDOW_M:
         # planes of such windows are wider than relief; the triangles follow it
@@ -270,44 +251,17 @@ def _judged(points: Float, windows: _Windows) -> Float:
     ground &= ~(error > LARGEST_PLANT_ERROR_M)
     unknown = ~np.isfinite(height) | (error > LARGEST_PLANT_ERROR_M)
     height[unknown], error[unknown] = np.nan, np.nan
-    return np.column_stack([height, ground, bare, error, np.maximum(each(layers.median), 0.0)])
+    return np.column_stack([height * stretch, ground, bare, error, np.maximum(each(layers.median), 0.0)])
 
 
-def _stands_alone(height: Float, planes: Planes, threshold: float) -> Bool:
-    """(n,) points in windows that hold nearly none of the ground that was found around them, as on a step."""
-    present, over = (
-        planes.sum(chosen.astype(np.float64)) for chosen in (np.abs(height) <= threshold, height > threshold)
-    )
-    alone = present < ALONE_SHARE * over
-    return np.asarray(alone.ravel()[planes.key], dtype=np.bool_)
+def _stretch(surface: Float, planes: Planes, side: float) -> Float:
+    """(n,) heights over a surface, at the points (n,) of which it has the heights given, a metre square to it.
 
-
-def _closer(height: Float, bare: Bool, planes: Planes, scatter: float, side: float) -> tuple[Float, Bool]:
-    """Height (n,) over planes in smaller windows of ``side`` m, and where those show bare ground that bends."""
-    near = np.abs(height) < CLOSER_M
-    start, weight = np.where(near, height, 0.0), near.astype(np.float64)
-    residual = start
-    for _ in range(CLOSER_ROUNDS):
-        middle, along, across = planes.fit(start, weight, 0.2, 0.02)
-        residual = start - planes.at_points(middle, along, across)
-        weight = near / (1.0 + (residual / scatter) ** 2)
-    narrow, _ = _narrow(np.where(near, residual, np.inf), planes, scatter + BENDS_M, median=False)
-    inclined = np.hypot(along, across) > LEAST_INCLINATION * side
-    bends = inclined.ravel()[planes.key] | (np.abs(start - residual) > LEAST_BEND_M)
-    returns = _sheets(residual, near, planes, scatter + BENDS_M).ravel()[planes.key]
-    fewest = np.where(bare, FEWEST_BESIDE_BARE, FEWEST_IN_SHEET)
-    raised = (returns >= fewest) & (start - residual > LEAST_BEND_M)
-    return residual, near & (bends & narrow.ravel()[planes.key] | raised)
-
-
-def _sheets(residual: Float, near: Bool, planes: Planes, scatter: float) -> Float:
-    """Returns of windows most of whose lie in one thin sheet, whatever lies around (small steps, cones); else 0."""
-    within = near & (np.abs(residual) < JUDGED_M)
-    value = np.where(within, residual, 0.0)
-    number, total, square, everything = (planes.sum(v.astype(np.float64)) for v in (within, value, value**2, near))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        spread = np.sqrt(np.maximum(square / number - (total / number) ** 2, 0.0))
-    return np.where((number >= SHEET_SHARE * everything) & (spread <= scatter), number, 0.0)
+    Noise that is as large everywhere seems larger where ground is inclined in the frame, as a road below a slope is.
+    """
+    _, along, across = planes.fit(surface, np.ones(len(surface)), 0.0, 1e-6)
+    stretch = np.minimum(np.sqrt(1.0 + (along**2 + across**2) / side**2), STEEPEST_STRETCH)
+    return np.asarray(stretch.ravel()[planes.key], dtype=np.float64)
 
 
 def _over_triangles(xyz: Float, anchored: Bool, taken: Bool) -> Float:
@@ -364,28 +318,3 @@ def _through(over: Float, planes: Planes, layers: Layers, threshold: float) -> F
     enough = planes.pooled(planes.sum(weight)) >= 3.0
     height = np.where(enough, height, np.nan_to_num(layers.ground))
     return planes.at_points(height, along, across)
-
-
-def _narrow(height: Float, planes: Planes, scatter: float, median: bool = True) -> tuple[Bool, Float]:
-    """Windows whose returns about 0 scatter as those from bare ground do; and the returns' mean."""
-    near = np.abs(height) < max(JUDGED_M, JUDGED_SCATTERS * scatter)
-    value = np.where(near, height, 0.0)
-    number, *sums = (planes.pooled(planes.pooled(planes.sum(near * value**power))) for power in range(5))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean, square, cube, fourth = (total / number for total in sums)
-        variance = np.maximum(square - mean**2, 0.0)
-        kurtosis = (fourth - 4 * mean * cube + 6 * mean**2 * square - 3 * mean**4) / variance**2
-        spread = np.sqrt(variance)
-        score = spread - NARROWER_M * (kurtosis - LEAST_KURTOSIS)
-    known = (number >= FEWEST_BARE) & np.isfinite(score)
-    if not median:
-        return known & (score <= scatter), mean
-    return known & (score <= scatter + NEIGHBOURS_HELP_M) & (_median_around(score, known) <= scatter), mean
-
-
-def _median_around(values: Float, known: Bool) -> Float:
-    """Median of MEDIAN_WINDOWS x MEDIAN_WINDOWS windows; an unknown one counts as the nearest that is known."""
-    if not known.any():
-        return np.full(values.shape, np.inf)
-    nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
-    return np.asarray(ndimage.median_filter(values[tuple(nearest)], size=MEDIAN_WINDOWS, mode="nearest"), np.float64)

@@ -12,12 +12,16 @@ FloatArray = NDArray[np.float64]
 class Planes:
     """Weighted planes on square cells of side 1, each fitted to its own and (with less weight) the eight cells around.
 
+    ``pool`` holds the weights of the cells before, of itself and behind, along each axis.
+
     Sums of products are shifted from cell to cell instead of searching neighbours, so the cost is linear in points.
     """
 
-    POOL = (0.5, 1.0, 0.5)
+    AROUND = (0.5, 1.0, 0.5)
+    ALONE = (0.0, 1.0, 0.0)
 
-    def __init__(self, xy: FloatArray) -> None:
+    def __init__(self, xy: FloatArray, pool: tuple[float, float, float] = AROUND) -> None:
+        self.pool = pool
         index = np.floor(xy).astype(np.int64)
         self.shape = tuple(int(v) + 1 for v in index.max(axis=0))
         self.key = index[:, 0] * self.shape[1] + index[:, 1]
@@ -57,19 +61,19 @@ class Planes:
     def pooled(self, values: FloatArray) -> FloatArray:
         """Values of cells with (weighted) those of the cells around added."""
         for axis in (0, 1):
-            values = ndimage.correlate1d(values, self.POOL, axis=axis, mode="constant")
+            values = ndimage.correlate1d(values, self.pool, axis=axis, mode="constant")
         return np.asarray(values, dtype=np.float64)
 
     def _pool(self, sums: list[FloatArray]) -> list[FloatArray]:
         """Sums over the cells around, moved to each cell's middle: first along the rows' axis, then across."""
         rows, columns = self.shape
-        centre = self.POOL[1]
+        centre = self.pool[1]
         pooled = [centre * s for s in sums]
         for u, to, of in ((-1.0, np.s_[1:], np.s_[: rows - 1]), (1.0, np.s_[: rows - 1], np.s_[1:])):
             w, sx, sy, sxx, sxy, syy, sz, sxz, syz = (s[of] for s in sums)
             parts = (w, sx + u * w, sy, sxx + 2 * u * sx + w, sxy + u * sy, syy, sz, sxz + u * sz, syz)
             for total, part in zip(pooled, parts, strict=True):
-                total[to] += self.POOL[0] * part
+                total[to] += self.pool[0] * part
         sums, pooled = pooled, [centre * s for s in pooled]
         for v, right, left in (
             (-1.0, np.s_[:, 1:], np.s_[:, : columns - 1]),
@@ -78,5 +82,5 @@ class Planes:
             w, sx, sy, sxx, sxy, syy, sz, sxz, syz = (s[left] for s in sums)
             parts = (w, sx, sy + v * w, sxx, sxy + v * sx, syy + 2 * v * sy + w, sz, sxz, syz + v * sz)
             for total, part in zip(pooled, parts, strict=True):
-                total[right] += self.POOL[2] * part
+                total[right] += self.pool[2] * part
         return pooled

@@ -49,7 +49,7 @@ def test_a_step_and_a_cone_are_ground_and_what_lies_around_them_too():
     cone = np.clip(0.36 * (1 - from_top), 0, None)
     xyz, ground = with_plants(xy, np.where(from_step < 0.75, 0.16, 0.0) + cone)
     found = ground_of(xyz).ground
-    for place, least in ((from_step < 0.6, 0.65), (from_top < 1.0, 0.75), ((from_step > 1) & (from_top > 1.2), 0.98)):
+    for place, least in ((from_step < 0.6, 0.85), (from_top < 1.0, 0.92), ((from_step > 1) & (from_top > 1.2), 0.98)):
         assert shares(found[place], ground[place])[0] > least
     inner = from_step < 0.6
     assert np.mean(xyz[found & inner, 2]) == pytest.approx(0.16, abs=0.01)
@@ -60,7 +60,7 @@ def test_a_step_without_plants_is_not_taken_for_plants():
     xy = field(60_000, 12.0)
     step = np.abs(xy - 6.0).max(axis=1)
     xyz, _ = with_plants(xy, np.where(step < 0.75, 0.16, 0.0), share=0.0)
-    assert ground_of(xyz).ground[step < 0.6].mean() > 0.5
+    assert ground_of(xyz).ground[step < 0.6].mean() > 0.97
 
 
 def test_ground_beyond_the_cloths_reach_is_found_from_the_ground_beside_it():
@@ -74,6 +74,20 @@ def test_ground_beyond_the_cloths_reach_is_found_from_the_ground_beside_it():
     assert shares(found.ground[berm], ground[berm])[0] > 0.75
     assert shares(found.ground, ground)[0] > 0.9
     assert shares(found.ground, ground)[1] > 0.99
+
+
+@pytest.mark.parametrize("incline", [0.5, 0.9])
+def test_a_road_below_the_slope_is_bare_ground_though_it_rises_in_the_slopes_frame(incline):
+    """The cloth does not reach it, triangles see it steeply, and noise along the frame's axis seems larger on it."""
+    xy = field(60_000, 12.0)
+    road = xy[:, 0] > 7.0
+    rise = np.where(road, incline * (xy[:, 0] - 7.0), 0.0)
+    noise = np.random.default_rng(5).normal(0, NOISE, len(xy)) * np.where(road, np.hypot(1.0, incline), 1.0)
+    found = ground_of(np.column_stack([xy, rise + noise]), xy[:, 0] < 7.3)
+    on_it = xy[:, 0] > 8.0
+    assert found.ground[on_it].mean() > 0.92
+    assert found.bare[on_it].mean() > 0.85
+    assert np.mean((rise + noise - rise)[found.ground & on_it]) == pytest.approx(0.0, abs=0.003)
 
 
 def test_bare_ground_as_rough_as_scanners_leave_it_keeps_its_mean():
@@ -244,6 +258,13 @@ def test_ground_under_grass_is_within_centimetres(plots, state, slope):
     assert abs(found.bias.mean()) <= (0.03 if (state, slope) == ("mown", 39.0) else 0.02)
     assert np.abs(found.bias).mean() <= 0.03
     assert found.share > 0.85
+
+
+def test_grass_holds_no_sheet_that_is_taken_for_bare_ground(plots):
+    """Errors of 20 cm, stated as 0, came from windows in which a dozen returns of the grass lay on one plane."""
+    found = plots["grown", 39.0]
+    assert np.quantile(np.abs(found.bias), 0.99) < 0.1
+    assert not (np.abs(found.bias[found.error == 0]) > 0.1).any()
 
 
 def test_the_error_by_grass_is_what_is_stated(plots):

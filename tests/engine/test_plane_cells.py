@@ -25,6 +25,17 @@ def test_planes_are_those_of_weighted_least_squares():
         assert np.allclose(found[inside], (design @ solution)[inside], atol=1e-6)
 
 
+def test_planes_of_cells_alone_are_those_of_their_own_points():
+    rng = np.random.default_rng(5)
+    xy, z = rng.uniform(0, 3, (90, 2)), rng.normal(0, 1, 90)
+    planes = Planes(xy, pool=Planes.ALONE)
+    found = planes.at_points(*planes.fit(z, np.ones(90), 0.0, 0.0))
+    inside = (np.floor(xy) == [1, 2]).all(axis=1)
+    design = np.column_stack([np.ones(inside.sum()), xy[inside]])
+    solution, *_ = np.linalg.lstsq(design, z[inside], rcond=None)
+    assert np.allclose(found[inside], design @ solution, atol=1e-6)
+
+
 def test_sums_and_pools_are_those_of_loops():
     xy = np.random.default_rng(4).uniform(0, [5, 3], (200, 2))
     planes = Planes(xy)
