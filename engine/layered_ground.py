@@ -59,9 +59,10 @@ STEEPEST_STRETCH = 1.55
 """Of heights on steep ground: beyond 50 degrees the triangles tell little of its inclination."""
 SPREAD = 2.5
 """The threshold is at least so many times the scatter."""
-PLANT_ERROR_M, FEW_GROUND = 0.018, 0.12
-"""Error of the ground under plants in windows of a metre, and share of ground below which it grows: measured on
-simulated grass, ferns and forest, of which 6 % of the cells lie beyond 1.96 errors."""
+PLANT_ERROR_M, ENOUGH_GROUND = 0.012, 110.0
+"""Error of the ground under plants in windows of a metre with many ground returns, and the number of them below which
+it grows: fitted to real forests and to simulated grass, ferns and forest, so that about 5 % of the cells lie beyond
+1.96 errors, see docs/ground.md."""
 CLEARLY_BARE = 0.5
 """Share of the lower returns that is ground, from which bare ground has no error by plants."""
 LARGEST_PLANT_ERROR_M = 0.25
@@ -199,11 +200,12 @@ def _everywhere(xyz: Float, index: NDArray[np.int64], known: Float, side: float)
 def plant_error(layers: Layers, wider: float) -> Float:
     """Standard error (m) of the ground's height by plants, in windows.
 
-    It grows with the width of the windows that returns are gathered over, and where little of the returns is ground;
-    ``wider`` is how much more bare ground scatters there than in small windows.
+    It grows with the width of the windows that returns are gathered over, and where few returns are ground among
+    others; ``wider`` is how much more bare ground scatters there than in small windows.
     """
-    share = np.maximum(layers.taken, 1.0) / np.maximum(layers.returns, 1.0)
-    return PLANT_ERROR_M * wider**3 * np.sqrt(1.0 + FEW_GROUND / np.minimum(share, 1.0))
+    taken = np.maximum(layers.taken, 1.0)
+    plants = 1.0 - np.minimum(taken / np.maximum(layers.returns, 1.0), 1.0)
+    return PLANT_ERROR_M * wider**3 * np.sqrt(1.0 + ENOUGH_GROUND * plants / taken)
 
 
 def _judged(points: Float, windows: _Windows) -> Float:
