@@ -52,7 +52,8 @@ class Change:
     ``sampling`` is the part of the error that the points' scatter makes, after calibration; ``plants`` the part that
     plants make, and how high they stand, None where neither epoch tells. ``plant_like`` marks cells whose change a
     change of the plants' height explains, ``explained`` those of them that would else be significant; ``season`` tells
-    how the plants differ between the epochs. All are None where the plants' heights are not known.
+    how the plants differ between the epochs. All are None where the plants' heights are not known. The errors of
+    ``plants`` are the stated ones times ``plants_factor``, which stable ground told (``plant_calibration``).
     """
 
     grid: Grid
@@ -83,6 +84,7 @@ class Change:
     plant_like: NDArray[np.bool_] | None = None
     explained: NDArray[np.bool_] | None = None
     season: Season | None = None
+    plants_factor: float = 1.0
 
     @property
     def points(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -122,6 +124,7 @@ class Change:
             "level_median_m": self.median_level,
             "error_median_m": float(np.nanmedian(self.error)),
             "registration_error_m": self.registration_error,
+            "plants_factor": self.plants_factor,
             **self.model.summary(),
         }
 
@@ -372,6 +375,7 @@ def _judged(
         plant_like=plant_like,
         explained=explained,
         season=season,
+        plants_factor=found.plants_factor,
     )
 
 

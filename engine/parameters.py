@@ -581,8 +581,8 @@ class ZoneParameters(ParameterSet):
         5,
         "Least cells in a zone",
         "Smaller groups of significant cells are not reported, whatever their area. A part of a grown cell counts as a "
-        "part. Larger is surer where cells are large: on 90 unchanged simulated slopes with cells that grow, groups of "
-        "five or more came up by chance on one.",
+        "part, a grown cell far beyond its level as up to half of this number. Larger is surer where cells are large: "
+        "on 90 unchanged simulated slopes with cells that grow, groups of five or more came up by chance on one.",
         minimum=2,
         maximum=100000,
         advanced=True,

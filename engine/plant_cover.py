@@ -59,8 +59,8 @@ class PlantCells:
         """Of the change: both epochs' together."""
         return np.hypot(self.error_from, self.error_to)
 
-    def scaled(self, factor: Float) -> PlantCells:
-        """With errors ``factor`` (rows, columns) times as large."""
+    def scaled(self, factor: Float | float) -> PlantCells:
+        """With errors ``factor`` (rows, columns; or one for all) times as large."""
         return replace(self, error_from=self.error_from * factor, error_to=self.error_to * factor)
 
 

@@ -24,6 +24,9 @@ The ground is at worst taken for the middle of the plants. On real grass of 0.2 
 """
 MARGIN = 1.0
 """Metres around plants within which the ground under thin ones can be taken for bare, and their height for nothing."""
+COVERED = 0.5
+"""Share of the known ground within ``MARGIN`` that must have plants where the season is alike: a shrub that was sampled
+otherwise tells nothing of the bare ground beside it."""
 _COMMON = 0.5  # of the vegetated cells: where so many have changed alike, the season differs
 _FEWEST = 30  # vegetated cells, of which something can be said
 _LEAST_SHARE = 0.02  # of the cells that must have plants
@@ -112,29 +115,35 @@ def judge_season(
     if plants is None or plants.height_from is None or plants.height_to is None:
         return None, None
     heights = plants.height_from, plants.height_to
-    explained = explained_by_plants(dz, level, *heights)
-    return compare_seasons(*heights, dz), explained | explained_by_plants(dz, level, *around(*heights, cell))
+    season = compare_seasons(*heights, dz)
+    near = around(*heights, cell, 0.0 if season is not None and season.differs else COVERED)
+    return season, explained_by_plants(dz, level, *heights) | explained_by_plants(dz, level, *near)
 
 
-def around(height_from: Float, height_to: Float, cell: float) -> tuple[Float, Float]:
-    """Mean heights (rows, columns) of both surveys over the cells with plants within ``MARGIN``; NaN without such.
+def around(height_from: Float, height_to: Float, cell: float, least_share: float = 0.0) -> tuple[Float, Float]:
+    """Mean heights (rows, columns) of both surveys over the cells with plants within ``MARGIN``.
 
     Where grass thins out, its lowest returns scatter as those of bare ground do: the ground comes out within the plants
-    and these as nothing. What stands around tells better how they have changed.
+    and these as nothing. What stands around tells better how they have changed. NaN where no plants stand, or on less
+    than ``least_share`` of the known ground.
 
     Args:
         height_from, height_to: heights of the plants in each cell, metres (rows, columns), NaN where not known.
         cell: side of a cell, metres.
     """
+    known = np.isfinite(height_from + height_to)
     with np.errstate(invalid="ignore"):
-        grown = np.isfinite(height_from + height_to) & (np.maximum(height_from, height_to) >= PLANTS)
+        grown = known & (np.maximum(height_from, height_to) >= PLANTS)
     width = 2 * round(MARGIN / cell) + 1
 
-    def pooled(values: Float) -> Float:
-        return np.asarray(ndimage.uniform_filter(np.where(grown, values, 0.0), width, mode="constant"))
+    def pooled(values: Float, of: NDArray[np.bool_] = grown) -> Float:
+        return np.asarray(ndimage.uniform_filter(np.where(of, values, 0.0), width, mode="constant"))
 
-    share = pooled(np.ones(grown.shape))
-    share[share < 0.5 / width**2] = np.nan  # less than a cell: what is left of rounding
+    each = np.ones(grown.shape)
+    share = pooled(each)
+    few = share < least_share * pooled(each, known) - 1e-9
+    # less than a cell is what is left of rounding
+    share[few | (share < 0.5 / width**2)] = np.nan
     return pooled(height_from) / share, pooled(height_to) / share
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from .cell_slope import Float
 from .gridding import on_grid
 from .parameters import GridChangeParameters
+from .plant_calibration import plants_factor
 from .plant_cover import PlantCells
 from .size_error import widening_by_size
 from .slope_error import ErrorModel, calibrate, uncalibrated
@@ -25,7 +26,8 @@ class Judgement:
     """A difference with its errors; arrays (rows, columns), metres, NaN where not compared.
 
     ``dz`` is along the direction asked for, and so are ``error`` and its parts: ``sampling``, that of the points after
-    calibration, ``plants``, and ``registration_error``, which all cells share.
+    calibration, ``plants``, and ``registration_error``, which all cells share. ``plants_factor`` is by what the stated
+    errors by plants were multiplied.
     """
 
     dz: Float
@@ -36,6 +38,7 @@ class Judgement:
     registration_error: float
     sampling: Float
     plants: PlantCells | None
+    plants_factor: float = 1.0
 
 
 def judge(
@@ -54,7 +57,8 @@ def judge(
 ) -> Judgement:
     """Calibrate the errors of ``dz`` on stable ground and tell the level of detection and what is beyond it.
 
-    The error is, in quadrature, that of the points, which the calibration scales, the registration's, and the plants'.
+    The error is, in quadrature, that of the points and that of the plants, both of which the calibration scales, and
+    the registration's.
 
     Along the slope's normal a change is dz cos(slope): the distance of two parallel planes, one dz above the other. A
     horizontal shift by dx, which a vertical difference shows as dx tan(slope), then shows as dx sin(slope), never more
@@ -112,11 +116,24 @@ def judge(
             plants=None if by_plants is None else by_plants.ravel()[here],
         )
     scaled = on_grid(here, model.factor(slope.ravel()[here]) * sampling.ravel()[here], dz.shape)
+    factor = 1.0
+    if plants is not None and parameters.calibrate and not uniform:
+        factor = plants_factor(
+            dz,
+            scaled,
+            plants.error,
+            stable & first,
+            cell,
+            registration_error=registration_error,
+            confidence=parameters.confidence,
+        )
+        plants = plants.scaled(factor)
+        by_plants = plants.error
     error = np.hypot(scaled, registration_error)
     if by_plants is not None:
         error = np.hypot(error, by_plants)
     decision = decide(dz, error, parameters, block)
-    return Judgement(dz, error, decision, model, stable, registration_error, scaled, plants)
+    return Judgement(dz, error, decision, model, stable, registration_error, scaled, plants, factor)
 
 
 def _with_other_slopes(given: NDArray[np.bool_], found: NDArray[np.bool_], slope: Float) -> NDArray[np.bool_]:

@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from .blocks import Blocks, block_sides, sums_around
 from .cell_slope import Float
-from .stable_cells import BEYOND, CLIP, REACH, ROUNDS, adjacent_scatter, with_alike
+from .stable_cells import BEYOND, REACH, ROUNDS, adjacent_scatter, clipped, with_alike
 
 _WINDOW = 3  # of a block's own sides, at least: it and its neighbours
 
@@ -39,7 +39,7 @@ def find_stable_blocks(
     if alike is not None:
         scaled, shared[known] = with_alike(scaled, alike[known] / (error[known] * scatter_of_one))
         own = np.where(known, 1.0 - shared**2, 0.0)
-    z[known] = np.clip(scaled, -CLIP, CLIP)
+    z[known] = clipped(scaled, shared[known])
     least = 2 * round(REACH / cell) + 1
     number = sums_around(own, block, _WINDOW, least)
     if alike is not None:

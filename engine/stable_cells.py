@@ -13,6 +13,7 @@ REACH = 0.5  # metres around a cell over which a change is looked for as a whole
 _LEAST_REACH = 2  # ... and cells
 BEYOND = 5.0  # robust standard deviations of the local means, beyond which a place has moved
 CLIP = 4.0  # one wild cell is not a moved place
+CLIP_SHARED = 4.0 * BEYOND  # for changes whose error neighbours share
 ROUNDS = 20
 _CLASS = 5.0  # degrees
 _FEWEST = 200  # differences of neighbours in a class of slope
@@ -46,7 +47,7 @@ def find_stable(dz: Float, error: Float, slope: Float, cell: float, alike: Float
     shared = np.zeros(here.size)
     if alike is not None:
         z, shared = with_alike(z, alike.ravel().take(here) / (error.ravel().take(here) * scatter_of_one))
-    z = np.clip(z, -CLIP, CLIP)
+    z = clipped(z, shared)
     windows = Windows(here, known.shape, max(_LEAST_REACH, round(REACH / cell)))
     if alike is None:
         total, number = windows.totals(here, z, np.ones(here.size, dtype=np.int32))
@@ -74,6 +75,15 @@ def with_alike(z: Float, ratio: Float) -> tuple[Float, Float]:
     """
     whole = np.hypot(1.0, ratio)
     return z / whole, ratio / whole
+
+
+def clipped(z: Float, shared: Float | float) -> Float:
+    """Scaled changes within CLIP where errors are the cells' own, and wider the more of them neighbours share.
+
+    A mean of shared errors is no larger than one of them: clipped alike, it could not be beyond BEYOND.
+    """
+    limit = CLIP + (CLIP_SHARED - CLIP) * shared
+    return np.asarray(np.clip(z, -limit, limit), dtype=np.float64)
 
 
 def adjacent_scatter(z: Float, here: Cells, slope: Float, block: NDArray[np.int64] | None = None) -> Float:

@@ -115,9 +115,10 @@ def empirical_variogram(values: Float, cell: float) -> EmpiricalVariogram:
         parts = [parts[0][:, parts[0][0] > _NEAR], _near_pairs(z, known)]
     distance, squares, products, pairs = np.concatenate(parts, axis=1)
     which = np.digitize(distance, _class_edges(float(distance.max())))
-    filled = np.unique(which)
+    # where cells grew, near ones have no pairs
+    filled = np.flatnonzero(np.bincount(which, pairs) > 0)
     count, apart, square, product = (
-        np.bincount(which, part)[filled] for part in (pairs, distance * pairs, squares, products)
+        np.bincount(which, part)[filled].astype(np.float64) for part in (pairs, distance * pairs, squares, products)
     )
     variance = float(z[known].var())
     return EmpiricalVariogram(

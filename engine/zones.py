@@ -14,6 +14,7 @@ from scipy.special import erf
 
 from .blocks import Blocks, blocks_in_groups
 from .crs import horizontal
+from .evidence import cells_worth
 from .gridding import Float, Grid
 from .parameters import ZoneParameters
 from .plant_cover import clear_of_plants
@@ -159,11 +160,12 @@ def extract_zones(
         plant_like: cells whose change may be the plants', to which no volume reaches out.
     """
     parameters = parameters or ZoneParameters()
-    labels, first_cells, groups, dropped_cells = label_groups(dz, significant, grid, parameters, cell_size, plants)
+    cells_of = dz, significant, grid, parameters, cell_size
+    labels, first_cells, groups, dropped_cells = label_groups(*cells_of, plants, sigma)
     count = len(first_cells)
     within_plants = 0
     if plants is not None:
-        within_plants = len(label_groups(dz, significant, grid, parameters, cell_size)[1]) - count
+        within_plants = len(label_groups(*cells_of, None, sigma)[1]) - count
     inside = np.flatnonzero(labels)
     zone = labels.ravel()[inside].astype(np.int64) - 1
 
@@ -273,6 +275,7 @@ def label_groups(
     parameters: ZoneParameters,
     cell_size: Float | None = None,
     plants: Float | None = None,
+    sigma: NDArray[np.floating] | None = None,
 ) -> tuple[NDArray[np.int32], NDArray[np.int64], int, int]:
     """Labels 1..n of the groups that are large enough, first cell of each, and groups and cells that were not.
 
@@ -285,6 +288,8 @@ def label_groups(
             all of it, and where finer cells lent it their points nothing new.
         plants: error that plants make of each cell's change, metres: groups whose mean change is not beyond it
             (``plant_cover.clear_of_plants``) are left out.
+        sigma: standard error of each cell's change, metres: a grown cell far beyond it counts for more than one
+            (``evidence.cells_worth``).
     """
     labels = np.zeros(grid.shape, dtype=np.int32)
     found = 0
@@ -306,6 +311,8 @@ def label_groups(
     sizes = np.bincount(labels.ravel(), minlength=found + 1)
     # a group of exactly the least area must not fail by rounding
     part_of_one = None if cell_size is None else np.nan_to_num((grid.cell / cell_size.ravel()) ** 2, nan=1.0)
+    if part_of_one is not None and sigma is not None:
+        part_of_one *= cells_worth(dz, sigma, parameters.minimum_cells).ravel()
     number_of = np.bincount(labels.ravel(), part_of_one, minlength=found + 1)
     extent = (sizes + gaps) * grid.cell**2
     enough = (number_of >= parameters.minimum_cells - 1e-6) & (extent >= parameters.minimum_area * (1 - 1e-9))

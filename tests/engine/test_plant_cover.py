@@ -189,7 +189,7 @@ def test_a_series_keeps_the_term_from_run_to_run(tmp_path):
         for n, day in enumerate(days)
     ]
     settings = SeriesSettings(
-        change=GridChangeParameters(cell=0.5),
+        change=GridChangeParameters(cell=0.5, calibrate=False),
         registration=RegistrationParameters(method="none"),
         series=SeriesParameters(ground_ready=True),
     )

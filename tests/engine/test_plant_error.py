@@ -190,7 +190,7 @@ def test_cells_do_not_grow_for_plants_that_no_size_averages_out():
 def test_the_direction_of_the_normal_takes_the_plants_along():
     first, second = flat(5), flat(6)
     cover = PlantCover(np.full(len(first), 0.05))
-    change = difference(first, second, replace(ONE_SIZE, direction="normal"), plants=(cover, None))
+    change = difference(first, second, replace(ONE_SIZE, direction="normal", calibrate=False), plants=(cover, None))
     assert np.nanmedian(change.plants.error) == pytest.approx(0.05 * np.cos(np.arctan(0.3)), rel=0.01)
 
 

@@ -10,8 +10,9 @@ from slopewatch.engine.change import Change, difference
 from slopewatch.engine.change_zones import change_zones
 from slopewatch.engine.pair import warn_of_doubtful_change
 from slopewatch.engine.parameters import ChangeParameters
+from slopewatch.engine.plant_cover import PlantCells
 from slopewatch.engine.progress import Progress
-from slopewatch.engine.season import around, compare_seasons, explained_by_plants
+from slopewatch.engine.season import around, compare_seasons, explained_by_plants, judge_season
 from slopewatch.tests.engine.plant_clouds import SIDE, Grass, Ground, grassy_slope
 
 TALL, MOWN = Grass(0.25, lifted=0.08, error=0.03), Grass(0.05, lifted=0.01, error=0.01)
@@ -154,3 +155,32 @@ def test_plants_around_are_those_within_a_metre():
     assert np.isfinite(before[:, :15]).all()
     assert np.isnan(before[:, 15:]).all()
     assert before[5, 5] == pytest.approx(0.3)
+
+
+def test_few_plants_around_tell_nothing_where_most_of_the_ground_is_bare():
+    first, second = np.full((40, 40), 0.02), np.full((40, 40), 0.01)
+    first[:, :10], second[:, :10] = 0.3, 0.1
+    first[30, 30], second[30, 30] = 0.3, 0.1
+    before, after = around(first, second, 0.2, 0.5)
+    assert before[20, 4] == pytest.approx(0.3)
+    assert after[20, 9] == pytest.approx(0.1), "five of its eleven columns are bare"
+    assert np.isnan(before[:, 11:]).all()
+
+
+@pytest.mark.parametrize("covered", [0.3, 0.02])
+def test_a_shrub_that_was_sampled_otherwise_explains_no_change_of_the_bare_ground_beside_it(covered):
+    """But at the margin of what was mown all over it does."""
+    first, second = np.full((100, 100), 0.015), np.full((100, 100), 0.015)
+    plants = round(100 * covered)
+    first[:, :plants], second[:, :plants] = 0.25, 0.05
+    first[:, 60:98], second[:, 60:98] = (0.25, 0.25) if covered < 0.1 else (0.01, 0.01)
+    dz = np.full((100, 100), -0.05)
+    season, explained = judge_season(
+        PlantCells(np.zeros(dz.shape), np.zeros(dz.shape), first, second), dz, np.full(dz.shape, 0.03), 0.2
+    )
+    assert season is not None
+    assert season.differs == (covered > 0.1)
+    assert explained is not None
+    assert explained[:, :plants].all()
+    assert explained[:, plants + 2].all() == season.differs
+    assert not explained[:, plants + 6 : 60].any()

@@ -162,3 +162,14 @@ def test_the_limits_of_effective_samples() -> None:
     assert effective_samples(weights, CELL, VariogramModel(1.0)) == pytest.approx(144)
     assert effective_samples(weights, CELL, VariogramModel(0.0, (1.0,), (1e5,))) == pytest.approx(1, abs=1e-3)
     assert spherical(np.array([0.0, 1.0, 9.0]), 1.0).tolist() == [1.0, 0.0, 0.0]
+
+
+def test_lags_at_which_no_two_cells_lie_are_left_out():
+    """Where cells grew, only one cell of each block is known, and none beside it."""
+    values = np.full((1100, 1100), np.nan)
+    values[5::16, 3::16] = np.random.default_rng(9).normal(size=values[5::16, 3::16].shape)
+    found = empirical_variogram(values, 0.1)
+    assert (found.pairs > 0).all()
+    assert np.isfinite(found.lag).all()
+    assert found.lag[0] >= 1.6
+    assert fit_variogram(found).variance == pytest.approx(1.0, abs=0.15)
