@@ -17,6 +17,7 @@ from .height_correction import HeightCorrection
 from .icp import icp
 from .observability import Information, height_sd, name_unobservable, relief_sd, weakest_direction
 from .parameters import RegistrationParameters
+from .patch_registration import ENOUGH, OnPatches, align_on_patches
 from .plant_cover import PlantCover
 from .point_to_plane import Matcher
 from .pose import Pose
@@ -71,14 +72,17 @@ def register(
     _check_shape(surfaces[1].points, "later")
     matcher = Matcher(*surfaces, None if stable is None else _inside(stable, surfaces[0].points + centre))
     tree = cKDTree(a, balanced_tree=False, compact_nodes=False)
-    with progress.stage(0.05, 0.85):
+    with progress.stage(0.05, 0.8):
         solution = _solve(a, b, tree, matcher, parameters, progress)
-    progress.update(0.85, "measuring the agreement")
+    progress.update(0.8, "measuring the agreement")
     found = _measured(solution, matcher, parameters, stable is not None, progress)
     ground = divide(matcher) if parameters.method == "robust" else None
     if ground is not None and solution.alignment is not None:
-        with progress.stage(0.86, 0.95):
+        with progress.stage(0.82, 0.88):
             found = _surer(found, solution.alignment, ground, parameters, stable is not None, progress)
+    if parameters.method == "robust" and stable is None:
+        with progress.stage(0.88, 0.95):
+            found = _on_what_stayed(found, solution.alignment, matcher, parameters, progress)
     solution = found.solution
     some = b[:: max(1, len(b) // _NEIGHBOUR_SAMPLE)]
     before = nearest(tree, some)[0]
@@ -175,6 +179,37 @@ class _Measured:
     ground: Covered | None = None
     bare: bool = False
     offset: float | None = None
+    rival: float | None = None
+
+
+def _on_what_stayed(
+    found: _Measured,
+    alignment: Alignment | None,
+    matcher: Matcher,
+    parameters: RegistrationParameters,
+    progress: Progress,
+) -> _Measured:
+    """``found``, or where much has moved the registration on the part that has not.
+
+    Raises:
+        InputError: hardly anything agrees and no part is clearly the one that stayed, unless that was accepted.
+    """
+    if not found.solution.left and found.quality.stable_share >= ENOUGH:
+        return found
+    if found.bare and found.ground is not None:
+        matcher = found.ground.bare
+    patches = align_on_patches(matcher, alignment, parameters, progress)
+    if patches is not None:
+        narrow = _measured(_of_alignment(patches.alignment), matcher, parameters, False, progress, patches=patches)
+        return replace(narrow, ground=found.ground, bare=found.bare, offset=found.offset, rival=patches.part.rival)
+    little = found.solution.left or found.quality.stable_share < parameters.minimum_stable_share
+    if little and not parameters.accept_unstable:
+        raise InputError(
+            f"Only {found.quality.stable_share:.0%} of the overlap agrees after registration and no part of the "
+            "surface is clearly the one that did not move, so nothing tells how the epochs lie to one another; give "
+            "an area known to be stable (--stable), or --accept-unstable to go on with a wide error."
+        )
+    return found
 
 
 def _measured(
@@ -184,28 +219,36 @@ def _measured(
     stable_given: bool,
     progress: Progress,
     ground: Covered | None = None,
+    patches: OnPatches | None = None,
 ) -> _Measured:
-    """Agreement of a solution by the ground of ``matcher``, and its error there, or over all of ``ground``."""
-    quality = agreement(matcher, solution.pose, parameters.maximum_offset)
+    """Agreement of a solution by the ground of ``matcher``, and its error there, or over all of ``ground``.
+
+    With ``patches`` only they can be stable ground.
+    """
+    among = None if patches is None else patches.among
+    quality = agreement(matcher, solution.pose, parameters.maximum_offset, among=among)
     if parameters.method == "icp":
         seen = observe(matcher, solution.pose, quality.scale, parameters.maximum_offset, progress)
         solution = replace(solution, information=seen)
-    elif parameters.method == "robust" and not stable_given and quality.stable_share < NO_STABLE_GROUND:
+    elif (
+        parameters.method == "robust"
+        and patches is None
+        and not stable_given
+        and quality.stable_share < NO_STABLE_GROUND
+    ):
         solution = _Solution(Pose.identity(), solution.iterations, left=True)
         quality = agreement(matcher, solution.pose, parameters.maximum_offset)
     elif parameters.method == "robust":
-        solution, quality = _bent(solution, quality, matcher, parameters)
+        solution, quality = _bent(solution, quality, matcher if patches is None else patches.matcher, parameters)
     over = quality.places, quality.normals
     if ground is not None:
         over = compared_ground(ground, solution.pose, parameters.maximum_offset)
     by_plants = 0.0
     if parameters.method != "none" and not solution.left:  # a cloud left as it is takes nothing from plants
         by_plants = error_by_plants(matcher, solution.pose, quality.sample[quality.agrees])
-    error = widened(
-        float(np.hypot(_error(solution, quality, over, parameters), by_plants)),
-        quality,
-        parameters.minimum_stable_share,
-    )
+    error = float(np.hypot(_error(solution, quality, over, parameters), by_plants))
+    if patches is None:
+        error = widened(error, quality, parameters.minimum_stable_share)
     return _Measured(solution, quality, error, by_plants)
 
 
@@ -326,6 +369,7 @@ def _result(
             unobservable=names,
             stable_given=stable_given,
             left=solution.left,
+            rival=found.rival,
             bend=solution.bend,
             bent=solution.bent,
         )
