@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .alignment import Alignment, radius_of, refine
-from .errors import InputError
+from .alignment import Alignment, radius_of
 from .parameters import RegistrationParameters
 from .point_to_plane import Matcher, robust_scale
 from .pose import Pose
@@ -65,13 +64,8 @@ def align_on_patches(
     if not len(pairs):
         return None
     scale = max(min(robust_scale(pairs.residual), 3 * noise), 1e-3)
-    offset = max(parameters.registration_voxel, parameters.maximum_offset)
-    try:
-        alignment = refine(narrow, part.pose, scale, radius, offset, parameters.registration_iterations, progress)
-    except InputError:  # the part is too small to be compared
-        return None
     done = 0 if found is None else found.iterations
-    return OnPatches(replace(alignment, iterations=done + alignment.iterations), part, narrow, among)
+    return OnPatches(Alignment(part.pose, scale, radius, done, True, part.information), part, narrow, among)
 
 
 def _beneath(matcher: Matcher, pose: Pose, among: Mask, noise: float) -> Mask:

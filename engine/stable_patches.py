@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .observability import Information
 from .point_to_plane import Matcher
 from .pose import Pose
 from .surface_patches import Equations, Patches, cut, equations
@@ -20,13 +21,16 @@ from .surface_patches import Equations, Patches, cut, equations
 Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_TRIALS = 8_000
+_FEW, _MANY = 15, 60  # points of a patch that are paired, while looking for parts and in the end
+_SIGNIFICANCE = 5.0  # standard errors by which the relief must stand out
+_RATIO = 1e-4  # of the largest curvature: slopes that differ by 1 % only
+_TRIALS = 6_000
 _PARTNERS = (1, 2, 3, 5, 8)  # patches that a trial takes beside its first one
 _NEAR = 25  # nearest patches of which half of the trials take them
 _BEST = 12  # trials that are improved
 _KEPT = 4  # parts that are paired again where they lead to
 _IMPROVE = 8
-_PASSES = 4
+_PASSES = 3
 _STILL = 1e-4  # metres
 _LEAST_OF_BEST = 0.5  # of the largest area: less does not become the largest when paired again
 _LEAST_PAIRS = 12
@@ -47,6 +51,7 @@ class StablePart:
         agrees: (k,) which of the ``patches``.
         share: their share of the area of all patches that could be compared.
         rival: the share of the largest part of all other patches that agrees on another motion.
+        information: what the part fixes of the motion, in local coordinates.
     """
 
     pose: Pose
@@ -54,6 +59,7 @@ class StablePart:
     agrees: Mask
     share: float
     rival: float
+    information: Information
 
     def points(self, size: int) -> Mask:
         """(size,) the points of the cut surface that lie in those patches."""
@@ -66,8 +72,12 @@ class StablePart:
 @dataclass(frozen=True)
 class _Found:
     motion: Float
-    agrees: Mask
+    weight: Float
     area: float
+
+    @property
+    def agrees(self) -> Mask:
+        return self.weight > 0
 
 
 def stable_part(
@@ -76,7 +86,7 @@ def stable_part(
     """The largest part of the moving surface that lies on the reference after one motion; None without any patch.
 
     Args:
-        starts: poses to begin at; from each one, patches are compared up to ``offset`` metres apart.
+        starts: poses that are tried; from the first one, patches are compared up to ``offset`` metres apart.
         noise: of a point about its surface, metres.
         radius: by which rotations are scaled, metres.
     """
@@ -85,26 +95,27 @@ def stable_part(
         return None
     spacing = max(matcher.reference.spacing, matcher.moving.spacing)
     everywhere = np.ones(len(patches), dtype=bool)
-    systems = [equations(matcher, patches, start, max(offset, 3 * spacing), radius, noise) for start in starts]
+    system = equations(matcher, patches, starts[0], max(offset, 3 * spacing), radius, noise, _FEW)
 
-    def largest(among: Mask) -> _Settled | None:
-        best: _Settled | None = None
-        for system in systems:
-            for found in _search(system, patches, among, noise, offset):
-                if best is not None and found.area < _LEAST_OF_BEST * best.area:
-                    break
-                settled = _settled(matcher, patches, among, system.pose.moved(found.motion, radius), noise, radius)
-                if best is None or settled.area > best.area:
-                    best = settled
-        return best
+    def settled(among: Mask, poses: list[Pose]) -> _Settled | None:
+        found = [_settled(matcher, patches, among, pose, noise, radius, offset, _FEW) for pose in poses]
+        return max(found, key=lambda one: one.area, default=None)
 
-    best = largest(everywhere)
+    def reached(among: Mask, most: int) -> list[Pose]:
+        found = _search(system, patches, among, noise, offset)[:most]
+        near = [one.motion for one in found if one.area >= _LEAST_OF_BEST * found[0].area]
+        return [starts[0].moved(motion, radius) for motion in near]
+
+    best = settled(everywhere, [*reached(everywhere, _KEPT), *starts[1:]])
     if best is None:
         return None
-    other = largest(~best.agrees)
+    best = _settled(matcher, patches, everywhere, best.pose, noise, radius, offset, _MANY)
+    other = settled(~best.agrees, reached(~best.agrees, 2))
     whole = max(float(patches.area[best.usable].sum()), 1e-9)
     rival = 0.0 if other is None else other.area / whole
-    return StablePart(best.pose, patches, best.agrees, best.area / whole, rival)
+    held = best.information.held(best.pose.vector(radius)) if not best.information.observable.all() else None
+    pose = best.pose if held is None else Pose.from_vector(held, radius)
+    return StablePart(pose, patches, best.agrees, best.area / whole, rival, best.information)
 
 
 @dataclass(frozen=True)
@@ -115,6 +126,7 @@ class _Settled:
     agrees: Mask
     area: float
     usable: Mask
+    information: Information
 
 
 def _levels(system: Equations, noise: float, strict: float) -> tuple[Float, Mask]:
@@ -124,18 +136,57 @@ def _levels(system: Equations, noise: float, strict: float) -> tuple[Float, Mask
     return np.asarray(_DEVIATIONS**2 * (error + (strict * max(noise / 4, _FLOOR)) ** 2)), tells
 
 
-def _settled(matcher: Matcher, patches: Patches, among: Mask, pose: Pose, noise: float, radius: float) -> _Settled:
+def _settled(
+    matcher: Matcher, patches: Patches, among: Mask, pose: Pose, noise: float, radius: float, offset: float, most: int
+) -> _Settled:
     """The part of the patches ``among`` that agrees with a pose, and the pose that it asks for."""
     spacing = max(matcher.reference.spacing, matcher.moving.spacing)
     for number in range(_PASSES):
-        system = equations(matcher, patches, pose, 3 * spacing, radius, noise)
-        level, tells = _levels(system, noise, 2.0 if number == 0 else 1.0)
+        system = equations(matcher, patches, pose, 3 * spacing, radius, noise, most)
+        level, tells = _levels(system, noise, 2.0 if number == 0 and most == _FEW else 1.0)
         usable = among & tells
         found = _improved(system, patches, usable, level, np.zeros(6), spacing)
-        pose = pose.moved(found.motion, radius)
+        known = _information(system, patches, found, level, spacing, offset)
+        # what nothing fixes stays
+        pose = pose.moved(known.held(found.motion), radius)
         if number and float(np.linalg.norm(found.motion)) < _STILL:
             break
-    return _Settled(pose, found.agrees, float(patches.area[found.agrees].sum()), usable)
+    return _Settled(pose, found.agrees, float(patches.area[found.agrees].sum()), usable, known)
+
+
+def _information(
+    system: Equations, patches: Patches, found: _Found, level: Float, spacing: float, offset: float
+) -> Information:
+    """What the part fixes: a direction is observable where the relief stands out from the noise of the normals.
+
+    The covariance is that of leaving out one patch after the other (Efron and Stein 1981,
+    doi:10.1214/aos/1176345462), so that what a single patch fixes is not sure.
+    """
+    weight = found.weight * patches.area / level
+    some = np.flatnonzero(weight > 0)
+    weight = weight[some] / max(float(weight.sum()), 1e-300)
+    matrices, vectors = weight[:, None, None] * system.matrix[some], weight[:, None] * system.vector[some]
+    whole = matrices.sum(axis=0)
+    curvature, directions = np.linalg.eigh(whole)
+    # the weighted mean of as many products of two independent errors
+    effective = float(1.0 / max(np.sum(weight**2 * _CORRELATED / np.maximum(system.pairs[some], 1)), 1e-300))
+    least = _SIGNIFICANCE * system.roughness / np.sqrt(max(effective, 1.0))
+    observable = curvature > max(least, _RATIO * float(curvature[-1]))
+    fixed = directions[:, observable]
+    covariance = np.zeros((6, 6))
+    if fixed.shape[1] and len(some) > 1:
+        part = fixed.T @ whole @ fixed
+        without = part - fixed.T @ matrices @ fixed
+        left = (vectors + matrices @ found.motion) @ fixed
+        without += 1e-3 * np.diag(np.diag(part))  # a direction that one patch alone fixes
+        steps = np.linalg.solve(without, left[:, :, None])[:, :, 0]
+        spread = steps.T @ steps
+        sure = np.sqrt(np.diag(spread)) <= spacing / 2
+        observable[np.flatnonzero(observable)[~sure]] = False
+        spread[~sure] = spread[:, ~sure] = 0.0
+        covariance = fixed @ spread @ fixed.T
+    free = directions[:, ~observable]
+    return Information(curvature, directions, observable, covariance + offset**2 / 3 * free @ free.T)
 
 
 def _search(
@@ -228,4 +279,4 @@ def _improved(system: Equations, patches: Patches, usable: Mask, level: Float, m
         share = patches.area * weight / (level * mean)
         total = _prior(offset) + np.einsum("k,kij->ij", share, system.matrix)
         motion = -np.linalg.solve(total, share @ system.vector)
-    return _Found(best[0], best[1] > 0, best[2])
+    return _Found(*best)

@@ -33,6 +33,7 @@ _WIDTH = 10  # spacings: side of a block
 _MOST = 1500  # patches, about
 _SOURCES = 60_000
 _ROUNDS = 4
+_MOST_PAIRS = 60
 _INDEX = np.triu_indices(6)
 _TWICE = np.where(_INDEX[0] == _INDEX[1], 1.0, 2.0)
 
@@ -60,6 +61,14 @@ class Patches:
         found = np.full(size, -1, dtype=np.int64)
         found[self.sources] = self.number
         return found
+
+    def some(self, most: int) -> Index:
+        """At most about ``most`` of the sources of each patch, evenly spread, in rising order."""
+        inside = np.flatnonzero(self.number >= 0)
+        number = self.number[inside]
+        share = most / np.maximum(np.bincount(number, minlength=len(self)), 1)
+        lot = np.random.default_rng(0).random(len(inside))
+        return self.sources[inside[lot < share[number]]]
 
     @cached_property
     def around(self) -> csr_array:
@@ -156,6 +165,7 @@ class Equations:
         rest: (k,) mean of g² after the patch's own best motion, square metres.
         own: (k, 6) that motion.
         pairs: (k,) their number; patches with none take no part.
+        roughness: variance of a normal's components across it that is noise, by the difference of both surfaces'.
     """
 
     matrix: Float
@@ -163,6 +173,7 @@ class Equations:
     rest: Float
     own: Float
     pairs: Float
+    roughness: float
     pose: Pose
 
     def excess(self, motions: Float) -> Float:
@@ -173,13 +184,17 @@ class Equations:
         return np.asarray(np.maximum(quadratic @ outer.T + 2 * self.vector @ motions.T - least[:, None], 0.0))
 
 
-def equations(matcher: Matcher, patches: Patches, pose: Pose, reach: float, radius: float, noise: float) -> Equations:
+def equations(
+    matcher: Matcher, patches: Patches, pose: Pose, reach: float, radius: float, noise: float, most: int = _MOST_PAIRS
+) -> Equations:
     """The patches' equations at a pose, out of pairs up to ``reach`` metres apart; ``noise`` (m) is the surfaces'.
+
+    ``most``: points of a patch that are paired.
 
     Products are taken of one surface's normal with the other's: the noise of both is independent, so that a noisy plane
     does not seem to fix what slides along it.
     """
-    pairs = _paired(matcher, patches, pose, reach)
+    pairs = _paired(matcher, patches, pose, reach, most)
     k = len(patches)
     one, two = (_jacobian(pairs.place, normal, radius) for normal in pairs.normals)
     mean, gap = (one + two) / 2, pairs.gaps.mean(axis=0)
@@ -196,7 +211,9 @@ def equations(matcher: Matcher, patches: Patches, pose: Pose, reach: float, radi
         spread = np.sqrt(square / np.maximum(sums.total, 1e-12))
     assert sums is not None
     rest = spread**2 * sums.count / np.maximum(sums.count - 6, 1)
-    return Equations(sums.matrix, sums.vector, rest, own, sums.count, pose)
+    away = np.sum((pairs.normals[0] - pairs.normals[1]) ** 2, axis=1)
+    roughness = float(np.mean(away)) / 4 if len(away) else 0.0  # two normals, two directions across
+    return Equations(sums.matrix, sums.vector, rest, own, sums.count, roughness, pose)
 
 
 @dataclass(frozen=True)
@@ -212,14 +229,14 @@ class _Paired:
     patch: Index
 
 
-def _paired(matcher: Matcher, patches: Patches, pose: Pose, reach: float) -> _Paired:
+def _paired(matcher: Matcher, patches: Patches, pose: Pose, reach: float, most: int) -> _Paired:
     """Both surfaces' points with the other's planes, so that what curvature does to each cancels."""
     reference, moving = matcher.reference, matcher.moving
     patch_of = patches.of_points(len(moving.points))
-    ours = patches.sources[patches.number >= 0]
+    ours = patches.some(most)
     distance, theirs = matcher.neighbours(pose, ours, reach)
     ours, theirs = ours[np.isfinite(distance)], theirs[np.isfinite(distance)]
-    back = reference.sample(_SOURCES, matcher.stable)
+    back = reference.sample(min(_SOURCES, most * len(patches)), matcher.stable)
     distance, number = matcher.neighbours_back(pose, back, reach)
     near = np.isfinite(distance)
     near[near] = patch_of[number[near]] >= 0
