@@ -52,12 +52,14 @@ def test_a_uniform_rise_that_is_left_widens_the_level_and_one_that_is_taken_off_
     )
 
 
-def test_no_stable_ground_leaves_the_epochs_as_surveyed_and_widens_the_level():
+def test_no_stable_ground_is_refused_unless_accepted_with_a_wide_error():
     """Every square metre went up or down by as much as a metre, each its own way."""
     reference, after = scan(1, 15_000), scan(2, 15_000)
     steps = np.random.default_rng(8).uniform(-1.0, 1.0, (20, 20))
     after[:, 2] += steps[after[:, 0].astype(int), after[:, 1].astype(int)]
-    result = register(reference, after, RegistrationParameters())
+    with pytest.raises(InputError, match=r"--stable.*--accept-unstable"):
+        register(reference, after, RegistrationParameters())
+    result = register(reference, after, RegistrationParameters(accept_unstable=True))
     assert np.array_equal(result.transform.matrix, np.eye(4))
     assert result.agreement.stable_share < 0.3
     assert any("No stable ground" in w for w in result.warnings)
