@@ -23,6 +23,7 @@ _LEAST_SHARE = 0.10  # of the patches' area: by chance as much agrees with some 
 _RIVAL = 0.7  # of the largest part: another one as large contradicts it
 _SURE_RIVAL = 0.55  # the same of a small part
 _SMALL = 0.2
+_MOST, _LOST = 0.5, 0.75
 _SOURCES = 60_000
 
 
@@ -40,6 +41,14 @@ def is_clear(part: StablePart) -> bool:
     """Whether a part is large enough, and so much larger than any other, that it is what did not move."""
     rival = part.rival / max(part.share, 1e-9)
     return part.share >= _LEAST_SHARE and rival <= (_SURE_RIVAL if part.share < _SMALL else _RIVAL)
+
+
+def keeps(share: float, on_patches: float) -> bool:
+    """Whether a registration by all ground stands, of which ``share`` agrees, where patches take so much as stable.
+
+    Rough ground, of which few patches agree closely, has not moved for that.
+    """
+    return share >= _MOST and on_patches < _LOST * share
 
 
 def align_on_patches(

@@ -177,9 +177,7 @@ def explain(
         )
     elif rival is not None and quality.stable_share < max(parameters.minimum_stable_share, _MINORITY):
         little = quality.stable_share < parameters.minimum_stable_share
-        than = (
-            f", less than the least share of stable ground ({parameters.minimum_stable_share:.0%})" if little else ""
-        )
+        than = f", less than the least share of stable ground ({parameters.minimum_stable_share:.0%})" if little else ""
         sentences.append(
             f"Only {quality.stable_share:.0%} of the overlap agrees on one motion{than}: it is taken as stable, "
             f"because the next part that agrees holds {rival:.0%}; give an area known to be stable if the rest of the "

@@ -8,10 +8,11 @@ few per cent is found. The largest part among all other patches tells how sure t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from .observability import Information
 from .point_to_plane import Matcher
@@ -24,6 +25,11 @@ Mask = NDArray[np.bool_]
 _FEW, _MANY = 15, 60  # points of a patch that are paired, while looking for parts and in the end
 _SIGNIFICANCE = 5.0  # standard errors by which the relief must stand out
 _RATIO = 1e-4  # of the largest curvature: slopes that differ by 1 % only
+_WEAK = 0.1  # of the largest curvature: what walls and steps fix on level ground
+_TELLING = 0.2  # squared sine with which a patch tells of a weak direction
+_AMIDST = 2.0  # widths
+_WEAK_TRIALS = 1_000
+_CONTESTED = 0.6  # of the area that agrees best: as much agrees on something else
 _TRIALS = 6_000
 _PARTNERS = (1, 2, 3, 5, 8)  # patches that a trial takes beside its first one
 _NEAR = 25  # nearest patches of which half of the trials take them
@@ -110,6 +116,7 @@ def stable_part(
     if best is None:
         return None
     best = _settled(matcher, patches, everywhere, best.pose, noise, radius, offset, _MANY)
+    best = _upright(matcher, patches, best, noise, radius, offset)
     other = settled(~best.agrees, reached(~best.agrees, 2))
     whole = max(float(patches.area[best.usable].sum()), 1e-9)
     rival = 0.0 if other is None else other.area / whole
@@ -189,9 +196,61 @@ def _information(
     return Information(curvature, directions, observable, covariance + offset**2 / 3 * free @ free.T)
 
 
-def _search(
-    system: Equations, patches: Patches, among: Mask, noise: float, offset: float
-) -> list[_Found]:
+def _upright(
+    matcher: Matcher, patches: Patches, best: _Settled, noise: float, radius: float, offset: float
+) -> _Settled:
+    """``best`` where the few patches that fix its weak directions agree best, which are open where others contradict.
+
+    A level part with one wall that stayed and one that moved fits in height wherever it slides. Only patches
+    amidst stable ones count.
+    """
+    known = best.information
+    weak = known.observable & (known.curvature < _WEAK * known.curvature[-1])
+    if not weak.any():
+        return best
+    free = known.directions[:, weak]
+    system = equations(matcher, patches, best.pose, offset, radius, noise, _FEW)
+    level, tells = _levels(system, noise, 2.0)
+    told = np.minimum(np.einsum("ia,kij,ja->k", free, system.matrix, free), 1.0)
+    near = cKDTree(patches.centre).query_ball_point(patches.centre, _AMIDST * patches.width)
+    firm = tells & (told < _TELLING)
+    stays = np.array([np.mean(best.agrees[some][firm[some]]) if firm[some].any() else 0.0 for some in near])
+    some = np.flatnonzero(tells & (told >= _TELLING) & (stays > 0.5))
+    if len(some) < 2:
+        return best
+    matrices = np.einsum("ia,kij,jb->kab", free, system.matrix[some], free) / level[some, None, None]
+    vectors = system.vector[some] @ free / level[some, None]
+    rng = np.random.default_rng(0)
+    chosen = rng.integers(0, len(some), (_WEAK_TRIALS, 3))
+    prior = np.eye(free.shape[1]) * 3 / offset**2
+    steps = -np.linalg.solve(matrices[chosen].sum(axis=1) + prior, vectors[chosen].sum(axis=1)[:, :, None])[:, :, 0]
+    motions = np.vstack([np.zeros((1, 6)), steps @ free.T])
+    fit = np.maximum(1.0 - system.excess(motions)[some] / level[some, None], 0.0)
+    area = (patches.area[some] * told[some]) @ fit
+    first = int(np.argmax(area))
+    shared = (patches.area[some] * told[some]) @ ((fit > 0) & (fit[:, first] > 0)[:, None])
+    all_of = (patches.area[some] * told[some]) @ (fit > 0)
+    apart = shared < 0.5 * all_of
+    rival = float(area[apart].max(initial=0.0))
+    if first and area[first] > 1.2 * area[0]:
+        everywhere = np.ones(len(patches), dtype=bool)
+        pose = best.pose.moved(motions[first], radius)
+        other = _settled(matcher, patches, everywhere, pose, noise, radius, offset, _MANY)
+        # what slides must leave the rest as it was
+        best = other if other.area > 0.95 * best.area else best
+    if rival <= _CONTESTED * area[first]:
+        return best
+    known = best.information
+    weak = known.observable & (known.curvature < _WEAK * known.curvature[-1])
+    kept = known.directions[:, known.observable & ~weak]
+    left = known.directions[:, ~known.observable | weak]
+    covariance = kept @ kept.T @ known.covariance @ kept @ kept.T + offset**2 / 3 * left @ left.T
+    return replace(
+        best, information=Information(known.curvature, known.directions, known.observable & ~weak, covariance)
+    )
+
+
+def _search(system: Equations, patches: Patches, among: Mask, noise: float, offset: float) -> list[_Found]:
     """Some motions on which large parts agree, the largest part first; each with patches that those before lack."""
     level, tells = _levels(system, noise, 3.0)
     usable = among & tells
@@ -269,7 +328,7 @@ def _areas(system: Equations, patches: Patches, usable: Mask, level: Float, moti
 def _improved(system: Equations, patches: Patches, usable: Mask, level: Float, motion: Float, offset: float) -> _Found:
     """The motion that all patches which agree with it ask for together."""
     best = motion, np.zeros(len(patches)), -1.0
-    mean = max(float(patches.area[usable].sum()) / max(np.count_nonzero(usable), 1), 1e-12)
+    mean = float(patches.area[usable].mean()) if usable.any() else 1.0
     for _ in range(_IMPROVE):
         weight = _weights(patches, usable, system.excess(motion[None]), level)[:, 0]
         area = float(patches.area @ weight)

@@ -117,7 +117,14 @@ def cut(surface: Surface, thickness: float, eligible: Mask | None = None) -> Pat
     count = np.bincount(number[known], minlength=found)
     centre = np.column_stack([np.bincount(number[known], x, minlength=found) for x in places[known].T])
     normal = _directions(normals[known], number[known], found)
-    return Patches(sources, number, centre / np.maximum(count, 1)[:, None], normal, count * per_point, width)
+    return Patches(
+        sources,
+        number,
+        centre / np.maximum(count, 1)[:, None],
+        normal,
+        np.asarray(count * per_point, dtype=np.float64),
+        width,
+    )
 
 
 def _directions(normals: Float, patch: Index, k: int) -> Float:
@@ -278,7 +285,7 @@ class _Sums:
 def _sums(one: Float, two: Float, pairs: _Paired, weight: Float, k: int) -> _Sums:
     """Weighted means by patch, and the ``total`` weight."""
     patch = pairs.patch
-    total = np.bincount(patch, weight, minlength=k)
+    total: Float = np.asarray(np.bincount(patch, weight, minlength=k), dtype=np.float64)
     share = weight / np.maximum(total, 1e-12)[patch]
     i, j = _INDEX
     products = np.empty((len(patch), len(i) + 6))
@@ -291,7 +298,8 @@ def _sums(one: Float, two: Float, pairs: _Paired, weight: Float, k: int) -> _Sum
         sums[patch[starts]] = np.add.reduceat(products, starts, axis=0)
     matrix = np.zeros((k, 6, 6))
     matrix[:, i, j] = matrix[:, j, i] = sums[:, : len(i)]
-    return _Sums(matrix, sums[:, len(i) :], total, np.bincount(patch, weight > 0, minlength=k).astype(np.float64))
+    count: Float = np.bincount(patch, weight > 0, minlength=k).astype(np.float64)
+    return _Sums(matrix, sums[:, len(i) :], total, count)
 
 
 def _own(matrix: Float, vector: Float) -> Float:

@@ -105,15 +105,16 @@ def build_pieces(seed: int) -> tuple[Piece, ...]:
         row, column = divmod(number, _PANELS)
         tilt = Rotation.from_euler("xy", rng.normal(0, 0.12, 2)).as_matrix()
         origin = np.array([(column + 0.5) * _SIDE, (row + 0.5) * _SIDE, 0.3 * row]) + rng.normal(0, [0, 0, 0.1])
-        hole = None
+        hole: tuple[float, float, float] | None = None
         if number % 3 < 2:
             kind = ("box", "bowl")[number % 3]
             half = float(rng.uniform(0.4, 0.7))
-            hole = (*(float(v) for v in rng.uniform(-1.0, 1.0, 2)), half)
+            u, v = rng.uniform(-1.0, 1.0, 2)
+            hole = (float(u), float(v), half)
             turn = tilt @ Rotation.from_euler("z", rng.uniform(0, np.pi)).as_matrix()
             side = 2 * half / np.sqrt(2)
             size = (half, half, half) if kind == "bowl" else (side, side, float(rng.uniform(0.6, 1.6)))
-            pieces.append(Piece(kind, origin + tilt @ [hole[0], hole[1], 0.0], turn, size))
+            pieces.append(Piece(kind, origin + tilt @ [u, v, 0.0], turn, size))
         pieces.append(Piece("plane", origin, tilt, (_SIDE - 0.1, _SIDE - 0.1, 0.0), hole))
     return tuple(pieces)
 
