@@ -19,6 +19,7 @@ NAMES = {
     "real_ground": "The ground of real vegetation, beside other methods",
     "plants": "Simulated plants beside real ones",
     "registration": "Registration",
+    "moving_pieces": "Registration where most of the surface has moved",
     "gridding": "Gridding",
     "m3c2": "M3C2",
     "calibration": "Calibration of the level of detection",

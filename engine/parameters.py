@@ -380,9 +380,17 @@ class RegistrationParameters(ParameterSet):
     minimum_stable_share: float = _parameter(
         0.3,
         "Least share of stable ground",
-        "Below this share of stable ground the run warns, and the level of detection widens.",
+        "Below this share of stable ground the run warns, and the level of detection widens unless that ground is "
+        "clearly the largest part that agrees on one motion.",
         minimum=0.0,
         maximum=1.0,
+        advanced=True,
+    )
+    accept_unstable: bool = _parameter(
+        False,
+        "Accept a registration without stable ground",
+        "Goes on where less than the least share of the surface agrees and no part of it is clearly the one that did "
+        "not move, with an error as wide as the differences. Off: such surveys are refused.",
         advanced=True,
     )
     piecewise: str = _parameter(

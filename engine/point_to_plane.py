@@ -87,7 +87,15 @@ class Matcher:
 
     def distance(self, pose: Pose, sources: Index, reach: float) -> Float:
         """(n,) from the moving surface's points to the nearest one of the reference; infinity beyond ``reach``."""
-        return self._of_moving.nearest(sources, pose.apply(self.moving.points[sources]), reach)[0]
+        return self.neighbours(pose, sources, reach)[0]
+
+    def neighbours(self, pose: Pose, sources: Index, reach: float) -> tuple[Float, Index]:
+        """As ``distance``, and the (n,) numbers of those points."""
+        return self._of_moving.nearest(sources, pose.apply(self.moving.points[sources]), reach)
+
+    def neighbours_back(self, pose: Pose, sources: Index, reach: float) -> tuple[Float, Index]:
+        """From the reference's points to the nearest one of the moving surface, as ``neighbours``."""
+        return self._of_reference.nearest(sources, pose.undo(self.reference.points[sources]), reach)
 
     def onto_reference(self, pose: Pose, sources: Index, reach: float, agreement: float) -> Pairs:
         """The moving surface's points against the planes of the reference.

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from shapely.geometry.base import BaseGeometry
@@ -17,10 +16,12 @@ from .height_correction import HeightCorrection
 from .icp import icp
 from .observability import Information, height_sd, name_unobservable, relief_sd, weakest_direction
 from .parameters import RegistrationParameters
+from .patch_registration import ENOUGH, OnPatches, align_on_patches, keeps
 from .plant_cover import PlantCover
 from .point_to_plane import Matcher
 from .pose import Pose
 from .progress import Progress
+from .registration_checks import check_overlap, check_points, check_shape, inside
 from .registration_pieces import Bend, measure_bend
 from .registration_quality import NO_STABLE_GROUND, Agreement, agreement, explain, explain_plants, widened
 from .registration_result import PlantsInRegistration, RegistrationResult, StableGround
@@ -31,7 +32,6 @@ __all__ = ["RegistrationResult", "StableGround", "register"]
 
 Float = NDArray[np.float64]
 
-_LEAST_POINTS = 30
 _NEIGHBOUR_SAMPLE = 25_000
 _NEGLIGIBLE = 1e-3  # metres that plants make of a registration's error: nothing is to be gained without them
 
@@ -60,25 +60,28 @@ def register(
             without points.
     """
     progress = progress or Progress()
-    _check(reference, "earlier")
-    _check(moving, "later")
-    _check_overlap(reference, moving, parameters.maximum_offset)
+    check_points(reference, "earlier")
+    check_points(moving, "later")
+    check_overlap(reference, moving, parameters.maximum_offset)
     centre = np.median(reference, axis=0)  # amidst the points even where a stray one stretches the extent
     a, b = reference - centre, moving - centre
     progress.update(0.0, "averaging points")
     surfaces = _surface(a, plants[0], parameters), _surface(b, plants[1], parameters)
-    _check_shape(surfaces[0].points, "earlier")
-    _check_shape(surfaces[1].points, "later")
-    matcher = Matcher(*surfaces, None if stable is None else _inside(stable, surfaces[0].points + centre))
+    check_shape(surfaces[0].points, "earlier")
+    check_shape(surfaces[1].points, "later")
+    matcher = Matcher(*surfaces, None if stable is None else inside(stable, surfaces[0].points + centre))
     tree = cKDTree(a, balanced_tree=False, compact_nodes=False)
-    with progress.stage(0.05, 0.85):
+    with progress.stage(0.05, 0.8):
         solution = _solve(a, b, tree, matcher, parameters, progress)
-    progress.update(0.85, "measuring the agreement")
+    progress.update(0.8, "measuring the agreement")
     found = _measured(solution, matcher, parameters, stable is not None, progress)
     ground = divide(matcher) if parameters.method == "robust" else None
     if ground is not None and solution.alignment is not None:
-        with progress.stage(0.86, 0.95):
+        with progress.stage(0.82, 0.88):
             found = _surer(found, solution.alignment, ground, parameters, stable is not None, progress)
+    if parameters.method == "robust" and stable is None:
+        with progress.stage(0.88, 0.95):
+            found = _on_what_stayed(found, solution.alignment, matcher, parameters, progress)
     solution = found.solution
     some = b[:: max(1, len(b) // _NEIGHBOUR_SAMPLE)]
     before = nearest(tree, some)[0]
@@ -175,6 +178,39 @@ class _Measured:
     ground: Covered | None = None
     bare: bool = False
     offset: float | None = None
+    rival: float | None = None
+
+
+def _on_what_stayed(
+    found: _Measured,
+    alignment: Alignment | None,
+    matcher: Matcher,
+    parameters: RegistrationParameters,
+    progress: Progress,
+) -> _Measured:
+    """``found``, or where much has moved the registration on the part that has not.
+
+    Raises:
+        InputError: hardly anything agrees and no part is clearly the one that stayed, unless that was accepted.
+    """
+    if not found.solution.left and found.quality.stable_share >= ENOUGH:
+        return found
+    if found.bare and found.ground is not None:
+        matcher = found.ground.bare
+    patches = align_on_patches(matcher, alignment, parameters, progress)
+    if patches is not None:
+        narrow = _measured(_of_alignment(patches.alignment), matcher, parameters, False, progress, patches=patches)
+        if not found.solution.left and keeps(found.quality.stable_share, narrow.quality.stable_share):
+            return found
+        return replace(narrow, ground=found.ground, bare=found.bare, offset=found.offset, rival=patches.part.rival)
+    little = found.solution.left or found.quality.stable_share < parameters.minimum_stable_share
+    if little and not parameters.accept_unstable:
+        raise InputError(
+            f"Only {found.quality.stable_share:.0%} of the overlap agrees after registration and no part of the "
+            "surface is clearly the one that did not move, so nothing tells how the epochs lie to one another; give "
+            "an area known to be stable (--stable), or --accept-unstable to go on with a wide error."
+        )
+    return found
 
 
 def _measured(
@@ -184,28 +220,36 @@ def _measured(
     stable_given: bool,
     progress: Progress,
     ground: Covered | None = None,
+    patches: OnPatches | None = None,
 ) -> _Measured:
-    """Agreement of a solution by the ground of ``matcher``, and its error there, or over all of ``ground``."""
-    quality = agreement(matcher, solution.pose, parameters.maximum_offset)
+    """Agreement of a solution by the ground of ``matcher``, and its error there, or over all of ``ground``.
+
+    With ``patches`` only they can be stable ground.
+    """
+    among = None if patches is None else patches.among
+    quality = agreement(matcher, solution.pose, parameters.maximum_offset, among=among)
     if parameters.method == "icp":
         seen = observe(matcher, solution.pose, quality.scale, parameters.maximum_offset, progress)
         solution = replace(solution, information=seen)
-    elif parameters.method == "robust" and not stable_given and quality.stable_share < NO_STABLE_GROUND:
+    elif (
+        parameters.method == "robust"
+        and patches is None
+        and not stable_given
+        and quality.stable_share < NO_STABLE_GROUND
+    ):
         solution = _Solution(Pose.identity(), solution.iterations, left=True)
         quality = agreement(matcher, solution.pose, parameters.maximum_offset)
     elif parameters.method == "robust":
-        solution, quality = _bent(solution, quality, matcher, parameters)
+        solution, quality = _bent(solution, quality, matcher if patches is None else patches.matcher, parameters)
     over = quality.places, quality.normals
     if ground is not None:
         over = compared_ground(ground, solution.pose, parameters.maximum_offset)
     by_plants = 0.0
     if parameters.method != "none" and not solution.left:  # a cloud left as it is takes nothing from plants
         by_plants = error_by_plants(matcher, solution.pose, quality.sample[quality.agrees])
-    error = widened(
-        float(np.hypot(_error(solution, quality, over, parameters), by_plants)),
-        quality,
-        parameters.minimum_stable_share,
-    )
+    error = float(np.hypot(_error(solution, quality, over, parameters), by_plants))
+    if patches is None:
+        error = widened(error, quality, parameters.minimum_stable_share)
     return _Measured(solution, quality, error, by_plants)
 
 
@@ -326,6 +370,7 @@ def _result(
             unobservable=names,
             stable_given=stable_given,
             left=solution.left,
+            rival=found.rival,
             bend=solution.bend,
             bent=solution.bent,
         )
@@ -340,55 +385,3 @@ def _result(
         if found.ground is None
         else PlantsInRegistration(found.ground.bare_share, found.bare, found.by_plants, found.offset),
     )
-
-
-def _check(xyz: Float, name: str) -> None:
-    if xyz.ndim != 2 or xyz.shape[1] != 3:
-        raise InputError(f"The {name} epoch's points have the shape {xyz.shape}; give x, y and z of each.")
-    if len(xyz) < _LEAST_POINTS:
-        raise InputError(
-            f"The {name} epoch has {len(xyz)} points and registration needs at least {_LEAST_POINTS}; "
-            "check the region and the ground extraction."
-        )
-    # a sum is finite only if all its terms are, and needs no second copy of the cloud
-    if not np.isfinite(xyz.sum()):
-        bad = int(np.count_nonzero(~np.isfinite(xyz).all(axis=1)))
-        raise InputError(f"The {name} epoch has {bad} points whose coordinates are not finite; remove them.")
-
-
-def _check_overlap(reference: Float, moving: Float, offset: float) -> None:
-    boxes = [(xyz.min(axis=0), xyz.max(axis=0)) for xyz in (reference, moving)]
-    gap = np.maximum(boxes[0][0] - boxes[1][1], boxes[1][0] - boxes[0][1])
-    if (gap > offset).any():
-        first, second = (
-            " to ".join("(" + ", ".join(f"{v:.1f}" for v in corner) + ")" for corner in box) for box in boxes
-        )
-        raise InputError(
-            f"The epochs do not overlap: the earlier extends over {first}, the later over {second}; check the files, "
-            f"their reference systems and units, or raise the largest expected offset ({offset:g} m)."
-        )
-
-
-def _check_shape(points: Float, name: str) -> None:
-    if len(points) < _LEAST_POINTS:
-        raise InputError(f"The {name} epoch has only {len(points)} occupied voxels; give a smaller registration voxel.")
-    low, high = np.quantile(points, [0.02, 0.98], axis=0)
-    core = np.clip(points, low, high)
-    spread = np.linalg.svd(core - core.mean(axis=0), compute_uv=False)
-    if spread[1] < 1e-3 * spread[0]:
-        raise InputError(
-            f"The {name} epoch's points lie on one line, which fixes no registration; check the region of interest."
-        )
-
-
-def _inside(area: BaseGeometry | None, xyz: Float) -> NDArray[np.bool_] | None:
-    if area is None:
-        return None
-    shapely.prepare(area)
-    inside: NDArray[np.bool_] = shapely.contains_xy(area, xyz[:, 0], xyz[:, 1])
-    if np.count_nonzero(inside) < _LEAST_POINTS:
-        raise InputError(
-            f"The stable area holds {np.count_nonzero(inside)} points of the earlier epoch and registration needs at "
-            f"least {_LEAST_POINTS}; draw it on ground that was surveyed, or register without it."
-        )
-    return inside

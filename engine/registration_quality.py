@@ -28,6 +28,7 @@ _UNIFORM = 0.15
 _DOUBT = 3.0  # times the surfaces' own noise: what differs more is no noise, however much of the ground it is
 NO_STABLE_GROUND = 0.15  # share below which there is nothing to register by
 _LITTLE_OVERLAP = 0.2
+_MINORITY = 0.5  # share of stable ground below which most of a surface has moved
 _PLANTS = 0.02  # metres that plants may make of a height before that is worth a sentence
 
 
@@ -66,11 +67,18 @@ class Agreement:
     agrees: NDArray[np.bool_]
 
 
-def agreement(matcher: Matcher, pose: Pose, offset: float, correction: HeightCorrection | None = None) -> Agreement:
+def agreement(
+    matcher: Matcher,
+    pose: Pose,
+    offset: float,
+    correction: HeightCorrection | None = None,
+    among: NDArray[np.bool_] | None = None,
+) -> Agreement:
     """Measure how well the surfaces agree at ``pose``; ``offset`` (m) is how far apart they may be.
 
     Args:
         correction: of the moving surface's heights at ``pose``, in local coordinates.
+        among: (m,) the moving surface's points that may be stable ground; all without it.
 
     Raises:
         InputError: hardly any point has a counterpart.
@@ -89,8 +97,9 @@ def agreement(matcher: Matcher, pose: Pose, offset: float, correction: HeightCor
         pairs = replace(pairs, residual=pairs.residual + pairs.normal[:, 2] * correction.at(pairs.place[:, :2]))
     noise = max(own_noise(matcher.reference), own_noise(matcher.moving))
     # where hardly anything is stable the core of the residuals is change
-    scale = max(min(robust_scale(pairs.residual), _DOUBT * noise), 1e-4)
-    stable = np.abs(pairs.residual) <= _STABLE * scale
+    may = np.ones(len(pairs), dtype=bool) if among is None else among[pairs.source]
+    scale = max(min(robust_scale(pairs.residual[may]), _DOUBT * noise), 1e-4)
+    stable = may & (np.abs(pairs.residual) <= _STABLE * scale)
     before = matcher.onto_reference(Pose.identity(), pairs.source[stable], reach, 0.5).residual
     after = pairs.residual[stable]
     normals = pairs.normal[stable] * np.where(pairs.normal[stable][:, 2:] < 0, -1.0, 1.0)
@@ -139,6 +148,7 @@ def explain(
     unobservable: tuple[str, ...],
     stable_given: bool,
     left: bool = False,
+    rival: float | None = None,
     bend: Bend | None = None,
     bent: bool = False,
 ) -> tuple[str, ...]:
@@ -148,6 +158,7 @@ def explain(
         shift: (3,) mean displacement of the moving cloud, metres.
         error: standard error of a height, metres.
         left: the epochs were left as surveyed for want of stable ground.
+        rival: share of the largest other part that agrees on one motion, where the largest was registered alone.
         bend: what one rigid motion leaves.
         bent: it was taken off.
     """
@@ -164,7 +175,15 @@ def explain(
             f"{_STABLE * quality.scale:.3f} m), so the epochs stay as surveyed; the registration error is widened to "
             f"{error:.3f} m; give an area known to be stable."
         )
-    elif quality.stable_share < parameters.minimum_stable_share:
+    elif rival is not None and quality.stable_share < max(parameters.minimum_stable_share, _MINORITY):
+        little = quality.stable_share < parameters.minimum_stable_share
+        than = f", less than the least share of stable ground ({parameters.minimum_stable_share:.0%})" if little else ""
+        sentences.append(
+            f"Only {quality.stable_share:.0%} of the overlap agrees on one motion{than}: it is taken as stable, "
+            f"because the next part that agrees holds {rival:.0%}; give an area known to be stable if the rest of the "
+            "surface cannot have moved."
+        )
+    elif rival is None and quality.stable_share < parameters.minimum_stable_share:
         sentences.append(
             f"Only {quality.stable_share:.0%} of the overlap agrees within {_STABLE * quality.scale:.3f} m, less than "
             f"the least share of stable ground ({parameters.minimum_stable_share:.0%}); the registration error is "

@@ -424,14 +424,16 @@ def test_37_no_ground_found(tmp_path, monkeypatch):
     refused(tmp_path, work, "No ground was found in", "crown.laz", "check the units of its heights and its region")
 
 
-def test_38_no_stable_ground_leaves_the_pair_and_widens_the_level(first):
+def test_38_no_stable_ground_is_refused_or_accepted_with_a_wide_level(first):
     """Every square metre rose or sank by up to a metre, each its own way."""
     xyz = slope(2)
     steps = np.random.default_rng(8).uniform(-1.0, 1.0, (12, 12))
     xyz[:, 2] += steps[(xyz[:, 0] - X).astype(int), (xyz[:, 1] - Y).astype(int)]
     other = write(first.with_name("2025-05-01.laz"), xyz)
+    with pytest.raises(InputError, match="--accept-unstable"):
+        register(first, other)
     progress = Progress()
-    outputs, metrics = register(first, other, progress)
+    outputs, metrics = register(first, other, progress, accept_unstable=True)
     assert any("No stable ground was found" in w and "give an area known to be stable" in w for w in progress.warnings)
     assert np.array_equal(json.loads(outputs["transform"].read_text())["matrix"], np.eye(4))
     error = metrics["registration_error_m"]
