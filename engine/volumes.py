@@ -14,6 +14,7 @@ from scipy import ndimage
 from .gridding import Float
 from .variogram import (
     FEWEST_CELLS,
+    FEWEST_LAGS,
     VariogramModel,
     effective_samples,
     empirical_variogram,
@@ -55,19 +56,20 @@ class CorrelationModel:
 
     The error of a cell is its sampling error, alike in near cells by ``variogram``, ``registration_error`` (m), which
     all cells share, and the error by plants, which counts as fully correlated: one season is alike all over. Without a
-    variogram the sampling errors count as fully correlated, which is the largest error possible. ``cells`` is the
-    number of cells of stable ground that it was taken from.
+    variogram the sampling errors count as fully correlated, which is the largest error possible; ``without`` says why.
+    ``cells`` is the number of cells of stable ground that it was taken from.
     """
 
     registration_error: float
     variogram: VariogramModel | None
     cells: int = 0
+    without: str = "too little stable ground for a variogram"
 
     @property
     def name(self) -> str:
         """The model in words."""
         if self.variogram is None:
-            return "fully correlated (too little stable ground for a variogram)"
+            return f"fully correlated ({self.without})"
         return "variogram of stable ground, registration error shared by all cells"
 
     def figures(self) -> dict[str, Any]:
@@ -171,6 +173,8 @@ class ZoneVolumes:
 def fit_correlation(cells: Cells, stable: NDArray[np.bool_], registration_error: float) -> CorrelationModel:
     """The variogram of change over error on ``stable`` cells (rows, columns).
 
+    Too little stable ground, or too few distances in it, leave the model without a variogram.
+
     The change is taken in units of the error without the registration's part, which is one constant for all cells and
     therefore not to be seen in a variogram. Where plants make more of a cell's error than its points, it tells of the
     plants; such cells are left out where enough others are.
@@ -188,7 +192,10 @@ def fit_correlation(cells: Cells, stable: NDArray[np.bool_], registration_error:
         return CorrelationModel(registration_error, None, count)
     standardised = np.full(cells.dz.shape, np.nan)
     standardised[usable] = cells.dz[usable] / sampling[usable]
-    return CorrelationModel(registration_error, fit_variogram(empirical_variogram(standardised, cells.cell)), count)
+    empirical = empirical_variogram(standardised, cells.cell)
+    if len(empirical.lag) < FEWEST_LAGS:
+        return CorrelationModel(registration_error, None, count, "too few distances between stable cells")
+    return CorrelationModel(registration_error, fit_variogram(empirical), count)
 
 
 def outside(footprints: Sequence[Footprint], valid: NDArray[np.bool_], cell: float) -> NDArray[np.bool_]:
