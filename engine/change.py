@@ -25,7 +25,7 @@ from .progress import Progress
 from .season import Season, judge_season
 from .significance import judge
 from .slope_error import ErrorModel, uncalibrated
-from .thresholds import quantile
+from .thresholds import quantile, stated_error
 
 _FEWEST_CELLS = 30  # with fewer in common, nothing can be said of the whole overlap
 
@@ -156,7 +156,8 @@ def difference(
         plants: what each epoch's cloud tells of plants over its points; nothing without.
 
     Raises:
-        InputError: no overlap, no common cell, no cell with two points, or a grid too large.
+        InputError: no overlap, no common cell, a grid too large, or no cell with two points; of the last the thresholds
+            constant and propagated have no need, and the errors are those that they state.
     """
     progress = progress or Progress()
     grid = common_grid(reference, moving, parameters, plants=any(cover is not None for cover in plants))
@@ -222,15 +223,19 @@ def difference_of_cells(
             f"No cell of {parameters.cell:g} m has {parameters.minimum_points} or more points in both epochs; "
             "use a larger cell or fewer points a cell."
         )
-    if max(first.degrees.max(), second.degrees.max()) <= 0:
+    here = np.flatnonzero(both)
+    surfaces = [(cells.cell, cells.height) for cells in (first, second)]
+    slope = slope_degrees(gradient_at(here, surfaces, grid))
+    if max(first.degrees.max(), second.degrees.max()) > 0:
+        squares = _squared_error(first, both) + _squared_error(second, both)
+    elif (stated := stated_error(parameters)) is not None:
+        # without two points in any cell there is no scatter, and nothing to calibrate it on
+        squares, parameters = np.full(here.size, stated**2), replace(parameters, calibrate=False)
+    else:
         raise InputError(
             f"No cell of {parameters.cell:g} m holds two points of an epoch, so that their scatter and the level of "
             "detection cannot be told; use a larger cell."
         )
-    here = np.flatnonzero(both)
-    surfaces = [(cells.cell, cells.height) for cells in (first, second)]
-    slope = slope_degrees(gradient_at(here, surfaces, grid))
-    squares = _squared_error(first, both) + _squared_error(second, both)
     height_from, height_to = (cells.on_grid(cells.height) for cells in (first, second))
     return _judged(
         _Compared(

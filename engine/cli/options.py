@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import os
 import sys
 import traceback
 from collections.abc import Callable
@@ -108,12 +110,16 @@ def _run(report: Reporter, debug: bool, work: Callable[[], tuple[dict[str, Path]
         missing = [path for path in outputs.values() if not path.exists()]
         if missing:
             raise EngineError(f"{missing[0]} was promised but does not exist")
-        report.result(outputs, metrics)
+        with contextlib.suppress(BrokenPipeError):  # as by `| head`: all is written, and who reads has read enough
+            report.result(outputs, metrics)
+        _flush_or_drop()
         return 0
     except SlopeWatchError as known:
         error = known
     except ParameterError as wrong:
         error = InputError(f"{wrong}.")
+    except BrokenPipeError:
+        error = EngineError("Whoever read the progress is gone; nothing was written.")
     except MemoryError:
         error = EngineError("Memory ran out; clip the cloud to the slope or use a larger cell.")
     except Exception as unexpected:  # the last resort: an internal failure in one sentence
@@ -124,5 +130,15 @@ def _run(report: Reporter, debug: bool, work: Callable[[], tuple[dict[str, Path]
             f"Internal failure: {type(unexpected).__name__}: {unexpected} "
             f"({Path(place.filename).name}, line {place.lineno}); run again with --debug for details."
         )
-    report.error(error)
+    with contextlib.suppress(BrokenPipeError):
+        report.error(error)
+    _flush_or_drop()
     return error.exit_code
+
+
+def _flush_or_drop() -> None:
+    """Write out what standard output holds; where nobody reads it any more, drop it, so that the exit is quiet."""
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -150,6 +150,21 @@ def test_without_two_points_in_any_cell_there_is_no_level_and_so_no_result():
         difference(first, first + [0.0, 0.0, 3.0], ChangeParameters(cell=1.0))
 
 
+def test_thresholds_that_state_the_error_take_cells_of_one_point():
+    rng = np.random.default_rng(6)
+    x, y = (axis.ravel() + 0.5 for axis in np.meshgrid(np.arange(20.0), np.arange(20.0)))
+    first, second = (np.column_stack([x, y, 0.1 * x + rng.normal(0, 0.01, x.size)]) for _ in range(2))
+    second[x < 5, 2] -= 0.5
+    stated = {"constant": 0.2 / 1.959964, "propagated": np.hypot(0.03, 0.04)}
+    for threshold, error in stated.items():
+        parameters = ChangeParameters(
+            cell=1.0, adaptive=False, threshold=threshold, constant_level=0.2, error_from=0.03, error_to=0.04
+        )
+        change = difference(first, second, parameters)
+        assert np.array_equal(change.significant, np.arange(20)[None, :] * np.ones((20, 1)) < 5)
+        assert change.error[change.valid] == pytest.approx(error, rel=1e-6)
+
+
 def test_the_published_profile_subtracts_the_cells_means_and_calibrates_nothing():
     first, second = epoch(1, n=20_000), epoch(2, n=20_000, lowered=0.2)
     change = difference(first, second, ChangeParameters.build({"cell": 0.5}, profile="paper"))
