@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from .chosen_cell import LEAST_POINTS, largest_step, level_step
 from .gridding import Float, Grid
 from .moments import Moments, ParallelPlanes, cell_moments, merged, parallel_planes, variance_by_parts
 from .parameters import ChangeParameters
 from .plant_cover import PlantCells, PlantCover, together
 from .progress import Progress
 
-LEAST_POINTS = 4
-"""Points that a block takes in either epoch, at least."""
 CLEAR, FEWEST_OF_CLEAR = 0.25, 3
 """A change is clear where its level of detection is at most this share of it; its blocks take so many points."""
 _PRIOR_DEGREES = 8.0  # of freedom that the surrounding blocks' variance counts
@@ -72,7 +71,9 @@ def adaptive_cells(
 
     From the finest size up, a block is taken where both epochs have enough points in it, its gradient is
     determined, and its level of detection is at most ``target_level``, or more the registration's and the plants'
-    than the points', so that a larger one would gain little; at the largest size, whatever the level is. Where a
+    than the points', so that a larger one would gain little; from the largest size on, whatever the level is. Where
+    that is left to the clouds, cells double once more and again for as long as many places have too few points of an
+    epoch (``chosen_cell.largest_step``): growth ends where the ground runs out. Where a
     change is clear, one point less suffices and its level may be a quarter of it: a larger block would blur the tip
     of a cone and the edge of a step, and on unchanged ground so clear a change does not come by chance (eight
     standard errors). What is taken leaves with its points: a larger block is what is left of its square, so that
@@ -93,7 +94,8 @@ def adaptive_cells(
         plants: of each epoch's points, where known.
     """
     progress = progress or Progress()
-    steps = largest_step(parameters)
+    enough_to_reach = level_step(grid.cell, parameters)
+    steps = largest_step(reference, moving, grid.cell, parameters)
     heights = np.concatenate([c[:: max(1, len(c) // 10_000), 2] for c in (reference, moving)])
     level = float(np.median(heights)) if heights.size else 0.0
     frame = _Frame.around(grid, 2**steps)
@@ -140,14 +142,14 @@ def adaptive_cells(
             planes = parallel_planes(*left[step])
             parts = left[step - _PARTS] if step >= _PARTS else None
             sampling = _sampling_error(planes, squares[step].planes, left[step], parts)
-        taken = serves(planes, sampling, left[step], step == steps)
+        taken = serves(planes, sampling, left[step], step >= enough_to_reach)
         taken &= _filled(result.unclaimed, 2**step) >= _SCATTERED * _filled(within, 2**step)
         result.take(taken, planes, sampling, left[step], reached)
         for back in range(min(step + 1, _PARTS)):
             for epoch in left[step - back]:
                 epoch.sums[:, _spread(taken, 2**back)] = 0.0
     for step, whole in enumerate(squares[1:], 1):
-        taken = serves(whole.planes, whole.sampling, whole.moments, step == steps)
+        taken = serves(whole.planes, whole.sampling, whole.moments, step >= enough_to_reach)
         result.take(taken, whole.planes, whole.sampling, whole.moments, whole.reached)
     progress.update(1.0, "cells grown")
     return result.cells(frame, points, [m.more for m in moments])
@@ -165,11 +167,6 @@ def _plant_error(moments: list[Moments]) -> Float | float:
     """Of the change of each block, metres; 0 where it is not known."""
     squares = [np.nan_to_num(m.mean(0)) ** 2 for m in moments if m.more]
     return np.sqrt(sum(squares, np.zeros(moments[0].shape))) if squares else 0.0
-
-
-def largest_step(parameters: ChangeParameters) -> int:
-    """How often a cell may double its side within ``largest_cell``."""
-    return max(0, math.floor(math.log2(parameters.largest_cell / parameters.cell) + 1e-9))
 
 
 def _reached(moments: list[Moments]) -> NDArray[np.bool_]:

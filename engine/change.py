@@ -15,6 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from .adaptive import AdaptiveCells, adaptive_cells
 from .cell_slope import gradient_at, slope_degrees
 from .cell_variance import pooled_variance
+from .chosen_cell import CellChoice, choose_cell, with_cell
 from .common_grid import common_grid
 from .errors import InputError
 from .gridding import CellStatistics, Float, Grid, cell_statistics, on_grid, sloping_statistics
@@ -53,6 +54,8 @@ class Change:
     plants make, and how high they stand, None where neither epoch tells. ``plant_like`` marks cells whose change a
     change of the plants' height explains, ``explained`` those of them that would else be significant; ``season`` tells
     how the plants differ between the epochs. All are None where the plants' heights are not known.
+
+    ``choice`` tells how the side of a cell came about, where this is known.
     """
 
     grid: Grid
@@ -83,6 +86,7 @@ class Change:
     plant_like: NDArray[np.bool_] | None = None
     explained: NDArray[np.bool_] | None = None
     season: Season | None = None
+    choice: CellChoice | None = None
 
     @property
     def points(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -160,6 +164,10 @@ def difference(
             constant and propagated have no need, and the errors are those that they state.
     """
     progress = progress or Progress()
+    choice = choose_cell((reference, moving), parameters)
+    if choice.automatic:
+        progress.info(choice.sentence)
+    parameters = with_cell(parameters, choice)
     grid = common_grid(reference, moving, parameters, plants=any(cover is not None for cover in plants))
     if isinstance(parameters, ChangeParameters) and parameters.grows:
         registration_error = _stated(parameters, registration_error)
@@ -173,9 +181,10 @@ def difference(
             plants=plants,
             progress=progress,
         )
-        return difference_of_blocks(
+        change = difference_of_blocks(
             cells, grid, parameters, registration_error=registration_error, stable_area=stable_area
         )
+        return replace(change, choice=choice)
     if isinstance(parameters, ChangeParameters) and parameters.adaptive:
         progress.info(parameters.why_one_size)
     progress.update(0.05, "gridding the first epoch")
@@ -187,7 +196,7 @@ def difference(
         first, second, grid, parameters, registration_error=registration_error, area=area, stable_area=stable_area
     )
     progress.update(1.0, "differencing")
-    return change
+    return replace(change, choice=choice)
 
 
 def epoch_cells(
@@ -220,7 +229,7 @@ def difference_of_cells(
     both = valid_first & valid_second
     if not both.any():
         raise InputError(
-            f"No cell of {parameters.cell:g} m has {parameters.minimum_points} or more points in both epochs; "
+            f"No cell of {grid.cell:g} m has {parameters.minimum_points} or more points in both epochs; "
             "use a larger cell or fewer points a cell."
         )
     here = np.flatnonzero(both)
@@ -233,7 +242,7 @@ def difference_of_cells(
         squares, parameters = np.full(here.size, stated**2), replace(parameters, calibrate=False)
     else:
         raise InputError(
-            f"No cell of {parameters.cell:g} m holds two points of an epoch, so that their scatter and the level of "
+            f"No cell of {grid.cell:g} m holds two points of an epoch, so that their scatter and the level of "
             "detection cannot be told; use a larger cell."
         )
     height_from, height_to = (cells.on_grid(cells.height) for cells in (first, second))
@@ -271,8 +280,8 @@ def difference_of_blocks(
     valid = cells.block >= 0
     if not valid.any():
         raise InputError(
-            f"No cell of up to {parameters.largest_cell:g} m has enough points in both epochs for its surface to be "
-            "compared; use a larger largest_cell."
+            f"No cell that grew from {grid.cell:g} m has enough points in both epochs for its surface to be "
+            "compared; check that both cover the same slope, or use a larger cell or largest_cell."
         )
     common = _common(*(own >= parameters.minimum_points for own in cells.points))
     return _judged(

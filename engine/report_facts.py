@@ -44,6 +44,7 @@ def change_facts(
         "days": days,
         "reference_system": {"name": crs.name, "epsg": crs.to_epsg()},
         "grid": {"cell_m": change.grid.cell, "rows": change.grid.rows, "columns": change.grid.columns},
+        "cell": None if change.choice is None else change.choice.facts(),
         "cell_sizes": cell_sizes(change),
         "colour_limit_m": limit,
         "uniform_dz_m": change.uniform_dz,

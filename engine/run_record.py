@@ -49,7 +49,7 @@ class RunRecord:
         self.started = datetime.now(timezone.utc)
         self._clock = time.monotonic()
         self.command = command
-        self.parameters = {name: dataclasses.asdict(group) for name, group in parameters.items()}
+        self.parameters = {name: group.named() for name, group in parameters.items()}
         self.inputs: list[dict[str, Any]] = []
         self.stages: list[dict[str, Any]] = []
         self.metrics: dict[str, Any] = {}

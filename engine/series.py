@@ -148,7 +148,7 @@ def monitor_series(
     with staged_outputs(output_dir) as stage:
         task = Task(epochs, hashes, settings, roi, stable, others["roi"], others["stable"], program, stage)
         with progress.stage(0.0, 0.7), record.stage("surveys") as entry:
-            gridded, grid, crs = prepare_epochs(task, progress)
+            gridded, grid, crs, choice = prepare_epochs(task, progress)
             entry["epochs"] = {g.epoch.name: g.facts | {"made": g.made} for g in gridded}
         area = stable_area(stable, crs, progress)
         with progress.stage(0.7, 0.85, "comparing"), record.stage("change"):
@@ -173,6 +173,7 @@ def monitor_series(
         zones = zone_rows(frame, REPORTED)
         record.facts |= {
             "run_id": run_id,
+            "cell": choice.facts(),
             "limits": limits,
             "alerts": [plain(row) for row in table],
             "transforms": {g.epoch.name: g.transform.matrix for g in gridded},

@@ -16,7 +16,7 @@ import click
 
 from .. import lifecycle
 from ..errors import EngineError, InputError, SlopeWatchError
-from ..parameters import PROFILES, ParameterError, ParameterSet, Specification
+from ..parameters import AUTO, PROFILES, ParameterError, ParameterSet, Specification
 from .reporting import Reporter, reporter
 
 Command = Callable[..., Any]
@@ -37,19 +37,37 @@ class Session:
         return group.build(self.values, self.profile)
 
 
+class _NumberOrAuto(click.ParamType):
+    """A number, or the word that leaves it to the data, which is 0."""
+
+    name = "number"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        if value == AUTO:
+            return 0.0
+        try:
+            return float(value)
+        except ValueError:
+            self.fail(f"{value!r} is neither a number nor {AUTO}.", param, ctx)
+
+
 def _option(specification: Specification) -> Callable[[Command], Command]:
     name = specification.option
     default: Any = specification.default
     if specification.kind is bool:
         default = "yes" if default else "no"
     unit = f" {specification.unit}" if specification.unit else ""
-    bounds = ""
-    if specification.minimum is not None and specification.maximum is not None and not specification.choices:
-        bounds = f", {specification.minimum:g} to {specification.maximum:g}"
+    bounds, least = "", specification.minimum if specification.automatic is None else specification.automatic
+    if least is not None and specification.maximum is not None and not specification.choices:
+        bounds = f", {least:g} to {specification.maximum:g}"
+    if specification.automatic is not None and default == 0:
+        default, unit, bounds = AUTO, "", f"{bounds}{unit}"
     shown = f"{specification.help}  [default: {default if default != '' else 'none'}{unit}{bounds}]"
     if specification.kind is bool:
         return click.option(f"--{name}/--no-{name}", specification.name, default=None, help=shown)
     kind: Any = {int: int, float: float, str: str}[specification.kind]
+    if specification.automatic is not None:
+        kind = _NumberOrAuto()
     if specification.choices:
         kind = click.Choice(specification.choices)
     metavar = None if specification.choices else (specification.unit or specification.kind.__name__).upper()

@@ -18,7 +18,7 @@ from slopewatch.engine.parameters import ChangeParameters, SurveyParameters
 from slopewatch.engine.progress import Progress
 from slopewatch.simulation.survey import simulate_pair
 
-GROWING = ChangeParameters(adaptive=True, calibrate=False)
+GROWING = ChangeParameters(adaptive=True, calibrate=False, cell=0.1, largest_cell=1.6)
 
 
 def surface(x, y):
@@ -350,7 +350,7 @@ def test_heights_of_a_grown_cell_follow_its_plane():
     assert np.nanmax(np.abs(change.dz - 0.2)) < 1e-3
 
 
-@pytest.mark.parametrize("values", [{"cell": 1.0}, {"cell": 0.5, "cell_value": "mean"}])
+@pytest.mark.parametrize("values", [{"cell": 1.0, "largest_cell": 1.6}, {"cell": 0.5, "cell_value": "mean"}])
 def test_cells_that_cannot_grow_have_one_size_and_it_is_said(values):
     class Told(Progress):
         def __init__(self):
@@ -378,9 +378,9 @@ def test_the_memory_that_growing_cells_take_counts():
     """Where cells of one size still fit, growing ones are refused with a cell that fits."""
     first = epoch(1)
     wide = np.vstack([first, first + [400.0, 400.0, 0.0]])
-    common_grid(wide, wide, ChangeParameters(adaptive=False, memory_limit=8.0))
+    common_grid(wide, wide, ChangeParameters(adaptive=False, memory_limit=8.0, cell=0.1))
     with pytest.raises(InputError, match="cell of at least") as refusal:
-        common_grid(wide, wide, ChangeParameters(adaptive=True, memory_limit=8.0))
+        common_grid(wide, wide, ChangeParameters(adaptive=True, memory_limit=8.0, cell=0.1))
     fits = float(str(refusal.value).split("at least ")[1].split(" m")[0])
     common_grid(wide, wide, ChangeParameters(adaptive=True, memory_limit=8.0, cell=fits * 1.05))
 

@@ -64,8 +64,8 @@ def test_confidence_scales_the_level():
 def test_cells_count_only_with_enough_points_in_both_epochs():
     first = np.array([[0.5, 0.5, 1.0], [0.6, 0.5, 1.0], [1.5, 0.5, 1.0], [2.5, 0.5, 1.0]])
     second = np.array([[0.5, 0.5, 2.0], [0.6, 0.5, 2.0], [1.5, 0.5, 2.0], [1.6, 0.5, 2.0], [3.5, 0.5, 2.0]])
-    loose = difference(first, second, ChangeParameters(cell=1.0))
-    strict = difference(first, second, ChangeParameters(cell=1.0, minimum_points=2))
+    loose = difference(first, second, ChangeParameters(cell=1.0, adaptive=False))
+    strict = difference(first, second, ChangeParameters(cell=1.0, adaptive=False, minimum_points=2))
     assert loose.valid.tolist() == [[True, True, False, False]]
     assert strict.valid.tolist() == [[True, False, False, False]]
     assert loose.common_cell_rate == pytest.approx(2 / 4)
