@@ -99,7 +99,7 @@ class Specification:
         noun = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}[self.kind]
         unit = f" {self.unit}" if self.unit else ""
         if self.automatic is not None:
-            return f"{AUTO}, or {noun} from {self.automatic:g} to {self.maximum:g}{unit}"
+            return f"{noun} from {self.automatic:g} to {self.maximum:g}{unit}, or {AUTO}"
         if self.minimum is not None and self.maximum is not None:
             return f"{noun} from {self.minimum:g} to {self.maximum:g}{unit}"
         if self.minimum is not None:

@@ -43,7 +43,7 @@ def test_the_word_for_what_is_left_to_the_data() -> None:
     named = parameters.named()
     assert (named["cell"], named["largest_cell"], named["target_level"]) == (AUTO, 3.0, 0.05)
     for value in (0.004, -0.1, "automatic"):
-        with pytest.raises(ParameterError, match=r"auto, or a number from 0\.005 to 100 m"):
+        with pytest.raises(ParameterError, match=r"a number from 0\.005 to 100 m, or auto"):
             ChangeParameters(cell=value)
     label = next(s for s in ChangeParameters.specifications() if s.name == "cell").label_with_unit
     assert label == "Cell size, 0 for auto (m)"
