@@ -43,10 +43,10 @@ class AdaptiveCells:
     height_from: Float
     height_to: Float
     slope: Float
-    count_from: NDArray[np.int64]
-    count_to: NDArray[np.int64]
-    points: tuple[NDArray[np.int64], NDArray[np.int64]]
-    block: NDArray[np.int64]
+    count_from: NDArray[np.int32]
+    count_to: NDArray[np.int32]
+    points: tuple[NDArray[np.int32], NDArray[np.int32]]
+    block: NDArray[np.int32]
     cell_size: Float
     plants: PlantCells | None = None
 
@@ -202,13 +202,13 @@ class _Points:
         row, column = (place.astype(np.int32) for place in np.divmod(index, frame.grid.columns))
         return cls(cloud, row, column, list(more))
 
-    def counts(self, frame: _Frame, within: NDArray[np.bool_]) -> NDArray[np.int64]:
+    def counts(self, frame: _Frame, within: NDArray[np.bool_]) -> NDArray[np.int32]:
         """Points of each cell of the grid within the frame; of ``within`` (frame's rows, columns) only."""
         row, column = self.row - frame.top, self.column - frame.left
         rows, columns = frame.shape
         here = (row >= 0) & (row < rows) & (column >= 0) & (column < columns) & within[self.row, self.column]
         index = row[here].astype(np.int64) * columns + column[here]
-        return np.bincount(index, minlength=rows * columns).reshape(frame.shape)
+        return np.bincount(index, minlength=rows * columns).astype(np.int32).reshape(frame.shape)
 
     def inside(self, window: Window) -> NDArray[np.bool_]:
         """Points in a window of the frame."""
@@ -281,7 +281,7 @@ class _Part:
 
 
 def _together(
-    parts: list[_Part], frame: _Frame, points: tuple[NDArray[np.int64], NDArray[np.int64]], known: list[int]
+    parts: list[_Part], frame: _Frame, points: tuple[NDArray[np.int32], NDArray[np.int32]], known: list[int]
 ) -> AdaptiveCells:
     """Args: known: how many values of plants each epoch has."""
     figures = np.concatenate([part.figures for part in parts] or [np.zeros((len(COLUMNS), 0))], axis=1)
@@ -306,8 +306,8 @@ def _together(
     rank[by_first] = np.arange(len(found))
     number = rank[number.ravel()]
 
-    def of_cells(values: NDArray, empty: NDArray | float = np.nan) -> NDArray:
-        array = np.array(np.broadcast_to(empty, frame.shape), dtype=np.result_type(np.asarray(empty), values))
+    def of_cells(values: NDArray, empty: NDArray | float | np.integer = np.nan) -> NDArray:
+        array = np.array(np.broadcast_to(empty, frame.shape))
         array.ravel()[cell] = values
         return array
 
@@ -320,7 +320,7 @@ def _together(
 
     plants = [(of_plants("error", epoch, 0), of_plants("height", epoch, 1)) for epoch in ("from", "to")]
     count_from, count_to = (
-        of_cells(told[f"count_{epoch}"].astype(np.int64)[number], own)
+        of_cells(told[f"count_{epoch}"].astype(np.int32)[number], own)
         for epoch, own in zip(("from", "to"), points, strict=True)
     )
     return AdaptiveCells(
@@ -332,7 +332,7 @@ def _together(
         count_from=count_from,
         count_to=count_to,
         points=points,
-        block=of_cells(number, -1),
+        block=of_cells(number.astype(np.int32), np.int32(-1)),
         cell_size=of_cells(told["side"][number]),
         plants=together(*plants),
     )

@@ -63,8 +63,8 @@ class Change:
     error: Float
     level: Float
     significant: NDArray[np.bool_]
-    count_from: NDArray[np.int64]
-    count_to: NDArray[np.int64]
+    count_from: NDArray[np.signedinteger[Any]]
+    count_to: NDArray[np.signedinteger[Any]]
     height_from: Float
     height_to: Float
     confidence: float
@@ -74,9 +74,9 @@ class Change:
     stable: NDArray[np.bool_]
     slope: Float
     minimum_points: int = 1
-    block: NDArray[np.int64] | None = None
+    block: NDArray[np.signedinteger[Any]] | None = None
     cell_size: Float | None = None
-    own_points: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
+    own_points: tuple[NDArray[np.signedinteger[Any]], NDArray[np.signedinteger[Any]]] | None = None
     model: ErrorModel = field(default_factory=uncalibrated)
     threshold: str = "probabilistic"
     direction: str = "vertical"
@@ -89,7 +89,7 @@ class Change:
     choice: CellChoice | None = None
 
     @property
-    def points(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def points(self) -> tuple[NDArray[np.signedinteger[Any]], NDArray[np.signedinteger[Any]]]:
         """Points of each cell itself in either epoch."""
         return self.own_points or (self.count_from, self.count_to)
 
@@ -314,12 +314,12 @@ class _Compared:
     dz: Float
     sampling: Float
     slope: Float
-    counts: tuple[NDArray[np.int64], NDArray[np.int64]]
+    counts: tuple[NDArray[np.signedinteger[Any]], NDArray[np.signedinteger[Any]]]
     heights: tuple[Float, Float]
     common: float
-    block: NDArray[np.int64] | None = None
+    block: NDArray[np.signedinteger[Any]] | None = None
     cell_size: Float | None = None
-    own_points: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
+    own_points: tuple[NDArray[np.signedinteger[Any]], NDArray[np.signedinteger[Any]]] | None = None
     plants: PlantCells | None = None
 
 

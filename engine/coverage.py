@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .cell_slope import Counts
 from .change import Change
 
 
@@ -40,9 +40,9 @@ def compared_share(change: Change, block: float = 1.0, *, both: bool = False) ->
     return min(1.0, float(change.valid.sum() / max(int(reached.sum()) * multiple**2, 1)))
 
 
-def _blocks(count: NDArray[np.int64], multiple: int) -> NDArray[np.int64]:
+def _blocks(count: Counts, multiple: int) -> Counts:
     """Points in blocks of ``multiple`` by ``multiple`` cells."""
     rows = np.arange(0, count.shape[0], multiple)
     columns = np.arange(0, count.shape[1], multiple)
-    blocks: NDArray[np.int64] = np.add.reduceat(np.add.reduceat(count, rows, axis=0), columns, axis=1)
+    blocks: Counts = np.add.reduceat(np.add.reduceat(count, rows, axis=0), columns, axis=1)
     return blocks

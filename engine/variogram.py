@@ -108,11 +108,13 @@ def empirical_variogram(values: Float, cell: float) -> EmpiricalVariogram:
     if cells < FEWEST_CELLS:
         raise ValueError(f"{cells} values are too few for a variogram")
     values, known = _bounding_box(values, known)
-    middle = float(np.median(values[known]))
-    spread = 1.4826 * float(np.median(np.abs(values[known] - middle)))
+    drawn_in = values[known]
+    middle = float(np.median(drawn_in))
+    spread = 1.4826 * float(np.median(np.abs(drawn_in - middle)))
     limit = _WINSOR * spread if spread > 0 else np.inf
-    z = np.clip(np.nan_to_num(values) - middle, -limit, limit)
-    z = np.where(known, z - z[known].mean(), 0.0)
+    drawn_in = np.clip(drawn_in - middle, -limit, limit)
+    z = np.zeros(known.shape)
+    z[known] = drawn_in - drawn_in.mean()
     step = max(1, int(np.ceil(np.sqrt(z.size / _LARGEST_LATTICE))))
     largest = max(min(z.shape) / 2.0, 2.0)
     thinned = _thinned(known, step)

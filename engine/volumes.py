@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from .blocks import Blocks, first_cells
 from .gridding import Float
 from .variogram import (
     FEWEST_CELLS,
@@ -45,7 +46,7 @@ class Cells:
     error: Float
     area: Float
     cell: float
-    block: NDArray[np.int64] | None = None
+    block: Blocks | None = None
     plants: Float | None = None
     plant_like: NDArray[np.bool_] | None = None
 
@@ -180,12 +181,15 @@ def fit_correlation(cells: Cells, stable: NDArray[np.bool_], registration_error:
     plants; such cells are left out where enough others are.
     """
     model = CorrelationModel(registration_error, None)
-    sampling = model.sampling_error(np.asarray(cells.error, dtype=np.float64), cells.plants)
-    usable = stable & np.isfinite(cells.dz) & (np.nan_to_num(sampling) > 0)
+    usable = stable & np.isfinite(cells.dz) & np.isfinite(cells.error)
+    sampling = np.zeros(cells.dz.shape)
+    plants = None if cells.plants is None else cells.plants[usable]
+    sampling[usable] = model.sampling_error(np.asarray(cells.error[usable], dtype=np.float64), plants)
+    usable &= sampling > 0
     if cells.block is not None:
-        usable &= _first_of_blocks(cells.block)
+        usable &= first_cells(cells.block) | (cells.block < 0)
     if cells.plants is not None:
-        little = usable & (np.nan_to_num(cells.plants) <= np.nan_to_num(sampling))
+        little = usable & (np.nan_to_num(cells.plants) <= sampling)
         usable = little if int(little.sum()) >= FEWEST_CELLS else usable
     count = int(usable.sum())
     if count < FEWEST_CELLS:
@@ -379,11 +383,3 @@ def _window(cells: Cells, window: tuple[slice, ...]) -> Cells:
     plants = None if cells.plants is None else cells.plants[window]
     plant_like = None if cells.plant_like is None else cells.plant_like[window]
     return Cells(cells.dz[window], cells.error[window], cells.area[window], cells.cell, block, plants, plant_like)
-
-
-def _first_of_blocks(block: NDArray[np.int64]) -> NDArray[np.bool_]:
-    first = np.zeros(block.size, dtype=bool)
-    numbers, places = np.unique(block.ravel(), return_index=True)
-    first[places[numbers >= 0]] = True
-    first |= block.ravel() < 0
-    return first.reshape(block.shape)
