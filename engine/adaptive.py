@@ -18,7 +18,7 @@ from .parameters import ChangeParameters
 from .plant_cover import PlantCells, PlantCover, together
 from .progress import Progress
 
-_AT_ONCE = 2_000_000  # cells of a grid that is worked on as a whole
+_AT_ONCE = 1_000_000  # cells of a grid that is worked on as a whole
 _TILE = 384  # cells along the side of a part of a larger one
 
 

@@ -16,7 +16,7 @@ from .adaptive import AdaptiveCells, adaptive_cells
 from .cell_slope import gradient_at, slope_degrees
 from .cell_variance import pooled_variance
 from .chosen_cell import CellChoice, choose_cell, with_cell
-from .common_grid import common_grid
+from .common_grid import affordable, common_grid
 from .errors import InputError
 from .gridding import CellStatistics, Float, Grid, cell_statistics, on_grid, sloping_statistics
 from .order_statistics import sample_quantile
@@ -96,8 +96,10 @@ class Change:
     @property
     def cell_area(self) -> Float:
         """Area that each cell's ``dz`` acts on, m²: on the map, or on the slope where ``dz`` is square to it."""
-        flat = np.full(self.grid.shape, self.grid.cell**2)
-        return flat / np.cos(np.radians(self.slope)) if self.direction == "normal" else flat
+        flat = self.grid.cell**2
+        if self.direction == "normal":
+            return flat / np.cos(np.radians(self.slope))
+        return np.broadcast_to(np.float64(flat), self.grid.shape)  # one number, read only
 
     @property
     def measure(self) -> str:
@@ -164,11 +166,12 @@ def difference(
             constant and propagated have no need, and the errors are those that they state.
     """
     progress = progress or Progress()
-    choice = choose_cell((reference, moving), parameters)
+    told = any(cover is not None for cover in plants)
+    choice = affordable(choose_cell((reference, moving), parameters), (reference, moving), parameters, plants=told)
     if choice.automatic:
         progress.info(choice.sentence)
     parameters = with_cell(parameters, choice)
-    grid = common_grid(reference, moving, parameters, plants=any(cover is not None for cover in plants))
+    grid = common_grid(reference, moving, parameters, plants=told)
     if isinstance(parameters, ChangeParameters) and parameters.grows:
         registration_error = _stated(parameters, registration_error)
         cells = adaptive_cells(

@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from .change import epoch_cells
 from .chosen_cell import CellChoice, choose_cell, with_cell
 from .clouds import PointCloud, read_cloud
-from .common_grid import common_grid
+from .common_grid import affordable, common_grid
 from .epochs import Epoch
 from .errors import InputError
 from .gridding import CellStatistics, Grid
@@ -124,10 +124,13 @@ def prepare_epochs(task: Task, progress: Progress) -> tuple[list[GriddedEpoch], 
     with progress.stage(0.0, 0.6, "extracting the ground"):
         grounds = _grounds(task, store, shares)
     first = _ground_cloud(task, 0, grounds[0], shares[0])
-    choice = choose_cell((first.xyz,), task.settings.change)
+    told = first.plants is not None
+    choice = affordable(
+        choose_cell((first.xyz,), task.settings.change), (first.xyz,), task.settings.change, plants=told
+    )
     if choice.automatic:
         progress.info(choice.sentence)
-    grid = common_grid(first.xyz, first.xyz, with_cell(task.settings.change, choice), plants=first.plants is not None)
+    grid = common_grid(first.xyz, first.xyz, with_cell(task.settings.change, choice), plants=told)
     found = []
     for number in range(len(task.epochs)):
         low, high = (0.6 + 0.4 * n / len(task.epochs) for n in (number, number + 1))

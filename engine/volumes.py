@@ -182,9 +182,10 @@ def fit_correlation(cells: Cells, stable: NDArray[np.bool_], registration_error:
     """
     model = CorrelationModel(registration_error, None)
     usable = stable & np.isfinite(cells.dz) & np.isfinite(cells.error)
-    sampling = np.zeros(cells.dz.shape)
     plants = None if cells.plants is None else cells.plants[usable]
-    sampling[usable] = model.sampling_error(np.asarray(cells.error[usable], dtype=np.float64), plants)
+    of_usable = model.sampling_error(np.asarray(cells.error[usable], dtype=np.float64), plants)
+    sampling = np.zeros(cells.dz.shape)
+    sampling[usable] = of_usable
     usable &= sampling > 0
     if cells.block is not None:
         usable &= first_cells(cells.block) | (cells.block < 0)

@@ -378,14 +378,15 @@ def test_too_few_points_even_for_the_largest_cell_are_refused():
 
 
 def test_the_memory_that_growing_cells_take_counts():
-    """Where cells of one size still fit, growing ones are refused with a cell that fits."""
+    """Where growing cells still fit, cells of one size are refused with a cell that fits, and the other way round."""
     first = epoch(1)
     wide = np.vstack([first, first + [400.0, 400.0, 0.0]])
-    common_grid(wide, wide, ChangeParameters(adaptive=False, memory_limit=8.0, cell=0.1))
-    with pytest.raises(InputError, match="cell of at least") as refusal:
-        common_grid(wide, wide, ChangeParameters(adaptive=True, memory_limit=8.0, cell=0.1))
-    fits = float(str(refusal.value).split("at least ")[1].split(" m")[0])
-    common_grid(wide, wide, ChangeParameters(adaptive=True, memory_limit=8.0, cell=fits * 1.05))
+    common_grid(wide, wide, ChangeParameters(adaptive=True, memory_limit=4.0, cell=0.1))
+    for adaptive, limit in ((False, 4.0), (True, 2.0)):
+        with pytest.raises(InputError, match="cell of at least") as refusal:
+            common_grid(wide, wide, ChangeParameters(adaptive=adaptive, memory_limit=limit, cell=0.1))
+        fits = float(str(refusal.value).split("at least ")[1].split(" m")[0])
+        common_grid(wide, wide, ChangeParameters(adaptive=adaptive, memory_limit=limit, cell=fits))
 
 
 def test_a_known_change_under_simulated_plants_is_recovered():
