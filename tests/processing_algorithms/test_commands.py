@@ -252,7 +252,7 @@ def test_values_out_of_bounds_are_refused_with_the_dialogs_name_and_the_engines_
     for value in (0, -1.5, "0"):
         ok, sentence = made.checkParameterValues({**given, "CELL": value}, context)
         assert not ok
-        assert sentence.startswith("“Cell size (m)” is ")
+        assert sentence.startswith("“Cell size, 0 for auto (m)” is ")
         assert sentence.endswith("give a number from 0.005 to 100 m.")
     assert made.checkParameterValues({**given, "PROFILE": "1", "METHOD": "icp"}, context)[0]
     assert not made.checkParameterValues({**given, "PROFILE": "2"}, context)[0]
