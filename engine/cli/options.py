@@ -137,7 +137,9 @@ def _run(report: Reporter, debug: bool, work: Callable[[], tuple[dict[str, Path]
     except ParameterError as wrong:
         error = InputError(f"{wrong}.")
     except BrokenPipeError:
-        error = EngineError("Whoever read the progress is gone; nothing was written.")
+        error = EngineError(
+            "Who read the progress, or a program that this run had started, ended early; nothing was written."
+        )
     except MemoryError:
         error = EngineError("Memory ran out; clip the cloud to the slope or use a larger cell.")
     except Exception as unexpected:  # the last resort: an internal failure in one sentence
