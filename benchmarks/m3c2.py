@@ -99,8 +99,8 @@ def _surface_row(scene: str, first: Float, second: Float) -> Row:
     seconds, work = (min(kind) for kind in zip(*times, strict=True))
     cell, point = np.unique(cell_index(first, change.grid), return_index=True)
     core = first[point[change.valid.ravel()[cell]]]
-    surface = len(core) * parameters.cell**2
-    name = f"surface a second, {scene}: grid change of fixed cells of {parameters.cell:g} m"
+    surface = len(core) * change.grid.cell**2
+    name = f"surface a second, {scene}: grid change of fixed cells of {change.grid.cell:g} m"
     target = "at least 20 times py4dgeo's M3C2"
     scales = choose_scales(first, second, DistanceParameters())
     radius, half_length = scales.projection_scale / 2, scales.half_length

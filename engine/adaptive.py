@@ -3,29 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
-from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from .gridding import Float, Grid
-from .moments import Moments, ParallelPlanes, cell_moments, merged, parallel_planes, variance_by_parts
+from .chosen_cell import largest_step, level_step
+from .gridding import Float, Grid, cell_index
+from .grown_cells import COLUMNS, RADIUS, Grown, Growth, grow
+from .moments import cell_moments
 from .parameters import ChangeParameters
 from .plant_cover import PlantCells, PlantCover, together
 from .progress import Progress
 
-LEAST_POINTS = 4
-"""Points that a block takes in either epoch, at least."""
-CLEAR, FEWEST_OF_CLEAR = 0.25, 3
-"""A change is clear where its level of detection is at most this share of it; its blocks take so many points."""
-_PRIOR_DEGREES = 8.0  # of freedom that the surrounding blocks' variance counts
-_RADIUS = 3  # blocks, of the surroundings
-_PARTS = 2  # a block is compared with its parts of a quarter of its side
-_SPENT = 3.0  # parts that the fit of the planes takes from their number; measured with independent points
-_PRIOR_PARTS = 4.0  # what independence counts beside them
-_SCATTERED = 0.25  # of a square's cells: what is left of it to less than that is no place of its own
+_AT_ONCE = 1_000_000  # cells of a grid that is worked on as a whole
+_TILE = 384  # cells along the side of a part of a larger one
 
 
 @dataclass(frozen=True)
@@ -49,10 +43,10 @@ class AdaptiveCells:
     height_from: Float
     height_to: Float
     slope: Float
-    count_from: NDArray[np.int64]
-    count_to: NDArray[np.int64]
-    points: tuple[NDArray[np.int64], NDArray[np.int64]]
-    block: NDArray[np.int64]
+    count_from: NDArray[np.int32]
+    count_to: NDArray[np.int32]
+    points: tuple[NDArray[np.int32], NDArray[np.int32]]
+    block: NDArray[np.int32]
     cell_size: Float
     plants: PlantCells | None = None
 
@@ -72,7 +66,9 @@ def adaptive_cells(
 
     From the finest size up, a block is taken where both epochs have enough points in it, its gradient is
     determined, and its level of detection is at most ``target_level``, or more the registration's and the plants'
-    than the points', so that a larger one would gain little; at the largest size, whatever the level is. Where a
+    than the points', so that a larger one would gain little; from the largest size on, whatever the level is. Where
+    that is left to the clouds, cells double once more and again for as long as many places have too few points of an
+    epoch (``chosen_cell.largest_step``): growth ends where the ground runs out. Where a
     change is clear, one point less suffices and its level may be a quarter of it: a larger block would blur the tip
     of a cone and the edge of a step, and on unchanged ground so clear a change does not come by chance (eight
     standard errors). What is taken leaves with its points: a larger block is what is left of its square, so that
@@ -85,6 +81,9 @@ def adaptive_cells(
     The surface of a block is a pair of parallel planes (see ``moments.parallel_planes``). The variance of a point about
     them is moderated by that of the blocks of the same size around (Smyth 2004, doi:10.2202/1544-6115.1027).
 
+    Large grids are worked on in parts with a margin, and only where both surveys have points, so that memory and time
+    are those of the slope's area and not of the rectangle around it.
+
     Args:
         reference: (n, 3) points of the first epoch, metres.
         moving: (m, 3) points of the second epoch, registered to the first.
@@ -93,100 +92,43 @@ def adaptive_cells(
         plants: of each epoch's points, where known.
     """
     progress = progress or Progress()
-    steps = largest_step(parameters)
+    progress.update(0.0, "gridding both epochs")
+    steps = largest_step(reference, moving, grid.cell, parameters)
+    growth = Growth(grid.cell, steps, level_step(grid.cell, parameters), registration_error, parameters)
     heights = np.concatenate([c[:: max(1, len(c) // 10_000), 2] for c in (reference, moving)])
     level = float(np.median(heights)) if heights.size else 0.0
     frame = _Frame.around(grid, 2**steps)
+    epochs = tuple(_Points.on(cloud, frame, cover) for cloud, cover in zip((reference, moving), plants, strict=True))
     within = np.ones(frame.grid.shape, dtype=bool) if inside is None else frame.padded(inside, False)
-    moments: list[Moments] = []
-    for number, (cloud, cover) in enumerate(zip((reference, moving), plants, strict=True)):
-        progress.update(0.25 * number, f"gridding epoch {number + 1}")
-        more = [] if cover is None else [cover.error] if cover.height is None else [cover.error, cover.height]
-        moments.append(cell_moments(cloud, frame.grid, level, more))
-        moments[-1].sums[:, ~within] = 0.0
-    points = frame.cut(moments[0].count).astype(np.int64), frame.cut(moments[1].count).astype(np.int64)
-    for epoch in moments:
-        within &= surveyed(epoch.count, 2**steps)
-    for epoch in moments:
-        epoch.sums[:, ~within] = 0.0
-    result = _Result.empty(frame.grid, within.copy(), level)
-    quantile = NormalDist().inv_cdf((1 + parameters.confidence) / 2)
-
-    def serves(planes: ParallelPlanes, sampling: Float, moments: list[Moments], last: bool) -> NDArray[np.bool_]:
-        # what no larger cell averages out
-        shared = np.hypot(registration_error, _plant_error(moments))
-        fewest = np.minimum(moments[0].count, moments[1].count)
-        usable = planes.sound & np.isfinite(sampling) & (fewest >= parameters.minimum_points)
-        enough = fewest >= LEAST_POINTS
-        with np.errstate(invalid="ignore"):
-            level = quantile * np.hypot(sampling, shared)
-            if not last:
-                enough &= (level <= parameters.target_level) | (sampling <= shared)
-            enough |= (fewest >= FEWEST_OF_CLEAR) & (level <= CLEAR * np.abs(planes.dz))
-        return usable & enough
-
-    sizes = [f"cells of {grid.cell * 2**step:g} m" for step in range(steps + 1)]
-    squares: list[_Squares] = []
-    for step, name in enumerate(sizes):
-        progress.update(0.5 + 0.25 * step / len(sizes), name)
-        squares.append(_Squares.of_points(moments) if not step else squares[-1].merged(squares[-_PARTS:][0]))
-    left: list[list[Moments]] = []
-    for step, name in enumerate(sizes):
-        progress.update(0.75 + 0.25 * step / len(sizes), name)
-        reached = _reached(left[-1]) if step else None
-        left.append([merged(m) for m in left[-1]] if step else moments)
-        planes, sampling = squares[0].planes, squares[0].sampling
-        if step:
-            planes = parallel_planes(*left[step])
-            parts = left[step - _PARTS] if step >= _PARTS else None
-            sampling = _sampling_error(planes, squares[step].planes, left[step], parts)
-        taken = serves(planes, sampling, left[step], step == steps)
-        taken &= _filled(result.unclaimed, 2**step) >= _SCATTERED * _filled(within, 2**step)
-        result.take(taken, planes, sampling, left[step], reached)
-        for back in range(min(step + 1, _PARTS)):
-            for epoch in left[step - back]:
-                epoch.sums[:, _spread(taken, 2**back)] = 0.0
-    for step, whole in enumerate(squares[1:], 1):
-        taken = serves(whole.planes, whole.sampling, whole.moments, step == steps)
-        result.take(taken, whole.planes, whole.sampling, whole.moments, whole.reached)
+    points = epochs[0].counts(frame, within), epochs[1].counts(frame, within)
+    outlines = [_surveyed_cells(epoch, within, 2**steps) for epoch in epochs]
+    within &= outlines[0] & outlines[1]
+    parts = []
+    windows = list(_windows(frame.grid.shape, 2**steps, epochs, within))
+    for number, (outer, inner) in enumerate(windows):
+        progress.update(0.1 + 0.9 * number / len(windows), f"cells of {grid.cell:g} to {grid.cell * 2**steps:g} m")
+        part = frame.part(outer)
+        of_part = within[outer]
+        moments = []
+        for epoch in epochs:
+            chosen = epoch.inside(outer)
+            moments.append(cell_moments(epoch.xyz[chosen], part, level, [v[chosen] for v in epoch.more]))
+            moments[-1].sums[:, ~of_part] = 0.0
+        parts.append(_Part.of(grow(moments, of_part, growth, level), outer, inner, frame.grid.columns))
     progress.update(1.0, "cells grown")
-    return result.cells(frame, points, [m.more for m in moments])
+    return _together(parts, frame, points, [len(epoch.more) for epoch in epochs])
 
 
-def _plants_of(moments: list[Moments]) -> list[Float]:
-    """Mean error and height of the plants over each block's points, of the first and then the second epoch; NaN where
-    they are not known.
-    """
-    unknown = np.full(moments[0].shape, np.nan)
-    return [m.mean(k) if k < m.more else unknown for m in moments for k in (0, 1)]
-
-
-def _plant_error(moments: list[Moments]) -> Float | float:
-    """Of the change of each block, metres; 0 where it is not known."""
-    squares = [np.nan_to_num(m.mean(0)) ** 2 for m in moments if m.more]
-    return np.sqrt(sum(squares, np.zeros(moments[0].shape))) if squares else 0.0
-
-
-def largest_step(parameters: ChangeParameters) -> int:
-    """How often a cell may double its side within ``largest_cell``."""
-    return max(0, math.floor(math.log2(parameters.largest_cell / parameters.cell) + 1e-9))
-
-
-def _reached(moments: list[Moments]) -> NDArray[np.bool_]:
-    """Blocks with a point of either epoch."""
-    return (moments[0].count > 0) | (moments[1].count > 0)
-
-
-def surveyed(count: Float, reach: int) -> NDArray[np.bool_]:
+def surveyed(hit: NDArray[np.bool_], points: int, reach: int) -> NDArray[np.bool_]:
     """Cells (rows, columns) within a survey's outline: those with points, gaps of up to twice ``reach`` cells between
     them, and a rim as wide as points lie apart, in which none came to lie by chance.
 
     Args:
-        count: points in each cell.
+        hit: cells with points.
+        points: how many all cells have.
     """
-    hit = count > 0
     outline = _closed(hit, reach)
-    rim = int(math.sqrt(outline.sum() / max(count.sum(), 1.0)))
+    rim = int(math.sqrt(outline.sum() / max(points, 1.0)))
     return _closed(hit, reach, rim) if rim else outline
 
 
@@ -199,65 +141,6 @@ def _closed(cells: NDArray[np.bool_], reach: int, rim: int = 0) -> NDArray[np.bo
     for axis in (0, 1):
         wide = ndimage.minimum_filter1d(wide, 2 * reach + 1, axis=axis, mode="constant", cval=1)
     return wide[margin:-margin, margin:-margin] > 0
-
-
-def _filled(cells: NDArray[np.bool_], multiple: int) -> Float:
-    """Share of each block's cells that are set."""
-    rows, columns = cells.shape
-    return cells.reshape(rows // multiple, multiple, columns // multiple, multiple).mean(axis=(1, 3))
-
-
-@dataclass(frozen=True)
-class _Squares:
-    """Squares of one size with all their points, and which of their quarters have any."""
-
-    moments: list[Moments]
-    planes: ParallelPlanes
-    sampling: Float
-    reached: NDArray[np.bool_] | None
-
-    @classmethod
-    def of_points(cls, moments: list[Moments]) -> _Squares:
-        planes = parallel_planes(*moments)
-        return cls(moments, planes, _sampling_error(planes, planes, moments, None), None)
-
-    def merged(self, finer: _Squares) -> _Squares:
-        """Those of twice the side; ``finer`` are the squares a quarter of that, or these themselves at the start."""
-        moments = [merged(m) for m in self.moments]
-        planes = parallel_planes(*moments)
-        parts = None if finer is self else finer.moments
-        return _Squares(moments, planes, _sampling_error(planes, planes, moments, parts), _reached(self.moments))
-
-
-def _sampling_error(
-    planes: ParallelPlanes, around: ParallelPlanes, moments: list[Moments], parts: list[Moments] | None
-) -> Float:
-    """Standard error of the blocks' dz by their points, m, widened where the errors of near points are alike."""
-    variance, of_means = np.zeros(planes.dz.shape), np.zeros(planes.dz.shape)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        for epoch in (0, 1):
-            prior = _surrounding_variance(around.squares[epoch], around.degrees[epoch])
-            squares, degrees = planes.squares[epoch], planes.degrees[epoch]
-            of_a_point = (squares + _PRIOR_DEGREES * prior) / (degrees + _PRIOR_DEGREES)
-            variance += planes.weights[epoch] * of_a_point
-            of_means += of_a_point / moments[epoch].count
-        if parts is not None:
-            by_parts, number = variance_by_parts(planes, moments, parts)
-            free = np.maximum(number - _SPENT, 0.0)
-            effect = np.where(free > 0, by_parts * number / np.where(free > 0, free, 1.0) / of_means, 1.0)
-            variance *= np.maximum((free * effect + _PRIOR_PARTS) / (free + _PRIOR_PARTS), 1.0)
-        return np.sqrt(variance)
-
-
-def _surrounding_variance(squares: Float, degrees: Float) -> Float:
-    """Variance of a point by the blocks around, all together where there are too few of them."""
-    size = 2 * _RADIUS + 1
-    sums = np.nan_to_num(np.stack([squares, degrees]))
-    near = ndimage.uniform_filter(sums, (1, size, size), mode="constant") * size**2
-    total = sums[1].sum()
-    whole = sums[0].sum() / total if total > 0 else np.nan
-    enough = near[1] >= 0.5
-    return np.where(enough, np.maximum(near[0], 0.0) / np.where(enough, near[1], 1.0), whole)
 
 
 @dataclass(frozen=True)
@@ -285,102 +168,171 @@ class _Frame:
         self.cut(whole)[:] = array
         return whole
 
+    def part(self, window: Window) -> Grid:
+        """The grid of a window of the frame."""
+        rows, columns = window
+        return Grid(
+            self.grid.west + columns.start * self.grid.cell,
+            self.grid.north - rows.start * self.grid.cell,
+            self.grid.cell,
+            rows.stop - rows.start,
+            columns.stop - columns.start,
+        )
 
-@dataclass
-class _Result:
-    """What has been taken so far: the block of each cell, and the blocks' figures; heights from ``level``."""
 
-    block: NDArray[np.int64]
-    height: Float
-    figures: list[Float]
-    grid: Grid
-    unclaimed: NDArray[np.bool_]
-    level: float
+Window = tuple[slice, slice]
+
+
+@dataclass(frozen=True)
+class _Points:
+    """A survey's points within the frame, their rows and columns there, and what else is known of each."""
+
+    xyz: Float
+    row: NDArray[np.int32]
+    column: NDArray[np.int32]
+    more: list[NDArray[np.floating]]
 
     @classmethod
-    def empty(cls, grid: Grid, unclaimed: NDArray[np.bool_], level: float) -> _Result:
-        block = np.full(grid.shape, -1, dtype=np.int64)
-        return cls(block, np.full(grid.shape, np.nan), [], grid, unclaimed, level)
+    def on(cls, cloud: Float, frame: _Frame, cover: PlantCover | None) -> _Points:
+        more = [] if cover is None else [cover.error] if cover.height is None else [cover.error, cover.height]
+        index = cell_index(cloud, frame.grid)
+        if index.size and index.min() < 0:
+            known = index >= 0
+            index, cloud, more = index[known], cloud[known], [values[known] for values in more]
+        row, column = (place.astype(np.int32) for place in np.divmod(index, frame.grid.columns))
+        return cls(cloud, row, column, list(more))
 
-    def take(
-        self,
-        taken: NDArray[np.bool_],
-        planes: ParallelPlanes,
-        sampling: Float,
-        moments: list[Moments],
-        reached: NDArray[np.bool_] | None,
-    ) -> None:
-        """Give the cells of the blocks ``taken`` that no finer one has, where a quarter has points, to these."""
-        multiple = round(moments[0].side / self.grid.cell)
-        known = sum(f.shape[1] for f in self.figures)
-        number = np.full(taken.shape, -1, dtype=np.int64)
-        number[taken] = known + np.arange(np.count_nonzero(taken))
-        cells = _spread(number, multiple)
-        claimed = self.unclaimed & (cells >= 0)
-        if reached is not None:
-            claimed &= _spread(reached, multiple // 2)
-        self.block[claimed] = cells[claimed]
-        self.unclaimed[claimed] = False
-        sums = moments[1].sums
-        with np.errstate(invalid="ignore", divide="ignore"):
-            # the second epoch's plane at the block's centre
-            middle = (sums[3] - planes.slope_u * sums[1] - planes.slope_v * sums[2]) / sums[0] + self.level
-        row, column = np.nonzero(claimed)
-        i, j = row // multiple, column // multiple
-        east = (column - (j * multiple + (multiple - 1) / 2)) * self.grid.cell
-        north = ((i * multiple + (multiple - 1) / 2) - row) * self.grid.cell
-        self.height[row, column] = middle[i, j] + planes.slope_u[i, j] * east + planes.slope_v[i, j] * north
-        slope = np.degrees(np.arctan(np.hypot(planes.slope_u, planes.slope_v)))
-        side = np.full(taken.shape, moments[0].side)
-        columns = (planes.dz, sampling, slope, moments[0].count, moments[1].count, side, *_plants_of(moments))
-        self.figures.append(np.stack([c[taken] for c in columns]))
+    def counts(self, frame: _Frame, within: NDArray[np.bool_]) -> NDArray[np.int32]:
+        """Points of each cell of the grid within the frame; of ``within`` (frame's rows, columns) only."""
+        row, column = self.row - frame.top, self.column - frame.left
+        rows, columns = frame.shape
+        here = (row >= 0) & (row < rows) & (column >= 0) & (column < columns) & within[self.row, self.column]
+        index = row[here].astype(np.int64) * columns + column[here]
+        return np.bincount(index, minlength=rows * columns).astype(np.int32).reshape(frame.shape)
 
-    def cells(
-        self, frame: _Frame, points: tuple[NDArray[np.int64], NDArray[np.int64]], known: list[int]
-    ) -> AdaptiveCells:
-        """Args: known: how many values of plants each epoch has."""
-        figures = np.concatenate(self.figures, axis=1)
-        block = frame.cut(self.block)
-        inside = block >= 0
-        # numbers without gaps, in the order of the blocks' first cells
-        found, first, cells = np.unique(block[inside], return_index=True, return_inverse=True)
-        order = np.argsort(first, kind="stable")
-        figures = figures[:, found[order]]
-        rank = np.empty(len(found), dtype=np.int64)
-        rank[order] = np.arange(len(found))
-        block = np.full(block.shape, -1, dtype=np.int64)
-        block[inside] = rank[cells.ravel()]
-
-        def of_cells(values: Float) -> Float:
-            array = np.full(block.shape, np.nan)
-            array[inside] = values[block[inside]]
-            return array
-
-        dz, sampling, slope, _, _, side = (of_cells(values) for values in figures[:6])
-        plants = [
-            (of_cells(figures[at]) if number else None, of_cells(figures[at + 1]) if number > 1 else None)
-            for at, number in zip((6, 8), known, strict=True)
-        ]
-        count_from, count_to = (
-            np.where(inside, np.nan_to_num(of_cells(values)).astype(np.int64), own)
-            for values, own in zip(figures[3:5], points, strict=True)
-        )
-        height = np.where(inside, frame.cut(self.height), np.nan)
-        return AdaptiveCells(
-            dz,
-            sampling,
-            height - dz,
-            height,
-            slope,
-            count_from,
-            count_to,
-            points,
-            block,
-            side,
-            together(plants[0], plants[1]),
+    def inside(self, window: Window) -> NDArray[np.bool_]:
+        """Points in a window of the frame."""
+        rows, columns = window
+        return (
+            (self.row >= rows.start)
+            & (self.row < rows.stop)
+            & (self.column >= columns.start)
+            & (self.column < columns.stop)
         )
 
 
-def _spread(blocks: NDArray, multiple: int) -> NDArray:
-    """Each block's value on its ``multiple`` by ``multiple`` cells."""
-    return np.repeat(np.repeat(blocks, multiple, axis=0), multiple, axis=1)
+def _surveyed_cells(epoch: _Points, within: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+    hit = np.zeros(within.shape, dtype=bool)
+    chosen = within[epoch.row, epoch.column]
+    hit[epoch.row[chosen], epoch.column[chosen]] = True
+    return surveyed(hit, int(chosen.sum()), reach)
+
+
+def _windows(
+    shape: tuple[int, int], multiple: int, epochs: tuple[_Points, ...], within: NDArray[np.bool_]
+) -> Iterator[tuple[Window, Window]]:
+    """Windows of the frame to work on, and the part of each that counts; only those in which both surveys have points.
+
+    Their edges are multiples of the largest block. The margin holds what a block's error is told from: the blocks
+    around it.
+    """
+    rows, columns = shape
+    if rows * columns <= _AT_ONCE:
+        whole = slice(0, rows), slice(0, columns)
+        yield whole, whole
+        return
+    side, margin = multiple * max(1, _TILE // multiple), multiple * (RADIUS + 1)
+    reached = []
+    for epoch in epochs:
+        tiles = np.zeros((-(-rows // side), -(-columns // side)), dtype=bool)
+        chosen = within[epoch.row, epoch.column]
+        tiles[epoch.row[chosen] // side, epoch.column[chosen] // side] = True
+        # points in the margin fill blocks of the neighbour only
+        reached.append(tiles)
+    for i, j in zip(*np.nonzero(reached[0] & reached[1]), strict=True):
+        inner = slice(i * side, min((i + 1) * side, rows)), slice(j * side, min((j + 1) * side, columns))
+        outer = tuple(
+            slice(max(part.start - margin, 0), min(part.stop + margin, end))
+            for part, end in zip(inner, shape, strict=True)
+        )
+        yield (outer[0], outer[1]), inner
+
+
+@dataclass(frozen=True)
+class _Part:
+    """What grew in a window: flat indices of the frame's cells in blocks, these blocks, heights; figures of blocks."""
+
+    cell: NDArray[np.int64]
+    block: NDArray[np.int64]
+    height: Float
+    figures: Float
+
+    @classmethod
+    def of(cls, grown: Grown, outer: Window, inner: Window, columns: int) -> _Part:
+        own = tuple(slice(i.start - o.start, i.stop - o.start) for i, o in zip(inner, outer, strict=True))
+        block = grown.block[own]
+        row, column = np.nonzero(block >= 0)
+        number, used = block[row, column], np.zeros(grown.figures.shape[1], dtype=np.int64)
+        used[number] = 1
+        kept = np.flatnonzero(used)
+        used[kept] = np.arange(len(kept))
+        cell = (row + inner[0].start) * columns + column + inner[1].start
+        return cls(cell, used[number], grown.height[own][row, column], grown.figures[:, kept])
+
+
+def _together(
+    parts: list[_Part], frame: _Frame, points: tuple[NDArray[np.int32], NDArray[np.int32]], known: list[int]
+) -> AdaptiveCells:
+    """Args: known: how many values of plants each epoch has."""
+    figures = np.concatenate([part.figures for part in parts] or [np.zeros((len(COLUMNS), 0))], axis=1)
+    nothing = np.zeros(0, dtype=np.int64)
+    cell = np.concatenate([nothing, *(part.cell for part in parts)])
+    before = np.cumsum([0, *(part.figures.shape[1] for part in parts)])
+    block = np.concatenate([nothing, *(part.block + n for part, n in zip(parts, before[:-1], strict=True))])
+    height = np.concatenate([nothing.astype(np.float64), *(part.height for part in parts)])
+    row, column = np.divmod(cell, frame.grid.columns)
+    row, column = row - frame.top, column - frame.left
+    rows, columns = frame.shape
+    here = np.flatnonzero((row >= 0) & (row < rows) & (column >= 0) & (column < columns))
+    # in the order of the cells
+    cell = row[here] * columns + column[here]
+    order = np.argsort(cell, kind="stable")
+    cell, block, height = cell[order], block[here][order], height[here][order]
+    # numbers without gaps, in the order of the blocks' first cells
+    found, first, number = np.unique(block, return_index=True, return_inverse=True)
+    by_first = np.argsort(first, kind="stable")
+    figures = figures[:, found[by_first]]
+    rank = np.empty(len(found), dtype=np.int64)
+    rank[by_first] = np.arange(len(found))
+    number = rank[number.ravel()]
+
+    def of_cells(values: NDArray, empty: NDArray | float | np.integer = np.nan) -> NDArray:
+        array = np.array(np.broadcast_to(empty, frame.shape))
+        array.ravel()[cell] = values
+        return array
+
+    told = dict(zip(COLUMNS, figures, strict=True))
+    dz = told["dz"][number]
+
+    def of_plants(name: str, epoch: str, at: int) -> Float | None:
+        """``at``: how many values the epoch has at least, where this is known."""
+        return of_cells(told[f"{name}_{epoch}"][number]) if known[epoch == "to"] > at else None
+
+    plants = [(of_plants("error", epoch, 0), of_plants("height", epoch, 1)) for epoch in ("from", "to")]
+    count_from, count_to = (
+        of_cells(told[f"count_{epoch}"].astype(np.int32)[number], own)
+        for epoch, own in zip(("from", "to"), points, strict=True)
+    )
+    return AdaptiveCells(
+        dz=of_cells(dz),
+        sampling=of_cells(told["sampling"][number]),
+        height_from=of_cells(height - dz),
+        height_to=of_cells(height),
+        slope=of_cells(told["slope"][number]),
+        count_from=count_from,
+        count_to=count_to,
+        points=points,
+        block=of_cells(number.astype(np.int32), np.int32(-1)),
+        cell_size=of_cells(told["side"][number]),
+        plants=together(*plants),
+    )

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from .gridding import Float
 
-Blocks = NDArray[np.int64]
+Blocks = NDArray[np.signedinteger[Any]]
 """Number of each cell's block (rows, columns); -1 where there is none."""
+
+
+_BAND = 4_000_000  # cells that are summed around at a time
 
 
 def middle_cells(block: Blocks) -> NDArray[np.bool_]:
@@ -39,15 +44,25 @@ def blocks_in_groups(labels: NDArray[np.integer], block: Blocks, count: int) -> 
     return np.bincount(pairs[0], minlength=count + 1)
 
 
-def block_sides(block: Blocks) -> NDArray[np.int64]:
+def first_cells(block: Blocks) -> NDArray[np.bool_]:
+    """The first cell (rows, columns) of each block, which stands for all of it."""
+    inside = np.flatnonzero(block.ravel() >= 0)
+    first = np.zeros(block.size, dtype=bool)
+    first[inside[np.unique(block.ravel()[inside], return_index=True)[1]]] = True
+    return first.reshape(block.shape)
+
+
+def block_sides(block: Blocks) -> NDArray[np.int32]:
     """Side of each cell's block in cells, a power of two, 0 for none: that of the smallest square with as many cells.
 
     A block is a square, or what finer blocks left of one, which may then count as smaller.
     """
     inside = block >= 0
-    cells = np.bincount(block[inside])
-    side = 2 ** np.ceil(np.log2(np.maximum(cells, 1)) / 2 - 1e-9).astype(np.int64)
-    return np.where(inside, side[block] if side.size else 0, 0)
+    number = block[inside]
+    side = 2 ** np.ceil(np.log2(np.maximum(np.bincount(number), 1)) / 2 - 1e-9).astype(np.int32)
+    sides = np.zeros(block.shape, dtype=np.int32)
+    sides[inside] = side[number]
+    return sides
 
 
 def sums_around(values: NDArray, block: Blocks, window: int, least: int = 1) -> Float:
@@ -67,9 +82,27 @@ def sums_around(values: NDArray, block: Blocks, window: int, least: int = 1) -> 
     result = np.zeros(cells.shape)
     for multiple in np.unique(side[inside]):
         reach = max(2 * (window * int(multiple) // 2) + 1, least)
-        total = ndimage.uniform_filter(weight, reach, mode="constant") * reach**2
-        these = middle & (side == multiple)
-        result[block[these]] = total[these]
+        row, column = np.nonzero(middle & (side == multiple))
+        result[block[row, column]] = _sums_at(weight, reach, row, column)
     around = np.zeros(block.shape)
     around[inside] = result[number]
     return around
+
+
+def _sums_at(weight: Float, reach: int, row: NDArray[np.int64], column: NDArray[np.int64]) -> Float:
+    """Sums over the windows of ``reach`` cells around the places (n,), in rows' order, where these are only."""
+    if weight.size <= _BAND:
+        whole: Float = ndimage.uniform_filter(weight, reach, mode="constant")[row, column] * reach**2
+        return whole
+    sums = np.empty(row.size)
+    height = max(_BAND // weight.shape[1], 2 * reach)
+    for top in range(0, weight.shape[0], height):
+        here = slice(*np.searchsorted(row, (top, top + height)).tolist())
+        if here.start == here.stop:
+            continue
+        first = max(top - reach, 0), max(int(column[here].min()) - reach, 0)
+        last = top + height + reach, int(column[here].max()) + reach + 1
+        part = weight[first[0] : last[0], first[1] : last[1]]
+        total = ndimage.uniform_filter(part, reach, mode="constant") * reach**2
+        sums[here] = total[row[here] - first[0], column[here] - first[1]]
+    return sums

@@ -15,7 +15,8 @@ from shapely.geometry.base import BaseGeometry
 from .adaptive import AdaptiveCells, adaptive_cells
 from .cell_slope import gradient_at, slope_degrees
 from .cell_variance import pooled_variance
-from .common_grid import common_grid
+from .chosen_cell import CellChoice, choose_cell, with_cell
+from .common_grid import affordable, common_grid
 from .errors import InputError
 from .gridding import CellStatistics, Float, Grid, cell_statistics, on_grid, sloping_statistics
 from .order_statistics import sample_quantile
@@ -25,7 +26,7 @@ from .progress import Progress
 from .season import Season, judge_season
 from .significance import judge
 from .slope_error import ErrorModel, uncalibrated
-from .thresholds import quantile
+from .thresholds import quantile, stated_error
 
 _FEWEST_CELLS = 30  # with fewer in common, nothing can be said of the whole overlap
 
@@ -54,6 +55,8 @@ class Change:
     change of the plants' height explains, ``explained`` those of them that would else be significant; ``season`` tells
     how the plants differ between the epochs. All are None where the plants' heights are not known. The errors of
     ``plants`` are the stated ones times ``plants_factor``, which stable ground told (``plant_calibration``).
+
+    ``choice`` tells how the side of a cell came about, where this is known.
     """
 
     grid: Grid
@@ -61,8 +64,8 @@ class Change:
     error: Float
     level: Float
     significant: NDArray[np.bool_]
-    count_from: NDArray[np.int64]
-    count_to: NDArray[np.int64]
+    count_from: NDArray[np.signedinteger[Any]]
+    count_to: NDArray[np.signedinteger[Any]]
     height_from: Float
     height_to: Float
     confidence: float
@@ -72,9 +75,9 @@ class Change:
     stable: NDArray[np.bool_]
     slope: Float
     minimum_points: int = 1
-    block: NDArray[np.int64] | None = None
+    block: NDArray[np.signedinteger[Any]] | None = None
     cell_size: Float | None = None
-    own_points: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
+    own_points: tuple[NDArray[np.signedinteger[Any]], NDArray[np.signedinteger[Any]]] | None = None
     model: ErrorModel = field(default_factory=uncalibrated)
     threshold: str = "probabilistic"
     direction: str = "vertical"
@@ -85,17 +88,20 @@ class Change:
     explained: NDArray[np.bool_] | None = None
     season: Season | None = None
     plants_factor: float = 1.0
+    choice: CellChoice | None = None
 
     @property
-    def points(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def points(self) -> tuple[NDArray[np.signedinteger[Any]], NDArray[np.signedinteger[Any]]]:
         """Points of each cell itself in either epoch."""
         return self.own_points or (self.count_from, self.count_to)
 
     @property
     def cell_area(self) -> Float:
         """Area that each cell's ``dz`` acts on, m²: on the map, or on the slope where ``dz`` is square to it."""
-        flat = np.full(self.grid.shape, self.grid.cell**2)
-        return flat / np.cos(np.radians(self.slope)) if self.direction == "normal" else flat
+        flat = self.grid.cell**2
+        if self.direction == "normal":
+            return flat / np.cos(np.radians(self.slope))
+        return np.broadcast_to(np.float64(flat), self.grid.shape)  # one number, read only
 
     @property
     def measure(self) -> str:
@@ -159,10 +165,16 @@ def difference(
         plants: what each epoch's cloud tells of plants over its points; nothing without.
 
     Raises:
-        InputError: no overlap, no common cell, no cell with two points, or a grid too large.
+        InputError: no overlap, no common cell, a grid too large, or no cell with two points; of the last the thresholds
+            constant and propagated have no need, and the errors are those that they state.
     """
     progress = progress or Progress()
-    grid = common_grid(reference, moving, parameters, plants=any(cover is not None for cover in plants))
+    told = any(cover is not None for cover in plants)
+    choice = affordable(choose_cell((reference, moving), parameters), (reference, moving), parameters, plants=told)
+    if choice.automatic:
+        progress.info(choice.sentence)
+    parameters = with_cell(parameters, choice)
+    grid = common_grid(reference, moving, parameters, plants=told)
     if isinstance(parameters, ChangeParameters) and parameters.grows:
         registration_error = _stated(parameters, registration_error)
         cells = adaptive_cells(
@@ -175,9 +187,10 @@ def difference(
             plants=plants,
             progress=progress,
         )
-        return difference_of_blocks(
+        change = difference_of_blocks(
             cells, grid, parameters, registration_error=registration_error, stable_area=stable_area
         )
+        return replace(change, choice=choice)
     if isinstance(parameters, ChangeParameters) and parameters.adaptive:
         progress.info(parameters.why_one_size)
     progress.update(0.05, "gridding the first epoch")
@@ -189,7 +202,7 @@ def difference(
         first, second, grid, parameters, registration_error=registration_error, area=area, stable_area=stable_area
     )
     progress.update(1.0, "differencing")
-    return change
+    return replace(change, choice=choice)
 
 
 def epoch_cells(
@@ -222,18 +235,22 @@ def difference_of_cells(
     both = valid_first & valid_second
     if not both.any():
         raise InputError(
-            f"No cell of {parameters.cell:g} m has {parameters.minimum_points} or more points in both epochs; "
+            f"No cell of {grid.cell:g} m has {parameters.minimum_points} or more points in both epochs; "
             "use a larger cell or fewer points a cell."
-        )
-    if max(first.degrees.max(), second.degrees.max()) <= 0:
-        raise InputError(
-            f"No cell of {parameters.cell:g} m holds two points of an epoch, so that their scatter and the level of "
-            "detection cannot be told; use a larger cell."
         )
     here = np.flatnonzero(both)
     surfaces = [(cells.cell, cells.height) for cells in (first, second)]
     slope = slope_degrees(gradient_at(here, surfaces, grid))
-    squares = _squared_error(first, both) + _squared_error(second, both)
+    if max(first.degrees.max(), second.degrees.max()) > 0:
+        squares = _squared_error(first, both) + _squared_error(second, both)
+    elif (stated := stated_error(parameters)) is not None:
+        # without two points in any cell there is no scatter, and nothing to calibrate it on
+        squares, parameters = np.full(here.size, stated**2), replace(parameters, calibrate=False)
+    else:
+        raise InputError(
+            f"No cell of {grid.cell:g} m holds two points of an epoch, so that their scatter and the level of "
+            "detection cannot be told; use a larger cell."
+        )
     height_from, height_to = (cells.on_grid(cells.height) for cells in (first, second))
     return _judged(
         _Compared(
@@ -269,8 +286,8 @@ def difference_of_blocks(
     valid = cells.block >= 0
     if not valid.any():
         raise InputError(
-            f"No cell of up to {parameters.largest_cell:g} m has enough points in both epochs for its surface to be "
-            "compared; use a larger largest_cell."
+            f"No cell that grew from {grid.cell:g} m has enough points in both epochs for its surface to be "
+            "compared; check that both cover the same slope, or use a larger cell or largest_cell."
         )
     common = _common(*(own >= parameters.minimum_points for own in cells.points))
     return _judged(
@@ -303,12 +320,12 @@ class _Compared:
     dz: Float
     sampling: Float
     slope: Float
-    counts: tuple[NDArray[np.int64], NDArray[np.int64]]
+    counts: tuple[NDArray[np.signedinteger[Any]], NDArray[np.signedinteger[Any]]]
     heights: tuple[Float, Float]
     common: float
-    block: NDArray[np.int64] | None = None
+    block: NDArray[np.signedinteger[Any]] | None = None
     cell_size: Float | None = None
-    own_points: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
+    own_points: tuple[NDArray[np.signedinteger[Any]], NDArray[np.signedinteger[Any]]] | None = None
     plants: PlantCells | None = None
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .cell_slope import Counts
 from .change import Change
 
 
@@ -30,17 +30,19 @@ def cell_that_compares(change: Change, share: float = 0.8) -> float | None:
     return None
 
 
-def compared_share(change: Change, block: float = 1.0) -> float:
-    """Area of the common cells over the area that either epoch reached, in blocks of at least ``block`` metres."""
+def compared_share(change: Change, block: float = 1.0, *, both: bool = False) -> float:
+    """Area of the common cells over the area that either epoch, or ``both``, reached, in blocks of at least ``block``
+    metres.
+    """
     multiple = max(1, math.ceil(block / change.grid.cell - 1e-9))
-    first, second = (_blocks(count, multiple) for count in change.points)
-    reached = (first + second) > 0
-    return min(1.0, float(change.valid.sum() / (reached.sum() * multiple**2)))
+    first, second = (_blocks(count, multiple) > 0 for count in change.points)
+    reached = first & second if both else first | second
+    return min(1.0, float(change.valid.sum() / max(int(reached.sum()) * multiple**2, 1)))
 
 
-def _blocks(count: NDArray[np.int64], multiple: int) -> NDArray[np.int64]:
+def _blocks(count: Counts, multiple: int) -> Counts:
     """Points in blocks of ``multiple`` by ``multiple`` cells."""
     rows = np.arange(0, count.shape[0], multiple)
     columns = np.arange(0, count.shape[1], multiple)
-    blocks: NDArray[np.int64] = np.add.reduceat(np.add.reduceat(count, rows, axis=0), columns, axis=1)
+    blocks: Counts = np.add.reduceat(np.add.reduceat(count, rows, axis=0), columns, axis=1)
     return blocks

@@ -22,6 +22,7 @@ from .zones import Zones
 
 # Cells below the level lose this share of their colour, so that the coloured ones stand out.
 _FADE = 0.6
+_AT_ONCE = 1_000_000  # pixels that are coloured at a time
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # ITU-R BT.709
 
 
@@ -119,24 +120,45 @@ def make_heatmap(
         limit = colour_limit(dz[shown], parameters.colour_range, level=level)
     row, column = _nearest_cells(view.grid, grid)
     inside = ((row >= 0) & (row < grid.rows))[:, np.newaxis] & ((column >= 0) & (column < grid.columns))
-    window = np.ix_(np.clip(row, 0, grid.rows - 1), np.clip(column, 0, grid.columns - 1))
-    coloured = shown[window] & inside
-    measured = np.isfinite(dz)[window] & inside
+    row, column = np.clip(row, 0, grid.rows - 1), np.clip(column, 0, grid.columns - 1)
+    rgba = np.zeros((*view.grid.shape, 4), dtype=np.uint8)
+    greys = []
+    lines = max(1, _AT_ONCE // max(view.grid.columns, 1))
+    for top in range(0, view.grid.rows, lines):
+        part = slice(top, top + lines)
+        window = np.ix_(row[part], column)
+        found = np.where(inside[part], dz[window], np.nan)
+        rgba[part], grey = _laid_over(view.rgba[part], found, shown[window], limit, parameters.opacity)
+        greys.append(grey)
+    grey = np.concatenate(greys)
+    backdrop = float(grey.mean()) if grey.size else 255.0
+    return Heatmap(rgba, view.grid, limit, level, parameters.opacity, backdrop, int(shown.sum()))
+
+
+def _laid_over(
+    view: NDArray[np.uint8], dz: NDArray[np.floating], shown: NDArray[np.bool_], limit: float, opacity: float
+) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """Some lines of the heatmap (rows, columns, 4), and the greys (n,) of the top view's pixels in them.
+
+    Args:
+        dz: change below each pixel, NaN without; ``shown`` where it is significant.
+    """
+    measured = np.isfinite(dz)
+    coloured = shown & measured
     below = measured & ~coloured
-    seen = view.rgba[..., 3] > 0
-    base = view.rgba[..., :3].astype(np.float32)
+    seen = view[..., 3] > 0
+    base = view[..., :3].astype(np.float32)
     # no top view there: the overlay alone, as if over white
     base[measured & ~seen] = 255.0
     grey = (base @ _LUMINANCE)[..., np.newaxis]
-    backdrop = float(grey[seen].mean()) if seen.any() else 255.0
-    colours = diverging_colours(dz[window][coloured], limit).astype(np.float32)
-    base[coloured] = grey[coloured] + parameters.opacity * (colours - grey[coloured])
-    base[below] = veiled(base[below] + _FADE * (grey[below] - base[below]), parameters.opacity)
-    rgba = np.zeros((*view.grid.shape, 4), dtype=np.uint8)
+    colours = diverging_colours(dz[coloured], limit).astype(np.float32)
+    base[coloured] = grey[coloured] + opacity * (colours - grey[coloured])
+    base[below] = veiled(base[below] + _FADE * (grey[below] - base[below]), opacity)
+    rgba = np.zeros((*dz.shape, 4), dtype=np.uint8)
     rgba[..., :3] = np.rint(base)
     rgba[..., 3] = np.where(seen | measured, 255, 0)
     rgba[rgba[..., 3] == 0] = 0
-    return Heatmap(rgba, view.grid, limit, level, parameters.opacity, backdrop, int(shown.sum()))
+    return rgba, grey[seen][:, 0]
 
 
 def write_heatmap_png(

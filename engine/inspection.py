@@ -16,6 +16,7 @@ from .clouds import copy_with, open_cloud, read_cloud
 from .dating import check_days
 from .earlier_results import refuse_results
 from .earlier_reviews import EarlierReviews
+from .early_memory import refuse_grid_early
 from .epoch_screening import (
     SCREENING_OUTPUTS,
     EpochScreening,
@@ -163,6 +164,7 @@ def inspect_slope(
     if len(epochs) == 2:
         require_comparable(epochs[0].path, epochs[1].path, settings.inputs)
         refuse_other_raw_heights(epochs[0].path, epochs[1].path, settings.inputs, settings.registration)
+        refuse_grid_early([e.path for e in epochs], settings.inputs, settings.change, roi)
     lines: tuple[ProfileLine, ...] = ()
     if profiles is not None and len(epochs) == 1:
         raise InputError("--profiles was given with one epoch; profiles show the change between two, so give both.")

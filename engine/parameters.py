@@ -17,6 +17,10 @@ from typing import Any, TypeVar
 T = TypeVar("T", bound="ParameterSet")
 
 
+AUTO = "auto"
+"""The word for a number that the data decide, 0 in the parameter groups."""
+
+
 class ParameterError(ValueError):
     """A parameter has a value that it cannot take; the message names it, its value and its bounds."""
 
@@ -27,6 +31,8 @@ class Specification:
 
     ``kind`` is the Python type (bool, int, float or str); ``choices`` is empty unless the value is one of a list;
     ``minimum`` and ``maximum`` are inclusive; ``help`` says what the parameter does and what larger values change.
+    ``automatic`` is the least number that stands for itself where 0, or the word auto, leaves the choice to the data;
+    None where there is no such choice.
     """
 
     name: str
@@ -39,10 +45,12 @@ class Specification:
     maximum: float | None
     choices: tuple[str, ...]
     advanced: bool
+    automatic: float | None = None
 
     @property
     def label_with_unit(self) -> str:
-        return f"{self.label} ({self.unit})" if self.unit else self.label
+        label = self.label if self.automatic is None else f"{self.label}, 0 for {AUTO}"
+        return f"{label} ({self.unit})" if self.unit else label
 
     @property
     def option(self) -> str:
@@ -71,7 +79,7 @@ class Specification:
             elif self.kind is float:
                 if isinstance(value, bool):
                     raise ValueError
-                value = float(value)
+                value = 0.0 if self.automatic is not None and value == AUTO else float(value)
                 if not math.isfinite(value):
                     raise ValueError
             elif not isinstance(value, str):
@@ -79,6 +87,7 @@ class Specification:
         except (TypeError, ValueError, OverflowError):
             raise ParameterError(f"{self.name} is {value!r}; give {self._domain()}") from None
         below = self.minimum is not None and value < self.minimum
+        below = below or (self.automatic is not None and 0 < value < self.automatic)
         above = self.maximum is not None and value > self.maximum
         if below or above or (self.choices and value not in self.choices):
             raise ParameterError(f"{self.name} is {value!r}; give {self._domain()}")
@@ -89,6 +98,8 @@ class Specification:
             return "one of " + ", ".join(self.choices)
         noun = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}[self.kind]
         unit = f" {self.unit}" if self.unit else ""
+        if self.automatic is not None:
+            return f"{noun} from {self.automatic:g} to {self.maximum:g}{unit}, or {AUTO}"
         if self.minimum is not None and self.maximum is not None:
             return f"{noun} from {self.minimum:g} to {self.maximum:g}{unit}"
         if self.minimum is not None:
@@ -106,6 +117,7 @@ def _parameter(
     maximum: float | None = None,
     choices: tuple[str, ...] = (),
     advanced: bool = False,
+    automatic: float | None = None,
 ) -> Any:
     return field(
         default=default,
@@ -117,6 +129,7 @@ def _parameter(
             "maximum": maximum,
             "choices": choices,
             "advanced": advanced,
+            "automatic": automatic,
         },
     )
 
@@ -140,6 +153,13 @@ class ParameterSet:
         return tuple(
             Specification(name=f.name, kind=type(f.default), default=f.default, **f.metadata) for f in fields(cls)
         )
+
+    def named(self) -> dict[str, Any]:
+        """The values by name; what is left to the data as the word for it."""
+        values = {s.name: (s, getattr(self, s.name)) for s in self.specifications()}
+        every = {f.name: getattr(self, f.name) for f in fields(self)}
+        left = {name for name, (s, value) in values.items() if s.automatic is not None and value == 0}
+        return {name: AUTO if name in left else value for name, value in every.items()}
 
     @classmethod
     def build(cls: type[T], values: Mapping[str, Any] | None = None, profile: str = "default") -> T:
@@ -418,13 +438,14 @@ class GridChangeParameters(ParameterSet):
     """Gridding and differencing of registered ground clouds in cells of one size, as a series takes them."""
 
     cell: float = _parameter(
-        0.1,
+        0.0,
         "Cell size",
         "Side of a grid cell; where cells grow, of the smallest. Larger is less noisy and covers more, smaller shows "
-        "finer change.",
+        "finer change. auto: about as far as the points of the sparser survey are apart (0.1, 0.2, 0.5, 1, 2 or 5 m).",
         unit="m",
-        minimum=0.005,
+        minimum=0.0,
         maximum=100.0,
+        automatic=0.005,
     )
     cell_value: str = _parameter(
         "plane",
@@ -545,14 +566,17 @@ class ChangeParameters(GridChangeParameters):
         advanced=True,
     )
     largest_cell: float = _parameter(
-        1.6,
+        0.0,
         "Largest cell",
         "No cell grows beyond it, whatever its level of detection. Larger compares more of sparse ground and blurs "
-        "its change more. Has no effect on cells that do not grow.",
+        "its change more. auto: 1.6 m, or what comes next in steps of twice the cell; larger where the surveys are too "
+        "sparse for most of such cells, and then only where smaller ones have too few points. Has no effect on cells "
+        "that do not grow.",
         unit="m",
-        minimum=0.01,
+        minimum=0.0,
         maximum=200.0,
         advanced=True,
+        automatic=0.01,
     )
 
     @property
@@ -564,7 +588,7 @@ class ChangeParameters(GridChangeParameters):
         """Why cells cannot grow with these settings, in a sentence; empty where they can."""
         if self.cell_value != "plane":
             return "Cells have one size: their heights are means (cell_value), which is for cells of one size."
-        if self.largest_cell < 2 * self.cell * (1 - 1e-9):
+        if 0 < self.largest_cell < 2 * self.cell * (1 - 1e-9):
             return (
                 f"Cells have one size: {self.cell:g} m leave no room to grow within a largest_cell of "
                 f"{self.largest_cell:g} m."

@@ -189,6 +189,7 @@ def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:
         "common_cell_rate": change.common_cell_rate,
         "common_area_m2": float(change.valid.sum() * area),
         "compared_share": compared_share(change),
+        "overlap_compared_share": compared_share(change, both=True),
         "lod_median_m": change.median_level,
         "confidence": change.confidence,
         "registration_error_m": change.registration_error,

@@ -19,6 +19,7 @@ from pyproj import CRS
 from .crs import horizontal
 from .errors import EngineError, InputError
 from .gridding import Grid
+from .number_text import fixed
 from .outputs import Stage, atomic_output
 from .profile_lines import GIVEN, ProfileLine
 from .vectors import write_layer
@@ -194,7 +195,7 @@ def _csv(profiles: Sequence[Profile]) -> str:
 
 
 def _texts(values: NDArray[np.floating], digits: int) -> list[str]:
-    return ["" if v != v else f"{v:.{digits}f}" for v in values.tolist()]
+    return ["" if v != v else fixed(v, digits) for v in values.tolist()]
 
 
 def _rounded(value: float) -> float:

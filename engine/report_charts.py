@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from .map_parts import INK, Sheet
+from .number_text import fixed
 from .palette import BELOW_LEVEL, DIVERGING, hexadecimal
 from .report_pictures import Picture, drawing
 
@@ -86,8 +87,8 @@ def stable_histogram(record: Mapping[str, Any]) -> Picture | None:
     axes.set_ylabel("cells", fontproperties=sheet.fonts(8), color=INK)
     return drawing(
         figure,
-        f"Histogram of the elevation change on stable ground: median {facts['median_m']:+.4f} m, spread (NMAD) "
-        f"{spread:.3f} m, with the normal distribution of these figures",
+        f"Histogram of the elevation change on stable ground: median {fixed(facts['median_m'], 4, sign=True)} m, "
+        f"spread (NMAD) {spread:.3f} m, with the normal distribution of these figures",
     )
 
 
@@ -111,7 +112,9 @@ def profile_chart(facts: Mapping[str, Any], columns: Mapping[str, Column] | None
     figure.align_ylabels([above, below])
     lowest, highest = facts["dz_min_m"], facts["dz_max_m"]
     told = (
-        "no ground that both surveys measured" if lowest is None else f"change from {lowest:+.3f} to {highest:+.3f} m"
+        "no ground that both surveys measured"
+        if lowest is None
+        else f"change from {fixed(lowest, 3, sign=True)} to {fixed(highest, 3, sign=True)} m"
     )
     return drawing(
         figure,
@@ -164,7 +167,7 @@ def course_chart(record: Mapping[str, Any]) -> Picture | None:
     )  # fmt: skip
     figure.align_ylabels([above, below])
     ends = "; ".join(
-        f"{name} {row['dz_mean_m']:+.3f} m and {row['vol_net_m3']:+.2f} m³"
+        f"{name} {fixed(row['dz_mean_m'], 3, sign=True)} m and {fixed(row['vol_net_m3'], 2, sign=True)} m³"
         for name in names
         for row in [r for r in course[name] if "dz_mean_m" in r][-1:]
     )

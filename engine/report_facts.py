@@ -44,6 +44,7 @@ def change_facts(
         "days": days,
         "reference_system": {"name": crs.name, "epsg": crs.to_epsg()},
         "grid": {"cell_m": change.grid.cell, "rows": change.grid.rows, "columns": change.grid.columns},
+        "cell": None if change.choice is None else change.choice.facts(),
         "cell_sizes": cell_sizes(change),
         "colour_limit_m": limit,
         "uniform_dz_m": change.uniform_dz,
@@ -157,7 +158,7 @@ def cell_sizes(change: Change) -> list[dict[str, Any]]:
     return rows
 
 
-def density(count: NDArray[np.int64], grid: Grid) -> dict[str, Any]:
+def density(count: NDArray[np.signedinteger[Any]], grid: Grid) -> dict[str, Any]:
     """Ground points of one epoch a square metre of the map, over the blocks (of a metre at least) that it reached."""
     blocks = points_a_square_metre(count.astype(np.float64), grid)
     reached = blocks[blocks > 0]

@@ -7,6 +7,8 @@ from typing import Any
 
 from markupsafe import Markup
 
+from .number_text import digits_for_error, fixed
+
 #: A key of the record, or several in a row.
 Key = str | int | tuple[str | int, ...]
 #: What stands where a figure is not known.
@@ -62,12 +64,18 @@ class Figures:
     def with_error(
         self, place: tuple[Key, ...], error: tuple[Key, ...], unit: str = "", digits: int = 3, **more: Any
     ) -> Markup:
-        """A figure with its standard error: 1.23 ± 0.04 m³; without the error where that is not known."""
-        value = self(*place, digits=digits, **more)
-        if self.value(*error) is None or value == UNKNOWN:
+        """A figure with its standard error: 1.23 ± 0.04 m³; without the error where that is not known, or nothing.
+
+        Both have more decimals where the error would else be rounded to zero.
+        """
+        scale = more.get("scale", 1.0)
+        uncertain = self.value(*error)
+        known = isinstance(uncertain, (int, float)) and math.isfinite(uncertain)
+        digits = digits_for_error(uncertain * scale, digits) if known else digits
+        if not known or round(uncertain * scale, digits) <= 0 or self(*place) == UNKNOWN:
             return self(*place, unit=unit, digits=digits, **more)
         return Markup("{}&nbsp;±&nbsp;{}").format(
-            value, self(*error, unit=unit, digits=digits, scale=more.get("scale", 1.0))
+            self(*place, digits=digits, **more), self(*error, unit=unit, digits=digits, scale=scale)
         )
 
     def percent(self, *place: Key, digits: int = 0) -> Markup:
@@ -82,9 +90,4 @@ def _flat(place: tuple[Any, ...]) -> tuple[str | int, ...]:
 
 def number(value: float, digits: int, *, sign: bool = False, grouped: bool = True) -> str:
     """``value`` with thousands set apart by commas and a true minus; a zero has no sign."""
-    text = f"{value:,.{digits}f}" if grouped else f"{value:.{digits}f}"
-    if not any(c in "123456789" for c in text):
-        return text.removeprefix("-")
-    if text.startswith("-"):
-        return "\u2212" + text[1:]
-    return f"+{text}" if sign else text
+    return fixed(value, digits, sign=sign, grouped=grouped).replace("-", "\u2212")

@@ -49,7 +49,7 @@ class RunRecord:
         self.started = datetime.now(timezone.utc)
         self._clock = time.monotonic()
         self.command = command
-        self.parameters = {name: dataclasses.asdict(group) for name, group in parameters.items()}
+        self.parameters = {name: group.named() for name, group in parameters.items()}
         self.inputs: list[dict[str, Any]] = []
         self.stages: list[dict[str, Any]] = []
         self.metrics: dict[str, Any] = {}
@@ -157,7 +157,7 @@ def plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         return plain(value.item())
     if isinstance(value, float):
-        return value if math.isfinite(value) else None
+        return value + 0.0 if math.isfinite(value) else None  # + 0.0: no minus zero
     if isinstance(value, Path):
         return str(value)
     return value

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from .gridding import Float
+from .number_text import fixed
 from .plant_cover import PlantCells
 
 PLANTS = 0.05
@@ -84,8 +85,8 @@ class Season:
     def _measured(self) -> str:
         if self.dz_plants is None:
             return ""
-        bare = "" if self.dz_bare is None else f", bare ground by {self.dz_bare:+.3f} m"
-        return f" (ground with plants changed by {self.dz_plants:+.3f} m at the median{bare})"
+        bare = "" if self.dz_bare is None else f", bare ground by {fixed(self.dz_bare, 3, sign=True)} m"
+        return f" (ground with plants changed by {fixed(self.dz_plants, 3, sign=True)} m at the median{bare})"
 
     def facts(self) -> dict[str, Any]:
         """For the run record."""

@@ -20,6 +20,7 @@ from .change import Change, difference_of_cells
 from .dating import check_days
 from .earlier_results import earlier_series, refuse_another_series, refuse_results
 from .earlier_reviews import EarlierReviews
+from .early_memory import refuse_grid_early
 from .epochs import Epoch
 from .errors import InputError
 from .gridding import Grid
@@ -145,10 +146,11 @@ def monitor_series(
     check_days(epochs, trusted=settings.dates.trust_dates, progress=progress)
     for epoch in epochs[1:]:
         require_comparable(epochs[0].path, epoch.path, settings.inputs)
+    refuse_grid_early([epochs[0].path], settings.inputs, settings.change, roi)
     with staged_outputs(output_dir) as stage:
         task = Task(epochs, hashes, settings, roi, stable, others["roi"], others["stable"], program, stage)
         with progress.stage(0.0, 0.7), record.stage("surveys") as entry:
-            gridded, grid, crs = prepare_epochs(task, progress)
+            gridded, grid, crs, choice = prepare_epochs(task, progress)
             entry["epochs"] = {g.epoch.name: g.facts | {"made": g.made} for g in gridded}
         area = stable_area(stable, crs, progress)
         with progress.stage(0.7, 0.85, "comparing"), record.stage("change"):
@@ -173,6 +175,7 @@ def monitor_series(
         zones = zone_rows(frame, REPORTED)
         record.facts |= {
             "run_id": run_id,
+            "cell": choice.facts(),
             "limits": limits,
             "alerts": [plain(row) for row in table],
             "transforms": {g.epoch.name: g.transform.matrix for g in gridded},

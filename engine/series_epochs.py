@@ -14,8 +14,9 @@ from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
 from .change import epoch_cells
+from .chosen_cell import CellChoice, choose_cell, with_cell
 from .clouds import PointCloud, read_cloud
-from .common_grid import common_grid
+from .common_grid import affordable, common_grid
 from .epochs import Epoch
 from .errors import InputError
 from .gridding import CellStatistics, Grid
@@ -111,8 +112,8 @@ class NamedProgress(Progress):
         self._share.show(level, message)
 
 
-def prepare_epochs(task: Task, progress: Progress) -> tuple[list[GriddedEpoch], Grid, CRS]:
-    """Every survey's cells, the first one's grid, and the reference system.
+def prepare_epochs(task: Task, progress: Progress) -> tuple[list[GriddedEpoch], Grid, CRS, CellChoice]:
+    """Every survey's cells, the first one's grid, the reference system, and how the cell came about.
 
     Raises:
         InputError: a cloud cannot be used, or it does not overlap the first; the message names it.
@@ -123,13 +124,19 @@ def prepare_epochs(task: Task, progress: Progress) -> tuple[list[GriddedEpoch], 
     with progress.stage(0.0, 0.6, "extracting the ground"):
         grounds = _grounds(task, store, shares)
     first = _ground_cloud(task, 0, grounds[0], shares[0])
-    grid = common_grid(first.xyz, first.xyz, task.settings.change, plants=first.plants is not None)
+    told = first.plants is not None
+    choice = affordable(
+        choose_cell((first.xyz,), task.settings.change), (first.xyz,), task.settings.change, plants=told
+    )
+    if choice.automatic:
+        progress.info(choice.sentence)
+    grid = common_grid(first.xyz, first.xyz, with_cell(task.settings.change, choice), plants=told)
     found = []
     for number in range(len(task.epochs)):
         low, high = (0.6 + 0.4 * n / len(task.epochs) for n in (number, number + 1))
         with progress.stage(low, high, f"{task.epochs[number].name}: registering and gridding"):
             found.append(_gridded(task, number, grounds, first, grid, store, shares[number]))
-    return found, grid, first.crs
+    return found, grid, first.crs, choice
 
 
 def _grounds(task: Task, store: Store, shares: list[Progress]) -> list[Entry | None]:

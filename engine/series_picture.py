@@ -12,6 +12,7 @@ from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from .number_text import fixed
 from .outputs import atomic_output
 from .palette import DIVERGING, colour_limit, hexadecimal
 from .series_tables import About, zone_polygon
@@ -90,7 +91,8 @@ def _chart(axes, zones: Sequence[ZoneSeries], about: About) -> None:  # type: ig
         label = zone.track.zone_id
         if zone.velocity is not None:
             v = zone.velocity
-            label += f": {1000 * v.rate:+.2f} mm/day ({1000 * v.low:+.2f} to {1000 * v.high:+.2f})"
+            rate, low, high = (fixed(1000 * value, 2, sign=True) for value in (v.rate, v.low, v.high))
+            label += f": {rate} mm/day ({low} to {high})"
         axes.errorbar(
             [about.dates[i] for i in known],
             zone.change[known],

@@ -153,7 +153,8 @@ def series_csv(frame: gpd.GeoDataFrame) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(SERIES_FIELDS)
     for row in frame[list(SERIES_FIELDS)].itertuples(index=False):
-        writer.writerow(["" if pd.isna(value) else value for value in row])
+        # + 0.0: no minus zero
+        writer.writerow(["" if pd.isna(v) else v + 0.0 if isinstance(v, float) else v for v in row])
     return text.getvalue()
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .blocks import Blocks, first_cells
 from .cell_slope import Float
 from .gridding import on_grid
 from .parameters import GridChangeParameters
@@ -51,7 +52,7 @@ def judge(
     registration_error: float,
     uniform: bool = False,
     given: NDArray[np.bool_] | None = None,
-    block: NDArray[np.int64] | None = None,
+    block: Blocks | None = None,
     size: Float | None = None,
     plants: PlantCells | None = None,
 ) -> Judgement:
@@ -86,7 +87,7 @@ def judge(
             registration_error *= float(np.median(cosine[valid]))
     by_plants = None if plants is None else plants.error
     here = np.flatnonzero(valid)
-    first = _first_of_blocks(block, dz.shape)
+    first = np.ones(dz.shape, dtype=bool) if block is None else first_cells(block)
     found = np.zeros(dz.shape, dtype=bool)
     if not uniform:
         if block is None:
@@ -144,13 +145,3 @@ def _with_other_slopes(given: NDArray[np.bool_], found: NDArray[np.bool_], slope
     low, high = np.quantile(inside, [0.02, 0.98]) + np.array([-_APART, _APART])
     with np.errstate(invalid="ignore"):
         return given | (found & ((slope < low) | (slope > high)))
-
-
-def _first_of_blocks(block: NDArray[np.int64] | None, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """The first cell of each block, which stands for all: one sample, not many."""
-    if block is None:
-        return np.ones(shape, dtype=bool)
-    first = np.zeros(block.size, dtype=bool)
-    numbers, places = np.unique(block.ravel(), return_index=True)
-    first[places[numbers >= 0]] = True
-    return first.reshape(shape)

@@ -35,17 +35,20 @@ def find_stable_blocks(
     scaled = dz[known] / error[known]
     scatter_of_one = adjacent_scatter(scaled, np.flatnonzero(known), slope, block)
     scaled = scaled / scatter_of_one
-    z, shared, own = np.zeros(dz.shape), np.zeros(dz.shape), known.astype(np.float64)
-    if alike is not None:
-        scaled, shared[known] = with_alike(scaled, alike[known] / (error[known] * scatter_of_one))
-        own = np.where(known, 1.0 - shared**2, 0.0)
-    z[known] = clipped(scaled, shared[known])
-    least = 2 * round(REACH / cell) + 1
-    number = sums_around(own, block, _WINDOW, least)
-    if alike is not None:
-        number += sums_around(shared, block, _WINDOW, least) ** 2
-    total = sums_around(z, block, _WINDOW, least)
-    moved = np.where(known, np.abs(total) / np.sqrt(np.maximum(number, 1.0)), 0.0)
+    z, least = np.zeros(dz.shape), 2 * round(REACH / cell) + 1
+    of_cells: Float | float = 0.0
+    if alike is None:
+        number = sums_around(known, block, _WINDOW, least)[known]
+    else:
+        scaled, of_cells = with_alike(scaled, alike[known] / (error[known] * scatter_of_one))
+        shared, own = np.zeros(dz.shape), np.zeros(dz.shape)
+        shared[known], own[known] = of_cells, 1.0 - of_cells**2
+        number = sums_around(own, block, _WINDOW, least)[known]
+        number += sums_around(shared, block, _WINDOW, least)[known] ** 2
+    z[known] = clipped(scaled, of_cells)
+    total = sums_around(z, block, _WINDOW, least)[known]
+    moved = z
+    moved[known] = np.abs(total) / np.sqrt(np.maximum(number, 1.0))
     side = block_sides(block)
     stable = known
     for _ in range(ROUNDS):

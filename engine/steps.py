@@ -242,6 +242,7 @@ def change_step(
                 report_parameters=settings.report,
                 reviews=reviews,
             )
+        del a, b, picture, change  # the report reads the files
         outputs = products.outputs | {"run": stage.final("run.json")}
         record.metrics = products.figures
         record.facts |= products.facts | {"run_id": context.run_id}

@@ -37,6 +37,18 @@ def quantile(confidence: float) -> float:
     return NormalDist().inv_cdf((1 + confidence) / 2)
 
 
+def stated_error(parameters: GridChangeParameters) -> float | None:
+    """Standard error (m) that a threshold states for every cell, whose points then need not tell one; else None.
+
+    The propagated errors of both surveys, or the one whose level is the constant level.
+    """
+    if parameters.threshold == "propagated":
+        return math.hypot(parameters.error_from, parameters.error_to)
+    if parameters.threshold == "constant":
+        return parameters.constant_level / quantile(parameters.confidence)
+    return None
+
+
 def decide(dz: Float, error: Float, parameters: GridChangeParameters, block: Blocks | None = None) -> Decision:
     """Apply ``parameters.threshold`` to the change ``dz`` with standard error ``error`` (both metres, NaN: no data).
 

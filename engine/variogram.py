@@ -21,6 +21,8 @@ from .gridding import Float
 
 FEWEST_CELLS = 500
 """With fewer values no variogram is told."""
+FEWEST_LAGS = 3
+"""With fewer classes of distance that hold pairs no model is fitted: a nugget and a structure have three numbers."""
 _LARGEST_LATTICE = 1 << 20  # cells; larger grids are thinned for the longer lags
 _NEAR = 6  # cells: lags below are measured on the grid as it is
 _BOX = 128  # cells a side, beyond which sums are taken over blocks of cells
@@ -30,6 +32,9 @@ _WINSOR = 5.0  # robust standard deviations
 @dataclass(frozen=True)
 class EmpiricalVariogram:
     """Semivariance in classes of distance.
+
+    Only classes that hold pairs are in it: values that lie far apart, as those of grown cells do, leave short lags
+    empty. There may be none.
 
     Attributes:
         lag: (n,) mean distance of the pairs of a class, m.
@@ -103,18 +108,21 @@ def empirical_variogram(values: Float, cell: float) -> EmpiricalVariogram:
     if cells < FEWEST_CELLS:
         raise ValueError(f"{cells} values are too few for a variogram")
     values, known = _bounding_box(values, known)
-    middle = float(np.median(values[known]))
-    spread = 1.4826 * float(np.median(np.abs(values[known] - middle)))
+    drawn_in = values[known]
+    middle = float(np.median(drawn_in))
+    spread = 1.4826 * float(np.median(np.abs(drawn_in - middle)))
     limit = _WINSOR * spread if spread > 0 else np.inf
-    z = np.clip(np.nan_to_num(values) - middle, -limit, limit)
-    z = np.where(known, z - z[known].mean(), 0.0)
+    drawn_in = np.clip(drawn_in - middle, -limit, limit)
+    z = np.zeros(known.shape)
+    z[known] = drawn_in - drawn_in.mean()
     step = max(1, int(np.ceil(np.sqrt(z.size / _LARGEST_LATTICE))))
     largest = max(min(z.shape) / 2.0, 2.0)
-    parts = [_pairs_by_fourier(z[::step, ::step], known[::step, ::step], largest / step, step)]
+    thinned = _thinned(known, step)
+    parts = [_pairs_by_fourier(z[thinned], known[thinned], largest / step, step)]
     if step > 1:
         parts = [parts[0][:, parts[0][0] > _NEAR], _near_pairs(z, known)]
     distance, squares, products, pairs = np.concatenate(parts, axis=1)
-    which = np.digitize(distance, _class_edges(float(distance.max())))
+    which = np.digitize(distance, _class_edges(float(distance.max(initial=0.0))))
     # where cells grew, near ones have no pairs
     filled = np.flatnonzero(np.bincount(which, pairs) > 0)
     count, apart, square, product = (
@@ -136,7 +144,12 @@ def fit_variogram(empirical: EmpiricalVariogram) -> VariogramModel:
     Least squares with the weights of Cressie (1985, doi:10.1007/BF01032109): pairs over the squared semivariance. The
     parts are not negative; ranges are tried in steps of a quarter octave, every pair of them, so that there is no local
     minimum to be caught in.
+
+    Raises:
+        ValueError: fewer than ``FEWEST_LAGS`` classes of distance.
     """
+    if len(empirical.lag) < FEWEST_LAGS:
+        raise ValueError(f"{len(empirical.lag)} classes of distance are too few for a model of the variogram")
     weight = np.sqrt(empirical.pairs) / np.maximum(empirical.semivariance, 1e-12 + 1e-3 * empirical.variance)
     target = empirical.semivariance * weight
     first, last = float(empirical.lag[0]), float(empirical.lag[-1])
@@ -201,6 +214,17 @@ def _bounding_box(values: Float, inside: NDArray[np.bool_]) -> tuple[Float, NDAr
     return values[box], inside[box]
 
 
+def _thinned(known: NDArray[np.bool_], step: int) -> tuple[slice, slice]:
+    """Every ``step``-th row and column from the first, or from where more than twice as many values lie.
+
+    The values of grown cells lie at multiples of their size; a thinning out of step with these would miss them all.
+    """
+    offsets = [(slice(i, None, step), slice(j, None, step)) for i in range(step) for j in range(step)]
+    counts = [int(np.count_nonzero(known[offset])) for offset in offsets]
+    best = int(np.argmax(counts))
+    return offsets[best] if counts[best] > 2 * counts[0] else offsets[0]
+
+
 def _pairs_by_fourier(z: Float, known: NDArray[np.bool_], largest: float, step: int) -> Float:
     """Of each lag of half of the plane: distance in cells, and over its pairs the sums of (a² + b²) / 2, a b and 1."""
     shape = tuple(fft.next_fast_len(2 * n - 1, real=True) for n in z.shape)
@@ -230,10 +254,12 @@ def _near_pairs(z: Float, known: NDArray[np.bool_]) -> Float:
             a = slice(max(row, 0), z.shape[0] + min(row, 0)), slice(column, None)
             b = slice(max(-row, 0), z.shape[0] + min(-row, 0)), slice(None, z.shape[1] - column)
             both = known[a] & known[b]
+            if not both.any():
+                continue
             one, other = z[a][both], z[b][both]
             squares = float(one @ one + other @ other) / 2.0
             found.append((distance, squares, float(one @ other), float(both.sum())))
-    return np.array(found).T
+    return np.array(found).reshape(-1, 4).T
 
 
 def _class_edges(largest: float) -> Float:

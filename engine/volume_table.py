@@ -28,6 +28,7 @@ GROUPS = ("AREAL", "VOLUMETRIC", "VERTICAL AVERAGES", "PERCENTAGES (BY VOLUME)",
 class TableRow:
     """A line of the summary; None where GCD has no value either.
 
+    Where nothing was summed up, ``thresholded`` is 0 and has no error.
     ``standard_error``, ``low_95`` and ``high_95`` (the 95 % interval) and ``error_percent`` belong to ``thresholded``,
     and ``raw_error`` to ``raw``.
     """
@@ -114,7 +115,7 @@ def volume_table(
         area=float(cells.area[known].sum()),
         raw=_budget(cells, known, model),
         thresholded=_budget(cells, known & significant, model),
-        zones_lowering=(-zones.lowering[0], zones.lowering[1]),
+        zones_lowering=(0.0 - zones.lowering[0], zones.lowering[1]),
         zones_raising=zones.raising,
         zones_net=zones.total,
         model=model,
@@ -279,6 +280,9 @@ def _measured(
 ) -> TableRow:
     if value is None or error is None:
         return TableRow(group, quantity, unit, raw, raw_error)
+    if value == 0 and error == 0:
+        # nothing was summed up, of which there could be an error
+        return TableRow(group, quantity, unit, raw, raw_error, 0.0)
     low, high = value - Z95 * error, value + Z95 * error
     percent = None if value == 0 else 100.0 * error / abs(value)
     return TableRow(group, quantity, unit, raw, raw_error, value, error, low, high, percent)
@@ -293,7 +297,7 @@ def _percent(part: float, whole: float) -> float | None:
 
 
 def _rounded(value: Any) -> Any:
-    return round(value, 6) if isinstance(value, float) else value
+    return round(value, 6) + 0.0 if isinstance(value, float) else value  # + 0.0: no minus zero
 
 
 def _text(value: Any) -> str:

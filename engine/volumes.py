@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from .blocks import Blocks, first_cells
 from .gridding import Float
 from .variogram import (
     FEWEST_CELLS,
+    FEWEST_LAGS,
     VariogramModel,
     effective_samples,
     empirical_variogram,
@@ -44,7 +46,7 @@ class Cells:
     error: Float
     area: Float
     cell: float
-    block: NDArray[np.int64] | None = None
+    block: Blocks | None = None
     plants: Float | None = None
     plant_like: NDArray[np.bool_] | None = None
 
@@ -55,19 +57,20 @@ class CorrelationModel:
 
     The error of a cell is its sampling error, alike in near cells by ``variogram``, ``registration_error`` (m), which
     all cells share, and the error by plants, which counts as fully correlated: one season is alike all over. Without a
-    variogram the sampling errors count as fully correlated, which is the largest error possible. ``cells`` is the
-    number of cells of stable ground that it was taken from.
+    variogram the sampling errors count as fully correlated, which is the largest error possible; ``without`` says why.
+    ``cells`` is the number of cells of stable ground that it was taken from.
     """
 
     registration_error: float
     variogram: VariogramModel | None
     cells: int = 0
+    without: str = "too little stable ground for a variogram"
 
     @property
     def name(self) -> str:
         """The model in words."""
         if self.variogram is None:
-            return "fully correlated (too little stable ground for a variogram)"
+            return f"fully correlated ({self.without})"
         return "variogram of stable ground, registration error shared by all cells"
 
     def figures(self) -> dict[str, Any]:
@@ -171,24 +174,33 @@ class ZoneVolumes:
 def fit_correlation(cells: Cells, stable: NDArray[np.bool_], registration_error: float) -> CorrelationModel:
     """The variogram of change over error on ``stable`` cells (rows, columns).
 
+    Too little stable ground, or too few distances in it, leave the model without a variogram.
+
     The change is taken in units of the error without the registration's part, which is one constant for all cells and
     therefore not to be seen in a variogram. Where plants make more of a cell's error than its points, it tells of the
     plants; such cells are left out where enough others are.
     """
     model = CorrelationModel(registration_error, None)
-    sampling = model.sampling_error(np.asarray(cells.error, dtype=np.float64), cells.plants)
-    usable = stable & np.isfinite(cells.dz) & (np.nan_to_num(sampling) > 0)
+    usable = stable & np.isfinite(cells.dz) & np.isfinite(cells.error)
+    plants = None if cells.plants is None else cells.plants[usable]
+    of_usable = model.sampling_error(np.asarray(cells.error[usable], dtype=np.float64), plants)
+    sampling = np.zeros(cells.dz.shape)
+    sampling[usable] = of_usable
+    usable &= sampling > 0
     if cells.block is not None:
-        usable &= _first_of_blocks(cells.block)
+        usable &= first_cells(cells.block) | (cells.block < 0)
     if cells.plants is not None:
-        little = usable & (np.nan_to_num(cells.plants) <= np.nan_to_num(sampling))
+        little = usable & (np.nan_to_num(cells.plants) <= sampling)
         usable = little if int(little.sum()) >= FEWEST_CELLS else usable
     count = int(usable.sum())
     if count < FEWEST_CELLS:
         return CorrelationModel(registration_error, None, count)
     standardised = np.full(cells.dz.shape, np.nan)
     standardised[usable] = cells.dz[usable] / sampling[usable]
-    return CorrelationModel(registration_error, fit_variogram(empirical_variogram(standardised, cells.cell)), count)
+    empirical = empirical_variogram(standardised, cells.cell)
+    if len(empirical.lag) < FEWEST_LAGS:
+        return CorrelationModel(registration_error, None, count, "too few distances between stable cells")
+    return CorrelationModel(registration_error, fit_variogram(empirical), count)
 
 
 def outside(footprints: Sequence[Footprint], valid: NDArray[np.bool_], cell: float) -> NDArray[np.bool_]:
@@ -372,11 +384,3 @@ def _window(cells: Cells, window: tuple[slice, ...]) -> Cells:
     plants = None if cells.plants is None else cells.plants[window]
     plant_like = None if cells.plant_like is None else cells.plant_like[window]
     return Cells(cells.dz[window], cells.error[window], cells.area[window], cells.cell, block, plants, plant_like)
-
-
-def _first_of_blocks(block: NDArray[np.int64]) -> NDArray[np.bool_]:
-    first = np.zeros(block.size, dtype=bool)
-    numbers, places = np.unique(block.ravel(), return_index=True)
-    first[places[numbers >= 0]] = True
-    first |= block.ravel() < 0
-    return first.reshape(block.shape)

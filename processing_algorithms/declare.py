@@ -74,7 +74,7 @@ def from_specification(
 
 def _decimals(specification: Specification) -> int:
     """Decimals that the field shows: enough for the default and the bounds, at least two."""
-    numbers = (specification.default, specification.minimum, specification.maximum)
+    numbers = (specification.default, specification.minimum, specification.maximum, specification.automatic)
     texts = [f"{n:.6f}".rstrip("0").partition(".")[2] for n in numbers if n is not None]
     return max(2, *(len(t) for t in texts))
 

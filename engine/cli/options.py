@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import os
 import sys
 import traceback
 from collections.abc import Callable
@@ -14,7 +16,7 @@ import click
 
 from .. import lifecycle
 from ..errors import EngineError, InputError, SlopeWatchError
-from ..parameters import PROFILES, ParameterError, ParameterSet, Specification
+from ..parameters import AUTO, PROFILES, ParameterError, ParameterSet, Specification
 from .reporting import Reporter, reporter
 
 Command = Callable[..., Any]
@@ -35,19 +37,37 @@ class Session:
         return group.build(self.values, self.profile)
 
 
+class _NumberOrAuto(click.ParamType):
+    """A number, or the word that leaves it to the data, which is 0."""
+
+    name = "number"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        if value == AUTO:
+            return 0.0
+        try:
+            return float(value)
+        except ValueError:
+            self.fail(f"{value!r} is neither a number nor {AUTO}.", param, ctx)
+
+
 def _option(specification: Specification) -> Callable[[Command], Command]:
     name = specification.option
     default: Any = specification.default
     if specification.kind is bool:
         default = "yes" if default else "no"
     unit = f" {specification.unit}" if specification.unit else ""
-    bounds = ""
-    if specification.minimum is not None and specification.maximum is not None and not specification.choices:
-        bounds = f", {specification.minimum:g} to {specification.maximum:g}"
+    bounds, least = "", specification.minimum if specification.automatic is None else specification.automatic
+    if least is not None and specification.maximum is not None and not specification.choices:
+        bounds = f", {least:g} to {specification.maximum:g}"
+    if specification.automatic is not None and default == 0:
+        default, unit, bounds = AUTO, "", f"{bounds}{unit}"
     shown = f"{specification.help}  [default: {default if default != '' else 'none'}{unit}{bounds}]"
     if specification.kind is bool:
         return click.option(f"--{name}/--no-{name}", specification.name, default=None, help=shown)
     kind: Any = {int: int, float: float, str: str}[specification.kind]
+    if specification.automatic is not None:
+        kind = _NumberOrAuto()
     if specification.choices:
         kind = click.Choice(specification.choices)
     metavar = None if specification.choices else (specification.unit or specification.kind.__name__).upper()
@@ -108,12 +128,18 @@ def _run(report: Reporter, debug: bool, work: Callable[[], tuple[dict[str, Path]
         missing = [path for path in outputs.values() if not path.exists()]
         if missing:
             raise EngineError(f"{missing[0]} was promised but does not exist")
-        report.result(outputs, metrics)
+        with contextlib.suppress(BrokenPipeError):  # as by `| head`: all is written, and who reads has read enough
+            report.result(outputs, metrics)
+        _flush_or_drop()
         return 0
     except SlopeWatchError as known:
         error = known
     except ParameterError as wrong:
         error = InputError(f"{wrong}.")
+    except BrokenPipeError:
+        error = EngineError(
+            "Who read the progress, or a program that this run had started, ended early; nothing was written."
+        )
     except MemoryError:
         error = EngineError("Memory ran out; clip the cloud to the slope or use a larger cell.")
     except Exception as unexpected:  # the last resort: an internal failure in one sentence
@@ -124,5 +150,15 @@ def _run(report: Reporter, debug: bool, work: Callable[[], tuple[dict[str, Path]
             f"Internal failure: {type(unexpected).__name__}: {unexpected} "
             f"({Path(place.filename).name}, line {place.lineno}); run again with --debug for details."
         )
-    report.error(error)
+    with contextlib.suppress(BrokenPipeError):
+        report.error(error)
+    _flush_or_drop()
     return error.exit_code
+
+
+def _flush_or_drop() -> None:
+    """Write out what standard output holds; where nobody reads it any more, drop it, so that the exit is quiet."""
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import sys
 import threading
@@ -107,7 +108,7 @@ class JsonReporter(Reporter):
         self._line(event="result", outputs=plain(outputs), metrics=plain(metrics))
 
     def error(self, error: SlopeWatchError) -> None:
-        with self._write_lock:
+        with self._write_lock, contextlib.suppress(BrokenPipeError):
             click.echo(error_event(error))
         super().error(error)
 

@@ -8,17 +8,20 @@ import numpy as np
 import pytest
 import shapely
 from scipy import ndimage
-from slopewatch.engine.adaptive import LEAST_POINTS, adaptive_cells
+from slopewatch.engine import grown_cells
+from slopewatch.engine.adaptive import adaptive_cells
 from slopewatch.engine.change import Change, cells_inside, difference
+from slopewatch.engine.chosen_cell import LEAST_POINTS
 from slopewatch.engine.common_grid import common_grid
 from slopewatch.engine.errors import InputError
 from slopewatch.engine.gridding import cell_index, cell_statistics, snapped_grid
 from slopewatch.engine.moments import cell_moments, merged
 from slopewatch.engine.parameters import ChangeParameters, SurveyParameters
+from slopewatch.engine.plant_cover import PlantCover
 from slopewatch.engine.progress import Progress
 from slopewatch.simulation.survey import simulate_pair
 
-GROWING = ChangeParameters(adaptive=True, calibrate=False)
+GROWING = ChangeParameters(adaptive=True, calibrate=False, cell=0.1, largest_cell=1.6)
 
 
 def surface(x, y):
@@ -350,7 +353,7 @@ def test_heights_of_a_grown_cell_follow_its_plane():
     assert np.nanmax(np.abs(change.dz - 0.2)) < 1e-3
 
 
-@pytest.mark.parametrize("values", [{"cell": 1.0}, {"cell": 0.5, "cell_value": "mean"}])
+@pytest.mark.parametrize("values", [{"cell": 1.0, "largest_cell": 1.6}, {"cell": 0.5, "cell_value": "mean"}])
 def test_cells_that_cannot_grow_have_one_size_and_it_is_said(values):
     class Told(Progress):
         def __init__(self):
@@ -375,14 +378,15 @@ def test_too_few_points_even_for_the_largest_cell_are_refused():
 
 
 def test_the_memory_that_growing_cells_take_counts():
-    """Where cells of one size still fit, growing ones are refused with a cell that fits."""
+    """Where growing cells still fit, cells of one size are refused with a cell that fits, and the other way round."""
     first = epoch(1)
     wide = np.vstack([first, first + [400.0, 400.0, 0.0]])
-    common_grid(wide, wide, ChangeParameters(adaptive=False, memory_limit=8.0))
-    with pytest.raises(InputError, match="cell of at least") as refusal:
-        common_grid(wide, wide, ChangeParameters(adaptive=True, memory_limit=8.0))
-    fits = float(str(refusal.value).split("at least ")[1].split(" m")[0])
-    common_grid(wide, wide, ChangeParameters(adaptive=True, memory_limit=8.0, cell=fits * 1.05))
+    common_grid(wide, wide, ChangeParameters(adaptive=True, memory_limit=4.0, cell=0.1))
+    for adaptive, limit in ((False, 4.0), (True, 2.0)):
+        with pytest.raises(InputError, match="cell of at least") as refusal:
+            common_grid(wide, wide, ChangeParameters(adaptive=adaptive, memory_limit=limit, cell=0.1))
+        fits = float(str(refusal.value).split("at least ")[1].split(" m")[0])
+        common_grid(wide, wide, ChangeParameters(adaptive=adaptive, memory_limit=limit, cell=fits))
 
 
 def test_a_known_change_under_simulated_plants_is_recovered():
@@ -439,8 +443,42 @@ def test_a_clear_change_is_not_blurred_and_unchanged_ground_keeps_its_points(mon
     assert few.min() == 3
     unchanged = fine.valid & (away > 0.3)
     assert np.minimum(fine.count_from, fine.count_to)[unchanged].min() >= LEAST_POINTS
-    monkeypatch.setattr("slopewatch.engine.adaptive.CLEAR", 0.0)
+    monkeypatch.setattr("slopewatch.engine.grown_cells.CLEAR", 0.0)
     blurred = difference(*clouds, GROWING)
     assert np.nanmean(fine.cell_size[rim]) < 0.9 * np.nanmean(blurred.cell_size[rim])
     assert short_by(fine) < 0.8 * short_by(blurred)
     np.testing.assert_allclose(fine.cell_size[unchanged], blurred.cell_size[unchanged])
+
+
+def test_work_in_parts_is_that_on_the_whole(monkeypatch):
+    """A slope turned against north, in parts of 6.4 m: the same blocks, and change to the last digits."""
+    clouds = []
+    for seed in (1, 2):
+        points = epoch(seed)
+        turned = (points[:, :2] * [2.0, 0.4]) @ np.array([[0.8, 0.6], [-0.6, 0.8]])
+        clouds.append(np.column_stack([turned, points[:, 2] - 0.2 * (np.hypot(*(turned - [15, 15]).T) < 2)]))
+    cover = PlantCover(np.linspace(0, 0.05, len(clouds[0])), np.linspace(0, 1, len(clouds[0])))
+    grid = common_grid(*clouds, GROWING)
+    area = shapely.box(*grid.bounds).buffer(-1.0)
+    options = {"plants": (cover, None), "inside": cells_inside(area, grid)}
+    whole = adaptive_cells(*clouds, grid, GROWING, **options)
+    monkeypatch.setattr("slopewatch.engine.adaptive._AT_ONCE", 1)
+    monkeypatch.setattr("slopewatch.engine.adaptive._TILE", 64)
+    grown: list[tuple[int, int]] = []
+
+    def grow(moments, *others):
+        grown.append(moments[0].shape)
+        return grown_cells.grow(moments, *others)
+
+    monkeypatch.setattr("slopewatch.engine.adaptive.grow", grow)
+    parts = adaptive_cells(*clouds, grid, GROWING, **options)
+    assert np.array_equal(parts.block, whole.block)
+    assert whole.block.max() > 1000
+    for name in ("dz", "sampling", "height_from", "height_to", "slope", "cell_size", "count_from", "count_to"):
+        assert np.allclose(getattr(parts, name), getattr(whole, name), rtol=1e-9, atol=1e-9, equal_nan=True), name
+    assert np.array_equal(parts.points[0], whole.points[0])
+    assert np.allclose(parts.plants.error_from, whole.plants.error_from, equal_nan=True)
+    # parts without points of both surveys are left out
+    tiles = -(-grid.rows // 64) * -(-grid.columns // 64)
+    assert 5 < len(grown) < 0.8 * tiles
+    assert max(max(shape) for shape in grown) <= 64 + 2 * 64

@@ -9,7 +9,7 @@ import pytest
 import shapely
 import shapely.affinity
 from slopewatch.engine.change import difference, uniform_shift
-from slopewatch.engine.common_grid import common_grid
+from slopewatch.engine.common_grid import common_grid, memory_needed, slope_area
 from slopewatch.engine.errors import InputError
 from slopewatch.engine.parameters import ChangeParameters
 
@@ -64,8 +64,8 @@ def test_confidence_scales_the_level():
 def test_cells_count_only_with_enough_points_in_both_epochs():
     first = np.array([[0.5, 0.5, 1.0], [0.6, 0.5, 1.0], [1.5, 0.5, 1.0], [2.5, 0.5, 1.0]])
     second = np.array([[0.5, 0.5, 2.0], [0.6, 0.5, 2.0], [1.5, 0.5, 2.0], [1.6, 0.5, 2.0], [3.5, 0.5, 2.0]])
-    loose = difference(first, second, ChangeParameters(cell=1.0))
-    strict = difference(first, second, ChangeParameters(cell=1.0, minimum_points=2))
+    loose = difference(first, second, ChangeParameters(cell=1.0, adaptive=False))
+    strict = difference(first, second, ChangeParameters(cell=1.0, adaptive=False, minimum_points=2))
     assert loose.valid.tolist() == [[True, True, False, False]]
     assert strict.valid.tolist() == [[True, False, False, False]]
     assert loose.common_cell_rate == pytest.approx(2 / 4)
@@ -99,15 +99,32 @@ def test_too_large_a_grid_is_refused_with_a_cell_that_fits():
     common_grid(first, outlier, ChangeParameters(cell=fits * 1.05, memory_limit=0.1))
 
 
-def test_a_grid_too_large_for_growing_cells_alone_says_that_one_size_would_fit():
-    first = epoch(1)
-    far = np.vstack([first, [200.0, 10.0, 100.0]])
-    with pytest.raises(InputError, match="turn off cells that grow, or raise memory_limit"):
-        common_grid(first, far, ChangeParameters(cell=0.1, memory_limit=0.2))
-    common_grid(first, far, ChangeParameters(cell=0.1, memory_limit=0.2, adaptive=False))
-    farther = np.vstack([first, [3e4, 10.0, 100.0]])
-    with pytest.raises(InputError, match=r"at least [\d.]+ m, or raise memory_limit"):
-        common_grid(first, farther, ChangeParameters(cell=0.1, memory_limit=0.2))
+def test_a_slope_turned_against_north_needs_what_it_covers_and_little_for_the_rectangle():
+    """The same area along an axis and turned: the rectangle is 16 times as large, what is needed three times."""
+    rng = np.random.default_rng(0)
+    u, v = rng.uniform(0, 700, 20_000), rng.uniform(0, 30, 20_000)
+    straight = np.column_stack([u, v, 0 * u])
+    turned = np.column_stack([0.8 * u - 0.6 * v, 0.6 * u + 0.8 * v, 0 * u])
+    parameters = ChangeParameters(cell=0.1)
+    areas = [slope_area((cloud, cloud), 0.1) for cloud in (straight, turned)]
+    assert areas == pytest.approx([21_000, 21_000], rel=0.3)
+    needed = []
+    for cloud, area in zip((straight, turned), areas, strict=True):
+        west, south, east, north = *cloud[:, :2].min(axis=0), *cloud[:, :2].max(axis=0)
+        needed.append(memory_needed((west, south, east, north), area, parameters, plants=False))
+    assert needed[0] < 0.8e9
+    assert needed[1] < 4e9
+
+
+def test_a_cell_left_to_the_clouds_becomes_as_large_as_the_memory_needs():
+    first, second = epoch(1, side=40.0, n=160_000), epoch(2, side=40.0, n=160_000)
+    free = difference(first, second, ChangeParameters())
+    assert free.grid.cell == 0.1
+    tight = difference(first, second, ChangeParameters(memory_limit=0.05))
+    assert tight.grid.cell == 0.2
+    assert "of the 0.05 GB allowed" in tight.choice.sentence
+    with pytest.raises(InputError, match=r"more than the 0\.05 GB"):
+        difference(first, second, ChangeParameters(cell=0.1, memory_limit=0.05))
 
 
 def test_uniform_shift_is_told_from_deformation():
@@ -148,6 +165,21 @@ def test_without_two_points_in_any_cell_there_is_no_level_and_so_no_result():
     first = np.array([[0.5, 0.5, 1.0], [5.5, 0.5, 1.0]])
     with pytest.raises(InputError, match="larger cell"):
         difference(first, first + [0.0, 0.0, 3.0], ChangeParameters(cell=1.0))
+
+
+def test_thresholds_that_state_the_error_take_cells_of_one_point():
+    rng = np.random.default_rng(6)
+    x, y = (axis.ravel() + 0.5 for axis in np.meshgrid(np.arange(20.0), np.arange(20.0)))
+    first, second = (np.column_stack([x, y, 0.1 * x + rng.normal(0, 0.01, x.size)]) for _ in range(2))
+    second[x < 5, 2] -= 0.5
+    stated = {"constant": 0.2 / 1.959964, "propagated": np.hypot(0.03, 0.04)}
+    for threshold, error in stated.items():
+        parameters = ChangeParameters(
+            cell=1.0, adaptive=False, threshold=threshold, constant_level=0.2, error_from=0.03, error_to=0.04
+        )
+        change = difference(first, second, parameters)
+        assert np.array_equal(change.significant, np.arange(20)[None, :] * np.ones((20, 1)) < 5)
+        assert change.error[change.valid] == pytest.approx(error, rel=1e-6)
 
 
 def test_the_published_profile_subtracts_the_cells_means_and_calibrates_nothing():

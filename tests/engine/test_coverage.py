@@ -27,3 +27,11 @@ def test_the_cell_that_is_advised_compares_what_it_promises():
     assert compared_share(grown) > 0.9
     assert grown.common_cell_rate == pytest.approx(fine.common_cell_rate, rel=0.01)
     assert compared_share(fine) == pytest.approx(fine.valid.sum() * 0.01 / 400, rel=0.02)
+
+
+def test_what_both_surveys_reached_counts_by_itself():
+    """The second survey ends in the middle: all that both reached is compared, half of what either did."""
+    first, second = slope(1, 4000), slope(2, 4000)
+    change = difference(first, second[second[:, 0] < 10], ChangeParameters(cell=1.0))
+    assert compared_share(change) == pytest.approx(0.5, abs=0.03)
+    assert compared_share(change, both=True) > 0.97

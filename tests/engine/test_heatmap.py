@@ -240,3 +240,12 @@ def test_dates_in_the_title() -> None:
     days = (date(2024, 1, 1).isoformat(), date(2024, 4, 1).isoformat())
     titles = [t.get_text() for t in make_figure(heatmap(change()), epochs=days).texts]
     assert "Elevation change, 2024-01-01\u00a0to\u00a02024-04-01" in titles
+
+
+def test_a_picture_in_lines_is_that_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    dz = change()
+    whole = heatmap(dz)
+    monkeypatch.setattr("slopewatch.engine.heatmap._AT_ONCE", 3 * GRID.columns)
+    lines = heatmap(dz)
+    assert np.array_equal(lines.rgba, whole.rgba)
+    assert lines.backdrop == pytest.approx(whole.backdrop)

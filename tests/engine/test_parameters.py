@@ -91,7 +91,9 @@ def test_cells_grow_by_default_where_they_can():
     assert group().grows
     assert not group(adaptive=False).grows
     assert group(cell=0.8).grows
-    for change, why in ((group(cell=1.0), "1 m leave no room"), (group(cell_value="mean"), "are means")):
+    assert group(cell=1.0).grows
+    one_size = group(cell=1.0, largest_cell=1.6)
+    for change, why in ((one_size, "1 m leave no room"), (group(cell_value="mean"), "are means")):
         assert not change.grows
         assert why in change.why_one_size
 

@@ -127,3 +127,12 @@ def test_no_point_on_the_grid() -> None:
     xyz, rgb = cloud(50)
     view = project(xyz + 1000.0, GRID, rgb=rgb)
     assert not view.rgba.any()
+
+
+def test_relief_in_lines_is_that_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    random = np.random.default_rng(1)
+    heights = 0.1 * random.normal(size=(53, 40)).cumsum(axis=0)
+    heights[random.random(heights.shape) < 0.2] = np.nan
+    whole = shaded_relief(heights, 0.1)
+    monkeypatch.setattr("slopewatch.engine.top_view._AT_ONCE", 7 * 40)
+    assert np.array_equal(shaded_relief(heights, 0.1), whole)

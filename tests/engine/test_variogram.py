@@ -173,3 +173,47 @@ def test_lags_at_which_no_two_cells_lie_are_left_out():
     assert np.isfinite(found.lag).all()
     assert found.lag[0] >= 1.6
     assert fit_variogram(found).variance == pytest.approx(1.0, abs=0.15)
+
+
+def sparse_values(spacing: int, shape: tuple[int, int] = (400, 400), first: int = 0) -> np.ndarray:
+    """Values of variance 1 every ``spacing`` cells, as those of grown cells lie; NaN between."""
+    values = np.full(shape, np.nan)
+    places = values[first::spacing, first::spacing]
+    places[:] = np.random.default_rng(7).normal(size=places.shape)
+    return values
+
+
+@pytest.mark.filterwarnings("error")
+def test_lags_without_pairs_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Values farther apart than the short lags reach, in a grid that is thinned for the long ones."""
+    monkeypatch.setattr(variogram, "_LARGEST_LATTICE", 400 * 400 // 4)
+    found = empirical_variogram(sparse_values(8), CELL)
+    assert np.isfinite(found.semivariance).all()
+    assert (found.pairs > 0).all()
+    assert found.lag[0] >= 8 * CELL
+    model = fit_variogram(found)
+    assert model.variance == pytest.approx(1.0, abs=0.1)
+    assert model.structured(np.array(3.0)) < 0.05
+
+
+def test_a_thinning_does_not_miss_the_values_of_grown_cells(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A single value in the first row and column sets the box; all others lie at odd rows and columns."""
+    monkeypatch.setattr(variogram, "_LARGEST_LATTICE", 400 * 400 // 4)
+    values = sparse_values(8, first=3)
+    values[0, 0] = 0.0
+    found = empirical_variogram(values, CELL)
+    n = int(np.isfinite(values).sum())
+    assert found.pairs.sum() > 0.2 * n * (n - 1) / 2
+
+
+@pytest.mark.filterwarnings("error")
+def test_too_few_lags_give_no_model() -> None:
+    """Values along one line: half of the shorter side is one cell, so that only one class holds pairs."""
+    values = np.random.default_rng(8).normal(size=(1, 600))
+    found = empirical_variogram(values, CELL)
+    assert len(found.lag) < variogram.FEWEST_LAGS
+    with pytest.raises(ValueError, match="too few"):
+        fit_variogram(found)
+    apart = np.full((1, 6000), np.nan)
+    apart[0, ::10] = values[0]
+    assert len(empirical_variogram(apart, CELL).lag) == 0

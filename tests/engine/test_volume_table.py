@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from pathlib import Path
 
 import numpy as np
@@ -124,6 +125,18 @@ def test_nothing_measured_beyond_its_level_leaves_no_percentages() -> None:
     assert found["VOLU Total Net Volume Difference"]["raw_error"] == pytest.approx(
         16 * np.hypot(np.sqrt(0.0024) / 4, 0.01)
     )
+
+
+def test_nothing_summed_up_has_no_error_and_no_sign(tmp_path: Path) -> None:
+    cells = Cells(np.full((4, 4), -1e-9), np.full((4, 4), 0.05), np.ones((4, 4)), 1.0)
+    model = CorrelationModel(0.01, VariogramModel(1.0))
+    found = volume_table(cells, np.zeros((4, 4), dtype=bool), zone_volumes((), cells, model), model)
+    for name in ("VOLU Total Volume of Surface Lowering", "ZONE Total Volume of Surface Lowering"):
+        line = lines(found)[name]
+        assert line["thresholded"] == 0.0
+        assert [line[column] for column in ("standard_error", "low_95", "high_95")] == [None] * 3
+    write_volume_table(tmp_path / "volumes.csv", found)
+    assert not re.search(r"(^|,)-0(\.0*)?(,|$)", (tmp_path / "volumes.csv").read_text(), re.MULTILINE)
 
 
 def test_the_file_holds_what_the_table_does(tmp_path: Path) -> None:

@@ -222,3 +222,15 @@ def test_the_interval_covers_the_truth_where_zones_are_found_by_their_noise(reac
     assert 0.9 <= np.mean(covered) <= 1.0
     assert np.median(leaning) > 0.05
     assert abs(np.median(relative)) < 0.03
+
+
+def test_stable_cells_without_distances_for_a_variogram_count_as_fully_correlated() -> None:
+    """Values along one line, apart: no pair of them is as near as the line is wide."""
+    dz = np.full((2, 6000), np.nan)
+    dz[0, ::10] = np.random.default_rng(3).normal(0, 0.02, 600)
+    cells = cells_of(dz, 0.02)
+    model = fit_correlation(cells, np.isfinite(dz), 0.0)
+    assert model.variogram is None
+    assert model.cells == 600
+    assert "too few distances" in model.name
+    assert model.sum_error(np.isfinite(dz).astype(float), cells) == pytest.approx(600 * 0.02)

@@ -249,11 +249,12 @@ def test_values_out_of_bounds_are_refused_with_the_dialogs_name_and_the_engines_
     given = {"REFERENCE": FIRST, "CLOUD": LATER, "OUTPUT_FOLDER": "/out"}
     context = QgsProcessingContext()
     assert made.checkParameterValues(given, context) == (True, "")
-    for value in (0, -1.5, "0"):
+    assert made.checkParameterValues({**given, "CELL": 0}, context) == (True, ""), "0 leaves it to the clouds"
+    for value in (0.001, -1.5, "0.004"):
         ok, sentence = made.checkParameterValues({**given, "CELL": value}, context)
         assert not ok
-        assert sentence.startswith("“Cell size (m)” is ")
-        assert sentence.endswith("give a number from 0.005 to 100 m.")
+        assert sentence.startswith("“Cell size, 0 for auto (m)” is ")
+        assert sentence.endswith("give a number from 0.005 to 100 m, or auto.")
     assert made.checkParameterValues({**given, "PROFILE": "1", "METHOD": "icp"}, context)[0]
     assert not made.checkParameterValues({**given, "PROFILE": "2"}, context)[0]
     assert not made.checkParameterValues({**given, "CELL": "wide"}, context)[0]

@@ -44,6 +44,23 @@ def test_every_command_has_help(command):
     assert command in run("--help").stdout
 
 
+@pytest.mark.parametrize(
+    ("arguments", "code", "told"), [(("info",), 0, b""), (("info", "--height-unit", "foot"), 0, b""), ((), 2, b"Error")]
+)
+def test_a_reader_that_has_read_enough_ends_it_quietly(clouds, arguments, code, told):
+    """As ``slopewatch info FILE | head``: standard output is closed before anything is written."""
+    command = [sys.executable, "-m", "slopewatch.engine.cli"]
+    command += [*arguments, str(clouds[0])] if arguments else ["info", "nowhere.laz", "--progress", "json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as program:
+        program.stdout.close()
+        errors = program.stderr.read()
+        assert program.wait(60) == code
+    assert errors.startswith(told)
+    assert b"Internal" not in errors
+    assert b"BrokenPipe" not in errors
+    assert told or not errors
+
+
 def test_version_is_that_of_the_plugin_and_the_package():
     assert VERSION in run("--version").stdout
     assert f"version={VERSION}\n" in (ROOT / "metadata.txt").read_text()

@@ -41,7 +41,7 @@ def test_sparse_ground_speaks_where_cells_grow(tmp_path):
     clouds = [
         write_slope(tmp_path / f"{year}-05-01.laz", year, lowered) for year, lowered in ((2024, 0.0), (2025, 0.15))
     ]
-    options = (*clouds, "--registration-error", 0.002)
+    options = (*clouds, "--registration-error", 0.002, "--cell", 0.1)
     fixed = change(*options, "--output-dir", tmp_path / "fixed", "--no-adaptive")
     grown = change(*options, "--output-dir", tmp_path / "grown")
     again = change(*options, "--output-dir", tmp_path / "again", "--adaptive")
@@ -71,7 +71,7 @@ def test_sparse_ground_speaks_where_cells_grow(tmp_path):
         assert Path(grown["outputs"][name]).read_bytes() == Path(again["outputs"][name]).read_bytes(), name
 
 
-@pytest.mark.parametrize("options", [("--cell", 1), ("--profile", "paper", "--cell", 1)])
+@pytest.mark.parametrize("options", [("--cell", 1, "--largest-cell", 1.6), ("--profile", "paper", "--cell", 1)])
 def test_large_cells_and_the_published_profile_have_one_size(tmp_path, options):
     clouds = [write_slope(tmp_path / f"{year}-05-01.laz", year) for year in (2024, 2025)]
     found = change(*clouds, *options, "--output-dir", tmp_path / "out")
