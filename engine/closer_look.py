@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .continued_ground import continued
+from .continued_ground import ON_PLANE, continued
 from .narrow_windows import narrow_windows
 from .plane_cells import Planes
 
@@ -22,6 +22,8 @@ BENDS_M = 0.012
 """What a bend adds to the scatter in a smaller window."""
 ALONE_SHARE = 0.05
 """Returns of the ground around, as a share of those above it, below which a small window is looked at by itself."""
+INNER_SHARE = 0.8
+"""Share of the returns about a smaller window's ground that lie within the scatter: of those in plants it is 0.4."""
 CLOSER_M, CLOSER_ROUNDS = 0.3, 4
 """Height within which returns take part in a closer look, and its rounds."""
 CONTINUED_M, CONTINUED_PARTS = 0.45, 2
@@ -74,4 +76,9 @@ def _closer(height: Float, bare: Bool, planes: Planes, scatter: float, side: flo
     narrow, _ = narrow_windows(np.where(near, residual, np.inf), planes, scatter + BENDS_M, median=False)
     inclined = np.hypot(along, across) > LEAST_INCLINATION * side
     bends = inclined.ravel()[planes.key] | (np.abs(start - residual) > LEAST_BEND_M)
+    within, on = (
+        planes.pooled(planes.sum((near & (np.abs(residual) <= reach)).astype(np.float64)))
+        for reach in (scatter + BENDS_M, ON_PLANE * (scatter + BENDS_M))
+    )
+    narrow &= within >= INNER_SHARE * on
     return residual, near & bends & narrow.ravel()[planes.key]

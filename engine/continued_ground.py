@@ -27,6 +27,8 @@ LEAST_SHARE = 0.6
 LEAST_BEND_M, LEAST_INCLINATION, LEAST_BENT_SHARE = 0.1, 0.3, 0.2
 """Height over the wider ground, or inclination against it, of ground that bends, and the share of a window's returns
 that must: stubble of a lawn stands lower and lies along."""
+INNER_SHARE = 0.72
+"""Share of the returns on a plane that lie within the scatter: 0.9 of bare ground's, 0.4 of those in plants."""
 LEVEL = 0.01
 """Pull of planes towards level, as a share of their returns."""
 ROUNDS = 6
@@ -62,14 +64,15 @@ def continued(
         over, inclined = _beside(height, near & ~ground, windows, planes)
         on = np.abs(over) <= ON_PLANE * scatter
         bends = (np.abs(height - over) > LEAST_BEND_M) | (inclined > LEAST_INCLINATION * side)
-        number, bent, told, square = (
+        number, inner, bent, told, square = (
             windows.sum(np.asarray(values, dtype=np.float64))
-            for values in (on, on & bends, on | ground, np.where(on, over, 0.0) ** 2)
+            for values in (on, np.abs(over) <= scatter, on & bends, on | ground, np.where(on, over, 0.0) ** 2)
         )
         fits = (
             (told >= np.maximum(LEAST_SHARE * everything, FEWEST_KNOWN))
             & (square <= number * scatter**2)
             & (bent >= LEAST_BENT_SHARE * number)
+            & (inner >= INNER_SHARE * number)
         )
         new = on & fits.ravel()[windows.key]
         if not new.any():

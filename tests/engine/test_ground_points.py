@@ -64,7 +64,7 @@ def test_berms_are_found_from_the_ground_beside_them():
     )
     recall, precision = scene.shares(ground_mask(scene.xyz, last=scene.last))
     cloth, _ = scene.shares(ground_mask(scene.xyz, GroundParameters(refine=False, class_threshold=0.1), scene.last))
-    assert recall > 0.88
+    assert recall > 0.86
     assert precision > 0.95
     assert cloth < recall
 

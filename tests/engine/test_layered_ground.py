@@ -49,7 +49,7 @@ def test_a_step_and_a_cone_are_ground_and_what_lies_around_them_too():
     cone = np.clip(0.36 * (1 - from_top), 0, None)
     xyz, ground = with_plants(xy, np.where(from_step < 0.75, 0.16, 0.0) + cone)
     found = ground_of(xyz).ground
-    for place, least in ((from_step < 0.6, 0.85), (from_top < 1.0, 0.92), ((from_step > 1) & (from_top > 1.2), 0.98)):
+    for place, least in ((from_step < 0.6, 0.85), (from_top < 1.0, 0.88), ((from_step > 1) & (from_top > 1.2), 0.98)):
         assert shares(found[place], ground[place])[0] > least
     inner = from_step < 0.6
     assert np.mean(xyz[found & inner, 2]) == pytest.approx(0.16, abs=0.01)
