@@ -15,6 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from .adaptive import AdaptiveCells, adaptive_cells
 from .cell_slope import gradient_at, slope_degrees
 from .cell_variance import pooled_variance
+from .change_direction import SENTENCE, with_direction
 from .chosen_cell import CellChoice, choose_cell, with_cell
 from .common_grid import affordable, common_grid
 from .errors import InputError
@@ -190,7 +191,7 @@ def difference(
         change = difference_of_blocks(
             cells, grid, parameters, registration_error=registration_error, stable_area=stable_area
         )
-        return replace(change, choice=choice)
+        return _told(change, parameters, choice, progress)
     if isinstance(parameters, ChangeParameters) and parameters.adaptive:
         progress.info(parameters.why_one_size)
     progress.update(0.05, "gridding the first epoch")
@@ -202,6 +203,13 @@ def difference(
         first, second, grid, parameters, registration_error=registration_error, area=area, stable_area=stable_area
     )
     progress.update(1.0, "differencing")
+    return _told(change, parameters, choice, progress)
+
+
+def _told(change: Change, parameters: GridChangeParameters, choice: CellChoice, progress: Progress) -> Change:
+    """The change with how its cell came about; says which direction was chosen."""
+    if parameters.direction == "auto" and change.direction == "normal":
+        progress.info(SENTENCE)
     return replace(change, choice=choice)
 
 
@@ -337,6 +345,7 @@ def _judged(
     stable_area: BaseGeometry | None,
 ) -> Change:
     """The change with its calibrated errors, levels and what they decide."""
+    parameters = with_direction(parameters, cells.slope)
     valid = np.isfinite(cells.dz)
     here = np.flatnonzero(valid)
     stated = np.hypot(cells.sampling.ravel()[here], registration_error)

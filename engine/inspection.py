@@ -287,7 +287,7 @@ def _change_of_two(run: _Run, grounds: list[GroundResult], stage: Stage, screene
             crs=first.crs,
             transform=registration.transform,
             input_hashes=run.hashes,
-            method=f"{method_name(settings.change)}, {registration.method} registration",
+            method=f"{method_name(settings.change, change.direction)}, {registration.method} registration",
             run_id=record.facts["run_id"],
         )
         products = write_products(

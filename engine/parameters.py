@@ -504,11 +504,12 @@ class GridChangeParameters(ParameterSet):
         advanced=True,
     )
     direction: str = _parameter(
-        "vertical",
+        "auto",
         "Direction of the change",
         "vertical: difference of heights. normal: distance square to the slope, for faces steeper than about 35 "
-        "degrees, where a small horizontal shift looks like a large change of height.",
-        choices=("vertical", "normal"),
+        "degrees, where a small horizontal shift looks like a large change of height. auto: normal where half of the "
+        "compared ground is steeper than 50 degrees, else vertical.",
+        choices=("vertical", "normal", "auto"),
     )
     calibrate: bool = _parameter(
         True,

@@ -58,10 +58,10 @@ class Products:
     facts: dict[str, Any]
 
 
-def method_name(parameters: ChangeParameters) -> str:
-    """How the change was taken, for the zones' column ``method``."""
+def method_name(parameters: ChangeParameters, direction: str) -> str:
+    """How the change was taken, and along which ``direction``, for the zones' column ``method``."""
     cells = "cells that grow" if parameters.grows else parameters.cell_value
-    return f"grid difference ({cells}, {parameters.direction})"
+    return f"grid difference ({cells}, {direction})"
 
 
 def write_products(

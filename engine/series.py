@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from itertools import pairwise
 from pathlib import Path
@@ -219,6 +219,8 @@ def analyse(
         progress.update(number / len(gridded), f"comparing {later.epoch.name}")
         try:
             cumulative.append(_difference(first, later, grid, settings, stable))
+            # all along the direction of the first comparison
+            settings = replace(settings, change=replace(settings.change, direction=cumulative[0].direction))
             incremental.append(cumulative[0] if number == 1 else _difference(before, later, grid, settings, stable))
         except InputError as wrong:
             raise InputError(f"{later.epoch.name}: {wrong}") from wrong

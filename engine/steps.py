@@ -226,7 +226,7 @@ def change_step(
             crs=a.crs,
             transform=transform,
             input_hashes=hashes,
-            method=method_name(settings.change),
+            method=method_name(settings.change, change.direction),
             run_id=uuid.uuid5(uuid.NAMESPACE_OID, repr((hashes, plain(record.parameters)))).hex[:12],
         )
         with progress.stage(0.5, 0.99, "writing outputs"), record.stage("products"):

@@ -149,7 +149,7 @@ def test_cells_at_the_edge_of_the_clipped_area_are_left_out():
         inside = shapely.contains_xy(ring, *(points[:, :2] - moved * shift[:2]).T)
         clouds.append(points[inside])
     area = ring.intersection(shapely.affinity.translate(ring, *shift[:2]))
-    parameters = ChangeParameters(cell=0.5, adaptive=False)
+    parameters = ChangeParameters(cell=0.5, adaptive=False, direction="vertical")
     change = difference(*clouds, parameters, area=area)
     everything = difference(*clouds, parameters)
     grid = change.grid

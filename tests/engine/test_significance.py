@@ -45,7 +45,7 @@ def core(change: Change) -> np.ndarray:
 def test_a_known_distance_square_to_a_face_of_60_degrees():
     first, second = face(1), bulged(face(2), 0.12)
     normal = difference(first, second, ChangeParameters(cell=0.25, direction="normal"))
-    vertical = difference(first, second, ChangeParameters(cell=0.25))
+    vertical = difference(first, second, ChangeParameters(cell=0.25, direction="vertical"))
     inside = core(normal)
     assert np.median(normal.dz[inside]) == pytest.approx(0.12, abs=0.002)
     assert np.median(vertical.dz[inside]) == pytest.approx(0.12 / math.cos(DIP), abs=0.004)
@@ -72,7 +72,7 @@ def test_a_sideways_shift_looks_smaller_along_the_normal():
     first, second = face(5), face(6)
     for shift, expected in (((0.0, 0.03, 0.0), -0.03), ((0.03, 0.0, 0.0), 0.0)):
         moved = second + np.array(shift)
-        vertical = difference(first, moved, ChangeParameters(cell=0.25))
+        vertical = difference(first, moved, ChangeParameters(cell=0.25, direction="vertical"))
         normal = difference(first, moved, ChangeParameters(cell=0.25, direction="normal"))
         assert np.nanmedian(vertical.dz) == pytest.approx(expected * math.tan(DIP), abs=0.004)
         assert np.nanmedian(normal.dz) == pytest.approx(expected * math.sin(DIP), abs=0.002)
