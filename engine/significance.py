@@ -86,8 +86,9 @@ def judge(
         if valid.any():
             registration_error *= float(np.median(cosine[valid]))
     by_plants = None if plants is None else plants.error
-    here = np.flatnonzero(valid)
     first = np.ones(dz.shape, dtype=bool) if block is None else first_cells(block)
+    # a grown cell is one of those compared, however many cells of the grid it holds
+    here, one_each = np.flatnonzero(valid), np.flatnonzero(valid & first)
     found = np.zeros(dz.shape, dtype=bool)
     if not uniform:
         if block is None:
@@ -108,13 +109,13 @@ def judge(
                 plants=by_plants,
             )
         model = calibrate(
-            dz.ravel()[here],
-            sampling.ravel()[here],
-            slope.ravel()[here],
-            (stable & first).ravel()[here],
+            dz.ravel()[one_each],
+            sampling.ravel()[one_each],
+            slope.ravel()[one_each],
+            stable.ravel()[one_each],
             registration_error=registration_error,
             confidence=parameters.confidence,
-            plants=None if by_plants is None else by_plants.ravel()[here],
+            plants=None if by_plants is None else by_plants.ravel()[one_each],
         )
     scaled = on_grid(here, model.factor(slope.ravel()[here]) * sampling.ravel()[here], dz.shape)
     factor = 1.0
