@@ -14,7 +14,7 @@ from .parameters import GridChangeParameters
 from .plant_calibration import plants_factor
 from .plant_cover import PlantCells
 from .size_error import widening_by_size
-from .slope_error import ErrorModel, calibrate, uncalibrated
+from .slope_error import ErrorModel, calibrate, patch_halves, uncalibrated
 from .stable_blocks import find_stable_blocks
 from .stable_cells import find_stable
 from .thresholds import Decision, decide
@@ -116,6 +116,7 @@ def judge(
             registration_error=registration_error,
             confidence=parameters.confidence,
             plants=None if by_plants is None else by_plants.ravel()[one_each],
+            half=patch_halves(dz.shape).ravel()[one_each],
         )
     scaled = on_grid(here, model.factor(slope.ravel()[here]) * sampling.ravel()[here], dz.shape)
     factor = 1.0

@@ -7,10 +7,12 @@ import math
 import numpy as np
 import pytest
 import shapely
+from slopewatch.engine.blocks import first_cells
 from slopewatch.engine.change import Change, difference
 from slopewatch.engine.pair import warn_of_doubtful_change
 from slopewatch.engine.parameters import ChangeParameters
 from slopewatch.engine.progress import Progress
+from slopewatch.engine.significance import judge
 
 DIP = math.radians(60.0)
 NORMAL = np.array([0.0, -math.sin(DIP), math.cos(DIP)])
@@ -147,3 +149,20 @@ def test_known_stable_ground_decides_where_it_lies():
     assert 0.03 <= given.significant[here].mean() <= 0.07
     assert found.significant[here].mean() < 0.03
     assert given.stable[:, west].sum() > 0.8 * given.stable.sum()
+
+
+def test_each_slope_of_grown_cells_is_calibrated_for_itself():
+    """Blocks of 8 by 8 cells, 1,600 in all: half of them on a face whose errors are twice what the points say."""
+    random = np.random.default_rng(3)
+    block = np.arange(1600).reshape(40, 40).repeat(8, axis=0).repeat(8, axis=1)
+    face = block % 40 >= 20
+    slope = np.where(face, 52.0, 12.0)
+    sampling = np.full(block.shape, 0.02)
+    dz = (random.normal(0, 0.02, 1600))[block] * np.where(face, 2.0, 1.0)
+    parameters = ChangeParameters(cell=0.2)
+    found = judge(dz, sampling, slope, 0.2, parameters, registration_error=0.0, block=block, size=sampling * 80)
+    one = first_cells(block)
+    for where in (face, ~face):
+        assert 0.03 <= found.decision.significant[one & where].mean() <= 0.07
+    assert len(found.model.classes) == 2
+    assert found.model.stable_share > 0.9, "of the blocks, not of their cells"
