@@ -92,7 +92,7 @@ def load() -> Strips:
 
 
 def with_bumps(strips: Strips, seed: int = 0) -> tuple[Float, Float]:
-    """The registered strip with bumps and hollows, (n, 3), and their places (6, 2), apart and where both have points."""
+    """The registered strip with bumps and hollows, (n, 3), and their places (6, 2), where both have points."""
     random = np.random.default_rng(seed)
     trees = [cKDTree(cloud[:, :2]) for cloud in (strips.first, strips.registered)]
     places: list[Float] = []

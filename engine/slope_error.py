@@ -107,8 +107,8 @@ def calibrate(
 
     Classes of 5 degrees are joined until each has 200 stable cells. With fewer than 400 a factor below 1 is taken from
     a quantile one standard error higher, because too narrow a level does more harm than too wide a one. Nor is it
-    smaller than what either ``half`` of the ground alone surely asks for: errors below what the points say need evidence
-    that holds on ground which did not give it.
+    smaller than what either ``half`` of the ground alone surely asks for: errors below what the points say need
+    evidence that holds on ground which did not give it.
 
     The error by plants p is no sampling error, and no factor multiplies it. Where it is the larger part, a cell tells
     little of its sampling: the cells whose p is below s / 2 serve if there are enough, else all with r² + p² in place
