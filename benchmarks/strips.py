@@ -22,7 +22,7 @@ from ..engine.blocks import middle_cells
 from ..engine.change import Change, difference
 from ..engine.change_zones import change_zones
 from ..engine.coverage import compared_share
-from ..engine.parameters import ChangeParameters
+from ..engine.parameters import ChangeParameters, RegistrationParameters
 from ..engine.registration import register
 from .table import Row
 
@@ -87,7 +87,7 @@ def load() -> Strips:
     first, second = (xyz[source == number] for number in SOURCES)
     corner = np.append(np.floor(first[:, :2].min(axis=0)), 0.0)
     first, second = first - corner, second - corner
-    found = register(first, second)
+    found = register(first, second, RegistrationParameters())
     return Strips(first, second, found.transform.apply(second), found.registration_error)
 
 
