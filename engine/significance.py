@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,13 @@ from .parameters import GridChangeParameters
 from .plant_calibration import plants_factor
 from .plant_cover import PlantCells
 from .size_error import widening_by_size
-from .slope_error import ErrorModel, calibrate, patch_halves, uncalibrated
+from .slope_error import ErrorModel, calibrate, patch_halves, uncalibrated, without_stable_ground
 from .stable_blocks import find_stable_blocks
-from .stable_cells import find_stable
+from .stable_cells import changed_cells, find_stable
 from .thresholds import Decision, decide
 
+MOST_CHANGED = 1.0 / 3.0
+"""Share of the compared ground that may have changed as a whole for the rest to be known as stable."""
 _APART = 5.0  # degrees beyond the slopes of known stable ground, from which that tells nothing of a cell
 
 
@@ -95,9 +97,19 @@ def judge(
             found = find_stable(dz, sampling, slope, cell, by_plants)
         else:
             found = find_stable_blocks(dz, sampling, slope, cell, block, by_plants)
+    share, changed = 0.0, np.zeros(dz.shape, dtype=bool)
+    if not uniform and given is None:
+        stated = np.hypot(sampling, registration_error)
+        changed = changed_cells(dz, stated if by_plants is None else np.hypot(stated, by_plants), cell)
+        share = float(changed.sum()) / max(int(valid.sum()), 1)
     stable = found if given is None else _with_other_slopes(given & valid, found, slope)
     model = uncalibrated()
-    if parameters.calibrate and not uniform:
+    unsettled = share > MOST_CHANGED
+    if unsettled:
+        stable = stable & ~changed
+    if unsettled and parameters.calibrate:
+        model = without_stable_ground(share)
+    elif parameters.calibrate and not uniform:
         if size is not None:
             sampling = sampling * widening_by_size(
                 dz,
@@ -118,9 +130,10 @@ def judge(
             plants=None if by_plants is None else by_plants.ravel()[one_each],
             half=patch_halves(dz.shape).ravel()[one_each],
         )
+        model = replace(model, changed_share=share if given is None else None)
     scaled = on_grid(here, model.factor(slope.ravel()[here]) * sampling.ravel()[here], dz.shape)
     factor = 1.0
-    if plants is not None and parameters.calibrate and not uniform:
+    if plants is not None and parameters.calibrate and not uniform and not unsettled:
         factor = plants_factor(
             dz,
             scaled,

@@ -54,6 +54,7 @@ class ErrorModel:
         stable_cells: number of cells that it was calibrated on.
         stable_share: their share of the compared cells.
         notes: sentences for the user.
+        changed_share: share of the compared cells around which the ground has changed as a whole, where that was asked.
     """
 
     kind: str
@@ -62,6 +63,7 @@ class ErrorModel:
     stable_cells: int = 0
     stable_share: float = 0.0
     notes: tuple[str, ...] = ()
+    changed_share: float | None = None
 
     def factor(self, slope: Float) -> Float:
         """The factor at each cell's slope (degrees), linear between the classes' medians, constant beyond."""
@@ -77,6 +79,7 @@ class ErrorModel:
             "factor_typical": self.typical,
             "stable_cells": self.stable_cells,
             "stable_share": self.stable_share,
+            "changed_share": self.changed_share,
             "slope_classes": [vars(c) for c in self.classes],
         }
 
@@ -84,6 +87,16 @@ class ErrorModel:
 def uncalibrated() -> ErrorModel:
     """Errors as the points' scatter tells them."""
     return ErrorModel("uncalibrated")
+
+
+def without_stable_ground(changed_share: float) -> ErrorModel:
+    """Errors as the points' scatter tells them, because too much has changed to calibrate them on the rest."""
+    note = (
+        f"{100 * changed_share:.0f} % of the compared ground has changed as a whole, more than a third, so the change "
+        "itself does not tell what is stable: the errors are not calibrated, and the level of detection is what the "
+        "points and the registration say; give an area known to be stable, and check the registration."
+    )
+    return ErrorModel("uncalibrated", notes=(note,), changed_share=changed_share)
 
 
 def calibrate(

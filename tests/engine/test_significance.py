@@ -166,3 +166,25 @@ def test_each_slope_of_grown_cells_is_calibrated_for_itself():
         assert 0.03 <= found.decision.significant[one & where].mean() <= 0.07
     assert len(found.model.classes) == 2
     assert found.model.stable_share > 0.9, "of the blocks, not of their cells"
+
+
+@pytest.mark.parametrize("share", [0.25, 0.5, 0.7])
+@pytest.mark.parametrize("block_side", [1, 4])
+def test_where_much_has_changed_the_level_stays_what_points_say(share, block_side):
+    """A part of the slope sank by 20 cm, with errors of 2 cm as stated."""
+    random = np.random.default_rng(8)
+    number = np.arange(100 * 100 // block_side**2).reshape(100 // block_side, -1)
+    block = number.repeat(block_side, axis=0).repeat(block_side, axis=1)
+    column = np.indices((100, 100))[1]
+    moved = column < 100 * share
+    dz = random.normal(0, 0.02, number.size)[block] - 0.2 * moved
+    sampling, slope = np.full(dz.shape, 0.02), np.full(dz.shape, 20.0)
+    grown = {} if block_side == 1 else {"block": block, "size": np.full(dz.shape, 0.2 * block_side)}
+    found = judge(dz, sampling, slope, 0.2, ChangeParameters(cell=0.2), registration_error=0.001, **grown)
+    assert np.median(found.decision.level) == pytest.approx(1.96 * 0.02, rel=0.2), "not a multiple of it"
+    assert found.decision.significant[moved].mean() > 0.95
+    assert found.model.changed_share == pytest.approx(share, abs=0.06)
+    told = found.model.kind == "uncalibrated"
+    assert told == (share > 1 / 3) == ("known to be stable" in " ".join(found.model.notes))
+    assert not found.stable[moved].mean() > 0.05
+    assert found.model.summary()["changed_share"] == found.model.changed_share
