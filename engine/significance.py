@@ -19,8 +19,11 @@ from .stable_blocks import find_stable_blocks
 from .stable_cells import changed_cells, find_stable
 from .thresholds import Decision, decide
 
-MOST_CHANGED = 1.0 / 3.0
-"""Share of the compared ground that may have changed as a whole for the rest to be known as stable."""
+MOST_CHANGED = 0.3
+"""Share of the compared ground that may have changed as a whole for the rest to be known as stable. Edges of what
+changed do not count as changed as a whole, so this is a third of the ground and more."""
+LEAST_STABLE = 0.5
+"""... and the share that must be found stable, because it is told from what most of the ground does."""
 _APART = 5.0  # degrees beyond the slopes of known stable ground, from which that tells nothing of a cell
 
 
@@ -104,11 +107,12 @@ def judge(
         share = float(changed.sum()) / max(int(valid.sum()), 1)
     stable = found if given is None else _with_other_slopes(given & valid, found, slope)
     model = uncalibrated()
-    unsettled = share > MOST_CHANGED
+    looks_stable = float(found.sum()) / max(int(valid.sum()), 1)
+    unsettled = not uniform and given is None and (share > MOST_CHANGED or looks_stable < LEAST_STABLE)
     if unsettled:
         stable = stable & ~changed
     if unsettled and parameters.calibrate:
-        model = without_stable_ground(share)
+        model = without_stable_ground(share, looks_stable)
     elif parameters.calibrate and not uniform:
         if size is not None:
             sampling = sampling * widening_by_size(

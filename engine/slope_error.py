@@ -89,14 +89,15 @@ def uncalibrated() -> ErrorModel:
     return ErrorModel("uncalibrated")
 
 
-def without_stable_ground(changed_share: float) -> ErrorModel:
+def without_stable_ground(changed_share: float, stable_share: float) -> ErrorModel:
     """Errors as the points' scatter tells them, because too much has changed to calibrate them on the rest."""
     note = (
-        f"{100 * changed_share:.0f} % of the compared ground has changed as a whole, more than a third, so the change "
-        "itself does not tell what is stable: the errors are not calibrated, and the level of detection is what the "
-        "points and the registration say; give an area known to be stable, and check the registration."
+        f"More than a third of the compared ground has changed (only {100 * stable_share:.0f} % looks stable, and "
+        f"{100 * changed_share:.0f} % changed as a whole), so the change itself does not tell what is stable: the "
+        "errors are not calibrated, and the level of detection is what the points and the registration say; give an "
+        "area known to be stable, and check the registration."
     )
-    return ErrorModel("uncalibrated", notes=(note,), changed_share=changed_share)
+    return ErrorModel("uncalibrated", stable_share=stable_share, notes=(note,), changed_share=changed_share)
 
 
 def calibrate(
