@@ -23,6 +23,7 @@ NAMES = {
     "gridding": "Gridding",
     "m3c2": "M3C2",
     "calibration": "Calibration of the level of detection",
+    "strips": "Two airborne strips without change",
     "adaptive": "Cells that grow",
     "volumes": "Volumes",
     "detection": "What is detected: pairs with and without change",

@@ -620,6 +620,16 @@ class ZoneParameters(ParameterSet):
         maximum=100000,
         advanced=True,
     )
+    minimum_confidence: float = _parameter(
+        0.95,
+        "Least confidence of a zone",
+        "Groups of significant cells that noise alone may make somewhere on the map are not reported. 0.95: on one "
+        "unchanged map in twenty there would be one. Larger is surer and misses more. With less than 0.95, zones below "
+        "that have the severity unsure; 0 reports all.",
+        minimum=0.0,
+        maximum=0.9999,
+        advanced=True,
+    )
     bridged_gap: float = _parameter(
         0.2,
         "Gap without data that does not divide a zone",

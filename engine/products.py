@@ -147,7 +147,7 @@ def write_products(
     for sentence in missed_lines(facts["profiles"]):
         progress.warning(sentence)
     progress.update(1.0, "taking profiles")
-    figures = main_figures(change, found.frame) | table.figures()
+    figures = main_figures(change, found.frame) | table.figures() | {"unsure_groups": found.unsure_groups}
     if change.plants is not None:
         figures["groups_within_plant_error"] = found.within_plants
     return Products(outputs, figures, facts)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,16 @@ from .parameters import GridChangeParameters
 from .plant_calibration import plants_factor
 from .plant_cover import PlantCells
 from .size_error import widening_by_size
-from .slope_error import ErrorModel, calibrate, uncalibrated
+from .slope_error import ErrorModel, calibrate, patch_halves, uncalibrated, without_stable_ground
 from .stable_blocks import find_stable_blocks
-from .stable_cells import find_stable
+from .stable_cells import changed_cells, find_stable
 from .thresholds import Decision, decide
 
+MOST_CHANGED = 0.3
+"""Share of the compared ground that may have changed as a whole for the rest to be known as stable. Edges of what
+changed do not count as changed as a whole, so this is a third of the ground and more."""
+LEAST_STABLE = 0.5
+"""... and the share that must be found stable, because it is told from what most of the ground does."""
 _APART = 5.0  # degrees beyond the slopes of known stable ground, from which that tells nothing of a cell
 
 
@@ -86,17 +91,29 @@ def judge(
         if valid.any():
             registration_error *= float(np.median(cosine[valid]))
     by_plants = None if plants is None else plants.error
-    here = np.flatnonzero(valid)
     first = np.ones(dz.shape, dtype=bool) if block is None else first_cells(block)
+    # a grown cell is one of those compared, however many cells of the grid it holds
+    here, one_each = np.flatnonzero(valid), np.flatnonzero(valid & first)
     found = np.zeros(dz.shape, dtype=bool)
     if not uniform:
         if block is None:
             found = find_stable(dz, sampling, slope, cell, by_plants)
         else:
             found = find_stable_blocks(dz, sampling, slope, cell, block, by_plants)
+    share, changed = 0.0, np.zeros(dz.shape, dtype=bool)
+    if not uniform and given is None:
+        stated = np.hypot(sampling, registration_error)
+        changed = changed_cells(dz, stated if by_plants is None else np.hypot(stated, by_plants), cell)
+        share = float(changed.sum()) / max(int(valid.sum()), 1)
     stable = found if given is None else _with_other_slopes(given & valid, found, slope)
     model = uncalibrated()
-    if parameters.calibrate and not uniform:
+    looks_stable = float(found.sum()) / max(int(valid.sum()), 1)
+    unsettled = not uniform and given is None and (share > MOST_CHANGED or looks_stable < LEAST_STABLE)
+    if unsettled:
+        stable = stable & ~changed
+    if unsettled and parameters.calibrate:
+        model = without_stable_ground(share, looks_stable)
+    elif parameters.calibrate and not uniform:
         if size is not None:
             sampling = sampling * widening_by_size(
                 dz,
@@ -108,17 +125,19 @@ def judge(
                 plants=by_plants,
             )
         model = calibrate(
-            dz.ravel()[here],
-            sampling.ravel()[here],
-            slope.ravel()[here],
-            (stable & first).ravel()[here],
+            dz.ravel()[one_each],
+            sampling.ravel()[one_each],
+            slope.ravel()[one_each],
+            stable.ravel()[one_each],
             registration_error=registration_error,
             confidence=parameters.confidence,
-            plants=None if by_plants is None else by_plants.ravel()[here],
+            plants=None if by_plants is None else by_plants.ravel()[one_each],
+            half=patch_halves(dz.shape).ravel()[one_each],
         )
+        model = replace(model, changed_share=share if given is None else None)
     scaled = on_grid(here, model.factor(slope.ravel()[here]) * sampling.ravel()[here], dz.shape)
     factor = 1.0
-    if plants is not None and parameters.calibrate and not uniform:
+    if plants is not None and parameters.calibrate and not uniform and not unsettled:
         factor = plants_factor(
             dz,
             scaled,

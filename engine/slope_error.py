@@ -17,6 +17,8 @@ _FEWEST_IN_CLASS = 200  # with 5 % beyond, their share is known to 1.5 %
 _FEWEST_TO_NARROW = 400
 _FEWEST = 50
 _LEAST_STABLE = 0.1  # share of a class's cells that must be stable for the class to tell anything
+_PATCHES = 12
+_FEWEST_IN_HALF = 100  # cells without which a half tells nothing
 _NARROWEST, _WIDEST = 0.4, 5.0
 _DOUBTFUL = 2.0
 _WITHOUT_STABLE = 1.5  # beyond every factor seen on unchanged surveys (docs/figures.md)
@@ -52,6 +54,7 @@ class ErrorModel:
         stable_cells: number of cells that it was calibrated on.
         stable_share: their share of the compared cells.
         notes: sentences for the user.
+        changed_share: share of the compared cells around which the ground has changed as a whole, where that was asked.
     """
 
     kind: str
@@ -60,6 +63,7 @@ class ErrorModel:
     stable_cells: int = 0
     stable_share: float = 0.0
     notes: tuple[str, ...] = ()
+    changed_share: float | None = None
 
     def factor(self, slope: Float) -> Float:
         """The factor at each cell's slope (degrees), linear between the classes' medians, constant beyond."""
@@ -75,6 +79,7 @@ class ErrorModel:
             "factor_typical": self.typical,
             "stable_cells": self.stable_cells,
             "stable_share": self.stable_share,
+            "changed_share": self.changed_share,
             "slope_classes": [vars(c) for c in self.classes],
         }
 
@@ -82,6 +87,17 @@ class ErrorModel:
 def uncalibrated() -> ErrorModel:
     """Errors as the points' scatter tells them."""
     return ErrorModel("uncalibrated")
+
+
+def without_stable_ground(changed_share: float, stable_share: float) -> ErrorModel:
+    """Errors as the points' scatter tells them, because too much has changed to calibrate them on the rest."""
+    note = (
+        f"More than a third of the compared ground has changed (only {100 * stable_share:.0f} % looks stable, and "
+        f"{100 * changed_share:.0f} % changed as a whole), so the change itself does not tell what is stable: the "
+        "errors are not calibrated, and the level of detection is what the points and the registration say; give an "
+        "area known to be stable, and check the registration."
+    )
+    return ErrorModel("uncalibrated", stable_share=stable_share, notes=(note,), changed_share=changed_share)
 
 
 def calibrate(
@@ -93,6 +109,7 @@ def calibrate(
     registration_error: float,
     confidence: float,
     plants: Float | None = None,
+    half: NDArray[np.bool_] | None = None,
 ) -> ErrorModel:
     """Factor f of the sampling error s with which 1 - confidence of the stable cells are beyond the level, by slope.
 
@@ -103,7 +120,9 @@ def calibrate(
     stable cell lies beyond its level where (dz² / q² - r²) / s² exceeds f²; f² is the ``confidence`` quantile of that.
 
     Classes of 5 degrees are joined until each has 200 stable cells. With fewer than 400 a factor below 1 is taken from
-    a quantile one standard error higher, because too narrow a level does more harm than too wide a one.
+    a quantile one standard error higher, because too narrow a level does more harm than too wide a one. Nor is it
+    smaller than what either ``half`` of the ground alone surely asks for: errors below what the points say need
+    evidence that holds on ground which did not give it.
 
     The error by plants p is no sampling error, and no factor multiplies it. Where it is the larger part, a cell tells
     little of its sampling: the cells whose p is below s / 2 serve if there are enough, else all with r² + p² in place
@@ -116,19 +135,23 @@ def calibrate(
         stable: cells to calibrate on.
         registration_error: metres.
         plants: error of the change by plants, metres; none without.
+        half: True in one half of the patches of ground, False in the other (``patch_halves``).
     """
     known = np.isfinite(dz) & np.isfinite(sampling) & (sampling > 0)
     all_at, chosen = slope[known], stable[known]
     plant = np.zeros(all_at.size) if plants is None else plants[known]
     little = plant <= _LITTLE * sampling[known]
     compared = all_at.size
+    of_half = None if half is None else half[known]
     bare = bool(little.all()) or int(np.count_nonzero(chosen & little)) >= _FEWEST_IN_CLASS
     if bare:
         # classes are judged by what there is of such cells in them
         chosen, all_at, plant = chosen[little], all_at[little], plant[little]
+        of_half = None if of_half is None else of_half[little]
         known = known.copy()
         known[known] = little
     dz, sampling, at, plant = dz[known][chosen], sampling[known][chosen], all_at[chosen], plant[chosen]
+    of_half = None if of_half is None else of_half[chosen]
     others = registration_error**2 + plant**2
     cells, share = dz.size, dz.size / max(compared, 1)
     shift = sample_quantile(dz, 0.5) if cells else 0.0
@@ -148,14 +171,19 @@ def calibrate(
     z = quantile(confidence)
     needed = ((dz / z) ** 2 - others) / sampling**2
     least = _NARROWEST if bare else 1.0
-    typical = _factor(needed, confidence, least=least)
+    typical = _factor(needed, confidence, least=least, half=of_half)
     bounds = _joined(at, all_at)
-    members = [(needed[m], at[m]) for m in ((at >= low) & (at < high) for low, high in bounds)]
+    inside = [(at >= low) & (at < high) for low, high in bounds]
+    members = [(needed[m], at[m]) for m in inside]
+    halves = [None if of_half is None else of_half[m] for m in inside]
     centres = [sample_quantile(slopes, 0.5) for _, slopes in members]
     factors = [typical] * len(members)
     for _ in range(_ROUNDS):  # between the medians the factor is interpolated: make the classes hold as they are used
         scaled = [squares / np.interp(slopes, centres, factors) ** 2 for squares, slopes in members]
-        factors = [_factor(rest, confidence, f, least=least) for rest, f in zip(scaled, factors, strict=True)]
+        factors = [
+            _factor(rest, confidence, f, least=least, half=of)
+            for rest, f, of in zip(scaled, factors, halves, strict=True)
+        ]
     classes = tuple(
         SlopeClass(
             slope_from=low,
@@ -171,12 +199,36 @@ def calibrate(
     return ErrorModel("calibrated", classes, typical, cells, share, _notes(classes, typical))
 
 
-def _factor(needed: Float, confidence: float, scale: float = 1.0, *, least: float = _NARROWEST) -> float:
+def patch_halves(shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """The squares of one colour of a chessboard over the grid (rows, columns), ``_PATCHES`` along its longer side."""
+    side = max(-(-max(shape) // _PATCHES), 1)
+    row, column = (np.arange(n) // side for n in shape)
+    return np.asarray((row[:, None] + column) % 2 == 0)
+
+
+def _factor(
+    needed: Float,
+    confidence: float,
+    scale: float = 1.0,
+    *,
+    least: float = _NARROWEST,
+    half: NDArray[np.bool_] | None = None,
+) -> float:
     """``scale`` times the square root of the quantile, within what can be believed, not below 1 on a chance of few."""
-    factor = scale * float(np.sqrt(max(sample_quantile(needed, confidence), 0.0)))
+
+    def asked(of: Float, share: float) -> float:
+        return scale * float(np.sqrt(max(sample_quantile(of, share), 0.0)))
+
+    factor = asked(needed, confidence)
     if factor < 1.0 and needed.size < _FEWEST_TO_NARROW:
         surer = min(confidence + float(np.sqrt(confidence * (1 - confidence) / needed.size)), 1.0)
-        factor = min(scale * float(np.sqrt(max(sample_quantile(needed, surer), 0.0))), 1.0)
+        factor = min(asked(needed, surer), 1.0)
+    elif factor < 1.0 and half is not None:
+        parts = [part for part in (needed[half], needed[~half]) if part.size >= _FEWEST_IN_HALF]
+        # by chance a half asks for more or less; one standard error is allowed for
+        chance = float(np.sqrt(confidence * (1 - confidence)))
+        both = [asked(part, confidence - chance / np.sqrt(part.size)) for part in parts]
+        factor = min(max(factor, *both), 1.0) if len(both) == 2 else 1.0
     return float(np.clip(factor, least, _WIDEST))
 
 

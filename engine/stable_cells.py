@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from .cell_slope import Float, class_of_slope
 from .order_statistics import sample_quantile
@@ -15,6 +16,7 @@ BEYOND = 5.0  # robust standard deviations of the local means, beyond which a pl
 CLIP = 4.0  # one wild cell is not a moved place
 CLIP_SHARED = 4.0 * BEYOND  # for changes whose error neighbours share
 ROUNDS = 20
+_AS_A_WHOLE = 4.0  # standard errors of one cell; two strips that were not registered: 3 on a quarter
 _CLASS = 5.0  # degrees
 _FEWEST = 200  # differences of neighbours in a class of slope
 
@@ -64,6 +66,28 @@ def find_stable(dz: Float, error: Float, slope: Float, cell: float, alike: Float
         stable = left
     found.ravel()[here] = left
     return found
+
+
+def changed_cells(dz: Float, error: Float, cell: float) -> NDArray[np.bool_]:
+    """Cells (rows, columns) around which the ground has changed as a whole, told by no other ground.
+
+    There the mean of dz / error over the cells within half a metre, single wild ones drawn in, is twice the level
+    of one cell. Independent errors do not make that; such as neighbours share would have to be four times as large as
+    stated on a third of the ground. Unlike ``find_stable`` it does not ask what most cells do, so it holds where most
+    have moved.
+
+    Args:
+        dz: change, metres; NaN where unknown.
+        error: its whole standard error before calibration, metres, that of the registration and the plants included.
+        cell: side of a cell, metres.
+    """
+    known = np.isfinite(dz) & np.isfinite(error) & (error > 0)
+    z = np.zeros(dz.shape)
+    z[known] = np.clip(dz[known] / error[known], -2.0 * _AS_A_WHOLE, 2.0 * _AS_A_WHOLE)
+    size = 2 * max(_LEAST_REACH, round(REACH / cell)) + 1
+    number = ndimage.uniform_filter(known.astype(np.float64), size, mode="constant")
+    mean = ndimage.uniform_filter(z, size, mode="constant") / np.maximum(number, 1e-9)
+    return np.asarray(known & (np.abs(mean) > _AS_A_WHOLE))
 
 
 def with_alike(z: Float, ratio: Float) -> tuple[Float, Float]:

@@ -93,6 +93,8 @@ CONFIRMATION_ALIASES = {
     "opposite_share": "Part of it with change of the other sign",
     "dz_signif_m": "Mean significant change (m)",
 }
+_LOOKS = ((4, 150, 0.4), (3, 110, 0.3), (2, 80, 0.2), (1, 40, 0.1))
+"""Place of the colour in ``DIVERGING``, opacity, width of the line (mm) of the grades from the highest on."""
 _READ_FIRST = ("zone_id", "kind", "severity", "area_m2", "dz_mean_m", "dz_p95_m", "vol_net_m3", "vol_err_m3", "lod95_m")
 _OUTLINE = "boundary(buffer(buffer($geometry, {}, 4), {}, 4))"
 # Metres out and back. Zones of a change are scattered cells, which the outline gathers. Zones of the screening are
@@ -168,7 +170,7 @@ def cell_size_qml(sizes: Sequence[float]) -> str:
 
 def zones_qml() -> str:
     """Style of the zones by kind and severity, labelled with their ids, with aliases, map tip and a review list."""
-    return _zones_qml("severity", ("high", "moderate", "low"), ALIASES, _READ_FIRST, _MAP_TIP, _GATHERING)
+    return _zones_qml("severity", ("high", "moderate", "low", "unsure"), ALIASES, _READ_FIRST, _MAP_TIP, _GATHERING)
 
 
 def hazards_qml(*, confirmed: bool = False) -> str:
@@ -227,7 +229,7 @@ def _zones_qml(
     outline: tuple[float, float],
 ) -> str:
     root, categories, symbols = categorized(f'concat("kind", \', \', "{grade}")')
-    looks = zip(grade_names, ((4, 150, 0.4), (3, 110, 0.3), (2, 80, 0.2)), strict=True)
+    looks = zip(grade_names, _LOOKS[: len(grade_names)], strict=True)
     pairs = [(kind, name, *look) for name, look in looks for kind in ("subsidence", "uplift")]
     pairs.sort(key=lambda pair: pair[0])
     for number, (kind, name, stop, opacity, width) in enumerate(pairs):

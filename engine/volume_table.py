@@ -2,7 +2,9 @@
 
 Labels and definitions are GCD's: *raw* counts every compared cell, *thresholded* those beyond their level of detection.
 Errors differ: GCD multiplies areas by errors of cells, here they are standard errors with correlated errors
-(``volumes.CorrelationModel``). The last group, which GCD has not, holds the zones' volumes over their footprints.
+(``volumes.CorrelationModel``). Sums of lowering and of raising have none: noise alone makes both, of raw cells as of
+those beyond their level, and no interval around such a sum holds the truth. The raw net volume has one, in which noise
+cancels, and so has the last group, which GCD has not: the zones' volumes over their footprints.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ class TableRow:
 
     Where nothing was summed up, ``thresholded`` is 0 and has no error.
     ``standard_error``, ``low_95`` and ``high_95`` (the 95 % interval) and ``error_percent`` belong to ``thresholded``,
-    and ``raw_error`` to ``raw``.
+    of the zones only, and ``raw_error`` to ``raw``, of the net volume only.
     """
 
     group: str
@@ -47,19 +49,12 @@ class TableRow:
 
 @dataclass(frozen=True)
 class Budget:
-    """Areas (m²) and volumes (m³) of the cells that sank and that rose, and the volumes' standard errors.
-
-    ``net_error`` belongs to raising minus lowering, ``total_error`` to their sum.
-    """
+    """Areas (m²) and volumes (m³) of the cells that sank and that rose."""
 
     area_lowering: float
     area_raising: float
     lowering: float
     raising: float
-    lowering_error: float
-    raising_error: float
-    net_error: float
-    total_error: float
 
     @property
     def total(self) -> float:
@@ -72,7 +67,10 @@ class Budget:
 
 @dataclass(frozen=True)
 class VolumeTable:
-    """Summary of one change. ``area`` is the compared area, m²; the zones' volumes are positive, with their errors."""
+    """Summary of one change. ``area`` is the compared area, m²; the zones' volumes are positive, with their errors.
+
+    ``raw_net_error`` is the standard error of raising minus lowering of all compared cells, m³.
+    """
 
     area: float
     raw: Budget
@@ -80,6 +78,7 @@ class VolumeTable:
     zones_lowering: tuple[float, float]
     zones_raising: tuple[float, float]
     zones_net: tuple[float, float]
+    raw_net_error: float
     model: CorrelationModel
 
     def rows(self) -> tuple[TableRow, ...]:
@@ -113,11 +112,13 @@ def volume_table(
     known = np.isfinite(cells.dz)
     return VolumeTable(
         area=float(cells.area[known].sum()),
-        raw=_budget(cells, known, model),
-        thresholded=_budget(cells, known & significant, model),
+        raw=_budget(cells, known),
+        thresholded=_budget(cells, known & significant),
         zones_lowering=(0.0 - zones.lowering[0], zones.lowering[1]),
         zones_raising=zones.raising,
         zones_net=zones.total,
+        # a cell that measured exactly nothing has an error too
+        raw_net_error=model.sum_error(np.where(known, cells.area, 0.0), cells),
         model=model,
     )
 
@@ -139,7 +140,7 @@ def table_frame(table: VolumeTable) -> pd.DataFrame:
     return pd.DataFrame([{k: _rounded(v) for k, v in asdict(row).items()} for row in table.rows()])
 
 
-def _budget(cells: Cells, chosen: NDArray[np.bool_], model: CorrelationModel) -> Budget:
+def _budget(cells: Cells, chosen: NDArray[np.bool_]) -> Budget:
     dz = np.where(chosen, cells.dz, 0.0)
     weights = np.where(chosen & (dz != 0), cells.area, 0.0)
     down, up = np.where(dz < 0, weights, 0.0), np.where(dz > 0, weights, 0.0)
@@ -148,11 +149,6 @@ def _budget(cells: Cells, chosen: NDArray[np.bool_], model: CorrelationModel) ->
         area_raising=float(up.sum()),
         lowering=float(-np.sum(down * dz)),
         raising=float(np.sum(up * dz)),
-        lowering_error=model.sum_error(down, cells),
-        raising_error=model.sum_error(up, cells),
-        # a cell that measured exactly nothing has an error too
-        net_error=model.sum_error(np.where(chosen, cells.area, 0.0), cells),
-        total_error=model.sum_error(up - down, cells),
     )
 
 
@@ -178,70 +174,45 @@ def _volumes(table: VolumeTable) -> list[TableRow]:
     raw, kept = table.raw, table.thresholded
     group = GROUPS[1]
     return [
-        _measured(group, "Total Volume of Surface Lowering", "m³", raw.lowering, kept.lowering, kept.lowering_error),
-        _measured(group, "Total Volume of Surface Raising", "m³", raw.raising, kept.raising, kept.raising_error),
-        _measured(group, "Total Volume of Difference", "m³", raw.total, kept.total, kept.total_error),
-        _measured(
-            group, "Total Net Volume Difference", "m³", raw.net, kept.net, kept.net_error, raw_error=raw.net_error
-        ),
+        TableRow(group, "Total Volume of Surface Lowering", "m³", raw.lowering, thresholded=kept.lowering),
+        TableRow(group, "Total Volume of Surface Raising", "m³", raw.raising, thresholded=kept.raising),
+        TableRow(group, "Total Volume of Difference", "m³", raw.total, thresholded=kept.total),
+        TableRow(group, "Total Net Volume Difference", "m³", raw.net, table.raw_net_error, kept.net),
     ]
 
 
 def _averages(table: VolumeTable) -> list[TableRow]:
     raw, kept = table.raw, table.thresholded
-    group, thickness = GROUPS[2], "Average {}Thickness of Difference for Area {}"
+    thickness = "Average {}Thickness of Difference for Area {}"
     detectable = kept.area_lowering + kept.area_raising
-    net = "Net "
+
+    def row(quantity: str, value: float | None, kept: float | None, error: float | None = None) -> TableRow:
+        return TableRow(GROUPS[2], quantity, "m", value, error, kept)
+
     return [
-        _measured(
-            group,
+        row(
             "Average Depth of Surface Lowering",
-            "m",
             _ratio(raw.lowering, raw.area_lowering),
             _ratio(kept.lowering, kept.area_lowering),
-            _ratio(kept.lowering_error, kept.area_lowering),
         ),
-        _measured(
-            group,
+        row(
             "Average Depth of Surface Raising",
-            "m",
             _ratio(raw.raising, raw.area_raising),
             _ratio(kept.raising, kept.area_raising),
-            _ratio(kept.raising_error, kept.area_raising),
         ),
-        _measured(
-            group,
+        row(
             thickness.format("Total ", "of Interest"),
-            "m",
             _ratio(raw.total, table.area),
             _ratio(kept.total, table.area),
-            _ratio(kept.total_error, table.area),
         ),
-        _measured(
-            group,
-            thickness.format(net, "of Interest"),
-            "m",
+        row(
+            thickness.format("Net ", "of Interest"),
             _ratio(raw.net, table.area),
             _ratio(kept.net, table.area),
-            _ratio(kept.net_error, table.area),
-            raw_error=_ratio(raw.net_error, table.area),
+            _ratio(table.raw_net_error, table.area),
         ),
-        _measured(
-            group,
-            thickness.format("Total ", "with Detectable Change"),
-            "m",
-            None,
-            _ratio(kept.total, detectable),
-            _ratio(kept.total_error, detectable),
-        ),
-        _measured(
-            group,
-            thickness.format(net, "with Detectable Change"),
-            "m",
-            None,
-            _ratio(kept.net, detectable),
-            _ratio(kept.net_error, detectable),
-        ),
+        row(thickness.format("Total ", "with Detectable Change"), None, _ratio(kept.total, detectable)),
+        row(thickness.format("Net ", "with Detectable Change"), None, _ratio(kept.net, detectable)),
     ]
 
 
@@ -260,32 +231,20 @@ def _percentages(table: VolumeTable) -> list[TableRow]:
 
 
 def _zones(table: VolumeTable) -> list[TableRow]:
-    group = GROUPS[4]
     return [
-        _measured(group, "Total Volume of Surface Lowering", "m³", None, *table.zones_lowering),
-        _measured(group, "Total Volume of Surface Raising", "m³", None, *table.zones_raising),
-        _measured(group, "Total Net Volume Difference", "m³", None, *table.zones_net),
+        _measured("Total Volume of Surface Lowering", *table.zones_lowering),
+        _measured("Total Volume of Surface Raising", *table.zones_raising),
+        _measured("Total Net Volume Difference", *table.zones_net),
     ]
 
 
-def _measured(
-    group: str,
-    quantity: str,
-    unit: str,
-    raw: float | None,
-    value: float | None,
-    error: float | None,
-    *,
-    raw_error: float | None = None,
-) -> TableRow:
-    if value is None or error is None:
-        return TableRow(group, quantity, unit, raw, raw_error)
+def _measured(quantity: str, value: float, error: float) -> TableRow:
     if value == 0 and error == 0:
         # nothing was summed up, of which there could be an error
-        return TableRow(group, quantity, unit, raw, raw_error, 0.0)
+        return TableRow(GROUPS[4], quantity, "m³", thresholded=0.0)
     low, high = value - Z95 * error, value + Z95 * error
     percent = None if value == 0 else 100.0 * error / abs(value)
-    return TableRow(group, quantity, unit, raw, raw_error, value, error, low, high, percent)
+    return TableRow(GROUPS[4], quantity, "m³", None, None, value, error, low, high, percent)
 
 
 def _ratio(part: float, whole: float) -> float | None:

@@ -85,13 +85,17 @@ class CorrelationModel:
 
     def sum_error(self, weights: Float, cells: Cells) -> float:
         """Standard error of the sum of ``weights`` (rows, columns; of any sign, 0 outside) times the changes."""
+        return math.hypot(self.own_error(weights, cells), self.common_error(weights, cells))
+
+    def own_error(self, weights: Float, cells: Cells) -> float:
+        """The part of ``sum_error`` that the sampling errors make, which differ from place to place."""
         if self.variogram is None:
-            sampling = float(np.abs(self._weighted(weights, cells)).sum())
-        else:
-            sampling = math.sqrt(sum_variance(self._weighted(weights, cells), cells.cell, self.variogram))
-        return math.hypot(
-            sampling, self.registration_error * float(weights.sum()), shared_error(np.abs(weights), cells.plants)
-        )
+            return float(np.abs(self._weighted(weights, cells)).sum())
+        return math.sqrt(sum_variance(self._weighted(weights, cells), cells.cell, self.variogram))
+
+    def common_error(self, weights: Float, cells: Cells) -> float:
+        """The part of ``sum_error`` that all cells share: the registration's and the plants'."""
+        return math.hypot(self.registration_error * float(weights.sum()), shared_error(np.abs(weights), cells.plants))
 
     def samples(self, weights: Float, cells: Cells) -> float:
         """Effective number of samples of a sum (see ``variogram.effective_samples``)."""
@@ -178,7 +182,7 @@ def fit_correlation(cells: Cells, stable: NDArray[np.bool_], registration_error:
 
     The change is taken in units of the error without the registration's part, which is one constant for all cells and
     therefore not to be seen in a variogram. Where plants make more of a cell's error than its points, it tells of the
-    plants; such cells are left out where enough others are.
+    plants; such cells are left out where enough others are, else what plants make counts in the unit.
     """
     model = CorrelationModel(registration_error, None)
     usable = stable & np.isfinite(cells.dz) & np.isfinite(cells.error)
@@ -191,7 +195,11 @@ def fit_correlation(cells: Cells, stable: NDArray[np.bool_], registration_error:
         usable &= first_cells(cells.block) | (cells.block < 0)
     if cells.plants is not None:
         little = usable & (np.nan_to_num(cells.plants) <= sampling)
-        usable = little if int(little.sum()) >= FEWEST_CELLS else usable
+        if int(little.sum()) >= FEWEST_CELLS:
+            usable = little
+        else:
+            # what plants make of a cell is counted beside its sampling, not as a part of it
+            sampling = np.hypot(sampling, np.nan_to_num(cells.plants))
     count = int(usable.sum())
     if count < FEWEST_CELLS:
         return CorrelationModel(registration_error, None, count)
@@ -248,7 +256,7 @@ def outline_footprints(
         # as far as rings can reach (see _Surroundings.grown), the gaps' neighbours, and what tells the survey's edge
         margin = max(s.stop - s.start for s in box) + 2 * _MARGIN + reach + _edge_reach(cells.cell)
         window = tuple(slice(max(0, s.start - margin), s.stop + margin) for s in box)
-        near = _window(cells, window)
+        near = in_window(cells, window)
         zone = _Surroundings(near, labels[window], number, taken[window], reach)
         inside = zone.grown(registration_error)
         taken[window] |= inside
@@ -265,7 +273,7 @@ def zone_volumes(footprints: Sequence[Footprint], cells: Cells, model: Correlati
     sides = np.zeros((2, *cells.dz.shape)) if footprints else np.zeros((2, 1, 1))  # weights of all that sank, that rose
     scatters = np.zeros(2)
     for row, footprint in zip(figures, footprints, strict=True):
-        near = _window(cells, footprint.window)
+        near = in_window(cells, footprint.window)
         weights = footprint.weights
         volume = float(np.sum(weights * np.nan_to_num(near.dz)))
         row[:] = (
@@ -379,7 +387,8 @@ def _around(values: Float, kernel: Float) -> Float:
     return total
 
 
-def _window(cells: Cells, window: tuple[slice, ...]) -> Cells:
+def in_window(cells: Cells, window: tuple[slice, ...]) -> Cells:
+    """The part of ``cells`` in some rows and columns."""
     block = None if cells.block is None else cells.block[window]
     plants = None if cells.plants is None else cells.plants[window]
     plant_like = None if cells.plant_like is None else cells.plant_like[window]

@@ -9,15 +9,11 @@ import geopandas as gpd
 import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS
-from scipy import ndimage
-from scipy.special import erf
 
 from .blocks import Blocks, blocks_in_groups
 from .crs import horizontal
-from .evidence import cells_worth
 from .gridding import Float, Grid
 from .parameters import ZoneParameters
-from .plant_cover import clear_of_plants
 from .review_fields import UNREVIEWED
 from .volumes import (
     Z95,
@@ -25,12 +21,11 @@ from .volumes import (
     CorrelationModel,
     Footprint,
     ZoneVolumes,
-    fit_correlation,
     footprint_labels,
-    outline_footprints,
-    outside,
     zone_volumes,
 )
+from .zone_confidence import SURE, sure_groups
+from .zone_groups import first_of_each, label_groups
 from .zone_shapes import cell_polygons, inclination, table_column
 
 # Name and kind of every field, in the order of the attribute table. Text is never NULL; a number that is not known is.
@@ -74,10 +69,10 @@ FIELDS: dict[str, str] = {
     "method": "text",
     "run_id": "text",
 }
-SEVERITIES = ("high", "moderate", "low")
+UNSURE = "unsure"
+"""In place of a severity, where noise alone may have made the zone."""
+SEVERITIES = ("high", "moderate", "low", UNSURE)
 KINDS = ("subsidence", "uplift")
-
-_EIGHT = np.ones((3, 3), dtype=np.int8)
 
 
 @dataclass(frozen=True)
@@ -89,6 +84,7 @@ class Zones:
         labels: int32 (rows, columns); 0 outside every zone, else 1 + the zone's row in ``frame``.
         dropped_groups, dropped_cells: groups of significant cells that were too small, and their cells, and those
             that are large enough, but whose mean change is within what plants make of it: ``within_plants`` groups.
+        unsure_groups: further groups that are large enough, but less sure than ``minimum_confidence``.
         footprints: where each zone's volume was taken, in the order of ``frame``.
         volumes: their volumes and errors, in the order of ``frame``.
         correlation: how the errors of cells are related.
@@ -102,6 +98,7 @@ class Zones:
     volumes: ZoneVolumes
     correlation: CorrelationModel
     within_plants: int = 0
+    unsure_groups: int = 0
 
 
 def extract_zones(
@@ -139,8 +136,9 @@ def extract_zones(
     ``vol_err_m3`` is one standard error of ``vol_net_m3`` with correlated errors (``volumes.CorrelationModel``),
     ``vol_low_m3`` to ``vol_high_m3`` its 95 % interval, ``n_eff`` the effective number of samples; ``rate_err`` is the
     standard error of ``rate_mm_day`` from the same model; ``lod95_m`` is the zone's median of ``lod``; ``slope_deg``
-    the inclination of the plane through the zone's ``heights``; ``confidence`` the two-sided probability that the mean
-    change is not zero even if the errors of all cells were fully correlated.
+    the inclination of the plane through the zone's ``heights``; ``confidence`` the probability that noise alone makes
+    no zone as strong anywhere on the map (``zone_confidence``). Groups below ``minimum_confidence`` are no zones; a
+    zone below 95 % has the severity ``unsure``.
 
     Args:
         dz: elevation change (rows, columns), metres; NaN for no data.
@@ -166,6 +164,27 @@ def extract_zones(
     within_plants = 0
     if plants is not None:
         within_plants = len(label_groups(*cells_of, None, sigma)[1]) - count
+    cells = Cells(
+        np.asarray(dz, dtype=np.float64),
+        np.asarray(sigma, dtype=np.float64),
+        np.full(grid.shape, grid.cell**2) if cell_area is None else cell_area,
+        grid.cell,
+        block,
+        plants,
+        plant_like,
+    )
+    sure = sure_groups(
+        labels,
+        count,
+        cells,
+        count_min,
+        stable,
+        gap=parameters.bridged_gap,
+        registration_error=registration_error,
+        least=parameters.minimum_confidence,
+    )
+    labels, footprints, correlation = sure.labels, sure.footprints, sure.correlation
+    count, first_cells = len(footprints), first_of_each(labels)
     inside = np.flatnonzero(labels)
     zone = labels.ravel()[inside].astype(np.int64) - 1
 
@@ -177,30 +196,16 @@ def extract_zones(
         count,
         of_cells(dz),
         of_cells(lod),
-        of_cells(sigma),
         count_min.ravel()[inside],
         cell_area=grid.cell**2,
     )
-    cells = Cells(
-        np.asarray(dz, dtype=np.float64),
-        np.asarray(sigma, dtype=np.float64),
-        np.full(grid.shape, grid.cell**2) if cell_area is None else cell_area,
-        grid.cell,
-        block,
-        plants,
-        plant_like,
-    )
-    footprints = outline_footprints(
-        cells, labels, count, gap=parameters.bridged_gap, registration_error=registration_error
-    )
-    still = outside(footprints, np.isfinite(cells.dz), grid.cell)
-    correlation = fit_correlation(cells, still if stable is None else still & stable, registration_error)
     volumes = zone_volumes(footprints, cells, correlation)
     values.update(_volume_columns(volumes))
     if block is not None:
         values["n_cells"] = blocks_in_groups(labels, block, count)[1:]
     values["slope_deg"] = np.full(count, np.nan) if heights is None else inclination(zone, inside, count, heights, grid)
-    values["severity"] = _severity(values["dz_p95_m"], parameters)
+    values["confidence"] = sure.confidence
+    values["severity"] = _severity(values["dz_p95_m"], sure.confidence, parameters)
     _add_rates(values, volumes.mean_error, epochs)
     texts = {"method": method, "run_id": run_id, "review_status": UNREVIEWED}
     texts.update(zip(("epoch_from", "epoch_to"), (e.isoformat() if e else "" for e in epochs), strict=True))
@@ -229,6 +234,7 @@ def extract_zones(
         volumes=volumes.in_order(order),
         correlation=correlation,
         within_plants=within_plants,
+        unsure_groups=sure.dropped,
     )
 
 
@@ -268,73 +274,11 @@ def _volume_columns(volumes: ZoneVolumes) -> dict[str, NDArray]:
     }
 
 
-def label_groups(
-    dz: NDArray[np.floating],
-    significant: NDArray[np.bool_],
-    grid: Grid,
-    parameters: ZoneParameters,
-    cell_size: Float | None = None,
-    plants: Float | None = None,
-    sigma: NDArray[np.floating] | None = None,
-) -> tuple[NDArray[np.int32], NDArray[np.int64], int, int]:
-    """Labels 1..n of the groups that are large enough, first cell of each, and groups and cells that were not.
-
-    The least area is asked of a group with the gaps without data that it encloses: where every second cell was
-    measured, change over 1 m² shows in half as many cells.
-
-    Args:
-        cell_size: side of the grown cell that each cell is part of, metres; NaN for none. Towards the least number of
-            cells it counts with the part of its square that the group holds: what is left of a square tells less than
-            all of it, and where finer cells lent it their points nothing new.
-        plants: error that plants make of each cell's change, metres: groups whose mean change is not beyond it
-            (``plant_cover.clear_of_plants``) are left out.
-        sigma: standard error of each cell's change, metres: a grown cell far beyond it counts for more than one
-            (``evidence.cells_worth``).
-    """
-    labels = np.zeros(grid.shape, dtype=np.int32)
-    found = 0
-    gaps = np.zeros(1, dtype=np.int64)
-    unknown = np.isnan(dz)
-    reach = int(parameters.bridged_gap / (2.0 * grid.cell) + 1e-6)  # cells from either side of a gap
-    for sign in (-1.0, 1.0):
-        with np.errstate(invalid="ignore"):
-            cells = significant & (dz * sign > 0)
-        joined = between = cells
-        if reach and cells.any():
-            square = np.ones((2 * reach + 1,) * 2, dtype=bool)
-            joined = cells | (ndimage.maximum_filter(cells, size=2 * reach + 1) & unknown)
-            between = ndimage.binary_closing(cells, square) & unknown
-        part, number = ndimage.label(joined, structure=_EIGHT)
-        labels[cells] = part[cells] + found
-        gaps = np.concatenate([gaps, np.bincount(part[between & ~cells], minlength=number + 1)[1:]])
-        found += number
-    sizes = np.bincount(labels.ravel(), minlength=found + 1)
-    # a group of exactly the least area must not fail by rounding
-    part_of_one = None if cell_size is None else np.nan_to_num((grid.cell / cell_size.ravel()) ** 2, nan=1.0)
-    if part_of_one is not None and sigma is not None:
-        part_of_one *= cells_worth(dz, sigma, parameters.minimum_cells).ravel()
-    number_of = np.bincount(labels.ravel(), part_of_one, minlength=found + 1)
-    extent = (sizes + gaps) * grid.cell**2
-    enough = (number_of >= parameters.minimum_cells - 1e-6) & (extent >= parameters.minimum_area * (1 - 1e-9))
-    if plants is not None:
-        enough &= clear_of_plants(labels, found, np.asarray(dz, dtype=np.float64), plants)
-    enough[0] = False
-    dropped = ~enough
-    dropped[0] = False
-    renumber = np.zeros(found + 1, dtype=np.int32)
-    renumber[enough] = np.arange(1, enough.sum() + 1)
-    labels = renumber[labels]
-    inside = np.flatnonzero(labels)
-    first_cells = inside[np.unique(labels.ravel()[inside], return_index=True)[1]]
-    return labels, first_cells, int(dropped.sum()), int(sizes[dropped].sum())
-
-
 def _statistics(
     zone: NDArray[np.int64],
     count: int,
     dz: Float,
     lod: Float,
-    sigma: Float,
     points: NDArray[np.integer],
     *,
     cell_area: float,
@@ -351,12 +295,8 @@ def _statistics(
     sign = np.sign(sums)
     least = np.full(count, np.iinfo(np.int64).max)
     np.minimum.at(least, zone, points)
-    mean_sigma = total(sigma) / cells
-    with np.errstate(divide="ignore", invalid="ignore"):
-        confidence = erf(np.abs(sums / cells) / (np.sqrt(2.0) * mean_sigma))
     return {
         "kind": np.where(sign < 0, KINDS[0], KINDS[1]).astype(object),
-        "confidence": confidence,
         "dz_mean_m": sums / cells,
         "dz_min_m": np.where(sign < 0, -largest, smallest),
         "dz_max_m": np.where(sign < 0, -smallest, largest),
@@ -384,10 +324,11 @@ def _quantile(ordered: Float, cells: NDArray[np.int64], share: float) -> Float:
     return ordered[starts + low] + (position - low) * (ordered[starts + high] - ordered[starts + low])
 
 
-def _severity(p95: Float, parameters: ZoneParameters) -> NDArray[np.object_]:
+def _severity(p95: Float, confidence: Float, parameters: ZoneParameters) -> NDArray[np.object_]:
     magnitude = np.abs(p95)
     grades = np.where(magnitude >= parameters.severity_moderate, "moderate", "low")
-    return np.where(magnitude >= parameters.severity_high, "high", grades).astype(object)
+    grades = np.where(magnitude >= parameters.severity_high, "high", grades)
+    return np.where(confidence >= SURE, grades, UNSURE).astype(object)
 
 
 def _add_rates(values: dict[str, NDArray], mean_error: Float, epochs: tuple[date | None, date | None]) -> None:

@@ -55,7 +55,7 @@ def zones(dz: np.ndarray, grid: Grid = GRID) -> gpd.GeoDataFrame:
     level = np.full(dz.shape, 0.05)
     count = np.ones(dz.shape, int)
     significant = np.nan_to_num(np.abs(dz)) > level
-    parameters = ZoneParameters(minimum_area=0.0)
+    parameters = ZoneParameters(minimum_area=0.0, minimum_confidence=0.0)
     return extract_zones(dz, significant, level, level / 2, count, grid, CRS(32651), parameters).frame
 
 

@@ -137,8 +137,9 @@ def test_patches_of_grass_beyond_their_level_are_no_zones_but_a_slump_is():
     assert len(kept) <= 10, "one in 370, and the slump"
     assert dropped >= len(every) - len(kept)
     assert labels[70, 110] > 0
+    parameters, args = ZoneParameters(minimum_confidence=0.0), (found.decision.level, found.error, np.full(SHAPE, 9))
     zones = [
-        extract_zones(dz, significant, found.decision.level, found.error, np.full(SHAPE, 9), grid, None, plants=error)
+        extract_zones(dz, significant, *args, grid, None, parameters, plants=error)
         for error in (None, found.plants.error)
     ]
     assert zones[1].within_plants == len(every) - len(kept) == len(zones[0].frame) - len(zones[1].frame)

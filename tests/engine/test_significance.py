@@ -7,10 +7,12 @@ import math
 import numpy as np
 import pytest
 import shapely
+from slopewatch.engine.blocks import first_cells
 from slopewatch.engine.change import Change, difference
 from slopewatch.engine.pair import warn_of_doubtful_change
 from slopewatch.engine.parameters import ChangeParameters
 from slopewatch.engine.progress import Progress
+from slopewatch.engine.significance import judge
 
 DIP = math.radians(60.0)
 NORMAL = np.array([0.0, -math.sin(DIP), math.cos(DIP)])
@@ -147,3 +149,42 @@ def test_known_stable_ground_decides_where_it_lies():
     assert 0.03 <= given.significant[here].mean() <= 0.07
     assert found.significant[here].mean() < 0.03
     assert given.stable[:, west].sum() > 0.8 * given.stable.sum()
+
+
+def test_each_slope_of_grown_cells_is_calibrated_for_itself():
+    """Blocks of 8 by 8 cells, 1,600 in all: half of them on a face whose errors are twice what the points say."""
+    random = np.random.default_rng(3)
+    block = np.arange(1600).reshape(40, 40).repeat(8, axis=0).repeat(8, axis=1)
+    face = block % 40 >= 20
+    slope = np.where(face, 52.0, 12.0)
+    sampling = np.full(block.shape, 0.02)
+    dz = (random.normal(0, 0.02, 1600))[block] * np.where(face, 2.0, 1.0)
+    parameters = ChangeParameters(cell=0.2)
+    found = judge(dz, sampling, slope, 0.2, parameters, registration_error=0.0, block=block, size=sampling * 80)
+    one = first_cells(block)
+    for where in (face, ~face):
+        assert 0.03 <= found.decision.significant[one & where].mean() <= 0.07
+    assert len(found.model.classes) == 2
+    assert found.model.stable_share > 0.9, "of the blocks, not of their cells"
+
+
+@pytest.mark.parametrize("share", [0.25, 0.5, 0.7])
+@pytest.mark.parametrize("block_side", [1, 4])
+def test_where_much_has_changed_the_level_stays_what_points_say(share, block_side):
+    """A part of the slope sank by 20 cm, with errors of 2 cm as stated."""
+    random = np.random.default_rng(8)
+    number = np.arange(100 * 100 // block_side**2).reshape(100 // block_side, -1)
+    block = number.repeat(block_side, axis=0).repeat(block_side, axis=1)
+    column = np.indices((100, 100))[1]
+    moved = column < 100 * share
+    dz = random.normal(0, 0.02, number.size)[block] - 0.2 * moved
+    sampling, slope = np.full(dz.shape, 0.02), np.full(dz.shape, 20.0)
+    grown = {} if block_side == 1 else {"block": block, "size": np.full(dz.shape, 0.2 * block_side)}
+    found = judge(dz, sampling, slope, 0.2, ChangeParameters(cell=0.2), registration_error=0.001, **grown)
+    assert np.median(found.decision.level) == pytest.approx(1.96 * 0.02, rel=0.2), "not a multiple of it"
+    assert found.decision.significant[moved].mean() > 0.95
+    assert found.model.changed_share == pytest.approx(share, abs=0.06)
+    told = found.model.kind == "uncalibrated"
+    assert told == (share > 1 / 3) == ("known to be stable" in " ".join(found.model.notes))
+    assert not found.stable[moved].mean() > 0.05
+    assert found.model.summary()["changed_share"] == found.model.changed_share

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from slopewatch.engine.slope_error import calibrate, uncalibrated
+from slopewatch.engine.slope_error import calibrate, patch_halves, uncalibrated
 
 SHAPE = (200, 300)
 EVERYWHERE = np.ones(SHAPE, dtype=bool)
@@ -105,3 +105,23 @@ def test_what_scatters_more_than_points_explain_is_named():
 def test_an_unknown_slope_gets_the_typical_factor():
     model = calibrate(*field(10), EVERYWHERE, registration_error=0.0, confidence=0.95)
     assert model.factor(np.array([np.nan]))[0] == model.typical
+
+
+def test_errors_are_made_smaller_only_where_both_halves_of_the_ground_say_so():
+    """Half of the patches have the errors that their points say, the others half of them."""
+    random = np.random.default_rng(5)
+    half = patch_halves((100, 100))
+    assert 0.4 < half.mean() < 0.6
+    one, slope = np.ones(half.shape), np.full(half.shape, 20.0)
+    common = {"registration_error": 0.0, "confidence": 0.95}
+    everywhere = half | True
+    dz = random.normal(size=half.shape) * np.where(half, 1.0, 0.5)
+    quiet = random.normal(size=half.shape) * 0.5
+    assert calibrate(dz, one, slope, everywhere, **common).typical < 0.9
+    (told,) = calibrate(dz, one, slope, everywhere, half=half, **common).classes
+    assert np.mean(np.abs(dz[half]) > 1.96 * told.factor) < 0.07
+    assert told.factor == pytest.approx(1.0, abs=0.06)
+    (same,) = calibrate(quiet, one, slope, everywhere, half=half, **common).classes
+    assert same.factor == pytest.approx(0.5, abs=0.03), "what all patches say"
+    (few,) = calibrate(quiet, one, slope, everywhere, half=np.ones(half.shape, dtype=bool), **common).classes
+    assert few.factor == 1.0, "without a second half there is no evidence"

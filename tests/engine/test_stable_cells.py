@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy import ndimage
-from slopewatch.engine.stable_cells import find_stable
+from slopewatch.engine.stable_cells import changed_cells, find_stable
 
 SHAPE, CELL = (160, 200), 0.25
 
@@ -69,3 +69,18 @@ def test_single_wild_cells_are_no_moved_place():
 def test_nothing_compared_is_nothing_stable():
     nothing = np.full((4, 5), np.nan)
     assert not find_stable(nothing, nothing, nothing, CELL).any()
+
+
+def test_what_has_changed_as_a_whole_is_told_from_noise_and_from_single_cells():
+    random = np.random.default_rng(2)
+    error = np.full((60, 60), 0.02)
+    dz = random.normal(0, 0.02, error.shape)
+    assert not changed_cells(dz, error, 0.2).any()
+    dz[5, 5] = 50.0
+    assert not changed_cells(dz, error, 0.2).any(), "one wild cell"
+    dz[20:40, 20:40] += 0.15
+    found = changed_cells(dz, error, 0.2)
+    assert found[23:37, 23:37].all()
+    assert not found[:17].any()
+    dz[30, 30] = np.nan
+    assert not changed_cells(dz, error, 0.2)[30, 30]

@@ -275,7 +275,7 @@ def test_qgis_loads_and_draws_the_styles(tmp_path: Path, qgis_python: str) -> No
     assert seen["level_stops"] == pytest.approx([0.0, 0.05, 0.1, 0.15, 0.2])
     assert seen["zones"] == 2
     assert seen["categories"][0] == "Subsidence, high"
-    assert len(seen["categories"]) == 6
+    assert len(seen["categories"]) == 8
     assert seen["label"] == "zone_id"
     assert seen["alias"] == "Mean change (m)"
     assert seen["widget"] == "ValueMap"

@@ -13,7 +13,7 @@ from slopewatch.engine.parameters import ZoneParameters
 from slopewatch.engine.zones import FIELDS, Zones, extract_zones, footprint_frame
 
 UTM = CRS("EPSG:32651")
-EVERYTHING = ZoneParameters(minimum_area=0.0, minimum_cells=2)
+EVERYTHING = ZoneParameters(minimum_area=0.0, minimum_cells=2, minimum_confidence=0.0)
 
 
 def grid_of(shape: tuple[int, int], cell: float = 0.5) -> Grid:
@@ -55,7 +55,9 @@ def test_figures_equal_plain_loops() -> None:
     count = random.integers(1, 30, dz.shape)
     heights = random.normal(size=dz.shape)
     significant = np.nan_to_num(np.abs(dz)) > lod
-    parameters = ZoneParameters(minimum_area=1.5, minimum_cells=3, severity_moderate=0.2, severity_high=0.5)
+    parameters = ZoneParameters(
+        minimum_area=1.5, minimum_cells=3, minimum_confidence=0.0, severity_moderate=0.2, severity_high=0.5
+    )
     found = run(
         dz,
         parameters,
@@ -99,8 +101,9 @@ def test_figures_equal_plain_loops() -> None:
         }
         assert {name: float(row[name]) for name in expected} == pytest.approx(expected, abs=1e-6)
         assert row["kind"] == ("uplift" if sign > 0 else "subsidence")
-        assert row["severity"] == ("high" if abs(p95) >= 0.5 else "moderate" if abs(p95) >= 0.2 else "low")
-        assert 0.5 < row["confidence"] <= 1.0
+        grade = "high" if abs(p95) >= 0.5 else "moderate" if abs(p95) >= 0.2 else "low"
+        assert row["severity"] == (grade if row["confidence"] >= 0.95 else "unsure")
+        assert 0.0 <= row["confidence"] <= 1.0
         assert row.geometry.area == pytest.approx(area, rel=1e-9)
     assert set(found.frame["epoch_from"]) == {"2024-01-01"}
     assert set(found.frame["review_status"]) == {"unreviewed"}
@@ -230,11 +233,12 @@ def test_most_severe_first_then_by_volume() -> None:
     dz[1:4, 20:23] = -0.6  # high
     dz[10:19, 15:39] = 0.08  # low, large area
     lod = np.full(dz.shape, 0.05)
-    frame = run(dz, lod=lod).frame
+    options = {"lod": lod, "sigma": np.full(dz.shape, 0.01)}
+    frame = run(dz, **options).frame
     assert frame["zone_id"].tolist() == ["Z001", "Z002", "Z003", "Z004"]
     assert frame["severity"].tolist() == ["high", "moderate", "moderate", "low"]
     assert frame["dz_mean_m"].tolist() == pytest.approx([-0.6, 0.15, -0.15, 0.08])
-    again = run(dz, lod=lod).frame
+    again = run(dz, **options).frame
     assert frame.equals(again)
 
 
