@@ -1,8 +1,9 @@
 """The picture in docs/ground.md: sections through real clouds and a simulated meadow, with what is called ground.
 
-``.venv/bin/python scripts/ground_picture.py [FILE]`` draws the returns, the ground by the default settings, that of the
-published settings (the cloth alone), and the vendor's class 2 or the true surface. Needs the real clouds beside the
-checkout (../shared/data).
+``.venv/bin/python scripts/ground_picture.py [FILE [FOLDER]]`` draws the returns, the ground by the default settings,
+that of the published settings (the cloth alone), and the vendor's class 2 or the true surface. FOLDER holds what an
+earlier version called ground, as NAME.npy of booleans for each point (meadow, and the names of the real clouds), and is
+drawn too. Needs the real clouds beside the checkout (../shared/data).
 """
 
 from __future__ import annotations
@@ -35,16 +36,19 @@ class Section:
     height: Float
     own: Bool
     published: Bool
+    former: Bool | None
     reference: tuple[Float, Float]
     reference_name: str
 
 
-def main(path: Path) -> None:
+def main(path: Path, former: Path | None) -> None:
     """Extract, cut, draw."""
     sections = [
-        _real("chablais_forest", "forest, French Alps, 13 returns/m²", 40.0, (20.0, 50.0)),
-        _real("coromandel_forest", "native forest of 38 degrees, New Zealand, 32 returns/m²", 60.0, (30.0, 70.0)),
-        _meadow(),
+        _real("chablais_forest", "forest, French Alps, 13 returns/m²", 40.0, (20.0, 50.0), former),
+        _real(
+            "coromandel_forest", "native forest of 38 degrees, New Zealand, 32 returns/m²", 60.0, (30.0, 70.0), former
+        ),
+        _meadow(former),
     ]
     figure = Figure(figsize=(12.0, 11.0), dpi=120, layout="constrained")
     for axes, section in zip(figure.subplots(3, 1), sections, strict=True):
@@ -54,7 +58,9 @@ def main(path: Path) -> None:
     print(f"{path} ({path.stat().st_size / 1e3:.0f} kB)")
 
 
-def _real(name: str, title: str, across: float, along: tuple[float, float], width: float = 1.0) -> Section:
+def _real(
+    name: str, title: str, across: float, along: tuple[float, float], former: Path | None, width: float = 1.0
+) -> Section:
     las = laspy.read(DATA / f"{name}.laz")
     xyz = np.array(las.xyz)
     last = np.asarray(las.return_number) >= np.asarray(las.number_of_returns)
@@ -63,10 +69,19 @@ def _real(name: str, title: str, across: float, along: tuple[float, float], widt
     strip = (np.abs(place[:, 1] - across) < width / 2) & (place[:, 0] >= along[0]) & (place[:, 0] <= along[1])
     own, published = _both(xyz, last)
     reference = (place[strip & vendor, 0], place[strip & vendor, 2])
-    return Section(title, place[strip, 0], place[strip, 2], own[strip], published[strip], reference, "vendor's class 2")
+    return Section(
+        title,
+        place[strip, 0],
+        place[strip, 2],
+        own[strip],
+        published[strip],
+        _kept(former, name, strip),
+        reference,
+        "vendor's class 2",
+    )
 
 
-def _meadow() -> Section:
+def _meadow(former: Path | None) -> Section:
     plot = grass_plot(1, side=10.0, density=700.0, state="grown", slope=10.0)
     xyz = plot.cloud.xyz
     own, published = _both(xyz, plot.cloud.return_number == plot.cloud.number_of_returns)
@@ -80,9 +95,15 @@ def _meadow() -> Section:
         place[strip, 2],
         own[strip],
         published[strip],
+        _kept(former, "meadow", strip),
         (place[strip, 0][order], true[strip][order]),
         "true surface",
     )
+
+
+def _kept(former: Path | None, name: str, strip: Bool) -> Bool | None:
+    """What an earlier version called ground, of the points in the strip."""
+    return None if former is None else np.asarray(np.load(former / f"{name}.npy"), dtype=np.bool_)[strip]
 
 
 def _both(xyz: Float, last: Bool) -> tuple[Bool, Bool]:
@@ -91,6 +112,11 @@ def _both(xyz: Float, last: Bool) -> tuple[Bool, Bool]:
 
 def _draw(axes: Axes, section: Section) -> None:
     axes.scatter(section.along, section.height, s=3, c="0.75", label="returns")
+    if section.former is not None:
+        old = section.former
+        axes.scatter(
+            section.along[old], section.height[old], s=14, c="tab:pink", marker="x", lw=0.7, label="ground, before"
+        )
     chosen = section.published
     axes.scatter(
         section.along[chosen], section.height[chosen], s=12, c="tab:orange", label="ground, published settings"
@@ -108,4 +134,7 @@ def _draw(axes: Axes, section: Section) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parents[1] / "docs" / "images" / "ground.png"))
+    main(
+        Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parents[1] / "docs" / "images" / "ground.png"),
+        Path(sys.argv[2]) if len(sys.argv) > 2 else None,
+    )
