@@ -40,9 +40,8 @@ class Layers:
 
     ``ground`` is the height of the ground, NaN where too few returns tell; ``top`` the height up to which returns are
     taken for ground, so that their mean is the ground; ``below`` and ``taken`` count returns below the ground and
-    between the lowest and ``top``; ``returns`` all of them; ``surplus`` is how much the mean of all returns
-    within the threshold of the ground lies over it: plants too low to be told from ground; ``median`` the height of
-    half of the returns over the ground.
+    between the lowest and ``top``; ``returns`` all of them; ``median`` is the height of half of the returns over the
+    ground.
     """
 
     ground: Float
@@ -50,7 +49,6 @@ class Layers:
     below: Float
     taken: Float
     returns: Float
-    surplus: Float
     median: Float
 
     def where(self, chosen: Bool, other: Layers) -> Layers:
@@ -113,12 +111,11 @@ def lowest_layers(
     within = (upper >= ground[..., None]) & (upper <= (ground + threshold)[..., None] + 1e-9)
     fits = within & (mean <= (ground + tolerance)[..., None])
     top = np.where(fits.any(axis=-1), upper[BINS - 1 - np.argmax(fits[..., ::-1], axis=-1)], ground)
-    surplus = _at(moment_from, ground + threshold) / np.maximum(_at(number_from, ground + threshold), 1e-9) - ground
     below = _at(number, ground)
     median = EDGES[1:][np.argmax(number >= returns[..., None] / 2, axis=-1)] - ground
     taken = _at(number, top) - _at(number, lowest)
     ground = np.where(unknown, np.nan, ground)
-    return Layers(ground, top, below, taken, returns, surplus, median)
+    return Layers(ground, top, below, taken, returns, median)
 
 
 def separate_layers(counts: Float, ground: Float) -> tuple[Bool, Float, Float]:
