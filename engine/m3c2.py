@@ -6,7 +6,7 @@ of their mean positions along the axis, and their scatter tells how sure it is (
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from statistics import NormalDist
 
@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .m3c2_search import Lattice, runs
+from .m3c2_spread import Spread, SpreadSums
 from .progress import Progress
+from .slope_error import ErrorModel, uncalibrated
 
 Float = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -32,12 +34,16 @@ class Status(IntEnum):
 @dataclass(frozen=True)
 class Cylinders:
     """Points of one cloud in m cylinders: ``count`` (m,); ``mean`` and ``std`` (m,) of their positions along the axis
-    from the core point, metres, NaN without points. ``std`` is the sample's (n - 1), NaN for one point.
+    from the core point, metres, NaN without points. ``std`` is the sample's (n - 1), NaN for one point. ``value`` (m,)
+    is the mean of the points' own values, None where the cloud has none, and ``spread`` how the points lie across the
+    axis, where that was asked for.
     """
 
     count: Index
     mean: Float
     std: Float
+    value: Float | None = None
+    spread: Spread | None = None
 
 
 @dataclass(frozen=True)
@@ -45,7 +51,9 @@ class Distances:
     """M3C2 at m core points, metres; the moving cloud minus the reference, positive to the side of the normal.
 
     ``level`` is the level of detection at ``confidence``, NaN unless the ``status`` is MEASURED; ``distance`` is NaN
-    where it is NO_POINTS or NO_NORMAL. Without a normal the counts are those of a ball.
+    where it is NO_POINTS or NO_NORMAL. Without a normal the counts are those of a ball. The level is the published one
+    unless stable ground calibrated it (``m3c2_level``), as ``model`` tells then; ``plants_factor`` is by what the
+    stated errors by plants were multiplied.
     """
 
     core: Float
@@ -58,6 +66,8 @@ class Distances:
     status: NDArray[np.uint8]
     confidence: float
     registration_error: float
+    model: ErrorModel = field(default_factory=uncalibrated)
+    plants_factor: float = 1.0
 
     def share(self, status: Status) -> float:
         """Share of the core points with this status."""
@@ -79,6 +89,7 @@ def m3c2_distances(
     minimum_points: int = 5,
     confidence: float = 0.95,
     registration_error: float = 0.0,
+    spread: bool = False,
     progress: Progress | None = None,
 ) -> Distances:
     """Distance and level of detection at each core point.
@@ -90,15 +101,16 @@ def m3c2_distances(
         half_length: the cylinder reaches so far to both sides of the core point, metres.
         minimum_points: of each cloud, for a level of detection.
         registration_error: standard error of the registration, metres; added as in eq. 1 of the paper.
+        spread: also tell how the points of each cylinder lie across its axis, which calibrating the level needs.
     """
     progress = progress or Progress()
     length = np.linalg.norm(normal, axis=1)
     directed = length > 0
     unit = np.divide(normal, length[:, None], out=np.zeros_like(normal), where=directed[:, None])
     with progress.stage(0.0, 0.5, "measuring the reference"):
-        first = cylinder_statistics(reference, core, unit, radius, half_length, progress)
+        first = cylinder_statistics(reference, core, unit, radius, half_length, progress, spread=spread)
     with progress.stage(0.5, 1.0, "measuring the later survey"):
-        second = cylinder_statistics(moving, core, unit, radius, half_length, progress)
+        second = cylinder_statistics(moving, core, unit, radius, half_length, progress, spread=spread)
     fewest = np.minimum(first.count, second.count)
     status = np.full(len(core), Status.MEASURED, dtype=np.uint8)
     status[fewest < minimum_points] = Status.FEW_POINTS
@@ -126,9 +138,14 @@ def m3c2_distances(
 
 def level_of_detection(first: Cylinders, second: Cylinders, confidence: float, registration_error: float) -> Float:
     """Lague et al. 2013, eq. 1: quantile times (sqrt(s1^2 / n1 + s2^2 / n2) + registration error), metres (m,)."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        sampling = np.sqrt(first.std**2 / first.count + second.std**2 / second.count)
+    sampling = np.sqrt(sum(squared_errors(first, second)))
     return NormalDist().inv_cdf((1 + confidence) / 2) * (sampling + registration_error)
+
+
+def squared_errors(first: Cylinders, second: Cylinders) -> tuple[Float, Float]:
+    """s^2 / n of both clouds' means, m² (m,); NaN for less than two points."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return first.std**2 / first.count, second.std**2 / second.count
 
 
 def cylinder_statistics(
@@ -138,8 +155,10 @@ def cylinder_statistics(
     radius: float,
     half_length: float,
     progress: Progress | None = None,
+    *,
+    spread: bool = False,
 ) -> Cylinders:
-    """Count, mean and standard deviation along the axis of a cloud's points in each core point's cylinder.
+    """Count, mean and standard deviation along the axis of a cloud's points in each core point's cylinder, mean value.
 
     The test is made in double precision on the points' offsets from the core point itself, so that large coordinates
     cost no digits; a point on the wall or on an end is inside.
@@ -147,10 +166,13 @@ def cylinder_statistics(
     Args:
         core: (m, 3).
         unit: (m, 3) axes of length 1. One of length 0 makes a ball.
+        spread: also tell how the points lie across the axis.
     """
     progress = progress or Progress()
+    sums = SpreadSums(unit) if spread else None
     count = np.zeros(len(core), dtype=np.int64)
     mean, std = np.full(len(core), np.nan), np.full(len(core), np.nan)
+    value = None if cloud.values is None else np.full(len(core), np.nan)
     places, axes = (np.ascontiguousarray(rows.T) for rows in (core, unit))
     done = 0
     for number, point in cloud.candidates(core, half_length * unit, radius):
@@ -169,8 +191,15 @@ def cylinder_statistics(
             which, starts, members = runs(number.take(inside))
             along = along.take(inside)
             count[which], mean[which] = members, np.add.reduceat(along, starts) / members
-            squares = np.add.reduceat((along - np.repeat(mean[which], members)) ** 2, starts)
+            if value is not None and cloud.values is not None:
+                own = cloud.values.take(point.take(inside)).astype(np.float64)
+                value[which] = np.add.reduceat(own, starts) / members
+            about = along - np.repeat(mean[which], members)
+            if sums is not None:
+                offset = cloud.offsets(places, number.take(inside), point.take(inside))
+                sums.add(which, starts, members, offset, about)
+            squares = np.add.reduceat(about**2, starts)
             several = members > 1
             std[which[several]] = np.sqrt(squares[several] / (members[several] - 1))
         progress.update(done / max(len(core), 1))
-    return Cylinders(count=count, mean=mean, std=std)
+    return Cylinders(count=count, mean=mean, std=std, value=value, spread=None if sums is None else sums.spread)

@@ -49,11 +49,18 @@ class _Spheres:
 class Lattice:
     """Points sorted by cubes along the axes of ``frame`` (see ``dominant_frame``).
 
-    ``points`` (3, n), x, y and z by themselves, are in that order.
+    ``points`` (3, n), x, y and z by themselves, are in that order, and so are ``values`` (n,), a figure of each point,
+    where there are any.
     """
 
-    def __init__(self, xyz: Float, radius: float, frame: Float | None = None) -> None:
-        """Sort ``xyz`` (n, 3), n > 0, for searches of about ``radius``."""
+    def __init__(
+        self,
+        xyz: Float,
+        radius: float,
+        frame: Float | None = None,
+        values: NDArray[np.floating] | None = None,
+    ) -> None:
+        """Sort ``xyz`` (n, 3), n > 0, and the points' ``values`` (n,) for searches of about ``radius``."""
         self.frame = dominant_frame(xyz) if frame is None else frame
         self.cell = radius / CUBES_A_RADIUS
         self._origin = xyz[0].copy()
@@ -76,6 +83,7 @@ class Lattice:
         order = np.argsort(key, kind="stable")
         key = key[order]
         self.points = np.stack([axis.take(order) for axis in xyz.T])
+        self.values = None if values is None else values.take(order)
         eighths, cubes = (np.append(runs(k)[1], len(key)) for k in (key, key // 8))
         self._key = key[cubes[:-1]] // (8 * layers)
         self._cubes = cubes

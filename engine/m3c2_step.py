@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from shapely import contains_xy
+from shapely.geometry.base import BaseGeometry
 
 from . import rasters
 from .change import uniform_shift
-from .clouds import copy_with, open_cloud, read_cloud
+from .clouds import PointCloud, copy_with, open_cloud, read_cloud
 from .dating import check_days
 from .dimensions import read_dimension
 from .earlier_results import refuse_results
@@ -19,12 +21,13 @@ from .epochs import Epoch, check_pair, date_in_name, parse_date
 from .errors import InputError
 from .inspection import Outcome
 from .m3c2 import Distances, Status, cylinder_statistics, m3c2_distances
+from .m3c2_level import calibrated, level_facts, say_level, slope_of
 from .m3c2_normals import fit_planes
 from .m3c2_products import RASTERS, dimensions, main_figures, median_level_95, write_rasters
 from .m3c2_scales import Scales, choose_scales, overlap_bounds, spread_cores
 from .m3c2_search import Lattice
 from .outputs import refuse_inputs_as_outputs, refuse_other_than_cloud, refuse_unwritable, staged_outputs
-from .pair import refuse_other_heights, require_comparable
+from .pair import known_stable, refuse_other_heights, require_comparable
 from .parameters import DateParameters, DistanceParameters, InputParameters, SurfaceParameters
 from .progress import Progress
 from .raw_survey import refuse_raw, taken_as_ground
@@ -68,6 +71,7 @@ def m3c2_step(
     core: Path | None,
     dates: tuple[str | None, str | None],
     transform_path: Path | None,
+    stable: Path | None = None,
     overwrite: bool = False,
     progress: Progress,
 ) -> Outcome:
@@ -78,6 +82,7 @@ def m3c2_step(
         raster_dir: folder of the rasters; that of ``output`` by default.
         core: cloud of the core points; by default points of the reference, evenly spread.
         transform_path: transform.json to apply to ``moving`` first.
+        stable: polygons known to be stable, on which the level is calibrated; found in the distances without.
         overwrite: replace rasters that ``raster_dir`` holds. Other results there are not touched, nor asked about.
 
     Raises:
@@ -95,7 +100,7 @@ def m3c2_step(
         refuse_results(raster_dir, [f"{name}.tif" for name in RASTERS], overwrite=overwrite)
     raster_dir = output.absolute().parent if raster_dir is None else raster_dir.absolute()
     record_name = f"{output.stem}_run.json"
-    files = {"core": core, "transform": transform_path}
+    files = {"core": core, "transform": transform_path, "stable": stable}
     targets = [output, output.with_name(record_name), *(raster_dir / f"{name}.tif" for name in RASTERS)]
     refuse_inputs_as_outputs(targets, [reference, moving, *(p for p in files.values() if p)])
     if parameters.normals == "given" and core is None:
@@ -142,8 +147,10 @@ def m3c2_step(
         record.facts["scales"] = {**plain(scales), "chosen": _chosen(parameters, core is not None)}
         with progress.stage(0.35, 0.85, "measuring"), record.stage("distances") as entry:
             cores = _cores(a.xyz, b.xyz, reference, core, scales.core_spacing, settings.inputs, progress)
-            found = _measure(a.xyz, b.xyz, cores, scales, settings, toward, error, progress)
+            area = known_stable(stable, a)
+            found = _measure((a, b), cores, scales, settings, toward, error, area, progress)
             entry["core_points"] = len(cores.xyz)
+        record.facts["level_of_detection"] = level_facts(found, calibrate=parameters.calibrate)
         with progress.stage(0.85, 1.0, "writing"), record.stage("write"):
             copy_with(
                 cores.path,
@@ -241,31 +248,27 @@ def _of_all(keep: NDArray[np.bool_] | None, taken: NDArray[np.bool_] | None) -> 
 
 
 def _measure(
-    reference: Float,
-    moving: Float,
+    clouds: tuple[PointCloud, PointCloud],
     cores: Cores,
     scales: Scales,
     settings: DistanceSettings,
     toward: Float,
     error: float,
+    stable: BaseGeometry | None,
     progress: Progress,
 ) -> Distances:
+    """Distances and their level at the core points; says what they do not show."""
     parameters = settings.distances
     radius = scales.projection_scale / 2
-    if parameters.normals == "vertical":
-        normal = np.tile([0.0, 0.0, 1.0], (len(cores.xyz), 1))
-    elif parameters.normals == "given":
-        normal = np.stack([read_dimension(cores.path, name).astype(np.float64) for name in _NORMALS], axis=1)
-        # another unit stretches the surface along an axis, and its normals the other way
-        normal = np.nan_to_num(normal / np.array(open_cloud(cores.path, settings.inputs)[1].factors))
-    else:
-        with progress.stage(0.0, 0.4, "fitting normals"):
-            lattice = Lattice(reference, scales.normal_scale / 2)
-            normal = fit_planes(lattice, cores.xyz, scales.normal_scale, orientation=toward, progress=progress).normal
-    later = Lattice(moving, radius)
+    reference = clouds[0].xyz
+    with progress.stage(0.0, 0.4, "fitting normals"):
+        normal, slope = _normals(reference, cores, scales, settings, toward, progress)
+    first, later = (
+        Lattice(cloud.xyz, radius, values=None if cloud.plants is None else cloud.plants.error) for cloud in clouds
+    )
     with progress.stage(0.4, 0.95):
         found = m3c2_distances(
-            Lattice(reference, radius),
+            first,
             later,
             cores.xyz,
             normal,
@@ -274,6 +277,7 @@ def _measure(
             minimum_points=parameters.minimum_cylinder_points,
             confidence=parameters.confidence,
             registration_error=error,
+            spread=parameters.calibrate,
             progress=progress,
         )
     if not found.measured.any():
@@ -282,12 +286,34 @@ def _measure(
             f"{scales.projection_scale:g} m across and {scales.half_length:g} m to both sides; give a larger "
             "--projection-scale or --half-length, or check that the clouds are registered."
         )
-    _warn(found, later, scales, progress)
+    shift = uniform_shift(found.distance[found.measured], found.level[found.measured])
+    if parameters.calibrate:
+        given = None if stable is None else contains_xy(stable, *cores.xyz[:, :2].T)
+        found = calibrated(found, radius, slope=slope, given=given, uniform=shift is not None)
+        say_level(found, progress)
+    _warn(found, later, scales, shift, progress)
     return found
 
 
-def _warn(found: Distances, later: Lattice, scales: Scales, progress: Progress) -> None:
-    """Name what the distances do not show."""
+def _normals(
+    reference: Float, cores: Cores, scales: Scales, settings: DistanceSettings, toward: Float, progress: Progress
+) -> tuple[Float, Float | None]:
+    """Directions to measure in (m, 3), and the surface's slope (m,) in degrees where these do not tell it."""
+    parameters = settings.distances
+    if parameters.normals == "given":
+        normal = np.stack([read_dimension(cores.path, name).astype(np.float64) for name in _NORMALS], axis=1)
+        # another unit stretches the surface along an axis, and its normals the other way
+        return np.nan_to_num(normal / np.array(open_cloud(cores.path, settings.inputs)[1].factors)), None
+    upright = np.tile([0.0, 0.0, 1.0], (len(cores.xyz), 1))
+    if parameters.normals == "vertical" and not parameters.calibrate:
+        return upright, None
+    lattice = Lattice(reference, scales.normal_scale / 2)
+    fitted = fit_planes(lattice, cores.xyz, scales.normal_scale, orientation=toward, progress=progress).normal
+    return (upright, slope_of(fitted)) if parameters.normals == "vertical" else (fitted, None)
+
+
+def _warn(found: Distances, later: Lattice, scales: Scales, shift: float | None, progress: Progress) -> None:
+    """Name what the distances do not show; ``shift`` metres: all of them have this one alike."""
     empty = (found.status == Status.NO_POINTS) & (found.moving.count == 0) & (found.reference.count > 0)
     beyond = cylinder_statistics(
         later,
@@ -302,7 +328,6 @@ def _warn(found: Distances, later: Lattice, scales: Scales, progress: Progress) 
             f"{number} core points have points of the later survey only beyond the cylinder, as change of more than "
             f"{scales.half_length:g} m leaves them; give a larger --half-length to measure it."
         )
-    shift = uniform_shift(found.distance[found.measured], found.level[found.measured])
     if shift is not None:
         progress.warning(
             f"The whole overlap has {'risen' if shift > 0 else 'sunk'} by about {abs(shift):.3f} m along its normals: "

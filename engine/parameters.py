@@ -802,6 +802,13 @@ class DistanceParameters(ParameterSet):
         minimum=-1.0,
         maximum=10.0,
     )
+    calibrate: bool = _parameter(
+        True,
+        "Calibrate errors on stable ground",
+        "Sums the errors in squares and scales them, by slope, so that unchanged ground stays below its level of "
+        "detection as often as the confidence says. Off: the level as Lague et al. (2013) published it, which adds the "
+        "registration error to that of the points and is wider or narrower than it says.",
+    )
 
 
 @dataclass(frozen=True)

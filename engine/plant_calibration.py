@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ def plants_factor(
     sampling: Float,
     plants: Float,
     stable: NDArray[np.bool_],
-    cell: float,
+    square: NDArray[np.signedinteger[Any]],
     *,
     registration_error: float,
     confidence: float,
@@ -39,19 +40,24 @@ def plants_factor(
     fewer than 20 nothing is told (1), and the quantile is one standard error of its share higher.
 
     Args:
-        dz, sampling, plants: change, its standard error by points (calibrated) and that by plants, metres (rows,
-            columns); NaN where not compared.
-        stable: one cell of each grown cell that is taken as stable.
-        cell: side of a cell, metres.
+        dz, sampling, plants: change, its standard error by points (calibrated) and that by plants, metres, arrays of
+            one shape; NaN where not compared.
+        stable: what is taken as stable; one cell of each grown cell.
+        square: number of the square of 2 m that each is in (``squares_of`` for the cells of a grid).
         registration_error: metres.
     """
     with np.errstate(invalid="ignore"):
         told = stable & np.isfinite(dz) & (plants > sampling)
-    row, column = np.nonzero(told)
-    width = max(round(PATCH_M / cell), 1)
-    patches = len(np.unique(np.column_stack([row // width, column // width]), axis=0))
+    patches = len(np.unique(square[told]))
     if patches < FEWEST_PATCHES:
         return 1.0
     needed = ((dz[told] / quantile(confidence)) ** 2 - sampling[told] ** 2 - registration_error**2) / plants[told] ** 2
     surer = min(confidence + math.sqrt(confidence * (1.0 - confidence) / patches), 1.0)
     return float(np.clip(math.sqrt(max(sample_quantile(needed, surer), 0.0)), NARROWEST, 1.0))
+
+
+def squares_of(shape: tuple[int, int], cell: float) -> NDArray[np.int64]:
+    """Number of the square of ``PATCH_M`` that each cell of a grid (rows, columns) is in; ``cell`` metres a side."""
+    width = max(round(PATCH_M / cell), 1)
+    row, column = (np.arange(n, dtype=np.int64) // width for n in shape)
+    return row[:, None] * (int(column[-1]) + 1) + column

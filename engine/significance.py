@@ -11,20 +11,12 @@ from .blocks import Blocks, first_cells
 from .cell_slope import Float
 from .gridding import on_grid
 from .parameters import GridChangeParameters
-from .plant_calibration import plants_factor
+from .plant_calibration import plants_factor, squares_of
 from .plant_cover import PlantCells
 from .size_error import widening_by_size
 from .slope_error import ErrorModel, calibrate, patch_halves, uncalibrated, without_stable_ground
-from .stable_blocks import find_stable_blocks
-from .stable_cells import changed_cells, find_stable
+from .stable_ground import stable_ground
 from .thresholds import Decision, decide
-
-MOST_CHANGED = 0.3
-"""Share of the compared ground that may have changed as a whole for the rest to be known as stable. Edges of what
-changed do not count as changed as a whole, so this is a third of the ground and more."""
-LEAST_STABLE = 0.5
-"""... and the share that must be found stable, because it is told from what most of the ground does."""
-_APART = 5.0  # degrees beyond the slopes of known stable ground, from which that tells nothing of a cell
 
 
 @dataclass(frozen=True)
@@ -94,25 +86,21 @@ def judge(
     first = np.ones(dz.shape, dtype=bool) if block is None else first_cells(block)
     # a grown cell is one of those compared, however many cells of the grid it holds
     here, one_each = np.flatnonzero(valid), np.flatnonzero(valid & first)
-    found = np.zeros(dz.shape, dtype=bool)
-    if not uniform:
-        if block is None:
-            found = find_stable(dz, sampling, slope, cell, by_plants)
-        else:
-            found = find_stable_blocks(dz, sampling, slope, cell, block, by_plants)
-    share, changed = 0.0, np.zeros(dz.shape, dtype=bool)
-    if not uniform and given is None:
-        stated = np.hypot(sampling, registration_error)
-        changed = changed_cells(dz, stated if by_plants is None else np.hypot(stated, by_plants), cell)
-        share = float(changed.sum()) / max(int(valid.sum()), 1)
-    stable = found if given is None else _with_other_slopes(given & valid, found, slope)
+    ground = stable_ground(
+        dz,
+        sampling,
+        slope,
+        cell,
+        registration_error=registration_error,
+        plants=by_plants,
+        uniform=uniform,
+        given=given,
+        block=block,
+    )
+    stable = ground.stable
     model = uncalibrated()
-    looks_stable = float(found.sum()) / max(int(valid.sum()), 1)
-    unsettled = not uniform and given is None and (share > MOST_CHANGED or looks_stable < LEAST_STABLE)
-    if unsettled:
-        stable = stable & ~changed
-    if unsettled and parameters.calibrate:
-        model = without_stable_ground(share, looks_stable)
+    if not ground.settled and parameters.calibrate:
+        model = without_stable_ground(ground.changed_share, ground.looks_stable)
     elif parameters.calibrate and not uniform:
         if size is not None:
             sampling = sampling * widening_by_size(
@@ -134,16 +122,16 @@ def judge(
             plants=None if by_plants is None else by_plants.ravel()[one_each],
             half=patch_halves(dz.shape).ravel()[one_each],
         )
-        model = replace(model, changed_share=share if given is None else None)
+        model = replace(model, changed_share=ground.changed_share if given is None else None)
     scaled = on_grid(here, model.factor(slope.ravel()[here]) * sampling.ravel()[here], dz.shape)
     factor = 1.0
-    if plants is not None and parameters.calibrate and not uniform and not unsettled:
+    if plants is not None and parameters.calibrate and not uniform and ground.settled:
         factor = plants_factor(
             dz,
             scaled,
             plants.error,
             stable & first,
-            cell,
+            squares_of(dz.shape, cell),
             registration_error=registration_error,
             confidence=parameters.confidence,
         )
@@ -154,13 +142,3 @@ def judge(
         error = np.hypot(error, by_plants)
     decision = decide(dz, error, parameters, block)
     return Judgement(dz, error, decision, model, stable, registration_error, scaled, plants, factor)
-
-
-def _with_other_slopes(given: NDArray[np.bool_], found: NDArray[np.bool_], slope: Float) -> NDArray[np.bool_]:
-    """The given cells, and found ones much flatter or steeper than those: a road tells nothing of a face."""
-    inside = slope[given & np.isfinite(slope)]
-    if not inside.size:
-        return given
-    low, high = np.quantile(inside, [0.02, 0.98]) + np.array([-_APART, _APART])
-    with np.errstate(invalid="ignore"):
-        return given | (found & ((slope < low) | (slope > high)))

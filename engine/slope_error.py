@@ -14,6 +14,7 @@ from .thresholds import quantile
 
 _CLASS = 5.0  # degrees; classes with too few cells are joined with the next
 _FEWEST_IN_CLASS = 200  # with 5 % beyond, their share is known to 1.5 %
+_FEWEST_OWN_IN_CLASS = 100  # ... that share no points with others
 _FEWEST_TO_NARROW = 400
 _FEWEST = 50
 _LEAST_STABLE = 0.1  # share of a class's cells that must be stable for the class to tell anything
@@ -54,6 +55,7 @@ class ErrorModel:
         stable_cells: number of cells that it was calibrated on.
         stable_share: their share of the compared cells.
         notes: sentences for the user.
+        why: why there was nothing to calibrate on, where it is widened.
         changed_share: share of the compared cells around which the ground has changed as a whole, where that was asked.
     """
 
@@ -64,6 +66,7 @@ class ErrorModel:
     stable_share: float = 0.0
     notes: tuple[str, ...] = ()
     changed_share: float | None = None
+    why: str = ""
 
     def factor(self, slope: Float) -> Float:
         """The factor at each cell's slope (degrees), linear between the classes' medians, constant beyond."""
@@ -110,6 +113,7 @@ def calibrate(
     confidence: float,
     plants: Float | None = None,
     half: NDArray[np.bool_] | None = None,
+    independent: float = 1.0,
 ) -> ErrorModel:
     """Factor f of the sampling error s with which 1 - confidence of the stable cells are beyond the level, by slope.
 
@@ -136,6 +140,8 @@ def calibrate(
         registration_error: metres.
         plants: error of the change by plants, metres; none without.
         half: True in one half of the patches of ground, False in the other (``patch_halves``).
+        independent: share of the cells that tell something of their own, above 0: below 1 where neighbours share
+            points. What is asked of numbers of cells is asked of so many of them.
     """
     known = np.isfinite(dz) & np.isfinite(sampling) & (sampling > 0)
     all_at, chosen = slope[known], stable[known]
@@ -143,7 +149,7 @@ def calibrate(
     little = plant <= _LITTLE * sampling[known]
     compared = all_at.size
     of_half = None if half is None else half[known]
-    bare = bool(little.all()) or int(np.count_nonzero(chosen & little)) >= _FEWEST_IN_CLASS
+    bare = bool(little.all()) or int(np.count_nonzero(chosen & little)) * independent >= _FEWEST_IN_CLASS
     if bare:
         # classes are judged by what there is of such cells in them
         chosen, all_at, plant = chosen[little], all_at[little], plant[little]
@@ -157,22 +163,24 @@ def calibrate(
     shift = sample_quantile(dz, 0.5) if cells else 0.0
     spread = 1.4826 * sample_quantile(np.abs(dz - shift), 0.5) if cells else 0.0
     usual = float(np.sqrt(np.median(others))) if cells else registration_error
-    if cells < _FEWEST or abs(shift) > 2.0 * spread + 2.0 * usual:
+    if cells * independent < _FEWEST or abs(shift) > 2.0 * spread + 2.0 * usual:
         why = (
             f"only {cells} cells of stable ground were found"
-            if cells < _FEWEST
+            if cells * independent < _FEWEST
             else f"what looks stable has moved by {shift:+.3f} m"
         )
         note = (
             f"The errors could not be calibrated, because {why}; the level of detection is widened "
             f"{_WITHOUT_STABLE:g} times; give an area known to be stable."
         )
-        return ErrorModel("widened", typical=_WITHOUT_STABLE, stable_cells=cells, stable_share=share, notes=(note,))
+        return ErrorModel(
+            "widened", typical=_WITHOUT_STABLE, stable_cells=cells, stable_share=share, notes=(note,), why=why
+        )
     z = quantile(confidence)
     needed = ((dz / z) ** 2 - others) / sampling**2
     least = _NARROWEST if bare else 1.0
-    typical = _factor(needed, confidence, least=least, half=of_half)
-    bounds = _joined(at, all_at)
+    typical = _factor(needed, confidence, least=least, half=of_half, independent=independent)
+    bounds = _joined(at, all_at, independent)
     inside = [(at >= low) & (at < high) for low, high in bounds]
     members = [(needed[m], at[m]) for m in inside]
     halves = [None if of_half is None else of_half[m] for m in inside]
@@ -181,7 +189,7 @@ def calibrate(
     for _ in range(_ROUNDS):  # between the medians the factor is interpolated: make the classes hold as they are used
         scaled = [squares / np.interp(slopes, centres, factors) ** 2 for squares, slopes in members]
         factors = [
-            _factor(rest, confidence, f, least=least, half=of)
+            _factor(rest, confidence, f, least=least, half=of, independent=independent)
             for rest, f, of in zip(scaled, factors, halves, strict=True)
         ]
     classes = tuple(
@@ -213,6 +221,7 @@ def _factor(
     *,
     least: float = _NARROWEST,
     half: NDArray[np.bool_] | None = None,
+    independent: float = 1.0,
 ) -> float:
     """``scale`` times the square root of the quantile, within what can be believed, not below 1 on a chance of few."""
 
@@ -220,19 +229,20 @@ def _factor(
         return scale * float(np.sqrt(max(sample_quantile(of, share), 0.0)))
 
     factor = asked(needed, confidence)
-    if factor < 1.0 and needed.size < _FEWEST_TO_NARROW:
-        surer = min(confidence + float(np.sqrt(confidence * (1 - confidence) / needed.size)), 1.0)
+    if factor < 1.0 and needed.size * independent < _FEWEST_TO_NARROW:
+        surer = min(confidence + float(np.sqrt(confidence * (1 - confidence) / (needed.size * independent))), 1.0)
         factor = min(asked(needed, surer), 1.0)
     elif factor < 1.0 and half is not None:
-        parts = [part for part in (needed[half], needed[~half]) if part.size >= _FEWEST_IN_HALF]
+        least_in_half = _FEWEST_IN_HALF / independent
+        parts = [part for part in (needed[half], needed[~half]) if part.size >= least_in_half]
         # by chance a half asks for more or less; one standard error is allowed for
         chance = float(np.sqrt(confidence * (1 - confidence)))
-        both = [asked(part, confidence - chance / np.sqrt(part.size)) for part in parts]
+        both = [asked(part, confidence - chance / np.sqrt(part.size * independent)) for part in parts]
         factor = min(max(factor, *both), 1.0) if len(both) == 2 else 1.0
     return float(np.clip(factor, least, _WIDEST))
 
 
-def _joined(at: Float, all_at: Float) -> list[tuple[float, float]]:
+def _joined(at: Float, all_at: Float, independent: float) -> list[tuple[float, float]]:
     """Classes of slope with enough stable cells (``at``, degrees) among all compared ones; narrow ones are joined."""
     bounds: list[tuple[float, float]] = []
     low, cells, of = 0.0, 0, 0
@@ -241,7 +251,7 @@ def _joined(at: Float, all_at: Float) -> list[tuple[float, float]]:
     counts = (np.bincount(number[number >= 0], minlength=classes)[:classes].tolist() for number in numbers)
     for number, (stable, compared) in enumerate(zip(*counts, strict=True), 1):
         cells, of = cells + stable, of + compared
-        if cells >= max(_FEWEST_IN_CLASS, _LEAST_STABLE * of):
+        if cells >= max(_FEWEST_IN_CLASS, _FEWEST_OWN_IN_CLASS / independent, _LEAST_STABLE * of):
             bounds.append((low, number * _CLASS))
             low, cells, of = number * _CLASS, 0, 0
     if bounds and np.any(at >= low):

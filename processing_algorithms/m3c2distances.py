@@ -13,6 +13,10 @@ from ..plugin.styling import Appearance
 from . import declare, products
 from .base import SlopeWatchAlgorithm
 
+STABLE_HELP = (
+    "Polygons of ground that has surely not moved, on which the level of detection is calibrated. Not set: stable "
+    "ground is found in the distances."
+)
 _PRODUCTS = (
     products.Product(
         "SIGNIFICANT",
@@ -81,6 +85,7 @@ class M3C2Distances(SlopeWatchAlgorithm):
                 "registration's error is taken from it.",
             )
         )
+        self.addParameter(declare.polygon_parameter("STABLE", "Stable ground", STABLE_HELP, advanced=True))
         self.declare_groups()
         self.addParameter(
             declare.cloud_destination(
@@ -103,6 +108,7 @@ class M3C2Distances(SlopeWatchAlgorithm):
             given = self.file(parameters, name, context)
             if given:
                 arguments += [option, given]
+        arguments += self.vector_options(parameters, context, feedback, "STABLE")
         return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
 
     def results(

@@ -34,6 +34,13 @@ from .options import Session, command
 @click.option("--epoch-from", default=None, metavar="DATE", help="Date of REFERENCE; else from its file name.")
 @click.option("--epoch-to", default=None, metavar="DATE", help="Date of MOVING; else from its file name.")
 @click.option("--transform", type=_FILE, default=None, metavar="FILE", help="transform.json to apply to MOVING first.")
+@click.option(
+    "--stable",
+    type=_FILE,
+    default=None,
+    metavar="FILE",
+    help="Polygons of ground that has surely not moved.  [default: found in the distances]",
+)
 @command(InputParameters, DateParameters, SurfaceParameters, DistanceParameters, OutputParameters, profile=False)
 def m3c2(
     session: Session,
@@ -45,6 +52,7 @@ def m3c2(
     epoch_from: str | None,
     epoch_to: str | None,
     transform: Path | None,
+    stable: Path | None,
 ) -> Outcome:
     """Distance of MOVING from REFERENCE, two registered ground clouds, along the surface's normal (M3C2).
 
@@ -66,6 +74,7 @@ def m3c2(
         core=core,
         dates=(epoch_from, epoch_to),
         transform_path=transform,
+        stable=stable,
         overwrite=session.parameters(OutputParameters).overwrite,
         progress=session.report,
     )

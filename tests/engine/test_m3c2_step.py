@@ -6,10 +6,12 @@ import json
 import shutil
 from pathlib import Path
 
+import geopandas as gpd
 import laspy
 import numpy as np
 import pytest
 import rasterio
+import shapely
 from pyproj import CRS
 from slopewatch.engine.errors import InputError
 from slopewatch.engine.m3c2_step import DistanceSettings, m3c2_step, parse_direction
@@ -56,7 +58,7 @@ def pair(tmp_path_factory) -> tuple[Path, Path]:
 
 
 def run(first, second, output, *, progress=None, crs="", height_unit="auto", **given):
-    options = {name: given.pop(name, None) for name in ("raster_dir", "core", "transform_path")}
+    options = {name: given.pop(name, None) for name in ("raster_dir", "core", "transform_path", "stable")}
     settings = DistanceSettings(InputParameters(crs=crs, height_unit=height_unit), DistanceParameters(**given))
     return m3c2_step(first, second, output, settings, dates=(None, None), progress=progress or Progress(), **options)
 
@@ -85,14 +87,91 @@ def test_points_carry_what_was_measured_in_their_system(pair, outcome):
     assert significant[east].mean() < 0.1
     normals = np.column_stack([las[f"Normal{a}"] for a in "XYZ"])
     assert np.median(normals @ NORMAL) > 0.998
-    # 1.96 sqrt(s1^2 / n1 + s2^2 / n2), from the file itself
-    one, two = (np.asarray(las[f"m3c2_std_dev{k}"]) ** 2 / las[f"m3c2_count{k}"] for k in (1, 2))
-    measured = las["m3c2_status"] == 0
-    np.testing.assert_allclose(level[measured], 1.959964 * np.sqrt(one + two)[measured], rtol=1e-4)
     # a selection of the reference's own points
     given = {tuple(p) for p in np.round(np.asarray(laspy.read(pair[0]).xyz), 3).tolist()}
     assert {tuple(p) for p in np.round(np.asarray(las.xyz), 3).tolist()} <= given
     assert (np.asarray(las.classification) == 2).all()
+
+
+def test_the_published_level_is_there_for_the_asking(pair, outcome, tmp_path):
+    """1.96 (sqrt(s1^2 / n1 + s2^2 / n2) + registration error), from the file itself; the same distances."""
+    outputs, _ = run(*pair, tmp_path / "points.laz", calibrate=False, registration_error=0.01)
+    las = laspy.read(outputs["points"])
+    one, two = (np.asarray(las[f"m3c2_std_dev{k}"]) ** 2 / las[f"m3c2_count{k}"] for k in (1, 2))
+    measured = las["m3c2_status"] == 0
+    level = np.asarray(las["m3c2_uncertainty"])
+    np.testing.assert_allclose(level[measured], 1.959964 * (np.sqrt(one + two) + 0.01)[measured], rtol=1e-4)
+    calibrated = laspy.read(outcome[0]["points"])
+    np.testing.assert_array_equal(las["m3c2_distance"], calibrated["m3c2_distance"])
+    told = json.loads(outputs["run"].read_text())["level_of_detection"]
+    assert told["level"] == told["asked_for"] == "as published (Lague et al. 2013)"
+
+
+class Heard(Progress):
+    """Keeps what it is told."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.told: list[str] = []
+
+    def show(self, level: str, message: str) -> None:
+        self.told.append(message)
+
+
+class TestCalibration:
+    @pytest.fixture(scope="class")
+    @classmethod
+    def unchanged(cls, tmp_path_factory) -> tuple[Path, Path]:
+        """Two surveys of one face whose eastern half lies 6 mm higher in every second metre of the later one."""
+        folder, clouds = tmp_path_factory.mktemp("unchanged"), []
+        for seed in (5, 6):
+            xyz = steep(24_000, seed)
+            wave = np.where((xyz[:, 0] - 5e5 > 6) & (np.floor(xyz[:, 1] * 1.5) % 2 == 0), 0.006, -0.006)
+            clouds.append(xyz + (seed == 6) * wave[:, None] * NORMAL * (xyz[:, :1] - 5e5 > 6))
+        names = ("slope_2024-05-01.laz", "slope_2025-05-01.laz")
+        return tuple(write(folder / name, xyz) for name, xyz in zip(names, clouds, strict=True))
+
+    def beyond(self, outputs: dict[str, Path]) -> tuple[float, float]:
+        las = laspy.read(outputs["points"])
+        measured, west = las["m3c2_status"] == 0, np.asarray(las.x) < 5e5 + 5.5
+        significant = np.asarray(las["m3c2_significant"]).astype(bool)
+        return float(significant[measured & west].mean()), float(significant[measured & ~west].mean())
+
+    def test_stable_ground_tells_the_level_and_the_run_says_so(self, unchanged, tmp_path):
+        """Of two surveys that differ by more than their points scatter."""
+        progress = Heard()
+        plain, _ = run(*unchanged, tmp_path / "plain.laz", calibrate=False, registration_error=0.0)
+        assert self.beyond(plain)[1] > 0.2
+        outputs, _ = run(*unchanged, tmp_path / "out.laz", registration_error=0.0, progress=progress)
+        assert sum(self.beyond(outputs)) / 2 < 0.08
+        told = json.loads(outputs["run"].read_text())["level_of_detection"]
+        assert told["level"] == "calibrated"
+        assert told["error_model"] == "calibrated"
+        assert told["slope_classes"][0]["factor"] > 1.2
+        assert any("calibrated on" in sentence for sentence in progress.told)
+
+    def test_polygons_known_to_be_stable_are_what_it_learns_from(self, unchanged, tmp_path):
+        """The quiet western half: of the other half more is then beyond than of that."""
+        area = tmp_path / "stable.gpkg"
+        box = shapely.box(5e5 - 1, 3.5e6 - 1, 5e5 + 5.5, 3.5e6 + 20)
+        gpd.GeoDataFrame(geometry=[box], crs="EPSG:32651").to_file(area)
+        outputs, _ = run(*unchanged, tmp_path / "out.laz", registration_error=0.0, stable=area)
+        west, east = self.beyond(outputs)
+        assert west < 0.08
+        assert east > 0.2
+        record = json.loads(outputs["run"].read_text())
+        assert [entry["role"] for entry in record["inputs"]][-1] == "stable"
+
+    def test_plants_that_a_cloud_tells_of_widen_the_level(self, unchanged, tmp_path):
+        paths = [
+            write(tmp_path / path.name, np.asarray(laspy.read(path).xyz), plant_error=np.full(24_000, 0.05))
+            for path in unchanged
+        ]
+        shared = {"registration_error": 0.0, "projection_scale": 0.6, "normal_scale": 0.6, "half_length": 0.5}
+        plain, told = (run(*some, tmp_path / "out.laz", **shared)[1] for some in (unchanged, paths))
+        # at least a part of the stated error stays, however alike the surveys are
+        expected = 1.96 * 0.4 * 0.05 * np.sqrt(2) * np.cos(DIP)
+        assert told["lod_median_m"] == pytest.approx(np.hypot(plain["lod_median_m"], expected), rel=0.15)
 
 
 def test_rasters_lie_on_a_snapped_grid_with_the_tags_of_all_rasters(outcome):
@@ -152,7 +231,7 @@ def test_a_transform_is_applied_and_its_error_enters_the_level(pair, tmp_path):
     transform = tmp_path / "transform.json"
     transform.write_text(json.dumps({"matrix": matrix.tolist(), "registration": {"registration_error_m": 0.02}}))
     progress = Progress()
-    given = {"projection_scale": 0.7, "normal_scale": 0.6, "half_length": 0.8, "core_spacing": 0.5}
+    given = {"projection_scale": 0.7, "normal_scale": 0.6, "half_length": 0.8, "core_spacing": 0.5, "calibrate": False}
     _, plain = run(*pair, tmp_path / "plain.laz", **given)
     outputs, metrics = run(
         pair[0], moved, tmp_path / "out.laz", raster_dir=tmp_path / "maps", transform_path=transform,

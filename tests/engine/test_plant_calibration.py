@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from slopewatch.engine.parameters import ChangeParameters
-from slopewatch.engine.plant_calibration import NARROWEST, plants_factor
+from slopewatch.engine.plant_calibration import NARROWEST, plants_factor, squares_of
 from slopewatch.engine.plant_cover import PlantCells
 from slopewatch.engine.significance import judge
 
@@ -25,7 +25,9 @@ def told(dz: np.ndarray, stable: np.ndarray | None = None, stated: float = PLANT
     every = np.ones(dz.shape, dtype=bool)
     arguments = {"registration_error": 0.0, "confidence": 0.95} | options
     sampling, plants = np.full(dz.shape, SAMPLING), np.full(dz.shape, stated)
-    return plants_factor(dz, sampling, plants, every if stable is None else stable, CELL, **arguments)
+    return plants_factor(
+        dz, sampling, plants, every if stable is None else stable, squares_of(dz.shape, CELL), **arguments
+    )
 
 
 @pytest.mark.parametrize("real", [0.02, 0.025, 0.03, 0.035])
@@ -57,7 +59,9 @@ def test_only_cells_count_in_which_plants_decide():
     plants = np.full(SHAPE, PLANTS)
     plants[:, 120:] = 0.009
     every, sampling = np.ones(SHAPE, dtype=bool), np.full(SHAPE, SAMPLING)
-    found = plants_factor(dz, sampling, plants, every, CELL, registration_error=0.0, confidence=0.95)
+    found = plants_factor(
+        dz, sampling, plants, every, squares_of(dz.shape, CELL), registration_error=0.0, confidence=0.95
+    )
     assert found == pytest.approx(0.53, abs=0.06)
 
 

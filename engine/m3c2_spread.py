@@ -1,0 +1,85 @@
+"""How the points of a cylinder lie across its axis: what uneven sampling of a tilted surface does to a mean.
+
+Where a surface is tilted within the cylinder, as in gullies, a mean is that of the place where the points are. Two
+surveys whose points are at different places there have a distance that is none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_LEAST = 1e-3  # of the points' extent: across a line of points the tilt is taken as none
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Points of m cylinders in two directions across their axes: ``place`` (m, 2), their mean from the core point,
+    metres, NaN without points; ``products`` (m, 5), sums of products about their means, m²: of the first direction with
+    itself, of the second with itself, of both, and of each with the position along the axis.
+    """
+
+    place: Float
+    products: Float
+
+    def taken(self, rows: Index) -> Spread:
+        return Spread(self.place[rows], self.products[rows])
+
+
+class SpreadSums:
+    """Gathers ``spread`` around axes ``unit`` (m, 3), which are zeros where there is none."""
+
+    def __init__(self, unit: Float) -> None:
+        self._across = [np.ascontiguousarray(axis.T) for axis in across(unit)]
+        self.spread = Spread(np.full((len(unit), 2), np.nan), np.zeros((len(unit), 5)))
+
+    def add(
+        self, which: Index, starts: Index, members: Index, offset: tuple[Float, Float, Float], along: Float
+    ) -> None:
+        """The cylinders ``which`` have ``members`` points each, from ``starts`` on among those given.
+
+        Args:
+            offset: x, y and z of the points from their core points, metres.
+            along: their positions along the axis from their mean, metres.
+        """
+        number = np.repeat(which, members)
+        about = []
+        for direction, axis in enumerate(self._across):
+            position = sum(o * a.take(number) for o, a in zip(offset, axis, strict=True))
+            mean = np.add.reduceat(position, starts) / members
+            self.spread.place[which, direction] = mean
+            about.append(position - np.repeat(mean, members))
+        u, v = about
+        for column, product in enumerate((u * u, v * v, u * v, u * along, v * along)):
+            self.spread.products[which, column] = np.add.reduceat(product, starts)
+
+
+def across(unit: Float) -> tuple[Float, Float]:
+    """Two directions (m, 3) square to each other and to axes ``unit`` (m, 3) of length 1; zeros where that is zeros."""
+    # from the coordinate axis that is farthest from the axis
+    other = np.eye(3)[np.abs(unit).argmin(axis=1)]
+    first = np.cross(unit, other)
+    length = np.linalg.norm(first, axis=1, keepdims=True)
+    first = np.divide(first, length, out=np.zeros_like(first), where=length > 0)
+    return first, np.cross(unit, first)
+
+
+def uneven_sampling(first: Spread, second: Spread) -> Float:
+    """By how much the means of two clouds along the axis differ because their points are at different places, (m,).
+
+    The tilt of the surface across the axis is that of the plane through the points of both clouds, each about its own
+    mean, so that what moved as a whole does not tilt it. Metres; 0 where a cloud has no points.
+    """
+    uu, vv, uv, uh, vh = (first.products + second.products).T
+    extent = uu + vv
+    uu, vv = uu + _LEAST * extent, vv + _LEAST * extent
+    determinant = uu * vv - uv * uv
+    apart_u, apart_v = (second.place - first.place).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        tilt_u, tilt_v = (uh * vv - vh * uv) / determinant, (vh * uu - uh * uv) / determinant
+        return np.nan_to_num(tilt_u * apart_u + tilt_v * apart_v, nan=0.0, posinf=0.0, neginf=0.0)
