@@ -22,6 +22,7 @@ NAMES = {
     "moving_pieces": "Registration where most of the surface has moved",
     "gridding": "Gridding",
     "m3c2": "M3C2",
+    "m3c2_level": "The level of detection of M3C2",
     "calibration": "Calibration of the level of detection",
     "strips": "Two airborne strips without change",
     "adaptive": "Cells that grow",

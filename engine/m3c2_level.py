@@ -16,7 +16,7 @@ from scipy.special import stdtrit
 
 from .m3c2 import Cylinders, Distances, level_of_detection, squared_errors
 from .m3c2_search import dominant_frame
-from .m3c2_spread import uneven_sampling
+from .m3c2_spread import explained_squares, tilt_of, uneven_sampling
 from .plant_calibration import PATCH_M, plants_factor
 from .progress import Progress
 from .slope_error import ErrorModel, calibrate, patch_halves, uncalibrated, without_stable_ground
@@ -78,20 +78,30 @@ def calibrated(
 
 
 def sampling_errors(first: Cylinders, second: Cylinders, confidence: float) -> Float:
-    """Standard error of the difference of two means, metres (m,), times Student's quantile over the normal one, and
-    what uneven sampling makes of them (``m3c2_spread``), where that is known; summed in squares.
+    """Standard error of the difference of two means, metres (m,), times Student's quantile over the normal one.
 
     So the normal quantile times it is the level of means whose scatter is told by as few points as it is. The degrees
     of freedom are (a + b)² / (a² / (n1 - 1) + b² / (n2 - 1)) with a and b the squared errors of the two means.
+
+    Where it is known how the points lie across the axis, these are of the scatter about the tilted surface, and what
+    the tilt makes of the points' different places is summed in, in squares (``m3c2_spread``). Of points that lie at
+    random the mean square is the same; clustered points are not at random.
     """
     a, b = squared_errors(first, second)
+    uneven: Float | float = 0.0
+    if first.spread is not None and second.spread is not None:
+        tilt = tilt_of(first.spread, second.spread)
+        uneven = uneven_sampling(first.spread, second.spread, tilt)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            a, b = (
+                np.maximum(squares - explained_squares(of.spread, tilt) / ((of.count - 1) * of.count), 0.0)
+                for squares, of in ((a, first), (b, second))
+                if of.spread is not None
+            )
     with np.errstate(divide="ignore", invalid="ignore"):
         freedom = (a + b) ** 2 / (a**2 / (first.count - 1) + b**2 / (second.count - 1))
     student = stdtrit(np.where(np.isfinite(freedom), freedom, np.inf), (1 + confidence) / 2)
-    means = np.sqrt(a + b) * np.maximum(student / quantile(confidence), 1.0)
-    if first.spread is None or second.spread is None:
-        return means
-    return np.hypot(means, uneven_sampling(first.spread, second.spread))
+    return np.hypot(np.sqrt(a + b) * np.maximum(student / quantile(confidence), 1.0), uneven)
 
 
 def slope_of(normal: Float) -> Float:

@@ -69,17 +69,30 @@ def across(unit: Float) -> tuple[Float, Float]:
     return first, np.cross(unit, first)
 
 
-def uneven_sampling(first: Spread, second: Spread) -> Float:
-    """By how much the means of two clouds along the axis differ because their points are at different places, (m,).
+def tilt_of(first: Spread, second: Spread) -> Float:
+    """Rise along the axis in both directions across it, metres a metre (m, 2).
 
-    The tilt of the surface across the axis is that of the plane through the points of both clouds, each about its own
-    mean, so that what moved as a whole does not tilt it. Metres; 0 where a cloud has no points.
+    It is that of the plane through the points of both clouds, each about its own mean, so that what moved as a whole
+    does not tilt it; 0 where there are no points.
     """
     uu, vv, uv, uh, vh = (first.products + second.products).T
     extent = uu + vv
     uu, vv = uu + _LEAST * extent, vv + _LEAST * extent
     determinant = uu * vv - uv * uv
-    apart_u, apart_v = (second.place - first.place).T
     with np.errstate(divide="ignore", invalid="ignore"):
-        tilt_u, tilt_v = (uh * vv - vh * uv) / determinant, (vh * uu - uh * uv) / determinant
-        return np.nan_to_num(tilt_u * apart_u + tilt_v * apart_v, nan=0.0, posinf=0.0, neginf=0.0)
+        tilt = np.column_stack([uh * vv - vh * uv, vh * uu - uh * uv]) / determinant[:, None]
+    return np.nan_to_num(tilt, nan=0.0, posinf=0.0, neginf=0.0)
+
+
+def uneven_sampling(first: Spread, second: Spread, tilt: Float) -> Float:
+    """By how much the means of two clouds along the axis differ because their points are at different places, metres
+    (m,); 0 where a cloud has no points.
+    """
+    return np.nan_to_num(np.sum(tilt * (second.place - first.place), axis=1))
+
+
+def explained_squares(spread: Spread, tilt: Float) -> Float:
+    """How much smaller the sum of squares along the axis is about the tilted plane than about the mean, m² (m,)."""
+    uu, vv, uv, uh, vh = spread.products.T
+    u, v = tilt.T
+    return 2 * (u * uh + v * vh) - (u * u * uu + v * v * vv + 2 * u * v * uv)

@@ -176,8 +176,24 @@ def test_students_quantile_after_welch():
 def test_uneven_sampling_is_part_of_the_error():
     spread = [Spread(np.array([[x, 0.0]]), np.array([[1.0, 1.0, 0.0, 0.2, 0.0]])) for x in (0.0, 0.3)]
     one, two = (Cylinders(np.array([1000]), np.zeros(1), np.array([0.1]), spread=s) for s in spread)
-    plain = np.sqrt(2 * 0.1**2 / 1000)
-    assert sampling_errors(one, two, 0.95)[0] == pytest.approx(np.hypot(plain, 0.2 * 0.3), rel=0.01)
+    left = 0.1**2 - 0.2**2 / 999  # about the plane, which rises 0.2 m a metre
+    assert sampling_errors(one, two, 0.95)[0] == pytest.approx(np.hypot(np.sqrt(2 * left / 1000), 0.2 * 0.3), rel=0.01)
+
+
+def test_points_at_random_on_a_tilted_surface_have_the_error_of_their_scatter():
+    """Cylinders of two clouds on a plane of 39 degrees, measured upright: their distances scatter by it."""
+    rng = np.random.default_rng(19)
+    clouds = [np.column_stack([xy, xy @ [0.8, 0.0] + rng.normal(0, 0.02, 60_000)])
+              for xy in (rng.uniform(0, 60, (60_000, 2)) for _ in range(2))]  # fmt: skip
+    core = np.stack(np.meshgrid(np.arange(1, 59, 1.0), np.arange(1, 59, 1.0), [0.0]), axis=-1).reshape(-1, 3)
+    core[:, 2] = 0.8 * core[:, 0]
+    up = np.tile([0.0, 0.0, 1.0], (len(core), 1))
+    one, two = (cylinder_statistics(Lattice(c, 0.5), core, up, 0.5, 2.0, spread=True) for c in clouds)
+    error, distance = sampling_errors(one, two, 0.95), two.mean - one.mean
+    assert np.sqrt(np.mean(error**2)) == pytest.approx(np.sqrt(np.mean(distance**2)), rel=0.05)
+    assert np.mean(np.abs(distance) > 1.959964 * error) < 0.06
+    # and more than the scatter alone it tells which
+    assert np.corrcoef(error, np.abs(distance))[0, 1] > 0.8
 
 
 def test_unmeasured_core_points_stay_without_a_level():

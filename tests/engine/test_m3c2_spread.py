@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from slopewatch.engine.m3c2 import cylinder_statistics
 from slopewatch.engine.m3c2_search import Lattice
-from slopewatch.engine.m3c2_spread import Spread, across, uneven_sampling
+from slopewatch.engine.m3c2_spread import Spread, across, explained_squares, tilt_of, uneven_sampling
 
 UTM = np.array([512_345.678, 4_234_567.891, 1234.5])
 RADIUS, HALF_LENGTH = 1.0, 2.0
@@ -22,6 +22,10 @@ def tilted(seed: int, centre: tuple[float, float], *, height: float = 0.0, noise
 
 def measured(cloud: np.ndarray, axis: np.ndarray):
     return cylinder_statistics(Lattice(cloud, RADIUS), UTM[None], axis[None], RADIUS, HALF_LENGTH, spread=True)
+
+
+def uneven(first: Spread, second: Spread) -> float:
+    return float(uneven_sampling(first, second, tilt_of(first, second))[0])
 
 
 def test_the_directions_are_square_to_the_axis_and_to_each_other():
@@ -40,7 +44,7 @@ def test_one_plane_seen_at_two_places_differs_by_its_tilt():
     places = [tilted(1, (-0.2, 0.0)), tilted(2, (0.3, 0.1))]
     expected = (places[1] - places[0]).mean(axis=0)[:2] @ [0.3, -0.1]
     assert expected == pytest.approx(0.14, abs=0.02)
-    assert uneven_sampling(first.spread, second.spread)[0] == pytest.approx(expected, rel=0.005)
+    assert uneven(first.spread, second.spread) == pytest.approx(expected, rel=0.005)
     assert second.mean[0] - first.mean[0] == pytest.approx(expected + 0.25, rel=1e-6)
 
 
@@ -48,17 +52,23 @@ def test_it_is_the_least_squares_plane_through_both_clouds_about_their_means():
     axis = np.array([0.3, -0.2, 0.9])
     axis /= np.linalg.norm(axis)
     clouds = [tilted(3, (-0.2, 0.1), noise=0.05), tilted(4, (0.25, -0.1), height=0.1, noise=0.05)]
-    found = uneven_sampling(*(measured(cloud, axis).spread for cloud in clouds))[0]
+    made = [measured(cloud, axis) for cloud in clouds]
+    found = uneven(made[0].spread, made[1].spread)
     frame = np.linalg.svd(axis[None])[2][1:]  # any other two directions
     places, along = zip(*(((cloud - UTM) @ frame.T, (cloud - UTM) @ axis) for cloud in clouds), strict=True)
     rows = np.vstack([p - p.mean(axis=0) for p in places])
     tilt = np.linalg.lstsq(rows, np.concatenate([h - h.mean() for h in along]), rcond=None)[0]
     assert found == pytest.approx((places[1].mean(axis=0) - places[0].mean(axis=0)) @ tilt, rel=0.01)
+    # and the scatter that stays about that plane
+    for one, place, height in zip(made, places, along, strict=True):
+        left = height - height.mean() - (place - place.mean(axis=0)) @ tilt
+        taken = explained_squares(one.spread, tilt_of(made[0].spread, made[1].spread))[0]
+        assert (one.count[0] - 1) * one.std[0] ** 2 - taken == pytest.approx(np.sum(left**2), rel=0.001)
 
 
 def test_points_on_a_line_fix_no_tilt_across_it_and_empty_cylinders_none():
     line = Spread(np.array([[0.0, 0.0]]), np.array([[1.0, 0.0, 0.0, 0.2, 0.0]]))
     beside = Spread(np.array([[0.0, 0.4]]), np.array([[1.0, 0.0, 0.0, 0.2, 0.0]]))
-    assert uneven_sampling(line, beside)[0] == 0.0
+    assert uneven(line, beside) == 0.0
     empty = Spread(np.full((1, 2), np.nan), np.zeros((1, 5)))
-    assert uneven_sampling(line, empty)[0] == 0.0
+    assert uneven(line, empty) == 0.0

@@ -200,6 +200,16 @@ def test_level_options_and_stable_ground_reach_the_engine(tmp_path: Path) -> Non
     assert "--no-calibrate" in arguments
 
 
+def test_stable_ground_and_the_published_level_of_m3c2_are_passed(tmp_path: Path) -> None:
+    stable = written(square("stable", 0), tmp_path / "stable.gpkg", "stable")
+    arguments = command(
+        M3C2Distances, REFERENCE="/a.laz", CLOUD="/b.laz", OUTPUT="/o/a.laz", STABLE=str(stable), CALIBRATE=False
+    )
+    assert arguments[arguments.index("--stable") + 1] == str(stable)
+    assert "--no-calibrate" in arguments
+    assert "--stable" not in command(M3C2Distances, REFERENCE="/a.laz", CLOUD="/b.laz", OUTPUT="/o/a.laz")
+
+
 @pytest.mark.parametrize("algorithm", [ElevationChange, M3C2Distances])
 def test_which_points_are_taken_and_trusted_days_reach_the_engine(algorithm: Any) -> None:
     values = {"OUTPUT_FOLDER": "/o", "OUTPUT": "/o/a.laz", "GROUND": "as_is", "TRUST_DATES": True}

@@ -40,7 +40,7 @@ def test_help_shows_every_parameter():
     shown = " ".join(run("--help").stdout.split())
     for specification in DistanceParameters.specifications():
         assert f"--{specification.option}" in shown
-    for option in ("--output", "--output-dir", "--core", "--transform", "--epoch-from", "--epoch-to"):
+    for option in ("--output", "--output-dir", "--core", "--transform", "--stable", "--epoch-from", "--epoch-to"):
         assert option in shown
     assert "does not see what slides along the surface" in shown
 
