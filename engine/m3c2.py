@@ -170,9 +170,14 @@ def cylinder_statistics(
     """
     progress = progress or Progress()
     sums = SpreadSums(unit) if spread else None
-    count = np.zeros(len(core), dtype=np.int64)
-    mean, std = np.full(len(core), np.nan), np.full(len(core), np.nan)
-    value = None if cloud.values is None else np.full(len(core), np.nan)
+    mean, std, value = np.full((3, len(core)), np.nan)
+    found = Cylinders(
+        count=np.zeros(len(core), dtype=np.int64),
+        mean=mean,
+        std=std,
+        value=None if cloud.values is None else value,
+        spread=None if sums is None else sums.spread,
+    )
     places, axes = (np.ascontiguousarray(rows.T) for rows in (core, unit))
     done = 0
     for number, point in cloud.candidates(core, half_length * unit, radius):
@@ -188,18 +193,21 @@ def cylinder_statistics(
             across += component
         inside = np.flatnonzero((np.abs(along) <= half_length) & (across <= radius**2))
         if len(inside):
-            which, starts, members = runs(number.take(inside))
-            along = along.take(inside)
-            count[which], mean[which] = members, np.add.reduceat(along, starts) / members
-            if value is not None and cloud.values is not None:
-                own = cloud.values.take(point.take(inside)).astype(np.float64)
-                value[which] = np.add.reduceat(own, starts) / members
-            about = along - np.repeat(mean[which], members)
+            number, point = number.take(inside), point.take(inside)
+            _fill(found, cloud, number, point, along.take(inside))
             if sums is not None:
-                offset = cloud.offsets(places, number.take(inside), point.take(inside))
-                sums.add(which, starts, members, offset, about)
-            squares = np.add.reduceat(about**2, starts)
-            several = members > 1
-            std[which[several]] = np.sqrt(squares[several] / (members[several] - 1))
+                sums.add(number, cloud.offsets(places, number, point), along.take(inside))
         progress.update(done / max(len(core), 1))
-    return Cylinders(count=count, mean=mean, std=std, value=value, spread=None if sums is None else sums.spread)
+    return found
+
+
+def _fill(found: Cylinders, cloud: Lattice, number: Index, point: Index, along: Float) -> None:
+    """Enter the cylinders ``number`` (k,), all points of which are given: ``point`` (k,), ``along`` (k,) the axis."""
+    which, starts, members = runs(number)
+    found.count[which] = members
+    found.mean[which] = np.add.reduceat(along, starts) / members
+    squares = np.add.reduceat((along - found.mean.take(number)) ** 2, starts)
+    several = members > 1
+    found.std[which[several]] = np.sqrt(squares[several] / (members[several] - 1))
+    if found.value is not None and cloud.values is not None:
+        found.value[which] = np.add.reduceat(cloud.values.take(point).astype(np.float64), starts) / members

@@ -27,6 +27,9 @@ Float = NDArray[np.float64]
 Index = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
+_PUBLISHED = "as published (Lague et al. 2013)"
+_MOST_CELLS = 5_000_000
+
 
 def calibrated(
     found: Distances,
@@ -64,7 +67,7 @@ def calibrated(
         places=_places(found.core[here], radius),
         given=None if given is None else given[here],
     )
-    ground = _stable(cores, radius, found.registration_error, uniform)
+    ground = _stable(cores, found.registration_error, uniform)
     model, factor = _model(cores, ground, found, uniform)
     scaled = model.factor(cores.slope) * sampling if model.kind == "calibrated" else sampling
     plants = 0.0 if cores.plants is None else factor * cores.plants
@@ -112,9 +115,10 @@ def slope_of(normal: Float) -> Float:
 
 def level_facts(found: Distances, *, calibrate: bool) -> dict[str, Any]:
     """How the level of detection came about, for the run record; metres."""
+    widest = f"{_PUBLISHED}, or of the errors' squares where wider"
     return {
-        "level": "calibrated" if found.model.kind == "calibrated" else "as published (Lague et al. 2013)",
-        "asked_for": "calibrated" if calibrate else "as published (Lague et al. 2013)",
+        "level": "calibrated" if found.model.kind == "calibrated" else widest if calibrate else _PUBLISHED,
+        "asked_for": "calibrated" if calibrate else _PUBLISHED,
         "confidence": found.confidence,
         "registration_error_m": found.registration_error,
         "plants_factor": found.plants_factor,
@@ -140,11 +144,13 @@ def say_level(found: Distances, progress: Progress) -> None:
 @dataclass(frozen=True)
 class _Places:
     """Where core points are in the plane that fits them best: the ``cell`` (m,) of a grid of ``shape``, and the
-    ``square`` of ``PATCH_M`` (m,). ``independent`` is the share of them that shares no points with others.
+    ``square`` of ``PATCH_M`` (m,). The grid's cells are ``side`` metres wide. ``independent`` is the share of the core
+    points that shares no points with others.
     """
 
     cell: Index
     shape: tuple[int, int]
+    side: float
     square: Index
     independent: float
 
@@ -177,11 +183,13 @@ def _places(core: Float, radius: float) -> _Places:
     # in the plane of the surface, where even a wall's core points lie beside each other
     local = (core - core.mean(axis=0)) @ dominant_frame(core)[:2].T
     local -= local.min(axis=0)
-    cell, shape = _numbered(local, radius)
+    # few core points far apart: larger cells do as well
+    side = max(radius, math.sqrt(float(np.prod(np.maximum(local.max(axis=0), radius))) / _MOST_CELLS))
+    cell, shape = _numbered(local, side)
     # squares as large as a cylinder's section: of the core points in one, each shares most of its points
     apart, _ = _numbered(local, math.sqrt(math.pi) * radius)
     square, _ = _numbered(local, PATCH_M)
-    return _Places(cell, shape, square, len(np.unique(apart)) / len(core))
+    return _Places(cell, shape, side, square, len(np.unique(apart)) / len(core))
 
 
 def _numbered(local: Float, side: float) -> tuple[Index, tuple[int, int]]:
@@ -205,7 +213,7 @@ def _plants(found: Distances, here: Index) -> Float | None:
     return upright * np.sqrt(np.sum(np.square(values), axis=0))
 
 
-def _stable(cores: _Cores, radius: float, registration_error: float, uniform: bool) -> StableGround:
+def _stable(cores: _Cores, registration_error: float, uniform: bool) -> StableGround:
     """The stable cells of the grid in which the core points are."""
     places = cores.places
     # only cells whose core points are all given
@@ -214,7 +222,7 @@ def _stable(cores: _Cores, radius: float, registration_error: float, uniform: bo
         places.means(cores.distance),
         places.means(cores.sampling),
         places.means(cores.slope),
-        radius,
+        cores.places.side,
         registration_error=registration_error,
         plants=None if cores.plants is None else places.means(cores.plants),
         uniform=uniform,

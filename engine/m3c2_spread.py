@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .m3c2_search import runs
+
 Float = NDArray[np.float64]
 Index = NDArray[np.int64]
 
@@ -38,24 +40,28 @@ class SpreadSums:
         self._across = [np.ascontiguousarray(axis.T) for axis in across(unit)]
         self.spread = Spread(np.full((len(unit), 2), np.nan), np.zeros((len(unit), 5)))
 
-    def add(
-        self, which: Index, starts: Index, members: Index, offset: tuple[Float, Float, Float], along: Float
-    ) -> None:
-        """The cylinders ``which`` have ``members`` points each, from ``starts`` on among those given.
+    def add(self, number: Index, offset: tuple[Float, Float, Float], along: Float) -> None:
+        """Enter the cylinders ``number`` (k,), all points of which are given, one cylinder's after the other's.
 
         Args:
             offset: x, y and z of the points from their core points, metres.
-            along: their positions along the axis from their mean, metres.
+            along: their positions along the axis, metres.
         """
-        number = np.repeat(which, members)
-        about = []
+        which, starts, members = runs(number)
+
+        def about(values: Float) -> tuple[Float, Float]:
+            mean = np.add.reduceat(values, starts) / members
+            return mean, values - np.repeat(mean, members)
+
+        _, height = about(along)
+        places = []
         for direction, axis in enumerate(self._across):
-            position = sum(o * a.take(number) for o, a in zip(offset, axis, strict=True))
-            mean = np.add.reduceat(position, starts) / members
+            x, y, z = (component.take(number) for component in axis)
+            mean, place = about(offset[0] * x + offset[1] * y + offset[2] * z)
             self.spread.place[which, direction] = mean
-            about.append(position - np.repeat(mean, members))
-        u, v = about
-        for column, product in enumerate((u * u, v * v, u * v, u * along, v * along)):
+            places.append(place)
+        u, v = places
+        for column, product in enumerate((u * u, v * v, u * v, u * height, v * height)):
             self.spread.products[which, column] = np.add.reduceat(product, starts)
 
 

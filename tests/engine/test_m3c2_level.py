@@ -224,3 +224,10 @@ def test_a_cylinders_mean_value_is_that_of_its_points():
         along = offset @ axis[0]
         inside = (np.abs(along) <= 0.8) & (np.linalg.norm(offset - along[:, None] * axis[0], axis=1) <= 0.5)
         assert value == pytest.approx(values[inside].mean())
+
+
+def test_core_points_far_apart_need_no_huge_grid():
+    plain = face(noise(20), 30.0)
+    found = calibrated(Distances(**(vars(plain) | {"core": plain.core * 5000})), RADIUS)
+    assert found.model.kind == "calibrated"
+    assert 0.04 <= beyond(found) <= 0.06
