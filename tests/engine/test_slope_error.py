@@ -125,3 +125,24 @@ def test_errors_are_made_smaller_only_where_both_halves_of_the_ground_say_so():
     assert same.factor == pytest.approx(0.5, abs=0.03), "what all patches say"
     (few,) = calibrate(quiet, one, slope, everywhere, half=np.ones(half.shape, dtype=bool), **common).classes
     assert few.factor == 1.0, "without a second half there is no evidence"
+
+
+def test_cells_that_share_points_count_as_fewer():
+    """Each of 300 errors in five cells: no surer than 300 cells, though their number is that of 1,500."""
+    random = np.random.default_rng(30)
+    common = {"registration_error": 0.0, "confidence": 0.95}
+    wider = []
+    for _ in range(20):
+        dz, half = random.normal(size=300) * 0.7, random.random(300) < 0.5
+        cells = dz, np.ones(300), np.full(300, 20.0), np.ones(300, bool)
+        arguments = [np.repeat(values, 5) for values in cells]
+        expected = calibrate(*cells, half=half, **common).typical
+        shared = calibrate(*arguments, half=np.repeat(half, 5), independent=0.2, **common).typical
+        assert shared == pytest.approx(expected, rel=0.02)
+        wider.append(shared - calibrate(*arguments, half=np.repeat(half, 5), **common).typical)
+    assert np.mean(wider) > 0.02
+    few = np.arange(1500) < 200
+    assert calibrate(*arguments[:3], few, **common).kind == "calibrated"
+    told = calibrate(*arguments[:3], few, independent=0.2, **common)
+    assert told.kind == "widened"
+    assert "only 200 cells" in told.why
