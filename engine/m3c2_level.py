@@ -94,7 +94,7 @@ def sampling_errors(first: Cylinders, second: Cylinders, confidence: float) -> F
     uneven: Float | float = 0.0
     if first.spread is not None and second.spread is not None:
         tilt = tilt_of(first.spread, second.spread)
-        uneven = uneven_sampling(first.spread, second.spread, tilt)
+        uneven = uneven_sampling(first.spread, second.spread)
         with np.errstate(divide="ignore", invalid="ignore"):
             a, b = (
                 np.maximum(squares - explained_squares(of.spread, tilt) / ((of.count - 1) * of.count), 0.0)

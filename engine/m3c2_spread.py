@@ -75,13 +75,13 @@ def across(unit: Float) -> tuple[Float, Float]:
     return first, np.cross(unit, first)
 
 
-def tilt_of(first: Spread, second: Spread) -> Float:
-    """Rise along the axis in both directions across it, metres a metre (m, 2).
+def tilt_of(*spreads: Spread) -> Float:
+    """Rise along the axis in both directions across it, metres a metre (m, 2), of the plane through a cloud's points.
 
-    It is that of the plane through the points of both clouds, each about its own mean, so that what moved as a whole
-    does not tilt it; 0 where there are no points.
+    Through those of several clouds, each about its own mean: what moved as a whole does not tilt it. 0 where there are
+    no points.
     """
-    uu, vv, uv, uh, vh = (first.products + second.products).T
+    uu, vv, uv, uh, vh = np.sum([spread.products for spread in spreads], axis=0).T
     extent = uu + vv
     uu, vv = uu + _LEAST * extent, vv + _LEAST * extent
     determinant = uu * vv - uv * uv
@@ -90,11 +90,17 @@ def tilt_of(first: Spread, second: Spread) -> Float:
     return np.nan_to_num(tilt, nan=0.0, posinf=0.0, neginf=0.0)
 
 
-def uneven_sampling(first: Spread, second: Spread, tilt: Float) -> Float:
+def uneven_sampling(first: Spread, second: Spread) -> Float:
     """By how much the means of two clouds along the axis differ because their points are at different places, metres
     (m,); 0 where a cloud has no points.
+
+    A tilt that one cloud alone shows may be change itself, as at the edge of what slid. So the smaller of what both
+    clouds' tilts make of it counts, and nothing where they contradict each other.
     """
-    return np.nan_to_num(np.sum(tilt * (second.place - first.place), axis=1))
+    apart = second.place - first.place
+    one, other = (np.nan_to_num(np.sum(tilt_of(spread) * apart, axis=1)) for spread in (first, second))
+    smaller = np.minimum(np.abs(one), np.abs(other))
+    return np.asarray(np.where(one * other > 0, np.sign(one) * smaller, 0.0))
 
 
 def explained_squares(spread: Spread, tilt: Float) -> Float:

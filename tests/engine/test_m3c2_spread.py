@@ -25,7 +25,7 @@ def measured(cloud: np.ndarray, axis: np.ndarray):
 
 
 def uneven(first: Spread, second: Spread) -> float:
-    return float(uneven_sampling(first, second, tilt_of(first, second))[0])
+    return float(uneven_sampling(first, second)[0])
 
 
 def test_the_directions_are_square_to_the_axis_and_to_each_other():
@@ -48,22 +48,34 @@ def test_one_plane_seen_at_two_places_differs_by_its_tilt():
     assert second.mean[0] - first.mean[0] == pytest.approx(expected + 0.25, rel=1e-6)
 
 
-def test_it_is_the_least_squares_plane_through_both_clouds_about_their_means():
+def test_tilts_are_those_of_least_squares_and_the_smaller_effect_counts():
     axis = np.array([0.3, -0.2, 0.9])
     axis /= np.linalg.norm(axis)
     clouds = [tilted(3, (-0.2, 0.1), noise=0.05), tilted(4, (0.25, -0.1), height=0.1, noise=0.05)]
     made = [measured(cloud, axis) for cloud in clouds]
-    found = uneven(made[0].spread, made[1].spread)
     frame = np.linalg.svd(axis[None])[2][1:]  # any other two directions
     places, along = zip(*(((cloud - UTM) @ frame.T, (cloud - UTM) @ axis) for cloud in clouds), strict=True)
-    rows = np.vstack([p - p.mean(axis=0) for p in places])
-    tilt = np.linalg.lstsq(rows, np.concatenate([h - h.mean() for h in along]), rcond=None)[0]
-    assert found == pytest.approx((places[1].mean(axis=0) - places[0].mean(axis=0)) @ tilt, rel=0.01)
-    # and the scatter that stays about that plane
-    for one, place, height in zip(made, places, along, strict=True):
-        left = height - height.mean() - (place - place.mean(axis=0)) @ tilt
+    rows, heights = ([v - v.mean(axis=0) for v in values] for values in (places, along))
+    apart = places[1].mean(axis=0) - places[0].mean(axis=0)
+    effects = [apart @ np.linalg.lstsq(r, h, rcond=None)[0] for r, h in zip(rows, heights, strict=True)]
+    assert uneven(made[0].spread, made[1].spread) == pytest.approx(min(effects, key=abs), rel=0.01)
+    # and the scatter that stays about the plane through both
+    common = np.linalg.lstsq(np.vstack(rows), np.concatenate(heights), rcond=None)[0]
+    for one, row, height in zip(made, rows, heights, strict=True):
         taken = explained_squares(one.spread, tilt_of(made[0].spread, made[1].spread))[0]
-        assert (one.count[0] - 1) * one.std[0] ** 2 - taken == pytest.approx(np.sum(left**2), rel=0.001)
+        left = np.sum((height - row @ common) ** 2)
+        assert (one.count[0] - 1) * one.std[0] ** 2 - taken == pytest.approx(left, rel=0.001)
+
+
+def test_a_tilt_of_one_survey_alone_is_no_uneven_sampling():
+    """As where the later one holds the edge of what slid."""
+    level = Spread(np.array([[0.0, 0.0]]), np.array([[1.0, 1.0, 0.0, 0.0, 0.0]]))
+    edge = Spread(np.array([[0.3, 0.0]]), np.array([[1.0, 1.0, 0.0, 0.5, 0.0]]))
+    against = Spread(np.array([[0.0, 0.0]]), np.array([[1.0, 1.0, 0.0, -0.2, 0.0]]))
+    assert uneven(level, edge) == 0.0
+    assert uneven(against, edge) == 0.0
+    less = Spread(np.array([[0.0, 0.0]]), np.array([[1.0, 1.0, 0.0, 0.2, 0.0]]))
+    assert uneven(less, edge) == pytest.approx(0.2 * 0.3, rel=0.01)
 
 
 def test_points_on_a_line_fix_no_tilt_across_it_and_empty_cylinders_none():
