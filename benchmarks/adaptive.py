@@ -10,20 +10,21 @@ import numpy as np
 import shapely
 from matplotlib.patches import Patch
 
-from ..engine.change import Change, cells_inside, difference
-from ..engine.gridding import cell_index
-from ..engine.ground import ground_mask
-from ..engine.palette import diverging_colours, sequential_steps
-from ..engine.parameters import (
+from ..engine.change.difference import cells_inside, difference
+from ..engine.change.result import Change
+from ..engine.grid.grid import cell_index
+from ..engine.ground.filtering import ground_mask
+from ..engine.maps.palette import diverging_colours, sequential_steps
+from ..engine.registration.register import register
+from ..engine.zones.groups import label_groups
+from ..interface.parameters import (
     ChangeParameters,
     GroundParameters,
     RegistrationParameters,
     SurveyParameters,
     ZoneParameters,
 )
-from ..engine.registration import register
-from ..engine.zones import label_groups
-from ..simulation.survey import SimulatedPair, simulate_pair
+from ..simulation.surveys.survey import SimulatedPair, simulate_pair
 from .controlled_test import inside
 from .table import Row
 

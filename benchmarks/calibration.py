@@ -11,24 +11,25 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from ..engine.blocks import middle_cells
-from ..engine.change import Change, difference
-from ..engine.clouds import read_cloud
-from ..engine.ground import ground_mask
-from ..engine.parameters import (
+from ..engine.change.difference import difference
+from ..engine.change.result import Change
+from ..engine.core.arrays import Float
+from ..engine.grid.blocks import middle_cells
+from ..engine.ground.filtering import ground_mask
+from ..engine.pointcloud.reading import read_cloud
+from ..engine.registration.register import register
+from ..interface.parameters import (
     ChangeParameters,
     GroundParameters,
     InputParameters,
     RegistrationParameters,
     SurveyParameters,
 )
-from ..engine.registration import register
-from ..simulation.survey import simulate_pair
+from ..simulation.surveys.survey import simulate_pair
 from .controlled_test import inside
 from .registration import REAL, REAL_CRS
 from .table import Row
 
-Float = NDArray[np.float64]
 CLASSES = (0, 15, 30, 45, 60, 90)
 CELLS = (0.1, 0.25)
 FACES = ((30, 0.5), (45, 0.5), (60, 0.3), (39, 0.8))  # degrees, vegetation; each with a road, a berm and a shoulder

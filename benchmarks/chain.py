@@ -4,23 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..engine.change import Change, difference
-from ..engine.change_zones import change_zones
-from ..engine.ground_points import known_ground
-from ..engine.parameters import ChangeParameters, GroundParameters, RegistrationParameters
-from ..engine.plant_cover import PlantCover
-from ..engine.registration import register
-from ..engine.registration_result import RegistrationResult
-from ..engine.returns import last_returns
-from ..engine.zones import Zones
-from ..simulation.scanner import SurveyCloud
-from ..simulation.survey import SimulatedPair
+from ..engine.change.difference import difference
+from ..engine.change.result import Change
+from ..engine.core.arrays import Float
+from ..engine.ground.filtering import known_ground
+from ..engine.pointcloud.plant_cover import PlantCover
+from ..engine.pointcloud.returns import last_returns
+from ..engine.registration.register import register
+from ..engine.registration.result import RegistrationResult
+from ..engine.zones.change_zones import change_zones
+from ..engine.zones.extraction import Zones
+from ..interface.parameters import ChangeParameters, GroundParameters, RegistrationParameters
+from ..simulation.surveys.scanner import SurveyCloud
+from ..simulation.surveys.survey import SimulatedPair
 from .controlled_test import inside
-
-Float = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

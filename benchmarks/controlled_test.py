@@ -12,12 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from ..engine.change import Change, difference
-from ..engine.ground import ground_mask
-from ..engine.parameters import ChangeParameters, GroundParameters, RegistrationParameters
-from ..engine.registration import register
-from ..simulation.change import Cone, Plateau
-from ..simulation.survey import SimulatedPair, simulate_controlled_test
+from ..engine.change.difference import difference
+from ..engine.change.result import Change
+from ..engine.ground.filtering import ground_mask
+from ..engine.registration.register import register
+from ..interface.parameters import ChangeParameters, GroundParameters, RegistrationParameters
+from ..simulation.surveys.change import Cone, Plateau
+from ..simulation.surveys.survey import SimulatedPair, simulate_controlled_test
 from .table import Row
 
 SEEDS = range(1, 11)

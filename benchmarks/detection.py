@@ -16,18 +16,16 @@ from pathlib import Path
 
 import numpy as np
 from geopandas import GeoDataFrame
-from numpy.typing import NDArray
 
-from ..engine.change import Change
-from ..engine.parameters import ChangeParameters, SurveyParameters
-from ..engine.zones import Zones
-from ..simulation.change import Bump, true_change_raster
-from ..simulation.survey import SimulatedPair, simulate_pair
+from ..engine.change.result import Change
+from ..engine.zones.extraction import Zones
+from ..interface.parameters import ChangeParameters, SurveyParameters
+from ..simulation.surveys.change import Bump, true_change_raster
+from ..simulation.surveys.survey import SimulatedPair, simulate_pair
 from .chain import changed, registered
 from .detection_results import Detected, FalseZone, PairResult, Volume, write_results
 from .table import Row
 
-Float = NDArray[np.float64]
 PAIRS = 60
 VEGETATION = (0.0, 0.2, 0.4, 0.6, 0.8)
 POINTS = 80_000

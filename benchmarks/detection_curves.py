@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import binomtest, chi2
 
+from ..engine.core.arrays import Float
 from .detection_results import Detected, PairResult
-
-Float = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

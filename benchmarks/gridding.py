@@ -11,8 +11,9 @@ from pathlib import Path
 import laspy
 import numpy as np
 
-from ..engine.gridding import cell_statistics, snapped_grid
-from ..engine.pdal import find_pdal
+from ..engine.grid.cell_statistics import cell_statistics
+from ..engine.grid.grid import snapped_grid
+from ..engine.pointcloud.pdal_program import find_pdal
 from .table import Row
 
 POINTS = 3_000_000

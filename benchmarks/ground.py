@@ -17,19 +17,20 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from ..engine.csf import cloth_ground
-from ..engine.ground import extract_ground, ground_mask
-from ..engine.parameters import GroundParameters, SurveyParameters
-from ..engine.pdal import Pdal, find_pdal
-from ..simulation.survey import SimulatedPair, simulate_pair
-from ..simulation.write import write_pair
+from ..engine.core.arrays import Bool
+from ..engine.ground.cloth import cloth_ground
+from ..engine.ground.extraction import extract_ground
+from ..engine.ground.filtering import ground_mask
+from ..engine.pointcloud.pdal_program import Pdal, find_pdal
+from ..interface.parameters import GroundParameters, SurveyParameters
+from ..simulation.surveys.survey import SimulatedPair, simulate_pair
+from ..simulation.surveys.write import write_pair
 from .table import Row, heading, markdown
 
 SEEDS = (1, 2, 3)
 SLOPE = SurveyParameters(points=1_000_000, angle=39.0, vegetation=0.7)
 BERMS = SurveyParameters(points=600_000, angle=45.0, vegetation=0.7, benches=2)
 TILES = Path(__file__).resolve().parents[2] / "shared" / "data" / "real" / "ign_tiles"
-Bool = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,11 @@ import laspy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..engine.returns import last_returns
-from ..simulation.plot import Plot, grass_plot, plot
+from ..engine.core.arrays import Bool, Float
+from ..engine.pointcloud.returns import last_returns
+from ..simulation.surveys.plot import Plot, grass_plot, plot
 from .plants import BARE, DATA, over_ground_planes
 
-Float = NDArray[np.float64]
-Bool = NDArray[np.bool_]
 SEEDS = (1, 2, 3)
 VENDORS_GROUND = 2
 SLOPE_STEP = 0.25

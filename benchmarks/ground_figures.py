@@ -8,12 +8,10 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..engine.core.arrays import Bool, Float
 from .ground_clouds import Cloud
 
-Float = NDArray[np.float64]
-Bool = NDArray[np.bool_]
 CELL, NEAR = 0.5, 0.20
 """Side of the cells in which ground is looked for, and height (m) within which a point is of the ground."""
 

@@ -10,15 +10,14 @@ from typing import Any
 
 import laspy
 import numpy as np
-from numpy.typing import NDArray
 
-from ..engine.ground_points import ground_mask
-from ..engine.parameters import GroundParameters
-from ..engine.pdal import find_pdal
+from ..engine.core.arrays import Bool
+from ..engine.ground.filtering import ground_mask
+from ..engine.pointcloud.pdal_program import find_pdal
+from ..interface.parameters import GroundParameters
 from .ground_clouds import Seen
 from .peers import run_peer, version
 
-Bool = NDArray[np.bool_]
 SCALE = 0.001
 GROUND = 2
 CELL_RETURNS, LOWEST_SHARE = 44.0, 0.03

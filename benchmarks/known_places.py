@@ -12,15 +12,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from ..engine.core.arrays import Float
 from ..simulation.hazard_scenes.scenes import SimulatedScene
 from ..simulation.hazard_scenes.sets import realistic_set, shifted_set
 from .own_relief import AROUND, fitted_height
 from .table import Row
 
-Float = NDArray[np.float64]
 DENSITY = 60.0
 """Points a m² that suffice for the fits; denser scenes are thinned."""
 MOST, PLACES, FEWEST = 6, 40, 25

@@ -8,23 +8,22 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..engine.change import difference
-from ..engine.clouds import read_cloud
-from ..engine.gridding import cell_index
-from ..engine.m3c2 import Distances, Status, m3c2_distances
-from ..engine.m3c2_normals import fit_planes
-from ..engine.m3c2_scales import choose_scales, overlap_bounds, spread_cores
-from ..engine.m3c2_search import Lattice
-from ..engine.parameters import ChangeParameters, DistanceParameters, InputParameters, SurveyParameters
-from ..simulation.survey import simulate_pair
+from ..engine.change.difference import difference
+from ..engine.core.arrays import Float
+from ..engine.grid.grid import cell_index
+from ..engine.m3c2.distances import Distances, Status, m3c2_distances
+from ..engine.m3c2.lattice import Lattice
+from ..engine.m3c2.normals import fit_planes
+from ..engine.m3c2.scales import choose_scales, overlap_bounds, spread_cores
+from ..engine.pointcloud.reading import read_cloud
+from ..interface.parameters import ChangeParameters, DistanceParameters, InputParameters, SurveyParameters
+from ..simulation.surveys.survey import simulate_pair
 from .controlled_test import inside
 from .peers import PeerMissingError, run_peer, version
 from .registration import REAL, REAL_CRS
 from .table import Row
 
-Float = NDArray[np.float64]
 CHECKED = 300  # core points whose cylinders are searched through all points
 REPEATS = 5
 _PEER = """

@@ -17,24 +17,24 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..engine.change import uniform_shift
-from ..engine.clouds import read_cloud
-from ..engine.common_grid import common_grid
-from ..engine.gridding import cell_index
-from ..engine.m3c2 import Distances, m3c2_distances
-from ..engine.m3c2_level import calibrated, slope_of
-from ..engine.m3c2_normals import fit_planes
-from ..engine.m3c2_scales import choose_scales, overlap_bounds, spread_cores
-from ..engine.m3c2_search import Lattice
-from ..engine.parameters import DistanceParameters, GridChangeParameters, InputParameters, SurveyParameters
-from ..simulation.survey import SimulatedPair, simulate_pair
+from ..engine.change.difference import uniform_shift
+from ..engine.core.arrays import Float
+from ..engine.grid.common_grid import common_grid
+from ..engine.grid.grid import cell_index
+from ..engine.m3c2.distances import Distances, m3c2_distances
+from ..engine.m3c2.lattice import Lattice
+from ..engine.m3c2.level import calibrated, slope_of
+from ..engine.m3c2.normals import fit_planes
+from ..engine.m3c2.scales import choose_scales, overlap_bounds, spread_cores
+from ..engine.pointcloud.reading import read_cloud
+from ..interface.parameters import DistanceParameters, GridChangeParameters, InputParameters, SurveyParameters
+from ..simulation.surveys.survey import SimulatedPair, simulate_pair
 from . import strips
 from .chain import Ground, registered
 from .peers import PeerMissingError, run_peer, version
 from .registration import REAL, REAL_CRS
 from .table import Row
 
-Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 SLOPES = (0.0, 15.0, 30.0, 45.0, 90.0)
 LEAST_CORES = 200  # their share beyond is known to 1.5 %

@@ -7,10 +7,10 @@ import time
 
 import numpy as np
 
-from ..engine.errors import InputError
-from ..engine.parameters import RegistrationParameters
-from ..engine.registration import register
-from ..simulation.moving_pieces import EPOCHS, first_epoch, moved_epoch, shares_moved
+from ..engine.core.errors import InputError
+from ..engine.registration.register import register
+from ..interface.parameters import RegistrationParameters
+from ..simulation.surveys.moving_pieces import EPOCHS, first_epoch, moved_epoch, shares_moved
 from .table import Row
 
 CASES = ((1, False), (2, False), (1, True))  # seed, and whether neighbours move together

@@ -10,13 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ..engine.plane import apply_matrix
-from ..simulation.known_hazards import Site, displacement_at, put_hazards, reach
+from ..engine.core.arrays import Float
+from ..engine.geometry.dominant_plane import apply_matrix
+from ..simulation.hazard_scenes.known_hazards import Site, displacement_at, put_hazards, reach
 
-Float = NDArray[np.float64]
 AROUND = 1.5
 """Width (m) of the untouched ground around a hazard that takes part in the fit."""
 TURNS = 5

@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ..engine.parameters import SurveyParameters
-from ..simulation.plot import Plot, grass_plot, plot
+from ..engine.core.arrays import Bool, Float
+from ..interface.parameters import SurveyParameters
+from ..simulation.surveys.plot import Plot, grass_plot, plot
 from .table import Row, heading, markdown
 
-Float = NDArray[np.float64]
-Bool = NDArray[np.bool_]
 SEEDS = (1, 2, 3)
 NEAR = 0.05
 """Returns within so many metres of the ground count as having passed the plants."""

@@ -16,15 +16,14 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..engine.core.arrays import Bool
 from .ground_clouds import CASES, Case, Cloud
 from .ground_figures import Figures, Result, Target, measured, write_results
 from .ground_methods import Method, peers, slopewatch
 from .peers import PeerMissingError
 from .table import Row, heading, markdown
 
-Bool = NDArray[np.bool_]
 SHARES = (0.5, 0.25, 0.125)
 SLOPES = (0.0, 15.0, 30.0, 45.0, 90.0)
 FEWEST = 50

@@ -22,15 +22,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
 
-from ..engine.ground import extract_ground
-from ..engine.plane import apply_matrix
-from ..models.baseline import residual_probabilities
+from ..engine.core.arrays import Float
+from ..engine.geometry.dominant_plane import apply_matrix
+from ..engine.ground.extraction import extract_ground
 from ..models.configuration import CLASSES, ModelConfiguration
-from ..models.evaluation import FOUND, SMALLEST_ZONE, ZONE_CELL
-from ..models.preparation import prepare_cloud
-from ..models.shipped import SHIPPED_WEIGHTS, shipped_model
-from ..models.trends import residual_heights
-from ..simulation.known_hazards import KnownHazards, Site, put_hazards, room_for
+from ..models.inference.baseline import residual_probabilities
+from ..models.network.shipped import SHIPPED_WEIGHTS, shipped_model
+from ..models.preparation.prepare import prepare_cloud
+from ..models.preparation.trends import residual_heights
+from ..models.training.evaluation import FOUND
+from ..models.training.scene_scores import SMALLEST_ZONE, ZONE_CELL
+from ..simulation.hazard_scenes.known_hazards import KnownHazards, Site, put_hazards, room_for
 from .own_relief import own_relief
 from .table import Row, heading, markdown
 
@@ -52,7 +54,6 @@ LISTED = 10
 """Zones, the largest ones, in the table; all are in the folder of the pictures."""
 SITE = Site()
 
-Float = NDArray[np.float64]
 Screening = Callable[[Float], NDArray[np.floating]]
 """From (n, 3) ground points to (n, 3) probabilities of background, uplift and subsidence."""
 
@@ -221,8 +222,8 @@ def shown_zones(ground: RealGround, probabilities: NDArray[np.floating]) -> list
 
 def screenings(weights: Path | None = None) -> dict[str, Screening]:
     """The network, with the given or the shipped weights, and the residual without learning."""
-    from ..models.prediction import predict
-    from ..models.weights import load_model
+    from ..models.inference.prediction import predict
+    from ..models.network.weights import load_model
 
     network = (load_model(*shipped_model()) if weights is None else load_model(weights)).network
     return {"network": lambda xyz: predict(network, xyz).probabilities, "residual": residual_probabilities}

@@ -8,19 +8,18 @@ import time
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ..engine.clouds import read_cloud
-from ..engine.parameters import InputParameters, RegistrationParameters, SurveyParameters
-from ..engine.registration import register
-from ..engine.transform import RigidTransform
-from ..simulation.survey import simulate_pair
+from ..engine.core.arrays import Float
+from ..engine.geometry.rigid_transform import RigidTransform
+from ..engine.pointcloud.reading import read_cloud
+from ..engine.registration.register import register
+from ..interface.parameters import InputParameters, RegistrationParameters, SurveyParameters
+from ..simulation.surveys.survey import simulate_pair
 from .controlled_test import inside
 from .peers import PeerMissingError, run_peer, version
 from .table import Row
 
-Float = NDArray[np.float64]
 OFFSET = 0.200
 ROTATION = 2e-4  # rad: 6 mm at 30 m
 LOWERED_SHARE, LOWERED_BY = 0.15, 0.30

@@ -7,17 +7,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..models.preparation import prepare_cloud, roughness
-from ..models.recipes import SHIPPED
-from ..models.rougher import scene_normal, texture
+from ..engine.core.arrays import Float
+from ..models.making.rough_ground import scene_normal, texture
+from ..models.preparation.prepare import prepare_cloud, roughness
+from ..models.training.recipes import SHIPPED
 from ..simulation.hazard_scenes.scenes import build_scene
 from ..simulation.hazard_scenes.styles import draw_spec
 from .real_screening import real_grounds, recall, screenings, trials
 from .table import Row
 
-Float = NDArray[np.float64]
 SEED, AREA, DENSITY = 777_777, 3600.0, 14.0
 """Of the slope: as dense as the real one."""
 PART = 16.0

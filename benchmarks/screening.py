@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from ..models.shipped import SHIPPED_WEIGHTS
+from ..models.network.shipped import SHIPPED_WEIGHTS
 from ..simulation.hazard_scenes.scenes import build_scene, scene
 from ..simulation.hazard_scenes.sets import published_set
 from ..simulation.hazard_scenes.write import write_scene

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import griddata
 from scipy.spatial import cKDTree
 
-from ..engine.top_view import shaded_relief
-from ..simulation.known_hazards import KnownHazards, outline
+from ..engine.maps.relief import shaded_relief
+from ..simulation.hazard_scenes.known_hazards import KnownHazards, outline
 
 if TYPE_CHECKING:
     from .real_screening import RealGround, Zone

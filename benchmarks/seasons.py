@@ -12,15 +12,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..engine.ground_points import dominant_plane
-from ..engine.parameters import ChangeParameters, GroundParameters, RegistrationParameters, SurveyParameters
-from ..simulation.survey import SimulatedPair, simulate_pair
+from ..engine.core.arrays import Float
+from ..engine.ground.filtering import dominant_plane
+from ..interface.parameters import ChangeParameters, GroundParameters, RegistrationParameters, SurveyParameters
+from ..simulation.surveys.survey import SimulatedPair, simulate_pair
 from .chain import changed, registered
 from .table import Row
 
-Float = NDArray[np.float64]
 PAIRS = 20
 POINTS = 170_000
 """Of an epoch: about 400 returns a m² of the slope."""

@@ -15,14 +15,13 @@ import rasterio
 from affine import Affine
 from rasterio.features import geometry_mask
 
-from ..engine.epochs import Epoch
-from ..engine.gridding import Grid
-from ..engine.inverse_velocity import failure_time
-from ..engine.parameters import GridChangeParameters, SeriesParameters, SurveyParameters
-from ..engine.series import monitor_series
-from ..engine.series_epochs import SeriesSettings
-from ..engine.series_velocity import zone_velocity
-from ..simulation.series import (
+from ..engine.epochs.epoch import Epoch
+from ..engine.grid.grid import Grid
+from ..engine.series.inverse_velocity import failure_time
+from ..engine.series.settings import SeriesSettings
+from ..engine.series.velocity import zone_velocity
+from ..interface.parameters import GridChangeParameters, SeriesParameters, SurveyParameters
+from ..simulation.surveys.series import (
     Creep,
     Fukuzono,
     Law,
@@ -32,6 +31,7 @@ from ..simulation.series import (
     survey_days,
     write_series,
 )
+from ..workflows.series import monitor_series
 from .table import Row
 
 _FIRST = date(2024, 5, 1)

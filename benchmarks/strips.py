@@ -18,15 +18,16 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ..engine.blocks import middle_cells
-from ..engine.change import Change, difference
-from ..engine.change_zones import change_zones
-from ..engine.coverage import compared_share
-from ..engine.parameters import ChangeParameters, RegistrationParameters
-from ..engine.registration import register
+from ..engine.change.coverage import compared_share
+from ..engine.change.difference import difference
+from ..engine.change.result import Change
+from ..engine.core.arrays import Float
+from ..engine.grid.blocks import middle_cells
+from ..engine.registration.register import register
+from ..engine.zones.change_zones import change_zones
+from ..interface.parameters import ChangeParameters, RegistrationParameters
 from .table import Row
 
-Float = NDArray[np.float64]
 FILE = Path(__file__).resolve().parents[2] / "shared" / "data" / "terrain" / "santa_cruz_gullies.laz"
 SOURCES = (8706, 8707)
 CELLS = (0.0, 0.2, 0.25, 0.4, 0.5, 1.0, 2.0)

@@ -17,15 +17,17 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft, ndimage
 
-from ..engine.gridding import Float, Grid
-from ..engine.parameters import ChangeParameters, SurveyParameters
-from ..engine.variogram import VariogramModel
-from ..engine.volume_table import volume_table
-from ..engine.volumes import Z95, Cells, footprint_labels
-from ..engine.zones import Zones, extract_zones
-from ..simulation.change import Bump, Change, Cone, Plateau, true_change_raster
+from ..engine.core.arrays import Float
+from ..engine.grid.grid import Grid
+from ..engine.statistics.normal import Z95
+from ..engine.statistics.variogram import VariogramModel
+from ..engine.zones.extraction import Zones, extract_zones
+from ..engine.zones.footprints import Cells, footprint_labels
+from ..engine.zones.gcd_table import volume_table
+from ..interface.parameters import ChangeParameters, SurveyParameters
 from ..simulation.frame import Frame
-from ..simulation.survey import simulate_pair
+from ..simulation.surveys.change import Bump, Change, Cone, Plateau, true_change_raster
+from ..simulation.surveys.survey import simulate_pair
 from .chain import changed, registered
 from .table import Row
 

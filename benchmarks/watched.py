@@ -17,7 +17,7 @@ def run_watched(arguments: Sequence[str]) -> tuple[float, int]:
     Raises:
         RuntimeError: the command failed.
     """
-    command = [sys.executable, "-m", "slopewatch.engine.cli", *arguments]
+    command = [sys.executable, "-m", "slopewatch.cli", *arguments]
     start = time.perf_counter()
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     peak = [0]

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import rasterio
 
-from ..engine.csf import cloth_ground
-from ..engine.gridding import Grid
-from ..engine.parameters import GroundParameters, SurveyParameters
-from ..simulation.survey import simulate_pair
-from ..simulation.write import write_pair
+from ..engine.grid.grid import Grid
+from ..engine.ground.cloth import cloth_ground
+from ..interface.parameters import GroundParameters, SurveyParameters
+from ..simulation.surveys.survey import simulate_pair
+from ..simulation.surveys.write import write_pair
 from .controlled_test import inside
 from .table import Row
 from .watched import run_watched

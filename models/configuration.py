@@ -9,7 +9,7 @@ import math
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from ..engine.errors import InputError
+from ..engine.core.errors import InputError
 
 CLASSES = ("background", "uplift", "subsidence")
 FEATURES = ("x", "y", "z", "residuals")

@@ -6,7 +6,7 @@ from qgis.core import QgsProcessingProvider
 from qgis.PyQt.QtGui import QIcon
 
 from ..processing_algorithms import ALGORITHMS
-from .resources import icon, icon_path
+from .bridge.resources import icon, icon_path
 
 
 class SlopeWatchProvider(QgsProcessingProvider):

@@ -11,10 +11,10 @@ from qgis.PyQt.QtCore import Qt
 from qgis.PyQt.QtGui import QIcon
 from qgis.PyQt.QtWidgets import QApplication, QFormLayout, QHBoxLayout, QLabel, QPushButton, QTextBrowser, QVBoxLayout
 
-from . import settings
-from .engine_client import EngineError, run_engine
-from .interpreter import InterpreterNotFoundError, find_interpreter
-from .resources import icon
+from .bridge import settings
+from .bridge.engine_client import EngineError, run_engine
+from .bridge.interpreter import InterpreterNotFoundError, find_interpreter
+from .bridge.resources import icon
 
 
 class SettingsPage(QgsOptionsPageWidget):

@@ -8,8 +8,8 @@ from qgis.core import QgsApplication
 from qgis.PyQt.QtCore import QUrl
 from qgis.PyQt.QtGui import QDesktopServices
 
+from .bridge.resources import help_url, icon
 from .provider import SlopeWatchProvider
-from .resources import help_url, icon
 
 MENU = "SlopeWatch"
 

@@ -21,8 +21,8 @@ from qgis.core import (
 )
 from qgis.PyQt.QtGui import QIcon
 
-from ..plugin import resources
-from ..plugin.engine_client import EngineError, EngineResult, run_engine
+from ..plugin.bridge import resources
+from ..plugin.bridge.engine_client import EngineError, EngineResult, run_engine
 from . import declare
 from .dialog_words import DialogFeedback, in_dialog_words
 

@@ -11,9 +11,9 @@ from qgis.core import (
     QgsProcessingOutputString,
 )
 
-from ..plugin import resources, settings
-from ..plugin.engine_client import EngineResult
-from ..plugin.interpreter import InterpreterNotFoundError, find_interpreter
+from ..plugin.bridge import resources, settings
+from ..plugin.bridge.engine_client import EngineResult
+from ..plugin.bridge.interpreter import InterpreterNotFoundError, find_interpreter
 from .base import SlopeWatchAlgorithm
 
 

@@ -23,8 +23,8 @@ from qgis.core import (
     QgsProviderRegistry,
 )
 
-from ..engine.parameters import PROFILES, ParameterError, ParameterSet, Specification
-from ..plugin.compat import ADVANCED, DATE, DOUBLE, FILE, INTEGER, LINE, POLYGON
+from ..interface.parameters import PROFILES, ParameterError, ParameterSet, Specification
+from ..plugin.bridge.compat import ADVANCED, DATE, DOUBLE, FILE, INTEGER, LINE, POLYGON
 
 CLOUD_FILTER = "Point clouds (*.las *.LAS *.laz *.LAZ);;All files (*)"
 CLOUD_OUTPUT_FILTER = "LAZ files (*.laz *.LAZ);;LAS files (*.las *.LAS)"

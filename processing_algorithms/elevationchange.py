@@ -6,7 +6,7 @@ from typing import Any
 
 from qgis.core import QgsProcessingContext, QgsProcessingFeedback, QgsProcessingParameterFile
 
-from ..engine.parameters import (
+from ..interface.parameters import (
     ChangeParameters,
     DateParameters,
     HeatmapParameters,
@@ -16,8 +16,8 @@ from ..engine.parameters import (
     SurfaceParameters,
     ZoneParameters,
 )
-from ..plugin.compat import FILE
-from ..plugin.engine_client import EngineResult
+from ..plugin.bridge.compat import FILE
+from ..plugin.bridge.engine_client import EngineResult
 from . import declare, products
 from .base import SlopeWatchAlgorithm
 

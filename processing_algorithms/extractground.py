@@ -6,8 +6,8 @@ from typing import Any, ClassVar
 
 from qgis.core import QgsProcessingContext, QgsProcessingFeedback
 
-from ..engine.parameters import GroundParameters, InputParameters
-from ..plugin.engine_client import EngineResult
+from ..interface.parameters import GroundParameters, InputParameters
+from ..plugin.bridge.engine_client import EngineResult
 from . import declare
 from .base import SlopeWatchAlgorithm
 

@@ -13,7 +13,7 @@ from qgis.core import (
     QgsProcessingParameterFile,
 )
 
-from ..engine.parameters import (
+from ..interface.parameters import (
     DateParameters,
     GridChangeParameters,
     GroundParameters,
@@ -23,9 +23,9 @@ from ..engine.parameters import (
     SeriesParameters,
     ZoneParameters,
 )
-from ..plugin.compat import FILE, FOLDER
-from ..plugin.engine_client import EngineResult
-from ..plugin.styling import Appearance, load_on_completion
+from ..plugin.bridge.compat import FILE, FOLDER
+from ..plugin.bridge.engine_client import EngineResult
+from ..plugin.bridge.styling import Appearance, load_on_completion
 from . import declare, products
 from .base import SlopeWatchAlgorithm
 from .registerepochs import STABLE_HELP

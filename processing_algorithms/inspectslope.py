@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from qgis.core import QgsProcessingContext, QgsProcessingException, QgsProcessingFeedback
 
-from ..engine.parameters import (
+from ..interface.parameters import (
     ChangeParameters,
     DateParameters,
     GroundParameters,
@@ -19,7 +19,7 @@ from ..engine.parameters import (
     ReportParameters,
     ZoneParameters,
 )
-from ..plugin.engine_client import EngineResult
+from ..plugin.bridge.engine_client import EngineResult
 from . import declare, products
 from .base import SlopeWatchAlgorithm
 from .elevationchange import CHANGE_FILES, CHANGE_NUMBERS, CHANGE_PAGES

@@ -6,10 +6,10 @@ from typing import Any, ClassVar
 
 from qgis.core import QgsProcessingContext, QgsProcessingFeedback, QgsProcessingParameterFile
 
-from ..engine.parameters import DateParameters, DistanceParameters, InputParameters, SurfaceParameters
-from ..plugin.compat import FILE
-from ..plugin.engine_client import EngineResult
-from ..plugin.styling import Appearance
+from ..interface.parameters import DateParameters, DistanceParameters, InputParameters, SurfaceParameters
+from ..plugin.bridge.compat import FILE
+from ..plugin.bridge.engine_client import EngineResult
+from ..plugin.bridge.styling import Appearance
 from . import declare, products
 from .base import SlopeWatchAlgorithm
 

@@ -20,9 +20,9 @@ from qgis.core import (
     QgsProcessingUtils,
 )
 
-from ..plugin.compat import POLYGON
-from ..plugin.engine_client import EngineResult
-from ..plugin.styling import Appearance, copy_raster, copy_vector, style_on_completion
+from ..plugin.bridge.compat import POLYGON
+from ..plugin.bridge.engine_client import EngineResult
+from ..plugin.bridge.styling import Appearance, copy_raster, copy_vector, style_on_completion
 from .declare import with_help
 
 

@@ -12,9 +12,9 @@ from qgis.core import (
     QgsProcessingUtils,
 )
 
-from ..engine.parameters import GroundParameters, InputParameters, ScreeningParameters
-from ..plugin.engine_client import EngineResult
-from ..plugin.styling import Appearance
+from ..interface.parameters import GroundParameters, InputParameters, ScreeningParameters
+from ..plugin.bridge.engine_client import EngineResult
+from ..plugin.bridge.styling import Appearance
 from . import declare, products
 from .base import SlopeWatchAlgorithm
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ..engine.parameters import OutputParameters, ScenesParameters
+from ..interface.parameters import OutputParameters, ScenesParameters
 from .simulation import SimulationAlgorithm
 
 

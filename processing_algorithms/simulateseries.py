@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ..engine.parameters import CreepParameters, OutputParameters
-from ..plugin.styling import Appearance
+from ..interface.parameters import CreepParameters, OutputParameters
+from ..plugin.bridge.styling import Appearance
 from . import products
 from .simulation import SimulationAlgorithm
 

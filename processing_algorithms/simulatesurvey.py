@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ..engine.parameters import OutputParameters, SurveyParameters
-from ..plugin.styling import Appearance
+from ..interface.parameters import OutputParameters, SurveyParameters
+from ..plugin.bridge.styling import Appearance
 from . import products
 from .simulation import SimulationAlgorithm
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from qgis.core import QgsProcessingContext, QgsProcessingFeedback
 
-from ..plugin.engine_client import EngineResult
+from ..plugin.bridge.engine_client import EngineResult
 from . import declare, products
 from .base import SlopeWatchAlgorithm
 

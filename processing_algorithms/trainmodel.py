@@ -13,9 +13,9 @@ from qgis.core import (
     QgsProcessingParameterMultipleLayers,
 )
 
-from ..engine.parameters import FineTuneParameters, InputParameters, OutputParameters
-from ..plugin.compat import FILE, FILES
-from ..plugin.engine_client import EngineResult
+from ..interface.parameters import FineTuneParameters, InputParameters, OutputParameters
+from ..plugin.bridge.compat import FILE, FILES
+from ..plugin.bridge.engine_client import EngineResult
 from . import declare, products
 from .base import SlopeWatchAlgorithm
 

@@ -6,8 +6,8 @@ from typing import Any, ClassVar
 
 from qgis.core import QgsProcessingContext, QgsProcessingException, QgsProcessingFeedback, QgsProcessingParameterFile
 
-from ..engine.parameters import ReportParameters
-from ..plugin.compat import FOLDER
+from ..interface.parameters import ReportParameters
+from ..plugin.bridge.compat import FOLDER
 from . import declare
 from .base import SlopeWatchAlgorithm
 

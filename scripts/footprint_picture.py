@@ -14,10 +14,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from scipy import ndimage
-from slopewatch.engine.gridding import Grid
-from slopewatch.engine.palette import diverging_colours
-from slopewatch.engine.volumes import Z95, footprint_labels
-from slopewatch.engine.zones import extract_zones
+from slopewatch.engine.grid.grid import Grid
+from slopewatch.engine.maps.palette import diverging_colours
+from slopewatch.engine.statistics.normal import Z95
+from slopewatch.engine.zones.extraction import extract_zones
+from slopewatch.engine.zones.footprints import footprint_labels
 
 CELL, ROWS, COLUMNS = 0.1, 90, 180
 ERROR, REGISTRATION = 0.035, 0.002

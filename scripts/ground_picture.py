@@ -18,9 +18,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from slopewatch.engine.ground_points import ground_mask
-from slopewatch.engine.parameters import GroundParameters
-from slopewatch.simulation.plot import grass_plot
+from slopewatch.engine.ground.filtering import ground_mask
+from slopewatch.interface.parameters import GroundParameters
+from slopewatch.simulation.surveys.plot import grass_plot
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "terrain"
 Float = NDArray[np.float64]

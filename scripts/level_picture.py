@@ -17,13 +17,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from slopewatch.benchmarks.controlled_test import inside
-from slopewatch.engine.cell_variance import pooled_variance
-from slopewatch.engine.change import Change, difference, epoch_cells
-from slopewatch.engine.palette import BELOW_LEVEL, diverging_colours
-from slopewatch.engine.parameters import ChangeParameters, SurveyParameters
-from slopewatch.simulation.change import Bump
+from slopewatch.engine.change.difference import difference, epoch_cells
+from slopewatch.engine.change.result import Change
+from slopewatch.engine.grid.pooled_variance import pooled_variance
+from slopewatch.engine.maps.palette import BELOW_LEVEL, diverging_colours
+from slopewatch.interface.parameters import ChangeParameters, SurveyParameters
 from slopewatch.simulation.frame import Frame
-from slopewatch.simulation.survey import simulate_pair
+from slopewatch.simulation.surveys.change import Bump
+from slopewatch.simulation.surveys.survey import simulate_pair
 
 CELL = 0.25
 LOWERED = (Bump(12.0, 9.0, 3.5, 3.0, -0.12), Bump(26.0, 8.0, 3.0, 2.5, -0.035))

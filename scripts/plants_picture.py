@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from slopewatch.benchmarks.plants import BARE, DATA, FOREST_EXAMPLE, REAL, fitted, real
-from slopewatch.simulation.plot import Plot, grass_plot, plot
+from slopewatch.simulation.surveys.plot import Plot, grass_plot, plot
 
 GROUND, PLANT, OTHER = "#8a5a2b", "#4f8a3c", "#2a6bae"
 PUBLISHED = {0.5: (0.20, 0.27), 0.9: (0.42, 0.55), 0.99: (0.65, 0.88)}

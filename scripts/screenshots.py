@@ -134,7 +134,7 @@ def shrink(source: Path, target: Path, size: int = 390_000) -> None:
     subprocess.run([python, "-c", _SHRINK, str(source), str(target), str(size)], check=True)
 
 
-ENGINE = [str(ROOT / ".venv" / "bin" / "python"), "-m", "slopewatch.engine.cli"]
+ENGINE = [str(ROOT / ".venv" / "bin" / "python"), "-m", "slopewatch.cli"]
 
 
 def inspection(target: Path, folder: Path) -> None:

@@ -6,11 +6,11 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from slopewatch.engine.manifest import epochs_of
-from slopewatch.engine.parameters import GridChangeParameters, SeriesParameters, SurveyParameters
-from slopewatch.engine.series import monitor_series
-from slopewatch.engine.series_epochs import SeriesSettings
-from slopewatch.simulation.series import Creep, Settling, simulate_series, survey_days, write_series
+from slopewatch.engine.epochs.manifest import epochs_of
+from slopewatch.engine.series.settings import SeriesSettings
+from slopewatch.interface.parameters import GridChangeParameters, SeriesParameters, SurveyParameters
+from slopewatch.simulation.surveys.series import Creep, Settling, simulate_series, survey_days, write_series
+from slopewatch.workflows.series import monitor_series
 
 ROOT = Path(__file__).resolve().parent.parent
 

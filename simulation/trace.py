@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
+from ..engine.core.arrays import Float
+
 Height = Callable[[Float, Float], Float]
 
 

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import distance_transform_edt
 
-from ...engine.gridding import cell_index, snapped_grid
-from ...engine.outputs import atomic_output
+from ...engine.core.arrays import Float
+from ...engine.core.staged_outputs import atomic_output
+from ...engine.grid.grid import cell_index, snapped_grid
 from .negatives import Negative
 from .scenes import SUBSIDENCE, UPLIFT, SimulatedScene
 
-Float = NDArray[np.float64]
 LABEL_COLOURS = {UPLIFT: (0x2A, 0x6B, 0xAE), SUBSIDENCE: (0xB4, 0x36, 0x28)}
 """The project's colours of raised and lowered ground."""
 NEGATIVE_COLOURS: dict[int, tuple[int, int, int]] = {

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
+from ...engine.core.arrays import Float
 from ..fields import power_law_field
 from .styles import Style
 from .surface import Surface
 
-Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 SPACING = 0.3
 """Distance (m) of the nodes on which the cover is kept."""

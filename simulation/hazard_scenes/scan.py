@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...engine.core.arrays import Float
 from .styles import Style
 from .surface import Surface
 
-Float = NDArray[np.float64]
 HALF_VIEW = math.radians(36.0)
 """Half of the scanner's field of view."""
 WIDEST = 5.0

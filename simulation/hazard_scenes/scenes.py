@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...engine.core.arrays import Float
 from ..frame import Frame
 from . import landforms, structures
 from .hazards import Hazard, displacement
@@ -19,7 +20,6 @@ from .styles import THRESHOLD, SceneSpec, draw_spec, style_of
 from .surface import Surface, smooth_line
 from .terrain import Terrain, build_terrain
 
-Float = NDArray[np.float64]
 IGNORE_BAND = 0.5
 """Points whose displacement is within this share of the label's limit, on either side of it, are not trained on."""
 BACKGROUND, UPLIFT, SUBSIDENCE = 0, 1, 2

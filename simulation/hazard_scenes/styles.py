@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...engine.errors import InputError
+from ...engine.core.errors import InputError
 
 Range = tuple[float, float]
 

@@ -12,7 +12,6 @@ from scipy import fft
 
 from ..fields import power_law_field
 
-Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 TILE = 512
 """Nodes of a texture's side; textures are periodic, so that they can be laid side by side."""

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...engine.core.arrays import Float
 from .negatives import Negative
 from .styles import SceneSpec, Style, log_uniform, style_of
 from .surface import Surface, add_coarse, new_surface, roughen, smooth_line
 
-Float = NDArray[np.float64]
 EDGE_REACH = 0.35
 """Points this close (m) to a bench's edge or inner corner count as bench edge."""
 

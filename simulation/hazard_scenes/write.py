@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from ...engine.clouds import PointCloud, write_cloud
-from ...engine.outputs import atomic_output
-from ...engine.parameters import ScenesParameters
-from ...engine.vectors import write_layer
+from ...engine.core.staged_outputs import atomic_output
+from ...engine.pointcloud.cloud import PointCloud
+from ...engine.pointcloud.writing import write_cloud
+from ...engine.vector.geopackage import write_layer
+from ...interface.parameters import ScenesParameters
 from .negatives import Negative
 from .scenes import SimulatedScene
 from .styles import SIMULATOR_VERSION, SceneSpec

@@ -12,20 +12,13 @@ import pytest
 from slopewatch.benchmarks import detection
 from slopewatch.benchmarks.detection import AMPLITUDE, AREA, LENGTH, compared, drawn_changes
 from slopewatch.benchmarks.detection_curves import false_alarms, recall
-from slopewatch.benchmarks.detection_results import (
-    Detected,
-    FalseZone,
-    PairResult,
-    Volume,
-    read_results,
-    write_results,
-)
-from slopewatch.engine.change import difference
-from slopewatch.engine.change_zones import change_zones
-from slopewatch.engine.gridding import Grid
-from slopewatch.engine.parameters import ChangeParameters
-from slopewatch.simulation.change import Bump, true_change_raster
+from slopewatch.benchmarks.detection_results import Detected, FalseZone, PairResult, Volume, read_results, write_results
+from slopewatch.engine.change.difference import difference
+from slopewatch.engine.grid.grid import Grid
+from slopewatch.engine.zones.change_zones import change_zones
+from slopewatch.interface.parameters import ChangeParameters
 from slopewatch.simulation.frame import Frame
+from slopewatch.simulation.surveys.change import Bump, true_change_raster
 
 FRAME = Frame()
 KNOWN = (Bump(5.0, 5.0, 2.0, 2.0, 0.3), Bump(15.0, 5.0, 2.0, 2.0, -0.3))

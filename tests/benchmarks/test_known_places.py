@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from slopewatch.benchmarks.known_places import told, told_share
-from slopewatch.models.rougher import scene_normal, texture
+from slopewatch.models.making.rough_ground import scene_normal, texture
 from slopewatch.simulation.hazard_scenes.scenes import scene
 
 

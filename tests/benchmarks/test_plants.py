@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from slopewatch.benchmarks import plants
-from slopewatch.simulation.plot import grass_plot
+from slopewatch.simulation.surveys.plot import grass_plot
 
 
 def test_heights_are_over_the_plane_of_the_nearest_ground_points():

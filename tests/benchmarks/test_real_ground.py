@@ -13,7 +13,7 @@ from slopewatch.benchmarks.ground_figures import Result, Target, measured
 from slopewatch.benchmarks.ground_methods import Method, lowest_returns, smrf, write_las
 from slopewatch.benchmarks.peers import PeerMissingError
 from slopewatch.benchmarks.plants import over_ground_planes
-from slopewatch.simulation.plot import grass_plot
+from slopewatch.simulation.surveys.plot import grass_plot
 
 
 def seen_of(xyz, number=None, total=None):

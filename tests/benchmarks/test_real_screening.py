@@ -7,8 +7,8 @@ import pytest
 from slopewatch.benchmarks.own_relief import OwnRelief, fitted_height, own_relief
 from slopewatch.benchmarks.real_screening import RealGround, main, recall, screenings, shown_zones, trials
 from slopewatch.benchmarks.screening_picture import draw
-from slopewatch.engine.errors import InputError
-from slopewatch.simulation.known_hazards import put_hazards
+from slopewatch.engine.core.errors import InputError
+from slopewatch.simulation.hazard_scenes.known_hazards import put_hazards
 
 DIP = np.radians(30.0)
 NORMAL = np.array([0.0, -np.sin(DIP), np.cos(DIP)])
@@ -114,9 +114,9 @@ def test_the_network_screens_with_the_weights_given(even, tmp_path):
     """A network of random weights, beside its own prediction."""
     torch = pytest.importorskip("torch")
     from slopewatch.models.configuration import SMOKE
-    from slopewatch.models.network import RandLANet
-    from slopewatch.models.prediction import predict
-    from slopewatch.models.weights import save_model
+    from slopewatch.models.inference.prediction import predict
+    from slopewatch.models.network.randlanet import RandLANet
+    from slopewatch.models.network.weights import save_model
 
     torch.manual_seed(3)
     network = RandLANet(SMOKE).eval()

@@ -7,7 +7,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from slopewatch.engine.errors import InputError
+from slopewatch.engine.core.errors import InputError
 from slopewatch.models.configuration import PAPER, SMOKE, ModelConfiguration
 
 

@@ -24,7 +24,7 @@ from qgis.core import (
 )
 from slopewatch.processing_algorithms import products
 from slopewatch.processing_algorithms.inspectslope import InspectSlope
-from slopewatch.tests.qgis_support import Recorder
+from slopewatch.tests.builders.qgis import Recorder
 
 pytestmark = pytest.mark.usefixtures("qgis_processing", "provider")
 FIRST, LATER = "/data/2024-05-01.laz", "/data/2025-05-01.laz"

@@ -16,7 +16,7 @@ from qgis.core import (
     QgsVectorLayer,
 )
 from slopewatch.processing_algorithms.screenhazards import ScreenHazards
-from slopewatch.tests.qgis_support import Recorder
+from slopewatch.tests.builders.qgis import Recorder
 
 pytestmark = pytest.mark.usefixtures("qgis_processing", "provider")
 CLOUD = "/data/north_2024-05-01.laz"

@@ -34,7 +34,7 @@ def plugin_zip(root, tmp_path_factory) -> zipfile.ZipFile:
 def test_zip_has_one_top_folder_with_what_qgis_asks_for(plugin_zip):
     names = plugin_zip.namelist()
     assert {name.split("/")[0] for name in names} == {"slopewatch"}
-    for needed in ("__init__.py", "metadata.txt", "LICENSE", "README.md", "engine/parameters.py", "plugin/provider.py"):
+    for needed in ("__init__.py", "metadata.txt", "LICENSE", "README.md", "interface/parameters", "plugin/provider.py"):
         assert f"slopewatch/{needed}" in names
 
 
@@ -73,7 +73,7 @@ def test_metadata_names_everything_the_plugin_repository_asks_for(root):
 
 
 def test_one_version_everywhere(root):
-    from slopewatch.engine.version import VERSION
+    from slopewatch.engine.core.version import VERSION
 
     assert metadata(root)["version"] == VERSION
     assert f'\nversion = "{VERSION}"\n' in (root / "pyproject.toml").read_text(encoding="utf-8")

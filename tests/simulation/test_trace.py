@@ -6,8 +6,8 @@ import itertools
 
 import numpy as np
 import pytest
-from slopewatch.simulation.change import Plateau
 from slopewatch.simulation.fields import HeightField, power_law_field
+from slopewatch.simulation.surveys.change import Plateau
 from slopewatch.simulation.trace import Rays, Steepness, approach, first_hit
 
 

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
-from slopewatch.engine.errors import InputError
+from slopewatch.engine.core.errors import InputError
 from slopewatch.simulation.hazard_scenes.negatives import Negative
 from slopewatch.simulation.hazard_scenes.picture import draw_scenes, shade
 from slopewatch.simulation.hazard_scenes.scan import Strip, scan

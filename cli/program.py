@@ -1,0 +1,45 @@
+"""The program ``slopewatch``: its commands together."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import click
+
+from ..engine.core.errors import InputError
+from ..engine.core.version import VERSION
+from .commands import change, check, ground, info, inspect, register
+from .m3c2 import m3c2
+from .report import report
+from .reporting import error_event
+from .screen import screen
+from .series import series
+from .simulate import simulate
+from .train import train
+
+
+class _Program(click.Group):
+    """Options that cannot be understood are told as JSON, too, where that is asked for."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except click.UsageError as error:
+            if "--progress json" in " ".join(sys.argv).replace("=", " "):
+                click.echo(error_event(InputError(error.format_message())))
+            raise
+
+
+@click.group(cls=_Program, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(VERSION, prog_name="slopewatch")
+def cli() -> None:
+    """Change and hazards of road slopes from UAV LiDAR surveys.
+
+    Lengths are in metres. Exit codes: 0 all outputs were written and checked, 2 something given cannot be used,
+    1 internal failure, 130 cancelled.
+    """
+
+
+for subcommand in (inspect, ground, register, change, m3c2, screen, series, report, info, train, simulate, check):
+    cli.add_command(subcommand)

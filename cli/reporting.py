@@ -1,0 +1,125 @@
+"""How a command tells its progress and result: a bar for people, JSON lines for programs, or nothing."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as RichProgress
+
+from ..engine.core.errors import SlopeWatchError
+from ..engine.core.json_values import plain
+from ..engine.core.progress import Progress
+
+
+class Reporter(Progress):
+    """Messages on standard error, the result on standard output. Shows no progress."""
+
+    def __enter__(self) -> Reporter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def show(self, level: str, message: str) -> None:
+        click.echo(f"Warning: {message}" if level == "warning" else message, err=True)
+
+    def result(self, outputs: dict[str, Path], metrics: dict[str, Any]) -> None:
+        """The command has ended well: these files exist, these are the main figures."""
+        width = max((len(name) for name in [*outputs, *metrics]), default=0)
+        for name, value in plain(metrics).items():
+            shown = f"{value:.4g}" if isinstance(value, float) and abs(value) < 1e5 else value
+            click.echo(f"{name:<{width}}  {'not available' if shown is None else shown}")
+        for name, path in outputs.items():
+            click.echo(f"{name:<{width}}  {path}")
+
+    def error(self, error: SlopeWatchError) -> None:
+        click.echo(f"Error: {error}", err=True)
+
+    def cancelled(self) -> None:
+        click.echo("Cancelled; nothing half-written is left.", err=True)
+
+
+class BarReporter(Reporter):
+    """A bar on the terminal."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._bar = RichProgress(
+            TextColumn("{task.description}", table_column=None),
+            BarColumn(),
+            TaskProgressColumn(),
+            TimeElapsedColumn(),
+            console=Console(stderr=True),
+            transient=True,
+        )
+        self._task = self._bar.add_task("starting", total=100.0)
+
+    def __enter__(self) -> Reporter:
+        self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+    def emit(self, percent: float, message: str) -> None:
+        self._bar.update(self._task, completed=percent, description=message or "working")
+
+    def show(self, level: str, message: str) -> None:
+        style = "yellow" if level == "warning" else None
+        text = f"Warning: {message}" if level == "warning" else message
+        self._bar.console.print(text, style=style, markup=False, highlight=False)
+
+
+class JsonReporter(Reporter):
+    """One JSON object a line on standard output, which the QGIS client reads."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._write_lock = threading.Lock()
+        self._percent, self._message, self._last = 0.0, "", 0.0
+
+    def _line(self, **event: Any) -> None:
+        with self._write_lock:
+            sys.stdout.write(json.dumps(event, ensure_ascii=True) + "\n")
+            sys.stdout.flush()
+
+    def emit(self, percent: float, message: str) -> None:
+        self._percent = max(self._percent, percent)  # never backwards
+        now = time.monotonic()
+        if message == self._message and now - self._last < 0.1:
+            return
+        self._message, self._last = message, now
+        self._line(event="progress", percent=round(self._percent, 1), message=message)
+
+    def show(self, level: str, message: str) -> None:
+        self._line(event="log", level=level, message=message)
+
+    def result(self, outputs: dict[str, Path], metrics: dict[str, Any]) -> None:
+        self._line(event="progress", percent=100.0, message="done")
+        self._line(event="result", outputs=plain(outputs), metrics=plain(metrics))
+
+    def error(self, error: SlopeWatchError) -> None:
+        with self._write_lock, contextlib.suppress(BrokenPipeError):
+            click.echo(error_event(error))
+        super().error(error)
+
+
+def error_event(error: SlopeWatchError) -> str:
+    """The JSON line that tells a program of a failure."""
+    return json.dumps({"event": "error", "message": str(error), "code": error.exit_code})
+
+
+def reporter(kind: str) -> Reporter:
+    """The reporter for ``--progress``; auto is a bar on a terminal and nothing elsewhere."""
+    if kind == "auto":
+        kind = "bar" if sys.stderr.isatty() else "none"
+    return {"bar": BarReporter, "json": JsonReporter, "none": Reporter}[kind]()

@@ -1,0 +1,96 @@
+"""``slopewatch series``: more than two surveys of one slope."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ..interface.parameters import (
+    DateParameters,
+    GridChangeParameters,
+    GroundParameters,
+    InputParameters,
+    OutputParameters,
+    RegistrationParameters,
+    SeriesParameters,
+    ZoneParameters,
+)
+from .commands import _FILE, Outcome, _output_dir, _roi, _stable
+from .options import Session, command
+
+
+@click.command()
+@click.argument("source", type=_FILE, required=False, metavar="[FOLDER|MANIFEST]")
+@click.option(
+    "--epoch",
+    "epochs",
+    multiple=True,
+    metavar="DATE=CLOUD",
+    help="A survey: the date it was flown (YYYY-MM-DD) and its LAS or LAZ file. Give each, the earliest first, instead "
+    "of a folder or a manifest.",
+)
+@_roi
+@_stable
+@click.option(
+    "--alerts",
+    type=_FILE,
+    default=None,
+    metavar="FILE",
+    help="Alert table (CSV) instead of the one that comes with SlopeWatch, of which alerts_used.csv in the outputs is "
+    "a copy to start from.",
+)
+@_output_dir
+@command(
+    SeriesParameters,
+    DateParameters,
+    GridChangeParameters,
+    ZoneParameters,
+    RegistrationParameters,
+    GroundParameters,
+    InputParameters,
+    OutputParameters,
+)
+def series(
+    session: Session,
+    source: Path | None,
+    epochs: tuple[str, ...],
+    roi: Path | None,
+    stable: Path | None,
+    alerts: Path | None,
+    output_dir: Path,
+) -> Outcome:
+    """Two or more surveys of one slope: change in steps and in all, velocities, zones through time, alert levels.
+
+    FOLDER holds one cloud a survey, each with its date in its name (2024-05-01.laz); MANIFEST is a CSV file with the
+    columns date and path. All surveys are registered to the first. Run again with one more survey, only that one is
+    computed: a series that goes on with the same settings needs no --overwrite. This screens trends; it is no alarm.
+    """
+    from ..engine.core.errors import InputError
+    from ..engine.epochs.epoch import parse_epoch
+    from ..engine.epochs.manifest import epochs_of
+    from ..engine.series.settings import SeriesSettings
+    from ..workflows.series import monitor_series
+
+    if (source is None) == (not epochs):
+        raise InputError("Give either a folder or manifest of the surveys, or --epoch DATE=CLOUD for each of them.")
+    settings = SeriesSettings(
+        inputs=session.parameters(InputParameters),
+        dates=session.parameters(DateParameters),
+        ground=session.parameters(GroundParameters),
+        registration=session.parameters(RegistrationParameters),
+        change=session.parameters(GridChangeParameters),
+        zones=session.parameters(ZoneParameters),
+        series=session.parameters(SeriesParameters),
+    )
+    return monitor_series(
+        [parse_epoch(e) for e in epochs] if source is None else epochs_of(source),
+        output_dir,
+        settings,
+        roi=roi,
+        stable=stable,
+        alerts=alerts,
+        pdal=session.pdal,
+        overwrite=session.parameters(OutputParameters).overwrite,
+        progress=session.report,
+    )

@@ -1,0 +1,1 @@
+"""The difference of two surveys, its error, and what counts as change."""

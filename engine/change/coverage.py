@@ -1,0 +1,48 @@
+"""How much of the ground two epochs have in common, and what larger cells would compare."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..grid.cell_slope import Counts
+from .result import Change
+
+
+def common_rate_at(change: Change, multiple: int) -> float:
+    """Share of common cells, were the cells ``multiple`` times as large."""
+    least = max(int(change.minimum_points), 1)
+    common, either = (
+        combine(*(_blocks(count, multiple) >= least for count in change.points))
+        for combine in (np.logical_and, np.logical_or)
+    )
+    return float(common.sum() / max(either.sum(), 1))
+
+
+def cell_that_compares(change: Change, share: float = 0.8) -> float | None:
+    """The smallest multiple of the cell with which at least ``share`` of the cells would be common; None: none is."""
+    for multiple in (2, 3, 4, 5, 6, 8, 10, 15, 20, 30, 50):
+        if multiple >= max(change.grid.shape):
+            break
+        if common_rate_at(change, multiple) >= share:
+            return round(multiple * change.grid.cell, 6)
+    return None
+
+
+def compared_share(change: Change, block: float = 1.0, *, both: bool = False) -> float:
+    """Area of the common cells over the area that either epoch, or ``both``, reached, in blocks of at least ``block``
+    metres.
+    """
+    multiple = max(1, math.ceil(block / change.grid.cell - 1e-9))
+    first, second = (_blocks(count, multiple) > 0 for count in change.points)
+    reached = first & second if both else first | second
+    return min(1.0, float(change.valid.sum() / max(int(reached.sum()) * multiple**2, 1)))
+
+
+def _blocks(count: Counts, multiple: int) -> Counts:
+    """Points in blocks of ``multiple`` by ``multiple`` cells."""
+    rows = np.arange(0, count.shape[0], multiple)
+    columns = np.arange(0, count.shape[1], multiple)
+    blocks: Counts = np.add.reduceat(np.add.reduceat(count, rows, axis=0), columns, axis=1)
+    return blocks

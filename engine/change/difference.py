@@ -1,0 +1,339 @@
+"""Difference of two epochs on a common grid, with its error and level of detection."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from affine import Affine
+from numpy.typing import NDArray
+from rasterio.features import geometry_mask
+from shapely.geometry.base import BaseGeometry
+
+from ...interface.parameters import ChangeParameters, GridChangeParameters
+from ..core.arrays import Float
+from ..core.errors import InputError
+from ..core.progress import Progress
+from ..grid.cell_slope import gradient_at, slope_degrees
+from ..grid.cell_statistics import CellStatistics, cell_statistics, sloping_statistics
+from ..grid.chosen_cell import CellChoice, choose_cell, with_cell
+from ..grid.common_grid import affordable, common_grid
+from ..grid.grid import Grid, on_grid
+from ..grid.growing_cells import AdaptiveCells, adaptive_cells
+from ..grid.plant_cells import PlantCells, cell_means, together
+from ..grid.pooled_variance import pooled_variance
+from ..pointcloud.plant_cover import PlantCover
+from ..statistics.normal import quantile
+from ..statistics.quantiles import sample_quantile
+from .direction import SENTENCE, with_direction
+from .judgement import judge
+from .result import Change
+from .season import judge_season
+from .thresholds import stated_error
+
+_FEWEST_CELLS = 30  # with fewer in common, nothing can be said of the whole overlap
+
+
+def difference(
+    reference: Float,
+    moving: Float,
+    parameters: GridChangeParameters,
+    *,
+    registration_error: float = 0.0,
+    area: BaseGeometry | None = None,
+    stable_area: BaseGeometry | None = None,
+    plants: tuple[PlantCover | None, PlantCover | None] = (None, None),
+    progress: Progress | None = None,
+) -> Change:
+    """Grid both clouds and subtract: change, standard error and level of detection of each cell.
+
+    The error of a cell's height is its points' variance times the leverage (1/n for a mean); the difference adds
+    both epochs', scaled by slope as stable ground tells (``slope_error.calibrate``), and in quadrature the
+    registration error and, where it is known, the error that plants make in either epoch (Lague et al. 2013,
+    doi:10.1016/j.isprsjprs.2013.04.009, eq. 1, with the registration error as a standard error). The level is the
+    two-sided normal quantile times that, unless another threshold is asked for.
+
+    Args:
+        reference: (n, 3) points of the first epoch, metres.
+        moving: (m, 3) points of the second epoch, registered to the first.
+        registration_error: standard error of the registration in height, metres; ``parameters.registration_error``
+            overrides it unless negative.
+        area: polygons to which both clouds were clipped. Cells that are not wholly inside hold a part of their
+            surface only, not the same in both epochs, and are left out.
+        stable_area: polygons known to be stable, on which the errors are calibrated; found in the data without.
+        plants: what each epoch's cloud tells of plants over its points; nothing without.
+
+    Raises:
+        InputError: no overlap, no common cell, a grid too large, or no cell with two points; of the last the thresholds
+            constant and propagated have no need, and the errors are those that they state.
+    """
+    progress = progress or Progress()
+    told = any(cover is not None for cover in plants)
+    choice = affordable(choose_cell((reference, moving), parameters), (reference, moving), parameters, plants=told)
+    if choice.automatic:
+        progress.info(choice.sentence)
+    parameters = with_cell(parameters, choice)
+    grid = common_grid(reference, moving, parameters, plants=told)
+    if isinstance(parameters, ChangeParameters) and parameters.grows:
+        registration_error = _stated(parameters, registration_error)
+        cells = adaptive_cells(
+            reference,
+            moving,
+            grid,
+            parameters,
+            registration_error=registration_error,
+            inside=None if area is None else cells_inside(area, grid),
+            plants=plants,
+            progress=progress,
+        )
+        change = difference_of_blocks(
+            cells, grid, parameters, registration_error=registration_error, stable_area=stable_area
+        )
+        return _told(change, parameters, choice, progress)
+    if isinstance(parameters, ChangeParameters) and parameters.adaptive:
+        progress.info(parameters.why_one_size)
+    progress.update(0.05, "gridding the first epoch")
+    first = epoch_cells(reference, grid, parameters, plants[0])
+    progress.update(0.35, "gridding the second epoch")
+    second = epoch_cells(moving, grid, parameters, plants[1])
+    progress.update(0.65, "differencing")
+    change = difference_of_cells(
+        first, second, grid, parameters, registration_error=registration_error, area=area, stable_area=stable_area
+    )
+    progress.update(1.0, "differencing")
+    return _told(change, parameters, choice, progress)
+
+
+def _told(change: Change, parameters: GridChangeParameters, choice: CellChoice, progress: Progress) -> Change:
+    """The change with how its cell came about; says which direction was chosen."""
+    if parameters.direction == "auto" and change.direction == "normal":
+        progress.info(SENTENCE)
+    return replace(change, choice=choice)
+
+
+def epoch_cells(
+    xyz: Float, grid: Grid, parameters: GridChangeParameters, plants: PlantCover | None = None
+) -> CellStatistics:
+    """The cells of one epoch's points (n, 3) as ``difference_of_cells`` takes them, with the ``plants`` over these."""
+    cells = sloping_statistics(xyz, grid) if parameters.cell_value == "plane" else cell_statistics(xyz, grid)
+    if plants is None:
+        return cells
+    means = [None if v is None else cell_means(xyz, v, grid).ravel()[cells.cell] for v in (plants.error, plants.height)]
+    return replace(cells, plant_error=means[0], plant_height=means[1])
+
+
+def difference_of_cells(
+    first: CellStatistics,
+    second: CellStatistics,
+    grid: Grid,
+    parameters: GridChangeParameters,
+    *,
+    registration_error: float = 0.0,
+    area: BaseGeometry | None = None,
+    stable_area: BaseGeometry | None = None,
+) -> Change:
+    """As ``difference``, from the statistics of both epochs' cells on ``grid`` (a series keeps them)."""
+    valid_first = first.count >= parameters.minimum_points
+    valid_second = second.count >= parameters.minimum_points
+    if area is not None:
+        inside = cells_inside(area, grid)
+        valid_first, valid_second = valid_first & inside, valid_second & inside
+    both = valid_first & valid_second
+    if not both.any():
+        raise InputError(
+            f"No cell of {grid.cell:g} m has {parameters.minimum_points} or more points in both epochs; "
+            "use a larger cell or fewer points a cell."
+        )
+    here = np.flatnonzero(both)
+    surfaces = [(cells.cell, cells.height) for cells in (first, second)]
+    slope = slope_degrees(gradient_at(here, surfaces, grid))
+    if max(first.degrees.max(), second.degrees.max()) > 0:
+        squares = _squared_error(first, both) + _squared_error(second, both)
+    elif (stated := stated_error(parameters)) is not None:
+        # without two points in any cell there is no scatter, and nothing to calibrate it on
+        squares, parameters = np.full(here.size, stated**2), replace(parameters, calibrate=False)
+    else:
+        raise InputError(
+            f"No cell of {grid.cell:g} m holds two points of an epoch, so that their scatter and the level of "
+            "detection cannot be told; use a larger cell."
+        )
+    height_from, height_to = (cells.on_grid(cells.height) for cells in (first, second))
+    return _judged(
+        _Compared(
+            dz=np.where(both, height_to - height_from, np.nan),
+            sampling=on_grid(here, np.sqrt(squares), grid.shape),
+            slope=on_grid(here, slope, grid.shape),
+            counts=(first.count, second.count),
+            heights=(height_from, height_to),
+            common=_common(valid_first, valid_second),
+            plants=together(first.plants, second.plants),
+        ),
+        grid,
+        parameters,
+        _stated(parameters, registration_error),
+        stable_area,
+    )
+
+
+def _squared_error(cells: CellStatistics, where: NDArray[np.bool_]) -> Float:
+    """Of the height of each cell of ``where`` (rows, columns), all of which have points; m², (n,)."""
+    return (cells.leverage * pooled_variance(cells))[where.ravel().take(cells.cell)]
+
+
+def difference_of_blocks(
+    cells: AdaptiveCells,
+    grid: Grid,
+    parameters: ChangeParameters,
+    *,
+    registration_error: float,
+    stable_area: BaseGeometry | None = None,
+) -> Change:
+    """As ``difference``, from cells that grew (see ``adaptive.adaptive_cells``)."""
+    valid = cells.block >= 0
+    if not valid.any():
+        raise InputError(
+            f"No cell that grew from {grid.cell:g} m has enough points in both epochs for its surface to be "
+            "compared; check that both cover the same slope, or use a larger cell or largest_cell."
+        )
+    common = _common(*(own >= parameters.minimum_points for own in cells.points))
+    return _judged(
+        _Compared(
+            dz=cells.dz,
+            sampling=cells.sampling,
+            slope=cells.slope,
+            counts=(cells.count_from, cells.count_to),
+            heights=(cells.height_from, cells.height_to),
+            common=common,
+            block=cells.block,
+            cell_size=cells.cell_size,
+            own_points=cells.points,
+            plants=cells.plants,
+        ),
+        grid,
+        parameters,
+        registration_error,
+        stable_area,
+    )
+
+
+@dataclass(frozen=True)
+class _Compared:
+    """What was measured in each cell: change, its standard error from the points' scatter, slope; counts and heights of
+    both epochs; the share of common cells; for cells that grew, which are one, how large they are, and their own
+    points; the plants, where known.
+    """
+
+    dz: Float
+    sampling: Float
+    slope: Float
+    counts: tuple[NDArray[np.signedinteger[Any]], NDArray[np.signedinteger[Any]]]
+    heights: tuple[Float, Float]
+    common: float
+    block: NDArray[np.signedinteger[Any]] | None = None
+    cell_size: Float | None = None
+    own_points: tuple[NDArray[np.signedinteger[Any]], NDArray[np.signedinteger[Any]]] | None = None
+    plants: PlantCells | None = None
+
+
+def _judged(
+    cells: _Compared,
+    grid: Grid,
+    parameters: GridChangeParameters,
+    registration_error: float,
+    stable_area: BaseGeometry | None,
+) -> Change:
+    """The change with its calibrated errors, levels and what they decide."""
+    parameters = with_direction(parameters, cells.slope)
+    valid = np.isfinite(cells.dz)
+    here = np.flatnonzero(valid)
+    stated = np.hypot(cells.sampling.ravel()[here], registration_error)
+    if cells.plants is not None:
+        stated = np.hypot(stated, cells.plants.error.ravel()[here])
+    uniform = uniform_shift(
+        cells.dz.ravel()[here],
+        quantile(parameters.confidence) * stated,
+        independent=None if cells.block is None else int(cells.block.max()) + 1,
+    )
+    found = judge(
+        cells.dz,
+        cells.sampling,
+        cells.slope,
+        grid.cell,
+        parameters,
+        registration_error=registration_error,
+        uniform=uniform is not None,
+        given=None if stable_area is None else cells_inside(stable_area, grid),
+        block=cells.block,
+        size=cells.cell_size,
+        plants=cells.plants,
+    )
+    season, plant_like = judge_season(cells.plants, found.dz, found.decision.level, grid.cell)
+    explained = None if plant_like is None else plant_like & found.decision.significant
+    significant = found.decision.significant if explained is None else found.decision.significant & ~explained
+    return Change(
+        grid=grid,
+        dz=found.dz,
+        error=found.error,
+        level=found.decision.level,
+        significant=significant,
+        count_from=cells.counts[0],
+        count_to=cells.counts[1],
+        height_from=cells.heights[0],
+        height_to=cells.heights[1],
+        confidence=parameters.confidence,
+        registration_error=found.registration_error,
+        common_cell_rate=cells.common,
+        uniform_dz=uniform,
+        stable=found.stable,
+        slope=cells.slope,
+        minimum_points=parameters.minimum_points,
+        block=cells.block,
+        cell_size=cells.cell_size,
+        own_points=cells.own_points,
+        model=found.model,
+        threshold=parameters.threshold,
+        direction=parameters.direction,
+        probability=found.decision.probability,
+        sampling=found.sampling,
+        plants=found.plants,
+        plant_like=plant_like,
+        explained=explained,
+        season=season,
+        plants_factor=found.plants_factor,
+    )
+
+
+def _common(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> float:
+    """Share of cells that both epochs have among those that either has."""
+    return float((first & second).sum() / max((first | second).sum(), 1))
+
+
+def _stated(parameters: GridChangeParameters, measured: float) -> float:
+    """The registration error (m) that was given as a parameter, or else what the registration measured."""
+    return parameters.registration_error if parameters.registration_error >= 0 else measured
+
+
+def cells_inside(area: BaseGeometry, grid: Grid) -> NDArray[np.bool_]:
+    """Cells (rows, columns) that lie wholly inside the polygons."""
+    # a cell is inside if its centre is, and no edge of the polygons comes nearer than half the cell's diagonal
+    core = area.buffer(-grid.cell * math.sqrt(0.5))
+    if core.is_empty:
+        return np.zeros(grid.shape, dtype=bool)
+    affine = Affine(*grid.affine)
+    inside: NDArray[np.bool_] = geometry_mask([core], grid.shape, affine, invert=True)
+    return inside
+
+
+def uniform_shift(dz: Float, level: Float, *, independent: int | None = None) -> float | None:
+    """Median dz where the whole overlap has moved alike, else None; ``independent``: how many of the cells are.
+
+    A whole surface that rises or sinks by one amount is a datum or a bias, not a deformation: nine tenths of the cells
+    lie beyond their level on one side, and their spread is small beside the shift.
+    """
+    shift = sample_quantile(dz, 0.5)
+    spread = 1.4826 * sample_quantile(np.abs(dz - shift), 0.5)
+    beyond = float(np.mean(dz * math.copysign(1.0, shift) > level))
+    cells = dz.size if independent is None else independent
+    return shift if cells >= _FEWEST_CELLS and beyond >= 0.9 and spread < abs(shift) / 3 else None

@@ -1,0 +1,63 @@
+"""How far the errors that clouds state for their plants hold between two surveys, as stable ground tells."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.arrays import Float
+from ..statistics.normal import quantile
+from ..statistics.quantiles import sample_quantile
+
+PATCH_M = 2.0
+"""Side of the squares of which each tells once, m: plants err alike over about so much."""
+FEWEST_PATCHES = 20
+NARROWEST = 0.4
+
+
+def plants_factor(
+    dz: Float,
+    sampling: Float,
+    plants: Float,
+    stable: NDArray[np.bool_],
+    square: NDArray[np.signedinteger[Any]],
+    *,
+    registration_error: float,
+    confidence: float,
+) -> float:
+    """Factor, at most 1, of the error by plants with which 1 - ``confidence`` of stable cells under plants are beyond.
+
+    Each epoch's cloud states its error against the true ground, of which two surveys of one season have much in common:
+    the same grass on the same ground lifts both alike. Where the season differs nothing cancels. Which it is shows on
+    stable ground: as in ``slope_error.calibrate`` the factor is taken from the quantile that the level is about, here
+    of the cells whose error is plants' more than points'. It does not widen: that all grass lies lower after mowing is
+    told by the plants' heights (``season``), and ground that moved by little would hide itself.
+
+    What neighbours share tells only once, so squares of 2 m that hold such cells count as the number of samples: with
+    fewer than 20 nothing is told (1), and the quantile is one standard error of its share higher.
+
+    Args:
+        dz, sampling, plants: change, its standard error by points (calibrated) and that by plants, metres, arrays of
+            one shape; NaN where not compared.
+        stable: what is taken as stable; one cell of each grown cell.
+        square: number of the square of 2 m that each is in (``squares_of`` for the cells of a grid).
+        registration_error: metres.
+    """
+    with np.errstate(invalid="ignore"):
+        told = stable & np.isfinite(dz) & (plants > sampling)
+    patches = len(np.unique(square[told]))
+    if patches < FEWEST_PATCHES:
+        return 1.0
+    needed = ((dz[told] / quantile(confidence)) ** 2 - sampling[told] ** 2 - registration_error**2) / plants[told] ** 2
+    surer = min(confidence + math.sqrt(confidence * (1.0 - confidence) / patches), 1.0)
+    return float(np.clip(math.sqrt(max(sample_quantile(needed, surer), 0.0)), NARROWEST, 1.0))
+
+
+def squares_of(shape: tuple[int, int], cell: float) -> NDArray[np.int64]:
+    """Number of the square of ``PATCH_M`` that each cell of a grid (rows, columns) is in; ``cell`` metres a side."""
+    width = max(round(PATCH_M / cell), 1)
+    row, column = (np.arange(n, dtype=np.int64) // width for n in shape)
+    return row[:, None] * (int(column[-1]) + 1) + column

@@ -1,0 +1,120 @@
+"""The result of a comparison on a grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.arrays import Float
+from ..grid.chosen_cell import CellChoice
+from ..grid.grid import Grid
+from ..grid.plant_cells import PlantCells
+from .season import Season
+from .slope_calibration import ErrorModel, uncalibrated
+
+
+@dataclass(frozen=True)
+class Change:
+    """Elevation change B minus A; arrays of shape ``grid.shape``, NaN where a cell is not valid in both epochs.
+
+    ``error`` is the standard error of ``dz``; ``level`` the level of detection at ``confidence``, both in metres.
+    ``common_cell_rate`` is the share of cells with enough points of both epochs among those with enough of either, also
+    where cells grew: it tells how dense the surveys are beside ``grid.cell``. ``stable`` marks the cells that were
+    taken as stable ground; ``slope`` is the surface's inclination, degrees, NaN where it is unknown or nothing was
+    compared.
+
+    Where cells grew, ``block`` (numbers from 0, -1 for none) tells which cells are one: they share dz, error, level and
+    counts, and their errors are one and the same. ``cell_size`` is the side of the block, metres. Both are None where
+    every cell stands for itself. ``count_from`` and ``count_to`` are the points behind a cell's change, those of its
+    block; ``points`` are those of the cell itself.
+
+    ``model`` tells how the errors were calibrated; ``threshold`` and ``direction`` are the parameters of that name:
+    with the direction ``normal``, ``dz`` and all errors are distances square to the slope. ``probability`` is the
+    posterior probability that a cell's change is real, of the threshold ``coherent`` only.
+
+    ``sampling`` is the part of the error that the points' scatter makes, after calibration; ``plants`` the part that
+    plants make, and how high they stand, None where neither epoch tells. ``plant_like`` marks cells whose change a
+    change of the plants' height explains, ``explained`` those of them that would else be significant; ``season`` tells
+    how the plants differ between the epochs. All are None where the plants' heights are not known. The errors of
+    ``plants`` are the stated ones times ``plants_factor``, which stable ground told (``plant_calibration``).
+
+    ``choice`` tells how the side of a cell came about, where this is known.
+    """
+
+    grid: Grid
+    dz: Float
+    error: Float
+    level: Float
+    significant: NDArray[np.bool_]
+    count_from: NDArray[np.signedinteger[Any]]
+    count_to: NDArray[np.signedinteger[Any]]
+    height_from: Float
+    height_to: Float
+    confidence: float
+    registration_error: float
+    common_cell_rate: float
+    uniform_dz: float | None
+    stable: NDArray[np.bool_]
+    slope: Float
+    minimum_points: int = 1
+    block: NDArray[np.signedinteger[Any]] | None = None
+    cell_size: Float | None = None
+    own_points: tuple[NDArray[np.signedinteger[Any]], NDArray[np.signedinteger[Any]]] | None = None
+    model: ErrorModel = field(default_factory=uncalibrated)
+    threshold: str = "probabilistic"
+    direction: str = "vertical"
+    probability: Float | None = None
+    sampling: Float | None = None
+    plants: PlantCells | None = None
+    plant_like: NDArray[np.bool_] | None = None
+    explained: NDArray[np.bool_] | None = None
+    season: Season | None = None
+    plants_factor: float = 1.0
+    choice: CellChoice | None = None
+
+    @property
+    def points(self) -> tuple[NDArray[np.signedinteger[Any]], NDArray[np.signedinteger[Any]]]:
+        """Points of each cell itself in either epoch."""
+        return self.own_points or (self.count_from, self.count_to)
+
+    @property
+    def cell_area(self) -> Float:
+        """Area that each cell's ``dz`` acts on, m²: on the map, or on the slope where ``dz`` is square to it."""
+        flat = self.grid.cell**2
+        if self.direction == "normal":
+            return flat / np.cos(np.radians(self.slope))
+        return np.broadcast_to(np.float64(flat), self.grid.shape)  # one number, read only
+
+    @property
+    def measure(self) -> str:
+        """What ``dz`` is, in words."""
+        return "Slope-normal change" if self.direction == "normal" else "Elevation change"
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        return np.isfinite(self.dz)
+
+    @property
+    def beyond(self) -> NDArray[np.bool_]:
+        """Cells beyond their level, those included that the plants explain."""
+        return self.significant if self.explained is None else self.significant | self.explained
+
+    @property
+    def median_level(self) -> float:
+        return float(np.nanmedian(self.level))
+
+    def level_facts(self) -> dict[str, Any]:
+        """How the level of detection came about, for the run record; metres."""
+        return {
+            "threshold": self.threshold,
+            "direction": self.direction,
+            "confidence": self.confidence,
+            "level_median_m": self.median_level,
+            "error_median_m": float(np.nanmedian(self.error)),
+            "registration_error_m": self.registration_error,
+            "plants_factor": self.plants_factor,
+            **self.model.summary(),
+        }

@@ -1,0 +1,146 @@
+"""Cells of a difference that did not change, found from the difference itself."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ..core.arrays import Float
+from ..grid.cell_slope import class_of_slope
+from ..statistics.quantiles import sample_quantile
+from ..statistics.window_sums import Cells, Windows
+
+REACH = 0.5  # metres around a cell over which a change is looked for as a whole
+_LEAST_REACH = 2  # ... and cells
+BEYOND = 5.0  # robust standard deviations of the local means, beyond which a place has moved
+CLIP = 4.0  # one wild cell is not a moved place
+CLIP_SHARED = 4.0 * BEYOND  # for changes whose error neighbours share
+ROUNDS = 20
+_AS_A_WHOLE = 4.0  # standard errors of one cell; two strips that were not registered: 3 on a quarter
+_CLASS = 5.0  # degrees
+_FEWEST = 200  # differences of neighbours in a class of slope
+
+
+def find_stable(dz: Float, error: Float, slope: Float, cell: float, alike: Float | None = None) -> NDArray[np.bool_]:
+    """Cells (rows, columns) that are not part of a coherent change, nor beside one.
+
+    Noise differs from cell to cell, a change is alike in many. So the mean of dz / error over the cells within half a
+    metre, times the square root of their number, is small on stable ground and large where it moved. How large is told
+    by the robust scatter of these means over all cells that are still taken as stable, which includes errors that are
+    correlated over some cells; those beyond 5 times it, and the cells around them, are left out, and the scatter
+    taken again until nothing changes. The scatter is a median, so that change of 30 % of the cells is found. Errors
+    are first scaled by slope with the differences of adjacent cells, which a change, being coherent, hardly touches.
+
+    Args:
+        dz: change, metres; NaN where unknown.
+        error: its standard error before calibration, metres.
+        slope: degrees; NaN where unknown.
+        cell: side of a cell, metres.
+        alike: (rows, columns) an error beside it that neighbours share, metres: it does not average out in a mean.
+    """
+    known = np.isfinite(dz) & np.isfinite(error) & (error > 0)
+    here = np.flatnonzero(known)
+    found = np.zeros(known.shape, dtype=bool)
+    if not here.size:
+        return found
+    z = dz.ravel().take(here) / error.ravel().take(here)
+    scatter_of_one = adjacent_scatter(z, here, slope)
+    z = z / scatter_of_one
+    shared = np.zeros(here.size)
+    if alike is not None:
+        z, shared = with_alike(z, alike.ravel().take(here) / (error.ravel().take(here) * scatter_of_one))
+    z = clipped(z, shared)
+    windows = Windows(here, known.shape, max(_LEAST_REACH, round(REACH / cell)))
+    if alike is None:
+        total, number = windows.totals(here, z, np.ones(here.size, dtype=np.int32))
+    else:
+        total, own, common = windows.totals(here, z, 1.0 - shared**2, shared)
+        number = own + common**2
+    moved = np.abs(total) / np.sqrt(number)
+    stable = left = np.ones(here.size, dtype=bool)
+    for _ in range(ROUNDS):
+        scatter = max(1.0, 1.4826 * sample_quantile(moved[stable], 0.5))
+        left = ~windows.any(here[moved > BEYOND * scatter])
+        if not left.any() or np.array_equal(left, stable):
+            break
+        stable = left
+    found.ravel()[here] = left
+    return found
+
+
+def changed_cells(dz: Float, error: Float, cell: float) -> NDArray[np.bool_]:
+    """Cells (rows, columns) around which the ground has changed as a whole, told by no other ground.
+
+    There the mean of dz / error over the cells within half a metre, single wild ones drawn in, is twice the level
+    of one cell. Independent errors do not make that; such as neighbours share would have to be four times as large as
+    stated on a third of the ground. Unlike ``find_stable`` it does not ask what most cells do, so it holds where most
+    have moved.
+
+    Args:
+        dz: change, metres; NaN where unknown.
+        error: its whole standard error before calibration, metres, that of the registration and the plants included.
+        cell: side of a cell, metres.
+    """
+    known = np.isfinite(dz) & np.isfinite(error) & (error > 0)
+    z = np.zeros(dz.shape)
+    z[known] = np.clip(dz[known] / error[known], -2.0 * _AS_A_WHOLE, 2.0 * _AS_A_WHOLE)
+    size = 2 * max(_LEAST_REACH, round(REACH / cell)) + 1
+    number = ndimage.uniform_filter(known.astype(np.float64), size, mode="constant")
+    mean = ndimage.uniform_filter(z, size, mode="constant") / np.maximum(number, 1e-9)
+    return np.asarray(known & (np.abs(mean) > _AS_A_WHOLE))
+
+
+def with_alike(z: Float, ratio: Float) -> tuple[Float, Float]:
+    """Changes over their whole error, and the share of it that neighbours have in common.
+
+    Args:
+        z: changes over their own error.
+        ratio: the common error over the own one.
+    """
+    whole = np.hypot(1.0, ratio)
+    return z / whole, ratio / whole
+
+
+def clipped(z: Float, shared: Float | float) -> Float:
+    """Scaled changes within CLIP where errors are the cells' own, and wider the more of them neighbours share.
+
+    A mean of shared errors is no larger than one of them: clipped alike, it could not be beyond BEYOND.
+    """
+    limit = CLIP + (CLIP_SHARED - CLIP) * shared
+    return np.asarray(np.clip(z, -limit, limit), dtype=np.float64)
+
+
+def adjacent_scatter(z: Float, here: Cells, slope: Float, block: NDArray[np.int64] | None = None) -> Float:
+    """Scatter from cell to cell of ``z`` (n,) at the cells ``here`` (n,), by ``slope`` (rows, columns); (n,).
+
+    It is the 90 % quantile of adjacent cells' differences, over the normal's. Cells of one ``block`` are not compared.
+    """
+    columns = slope.shape[1]
+    number = np.full(slope.size + columns, -1)
+    number[here] = np.arange(here.size)
+    at = slope.ravel().take(here)
+    found, where = [], []
+    for step, last in ((columns, None), (1, columns - 1)):
+        other = number.take(here + step)
+        pair = np.flatnonzero(other >= 0 if last is None else (other >= 0) & (here % columns != last))
+        other = other[pair]
+        if block is not None:
+            blocks = block.ravel().take(here)
+            apart = blocks[pair] != blocks[other]
+            pair, other = pair[apart], other[apart]
+        found.append(np.abs(z[other] - z[pair]) / np.sqrt(2.0))
+        where.append(at[pair])
+    size, of_pair = np.concatenate(found), np.concatenate(where)
+    if size.size < _FEWEST:
+        return np.ones(here.size)
+    whole = max(sample_quantile(size, 0.9) / 1.6449, 1e-6)
+    centres, scatter = [], []
+    classes = class_of_slope(of_pair, _CLASS)
+    for low, cells in enumerate(np.bincount(classes[classes >= 0])):
+        if cells >= _FEWEST:
+            centres.append((low + 0.5) * _CLASS)
+            scatter.append(max(sample_quantile(size[classes == low], 0.9) / 1.6449, 0.1 * whole))
+    if not centres:
+        return np.full(here.size, whole)
+    return np.where(np.isnan(at), whole, np.interp(at, centres, scatter))

@@ -1,0 +1,89 @@
+"""Which ground of a difference is taken as stable, and whether the difference itself tells enough of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.arrays import Float
+from ..grid.blocks import Blocks
+from .stable_blocks import find_stable_blocks
+from .stable_cells import changed_cells, find_stable
+
+MOST_CHANGED = 0.3
+"""Share of the compared ground that may have changed as a whole for the rest to be known as stable. Edges of what
+changed do not count as changed as a whole, so this is a third of the ground and more."""
+LEAST_STABLE = 0.5
+"""... and the share that must be found stable, because it is told from what most of the ground does."""
+_APART = 5.0  # degrees beyond the slopes of known stable ground, from which that tells nothing of a cell
+
+
+@dataclass(frozen=True)
+class StableGround:
+    """The cells (rows, columns) taken as ``stable``, and what there is to say of the rest.
+
+    ``changed_share`` of the compared cells have changed as a whole (0 where stable ground is given), ``looks_stable``
+    is the share found stable. Not ``settled``: too much has changed for the rest to be known as stable.
+    """
+
+    stable: NDArray[np.bool_]
+    changed_share: float
+    looks_stable: float
+    settled: bool
+
+
+def stable_ground(
+    dz: Float,
+    sampling: Float,
+    slope: Float,
+    cell: float,
+    *,
+    registration_error: float,
+    plants: Float | None = None,
+    uniform: bool = False,
+    given: NDArray[np.bool_] | None = None,
+    block: Blocks | None = None,
+) -> StableGround:
+    """Stable cells of a difference; arrays (rows, columns).
+
+    Args:
+        dz, sampling: change and its standard error from the points' scatter, metres, NaN where not compared.
+        slope: degrees, NaN where unknown.
+        cell: side of a cell, metres.
+        registration_error: metres.
+        plants: error of the change by plants, metres.
+        uniform: the whole overlap has moved alike, so that there is no stable ground in it.
+        given: cells known to be stable; of slopes beyond theirs, stable cells found count, too.
+        block: number of the group that a cell is one with (-1: none), where cells grew.
+    """
+    valid = np.isfinite(dz)
+    number = max(int(valid.sum()), 1)
+    found = np.zeros(dz.shape, dtype=bool)
+    if not uniform:
+        if block is None:
+            found = find_stable(dz, sampling, slope, cell, plants)
+        else:
+            found = find_stable_blocks(dz, sampling, slope, cell, block, plants)
+    looks_stable = float(found.sum()) / number
+    if given is not None:
+        return StableGround(_with_other_slopes(given & valid, found, slope), 0.0, looks_stable, settled=True)
+    if uniform:
+        return StableGround(found, 0.0, looks_stable, settled=True)
+    stated = np.hypot(sampling, registration_error)
+    changed = changed_cells(dz, stated if plants is None else np.hypot(stated, plants), cell)
+    share = float(changed.sum()) / number
+    if share > MOST_CHANGED or looks_stable < LEAST_STABLE:
+        return StableGround(found & ~changed, share, looks_stable, settled=False)
+    return StableGround(found, share, looks_stable, settled=True)
+
+
+def _with_other_slopes(given: NDArray[np.bool_], found: NDArray[np.bool_], slope: Float) -> NDArray[np.bool_]:
+    """The given cells, and found ones much flatter or steeper than those: a road tells nothing of a face."""
+    inside = slope[given & np.isfinite(slope)]
+    if not inside.size:
+        return given
+    low, high = np.quantile(inside, [0.02, 0.98]) + np.array([-_APART, _APART])
+    with np.errstate(invalid="ignore"):
+        return given | (found & ((slope < low) | (slope > high)))

@@ -1,0 +1,1 @@
+"""Errors, progress, cancelling, child processes, staged outputs, run record. Imports nothing of the engine."""

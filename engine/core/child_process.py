@@ -1,0 +1,125 @@
+"""Child processes with a memory limit that end with their parent, and their peak memory."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from .cancellation import _cancelled, _children, _end, _lock
+from .errors import Cancelled, EngineError
+
+_LAUNCHER = Path(__file__).with_name("child_launcher.py")
+
+
+@dataclass(frozen=True)
+class ChildResult:
+    """How a child ended. ``returncode`` is negative for a signal; ``peak_bytes`` its resident peak (0: unknown)."""
+
+    returncode: int
+    stdout: bytes
+    stderr: bytes
+    seconds: float
+    peak_bytes: int
+
+
+def run_child(
+    arguments: Sequence[str | os.PathLike[str]],
+    *,
+    stdin: bytes = b"",
+    memory_limit: int | None = None,
+    environment: Mapping[str, str] | None = None,
+    directory: Path | None = None,
+    on_poll: Callable[[], None] | None = None,
+) -> ChildResult:
+    """Run a program to its end; cancelling the command ends it.
+
+    Args:
+        arguments: program and its arguments, no shell.
+        stdin: what it reads.
+        memory_limit: bytes of address space it may take (POSIX only).
+        environment: its whole environment; the own one by default.
+        directory: where it runs; the own one by default.
+        on_poll: called about five times a second while it runs.
+
+    Raises:
+        Cancelled: the command is being cancelled.
+        EngineError: the program cannot be started.
+    """
+    started = time.monotonic()
+
+    command = _launched([os.fspath(argument) for argument in arguments], memory_limit, environment)
+    with _lock:
+        if _cancelled.is_set():
+            raise Cancelled("cancelled")
+        try:
+            child = subprocess.Popen(
+                command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                env=None if environment is None else dict(environment),
+                cwd=directory,
+                start_new_session=os.name == "posix",
+                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+            )
+        except OSError as error:
+            raise EngineError(f"{os.fspath(arguments[0])} cannot be started ({error.strerror})") from error
+        _children.add(child)
+    peak = 0
+    pending: bytes | None = stdin
+    try:
+        while True:
+            try:
+                out, err = child.communicate(pending, timeout=0.05 if time.monotonic() - started < 0.5 else 0.2)
+                break
+            except subprocess.TimeoutExpired:
+                pending = None
+                peak = max(peak, peak_memory(child.pid))
+                if on_poll is not None:
+                    on_poll()
+    finally:
+        with _lock:
+            _children.discard(child)
+        if child.poll() is None:
+            _end(child)
+    if _cancelled.is_set():
+        raise Cancelled("cancelled")
+    return ChildResult(child.returncode, out, err, time.monotonic() - started, peak)
+
+
+def _launched(arguments: list[str], memory_limit: int | None, environment: Mapping[str, str] | None) -> list[str]:
+    """The command line that starts ``arguments`` with a limit and so that it dies with this process.
+
+    Never by ``preexec_fn``: in a process with threads the child can hang for ever before its program starts.
+    """
+    if os.name != "posix":
+        return arguments
+    path = (os.environ if environment is None else environment).get("PATH", os.defpath)
+    if shutil.which(arguments[0], path=path) is None:
+        raise EngineError(f"{arguments[0]} cannot be started (no such program)")
+    launcher = [sys.executable, "-I", "-S", str(_LAUNCHER), str(os.getpid()), str(memory_limit or 0)]
+    return launcher + arguments
+
+
+def peak_memory(pid: int | str = "self") -> int:
+    """Peak resident bytes of a process; 0 where the system does not tell (only Linux does)."""
+    try:
+        for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) * 1024
+    except (OSError, ValueError, IndexError):
+        pass
+    return 0
+
+
+def reset_peak_memory() -> None:
+    """Start ``peak_memory`` anew for this process, where the system can."""
+    with contextlib.suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")

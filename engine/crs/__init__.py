@@ -1,0 +1,1 @@
+"""The metre frame in which all is computed, and reprojection."""

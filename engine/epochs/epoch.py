@@ -1,0 +1,65 @@
+"""An epoch: a cloud and the date it was flown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+
+from ..core.checksums import sha256
+from ..core.errors import InputError
+
+
+@dataclass(frozen=True)
+class Epoch:
+    """``date`` is None where it is not known; then no rates can be told."""
+
+    path: Path
+    date: date | None
+
+    @property
+    def name(self) -> str:
+        return self.date.isoformat() if self.date else self.path.stem
+
+
+def parse_date(text: str) -> date:
+    """A date written as YYYY-MM-DD.
+
+    Raises:
+        InputError: it is not one.
+    """
+    try:
+        return date.fromisoformat(text)
+    except ValueError:
+        raise InputError(f"{text!r} is not a date; write it as YYYY-MM-DD.") from None
+
+
+def parse_epoch(text: str) -> Epoch:
+    """An epoch written as YYYY-MM-DD=CLOUD.
+
+    Raises:
+        InputError: it is not written so.
+    """
+    day, separator, path = text.partition("=")
+    if not separator or not path:
+        raise InputError(f"--epoch {text!r} is not understood; write it as YYYY-MM-DD=CLOUD.")
+    return Epoch(Path(path), parse_date(day))
+
+
+def check_pair(first: Epoch, second: Epoch) -> None:
+    """Refuse a pair that cannot be compared.
+
+    Raises:
+        InputError: equal or reversed dates, or the same file twice (by content).
+    """
+    if first.date and second.date and first.date >= second.date:
+        what = "have the same date" if first.date == second.date else "are in reversed order"
+        raise InputError(
+            f"The epochs {first.name} and {second.name} {what}; give the earlier one first, each with its own date."
+        )
+    for epoch in (first, second):
+        if not epoch.path.is_file():
+            raise InputError(f"{epoch.path} does not exist or is not a file; check the path.")
+    same_size = first.path.stat().st_size == second.path.stat().st_size
+    if same_size and sha256(first.path) == sha256(second.path):
+        raise InputError(f"{first.path} and {second.path} are the same cloud; give two different epochs.")

@@ -1,0 +1,122 @@
+"""Whether two epochs' heights are of different systems or units, told before anything is made of their difference."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...interface.parameters import RegistrationParameters
+from ..core.arrays import Float
+
+FOOT = 0.3048
+_CELLS = 900  # that the shared extent is cut into
+_POINTS = 400_000  # of a cloud, evenly taken, are enough for the heights of so many cells
+_FEWEST = 30  # common cells; with fewer nothing can be said of the whole overlap
+_EVEN, _MOST = 0.1, 0.9  # a shift is that of all heights where so many cells are within so small a share of it
+_LEAST_RELIEF = 0.5  # m of scatter of the heights from which on a unit can be told
+_LIKE = 0.1  # share of that scatter that is left where heights differ by their unit
+_LARGEST_OFFSET = next(s.maximum or 0.0 for s in RegistrationParameters.specifications() if s.name == "maximum_offset")
+
+
+@dataclass(frozen=True)
+class HeightComparison:
+    """Heights of the cells that both epochs reach.
+
+    Attributes:
+        offset: median height of the later epoch above the earlier one, metres.
+        spread: nine tenths of the cells differ from it by no more, metres.
+        unit_ratio: 3.281 or 0.305 where the later heights are so many times the earlier ones, as feet are; else None.
+    """
+
+    offset: float
+    spread: float
+    unit_ratio: float | None
+
+    @property
+    def even(self) -> bool:
+        """Whether all of the overlap is shifted alike, as no deformation does."""
+        return self.spread <= _EVEN * abs(self.offset)
+
+
+def compare_clouds(reference: Float, moving: Float, *, lowest: bool = False) -> HeightComparison | None:
+    """``compare_heights`` of two clouds (n, 3) and (m, 3) on coarse cells; None where they hardly overlap in plan.
+
+    Args:
+        lowest: compare the lowest points of the cells instead of the means, for clouds with plants.
+    """
+    if min(len(reference), len(moving)) < _FEWEST:
+        return None
+    reference, moving = (xyz[:: max(1, len(xyz) // _POINTS)] for xyz in (reference, moving))
+    low = np.maximum(reference[:, :2].min(axis=0), moving[:, :2].min(axis=0))
+    high = np.minimum(reference[:, :2].max(axis=0), moving[:, :2].max(axis=0))
+    side = float(np.sqrt(max((high - low).prod(), 0.0) / _CELLS)) if (high > low).all() else 0.0
+    if side <= 0.0:
+        return None
+    shape = np.ceil((high - low) / side).astype(np.int64) + 1
+    if shape.prod() > 100 * _CELLS:  # a sliver
+        return None
+    return compare_heights(*(_cell_heights(xyz, low, high, side, shape, lowest) for xyz in (reference, moving)))
+
+
+def compare_heights(first: Float, second: Float) -> HeightComparison | None:
+    """Compare the heights of cells, NaN where there are none, metres; None with fewer than 30 common ones."""
+    both = np.isfinite(first) & np.isfinite(second)
+    if np.count_nonzero(both) < _FEWEST:
+        return None
+    a, b = first[both], second[both]
+    ratio = None
+    for factor in (1 / FOOT, FOOT):
+        relief = min(_scatter(a), _scatter(b))
+        if relief > _LEAST_RELIEF and _scatter(b - factor * a) < _LIKE * min(_scatter(b), _scatter(b - a)):
+            ratio = factor
+    offset = float(np.median(b - a))
+    return HeightComparison(offset, float(np.quantile(np.abs(b - a - offset), _MOST)), ratio)
+
+
+def disagreement(found: HeightComparison | None, first: str, second: str, limit: float) -> str | None:
+    """What is wrong with the heights of the epochs named ``first`` and ``second``, and the remedy; None: nothing is.
+
+    Args:
+        limit: even offsets up to this (metres) are nothing wrong.
+    """
+    if found is None:
+        return None
+    if found.unit_ratio is not None:
+        return (
+            f"The heights of {second} are {found.unit_ratio:.3f} times those of {first} over the whole overlap, so one "
+            "of them is in feet; convert its heights to metres, or mend the reference system that it declares."
+        )
+    if abs(found.offset) <= limit or not found.even:
+        return None
+    above = "above" if found.offset > 0 else "below"
+    enough, remedy = math.ceil(abs(found.offset)) + 1, ""
+    if enough <= _LARGEST_OFFSET:
+        remedy = f", or have the registration take it off with a maximum_offset of {enough} m"
+    return (
+        f"{second} lies about {abs(found.offset):.1f} m {above} {first} over the whole overlap: ellipsoidal against "
+        "orthometric heights, another height system, or a shift in plan, and no deformation; bring both to the same "
+        f"system{remedy}."
+    )
+
+
+def _cell_heights(xyz: Float, low: Float, high: Float, side: float, shape: NDArray[np.int64], lowest: bool) -> Float:
+    """Mean or lowest height of each cell, NaN without a point."""
+    xyz = xyz[((xyz[:, :2] >= low) & (xyz[:, :2] <= high)).all(axis=1)]
+    column, row = np.floor((xyz[:, :2] - low) / side).astype(np.int64).T
+    cell = row * shape[0] + column
+    number = int(shape.prod())
+    if lowest:
+        heights: Float = np.full(number, np.inf)
+        np.minimum.at(heights, cell, xyz[:, 2])
+        return np.where(np.isfinite(heights), heights, np.nan)
+    count = np.bincount(cell, minlength=number)
+    with np.errstate(invalid="ignore"):
+        heights = np.bincount(cell, xyz[:, 2], minlength=number) / count
+    return heights
+
+
+def _scatter(values: Float) -> float:
+    return float(1.4826 * np.median(np.abs(values - np.median(values))))

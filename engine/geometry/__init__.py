@@ -1,0 +1,1 @@
+"""Planes, rigid motions, voxels. Knows no files."""

@@ -1,0 +1,1 @@
+"""Points into cells, cells that grow, GeoTIFF."""

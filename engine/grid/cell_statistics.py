@@ -1,0 +1,244 @@
+"""Common grid of two epochs and the statistics of the points in its cells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.arrays import Float
+from .cell_slope import gradient_at
+from .grid import Grid, _outside, _row_and_column, on_grid
+
+_NEIGHBOURHOOD = 0.3  # metres around a cell whose cells tell its slope
+_POINTS_FOR_A_PLANE = 12  # measured on simulated faces of 30 to 60 degrees, cells of 0.1 to 1 m
+
+
+@dataclass(frozen=True)
+class CellStatistics:
+    """Statistics of the points in each cell that has any: arrays (cells,), of ``cell``, ascending flat indices.
+
+    ``count`` is that of the points of every cell, (rows, columns). ``variance`` is that of the points about the cell's
+    height model (their mean, or the plane), with ``degrees`` of freedom left; NaN where none is left. ``leverage``
+    times the variance of a point is the variance of ``height``: 1/n for a mean, ((X'X)^-1)_00 for a plane. ``tilted``
+    marks the cells whose height is that of a plane; ``scatter`` is the variance about the mean in every cell, with one
+    degree less than points. ``plant_error`` and ``plant_height`` are the means of the points' (``plant_cover``),
+    metres; None where they are not known.
+    """
+
+    count: NDArray[np.int64]
+    cell: NDArray[np.int64]
+    height: Float
+    variance: Float
+    degrees: Float
+    leverage: Float
+    tilted: NDArray[np.bool_]
+    scatter: Float
+    plant_error: Float | None = None
+    plant_height: Float | None = None
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        rows, columns = self.count.shape
+        return rows, columns
+
+    @property
+    def points(self) -> NDArray[np.int64]:
+        """How many each cell has, (cells,)."""
+        return self.count.ravel().take(self.cell)
+
+    @property
+    def plants(self) -> tuple[Float | None, Float | None]:
+        """Error by plants and their height on the grid (rows, columns), metres; None for what is not known."""
+        error, height = self.plant_error, self.plant_height
+        return None if error is None else self.on_grid(error), None if height is None else self.on_grid(height)
+
+    def on_grid(self, values: NDArray[Any], empty: Any = np.nan) -> NDArray[Any]:
+        """``values`` (cells,) on the grid (rows, columns); ``empty`` where no points are."""
+        return on_grid(self.cell, values, self.shape, empty)
+
+
+def sloping_statistics(xyz: Float, grid: Grid) -> CellStatistics:
+    """As ``cell_statistics``, of points (n, 3) from which the slope of the ground around each cell has been removed.
+
+    On a slope the mean height of a cell depends on where in the cell its few points happen to lie, and their variance
+    is mostly the slope's own rise. The slope that the cells around tell (``cell_slope``) is taken from each point
+    before the mean, so that even a single point gives the height at the cell's centre. Cells with
+    ``_POINTS_FOR_A_PLANE`` points follow their own surface by a plane of their own; with fewer, its scatter costs more
+    than it gains.
+    """
+    cells = _sums(_points_in_cells(xyz, grid), spread=True)
+    around = gradient_at(cells.cell, [(cells.cell, cells.height)], grid, reach=_NEIGHBOURHOOD)
+    east, north = (np.nan_to_num(component) for component in around)
+    return _statistics(_without_slope(cells, east, north), grid, least=_POINTS_FOR_A_PLANE)
+
+
+def cell_statistics(xyz: Float, grid: Grid, *, plane: bool = False, least: int = 4) -> CellStatistics:
+    """Count, height and variance of the points (n, 3) of each cell.
+
+    Args:
+        plane: fit z = a + b x + c y in each cell and take its value at the cell's centre, rather than the mean. It
+            removes the error that uneven sampling of a sloping cell brings. Cells with fewer than ``least``
+            points, or whose points lie nearly on a line, keep the mean.
+        least: at least four.
+    """
+    return _statistics(_sums(_points_in_cells(xyz, grid), spread=plane), grid, least=least if plane else None)
+
+
+@dataclass(frozen=True)
+class _Points:
+    """Points inside the grid: metres east (u) and north (v) of their cell's centre, heights about ``level``.
+
+    ``count`` (rows, columns) is how many each cell has; ``cell`` the flat index of the cells that have any, and
+    ``number`` the place in it of each point's cell.
+    """
+
+    u: Float
+    v: Float
+    z: Float
+    level: float
+    count: NDArray[np.int64]
+    cell: NDArray[np.int64]
+    number: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Mean height of the points of each cell that has any, and the sums of products about their means, arrays (cells,).
+
+    Heights are about ``level``. ``count`` is how many points every cell has (rows, columns), ``n`` that of the cells
+    with any. ``u`` and ``v`` are their mean place from the cell's centre; zeros, as the products with them, where these
+    were not asked for.
+    """
+
+    count: NDArray[np.int64]
+    level: float
+    cell: NDArray[np.int64]
+    n: NDArray[np.int64]
+    height: Float
+    zz: Float
+    u: Float
+    v: Float
+    uu: Float
+    vv: Float
+    uv: Float
+    uz: Float
+    vz: Float
+
+
+def _points_in_cells(xyz: Float, grid: Grid) -> _Points:
+    row, column = _row_and_column(xyz, grid)
+    outside = _outside(row, column, grid)
+    if outside is not None:
+        inside = ~outside
+        xyz, row, column = xyz[inside], row[inside], column[inside]
+    index = (row * grid.columns + column).astype(np.int64)
+    count = np.bincount(index, minlength=grid.rows * grid.columns)
+    cell = np.flatnonzero(count > 0)
+    number = np.empty(count.size, dtype=np.int64)
+    number[cell] = np.arange(cell.size)
+    # heights about a common level: squares of small numbers keep their digits
+    level = float(np.median(xyz[:: max(1, len(xyz) // 10_000), 2])) if len(xyz) else 0.0
+    return _Points(
+        u=xyz[:, 0] - (grid.west + (column + 0.5) * grid.cell),
+        v=xyz[:, 1] - (grid.north - (row + 0.5) * grid.cell),
+        z=xyz[:, 2] - level,
+        level=level,
+        count=count.reshape(grid.shape),
+        cell=cell,
+        number=number[index],
+    )
+
+
+def _sums(points: _Points, *, spread: bool) -> _Sums:
+    n = points.count.ravel()[points.cell]
+
+    def total(values: Float) -> Float:
+        return np.bincount(points.number, weights=values, minlength=n.size).astype(np.float64, copy=False)
+
+    height = total(points.z) / n
+    dz = points.z - height[points.number]
+    zz = total(dz * dz)
+    if not spread:
+        zero = np.zeros(n.size)
+        return _Sums(points.count, points.level, points.cell, n, height, zz, zero, zero, zero, zero, zero, zero, zero)
+    u, v = total(points.u) / n, total(points.v) / n
+    # places are small numbers already, and the heights' differences from their mean add up to nothing
+    uu, vv, uv, uz, vz = (
+        total(a * b)
+        for a, b in ((points.u, points.u), (points.v, points.v), (points.u, points.v), (points.u, dz), (points.v, dz))
+    )
+    return _Sums(
+        points.count,
+        points.level,
+        points.cell,
+        n,
+        height,
+        zz,
+        u,
+        v,
+        uu - n * u * u,
+        vv - n * v * v,
+        uv - n * u * v,
+        uz,
+        vz,
+    )
+
+
+def _without_slope(cells: _Sums, east: Float, north: Float) -> _Sums:
+    """The sums as they would be had z - east u - north v been summed in place of z (both (cells,))."""
+    rise_u, rise_v = east * cells.uu + north * cells.uv, east * cells.uv + north * cells.vv
+    zz = cells.zz - 2.0 * (east * cells.uz + north * cells.vz) + east * rise_u + north * rise_v
+    return replace(
+        cells,
+        height=cells.height - east * cells.u - north * cells.v,
+        zz=np.maximum(zz, 0.0),
+        uz=cells.uz - rise_u,
+        vz=cells.vz - rise_v,
+    )
+
+
+def _statistics(cells: _Sums, grid: Grid, *, least: int | None) -> CellStatistics:
+    """Of means, or of planes in the cells with ``least`` points whose spread tells one."""
+    n = cells.n.astype(np.float64)
+    height, squares, degrees, leverage = cells.height + cells.level, cells.zz.copy(), n - 1.0, 1.0 / n
+    tilted = np.zeros(cells.n.size, dtype=bool)
+    scatter = _ratio(squares, degrees)
+    if least is not None:
+        chosen, fall, rest, extrapolation = _planes(cells, grid.cell, least)
+        tilted[chosen] = True
+        height[chosen] -= fall
+        squares[chosen] = rest
+        degrees[chosen] -= 2.0
+        leverage[chosen] += extrapolation
+    variance = _ratio(squares, degrees)
+    return CellStatistics(cells.count, cells.cell, height, variance, degrees, leverage, tilted, scatter)
+
+
+def _ratio(squares: Float, degrees: Float) -> Float:
+    """NaN without a degree of freedom."""
+    return squares / np.where(degrees > 0, degrees, np.nan)
+
+
+def _planes(cells: _Sums, side: float, least: int) -> tuple[NDArray[np.int64], Float, Float, Float]:
+    """Which cells follow a plane of their own, by least squares in the centred sums.
+
+    And of each: how much lower it is at the cell's centre than its points' mean, its residual squares, and by how much
+    its leverage exceeds that of the mean, (X'X)^-1_00 - 1/n.
+    """
+    may = np.flatnonzero(cells.n >= max(least, 4))
+    n, u, v = cells.n[may], cells.u[may], cells.v[may]
+    uu, vv, uv, uz, vz = (sums[may] for sums in (cells.uu, cells.vv, cells.uv, cells.uz, cells.vz))
+    determinant = uu * vv - uv * uv
+    with np.errstate(invalid="ignore", divide="ignore"):
+        slope_u = (uz * vv - vz * uv) / determinant
+        slope_v = (vz * uu - uz * uv) / determinant
+        extrapolation = (u**2 * vv - 2 * u * v * uv + v**2 * uu) / determinant
+    # a spread of at least a tenth of the cell in every direction; else the plane tilts freely
+    enough = (determinant > 1e-4 * (n * side**2 / 12.0) ** 2) & (extrapolation < 1.0)
+    chosen = may[enough]
+    slope_u, slope_v, u, v, uz, vz = (values[enough] for values in (slope_u, slope_v, u, v, uz, vz))
+    rest = np.maximum(cells.zz[chosen] - slope_u * uz - slope_v * vz, 0.0)
+    return chosen, slope_u * u + slope_v * v, rest, extrapolation[enough]

@@ -1,0 +1,104 @@
+"""The cell of the grid where it is left to the clouds, and how far cells may grow where that is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from ...interface.parameters import ChangeParameters, GridChangeParameters
+from ..core.arrays import Float
+from ..geometry.point_spacing import point_spacing
+
+CELLS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
+"""Sides of a cell that are chosen from, metres."""
+LARGEST = 1.6
+"""Side (m) from which on a cell's level of detection is no reason to grow any more."""
+LEAST_POINTS = 4
+"""Points that a grown cell takes in either epoch, at least."""
+_SERVED = 0.9  # share of the squares with points of both surveys that must have enough of both
+_MOST_STEPS = 4  # doublings beyond LARGEST
+
+Parameters = TypeVar("Parameters", bound=GridChangeParameters)
+
+
+@dataclass(frozen=True)
+class CellChoice:
+    """The side of a cell (m), whether it was given or left to the clouds, and why it is what it is, in a sentence."""
+
+    cell: float
+    automatic: bool
+    sentence: str
+
+    def facts(self) -> dict[str, object]:
+        """For the run record."""
+        return {"cell_m": self.cell, "chosen": "auto" if self.automatic else "given", "sentence": self.sentence}
+
+
+def choose_cell(clouds: Sequence[Float], parameters: GridChangeParameters) -> CellChoice:
+    """The cell as given, or that of ``CELLS`` which is nearest to how far the sparser survey's points lie apart.
+
+    With one point in a cell at the median, smaller cells would show nothing finer, and larger ones would blur what the
+    points show; cells that grow start from there.
+
+    Args:
+        clouds: ground points (n, 3) of each survey, metres.
+    """
+    if parameters.cell > 0:
+        return CellChoice(parameters.cell, False, f"Cells of {parameters.cell:g} m, as given.")
+    spacing = max(point_spacing(cloud[:, :2]) for cloud in clouds)
+    cell = min(CELLS, key=lambda side: abs(math.log(side / spacing)))
+    whose = "the sparser survey" if len(clouds) > 1 else "the first survey"
+    sentence = (
+        f"Cells of {cell:g} m, chosen because the points of {whose} are {spacing:.2g} m apart; --cell fixes another "
+        "size."
+    )
+    return CellChoice(cell, True, sentence)
+
+
+def with_cell(parameters: Parameters, choice: CellChoice) -> Parameters:
+    """``parameters`` with the cell that was chosen."""
+    return replace(parameters, cell=choice.cell)
+
+
+def level_step(cell: float, parameters: ChangeParameters) -> int:
+    """How often ``cell`` (m) may double its side to reach the level: within ``largest_cell``, or until ``LARGEST``."""
+    ratio = math.log2((parameters.largest_cell or LARGEST) / cell)
+    return max(0, math.floor(ratio + 1e-9) if parameters.largest_cell else math.ceil(ratio - 1e-9))
+
+
+def largest_step(first: Float, second: Float, cell: float, parameters: ChangeParameters) -> int:
+    """How often ``cell`` (m) may double its side.
+
+    That is ``level_step``, and where the largest cell is left to the clouds, more until nine tenths of the squares in
+    which both surveys have points have enough of both.
+
+    Args:
+        first, second: points (n, 3) and (m, 3) of the epochs, metres.
+    """
+    step = level_step(cell, parameters)
+    if parameters.largest_cell or not len(first) or not len(second):
+        return step
+    low = np.minimum(first[:, :2].min(axis=0), second[:, :2].min(axis=0))
+    high = np.maximum(first[:, :2].max(axis=0), second[:, :2].max(axis=0))
+    for more in range(_MOST_STEPS):
+        side = cell * 2 ** (step + more)
+        if side > float((high - low).max()) or _served(first, second, low, high, side) >= _SERVED:
+            return step + more
+    return step + _MOST_STEPS
+
+
+def _served(first: Float, second: Float, low: Float, high: Float, side: float) -> float:
+    """Share of the squares with points of both surveys that have enough of both; 0 without such squares."""
+    origin = np.floor(low / side)
+    columns = int(np.floor(high[0] / side) - origin[0]) + 1
+    counts = []
+    for cloud in (first, second):
+        place = (np.floor(cloud[:, :2] / side) - origin).astype(np.int64)
+        counts.append(np.unique(place[:, 1] * columns + place[:, 0], return_counts=True))
+    _, a, b = np.intersect1d(counts[0][0], counts[1][0], assume_unique=True, return_indices=True)
+    fewest = np.minimum(counts[0][1][a], counts[1][1][b])
+    return float(np.mean(fewest >= LEAST_POINTS)) if fewest.size else 0.0

@@ -1,0 +1,137 @@
+"""The grid on which two epochs are compared, and whether it fits into the memory."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...interface.parameters import GridChangeParameters
+from ..core.arrays import Float
+from ..core.errors import InputError
+from .chosen_cell import CELLS, CellChoice
+from .grid import Grid, snapped_grid
+
+# Measured peaks of change.difference() and the zones after it.
+_BYTES_A_CELL = 280.0  # of the grid, cells of one size
+_BYTES_A_GROWING_CELL = 140.0  # of the grid, cells that grow
+_BYTES_ON_THE_SLOPE = 110.0  # more for each cell that lies on the slope
+_BYTES_AT_ONCE, _AT_ONCE = 620.0, 1_000_000  # for so many cells, which are worked on as a whole
+_BYTES_OF_PLANTS = 60.0  # more, where the clouds tell of plants
+_SQUARE = 16.0  # cells, and at least _LEAST_SQUARE metres: squares with points are on the slope
+_LEAST_SQUARE = 4.0
+
+Bounds = tuple[float, float, float, float]
+
+
+def common_grid(reference: Float, moving: Float, parameters: GridChangeParameters, *, plants: bool = False) -> Grid:
+    """The snapped grid that covers both clouds ((n, 3) and (m, 3)) where their extents meet.
+
+    Args:
+        plants: whether the cells also hold what a cloud tells of plants.
+
+    Raises:
+        InputError: the extents do not meet (both are named), or the grid needs more than ``memory_limit``.
+    """
+    union = _union(reference, moving)
+    refuse_too_large(union, slope_area((reference, moving), parameters.cell), parameters, plants=plants)
+    return snapped_grid(union, parameters.cell)
+
+
+def refuse_too_large(bounds: Bounds, area: float, parameters: GridChangeParameters, *, plants: bool) -> None:
+    """Raise InputError where the grid over ``bounds``, of which ``area`` m² are slope, needs more than allowed."""
+    limit = parameters.memory_limit * 1e9
+    needed = memory_needed(bounds, area, parameters, plants=plants)
+    if needed <= limit:
+        return
+    rows, columns = snapped_grid(bounds, parameters.cell).shape
+    raise InputError(
+        f"A grid of {rows} by {columns} cells needs {needed / 1e9:.3g} GB, more than the "
+        f"{parameters.memory_limit:g} GB allowed; clip to the slope, use a cell of at least "
+        f"{_cell_that_fits(bounds, area, parameters, plants=plants):g} m, or raise memory_limit."
+    )
+
+
+def affordable(
+    choice: CellChoice, clouds: Sequence[Float], parameters: GridChangeParameters, *, plants: bool = False
+) -> CellChoice:
+    """The cell that the clouds chose, or the next of ``CELLS`` whose grid needs no more than ``memory_limit``.
+
+    A cell that was given stays what it is.
+    """
+    if not choice.automatic:
+        return choice
+    bounds, limit = _union(clouds[0], clouds[-1]), parameters.memory_limit * 1e9
+
+    def needed(cell: float) -> float:
+        sized = replace(parameters, cell=cell)
+        return memory_needed(bounds, slope_area(clouds, cell), sized, plants=plants)
+
+    wanted = needed(choice.cell)
+    if wanted <= limit:
+        return choice
+    cell = next((side for side in CELLS if side > choice.cell and needed(side) <= limit), 0.0)
+    sized = replace(parameters, cell=choice.cell)
+    cell = cell or _cell_that_fits(bounds, slope_area(clouds, choice.cell), sized, plants=plants)
+    sentence = (
+        f"Cells of {cell:g} m, because cells of {choice.cell:g} m, which would suit the points, need "
+        f"{wanted / 1e9:.3g} GB of the {parameters.memory_limit:g} GB allowed; raise memory_limit, or clip to the "
+        "slope, for smaller ones."
+    )
+    return CellChoice(cell, True, sentence)
+
+
+def memory_needed(bounds: Bounds, area: float, parameters: GridChangeParameters, *, plants: bool) -> float:
+    """Bytes for the grid over ``bounds`` (west, south, east, north), of which ``area`` m² are slope."""
+    cells = math.prod(snapped_grid(bounds, parameters.cell).shape)
+    more = _BYTES_OF_PLANTS * cells if plants else 0.0
+    if not parameters.grows:
+        return cells * _BYTES_A_CELL + more
+    on_slope = min(area / parameters.cell**2, cells)
+    whole = _BYTES_AT_ONCE * min(cells, _AT_ONCE)
+    return max(cells * _BYTES_A_GROWING_CELL + on_slope * _BYTES_ON_THE_SLOPE, whole) + more
+
+
+def slope_area(clouds: Sequence[Float], cell: float) -> float:
+    """Area (m²) of the squares in which the clouds ((n, 3) each) have points."""
+    side = max(_SQUARE * cell, _LEAST_SQUARE)
+    places = [np.floor(cloud[:, :2] / side).astype(np.int64) for cloud in clouds if len(cloud)]
+    if not places:
+        return 0.0
+    low = np.min([p.min(axis=0) for p in places], axis=0)
+    columns = int(max(p[:, 0].max() for p in places) - low[0]) + 1
+    squares = [np.unique((p[:, 1] - low[1]) * columns + p[:, 0] - low[0]) for p in places]
+    return float(np.unique(np.concatenate(squares)).size) * side**2
+
+
+def _union(reference: Float, moving: Float) -> Bounds:
+    """Bounds of both clouds.
+
+    Raises:
+        InputError: they do not meet.
+    """
+    extents = [tuple(float(end(c[:, k])) for end in (np.min, np.max) for k in (0, 1)) for c in (reference, moving)]
+    a, b = extents
+    meet = (max(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), min(a[3], b[3]))
+    if meet[0] > meet[2] or meet[1] > meet[3]:
+        raise InputError(
+            f"The epochs do not overlap: the first spans {_extent(a)}, the second {_extent(b)}; "
+            "check that both are of the same slope and in the same reference system."
+        )
+    return min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3])
+
+
+def _cell_that_fits(bounds: Bounds, area: float, parameters: GridChangeParameters, *, plants: bool) -> float:
+    """The smallest cell of two significant digits, in steps of a tenth, whose grid fits."""
+    cell, limit = parameters.cell, parameters.memory_limit * 1e9
+    while memory_needed(bounds, area, replace(parameters, cell=cell), plants=plants) > limit and cell < 100.0:
+        larger = cell * 1.1
+        unit = 10.0 ** (math.floor(math.log10(larger)) - 1)
+        cell = min(round(math.ceil(larger / unit) * unit, 10), 100.0)
+    return cell
+
+
+def _extent(bounds: tuple[float, ...]) -> str:
+    return f"x {bounds[0]:.1f} to {bounds[2]:.1f}, y {bounds[1]:.1f} to {bounds[3]:.1f}"

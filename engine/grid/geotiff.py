@@ -1,0 +1,220 @@
+"""GeoTIFFs of a run: written in one layout, reopened and compared before they get their name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+
+import numpy as np
+import rasterio
+import rasterio.shutil
+from affine import Affine
+from numpy.typing import ArrayLike, NDArray
+from pyproj import CRS
+from rasterio.enums import ColorInterp
+from rasterio.errors import RasterioError
+from rasterio.io import DatasetReader, DatasetWriter, MemoryFile
+
+from ..core.errors import EngineError, InputError
+from ..core.progress import Progress
+from ..core.staged_outputs import atomic_output
+from .grid import Grid
+
+NODATA = -9999.0
+
+# One thread: the bytes must not depend on the machine. No .aux.xml: everything is inside the file.
+_ENVIRONMENT = {"GDAL_PAM_ENABLED": "NO", "GDAL_NUM_THREADS": "1"}
+_LAYOUT = {"COMPRESS": "DEFLATE", "BLOCKSIZE": "512", "BIGTIFF": "IF_SAFER", "OVERVIEW_RESAMPLING": "AVERAGE"}
+
+
+@dataclass(frozen=True)
+class Raster:
+    """A single-band raster as read: ``array`` is float32 (rows, columns) with NaN where there is no data."""
+
+    array: NDArray[np.float32]
+    grid: Grid
+    crs: CRS | None
+    description: str
+    unit: str
+    tags: dict[str, str]
+
+
+def raster_tags(
+    *,
+    epochs: tuple[date | None, date | None] = (None, None),
+    median_level: float | None = None,
+    translation: ArrayLike | None = None,
+    software: str = "",
+    input_sha256: str = "",
+) -> dict[str, str]:
+    """The tags that every raster of a run carries; what is not known is left out.
+
+    Args:
+        median_level: median level of detection, metres.
+        translation: the three translations of the co-registration, metres.
+        input_sha256: hashes of the inputs, separated by spaces.
+    """
+    tags = {
+        "EPOCH_FROM": epochs[0].isoformat() if epochs[0] else "",
+        "EPOCH_TO": epochs[1].isoformat() if epochs[1] else "",
+        "LOD95_MEDIAN": "" if median_level is None or not np.isfinite(median_level) else f"{median_level:.6f}",
+        "SOFTWARE": software,
+        "INPUT_SHA256": input_sha256,
+    }
+    if translation is not None:
+        for name, value in zip(("COREG_DX", "COREG_DY", "COREG_DZ"), np.asarray(translation, float), strict=True):
+            tags[name] = f"{value:.6f}"
+    return {name: value for name, value in tags.items() if value}
+
+
+def write_raster(
+    path: Path,
+    array: NDArray[np.floating],
+    grid: Grid,
+    crs: CRS | None,
+    *,
+    description: str,
+    unit: str = "m",
+    tags: Mapping[str, str] | None = None,
+    progress: Progress | None = None,
+) -> None:
+    """Write ``array`` (rows, columns; NaN for no data) as a Float32 cloud-optimised GeoTIFF with nodata -9999.
+
+    Raises:
+        EngineError: the array does not fit the grid or is infinite somewhere, or the file read back differs.
+        InputError: the folder is missing or not writable.
+    """
+    write_bands(path, {description: array}, grid, crs, unit=unit, tags=tags, progress=progress)
+
+
+def write_bands(
+    path: Path,
+    bands: Mapping[str, NDArray[np.floating]],
+    grid: Grid,
+    crs: CRS | None,
+    *,
+    unit: str = "m",
+    tags: Mapping[str, str] | None = None,
+    progress: Progress | None = None,
+) -> None:
+    """Like ``write_raster`` with several bands, by their descriptions."""
+    name = Path(path).name
+    stack = np.empty((len(bands), *grid.shape), dtype=np.float32)
+    for number, array in enumerate(bands.values()):
+        if array.shape != grid.shape:
+            raise EngineError(f"{name}: an array of {array.shape} does not fit a grid of {grid.shape}")
+        if np.isinf(array).any():
+            raise EngineError(f"{name}: the raster has infinite values")
+        stack[number] = np.where(np.isnan(array), NODATA, array)
+    profile = {"count": len(bands), "dtype": "float32", "nodata": NODATA}
+    if progress:
+        progress.update(0.0, f"writing {name}")
+
+    def fill(target: DatasetWriter) -> None:
+        target.write(stack)
+        for number, description in enumerate(bands, 1):
+            target.set_band_description(number, description)
+        target.units = (unit,) * len(bands)
+
+    _write(Path(path), grid, crs, profile, "3", tags, fill, stack)
+    if progress:
+        progress.update(1.0, f"wrote {name}")
+
+
+def write_rgba(
+    path: Path,
+    rgba: NDArray[np.uint8],
+    grid: Grid,
+    crs: CRS | None,
+    *,
+    tags: Mapping[str, str] | None = None,
+    description: str = "",
+) -> None:
+    """Write ``rgba`` (rows, columns, 4) as a cloud-optimised GeoTIFF whose fourth band is transparency.
+
+    Raises:
+        EngineError: the picture does not fit the grid, or the file read back differs.
+        InputError: the folder is missing or not writable.
+    """
+    if rgba.shape != (*grid.shape, 4) or rgba.dtype != np.uint8:
+        raise EngineError(f"{Path(path).name}: a picture of {rgba.shape} does not fit a grid of {grid.shape}")
+    bands = np.ascontiguousarray(np.moveaxis(rgba, -1, 0))
+    profile = {"count": 4, "dtype": "uint8", "photometric": "RGB", "alpha": "unspecified"}
+
+    def fill(target: DatasetWriter) -> None:
+        target.colorinterp = (ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.alpha)
+        target.write(bands)
+
+    _write(Path(path), grid, crs, profile, "2", {"DESCRIPTION": description, **(tags or {})}, fill, bands)
+
+
+def read_raster(path: Path, band: int = 1) -> Raster:
+    """Read one band with NaN where there is no data: what the file declares as such, NaN, and -9999 in any case.
+
+    Raises:
+        InputError: not a raster, or not north-up with square cells.
+    """
+    try:
+        with rasterio.Env(**_ENVIRONMENT), rasterio.open(path) as source:
+            values = source.read(band).astype(np.float32)
+            # other programs leave our -9999 behind where they declare NaN, or nothing
+            values[(source.read_masks(band) == 0) | (values == NODATA)] = np.nan
+            return Raster(
+                array=values,
+                grid=_grid_of(source, Path(path)),
+                crs=CRS.from_wkt(source.crs.to_wkt(version="WKT2_2019")) if source.crs else None,
+                description=source.descriptions[band - 1] or "",
+                unit=source.units[band - 1] or "",
+                tags={k: v for k, v in source.tags().items() if k != "AREA_OR_POINT"},
+            )
+    except RasterioError as error:
+        raise InputError(f"{path} cannot be read as a raster; give a GeoTIFF.") from error
+
+
+def _grid_of(source: DatasetReader, path: Path) -> Grid:
+    a, b, west, d, e, north = tuple(source.transform)[:6]
+    if b or d or a <= 0 or not np.isclose(a, -e, rtol=1e-9):
+        raise InputError(f"{path} is not north-up with square cells; warp it first.")
+    return Grid(west=west, north=north, cell=a, rows=source.height, columns=source.width)
+
+
+def _write(
+    path: Path,
+    grid: Grid,
+    crs: CRS | None,
+    profile: dict[str, object],
+    predictor: str,
+    tags: Mapping[str, str] | None,
+    fill: Callable[[DatasetWriter], None],
+    expected: NDArray[np.generic],
+) -> None:
+    """A plain GeoTIFF in memory, then a copy in the cloud-optimised layout (that driver can only copy)."""
+    wkt = rasterio.crs.CRS.from_wkt(crs.to_wkt()) if crs is not None else None
+    options = {**profile, "height": grid.rows, "width": grid.columns, "transform": Affine(*grid.affine), "crs": wkt}
+
+    def check(written: Path) -> None:
+        _check(written, grid, wkt, expected)
+
+    try:
+        with rasterio.Env(**_ENVIRONMENT), atomic_output(path, check) as partial, MemoryFile() as memory:
+            with memory.open(driver="GTiff", BIGTIFF="IF_SAFER", **options) as target:
+                fill(target)
+                target.update_tags(**{name: str(value) for name, value in (tags or {}).items() if value != ""})
+            with memory.open() as source:
+                rasterio.shutil.copy(source, partial, driver="COG", PREDICTOR=predictor, **_LAYOUT)
+    except RasterioError as error:
+        raise EngineError(f"{path.name} could not be written: {error}") from error
+
+
+def _check(written: Path, grid: Grid, crs: rasterio.crs.CRS | None, expected: NDArray[np.generic]) -> None:
+    with rasterio.open(written) as source:
+        sound = (
+            source.shape == grid.shape
+            and source.transform.almost_equals(Affine(*grid.affine), precision=1e-6)
+            and (source.crs is None) == (crs is None)
+            and np.array_equal(source.read(), expected)
+        )
+    if not sound:
+        raise EngineError(f"{written.name} read back differs from what was written")

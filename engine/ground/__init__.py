@@ -1,0 +1,1 @@
+"""From a raw survey to ground points."""

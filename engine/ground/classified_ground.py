@@ -1,0 +1,79 @@
+"""Whether points that somebody classified as ground are one surface."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..core.arrays import Float
+from ..core.errors import InputError
+from ..core.messages import shown
+from ..core.progress import Progress
+from ..geometry.dominant_plane import apply_matrix, flattening_matrix
+from .doubts import percent
+from .filtering import dominant_plane
+
+CLOSE_M, FEWEST_CLOSE, STEP_M = 0.5, 3, 0.3
+"""A point that has so many others so close contradicts them if half of them lie farther above or below it than the
+step, apart from the inclination around it."""
+AROUND = 12
+"""Nearest points to which the ground around is fitted."""
+TOLD, REFUSED = 0.02, 0.6
+"""Shares of points from which a warning is given, and from which they are no surface. Real classes have 0 to 0.5 %,
+those of a gorge under forest 50 %; whole surveys with their plants 30 to 84 %."""
+SAMPLE, FEWEST, MOST_POINTS, SQUARE_M = 20_000, 100, 2_000_000, 10.0
+"""Points that are looked at, and least that must have a close neighbour; a larger cloud is looked at in squares."""
+
+
+def warn_of_classes(path: Path, xyz: Float, progress: Progress) -> None:
+    """Warn if points (n, 3), m, of class 2 contradict each other.
+
+    Raises:
+        InputError: so many do that they are no surface.
+    """
+    share = contradicting_share(xyz)
+    if share < TOLD:
+        return
+    told = (
+        f"{percent(share)} of the points of class 2 of {shown(path)} lie more than {STEP_M:g} m over or below those "
+        f"within {CLOSE_M:g} m around"
+    )
+    if share >= REFUSED:
+        raise InputError(f"{told}, so they are no surface; extract its ground with slopewatch ground instead.")
+    progress.warning(
+        f"{told}: plants or strays among them; look at them in profile, or extract the ground with slopewatch ground."
+    )
+
+
+def contradicting_share(xyz: Float, *, seed: int = 0) -> float:
+    """Share of points (n, 3), m, far above or below those close to them, 0 to 1.
+
+    Points without close ones tell nothing and are not counted; 0 where nearly all are such.
+    """
+    if len(xyz) < max(FEWEST, AROUND):
+        return 0.0
+    rng = np.random.default_rng(seed)
+    if len(xyz) > MOST_POINTS:
+        square = np.floor((xyz[:, :2] - xyz[:, :2].min(axis=0)) / SQUARE_M).astype(np.int64)
+        number = square[:, 0] * (int(square[:, 1].max()) + 1) + square[:, 1]
+        xyz = xyz[(rng.random(int(number.max()) + 1) < MOST_POINTS / len(xyz))[number]]
+    flat = apply_matrix(flattening_matrix(dominant_plane(xyz)), xyz)
+    sample = flat[rng.permutation(len(flat))[:SAMPLE]]
+    distance, index = cKDTree(flat[:, :2]).query(sample[:, :2], k=AROUND)
+    offset = flat[index] - sample[:, None]
+    close = distance[:, 1:] < CLOSE_M
+    rise = np.where(close, (offset[..., 2] - _inclined(offset))[:, 1:], np.nan)
+    counted = close.sum(axis=1) >= FEWEST_CLOSE
+    if np.count_nonzero(counted) < FEWEST:
+        return 0.0
+    return float(np.mean(np.abs(np.nanmedian(rise[counted], axis=1)) > STEP_M))
+
+
+def _inclined(offset: Float) -> Float:
+    """(m, k) rise of the plane through each neighbourhood (m, k, 3), from its first point on."""
+    local = offset - offset.mean(axis=1, keepdims=True)
+    square = np.einsum("mki,mkj->mij", local[..., :2], local[..., :2]) + 1e-6 * np.eye(2)
+    slope = np.linalg.solve(square, np.einsum("mki,mk->mi", local[..., :2], local[..., 2])[..., None])
+    return np.asarray((offset[..., :2] @ slope)[..., 0], dtype=np.float64)

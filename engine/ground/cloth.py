@@ -1,0 +1,118 @@
+"""Cloth Simulation Filter (Zhang et al. 2016, doi:10.3390/rs8060501) by its authors' library, in a child process."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ...interface.parameters import GroundParameters
+from ..core import cancellation, child_process
+from ..core.errors import EngineError, InputError
+
+LARGEST_CLOTH = 16_000_000
+"""Particles: more would take over 8 GB."""
+LONGEST_SEARCH, MOST_BARE = 1e8, 500
+"""Steps of the library's search along rows, and particles in bare rows and columns: more take over ten seconds."""
+_FAR = 3.0
+_WORKER = Path(__file__).with_name("csf_worker.py")
+_BYTES_PER_PARTICLE, _BYTES_PER_POINT, _BYTES_FOR_ITSELF = 1_000, 200, 1_500_000_000
+
+
+def cloth_ground(
+    xyz: NDArray[np.float64], parameters: GroundParameters, *, threshold: float | None = None
+) -> NDArray[np.bool_]:
+    """Points within ``threshold`` of the settled cloth.
+
+    Args:
+        xyz: (n, 3) finite coordinates in metres.
+        parameters: resolution, rigidness, time step, iterations and smoothing of the cloth.
+        threshold: distance (m) to the cloth; ``parameters.class_threshold`` by default.
+
+    Returns:
+        (n,) bool. The same points give the same answer: the library runs on one thread.
+
+    Raises:
+        InputError: a cloth too large, or coordinates that are not finite.
+        EngineError: the library failed.
+        Cancelled: the command is being cancelled.
+    """
+    if len(xyz) == 0:
+        return np.zeros(0, dtype=bool)
+    low = xyz.min(axis=0)
+    # a coordinate that is not a number crashes the library
+    if not np.isfinite(low).all() or not np.isfinite(xyz.max(axis=0)).all():
+        raise InputError("The cloud has coordinates that are not finite numbers; remove them before the ground filter.")
+    particles = refuse_large_cloth(xyz, parameters.cloth_resolution)
+    with tempfile.TemporaryDirectory(prefix="slopewatch-csf-") as name, cancellation.temporary(Path(name)) as folder:
+        # small coordinates keep the cloth's digits
+        points = xyz - low
+        np.save(folder / "points.npy", np.vstack([points, filling(points, parameters.cloth_resolution)]))
+        options = {
+            "slope_smoothing": parameters.slope_smoothing,
+            "cloth_resolution": parameters.cloth_resolution,
+            "rigidness": parameters.rigidness,
+            "time_step": parameters.time_step,
+            "iterations": parameters.iterations,
+            "threshold": parameters.class_threshold if threshold is None else threshold,
+        }
+        (folder / "parameters.json").write_text(json.dumps(options), encoding="utf-8")
+        result = child_process.run_child(
+            [sys.executable, _WORKER, folder],
+            memory_limit=_BYTES_FOR_ITSELF + _BYTES_PER_PARTICLE * particles + _BYTES_PER_POINT * len(xyz),
+            # one thread: several give another cloth, and so other ground, from run to run
+            environment={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+            directory=folder,
+        )
+        if result.returncode:
+            reason = result.stderr.decode(errors="replace").strip().splitlines()[-1:]
+            raise EngineError(
+                f"the cloth simulation failed (exit code {result.returncode}{', ' if reason else ''}{''.join(reason)})"
+            )
+        return np.asarray(np.load(folder / "ground.npy")[: len(xyz)], dtype=np.bool_)
+
+
+def refuse_large_cloth(xyz: NDArray[np.float64], resolution: float) -> int:
+    """Number of the cloth's particles over these points.
+
+    Raises:
+        InputError: more than LARGEST_CLOTH, with a resolution that fits.
+    """
+    width, depth = np.ptp(xyz[:, :2], axis=0).tolist()
+    particles = math.floor(width / resolution + 4) * math.floor(depth / resolution + 4)
+    if particles > LARGEST_CLOTH:
+        fits = math.ceil(100.0 * math.sqrt(width * depth / LARGEST_CLOTH) * 1.05 + 1) / 100.0
+        raise InputError(
+            f"cloth_resolution is {resolution:g} m, which over {width:.0f} x {depth:.0f} m makes {particles:.2g} "
+            f"particles; give at least {fits:g} m, or clip the cloud to a region of interest."
+        )
+    return particles
+
+
+def filling(xyz: NDArray[np.float64], resolution: float) -> NDArray[np.float64]:
+    """Points (m, 3) to add where much of the cloth has no point near it, as between two regions or beside a stray.
+
+    For a particle without points the library walks along its row and column to the next one, and searches in all
+    directions where both are empty, which takes hours on such a cloth. Particles far from any point get one, as low as
+    the lowest at the nearest particle that has some. Empty for an ordinary cloud.
+    """
+    index = np.floor((xyz[:, :2] - xyz[:, :2].min(axis=0)) / resolution + 0.5).astype(np.int64)
+    shape = tuple(int(n) + 1 for n in index.max(axis=0))
+    bare = math.prod(n - len(np.unique(index[:, axis])) for axis, n in enumerate(shape))
+    if bare <= MOST_BARE and math.prod(shape) * max(shape) <= LONGEST_SEARCH:
+        return np.empty((0, 3))
+    lowest = np.full(shape, np.inf)
+    np.minimum.at(lowest, (index[:, 0], index[:, 1]), xyz[:, 2])
+    distance, (i, j) = ndimage.distance_transform_edt(np.isinf(lowest), return_indices=True)
+    far = np.nonzero(distance > _FAR)
+    if bare <= MOST_BARE and len(far[0]) * max(shape) <= LONGEST_SEARCH:
+        return np.empty((0, 3))
+    place = xyz[:, :2].min(axis=0) + resolution * np.column_stack(far)
+    return np.column_stack([place, lowest[i[far], j[far]]])

@@ -1,0 +1,343 @@
+"""What covers the ground: bare, grass, shrubs, trees; and how well the ground below is known.
+
+Squares seen from above are told apart by the heights of their returns over the extracted ground. Squares of 4 m are
+quartered down to 0.5 m as long as they hold ``ENOUGH`` returns for each quarter that holds any, so that a class is not
+told from a handful; or where all returns lie in one half, as at the edge of a survey. Corners are whole multiples of
+the side, so two surveys of one slope have the same places.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.arrays import Bool, Float, Index
+
+FINEST = 0.5
+_LEVELS = 3
+COARSEST = FINEST * 2**_LEVELS
+ENOUGH = 8
+"""Returns that a square must hold for each of its quarters that holds any, to be quartered."""
+BARE, LOW, SHRUBS, TREES, UNKNOWN = "bare", "low_plants", "shrubs", "trees", "unknown"
+CLASSES = {
+    BARE: "bare ground",
+    LOW: "grass and low plants",
+    SHRUBS: "shrubs and ferns",
+    TREES: "trees",
+    UNKNOWN: "no ground known",
+}
+HEIGHTS = (0.1, 1.0, 2.5)
+"""Heights (m) over the ground above which returns are low plants, shrubs, trees."""
+_FEW = 0.05  # share of a square's returns that may lie above a limit: a wire or a bird makes no tree
+_BARE_ERROR = 0.01  # largest plant error (m) of bare ground: short closed grass has no return above 0.1 m
+_NOISE_FLOOR = 0.005  # plant errors (m) below it are not worth a warning
+_MUCH = 0.25
+_STEEPEST = 0.1  # least cosine of the dip
+_HALVES = ((0, 1, 2, 3), (0, 2, 1, 3))  # quarters west and east, south and north; numbered from the south-west
+_BIN, _LOWEST, _BINS = 0.05, -0.5, 70
+
+
+@dataclass(frozen=True)
+class CoverCells:
+    """``index`` (n,) the square of each point; of the m squares, ``side`` (m,) metres and the south-west corner.
+
+    ``column`` and ``row`` (m,) count steps of ``FINEST`` metres from the coordinates' zero. Every square has a point.
+    ``area`` (m,) m² of the quarters that hold any: squares reach beyond the survey's edge.
+    """
+
+    index: Index
+    side: Float
+    area: Float
+    column: Index
+    row: Index
+
+
+@dataclass(frozen=True)
+class CoverClass:
+    """One class of cover. Shares are 0 to 1, lengths metres; NaN where not known.
+
+    ``area_share`` of the surveyed area; ``returns`` in it; ``ground_share`` of these; ``without_ground_share`` of the
+    class's area whose squares have no ground return; ``error_m`` the plant error, ``plant_height_m`` the height of the
+    lowest layer, each the median over the area.
+    """
+
+    name: str
+    area_share: float
+    returns: int
+    ground_share: float
+    without_ground_share: float
+    error_m: float
+    plant_height_m: float
+
+
+@dataclass(frozen=True)
+class HeightCounts:
+    """Returns by their height over the ground, in bins of ``bin_m`` from ``from_m`` on; all, and those of the ground.
+
+    ``below`` and ``above`` lie outside of the bins; ``unknown`` have no height.
+    """
+
+    from_m: float
+    bin_m: float
+    returns: tuple[int, ...]
+    ground: tuple[int, ...]
+    below: int
+    above: int
+    unknown: int
+
+
+@dataclass(frozen=True)
+class GroundCover:
+    """Cover of a survey. Areas are of what holds returns; shares are 0 to 1, lengths metres, NaN where unknown.
+
+    ``ground_share`` of all returns; ``without_ground_share`` of the area; ``error_m`` and ``noise_m``: the error of the
+    ground by plants, and the standard error of a square's mean by the scatter of its ground returns, medians over the
+    area; ``error_beyond_noise_share`` of the area, where the former is larger than the latter and than 5 mm.
+    """
+
+    returns: int
+    area_m2: float
+    finest_m: float
+    coarsest_m: float
+    ground_share: float
+    without_ground_share: float
+    error_m: float
+    noise_m: float
+    error_beyond_noise_share: float
+    classes: tuple[CoverClass, ...]
+    heights: HeightCounts
+
+    def figures(self) -> dict[str, float]:
+        """The main numbers by name, for the figures of a run."""
+        shares = {f"{c.name}_share": c.area_share for c in self.classes}
+        return shares | {"without_ground_share": self.without_ground_share, "plant_error_m": self.error_m}
+
+
+def cover_facts(
+    xyz: Float,
+    ground: Bool,
+    height: Float,
+    plant_error: Float | None = None,
+    plant_height: Float | None = None,
+    *,
+    dip: float = 0.0,
+) -> GroundCover:
+    """Cover classes of a cloud whose ground was extracted.
+
+    A square is of the highest class of which more than 5 % of its returns are; bare without such, unless plants make
+    an error of more than 1 cm. It has no ground known where more than half of its returns have no height.
+
+    Args:
+        xyz: (n, 3) metres, n > 0.
+        ground: (n,) which points are ground.
+        height: (n,) height over the ground's surface, metres; NaN where no surface is known.
+        plant_error: (n,) standard error of the ground there by plants, metres; 0 on bare ground, NaN unknown.
+        plant_height: (n,) median height of the lowest layer around, metres.
+        dip: angle of the slope's plane to the horizontal, degrees. The limits of the classes hold square to the slope,
+            as on a steep face even the scatter of bare ground is large in the vertical.
+    """
+    upright = height * max(math.cos(math.radians(dip)), _STEEPEST)
+    cells = cover_cells(xyz)
+    count = len(cells.side)
+
+    def counted(chosen: Bool) -> Index:
+        return np.bincount(cells.index[chosen], minlength=count)
+
+    returns, on_ground = np.bincount(cells.index, minlength=count), counted(ground)
+    error, plants = (_cell_means(cells, values) for values in (plant_error, plant_height))
+    known = counted(np.isfinite(height))
+    # the highest class last: it takes what the lower ones took
+    kinds = np.zeros(count, dtype=np.int64)
+    kinds[error > _BARE_ERROR] = 1
+    for kind, limit in enumerate(HEIGHTS, 1):
+        kinds[counted(upright > limit) > _FEW * known] = kind
+    kinds[2 * known < returns] = len(HEIGHTS) + 1
+    area = cells.area
+    noise = _noise(cells, ground, height, on_ground)
+    classes = []
+    for kind, name in enumerate(CLASSES):
+        chosen = kinds == kind
+        inside = int(returns[chosen].sum())
+        classes.append(
+            CoverClass(
+                name=name,
+                area_share=float(area[chosen].sum() / area.sum()),
+                returns=inside,
+                ground_share=_share(on_ground[chosen].sum(), inside),
+                without_ground_share=_share(area[chosen & (on_ground == 0)].sum(), area[chosen].sum()),
+                error_m=_median(error[chosen], area[chosen]),
+                plant_height_m=_median(plants[chosen], area[chosen]),
+            )
+        )
+    middle = _median(noise, area)
+    compared = np.where(np.isfinite(noise), noise, 0.0 if math.isnan(middle) else middle)
+    beyond = error > np.maximum(compared, _NOISE_FLOOR)
+    return GroundCover(
+        returns=len(xyz),
+        area_m2=float(area.sum()),
+        finest_m=float(cells.side.min()),
+        coarsest_m=float(cells.side.max()),
+        ground_share=float(on_ground.sum() / len(xyz)),
+        without_ground_share=float(area[on_ground == 0].sum() / area.sum()),
+        error_m=_median(error, area),
+        noise_m=middle,
+        error_beyond_noise_share=float(area[beyond].sum() / area.sum()),
+        classes=tuple(classes),
+        heights=_height_counts(height, ground),
+    )
+
+
+def cover_cells(xyz: Float) -> CoverCells:
+    """Squares of points (n, 2 or 3), n > 0: of 4 m, quartered down to 0.5 m while they hold enough returns."""
+    step = [np.floor(xyz[:, axis] / FINEST).astype(np.int64) for axis in (0, 1)]
+    index, column, row = _blocks(*(axis >> _LEVELS for axis in step))
+    column, row = column << _LEVELS, row << _LEVELS
+    size = np.full(len(column), 1 << _LEVELS)
+    area = np.zeros(len(size))
+    for level in range(_LEVELS - 1, -1, -1):
+        quarter = 2 * ((step[0] >> level) & 1) + ((step[1] >> level) & 1)
+        counts = np.bincount(4 * index + quarter, minlength=4 * len(size)).reshape(-1, 4)
+        some, now = counts > 0, size == 2 << level
+        held = np.count_nonzero(some, axis=1)
+        both_sides = [(some[:, a] | some[:, b]) & (some[:, c] | some[:, d]) for a, b, c, d in _HALVES]
+        full = ((counts.sum(axis=1) >= ENOUGH * held) | ~(both_sides[0] & both_sides[1])) & now
+        area = np.where(now, held * (FINEST * (1 << level)) ** 2, area)
+        parts = np.where(full, 4, 1)
+        start = np.cumsum(parts) - parts
+        index = start[index] + np.where(full[index], quarter, 0)
+        which = np.arange(parts.sum()) - np.repeat(start, parts)
+        area = np.repeat(area, parts)
+        size = np.repeat(np.where(full, size >> 1, size), parts)
+        column = np.repeat(column, parts) + (which >> 1) * size
+        row = np.repeat(row, parts) + (which & 1) * size
+    area[size == 1] = FINEST**2
+    kept = np.bincount(index, minlength=len(size)) > 0
+    return CoverCells((np.cumsum(kept) - 1)[index], FINEST * size[kept], area[kept], column[kept], row[kept])
+
+
+def cover_sentence(cover: GroundCover) -> str:
+    """What a log says of it."""
+    parts = [f"Ground: {percent(cover.ground_share)} of the returns"]
+    plants = max((c for c in cover.classes if c.name in (LOW, SHRUBS, TREES)), key=lambda c: c.area_share)
+    bare = cover.classes[0]
+    if plants.area_share >= 0.05:
+        words = f"{CLASSES[plants.name]} cover {percent(plants.area_share)} of the slope"
+        words += f", {percent(plants.ground_share)} of the returns there are ground"
+        if math.isfinite(plants.error_m):
+            words += f", expected error {100 * plants.error_m:.1f} cm"
+        parts.append(words)
+    else:
+        parts.append(f"{percent(bare.area_share)} of the slope is bare")
+    parts.append(f"{percent(cover.without_ground_share)} of the slope has no ground return")
+    return "; ".join(parts) + "."
+
+
+def cover_table(cover: GroundCover) -> list[str]:
+    """The classes as lines of a table for a terminal; classes without area are left out."""
+    lines = [f"{'cover':<21}{'slope':>8}{'returns':>12}{'ground':>9}{'no ground':>11}{'error':>9}"]
+    for row in cover.classes:
+        if row.area_share > 0:
+            error = f"{100 * row.error_m:.1f} cm" if math.isfinite(row.error_m) else "–"
+            lines.append(
+                f"{CLASSES[row.name]:<21}{percent(row.area_share):>8}{row.returns:>12,}{percent(row.ground_share):>9}"
+                f"{percent(row.without_ground_share):>11}{error:>9}"
+            )
+    return lines
+
+
+def cover_warnings(cover: GroundCover, name: str) -> list[str]:
+    """Sentences where much of the survey ``name`` has no ground, or plants decide how well it is known."""
+    found = []
+    if cover.without_ground_share > _MUCH:
+        found.append(
+            f"{percent(cover.without_ground_share)} of the area of {name} has no ground return, so little can be told "
+            "of it; a survey with leaves off, after mowing or before growth in spring sees more ground."
+        )
+    if cover.error_beyond_noise_share > _MUCH:
+        found.append(
+            f"On {percent(cover.error_beyond_noise_share)} of the area of {name} plants make a larger error of the "
+            f"ground's height than the noise of its returns (medians {100 * cover.error_m:.1f} and "
+            f"{100 * cover.noise_m:.1f} cm); survey with leaves off, mown or before growth, and always in the same "
+            "state of the plants."
+        )
+    return found
+
+
+def percent(share: float) -> str:
+    """A share as a percentage, with a decimal where it is small; a dash where it is not known."""
+    if not math.isfinite(share):
+        return "–"
+    return f"{100 * share:.{1 if 0 < share < 0.0995 else 0}f} %"
+
+
+def _blocks(column: Index, row: Index) -> tuple[Index, Index, Index]:
+    """(n,) number of each point's block, and the blocks' columns and rows."""
+    west, south = int(column.min()), int(row.min())
+    width = int(row.max()) - south + 1
+    key = (column - west) * width + (row - south)
+    extent = (int(column.max()) - west + 1) * width
+    if extent <= 4 * len(key) + 1_000_000:
+        held = np.bincount(key, minlength=extent) > 0
+        keys, index = np.flatnonzero(held), (np.cumsum(held) - 1)[key]
+    else:
+        # few points far apart: a full grid would not fit in memory
+        keys, index = np.unique(key, return_inverse=True)
+    return index, keys // width + west, keys % width + south
+
+
+def _cell_means(cells: CoverCells, values: Float | None) -> Float:
+    """(m,) mean of the points' known values in each square; NaN without any."""
+    count = len(cells.side)
+    if values is None:
+        return np.full(count, np.nan)
+    known = np.isfinite(values)
+    number = np.bincount(cells.index[known], minlength=count)
+    total = np.bincount(cells.index[known], values[known], minlength=count)
+    return np.where(number > 0, total / np.maximum(number, 1), np.nan)
+
+
+def _noise(cells: CoverCells, ground: Bool, height: Float, on_ground: Index) -> Float:
+    """(m,) standard error of the mean height of each square's ground returns; NaN for fewer than three."""
+    chosen = np.flatnonzero(ground & np.isfinite(height))
+    index, values, count = cells.index[chosen], height[chosen], len(cells.side)
+    number = np.bincount(index, minlength=count)
+    total = np.bincount(index, values, minlength=count)
+    squares = np.bincount(index, values**2, minlength=count)
+    enough = np.maximum(number, 2)
+    variance = np.maximum(squares - total**2 / enough, 0.0) / (enough - 1)
+    return np.where((number >= 3) & (on_ground >= 3), np.sqrt(variance / enough), np.nan)
+
+
+def _height_counts(height: Float, ground: Bool) -> HeightCounts:
+    # bins that are whole numbers, because a comparison with edges takes much longer
+    place = np.floor((height - _LOWEST) / _BIN)
+    known = np.isfinite(height)
+    inside = known & (place >= 0) & (place < _BINS)
+    returns, on_ground = (
+        np.bincount(place[chosen].astype(np.int64), minlength=_BINS).tolist() for chosen in (inside, inside & ground)
+    )
+    return HeightCounts(
+        from_m=_LOWEST,
+        bin_m=_BIN,
+        returns=tuple(returns),
+        ground=tuple(on_ground),
+        below=int(np.count_nonzero(known & (place < 0))),
+        above=int(np.count_nonzero(known & (place >= _BINS))),
+        unknown=int(np.count_nonzero(~known)),
+    )
+
+
+def _median(values: Float, weight: Float) -> float:
+    """The known value below which half of the known values' weight lies; NaN without any."""
+    known = np.isfinite(values)
+    if not known.any():
+        return math.nan
+    order = np.argsort(values[known], kind="stable")
+    sums = np.cumsum(weight[known][order])
+    return float(values[known][order][np.searchsorted(sums, 0.5 * sums[-1])])
+
+
+def _share(part: float, whole: float) -> float:
+    return float(part / whole) if whole else math.nan

@@ -1,0 +1,301 @@
+"""Progressive densification of a triangulated surface: the ground as the lowest sheet that returns support.
+
+Axelsson 2000 (DEM generation from laser scanner data using adaptive TIN models, IAPRS 33 B4): a few sure points span
+triangles; a point joins where it lies close to its triangle and is seen from the triangle's corners under a small
+angle; the triangles become smaller and the surface follows the ground. Here the points come from low to high in ever
+smaller windows, so that a plant never joins before the ground beside it, and nothing joins because it is dense.
+
+Works in a frame in which the slope lies flat.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import LinearNDInterpolator
+from scipy.spatial import Delaunay, cKDTree
+from threadpoolctl import threadpool_limits
+
+from ..core.arrays import Bool, Float, Index
+
+CANDIDATE_CELL_M = 0.5
+"""One candidate each cell: its lowest point that has support."""
+SUPPORT_DEPTH_M, SUPPORT_SHARE = 0.1, 0.012
+"""A lowest point is believed if this share of its cell's points lies less than this above it."""
+SEED_WINDOW_M, FEWEST_WINDOWS = 15.0, 5
+"""Side of the windows whose lowest candidates are the seeds; a smaller cloud has this many across."""
+SEED_STEEPEST_DEG = 30.0
+"""A seed that stands over all but one of its neighbours more steeply is in a crown."""
+PIT_STEEPEST_DEG, PIT_DEPTH_M = 50.0, 0.15
+"""A candidate that lies deeper below all of its neighbours, and more steeply, is no ground."""
+ANGLES_DEG = (3.0, 10.0)
+"""Angle under which a point is seen from its triangle, at first and at last."""
+ANGLE_STEP_DEG = 1.0
+LARGEST_DISTANCE_M, CLOSE_M = 1.0, 0.05
+"""Distance from the triangle: never more than the first; less than the second joins at any angle."""
+SMALLEST_WINDOW_M = 1.0
+MOST_ROUNDS = 24
+LEAST_GAIN = 0.002
+"""Share of new points in a round below which the surface is done."""
+NEIGHBOURS, REACH_M = 6, 1.25
+"""Ground points through which a plane is laid that continues the ground beyond an edge, and how far it reaches."""
+OWN_NEIGHBOURS = 8
+"""Candidates through which a plane is laid that leads back to the ground."""
+SMOOTH_M, CONTINUED_M, CONTINUED_SHARE = 0.02, 0.06, 0.05
+"""Largest scatter about such a plane; distance from it, at first and for each metre, within which a candidate joins."""
+CONTINUED_ROUNDS = 8
+_EDGE_M, _EDGE_POINTS = 5.0, 20
+
+
+def lowest_of_cells(xyz: Float, cell: float) -> Index:
+    """Index of the lowest point (n, 3) of each square cell of side ``cell`` that has points."""
+    if not len(xyz):
+        return np.zeros(0, dtype=np.int64)
+    key = _cells(xyz, cell)
+    return _lowest(xyz, key, np.lexsort((xyz[:, 2], key)))
+
+
+def lowest_supported(xyz: Float, cell: float = CANDIDATE_CELL_M) -> Index:
+    """Index of each cell's lowest point that SUPPORT_SHARE of the cell's points follow within SUPPORT_DEPTH_M.
+
+    Single returns below the ground (multipath) have nothing right above them; where returns are few, every point has
+    support.
+    """
+    if not len(xyz):
+        return np.zeros(0, dtype=np.int64)
+    key = _cells(xyz, cell)
+    z = xyz[:, 2] - xyz[:, 2].min()
+    order = np.lexsort((z, key))
+    z = z[order]
+    height = float(z.max()) + 1.0 + SUPPORT_DEPTH_M
+    rank = np.cumsum(_first(key[order])) - 1
+    place = rank * height + z
+    above = np.searchsorted(place, place + SUPPORT_DEPTH_M, side="right") - np.arange(len(place))
+    supported = above >= np.maximum(1.0, SUPPORT_SHARE * np.bincount(rank)[rank])
+    return _lowest(xyz, key, order[supported])
+
+
+def densified(points: Float, anchored: Bool | None = None) -> Bool:
+    """Which of the candidates (n, 3), at most one a cell, lie on the ground.
+
+    Args:
+        points: (n, 3) metres, in a frame in which the slope lies flat.
+        anchored: (n,) candidates that the cloth found, from which the seeds are taken; all by default.
+
+    Returns:
+        (n,) bool.
+    """
+    ground = np.zeros(len(points), dtype=bool)
+    if len(points) == 0:
+        return ground
+    usable = ~_pits(points)
+    window = min(SEED_WINDOW_M, max(SMALLEST_WINDOW_M, float(np.ptp(points[:, :2], axis=0).min()) / FEWEST_WINDOWS))
+    ground[_all_seeds(points, usable, anchored, window)] = True
+    _densify(points, ground, usable, window)
+    for _ in range(CONTINUED_ROUNDS):
+        beside = _continued(points, ground, usable)
+        if np.count_nonzero(beside) <= LEAST_GAIN * np.count_nonzero(ground):
+            break
+        ground |= beside
+    _densify(points, ground, usable, SMALLEST_WINDOW_M, ANGLES_DEG[1])
+    return ground
+
+
+def _densify(points: Float, ground: Bool, usable: Bool, window: float, first_angle: float = ANGLES_DEG[0]) -> None:
+    """Let candidates join ``ground`` (n,), in place, until no more come."""
+    for round_number in range(MOST_ROUNDS):
+        rest = np.flatnonzero(usable & ~ground)
+        if not len(rest) or not ground.any():
+            break
+        distance, angle = Triangles(points[ground]).seen(points[rest])
+        allowed = min(first_angle + ANGLE_STEP_DEG * round_number, ANGLES_DEG[1])
+        joins = (np.abs(distance) < LARGEST_DISTANCE_M) & ((angle < allowed) | (np.abs(distance) < CLOSE_M))
+        if not joins.any():
+            if allowed >= ANGLES_DEG[1]:
+                break
+            continue
+        size = max(SMALLEST_WINDOW_M, window / 2.0 ** (round_number + 1))
+        low = np.column_stack([points[rest[joins], :2], distance[joins]])
+        chosen = rest[joins][lowest_of_cells(low, size)]
+        ground[chosen] = True
+        if allowed >= ANGLES_DEG[1] and len(chosen) < LEAST_GAIN * np.count_nonzero(ground):
+            break
+
+
+def _continued(points: Float, ground: Bool, usable: Bool) -> Bool:
+    """(n,) candidates beside the ground that lie on a plane which continues it, or whose own plane leads to it.
+
+    Beyond an edge, as of a berm, triangles span from below it to what lies behind, and what is on them is hidden. Where
+    the ground bends upwards, as from a slope laid flat to the road below it, the first points beyond the bend are seen
+    steeply.
+    """
+    joins = np.zeros(len(points), dtype=bool)
+    base, rest = np.flatnonzero(ground), np.flatnonzero(usable & ~ground)
+    if len(base) < NEIGHBOURS or not len(rest):
+        return joins
+    beside = cKDTree(points[base, :2]).query(points[rest, :2], k=3, distance_upper_bound=REACH_M)
+    forward = _planes(points, base, points[base])
+    back = _planes(points, rest, points[usable | ground], OWN_NEIGHBOURS)
+    for away, nearest in zip(beside[0].T, beside[1].T, strict=True):
+        found = np.flatnonzero(np.isfinite(away))
+        vertex = nearest[found]
+        limit = CONTINUED_M + CONTINUED_SHARE * away[found]
+        over = np.abs(forward.over(vertex, points[rest[found]]))
+        joins[rest[found[forward.sound[vertex] & (over < limit)]]] = True
+        over = np.abs(back.over(found, points[base[vertex]]))
+        joins[rest[found[back.sound[found] & (over < limit)]]] = True
+    return joins
+
+
+@dataclass(frozen=True)
+class _LocalPlanes:
+    """Planes through the points around each of some points: middles (n, 3), inclinations (n,), which are smooth."""
+
+    middle: Float
+    east: Float
+    north: Float
+    sound: Bool
+
+    def over(self, which: Index, points: Float) -> Float:
+        """(m,) height of points (m, 3) over the planes ``which`` (m,)."""
+        offset = points - self.middle[which]
+        return np.asarray(offset[:, 2] - self.east[which] * offset[:, 0] - self.north[which] * offset[:, 1])
+
+
+def _planes(points: Float, index: Index, others: Float, count: int = NEIGHBOURS) -> _LocalPlanes:
+    """Planes through the nearest ``count`` of ``others`` (m, 3) to each of the points at ``index``."""
+    count = min(count, len(others))
+    distance, neighbour = cKDTree(others[:, :2]).query(points[index, :2], k=count)
+    around = others[neighbour]
+    middle = around.mean(axis=1)
+    local = around - middle[:, None]
+    x, y, z = local[..., 0], local[..., 1], local[..., 2]
+    xx, xy, yy, xz, yz = ((a * b).sum(axis=1) for a, b in ((x, x), (x, y), (y, y), (x, z), (y, z)))
+    determinant = xx * yy - xy**2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        east, north = (yy * xz - xy * yz) / determinant, (xx * yz - xy * xz) / determinant
+    scatter = np.sqrt(((z - east[:, None] * x - north[:, None] * y) ** 2).sum(axis=1) / (count - 3))
+    # a plane needs neighbours on several sides, not a row of them
+    sound = (determinant > 0.05 * (xx + yy) ** 2) & (scatter < SMOOTH_M) & (distance[:, -1] < 2.0 * REACH_M)
+    return _LocalPlanes(middle, east, north, sound)
+
+
+class Triangles:
+    """A surface of triangles through points (n, 3), level outwards from its edge."""
+
+    def __init__(self, points: Float) -> None:
+        rim = _rim(points)
+        nearest = cKDTree(points[:, :2]).query(rim)[1]
+        self.points = np.vstack([points, np.column_stack([rim, points[nearest, 2]])])
+        self.middle = self.points[:, :2].mean(axis=0)
+        self.mesh = Delaunay(self.points[:, :2] - self.middle)
+        # scipy solves a tiny system for each triangle; the threads of a BLAS only wait for each other there
+        with threadpool_limits(limits=1, user_api="blas"):
+            self.mesh.transform  # noqa: B018  (kept by the mesh once it was asked for)
+
+    def height(self, xy: Float) -> Float:
+        """Height of the surface at places (m, 2); NaN beyond it, more than 5 m outside the points' extent."""
+        interpolator = LinearNDInterpolator(self.mesh, self.points[:, 2])
+        return np.asarray(interpolator(xy - self.middle), dtype=np.float64)
+
+    def seen(self, points: Float) -> tuple[Float, Float]:
+        """Signed distance (m,) of points from their triangle's plane, and the angle at its nearest corner, degrees.
+
+        Beyond the surface the distance is infinite: nothing is told of points there.
+        """
+        triangle = self.mesh.find_simplex(points[:, :2] - self.middle)
+        corners = self.points[self.mesh.simplices[triangle]]
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        length = np.maximum(np.linalg.norm(normal, axis=1), 1e-12)
+        upward = np.where(normal[:, 2] < 0, -1.0, 1.0)
+        distance = ((points - corners[:, 0]) * normal).sum(axis=1) / length * upward
+        distance[triangle < 0] = np.inf
+        near = np.hypot(*np.moveaxis(corners[:, :, :2] - points[:, None, :2], 2, 0)).min(axis=1)
+        return distance, np.degrees(np.arctan2(np.abs(distance), near))
+
+
+def _all_seeds(points: Float, usable: Bool, anchored: Bool | None, window: float) -> Index:
+    """The lowest candidates of windows that the cloth found, and those of all that lie below them.
+
+    Over closed plants the cloth hangs above the ground, so what lies lower is believed; what lies far above it, as on a
+    roof, is not.
+    """
+    if anchored is None or not (usable & anchored).any():
+        return _seeds(points, usable, window)
+    found = _seeds(points, usable & anchored, window)
+    lowest = _seeds(points, usable, window)
+    if len(found) >= 3:
+        distance, _ = Triangles(points[found]).seen(points[lowest])
+        lowest = lowest[distance < 0]
+    together = np.zeros(len(points), dtype=bool)
+    together[found], together[lowest] = True, True
+    return _without_crowns(points, np.flatnonzero(together))
+
+
+def _seeds(points: Float, usable: Bool, window: float) -> Index:
+    """The lowest usable candidates of windows, without those in crowns."""
+    index = np.flatnonzero(usable)
+    if not len(index):
+        return index
+    return _without_crowns(points, index[lowest_of_cells(points[index], window)])
+
+
+def _without_crowns(points: Float, index: Index) -> Index:
+    """Seeds without those that stand steeply over their neighbours."""
+    for _ in range(10):
+        if len(index) < 4:
+            break
+        place = points[index]
+        distance, neighbour = cKDTree(place[:, :2]).query(place[:, :2], k=min(7, len(index)))
+        rise = place[:, None, 2] - place[neighbour[:, 1:], 2]
+        steepness = np.sort(np.degrees(np.arctan2(rise, distance[:, 1:])), axis=1)
+        high = steepness[:, 1] > SEED_STEEPEST_DEG
+        if not high.any():
+            break
+        index = index[~high]
+    return index
+
+
+def _pits(points: Float) -> Bool:
+    """(n,) candidates far and steeply below all of their neighbours."""
+    if len(points) < 9:
+        return np.zeros(len(points), dtype=bool)
+    distance, neighbour = cKDTree(points[:, :2]).query(points[:, :2], k=9)
+    rise = points[neighbour[:, 1:], 2] - points[:, None, 2]
+    deepest = PIT_DEPTH_M + math.tan(math.radians(PIT_STEEPEST_DEG)) * distance[:, 1:]
+    return np.asarray((rise > deepest).all(axis=1), dtype=np.bool_)
+
+
+def _rim(points: Float) -> Float:
+    """(m, 2) places around the points, so that every point lies within a triangle."""
+    low, high = points[:, :2].min(axis=0) - _EDGE_M, points[:, :2].max(axis=0) + _EDGE_M
+    step = np.linspace(0.0, 1.0, _EDGE_POINTS, endpoint=False)
+    corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+    sides = [a + step[:, None] * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0))]
+    return np.vstack(sides)
+
+
+def _cells(xyz: Float, cell: float) -> Index:
+    index = np.floor((xyz[:, :2] - xyz[:, :2].min(axis=0)) / cell).astype(np.int64)
+    return np.asarray(index[:, 0] * (int(index[:, 1].max()) + 1) + index[:, 1], dtype=np.int64)
+
+
+def _lowest(xyz: Float, key: Index, order: Index) -> Index:
+    """Of points in ``order`` of their cells' ``key`` and height, the lowest of each cell.
+
+    Among those at one height it is the one with the least coordinates, whatever the order in the file.
+    """
+    first = _first(key[order])
+    height = xyz[order, 2]
+    tied = order[height == height[first][np.cumsum(first) - 1]]
+    tied = tied[np.lexsort((xyz[tied, 1], xyz[tied, 0], key[tied]))]
+    return np.asarray(tied[_first(key[tied])], dtype=np.int64)
+
+
+def _first(key: Index) -> Bool:
+    """(n,) the first of each run of equal keys."""
+    first = np.ones(len(key), dtype=bool)
+    first[1:] = key[1:] != key[:-1]
+    return first

@@ -1,0 +1,61 @@
+"""Outliers: small groups of points that stand apart from everything else, below the ground or above the plants.
+
+A count of neighbours in a sphere, the usual test, takes sparse ground under trees for noise, and a search for the
+neighbours of every point takes longer than all the rest. Here points share flat boxes that lie along the slope. Boxes
+that touch belong together, and only groups of few points are outliers. Ground seen through gaps metres apart stays
+connected sideways; a stray echo under it has nothing beside it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from ..geometry.point_spacing import point_spacing
+
+WIDTH, HEIGHT = 2.5, 0.5
+"""Sides of a box along the slope and across it, in units of the radius."""
+SPARSE = 3.0
+"""The radius is at least so many times the points' spacing."""
+_REACH = 1 << 20
+_STEPS = [(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) > (0, 0, 0)]
+
+
+def outliers(xyz: NDArray[np.float64], radius: float, group: int) -> NDArray[np.bool_]:
+    """Points in groups of at most ``group`` that nothing else touches.
+
+    Args:
+        xyz: (n, 3) in metres, in a frame in which the slope is roughly level.
+        radius: distance (m) across the slope beyond which points are apart; along it five times as much.
+        group: largest number of points that are outliers together.
+
+    Returns:
+        (n,) bool.
+    """
+    if len(xyz) == 0:
+        return np.zeros(0, dtype=bool)
+    middle = np.median(xyz, axis=0)
+    # far strays must not make the cloud look sparse
+    core = np.abs(xyz - middle).max(axis=1) <= 20.0 * float(np.median(np.abs(xyz - middle).max(axis=1))) + 1e-9
+    radius = max(radius, SPARSE * point_spacing(xyz[core, :2]))
+    boxes = np.floor((xyz - middle) / (np.array([WIDTH, WIDTH, HEIGHT]) * radius))
+    far = np.abs(boxes).max(axis=1) >= _REACH - 1
+    index = np.where(far[:, None], 0, boxes).astype(np.int64) + _REACH
+    strides = np.array([1 << 42, 1 << 21, 1], dtype=np.int64)
+    occupied, box, counts = np.unique(index @ strides, return_inverse=True, return_counts=True)
+    first, second = [], []
+    for step in _STEPS:
+        neighbours = occupied + int(np.dot(step, strides))
+        place = np.minimum(np.searchsorted(occupied, neighbours), len(occupied) - 1)
+        touching = np.flatnonzero(occupied[place] == neighbours)
+        first.append(touching)
+        second.append(place[touching])
+    rows, columns = np.concatenate(first), np.concatenate(second)
+    links = coo_array((np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(len(occupied), len(occupied)))
+    number, label = connected_components(links, directed=False)
+    points = np.bincount(label, weights=counts, minlength=number)
+    # in a cloud of few points, the largest group is the cloud
+    small = (points <= group) & (points < points.max())
+    return np.asarray(small[label][box.ravel()] | far, dtype=np.bool_)

@@ -1,0 +1,211 @@
+"""M3C2: the distance of two clouds along the surface's normal, and its level of detection (Lague et al. 2013).
+
+Around each core point a cylinder along the normal gathers the points of both clouds. The distance is the difference
+of their mean positions along the axis, and their scatter tells how sure it is (doi:10.1016/j.isprsjprs.2013.04.009).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..change.slope_calibration import ErrorModel, uncalibrated
+from ..core.arrays import Float, Index
+from ..core.progress import Progress
+from .lattice import Lattice, runs
+from .spread import Spread, SpreadSums
+
+
+class Status(IntEnum):
+    """What became of a core point."""
+
+    MEASURED = 0
+    FEW_POINTS = 1  # a distance, but too few points to tell a level of detection
+    NO_POINTS = 2  # a cylinder of one cloud or of both is empty
+    NO_NORMAL = 3  # no direction to measure in
+
+
+@dataclass(frozen=True)
+class Cylinders:
+    """Points of one cloud in m cylinders: ``count`` (m,); ``mean`` and ``std`` (m,) of their positions along the axis
+    from the core point, metres, NaN without points. ``std`` is the sample's (n - 1), NaN for one point. ``value`` (m,)
+    is the mean of the points' own values, None where the cloud has none, and ``spread`` how the points lie across the
+    axis, where that was asked for.
+    """
+
+    count: Index
+    mean: Float
+    std: Float
+    value: Float | None = None
+    spread: Spread | None = None
+
+
+@dataclass(frozen=True)
+class Distances:
+    """M3C2 at m core points, metres; the moving cloud minus the reference, positive to the side of the normal.
+
+    ``level`` is the level of detection at ``confidence``, NaN unless the ``status`` is MEASURED; ``distance`` is NaN
+    where it is NO_POINTS or NO_NORMAL. Without a normal the counts are those of a ball. The level is the published one
+    unless stable ground calibrated it (``m3c2_level``), as ``model`` tells then; ``plants_factor`` is by what the
+    stated errors by plants were multiplied.
+    """
+
+    core: Float
+    normal: Float
+    distance: Float
+    level: Float
+    significant: NDArray[np.bool_]
+    reference: Cylinders
+    moving: Cylinders
+    status: NDArray[np.uint8]
+    confidence: float
+    registration_error: float
+    model: ErrorModel = field(default_factory=uncalibrated)
+    plants_factor: float = 1.0
+
+    def share(self, status: Status) -> float:
+        """Share of the core points with this status."""
+        return float(np.mean(self.status == status))
+
+    @property
+    def measured(self) -> NDArray[np.bool_]:
+        return self.status == Status.MEASURED
+
+
+def m3c2_distances(
+    reference: Lattice,
+    moving: Lattice,
+    core: Float,
+    normal: Float,
+    *,
+    radius: float,
+    half_length: float,
+    minimum_points: int = 5,
+    confidence: float = 0.95,
+    registration_error: float = 0.0,
+    spread: bool = False,
+    progress: Progress | None = None,
+) -> Distances:
+    """Distance and level of detection at each core point.
+
+    Args:
+        core: (m, 3) where to measure.
+        normal: (m, 3) in which direction; brought to length 1 here, zeros where there is none.
+        radius: of the cylinder, metres. Its wall and its ends belong to it.
+        half_length: the cylinder reaches so far to both sides of the core point, metres.
+        minimum_points: of each cloud, for a level of detection.
+        registration_error: standard error of the registration, metres; added as in eq. 1 of the paper.
+        spread: also tell how the points of each cylinder lie across its axis, which calibrating the level needs.
+    """
+    progress = progress or Progress()
+    length = np.linalg.norm(normal, axis=1)
+    directed = length > 0
+    unit = np.divide(normal, length[:, None], out=np.zeros_like(normal), where=directed[:, None])
+    with progress.stage(0.0, 0.5, "measuring the reference"):
+        first = cylinder_statistics(reference, core, unit, radius, half_length, progress, spread=spread)
+    with progress.stage(0.5, 1.0, "measuring the later survey"):
+        second = cylinder_statistics(moving, core, unit, radius, half_length, progress, spread=spread)
+    fewest = np.minimum(first.count, second.count)
+    status = np.full(len(core), Status.MEASURED, dtype=np.uint8)
+    status[fewest < minimum_points] = Status.FEW_POINTS
+    status[fewest == 0] = Status.NO_POINTS
+    status[~directed] = Status.NO_NORMAL
+    distance = np.where(status <= Status.FEW_POINTS, second.mean - first.mean, np.nan)
+    level = np.full(len(core), np.nan)
+    sure = status == Status.MEASURED
+    level[sure] = level_of_detection(first, second, confidence, registration_error)[sure]
+    with np.errstate(invalid="ignore"):
+        significant = np.abs(distance) > level
+    return Distances(
+        core=core,
+        normal=unit,
+        distance=distance,
+        level=level,
+        significant=significant,
+        reference=first,
+        moving=second,
+        status=status,
+        confidence=confidence,
+        registration_error=registration_error,
+    )
+
+
+def level_of_detection(first: Cylinders, second: Cylinders, confidence: float, registration_error: float) -> Float:
+    """Lague et al. 2013, eq. 1: quantile times (sqrt(s1^2 / n1 + s2^2 / n2) + registration error), metres (m,)."""
+    sampling = np.sqrt(sum(squared_errors(first, second)))
+    return NormalDist().inv_cdf((1 + confidence) / 2) * (sampling + registration_error)
+
+
+def squared_errors(first: Cylinders, second: Cylinders) -> tuple[Float, Float]:
+    """s^2 / n of both clouds' means, m² (m,); NaN for less than two points."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return first.std**2 / first.count, second.std**2 / second.count
+
+
+def cylinder_statistics(
+    cloud: Lattice,
+    core: Float,
+    unit: Float,
+    radius: float,
+    half_length: float,
+    progress: Progress | None = None,
+    *,
+    spread: bool = False,
+) -> Cylinders:
+    """Count, mean and standard deviation along the axis of a cloud's points in each core point's cylinder, mean value.
+
+    The test is made in double precision on the points' offsets from the core point itself, so that large coordinates
+    cost no digits; a point on the wall or on an end is inside.
+
+    Args:
+        core: (m, 3).
+        unit: (m, 3) axes of length 1. One of length 0 makes a ball.
+        spread: also tell how the points lie across the axis.
+    """
+    progress = progress or Progress()
+    sums = SpreadSums(unit) if spread else None
+    mean, std, value = np.full((3, len(core)), np.nan)
+    found = Cylinders(
+        count=np.zeros(len(core), dtype=np.int64),
+        mean=mean,
+        std=std,
+        value=None if cloud.values is None else value,
+        spread=None if sums is None else sums.spread,
+    )
+    places, axes = (np.ascontiguousarray(rows.T) for rows in (core, unit))
+    done = 0
+    for number, point in cloud.candidates(core, half_length * unit, radius):
+        done += int(np.count_nonzero(number[1:] != number[:-1])) + 1
+        offset = cloud.offsets(places, number, point)
+        axis = [component.take(number) for component in axes]
+        along = offset[0] * axis[0] + offset[1] * axis[1] + offset[2] * axis[2]
+        across = np.zeros_like(along)
+        for component, share in zip(offset, axis, strict=True):
+            share *= along
+            component -= share
+            component *= component
+            across += component
+        inside = np.flatnonzero((np.abs(along) <= half_length) & (across <= radius**2))
+        if len(inside):
+            number, point = number.take(inside), point.take(inside)
+            _fill(found, cloud, number, point, along.take(inside))
+            if sums is not None:
+                sums.add(number, cloud.offsets(places, number, point), along.take(inside))
+        progress.update(done / max(len(core), 1))
+    return found
+
+
+def _fill(found: Cylinders, cloud: Lattice, number: Index, point: Index, along: Float) -> None:
+    """Enter the cylinders ``number`` (k,), all points of which are given: ``point`` (k,), ``along`` (k,) the axis."""
+    which, starts, members = runs(number)
+    found.count[which] = members
+    found.mean[which] = np.add.reduceat(along, starts) / members
+    squares = np.add.reduceat((along - found.mean.take(number)) ** 2, starts)
+    several = members > 1
+    found.std[which[several]] = np.sqrt(squares[several] / (members[several] - 1))
+    if found.value is not None and cloud.values is not None:
+        found.value[which] = np.add.reduceat(cloud.values.take(point).astype(np.float64), starts) / members

@@ -1,0 +1,86 @@
+"""Normals and roughness of a surface at given places: a plane through the points of a ball around each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.arrays import Float, Index
+from ..core.progress import Progress
+from .lattice import Lattice, runs
+
+LEAST_POINTS = 4  # three always lie in a plane
+_LINE = 1e-2  # points whose spread across their line has less than this share of the variance along it fix no plane
+_GROUP = 20_000  # eigenvalue problems a native call, so that a cancel is heard in time
+
+
+@dataclass(frozen=True)
+class Fits:
+    """Planes fitted at m places. ``normal`` (m, 3) of length 1, or zeros where the points fix no plane; ``roughness``
+    (m,): standard deviation of the points about the plane, metres, NaN there; ``count`` (m,): points in the ball.
+    """
+
+    normal: Float
+    roughness: Float
+    count: Index
+
+    @property
+    def found(self) -> NDArray[np.bool_]:
+        return np.isfinite(self.roughness)
+
+
+def fit_planes(
+    lattice: Lattice,
+    places: Float,
+    diameter: float,
+    *,
+    orientation: Float | None = None,
+    progress: Progress | None = None,
+) -> Fits:
+    """Fit a plane to the points within ``diameter`` / 2 of each of the ``places`` (m, 3) by principal components.
+
+    Args:
+        orientation: (3,) every normal points to its side; upwards by default.
+    """
+    progress = progress or Progress()
+    radius = diameter / 2
+    toward = np.array([0.0, 0.0, 1.0]) if orientation is None else np.asarray(orientation, dtype=np.float64)
+    count = np.zeros(len(places), dtype=np.int64)
+    normal, roughness = np.zeros((len(places), 3)), np.full(len(places), np.nan)
+    at = np.ascontiguousarray(places.T)
+    done = 0
+    for number, point in lattice.candidates(places, np.zeros_like(places), radius):
+        done += int(np.count_nonzero(number[1:] != number[:-1])) + 1
+        local = lattice.offsets(at, number, point)
+        inside = np.flatnonzero(local[0] ** 2 + local[1] ** 2 + local[2] ** 2 <= radius**2)
+        if len(inside):
+            which, members, scatter = _scatter(number.take(inside), [axis.take(inside) for axis in local])
+            count[which] = members
+            for start in range(0, len(which), _GROUP):
+                part = slice(start, start + _GROUP)
+                normal[which[part]], roughness[which[part]] = _planes(members[part], scatter[part])
+        progress.update(done / max(len(places), 1))
+    normal[normal @ toward < 0] *= -1.0
+    return Fits(normal=normal, roughness=roughness, count=count)
+
+
+def _scatter(number: Index, local: list[Float]) -> tuple[Index, Index, Float]:
+    """Places, their points, and the points' scatter matrices (k, 3, 3) about their own means."""
+    which, starts, members = runs(number)
+    local = [axis - np.repeat(np.add.reduceat(axis, starts) / members, members) for axis in local]
+    matrix = np.empty((len(which), 3, 3))
+    for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
+        matrix[:, i, j] = matrix[:, j, i] = np.add.reduceat(local[i] * local[j], starts)
+    return which, members, matrix
+
+
+def _planes(members: Index, scatter: Float) -> tuple[Float, Float]:
+    values, vectors = np.linalg.eigh(scatter)
+    values = np.maximum(values, 0.0)
+    plane = (members >= LEAST_POINTS) & (values[:, 1] > _LINE * values[:, 2])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # a plane has three parameters
+        roughness = np.where(plane, np.sqrt(values[:, 0] / (members - 3)), np.nan)
+    return np.where(plane[:, None], vectors[:, :, 0], 0.0), roughness

@@ -1,0 +1,228 @@
+"""The scales of M3C2 from the clouds themselves, and core points spread over the reference.
+
+Rules: the normal is fitted over at least 20 to 25 times the roughness at that scale (Lague et al. 2013,
+doi:10.1016/j.isprsjprs.2013.04.009, section 4.2), a cylinder holds some 20 to 30 points of the sparser cloud, and
+it reaches twice as far as the surfaces are apart.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from ...interface.parameters import DistanceParameters
+from ..core.arrays import Float
+from ..core.errors import InputError
+from ..core.progress import Progress
+from .distances import cylinder_statistics
+from .lattice import Lattice
+from .normals import Fits, fit_planes
+
+NORMAL_RATIO, LEAST_RATIO = 25.0, 20.0  # normal scale over roughness
+CYLINDER_POINTS = 25.0
+_SAMPLE = 1000  # places at which scales are tried
+_APART = 200_000  # points whose distance to the other cloud is taken
+_AGREEING = 20  # so many of them must be so far apart, else they are outliers; fewer of a small cloud
+_FIRST_NEIGHBOURS = 10  # points in the smallest ball tried
+_STEPS = 13  # of the square root of two: up to 64 times the first
+_BALL = 400  # about so many points of a ball are used; more do not make its plane surer
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Diameters of the normal's ball and of the cylinder, half length of the cylinder, spacing of core points; metres.
+
+    ``roughness`` is the median standard deviation about the fitted planes and ``normal_ratio`` the median of the
+    normal scale over it; ``density`` the points a square metre of the surface that three quarters of the places exceed
+    in the sparser cloud; ``separation`` how far apart the surfaces are at most. ``warnings`` are sentences.
+    """
+
+    normal_scale: float
+    projection_scale: float
+    half_length: float
+    core_spacing: float
+    roughness: float
+    normal_ratio: float
+    density: float
+    separation: float
+    warnings: tuple[str, ...] = ()
+
+
+def choose_scales(
+    reference: Float, moving: Float, parameters: DistanceParameters, progress: Progress | None = None
+) -> Scales:
+    """Scales for two clouds, (n, 3) and (m, 3) in metres; what ``parameters`` gives (not 0) is taken as given.
+
+    Raises:
+        InputError: too few points to tell anything.
+    """
+    progress = progress or Progress()
+    places = _sample(reference, overlap_bounds(reference, moving))
+    if len(places) < 10 or len(moving) < 10:
+        raise InputError(
+            "Fewer than 10 points lie where the two clouds overlap, too few to choose scales; check that both are of "
+            "the same slope and in the same reference system."
+        )
+    progress.update(0.0, "choosing the normal scale")
+    first = 2 * float(np.median(_tree(reference).query(places, k=[_FIRST_NEIGHBOURS])[0]))
+    if not first > 0:
+        raise InputError("The reference consists of duplicate points; remove them first.")
+    normal_scale, fits, warnings = _normal_scale(reference, places, first, parameters.normal_scale)
+    roughness = float(np.median(fits.roughness[fits.found])) if fits.found.any() else math.nan
+    progress.update(0.4, "choosing the cylinder")
+    separation = _separation(reference, moving)
+    directed = fits.normal if fits.found.any() else np.tile([0.0, 0.0, 1.0], (len(places), 1))
+    reach = max(2 * separation, 10 * (roughness if math.isfinite(roughness) else 0.0))
+    density = _density(reference, moving, places, directed, normal_scale / 2, parameters.half_length or reach)
+    progress.update(0.9, "choosing the cylinder")
+    projection = parameters.projection_scale or _round_up(2 * math.sqrt(CYLINDER_POINTS / (math.pi * density)))
+    half_length = parameters.half_length or _round_up(max(reach, projection / 2))
+    return Scales(
+        normal_scale=normal_scale,
+        projection_scale=projection,
+        half_length=half_length,
+        core_spacing=parameters.core_spacing or _plain_below(projection / 2),
+        roughness=roughness,
+        normal_ratio=normal_scale / roughness if roughness > 0 else math.inf,
+        density=density,
+        separation=separation,
+        warnings=warnings,
+    )
+
+
+def overlap_bounds(reference: Float, moving: Float) -> tuple[float, float, float, float]:
+    """West, south, east, north of the area that both clouds' extents share.
+
+    Raises:
+        InputError: they share none; both extents are named.
+    """
+    (w1, s1), (w2, s2) = reference[:, :2].min(axis=0), moving[:, :2].min(axis=0)
+    (e1, n1), (e2, n2) = reference[:, :2].max(axis=0), moving[:, :2].max(axis=0)
+    west, south, east, north = max(w1, w2), max(s1, s2), min(e1, e2), min(n1, n2)
+    if west > east or south > north:
+        raise InputError(
+            f"The clouds do not overlap: the reference spans x {w1:.1f} to {e1:.1f}, y {s1:.1f} to {n1:.1f}, the later "
+            f"survey x {w2:.1f} to {e2:.1f}, y {s2:.1f} to {n2:.1f}; check that both are of the same slope and in the "
+            "same reference system."
+        )
+    return float(west), float(south), float(east), float(north)
+
+
+def spread_cores(reference: Float, spacing: float, bounds: tuple[float, float, float, float]) -> NDArray[np.bool_]:
+    """Which points (n,) of the reference are core points: in each cube of ``spacing`` metres the one nearest to the
+    mean of its points, within ``bounds`` (west, south, east, north).
+    """
+    west, south, east, north = bounds
+    x, y = reference[:, 0], reference[:, 1]
+    inside = np.flatnonzero((x >= west) & (x <= east) & (y >= south) & (y <= north))
+    xyz = reference[inside]
+    # the cells of the rasters are cut as gridding.cell_index cuts them
+    cube = np.floor(xyz / spacing + 1e-6).astype(np.int64)
+    order = np.lexsort(cube.T)
+    cube = cube[order]
+    new = np.concatenate([[True], (cube[1:] != cube[:-1]).any(axis=1)]) if len(cube) else np.zeros(0, dtype=bool)
+    starts = np.flatnonzero(new)
+    members = np.diff(np.append(starts, len(cube)))
+    chosen = np.zeros(len(reference), dtype=bool)
+    if len(starts):
+        sorted_xyz = xyz[order]
+        mean = np.add.reduceat(sorted_xyz - sorted_xyz[0], starts, axis=0) / members[:, None] + sorted_xyz[0]
+        away = np.sum((sorted_xyz - np.repeat(mean, members, axis=0)) ** 2, axis=1)
+        group = np.repeat(np.arange(len(starts)), members)
+        nearest = np.lexsort((inside[order], away, group))
+        chosen[inside[order][nearest[starts]]] = True
+    return chosen
+
+
+def _sample(reference: Float, bounds: tuple[float, float, float, float]) -> Float:
+    """Places spread evenly over the reference's surface in the overlap, always the same."""
+    west, south, east, north = bounds
+    side = math.sqrt(max((east - west) * (north - south), 1e-12) / (2 * _SAMPLE))
+    places = reference[spread_cores(reference, side, bounds)]
+    if len(places) > _SAMPLE:
+        places = places[np.sort(np.random.default_rng(0).choice(len(places), _SAMPLE, replace=False))]
+    return places
+
+
+def _normal_scale(reference: Float, places: Float, first: float, given: float) -> tuple[float, Fits, tuple[str, ...]]:
+    """The smallest scale, in steps of the square root of two, that is ``NORMAL_RATIO`` times its own roughness."""
+    if given:
+        return given, fit_planes(Lattice(reference, given / 2), places, given), ()
+    largest = float(np.linalg.norm(np.ptp(reference, axis=0)[:2])) / 2
+    shuffled = np.random.default_rng(0).permutation(len(reference))
+    best: tuple[float, float, Fits] | None = None
+    for step in range(_STEPS):
+        scale = _round_up(first * math.sqrt(2) ** step)
+        if step and scale > largest:
+            break
+        part = min(1.0, _BALL / (_FIRST_NEIGHBOURS * 2.0**step))
+        cloud = reference if part == 1 else reference[shuffled[: math.ceil(part * len(reference))]]
+        fits = fit_planes(Lattice(cloud, scale / 2), places, scale)
+        if fits.found.mean() < 0.8:
+            continue
+        roughness = float(np.median(fits.roughness[fits.found]))
+        ratio = scale / roughness if roughness > 0 else math.inf
+        if best is None or ratio > best[0]:
+            best = ratio, scale, fits
+        if ratio >= NORMAL_RATIO:
+            break
+    if best is None:
+        scale = _round_up(first * 2)
+        warning = "The points fix no normals at any scale (they lie on lines, perhaps); give --normal-scale."
+        return scale, fit_planes(Lattice(reference, scale / 2), places, scale), (warning,)
+    ratio, scale, fits = best
+    if ratio >= LEAST_RATIO:
+        return scale, fits, ()
+    warning = (
+        f"At no scale is the surface plane enough for sure normals: {scale:g} m, the best, is only {ratio:.1f} times "
+        f"the roughness ({LEAST_RATIO:.0f} to {NORMAL_RATIO:.0f} are wanted); is vegetation left in the clouds?"
+    )
+    return scale, fits, (warning,)
+
+
+def _separation(reference: Float, moving: Float) -> float:
+    """How far the reference's points are from the moving cloud where that lies above or below them, metres."""
+    west, south, east, north = overlap_bounds(reference, moving)
+    x, y = reference[:, 0], reference[:, 1]
+    some = reference[(x >= west) & (x <= east) & (y >= south) & (y <= north)]
+    some = some[:: max(1, len(some) // _APART)]
+    beside = _tree(moving[:, :2]).query(some[:, :2])[0]
+    covered = beside <= 3 * np.median(beside)
+    apart = np.sort(_tree(moving).query(some[covered])[0])
+    return float(apart[-min(_AGREEING, 1 + len(apart) // 1000)])
+
+
+def _density(reference: Float, moving: Float, places: Float, normal: Float, radius: float, half_length: float) -> float:
+    """Points a square metre, across the normal, that three quarters of the places exceed in the sparser cloud."""
+    per_cloud = []
+    for cloud in (reference, moving):
+        count = cylinder_statistics(Lattice(cloud, radius), places, normal, radius, half_length).count
+        per_cloud.append(count / (math.pi * radius**2))
+    sparser = np.minimum(*per_cloud)
+    if not (sparser > 0).any():
+        raise InputError(
+            "No place of the reference has points of the later survey above or below it along the normal; give a "
+            "larger --half-length, or check that the clouds are registered."
+        )
+    return float(np.percentile(sparser[sparser > 0], 25))
+
+
+def _tree(points: Float) -> cKDTree:
+    # the default build sorts and shrinks at a cost that so few queries do not return
+    return cKDTree(points, balanced_tree=False, compact_nodes=False)
+
+
+def _round_up(value: float) -> float:
+    """The next number of two significant digits."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return float(f"{math.ceil(value / unit - 1e-9) * unit:.6g}")
+
+
+def _plain_below(value: float) -> float:
+    """The largest of 1, 2, 2.5, 5 times a power of ten that is not above ``value``, for a raster's cells."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return float(f"{max(s * power for s in (1.0, 2.0, 2.5, 5.0) if s * power <= value * (1 + 1e-9)):.6g}")

@@ -1,0 +1,311 @@
+"""The annotated map of a heatmap. Every part has its own place in inches, so that none covers another."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+import geopandas as gpd
+import numpy as np
+import shapely
+from affine import Affine
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+from PIL import Image
+from rasterio.features import rasterize, shapes
+from scipy import ndimage
+
+from ..core.errors import EngineError
+from .furniture import BODY, INK, SMALL, Sheet, draw_north, draw_scale_bar, wrap
+from .map_legend import draw_keys, draw_legend
+
+if TYPE_CHECKING:
+    from .heatmap_image import Heatmap
+
+DPI = 150
+_PIXELS = 2000  # longest side of the picture that is drawn
+_LABELS = 40  # most zone ids on a map
+_LEFT, _RIGHT, _BOTTOM, _TOP = 0.5, 0.4, 0.45, 0.15  # margins around the map, inches
+_COLUMN = 2.6  # width of the legend's column beside a tall map
+_FOOTER = 1.0  # height of the legend's band below a wide map
+_TITLE, _TITLE_LINE, _NOTE_LINE = 13.0, 0.25, 0.19
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Sizes in inches: of the figure, of the map and from the figure's lower left to it; is the legend beside it?"""
+
+    width: float
+    height: float
+    map_left: float
+    map_bottom: float
+    map_width: float
+    map_height: float
+    beside: bool
+
+
+def plan_layout(width_m: float, height_m: float, header: float) -> Layout:
+    """The legend lies below a wide slope and beside a tall one; a very long slope gets a longer figure.
+
+    Args:
+        header: inches for title and notes above the map.
+    """
+    aspect = width_m / height_m
+    if aspect >= 1.25:
+        # nine inches, and for a strip as much more as makes it an inch high, up to 18
+        map_width = min(max(9.0, aspect), 18.0)
+        map_height = map_width / aspect
+        width, height = _LEFT + map_width + _RIGHT, _FOOTER + _BOTTOM + map_height + _TOP + header
+        return Layout(width, height, _LEFT, _FOOTER + _BOTTOM, map_width, map_height, beside=False)
+    map_height = min(max(7.0, 1.0 / aspect), 14.0)
+    map_width = map_height * aspect
+    # a narrow map stands in the middle of what the legend leaves it
+    width = max(_LEFT + map_width + _RIGHT + _COLUMN, 6.5)
+    left = _LEFT + (width - _LEFT - map_width - _RIGHT - _COLUMN) / 2
+    return Layout(width, _BOTTOM + map_height + _TOP + header, left, _BOTTOM, map_width, map_height, beside=True)
+
+
+def draw_map(
+    path: Path,
+    heatmap: Heatmap,
+    *,
+    zones: gpd.GeoDataFrame | None = None,
+    epochs: tuple[str, str] = ("", ""),
+    name: str = "",
+) -> None:
+    """Draw and write the PNG; see ``heatmap.write_heatmap_png``."""
+    figure = make_figure(heatmap, zones=zones, epochs=epochs, name=name)
+    figure.savefig(path, format="png", dpi=DPI, metadata={"Software": "SlopeWatch"})
+
+
+def make_figure(
+    heatmap: Heatmap,
+    *,
+    zones: gpd.GeoDataFrame | None = None,
+    epochs: tuple[str, str] = ("", ""),
+    name: str = "",
+) -> Figure:
+    """The figure, on a canvas of its own: no global state of matplotlib."""
+    west, south, east, north = heatmap.grid.bounds
+    first = plan_layout(east - west, north - south, 0.0)
+    figure = Figure(dpi=DPI)
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    sheet = Sheet(figure, first.width, first.height)
+
+    def lines(text: str, size: float, weight: str) -> list[str]:
+        font = sheet.fonts(size, weight)
+        room = first.width - _LEFT - _RIGHT
+        return wrap(text, room, lambda t: renderer.get_text_width_height_descent(t, font, False)[0] / DPI)
+
+    outlined = zones is not None and len(zones) > 0
+    blocks = (
+        (lines(_title(heatmap.words.title, epochs, name), _TITLE, "bold"), _TITLE, "bold", _TITLE_LINE),
+        (lines(_notes(heatmap, zones), BODY, "normal"), BODY, "normal", _NOTE_LINE),
+    )
+    header = 0.3 + sum(len(texts) * step for texts, _, _, step in blocks)
+    layout = plan_layout(east - west, north - south, header)
+    sheet = Sheet(figure, layout.width, layout.height)
+    y = layout.height - 0.3
+    for texts, size, weight, step in blocks:
+        for text in texts:
+            sheet.text(_LEFT, y, text, size, weight=weight)
+            y -= step
+
+    axes = sheet.axes(layout.map_left, layout.map_bottom, layout.map_width, layout.map_height)
+    axes.set_label("map")
+    _draw_picture(axes, heatmap)
+    _draw_coordinates(axes, layout, heatmap, sheet)
+    if zones is not None and outlined:
+        _draw_zones(axes, layout, heatmap, zones, sheet)
+    inches_a_metre = layout.map_width / (east - west)
+    if layout.beside:
+        x, top = layout.width - _RIGHT - _COLUMN + 0.35, layout.map_bottom + layout.map_height
+        draw_north(sheet, x + 0.12, top - 0.5)
+        draw_scale_bar(sheet, x, top - 1.0, 1.8, inches_a_metre)
+        draw_legend(sheet, (x, top - 4.6, 0.22, 2.6), heatmap, vertical=True)
+        draw_keys(sheet, x, top - 5.15, heatmap, outlines=outlined)
+    else:
+        draw_north(sheet, _LEFT + 0.12, 0.4)
+        draw_scale_bar(sheet, _LEFT + 0.6, 0.55, 2.2, inches_a_metre)
+        draw_legend(sheet, (_LEFT + 3.5, 0.5, 3.2, 0.2), heatmap, vertical=False)
+        draw_keys(sheet, _LEFT + 7.0, 0.75, heatmap, outlines=outlined)
+    return figure
+
+
+def check_png(path: Path) -> None:
+    """Raise EngineError unless ``path`` is a whole picture that is not of one colour."""
+    with Image.open(path) as picture:
+        extrema = cast("tuple[tuple[int, int], ...]", picture.convert("RGB").getextrema())
+    if all(low == high for low, high in extrema):
+        raise EngineError(f"{path.name} is blank")
+
+
+def shrunk(rgba: NDArray[np.uint8], longest: int) -> tuple[NDArray[np.uint8], int]:
+    """``rgba`` averaged in squares of ``factor`` pixels so that no side is longer than ``longest``; and the factor.
+
+    The last square of a row or column may reach beyond the picture; it is transparent there.
+    """
+    factor = math.ceil(max(rgba.shape[:2]) / longest)
+    if factor == 1:
+        return rgba, 1
+    rows, columns = (math.ceil(n / factor) for n in rgba.shape[:2])
+    whole = np.zeros((rows * factor, columns * factor, 4), dtype=np.float32)
+    whole[: rgba.shape[0], : rgba.shape[1]] = rgba
+    whole[..., :3] *= whole[..., 3:]  # transparent pixels must not darken the average
+    total = whole.reshape(rows, factor, columns, factor, 4).sum(axis=(1, 3))
+    total[..., :3] /= np.maximum(total[..., 3:], 1.0)
+    total[..., 3] /= factor**2
+    return np.rint(total).astype(np.uint8), factor
+
+
+def _title(what: str, epochs: tuple[str, str], name: str) -> str:
+    # spaces that do not break keep both on one line
+    dates = f"{epochs[0]}\u00a0to\u00a0{epochs[1]}" if all(epochs) else ""
+    return ", ".join(part for part in (what, name, dates) if part)
+
+
+def _notes(heatmap: Heatmap, zones: gpd.GeoDataFrame | None) -> str:
+    if heatmap.words.notes:
+        return heatmap.words.notes
+    level = f" (median\u00a0{heatmap.level:.3f}\u00a0m)" if math.isfinite(heatmap.level) else ""
+    if not heatmap.significant_cells:
+        return f"No change above the level of detection{level}."
+    notes = f"Red is lowered and blue is raised by more than the level of detection{level}."
+    if zones is not None:
+        notes += f" {len(zones) or 'No'} zone{'' if len(zones) == 1 else 's'}."
+    return notes
+
+
+def _draw_picture(axes: Axes, heatmap: Heatmap) -> None:
+    west, south, east, north = heatmap.grid.bounds
+    picture, factor = shrunk(heatmap.rgba, _PIXELS)
+    rows, columns = picture.shape[:2]
+    cell = heatmap.grid.cell * factor
+    axes.imshow(
+        picture,
+        extent=(west, west + columns * cell, north - rows * cell, north),
+        interpolation="antialiased",
+        aspect="auto",
+        zorder=1,
+    )
+    axes.set_xlim(west, east)
+    axes.set_ylim(south, north)
+
+
+def _draw_coordinates(axes: Axes, layout: Layout, heatmap: Heatmap, sheet: Sheet) -> None:
+    west, south, east, north = heatmap.grid.bounds
+    sides = ((axes.xaxis, layout.map_width, west, east), (axes.yaxis, layout.map_height, south, north))
+    for axis, inches, low, high in sides:
+        steps = MaxNLocator(nbins=max(1, min(8, int(inches / 1.1))), steps=[1, 2, 5, 10], min_n_ticks=1)
+        # half a label's length from the corners, where those of the two axes would meet
+        edge = 0.35 * (high - low) / inches
+        ticks = [t for t in steps.tick_values(low, high) if low + edge <= t <= high - edge]
+        decimals = max(0, math.ceil(-math.log10((high - low) / 4)))
+        axis.set_ticks(ticks, labels=[f"{t:.{decimals}f}" for t in ticks])
+    axes.tick_params(colors="#555555", length=3, width=0.6)
+    for label in axes.get_yticklabels():
+        label.set_rotation(90)
+        label.set_verticalalignment("center")
+    for label in (*axes.get_xticklabels(), *axes.get_yticklabels()):
+        label.set_fontproperties(sheet.fonts(SMALL))
+    for spine in axes.spines.values():
+        spine.set_color("#777777")
+        spine.set_linewidth(0.6)
+
+
+def _draw_zones(axes: Axes, layout: Layout, heatmap: Heatmap, zones: gpd.GeoDataFrame, sheet: Sheet) -> None:
+    """Outer rings and, as far as they find room, ids: the most severe first, beside the zone if it must be."""
+    west, south, east, _ = heatmap.grid.bounds
+    scale = layout.map_width / (east - west)
+    rings = _outlines(np.asarray(zones.geometry), heatmap.grid.bounds, 0.015 / scale)
+    axes.add_collection(LineCollection(rings, colors="white", linewidths=1.8, alpha=0.6, zorder=2), autolim=False)
+    axes.add_collection(LineCollection(rings, colors=INK, linewidths=0.8, zorder=3), autolim=False)
+    placed: list[tuple[float, float, float, float]] = []
+    # the ids of a map that is hardly wider than they stand on the white paper beside it
+    narrow = layout.beside and layout.map_width < 1.0
+    room = layout.map_width + (0.8 if narrow else 0.0), layout.map_height
+    boxes = (shapely.bounds(np.asarray(zones.geometry))[:_LABELS] - (west, south, west, south)) * scale
+    points = shapely.get_coordinates(shapely.point_on_surface(np.asarray(zones.geometry)))[:_LABELS]
+    inner = (points - (west, south)) * scale
+    for name, extent, point in zip(zones["zone_id"], boxes, inner, strict=False):
+        width, height = 0.078 * len(name), 0.13
+        roomy = extent[2] - extent[0] > 2.5 * width and extent[3] - extent[1] > 4 * height
+        # on a large zone, above a small one, which the id would hide
+        anchor = (point[0], point[1]) if roomy else ((extent[0] + extent[2]) / 2, extent[3] + 0.6 * height)
+        if narrow:
+            anchor = layout.map_width + 0.35, point[1]
+        box = _free_place(anchor, width, height, placed, room)
+        if box is None:
+            continue
+        placed.append(box)
+        centre = (box[0] + box[2]) / 2, (box[1] + box[3]) / 2
+        x, y = west + centre[0] / scale, south + centre[1] / scale
+        if narrow or math.dist(centre, anchor) > 0.01:
+            tip = west + point[0] / scale, south + point[1] / scale
+            axes.plot((tip[0], x), (tip[1], y), color=INK, lw=0.6, zorder=4, clip_on=False)
+        axes.text(
+            x,
+            y,
+            name,
+            fontproperties=sheet.fonts(SMALL, "bold"),
+            color=INK,
+            ha="center",
+            va="center",
+            zorder=5,
+            path_effects=[withStroke(linewidth=2.2, foreground="white")],
+        )
+
+
+def _outlines(zones: NDArray[np.object_], bounds: tuple[float, float, float, float], pixel: float) -> list[NDArray]:
+    """Outer rings of the zones as the eye sees them: on pixels (metres), closed over holes and gaps of two of them.
+
+    Zones under vegetation consist of hundreds of scattered cells, whose own edges would blacken the map.
+    """
+    west, south, east, north = bounds
+    shape = max(1, math.ceil((north - south) / pixel)), max(1, math.ceil((east - west) / pixel))
+    affine = Affine(pixel, 0.0, west, 0.0, -pixel, north)
+    burnt = rasterize(
+        zip(zones, range(1, len(zones) + 1), strict=True), shape, transform=affine, all_touched=True, dtype=np.int32
+    )
+    wide = ndimage.maximum_filter(np.pad(burnt, 2), 3)
+    closed = np.where(ndimage.minimum_filter(wide > 0, 3), wide, 0)[2:-2, 2:-2].astype(np.int32)
+    parts = [
+        (label, np.array(outline["coordinates"][0]))
+        for outline, label in shapes(closed, mask=closed > 0, connectivity=4, transform=affine)
+    ]
+    # of a zone in many parts, those of a few pixels would be blots
+    areas = np.array([shapely.Polygon(ring).area for _, ring in parts])
+    owners = np.array([int(label) for label, _ in parts], dtype=np.int64)
+    largest = np.zeros(len(zones) + 1)
+    np.maximum.at(largest, owners, areas)
+    drawn = areas >= np.minimum(largest[owners], 12.0 * pixel**2)
+    return [ring for (_, ring), keep in zip(parts, drawn, strict=True) if keep]
+
+
+def _free_place(
+    anchor: tuple[float, float],
+    width: float,
+    height: float,
+    taken: list[tuple[float, float, float, float]],
+    room: tuple[float, float],
+) -> tuple[float, float, float, float] | None:
+    """Box (left, bottom, right, top; inches) at or near ``anchor`` within ``room`` that overlaps none of ``taken``."""
+    offsets = [(0.0, 0.0)]
+    for ring in (1.0, 1.8, 2.6):
+        for turn in (0, 4, 2, 6, 1, 3, 5, 7):
+            angle = turn * math.pi / 4
+            offsets.append((ring * (width * 0.7 + 0.06) * math.cos(angle), ring * (height + 0.08) * math.sin(angle)))
+    for dx, dy in offsets:
+        x, y = anchor[0] + dx, anchor[1] + dy
+        box = x - width / 2, y - height / 2, x + width / 2, y + height / 2
+        within = box[0] >= 0 and box[1] >= 0 and box[2] <= room[0] and box[3] <= room[1]
+        if within and not any(box[0] < t[2] and t[0] < box[2] and box[1] < t[3] and t[1] < box[3] for t in taken):
+            return box
+    return None

@@ -1,0 +1,139 @@
+"""Top view: the cloud as an orthographic picture from straight above."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.arrays import Bool, Float
+from ..grid.grid import Grid, cell_index
+from ..pointcloud.cloud import PointCloud
+from .relief import shaded_relief
+
+FILL_DISTANCE = 2
+
+
+@dataclass(frozen=True)
+class TopView:
+    """``rgba`` uint8 (rows, columns, 4), transparent where nothing was measured, on ``grid``.
+
+    ``source`` says what the colours are: ``rgb``, ``intensity`` or ``height`` (shaded relief).
+    """
+
+    rgba: NDArray[np.uint8]
+    grid: Grid
+    source: str
+
+
+def top_view_grid(grid: Grid, pixel: float) -> Grid:
+    """The grid with the same north-west corner that covers ``grid`` with pixels of side ``pixel`` (metres)."""
+
+    def count(cells: int) -> int:
+        return max(1, int(np.ceil(cells * grid.cell / pixel - 1e-6)))
+
+    return Grid(west=grid.west, north=grid.north, cell=pixel, rows=count(grid.rows), columns=count(grid.columns))
+
+
+def top_view(cloud: PointCloud, grid: Grid) -> TopView:
+    """The top view of a cloud in its colours, else its intensity, else its relief; see ``project``."""
+    return project(cloud.xyz, grid, rgb=cloud.rgb, intensity=cloud.intensity)
+
+
+def project(
+    xyz: Float,
+    grid: Grid,
+    *,
+    rgb: NDArray[np.uint8] | None = None,
+    intensity: NDArray[np.integer] | None = None,
+    fill_distance: int = FILL_DISTANCE,
+) -> TopView:
+    """Project the cloud onto ``grid``: each pixel shows its highest point (the last of equally high ones).
+
+    Colours are ``rgb`` (n, 3) where it holds any colour, else ``intensity`` (n,) between its 2nd and 98th percentile in
+    grey, else shaded relief of the heights. Pixels without a point inside gaps of at most ``2 * fill_distance``
+    pixels take the mean of their neighbours, ring by ring; the picture's outline does not grow.
+
+    Args:
+        xyz: (n, 3) points in metres; those outside the grid are left out.
+    """
+    index = cell_index(xyz, grid)
+    pixels = grid.rows * grid.columns
+    inside = index >= 0
+    heights = np.full(pixels, -np.inf)
+    if inside.all():
+        np.maximum.at(heights, index, xyz[:, 2])
+        highest = np.flatnonzero(xyz[:, 2] == heights[index])
+    else:
+        np.maximum.at(heights, index[inside], xyz[inside, 2])
+        highest = np.flatnonzero(inside & (xyz[:, 2] == heights[index]))
+    where = index[highest]
+    filled = np.isfinite(heights).reshape(grid.shape)
+    picture = np.zeros((pixels, 3), dtype=np.float32)
+    if rgb is not None and rgb.any():
+        source = "rgb"
+        picture[where] = rgb[highest]
+    elif intensity is not None and intensity.size and intensity.min() < intensity.max():
+        source = "intensity"
+        picture[where] = _stretched(intensity[highest].astype(np.float32))[:, np.newaxis]
+    else:
+        source = "height"
+        picture[:, 0] = np.where(filled.ravel(), heights, 0.0)
+    colours = picture.reshape(*grid.shape, 3)
+    known = _fill_gaps(colours, filled, fill_distance)
+    if source == "height":
+        colours = shaded_relief(np.where(known, colours[..., 0], np.nan), grid.cell)
+    rgba = np.zeros((*grid.shape, 4), dtype=np.uint8)
+    rgba[..., :3] = np.clip(np.rint(colours), 0, 255)
+    rgba[..., 3] = np.where(known, 255, 0)
+    rgba[~known] = 0
+    return TopView(rgba=rgba, grid=grid, source=source)
+
+
+def _stretched(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    low, high = np.percentile(values, (2, 98)) if values.size else (0.0, 1.0)
+    return (np.clip((values - low) / max(high - low, 1e-6), 0.0, 1.0) * 255.0).astype(np.float32)
+
+
+def _fill_gaps(picture: NDArray[np.float32], filled: Bool, distance: int) -> Bool:
+    """Fill ``picture`` (rows, columns, bands) in place; returns which pixels are known now."""
+    padded = np.pad(filled, distance)
+    closed = padded
+    for _ in range(distance):
+        closed = _grown(closed)
+    for _ in range(distance):
+        closed = ~_grown(~closed)
+    inside = slice(distance, -distance) if distance else slice(None)
+    wanted = closed[inside, inside] & ~filled
+    known = np.pad(filled, 1)
+    values = np.pad(picture, ((1, 1), (1, 1), (0, 0)))
+    for _ in range(2 * distance):
+        row, column = np.nonzero(wanted)
+        total = np.zeros((len(row), picture.shape[2]), dtype=np.float32)
+        count = np.zeros(len(row), dtype=np.float32)
+        for i in range(3):
+            for j in range(3):
+                near = known[row + i, column + j]
+                count += near
+                total += values[row + i, column + j] * near[:, np.newaxis]
+        ready = count > 0
+        if not ready.any():
+            break
+        row, column = row[ready], column[ready]
+        values[row + 1, column + 1] = total[ready] / count[ready, np.newaxis]
+        known[row + 1, column + 1] = True
+        wanted[row, column] = False
+    picture[...] = values[1:-1, 1:-1]
+    return known[1:-1, 1:-1]
+
+
+def _grown(mask: Bool) -> Bool:
+    """``mask`` and its eight neighbours."""
+    wide = mask.copy()
+    wide[:, 1:] |= mask[:, :-1]
+    wide[:, :-1] |= mask[:, 1:]
+    grown = wide.copy()
+    grown[1:] |= wide[:-1]
+    grown[:-1] |= wide[1:]
+    return grown

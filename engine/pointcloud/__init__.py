@@ -1,0 +1,1 @@
+"""A LAS or LAZ file in, arrays out, and back; PDAL."""

@@ -1,0 +1,76 @@
+"""The true extent of a cloud file, from all its points, in metres."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.progress import Progress
+from ..crs.working_frame import WorkingFrame
+from .decoding_check import DecodedBounds
+from .header import CloudHeader
+from .records import read_records
+
+
+@dataclass(frozen=True)
+class Extent:
+    """``low`` and ``high`` (3,) are metres of the working frame; ``warnings`` are sentences about the header."""
+
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+    warnings: tuple[str, ...]
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """West, south, east, north."""
+        return self.low[0], self.low[1], self.high[0], self.high[1]
+
+
+def measure_extent(header: CloudHeader, frame: WorkingFrame, progress: Progress | None = None) -> Extent:
+    """Decode every point's coordinates, whatever the header says; for files that a native reader is to read next.
+
+    Raises:
+        InputError: the points are damaged.
+    """
+    import lazrs
+
+    progress = progress or Progress()
+    places = int(lazrs.SELECTIVE_DECOMPRESS_XY_RETURNS_CHANNEL) | int(lazrs.SELECTIVE_DECOMPRESS_Z)
+    check = CheckedRecords(header, places)
+    for _ in check:
+        progress.update(check.done / header.count, "checking")
+    return check.extent(frame)
+
+
+class CheckedRecords:
+    """Iterates over the groups of ``read_records`` and watches what they decode to."""
+
+    def __init__(self, header: CloudHeader, selection: int | None = None) -> None:
+        self.header, self.done = header, 0
+        self._selection = selection
+        self._bounds = DecodedBounds(header)
+        self._warnings: list[str] = []
+
+    def __iter__(self) -> Iterator[NDArray[np.void]]:
+        for records in read_records(self.header, selection=self._selection, warnings=self._warnings):
+            self._bounds.add(records)
+            self.done += len(records)
+            yield records
+
+    def extent(self, frame: WorkingFrame | None) -> Extent:
+        """The extent once all was read, in metres, or in the file's units without a frame.
+
+        Raises:
+            InputError: the points are damaged.
+        """
+        factors = np.ones(3) if frame is None else np.array(frame.factors)
+        scales, offsets = np.array(self.header.scales) * factors, np.array(self.header.offsets) * factors
+        low, high = self._bounds.low * scales + offsets, self._bounds.high * scales + offsets
+        return Extent(
+            (float(low[0]), float(low[1]), float(low[2])),
+            (float(high[0]), float(high[1]), float(high[2])),
+            (*self._warnings, *self._bounds.finish()),
+        )

@@ -1,0 +1,154 @@
+"""Point clouds in memory: reading LAS, LAZ and COPC into metres, and what a file holds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...interface.parameters import InputParameters
+from ..core.arrays import Float
+from ..core.errors import InputError
+from ..core.messages import shown
+from ..core.progress import Progress
+from ..crs.working_frame import WorkingFrame, plausibility, working_frame
+from .cloud import PointCloud
+from .declared_crs import declared_crs
+from .extent import CheckedRecords
+from .extra_dimensions import ExtraNumbers
+from .header import CloudHeader, preflight
+from .plant_cover import ERROR, HEIGHT
+from .records import classes, read_records
+
+if TYPE_CHECKING:
+    pass
+
+
+def open_cloud(
+    path: Path | str, inputs: InputParameters | None = None, progress: Progress | None = None
+) -> tuple[CloudHeader, WorkingFrame]:
+    """Header and metre frame of a cloud, without reading its points; warnings and notes go to ``progress``.
+
+    Raises:
+        InputError: see ``preflight`` and ``working_frame``.
+    """
+    header = preflight(path)
+    declared, warnings = declared_crs(header)
+    frame = working_frame(declared, inputs or InputParameters(), path)
+    notes = (*header.warnings, *warnings, *frame.notes)
+    if header.bounds_trusted:
+        middle = (np.array(header.bounds_low) + np.array(header.bounds_high)) / 2 * frame.horizontal_factor
+        notes += tuple(plausibility(frame, *middle[:2].tolist()))
+    if progress is not None:
+        for sentence in notes:
+            progress.warning(sentence)
+    return header, replace(frame, notes=notes)
+
+
+def read_cloud(
+    path: Path | str,
+    inputs: InputParameters | None = None,
+    *,
+    colours: bool = False,
+    classification: bool = True,
+    progress: Progress | None = None,
+) -> PointCloud:
+    """Read a whole cloud into metres, with what it tells of plants over its ground.
+
+    Args:
+        colours: also read colours and intensity.
+        classification: also read the classes.
+
+    Raises:
+        InputError: see ``preflight`` and ``working_frame``; damaged points.
+    """
+    progress = progress or Progress()
+    header, frame = open_cloud(path, inputs, progress)
+    factors = np.array(frame.factors)
+    scales, offsets = np.array(header.scales) * factors, np.array(header.offsets) * factors
+    count = header.count
+    try:
+        xyz = np.empty((count, 3))
+        rgb16 = np.empty((count, 3), np.uint16) if colours and header.colours else None
+        intensity = np.empty(count, np.uint16) if colours else None
+        labels = np.empty(count, np.uint8) if classification else None
+        plants = ExtraNumbers(header, (ERROR, HEIGHT))
+        over_ground = {name: np.empty(count, np.float32) for name in plants.found}
+        done = 0
+        checked = CheckedRecords(header, selection(colours, classification, extra=bool(over_ground)))
+        for records in checked:
+            part = slice(done, done + len(records))
+            for axis, field in enumerate("XYZ"):
+                np.multiply(records[field], scales[axis], out=xyz[part, axis])
+                xyz[part, axis] += offsets[axis]
+            if rgb16 is not None:
+                for band, field in enumerate(("red", "green", "blue")):
+                    rgb16[part, band] = records[field]
+            if intensity is not None:
+                intensity[part] = records["intensity"]
+            if labels is not None:
+                labels[part] = classes(records, header.point_format)
+            for name, values in over_ground.items():
+                values[part] = plants.values(records, name)
+            done += len(records)
+            progress.update(done / count)
+    except MemoryError as error:
+        raise InputError(
+            f"{shown(path)} holds {count} points, more than the memory takes; clip it to the area of interest first."
+        ) from error
+    warnings = checked.extent(frame).warnings
+    for sentence in warnings:
+        progress.warning(sentence)
+    return PointCloud(
+        xyz=xyz,
+        crs=frame.crs,
+        path=Path(path),
+        rgb=None if rgb16 is None else eight_bits(rgb16),
+        intensity=intensity,
+        classification=labels,
+        notes=(*frame.notes, *warnings),
+        plant_error=over_ground.get(ERROR),
+        plant_height=over_ground.get(HEIGHT),
+    )
+
+
+def sample_cloud(path: Path | str, inputs: InputParameters | None = None, stretches: int = 12) -> Float:
+    """Coordinates (n, 3) of some stretches of a cloud's points, evenly over the file, metres: for a first look.
+
+    A file of any size takes about a second. What is wrong with the rest of it is not seen.
+
+    Raises:
+        InputError: see ``preflight`` and ``working_frame``; damaged points.
+    """
+    header, frame = open_cloud(path, inputs)
+    factors = np.array(frame.factors)
+    scales, offsets = np.array(header.scales) * factors, np.array(header.offsets) * factors
+    groups = [
+        np.column_stack([records[axis] for axis in "XYZ"])
+        for records in read_records(header, selection=selection(False, False), stretches=stretches)
+    ]
+    return np.concatenate(groups) * scales + offsets
+
+
+def eight_bits(rgb: NDArray[np.uint16]) -> NDArray[np.uint8]:
+    """Colours of 16 bits in 8; values that never exceed 255 are of 8 bits already, as many writers leave them."""
+    if rgb.size and int(rgb.max()) > 255:
+        return (rgb >> 8).astype(np.uint8)
+    return rgb.astype(np.uint8)
+
+
+def selection(colours: bool, classification: bool, extra: bool = False) -> int:
+    """Bits of ``read_records`` for coordinates and returns, what else is asked for."""
+    import lazrs
+
+    bits = int(lazrs.SELECTIVE_DECOMPRESS_XY_RETURNS_CHANNEL) | int(lazrs.SELECTIVE_DECOMPRESS_Z)
+    if colours:
+        bits |= int(lazrs.SELECTIVE_DECOMPRESS_INTENSITY) | int(lazrs.SELECTIVE_DECOMPRESS_RGB)
+    if classification:
+        bits |= int(lazrs.SELECTIVE_DECOMPRESS_CLASSIFICATION)
+    if extra:
+        bits |= int(lazrs.SELECTIVE_DECOMPRESS_ALL_EXTRA_BYTES)
+    return bits

@@ -1,0 +1,1 @@
+"""A moving survey onto the reference, with its error."""

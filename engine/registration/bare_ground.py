@@ -1,0 +1,222 @@
+"""Registration where plants hide some of the ground: bare ground fixes what it can, the rest the relief under plants.
+
+The error that plants make of a height is shared by neighbours, so that no number of points averages it out: grass that
+stands 10 cm lower in the later survey would be taken off as an offset of the survey. A road, rock or a wall has no such
+error. It is registered alone; what it leaves open, such as a slide along a plane road, is told by the relief of the
+other ground after its common offset has been taken off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...interface.parameters import RegistrationParameters
+from ..core.arrays import Float, Index
+from ..core.progress import Progress
+from ..geometry.pose import Pose
+from ..geometry.voxels import block_numbers
+from .alignment import Alignment, Weighting, align, curvature_at, radius_of, take_steps
+from .observability import Information, information
+from .point_to_plane import Matcher, Pairs
+from .restarts import descend
+
+LITTLE = 0.01
+"""Metres: ground with an error by plants that is no larger counts as bare."""
+_LEAST_POINTS = 300
+_SOURCES = 25_000
+_STEPS = 24
+_FAR = 5.0  # times the noise of the residuals: how far all ground together may have gone astray
+_ALIKE = 1.2  # times the smaller noise: two places that fit equally well
+_STEEP = 0.2  # least vertical part of a normal: heights of steeper faces say little
+_PLACES = 5_000
+
+
+@dataclass(frozen=True)
+class Covered:
+    """Two surfaces, compared on ground that is ``bare`` in both surveys, and on ground that is ``covered`` by plants.
+
+    Covered ground is told by the survey with more of it; ``bare_share`` is the other share of its points.
+    """
+
+    bare: Matcher
+    covered: Matcher
+    bare_share: float
+
+
+def divide(matcher: Matcher) -> Covered | None:
+    """Bare and covered ground of both surfaces; None where nothing is known of plants, or there are hardly any."""
+    surfaces = matcher.reference, matcher.moving
+    if all(surface.plants is None for surface in surfaces):
+        return None
+    first, second = (surface.bare(LITTLE) for surface in surfaces)
+    if first.all() and second.all():
+        return None
+    known = np.ones_like(first) if matcher.stable is None else matcher.stable
+    shares = float(np.mean(first[known])), float(np.mean(second))
+    covered = (known & ~first, None) if shares[0] <= shares[1] else (known, ~second)
+    return Covered(Matcher(*surfaces, known & first, second), _Levelled(*surfaces, *covered), min(shares))
+
+
+def align_bare(
+    ground: Covered, whole: Alignment, parameters: RegistrationParameters, progress: Progress
+) -> Alignment | None:
+    """Pose by the bare ground, and in what that leaves open by the relief of the other; None without enough of it.
+
+    Args:
+        whole: by all ground together.
+
+    Raises:
+        InputError: the two surveys' bare ground is not the same.
+    """
+    bare = ground.bare
+    if min(np.count_nonzero(which) for which in (bare.stable, bare.firm) if which is not None) < _LEAST_POINTS:
+        return None
+    found = align(
+        bare,
+        voxel=parameters.registration_voxel,
+        offset=parameters.maximum_offset,
+        iterations=parameters.registration_iterations,
+        progress=progress,
+    )
+    if found.information.observable.all():
+        return found
+    return _completed(found, whole, ground, parameters.maximum_offset, progress)
+
+
+class _LevelledPairs(Pairs):
+    """Pairs whose residuals do not tell a common difference in height, and no motion as far as it makes one."""
+
+    def jacobian(self, radius: float) -> Float:
+        full, upward = super().jacobian(radius), self.normal[:, 2:]
+        return full - upward @ (upward.T @ full) / max(float(np.sum(upward**2)), 1e-12)
+
+
+class _Levelled(Matcher):
+    """Surfaces whose common difference in height is left out of the residuals: plants lift the ground upwards."""
+
+    def match(self, pose: Pose, sources: tuple[Index, Index], reach: float, agreement: float = 0.8) -> Pairs:
+        pairs = super().match(pose, sources, reach, agreement)
+        common = _height(pairs) * pairs.normal[:, 2]
+        return _LevelledPairs(pairs.place, pairs.normal, pairs.residual - common, pairs.gap - common, pairs.source)
+
+
+def _height(pairs: Pairs) -> float:
+    """Median difference of heights, metres, of the pairs that are not on a wall; 0 without any."""
+    upward = pairs.normal[:, 2]
+    open_ground = np.abs(upward) > _STEEP
+    return float(np.median(pairs.residual[open_ground] / upward[open_ground])) if open_ground.any() else 0.0
+
+
+def _completed(found: Alignment, whole: Alignment, ground: Covered, offset: float, progress: Progress) -> Alignment:
+    """With the motions that ``found`` does not fix told by covered ground, as far as that fixes them."""
+    covered, known = ground.covered, found.information
+    weigh, radius = Weighting(covered, whole.scale), radius_of(covered.reference)
+    sources = covered.sample(_SOURCES)
+    free = known.directions[:, ~known.observable]
+    pose = _slid(found.pose, whole, covered, sources, free, radius)
+    if pose is None:
+        return found
+    folds = curvature_at(pose, weigh, radius, progress)
+
+    def told(pairs: Pairs) -> Information:
+        terms = pairs.jacobian(radius) * (weigh(pairs) * pairs.gap)[:, None]
+        blocks = block_numbers(pairs.place, weigh.correlated(radius))
+        inner = np.einsum("ia,fij,jb->fab", free, folds, free)
+        part = information(inner, terms @ free, blocks, weigh.spacing / 2, offset / float(np.sqrt(3.0)))
+        return Information(part.curvature, free @ part.directions, part.observable, free @ part.covariance @ free.T)
+
+    part = told(covered.match(pose, sources, weigh.reach))
+    if not part.observable.any():
+        return found
+    # what nothing fixes stays as surveyed
+    apart = pose.vector(radius) - found.pose.vector(radius)
+    pose = found.pose.moved(part.held(apart), radius)
+    slid = take_steps(weigh, pose, sources, radius, part, 0.0, 0, _STEPS, progress)
+    # a long slide along a road that is not quite plane
+    own = Weighting(ground.bare, found.scale)
+    held = take_steps(own, slid.pose, ground.bare.sample(_SOURCES), radius, known, 0.0, 0, _STEPS, progress)
+    return replace(
+        found,
+        pose=held.pose,
+        iterations=found.iterations + slid.used + held.used,
+        information=_joined(known, told(slid.pairs)),
+    )
+
+
+def _slid(
+    pose: Pose, whole: Alignment, covered: Matcher, sources: tuple[Index, Index], free: Float, radius: float
+) -> Pose | None:
+    """``pose`` moved in the ``free`` directions (6, k) to where covered ground agrees; None where that is not clear.
+
+    It is looked for from where all ground together lies, which may have slid to where road and grass both fit, and from
+    where the surveys are as delivered. Where both ends are equally good and apart, nothing but chance tells.
+    """
+    apart = whole.pose.vector(radius) - pose.vector(radius)
+    spacing = max(covered.reference.spacing, covered.moving.spacing)
+    ends = []
+    for start in (pose.moved(free @ (free.T @ apart), radius), pose):
+        if len(covered.match(start, sources, max(3 * spacing, 3 * whole.scale))) < _LEAST_POINTS:
+            continue
+        ends.append(
+            descend(
+                covered,
+                start,
+                sources,
+                radius,
+                scale=max(_FAR * whole.scale, spacing),
+                offset=0.0,
+                agreement=0.8,
+                iterations=_STEPS,
+                free=free,
+            )
+        )
+    if not ends:
+        return None
+    ends.sort(key=lambda end: end.scale)
+    if len(ends) == 2 and ends[1].scale < _ALIKE * ends[0].scale:
+        away = np.linalg.norm(ends[1].pose.vector(radius) - ends[0].pose.vector(radius))
+        if away > spacing / 2:
+            return None
+    return ends[0].pose
+
+
+def _joined(known: Information, part: Information) -> Information:
+    """What ``known`` fixes, and of the rest what ``part``, which is of that rest alone, tells."""
+    fixed = known.observable
+    curvature = np.concatenate([known.curvature[fixed], part.curvature])
+    observable = np.concatenate([known.observable[fixed], part.observable])
+    order = np.argsort(curvature, kind="stable")
+    directions = np.hstack([known.directions[:, fixed], part.directions])
+    covariance = known.observable_covariance + part.covariance
+    return Information(curvature[order], directions[:, order], observable[order], covariance)
+
+
+def error_by_plants(matcher: Matcher, pose: Pose, places: Float) -> float:
+    """Error of a height, metres, that plants over ``places`` (n, 3; after registration) leave to the registration.
+
+    Plants of one season err alike, so it is the mean of the places' own errors, of both surveys together.
+    """
+    if not len(places):
+        return 0.0
+    total = np.zeros(len(places))
+    for surface, where in ((matcher.reference, places), (matcher.moving, pose.undo(places))):
+        if surface.plants is not None:
+            total += surface.plants[np.asarray(surface.tree.query(where, workers=-1)[1])] ** 2
+    return float(np.mean(np.sqrt(total)))
+
+
+def offset_of_covered(ground: Covered, pose: Pose, reach: float) -> float | None:
+    """Median height of the later survey's covered ground over the earlier one's at ``pose``, metres."""
+    plain = Matcher(ground.covered.reference, ground.covered.moving, ground.covered.stable, ground.covered.firm)
+    pairs = plain.match(pose, plain.sample(_SOURCES), reach, 0.5)
+    return _height(pairs) if len(pairs) >= _LEAST_POINTS else None
+
+
+def compared_ground(ground: Covered, pose: Pose, reach: float) -> tuple[Float, Float]:
+    """Places of the later survey's points before registration and upward normals there, (n, 3) each, of all ground."""
+    whole = Matcher(ground.bare.reference, ground.bare.moving)
+    pairs = whole.onto_reference(pose, whole.moving.sample(_PLACES), reach, 0.5)
+    upward = np.where(pairs.normal[:, 2:] < 0, -1.0, 1.0)
+    return whole.moving.points[pairs.source], pairs.normal * upward

@@ -1,0 +1,167 @@
+"""Second thoughts of a registration whose residuals are larger than the surfaces' own noise explains.
+
+Where much of what fixes a position lies within ground that has moved, weights that shrink slowly can settle between
+the old and the new place. Registering with one part of the surface after the other, and without it, finds the way out;
+the smallest scale tells which fit is best (the idea of the S-estimator, Rousseeuw and Yohai 1984).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.arrays import Float, Index
+from ..core.progress import Progress
+from ..geometry.pose import Pose
+from .point_to_plane import Matcher, Pairs, robust_scale, tukey_weights
+from .surface import Surface
+
+LEAST_PAIRS = 12
+NOISE_FLOOR = 1e-3  # metres; no scanner is better, and a scale of zero has no weights
+_SHRINK = 0.3  # smallest factor of the scale from one iteration to the next
+_DOUBT = 1.5  # times the surfaces' own noise
+_REGIONS, _REGION_SHARE = 12, 0.3
+_SOURCES = 5_000
+_APART, _TOGETHER = 10, 8  # iterations with a part of the surface and with all of it again
+
+
+@dataclass(frozen=True)
+class Descent:
+    """Where Gauss-Newton steps came to: ``scale`` (m) of the residuals, ``share`` of the sources that have a pair."""
+
+    pose: Pose
+    scale: float
+    iterations: int = 0
+    share: float = 0.0
+
+
+def own_noise(surface: Surface) -> float:
+    """Scale of a surface's points about the planes through their own neighbourhoods, metres."""
+    some = surface.sample(20_000)
+    surface.fit(some)
+    some = some[surface.planar[some]]
+    distance = np.einsum("ij,ij->i", surface.points[some] - surface.centroids[some], surface.normals[some])
+    return max(robust_scale(distance), NOISE_FLOOR)
+
+
+def reach_of(matcher: Matcher, scale: float) -> float:
+    """Farthest point of a pair, metres: the next few points, and what the weights do not yet leave out."""
+    return max(3 * max(matcher.reference.spacing, matcher.moving.spacing), 3 * scale)
+
+
+def descend(
+    matcher: Matcher,
+    pose: Pose,
+    sources: tuple[Index, Index],
+    radius: float,
+    *,
+    scale: float,
+    offset: float,
+    agreement: float,
+    iterations: int,
+    noise: float = NOISE_FLOOR,
+    shrink: float = _SHRINK,
+    among: Callable[[Pairs], NDArray[np.bool_]] | None = None,
+    free: Float | None = None,
+) -> Descent:
+    """Gauss-Newton steps while the scale shrinks from ``scale`` to that of the residuals, all in metres.
+
+    Args:
+        offset: how far apart the surfaces may still be.
+        agreement: least cosine between paired normals.
+        noise: least scale.
+        shrink: smallest factor of the scale from one iteration to the next.
+        among: which pairs to use; all without it.
+        free: (6, k) directions in which to move, columns of unit length at right angles; all without it.
+    """
+    axes = np.eye(6) if free is None else free
+    done, share = 0, 0.0
+    for done in range(1, iterations + 1):
+        # a pair may lie as far apart as the clouds; later the scale tells how far
+        reach = max(reach_of(matcher, scale), offset if done <= 8 else 0.0)
+        pairs = matcher.match(pose, sources, reach, agreement)
+        share = len(pairs) / (len(sources[0]) + len(sources[1]))
+        if among is not None and len(pairs):
+            pairs = pairs.chosen(among(pairs))
+        if len(pairs) < LEAST_PAIRS:
+            break
+        weight = tukey_weights(pairs.residual, scale)
+        jacobian = pairs.jacobian(radius)
+        jacobian = jacobian if free is None else jacobian @ free
+        normal = jacobian.T @ (jacobian * weight[:, None])
+        normal += 1e-6 * max(float(np.trace(normal)), 1e-12) * np.eye(axes.shape[1])
+        step = np.asarray(-np.linalg.solve(normal, jacobian.T @ (weight * pairs.residual)), dtype=np.float64)
+        step = axes @ step
+        pose = pose.moved(step, radius)
+        smaller = max(robust_scale(pairs.residual), noise, shrink * scale)
+        steady = abs(smaller - scale) < 0.02 * scale and np.linalg.norm(step) < max(0.1 * scale, 1e-4)
+        scale = smaller
+        if steady and done >= 3:
+            break
+    return Descent(pose, scale, done, share)
+
+
+def reconsider(
+    matcher: Matcher, first: Descent, sources: tuple[Index, Index], radius: float, progress: Progress
+) -> Descent:
+    """``first``, or what a search with parts of the surface found if its residuals are clearly smaller."""
+    noise = max(own_noise(matcher.reference), own_noise(matcher.moving))
+    if first.scale <= _DOUBT * noise:
+        return first
+    few = matcher.sample(_SOURCES)
+    best = first
+    for number, centre in enumerate(_spread(matcher.reference.points[few[0]], _REGIONS)):
+        progress.update(0.3 + 0.1 * number / _REGIONS, "registering with parts of the surface")
+        for part in (_Region(centre, inside=False), _Region(centre, inside=True)):
+            start = Descent(first.pose, 2 * first.scale)
+            for iterations, among, least in ((_APART, part, 0.6), (_TOGETHER, None, 0.3)):
+                start = descend(
+                    matcher,
+                    start.pose,
+                    few,
+                    radius,
+                    scale=start.scale,
+                    offset=4 * first.scale,
+                    agreement=0.8,
+                    iterations=iterations,
+                    noise=noise,
+                    shrink=least,
+                    among=among,
+                )
+            # a pose that takes the surfaces apart pairs little of them, and that little well
+            if start.scale < 0.9 * best.scale and start.share > 0.5 * first.share:
+                best = start
+    if best is first:
+        return first
+    found = descend(
+        matcher, best.pose, sources, radius, scale=2 * best.scale, offset=0.0, agreement=0.8, iterations=20, noise=noise
+    )
+    if found.scale >= 0.9 * first.scale:
+        return first
+    return replace(found, iterations=first.iterations + found.iterations)
+
+
+@dataclass(frozen=True)
+class _Region:
+    """The share of the pairs nearest to a centre, or all others."""
+
+    centre: Float
+    inside: bool
+
+    def __call__(self, pairs: Pairs) -> NDArray[np.bool_]:
+        distance = np.sum((pairs.place - self.centre) ** 2, axis=1)
+        near: NDArray[np.bool_] = distance <= np.quantile(distance, _REGION_SHARE)
+        return near if self.inside else ~near
+
+
+def _spread(points: Float, count: int) -> Float:
+    """``count`` of the points, each as far as can be from those before (farthest-point sampling)."""
+    chosen = [int(np.argmax(np.sum((points - points.mean(axis=0)) ** 2, axis=1)))]
+    distance = np.sum((points - points[chosen[0]]) ** 2, axis=1)
+    while len(chosen) < min(count, len(points)):
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.sum((points - points[chosen[-1]]) ** 2, axis=1))
+    return points[chosen]

@@ -1,0 +1,341 @@
+"""Which patches of a surface agree on one rigid motion: the largest such part is what has not moved.
+
+Motions that a few patches ask for are tried on all of them (a consensus of samples after Fischler and Bolles 1981,
+doi:10.1145/358669.358692, improved from those that agree as by Chum et al. 2003, doi:10.1007/978-3-540-45243-0_31).
+Patches that stand near to one another are sampled together, because they moved together or not at all: so a part of a
+few per cent is found. The largest part among all other patches tells how sure the choice is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from ..core.arrays import Float
+from ..geometry.pose import Pose
+from .observability import Information
+from .point_to_plane import Matcher
+from .surface_patches import Equations, Patches, cut, equations
+
+Mask = NDArray[np.bool_]
+
+_FEW, _MANY = 15, 60  # points of a patch that are paired, while looking for parts and in the end
+_SIGNIFICANCE = 5.0  # standard errors by which the relief must stand out
+_RATIO = 1e-4  # of the largest curvature: slopes that differ by 1 % only
+_WEAK = 0.1  # of the largest curvature: what walls and steps fix on level ground
+_TELLING = 0.2  # squared sine with which a patch tells of a weak direction
+_AMIDST = 2.0  # widths
+_WEAK_TRIALS = 1_000
+_CONTESTED = 0.75  # of the area that agrees best: as much agrees on something else
+_TRIALS = 6_000
+_PARTNERS = (1, 2, 3, 5, 8)  # patches that a trial takes beside its first one
+_NEAR = 25  # nearest patches of which half of the trials take them
+_BEST = 12  # trials that are improved
+_KEPT = 4  # parts that are paired again where they lead to
+_IMPROVE = 8
+_PASSES = 3
+_STILL = 1e-4  # metres
+_LEAST_OF_BEST = 0.5  # of the largest area: less does not become the largest when paired again
+_LEAST_PAIRS = 12
+_TURNED = 5.0  # surveys shift by so much more than they turn, at the typical distance of the points
+_DEVIATIONS = 2.5
+_SPARSE, _DENSE = 0.5, 0.8  # share of the patches around that agree: none counts below, all from the second on
+_LOOKED_AT = 400  # trials that are looked at with the patches around
+_CORRELATED = 3.0  # pairs share points of their planes: so many count as one
+_FLOOR = 5e-4  # metres; no two surveys of a surface agree better
+
+
+@dataclass(frozen=True)
+class StablePart:
+    """Patches that agree on one motion.
+
+    Attributes:
+        pose: that motion.
+        agrees: (k,) which of the ``patches``.
+        share: their share of the area of all patches that could be compared.
+        rival: the share of the largest part of all other patches that agrees on another motion.
+        information: what the part fixes of the motion, in local coordinates.
+    """
+
+    pose: Pose
+    patches: Patches
+    agrees: Mask
+    share: float
+    rival: float
+    information: Information
+
+    def points(self, size: int) -> Mask:
+        """(size,) the points of the cut surface that lie in those patches."""
+        found = np.zeros(size, dtype=bool)
+        inside = self.patches.number >= 0
+        found[self.patches.sources[inside]] = self.agrees[self.patches.number[inside]]
+        return found
+
+
+@dataclass(frozen=True)
+class _Found:
+    motion: Float
+    weight: Float
+    area: float
+
+    @property
+    def agrees(self) -> Mask:
+        return self.weight > 0
+
+
+def stable_part(
+    matcher: Matcher, starts: tuple[Pose, ...], *, noise: float, offset: float, radius: float
+) -> StablePart | None:
+    """The largest part of the moving surface that lies on the reference after one motion; None without any patch.
+
+    Args:
+        starts: poses that are tried; from the first one, patches are compared up to ``offset`` metres apart.
+        noise: of a point about its surface, metres.
+        radius: by which rotations are scaled, metres.
+    """
+    patches = cut(matcher.moving, 3 * noise, matcher.firm)
+    if not len(patches):
+        return None
+    spacing = max(matcher.reference.spacing, matcher.moving.spacing)
+    everywhere = np.ones(len(patches), dtype=bool)
+    system = equations(matcher, patches, starts[0], max(offset, 3 * spacing), radius, noise, _FEW)
+
+    def settled(among: Mask, poses: list[Pose]) -> _Settled | None:
+        found = [_settled(matcher, patches, among, pose, noise, radius, offset, _FEW) for pose in poses]
+        return max(found, key=lambda one: one.area, default=None)
+
+    def reached(among: Mask, most: int) -> list[Pose]:
+        found = _search(system, patches, among, noise, offset)[:most]
+        near = [one.motion for one in found if one.area >= _LEAST_OF_BEST * found[0].area]
+        return [starts[0].moved(motion, radius) for motion in near]
+
+    best = settled(everywhere, [*reached(everywhere, _KEPT), *starts[1:]])
+    if best is None:
+        return None
+    best = _settled(matcher, patches, everywhere, best.pose, noise, radius, offset, _MANY)
+    best = _upright(matcher, patches, best, noise, radius, offset)
+    other = settled(~best.agrees, reached(~best.agrees, 2))
+    whole = max(float(patches.area[best.usable].sum()), 1e-9)
+    rival = 0.0 if other is None else other.area / whole
+    held = best.information.held(best.pose.vector(radius)) if not best.information.observable.all() else None
+    pose = best.pose if held is None else Pose.from_vector(held, radius)
+    return StablePart(pose, patches, best.agrees, best.area / whole, rival, best.information)
+
+
+@dataclass(frozen=True)
+class _Settled:
+    """A part, paired again where it lies: its ``area`` in square metres, and which patches could be compared."""
+
+    pose: Pose
+    agrees: Mask
+    area: float
+    usable: Mask
+    information: Information
+
+
+def _levels(system: Equations, noise: float, strict: float) -> tuple[Float, Mask]:
+    """Squared distance (k,) from which a patch has moved, by its points' scatter; which ones can tell (k,)."""
+    error = 6 * system.rest * _CORRELATED / np.maximum(system.pairs, 1)
+    tells = (system.pairs >= _LEAST_PAIRS) & (error < max(noise, 2 * _FLOOR) ** 2)
+    return np.asarray(_DEVIATIONS**2 * (error + (strict * max(noise / 4, _FLOOR)) ** 2)), tells
+
+
+def _settled(
+    matcher: Matcher, patches: Patches, among: Mask, pose: Pose, noise: float, radius: float, offset: float, most: int
+) -> _Settled:
+    """The part of the patches ``among`` that agrees with a pose, and the pose that it asks for."""
+    spacing = max(matcher.reference.spacing, matcher.moving.spacing)
+    for number in range(_PASSES):
+        system = equations(matcher, patches, pose, 3 * spacing, radius, noise, most)
+        level, tells = _levels(system, noise, 2.0 if number == 0 and most == _FEW else 1.0)
+        usable = among & tells
+        found = _improved(system, patches, usable, level, np.zeros(6), spacing)
+        known = _information(system, patches, found, level, spacing, offset)
+        # what nothing fixes stays
+        pose = pose.moved(known.held(found.motion), radius)
+        if number and float(np.linalg.norm(found.motion)) < _STILL:
+            break
+    return _Settled(pose, found.agrees, float(patches.area[found.agrees].sum()), usable, known)
+
+
+def _information(
+    system: Equations, patches: Patches, found: _Found, level: Float, spacing: float, offset: float
+) -> Information:
+    """What the part fixes: a direction is observable where the relief stands out from the noise of the normals.
+
+    The covariance is that of leaving out one patch after the other (Efron and Stein 1981,
+    doi:10.1214/aos/1176345462), so that what a single patch fixes is not sure.
+    """
+    weight = found.weight * patches.area / level
+    some = np.flatnonzero(weight > 0)
+    weight = weight[some] / max(float(weight.sum()), 1e-300)
+    matrices, vectors = weight[:, None, None] * system.matrix[some], weight[:, None] * system.vector[some]
+    whole = matrices.sum(axis=0)
+    curvature, directions = np.linalg.eigh(whole)
+    # the weighted mean of as many products of two independent errors
+    effective = float(1.0 / max(np.sum(weight**2 * _CORRELATED / np.maximum(system.pairs[some], 1)), 1e-300))
+    least = _SIGNIFICANCE * system.roughness / np.sqrt(max(effective, 1.0))
+    observable = curvature > max(least, _RATIO * float(curvature[-1]))
+    fixed = directions[:, observable]
+    covariance = np.zeros((6, 6))
+    if fixed.shape[1] and len(some) > 1:
+        part = fixed.T @ whole @ fixed
+        without = part - fixed.T @ matrices @ fixed
+        left = (vectors + matrices @ found.motion) @ fixed
+        without += 1e-3 * np.diag(np.diag(part))  # a direction that one patch alone fixes
+        steps = np.linalg.solve(without, left[:, :, None])[:, :, 0]
+        spread = steps.T @ steps
+        sure = np.sqrt(np.diag(spread)) <= spacing / 2
+        observable[np.flatnonzero(observable)[~sure]] = False
+        spread[~sure] = spread[:, ~sure] = 0.0
+        covariance = fixed @ spread @ fixed.T
+    free = directions[:, ~observable]
+    return Information(curvature, directions, observable, covariance + offset**2 / 3 * free @ free.T)
+
+
+def _upright(
+    matcher: Matcher, patches: Patches, best: _Settled, noise: float, radius: float, offset: float
+) -> _Settled:
+    """``best`` where the few patches that fix its weak directions agree best, which are open where others contradict.
+
+    A level part with one wall that stayed and one that moved fits in height wherever it slides. Only patches
+    amidst stable ones count.
+    """
+    known = best.information
+    weak = known.observable & (known.curvature < _WEAK * known.curvature[-1])
+    if not weak.any():
+        return best
+    free = known.directions[:, weak]
+    system = equations(matcher, patches, best.pose, offset, radius, noise, _FEW)
+    level, tells = _levels(system, noise, 2.0)
+    told = np.minimum(np.einsum("ia,kij,ja->k", free, system.matrix, free), 1.0)
+    near = cKDTree(patches.centre).query_ball_point(patches.centre, _AMIDST * patches.width)
+    firm = tells & (told < _TELLING)
+    stays = np.array([np.mean(best.agrees[some][firm[some]]) if firm[some].any() else 0.0 for some in near])
+    some = np.flatnonzero(tells & (told >= _TELLING) & (stays > 0.5))
+    if len(some) < 2:
+        return best
+    matrices = np.einsum("ia,kij,jb->kab", free, system.matrix[some], free) / level[some, None, None]
+    vectors = system.vector[some] @ free / level[some, None]
+    rng = np.random.default_rng(0)
+    chosen = rng.integers(0, len(some), (_WEAK_TRIALS, 3))
+    prior = np.eye(free.shape[1]) * 3 / offset**2
+    steps = -np.linalg.solve(matrices[chosen].sum(axis=1) + prior, vectors[chosen].sum(axis=1)[:, :, None])[:, :, 0]
+    motions = np.vstack([np.zeros((1, 6)), steps @ free.T])
+    fit = np.maximum(1.0 - system.excess(motions)[some] / level[some, None], 0.0)
+    area = (patches.area[some] * told[some]) @ fit
+    first = int(np.argmax(area))
+    shared = (patches.area[some] * told[some]) @ ((fit > 0) & (fit[:, first] > 0)[:, None])
+    all_of = (patches.area[some] * told[some]) @ (fit > 0)
+    apart = shared < 0.5 * all_of
+    rival = float(area[apart].max(initial=0.0))
+    if first and area[first] > 1.2 * area[0]:
+        everywhere = np.ones(len(patches), dtype=bool)
+        pose = best.pose.moved(motions[first], radius)
+        other = _settled(matcher, patches, everywhere, pose, noise, radius, offset, _MANY)
+        # what slides must leave the rest as it was
+        best = other if other.area > 0.95 * best.area else best
+    if rival <= _CONTESTED * area[first]:
+        return best
+    known = best.information
+    weak = known.observable & (known.curvature < _WEAK * known.curvature[-1])
+    kept = known.directions[:, known.observable & ~weak]
+    left = known.directions[:, ~known.observable | weak]
+    covariance = kept @ kept.T @ known.covariance @ kept @ kept.T + offset**2 / 3 * left @ left.T
+    return replace(
+        best, information=Information(known.curvature, known.directions, known.observable & ~weak, covariance)
+    )
+
+
+def _search(system: Equations, patches: Patches, among: Mask, noise: float, offset: float) -> list[_Found]:
+    """Some motions on which large parts agree, the largest part first; each with patches that those before lack."""
+    level, tells = _levels(system, noise, 3.0)
+    usable = among & tells
+    numbers = np.flatnonzero(usable)
+    if not len(numbers):
+        return []
+    trials = np.vstack([np.zeros((1, 6)), _trials(system, patches, numbers, level, offset)])
+    areas = _areas(system, patches, usable, level, trials)
+    found: list[_Found] = []
+    for number in np.argsort(-areas, kind="stable"):
+        inside = _weights(patches, usable, system.excess(trials[number : number + 1]), level)[:, 0] > 0
+        if any(patches.area[inside & f.agrees].sum() > 0.5 * patches.area[inside].sum() for f in found):
+            continue
+        found.append(_improved(system, patches, usable, level, trials[number], offset))
+        if len(found) >= _BEST:
+            break
+    found.sort(key=lambda f: -f.area)
+    return found[:_KEPT]
+
+
+def _trials(system: Equations, patches: Patches, numbers: NDArray[np.int64], level: Float, offset: float) -> Float:
+    """Motions (m, 6) that samples of patches ask for."""
+    rng = np.random.default_rng(0)
+    share = patches.area[numbers] / patches.area[numbers].sum()
+    first = rng.choice(len(numbers), _TRIALS, p=share)
+    distance = np.linalg.norm(patches.centre[numbers][:, None] - patches.centre[numbers][None], axis=2)
+    near = np.argsort(distance, axis=1)[:, : min(_NEAR, len(numbers))]
+    weight = 1.0 / level[numbers]
+    matrices = system.matrix[numbers] * weight[:, None, None]
+    vectors = system.vector[numbers] * weight[:, None]
+    prior = _prior(offset)
+    # wide parts hold small motions back less than their own noise does
+    total, side = np.broadcast_to(prior, (_TRIALS, 6, 6)) + matrices[first], vectors[first]
+    wanted = rng.choice(_PARTNERS, _TRIALS)
+    for partner in range(max(_PARTNERS)):
+        beside = near[first, rng.integers(0, near.shape[1], _TRIALS)]
+        anywhere = rng.choice(len(numbers), _TRIALS, p=share)
+        other = np.where(rng.random(_TRIALS) < 0.7, beside, anywhere)
+        more = (partner < wanted)[:, None]
+        total = total + np.where(more[:, :, None], matrices[other], 0.0)
+        side = side + np.where(more, vectors[other], 0.0)
+    return np.asarray(-np.linalg.solve(total, side[:, :, None])[:, :, 0])
+
+
+def _prior(offset: float) -> Float:
+    sd = offset / np.sqrt(3.0) * np.array([1 / _TURNED] * 3 + [1.0] * 3)
+    return np.diag(1.0 / sd**2)
+
+
+def _weights(patches: Patches, usable: Mask, excess: Float, level: Float) -> Float:
+    """(k, m) weights of the patches, from 1 where one agrees well, by its ``excess`` (k, m), to 0 at its ``level``.
+
+    A piece that turned agrees along a line, a piece that slid in places: their neighbours tell.
+    """
+    fit = np.where(usable[:, None], np.maximum(1.0 - excess / level[:, None], 0.0), 0.0)
+    known = np.maximum(patches.around @ usable.astype(np.float64), 1e-9)
+    share = (patches.around @ (fit > 0).astype(np.float64)) / known[:, None]
+    return np.asarray(fit * np.clip((share - _SPARSE) / (_DENSE - _SPARSE), 0.0, 1.0))
+
+
+def _areas(system: Equations, patches: Patches, usable: Mask, level: Float, motions: Float) -> Float:
+    """(m,) area that agrees with each motion; what agrees better counts more; 0 for those not worth a look."""
+    area = np.where(usable, patches.area, 0.0)
+    found = np.empty(len(motions))
+    for start in range(0, len(motions), 500):
+        excess = system.excess(motions[start : start + 500])
+        found[start : start + 500] = area @ np.maximum(1.0 - excess / level[:, None], 0.0)
+    some = np.argsort(-found, kind="stable")[:_LOOKED_AT]
+    looked_at = area @ _weights(patches, usable, system.excess(motions[some]), level)
+    found[:] = 0.0
+    found[some] = looked_at
+    return found
+
+
+def _improved(system: Equations, patches: Patches, usable: Mask, level: Float, motion: Float, offset: float) -> _Found:
+    """The motion that all patches which agree with it ask for together."""
+    best = motion, np.zeros(len(patches)), -1.0
+    mean = float(patches.area[usable].mean()) if usable.any() else 1.0
+    for _ in range(_IMPROVE):
+        weight = _weights(patches, usable, system.excess(motion[None]), level)[:, 0]
+        area = float(patches.area @ weight)
+        if area <= best[2]:
+            break
+        best = motion, weight, area
+        share = patches.area * weight / (level * mean)
+        total = _prior(offset) + np.einsum("k,kij->ij", share, system.matrix)
+        motion = -np.linalg.solve(total, share @ system.vector)
+    return _Found(*best)

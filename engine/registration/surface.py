@@ -1,0 +1,98 @@
+"""A point cloud as a surface: voxel means, their neighbours, and a plane through each neighbourhood."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from ..core.arrays import Float, Index
+from ..geometry.principal_axes import thinnest
+from ..geometry.voxels import voxel_average
+
+Mask = NDArray[np.bool_]
+
+NEIGHBOURS = 12  # of a plane; fewer follow finer relief, more average more noise
+_THICKNESS = 0.5  # a neighbourhood thicker than this share of its width has no normal worth using
+_LEAF = 24  # points; measured, faster than the default where all points ask for their neighbours
+_CHUNK = 50_000  # points a native call, so that a cancel is heard in time
+
+
+class Surface:
+    """Voxel means ``points`` (m, 3) of a cloud, and planes that are fitted where they are first asked for.
+
+    ``centroids`` and ``normals`` (m, 3), upwards, and ``planar`` (m,) are valid where ``fit`` was called for.
+    ``plants`` (m,) is the error of the heights by plants, metres; None where it is not known.
+    """
+
+    def __init__(self, xyz: Float, voxel: float, plants: Float | None = None) -> None:
+        means = voxel_average(xyz, voxel, plants)
+        self.points = means if plants is None else np.ascontiguousarray(means[:, :3])
+        self.plants = None if plants is None else np.ascontiguousarray(means[:, 3])
+        # the default build sorts and shrinks at a cost that so few queries do not return
+        self.tree = cKDTree(self.points, balanced_tree=False, compact_nodes=False, leafsize=_LEAF)
+        self._axes = np.ascontiguousarray(self.points.T)
+        self.neighbours = min(NEIGHBOURS, len(self.points))
+        self.centroids = np.zeros_like(self.points)
+        self.normals = np.zeros_like(self.points)
+        self.planar: Mask = np.zeros(len(self.points), dtype=bool)
+        self._fitted: Mask = np.zeros(len(self.points), dtype=bool)
+        self.spacing = self._spacing()
+
+    def sample(self, limit: int, eligible: Mask | None = None) -> Index:
+        """Numbers of at most ``limit`` points, evenly spread, always the same; of the ``eligible`` (m,) only."""
+        numbers = np.arange(len(self.points)) if eligible is None else np.flatnonzero(eligible)
+        if len(numbers) <= limit:
+            return numbers.astype(np.int64)
+        # the first ones of one order: what was found out of a smaller sample serves a larger one
+        order = np.random.default_rng(0).permutation(len(numbers))
+        chosen: Index = np.sort(numbers[order[:limit]]).astype(np.int64)
+        return chosen
+
+    def fit(self, numbers: Index) -> None:
+        """Fit the planes of the points ``numbers`` by principal components, unless that was done before."""
+        asked = np.zeros(len(self.points), dtype=bool)
+        asked[numbers] = True
+        missing = np.flatnonzero(asked & ~self._fitted)
+        for start in range(0, len(missing), _CHUNK):
+            chosen = missing[start : start + _CHUNK]
+            _, near = self.tree.query(self.points[chosen], k=list(range(1, self.neighbours + 1)), workers=-1)
+            own = self.points[chosen].T
+            x, y, z = (np.take(axis, near.T) - middle for axis, middle in zip(self._axes, own, strict=True))
+            mean = [axis.mean(axis=0) for axis in (x, y, z)]
+            x, y, z = (axis - middle for axis, middle in zip((x, y, z), mean, strict=True))
+            moments = (np.einsum("kn,kn->n", *pair) for pair in ((x, x), (y, y), (z, z), (x, y), (x, z), (y, z)))
+            thin, wide, normal = thinnest(*moments)
+            self.centroids[chosen] = (own + mean).T
+            self.normals[chosen] = normal * np.where(normal[:, 2:] < 0, -1.0, 1.0)
+            self.planar[chosen] = thin < _THICKNESS**2 * wide
+        self._fitted[missing] = True
+
+    def bare(self, limit: float) -> Mask:
+        """Points (m,) over which, and over whose neighbours, the error by plants is at most ``limit`` metres."""
+        if self.plants is None:
+            return np.ones(len(self.points), dtype=bool)
+        bare: Mask = self.plants <= limit
+        some = np.flatnonzero(bare)
+        for start in range(0, len(some), _CHUNK):
+            chosen = some[start : start + _CHUNK]
+            near = np.asarray(
+                self.tree.query(self.points[chosen], k=list(range(1, self.neighbours + 1)), workers=-1)[1]
+            )
+            bare[chosen] = (self.plants[near] <= limit).all(axis=1)
+        return bare
+
+    def _spacing(self) -> float:
+        """Side of the square that one point has to itself, metres."""
+        some = self.points[self.sample(2000)]
+        distance = np.asarray(self.tree.query(some, k=[self.neighbours])[0])
+        return float(np.median(distance)) * float(np.sqrt(np.pi / self.neighbours))
+
+
+def nearest(tree: cKDTree, xyz: Float, reach: float = np.inf) -> tuple[Float, Index]:
+    """As ``tree.query``, in pieces that leave room for a cancel."""
+    distance, number = np.empty(len(xyz)), np.empty(len(xyz), dtype=np.int64)
+    for start in range(0, len(xyz), _CHUNK):
+        piece = slice(start, start + _CHUNK)
+        distance[piece], number[piece] = tree.query(xyz[piece], distance_upper_bound=reach, workers=-1)
+    return distance, number

@@ -1,0 +1,247 @@
+"""Charts of the report: distributions of the change, profiles, and the course of a series' zones."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from datetime import date
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from ..core.number_text import fixed
+from ..maps.furniture import INK, Sheet
+from ..maps.palette import BELOW_LEVEL, DIVERGING, hexadecimal
+from .embedding import Picture, drawing
+
+_LOWERED, _RAISED = hexadecimal(DIVERGING[4][1]), hexadecimal(DIVERGING[4][2])
+_GREY = hexadecimal(BELOW_LEVEL)
+_BEFORE = "#8a8f98"
+_SOFT = "#57606a"
+_WIDTH, _WIDE = 4.2, 7.2  # inches
+_Z95 = 1.959963984540054
+COURSES = 8
+"""Zones whose course is drawn; more cannot be told apart."""
+
+Column = NDArray[np.float64]
+
+
+def change_histogram(record: Mapping[str, Any]) -> Picture:
+    """All cells and, below, those beyond their level, as areas; both with the median level drawn."""
+    shown, area = record["distribution"], record["grid"]["cell_m"] ** 2
+    level = record["level"]["median_m"]
+    figure = Figure(figsize=(_WIDTH, 3.6))
+    sheet = Sheet(figure, _WIDTH, 3.6)
+    above, below = sheet.axes(0.65, 2.1, 3.4, 1.35), sheet.axes(0.65, 0.5, 3.4, 1.35)
+    edges, _ = _bins(shown)
+    compared, beyond = (np.array(shown[name]) * area for name in ("compared", "beyond"))
+    half = len(beyond) // 2
+    # one shape each: a bar a bin takes ten times as long to draw
+    above.stairs(compared, edges, fill=True, color=_GREY)
+    below.stairs(beyond[:half], edges[: half + 1], fill=True, color=_LOWERED)
+    below.stairs(beyond[half:], edges[half:], fill=True, color=_RAISED)
+    low, high = record["level"]["p05_m"], record["level"]["p95_m"]
+    for axes, words in ((above, "all cells"), (below, "beyond their level")):
+        for sign in (-1, 1):
+            axes.axvspan(sign * low, sign * high, color="#000000", alpha=0.06, lw=0)
+            axes.axvline(sign * level, color=INK, lw=1.0, ls=(0, (4, 3)))
+        finish(axes, sheet)
+        axes.set_xlim(-shown["reach_m"], shown["reach_m"])
+        axes.set_ylabel("area (m²)", fontproperties=sheet.fonts(8), color=INK)
+        axes.text(0.015, 0.9, words, transform=axes.transAxes, fontproperties=sheet.fonts(8, "bold"), color=INK)
+    above.set_xticklabels([])
+    below.set_xlabel("elevation change (m)", fontproperties=sheet.fonts(8), color=INK)
+    return drawing(
+        figure,
+        "Histograms of the elevation change: all cells above, cells beyond their level of detection below, with the "
+        f"median level of {level:.3f} m drawn on both sides of zero",
+    )
+
+
+def stable_histogram(record: Mapping[str, Any]) -> Picture | None:
+    """Change on stable ground beside the normal distribution of its median and NMAD; None without such ground."""
+    facts, shown = record["stable_ground"], record["distribution"]
+    if facts is None:
+        return None
+    figure = Figure(figsize=(_WIDTH, 3.6))
+    sheet = Sheet(figure, _WIDTH, 3.6)
+    axes = sheet.axes(0.65, 0.5, 3.4, 2.95)
+    edges, width = _bins(shown)
+    axes.stairs(shown["stable"], edges, fill=True, color="#9fb3a5")
+    spread = facts["nmad_m"]
+    reach = shown["reach_m"]
+    if spread > 0:
+        reach = min(reach, max(5.0 * spread + abs(facts["median_m"]), 3.0 * width))
+        x = np.linspace(-reach, reach, 400)
+        density = np.exp(-0.5 * ((x - facts["median_m"]) / spread) ** 2) / (spread * math.sqrt(2 * math.pi))
+        axes.plot(x, density * facts["cells"] * width, color=INK, lw=1.2)
+    for sign in (-1, 1):
+        axes.axvline(sign * record["level"]["median_m"], color=INK, lw=1.0, ls=(0, (4, 3)))
+    finish(axes, sheet)
+    axes.set_xlim(-reach, reach)
+    axes.set_xlabel("elevation change on stable ground (m)", fontproperties=sheet.fonts(8), color=INK)
+    axes.set_ylabel("cells", fontproperties=sheet.fonts(8), color=INK)
+    return drawing(
+        figure,
+        f"Histogram of the elevation change on stable ground: median {fixed(facts['median_m'], 4, sign=True)} m, "
+        f"spread (NMAD) {spread:.3f} m, with the normal distribution of these figures",
+    )
+
+
+def profile_chart(facts: Mapping[str, Any], columns: Mapping[str, Column] | None, epochs: tuple[str, str]) -> Picture:
+    """Heights of both epochs along a line, and below their difference with the level of detection as a ribbon."""
+    figure = Figure(figsize=(_WIDE, 2.15))
+    sheet = Sheet(figure, _WIDE, 2.15)
+    above, below = sheet.axes(0.6, 1.2, 6.5, 0.78), sheet.axes(0.6, 0.4, 6.5, 0.7)
+    length = facts["length_m"]
+    if columns is not None and np.isfinite(columns["dz_m"]).any():
+        _draw_heights(above, columns, epochs, sheet)
+        _draw_difference(below, columns)
+    else:
+        above.text(0.5, 0.5, "not measured", transform=above.transAxes, ha="center", fontproperties=sheet.fonts(9))
+    for axes, words in ((above, "height (m)"), (below, "change (m)")):
+        axes.set_xlim(0, length)
+        finish(axes, sheet)
+        axes.set_ylabel(words, fontproperties=sheet.fonts(8), color=INK)
+    above.set_xticklabels([])
+    below.set_xlabel("distance along the line (m)", fontproperties=sheet.fonts(8), color=INK)
+    figure.align_ylabels([above, below])
+    lowest, highest = facts["dz_min_m"], facts["dz_max_m"]
+    told = (
+        "no ground that both surveys measured"
+        if lowest is None
+        else f"change from {fixed(lowest, 3, sign=True)} to {fixed(highest, 3, sign=True)} m"
+    )
+    return drawing(
+        figure,
+        f"Profile of {length:.1f} m: heights of both surveys, and their difference with the level of detection; {told}",
+    )
+
+
+def course_chart(record: Mapping[str, Any]) -> Picture | None:
+    """Mean change and net volume of the first ``COURSES`` zones against the day, with 95 % bands; None without zones.
+
+    Zones have the colours of the same zones in ``series.png``. A survey that did not measure a zone is left out of its
+    curve.
+    """
+    course = record.get("course")
+    if not course:
+        return None
+    names = [zone["zone_id"] for zone in record["zones"][:COURSES]]
+    days = [date.fromisoformat(day) for day in record["dates"]]
+    figure = Figure(figsize=(_WIDE, 4.6))
+    sheet = Sheet(figure, _WIDE, 4.6)
+    above, below = sheet.axes(0.7, 2.45, 6.3, 1.7), sheet.axes(0.7, 0.45, 6.3, 1.7)
+    for axes, value, error, words in (
+        (above, "dz_mean_m", "dz_err_m", "mean change (m)"),
+        (below, "vol_net_m3", "vol_err_m3", "net volume (m³)"),
+    ):
+        for number, name in enumerate(names):
+            known = [row for row in course[name] if value in row and error in row]
+            at = [days[0], *(date.fromisoformat(row["epoch"]) for row in known)]
+            middle = np.array([0.0, *(row[value] for row in known)])
+            half = _Z95 * np.array([0.0, *(row[error] for row in known)])
+            # dates as numbers: matplotlib's own conversion takes lists of dates, which type checkers do not know
+            x, colour = np.asarray(date2num(at)), f"C{number}"
+            axes.fill_between(x, middle - half, middle + half, color=colour, alpha=0.2, lw=0)
+            axes.plot(x, middle, color=colour, lw=1.1, marker="o", ms=3, label=name.replace("$", r"\$"))
+        axes.axhline(0.0, color=_SOFT, lw=0.6)
+        for day in date2num(days):
+            axes.axvline(day, color="#6e7781", lw=0.6, ls=(0, (2, 3)), zorder=0.5)
+        first, last = date2num([days[0], days[-1]])
+        axes.set_xlim(first - 0.02 * (last - first), last + 0.02 * (last - first))
+        locator = AutoDateLocator(maxticks=8)
+        axes.xaxis.set_major_locator(locator)
+        axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+        finish(axes, sheet)
+        axes.set_ylabel(words, fontproperties=sheet.fonts(8), color=INK)
+    above.set_xticklabels([])
+    below.xaxis.get_offset_text().set_fontproperties(sheet.fonts(7.5))
+    above.legend(
+        loc="lower left", frameon=False, ncols=len(names), prop=sheet.fonts(7.5), borderaxespad=0.0, handlelength=1.2,
+        columnspacing=1.2, bbox_to_anchor=(0.0, 1.02),
+    )  # fmt: skip
+    figure.align_ylabels([above, below])
+    ends = "; ".join(
+        f"{name} {fixed(row['dz_mean_m'], 3, sign=True)} m and {fixed(row['vol_net_m3'], 2, sign=True)} m³"
+        for name in names
+        for row in [r for r in course[name] if "dz_mean_m" in r][-1:]
+    )
+    return drawing(
+        figure,
+        f"Mean change and net volume of {len(names)} zones against the first survey on {len(days)} days, with 95 % "
+        f"bands; at the end: {ends}",
+    )
+
+
+def _draw_heights(axes: Axes, columns: Mapping[str, Column], epochs: tuple[str, str], sheet: Sheet) -> None:
+    distance = columns["distance_m"]
+    for name, colour, width, label in (
+        ("height_from_m", _BEFORE, 1.5, epochs[0]),
+        ("height_to_m", INK, 0.7, epochs[1]),
+    ):
+        axes.plot(
+            distance, columns[name], color=colour, lw=width, label=label.replace("$", r"\$"), solid_capstyle="butt"
+        )
+    axes.legend(
+        loc="upper right", frameon=False, ncols=2, prop=sheet.fonts(7.5), borderaxespad=0.1, handlelength=1.6,
+        bbox_to_anchor=(1.0, 1.22),
+    )  # fmt: skip
+
+
+def _draw_difference(axes: Axes, columns: Mapping[str, Column]) -> None:
+    distance, dz, level = columns["distance_m"], columns["dz_m"], columns["level_m"]
+    edges, heights = _ribbon(distance, level)
+    axes.fill_between(edges, -heights, heights, color=_GREY, alpha=0.4, lw=0)
+    axes.axhline(0.0, color=_SOFT, lw=0.6)
+    axes.plot(distance, dz, color="#6e7781", lw=0.5, marker=".", ms=2.0, mew=0)
+    beyond = columns["significant"] > 0
+    for chosen, colour in ((beyond & (dz < 0), _LOWERED), (beyond & (dz > 0), _RAISED)):
+        axes.plot(distance[chosen], dz[chosen], ".", color=colour, ms=3.6, mew=0)
+    # the ribbon shall not shrink what lies beyond it, nor a single wide level the whole chart
+    reach = max(1.15 * np.nanmax(np.abs(dz)), 1.3 * np.nanmedian(level))
+    axes.set_ylim(-reach, reach)
+
+
+def _ribbon(distance: Column, level: Column) -> tuple[Column, Column]:
+    """A band that has each cell's level over the cell's own width; NaN between cells that do not touch."""
+    known = np.isfinite(level)
+    distance, level = distance[known], level[known]
+    steps = np.diff(distance)
+    wide = 1.6 * float(np.median(steps)) if steps.size else 1.0
+    half = np.full(len(distance), wide / 3.2)
+    left, right = distance - half, distance + half
+    near = steps <= wide
+    middles = (distance[1:] + distance[:-1]) / 2
+    right[:-1][near], left[1:][near] = middles[near], middles[near]
+    edges = np.column_stack([left, right, np.full(len(left), np.nan)])
+    heights = np.column_stack([level, level, np.full(len(level), np.nan)])
+    joined = np.append(near, False)
+    edges[joined, 2], heights[joined, 2] = right[joined], level[joined]
+    return edges.ravel(), heights.ravel()
+
+
+def _bins(shown: Mapping[str, Any]) -> tuple[Column, float]:
+    """Edges and width of the distribution's bins."""
+    width = shown["bin_m"]
+    count = len(shown["compared"])
+    return (np.arange(count + 1) - count / 2) * width, width
+
+
+def finish(axes: Axes, sheet: Sheet) -> None:
+    """Frame, grid and tick labels that all charts share."""
+    axes.locator_params(axis="y", nbins=5)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        axes.spines[side].set_color("#8c959f")
+        axes.spines[side].set_linewidth(0.6)
+    axes.tick_params(colors=_SOFT, length=3, width=0.6)
+    axes.grid(axis="y", color="#eaeef2", lw=0.6)
+    axes.set_axisbelow(True)
+    for label in (*axes.get_xticklabels(), *axes.get_yticklabels()):
+        label.set_fontproperties(sheet.fonts(7.5))

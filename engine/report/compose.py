@@ -1,0 +1,268 @@
+"""The report of a run: one HTML file that holds its pictures, made of ``run.json`` and the files of its folder."""
+
+from __future__ import annotations
+
+import json
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader
+from markupsafe import Markup
+
+from ...interface.parameters import ParameterSet, Specification
+from ..core.errors import EngineError, InputError
+from ..core.staged_outputs import atomic_output
+from ..zones.confirmation import VERDICTS
+from .figures import Figures, number
+from .reviews import zone_reviews
+
+REPORT = "report.html"
+_TEMPLATES = Path(__file__).resolve().parent / "templates"
+_MOST_ZONES, _MOST_PROFILES = 40, 12
+_MEANINGS = {
+    "confirmed": "significant change of the zone’s sign on 30 % or more of what was compared of it",
+    "confirmed in part": "on 15 % or more, of a zone of many cells",
+    "contradicted": "significant change of the other sign on more than half of it",
+    "not confirmed": "no such change: the shape may be old, or the movement below the level of detection",
+    "not measured": "too little of the zone has points of both surveys",
+}
+
+
+def write_report(folder: Path) -> Path:
+    """Write ``report.html`` into an output folder of ``inspect``, ``change`` or ``series``; its path.
+
+    It is made of that folder alone, so that the same folder gives the same bytes.
+
+    Raises:
+        InputError: the folder holds no record of such a run, or a file of it cannot be read.
+    """
+    folder = Path(folder)
+    with atomic_output(folder / REPORT, check_report) as partial:
+        _write(partial, compose(read_record(folder), folder))
+    return folder / REPORT
+
+
+def compose(record: dict[str, Any], folder: Path, profiles: Path | None = None) -> str:
+    """The report of a run record as HTML.
+
+    Args:
+        folder: of the run's outputs.
+        profiles: table of the profiles' cells, if another than that of the folder.
+
+    Raises:
+        InputError: the record is of no such run, or a file of the folder cannot be read.
+    """
+    context = {
+        "record": record,
+        "metrics": record["metrics"],
+        "fig": Figures(record),
+        "css": Markup((_TEMPLATES / "report.css").read_text(encoding="utf-8")),
+        "settings": _settings(record["parameters"]),
+    }
+    if record.get("epochs"):
+        template, more = "change.html.j2", _change_context(record, folder, profiles or folder / "profiles.csv")
+    elif record["command"] == "series":
+        template, more = "series.html.j2", _series_context(record, folder)
+    elif "screened_zone_count" in record["metrics"]:
+        template, more = "screening.html.j2", _screening_context(record, folder)
+    else:
+        raise InputError(
+            f"{folder / 'run.json'} is no record of a change or a screening; give the folder of such a run."
+        )
+    environment = Environment(
+        loader=FileSystemLoader(_TEMPLATES),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template(template).render(**context, **more)
+
+
+def read_record(folder: Path) -> dict[str, Any]:
+    """The run record of an output folder.
+
+    Raises:
+        InputError: there is none, or it is damaged.
+    """
+    path = folder / "run.json"
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise InputError(f"{folder} holds no run.json; give the output folder of a run.") from error
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} cannot be read; make the run again.") from error
+    parts = ("software", "command", "started", "parameters", "inputs", "metrics", "warnings", "outputs", "versions")
+    missing = [name for name in parts if name not in record] if isinstance(record, dict) else list(parts)
+    if missing:
+        raise InputError(f"{path} is no run record (it lacks {missing[0]}); give the output folder of a run.")
+    return dict(record)
+
+
+def _write(path: Path, text: str) -> None:
+    # a file name that is no Unicode is written with escapes rather than not at all
+    path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
+
+
+def check_report(path: Path) -> None:
+    """Raise EngineError if the file refers to anything outside of itself, or leaves an element open."""
+    parser = _Checker()
+    parser.feed(path.read_text(encoding="utf-8"))
+    parser.close()
+    if parser.faults or parser.open:
+        raise EngineError(f"{path.name} is not sound: {', '.join(parser.faults or parser.open)}")
+
+
+class _Checker(HTMLParser):
+    """Collects what must not be in a report that stands alone."""
+
+    _VOID = frozenset({"meta", "img", "br", "hr", "link", "input", "source", "wbr", "col"})
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.faults: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in self._VOID:
+            self.open.append(tag)
+        if tag in ("script", "link", "iframe", "object", "embed"):
+            self.faults.append(f"an element {tag}")
+        for name, value in attrs:
+            wanted = {"src": "data:", "href": "#"}.get(name)
+            if wanted and not (value or "").startswith(wanted):
+                self.faults.append(f"a reference {value}")
+
+    def handle_endtag(self, tag: str) -> None:
+        if not self.open or self.open.pop() != tag:
+            self.faults.append(f"a stray end of {tag}")
+
+
+def _change_context(record: dict[str, Any], folder: Path, profile_table: Path) -> dict[str, Any]:
+    # matplotlib takes half a second to import; nothing else of the engine should wait for it
+    from ..zones.profiles import read_profiles
+    from . import charts, maps
+    from .embedding import photograph
+    from .ground import ground_section
+
+    epochs = [epoch["name"] for epoch in record["epochs"]]
+    profiles = record.get("profiles") or []
+    tables = read_profiles(profile_table) if profiles else {}
+    drawn = profiles[:_MOST_PROFILES]
+    pictures = {
+        "change": maps.change_map(folder, record["colour_limit_m"], (epochs[0], epochs[1])),
+        "heatmap": photograph(
+            folder / "heatmap.png", "The change, half-transparent over the later survey from above", 1000
+        ),
+        "histogram": charts.change_histogram(record),
+        "stable": charts.stable_histogram(record),
+        "hillshade": maps.hillshades(folder),
+        "density": maps.densities(folder),
+        "cell_sizes": maps.cell_sizes(folder),
+        "profiles": [charts.profile_chart(facts, tables.get(facts["name"]), (epochs[0], epochs[1])) for facts in drawn],
+        "screening": _screening_picture(record, folder),
+    }
+    return {
+        "epochs": record["epochs"],
+        "ground": ground_section(record, folder),
+        "registration": record.get("registration") or {},
+        "stable_given": any(i["role"] == "stable" for i in record["inputs"]),
+        "lod": record.get("level_of_detection") or {},
+        "pictures": pictures,
+        "gap": f"{maps.GAP:g}",
+        "most_zones": _MOST_ZONES,
+        "most_profiles": _MOST_PROFILES,
+        "verdicts": _verdicts(),
+        "reviews": zone_reviews(folder / "zones.gpkg"),
+        "screened_reviews": zone_reviews(folder / "screened_zones.gpkg"),
+    }
+
+
+def _series_context(record: dict[str, Any], folder: Path) -> dict[str, Any]:
+    from .charts import COURSES, course_chart
+    from .embedding import photograph
+    from .ground import ground_section
+
+    roles = [str(i["role"]) for i in record["inputs"]]
+    words = "Map of the velocity of each cell, and the mean change of each zone from survey to survey"
+    return {
+        "days": [role.removeprefix("epoch ") for role in roles if role.startswith("epoch ")],
+        "pictures": {"series": photograph(folder / "series.png", words, 1000), "course": course_chart(record)},
+        "ground": ground_section(record, folder),
+        "courses": [zone["zone_id"] for zone in (record["zones"] or [])[:COURSES]] if record.get("course") else [],
+        "most_zones": _MOST_ZONES,
+        "reviews": zone_reviews(folder / "series.gpkg"),
+    }
+
+
+def _screening_context(record: dict[str, Any], folder: Path) -> dict[str, Any]:
+    from .ground import ground_section
+
+    roles = [str(i["role"]) for i in record["inputs"]]
+    survey = next((role.removeprefix("epoch ") for role in roles if role.startswith("epoch ")), "")
+    return {
+        "survey": survey,
+        "ground": ground_section(record, folder),
+        "pictures": {"screening": _screening_picture(record, folder)},
+        "verdicts": _verdicts(),
+        "screened_reviews": zone_reviews(folder / "screened_zones.gpkg"),
+    }
+
+
+def _screening_picture(record: dict[str, Any], folder: Path) -> Any:
+    from .embedding import photograph
+
+    if "screened_map" not in record["outputs"]:
+        return None
+    return photograph(folder / record["outputs"]["screened_map"], "Map of the screened zones, seen from above", 1000)
+
+
+def _verdicts() -> list[tuple[str, str, str]]:
+    return [(f"{word.replace(' ', '_')}_zones", word, _MEANINGS[word]) for word in VERDICTS]
+
+
+def _settings(parameters: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
+    """The groups of settings with their labels; ``own`` are those that differ from the defaults."""
+    known = _specifications()
+    groups = []
+    for group, values in parameters.items():
+        settings = []
+        for name, value in values.items():
+            specification = known.get((group, name))
+            label = specification.label if specification else name
+            own = specification is not None and value != specification.default
+            settings.append({"label": label, "shown": _shown(value, specification), "own": own})
+        groups.append({"name": group.replace("_", " ").capitalize(), "settings": settings})
+    return groups
+
+
+def _specifications() -> dict[tuple[str, str], Specification]:
+    """By the group's name in a record, such as change for ChangeParameters, and the parameter's."""
+    found = {}
+    for group in ParameterSet.__subclasses__():
+        for kind in (group, *group.__subclasses__()):
+            for name in _record_names(kind):
+                found.update({(name, s.name): s for s in kind.specifications()})
+    return found
+
+
+def _record_names(kind: type[ParameterSet]) -> tuple[str, ...]:
+    name = kind.__name__.removesuffix("Parameters").lower()
+    return {
+        "input": ("inputs",),
+        "zone": ("zones",),
+        "lastepoch": ("screening",),
+        "screening": (),
+        "gridchange": (),
+    }.get(name, (name,))
+
+
+def _shown(value: Any, specification: Specification | None) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if value == "":
+        return "–"
+    text = f"{value:g}" if isinstance(value, float) else number(value, 0) if isinstance(value, int) else str(value)
+    unit = specification.unit if specification else ""
+    return f"{text} {unit}" if unit else text

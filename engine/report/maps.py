@@ -1,0 +1,231 @@
+"""Maps of the report, from the rasters of an output folder."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ...interface.parameters import HeatmapParameters
+from ..core.arrays import Float
+from ..grid.geotiff import Raster, read_raster
+from ..grid.grid import Grid
+from ..maps.figure import make_figure
+from ..maps.furniture import INK, Sheet, draw_scale_bar
+from ..maps.heatmap_image import make_heatmap
+from ..maps.map_text import Words
+from ..maps.palette import SEQUENTIAL, Colour, hexadecimal, sequential_steps
+from ..maps.relief import shaded_relief
+from ..maps.top_view import TopView, top_view_grid
+from ..vector.geopackage import read_layer
+from .embedding import Picture, map_picture
+from .facts import block_cells, points_a_square_metre
+
+GAP = 1.0  # metres within which the surface of a hillshade is closed
+_MAP_PIXELS, _PANEL_PIXELS = 1400, 900  # longest sides of what is drawn
+_PANEL = 4.9  # inches
+
+
+def change_map(folder: Path, limit: float, epochs: tuple[str, str]) -> Picture:
+    """Signed change where it is beyond its level, grey where it is below, with zones, scale, north and coordinates."""
+    dz, level, beyond = (
+        read_raster(folder / f"{name}.tif") for name in ("elevation_change", "level_of_detection", "significant_change")
+    )
+    longest = max(dz.grid.shape) * dz.grid.cell
+    grid = top_view_grid(dz.grid, max(dz.grid.cell, longest / _MAP_PIXELS))
+    white = np.full((*grid.shape, 4), 255, dtype=np.uint8)
+    white[..., 3] = 0
+    words = Words(
+        title="Change above the level of detection", veil=("grey: measured, but", "below the level of detection")
+    )
+    drawn = make_heatmap(
+        dz.array,
+        np.isfinite(beyond.array),
+        level.array,
+        dz.grid,
+        TopView(white, grid, "none"),
+        HeatmapParameters(opacity=1.0),
+        limit=limit,
+    )
+    drawn = replace(drawn, words=words)
+    zones = read_layer(folder / "zones.gpkg", "zones") if (folder / "zones.gpkg").is_file() else None
+    return map_picture(
+        make_figure(drawn, zones=zones, epochs=epochs),
+        "Map of the elevation change beyond its level of detection: red is lowered, blue is raised, grey is below the "
+        "level; the zones are outlined and numbered",
+    )
+
+
+def hillshades(folder: Path) -> tuple[Picture | None, Picture | None]:
+    """The surface of each epoch in shaded relief; None for an epoch without heights."""
+    path = folder / "surface_heights.tif"
+    if not path.is_file():
+        return None, None
+    both = [read_raster(path, band) for band in (1, 2)]
+    reliefs = [_relief(raster) for raster in both]
+    # one stretch for both: a slope that faces away from the light is dark all over
+    lightness = np.concatenate([relief[np.isfinite(relief)] for relief in reliefs])
+    low, high = np.percentile(lightness, (1, 99)) if lightness.size else (0.0, 1.0)
+    pictures: list[Picture | None] = []
+    for raster, relief, epoch in zip(both, reliefs, ("earlier", "later"), strict=True):
+        known = np.asarray(np.isfinite(relief[..., 0]))
+        grey = 40.0 + 205.0 * (np.nan_to_num(relief) - low) / max(high - low, 1.0)
+        image = np.where(known[..., np.newaxis], np.clip(np.rint(grey), 0, 255), 255).astype(np.uint8)
+        words = f"Shaded relief of the {epoch} survey’s ground"
+        pictures.append(panel(image, raster.grid, words) if known.any() else None)
+    return pictures[0], pictures[1]
+
+
+def densities(folder: Path) -> tuple[Picture | None, Picture | None]:
+    """Ground points a square metre of each epoch, on one scale."""
+    path = folder / "point_counts.tif"
+    if not path.is_file():
+        return None, None
+    counts = [read_raster(path, band) for band in (1, 2)]
+    blocks = [points_a_square_metre(np.nan_to_num(c.array).astype(np.float64), c.grid) for c in counts]
+    reached = np.concatenate([b[b > 0] for b in blocks])
+    limit = float(np.percentile(reached, 98)) if reached.size else 1.0
+    first, second = (
+        _density_panel(b, c.grid, limit, words)
+        for b, c, words in zip(blocks, counts, ("earlier", "later"), strict=True)
+    )
+    return first, second
+
+
+def cell_sizes(folder: Path) -> Picture | None:
+    """Side of the cell that each place was compared in, where cells grew."""
+    path = folder / "cell_size.tif"
+    if not path.is_file():
+        return None
+    raster = read_raster(path)
+    sizes = np.unique(raster.array[np.isfinite(raster.array)])
+    if not sizes.size:
+        return None
+    colours = sequential_steps(len(sizes))
+    image = np.full((*raster.array.shape, 3), 255, dtype=np.uint8)
+    for size, colour in zip(sizes, colours, strict=True):
+        image[raster.array == size] = colour
+    words = [(f"{float(size):.4g} m", colour) for size, colour in zip(sizes, colours, strict=True)]
+    return panel(image, raster.grid, "Map of the size of the cells that were compared", boxes=words)
+
+
+def _relief(raster: Raster) -> Float:
+    """Shaded relief (rows, columns, 3), 0 to 255, NaN where the surface is unknown."""
+    heights = raster.array.astype(np.float64)
+    if not np.isfinite(heights).any():
+        return np.full((*heights.shape, 3), np.nan)
+    heights = closed(heights, raster.grid.cell, GAP)
+    factor = max(1, math.ceil(max(heights.shape) / _PANEL_PIXELS))
+    heights = heights[factor // 2 :: factor, factor // 2 :: factor]
+    relief = shaded_relief(heights, raster.grid.cell * factor).astype(np.float64)
+    relief[~np.isfinite(heights)] = np.nan
+    return relief
+
+
+def closed(heights: Float, cell: float, gap: float) -> Float:
+    """Heights with gaps up to ``gap`` metres wide filled, for a picture.
+
+    Cells take the mean of the known ones around, weighted by a Gauss curve, of what is left over a plane: without that,
+    the mean on a slope leans to the side where more is known.
+    """
+    rows, columns = heights.shape
+    y, x = np.mgrid[0:rows, 0:columns] * cell
+    known = np.isfinite(heights)
+    design = np.column_stack([x[known], y[known], np.ones(known.sum())])
+    plane = np.linalg.lstsq(design, heights[known], rcond=None)[0]
+    trend = plane[0] * x + plane[1] * y + plane[2]
+    rest = np.where(known, heights - trend, 0.0)
+    near = ndimage.distance_transform_edt(~known) * cell <= gap / 2
+    outside = ndimage.distance_transform_edt(near) * cell <= gap / 2
+    wanted = near & (~outside | known)
+    filled = np.where(known, heights, np.nan)
+    # from fine to coarse: a small gap shall not be smoothed as a large one
+    for sigma in (1.0, 2.0, 4.0, 8.0):
+        missing = wanted & ~np.isfinite(filled)
+        if not missing.any():
+            break
+        weight = ndimage.gaussian_filter(known.astype(np.float64), sigma, truncate=3.0)
+        total = ndimage.gaussian_filter(rest, sigma, truncate=3.0)
+        ready = missing & (weight > 0.02)
+        filled[ready] = (trend + total / np.maximum(weight, 1e-9))[ready]
+    return np.asarray(filled)
+
+
+def _density_panel(blocks: Float, grid: Grid, limit: float, epoch: str) -> Picture:
+    side = block_cells(grid)
+    share = np.clip(blocks / limit, 0.0, 1.0)
+    image = sequential(share)
+    image[blocks == 0] = 255
+    return panel(
+        image,
+        Grid(grid.west, grid.north, grid.cell * side, *blocks.shape),
+        f"Map of the density of ground points of the {epoch} survey",
+        legend=limit,
+    )
+
+
+def sequential(share: Float) -> NDArray[np.uint8]:
+    """RGB (..., 3) of shares from 0 to 1 on the sequential ramp."""
+    places = [place for place, _ in SEQUENTIAL]
+    colours = np.array([colour for _, colour in SEQUENTIAL], dtype=np.float64)
+    bands = [np.interp(share, places, colours[:, band]) for band in range(3)]
+    return np.rint(np.stack(bands, axis=-1)).astype(np.uint8)
+
+
+def panel(
+    image: NDArray[np.uint8],
+    grid: Grid,
+    text: str,
+    *,
+    legend: float | None = None,
+    boxes: Sequence[tuple[str, Colour]] = (),
+) -> Picture:
+    """A small map: the picture over the grid, and a scale bar below.
+
+    Args:
+        legend: end of a scale of colours from 0, points/m².
+        boxes: words and colours of a legend; in a row of their own above a scale of colours.
+    """
+    west, south, east, north = grid.bounds
+    width = _PANEL
+    height = min(max(width * (north - south) / (east - west), 0.6), 6.5)
+    inches = min(width / (east - west), height / (north - south))
+    wide, tall = inches * (east - west), inches * (north - south)
+    both = legend is not None and len(boxes) > 0
+    foot = 0.83 if both else 0.55
+    figure = Figure(figsize=(width, tall + foot))
+    sheet = Sheet(figure, width, tall + foot)
+    axes = sheet.axes((width - wide) / 2, foot, wide, tall)
+    axes.imshow(image, interpolation="nearest" if legend or boxes else "antialiased", aspect="auto")
+    axes.set_axis_off()
+    draw_scale_bar(sheet, 0.15, 0.3, 1.6, inches)
+    for number, (word, colour) in enumerate(boxes):
+        left = 2.5 if both else 2.0
+        left += number * min(0.7, (width - left) / len(boxes))
+        box = sheet.axes(left, 0.52 if both else 0.24, 0.14, 0.14)
+        box.set_facecolor(hexadecimal(colour))
+        _framed(box)
+        sheet.text(left + 0.19, 0.59 if both else 0.31, word)
+    if legend is not None:
+        bar = sheet.axes(2.5, 0.3, 1.6, 0.12)
+        bar.imshow(sequential(np.linspace(0, 1, 128))[np.newaxis], aspect="auto", extent=(0, 1, 0, 1))
+        _framed(bar)
+        for share in (0.0, 0.5, 1.0):
+            sheet.text(2.5 + 1.6 * share, 0.18, f"{share * legend:.3g}", ha="center")
+        sheet.text(4.18, 0.36, "points/m²")
+    return map_picture(figure, text)
+
+
+def _framed(axes: Axes) -> None:
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for spine in axes.spines.values():
+        spine.set_linewidth(0.6)
+        spine.set_color(INK)

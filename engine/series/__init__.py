@@ -1,0 +1,1 @@
+"""More than two surveys: zones through time, velocity, alerts."""

@@ -1,0 +1,297 @@
+"""Tables of a series: one line a zone, and one line a zone and survey."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import date, timedelta
+from typing import Any
+
+import geopandas as gpd
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from ..core.arrays import Float
+from ..crs.working_frame import horizontal
+from ..grid.grid import Grid
+from ..vector.cell_polygons import cell_polygons, inclination, table_column
+from ..vector.review_fields import UNREVIEWED
+from ..zones.fields import KINDS
+from .velocity_classes import velocity_class
+from .zone_series import ZoneSeries
+
+_Z95 = 1.959963984540054
+
+ZONE_FIELDS: dict[str, str] = {
+    "zone_id": "text",
+    "alert_level": "integer",
+    "alert": "text",
+    "alert_reason": "text",
+    "action": "text",
+    "slope_id": "text",
+    "route": "text",
+    "chain_from": "real",
+    "chain_to": "real",
+    "side": "text",
+    "epoch_from": "text",
+    "epoch_to": "text",
+    "days": "integer",
+    "kind": "text",
+    "status": "text",
+    "first_seen": "text",
+    "last_seen": "text",
+    "split_from": "text",
+    "merged": "text",
+    "n_epochs": "integer",
+    "n_epochs_confirmed": "integer",
+    "rate_mm_day": "real",
+    "rate_err": "real",
+    "rate_low": "real",
+    "rate_high": "real",
+    "rate_last": "real",
+    "rate_last_err": "real",
+    "velocity_class": "text",
+    "trend": "text",
+    "onset_from": "text",
+    "onset_to": "text",
+    "tangent_angle": "real",
+    "tangent_level": "text",
+    "tangent_note": "text",
+    "failure_from": "text",
+    "failure_to": "text",
+    "failure_note": "text",
+    "dz_mean_m": "real",
+    "dz_p95_m": "real",
+    "area_m2": "real",
+    "n_cells": "integer",
+    "vol_loss_m3": "real",
+    "vol_gain_m3": "real",
+    "vol_net_m3": "real",
+    "vol_err_m3": "real",
+    "lod95_m": "real",
+    "slope_deg": "real",
+    "review_status": "text",
+    "reviewer": "text",
+    "remarks": "text",
+    "method": "text",
+    "run_id": "text",
+}
+SERIES_FIELDS: dict[str, str] = {
+    "zone_id": "text",
+    "kind": "text",
+    "epoch": "text",
+    "days": "integer",
+    "dz_mean_m": "real",
+    "dz_err_m": "real",
+    "lod95_m": "real",
+    "state": "text",
+    "confirmed": "integer",
+    "area_m2": "real",
+    "vol_net_m3": "real",
+    "vol_err_m3": "real",
+    "days_before": "integer",
+    "step_m": "real",
+    "step_err_m": "real",
+    "rate_mm_day": "real",
+    "rate_err": "real",
+    "event": "text",
+}
+
+
+@dataclass(frozen=True)
+class About:
+    """What the tables say of their origin; ``dates`` of all surveys, the first in front."""
+
+    dates: tuple[date, ...]
+    crs: CRS
+    grid: Grid
+    method: str
+    run_id: str
+
+
+def zone_frame(zones: Sequence[ZoneSeries], last_change: Float, heights: Float, about: About) -> gpd.GeoDataFrame:
+    """One row a zone, the highest alert first, then the fastest.
+
+    Args:
+        last_change: (rows, columns) change of the last survey against the first, metres.
+        heights: of the last survey, metres.
+    """
+    rows = [_zone_row(zone, last_change, heights, about) for zone in zones]
+    order = sorted(range(len(rows)), key=lambda i: (-rows[i]["alert_level"], -abs(rows[i].get("rate_mm_day") or 0.0)))
+    columns = {
+        name: table_column(_column([rows[i].get(name) for i in order], kind), kind, len(rows))
+        for name, kind in ZONE_FIELDS.items()
+    }
+    shapes = [zone_polygon(zones[i].cells, about.grid) for i in order]
+    return gpd.GeoDataFrame(columns, geometry=np.array(shapes, dtype=object), crs=horizontal(about.crs))
+
+
+def series_frame(zones: Sequence[ZoneSeries], about: About) -> gpd.GeoDataFrame:
+    """One row a zone and survey from the second on, with ``time_from`` and ``time_to`` for the temporal controller."""
+    rows: list[dict[str, Any]] = []
+    shapes: list[Any] = []
+    for zone in zones:
+        shape = zone_polygon(zone.cells, about.grid)
+        for i in range(1, len(about.dates)):
+            rows.append(_survey_row(zone, i, about))
+            shapes.append(shape)
+    columns: dict[str, Any] = {
+        name: table_column(_column([r.get(name) for r in rows], kind), kind, len(rows))
+        for name, kind in SERIES_FIELDS.items()
+    }
+    for name in ("time_from", "time_to"):
+        columns[name] = pd.Series(pd.to_datetime([r[name] for r in rows]), dtype="datetime64[ms]")
+    return gpd.GeoDataFrame(columns, geometry=np.array(shapes, dtype=object), crs=horizontal(about.crs))
+
+
+def series_csv(frame: gpd.GeoDataFrame) -> str:
+    """The table of ``series_frame`` as CSV text, without its shapes."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(SERIES_FIELDS)
+    for row in frame[list(SERIES_FIELDS)].itertuples(index=False):
+        # + 0.0: no minus zero
+        writer.writerow(["" if pd.isna(v) else v + 0.0 if isinstance(v, float) else v for v in row])
+    return text.getvalue()
+
+
+def zone_polygon(cells: NDArray[np.int64], grid: Grid) -> Any:
+    """Outline of the cells (flat indices) along their edges."""
+    row, column = np.divmod(cells, grid.columns)
+    top, left = int(row.min()), int(column.min())
+    labels = np.zeros((int(row.max()) - top + 1, int(column.max()) - left + 1), dtype=np.int32)
+    labels[row - top, column - left] = 1
+    part = Grid(grid.west + left * grid.cell, grid.north - top * grid.cell, grid.cell, labels.shape[0], labels.shape[1])
+    return cell_polygons(labels, 1, part)[0]
+
+
+def status_of(zone: ZoneSeries) -> str:
+    """active: the last survey confirms it; new: it alone does; quiet: not any more; unconfirmed: one earlier did."""
+    last = bool(zone.confirmed[zone.last])
+    if zone.epochs_confirmed < 2:
+        return "new" if last else "unconfirmed"
+    return "active" if last else "quiet"
+
+
+def _column(values: list[Any], kind: str) -> NDArray:
+    if kind == "text":
+        return np.array([v or "" for v in values], dtype=object)
+    if kind == "integer":
+        return np.array([pd.NA if v is None else int(v) for v in values], dtype=object)
+    return np.array([np.nan if v is None else float(v) for v in values], dtype=np.float64)
+
+
+def _zone_row(zone: ZoneSeries, last_change: Float, heights: Float, about: About) -> dict[str, Any]:
+    last, first = zone.last, about.dates[0]
+    area = int(zone.measured[last]) * about.grid.cell**2
+    values = last_change.ravel()[zone.cells]
+    values = values[np.isfinite(values)]
+    signed = np.abs(values[values * zone.track.sign > 0])
+    owner = np.zeros(len(zone.cells), dtype=np.int64)
+    change, error = float(zone.change[last]), float(zone.error[last])
+    seen = [s.epoch for s in zone.track.sightings]
+    row: dict[str, Any] = {
+        "zone_id": zone.track.zone_id,
+        "alert_level": zone.alert.level,
+        "alert": zone.alert.name,
+        "alert_reason": zone.alert_reason,
+        "action": zone.alert.action,
+        "epoch_from": first.isoformat(),
+        "epoch_to": about.dates[last].isoformat(),
+        "days": (about.dates[last] - first).days,
+        "kind": KINDS[0] if zone.track.sign < 0 else KINDS[1],
+        "status": status_of(zone),
+        "first_seen": about.dates[min(seen)].isoformat(),
+        "last_seen": about.dates[max(seen)].isoformat(),
+        "split_from": zone.track.parent,
+        "merged": ", ".join(o for s in zone.track.sightings if s.event == "merged" for o in s.others),
+        "n_epochs": int(np.count_nonzero(zone.measured)),
+        "n_epochs_confirmed": zone.epochs_confirmed,
+        "dz_mean_m": change,
+        "dz_p95_m": zone.track.sign * float(np.quantile(signed, 0.95)) if len(signed) else None,
+        "area_m2": area,
+        "n_cells": int(zone.measured[last]),
+        "vol_loss_m3": float(-values[values < 0].sum() * about.grid.cell**2),
+        "vol_gain_m3": float(values[values > 0].sum() * about.grid.cell**2),
+        "vol_net_m3": change * area,
+        "vol_err_m3": error * area,
+        "lod95_m": _Z95 * error,
+        "slope_deg": float(inclination(owner, zone.cells, 1, heights, about.grid)[0]),
+        "review_status": UNREVIEWED,
+        "method": about.method,
+        "run_id": about.run_id,
+        "tangent_angle": zone.angle.degrees,
+        "tangent_level": zone.angle.level,
+        "tangent_note": zone.angle.reason,
+        "failure_note": zone.failure.reason,
+    }
+    if zone.failure.earliest is not None and zone.failure.latest is not None:
+        row["failure_from"] = (first + timedelta(days=int(zone.failure.earliest))).isoformat()
+        row["failure_to"] = (first + timedelta(days=int(np.ceil(zone.failure.latest)))).isoformat()
+    velocity = zone.velocity
+    if velocity is not None:
+        row |= {
+            "rate_mm_day": 1000 * velocity.rate,
+            "rate_err": 1000 * velocity.error,
+            "rate_low": 1000 * velocity.low,
+            "rate_high": 1000 * velocity.high,
+            "velocity_class": velocity_class(1000 * velocity.rate) if velocity.significant else "not determined",
+            "trend": velocity.trend,
+        }
+        if velocity.onset is not None:
+            row["onset_from"], row["onset_to"] = (about.dates[i].isoformat() for i in velocity.onset)
+    row["rate_last"], row["rate_last_err"] = _step(zone, last, about)[3:]
+    return row
+
+
+def _survey_row(zone: ZoneSeries, i: int, about: About) -> dict[str, Any]:
+    known = zone.measured[i] > 0
+    change, error = (float(zone.change[i]), float(zone.error[i])) if known else (None, None)
+    area = int(zone.measured[i]) * about.grid.cell**2
+    state = "not measured"
+    if change is not None and error is not None:
+        beyond = abs(change) > _Z95 * error
+        state = "below its level" if not beyond else "lowered" if change < 0 else "raised"
+    before, step, step_error, rate, rate_error = _step(zone, i, about)
+    sighting = next((s for s in zone.track.sightings if s.epoch == i), None)
+    event = "" if sighting is None else sighting.event
+    if sighting is not None and sighting.others:
+        event += f" with {', '.join(sighting.others)}"
+    return {
+        "zone_id": zone.track.zone_id,
+        "kind": KINDS[0] if zone.track.sign < 0 else KINDS[1],
+        "epoch": about.dates[i].isoformat(),
+        "days": (about.dates[i] - about.dates[0]).days,
+        "dz_mean_m": change,
+        "dz_err_m": error,
+        "lod95_m": None if error is None else _Z95 * error,
+        "state": state,
+        "confirmed": int(zone.confirmed[i]),
+        "area_m2": area,
+        "vol_net_m3": None if change is None else change * area,
+        "vol_err_m3": None if error is None else error * area,
+        "days_before": before,
+        "step_m": step,
+        "step_err_m": step_error,
+        "rate_mm_day": rate,
+        "rate_err": rate_error,
+        "event": event,
+        "time_from": about.dates[i - 1] + timedelta(days=1),
+        "time_to": about.dates[i],
+    }
+
+
+def _step(zone: ZoneSeries, i: int, about: About) -> tuple[Any, Any, Any, Any, Any]:
+    """Days, change, its error, rate (mm/day) and its error since the survey that measured the zone before."""
+    earlier = np.flatnonzero(np.isfinite(zone.change[:i]))
+    if not len(earlier) or not np.isfinite(zone.change[i]):
+        return None, None, None, None, None
+    j = int(earlier[-1])
+    days = (about.dates[i] - about.dates[j]).days
+    step = float(zone.change[i] - zone.change[j])
+    error = float(np.sqrt(zone.variance[i] + zone.variance[j]))
+    return days, step, error, 1000 * step / days, 1000 * error / days

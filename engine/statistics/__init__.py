@@ -1,0 +1,1 @@
+"""Normal quantiles, robust scatter, quantiles, window sums, variogram. Knows no coordinates."""

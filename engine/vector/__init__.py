@@ -1,0 +1,1 @@
+"""Polygons and lines in, GeoPackage out."""

@@ -1,0 +1,1 @@
+"""Significant cells to polygons, volumes and profiles."""

@@ -1,0 +1,157 @@
+"""Which zones of a screened survey the change since an earlier one confirms."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import geopandas as gpd
+import numpy as np
+from affine import Affine
+from numpy.typing import NDArray
+from rasterio.features import geometry_mask
+from shapely.geometry.base import BaseGeometry
+
+from ..change.result import Change
+from ..core.arrays import Float
+from ..grid.blocks import Blocks
+from ..grid.grid import Grid
+from ..vector.cell_polygons import table_column
+
+LEAST_COMPARED = 0.25
+"""Part of a zone that must have been compared for a word about it."""
+FEWEST_CELLS = 5
+"""Compared cells that it takes, too: of fewer, one that noise made significant would decide."""
+CONFIRMING = 0.3
+"""Part of what was compared in a zone from which significant change of its sign confirms it; see docs/guide.md."""
+IN_PART, CELLS_IN_PART = 0.15, 40
+"""From this part on, of at least so many cells, some of the zone has moved; noise hardly ever reaches it."""
+CONTRADICTING = 0.5
+"""Significant change of the other sign on more than this part contradicts it."""
+
+CONFIRMED, PARTLY, CONTRADICTED = "confirmed", "confirmed in part", "contradicted"
+NOT_CONFIRMED, NOT_MEASURED = "not confirmed", "not measured"
+VERDICTS = (CONFIRMED, PARTLY, CONTRADICTED, NOT_CONFIRMED, NOT_MEASURED)
+FIELDS: dict[str, str] = {
+    "confirmed": "text",
+    "compared_share": "real",
+    "change_share": "real",
+    "opposite_share": "real",
+    "dz_signif_m": "real",
+}
+_MOST_PARTS = 16
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the change says of one zone: shares from 0 to 1, lengths in metres.
+
+    ``compared`` is the part of the zone that has a change at all, ``cells`` how many cells of the raster that
+    is, or equal blocks where cells grew; ``matching`` and ``opposite`` are the parts of these with significant change
+    of the zone's sign and of the other; ``mean`` is the mean significant change in the zone. The last three are NaN
+    where there is nothing to take them of.
+    """
+
+    compared: float
+    cells: float
+    matching: float
+    opposite: float
+    mean: float
+
+
+def confirm_zones(frame: gpd.GeoDataFrame, change: Change, *, outline_cell: float) -> gpd.GeoDataFrame:
+    """The zones with the columns ``FIELDS``.
+
+    Where the whole overlap rose or sank (``change.uniform_dz``), the change is one of the heights' datum, and no zone
+    counts as measured.
+
+    Args:
+        frame: zones with ``kind`` and ``geometry``, in the reference system of the change.
+        outline_cell: cell (m) along whose edges the zones were drawn.
+    """
+    evidence = [
+        weigh(geometry, 1.0 if kind == "uplift" else -1.0, change, outline_cell=outline_cell)
+        for geometry, kind in zip(frame.geometry, frame["kind"], strict=True)
+    ]
+    biased = change.uniform_dz is not None
+    columns = {
+        "confirmed": [NOT_MEASURED if biased else verdict(e) for e in evidence],
+        "compared_share": [e.compared for e in evidence],
+        "change_share": [e.matching for e in evidence],
+        "opposite_share": [e.opposite for e in evidence],
+        "dz_signif_m": [e.mean for e in evidence],
+    }
+    typed = {
+        name: table_column(np.array(columns[name], dtype=object if kind == "text" else np.float64), kind, len(frame))
+        for name, kind in FIELDS.items()
+    }
+    return frame.assign(**{name: column.to_numpy() for name, column in typed.items()})
+
+
+def verdict(evidence: Evidence) -> str:
+    """One of ``VERDICTS``."""
+    if evidence.compared < LEAST_COMPARED or evidence.cells < FEWEST_CELLS:
+        return NOT_MEASURED
+    if evidence.opposite > CONTRADICTING:
+        return CONTRADICTED
+    if evidence.matching <= evidence.opposite:
+        return NOT_CONFIRMED
+    if evidence.matching >= CONFIRMING:
+        return CONFIRMED
+    return PARTLY if evidence.matching >= IN_PART and evidence.cells >= CELLS_IN_PART else NOT_CONFIRMED
+
+
+def weigh(geometry: BaseGeometry, sign: float, change: Change, *, outline_cell: float) -> Evidence:
+    """What ``change`` says of the polygon ``geometry``, whose ground is raised (``sign`` 1) or lowered (-1).
+
+    A cell counts with the part of it that lies inside.
+    """
+    window, weights = _inside(geometry, change.grid, outline_cell)
+    dz = change.dz[window]
+    weights = np.where(np.isfinite(dz), weights, 0.0)
+    cells = float(weights.sum())
+    significant = np.where(change.significant[window], weights, 0.0)
+    moved = float(significant.sum())
+    with np.errstate(invalid="ignore"):
+        matching = float(significant[dz * sign > 0].sum())
+    return Evidence(
+        compared=min(1.0, cells * change.grid.cell**2 / geometry.area) if geometry.area else 0.0,
+        cells=cells if change.block is None else _effective(change.block[window], weights),
+        matching=matching / cells if cells else math.nan,
+        opposite=(moved - matching) / cells if cells else math.nan,
+        mean=float(np.nansum(significant * dz) / moved) if moved else math.nan,
+    )
+
+
+def _effective(block: Blocks, weights: Float) -> float:
+    """How many equal blocks would tell a share as surely as those with ``weights``, of which a few may hold most
+    (Kish 1965, Survey Sampling: the square of the sum over the sum of squares).
+    """
+    each = np.bincount(block[weights > 0], weights[weights > 0])
+    return float(each.sum() ** 2 / (each**2).sum()) if each.size else 0.0
+
+
+def _inside(geometry: BaseGeometry, grid: Grid, outline_cell: float) -> tuple[tuple[slice, slice], Float]:
+    """The cells about a polygon, and the part (rows, columns) of each that lies inside it."""
+    west, south, east, north = geometry.bounds
+    columns = _span((west - grid.west) / grid.cell, (east - grid.west) / grid.cell, grid.columns)
+    rows = _span((grid.north - north) / grid.cell, (grid.north - south) / grid.cell, grid.rows)
+    shape = rows.stop - rows.start, columns.stop - columns.start
+    if not all(shape):
+        return (rows, columns), np.zeros(shape)
+    # parts of a cell no larger than half a cell of the outline, each in or out by its middle
+    parts = min(_MOST_PARTS, max(1, math.ceil(2.0 * grid.cell / outline_cell - 1e-9)))
+    side = grid.cell / parts
+    corner = grid.west + columns.start * grid.cell, grid.north - rows.start * grid.cell
+    fine: NDArray[np.bool_] = geometry_mask(
+        [geometry],
+        out_shape=(shape[0] * parts, shape[1] * parts),
+        transform=Affine(side, 0.0, corner[0], 0.0, -side, corner[1]),
+        invert=True,
+    )
+    return (rows, columns), fine.reshape(shape[0], parts, shape[1], parts).mean(axis=(1, 3))
+
+
+def _span(low: float, high: float, count: int) -> slice:
+    first = min(max(math.floor(low), 0), count)
+    return slice(first, min(max(math.ceil(high), first), count))

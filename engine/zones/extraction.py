@@ -1,0 +1,291 @@
+"""Hazard zones: contiguous cells of significant change of one sign, as polygons with their figures and errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import date
+
+import geopandas as gpd
+import numpy as np
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from ...interface.parameters import ZoneParameters
+from ..core.arrays import Float
+from ..crs.working_frame import horizontal
+from ..grid.blocks import Blocks, blocks_in_groups
+from ..grid.grid import Grid
+from ..statistics.normal import Z95
+from ..vector.cell_polygons import cell_polygons, inclination, table_column
+from ..vector.review_fields import UNREVIEWED
+from .confidence import SURE, sure_groups
+from .fields import FIELDS, KINDS, SEVERITIES, UNSURE
+from .footprints import Cells, Footprint, footprint_labels
+from .groups import first_of_each, label_groups
+from .volumes import CorrelationModel, ZoneVolumes, zone_volumes
+
+
+@dataclass(frozen=True)
+class Zones:
+    """Zones of a run, the most severe first.
+
+    Attributes:
+        frame: one row a zone; columns ``FIELDS`` and a MultiPolygon ``geometry`` in the horizontal reference system.
+        labels: int32 (rows, columns); 0 outside every zone, else 1 + the zone's row in ``frame``.
+        dropped_groups, dropped_cells: groups of significant cells that were too small, and their cells, and those
+            that are large enough, but whose mean change is within what plants make of it: ``within_plants`` groups.
+        unsure_groups: further groups that are large enough, but less sure than ``minimum_confidence``.
+        footprints: where each zone's volume was taken, in the order of ``frame``.
+        volumes: their volumes and errors, in the order of ``frame``.
+        correlation: how the errors of cells are related.
+    """
+
+    frame: gpd.GeoDataFrame
+    labels: NDArray[np.int32]
+    dropped_groups: int
+    dropped_cells: int
+    footprints: tuple[Footprint, ...]
+    volumes: ZoneVolumes
+    correlation: CorrelationModel
+    within_plants: int = 0
+    unsure_groups: int = 0
+
+
+def extract_zones(
+    dz: NDArray[np.floating],
+    significant: NDArray[np.bool_],
+    lod: NDArray[np.floating],
+    sigma: NDArray[np.floating],
+    count_min: NDArray[np.integer],
+    grid: Grid,
+    crs: CRS | None,
+    parameters: ZoneParameters | None = None,
+    *,
+    registration_error: float = 0.0,
+    heights: NDArray[np.floating] | None = None,
+    epochs: tuple[date | None, date | None] = (None, None),
+    method: str = "",
+    run_id: str = "",
+    block: Blocks | None = None,
+    cell_size: Float | None = None,
+    cell_area: Float | None = None,
+    stable: NDArray[np.bool_] | None = None,
+    plants: Float | None = None,
+    plant_like: NDArray[np.bool_] | None = None,
+) -> Zones:
+    """Join significant cells of one sign into zones.
+
+    Cells that share an edge or a corner belong together, and so do cells with a gap of at most ``bridged_gap`` between
+    them in which nothing was measured in both epochs: under vegetation a surface is known in a broken pattern of cells
+    only. Measured cells without significant change always divide. A polygon follows the edges of its significant cells,
+    unsimplified, with its holes, so that its area is that of its cells; parts are parts of one MultiPolygon.
+
+    The fields' meaning, where it is not plain: ``dz_p95_m`` is the 95th percentile of the magnitudes with the zone's
+    sign; the volumes are those over the zone's footprint (``volumes.outline_footprints``), which is ``vol_area_m2``
+    large and of whose cells the share ``vol_measured`` was measured; ``vol_loss_m3`` and ``vol_gain_m3`` are positive;
+    ``vol_err_m3`` is one standard error of ``vol_net_m3`` with correlated errors (``volumes.CorrelationModel``),
+    ``vol_low_m3`` to ``vol_high_m3`` its 95 % interval, ``n_eff`` the effective number of samples; ``rate_err`` is the
+    standard error of ``rate_mm_day`` from the same model; ``lod95_m`` is the zone's median of ``lod``; ``slope_deg``
+    the inclination of the plane through the zone's ``heights``; ``confidence`` the probability that noise alone makes
+    no zone as strong anywhere on the map (``zone_confidence``). Groups below ``minimum_confidence`` are no zones; a
+    zone below 95 % has the severity ``unsure``.
+
+    Args:
+        dz: elevation change (rows, columns), metres; NaN for no data.
+        significant: cells beyond their level of detection.
+        lod: level of detection of each cell at 95 % confidence, metres.
+        sigma: standard error of ``dz`` of each cell, the registration's part included, metres.
+        count_min: points of each cell in the epoch that has fewer.
+        registration_error: the part of ``sigma`` that all cells share, metres.
+        heights: heights of the surface, for the zones' inclination; without them ``slope_deg`` is NULL.
+        epochs: dates of both surveys; without them ``days`` and the rates are NULL.
+        block: number of each cell's block where cells grew (-1: none). A block counts as one cell and errs as one.
+        cell_size: side of each cell's block, metres (see ``label_groups``).
+        cell_area: area that each cell's ``dz`` acts on, m²; that of the map without.
+        stable: cells that are taken as stable ground, from which the errors' correlation is told; without it, those
+            outside of every footprint.
+        plants: the part of ``sigma`` that plants make, metres.
+        plant_like: cells whose change may be the plants', to which no volume reaches out.
+    """
+    parameters = parameters or ZoneParameters()
+    cells_of = dz, significant, grid, parameters, cell_size
+    labels, first_cells, groups, dropped_cells = label_groups(*cells_of, plants, sigma)
+    count = len(first_cells)
+    within_plants = 0
+    if plants is not None:
+        within_plants = len(label_groups(*cells_of, None, sigma)[1]) - count
+    cells = Cells(
+        np.asarray(dz, dtype=np.float64),
+        np.asarray(sigma, dtype=np.float64),
+        np.full(grid.shape, grid.cell**2) if cell_area is None else cell_area,
+        grid.cell,
+        block,
+        plants,
+        plant_like,
+    )
+    sure = sure_groups(
+        labels,
+        count,
+        cells,
+        count_min,
+        stable,
+        gap=parameters.bridged_gap,
+        registration_error=registration_error,
+        least=parameters.minimum_confidence,
+    )
+    labels, footprints, correlation = sure.labels, sure.footprints, sure.correlation
+    count, first_cells = len(footprints), first_of_each(labels)
+    inside = np.flatnonzero(labels)
+    zone = labels.ravel()[inside].astype(np.int64) - 1
+
+    def of_cells(values: NDArray[np.floating]) -> Float:
+        return values.ravel()[inside].astype(np.float64)
+
+    values = _statistics(
+        zone,
+        count,
+        of_cells(dz),
+        of_cells(lod),
+        count_min.ravel()[inside],
+        cell_area=grid.cell**2,
+    )
+    volumes = zone_volumes(footprints, cells, correlation)
+    values.update(_volume_columns(volumes))
+    if block is not None:
+        values["n_cells"] = blocks_in_groups(labels, block, count)[1:]
+    values["slope_deg"] = np.full(count, np.nan) if heights is None else inclination(zone, inside, count, heights, grid)
+    values["confidence"] = sure.confidence
+    values["severity"] = _severity(values["dz_p95_m"], sure.confidence, parameters)
+    _add_rates(values, volumes.mean_error, epochs)
+    texts = {"method": method, "run_id": run_id, "review_status": UNREVIEWED}
+    texts.update(zip(("epoch_from", "epoch_to"), (e.isoformat() if e else "" for e in epochs), strict=True))
+    values.update({name: np.full(count, text, dtype=object) for name, text in texts.items()})
+    values["n_epochs_confirmed"] = np.ones(count, dtype=np.int64)
+
+    rank = np.array([SEVERITIES.index(s) for s in values["severity"]], dtype=np.int64)
+    volume = np.abs(values["vol_net_m3"])
+    order = np.lexsort((first_cells, -volume, rank))
+    new_label = np.zeros(count + 1, dtype=np.int32)
+    new_label[order + 1] = np.arange(1, count + 1)
+    labels = new_label[labels]
+    values = {name: column[order] for name, column in values.items()}
+    values["zone_id"] = np.array([f"Z{i:03d}" for i in range(1, count + 1)], dtype=object)
+    frame = gpd.GeoDataFrame(
+        {name: table_column(values.get(name), kind, count) for name, kind in FIELDS.items()},
+        geometry=cell_polygons(labels, count, grid),
+        crs=horizontal(crs),
+    )
+    return Zones(
+        frame=frame,
+        labels=labels,
+        dropped_groups=groups,
+        dropped_cells=dropped_cells,
+        footprints=tuple(footprints[i] for i in order),
+        volumes=volumes.in_order(order),
+        correlation=correlation,
+        within_plants=within_plants,
+        unsure_groups=sure.dropped,
+    )
+
+
+_FOOTPRINT_FIELDS = (
+    "zone_id",
+    "kind",
+    "vol_net_m3",
+    "vol_err_m3",
+    "vol_low_m3",
+    "vol_high_m3",
+    "vol_area_m2",
+    "vol_measured",
+)
+
+
+def footprint_frame(found: Zones, grid: Grid) -> gpd.GeoDataFrame:
+    """The outlines of the footprints, a MultiPolygon a zone, with the volumes that were taken there."""
+    labels = footprint_labels(found.footprints, grid.shape)
+    return gpd.GeoDataFrame(
+        found.frame[list(_FOOTPRINT_FIELDS)].copy(),
+        geometry=cell_polygons(labels, len(found.footprints), grid),
+        crs=found.frame.crs,
+    )
+
+
+def _volume_columns(volumes: ZoneVolumes) -> dict[str, NDArray]:
+    return {
+        "vol_loss_m3": np.maximum(-volumes.net, 0.0),
+        "vol_gain_m3": np.maximum(volumes.net, 0.0),
+        "vol_net_m3": volumes.net,
+        "vol_err_m3": volumes.error,
+        "vol_low_m3": volumes.net - Z95 * volumes.error,
+        "vol_high_m3": volumes.net + Z95 * volumes.error,
+        "vol_area_m2": volumes.area,
+        "vol_measured": volumes.measured,
+        "n_eff": volumes.samples,
+    }
+
+
+def _statistics(
+    zone: NDArray[np.int64],
+    count: int,
+    dz: Float,
+    lod: Float,
+    points: NDArray[np.integer],
+    *,
+    cell_area: float,
+) -> dict[str, NDArray]:
+    """Figures of each of ``count`` zones from its cells' values; ``zone`` (n,) says whose a cell is."""
+
+    def total(weights: Float) -> Float:
+        return np.bincount(zone, weights=weights, minlength=count).astype(np.float64, copy=False)
+
+    cells = np.bincount(zone, minlength=count)
+    magnitudes, levels = _sorted_by_zone(np.abs(dz), zone), _sorted_by_zone(lod, zone)
+    smallest, largest = _quantile(magnitudes, cells, 0.0), _quantile(magnitudes, cells, 1.0)
+    sums = total(dz)
+    sign = np.sign(sums)
+    least = np.full(count, np.iinfo(np.int64).max)
+    np.minimum.at(least, zone, points)
+    return {
+        "kind": np.where(sign < 0, KINDS[0], KINDS[1]).astype(object),
+        "dz_mean_m": sums / cells,
+        "dz_min_m": np.where(sign < 0, -largest, smallest),
+        "dz_max_m": np.where(sign < 0, -smallest, largest),
+        "dz_p95_m": sign * _quantile(magnitudes, cells, 0.95),
+        "area_m2": cells * cell_area,
+        "n_cells": cells,
+        "lod95_m": _quantile(levels, cells, 0.5),
+        "n_pts_min": least,
+    }
+
+
+def _sorted_by_zone(values: Float, zone: NDArray[np.int64]) -> Float:
+    """Values (not negative) in order of zone, ascending within each; one sort of a joint key is ten times a lexsort."""
+    step = 2.0 * float(values.max(initial=1.0))
+    keys = np.sort(zone * step + values)
+    return keys - np.sort(zone) * step
+
+
+def _quantile(ordered: Float, cells: NDArray[np.int64], share: float) -> Float:
+    """Quantile of each run of ``cells`` values in ``ordered``, linear between neighbours as numpy's default."""
+    starts = np.concatenate(([0], np.cumsum(cells)[:-1])).astype(np.int64)
+    position = share * (cells - 1)
+    low = np.floor(position).astype(np.int64)
+    high = np.minimum(low + 1, cells - 1)
+    return ordered[starts + low] + (position - low) * (ordered[starts + high] - ordered[starts + low])
+
+
+def _severity(p95: Float, confidence: Float, parameters: ZoneParameters) -> NDArray[np.object_]:
+    magnitude = np.abs(p95)
+    grades = np.where(magnitude >= parameters.severity_moderate, "moderate", "low")
+    grades = np.where(magnitude >= parameters.severity_high, "high", grades)
+    return np.where(confidence >= SURE, grades, UNSURE).astype(object)
+
+
+def _add_rates(values: dict[str, NDArray], mean_error: Float, epochs: tuple[date | None, date | None]) -> None:
+    first, last = epochs
+    days = (last - first).days if first and last else 0
+    if days <= 0:
+        return
+    values["days"] = np.full(len(values["area_m2"]), days, dtype=np.int64)
+    values["rate_mm_day"] = values["dz_mean_m"] * 1000.0 / days
+    values["rate_err"] = mean_error * 1000.0 / days

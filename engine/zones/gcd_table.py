@@ -1,0 +1,265 @@
+"""The summary of a change under the labels of the Geomorphic Change Detection software (GCD, Riverscapes Consortium).
+
+Labels and definitions are GCD's: *raw* counts every compared cell, *thresholded* those beyond their level of detection.
+Errors differ: GCD multiplies areas by errors of cells, here they are standard errors with correlated errors
+(``volumes.CorrelationModel``). Sums of lowering and of raising have none: noise alone makes both, of raw cells as of
+those beyond their level, and no interval around such a sum holds the truth. The raw net volume has one, in which noise
+cancels, and so has the last group, which GCD has not: the zones' volumes over their footprints.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ..core.staged_outputs import atomic_output
+from ..statistics.normal import Z95
+from .footprints import Cells
+from .volumes import CorrelationModel, ZoneVolumes
+
+GROUPS = ("AREAL", "VOLUMETRIC", "VERTICAL AVERAGES", "PERCENTAGES (BY VOLUME)", "ZONES (OVER THEIR FOOTPRINTS)")
+
+
+@dataclass(frozen=True)
+class TableRow:
+    """A line of the summary; None where GCD has no value either.
+
+    Where nothing was summed up, ``thresholded`` is 0 and has no error.
+    ``standard_error``, ``low_95`` and ``high_95`` (the 95 % interval) and ``error_percent`` belong to ``thresholded``,
+    of the zones only, and ``raw_error`` to ``raw``, of the net volume only.
+    """
+
+    group: str
+    quantity: str
+    unit: str
+    raw: float | None = None
+    raw_error: float | None = None
+    thresholded: float | None = None
+    standard_error: float | None = None
+    low_95: float | None = None
+    high_95: float | None = None
+    error_percent: float | None = None
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Areas (m²) and volumes (m³) of the cells that sank and that rose."""
+
+    area_lowering: float
+    area_raising: float
+    lowering: float
+    raising: float
+
+    @property
+    def total(self) -> float:
+        return self.lowering + self.raising
+
+    @property
+    def net(self) -> float:
+        return self.raising - self.lowering
+
+
+@dataclass(frozen=True)
+class VolumeTable:
+    """Summary of one change. ``area`` is the compared area, m²; the zones' volumes are positive, with their errors.
+
+    ``raw_net_error`` is the standard error of raising minus lowering of all compared cells, m³.
+    """
+
+    area: float
+    raw: Budget
+    thresholded: Budget
+    zones_lowering: tuple[float, float]
+    zones_raising: tuple[float, float]
+    zones_net: tuple[float, float]
+    raw_net_error: float
+    model: CorrelationModel
+
+    def rows(self) -> tuple[TableRow, ...]:
+        """The lines in GCD's order."""
+        return (*_areas(self), *_volumes(self), *_averages(self), *_percentages(self), *_zones(self))
+
+    def figures(self) -> dict[str, float]:
+        """The zones' volumes with their errors, for the run record's metrics."""
+        return {
+            "vol_loss_m3": self.zones_lowering[0],
+            "vol_loss_err_m3": self.zones_lowering[1],
+            "vol_gain_m3": self.zones_raising[0],
+            "vol_gain_err_m3": self.zones_raising[1],
+            "vol_net_m3": self.zones_net[0],
+            "vol_net_err_m3": self.zones_net[1],
+        }
+
+    def facts(self) -> dict[str, Any]:
+        """For the run record."""
+        return {"error_model": self.model.figures(), "rows": [asdict(row) for row in self.rows()]}
+
+
+def volume_table(
+    cells: Cells, significant: NDArray[np.bool_], zones: ZoneVolumes, model: CorrelationModel
+) -> VolumeTable:
+    """Sum up a change.
+
+    Args:
+        significant: (rows, columns), cells beyond their level of detection.
+    """
+    known = np.isfinite(cells.dz)
+    return VolumeTable(
+        area=float(cells.area[known].sum()),
+        raw=_budget(cells, known),
+        thresholded=_budget(cells, known & significant),
+        zones_lowering=(0.0 - zones.lowering[0], zones.lowering[1]),
+        zones_raising=zones.raising,
+        zones_net=zones.total,
+        # a cell that measured exactly nothing has an error too
+        raw_net_error=model.sum_error(np.where(known, cells.area, 0.0), cells),
+        model=model,
+    )
+
+
+def write_volume_table(path: Path, table: VolumeTable) -> None:
+    """Write the lines as comma-separated values: UTF-8, a point before decimals, empty where there is no value."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    names = list(TableRow.__dataclass_fields__)
+    writer.writerow(names)
+    for row in table.rows():
+        writer.writerow([_text(getattr(row, name)) for name in names])
+    with atomic_output(path) as partial:
+        partial.write_text(text.getvalue(), encoding="utf-8")
+
+
+def table_frame(table: VolumeTable) -> pd.DataFrame:
+    """The lines as a table without geometry."""
+    return pd.DataFrame([{k: _rounded(v) for k, v in asdict(row).items()} for row in table.rows()])
+
+
+def _budget(cells: Cells, chosen: NDArray[np.bool_]) -> Budget:
+    dz = np.where(chosen, cells.dz, 0.0)
+    weights = np.where(chosen & (dz != 0), cells.area, 0.0)
+    down, up = np.where(dz < 0, weights, 0.0), np.where(dz > 0, weights, 0.0)
+    return Budget(
+        area_lowering=float(down.sum()),
+        area_raising=float(up.sum()),
+        lowering=float(-np.sum(down * dz)),
+        raising=float(np.sum(up * dz)),
+    )
+
+
+def _areas(table: VolumeTable) -> list[TableRow]:
+    raw, kept = table.raw, table.thresholded
+    detectable = kept.area_lowering + kept.area_raising
+    group = GROUPS[0]
+    return [
+        TableRow(group, "Total Area of Surface Lowering", "m²", raw.area_lowering, thresholded=kept.area_lowering),
+        TableRow(group, "Total Area of Surface Raising", "m²", raw.area_raising, thresholded=kept.area_raising),
+        TableRow(group, "Total Area of Detectable Change", "m²", thresholded=detectable),
+        TableRow(group, "Total Area of Interest", "m²", table.area),
+        TableRow(
+            group,
+            "Percent of Area of Interest with Detectable Change",
+            "%",
+            thresholded=_percent(detectable, table.area),
+        ),
+    ]
+
+
+def _volumes(table: VolumeTable) -> list[TableRow]:
+    raw, kept = table.raw, table.thresholded
+    group = GROUPS[1]
+    return [
+        TableRow(group, "Total Volume of Surface Lowering", "m³", raw.lowering, thresholded=kept.lowering),
+        TableRow(group, "Total Volume of Surface Raising", "m³", raw.raising, thresholded=kept.raising),
+        TableRow(group, "Total Volume of Difference", "m³", raw.total, thresholded=kept.total),
+        TableRow(group, "Total Net Volume Difference", "m³", raw.net, table.raw_net_error, kept.net),
+    ]
+
+
+def _averages(table: VolumeTable) -> list[TableRow]:
+    raw, kept = table.raw, table.thresholded
+    thickness = "Average {}Thickness of Difference for Area {}"
+    detectable = kept.area_lowering + kept.area_raising
+
+    def row(quantity: str, value: float | None, kept: float | None, error: float | None = None) -> TableRow:
+        return TableRow(GROUPS[2], quantity, "m", value, error, kept)
+
+    return [
+        row(
+            "Average Depth of Surface Lowering",
+            _ratio(raw.lowering, raw.area_lowering),
+            _ratio(kept.lowering, kept.area_lowering),
+        ),
+        row(
+            "Average Depth of Surface Raising",
+            _ratio(raw.raising, raw.area_raising),
+            _ratio(kept.raising, kept.area_raising),
+        ),
+        row(
+            thickness.format("Total ", "of Interest"),
+            _ratio(raw.total, table.area),
+            _ratio(kept.total, table.area),
+        ),
+        row(
+            thickness.format("Net ", "of Interest"),
+            _ratio(raw.net, table.area),
+            _ratio(kept.net, table.area),
+            _ratio(table.raw_net_error, table.area),
+        ),
+        row(thickness.format("Total ", "with Detectable Change"), None, _ratio(kept.total, detectable)),
+        row(thickness.format("Net ", "with Detectable Change"), None, _ratio(kept.net, detectable)),
+    ]
+
+
+def _percentages(table: VolumeTable) -> list[TableRow]:
+    raw, kept = table.raw, table.thresholded
+
+    def row(quantity: str, values: Sequence[float | None]) -> TableRow:
+        return TableRow(GROUPS[3], quantity, "%", values[0], thresholded=values[1])
+
+    return [
+        row("Percent Elevation Lowering", [_percent(b.lowering, b.total) for b in (raw, kept)]),
+        row("Percent Elevation Raising", [_percent(b.raising, b.total) for b in (raw, kept)]),
+        row("Percent Imbalance (departure from equilibrium)", [_percent(b.net, 2 * b.total) for b in (raw, kept)]),
+        row("Net to Total Volume Ratio", [_percent(b.net, b.total) for b in (raw, kept)]),
+    ]
+
+
+def _zones(table: VolumeTable) -> list[TableRow]:
+    return [
+        _measured("Total Volume of Surface Lowering", *table.zones_lowering),
+        _measured("Total Volume of Surface Raising", *table.zones_raising),
+        _measured("Total Net Volume Difference", *table.zones_net),
+    ]
+
+
+def _measured(quantity: str, value: float, error: float) -> TableRow:
+    if value == 0 and error == 0:
+        # nothing was summed up, of which there could be an error
+        return TableRow(GROUPS[4], quantity, "m³", thresholded=0.0)
+    low, high = value - Z95 * error, value + Z95 * error
+    percent = None if value == 0 else 100.0 * error / abs(value)
+    return TableRow(GROUPS[4], quantity, "m³", None, None, value, error, low, high, percent)
+
+
+def _ratio(part: float, whole: float) -> float | None:
+    return part / whole if whole else None
+
+
+def _percent(part: float, whole: float) -> float | None:
+    return 100.0 * part / whole if whole else None
+
+
+def _rounded(value: Any) -> Any:
+    return round(value, 6) + 0.0 if isinstance(value, float) else value  # + 0.0: no minus zero
+
+
+def _text(value: Any) -> str:
+    return "" if value is None else str(_rounded(value))

@@ -1,0 +1,85 @@
+"""Groups of neighbouring cells of significant change of one sign, of which zones are made."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ...interface.parameters import ZoneParameters
+from ..change.evidence import cells_worth
+from ..core.arrays import Float
+from ..grid.grid import Grid
+from ..grid.plant_cells import clear_of_plants
+
+_EIGHT = np.ones((3, 3), dtype=np.int8)
+
+
+def label_groups(
+    dz: NDArray[np.floating],
+    significant: NDArray[np.bool_],
+    grid: Grid,
+    parameters: ZoneParameters,
+    cell_size: Float | None = None,
+    plants: Float | None = None,
+    sigma: NDArray[np.floating] | None = None,
+) -> tuple[NDArray[np.int32], NDArray[np.int64], int, int]:
+    """Labels 1..n of the groups that are large enough, first cell of each, and groups and cells that were not.
+
+    The least area is asked of a group with the gaps without data that it encloses: where every second cell was
+    measured, change over 1 m² shows in half as many cells.
+
+    Args:
+        cell_size: side of the grown cell that each cell is part of, metres; NaN for none. Towards the least number of
+            cells it counts with the part of its square that the group holds: what is left of a square tells less than
+            all of it, and where finer cells lent it their points nothing new.
+        plants: error that plants make of each cell's change, metres: groups whose mean change is not beyond it
+            (``plant_cover.clear_of_plants``) are left out.
+        sigma: standard error of each cell's change, metres: a grown cell far beyond it counts for more than one
+            (``evidence.cells_worth``).
+    """
+    labels = np.zeros(grid.shape, dtype=np.int32)
+    found = 0
+    gaps = np.zeros(1, dtype=np.int64)
+    unknown = np.isnan(dz)
+    reach = int(parameters.bridged_gap / (2.0 * grid.cell) + 1e-6)  # cells from either side of a gap
+    for sign in (-1.0, 1.0):
+        with np.errstate(invalid="ignore"):
+            cells = significant & (dz * sign > 0)
+        joined = between = cells
+        if reach and cells.any():
+            square = np.ones((2 * reach + 1,) * 2, dtype=bool)
+            joined = cells | (ndimage.maximum_filter(cells, size=2 * reach + 1) & unknown)
+            between = ndimage.binary_closing(cells, square) & unknown
+        part, number = ndimage.label(joined, structure=_EIGHT)
+        labels[cells] = part[cells] + found
+        gaps = np.concatenate([gaps, np.bincount(part[between & ~cells], minlength=number + 1)[1:]])
+        found += number
+    sizes = np.bincount(labels.ravel(), minlength=found + 1)
+    # a group of exactly the least area must not fail by rounding
+    part_of_one = None if cell_size is None else np.nan_to_num((grid.cell / cell_size.ravel()) ** 2, nan=1.0)
+    if part_of_one is not None and sigma is not None:
+        part_of_one *= cells_worth(dz, sigma, parameters.minimum_cells).ravel()
+    number_of = np.bincount(labels.ravel(), part_of_one, minlength=found + 1)
+    extent = (sizes + gaps) * grid.cell**2
+    enough = (number_of >= parameters.minimum_cells - 1e-6) & (extent >= parameters.minimum_area * (1 - 1e-9))
+    if plants is not None:
+        enough &= clear_of_plants(labels, found, np.asarray(dz, dtype=np.float64), plants)
+    enough[0] = False
+    dropped = ~enough
+    dropped[0] = False
+    labels = without(labels, enough[1:])
+    return labels, first_of_each(labels), int(dropped.sum()), int(sizes[dropped].sum())
+
+
+def first_of_each(labels: NDArray[np.int32]) -> NDArray[np.int64]:
+    """Flat index of the first cell of each group 1 to n of ``labels`` (rows, columns), (n,)."""
+    inside = np.flatnonzero(labels)
+    return inside[np.unique(labels.ravel()[inside], return_index=True)[1]]
+
+
+def without(labels: NDArray[np.int32], kept: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """The groups 1 to n of ``labels`` (rows, columns) that are ``kept`` (n,), numbered anew in their order."""
+    renumber = np.zeros(len(kept) + 1, dtype=np.int32)
+    renumber[1:][kept] = np.arange(1, int(kept.sum()) + 1)
+    return renumber[labels]

@@ -1,0 +1,216 @@
+"""Volumes of zones over their footprints, with errors that account for the errors' spatial correlation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ..core.arrays import Float
+from ..grid.blocks import first_cells
+from ..statistics.variogram import (
+    FEWEST_CELLS,
+    FEWEST_LAGS,
+    VariogramModel,
+    effective_samples,
+    empirical_variogram,
+    fit_variogram,
+    sum_variance,
+)
+from .footprints import Cells, Footprint, in_window
+
+_STABLE_MARGIN = 0.5  # m around a footprint that may have moved with it
+
+
+@dataclass(frozen=True)
+class CorrelationModel:
+    """How the errors of cells are related.
+
+    The error of a cell is its sampling error, alike in near cells by ``variogram``, ``registration_error`` (m), which
+    all cells share, and the error by plants, which counts as fully correlated: one season is alike all over. Without a
+    variogram the sampling errors count as fully correlated, which is the largest error possible; ``without`` says why.
+    ``cells`` is the number of cells of stable ground that it was taken from.
+    """
+
+    registration_error: float
+    variogram: VariogramModel | None
+    cells: int = 0
+    without: str = "too little stable ground for a variogram"
+
+    @property
+    def name(self) -> str:
+        """The model in words."""
+        if self.variogram is None:
+            return f"fully correlated ({self.without})"
+        return "variogram of stable ground, registration error shared by all cells"
+
+    def figures(self) -> dict[str, Any]:
+        """For the run record."""
+        known = {} if self.variogram is None else self.variogram.figures()
+        return {"model": self.name, "registration_error_m": self.registration_error, "cells": self.cells, **known}
+
+    def sampling_error(self, error: Float, plants: Float | None = None) -> Float:
+        """The part of ``error`` (any shape, m) that neither the registration nor the ``plants``' part explain."""
+        others = self.registration_error**2 + (0.0 if plants is None else np.nan_to_num(plants) ** 2)
+        return np.sqrt(np.maximum(error**2 - others, 0.0))
+
+    def sum_error(self, weights: Float, cells: Cells) -> float:
+        """Standard error of the sum of ``weights`` (rows, columns; of any sign, 0 outside) times the changes."""
+        return math.hypot(self.own_error(weights, cells), self.common_error(weights, cells))
+
+    def own_error(self, weights: Float, cells: Cells) -> float:
+        """The part of ``sum_error`` that the sampling errors make, which differ from place to place."""
+        if self.variogram is None:
+            return float(np.abs(self._weighted(weights, cells)).sum())
+        return math.sqrt(sum_variance(self._weighted(weights, cells), cells.cell, self.variogram))
+
+    def common_error(self, weights: Float, cells: Cells) -> float:
+        """The part of ``sum_error`` that all cells share: the registration's and the plants'."""
+        return math.hypot(self.registration_error * float(weights.sum()), shared_error(np.abs(weights), cells.plants))
+
+    def samples(self, weights: Float, cells: Cells) -> float:
+        """Effective number of samples of a sum (see ``variogram.effective_samples``)."""
+        if self.variogram is None:
+            return 1.0
+        return effective_samples(self._weighted(weights, cells), cells.cell, self.variogram)
+
+    def _weighted(self, weights: Float, cells: Cells) -> Float:
+        """Weights times sampling errors; those of cells that are one are summed up in the first of them."""
+        used = weights != 0
+        weighted = np.zeros(weights.shape)
+        plants = None if cells.plants is None else cells.plants[used]
+        weighted[used] = weights[used] * self.sampling_error(cells.error[used], plants)
+        if cells.block is None:
+            return weighted
+        inside = np.flatnonzero(used.ravel() & (cells.block.ravel() >= 0))
+        _, first, group = np.unique(cells.block.ravel()[inside], return_index=True, return_inverse=True)
+        sums = np.bincount(group, weighted.ravel()[inside])
+        weighted.ravel()[inside] = 0.0
+        weighted.ravel()[inside[first]] = sums
+        return weighted
+
+
+def shared_error(weights: Float, error: Float | None) -> float:
+    """Of a sum of ``weights`` times values whose errors (rows, columns; NaN: none) are all one; 0 for None."""
+    return 0.0 if error is None else float(np.sum(weights * np.nan_to_num(error)))
+
+
+@dataclass(frozen=True)
+class ZoneVolumes:
+    """Volumes of n zones, arrays of shape (n,).
+
+    Attributes:
+        net: m³ over the footprint, gaps included; negative where the ground sank.
+        error: its standard error, m³.
+        area: of the footprint, m².
+        measured: share of the footprint's cells that were measured in both epochs.
+        samples: effective number of samples.
+        mean_error: standard error of the mean change over the zone's own cells, m.
+        lowering, raising, total: of all zones that sank, all that rose, all: sum of ``net``, and its standard error.
+    """
+
+    net: Float
+    error: Float
+    area: Float
+    measured: Float
+    samples: Float
+    mean_error: Float
+    lowering: tuple[float, float]
+    raising: tuple[float, float]
+    total: tuple[float, float]
+
+    def in_order(self, order: NDArray[np.integer]) -> ZoneVolumes:
+        """The zones in another order."""
+        columns = ("net", "error", "area", "measured", "samples", "mean_error")
+        return replace(self, **{name: getattr(self, name)[order] for name in columns})
+
+
+def fit_correlation(cells: Cells, stable: NDArray[np.bool_], registration_error: float) -> CorrelationModel:
+    """The variogram of change over error on ``stable`` cells (rows, columns).
+
+    Too little stable ground, or too few distances in it, leave the model without a variogram.
+
+    The change is taken in units of the error without the registration's part, which is one constant for all cells and
+    therefore not to be seen in a variogram. Where plants make more of a cell's error than its points, it tells of the
+    plants; such cells are left out where enough others are, else what plants make counts in the unit.
+    """
+    model = CorrelationModel(registration_error, None)
+    usable = stable & np.isfinite(cells.dz) & np.isfinite(cells.error)
+    plants = None if cells.plants is None else cells.plants[usable]
+    of_usable = model.sampling_error(np.asarray(cells.error[usable], dtype=np.float64), plants)
+    sampling = np.zeros(cells.dz.shape)
+    sampling[usable] = of_usable
+    usable &= sampling > 0
+    if cells.block is not None:
+        usable &= first_cells(cells.block) | (cells.block < 0)
+    if cells.plants is not None:
+        little = usable & (np.nan_to_num(cells.plants) <= sampling)
+        if int(little.sum()) >= FEWEST_CELLS:
+            usable = little
+        else:
+            # what plants make of a cell is counted beside its sampling, not as a part of it
+            sampling = np.hypot(sampling, np.nan_to_num(cells.plants))
+    count = int(usable.sum())
+    if count < FEWEST_CELLS:
+        return CorrelationModel(registration_error, None, count)
+    standardised = np.full(cells.dz.shape, np.nan)
+    standardised[usable] = cells.dz[usable] / sampling[usable]
+    empirical = empirical_variogram(standardised, cells.cell)
+    if len(empirical.lag) < FEWEST_LAGS:
+        return CorrelationModel(registration_error, None, count, "too few distances between stable cells")
+    return CorrelationModel(registration_error, fit_variogram(empirical), count)
+
+
+def outside(footprints: Sequence[Footprint], valid: NDArray[np.bool_], cell: float) -> NDArray[np.bool_]:
+    """Cells of ``valid`` farther than half a metre, and at least two cells, from every footprint.
+
+    Single cells beyond their level stay in: they are the noise's own, and without them it would look too small.
+    """
+    moved = np.zeros(valid.shape, dtype=bool)
+    for footprint in footprints:
+        moved[footprint.window] |= footprint.inside
+    return valid & ~ndimage.maximum_filter(moved, size=2 * max(2, round(_STABLE_MARGIN / cell)) + 1)
+
+
+def zone_volumes(footprints: Sequence[Footprint], cells: Cells, model: CorrelationModel) -> ZoneVolumes:
+    """Volume of each zone over its footprint, with its standard error."""
+    figures = np.zeros((len(footprints), 6))
+    sides = np.zeros((2, *cells.dz.shape)) if footprints else np.zeros((2, 1, 1))  # weights of all that sank, that rose
+    scatters = np.zeros(2)
+    for row, footprint in zip(figures, footprints, strict=True):
+        near = in_window(cells, footprint.window)
+        weights = footprint.weights
+        volume = float(np.sum(weights * np.nan_to_num(near.dz)))
+        row[:] = (
+            volume,
+            math.hypot(model.sum_error(weights, near), footprint.scatter),
+            float(weights.sum()),
+            footprint.measured,
+            model.samples(weights, near),
+            model.sum_error(footprint.own / footprint.own.sum(), near),
+        )
+        sides[int(volume > 0)][footprint.window] += weights
+        scatters[int(volume > 0)] += footprint.scatter**2
+
+    def together(volumes: Float, weights: Float, scatter: float) -> tuple[float, float]:
+        if not volumes.size:
+            return 0.0, 0.0
+        return float(volumes.sum()), math.hypot(model.sum_error(weights, cells), math.sqrt(scatter))
+
+    net, error, area, measured, samples, mean_error = (np.ascontiguousarray(column) for column in figures.T)
+    return ZoneVolumes(
+        net,
+        error,
+        area,
+        measured,
+        samples,
+        mean_error,
+        lowering=together(net[net <= 0], sides[0], scatters[0]),
+        raising=together(net[net > 0], sides[1], scatters[1]),
+        total=together(net, sides.sum(axis=0), float(scatters.sum())),
+    )

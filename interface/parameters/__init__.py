@@ -1,0 +1,55 @@
+"""Every parameter of SlopeWatch: name, default, unit, bounds and help, in one place.
+
+The QGIS dialogs, the command line and the batch manifest are built from these dataclasses, so they cannot
+disagree. Standard library only and Python 3.9's language, because QGIS's interpreter imports this module.
+
+Defaults are chosen by measurement (see docs/figures.md); ``PROFILES["paper"]`` reproduces the published settings of
+ground extraction, registration and gridding.
+"""
+
+from __future__ import annotations
+
+from .change import ChangeParameters, GridChangeParameters
+from .dates import DateParameters
+from .distances import DistanceParameters
+from .ground import GroundParameters
+from .inputs import InputParameters
+from .maps import HeatmapParameters
+from .outputs import OutputParameters
+from .profiles import PROFILES
+from .registration import RegistrationParameters
+from .report import ReportParameters
+from .screening import LastEpochParameters, ScreeningParameters
+from .series import SeriesParameters
+from .simulation import CreepParameters, ScenesParameters, SurveyParameters
+from .specification import AUTO, ParameterError, ParameterSet, Specification
+from .surface import SurfaceParameters
+from .training import FineTuneParameters
+from .zones import ZoneParameters
+
+__all__ = [
+    "AUTO",
+    "PROFILES",
+    "ChangeParameters",
+    "CreepParameters",
+    "DateParameters",
+    "DistanceParameters",
+    "FineTuneParameters",
+    "GridChangeParameters",
+    "GroundParameters",
+    "HeatmapParameters",
+    "InputParameters",
+    "LastEpochParameters",
+    "OutputParameters",
+    "ParameterError",
+    "ParameterSet",
+    "RegistrationParameters",
+    "ReportParameters",
+    "ScenesParameters",
+    "ScreeningParameters",
+    "SeriesParameters",
+    "Specification",
+    "SurfaceParameters",
+    "SurveyParameters",
+    "ZoneParameters",
+]

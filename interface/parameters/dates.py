@@ -1,0 +1,20 @@
+"""Parameters of the days of surveys."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .specification import ParameterSet, _parameter
+
+
+@dataclass(frozen=True)
+class DateParameters(ParameterSet):
+    """What is done where the days of surveys and their files disagree."""
+
+    trust_dates: bool = _parameter(
+        False,
+        "Trust the days given",
+        "Goes on where GPS times, names or creation days of the files say that the surveys are in reversed order. Off: "
+        "they are refused, as swapped surveys turn raising into lowering.",
+        advanced=True,
+    )

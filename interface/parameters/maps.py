@@ -1,0 +1,36 @@
+"""Parameters of the heatmap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .specification import ParameterSet, _parameter
+
+
+@dataclass(frozen=True)
+class HeatmapParameters(ParameterSet):
+    """Heatmap over the top view."""
+
+    top_view_pixel: float = _parameter(
+        0.1,
+        "Pixel of the top view",
+        "Side of a pixel of the orthographic top view. Smaller is sharper where the cloud is dense enough.",
+        unit="m",
+        minimum=0.005,
+        maximum=100.0,
+    )
+    opacity: float = _parameter(
+        0.6,
+        "Opacity of the heatmap",
+        "0 shows the top view alone, 1 the change alone.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    colour_range: float = _parameter(
+        0.0,
+        "Colour range",
+        "The legend runs from minus to plus this change. 0: from the data (98th percentile).",
+        unit="m",
+        minimum=0.0,
+        maximum=1000.0,
+    )

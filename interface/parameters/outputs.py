@@ -1,0 +1,19 @@
+"""Parameters of output folders."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .specification import ParameterSet, _parameter
+
+
+@dataclass(frozen=True)
+class OutputParameters(ParameterSet):
+    """What is done with results that an output folder holds already."""
+
+    overwrite: bool = _parameter(
+        False,
+        "Overwrite earlier results",
+        "Replaces the results in the output folder; what people entered in the tables of their zones goes over to the "
+        "zones that continue. Off: a folder that holds results is refused.",
+    )

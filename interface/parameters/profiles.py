@@ -1,0 +1,35 @@
+"""Named sets of values: the published workflow's settings beside the defaults."""
+
+from __future__ import annotations
+
+from typing import Any
+
+PROFILES: dict[str, dict[str, dict[str, Any]]] = {
+    "default": {},
+    "paper": {
+        "GroundParameters": {
+            "slope_aligned": False,
+            "cloth_resolution": 0.1,
+            "rigidness": 1,
+            "time_step": 0.5,
+            "class_threshold": 0.05,
+            "refine": False,
+            "last_returns": False,
+            "slope_smoothing": False,
+        },
+        "RegistrationParameters": {
+            "method": "icp",
+            "maximum_correspondence": 0.10,
+            "registration_iterations": 200,
+        },
+        "GridChangeParameters": {
+            "cell": 0.1,
+            "cell_value": "mean",
+            "minimum_points": 1,
+            "threshold": "probabilistic",
+            "direction": "vertical",
+            "calibrate": False,
+        },
+        "ChangeParameters": {"adaptive": False},
+    },
+}

@@ -1,0 +1,140 @@
+"""Parameters of screening a single survey."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .specification import ParameterSet, Specification, _parameter
+
+
+@dataclass(frozen=True)
+class ScreeningParameters(ParameterSet):
+    """Screening of one survey: which ground looks raised or lowered against the slope around it."""
+
+    screening_method: str = _parameter(
+        "network",
+        "Screening method",
+        "network: the trained network labels every point. residual: a threshold on the height over the slope's trend, "
+        "without learning.",
+        choices=("network", "residual"),
+    )
+    ground: str = _parameter(
+        "auto",
+        "Ground points",
+        "Which points are the ground. auto: all but those of the noise classes, and a cloud that is no bare ground is "
+        "refused. extract: the ground is extracted first. class_2: those of class 2. as_is: all, whatever they are.",
+        choices=("auto", "extract", "class_2", "as_is"),
+    )
+    weights: str = _parameter(
+        "",
+        "Weights",
+        "The network's weights, a .safetensors file with its .json beside it. Empty: the ones shipped with SlopeWatch.",
+        advanced=True,
+    )
+    rotations: int = _parameter(
+        1,
+        "Rotations",
+        "The network looks at each place mirrored and turned in so many ways and averages. Larger takes that "
+        "much longer; in trials it gave no measurable gain.",
+        minimum=1,
+        maximum=16,
+        advanced=True,
+    )
+    residual_threshold: float = _parameter(
+        0.08,
+        "Threshold of the residual method",
+        "Ground this far above or below the trend is labelled by the residual method. Larger labels less.",
+        unit="m",
+        minimum=0.005,
+        maximum=10.0,
+        advanced=True,
+    )
+    minimum_probability: float = _parameter(
+        0.0,
+        "Least probability of a hazard",
+        "Points and cells below it are background. Larger labels less and surer. 0: the most probable class.",
+        minimum=0.0,
+        maximum=0.999,
+    )
+    minimum_hazard_area: float = _parameter(
+        0.5,
+        "Least area of a hazard zone",
+        "Smaller zones are left out (area on the map). Larger reports fewer and surer zones.",
+        unit="m²",
+        minimum=0.0,
+        maximum=1e6,
+    )
+    probability_cell: float = _parameter(
+        0.25,
+        "Cell of the probability raster",
+        "Side of a cell of the raster and of the zones' outlines. Larger is smoother and bridges sparse points.",
+        unit="m",
+        minimum=0.02,
+        maximum=10.0,
+    )
+    write_classification: bool = _parameter(
+        False,
+        "Write the classification, too",
+        "Also gives labelled points the LAS class 64 (uplift) or 65 (subsidence), for programs that do not read extra "
+        "dimensions.",
+        advanced=True,
+    )
+    minimum_dip: float = _parameter(
+        10.0,
+        "Flattest slope",
+        "A cloud whose dominant plane is flatter is refused. Larger refuses more.",
+        unit="degrees",
+        minimum=0.0,
+        maximum=90.0,
+        advanced=True,
+    )
+    maximum_dip: float = _parameter(
+        80.0,
+        "Steepest slope",
+        "A cloud whose dominant plane is steeper is refused. Larger refuses less.",
+        unit="degrees",
+        minimum=0.0,
+        maximum=90.0,
+        advanced=True,
+    )
+    any_density: bool = _parameter(
+        False,
+        "Screen at any density",
+        "Only warns where the cloud is sparser or denser than the clouds that the network was trained on. Its labels "
+        "are not to be relied on then.",
+        advanced=True,
+    )
+    device: str = _parameter(
+        "cpu",
+        "Device",
+        "What the network runs on. cpu gives the same labels everywhere. auto: a graphics card where there is one.",
+        choices=("cpu", "gpu", "auto"),
+        advanced=True,
+    )
+    threads: int = _parameter(
+        0,
+        "Threads",
+        "Windows that are worked on at the same time. Larger is faster and takes more memory. 0: one a processor core, "
+        "at most 8.",
+        minimum=0,
+        maximum=256,
+        advanced=True,
+    )
+
+
+@dataclass(frozen=True)
+class LastEpochParameters(ScreeningParameters):
+    """Screening of the last epoch of an inspection, whose ground has been extracted already."""
+
+    ground: str = _parameter("as_is", "Ground points", "The ground that was extracted.", choices=("as_is",))
+    screen_last_epoch: bool = _parameter(
+        True,
+        "Screen the last survey",
+        "Also labels the ground of the last survey by its shape, and says which of the zones found so the change "
+        "confirms. Left out with a warning where the network or the slope does not allow it.",
+    )
+
+    @classmethod
+    def specifications(cls) -> tuple[Specification, ...]:
+        every = [s for s in super().specifications() if s.name != "ground"]
+        return tuple(sorted(every, key=lambda s: s.name != "screen_last_epoch"))

@@ -1,0 +1,25 @@
+"""Parameters of series of surveys."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .specification import ParameterSet, _parameter
+
+
+@dataclass(frozen=True)
+class SeriesParameters(ParameterSet):
+    """More than two surveys of one slope."""
+
+    ground_ready: bool = _parameter(
+        False,
+        "Clouds are ground already",
+        "Takes all points of the clouds as ground (as Extract ground wrote them), inside the region of interest. Off: "
+        "the ground of each raw survey is extracted first.",
+    )
+    rasters_each_survey: bool = _parameter(
+        True,
+        "Rasters of every survey",
+        "Also writes the change and its level of detection for each survey against the first and against the one "
+        "before. Off: velocity, confirmation and zones only.",
+    )

@@ -1,0 +1,208 @@
+"""Parameters of simulated surveys and scenes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .specification import ParameterSet, Specification, _other_default, _parameter
+
+
+@dataclass(frozen=True)
+class SurveyParameters(ParameterSet):
+    """Simulated pair of surveys of one cut slope, with known change and a known rigid offset."""
+
+    seed: int = _parameter(1, "Seed", "The same seed gives the same surveys.", minimum=0, maximum=2**31 - 1)
+    points: int = _parameter(
+        1_000_000,
+        "Points an epoch",
+        "Approximate number of points of each survey; the pulse rate is thinned to reach it.",
+        minimum=1000,
+        maximum=200_000_000,
+    )
+    length: float = _parameter(
+        60.0, "Length of the slope", "Extent along the road.", unit="m", minimum=5.0, maximum=2000.0
+    )
+    height: float = _parameter(25.0, "Height of the slope", "From toe to crest.", unit="m", minimum=2.0, maximum=500.0)
+    angle: float = _parameter(
+        39.0,
+        "Angle of the slope",
+        "Angle of the cut face to the horizontal.",
+        unit="degrees",
+        minimum=5.0,
+        maximum=75.0,
+    )
+    benches: int = _parameter(0, "Benches", "Number of berms in the cut face.", minimum=0, maximum=10)
+    vegetation: float = _parameter(
+        0.7,
+        "Vegetation cover",
+        "Share of the ground seen from above that lies under shrubs and trees. Larger leaves fewer ground points.",
+        minimum=0.0,
+        maximum=0.98,
+    )
+    range_noise: float = _parameter(
+        0.02, "Range noise", "Standard deviation of a measured range.", unit="m", minimum=0.0, maximum=0.5
+    )
+    offset: float = _parameter(
+        0.2,
+        "Rigid offset",
+        "Displacement of the second epoch's coordinates, which registration must undo.",
+        unit="m",
+        minimum=0.0,
+        maximum=10.0,
+    )
+    amplitude: float = _parameter(
+        0.3, "Change", "Largest height change that is put into the second epoch.", unit="m", minimum=0.0, maximum=10.0
+    )
+    grass: float = _parameter(
+        0.0, "Closed grass", "Share of the slope under closed grass, without gaps.", minimum=0.0, maximum=1.0
+    )
+    grass_height: float = _parameter(
+        0.7,
+        "Grass height",
+        "Mean height of the longest stems of closed grass; half of its returns lie below about a third of it.",
+        unit="m",
+        minimum=0.1,
+        maximum=1.5,
+        advanced=True,
+    )
+    mown: str = _parameter(
+        "never",
+        "Mown in",
+        "Surveys in which the closed grass is mown: stubble of 3 to 8 cm with cuttings on the ground.",
+        choices=("never", "first", "later", "both"),
+    )
+    ferns: float = _parameter(
+        0.0,
+        "Ferns and low shrubs",
+        "Share of the slope under ferns and low shrubs that close, 0.4 to 1.5 m high; few returns are of the ground.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    forest: float = _parameter(
+        0.0,
+        "Native forest",
+        "Share of the slope under dense native forest with ferns beneath: one return in 60 is of the ground.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    layout: str = _parameter(
+        "patches",
+        "Place of grass, ferns and forest",
+        "patches: in patches of some metres. left: from the left end of the slope, seen from the road (ferns: from the "
+        "right).",
+        choices=("patches", "left"),
+        advanced=True,
+    )
+    litter: float = _parameter(
+        0.0,
+        "Litter",
+        "Mean thickness of dead leaves on the ground; hides the ground partly.",
+        unit="m",
+        minimum=0.0,
+        maximum=0.1,
+        advanced=True,
+    )
+    multipath: float = _parameter(
+        0.0,
+        "Returns below the ground",
+        "Share of the returns that echoed on the way and lie 0.1 to 6 m below the ground, each alone.",
+        minimum=0.0,
+        maximum=0.05,
+        advanced=True,
+    )
+    stray: float = _parameter(
+        0.0,
+        "Stray returns",
+        "Share of the returns that lie anywhere along their beam, up to 15 m before the ground and 3 m behind it.",
+        minimum=0.0,
+        maximum=0.05,
+        advanced=True,
+    )
+
+
+@dataclass(frozen=True)
+class CreepParameters(SurveyParameters):
+    """Simulated series of surveys of one cut slope with zones that creep; ``amplitude`` has no part in it."""
+
+    points: int = _other_default(SurveyParameters, "points", 150_000)
+    length: float = _other_default(SurveyParameters, "length", 30.0)
+    height: float = _other_default(SurveyParameters, "height", 12.0)
+    vegetation: float = _other_default(SurveyParameters, "vegetation", 0.3)
+    offset: float = _other_default(SurveyParameters, "offset", 0.05)
+    surveys: int = _parameter(6, "Surveys", "Number of surveys, the first included.", minimum=2, maximum=100)
+    interval: int = _parameter(
+        30, "Days between surveys", "From each survey to the next.", unit="days", minimum=1, maximum=3650
+    )
+    velocities: str = _parameter(
+        "-10, 5, -2",
+        "Velocities",
+        "Vertical velocities in the middle of the zones, separated by commas: a zone for each, side by side along the "
+        "slope; negative ones lower. Towards its edge a zone moves less.",
+        unit="mm/day",
+    )
+    onset: float = _parameter(
+        15.0,
+        "Onset",
+        "Days after the first survey at which the motion begins.",
+        unit="days",
+        minimum=0.0,
+        maximum=36500.0,
+    )
+    ground_only: bool = _parameter(
+        False,
+        "Ground points only",
+        "Writes only the echoes of the ground, as a perfect ground filter would leave them (for Clouds hold ground "
+        "points of a series).",
+    )
+
+    @classmethod
+    def specifications(cls) -> tuple[Specification, ...]:
+        return tuple(s for s in super().specifications() if s.name != "amplitude")
+
+
+@dataclass(frozen=True)
+class ScenesParameters(ParameterSet):
+    """Simulated slope scenes of one epoch, whose every point has a known class."""
+
+    kind: str = _parameter(
+        "published",
+        "Kind of scene",
+        "published: a quarter of the points each bulge and sink, as in the published simulation. realistic: hazards as "
+        "rare as on slopes, a fifth of the scenes without any. shifted: other landforms, hazards, densities and noise.",
+        choices=("published", "realistic", "shifted"),
+    )
+    count: int = _parameter(3, "Number of scenes", "More give more ground to learn from.", minimum=1, maximum=10_000)
+    seed: int = _parameter(
+        1000,
+        "Seed",
+        "Seed of the first scene; each next one has the next seed. The benchmark sets have seeds below 1000, scenes "
+        "that models are trained on have seeds from 1,000,000 on.",
+        minimum=0,
+        maximum=2**31 - 1,
+    )
+    area: float = _parameter(
+        0.0,
+        "Area of a scene",
+        "Measured on the slope. 0: drawn from the kind's range, 2,000 to 11,000 m².",
+        unit="m²",
+        minimum=0.0,
+        maximum=100_000.0,
+    )
+    density: float = _parameter(
+        0.0,
+        "Density",
+        "Points on a square metre of the slope. 0: drawn from the kind's range.",
+        unit="points/m²",
+        minimum=0.0,
+        maximum=2000.0,
+    )
+    benchmark: bool = _parameter(
+        False,
+        "Scenes of the benchmark set",
+        "Writes the first scenes of the kind's benchmark set instead, whose areas and shares are balanced over the "
+        "whole set; seed, area and density have no effect then.",
+        advanced=True,
+    )
+    picture: bool = _parameter(
+        True, "Picture", "Also draws the first twelve scenes with their classes and hard negatives as scenes.png."
+    )

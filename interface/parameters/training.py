@@ -1,0 +1,108 @@
+"""Parameters of training on own slopes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .specification import ParameterSet, _parameter
+
+
+@dataclass(frozen=True)
+class FineTuneParameters(ParameterSet):
+    """Training a screening model on one's own labelled clouds."""
+
+    start: str = _parameter(
+        "shipped",
+        "Start from",
+        "shipped: the weights that come with SlopeWatch. none: from nothing, which needs many more files and steps. "
+        "Or a .safetensors file.",
+    )
+    dimension: str = _parameter(
+        "slopewatch_class",
+        "Dimension with the labels",
+        "Name of the clouds' dimension that holds the classes, such as slopewatch_class, truth_class or "
+        "Classification. Has no effect where polygons give the labels.",
+    )
+    classes: str = _parameter(
+        "",
+        "Classes of the values",
+        "What the values mean, such as 2:background,20:uplift,21:subsidence,*:unknown, where * is every other value "
+        "and unknown is left out of training. Empty: 0 background, 1 uplift, 2 subsidence, 255 unknown.",
+    )
+    class_field: str = _parameter(
+        "class",
+        "Field with the class",
+        "Field of the polygons that holds their class: background, uplift, subsidence, unknown, or a value that the "
+        "classes explain.",
+    )
+    outside: str = _parameter(
+        "background",
+        "Outside of the polygons",
+        "What points in no polygon are. unknown: they are left out of training, for clouds that were labelled in part.",
+        choices=("background", "unknown"),
+    )
+    steps: int = _parameter(
+        600,
+        "Steps",
+        "Steps of each training; there is one for every fold and one on all files. More fit better and take longer.",
+        minimum=1,
+        maximum=1_000_000,
+    )
+    minutes: float = _parameter(
+        0.0,
+        "Minutes",
+        "Chooses the steps so that all takes about this long on this machine. 0: the steps as given.",
+        unit="minutes",
+        minimum=0.0,
+        maximum=100_000.0,
+    )
+    folds: int = _parameter(
+        5,
+        "Folds",
+        "The files are split into so many parts, each scored by a model that never saw it. With fewer files each one "
+        "is a part. More cost more trainings.",
+        minimum=2,
+        maximum=100,
+    )
+    learning_rate: float = _parameter(
+        0.0,
+        "Learning rate",
+        "Largest step size. Larger adapts faster and forgets more. 0: 0.002 from weights, 0.01 from nothing.",
+        minimum=0.0,
+        maximum=1.0,
+        advanced=True,
+    )
+    batch: int = _parameter(
+        2,
+        "Windows in a step",
+        "Larger is steadier and takes more memory and time.",
+        minimum=1,
+        maximum=256,
+        advanced=True,
+    )
+    network: str = _parameter(
+        "standard",
+        "Network",
+        "Used where training starts from nothing. standard: the size of the shipped one. smoke: a tiny one that learns "
+        "within a minute, to try things out.",
+        choices=("standard", "smoke"),
+        advanced=True,
+    )
+    seed: int = _parameter(
+        0,
+        "Seed",
+        "The same seed gives the same folds and, on one machine's processor, the same weights.",
+        minimum=0,
+        maximum=2**31 - 1,
+        advanced=True,
+    )
+    device: str = _parameter(
+        "cpu",
+        "Device",
+        "What the training runs on. auto: a graphics card where there is one.",
+        choices=("cpu", "gpu", "auto"),
+        advanced=True,
+    )
+    threads: int = _parameter(
+        0, "Threads", "Processor cores to use. 0: all of them.", minimum=0, maximum=1024, advanced=True
+    )

@@ -1,0 +1,1 @@
+"""Labels and probabilities of points by the network."""

@@ -1,0 +1,48 @@
+"""Screening without learning: a point is a hazard if it lies far enough above or below the trend around it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit
+
+from ...engine.core.arrays import Float
+from ..configuration import ModelConfiguration
+from ..preparation.streaming import prepared_in_voxels
+
+Float32 = NDArray[np.float32]
+
+
+def residual_probabilities(
+    xyz: Float,
+    *,
+    threshold: float = 0.08,
+    trend: tuple[float, float] = (4.0, 4.0),
+    spread: float = 0.02,
+    voxel: float = 0.12,
+    seed: int = 0,
+) -> Float32:
+    """(n, 3) memberships of background, uplift and subsidence, the largest of which is the class.
+
+    A voxel is uplift where it lies more than ``threshold`` m above its robust ``trend`` (reach along and up the
+    slope, m), subsidence where it lies as far below; ``spread`` (m) says how quickly the membership changes about the
+    threshold. It is no calibrated probability.
+
+    Raises:
+        InputError: the cloud has too few points or its plane cannot be found.
+    """
+    cloud, place = prepared_in_voxels(xyz, residual_configuration(trend, voxel), seed)
+    return residual_memberships(cloud.residuals[:, 0], threshold, spread)[place]
+
+
+def residual_configuration(trend: tuple[float, float] = (4.0, 4.0), voxel: float = 0.12) -> ModelConfiguration:
+    """How a cloud is prepared for the threshold on its height over the trend."""
+    return ModelConfiguration(name="residual", voxel=voxel, trends=(trend,))
+
+
+def residual_memberships(height: NDArray[np.floating], threshold: float, spread: float = 0.02) -> Float32:
+    """(m, 3) memberships, as of ``residual_probabilities``, of voxels at ``height`` (m,) over the trend, m."""
+    up, down = (expit((sign * height.astype(np.float64) - threshold) / spread) for sign in (1.0, -1.0))
+    result = np.stack([np.maximum(1.0 - up - down, 0.0), up, down], axis=1)
+    result /= result.sum(axis=1, keepdims=True)
+    return result.astype(np.float32)

@@ -1,0 +1,132 @@
+"""Weights as safetensors with what they were made for beside them, pinned by a checksum. Pickled files are refused."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ...engine.core.errors import InputError
+from ...engine.core.staged_outputs import atomic_output
+from ...simulation.hazard_scenes.styles import SIMULATOR_VERSION
+from ..configuration import ModelConfiguration
+from .randlanet import RandLANet
+
+FORMAT = 1
+
+
+@dataclass(frozen=True)
+class ModelFile:
+    """A model read from disk: network in evaluation mode, its configuration, what is known of it, its checksum."""
+
+    network: RandLANet
+    configuration: ModelConfiguration
+    metadata: dict[str, Any]
+    sha256: str
+
+
+def checksum(path: Path) -> str:
+    """SHA-256 of a file, in hexadecimal."""
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while part := file.read(1 << 20):
+            digest.update(part)
+    return digest.hexdigest()
+
+
+def description_path(weights: Path) -> Path:
+    """The file beside the weights that says what they are."""
+    return weights.with_suffix(".json")
+
+
+def save_model(path: Path, network: RandLANet, training: dict[str, Any], metrics: dict[str, Any]) -> str:
+    """Write weights and, beside them, a JSON file with configuration, training, metrics and checksum.
+
+    Returns:
+        The weights' SHA-256.
+
+    Raises:
+        InputError: the folder does not exist or cannot be written, or the name does not end in .safetensors.
+    """
+    from safetensors.torch import save_file
+
+    if path.suffix != ".safetensors":
+        raise InputError(f"The weights' name {path.name} does not end in .safetensors; give one that does.")
+    tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in network.state_dict().items()}
+    with atomic_output(path) as partial:
+        save_file(tensors, str(partial))
+    digest = checksum(path)
+    description = {
+        "format": FORMAT,
+        "sha256": digest,
+        "configuration": asdict(network.configuration),
+        "parameters": network.parameter_count,
+        "simulator_version": SIMULATOR_VERSION,
+        "training": training,
+        "metrics": metrics,
+    }
+    with atomic_output(description_path(path)) as partial:
+        partial.write_text(json.dumps(description, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    return digest
+
+
+def load_model(path: Path, sha256: str | None = None) -> ModelFile:
+    """Read weights and their description; nothing in either is executed.
+
+    Args:
+        sha256: the checksum that the weights must have, where it is known from elsewhere; that of the description is
+            checked in any case.
+
+    Raises:
+        InputError: a file is missing, pickled, tampered with or not made for this version.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"The weights {path} do not exist; give a .safetensors file.")
+    _refuse_pickle(path)
+    description = _read_description(path)
+    found = checksum(path)
+    for expected in (sha256, description["sha256"]):
+        if expected is not None and found != expected:
+            raise InputError(f"The weights {path} are not those their checksum names; download or train them again.")
+    configuration = ModelConfiguration.from_mapping(description["configuration"])
+    from safetensors import SafetensorError
+    from safetensors.torch import load_file
+
+    network = RandLANet(configuration)
+    try:
+        network.load_state_dict(load_file(str(path)))
+    except (SafetensorError, RuntimeError) as error:
+        raise InputError(f"The weights {path} do not fit their description; take both from one source.") from error
+    network.eval()
+    return ModelFile(network, configuration, description, found)
+
+
+def _refuse_pickle(path: Path) -> None:
+    """A pickle can run any program when it is opened; torch's own files are pickles, plain or in a zip archive."""
+    with path.open("rb") as file:
+        start = file.read(16)
+    if path.suffix != ".safetensors" or start[:2] in (b"PK", b"\x80\x02", b"\x80\x04") or start[8:9] != b"{":
+        raise InputError(
+            f"The weights {path} are no safetensors file; pickled models are not opened, convert them first."
+        )
+
+
+def _read_description(path: Path) -> dict[str, Any]:
+    beside = description_path(path)
+    try:
+        description = json.loads(beside.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"The description {beside} of the weights is missing; keep both files together.") from None
+    except (ValueError, OSError) as error:
+        raise InputError(f"The description {beside} of the weights cannot be read ({error}); restore it.") from error
+    if not isinstance(description, dict) or description.get("format") != FORMAT:
+        raise InputError(
+            f"The description {beside} of the weights is of another version; take weights made for this one."
+        )
+    missing = {"sha256", "configuration"} - set(description)
+    if missing:
+        raise InputError(f"The description {beside} of the weights lacks {', '.join(sorted(missing))}; restore it.")
+    return description

@@ -1,0 +1,1 @@
+"""Points to what the network takes."""

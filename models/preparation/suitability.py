@@ -1,0 +1,151 @@
+"""Whether a cloud is the bare ground of one slope, as screening takes it to be; refusals with their remedy."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...engine.core.arrays import Float
+from ...engine.core.errors import InputError
+from ...engine.core.progress import Progress
+from ...engine.geometry.dominant_plane import Plane
+from ...engine.grid.cell_statistics import cell_statistics
+from ...engine.grid.grid import snapped_grid
+from ...interface.parameters import ScreeningParameters
+
+_FACE_CELL = 4.0
+"""Side (m) of the squares whose own dip says which way the ground faces; drains and berms are smaller."""
+_FACE_DIP = 10.0
+_FACE_SHARE = 0.25
+"""Two opposite faces: each is at least this share of what dips at all."""
+_ROUGH = 0.15
+"""Scatter (m) about a plane within 1 m² beyond which it is not bare ground; see docs/architecture.md."""
+_ROUGH_SHARE = 0.15
+_FEWEST_IN_CELL = 6
+
+
+@dataclass(frozen=True)
+class Suitability:
+    """What is measured before screening.
+
+    ``dip`` (degrees) of the dominant plane; ``density``: points in the middle one of the slope's square metres that
+    have any; ``opposite_share``: part of the dipping ground that faces against the rest (0 to 0.5); ``rough_share``:
+    part of the square metres whose points scatter too much for bare ground.
+    """
+
+    dip: float
+    density: float
+    opposite_share: float
+    rough_share: float
+
+
+def measure(xyz: Float, flat: Float, plane: Plane, thinned: float = 1.0) -> Suitability:
+    """Measure a sample.
+
+    Args:
+        xyz: (n, 3) points in map coordinates, m. flat: the same in the frame of ``plane``.
+        thinned: points of the cloud for each point of the sample.
+    """
+    bounds = (*flat[:, :2].min(axis=0).tolist(), *flat[:, :2].max(axis=0).tolist())
+    cells = cell_statistics(flat, snapped_grid(bounds, 1.0), plane=True)
+    judged = cells.points >= _FEWEST_IN_CELL
+    rough = np.sqrt(cells.variance[judged]) > _ROUGH
+    return Suitability(
+        dip=plane.dip,
+        density=float(np.median(cells.points)) * thinned,
+        opposite_share=opposite_share(xyz),
+        rough_share=float(rough.mean()) if judged.any() else 0.0,
+    )
+
+
+def refuse_unsuitable(
+    found: Suitability,
+    parameters: ScreeningParameters,
+    name: str,
+    *,
+    density: tuple[float, float] | None,
+    classified: bool,
+    bare: bool,
+    progress: Progress,
+) -> None:
+    """Raise InputError if a cloud is not one slope, or (where ``ground`` is auto) not its bare ground.
+
+    Args:
+        name: of the cloud, for messages.
+        density: least and most points a m² that the network was made for; None: any.
+        classified: whether the cloud has points of class 2, so that they may be offered.
+        bare: whether the points are known to be ground.
+    """
+    if found.opposite_share >= _FACE_SHARE:
+        raise InputError(
+            f"{name} has two opposite faces ({100 * found.opposite_share:.0f} % of its sloping ground faces against "
+            "the rest), but screening takes one slope at a time; cut out one of them with --roi."
+        )
+    if found.dip < parameters.minimum_dip:
+        raise InputError(
+            f"{name} is no slope: its dominant plane dips {found.dip:.1f} degrees where screening needs "
+            f"{parameters.minimum_dip:g}; cut out the slope with --roi, or lower minimum_dip."
+        )
+    if found.dip > parameters.maximum_dip:
+        raise InputError(
+            f"{name} is a wall: its dominant plane dips {found.dip:.1f} degrees where screening takes "
+            f"{parameters.maximum_dip:g} at most; check the order of its coordinates, or raise maximum_dip."
+        )
+    if parameters.ground == "auto" and not bare and found.rough_share > _ROUGH_SHARE:
+        ready = "--ground class_2 to take its points of class 2, " if classified else ""
+        raise InputError(
+            f"{name} is no bare ground ({100 * found.rough_share:.0f} % of its square metres scatter as plants do); "
+            f"give --ground extract to extract the ground first, {ready}or --ground as_is if it is rough ground."
+        )
+    if density is not None and not density[0] <= found.density <= density[1]:
+        sparse = found.density < density[0]
+        sentence = (
+            f"{name} has {found.density:.0f} points a m² where the network was made for {density[0]:g} to "
+            f"{density[1]:g}"
+        )
+        if not parameters.any_density:
+            remedy = "--screening-method residual" if sparse else "a thinned cloud"
+            raise InputError(f"{sentence}; give {remedy}, other weights, or any_density to screen it all the same.")
+        progress.warning(f"{sentence}, so its labels are not to be relied on.")
+
+
+def opposite_share(xyz: Float) -> float:
+    """Part of the dipping ground that faces against the direction which most of it faces, within 45 degrees of it."""
+    gradient, weight = _gradients(xyz)
+    dips = np.hypot(*gradient.T) > math.tan(math.radians(_FACE_DIP))
+    if not dips.any():
+        return 0.0
+    angle = np.arctan2(gradient[dips, 1], gradient[dips, 0])
+    weight = weight[dips]
+    candidates = np.arange(-math.pi, math.pi, math.pi / 18)
+    facing = np.array([weight[_apart(angle, c) <= math.pi / 4].sum() for c in candidates])
+    main = candidates[int(facing.argmax())]
+    against = weight[_apart(angle, main + math.pi) <= math.pi / 4].sum()
+    return float(against / weight.sum())
+
+
+def _apart(angle: Float, other: float) -> Float:
+    return np.abs((angle - other + math.pi) % (2 * math.pi) - math.pi)
+
+
+def _gradients(xyz: Float) -> tuple[Float, Float]:
+    """Gradient (n, 2) of the plane through the points of each square, and the number of its points (n,)."""
+    cell = np.floor((xyz[:, :2] - xyz[:, :2].min(axis=0)) / _FACE_CELL).astype(np.int64)
+    _, square, count = np.unique(
+        cell[:, 0] * (int(cell[:, 1].max()) + 1) + cell[:, 1], return_inverse=True, return_counts=True
+    )
+    local = xyz - xyz.mean(axis=0)
+
+    def mean(values: NDArray[np.float64]) -> Float:
+        return np.bincount(square, weights=values) / count
+
+    dx, dy, dz = (local[:, k] - mean(local[:, k])[square] for k in range(3))
+    xx, yy, xy, xz, yz = (mean(a * b) for a, b in ((dx, dx), (dy, dy), (dx, dy), (dx, dz), (dy, dz)))
+    determinant = xx * yy - xy * xy
+    sound = (count >= 10) & (determinant > 0.02 * (_FACE_CELL**2 / 12.0) ** 2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = np.stack([(xz * yy - yz * xy) / determinant, (yz * xx - xz * xy) / determinant], axis=1)
+    return slope[sound], count[sound].astype(np.float64)

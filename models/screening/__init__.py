@@ -1,0 +1,1 @@
+"""Labels and zones of one cloud by the network or the threshold."""

@@ -1,0 +1,166 @@
+"""Screening of one survey: which ground is raised or lowered against the slope around it.
+
+The cloud is averaged in voxels, which is all that is held of it (see ``models.streaming``); the network, or a threshold
+without learning, gives each voxel its probabilities, and a point has those of its voxel or of the few about it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...engine.core.arrays import Float
+from ...engine.core.messages import shown
+from ...engine.core.progress import Progress
+from ...engine.geometry.dominant_plane import Plane, apply_matrix
+from ...engine.ground.pdal_pipelines import GROUND, NOISE
+from ...engine.pointcloud.cloud import PointCloud
+from ...interface.parameters import ScreeningParameters
+from ..preparation.suitability import Suitability, measure, refuse_unsuitable
+from .labels import most_probable
+from .much_marked import warn_if_much_stands_out
+from .network import ScreeningModel, memory_told
+from .result import GroundPoints, Screening, _calibrated
+from .zones import Hazards, outline_hazards
+
+if TYPE_CHECKING:
+    from ..configuration import ModelConfiguration
+    from ..inference.interpolation import VoxelInterpolation
+
+TREND = (4.0, 4.0)
+"""Reach (m) along and up the slope of the trend that heights are told over."""
+
+
+def screen_cloud(
+    cloud: PointCloud,
+    parameters: ScreeningParameters | None = None,
+    *,
+    run_id: str = "",
+    progress: Progress | None = None,
+) -> tuple[Screening, Hazards]:
+    """Screen a ground cloud in memory.
+
+    Args:
+        cloud: ground points; ``ground`` class_2 takes those of class 2, extract is not for here.
+
+    Returns:
+        The screening, and its rasters and zones (``Hazards.frame``).
+
+    Raises:
+        InputError: see ``screen_points``.
+        EngineError: memory ran out.
+    """
+    parameters, progress = parameters or ScreeningParameters(), progress or Progress()
+    with progress.stage(0.0, 0.95, "screening"):
+        screening = screen_points(_InMemory(cloud, parameters.ground), parameters, progress)
+    with progress.stage(0.95, 1.0, "outlining zones"):
+        hazards = outline_hazards(screening, cloud.crs, parameters, run_id=run_id)
+    return screening, hazards
+
+
+def chosen_by_class(labels: NDArray[np.uint8], ground: str) -> NDArray[np.bool_]:
+    """Which points (n,) ``ScreeningParameters.ground`` takes: class_2 those of that class, auto all but known noise."""
+    if ground == "class_2":
+        return labels == GROUND
+    if ground == "auto":
+        return ~np.isin(labels, NOISE)
+    return np.ones(len(labels), dtype=bool)
+
+
+class _InMemory:
+    def __init__(self, cloud: PointCloud, ground: str) -> None:
+        labels = np.zeros(len(cloud), np.uint8) if cloud.classification is None else cloud.classification
+        chosen = chosen_by_class(labels, ground)
+        self.name = shown(cloud.path)
+        self.xyz = cloud.xyz if chosen.all() else cloud.xyz[chosen]
+        self.classified = bool((labels == GROUND).any())
+        self.bare = self.classified and bool((labels[chosen] == GROUND).all())
+
+    def parts(self) -> Iterable[Float]:
+        yield self.xyz
+
+
+def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progress: Progress | None = None) -> Screening:
+    """Screen ground points that are read in parts, twice.
+
+    Raises:
+        InputError: too few points; coordinates that are not numbers; not one slope, or not its bare ground, or of
+            another density than the network was made for; torch or the weights are missing.
+        EngineError: memory ran out.
+    """
+    from ..inference.baseline import residual_configuration, residual_memberships
+    from ..preparation.streaming import prepare_parts, sample_parts
+    from ..preparation.trends import residual_heights
+
+    progress = progress or Progress()
+    model = ScreeningModel(parameters) if parameters.screening_method == "network" else None
+    configuration = residual_configuration(TREND) if model is None else model.configuration
+    with memory_told():
+        with progress.stage(0.0, 0.15, "reading"):
+            sample = sample_parts(ground.parts, ground.name)
+        with progress.stage(0.15, 0.2, "checking the slope"):
+            suitability, plane = _measured(sample.xyz, sample.points / len(sample.xyz), configuration)
+            refuse_unsuitable(
+                suitability,
+                parameters,
+                ground.name,
+                density=None if model is None else configuration.density,
+                classified=ground.classified,
+                bare=ground.bare,
+                progress=progress,
+            )
+        with progress.stage(0.2, 0.4, "averaging in voxels"):
+            cloud, voxels = prepare_parts(ground.parts, sample, configuration)
+        if TREND in configuration.trends and not configuration.own_roughness:
+            heights = cloud.residuals[:, configuration.trends.index(TREND)]
+        else:
+            heights = residual_heights(cloud.voxels.points, *TREND).astype(np.float32)
+        with progress.stage(0.4, 1.0, "screening"):
+            if model is None:
+                raw, temperature = residual_memberships(heights, parameters.residual_threshold), 1.0
+                facts: dict[str, Any] = {"name": "residual"}
+            else:
+                raw, temperature = model.probabilities(cloud, progress), model.temperature
+                facts = model.facts()
+        probabilities = _calibrated(raw, temperature)
+        labels = most_probable(probabilities, parameters.minimum_probability)
+        warn_if_much_stands_out(labels, cloud.voxels.count, progress)
+        return Screening(
+            points=apply_matrix(_inverse(cloud.matrix), cloud.voxels.points),
+            count=cloud.voxels.count,
+            probabilities=probabilities,
+            raw=raw,
+            temperature=temperature,
+            labels=labels,
+            heights=heights,
+            voxels=voxels,
+            between=None if model is None else _interpolation(cloud.voxels.points, configuration),
+            least=parameters.minimum_probability,
+            plane=plane,
+            suitability=suitability,
+            model=facts,
+            ground_points=sample.points,
+        )
+
+
+def _interpolation(points: Float, configuration: ModelConfiguration) -> VoxelInterpolation | None:
+    """As ``models.prediction.predict`` does it."""
+    from ..inference.interpolation import VoxelInterpolation
+
+    if configuration.interpolation <= 1:
+        return None
+    return VoxelInterpolation(points, configuration.voxel, configuration.interpolation)
+
+
+def _measured(xyz: Float, thinned: float, configuration: ModelConfiguration) -> tuple[Suitability, Plane]:
+    from ..preparation.prepare import flat_frame
+
+    plane, matrix = flat_frame(xyz, configuration)
+    return measure(xyz, apply_matrix(matrix, xyz), plane, thinned), plane
+
+
+def _inverse(matrix: Float) -> Float:
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)

@@ -1,0 +1,1 @@
+"""Between QGIS and the engine: client, interpreter, settings, styling."""

@@ -1,0 +1,1 @@
+"""Simulated surveys of one slope with known change."""

@@ -1,0 +1,115 @@
+"""Flight lines over the slope and the scanner's non-repetitive pattern: where each pulse starts and points."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...engine.core.arrays import Float
+from ..trace import Rays
+from .scene import Profile
+
+
+@dataclass(frozen=True)
+class Scanner:
+    """The carrier and its scanner.
+
+    ``deflections`` are the shares of half the field of view by which the rotating prisms deflect the beam, and
+    ``turns`` their revolutions a second: incommensurate, so that the rosette never repeats.
+    """
+
+    altitude: float = 40.0
+    speed: float = 3.0
+    pulse_rate: float = 240_000.0
+    field_of_view: float = 70.0
+    side_overlap: float = 0.5
+    overshoot: float = 8.0
+    maximum_returns: int = 5
+    deflections: tuple[float, float, float] = (0.46, 0.38, 0.16)
+    turns: tuple[float, float, float] = (121.57, -77.73, 41.31)
+
+    @property
+    def half_angle(self) -> float:
+        return math.radians(self.field_of_view / 2)
+
+    @property
+    def swath(self) -> float:
+        """Width of a strip on flat ground, m."""
+        return 2 * self.altitude * math.tan(self.half_angle)
+
+
+@dataclass(frozen=True)
+class Flight:
+    """Parallel lines along u: ``v`` and ``z`` of each (m), all from ``u0`` to ``u1``, flown to and fro.
+
+    ``phase``: how long the scanner has been turning when the first line starts, s.
+    """
+
+    v: Float
+    z: Float
+    u0: float
+    u1: float
+    scanner: Scanner
+    phase: float = 0.0
+
+    @property
+    def line_seconds(self) -> float:
+        return (self.u1 - self.u0) / self.scanner.speed
+
+    @property
+    def pulses(self) -> float:
+        """Number of pulses at the scanner's full rate."""
+        return len(self.v) * self.line_seconds * self.scanner.pulse_rate
+
+
+@dataclass(frozen=True)
+class Pulses:
+    """Rays with the flight line (n,), seconds since the start (n,) and signed scan angle (n,) in degrees of each."""
+
+    rays: Rays
+    line: NDArray[np.int64]
+    seconds: Float
+    scan_angle: Float
+
+
+def plan_flight(area: tuple[float, float, float, float], profile: Profile, scanner: Scanner) -> Flight:
+    """Lines over ``area`` (u and v from, u and v to), at the altitude above the ground under each line.
+
+    Every place of the area is seen from two lines; along the lines the density falls off beyond ``overshoot``.
+    """
+    u0, v0, u1, v1 = area
+    spacing = scanner.swath * (1 - scanner.side_overlap)
+    count = math.ceil((v1 - v0) / spacing) + 1
+    v: Float = (v0 + v1) / 2 + spacing * (np.arange(count, dtype=np.float64) - (count - 1) / 2)
+    return Flight(v, profile(v) + scanner.altitude, u0 - scanner.overshoot, u1 + scanner.overshoot, scanner)
+
+
+def flown(plan: Flight, rng: np.random.Generator, accuracy: float = 0.3) -> Flight:
+    """The plan as one survey flies it: lines off by ``accuracy`` m (standard deviation), the scanner at any phase."""
+    v = plan.v + rng.normal(0.0, accuracy, plan.v.shape)
+    z = plan.z + rng.normal(0.0, accuracy, plan.z.shape)
+    return replace(plan, v=v, z=z, phase=float(rng.uniform(0.0, 3600.0)))
+
+
+def emit(flight: Flight, seconds: Float) -> Pulses:
+    """The pulses sent at ``seconds`` (n,) of flight time; the turns between lines take no time."""
+    scanner = flight.scanner
+    line = np.minimum((seconds / flight.line_seconds).astype(np.int64), len(flight.v) - 1)
+    along = (seconds - line * flight.line_seconds) * scanner.speed
+    forth = line % 2 == 0
+    origin = np.stack([np.where(forth, flight.u0 + along, flight.u1 - along), flight.v[line], flight.z[line]])
+    a, b = np.zeros(len(seconds)), np.zeros(len(seconds))
+    for share, turns in zip(scanner.deflections, scanner.turns, strict=True):
+        phase = 2 * math.pi * turns * (seconds + flight.phase)
+        a += share * np.cos(phase)
+        b += share * np.sin(phase)
+    radius = np.hypot(a, b)
+    off_nadir = radius * scanner.half_angle
+    scale = np.sin(off_nadir) / np.maximum(radius, 1e-12)
+    direction = np.stack([a * scale, b * scale, -np.cos(off_nadir)])
+    # LAS counts scan angles from nadir, positive to the right of the flight direction.
+    angle = np.degrees(np.arctan2(np.where(forth, -1.0, 1.0) * direction[1], -direction[2]))
+    return Pulses(Rays(origin, direction), line, seconds, angle)

@@ -1,0 +1,244 @@
+"""Pairs of simulated surveys with everything that is known about them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...engine.core.arrays import Float
+from ...engine.core.progress import Progress
+from ...engine.geometry.rigid_transform import RigidTransform
+from ...engine.grid.grid import Grid
+from ...interface.parameters import SurveyParameters
+from ..frame import Frame
+from .change import Bump, Change, Cone, Plateau, Slump, true_change_raster
+from .layers import Cover
+from .pattern import Flight, Scanner, flown, plan_flight
+from .plants import cover_of
+from .scanner import SurveyCloud, scan
+from .scene import BERM_WIDTH, Relief, Scene, build_scene, cut_profile
+from .vegetation import Canopy, grow
+
+Area = tuple[float, float, float, float]
+ROI_SHARE = 0.58
+"""Share of a cloud's points that the ROI around the slope holds."""
+ROTATION = 2e-4
+"""Rotation of the known rigid offset, rad: 6 mm at 30 m, what a survey-grade attitude leaves."""
+CRS = "EPSG:32651"
+
+
+@dataclass(frozen=True)
+class SimulatedPair:
+    """Two epochs and the truth about them.
+
+    ``transform`` maps the second epoch's coordinates (moving) to the first's (reference). ``roi`` is the ring of
+    the region of interest (n, 2), closed, in the first epoch's coordinates; ``scene`` holds the changes and is the
+    second epoch's ground in the first epoch's coordinates.
+    """
+
+    parameters: SurveyParameters
+    first: SurveyCloud
+    second: SurveyCloud
+    transform: RigidTransform
+    scene: Scene
+    canopy: Canopy
+    area: Area
+    roi: Float
+    crs: str = CRS
+    dates: tuple[str, str] = ("2024-05-01", "2025-05-01")
+    covers: tuple[Cover | None, Cover | None] = (None, None)
+
+    @property
+    def changes(self) -> tuple[Change, ...]:
+        return self.scene.changes
+
+    def true_change_raster(self, grid: Grid, subsamples: int = 32) -> Float:
+        """Mean true change of each cell of a grid in the first epoch's coordinates (rows, columns), m."""
+        return true_change_raster(self.changes, self.scene.frame, grid, subsamples)
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """West, south, east, north of the surveyed area."""
+        ring = rectangle(self.area, self.scene.frame)
+        (west, south), (east, north) = ring.min(axis=0), ring.max(axis=0)
+        return float(west), float(south), float(east), float(north)
+
+
+def rectangle(area: Area, frame: Frame) -> Float:
+    """Closed ring (5, 2) in the world of a rectangle in the local frame."""
+    u0, v0, u1, v1 = area
+    corners = np.array([[u0, v0, 0], [u1, v0, 0], [u1, v1, 0], [u0, v1, 0], [u0, v0, 0]], dtype=float)
+    return frame.to_world(corners)[:, :2]
+
+
+def simulate_pair(
+    parameters: SurveyParameters | None = None,
+    progress: Progress | None = None,
+    changes: tuple[Change, ...] | None = None,
+    relief: Relief | None = None,
+    frame: Frame | None = None,
+    roi_buffer: float = 0.0,
+) -> SimulatedPair:
+    """Two surveys of one cut slope: the second with ``changes`` (by default one of each kind) and a rigid offset.
+
+    Shrubs, trees, ferns, forest and turf are the same in both epochs; closed grass has grown anew between them, or is
+    mown in one. All but shrubs and trees move with the ground. The ROI runs along toe and crest,
+    ``roi_buffer`` m outside of the cut face.
+    """
+    parameters = parameters or SurveyParameters()
+    progress = progress or Progress()
+    frame, relief = frame or Frame(), relief or Relief()
+    run = parameters.height / math.tan(math.radians(parameters.angle)) + parameters.benches * BERM_WIDTH
+    slope = (0.0, 0.0, parameters.length, run)
+    roi = expand(slope, roi_buffer)
+    profile = cut_profile(parameters.height, parameters.angle, parameters.benches)
+    with progress.stage(0.0, 0.1, "building the ground"):
+        rng = np.random.default_rng([parameters.seed, 1])
+        scene = build_scene(profile, slope, roi_buffer + largest_margin(roi) + 9.0, frame, relief, rng)
+    with progress.stage(0.1, 0.3, "planting"):
+        covers = (cover_of(parameters, scene, 0), cover_of(parameters, scene, 1))
+        canopy = grow(scene, parameters.vegetation, np.random.default_rng([parameters.seed, 2]), progress=progress)
+    plan = plan_flight(roi, profile, Scanner())
+    if changes is None:
+        changes = default_changes(slope, parameters.amplitude, np.random.default_rng([parameters.seed, 3]))
+    transform = known_offset(scene, parameters.offset, np.random.default_rng([parameters.seed, 4]))
+    return _fly(parameters, scene, canopy, covers, plan, roi, changes, transform, progress)
+
+
+def simulate_controlled_test(
+    seed: int = 1,
+    vegetation: float = 0.6,
+    density: float = 1800.0,
+    side: float = 20.0,
+    angle: float = 12.0,
+    offset: float = 0.0,
+    range_noise: float = 0.02,
+    progress: Progress | None = None,
+) -> SimulatedPair:
+    """Replica of the published controlled test: a plateau and a cone appear on vegetated ground.
+
+    Args:
+        density: returns per m² of the ``side`` x ``side`` m test field; 1800 makes the share of 0.1 m cells with ground
+            in both epochs about the published 94.7 %.
+        angle: inclination of the ground, degrees.
+    """
+    rise = side * math.tan(math.radians(angle))
+    parameters = SurveyParameters(
+        seed=seed,
+        points=round(density * side**2 / ROI_SHARE),
+        length=side,
+        height=rise,
+        angle=angle,
+        vegetation=vegetation,
+        range_noise=range_noise,
+        offset=offset,
+        amplitude=0.36,
+    )
+    rng = np.random.default_rng([seed, 5])
+    shift = rng.uniform(-0.5, 0.5, 4)
+    changes = (
+        Plateau(0.32 * side + shift[0], 0.5 * side + shift[1], rotation=float(rng.uniform(0.0, 90.0))),
+        Cone(0.68 * side + shift[2], 0.5 * side + shift[3]),
+    )
+    return simulate_pair(parameters, progress, changes, Relief(undulation_rms=0.05, roughness_rms=0.02))
+
+
+def default_changes(slope: Area, amplitude: float, rng: np.random.Generator) -> tuple[Change, ...]:
+    """A bulge, a depression and a slump on the slope, at most about a tenth of its area; none for amplitude 0."""
+    if amplitude == 0:
+        return ()
+    u0, v0, u1, v1 = slope
+    width, run = u1 - u0, v1 - v0
+    size = min(4.0, 0.09 * width, 0.16 * run)
+    centres = u0 + width * (np.array([0.2, 0.5, 0.8]) + rng.uniform(-0.04, 0.04, 3))
+    order = rng.permutation(3)
+    heights = v0 + run * rng.uniform(0.38, 0.62, 3)
+    bulge, bowl, slump = centres[order]
+    return (
+        Bump(float(bulge), float(heights[0]), 1.2 * size, 0.8 * size, amplitude),
+        Bump(float(bowl), float(heights[1]), 0.9 * size, 0.7 * size, -amplitude),
+        Slump(float(slump), float(heights[2]), 0.9 * size, 2.8 * size, 0.8 * amplitude),
+    )
+
+
+def known_offset(scene: Scene, offset: float, rng: np.random.Generator) -> RigidTransform:
+    """A rigid motion about the slope's centre: translation of norm ``offset`` m and a rotation of ROTATION rad."""
+    u0, v0, u1, v1 = scene.slope
+    middle = np.array([[(u0 + u1) / 2, (v0 + v1) / 2, 0.0]])
+    middle[0, 2] = scene.profile(middle[:, 1])[0]
+    direction, axis = rng.standard_normal(3), rng.standard_normal(3)
+    translation = offset * direction / np.linalg.norm(direction)
+    x, y, z = axis / np.linalg.norm(axis)
+    angle = ROTATION if offset > 0 else 0.0
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    rotation = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+    return RigidTransform(rotation, translation, scene.frame.to_world(middle)[0])
+
+
+def _fly(
+    parameters: SurveyParameters,
+    scene: Scene,
+    canopy: Canopy,
+    covers: tuple[Cover | None, Cover | None],
+    plan: Flight,
+    roi: Area,
+    changes: tuple[Change, ...],
+    transform: RigidTransform,
+    progress: Progress,
+) -> SimulatedPair:
+    changed = scene.with_changes(changes)
+    area, pulses = survey_area(scene, canopy, plan, roi, parameters.points, parameters.seed, covers[0])
+    clouds = []
+    for epoch, ground in enumerate((scene, changed)):
+        with progress.stage(0.3 + 0.35 * epoch, 0.65 + 0.35 * epoch, f"scanning epoch {epoch + 1}") as stage:
+            seed = (parameters.seed, 11 + epoch)
+            flight = flown(plan, np.random.default_rng([*seed, 0]))
+            cloud = scan(
+                ground,
+                canopy,
+                flight,
+                area,
+                pulses,
+                parameters.range_noise,
+                (*seed, 1),
+                stage,
+                cover=covers[epoch],
+            )
+            clouds.append(cloud)
+    moved = replace(clouds[1], xyz=transform.inverse().apply(clouds[1].xyz))
+    ring = rectangle(roi, scene.frame)
+    return SimulatedPair(parameters, clouds[0], moved, transform, changed, canopy, area, ring, covers=covers)
+
+
+def survey_area(
+    scene: Scene, canopy: Canopy, flight: Flight, roi: Area, points: int, seed: int, cover: Cover | None = None
+) -> tuple[Area, int]:
+    """The area around the ROI of which the ROI holds ROI_SHARE of the points, and the pulses that give ``points``.
+
+    Both from a pilot scan: density falls off at the edges of the flight, and leaves return more than bare ground.
+    """
+    widest = expand(roi, largest_margin(roi))
+    pilot = 60_000
+    cloud = scan(scene, canopy, flight, widest, pilot, 0.0, (seed, 10), cover=cover)
+    local = scene.frame.to_local(cloud.xyz)
+    # Margin at which each point comes in.
+    beyond = np.maximum.reduce([roi[0] - local[:, 0], local[:, 0] - roi[2], roi[1] - local[:, 1], local[:, 1] - roi[3]])
+    beyond = np.sort(beyond)
+    held = np.count_nonzero(beyond <= 0)
+    wanted = min(round(held / ROI_SHARE), len(beyond))
+    area = expand(roi, max(float(beyond[wanted - 1]), 0.5))
+    return area, max(1, math.ceil(points * pilot / max(wanted, 1)))
+
+
+def largest_margin(roi: Area) -> float:
+    """Margin of the ground that is modelled around the ROI, m: twice that of an even density."""
+    a, b = roi[2] - roi[0], roi[3] - roi[1]
+    # (a + 2 m)(b + 2 m) = a b / ROI_SHARE
+    half = (a + b) / 2
+    return -half + math.sqrt(half**2 + a * b * (1 / ROI_SHARE - 1))
+
+
+def expand(area: Area, margin: float) -> Area:
+    return area[0] - margin, area[1] - margin, area[2] + margin, area[3] + margin

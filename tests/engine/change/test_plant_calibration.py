@@ -1,0 +1,117 @@
+"""The factor of the errors by plants that stable ground tells: surveys of one season, of two, and too little of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from slopewatch.engine.change.judgement import judge
+from slopewatch.engine.change.plant_calibration import NARROWEST, plants_factor, squares_of
+from slopewatch.engine.grid.plant_cells import PlantCells
+from slopewatch.interface.parameters import ChangeParameters
+
+SHAPE, CELL, SIDE = (160, 240), 0.5, 4
+SAMPLING, PLANTS = 0.01, 0.04
+
+
+def covered(seed: int, error: float = PLANTS, shape: tuple[int, int] = SHAPE) -> np.ndarray:
+    """Change (rows, columns) of unchanged ground under grass whose real ``error`` (m) squares of 2 m share."""
+    rng = np.random.default_rng(seed)
+    rows, columns = (-(-n // SIDE) for n in shape)
+    shared = np.kron(rng.normal(size=(rows, columns)), np.ones((SIDE, SIDE)))[: shape[0], : shape[1]]
+    return SAMPLING * rng.normal(size=shape) + error * shared
+
+
+def told(dz: np.ndarray, stable: np.ndarray | None = None, stated: float = PLANTS, **options: float) -> float:
+    every = np.ones(dz.shape, dtype=bool)
+    arguments = {"registration_error": 0.0, "confidence": 0.95} | options
+    sampling, plants = np.full(dz.shape, SAMPLING), np.full(dz.shape, stated)
+    return plants_factor(
+        dz, sampling, plants, every if stable is None else stable, squares_of(dz.shape, CELL), **arguments
+    )
+
+
+@pytest.mark.parametrize("real", [0.02, 0.025, 0.03, 0.035])
+def test_the_factor_is_that_of_the_real_errors_to_the_stated_ones(real):
+    found = [told(covered(seed, real)) for seed in range(6)]
+    assert np.mean(found) == pytest.approx(real / PLANTS, rel=0.1)
+    assert min(found) >= 0.95 * real / PLANTS
+
+
+def test_it_stays_within_what_can_be_believed():
+    assert told(covered(1, 0.001)) == NARROWEST
+    assert told(covered(1, 0.3)) == 1.0
+
+
+def test_a_small_patch_of_grass_tells_nothing_and_few_tell_with_care():
+    dz = covered(2, 0.02)
+    small, few = (np.zeros(SHAPE, dtype=bool) for _ in range(2))
+    small[: 4 * SIDE, : 4 * SIDE] = True  # 16 squares
+    few[: 5 * SIDE, : 5 * SIDE] = True
+    assert told(dz, small) == 1.0
+    assert told(dz) < 0.6
+    some = np.mean([told(covered(seed, 0.02), few) for seed in range(30)])
+    assert 0.55 < some < 0.8, "wider than the half that it would be with many"
+
+
+def test_only_cells_count_in_which_plants_decide():
+    dz = covered(4, 0.02)
+    dz[:, 120:] = 0.5
+    plants = np.full(SHAPE, PLANTS)
+    plants[:, 120:] = 0.009
+    every, sampling = np.ones(SHAPE, dtype=bool), np.full(SHAPE, SAMPLING)
+    found = plants_factor(
+        dz, sampling, plants, every, squares_of(dz.shape, CELL), registration_error=0.0, confidence=0.95
+    )
+    assert found == pytest.approx(0.53, abs=0.06)
+
+
+def test_the_registrations_part_is_not_counted_twice():
+    dz = covered(5, 0.02) + 0.03
+    assert told(dz) > told(dz, registration_error=0.03) >= NARROWEST
+
+
+def judged(real: float, stated: float, **options: float):
+    """An unchanged slope with grass in the east, whose errors by plants are ``real`` and told as ``stated``."""
+    dz = covered(6, real)
+    grass = np.broadcast_to(np.arange(SHAPE[1]) >= 100, SHAPE)
+    bare = SAMPLING * np.random.default_rng(7).normal(size=SHAPE)
+    plants = PlantCells(np.where(grass, stated * 0.6, 0.0), np.where(grass, stated * 0.8, 0.0))
+    return judge(
+        np.where(grass, dz, bare),
+        np.full(SHAPE, SAMPLING),
+        np.full(SHAPE, 30.0),
+        CELL,
+        ChangeParameters(cell=CELL, adaptive=False, **options),
+        registration_error=0.0,
+        plants=plants,
+    ), grass
+
+
+@pytest.mark.parametrize(("real", "stated"), [(0.03, 0.055), (0.03, 0.04), (0.04, 0.04)])
+def test_errors_stated_too_large_leave_5_percent_beyond(real, stated):
+    found, grass = judged(real, stated)
+    beyond = found.decision.significant
+    assert 0.03 <= beyond[grass].mean() <= 0.07
+    assert 0.03 <= beyond[~grass].mean() <= 0.07
+    assert found.plants_factor == pytest.approx(real / stated, rel=0.15)
+    assert found.plants_factor <= 1.0
+    assert found.plants is not None
+    assert np.median(found.plants.error[grass]) == pytest.approx(found.plants_factor * stated)
+    assert np.median(found.plants.error_from[grass]) == pytest.approx(found.plants_factor * 0.6 * stated)
+
+
+def test_without_calibration_the_stated_errors_stay():
+    found, grass = judged(0.03, 0.05, calibrate=False)
+    assert found.plants_factor == 1.0
+    assert found.decision.significant[grass].mean() < 0.01
+
+
+def test_ground_that_moved_under_grass_does_not_widen_the_rest():
+    dz = covered(8, 0.02)
+    dz[40:80, 60:120] -= 0.3
+    plants = PlantCells(np.zeros(SHAPE), np.full(SHAPE, PLANTS))
+    parameters = ChangeParameters(cell=CELL, adaptive=False)
+    slope, sampling = np.full(SHAPE, 30.0), np.full(SHAPE, SAMPLING)
+    found = judge(dz, sampling, slope, CELL, parameters, registration_error=0.0, plants=plants)
+    assert found.plants_factor < 0.65
+    assert found.decision.significant[42:78, 62:118].mean() > 0.99

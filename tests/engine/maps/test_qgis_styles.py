@@ -1,0 +1,325 @@
+"""Styles as XML, and as QGIS itself understands and draws them."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from PIL import Image
+from pyproj import CRS
+from shapely import MultiPolygon, box, hausdorff_distance, unary_union
+from slopewatch.engine.grid.geotiff import write_raster
+from slopewatch.engine.grid.grid import Grid
+from slopewatch.engine.maps.palette import DIVERGING, SEQUENTIAL
+from slopewatch.engine.maps.qgis_styles import (
+    ALIASES,
+    CONFIRMATION_ALIASES,
+    FOOTPRINT_ALIASES,
+    HAZARD_ALIASES,
+    cell_size_qml,
+    change_qml,
+    footprints_qml,
+    hazards_qml,
+    level_qml,
+    probability_qml,
+    write_qml_beside,
+    zones_qml,
+)
+from slopewatch.engine.vector.review_fields import REVIEW_FIELDS
+from slopewatch.engine.zones import confirmation
+from slopewatch.engine.zones.extraction import extract_zones, footprint_frame
+from slopewatch.engine.zones.fields import FIELDS, KINDS, SEVERITIES
+from slopewatch.interface.parameters import ZoneParameters
+from slopewatch.models.screening import zones
+from slopewatch.workflows.products.zones import write_zones
+
+GRID = Grid(west=500000.0, north=4000030.0, cell=0.5, rows=60, columns=80)
+
+
+def stops(qml: str) -> list[tuple[float, str, int, str]]:
+    items = ElementTree.fromstring(qml).iter("item")
+    return [(float(i.get("value")), i.get("color"), int(i.get("alpha")), i.get("label")) for i in items]
+
+
+def test_change_is_centred_on_zero_and_symmetrical() -> None:
+    for level in (None, 0.07):
+        found = stops(change_qml(0.4, level))
+        values = [value for value, *_ in found]
+        assert values == sorted(values)
+        assert values == pytest.approx([-v for v in reversed(values)])
+        assert (values[0], values[-1]) == (-0.4, 0.4)
+        assert found[0][1] == "#{:02x}{:02x}{:02x}".format(*DIVERGING[-1][1])
+        assert found[-1][1] == "#{:02x}{:02x}{:02x}".format(*DIVERGING[-1][2])
+        assert "lowered" in found[0][3]
+        assert "raised" in found[-1][3]
+
+
+def test_below_the_level_is_a_faint_grey() -> None:
+    found = stops(change_qml(0.4, 0.07))
+    inner = [(value, colour, alpha) for value, colour, alpha, _ in found if alpha < 255]
+    assert [value for value, *_ in inner] == [-0.07, 0.07]
+    assert all(colour[1:3] == colour[3:5] == colour[5:7] for _, colour, _ in inner)
+    assert all(alpha == 255 for value, _, alpha, _ in found if abs(value) > 0.07)
+    assert any("below the level of detection" in label for *_, label in found)
+
+
+def test_a_level_beyond_the_range_is_left_out() -> None:
+    for level in (0.5, 0.0, float("nan")):
+        assert all(alpha == 255 for *_, alpha, _ in stops(change_qml(0.4, level)))
+
+
+def test_level_ramp_runs_from_zero() -> None:
+    assert [v for v, *_ in stops(level_qml(0.2))] == pytest.approx([0.2 * s for s, _ in SEQUENTIAL])
+
+
+def test_zones_have_a_symbol_for_every_kind_and_severity() -> None:
+    root = ElementTree.fromstring(zones_qml())
+    categories = {c.get("value"): c.get("symbol") for c in root.iter("category")}
+    assert set(categories) == {f"{kind}, {severity}" for kind in KINDS for severity in SEVERITIES}
+    assert set(categories.values()) == {s.get("name") for s in root.findall("renderer-v2/symbols/symbol")}
+    assert set(ALIASES) == set(FIELDS)
+
+
+def test_footprints_have_a_symbol_for_every_kind_and_names_for_their_own_fields() -> None:
+    root = ElementTree.fromstring(footprints_qml().partition("\n")[2])
+    categories = {c.get("value"): c.get("symbol") for c in root.iter("category")}
+    assert set(categories) == set(KINDS)
+    assert set(categories.values()) == {s.get("name") for s in root.findall("renderer-v2/symbols/symbol")}
+    assert {a.get("field"): a.get("name") for a in root.iter("alias")} == FOOTPRINT_ALIASES
+    # they are not reviewed
+    assert {f.get("name") for f in root.iterfind("fieldConfiguration/field")} <= set(FOOTPRINT_ALIASES)
+    none = np.zeros(GRID.shape)
+    count = none.astype(int)
+    found = extract_zones(none, none > 0, none + 1, none + 1, count, GRID, CRS(32651), ZoneParameters())
+    assert list(footprint_frame(found, GRID).columns.drop("geometry")) == list(FOOTPRINT_ALIASES)
+
+
+def test_screened_zones_that_a_change_was_asked_about_show_its_answer() -> None:
+    assert set(HAZARD_ALIASES) == set(zones.FIELDS)
+    assert list(CONFIRMATION_ALIASES) == list(confirmation.FIELDS)
+    for confirmed in (False, True):
+        root = ElementTree.fromstring(hazards_qml(confirmed=confirmed).partition("\n")[2])
+        names = {alias.get("field") for alias in root.iter("alias")}
+        assert names == set(HAZARD_ALIASES) | (set(CONFIRMATION_ALIASES) if confirmed else set())
+        assert ('"confirmed"' in root.findtext("mapTip")) == confirmed
+
+
+def test_probability_is_a_veil_at_zero_and_has_no_colour() -> None:
+    found = stops(probability_qml())
+    assert [(value, label) for value, _, _, label in found] == [(s / 4, f"{25 * s} %") for s in range(5)]
+    assert 0 < found[0][2] < 128
+    assert [alpha for _, _, alpha, _ in found[1:]] == [255] * 4
+    assert all(colour[1:3] == colour[3:5] == colour[5:7] for _, colour, _, _ in found)
+
+
+def outlined(qml: str, zone: MultiPolygon) -> MultiPolygon:
+    """What the style's outline goes around."""
+    expression = ElementTree.fromstring(qml).find(".//Option[@name='geometryModifier']").get("value")
+    out, back = map(
+        float, re.fullmatch(r"boundary\(buffer\(buffer\(.geometry, (.+), 4\), (.+), 4\)\)", expression).groups()
+    )
+    return zone.buffer(out, 4).buffer(back, 4)
+
+
+def test_outlines_follow_screened_zones_and_gather_the_cells_of_a_change() -> None:
+    # cells of 0.25 m: a comb, whose gaps belong to another zone
+    comb = unary_union([box(0, 0, 5, 1), *(box(x, 1, x + 0.5, 2) for x in range(5))])
+    seen = outlined(hazards_qml(), comb)
+    assert hausdorff_distance(seen.boundary.segmentize(0.05), comb.boundary.segmentize(0.05)) < 0.13
+    assert seen.contains(comb)
+    apart = MultiPolygon([box(x * 0.75, 0, x * 0.75 + 0.25, 0.25) for x in range(4)])
+    assert outlined(zones_qml(), apart).geom_type == "Polygon"
+    assert outlined(hazards_qml(), apart).geom_type == "MultiPolygon"
+
+
+def test_measured_figures_are_rounded_where_they_are_read_and_not_where_they_are_kept() -> None:
+    for qml, fields in ((zones_qml(), FIELDS), (hazards_qml(), zones.FIELDS)):
+        root = ElementTree.fromstring(qml.partition("\n")[2])
+        rounded = {
+            field.get("name"): int(field.find(".//Option[@name='Precision']").get("value"))
+            for field in root.iter("field")
+            if field.find("editWidget[@type='Range']") is not None
+        }
+        others = {"chain_from", "chain_to", "confidence"}
+        measured = {name for name, kind in fields.items() if kind == "real"} - others
+        assert set(rounded) == measured
+        # people enter their review, and nothing else
+        locked = {f.get("name") for f in root.iterfind("editable/field[@editable='0']")}
+        assert locked == set(fields) - set(REVIEW_FIELDS)
+        assert measured < locked
+
+
+def test_written_where_qgis_looks(tmp_path: Path) -> None:
+    path = write_qml_beside(tmp_path / "elevation_change.tif", level_qml(0.2))
+    assert path == tmp_path / "elevation_change.qml"
+    assert path.read_text(encoding="utf-8") == level_qml(0.2)
+
+
+SCRIPT = """
+import json, sys
+from qgis.core import (QgsApplication, QgsExpression, QgsExpressionContext, QgsExpressionContextUtils,
+    QgsMapRendererParallelJob, QgsMapSettings, QgsRasterLayer, QgsVectorLayer)
+from qgis.PyQt.QtCore import QSize
+from qgis.PyQt.QtGui import QColor
+application = QgsApplication([], False)
+application.initQgis()
+folder = sys.argv[1]
+
+def draw(layers, name):
+    settings = QgsMapSettings()
+    settings.setLayers(layers)
+    settings.setDestinationCrs(layers[0].crs())
+    settings.setExtent(raster.extent())
+    settings.setOutputSize(QSize(800, 600))
+    settings.setBackgroundColor(QColor("white"))
+    job = QgsMapRendererParallelJob(settings)
+    job.start()
+    job.waitForFinished()
+    job.renderedImage().save(folder + "/" + name)
+
+def shown(layer, feature, name):
+    index = layer.fields().indexOf(name)
+    setup = layer.editorWidgetSetup(index)
+    formatter = QgsApplication.fieldFormatterRegistry().fieldFormatter(setup.type())
+    return formatter.representValue(layer, index, setup.config(), None, feature[name])
+
+raster = QgsRasterLayer(folder + "/elevation_change.tif", "change")  # finds its style by itself
+level = QgsRasterLayer(folder + "/level_of_detection.tif", "level")
+zones = QgsVectorLayer(folder + "/zones.gpkg", "zones", "ogr")
+footprints = QgsVectorLayer(folder + "/zones.gpkg|layername=footprints", "footprints", "ogr")
+empty = QgsVectorLayer(folder + "/empty.gpkg", "zones", "ogr")
+for layer, name in ((raster, "raster.png"), (level, "level.png"), (zones, "zones.png"), (footprints, "footprints.png")):
+    draw([layer], name)
+draw([zones, footprints], "both.png")
+label = QgsExpression(footprints.labeling().settings().fieldName)
+context = QgsExpressionContext(QgsExpressionContextUtils.globalProjectLayerScopes(footprints))
+told = []
+for feature in footprints.getFeatures():
+    context.setFeature(feature)
+    values = [feature[name] for name in ("zone_id", "kind", "vol_net_m3", "vol_err_m3")]
+    told.append([*values, label.evaluate(context)])
+review = zones.fields().indexOf("review_status")
+print(json.dumps({
+    "raster": raster.renderer().type(),
+    "raster_stops": [i.value for i in raster.renderer().shader().rasterShaderFunction().colorRampItemList()],
+    "raster_crs": raster.crs().authid(),
+    "level_stops": [i.value for i in level.renderer().shader().rasterShaderFunction().colorRampItemList()],
+    "zones": zones.featureCount(),
+    "categories": [c.label() for c in zones.renderer().categories()],
+    "label": zones.labeling().settings().fieldName if zones.labelsEnabled() else "",
+    "alias": zones.attributeAlias(zones.fields().indexOf("dz_mean_m")),
+    "widget": zones.editorWidgetSetup(review).type(),
+    "choices": [list(c.values())[0] for c in zones.editorWidgetSetup(review).config()["map"]],
+    "shown": [shown(zones, f, name) for f in zones.getFeatures() for name in ("dz_mean_m", "area_m2")],
+    "footprints": [c.value() for c in footprints.renderer().categories()],
+    "told": told,
+    "footprint_tip": "vol_low_m3" in footprints.mapTipTemplate(),
+    "tip": "vol_err_m3" in zones.mapTipTemplate(),
+    "empty": [empty.isValid(), empty.featureCount(), empty.renderer().type()],
+}))
+sys.stdout.flush()
+del raster, level, zones, footprints, empty, layer, context, feature
+application.exitQgis()
+"""
+
+
+@pytest.fixture(scope="module")
+def qgis_python() -> str:
+    """QGIS's own interpreter."""
+    python = shutil.which("python3", path="/usr/bin:/usr/local/bin")
+    if (
+        python is None
+        or subprocess.run([python, "-c", "import qgis.core"], capture_output=True, check=False).returncode
+    ):
+        pytest.skip("no interpreter with QGIS in /usr/bin or /usr/local/bin")
+    return python
+
+
+def test_qgis_loads_and_draws_the_styles(tmp_path: Path, qgis_python: str) -> None:
+    dz = np.full(GRID.shape, 0.02)
+    dz[10:30, 10:30] = -0.4
+    dz[30:50, 50:70] = 0.4
+    dz[50:, :20] = np.nan
+    level = np.full(dz.shape, 0.1)
+    write_raster(tmp_path / "elevation_change.tif", dz, GRID, CRS(32651), description="Elevation change")
+    write_qml_beside(tmp_path / "elevation_change.tif", change_qml(0.5, 0.1))
+    write_raster(tmp_path / "level_of_detection.tif", level, GRID, CRS(32651), description="Level of detection")
+    write_qml_beside(tmp_path / "level_of_detection.tif", level_qml(0.2))
+    for name, significant in (("zones", np.nan_to_num(np.abs(dz)) > level), ("empty", np.zeros(dz.shape, bool))):
+        count = np.ones(dz.shape, int)
+        found = extract_zones(dz, significant, level, level / 2, count, GRID, CRS(32651), ZoneParameters())
+        write_zones(tmp_path / f"{name}.gpkg", found.frame, footprints=footprint_frame(found, GRID))
+
+    environment = {
+        k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME", "GDAL_DATA", "PROJ_LIB")
+    }
+    environment |= {"QT_QPA_PLATFORM": "offscreen", "HOME": str(tmp_path), "XDG_RUNTIME_DIR": str(tmp_path)}
+    run = subprocess.run(
+        [qgis_python, "-c", SCRIPT, str(tmp_path)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    seen = json.loads(run.stdout.splitlines()[-1])
+    assert seen["raster"] == "singlebandpseudocolor"
+    assert seen["raster_stops"] == pytest.approx([value for value, *_ in stops(change_qml(0.5, 0.1))])
+    assert seen["raster_crs"] == "EPSG:32651"
+    assert seen["level_stops"] == pytest.approx([0.0, 0.05, 0.1, 0.15, 0.2])
+    assert seen["zones"] == 2
+    assert seen["categories"][0] == "Subsidence, high"
+    assert len(seen["categories"]) == 8
+    assert seen["label"] == "zone_id"
+    assert seen["alias"] == "Mean change (m)"
+    assert seen["widget"] == "ValueMap"
+    assert seen["choices"] == ["unreviewed", "confirmed", "rejected"]
+    # 400 cells of 0.25 m² sank by 0.4 m, as many rose
+    assert sorted(seen["shown"]) == ["-0.400", "0.400", "100.00", "100.00"]
+    assert seen["tip"]
+    assert sorted(seen["footprints"]) == sorted(KINDS)
+    assert seen["footprint_tip"]
+    for zone, kind, volume, error, words in seen["told"]:
+        assert (volume > 0) == (kind == "uplift")
+        assert words == f"{zone}: {volume:+.2f} ± {error:.2f} m³"
+    assert seen["empty"] == [True, 0, "categorizedSymbol"]
+
+    def pixel(picture: str, row: int, column: int) -> np.ndarray:
+        with Image.open(tmp_path / picture) as image:
+            return np.array(image.convert("RGB").getpixel((column * 10 + 5, row * 10 + 5))).astype(int)
+
+    for picture, strength in (("raster.png", 100), ("zones.png", 30)):
+        lowered, raised = pixel(picture, 13, 13), pixel(picture, 33, 53)
+        assert lowered[0] > lowered[2] + strength
+        assert raised[2] > raised[0] + strength
+    assert np.ptp(pixel("raster.png", 5, 5)) == 0  # below the level: grey
+    assert 150 < pixel("raster.png", 5, 5)[0] < 250
+    assert pixel("raster.png", 55, 5).tolist() == [255, 255, 255]  # no data
+    assert pixel("zones.png", 5, 5).tolist() == [255, 255, 255]
+    # the footprint reaches around the zone, over which it is a veil; far from it nothing is drawn
+    beside = pixel("footprints.png", 8, 20)
+    assert 20 < 255 - beside[2] < 120
+    assert beside[0] > beside[2] + 10
+    assert pixel("footprints.png", 5, 5).tolist() == [255, 255, 255]
+    assert pixel("zones.png", 8, 20).tolist() == [255, 255, 255]
+    assert pixel("both.png", 13, 13)[0] > pixel("both.png", 13, 13)[2] + 30
+    assert np.abs(pixel("level.png", 5, 5) - SEQUENTIAL[2][1]).max() <= 2
+
+
+def test_each_size_of_grown_cells_has_its_colour() -> None:
+    """In the legend and on the map: the finest the lightest, each darker than the one before."""
+    root = ElementTree.fromstring(cell_size_qml([0.1, 0.2, 0.4, 1.6]))
+    items = root.findall(".//item")
+    assert [float(item.attrib["value"]) for item in items] == [0.1, 0.2, 0.4, 1.6]
+    assert [item.attrib["label"] for item in items] == ["0.1 m", "0.2 m", "0.4 m", "1.6 m"]
+    light = [sum(bytes.fromhex(item.attrib["color"][1:7])) for item in items]
+    assert light == sorted(light, reverse=True)
+    assert len(set(light)) == 4

@@ -1,0 +1,172 @@
+"""Reading clouds into metres, compared with laspy."""
+
+from __future__ import annotations
+
+import laspy
+import numpy as np
+import pytest
+from slopewatch.engine.core.progress import Progress
+from slopewatch.engine.pointcloud.extent import measure_extent
+from slopewatch.engine.pointcloud.header import preflight
+from slopewatch.engine.pointcloud.reading import eight_bits, open_cloud, read_cloud, sample_cloud
+from slopewatch.engine.pointcloud.records import classes, read_records, record_dtype, return_numbers, return_totals
+from slopewatch.interface.parameters import InputParameters
+
+US_FOOT = 1200 / 3937
+REAL = [
+    "real/ign_tiles/sample_lareunion_epsg2975.laz",
+    "real/ign_tiles/alpine_slope.laz",
+    "real/ign_tiles/test_data_77050_627755_LA93_IGN69.laz",
+    "real/lone-star.copc.laz",
+]
+
+
+@pytest.mark.parametrize(("point_format", "version"), [(f, "1.2") for f in range(4)] + [(f, "1.4") for f in range(11)])
+@pytest.mark.parametrize("extension", ["las", "laz"])
+def test_every_point_format_is_read_as_laspy_reads_it(tmp_path, las_file, point_format, version, extension):
+    path = las_file(tmp_path / f"a.{extension}", point_format=point_format, version=version, points=500)
+    cloud = read_cloud(path, colours=True)
+    las = laspy.read(path)
+    assert np.array_equal(cloud.xyz, las.xyz)
+    assert np.array_equal(cloud.classification, las.classification)
+    assert np.array_equal(cloud.intensity, las.intensity)
+    if "red" in las.point_format.dimension_names:
+        assert np.array_equal(cloud.rgb, np.column_stack([las.red, las.green, las.blue]) // 256)
+    else:
+        assert cloud.rgb is None
+    assert cloud.crs.to_epsg() == 32651
+    assert cloud.notes == ()
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_real_clouds_are_read_as_laspy_reads_them(shared_data, name):
+    wrong = InputParameters(crs="EPSG:32613") if "lone" in name else None
+    cloud = read_cloud(shared_data / name, wrong, colours=True)
+    las = laspy.read(shared_data / name)
+    assert np.array_equal(cloud.xyz, las.xyz)
+    assert np.array_equal(cloud.classification, las.classification)
+    assert np.array_equal(cloud.intensity, las.intensity)
+
+
+def test_groups_of_chunks_and_the_short_last_one_join_without_a_seam(tmp_path, las_file, monkeypatch):
+    """120,000 points are three chunks; groups of one chunk each must give what one group gives."""
+    path = las_file(tmp_path / "a.laz", points=120_001)
+    las = laspy.read(path)
+    monkeypatch.setattr("slopewatch.engine.pointcloud.records._GROUP_BYTES", 1)
+    groups = list(read_records(preflight(path)))
+    assert [len(g) for g in groups] == [50_000, 50_000, 20_001]
+    assert np.array_equal(np.concatenate([g["X"] for g in groups]), las.X)
+    assert np.array_equal(np.concatenate([g["gps_time"] for g in groups]), las.gps_time)
+    assert np.array_equal(np.concatenate([return_numbers(g, 7) for g in groups]), las.return_number)
+    plain = las_file(tmp_path / "a.las", points=10)
+    assert len(list(read_records(preflight(plain)))) == 10
+
+
+@pytest.mark.parametrize(("point_format", "version"), [(3, "1.2"), (7, "1.4")])
+def test_fields_that_share_bytes(tmp_path, las_file, point_format, version):
+    def flag(las):
+        las.withheld, las.edge_of_flight_line = np.arange(2000) % 2, np.arange(2000) % 3 == 0
+
+    path = las_file(tmp_path / "a.las", point_format=point_format, version=version, change=flag)
+    las = laspy.read(path)
+    (records,) = read_records(preflight(path))
+    assert np.array_equal(return_numbers(records, point_format), las.return_number)
+    assert np.array_equal(return_totals(records, point_format), las.number_of_returns)
+    assert np.array_equal(classes(records, point_format), las.classification)
+
+
+@pytest.mark.parametrize("point_format", range(11))
+def test_record_structures_have_the_specified_size(point_format):
+    size = laspy.PointFormat(point_format).size
+    assert record_dtype(point_format, size).itemsize == size
+    assert record_dtype(point_format, size + 7).itemsize == size + 7
+
+
+def test_heights_in_feet_become_metres(shared_data):
+    path = shared_data / "real" / "autzen_bmx" / "autzen-bmx-2010.las"
+    progress = Progress()
+    cloud = read_cloud(path, progress=progress)
+    raw = laspy.read(path).xyz
+    assert np.allclose(cloud.xyz[:, :2], raw[:, :2], rtol=0, atol=1e-9)
+    assert np.allclose(cloud.xyz[:, 2], raw[:, 2] * 0.3048006096, rtol=1e-10)
+    assert {axis.unit_conversion_factor for axis in cloud.crs.axis_info} == {1.0}
+    assert any("US survey feet" in note for note in cloud.notes)
+    assert any("US survey feet" in warning for warning in progress.warnings)
+
+
+def test_both_axes_in_feet_become_metres(tmp_path, las_file):
+    path = las_file(tmp_path / "a.las", crs=2227)
+    cloud = read_cloud(path)
+    assert np.allclose(cloud.xyz, laspy.read(path).xyz * US_FOOT, rtol=1e-12)
+
+
+def test_colours_of_eight_and_of_sixteen_bits():
+    assert eight_bits(np.array([[0, 128, 255]], np.uint16)).tolist() == [[0, 128, 255]]
+    assert eight_bits(np.array([[0, 32768, 65535]], np.uint16)).tolist() == [[0, 128, 255]]
+    assert eight_bits(np.empty((0, 3), np.uint16)).shape == (0, 3)
+
+
+def test_colours_and_classes_only_where_asked_for(tmp_path, las_file):
+    path = las_file(tmp_path / "a.laz")
+    plain = read_cloud(path, classification=False)
+    assert plain.rgb is None
+    assert plain.intensity is None
+    assert plain.classification is None
+    assert np.array_equal(plain.xyz, read_cloud(path, colours=True).xyz)
+
+
+def test_moved(tmp_path, las_file):
+    cloud = read_cloud(las_file(tmp_path / "a.laz", points=50))
+
+    class Shift:
+        def apply(self, xyz):
+            return xyz + [1, 2, 3]
+
+    moved = cloud.moved(Shift())
+    assert np.allclose(moved.xyz, cloud.xyz + [1, 2, 3])
+    assert moved.crs is cloud.crs
+    assert np.array_equal(moved.classification, cloud.classification)
+
+
+def test_extent_is_that_of_the_points(tmp_path, las_file):
+    path = las_file(tmp_path / "a.laz", crs=2227)
+    header, frame = open_cloud(path)
+    extent = measure_extent(header, frame)
+    xyz = laspy.read(path).xyz * US_FOOT
+    assert np.allclose(extent.low, xyz.min(axis=0), rtol=1e-12)
+    assert np.allclose(extent.high, xyz.max(axis=0), rtol=1e-12)
+    assert np.allclose(extent.bounds, [*xyz.min(axis=0)[:2], *xyz.max(axis=0)[:2]], rtol=1e-12)
+    assert extent.warnings == ()
+
+
+def test_progress_ends_at_the_end(tmp_path, las_file):
+    class Seen(Progress):
+        def emit(self, percent, message):
+            seen.append(percent)
+
+    seen: list[float] = []
+    read_cloud(las_file(tmp_path / "a.laz"), progress=Seen())
+    assert seen[-1] == 100.0
+    assert seen == sorted(seen)
+
+
+@pytest.mark.parametrize("extension", ["las", "laz"])
+def test_a_sample_is_some_stretches_of_the_points_evenly_over_the_file(tmp_path, las_file, extension):
+    path = las_file(tmp_path / f"a.{extension}", points=270_000)
+    xyz = laspy.read(path).xyz
+    parts = [xyz[start : start + 50_000] for start in range(0, 270_000, 50_000)]
+    assert np.array_equal(sample_cloud(path, stretches=3), np.concatenate([parts[i] for i in (0, 2, 5)]))
+    assert np.array_equal(sample_cloud(path, stretches=9), xyz)
+    assert np.array_equal(
+        sample_cloud(las_file(tmp_path / f"b.{extension}", points=20)), read_cloud(tmp_path / f"b.{extension}").xyz
+    )
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_a_sample_of_a_real_cloud_is_part_of_it(shared_data, name):
+    inputs = InputParameters(crs="EPSG:32613") if "lone" in name else None
+    whole = read_cloud(shared_data / name, inputs).xyz
+    sample = sample_cloud(shared_data / name, inputs, stretches=2)
+    rows = {row.tobytes() for row in whole}
+    assert 0 < len(sample) <= len(whole)
+    assert all(row.tobytes() in rows for row in sample[:: max(1, len(sample) // 500)])

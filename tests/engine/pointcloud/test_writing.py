@@ -1,0 +1,235 @@
+"""Clouds that are written, read again by laspy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import laspy
+import numpy as np
+import pytest
+from pyproj import CRS
+from slopewatch.engine.core.errors import EngineError, InputError
+from slopewatch.engine.pointcloud.cloud import PointCloud
+from slopewatch.engine.pointcloud.header import preflight
+from slopewatch.engine.pointcloud.laz_writer import wkt_of
+from slopewatch.engine.pointcloud.reading import read_cloud
+from slopewatch.engine.pointcloud.records import read_records
+from slopewatch.engine.pointcloud.writing import copy_with, write_cloud
+from slopewatch.interface.parameters import InputParameters
+
+
+def same_dimensions(a: laspy.LasData, b: laspy.LasData, keep=slice(None)) -> list[str]:
+    """Dimensions of ``a`` that ``b`` has not or has otherwise."""
+    held = set(b.point_format.dimension_names)
+    return [
+        name
+        for name in a.point_format.dimension_names
+        if name not in held or not np.array_equal(np.asarray(a[name])[keep], np.asarray(b[name]))
+    ]
+
+
+def extra_dimensions(las: laspy.LasData) -> None:
+    """Three described dimensions of different types."""
+    n = len(las.points)
+    for name, kind in (("truth", "u1"), ("range", "f8"), ("normal", "3f4")):
+        las.add_extra_dim(laspy.ExtraBytesParams(name, kind))
+    las.truth, las.range = np.arange(n) % 3, np.linspace(5, 9, n)
+    las.normal = np.arange(3 * n).reshape(n, 3).astype(np.float32)
+
+
+@pytest.mark.parametrize("colours", [True, False])
+def test_a_written_cloud_is_read_by_laspy(tmp_path, las_file, colours):
+    cloud = read_cloud(las_file(tmp_path / "a.laz", crs="EPSG:32651+5773"), colours=colours)
+    labels = np.arange(len(cloud)) % 3
+    path = tmp_path / "b.laz"
+    share = np.linspace(0, 1, len(cloud), dtype=np.float32)
+    dimensions = {"slopewatch_class": labels.astype(np.uint8), "slopewatch_prob": share}
+    write_cloud(path, cloud, dimensions=dimensions, classification=labels + 200)
+    las = laspy.read(path)
+    assert (las.header.version.minor, las.point_format.id) == (4, 7 if colours else 6)
+    assert np.abs(las.xyz - cloud.xyz).max() <= 0.0005 + 1e-9
+    assert tuple(las.header.scales) == (0.001,) * 3
+    assert np.array_equal(las.classification, labels + 200)
+    assert np.array_equal(las.slopewatch_class, labels)
+    assert np.array_equal(las.slopewatch_prob, share)
+    assert las.header.global_encoding.wkt
+    assert las.header.parse_crs().equals(cloud.crs, ignore_axis_order=True)
+    assert las.header.number_of_points_by_return[0] == len(cloud)
+    assert np.allclose(las.header.mins, las.xyz.min(axis=0), rtol=0, atol=1e-9)
+    assert np.allclose(las.header.maxs, las.xyz.max(axis=0), rtol=0, atol=1e-9)
+    if colours:
+        assert np.array_equal(np.column_stack([las.red, las.green, las.blue]) // 256, cloud.rgb)
+        assert np.array_equal(las.intensity, cloud.intensity)
+    again = read_cloud(path, colours=colours)
+    assert again.notes == ()
+    assert np.array_equal(again.classification, labels + 200)
+    if colours:
+        assert np.array_equal(again.rgb, cloud.rgb)
+
+
+@pytest.mark.parametrize("extension", ["las", "laz"])
+@pytest.mark.parametrize(("point_format", "version"), [(1, "1.2"), (3, "1.2"), (3, "1.4"), (6, "1.4"), (8, "1.4")])
+def test_a_copy_keeps_every_dimension(tmp_path, las_file, point_format, version, extension):
+    source = las_file(
+        tmp_path / f"a.{extension}", point_format=point_format, version=version, change=extra_dimensions, scale=0.01
+    )
+    copy_with(source, tmp_path / "b.laz")
+    before, after = laspy.read(source), laspy.read(tmp_path / "b.laz")
+    assert same_dimensions(before, after) == []
+    assert np.array_equal(after.xyz, before.xyz)
+    assert after.header.parse_crs().to_epsg() == 32651
+    assert np.array_equal(after.header.number_of_points_by_return[:3], before.header.number_of_points_by_return[:3])
+
+
+def test_a_copy_moves_selects_and_adds(tmp_path, las_file):
+    source = las_file(tmp_path / "a.laz", change=extra_dimensions)
+    cloud = read_cloud(source)
+    keep = np.zeros(len(cloud), bool)
+    keep[5::3] = True
+    xyz = cloud.xyz[keep] + [1000.4, -0.25, 7.0]
+    ids = np.arange(keep.sum(), dtype=np.int32)
+    copy_with(
+        source,
+        tmp_path / "b.laz",
+        keep=keep,
+        xyz=xyz,
+        dimensions={"zone": ids, "truth": ids.astype("f8")},
+        classification=np.full(keep.sum(), 2),
+    )
+    before, after = laspy.read(source), laspy.read(tmp_path / "b.laz")
+    assert np.abs(after.xyz - xyz).max() <= 0.0005 + 1e-9
+    assert np.array_equal(after.zone, ids)
+    assert np.array_equal(after.truth, ids)  # replaced, with its new type
+    assert (after.classification == 2).all()
+    assert set(same_dimensions(before, after, keep)) == {"X", "Y", "Z", "classification", "truth"}
+
+
+def test_a_copy_of_feet_is_metres_with_the_same_integers(shared_data, tmp_path):
+    source = shared_data / "real" / "autzen_bmx" / "autzen-bmx-2010.las"
+    copy_with(source, tmp_path / "b.laz")
+    before, after = laspy.read(source), laspy.read(tmp_path / "b.laz")
+    assert same_dimensions(before, after) == []
+    assert np.allclose(after.z, np.asarray(before.z) * 0.3048006096, rtol=1e-10)
+    assert np.array_equal(after.x, before.x)
+    assert after.header.parse_crs().sub_crs_list[1].to_epsg() == 5703
+    assert np.array_equal(read_cloud(tmp_path / "b.laz").xyz, read_cloud(source).xyz)
+
+
+def test_a_copy_of_a_real_copc_is_a_plain_laz(shared_data, tmp_path):
+    source = shared_data / "real" / "lone-star.copc.laz"
+    copy_with(source, tmp_path / "b.laz", InputParameters(crs="EPSG:32613"))
+    assert not preflight(tmp_path / "b.laz").copc
+    before, after = laspy.read(source), laspy.read(tmp_path / "b.laz")
+    assert same_dimensions(before, after) == []
+    assert after.header.parse_crs().to_epsg() == 32613
+
+
+def test_overlap_and_withheld_flags_survive(tmp_path, las_file):
+    def flag(las):
+        las.withheld, las.synthetic = np.arange(len(las.points)) % 2, np.arange(len(las.points)) % 3 == 0
+
+    for point_format, version in ((3, "1.2"), (7, "1.4")):
+        source = las_file(tmp_path / "a.las", point_format=point_format, version=version, change=flag)
+        copy_with(source, tmp_path / "b.laz", classification=np.full(2000, 9))
+        before, after = laspy.read(source), laspy.read(tmp_path / "b.laz")
+        assert same_dimensions(before, after) == ["classification"]
+        assert (after.classification == 9).all()
+
+
+def test_undescribed_extra_bytes_are_carried(tmp_path, las_file):
+    """Records may be longer than the format's without a word why; the bytes stay."""
+    source = las_file(tmp_path / "a.las", change=extra_dimensions, points=40)
+    data = source.read_bytes().replace(b"LASF_Spec\0\0\0\0\0\0\0\x04\0", b"LASF_Nope\0\0\0\0\0\0\0\x04\0")
+    source.write_bytes(data)
+    copy_with(source, tmp_path / "b.laz", dimensions={"zone": np.arange(40, dtype=np.int32)})
+    size = 1 + 8 + 12
+    size = 1 + 8 + 12
+    assert laspy.read(tmp_path / "b.laz").point_format.size == 36 + size + 4
+    original = np.frombuffer(data[-40 * (36 + size) :], f"V{36 + size}").view(np.uint8).reshape(40, -1)
+    (records,) = read_records(preflight(tmp_path / "b.laz"))
+    extra = records["extra"].copy().view(np.uint8).reshape(40, size + 4)
+    assert np.array_equal(extra[:, 4:], original[:, 36:])
+    assert np.array_equal(laspy.read(tmp_path / "b.laz").zone, np.arange(40))
+
+
+def test_far_coordinates_get_an_offset_of_their_own(tmp_path, las_file):
+    cloud = read_cloud(las_file(tmp_path / "a.laz"))
+    far = replace(cloud, xyz=cloud.xyz + [9e6, -2e7, 0])
+    write_cloud(tmp_path / "b.laz", far)
+    assert np.abs(laspy.read(tmp_path / "b.laz").xyz - far.xyz).max() <= 0.0005 + 1e-8
+
+
+def test_what_32_bits_do_not_hold_is_refused(tmp_path, las_file):
+    cloud = read_cloud(las_file(tmp_path / "a.laz"))
+    xyz = cloud.xyz.copy()
+    xyz[7, 0] += 5e6
+    with pytest.raises(InputError, match=r"b\.laz.* in x .*outliers"):
+        write_cloud(tmp_path / "b.laz", replace(cloud, xyz=xyz))
+    assert [p.name for p in tmp_path.iterdir()] == ["a.laz"]
+
+
+def test_a_fine_scale_gives_way_where_the_points_are_spread(tmp_path, las_file):
+    """A scale of 1e-7 m holds 429 m; the moved points need more and get millimetres."""
+    source = las_file(tmp_path / "a.las", scale=1e-7)
+    cloud = read_cloud(source)
+    xyz = cloud.xyz.copy()
+    xyz[0] += 2000
+    copy_with(source, tmp_path / "b.laz", xyz=xyz)
+    las = laspy.read(tmp_path / "b.laz")
+    assert np.abs(las.xyz - xyz).max() <= 0.0005 + 1e-9
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_coordinates_that_are_not_finite_are_never_written(tmp_path, las_file, bad):
+    cloud = read_cloud(las_file(tmp_path / "a.laz"))
+    xyz = cloud.xyz.copy()
+    xyz[3, 2] = bad
+    with pytest.raises(EngineError, match="finite"):
+        write_cloud(tmp_path / "b.laz", replace(cloud, xyz=xyz))
+    assert not (tmp_path / "b.laz").exists()
+
+
+def test_arrays_that_do_not_fit_are_refused(tmp_path, las_file):
+    source = las_file(tmp_path / "a.laz", points=10)
+    cloud = read_cloud(source)
+    target = tmp_path / "b.laz"
+    for wrong in (
+        lambda: write_cloud(target, cloud, dimensions={"a": np.zeros(9)}),
+        lambda: write_cloud(target, cloud, dimensions={"a" * 33: np.zeros(10)}),
+        lambda: write_cloud(target, cloud, dimensions={"a": np.zeros(10, complex)}),
+        lambda: write_cloud(target, cloud, classification=np.zeros(9, int)),
+        lambda: write_cloud(target, cloud, classification=np.full(10, 256)),
+        lambda: copy_with(source, target, xyz=cloud.xyz[:9]),
+        lambda: copy_with(source, target, keep=np.ones(9, bool)),
+    ):
+        with pytest.raises(EngineError):
+            wrong()
+    assert not target.exists()
+
+
+def test_nothing_to_write_is_an_input_error(tmp_path, las_file):
+    source = las_file(tmp_path / "a.laz")
+    with pytest.raises(InputError, match="no points"):
+        copy_with(source, tmp_path / "b.laz", keep=np.zeros(2000, bool))
+    assert not (tmp_path / "b.laz").exists()
+
+
+def test_the_same_cloud_gives_the_same_bytes(tmp_path, las_file):
+    source = las_file(tmp_path / "a.laz", points=60_000)
+    cloud = read_cloud(source, colours=True)
+    for name in ("b.laz", "c.laz"):
+        write_cloud(tmp_path / name, cloud)
+    assert (tmp_path / "b.laz").read_bytes() == (tmp_path / "c.laz").read_bytes()
+
+
+@pytest.mark.parametrize(
+    "text", ["EPSG:32651", "EPSG:2154+5720", "EPSG:2193+7839", "EPSG:31467", "EPSG:3857", "EPSG:5514"]
+)
+def test_the_written_reference_system_is_the_same(text):
+    assert CRS.from_wkt(wkt_of(CRS(text))).equals(CRS(text), ignore_axis_order=True)
+
+
+def test_single_precision_input_is_no_trouble(tmp_path):
+    xyz = np.array([[500_000.0, 3_500_000.0, 1.0], [500_001.0, 3_500_001.0, 2.0]])
+    write_cloud(tmp_path / "b.laz", PointCloud(xyz.astype(np.float32), CRS(32651), tmp_path / "none"))
+    assert np.allclose(laspy.read(tmp_path / "b.laz").xyz, xyz, atol=0.001)

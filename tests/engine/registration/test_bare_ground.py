@@ -1,0 +1,106 @@
+"""Registration of surveys whose grass differs, against a known motion; what plants hide must not be taken off."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from slopewatch.engine.pointcloud.plant_cover import PlantCover
+from slopewatch.engine.registration.register import register
+from slopewatch.engine.registration.result import RegistrationResult
+from slopewatch.interface.parameters import RegistrationParameters
+from slopewatch.tests.builders.plant_clouds import DIP, SIDE, Grass, Ground, grassy_slope
+
+OFFSET = np.array([0.04, -0.03, 0.07])
+TALL, MOWN = Grass(0.25, lifted=0.08), Grass(0.05)
+
+
+def pair(**options) -> tuple[Ground, Ground]:
+    """Grass that lifts the first survey's ground by 8 cm, mown in the second; the second lies off by -OFFSET."""
+    first, second = grassy_slope(1, TALL, **options), grassy_slope(2, MOWN, **options)
+    return first, Ground(second.xyz - OFFSET, second.plants, second.bare)
+
+
+def registered(first: Ground, second: Ground, *, told: bool = True) -> tuple[RegistrationResult, np.ndarray, float]:
+    """The result, the error of the mean motion (3,), and that of the slope's height at a place, m."""
+    plants = (first.plants, second.plants) if told else (None, None)
+    found = register(first.xyz, second.xyz, RegistrationParameters(), plants=plants)
+    away = (found.transform.apply(second.xyz) - second.xyz - OFFSET).mean(axis=0)
+    return found, away, float(away[2] - DIP * away[1])
+
+
+@pytest.mark.parametrize("across", [False, True])
+def test_grass_that_was_mown_is_not_taken_off_where_a_road_is_bare(across):
+    first, second = pair(across=across)
+    found, away, height = registered(first, second)
+    assert found.plants is not None
+    assert found.plants.bare_only
+    assert abs(away[2]) < 0.01
+    assert abs(height) < 0.003
+    assert np.linalg.norm(away[:2]) < 0.01, "the grass's relief fixes what a road leaves open"
+    assert found.plants.offset == pytest.approx(-0.08, abs=0.005)
+    assert abs(height) < 3 * found.registration_error
+    assert any(re.search(r"ground under plants lies 0\.0(79|80|81) m lower", w) for w in found.warnings)
+    untold, _, wrong = registered(first, second, told=False)
+    assert wrong == pytest.approx(0.08, abs=0.005), "what the plants' error is for"
+    assert untold.plants is None
+
+
+def test_a_level_road_across_the_slope_is_not_slid_to_where_the_grass_fits():
+    """Road and grass both fit after a slide of 11 cm along the slope: only the relief under the grass tells."""
+    found, away, height = registered(*pair(across=True, bench=True))
+    assert np.linalg.norm(away) < 0.01
+    assert abs(height) < 3 * max(found.registration_error, 0.002)
+
+
+def test_where_nothing_is_bare_the_error_holds_the_plants():
+    first, second = pair(bare_share=0.0)
+    found, _, height = registered(first, second)
+    assert height == pytest.approx(0.08, abs=0.005), "nothing tells it from an offset"
+    assert found.registration_error == pytest.approx(np.hypot(0.05, 0.05), rel=0.02)
+    assert found.summary()["registration_error_by_plants_m"] == pytest.approx(np.hypot(0.05, 0.05), rel=0.01)
+    assert any("Too little ground is bare (0%)" in w for w in found.warnings)
+
+
+def test_a_scrap_of_bare_ground_is_not_preferred_to_all_the_rest():
+    """A patch of 1.5 m in a corner would fix the tilt of the slope worse than the grass of one season does."""
+    first, second = (grassy_slope(seed, Grass(0.25, error=0.01 + 0.005), bare_share=0.0) for seed in (1, 2))
+    clouds = []
+    for ground in (first, second):
+        corner = (ground.xyz[:, 0] < 1.5) & (ground.xyz[:, 1] < 1.5)
+        clouds.append(Ground(ground.xyz, PlantCover(np.where(corner, 0.0, ground.plants.error)), corner))
+    moved = Ground(clouds[1].xyz - OFFSET, clouds[1].plants, clouds[1].bare)
+    found, away, _ = registered(clouds[0], moved)
+    assert found.plants is not None
+    assert not found.plants.bare_only
+    assert np.linalg.norm(away) < 0.005
+
+
+def test_bare_surveys_register_as_if_nothing_were_told():
+    first, second = (grassy_slope(seed, Grass(error=0.0)) for seed in (1, 2))
+    told, _, _ = registered(first, Ground(second.xyz - OFFSET, second.plants, second.bare))
+    untold, _, _ = registered(first, Ground(second.xyz - OFFSET, second.plants, second.bare), told=False)
+    assert np.array_equal(told.transform.matrix, untold.transform.matrix)
+    assert told.registration_error == untold.registration_error
+    assert told.plants is None
+
+
+def test_one_survey_that_tells_is_enough():
+    first, second = pair()
+    found = register(first.xyz, second.xyz, RegistrationParameters(), plants=(first.plants, None))
+    away = (found.transform.apply(second.xyz) - second.xyz - OFFSET).mean(axis=0)
+    assert abs(away[2]) < 0.01
+
+
+def test_surveys_that_are_bare_in_different_places_register_by_all_ground():
+    first, second = (grassy_slope(seed, Grass(0.25, error=0.02), bare_share=0.0) for seed in (1, 2))
+    clouds = []
+    for ground, west, east in ((first, 0.0, 9.9), (second, 10.1, SIDE)):
+        bare = (ground.xyz[:, 0] > west) & (ground.xyz[:, 0] < east)
+        clouds.append(Ground(ground.xyz, PlantCover(np.where(bare, 0.0, ground.plants.error)), bare))
+    moved = Ground(clouds[1].xyz - OFFSET, clouds[1].plants, clouds[1].bare)
+    found, away, _ = registered(clouds[0], moved)
+    assert found.plants is not None
+    assert not found.plants.bare_only
+    assert np.linalg.norm(away) < 0.005

@@ -1,0 +1,108 @@
+"""The alert table: the one that is shipped, what is refused, and which level a zone gets."""
+
+from __future__ import annotations
+
+import pytest
+from slopewatch.engine.core.errors import InputError
+from slopewatch.engine.series.alerts import COLUMNS, DEFAULT_TABLE, Evidence, alert_of, read_alerts
+from slopewatch.engine.series.velocity_classes import velocity_class
+
+HEAD = ",".join(COLUMNS)
+ROWS = ("0,none,#999999,,,,,,", "1,look,#0000ff,2,,,,,", "2,go,#ff0000,2,4,80,60,50,Go there")
+
+
+def table(tmp_path, *lines: str, head: str = HEAD):
+    path = tmp_path / "alerts.csv"
+    path.write_text("\n".join((head, *lines)) + "\n", encoding="utf-8")
+    return path
+
+
+def test_shipped_table_is_valid():
+    rows = read_alerts(None)
+    assert [r.level for r in rows] == [0, 1, 2, 3, 4]
+    assert rows[0].name == "no confirmed change"
+    assert all("safe" not in (r.name + r.action).lower() for r in rows)
+
+
+def test_table_as_a_spreadsheet_saves_it(tmp_path):
+    path = tmp_path / "alerts.csv"
+    path.write_bytes(b"\xef\xbb\xbf" + DEFAULT_TABLE.read_bytes().replace(b",", b";").replace(b"\n", b"\r\n"))
+    assert read_alerts(path) == read_alerts(None)
+
+
+@pytest.mark.parametrize(
+    ("lines", "head", "sentence"),
+    [
+        ((), "", "is empty"),
+        (ROWS, HEAD.replace("rate_mm_day", "rate"), "column rate_mm_day is missing"),
+        (ROWS, HEAD.replace("action", "name"), "column name is there twice"),
+        (tuple(r + "," for r in ROWS), HEAD + ",note", "column 'note' is not known"),
+        ((*ROWS[:2], "2,go,#ff0000,2,fast,,,,"), HEAD, "line 4: rate_mm_day is 'fast'; give a number of at least 0"),
+        ((*ROWS[:2], "2,go,#ff0000,2,-1,,,,"), HEAD, "rate_mm_day is '-1'"),
+        ((*ROWS[:2], "2,go,#ff0000,2,,95,,,"), HEAD, "tangent_angle_deg is '95'; give a number from 0 to 90"),
+        ((*ROWS[:2], "2,go,#ff0000,1.5,,,,,"), HEAD, "epochs_confirmed is '1.5'; give a whole number"),
+        ((*ROWS[:2], "2,go,red,2,,,,,"), HEAD, "colour is 'red'; give it as #rrggbb"),
+        ((*ROWS[:2], "2,,#ff0000,2,,,,,"), HEAD, "name is empty"),
+        ((*ROWS[:2], "2,look,#ff0000,2,,,,,"), HEAD, "same name"),
+        ((*ROWS[:2], "3,go,#ff0000,2,,,,,"), HEAD, "levels must be 0, 1, 2"),
+        (ROWS[:1], HEAD, "at least two"),
+        ((*ROWS[:2], "2,go,#ff0000,,,,,,"), HEAD, "level 2 has no threshold"),
+        (("0,none,#999999,1,,,,,", *ROWS[1:]), HEAD, "level 0 has a epochs_confirmed"),
+        (
+            (*ROWS, "3,run,#000000,2,3,,,,"),
+            HEAD,
+            r"rate_mm_day of level 3 \(3\) is easier to reach than that of level 2",
+        ),
+        ((*ROWS, "3,run,#000000,2,,,90,,"), HEAD, "failure_within_days of level 3"),
+        ((*ROWS[:2], "2,go,#ff0000,2"), HEAD, "line 4 has 4 values instead of 9"),
+    ],
+)
+def test_broken_table_gets_a_sentence(tmp_path, lines, head, sentence):
+    path = tmp_path / "alerts.csv"
+    path.write_text("\n".join((head, *lines)) + "\n" if head else "")
+    with pytest.raises(InputError, match=f"alert table .*alerts.csv.*{sentence}"):
+        read_alerts(path)
+
+
+def evidence(confirmed=0, rate=None, angle=None, failure=None, volume=0.0) -> Evidence:
+    return Evidence(confirmed, rate, angle, failure, volume)
+
+
+@pytest.mark.parametrize(
+    ("known", "level", "reason"),
+    [
+        (evidence(), 0, ""),
+        (evidence(1, rate=-50.0, angle=89, failure=1), 0, ""),  # one comparison alone is not enough
+        (evidence(2), 1, "confirmed by 2 comparisons"),
+        (evidence(2, rate=3.9), 1, "confirmed"),
+        (evidence(2, rate=-4.0), 2, "rate 4.00 mm/day"),
+        (evidence(3, rate=1, angle=80.0), 2, "tangent angle 80"),
+        (evidence(2, failure=59.6), 2, "60 days after the last survey"),
+        (evidence(2, failure=61), 1, "confirmed"),
+        (evidence(1, volume=-50.0), 2, "volume 50.0"),  # a large single event
+        (evidence(0, volume=49.9), 0, ""),
+    ],
+)
+def test_highest_level_whose_threshold_is_reached(tmp_path, known, level, reason):
+    row, told = alert_of(known, read_alerts(table(tmp_path, *ROWS)))
+    assert row.level == level
+    assert reason in told
+    assert bool(told) == (level > 0)
+
+
+@pytest.mark.parametrize(
+    ("mm_day", "name"),
+    [
+        (0.04, "extremely slow"),
+        (-0.05, "very slow"),
+        (4.3, "very slow"),
+        (4.5, "slow"),
+        (426, "slow"),
+        (428, "moderate"),
+        (43_300, "rapid"),
+        (4.4e6, "very rapid"),
+        (4.4e8, "extremely rapid"),
+    ],
+)
+def test_classes_of_cruden_and_varnes(mm_day, name):
+    assert velocity_class(mm_day) == name

@@ -1,0 +1,131 @@
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+from slopewatch.interface import parameters
+from slopewatch.interface.parameters import (
+    PROFILES,
+    GroundParameters,
+    ParameterError,
+    ParameterSet,
+    distances,
+    inputs,
+    training,
+)
+from slopewatch.interface.parameters import change as change_module
+from slopewatch.interface.parameters import registration as registration_module
+from slopewatch.interface.parameters import screening as screening_module
+
+GROUPS = [
+    g
+    for g in vars(parameters).values()
+    if isinstance(g, type) and issubclass(g, ParameterSet) and g is not ParameterSet
+]
+SPECIFICATIONS = [(g, s) for g in GROUPS for s in g.specifications()]
+
+
+@pytest.mark.parametrize(("group", "specification"), SPECIFICATIONS, ids=lambda v: getattr(v, "name", ""))
+def test_every_parameter_is_described_and_its_bounds_hold(group, specification):
+    assert specification.help.endswith(".")
+    assert len(specification.help) > 15
+    assert specification.label[0].isupper()
+    group(**{specification.name: specification.default})
+    if specification.minimum is not None:
+        group(**{specification.name: specification.kind(specification.minimum)})
+        with pytest.raises(ParameterError, match=specification.name):
+            group(**{specification.name: specification.minimum - 1})
+    if specification.maximum is not None:
+        with pytest.raises(ParameterError, match=specification.name):
+            group(**{specification.name: specification.maximum + 1})
+    if specification.choices:
+        assert specification.default in specification.choices
+        with pytest.raises(ParameterError, match=specification.choices[0]):
+            group(**{specification.name: "neither"})
+
+
+@pytest.mark.parametrize("value", ["a lot", None, float("nan"), float("inf"), True, [1], 10**400])
+def test_values_that_are_no_number_are_refused(value):
+    with pytest.raises(ParameterError, match="cloth_resolution"):
+        GroundParameters(cloth_resolution=value)
+
+
+@pytest.mark.parametrize("value", [1.5, "x", True])
+def test_values_that_are_no_whole_number_are_refused(value):
+    with pytest.raises(ParameterError, match="rigidness"):
+        GroundParameters(rigidness=value)
+
+
+def test_names_are_unique_over_all_groups_that_share_a_command():
+    # each in a command of its own
+    alone = ("SurveyParameters", "CreepParameters", "ScenesParameters", "FineTuneParameters", "DistanceParameters")
+    # one of each two in each command
+    for screening in ("ScreeningParameters", "LastEpochParameters"):
+        for change in ("ChangeParameters", "GridChangeParameters"):
+            others = [*alone, screening, change]
+            if screening == "LastEpochParameters":
+                others.append("SurfaceParameters")  # names the points of clouds to compare as screen does its own
+            names = [s.name for g in GROUPS if g.__name__ not in others for s in g.specifications()]
+            assert len(names) == len(set(names))
+    for group in (training.FineTuneParameters, distances.DistanceParameters):
+        shared = [s.name for g in (inputs.InputParameters, group) for s in g.specifications()]
+        assert len(shared) == len(set(shared))
+
+
+def test_the_last_epoch_is_screened_with_the_same_parameters_but_its_ground_is_extracted_already():
+    own, whole = screening_module.LastEpochParameters, screening_module.ScreeningParameters
+    assert own.specifications()[0].name == "screen_last_epoch"
+    assert {s for s in whole.specifications() if s.name != "ground"} == set(own.specifications()[1:])
+    assert own().ground == "as_is"
+    # The published network is other weights, which no parameter turns these into.
+    assert not {own.__name__, whole.__name__} & set(PROFILES["paper"])
+
+
+def test_paper_profile_holds_the_published_settings():
+    ground = GroundParameters.build(profile="paper")
+    assert (ground.slope_aligned, ground.cloth_resolution, ground.rigidness) == (False, 0.1, 1)
+    assert (ground.time_step, ground.class_threshold) == (0.5, 0.05)
+    registration = registration_module.RegistrationParameters.build(profile="paper")
+    assert (registration.method, registration.maximum_correspondence, registration.registration_iterations) == (
+        "icp",
+        0.10,
+        200,
+    )
+    change = change_module.ChangeParameters.build(profile="paper")
+    assert (change.cell, change.cell_value, change.adaptive, change.grows) == (0.1, "mean", False, False)
+    series = change_module.GridChangeParameters.build(profile="paper")
+    assert (series.cell, series.cell_value, series.calibrate) == (0.1, "mean", False)
+
+
+def test_cells_grow_by_default_where_they_can():
+    group = change_module.ChangeParameters
+    assert group().grows
+    assert not group(adaptive=False).grows
+    assert group(cell=0.8).grows
+    assert group(cell=1.0).grows
+    one_size = group(cell=1.0, largest_cell=1.6)
+    for change, why in ((one_size, "1 m leave no room"), (group(cell_value="mean"), "are means")):
+        assert not change.grows
+        assert why in change.why_one_size
+
+
+def test_a_series_takes_the_same_parameters_of_change_but_for_cells_that_grow():
+    own, whole = change_module.GridChangeParameters, change_module.ChangeParameters
+    growing = {"adaptive", "target_level", "largest_cell"}
+    assert {s for s in whole.specifications() if s.name not in growing} == set(own.specifications())
+    assert not own().grows
+
+
+def test_values_given_override_the_profile_and_none_does_not():
+    built = GroundParameters.build({"cloth_resolution": 0.3, "rigidness": None, "cell": 9}, "paper")
+    assert built.cloth_resolution == 0.3
+    assert built.rigidness == 1
+    with pytest.raises(ParameterError, match="profile"):
+        GroundParameters.build({}, "best")
+
+
+def test_profiles_name_only_what_exists():
+    groups = {g.__name__: {f.name for f in dataclasses.fields(g)} for g in GROUPS}
+    for profile in PROFILES.values():
+        for group, values in profile.items():
+            assert set(values) <= groups[group]

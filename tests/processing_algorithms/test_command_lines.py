@@ -1,0 +1,376 @@
+"""From a dialog's values to the engine's command line."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from qgis.core import (
+    QgsCoordinateReferenceSystem,
+    QgsFeature,
+    QgsGeometry,
+    QgsProcessingContext,
+    QgsProcessingException,
+    QgsProcessingFeatureSourceDefinition,
+    QgsProject,
+    QgsVectorFileWriter,
+    QgsVectorLayer,
+)
+from qgis.PyQt.QtCore import QDate
+from slopewatch.interface.parameters import GroundParameters
+from slopewatch.processing_algorithms.base import date_in_name
+from slopewatch.processing_algorithms.checkenvironment import CheckEnvironment
+from slopewatch.processing_algorithms.elevationchange import ElevationChange
+from slopewatch.processing_algorithms.extractground import ExtractGround
+from slopewatch.processing_algorithms.inspectslope import InspectSlope
+from slopewatch.processing_algorithms.m3c2distances import M3C2Distances
+from slopewatch.processing_algorithms.registerepochs import RegisterEpochs
+from slopewatch.processing_algorithms.simulatesurvey import SimulateSurvey
+from slopewatch.processing_algorithms.trainmodel import TrainModel
+from slopewatch.processing_algorithms.writereport import WriteReport
+from slopewatch.tests.builders.qgis import Recorder
+
+pytestmark = pytest.mark.usefixtures("qgis_app")
+FIRST, LATER = "/data/slope 2024-05-01.laz", "/data/slope 2025-05-01.laz"
+
+
+def command(algorithm: Any, feedback: Recorder | None = None, **parameters: Any) -> list[str]:
+    """The engine's arguments for these values."""
+    made = algorithm().create()
+    context = QgsProcessingContext()
+    context.setProject(QgsProject.instance())
+    return made.arguments(parameters, context, feedback or Recorder())
+
+
+def square(layer: str, west: float, crs: str = "EPSG:32651") -> QgsVectorLayer:
+    polygons = QgsVectorLayer(f"Polygon?crs={crs}", layer, "memory")
+    for shift in (0, 100):
+        feature = QgsFeature()
+        x = west + shift
+        feature.setGeometry(QgsGeometry.fromWkt(f"POLYGON(({x} 0, {x + 10} 0, {x + 10} 10, {x} 10, {x} 0))"))
+        polygons.dataProvider().addFeature(feature)
+    return polygons
+
+
+def written(layer: QgsVectorLayer, path: Path, name: str, *, append: bool = False) -> Path:
+    options = QgsVectorFileWriter.SaveVectorOptions()
+    options.layerName = name
+    if append:
+        options.actionOnExistingFile = QgsVectorFileWriter.ActionOnExistingFile.CreateOrOverwriteLayer
+    error = QgsVectorFileWriter.writeAsVectorFormatV3(
+        layer, str(path), QgsProject.instance().transformContext(), options
+    )
+    assert error[0] == QgsVectorFileWriter.WriterError.NoError, error
+    return path
+
+
+def extent(path: str) -> tuple[float, float]:
+    layer = QgsVectorLayer(path, "read", "ogr")
+    assert layer.isValid()
+    return layer.extent().xMinimum(), layer.extent().xMaximum()
+
+
+def test_defaults_pass_nothing(tmp_path: Path) -> None:
+    assert command(InspectSlope, REFERENCE=FIRST, CLOUD=LATER, OUTPUT_FOLDER=str(tmp_path / "out")) == [
+        "inspect",
+        "--epoch",
+        f"2024-05-01={FIRST}",
+        "--epoch",
+        f"2025-05-01={LATER}",
+        "--output-dir",
+        str(tmp_path / "out"),
+    ]
+
+
+def test_a_survey_alone_is_one_epoch() -> None:
+    arguments = command(InspectSlope, REFERENCE=LATER, OUTPUT_FOLDER="/out", SCREENING_METHOD="residual")
+    assert arguments == [
+        "inspect", "--epoch", f"2025-05-01={LATER}", "--output-dir", "/out", "--screening-method", "residual",
+    ]  # fmt: skip
+    arguments = command(InspectSlope, REFERENCE=FIRST, CLOUD=LATER, OUTPUT_FOLDER="/out", SCREEN_LAST_EPOCH=False)
+    assert arguments[-1] == "--no-screen-last-epoch"
+
+
+@pytest.mark.parametrize("algorithm", [InspectSlope, ElevationChange])
+def test_earlier_results_are_replaced_where_that_is_asked_for(algorithm: Any) -> None:
+    given = {"REFERENCE": FIRST, "CLOUD": LATER, "OUTPUT_FOLDER": "/out"}
+    assert command(algorithm, **given, OVERWRITE=True)[-1] == "--overwrite"
+    assert "--overwrite" not in command(algorithm, **given)
+
+
+def test_a_dialog_that_gives_every_default_passes_nothing_either() -> None:
+    made = SimulateSurvey().create()
+    values = {p.name(): p.defaultValue() for p in made.parameterDefinitions() if not p.isDestination()}
+    assert command(SimulateSurvey, **values, OUTPUT_FOLDER="/out") == ["simulate", "survey", "--output-dir", "/out"]
+
+
+def test_values_that_differ_are_passed() -> None:
+    arguments = command(
+        ExtractGround,
+        INPUT=FIRST,
+        OUTPUT="/out/ground.laz",
+        PROFILE="paper",
+        SLOPE_ALIGNED=False,
+        CLOTH_RESOLUTION=0.35,
+        RIGIDNESS=2,
+        SLOPE_SMOOTHING=True,
+        CLASS_THRESHOLD=GroundParameters().class_threshold,
+        HEIGHT_UNIT="us-survey-foot",
+        CRS=QgsCoordinateReferenceSystem("EPSG:6557"),
+    )
+    assert arguments == [
+        "ground", FIRST, "--output", "/out/ground.laz", "--profile", "paper", "--no-slope-aligned",
+        "--cloth-resolution", "0.35", "--rigidness", "2", "--slope-smoothing", "--crs", "EPSG:6557",
+        "--height-unit", "us-survey-foot",
+    ]  # fmt: skip
+
+
+def test_values_as_qgis_process_gives_them() -> None:
+    arguments = command(
+        InspectSlope, REFERENCE=FIRST, CLOUD=LATER, OUTPUT_FOLDER="/out", PROFILE="1", CELL="0.25",
+        SLOPE_ALIGNED="false", METHOD="icp", MINIMUM_POINTS="3",
+    )  # fmt: skip
+    assert arguments[arguments.index("/out") + 1 :] == [
+        "--profile", "paper", "--no-slope-aligned", "--method", "icp", "--cell", "0.25", "--minimum-points", "3",
+    ]  # fmt: skip
+
+
+def test_a_reference_system_without_a_code_is_passed_as_text() -> None:
+    crs = QgsCoordinateReferenceSystem.fromProj("+proj=tmerc +lat_0=31.5 +lon_0=121.4 +x_0=1234 +units=m +ellps=GRS80")
+    arguments = command(ExtractGround, INPUT=FIRST, OUTPUT="/out/g.laz", CRS=crs)
+    assert "1234" in arguments[arguments.index("--crs") + 1]
+
+
+def test_days_come_from_the_parameter_before_the_name() -> None:
+    for day in (QDate(2023, 1, 31), "2023-01-31", "2023-01-31T00:00:00"):
+        arguments = command(InspectSlope, REFERENCE=FIRST, REFERENCE_DATE=day, CLOUD=LATER, OUTPUT_FOLDER="/out")
+        assert arguments[2] == f"2023-01-31={FIRST}"
+    arguments = command(ElevationChange, REFERENCE="/a.laz", CLOUD=LATER, CLOUD_DATE="2025-06-01", OUTPUT_FOLDER="/o")
+    assert arguments == ["change", "/a.laz", LATER, "--output-dir", "/o", "--epoch-to", "2025-06-01"]
+
+
+@pytest.mark.parametrize(
+    ("name", "day"),
+    [
+        ("2024-05-01.laz", "2024-05-01"),
+        ("K12_20240501_east.las", "2024-05-01"),
+        ("2024_05_01.copc.laz", "2024-05-01"),
+        ("scan_123456789.laz", ""),
+        ("2024-13-41.laz", ""),
+        ("2024-05-01_and_2025-05-01.laz", ""),
+        ("slope.laz", ""),
+    ],
+)
+def test_day_in_a_name(name: str, day: str) -> None:
+    assert date_in_name(f"/2020-01-01/{name}") == day
+
+
+def test_a_survey_without_a_day_is_refused() -> None:
+    with pytest.raises(QgsProcessingException, match=r"CLOUD_DATE is not set.*/data/b\.laz.*give the day"):
+        command(InspectSlope, REFERENCE=FIRST, CLOUD="/data/b.laz", OUTPUT_FOLDER="/out")
+    with pytest.raises(QgsProcessingException, match=r"REFERENCE_DATE is 'yesterday'; give a day"):
+        command(InspectSlope, REFERENCE=FIRST, REFERENCE_DATE="yesterday", CLOUD=LATER, OUTPUT_FOLDER="/out")
+
+
+def test_relative_paths_become_absolute(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    arguments = command(
+        RegisterEpochs, REFERENCE="a.laz", CLOUD="b.laz", OUTPUT="c.laz", TRANSFORM="t.json", METHOD="none"
+    )
+    assert arguments == [
+        "register", f"{tmp_path}/a.laz", f"{tmp_path}/b.laz", "--output", f"{tmp_path}/c.laz",
+        "--transform", f"{tmp_path}/t.json", "--method", "none",
+    ]  # fmt: skip
+
+
+def test_level_options_and_stable_ground_reach_the_engine(tmp_path: Path) -> None:
+    stable = written(square("stable", 0), tmp_path / "stable.gpkg", "stable")
+    arguments = command(
+        ElevationChange, REFERENCE="/a.laz", CLOUD="/b.laz", OUTPUT_FOLDER="/o", STABLE=str(stable),
+        THRESHOLD=1, DIRECTION=1, CALIBRATE=False,
+    )  # fmt: skip
+    assert arguments[arguments.index("--stable") + 1] == str(stable)
+    assert arguments[arguments.index("--threshold") + 1] == "coherent"
+    assert arguments[arguments.index("--direction") + 1] == "normal"
+    assert "--no-calibrate" in arguments
+
+
+def test_stable_ground_and_the_published_level_of_m3c2_are_passed(tmp_path: Path) -> None:
+    stable = written(square("stable", 0), tmp_path / "stable.gpkg", "stable")
+    arguments = command(
+        M3C2Distances, REFERENCE="/a.laz", CLOUD="/b.laz", OUTPUT="/o/a.laz", STABLE=str(stable), CALIBRATE=False
+    )
+    assert arguments[arguments.index("--stable") + 1] == str(stable)
+    assert "--no-calibrate" in arguments
+    assert "--stable" not in command(M3C2Distances, REFERENCE="/a.laz", CLOUD="/b.laz", OUTPUT="/o/a.laz")
+
+
+@pytest.mark.parametrize("algorithm", [ElevationChange, M3C2Distances])
+def test_which_points_are_taken_and_trusted_days_reach_the_engine(algorithm: Any) -> None:
+    values = {"OUTPUT_FOLDER": "/o", "OUTPUT": "/o/a.laz", "GROUND": "as_is", "TRUST_DATES": True}
+    arguments = command(algorithm, REFERENCE="/a.laz", CLOUD="/b.laz", **values)
+    assert arguments[arguments.index("--ground") + 1] == "as_is"
+    assert "--trust-dates" in arguments
+
+
+def test_a_polygon_file_is_passed_as_it_is(tmp_path: Path) -> None:
+    roi = written(square("roi", 0), tmp_path / "roi.gpkg", "roi")
+    arguments = command(ExtractGround, INPUT=FIRST, OUTPUT="/g.laz", ROI=str(roi))
+    assert arguments[2:4] == ["--roi", str(roi)]
+
+
+def test_a_layer_in_memory_is_exported() -> None:
+    layer = square("roi", 500)
+    QgsProject.instance().addMapLayer(layer)
+    try:
+        path = command(ExtractGround, INPUT=FIRST, OUTPUT="/g.laz", ROI=layer.id())[3]
+        assert extent(path) == (500, 610)
+        assert QgsVectorLayer(path, "", "ogr").crs().authid() == "EPSG:32651"
+    finally:
+        QgsProject.instance().removeMapLayer(layer.id())
+
+
+def test_a_selection_is_exported(tmp_path: Path) -> None:
+    layer = QgsVectorLayer(str(written(square("roi", 500), tmp_path / "roi.gpkg", "roi")), "roi", "ogr")
+    QgsProject.instance().addMapLayer(layer)
+    try:
+        layer.selectByIds([1])
+        chosen = QgsProcessingFeatureSourceDefinition(layer.id(), selectedFeaturesOnly=True)
+        path = command(ExtractGround, INPUT=FIRST, OUTPUT="/g.laz", ROI=chosen)[3]
+        assert extent(path) == (500, 510)
+    finally:
+        QgsProject.instance().removeMapLayer(layer.id())
+
+
+def test_the_named_layer_of_several_is_taken(tmp_path: Path) -> None:
+    path = written(square("other", 0), tmp_path / "all.gpkg", "other")
+    written(square("roi", 500), path, "roi", append=True)
+    arguments = command(ExtractGround, INPUT=FIRST, OUTPUT="/g.laz", ROI=f"{path}|layername=roi")
+    assert extent(arguments[3]) == (500, 610)
+
+
+def test_values_out_of_bounds_are_refused_with_the_dialogs_name_and_the_engines_bounds() -> None:
+    made = InspectSlope().create()
+    given = {"REFERENCE": FIRST, "CLOUD": LATER, "OUTPUT_FOLDER": "/out"}
+    context = QgsProcessingContext()
+    assert made.checkParameterValues(given, context) == (True, "")
+    assert made.checkParameterValues({**given, "CELL": 0}, context) == (True, ""), "0 leaves it to the clouds"
+    for value in (0.001, -1.5, "0.004"):
+        ok, sentence = made.checkParameterValues({**given, "CELL": value}, context)
+        assert not ok
+        assert sentence.startswith("“Cell size, 0 for auto (m)” is ")
+        assert sentence.endswith("give a number from 0.005 to 100 m, or auto.")
+    assert made.checkParameterValues({**given, "PROFILE": "1", "METHOD": "icp"}, context)[0]
+    assert not made.checkParameterValues({**given, "PROFILE": "2"}, context)[0]
+    assert not made.checkParameterValues({**given, "CELL": "wide"}, context)[0]
+    assert not made.checkParameterValues({**given, "METHOD": "magic"}, context)[0]
+
+
+def test_the_engines_sentence_reaches_the_user(
+    fake_engine: Callable[[str], Path], feedback: Recorder, tmp_path: Path
+) -> None:
+    sentence = f"{FIRST} does not exist; check the path."
+    fake_engine(f"say(event='error', message={sentence!r}, code=2)\nsys.exit(2)")
+    made = ExtractGround().create()
+    parameters = {"INPUT": FIRST, "OUTPUT": str(tmp_path / "g.laz")}
+    with pytest.raises(QgsProcessingException) as caught:
+        made.run(parameters, QgsProcessingContext(), feedback, catchExceptions=False)
+    assert str(caught.value) == sentence
+
+
+def test_options_of_the_command_line_have_the_dialogs_names(
+    fake_engine: Callable[[str], Path], feedback: Recorder, tmp_path: Path
+) -> None:
+    warning, refusal = "cloth_reach is small.", "g.laz declares no reference system; give one with --crs EPSG:n."
+    fake_engine(
+        f"say(event='log', level='warning', message={warning!r})\nsay(event='error', message={refusal!r}, code=2)\n"
+        "sys.exit(2)"
+    )
+    made = ExtractGround().create()
+    parameters = {"INPUT": FIRST, "OUTPUT": str(tmp_path / "g.laz")}
+    with pytest.raises(QgsProcessingException) as caught:
+        made.run(parameters, QgsProcessingContext(), feedback, catchExceptions=False)
+    label = made.parameterDefinition("CRS").description()
+    assert str(caught.value) == f"g.laz declares no reference system; give one with EPSG:n in “{label}”."
+    assert feedback.said("warning") == [f"“{made.parameterDefinition('CLOTH_REACH').description()}” is small."]
+    # what is run is shown as it is typed
+    assert feedback.said("command")[0].startswith("slopewatch ground ")
+
+
+def test_another_version_of_the_engine_is_said(
+    fake_engine: Callable[[str], Path], feedback: Recorder, root: Path
+) -> None:
+    version = re.search(r"^version=(.+)$", (root / "metadata.txt").read_text(), re.MULTILINE)[1]
+    for engine, warnings in ((version, []), ("0.0.9", [f"The engine is version 0.0.9, the plugin {version}"])):
+        recorder = Recorder()
+        fake_engine(f"say(event='result', outputs={{}}, metrics={{'slopewatch': {engine!r}, 'pdal': '2.9'}})")
+        results, ok = CheckEnvironment().create().run({}, QgsProcessingContext(), recorder)
+        assert ok
+        assert (results["VERSION"], results["PDAL"]) == (engine, "2.9")
+        assert [w.partition(";")[0] for w in recorder.said("warning")] == warnings
+        assert "pdal: 2.9" in recorder.said("info")
+
+
+def test_the_log_shows_a_command_that_can_be_typed(
+    fake_engine: Callable[[str], Path], feedback: Recorder, tmp_path: Path
+) -> None:
+    fake_engine("say(event='error', message='No.', code=2)\nsys.exit(2)")
+    cloud = "/data/slope 'A' $HOME.laz"
+    ExtractGround().create().run({"INPUT": cloud, "OUTPUT": str(tmp_path / "g.laz")}, QgsProcessingContext(), feedback)
+    assert shlex.split(feedback.said("command")[0]) == ["slopewatch", "ground", cloud, "--output", f"{tmp_path}/g.laz"]
+
+
+def test_figures_and_files_become_outputs(
+    fake_engine: Callable[[str], Path], feedback: Recorder, tmp_path: Path
+) -> None:
+    output = tmp_path / "g.laz"
+    record = tmp_path / "g_run.json"
+    fake_engine(
+        f"open({str(output)!r}, 'w').close()\nopen({str(record)!r}, 'w').write(json.dumps(sys.argv))\n"
+        f"say(event='result', outputs={{'ground': {str(output)!r}, 'run': {str(record)!r}}}, "
+        "metrics={'ground_points': 12, 'ground_ratio': None, 'new': 1})"
+    )
+    parameters = {"INPUT": FIRST, "OUTPUT": str(output)}
+    results, ok = ExtractGround().create().run(parameters, QgsProcessingContext(), feedback)
+    assert ok
+    assert results == {"OUTPUT": str(output), "RUN_RECORD": str(record), "GROUND_POINTS": 12}
+    assert json.loads(record.read_text())[1] == "ground"
+
+
+def test_training_takes_several_clouds_and_other_weights(tmp_path: Path) -> None:
+    areas = written(square("areas", 0), tmp_path / "areas.gpkg", "areas")
+    arguments = command(
+        TrainModel, CLOUDS=[FIRST, LATER], POLYGONS=str(areas), START="none", OUTSIDE="unknown", MINUTES=30,
+        START_WEIGHTS="/data/own.safetensors", OUTPUT_FOLDER="/out",
+    )  # fmt: skip
+    assert arguments == [
+        "train", FIRST, LATER, "--output-dir", "/out", "--polygons", str(areas), "--start", "none", "--outside",
+        "unknown", "--minutes", "30.0", "--start", "/data/own.safetensors",
+    ]  # fmt: skip
+    with pytest.raises(QgsProcessingException, match="CLOUDS is empty; give one or more labelled"):
+        command(TrainModel, CLOUDS=[], OUTPUT_FOLDER="/out")
+
+
+def test_lines_of_profiles_reach_the_engine_as_a_file(tmp_path: Path) -> None:
+    layer = QgsVectorLayer("LineString?crs=EPSG:32651", "lines", "memory")
+    feature = QgsFeature()
+    feature.setGeometry(QgsGeometry.fromWkt("LINESTRING(500000 3500000, 500030 3500010)"))
+    layer.dataProvider().addFeature(feature)
+    QgsProject.instance().addMapLayer(layer)
+    folder = str(tmp_path / "results")
+    assert command(WriteReport, INPUT=folder) == ["report", folder]
+    for algorithm, inputs in (
+        (WriteReport, {"INPUT": folder}),
+        (ElevationChange, {"REFERENCE": FIRST, "CLOUD": LATER, "OUTPUT_FOLDER": folder}),
+        (InspectSlope, {"REFERENCE": FIRST, "CLOUD": LATER, "OUTPUT_FOLDER": folder}),
+    ):
+        arguments = command(algorithm, PROFILES=layer.id(), ZONE_PROFILES=5, **inputs)
+        assert arguments[-2:] == ["--zone-profiles", "5"]
+        assert extent(arguments[arguments.index("--profiles") + 1]) == (500000, 500030)
+    with pytest.raises(QgsProcessingException, match="INPUT is empty"):
+        command(WriteReport, INPUT="")

@@ -1,0 +1,279 @@
+"""What the toolbox offers: frozen names, complete help, and parameters equal to the engine's."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from typing import Any
+
+import pytest
+from qgis.core import QgsApplication, QgsProcessingProvider
+from slopewatch.interface.parameters import Specification
+from slopewatch.plugin.bridge import resources
+from slopewatch.plugin.bridge.compat import ADVANCED
+from slopewatch.processing_algorithms import ALGORITHMS
+from slopewatch.processing_algorithms.base import SlopeWatchAlgorithm
+from slopewatch.tests.builders.qgis import engine_python
+
+# Released names: scripts and models of users hold them. Add to them, never change or remove one.
+INPUT = ["CRS", "HEIGHT_UNIT"]
+GROUND = [
+    "SLOPE_ALIGNED", "CLOTH_RESOLUTION", "RIGIDNESS", "CLASS_THRESHOLD", "TIME_STEP", "ITERATIONS", "SLOPE_SMOOTHING",
+    "REFINE", "CLOTH_REACH", "LAST_RETURNS", "DENOISE", "DENOISE_RADIUS", "DENOISE_GROUP", "MINIMUM_GROUND_RATIO",
+]  # fmt: skip
+REGISTRATION = [
+    "METHOD", "MAXIMUM_OFFSET", "MAXIMUM_CORRESPONDENCE", "REGISTRATION_ITERATIONS", "REGISTRATION_VOXEL",
+    "MINIMUM_STABLE_SHARE",
+]  # fmt: skip
+CHANGE = [
+    "CELL", "CELL_VALUE", "MINIMUM_POINTS", "CONFIDENCE", "THRESHOLD", "CONSTANT_LEVEL", "ERROR_FROM", "ERROR_TO",
+    "DIRECTION", "CALIBRATE", "REGISTRATION_ERROR", "ADAPTIVE", "TARGET_LEVEL", "LARGEST_CELL", "MEMORY_LIMIT",
+]  # fmt: skip
+# a series has one grid for all its surveys
+ONE_SIZE = [name for name in CHANGE if name not in ("ADAPTIVE", "TARGET_LEVEL", "LARGEST_CELL")]
+ZONES = ["MINIMUM_AREA", "MINIMUM_CELLS", "MINIMUM_CONFIDENCE", "BRIDGED_GAP", "SEVERITY_MODERATE", "SEVERITY_HIGH"]
+HEATMAP = ["TOP_VIEW_PIXEL", "OPACITY", "COLOUR_RANGE"]
+REPORT = ["PROFILES", "ZONE_PROFILES", "PROFILE_FIELD"]
+SCREENING = [
+    "SCREENING_METHOD", "GROUND", "WEIGHTS", "ROTATIONS", "RESIDUAL_THRESHOLD", "MINIMUM_PROBABILITY",
+    "MINIMUM_HAZARD_AREA", "PROBABILITY_CELL", "WRITE_CLASSIFICATION", "MINIMUM_DIP", "MAXIMUM_DIP", "ANY_DENSITY",
+    "DEVICE", "THREADS",
+]  # fmt: skip
+PRODUCTS = [
+    "OUTPUT_FOLDER", "ELEVATION_CHANGE", "LEVEL_OF_DETECTION", "CHANGE_PROBABILITY", "CELL_SIZE", "SIGNIFICANT_CHANGE",
+    "PLANT_ERROR", "PLANT_CHANGE", "ZONES", "HEATMAP", "TOP_VIEW", "SURFACE_HEIGHTS", "POINT_COUNTS",
+]  # fmt: skip
+PLANTS = ["GRASS", "GRASS_HEIGHT", "MOWN", "FERNS", "FOREST", "LAYOUT", "LITTER", "MULTIPATH", "STRAY"]
+OUTPUT = ["OVERWRITE"]
+SCREENED = ["SCREENED_ZONES", "SCREENED_PROBABILITY"]
+FROZEN_PARAMETERS = {
+    "inspectslope": [
+        "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "ROI", "PROFILE", "STABLE",
+        *GROUND, *REGISTRATION, *CHANGE, *ZONES, *HEATMAP, *REPORT, *INPUT, *PRODUCTS,
+        "SCREEN_LAST_EPOCH", *(name for name in SCREENING if name != "GROUND"), *SCREENED, *OUTPUT,
+    ],
+    "inspectseries": [
+        "INPUT", "MANIFEST", "ROI", "ALERTS", "PROFILE", "GROUND_READY", "RASTERS_EACH_SURVEY", "STABLE",
+        "LOAD_RASTERS", *GROUND, *REGISTRATION, *ONE_SIZE, *ZONES, *INPUT, *OUTPUT,
+        "OUTPUT_FOLDER", "ZONES", "SERIES", "VELOCITY", "VELOCITY_ERROR", "EPOCHS_CONFIRMED",
+    ],
+    "screenhazards": [
+        "INPUT", "ROI", "PROFILE", *SCREENING, *GROUND, *INPUT, "OUTPUT", "ZONES", "PROBABILITY", "MAP",
+    ],
+    "extractground": ["INPUT", "ROI", "PROFILE", *GROUND, *INPUT, "OUTPUT"],
+    "registerepochs": ["REFERENCE", "CLOUD", "STABLE", "PROFILE", *REGISTRATION, *INPUT, "OUTPUT", "TRANSFORM"],
+    "elevationchange": [
+        "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "TRANSFORM", "STABLE", "PROFILE",
+        *CHANGE, *ZONES, *HEATMAP, *REPORT, *INPUT, *PRODUCTS, *OUTPUT,
+    ],
+    "writereport": ["INPUT", *REPORT],
+    "m3c2distances": [
+        "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "CORE", "TRANSFORM", "STABLE",
+        "NORMAL_SCALE", "PROJECTION_SCALE", "HALF_LENGTH", "CORE_SPACING", "DISTANCE_CELL", "NORMALS", "ORIENTATION",
+        "MINIMUM_CYLINDER_POINTS", "CONFIDENCE", "REGISTRATION_ERROR", "CALIBRATE", *INPUT,
+        "OUTPUT", "DISTANCE", "LEVEL_OF_DETECTION", "SIGNIFICANT",
+    ],
+    "simulatesurvey": [
+        "SEED", "POINTS", "LENGTH", "HEIGHT", "ANGLE", "BENCHES", "VEGETATION", "RANGE_NOISE", "OFFSET", "AMPLITUDE",
+        *PLANTS, "OUTPUT_FOLDER", "ROI", "TRUTH_DZ", *OUTPUT,
+    ],
+    "simulateseries": [
+        "SEED", "POINTS", "LENGTH", "HEIGHT", "ANGLE", "BENCHES", "VEGETATION", "RANGE_NOISE", "OFFSET", *PLANTS,
+        "SURVEYS", "INTERVAL", "VELOCITIES", "ONSET", "GROUND_ONLY", "OUTPUT_FOLDER", "ROI", "TRUTH_VELOCITY", *OUTPUT,
+    ],
+    "simulatescenes": ["KIND", "COUNT", "SEED", "AREA", "DENSITY", "BENCHMARK", "PICTURE", "OUTPUT_FOLDER", *OUTPUT],
+    "trainmodel": [
+        "CLOUDS", "POLYGONS", "START", "DIMENSION", "CLASSES", "CLASS_FIELD", "OUTSIDE", "STEPS", "MINUTES", "FOLDS",
+        "LEARNING_RATE", "BATCH", "NETWORK", "SEED", "DEVICE", "THREADS", "CRS", "HEIGHT_UNIT", "START_WEIGHTS",
+        "OUTPUT_FOLDER", *OUTPUT,
+    ],
+    "checkenvironment": [],
+}  # fmt: skip
+FROZEN_GROUPS = {
+    "inspectslope": "inspection",
+    "inspectseries": "inspection",
+    "screenhazards": "inspection",
+    "extractground": "steps",
+    "registerepochs": "steps",
+    "elevationchange": "steps",
+    "writereport": "steps",
+    "m3c2distances": "steps",
+    "simulatesurvey": "tools",
+    "simulateseries": "tools",
+    "simulatescenes": "tools",
+    "trainmodel": "tools",
+    "checkenvironment": "tools",
+}
+CHANGE_OUTPUTS = [
+    "ZONE_COUNT", "ZONE_AREA", "LOSS", "GAIN", "LOSS_ERROR", "GAIN_ERROR", "LARGEST_SINK", "LARGEST_RISE",
+    "COMPARED_SHARE", "COMMON_CELL_RATE", "LEVEL_MEDIAN",
+    "REPORT", "VOLUMES", "HEATMAP_PICTURE", "RUN_RECORD", *PRODUCTS,
+]  # fmt: skip
+REGISTRATION_OUTPUTS = ["SHIFT_X", "SHIFT_Y", "SHIFT_Z", "STABLE_SHARE", "REGISTRATION_STANDARD_ERROR"]
+FROZEN_OUTPUTS = {
+    "inspectslope": [
+        *CHANGE_OUTPUTS, *REGISTRATION_OUTPUTS, "TRANSFORM_FILE", "REFERENCE_GROUND", "REGISTERED_GROUND",
+        *SCREENED, "SCREENED_ZONE_COUNT", "CONFIRMED_ZONES", "SCREENED_CLOUD", "SCREENED_MAP",
+    ],
+    "inspectseries": [
+        "EPOCH_COUNT", "ZONE_COUNT", "CONFIRMED_ZONES", "HIGHEST_ALERT", "ALERTED_ZONES", "FASTEST_RATE",
+        "DETECTABLE_RATE", "LEVEL_MEDIAN", "REPORT", "TABLE", "PICTURE", "ALERTS_USED", "RUN_RECORD", "CUMULATIVE",
+        "INCREMENTAL", "OUTPUT_FOLDER", "ZONES", "SERIES", "VELOCITY", "VELOCITY_ERROR", "EPOCHS_CONFIRMED",
+    ],
+    "screenhazards": [
+        "ZONE_COUNT", "ZONE_AREA", "UPLIFT_ZONES", "SUBSIDENCE_ZONES", "GROUND_POINTS", "DENSITY", "DIP", "RUN_RECORD",
+        "OUTPUT", "ZONES", "PROBABILITY", "MAP",
+    ],
+    "extractground": [
+        "RAW_POINTS", "RAW_AREA", "RAW_DENSITY", "ROI_POINTS", "ROI_AREA", "ROI_DENSITY", "GROUND_POINTS",
+        "GROUND_RATIO", "VEGETATION_COVER", "RUN_RECORD", "OUTPUT",
+    ],
+    "registerepochs": [*REGISTRATION_OUTPUTS, "RMSE_BEFORE", "RMSE_AFTER", "INLIER_RMSE", "OUTPUT", "TRANSFORM"],
+    "elevationchange": CHANGE_OUTPUTS,
+    "writereport": ["REPORT", "PROFILE_LINES", "PROFILE_TABLE"],
+    "m3c2distances": [
+        "CORE_POINTS", "MEASURED_POINTS", "SIGNIFICANT_POINTS", "LARGEST_LOWERING", "LARGEST_RAISING", "LEVEL_MEDIAN",
+        "NORMAL_SCALE_USED", "PROJECTION_SCALE_USED", "HALF_LENGTH_USED", "RUN_RECORD", "OUTPUT", "DISTANCE",
+        "LEVEL_OF_DETECTION", "SIGNIFICANT",
+    ],
+    "simulatesurvey": [
+        "REFERENCE", "CLOUD", "TRUTH", "TRUTH_TRANSFORM", "RUN_RECORD", "OUTPUT_FOLDER", "ROI", "TRUTH_DZ",
+    ],
+    "simulateseries": ["MANIFEST", "TRUTH", "RUN_RECORD", "OUTPUT_FOLDER", "ROI", "TRUTH_VELOCITY"],
+    "simulatescenes": [
+        "SCENE", "HAZARDS", "MANIFEST", "PICTURE_FILE", "RUN_RECORD", "SCENES", "POINTS", "HAZARD_COUNT",
+        "SHARE_BACKGROUND", "SHARE_UPLIFT", "SHARE_SUBSIDENCE", "OUTPUT_FOLDER",
+    ],
+    "trainmodel": [
+        "WEIGHTS", "DESCRIPTION", "LOG", "REPORT", "RUN_RECORD", "LABELLED_POINTS", "FOLD_COUNT", "STEPS_DONE",
+        "OVERALL_ACCURACY", "MEAN_IOU", "MAJORITY_ACCURACY", "START_MEAN_IOU", "TEMPERATURE", "OUTPUT_FOLDER",
+    ],
+    "checkenvironment": ["ENGINE", "PDAL", "VERSION"],
+}  # fmt: skip
+COMMANDS = {
+    "inspectslope": ["inspect"],
+    "inspectseries": ["series"],
+    "screenhazards": ["screen"],
+    "extractground": ["ground"],
+    "registerepochs": ["register"],
+    "elevationchange": ["change"],
+    "writereport": ["report"],
+    "m3c2distances": ["m3c2"],
+    "simulatesurvey": ["simulate", "survey"],
+    "simulateseries": ["simulate", "series"],
+    "simulatescenes": ["simulate", "scenes"],
+    "trainmodel": ["train"],
+    "checkenvironment": ["check"],
+}
+
+
+@pytest.fixture(params=ALGORITHMS, ids=lambda a: a.NAME)
+def algorithm(request: pytest.FixtureRequest, qgis_app: QgsApplication) -> SlopeWatchAlgorithm:
+    return request.param().create()
+
+
+def _specifications(algorithm: SlopeWatchAlgorithm) -> list[Specification]:
+    return [s for group in algorithm.PARAMETER_GROUPS for s in group.specifications()]
+
+
+def test_all_are_registered_without_an_engine(monkeypatch: pytest.MonkeyPatch, provider: QgsProcessingProvider) -> None:
+    monkeypatch.setenv("SLOPEWATCH_PYTHON", "/nowhere/python")
+    provider.refreshAlgorithms()
+    assert provider.id() == "slopewatch"
+    assert {a.name() for a in provider.algorithms()} == set(FROZEN_PARAMETERS)
+    assert all(a.canExecute()[0] for a in provider.algorithms())
+
+
+def test_names_are_frozen(algorithm: SlopeWatchAlgorithm) -> None:
+    here = {p.name() for p in algorithm.parameterDefinitions()}
+    assert not set(FROZEN_PARAMETERS[algorithm.name()]) - here, "a released parameter is gone"
+    assert here - set(FROZEN_PARAMETERS[algorithm.name()]) <= {s.qgis_name for s in _specifications(algorithm)}
+    assert algorithm.groupId() == FROZEN_GROUPS[algorithm.name()]
+    outputs = {o.name() for o in algorithm.outputDefinitions()}
+    assert outputs >= set(FROZEN_OUTPUTS[algorithm.name()]), "a released output is gone"
+
+
+def test_identity_is_complete(algorithm: SlopeWatchAlgorithm) -> None:
+    assert re.fullmatch("[a-z][a-z0-9]+", algorithm.name())
+    assert algorithm.shortDescription().endswith(".")
+    assert len(algorithm.shortHelpString()) > 200 or not algorithm.parameterDefinitions()
+    assert algorithm.tags()
+    assert not algorithm.icon().isNull()
+    assert f'id="{algorithm.name()}"' in resources.help_text("index")
+    assert algorithm.helpUrl().endswith(f"plugin/help/index.html#{algorithm.name()}")
+    assert type(algorithm.createInstance()) is type(algorithm)
+
+
+def test_every_parameter_has_help_and_a_label(algorithm: SlopeWatchAlgorithm) -> None:
+    for parameter in algorithm.parameterDefinitions():
+        assert len(parameter.help()) > 10, parameter.name()
+        assert parameter.help().endswith("."), parameter.name()
+        assert parameter.description(), parameter.name()
+        assert parameter.name().isupper()
+
+
+def test_the_dialog_has_the_engines_parameters(algorithm: SlopeWatchAlgorithm) -> None:
+    for s in _specifications(algorithm):
+        parameter: Any = algorithm.parameterDefinition(s.qgis_name)
+        assert parameter is not None, s.name
+        assert parameter.help() == s.help
+        if s.unit:
+            assert f"({s.unit})" in parameter.description()
+        assert parameter.description().lower().endswith(s.label_with_unit.lower())
+        if s.name == "crs":
+            assert parameter.type() == "crs"
+        elif s.choices:
+            assert parameter.options() == list(s.choices)
+            assert parameter.usesStaticStrings()
+            assert parameter.defaultValue() == s.default
+        else:
+            assert parameter.type() == {bool: "boolean", int: "number", float: "number", str: "string"}[s.kind]
+            assert parameter.defaultValue() == s.default
+        if s.kind in (int, float):
+            if s.minimum is not None:
+                assert parameter.minimum() == s.minimum
+            if s.maximum is not None:
+                assert parameter.maximum() == s.maximum
+            decimals = parameter.metadata().get("widget_wrapper", {}).get("decimals", 0)
+            assert round(s.default, decimals) == s.default, f"{s.name}: the field would round the default"
+        if algorithm.name() not in (
+            "inspectslope",
+            "inspectseries",
+            "screenhazards",
+            "simulatesurvey",
+            "simulateseries",
+        ):
+            assert bool(parameter.flags() & ADVANCED) == s.advanced
+
+
+def test_the_whole_flow_shows_few_parameters_at_first(qgis_app: QgsApplication) -> None:
+    inspect = next(a for a in ALGORITHMS if a.NAME == "inspectslope")().create()
+    shown = [p.name() for p in inspect.parameterDefinitions() if not p.flags() & ADVANCED and not p.isDestination()]
+    assert shown == [
+        "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "ROI", "PROFILE",
+        "CLOTH_RESOLUTION", "CELL", "CONFIDENCE", "ADAPTIVE", "MINIMUM_AREA", "SCREEN_LAST_EPOCH",
+        "OVERWRITE",
+    ]  # fmt: skip
+
+
+def test_screening_shows_few_parameters_at_first(qgis_app: QgsApplication) -> None:
+    screening = next(a for a in ALGORITHMS if a.NAME == "screenhazards")().create()
+    shown = [p.name() for p in screening.parameterDefinitions() if not p.flags() & ADVANCED and not p.isDestination()]
+    assert shown == [
+        "INPUT", "ROI", "PROFILE", "SCREENING_METHOD", "GROUND", "MINIMUM_PROBABILITY", "MINIMUM_HAZARD_AREA",
+        "PROBABILITY_CELL",
+    ]  # fmt: skip
+
+
+def test_the_command_line_has_the_dialogs_parameters(algorithm: SlopeWatchAlgorithm) -> None:
+    python = engine_python()
+    done = subprocess.run(
+        [python, "-m", "slopewatch.cli", *COMMANDS[algorithm.name()], "--help"],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={"PYTHONUTF8": "1"},
+    )
+    offered = set(re.findall(r"--[a-z][a-z-]*", done.stdout))
+    wanted = {f"--{s.option}" for s in _specifications(algorithm)} | {"--progress", "--watch-parent", "--pdal"}
+    assert wanted <= offered

@@ -1,0 +1,386 @@
+"""The command m3c2 from files to files: what it writes, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import geopandas as gpd
+import laspy
+import numpy as np
+import pytest
+import rasterio
+import shapely
+from pyproj import CRS
+from slopewatch.engine.core.errors import InputError
+from slopewatch.engine.core.progress import Progress
+from slopewatch.interface.parameters import DistanceParameters, InputParameters
+from slopewatch.workflows.m3c2 import m3c2_step, parse_direction
+from slopewatch.workflows.settings import DistanceSettings
+
+DIP = np.radians(50)
+NORMAL = np.array([0.0, -np.sin(DIP), np.cos(DIP)])
+BULGE = 0.3
+
+
+def steep(points, seed, *, raised=0.0, shift=(0.0, 0.0, 0.0)):
+    """A face of 50 degrees, 12 x 12 m; its western third is raised along the normal."""
+    rng = np.random.default_rng(seed)
+    u, v = rng.uniform(0, 12, (2, points))
+    out = rng.normal(0, 0.01, points) + np.where(u < 4, raised, 0.0)
+    return np.column_stack([u, v * np.cos(DIP), v * np.sin(DIP)]) + out[:, None] * NORMAL + [5e5, 3.5e6, 50] + shift
+
+
+def write(path: Path, xyz, *, crs=32651, **dimensions) -> Path:
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.scales, header.offsets = [0.001] * 3, xyz[0].round()
+    if crs:
+        header.add_crs(CRS.from_user_input(crs))
+    for name in dimensions:
+        header.add_extra_dim(laspy.ExtraBytesParams(name, "f8"))
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = xyz.T
+    las.return_number = las.number_of_returns = np.ones(len(xyz), dtype=np.uint8)
+    las.classification = np.full(len(xyz), 2)
+    for name, values in dimensions.items():
+        las[name] = values
+    las.write(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory) -> tuple[Path, Path]:
+    folder = tmp_path_factory.mktemp("pair")
+    return (
+        write(folder / "slope_2024-05-01.laz", steep(16_000, 1)),
+        write(folder / "slope_2025-05-01.laz", steep(14_000, 2, raised=BULGE)),
+    )
+
+
+def run(first, second, output, *, progress=None, crs="", height_unit="auto", **given):
+    options = {name: given.pop(name, None) for name in ("raster_dir", "core", "transform_path", "stable")}
+    settings = DistanceSettings(InputParameters(crs=crs, height_unit=height_unit), DistanceParameters(**given))
+    return m3c2_step(first, second, output, settings, dates=(None, None), progress=progress or Progress(), **options)
+
+
+@pytest.fixture(scope="module")
+def outcome(pair, tmp_path_factory):
+    progress = Progress()
+    outputs, metrics = run(*pair, tmp_path_factory.mktemp("out") / "points.laz", progress=progress)
+    return outputs, metrics, progress.warnings
+
+
+def test_points_carry_what_was_measured_in_their_system(pair, outcome):
+    outputs, metrics, _ = outcome
+    las = laspy.read(outputs["points"])
+    assert las.header.parse_crs().equals(CRS.from_epsg(32651))
+    assert len(las.points) == metrics["core_points"] > 1000
+    west = np.asarray(las.x) < 5e5 + 3
+    east = np.asarray(las.x) > 5e5 + 5
+    distance, level = np.asarray(las["m3c2_distance"]), np.asarray(las["m3c2_uncertainty"])
+    assert np.nanmedian(distance[west]) == pytest.approx(BULGE, abs=0.003)
+    assert np.nanmedian(distance[east]) == pytest.approx(0.0, abs=0.003)
+    significant = np.asarray(las["m3c2_significant"]).astype(bool)
+    with np.errstate(invalid="ignore"):
+        assert np.array_equal(significant, np.abs(distance) > level)
+    assert significant[west & (las["m3c2_status"] == 0)].all()
+    assert significant[east].mean() < 0.1
+    normals = np.column_stack([las[f"Normal{a}"] for a in "XYZ"])
+    assert np.median(normals @ NORMAL) > 0.998
+    # a selection of the reference's own points
+    given = {tuple(p) for p in np.round(np.asarray(laspy.read(pair[0]).xyz), 3).tolist()}
+    assert {tuple(p) for p in np.round(np.asarray(las.xyz), 3).tolist()} <= given
+    assert (np.asarray(las.classification) == 2).all()
+
+
+def test_the_published_level_is_there_for_the_asking(pair, outcome, tmp_path):
+    """1.96 (sqrt(s1^2 / n1 + s2^2 / n2) + registration error), from the file itself; the same distances."""
+    outputs, _ = run(*pair, tmp_path / "points.laz", calibrate=False, registration_error=0.01)
+    las = laspy.read(outputs["points"])
+    one, two = (np.asarray(las[f"m3c2_std_dev{k}"]) ** 2 / las[f"m3c2_count{k}"] for k in (1, 2))
+    measured = las["m3c2_status"] == 0
+    level = np.asarray(las["m3c2_uncertainty"])
+    np.testing.assert_allclose(level[measured], 1.959964 * (np.sqrt(one + two) + 0.01)[measured], rtol=1e-4)
+    calibrated = laspy.read(outcome[0]["points"])
+    np.testing.assert_array_equal(las["m3c2_distance"], calibrated["m3c2_distance"])
+    told = json.loads(outputs["run"].read_text())["level_of_detection"]
+    assert told["level"] == told["asked_for"] == "as published (Lague et al. 2013)"
+
+
+class Heard(Progress):
+    """Keeps what it is told."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.told: list[str] = []
+
+    def show(self, level: str, message: str) -> None:
+        self.told.append(message)
+
+
+class TestCalibration:
+    @pytest.fixture(scope="class")
+    @classmethod
+    def unchanged(cls, tmp_path_factory) -> tuple[Path, Path]:
+        """Two surveys of one face whose eastern half lies 6 mm higher in every second metre of the later one."""
+        folder, clouds = tmp_path_factory.mktemp("unchanged"), []
+        for seed in (5, 6):
+            xyz = steep(24_000, seed)
+            wave = np.where((xyz[:, 0] - 5e5 > 6) & (np.floor(xyz[:, 1] * 1.5) % 2 == 0), 0.006, -0.006)
+            clouds.append(xyz + (seed == 6) * wave[:, None] * NORMAL * (xyz[:, :1] - 5e5 > 6))
+        names = ("slope_2024-05-01.laz", "slope_2025-05-01.laz")
+        return tuple(write(folder / name, xyz) for name, xyz in zip(names, clouds, strict=True))
+
+    def beyond(self, outputs: dict[str, Path]) -> tuple[float, float]:
+        las = laspy.read(outputs["points"])
+        measured, west = las["m3c2_status"] == 0, np.asarray(las.x) < 5e5 + 5.5
+        significant = np.asarray(las["m3c2_significant"]).astype(bool)
+        return float(significant[measured & west].mean()), float(significant[measured & ~west].mean())
+
+    def test_stable_ground_tells_the_level_and_the_run_says_so(self, unchanged, tmp_path):
+        """Of two surveys that differ by more than their points scatter."""
+        progress = Heard()
+        plain, _ = run(*unchanged, tmp_path / "plain.laz", calibrate=False, registration_error=0.0)
+        assert self.beyond(plain)[1] > 0.2
+        outputs, _ = run(*unchanged, tmp_path / "out.laz", registration_error=0.0, progress=progress)
+        assert sum(self.beyond(outputs)) / 2 < 0.08
+        told = json.loads(outputs["run"].read_text())["level_of_detection"]
+        assert told["level"] == "calibrated"
+        assert told["error_model"] == "calibrated"
+        assert told["slope_classes"][0]["factor"] > 1.2
+        assert any("calibrated on" in sentence for sentence in progress.told)
+
+    def test_polygons_known_to_be_stable_are_what_it_learns_from(self, unchanged, tmp_path):
+        """The quiet western half: of the other half more is then beyond than of that."""
+        area = tmp_path / "stable.gpkg"
+        box = shapely.box(5e5 - 1, 3.5e6 - 1, 5e5 + 5.5, 3.5e6 + 20)
+        gpd.GeoDataFrame(geometry=[box], crs="EPSG:32651").to_file(area)
+        outputs, _ = run(*unchanged, tmp_path / "out.laz", registration_error=0.0, stable=area)
+        west, east = self.beyond(outputs)
+        assert west < 0.08
+        assert east > 0.2
+        record = json.loads(outputs["run"].read_text())
+        assert [entry["role"] for entry in record["inputs"]][-1] == "stable"
+
+    def test_plants_that_a_cloud_tells_of_widen_the_level(self, unchanged, tmp_path):
+        paths = [
+            write(tmp_path / path.name, np.asarray(laspy.read(path).xyz), plant_error=np.full(24_000, 0.05))
+            for path in unchanged
+        ]
+        shared = {"registration_error": 0.0, "projection_scale": 0.6, "normal_scale": 0.6, "half_length": 0.5}
+        plain, told = (run(*some, tmp_path / "out.laz", **shared)[1] for some in (unchanged, paths))
+        # at least a part of the stated error stays, however alike the surveys are
+        expected = 1.96 * 0.4 * 0.05 * np.sqrt(2) * np.cos(DIP)
+        assert told["lod_median_m"] == pytest.approx(np.hypot(plain["lod_median_m"], expected), rel=0.15)
+
+
+def test_rasters_lie_on_a_snapped_grid_with_the_tags_of_all_rasters(outcome):
+    outputs, metrics, _ = outcome
+    layers = {}
+    for name in ("m3c2_distance", "m3c2_level_of_detection", "m3c2_significant"):
+        assert outputs[name].name == f"{name}.tif"
+        assert outputs[name].with_suffix(".qml").is_file()
+        with rasterio.open(outputs[name]) as source:
+            assert source.crs.to_epsg() == 32651
+            assert source.nodata == -9999
+            assert source.units == ("m",)
+            cell = source.transform.a
+            assert (source.transform.c / cell) % 1 == pytest.approx(0, abs=1e-6)
+            assert (source.transform.f / cell) % 1 == pytest.approx(0, abs=1e-6)
+            tags = source.tags()
+            layers[name] = source.read(1, masked=True)
+    assert (tags["EPOCH_FROM"], tags["EPOCH_TO"]) == ("2024-05-01", "2025-05-01")
+    assert float(tags["LOD95_MEDIAN"]) == pytest.approx(metrics["lod_median_m"], abs=1e-6)
+    assert len(tags["INPUT_SHA256"].split()) == 2
+    assert tags["SOFTWARE"].startswith("SlopeWatch")
+    distance, level, significant = layers.values()
+    las = laspy.read(outputs["points"])
+    measured = las["m3c2_status"] == 0
+    column = np.floor((np.asarray(las.x) - source.transform.c) / cell + 1e-6).astype(int)
+    row = np.ceil((source.transform.f - np.asarray(las.y)) / cell - 1e-6).astype(int) - 1
+    at = (row[measured][7], column[measured][7])
+    here = measured & (row == at[0]) & (column == at[1])
+    assert distance[at] == pytest.approx(np.asarray(las["m3c2_distance"])[here].mean(), abs=1e-6)
+    assert level[at] == pytest.approx(np.asarray(las["m3c2_uncertainty"])[here].mean(), abs=1e-6)
+    assert (~distance.mask).sum() == len(set(zip(row[measured], column[measured], strict=True)))
+    assert np.array_equal(~significant.mask, (np.abs(distance) > level).filled(False))
+
+
+def test_the_run_record_states_scales_and_doubts(outcome):
+    outputs, metrics, warnings = outcome
+    record = json.loads(outputs["run"].read_text())
+    assert outputs["run"].name == "points_run.json"
+    assert record["command"] == "m3c2"
+    assert record["metrics"] == json.loads(json.dumps(metrics))
+    scales = record["scales"]
+    assert scales["normal_scale"] == metrics["normal_scale_m"] >= 20 * scales["roughness"]
+    assert scales["chosen"]["projection_scale"].startswith("25 points")
+    assert metrics["cylinder_points_median"] >= 20
+    assert metrics["half_length_m"] >= 2 * BULGE
+    assert metrics["largest_raising_m"] == pytest.approx(BULGE, abs=0.05)
+    assert any("registration's error is not known" in sentence for sentence in warnings)
+    assert record["warnings"] == warnings
+    assert {p.name for p in outputs["run"].parent.iterdir() if p.name.startswith(".")} == set()
+
+
+def test_a_transform_is_applied_and_its_error_enters_the_level(pair, tmp_path):
+    shift = np.array([0.4, -0.3, 0.2])
+    moved = write(tmp_path / "moved_2025-05-01.laz", steep(14_000, 2, raised=BULGE, shift=shift))
+    matrix = np.eye(4)
+    matrix[:3, 3] = -shift
+    transform = tmp_path / "transform.json"
+    transform.write_text(json.dumps({"matrix": matrix.tolist(), "registration": {"registration_error_m": 0.02}}))
+    progress = Progress()
+    given = {"projection_scale": 0.7, "normal_scale": 0.6, "half_length": 0.8, "core_spacing": 0.5, "calibrate": False}
+    _, plain = run(*pair, tmp_path / "plain.laz", **given)
+    outputs, metrics = run(
+        pair[0], moved, tmp_path / "out.laz", raster_dir=tmp_path / "maps", transform_path=transform,
+        progress=progress, **given,
+    )  # fmt: skip
+    assert metrics["registration_error_m"] == 0.02
+    assert not any("registration's error" in sentence for sentence in progress.warnings)
+    assert metrics["lod_median_m"] == pytest.approx(plain["lod_median_m"] + 1.96 * 0.02, abs=5e-4)
+    assert metrics["distance_median_m"] == pytest.approx(plain["distance_median_m"], abs=1e-3)
+    assert outputs["m3c2_distance"] == tmp_path / "maps" / "m3c2_distance.tif"
+    assert {p.name for p in (tmp_path / "maps").iterdir()} == {
+        f"m3c2_{name}.{end}" for name in ("distance", "level_of_detection", "significant") for end in ("tif", "qml")
+    }
+    record = json.loads((tmp_path / "out_run.json").read_text())
+    assert record["transform"] == matrix.tolist()
+    with rasterio.open(outputs["m3c2_distance"]) as source:
+        assert float(source.tags()["COREG_DX"]) == pytest.approx(-0.4)
+    assert run(*pair, tmp_path / "e.laz", registration_error=0.05, **given)[1]["registration_error_m"] == 0.05
+
+
+def test_vertical_distances_are_differences_of_height(pair, tmp_path):
+    _, metrics = run(*pair, tmp_path / "v.laz", normals="vertical", half_length=2.0)
+    las = laspy.read(tmp_path / "v.laz")
+    west = (np.asarray(las.x) < 5e5 + 3) & (las["m3c2_status"] == 0)
+    assert np.median(np.asarray(las["m3c2_distance"])[west]) == pytest.approx(BULGE / np.cos(DIP), rel=0.02)
+    assert metrics["normal_scale_m"] is None
+
+
+def test_the_same_input_gives_the_same_bytes(pair, tmp_path):
+    given = {"projection_scale": 0.7, "normal_scale": 0.6, "half_length": 0.8, "core_spacing": 0.5}
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        run(*pair, tmp_path / name / "points.laz", **given)
+    for name in ("points.laz", "m3c2_distance.tif", "m3c2_level_of_detection.tif", "m3c2_significant.tif"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
+
+
+def test_core_points_and_their_normals_may_be_given(pair, tmp_path):
+    places = np.array([[2.0, 3, 0], [8, 3, 0], [8, 4, 0], [500, 500, 0]])
+    places[:, 2] = places[:, 1] * np.tan(DIP)
+    places += [5e5, 3.5e6, 50]
+    length = np.array([2.0, -1.0, 0.0, 1.0])  # of any length, to either side, none
+    normals = {f"Normal{a}": length * NORMAL[k] for k, a in enumerate("XYZ")}
+    core = write(tmp_path / "core.laz", places, depth=np.arange(4.0), **normals)
+    given = {"projection_scale": 0.8, "half_length": 1.0, "distance_cell": 1.0}
+    outputs, metrics = run(*pair, tmp_path / "p.laz", core=core, normals="given", **given)
+    las = laspy.read(outputs["points"])
+    assert np.asarray(las["m3c2_status"]).tolist() == [0, 0, 3, 2]
+    assert np.asarray(las["m3c2_distance"])[:2] == pytest.approx([BULGE, 0.0], abs=0.01)
+    assert np.asarray(las["NormalZ"])[:2] == pytest.approx([np.cos(DIP), -np.cos(DIP)], abs=1e-6)
+    assert np.asarray(las["depth"]).tolist() == [0, 1, 2, 3]
+    assert (metrics["core_points"], metrics["measured_points"], metrics["no_normal"]) == (4, 2, 1)
+
+
+def test_cloudcompares_distances_through_files(shared_data, tmp_path):
+    folder = shared_data / "real" / "autzen_bmx"
+    table = np.genfromtxt(folder / "autzen-bmx-cc.txt", delimiter=",", names=True)
+    xyz, normals = (np.column_stack([table[f"{kind}{a}"] for a in "XYZ"]) for kind in ("", "Normal"))
+    dimensions = {f"Normal{a}": normals[:, k] for k, a in enumerate("XYZ")}
+    system = laspy.read(folder / "autzen-bmx-2010.las").header.parse_crs()
+    core = write(tmp_path / "core.laz", xyz, crs=system, **dimensions)
+    outputs, _ = run(
+        folder / "autzen-bmx-2010.las", folder / "autzen-bmx-2023.las", tmp_path / "p.laz", core=core, normals="given",
+        height_unit="metre", projection_scale=2 * 2.890432, half_length=5.5,
+    )  # fmt: skip
+    las = laspy.read(outputs["points"])
+    assert np.array_equal(las["m3c2_count1"], table["Npoints_cloud1"])
+    assert np.array_equal(las["m3c2_count2"], table["Npoints_cloud2"])
+    directed = np.asarray(las["m3c2_status"]) != 3
+    apart = np.abs(np.asarray(las["m3c2_distance"]) - table["M3C2_distance"])[directed]
+    assert np.nanmax(apart) < 0.003
+
+
+def test_feet_become_metres_and_are_said(tmp_path):
+    progress = Progress()
+    feet = 0.3048
+    first, second = (
+        write(tmp_path / f"{name}.laz", cloud / feet, crs="EPSG:2994+6360")
+        for name, cloud in (("a", steep(9000, 1)), ("b", steep(9000, 2, raised=BULGE)))
+    )
+    outputs, _ = run(first, second, tmp_path / "out.laz", height_unit="foot", progress=progress)
+    assert any("feet" in sentence for sentence in progress.warnings)
+    las = laspy.read(outputs["points"])
+    west = np.asarray(las.x) < 5e5 + 3
+    assert np.nanmedian(np.asarray(las["m3c2_distance"])[west]) == pytest.approx(BULGE, abs=0.005)
+
+
+class TestRefusals:
+    def refused(self, folder: Path, *arguments, match: str, **given) -> str:
+        before = {p.name for p in folder.iterdir()}
+        with pytest.raises(InputError, match=match) as caught:
+            run(*arguments, folder / "out.laz", **given)
+        assert {p.name for p in folder.iterdir()} == before
+        assert str(caught.value).endswith(".")
+        return str(caught.value)
+
+    def test_the_same_file_twice(self, pair, tmp_path):
+        copy = shutil.copy(pair[0], tmp_path / "other.laz")
+        self.refused(tmp_path, pair[0], Path(copy), match="are the same cloud")
+
+    def test_reversed_dates(self, pair, tmp_path):
+        self.refused(tmp_path, pair[1], pair[0], match="reversed order")
+
+    def test_no_overlap_names_both_extents(self, pair, tmp_path):
+        away = write(tmp_path / "away.laz", steep(2000, 3, shift=(100.0, 0, 0)))
+        sentence = self.refused(tmp_path, pair[0], away, match="do not overlap")
+        assert "x 500000.0 to 500012.0" in sentence
+        assert "x 500100.0 to 500112.0" in sentence
+
+    def test_no_point_in_any_cylinder(self, pair, tmp_path):
+        high = write(tmp_path / "high.laz", steep(9000, 3, shift=(0.0, 0, 2.8)))
+        self.refused(tmp_path, pair[0], high, match="--half-length", half_length=1.0)
+
+    @pytest.mark.parametrize(
+        ("crs", "match"),
+        [(None, "no coordinate reference system"), (4326, "geographic"), (32650, "different reference")],
+    )
+    def test_reference_systems(self, pair, tmp_path, crs, match):
+        other = write(tmp_path / "other.laz", steep(2000, 3), crs=crs)
+        self.refused(tmp_path, pair[0], other, match=match)
+        self.refused(tmp_path, *pair, match=match, core=other)
+
+    def test_normals_that_are_not_there(self, pair, tmp_path):
+        self.refused(tmp_path, *pair, match="needs --core", normals="given")
+        core = write(tmp_path / "core.laz", steep(100, 3))
+        self.refused(tmp_path, *pair, match="core.laz' has no dimension NormalX", normals="given", core=core)
+
+    @pytest.mark.parametrize("text", ["up", "0,0,0", "0,1", "1,2,nan", ""])
+    def test_a_direction_that_is_none(self, pair, tmp_path, text):
+        self.refused(tmp_path, *pair, match="orientation is", orientation=text)
+
+    def test_output_equal_to_an_input_and_a_raster_too_large(self, pair, tmp_path):
+        first = Path(shutil.copy(pair[0], tmp_path / "out.laz"))
+        with pytest.raises(InputError, match="also an input"):
+            run(first, pair[1], first)
+        first.unlink()
+        self.refused(tmp_path, *pair, match="--distance-cell", distance_cell=1e-4)
+
+
+def test_a_datum_shift_and_change_beyond_the_cylinder_are_named(pair, tmp_path):
+    progress = Progress()
+    high = write(tmp_path / "high.laz", steep(14_000, 3, shift=(0.0, 0, 0.5)))
+    run(pair[0], high, tmp_path / "a.laz", progress=progress)
+    assert any("datum or height bias" in sentence for sentence in progress.warnings)
+    progress = Progress()
+    run(*pair, tmp_path / "b.laz", progress=progress, half_length=0.15)
+    assert any("only beyond the cylinder" in sentence for sentence in progress.warnings)
+
+
+def test_directions_are_read():
+    assert parse_direction("0, -1,0.5").tolist() == [0, -1, 0.5]

@@ -1,0 +1,1 @@
+"""One module a command: check, open, compute, write, record."""

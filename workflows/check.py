@@ -1,0 +1,40 @@
+"""``slopewatch check``: is everything that SlopeWatch needs there, and does it work."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.metadata
+import shutil
+import sys
+from pathlib import Path
+from typing import Any
+
+from ..engine.core.errors import InputError
+from ..engine.core.run_record import versions
+from ..engine.pointcloud.pdal_program import find_pdal
+from ..models.network.shipped import SHIPPED_SHA256, SHIPPED_WEIGHTS
+
+
+def check_environment(pdal: Path | None = None) -> dict[str, Any]:
+    """Versions and places of what the engine uses.
+
+    Raises:
+        InputError: a library or PDAL is missing or does not start.
+    """
+    found: dict[str, Any] = {**versions(), "interpreter": sys.executable}
+    for name in ("rasterio", "geopandas", "laspy", "lazrs", "CSF"):
+        try:
+            importlib.import_module(name)
+        except ImportError as error:
+            raise InputError(f"The Python library {name} cannot be imported ({error}); run `make setup`.") from error
+    try:
+        found["torch"] = importlib.metadata.version("torch")
+    except importlib.metadata.PackageNotFoundError:
+        found["torch"] = "not installed"
+    found["screening_weights"] = SHIPPED_SHA256[:12] if SHIPPED_WEIGHTS.is_file() else "not there"
+    program = find_pdal(pdal)
+    found["pdal"] = program.version
+    found["pdal_path"] = program.path
+    found["pdal_found_by"] = program.how
+    found["qgis_process"] = shutil.which("qgis_process") or "not on PATH"
+    return found

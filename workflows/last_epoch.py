@@ -1,0 +1,129 @@
+"""Screening within an inspection: the ground of the last epoch, and what the change says of the zones found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ..engine.change.result import Change
+from ..engine.core.errors import InputError
+from ..engine.core.progress import Progress
+from ..engine.core.staged_outputs import Stage
+from ..engine.epochs.epoch import Epoch
+from ..engine.pointcloud.cloud import PointCloud
+from ..engine.zones.confirmation import VERDICTS, confirm_zones
+from ..engine.zones.earlier_reviews import EarlierReviews
+from ..interface.parameters import InputParameters, LastEpochParameters
+from ..models.screening.cloud_file import ScreenedFile
+from ..models.screening.network import ScreeningModel
+from ..models.screening.result import Screening
+from ..models.screening.screen import screen_points
+from ..models.screening.zones import Hazards, outline_hazards
+from .products.screening import default_targets, screening_figures, write_products
+
+_TARGETS = default_targets(Path("screened.laz"))
+SCREENING_OUTPUTS = tuple(path.name for path in _TARGETS.values())
+_KEYS = {name: path.stem for name, path in _TARGETS.items()}  # screened, screened_zones and so on
+
+
+@dataclass(frozen=True)
+class EpochScreening:
+    """A screened epoch; ``note`` is what the change says of its zones, empty where there is none."""
+
+    source: ScreenedFile
+    screening: Screening
+    hazards: Hazards
+    figures: dict[str, int]
+    note: str = ""
+
+
+def obstacle(parameters: LastEpochParameters) -> str | None:
+    """Why this machine cannot screen, as a sentence; None if it can.
+
+    Raises:
+        InputError: what was asked for by name, weights or a graphics card, cannot be used.
+    """
+    if parameters.screening_method != "network":
+        return None
+    try:
+        ScreeningModel(parameters)
+    except InputError as error:
+        if parameters.weights or parameters.device == "gpu":
+            raise
+        return str(error)
+    return None
+
+
+def screen_epoch(
+    ground: Path, epoch: Epoch, parameters: LastEpochParameters, *, run_id: str, progress: Progress
+) -> EpochScreening:
+    """Screen the ground cloud ``ground`` of ``epoch``; messages name the epoch's own file.
+
+    Raises:
+        InputError: the slope or its density does not suit the screening (see ``screening.screen_points``).
+        EngineError: memory ran out.
+    """
+    source = ScreenedFile(ground, InputParameters(), ground=parameters.ground, known_as=epoch.path, progress=progress)
+    source.refuse_classes(parameters.write_classification)
+    with progress.stage(0.0, 0.9, "screening"):
+        screening = screen_points(source, parameters, progress)
+    with progress.stage(0.9, 1.0, "outlining screened zones"):
+        hazards = outline_hazards(screening, source.frame.crs, parameters, run_id=run_id)
+    return EpochScreening(source, screening, hazards, {})
+
+
+def confirmed_by(found: EpochScreening, change: Change, epochs: tuple[Epoch, Epoch]) -> EpochScreening:
+    """The screening with a word about each zone (see ``confirmation``) and how many have which."""
+    frame = confirm_zones(found.hazards.frame, change, outline_cell=found.hazards.grid.cell)
+    count = {word: int((frame["confirmed"] == word).sum()) for word in VERDICTS}
+    told = ", ".join(f"{number} {word}" for word, number in count.items() if number)
+    note = f"Change {epochs[0].name} to {epochs[1].name}: {told}." if told else ""
+    return replace(
+        found,
+        hazards=replace(found.hazards, frame=frame),
+        figures={f"{word.replace(' ', '_')}_zones": number for word, number in count.items()},
+        note=note,
+    )
+
+
+def write_epoch_screening(
+    found: EpochScreening,
+    picture: PointCloud,
+    epoch: Epoch,
+    digest: str,
+    parameters: LastEpochParameters,
+    stage: Stage,
+    reviews: EarlierReviews | None = None,
+) -> tuple[dict[str, Path], dict[str, Any]]:
+    """Write labelled cloud, zones, probabilities and map into ``stage``.
+
+    Args:
+        picture: the cloud that the map's top view shows, in the frame of the screened one.
+        digest: SHA-256 of the epoch's own file.
+        reviews: what people entered in the screened zones of an earlier run, which the new ones get.
+
+    Returns:
+        The final paths by name, and the main figures.
+    """
+
+    def place(path: Path) -> Path:
+        return stage.path(path.name)
+
+    write_products(
+        _TARGETS,
+        place,
+        found.hazards,
+        picture,
+        digest,
+        survey=epoch.date,
+        name=epoch.name,
+        note=found.note,
+        reviews=reviews,
+    )
+    labelled = found.source.write_labelled(
+        place(_TARGETS["labelled"]), found.screening, classification=parameters.write_classification
+    )
+    figures = screening_figures(found.source, found.screening, found.hazards, labelled)
+    figures = {name if name.startswith("screened") else f"screened_{name}": value for name, value in figures.items()}
+    return {key: stage.final(_TARGETS[name].name) for name, key in _KEYS.items()}, figures | found.figures

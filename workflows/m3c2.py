@@ -1,0 +1,337 @@
+"""M3C2 as a command: two clouds in; core points, rasters and a run record out."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely import contains_xy
+from shapely.geometry.base import BaseGeometry
+
+from ..engine.change.difference import uniform_shift
+from ..engine.core.arrays import Float
+from ..engine.core.earlier_results import refuse_results
+from ..engine.core.errors import InputError
+from ..engine.core.json_values import plain
+from ..engine.core.progress import Progress
+from ..engine.core.run_record import RunRecord
+from ..engine.core.staged_outputs import (
+    refuse_inputs_as_outputs,
+    refuse_other_than_cloud,
+    refuse_unwritable,
+    staged_outputs,
+)
+from ..engine.core.version import VERSION
+from ..engine.epochs.comparability import refuse_other_heights, require_comparable
+from ..engine.epochs.dating import check_days
+from ..engine.epochs.epoch import Epoch, check_pair, parse_date
+from ..engine.geometry.rigid_transform import RigidTransform, registration_error
+from ..engine.grid import geotiff
+from ..engine.ground.raw_survey import refuse_raw, taken_as_ground
+from ..engine.m3c2.distances import Distances, Status, cylinder_statistics, m3c2_distances
+from ..engine.m3c2.lattice import Lattice
+from ..engine.m3c2.level import calibrated, level_facts, say_level, slope_of
+from ..engine.m3c2.normals import fit_planes
+from ..engine.m3c2.scales import Scales, choose_scales, overlap_bounds, spread_cores
+from ..engine.pointcloud.cloud import PointCloud
+from ..engine.pointcloud.extra_dimensions import read_dimension
+from ..engine.pointcloud.reading import open_cloud, read_cloud
+from ..engine.pointcloud.writing import copy_with
+from ..interface.dates import date_in_name
+from ..interface.parameters import DistanceParameters, InputParameters
+from .inspect import Outcome
+from .pair import known_stable
+from .products.m3c2 import RASTERS, dimensions, main_figures, median_level_95, write_rasters
+from .run import ground_of
+from .settings import DistanceSettings
+
+_LONGER = 4.0  # cylinders so many times as long tell whether points lie just beyond
+_REGISTERED = 3.0  # m; where all of a survey is farther off in height it was not registered
+_NORMALS = ("NormalX", "NormalY", "NormalZ")
+
+
+@dataclass(frozen=True)
+class Cores:
+    """Where to measure: ``xyz`` (m, 3) metres, the file they are in, and which of its points they are (None: all)."""
+
+    xyz: Float
+    path: Path
+    keep: NDArray[np.bool_] | None
+
+
+def m3c2_step(
+    reference: Path,
+    moving: Path,
+    output: Path,
+    settings: DistanceSettings,
+    *,
+    raster_dir: Path | None,
+    core: Path | None,
+    dates: tuple[str | None, str | None],
+    transform_path: Path | None,
+    stable: Path | None = None,
+    overwrite: bool = False,
+    progress: Progress,
+) -> Outcome:
+    """Distances along the normal of ``moving`` from ``reference``, at core points and as rasters.
+
+    Args:
+        output: the core points, .laz; ``NAME_run.json`` is written beside.
+        raster_dir: folder of the rasters; that of ``output`` by default.
+        core: cloud of the core points; by default points of the reference, evenly spread.
+        transform_path: transform.json to apply to ``moving`` first.
+        stable: polygons known to be stable, on which the level is calibrated; found in the distances without.
+        overwrite: replace rasters that ``raster_dir`` holds. Other results there are not touched, nor asked about.
+
+    Raises:
+        InputError: see the readers; clouds that do not overlap; no core point that can be measured.
+    """
+    parameters = settings.distances
+    toward = parse_direction(parameters.orientation)
+    first, second = (
+        Epoch(path, parse_date(given) if given else date_in_name(path))
+        for path, given in zip((reference, moving), dates, strict=True)
+    )
+    refuse_other_than_cloud(output)
+    refuse_unwritable(output)
+    if raster_dir is not None:
+        refuse_results(raster_dir, [f"{name}.tif" for name in RASTERS], overwrite=overwrite)
+    raster_dir = output.absolute().parent if raster_dir is None else raster_dir.absolute()
+    record_name = f"{output.stem}_run.json"
+    files = {"core": core, "transform": transform_path, "stable": stable}
+    targets = [output, output.with_name(record_name), *(raster_dir / f"{name}.tif" for name in RASTERS)]
+    refuse_inputs_as_outputs(targets, [reference, moving, *(p for p in files.values() if p)])
+    if parameters.normals == "given" and core is None:
+        raise InputError(f"--normals given needs --core, a cloud with the dimensions {', '.join(_NORMALS)}.")
+    check_pair(first, second)
+    transform = RigidTransform.load(transform_path) if transform_path else None
+    require_comparable(reference, moving, settings.inputs)
+    if core is not None:
+        require_comparable(reference, core, settings.inputs)
+    check_days((first, second), trusted=settings.dates.trust_dates, progress=progress)
+    refuse_raw((reference, moving), settings.surface.ground, settings.inputs)
+    record = RunRecord(
+        "m3c2",
+        {
+            "inputs": settings.inputs,
+            "dates": settings.dates,
+            "surface": settings.surface,
+            "distances": parameters,
+        },
+    )
+    hashes = [record.add_input(f"epoch {e.name}", e.path) for e in (first, second)]
+    for role, path in files.items():
+        if path is not None:
+            record.add_input(role, path)
+    if transform is not None:
+        record.facts["transform"] = transform.matrix
+    error = _registration_error(parameters, transform_path, progress)
+    with contextlib.ExitStack() as stack:
+        stage = stack.enter_context(staged_outputs(output.absolute().parent, last=record_name))
+        other = raster_dir.resolve() != stage.directory.resolve()
+        raster_stage = stack.enter_context(staged_outputs(raster_dir)) if other else stage
+        with progress.stage(0.0, 0.2, "reading"), record.stage("read") as entry:
+            a, b = (read_cloud(path, settings.inputs, progress=progress) for path in (reference, moving))
+            entry["points"] = [len(a.xyz), len(b.xyz)]
+            taken = taken_as_ground(a.classification, settings.surface.ground, reference)
+            a, b = (ground_of(cloud, settings.surface.ground, progress) for cloud in (a, b))
+            if transform is not None:
+                b = replace(b, xyz=transform.apply(b.xyz))
+            refuse_other_heights(a, b, _REGISTERED)
+        with progress.stage(0.2, 0.35, "choosing scales"), record.stage("scales"):
+            scales = choose_scales(a.xyz, b.xyz, parameters, progress)
+            for sentence in scales.warnings:
+                progress.warning(sentence)
+        record.facts["scales"] = {**plain(scales), "chosen": _chosen(parameters, core is not None)}
+        with progress.stage(0.35, 0.85, "measuring"), record.stage("distances") as entry:
+            cores = _cores(a.xyz, b.xyz, reference, core, scales.core_spacing, settings.inputs, progress)
+            area = known_stable(stable, a)
+            found = _measure((a, b), cores, scales, settings, toward, error, area, progress)
+            entry["core_points"] = len(cores.xyz)
+        record.facts["level_of_detection"] = level_facts(found, calibrate=parameters.calibrate)
+        with progress.stage(0.85, 1.0, "writing"), record.stage("write"):
+            copy_with(
+                cores.path,
+                stage.path(output.name),
+                settings.inputs,
+                keep=_of_all(cores.keep, taken),
+                dimensions=dimensions(found),
+            )
+            tags = geotiff.raster_tags(
+                epochs=(first.date, second.date),
+                median_level=median_level_95(found),
+                translation=None if transform is None else transform.translation,
+                software=f"SlopeWatch {VERSION}",
+                input_sha256=" ".join(hashes),
+            )
+            cell = parameters.distance_cell or scales.core_spacing
+            outputs = {"points": stage.final(output.name)}
+            outputs |= write_rasters(found, cell, a.crs, tags, 0.0, raster_stage)
+            outputs["run"] = stage.final(record_name)
+        record.metrics = {
+            **main_figures(found),
+            "normal_scale_m": None if parameters.normals != "fitted" else scales.normal_scale,
+            "projection_scale_m": scales.projection_scale,
+            "half_length_m": scales.half_length,
+        }
+        record.write(stage.path(record_name), progress.warnings, outputs)
+    return outputs, record.metrics
+
+
+def parse_direction(text: str) -> Float:
+    """A direction written as x,y,z.
+
+    Raises:
+        InputError: it is none.
+    """
+    try:
+        direction = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        direction = np.zeros(0)
+    if direction.shape != (3,) or not np.isfinite(direction).all() or not direction.any():
+        raise InputError(f"orientation is {text!r}; give a direction as x,y,z, such as 0,0,1 for upwards.")
+    return direction
+
+
+def _registration_error(parameters: DistanceParameters, transform_path: Path | None, progress: Progress) -> float:
+    if parameters.registration_error >= 0:
+        return parameters.registration_error
+    known = registration_error(transform_path)
+    if known is None:
+        progress.warning(
+            "The registration's error is not known here and taken as 0, so the level of detection covers the scatter "
+            "of the points alone; give the registration_error that the registration reported."
+        )
+    return known or 0.0
+
+
+def _chosen(parameters: DistanceParameters, cores_given: bool) -> dict[str, str]:
+    """Where each scale comes from."""
+    rules = {
+        "normal_scale": "25 times the roughness at that scale, or the scale nearest to it",
+        "projection_scale": "25 points of the sparser cloud where it is thin (25th percentile of density)",
+        "half_length": "twice as far as the surfaces are apart, at least 10 times the roughness",
+        "core_spacing": "not above half the projection scale",
+    }
+    chosen = {name: "given" if getattr(parameters, name) else rule for name, rule in rules.items()}
+    if parameters.normals != "fitted":
+        chosen["normal_scale"] = f"not used, normals are {parameters.normals}"
+    if cores_given:
+        chosen["core_spacing"] = "core points are given"
+    return chosen
+
+
+def _cores(
+    reference: Float,
+    moving: Float,
+    reference_path: Path,
+    given: Path | None,
+    spacing: float,
+    inputs: InputParameters,
+    progress: Progress,
+) -> Cores:
+    if given is not None:
+        return Cores(read_cloud(given, inputs, progress=progress).xyz, given, None)
+    keep = spread_cores(reference, spacing, overlap_bounds(reference, moving))
+    return Cores(reference[keep], reference_path, keep)
+
+
+def _of_all(keep: NDArray[np.bool_] | None, taken: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
+    """``keep`` of the points that were ``taken`` as one of all points of the file."""
+    if keep is None or taken is None:
+        return keep
+    every = taken.copy()
+    every[taken] = keep
+    return every
+
+
+def _measure(
+    clouds: tuple[PointCloud, PointCloud],
+    cores: Cores,
+    scales: Scales,
+    settings: DistanceSettings,
+    toward: Float,
+    error: float,
+    stable: BaseGeometry | None,
+    progress: Progress,
+) -> Distances:
+    """Distances and their level at the core points; says what they do not show."""
+    parameters = settings.distances
+    radius = scales.projection_scale / 2
+    reference = clouds[0].xyz
+    with progress.stage(0.0, 0.4, "fitting normals"):
+        normal, slope = _normals(reference, cores, scales, settings, toward, progress)
+    first, later = (
+        Lattice(cloud.xyz, radius, values=None if cloud.plants is None else cloud.plants.error) for cloud in clouds
+    )
+    with progress.stage(0.4, 0.95):
+        found = m3c2_distances(
+            first,
+            later,
+            cores.xyz,
+            normal,
+            radius=radius,
+            half_length=scales.half_length,
+            minimum_points=parameters.minimum_cylinder_points,
+            confidence=parameters.confidence,
+            registration_error=error,
+            spread=parameters.calibrate,
+            progress=progress,
+        )
+    if not found.measured.any():
+        raise InputError(
+            f"No core point has {parameters.minimum_cylinder_points} points of both surveys in its cylinder of "
+            f"{scales.projection_scale:g} m across and {scales.half_length:g} m to both sides; give a larger "
+            "--projection-scale or --half-length, or check that the clouds are registered."
+        )
+    shift = uniform_shift(found.distance[found.measured], found.level[found.measured])
+    if parameters.calibrate:
+        given = None if stable is None else contains_xy(stable, *cores.xyz[:, :2].T)
+        found = calibrated(found, radius, slope=slope, given=given, uniform=shift is not None)
+        say_level(found, progress)
+    _warn(found, later, scales, shift, progress)
+    return found
+
+
+def _normals(
+    reference: Float, cores: Cores, scales: Scales, settings: DistanceSettings, toward: Float, progress: Progress
+) -> tuple[Float, Float | None]:
+    """Directions to measure in (m, 3), and the surface's slope (m,) in degrees where these do not tell it."""
+    parameters = settings.distances
+    if parameters.normals == "given":
+        normal = np.stack([read_dimension(cores.path, name).astype(np.float64) for name in _NORMALS], axis=1)
+        # another unit stretches the surface along an axis, and its normals the other way
+        return np.nan_to_num(normal / np.array(open_cloud(cores.path, settings.inputs)[1].factors)), None
+    upright = np.tile([0.0, 0.0, 1.0], (len(cores.xyz), 1))
+    if parameters.normals == "vertical" and not parameters.calibrate:
+        return upright, None
+    lattice = Lattice(reference, scales.normal_scale / 2)
+    fitted = fit_planes(lattice, cores.xyz, scales.normal_scale, orientation=toward, progress=progress).normal
+    return (upright, slope_of(fitted)) if parameters.normals == "vertical" else (fitted, None)
+
+
+def _warn(found: Distances, later: Lattice, scales: Scales, shift: float | None, progress: Progress) -> None:
+    """Name what the distances do not show; ``shift`` metres: all of them have this one alike."""
+    empty = (found.status == Status.NO_POINTS) & (found.moving.count == 0) & (found.reference.count > 0)
+    beyond = cylinder_statistics(
+        later,
+        found.core[empty],
+        found.normal[empty],
+        scales.projection_scale / 2,
+        _LONGER * scales.half_length,
+    ).count
+    number = int(np.sum(beyond > 0))
+    if number > max(3, 0.001 * len(found.core)):
+        progress.warning(
+            f"{number} core points have points of the later survey only beyond the cylinder, as change of more than "
+            f"{scales.half_length:g} m leaves them; give a larger --half-length to measure it."
+        )
+    if shift is not None:
+        progress.warning(
+            f"The whole overlap has {'risen' if shift > 0 else 'sunk'} by about {abs(shift):.3f} m along its normals: "
+            "a datum or height bias (such as ellipsoidal against orthometric heights), not a deformation. Check the "
+            "height systems, or register first."
+        )

@@ -1,0 +1,284 @@
+"""From a change to the files a GIS takes: rasters, zones, heatmap, and the main figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import geopandas as gpd
+import numpy as np
+from pyproj import CRS
+
+from ...engine.change.coverage import compared_share
+from ...engine.change.result import Change
+from ...engine.core.progress import Progress
+from ...engine.core.staged_outputs import Stage
+from ...engine.core.version import VERSION
+from ...engine.epochs.epoch import Epoch
+from ...engine.geometry.rigid_transform import RigidTransform
+from ...engine.grid import geotiff
+from ...engine.maps import heatmap, palette, qgis_styles, top_view
+from ...engine.pointcloud.cloud import PointCloud
+from ...engine.report.facts import change_facts, error_terms
+from ...engine.zones import extraction, fields, gcd_table
+from ...engine.zones.change_zones import change_zones
+from ...engine.zones.earlier_reviews import EarlierReviews
+from ...engine.zones.footprints import Cells
+from ...engine.zones.profile_lines import ProfileLine, steepest_lines
+from ...engine.zones.profiles import Layers, missed_lines, take_profile, write_profiles
+from ...interface.parameters import ChangeParameters, HeatmapParameters, ReportParameters, ZoneParameters
+from . import zones as zones_module
+
+_Z95 = 1.959963984540054
+
+
+@dataclass(frozen=True)
+class Context:
+    """What the products say about their origin. ``transform`` is None where nothing was registered by SlopeWatch."""
+
+    first: Epoch
+    second: Epoch
+    crs: CRS
+    transform: RigidTransform | None
+    input_hashes: tuple[str, ...]
+    method: str
+    run_id: str
+
+
+@dataclass(frozen=True)
+class Products:
+    """What was written of a change.
+
+    ``outputs`` are the final paths by name, ``figures`` the main figures for the record's metrics, ``facts`` entries of
+    their own for the record: what the report shows beside the main figures.
+    """
+
+    outputs: dict[str, Path]
+    figures: dict[str, Any]
+    facts: dict[str, Any]
+
+
+def method_name(parameters: ChangeParameters, direction: str) -> str:
+    """How the change was taken, and along which ``direction``, for the zones' column ``method``."""
+    cells = "cells that grow" if parameters.grows else parameters.cell_value
+    return f"grid difference ({cells}, {direction})"
+
+
+def write_products(
+    change: Change,
+    picture: PointCloud,
+    context: Context,
+    zone_parameters: ZoneParameters,
+    heatmap_parameters: HeatmapParameters,
+    stage: Stage,
+    progress: Progress,
+    *,
+    lines: Sequence[ProfileLine] = (),
+    report_parameters: ReportParameters | None = None,
+    reviews: EarlierReviews | None = None,
+) -> Products:
+    """Write the outputs of one change into ``stage``.
+
+    Args:
+        picture: the cloud that the top view shows (the later epoch with its vegetation).
+        lines: along which profiles are taken, beside the steepest ones through the zones.
+        reviews: what people entered in the zones of an earlier run, which the new ones get.
+    """
+    dates = context.first.date, context.second.date
+    tags = geotiff.raster_tags(
+        epochs=dates,
+        median_level=_Z95 * float(np.nanmedian(change.error)),
+        translation=None if context.transform is None else context.transform.translation,
+        software=f"SlopeWatch {VERSION}",
+        input_sha256=" ".join(context.input_hashes),
+    )
+    progress.update(0.0, "writing rasters")
+    limit = palette.colour_limit(
+        change.dz[change.significant], heatmap_parameters.colour_range, level=change.median_level
+    )
+    outputs = _write_rasters(change, context.crs, tags, limit, stage)
+
+    progress.update(0.3, "outlining zones")
+    found = change_zones(
+        change, context.crs, zone_parameters, epochs=dates, method=context.method, run_id=context.run_id
+    )
+    table = gcd_table.volume_table(cells_of(change), change.significant, found.volumes, found.correlation)
+    zones_module.write_zones(
+        stage.path("zones.gpkg"),
+        found.frame if reviews is None else reviews.carried_to(found.frame, "zones.gpkg", fields.FIELDS),
+        footprints=extraction.footprint_frame(found, change.grid),
+        volumes=gcd_table.table_frame(table),
+        stamp=dates[1],
+    )
+    outputs["zones"] = stage.final("zones.gpkg")
+    gcd_table.write_volume_table(stage.path("volumes.csv"), table)
+    outputs["volumes"] = stage.final("volumes.csv")
+
+    progress.update(0.5, "drawing the heatmap")
+    view = top_view.top_view(picture, top_view.top_view_grid(change.grid, heatmap_parameters.top_view_pixel))
+    geotiff.write_rgba(stage.path("top_view.tif"), view.rgba, view.grid, context.crs, tags=tags)
+    heatmap.write_heatmap(
+        stage.path("heatmap.png"),
+        stage.path("heatmap.tif"),
+        change,
+        view,
+        found,
+        context.crs,
+        heatmap_parameters,
+        limit=limit,
+        epochs=(context.first.name, context.second.name),
+        tags=tags,
+    )
+    for name, file in (("heatmap", "heatmap.png"), ("heatmap_raster", "heatmap.tif"), ("top_view", "top_view.tif")):
+        outputs[name] = stage.final(file)
+    progress.update(0.95, "taking profiles")
+    facts = change_facts(change, found.frame, (context.first, context.second), context.crs, limit)
+    terms = error_terms(change)
+    facts["level_of_detection"] = change.level_facts() | ({"terms": terms} if terms else {})
+    facts["volumes"] = table.facts()
+    if change.season is not None:
+        facts["season"] = change.season.facts()
+    layers = Layers(
+        change.grid, change.height_from, change.height_to, change.dz, change.level, change.significant & change.valid
+    )
+    count = (report_parameters or ReportParameters()).zone_profiles
+    files, facts["profiles"] = profile_products(layers, found.frame, lines, count, context.crs, dates[1], stage)
+    outputs |= files
+    for sentence in missed_lines(facts["profiles"]):
+        progress.warning(sentence)
+    progress.update(1.0, "taking profiles")
+    figures = main_figures(change, found.frame) | table.figures() | {"unsure_groups": found.unsure_groups}
+    if change.plants is not None:
+        figures["groups_within_plant_error"] = found.within_plants
+    return Products(outputs, figures, facts)
+
+
+def cells_of(change: Change) -> Cells:
+    """What volumes are taken from."""
+    plants = None if change.plants is None else change.plants.error
+    return Cells(change.dz, change.error, change.cell_area, change.grid.cell, change.block, plants, change.plant_like)
+
+
+def profile_products(
+    layers: Layers,
+    zone_frame: gpd.GeoDataFrame,
+    lines: Sequence[ProfileLine],
+    count: int,
+    crs: CRS | None,
+    stamp: date | None,
+    stage: Stage,
+) -> tuple[dict[str, Path], list[dict[str, Any]]]:
+    """Profiles along ``lines`` and down the first ``count`` zones: files (none without a line) and their figures."""
+    every = (*lines, *steepest_lines(zone_frame, layers.height_to, layers.dz, layers.grid, count))
+    if not every:
+        return {}, []
+    profiles = [take_profile(line, layers) for line in every]
+    return write_profiles(every, profiles, crs, stage, stamp), [p.facts() for p in profiles]
+
+
+def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:
+    """The figures that a user reads first; lengths in metres, areas in m², volumes in m³."""
+    dz = change.dz[change.valid]
+    area = change.grid.cell**2
+    significant = change.dz[change.significant]
+    grown: dict[str, Any] = {}
+    if change.block is not None and change.cell_size is not None:
+        grown["grown_cells"] = int(change.block.max()) + 1
+        grown["cell_size_median_m"] = float(np.nanmedian(change.cell_size))
+    return grown | {
+        "common_cell_rate": change.common_cell_rate,
+        "common_area_m2": float(change.valid.sum() * area),
+        "compared_share": compared_share(change),
+        "overlap_compared_share": compared_share(change, both=True),
+        "lod_median_m": change.median_level,
+        "confidence": change.confidence,
+        "registration_error_m": change.registration_error,
+        "dz_median_m": float(np.median(dz)),
+        "dz_nmad_m": float(1.4826 * np.median(np.abs(dz - np.median(dz)))),
+        "significant_area_m2": float(significant.size * area),
+        "zone_count": len(found),
+        "zone_area_m2": float(found["area_m2"].sum()),
+        "vol_loss_m3": float(found["vol_loss_m3"].sum()),
+        "vol_gain_m3": float(found["vol_gain_m3"].sum()),
+        "largest_sink_m": float(min(found["dz_min_m"].min(), 0.0)) if len(found) else 0.0,
+        "largest_rise_m": float(max(found["dz_max_m"].max(), 0.0)) if len(found) else 0.0,
+        **plant_figures(change),
+    }
+
+
+def plant_figures(change: Change) -> dict[str, Any]:
+    """What plants make of the errors and of the change; nothing where they are not known."""
+    if change.plants is None:
+        return {}
+    figures: dict[str, Any] = {"plant_error_median_m": float(np.median(change.plants.error[change.valid]))}
+    if terms := error_terms(change):
+        figures["plant_error_largest_share"] = terms[-1]["largest_share"]
+    if change.explained is not None:
+        figures["plant_change_area_m2"] = float(change.explained.sum() * change.grid.cell**2)
+    return figures
+
+
+def _level_in_words(change: Change) -> str:
+    if change.threshold == "constant":
+        return "Level of detection, as given"
+    of = ", of the errors stated for both surveys" if change.threshold == "propagated" else ""
+    return f"Level of detection, {change.confidence:.4g} confidence{of}"
+
+
+def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float, stage: Stage) -> dict[str, Path]:
+    level = change.median_level
+    layers = [
+        ("elevation_change", change.dz, f"{change.measure}, later minus earlier", qgis_styles.change_qml(limit, level)),
+        (
+            "level_of_detection",
+            change.level,
+            _level_in_words(change),
+            qgis_styles.level_qml(float(np.nanpercentile(change.level, 98))),
+        ),
+        (
+            "significant_change",
+            np.where(change.significant, change.dz, np.nan),
+            f"{change.measure} beyond the level of detection",
+            qgis_styles.change_qml(limit),
+        ),
+    ]
+    if change.cell_size is not None:
+        sizes = np.unique(change.cell_size[change.valid]).tolist()
+        layers.append(("cell_size", change.cell_size, "Side of the grown cell", qgis_styles.cell_size_qml(sizes)))
+    if change.plants is not None:
+        by_plants = np.where(change.valid, change.plants.error, np.nan)
+        qml = qgis_styles.level_qml(max(float(np.nanpercentile(by_plants, 98)), 0.01))
+        layers.append(("plant_error", by_plants, "Standard error of the change by plants", qml))
+    if change.explained is not None and change.explained.any():
+        layers.append(
+            (
+                "plant_change",
+                np.where(change.explained, change.dz, np.nan),
+                f"{change.measure} beyond the level of detection that the plants explain",
+                qgis_styles.change_qml(limit),
+            )
+        )
+    if change.probability is not None:
+        words = "Probability that the change is real, from the cell and those around it"
+        layers.append(("change_probability", change.probability, words, qgis_styles.probability_qml()))
+    outputs = {}
+    for name, array, description, qml in layers:
+        path = stage.path(f"{name}.tif")
+        unit = "1" if name == "change_probability" else "m"
+        geotiff.write_raster(path, array, change.grid, crs, description=description, unit=unit, tags=tags)
+        qgis_styles.write_qml_beside(path, qml)
+        outputs[name] = stage.final(path.name)
+    epochs = ("earlier", "later")
+    bands = {
+        "surface_heights": ("Height of the {} surface", "m", (change.height_from, change.height_to)),
+        "point_counts": ("Ground points a cell, {}", "points", change.points),
+    }
+    for name, (description, unit, arrays) in bands.items():
+        path = stage.path(f"{name}.tif")
+        named = {description.format(e): np.asarray(a, np.float64) for e, a in zip(epochs, arrays, strict=True)}
+        geotiff.write_bands(path, named, change.grid, crs, unit=unit, tags=tags)
+        outputs[name] = stage.final(path.name)
+    return outputs

@@ -1,0 +1,136 @@
+"""What M3C2 writes: the core points with what was measured there, rasters of their means, and the main figures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from ...engine.core.arrays import Float
+from ...engine.core.errors import InputError
+from ...engine.core.staged_outputs import Stage
+from ...engine.grid import geotiff
+from ...engine.grid.grid import Grid, cell_index, snapped_grid
+from ...engine.m3c2.distances import Distances, Status
+from ...engine.maps import palette, qgis_styles
+
+RASTERS = ("m3c2_distance", "m3c2_level_of_detection", "m3c2_significant")
+_MOST_CELLS = 50_000_000
+
+
+@dataclass(frozen=True)
+class DistanceRasters:
+    """Means of the measured core points in each cell: ``distance`` and ``level`` of shape ``grid.shape``, metres, NaN
+    in cells without any; ``significant`` is the distance where it exceeds the level, else NaN.
+
+    The level is not divided by the number of points, because neighbouring cylinders share theirs.
+    """
+
+    grid: Grid
+    distance: Float
+    level: Float
+    significant: Float
+
+
+def dimensions(found: Distances) -> dict[str, NDArray[np.generic]]:
+    """Extra dimensions of the core points, named as PDAL's ``filters.m3c2`` names them where it has the same."""
+    values: dict[str, NDArray[np.generic]] = {
+        "m3c2_distance": found.distance.astype(np.float32),
+        "m3c2_uncertainty": found.level.astype(np.float32),
+        "m3c2_significant": found.significant.astype(np.uint8),
+        "m3c2_count1": found.reference.count.astype(np.uint32),
+        "m3c2_count2": found.moving.count.astype(np.uint32),
+        "m3c2_std_dev1": found.reference.std.astype(np.float32),
+        "m3c2_std_dev2": found.moving.std.astype(np.float32),
+        "m3c2_status": found.status.astype(np.uint8),
+    }
+    for axis, name in enumerate(("NormalX", "NormalY", "NormalZ")):
+        values[name] = found.normal[:, axis].astype(np.float32)
+    return values
+
+
+def rasterise(found: Distances, cell: float) -> DistanceRasters:
+    """Mean distance and level of the measured core points in cells of ``cell`` metres, on a snapped grid.
+
+    Raises:
+        InputError: the grid would be too large.
+    """
+    xy = found.core[:, :2]
+    grid = snapped_grid((*xy.min(axis=0).tolist(), *xy.max(axis=0).tolist()), cell)
+    if grid.rows * grid.columns > _MOST_CELLS:
+        raise InputError(
+            f"Rasters of {grid.rows} by {grid.columns} cells are too large; give a --distance-cell above {cell:g} m, "
+            "or remove stray core points."
+        )
+    index = cell_index(xy[found.measured], grid)
+    cells = grid.rows * grid.columns
+    count = np.bincount(index, minlength=cells)
+    with np.errstate(invalid="ignore"):
+        distance, level = (
+            (np.bincount(index, values[found.measured], cells) / count).reshape(grid.shape)
+            for values in (found.distance, found.level)
+        )
+        significant = np.where(np.abs(distance) > level, distance, np.nan)
+    return DistanceRasters(grid=grid, distance=distance, level=level, significant=significant)
+
+
+def write_rasters(
+    found: Distances, cell: float, crs: CRS, tags: dict[str, str], colour_range: float, stage: Stage
+) -> dict[str, Path]:
+    """Write the three rasters with their styles into ``stage``; returns the final paths by name."""
+    made = rasterise(found, cell)
+    level = float(np.nanmedian(made.level))
+    limit = palette.colour_limit(made.significant, colour_range, level=level)
+    layers = (
+        (made.distance, "Distance along the normal (M3C2), later minus earlier", qgis_styles.change_qml(limit, level)),
+        (
+            made.level,
+            f"Level of detection of M3C2, {found.confidence:.4g} confidence",
+            qgis_styles.level_qml(max(float(np.nanpercentile(made.level, 98)), 1e-3)),
+        ),
+        (made.significant, "Distance (M3C2) beyond the level of detection", qgis_styles.change_qml(limit)),
+    )
+    outputs = {}
+    for name, (array, description, qml) in zip(RASTERS, layers, strict=True):
+        path = stage.path(f"{name}.tif")
+        geotiff.write_raster(path, array, made.grid, crs, description=description, tags=tags)
+        qgis_styles.write_qml_beside(path, qml)
+        outputs[name] = stage.final(path.name)
+    return outputs
+
+
+def median_level_95(found: Distances) -> float:
+    """Median level of detection at 95 %, whatever confidence was asked for, metres."""
+    quantile = NormalDist().inv_cdf((1 + found.confidence) / 2)
+    return float(np.median(found.level[found.measured])) * NormalDist().inv_cdf(0.975) / quantile
+
+
+def main_figures(found: Distances) -> dict[str, Any]:
+    """The figures that a user reads first; lengths in metres, shares from 0 to 1."""
+    distance, level = found.distance[found.measured], found.level[found.measured]
+    beyond = found.distance[found.significant]
+    fewest = np.minimum(found.reference.count, found.moving.count)[found.measured]
+    middle = float(np.median(distance))
+    return {
+        "core_points": len(found.core),
+        "measured_points": len(distance),
+        "few_points": int(np.sum(found.status == Status.FEW_POINTS)),
+        "no_points": int(np.sum(found.status == Status.NO_POINTS)),
+        "no_normal": int(np.sum(found.status == Status.NO_NORMAL)),
+        "distance_median_m": middle,
+        "distance_nmad_m": 1.4826 * float(np.median(np.abs(distance - middle))),
+        "lod_median_m": float(np.median(level)),
+        "confidence": found.confidence,
+        "registration_error_m": found.registration_error,
+        "significant_points": len(beyond),
+        "significant_share": len(beyond) / len(distance),
+        "largest_lowering_m": float(min(beyond.min(initial=0.0), 0.0)),
+        "largest_raising_m": float(max(beyond.max(initial=0.0), 0.0)),
+        "cylinder_points_median": float(np.median(fewest)),
+        "cylinders_of_20_points": float(np.mean(fewest >= 20)),
+    }

@@ -1,0 +1,95 @@
+"""The files that screening writes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...engine.core.version import VERSION
+from ...engine.grid import geotiff as rasters
+from ...engine.maps import qgis_styles as styles
+from ...engine.maps.top_view import top_view, top_view_grid
+from ...engine.pointcloud.cloud import PointCloud
+from ...engine.vector import geopackage as vectors
+from ...engine.vector.review_fields import own_columns
+from ...engine.zones.confirmation import FIELDS as CONFIRMATION_FIELDS
+from ...engine.zones.earlier_reviews import EarlierReviews
+from ...models.screening.cloud_file import ScreenedFile
+from ...models.screening.map import write_hazard_map
+from ...models.screening.result import Screening
+from ...models.screening.zones import FIELDS, Hazards
+
+
+def default_targets(
+    output: Path, zones: Path | None = None, probability: Path | None = None, picture: Path | None = None
+) -> dict[str, Path]:
+    """Where the outputs go: those not given lie beside the labelled cloud NAME.laz as NAME_zones.gpkg and so on."""
+    return {
+        "labelled": output,
+        "zones": zones or output.with_name(f"{output.stem}_zones.gpkg"),
+        "probability": probability or output.with_name(f"{output.stem}_probability.tif"),
+        "map": picture or output.with_name(f"{output.stem}_map.png"),
+    }
+
+
+def write_products(
+    targets: dict[str, Path],
+    place: Callable[[Path], Path],
+    hazards: Hazards,
+    picture: PointCloud,
+    digest: str,
+    *,
+    survey: date | None,
+    name: str,
+    note: str = "",
+    reviews: EarlierReviews | None = None,
+) -> None:
+    """Write zones, probabilities and map of a screening.
+
+    Args:
+        targets: as of ``default_targets``; ``place`` tells where the file of a target is to be written now.
+        picture: the cloud that the map's top view shows.
+        digest: SHA-256 of the screened file.
+        survey: day of the survey. name: of the survey, on the map. note: a sentence more below the map.
+        reviews: what people entered in the zones of an earlier run, which the new ones get.
+    """
+    known = (*FIELDS, *CONFIRMATION_FIELDS)
+    frame = hazards.frame
+    if reviews is not None:
+        frame = reviews.carried_to(frame, targets["zones"].name, known)
+    qml = styles.hazards_qml(confirmed="confirmed" in frame)
+    layer = vectors.Layer(frame, "zones", qml, "MultiPolygon", own_columns(frame, known), guarded=True)
+    vectors.write_layers(place(targets["zones"]), [layer], stamp=survey)
+    path = place(targets["probability"])
+    up, down = hazards.probability[1], hazards.probability[2]
+    bands = {"Probability of a hazard": up + down, "Probability of uplift": up, "Probability of subsidence": down}
+    tags = rasters.raster_tags(epochs=(None, survey), software=f"SlopeWatch {VERSION}", input_sha256=digest)
+    rasters.write_bands(path, bands, hazards.grid, picture.crs, unit="1", tags=tags)
+    styles.write_qml_beside(path, styles.probability_qml())
+    view = top_view(picture, top_view_grid(hazards.grid, hazards.grid.cell))
+    write_hazard_map(place(targets["map"]), hazards, view, name=name, note=note)
+
+
+def screening_figures(
+    source: ScreenedFile, screening: Screening, hazards: Hazards, labelled: dict[str, int]
+) -> dict[str, Any]:
+    """The figures that a user reads first; ``labelled`` as ``ScreenedFile.write_labelled`` returns it."""
+    frame = hazards.frame
+    return {
+        "points": source.header.count,
+        "ground_points": screening.ground_points,
+        "uplift_points": labelled["uplift"],
+        "subsidence_points": labelled["subsidence"],
+        "zone_count": len(frame),
+        "zone_area_m2": float(frame["area_m2"].sum()),
+        "uplift_zones": int((frame["kind"] == "uplift").sum()),
+        "subsidence_zones": int((frame["kind"] == "subsidence").sum()),
+        "screened_area_m2": float(np.isfinite(hazards.heights).sum() * hazards.grid.cell**2),
+        "dip": screening.suitability.dip,
+        "dip_direction": screening.plane.azimuth,
+        "density": screening.suitability.density,
+    }

@@ -1,0 +1,202 @@
+"""The files of a series: rasters with the days that they are shown on, zones and their time series, the figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import geopandas as gpd
+import numpy as np
+
+from ...engine.change.result import Change
+from ...engine.core.arrays import Float
+from ...engine.core.progress import Progress
+from ...engine.core.staged_outputs import Stage
+from ...engine.core.version import VERSION
+from ...engine.grid import geotiff
+from ...engine.maps import palette, qgis_styles
+from ...engine.maps.series_picture import write_series_picture
+from ...engine.maps.series_styles import SERIES_ALIASES, confirmed_qml, shown_during, states_qml, zones_qml
+from ...engine.series.alerts import COLUMNS, AlertLevel
+from ...engine.series.tables import ZONE_FIELDS, About, series_csv, series_frame, zone_frame
+from ...engine.series.velocity import CellVelocity
+from ...engine.series.zone_series import ZoneSeries
+from ...engine.vector import geopackage
+from ...engine.vector.review_fields import own_columns
+from ...engine.zones.earlier_reviews import EarlierReviews
+
+_Z95 = 1.959963984540054
+SERIES_OUTPUTS = (
+    "velocity.tif",
+    "velocity_error.tif",
+    "epochs_confirmed.tif",
+    "series.gpkg",
+    "series.csv",
+    "series.png",
+    "alerts_used.csv",
+    "report.html",
+    "run.json",
+)
+
+
+def raster_names(kind: str, begin: date, end: date) -> tuple[str, str]:
+    """Files of the change and of its level of detection; ``kind`` is cumulative or incremental."""
+    span = f"{begin.isoformat()}_{end.isoformat()}"
+    return f"{kind}/elevation_change_{span}.tif", f"{kind}/level_of_detection_{span}.tif"
+
+
+def write_epoch_rasters(
+    kind: str,
+    changes: Sequence[Change],
+    about: About,
+    hashes: Sequence[str],
+    stage: Stage,
+    progress: Progress,
+) -> dict[str, Path]:
+    """The change and its level of each survey from the second on, against the first or the one before.
+
+    All of a kind have one colour range. Each is shown by the temporal controller from the day after the survey
+    before until the day of its own survey.
+    """
+    moved = np.concatenate([c.dz[c.significant] for c in changes])
+    level = float(np.median([c.median_level for c in changes]))
+    limit = palette.colour_limit(moved, 0.0, level=level)
+    highest = max(float(np.nanpercentile(c.level, 98)) for c in changes)
+    outputs = {}
+    for number, change in enumerate(changes, 1):
+        progress.update((number - 1) / len(changes), f"writing {kind} rasters")
+        end, before = about.dates[number], about.dates[number - 1]
+        begin = about.dates[0] if kind == "cumulative" else before
+        tags = geotiff.raster_tags(
+            epochs=(begin, end),
+            median_level=_Z95 * float(np.nanmedian(change.error)),
+            software=f"SlopeWatch {VERSION}",
+            input_sha256=f"{hashes[0] if kind == 'cumulative' else hashes[number - 1]} {hashes[number]}",
+        )
+        for name, array, words, qml in zip(
+            raster_names(kind, begin, end),
+            (change.dz, change.level),
+            ("Elevation change", f"Level of detection, {change.confidence:.4g} confidence"),
+            (qgis_styles.change_qml(limit, change.median_level), qgis_styles.level_qml(highest)),
+            strict=True,
+        ):
+            path = stage.path(name)
+            description = f"{words}, {begin.isoformat()} to {end.isoformat()}"
+            geotiff.write_raster(path, array, about.grid, about.crs, description=description, tags=tags)
+            qgis_styles.write_qml_beside(path, shown_during(qml, before, end))
+            outputs[f"{kind}_{'change' if array is change.dz else 'level'}_{number:03d}"] = stage.final(name)
+    return outputs
+
+
+def write_summary_rasters(
+    velocity: CellVelocity,
+    confirmed: np.ndarray,
+    measured: np.ndarray,
+    about: About,
+    hashes: Sequence[str],
+    stage: Stage,
+) -> dict[str, Path]:
+    """Velocity, its error, and how many comparisons in a row confirm each cell."""
+    tags = geotiff.raster_tags(
+        epochs=(about.dates[0], about.dates[-1]), software=f"SlopeWatch {VERSION}", input_sha256=" ".join(hashes)
+    )
+    rate, error = 1000 * velocity.rate, 1000 * velocity.error
+    level = _Z95 * float(np.nanmedian(error))
+    with np.errstate(invalid="ignore"):
+        limit = palette.colour_limit(rate[np.abs(rate) > _Z95 * error], 0.0, level=level)
+    layers: tuple[tuple[str, Float, str, str, str], ...] = (
+        ("velocity", rate, "Velocity by regression", "mm/day", qgis_styles.change_qml(limit, level)),
+        ("velocity_error", error, "Standard error of the velocity", "mm/day", ""),
+        (
+            "epochs_confirmed",
+            np.where(measured, confirmed, np.nan),
+            "Comparisons in a row beyond the level of detection with one sign",
+            "",
+            confirmed_qml(int(confirmed.max(initial=0))),
+        ),
+    )
+    outputs = {}
+    for name, array, words, unit, qml in layers:
+        path = stage.path(f"{name}.tif")
+        geotiff.write_raster(path, array, about.grid, about.crs, description=words, unit=unit, tags=tags)
+        if name.startswith("velocity"):
+            qml = qml or qgis_styles.level_qml(float(np.nanpercentile(error, 98)))
+            qml = qml.replace(" m raised", " mm/day raised").replace(" m lowered", " mm/day lowered")
+            qml = qml.replace(' m"', ' mm/day"').replace(" m)", " mm/day)")
+        qgis_styles.write_qml_beside(path, qml)
+        outputs[name] = stage.final(path.name)
+    return outputs
+
+
+def write_tables(
+    zones: Sequence[ZoneSeries],
+    last: Change,
+    velocity: CellVelocity,
+    about: About,
+    alerts: Sequence[AlertLevel],
+    footer: str,
+    stage: Stage,
+    reviews: EarlierReviews | None = None,
+) -> tuple[dict[str, Path], gpd.GeoDataFrame, gpd.GeoDataFrame]:
+    """Zones and their series as GeoPackage and CSV, the picture, and the alert table as it was used.
+
+    Args:
+        reviews: what people entered in the zones of an earlier run, which the new ones get.
+
+    Returns:
+        The files by name, the table of the zones and that of their series.
+    """
+    table = zone_frame(zones, last.dz, last.height_to, about)
+    if reviews is not None:
+        table = reviews.carried_to(table, "series.gpkg", ZONE_FIELDS, persistent_ids=True)
+    series = series_frame(zones, about)
+    geopackage.write_layers(
+        stage.path("series.gpkg"),
+        [
+            geopackage.Layer(
+                table, "zones", zones_qml(alerts), "MultiPolygon", own_columns(table, SERIES_ALIASES), guarded=True
+            ),
+            geopackage.Layer(series, "series", states_qml(), "MultiPolygon", guarded=True),
+        ],
+        stamp=about.dates[-1],
+    )
+    stage.path("series.csv").write_text(series_csv(series), encoding="utf-8")
+    lines = [",".join(COLUMNS)]
+    for row in alerts:
+        values = (getattr(row, column) for column in COLUMNS)
+        lines.append(
+            ",".join("" if v is None else _quoted(f"{v:g}" if isinstance(v, float) else str(v)) for v in values)
+        )
+    stage.path("alerts_used.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_series_picture(stage.path("series.png"), zones, velocity, about, footer)
+    names = {"series_zones": "series.gpkg", "series_table": "series.csv", "series_picture": "series.png"}
+    return {key: stage.final(name) for key, name in {**names, "alerts_used": "alerts_used.csv"}.items()}, table, series
+
+
+def _quoted(text: str) -> str:
+    doubled = text.replace('"', '""')
+    return f'"{doubled}"' if any(c in text for c in ',;"\n') else text
+
+
+def series_figures(
+    table: gpd.GeoDataFrame, cumulative: Sequence[Change], incremental: Sequence[Change], about: About
+) -> dict[str, Any]:
+    """The figures that a user reads first; lengths in metres, rates in millimetres a day."""
+    steps = [(b - a).days for a, b in zip(about.dates, about.dates[1:], strict=False)]
+    seen = [1000 * c.median_level / days for c, days in zip(incremental, steps, strict=True)]
+    rates = table["rate_mm_day"].abs()
+    return {
+        "epoch_count": len(about.dates),
+        "days": (about.dates[-1] - about.dates[0]).days,
+        "lod_median_m": cumulative[-1].median_level,
+        "detectable_rate_mm_day": float(np.median(seen)),
+        "zone_count": len(table),
+        "confirmed_zone_count": int((table["n_epochs_confirmed"] >= 2).sum()),
+        "highest_alert": int(table["alert_level"].max()) if len(table) else 0,
+        "alerted_zone_count": int((table["alert_level"] > 0).sum()),
+        "fastest_rate_mm_day": float(rates.max()) if len(table) and rates.notna().any() else None,
+        "zone_area_m2": float(table["area_m2"].sum()),
+        "failure_interval_count": int((table["failure_from"] != "").sum()),
+    }

@@ -1,0 +1,37 @@
+"""The GeoPackage of zones."""
+
+from __future__ import annotations
+
+from datetime import date
+from pathlib import Path
+
+import geopandas as gpd
+import pandas as pd
+
+from ...engine.maps.qgis_styles import ALIASES, footprints_qml, zones_qml
+from ...engine.vector.geopackage import Layer, write_layers
+from ...engine.vector.review_fields import own_columns
+
+
+def write_zones(
+    path: Path,
+    frame: gpd.GeoDataFrame,
+    *,
+    footprints: gpd.GeoDataFrame | None = None,
+    volumes: pd.DataFrame | None = None,
+    stamp: date | None = None,
+) -> None:
+    """Write zones (see ``zones.extract_zones``; none is well too) as layer ``zones``, styled by kind and severity.
+
+    Only what people enter can be edited afterwards: ``review_fields.REVIEW_FIELDS`` and columns of their own.
+
+    Args:
+        footprints: where the volumes were taken, as layer ``footprints``.
+        volumes: summary of the change (see ``volume_table``), as table ``volumes`` without geometry.
+    """
+    layers = [Layer(frame, "zones", zones_qml(), "MultiPolygon", own_columns(frame, ALIASES), guarded=True)]
+    if footprints is not None:
+        layers.append(Layer(footprints, "footprints", footprints_qml(), "MultiPolygon", guarded=True))
+    if volumes is not None:
+        layers.append(Layer(volumes, "volumes", guarded=True))
+    write_layers(path, layers, stamp=stamp)

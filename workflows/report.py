@@ -1,0 +1,103 @@
+"""``report``: the report of an output folder made again, with other profiles if wanted."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pyproj import CRS
+
+from ..engine.core.errors import InputError
+from ..engine.core.json_values import plain
+from ..engine.core.progress import Progress
+from ..engine.core.run_record import RunRecord
+from ..engine.core.staged_outputs import refuse_inputs_as_outputs, staged_outputs
+from ..engine.grid.geotiff import read_raster
+from ..engine.report.compose import REPORT, check_report, compose, read_record, write_report
+from ..engine.vector.geopackage import read_layer
+from ..engine.zones.profile_lines import given_lines
+from ..engine.zones.profiles import PROFILE_OUTPUTS, Layers, missed_lines
+from ..interface.parameters import ReportParameters
+from .products.change import profile_products
+
+_RASTERS = ("elevation_change", "level_of_detection", "significant_change")
+
+
+def report_step(
+    folder: Path, parameters: ReportParameters, *, profiles: Path | None, progress: Progress
+) -> tuple[dict[str, Path], dict[str, Any]]:
+    """Make the report of ``folder`` again from its run record and its rasters.
+
+    Args:
+        profiles: vector file with lines. With it the folder's profiles are replaced by those along its lines and down
+            the zones, and the run record tells of them.
+
+    Raises:
+        InputError: the folder holds no run that has a report, or the lines cannot be used.
+    """
+    folder = Path(folder).absolute()
+    record = read_record(folder)
+    if profiles is None:
+        progress.update(0.0, "drawing the report")
+        return {"report": write_report(folder)}, {}
+    if not record.get("epochs"):
+        raise InputError(
+            f"{folder} holds no change between two surveys to take profiles of; give the folder of inspect or change."
+        )
+    refuse_inputs_as_outputs([folder / name for name in (REPORT, *PROFILE_OUTPUTS, "run.json")], [profiles])
+    layers, crs = _layers(folder)
+    lines = given_lines(profiles, crs, parameters.profile_field, progress)
+    with staged_outputs(folder) as stage:
+        progress.update(0.1, "taking profiles")
+        zones = read_layer(folder / "zones.gpkg", "zones")
+        stamp = record["epochs"][1]["date"]
+        files, facts = profile_products(
+            layers,
+            zones,
+            lines,
+            parameters.zone_profiles,
+            crs,
+            date.fromisoformat(stamp) if stamp else None,
+            stage,
+        )
+        for sentence in missed_lines(facts):
+            progress.warning(sentence)
+        outputs = files | {"report": stage.final(REPORT)}
+        told = RunRecord("report", {"report": parameters})
+        told.add_input("profiles", profiles)
+        record["profiles"] = plain(facts)
+        record["inputs"] = [i for i in record["inputs"] if i["role"] != "profiles"] + told.inputs
+        record["parameters"]["report"] = dataclasses.asdict(parameters)
+        # what was said of the lines before no longer holds
+        kept = [w for w in record["warnings"] if not w.startswith(("The profiles' lines ", "The profile "))]
+        record["warnings"] = [*kept, *(w for w in progress.warnings if w not in kept)]
+        record["outputs"] |= {name: path.name for name, path in outputs.items()}
+        text = json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False)
+        stage.path("run.json").write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
+        progress.update(0.3, "drawing the report")
+        page = compose(read_record(stage.folder), folder, stage.path("profiles.csv"))
+        stage.path(REPORT).write_text(page, encoding="utf-8", errors="backslashreplace", newline="\n")
+        check_report(stage.path(REPORT))
+        progress.update(1.0, "drawing the report")
+    return outputs | {"run": folder / "run.json"}, {"profiles": len(facts)}
+
+
+def _layers(folder: Path) -> tuple[Layers, CRS]:
+    rasters = [read_raster(folder / f"{name}.tif") for name in _RASTERS]
+    heights = [read_raster(folder / "surface_heights.tif", band) for band in (1, 2)]
+    crs = rasters[0].crs
+    if crs is None:
+        raise InputError(f"{folder / _RASTERS[0]}.tif declares no reference system; make the change again.")
+    layers = Layers(
+        grid=rasters[0].grid,
+        height_from=heights[0].array,
+        height_to=heights[1].array,
+        dz=rasters[0].array,
+        level=rasters[1].array,
+        significant=np.isfinite(rasters[2].array),
+    )
+    return layers, crs

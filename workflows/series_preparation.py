@@ -1,0 +1,223 @@
+"""The surveys of a series made comparable: ground, registration to the first, cells on one grid; kept and reused."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import shapely
+from pyproj import CRS
+
+from ..engine.change.difference import epoch_cells
+from ..engine.core.errors import InputError
+from ..engine.core.json_values import plain
+from ..engine.core.messages import shown
+from ..engine.core.named_progress import NamedProgress
+from ..engine.core.progress import Progress
+from ..engine.core.staged_outputs import Stage
+from ..engine.epochs.epoch import Epoch
+from ..engine.geometry.rigid_transform import RigidTransform
+from ..engine.grid.cell_statistics import CellStatistics
+from ..engine.grid.chosen_cell import CellChoice, choose_cell, with_cell
+from ..engine.grid.common_grid import affordable, common_grid
+from ..engine.grid.grid import Grid
+from ..engine.ground.cover import cover_sentence
+from ..engine.ground.extraction import extract_ground
+from ..engine.pointcloud.cloud import PointCloud
+from ..engine.pointcloud.pdal_program import Pdal
+from ..engine.pointcloud.reading import read_cloud
+from ..engine.series.gridded_epoch import GriddedEpoch
+from ..engine.series.settings import SeriesSettings
+from ..engine.vector.area import read_roi
+from .pair import common_area, register_pair
+from .series_store import Entry, Store, key_of, load_cells, save_cells
+
+
+@dataclass(frozen=True)
+class Task:
+    """What the surveys are prepared with. ``hashes`` are those of the clouds, the region and the stable area."""
+
+    epochs: tuple[Epoch, ...]
+    hashes: tuple[str, ...]
+    settings: SeriesSettings
+    roi: Path | None
+    stable: Path | None
+    roi_hash: str
+    stable_hash: str
+    program: Pdal | None
+    stage: Stage
+
+
+def prepare_epochs(task: Task, progress: Progress) -> tuple[list[GriddedEpoch], Grid, CRS, CellChoice]:
+    """Every survey's cells, the first one's grid, the reference system, and how the cell came about.
+
+    Raises:
+        InputError: a cloud cannot be used, or it does not overlap the first; the message names it.
+    """
+    store = Store(task.stage)
+    names = [e.name for e in task.epochs]
+    shares: list[Progress] = [NamedProgress(s, n) for s, n in zip(progress.split(names), names, strict=True)]
+    with progress.stage(0.0, 0.6, "extracting the ground"):
+        grounds = _grounds(task, store, shares)
+    first = _ground_cloud(task, 0, grounds[0], shares[0])
+    told = first.plants is not None
+    choice = affordable(
+        choose_cell((first.xyz,), task.settings.change), (first.xyz,), task.settings.change, plants=told
+    )
+    if choice.automatic:
+        progress.info(choice.sentence)
+    grid = common_grid(first.xyz, first.xyz, with_cell(task.settings.change, choice), plants=told)
+    found = []
+    for number in range(len(task.epochs)):
+        low, high = (0.6 + 0.4 * n / len(task.epochs) for n in (number, number + 1))
+        with progress.stage(low, high, f"{task.epochs[number].name}: registering and gridding"):
+            found.append(_gridded(task, number, grounds, first, grid, store, shares[number]))
+    return found, grid, first.crs, choice
+
+
+def _grounds(task: Task, store: Store, shares: list[Progress]) -> list[Entry | None]:
+    """The ground of every survey, two at a time; None where the cloud itself is the ground."""
+    if task.settings.series.ground_ready:
+        return [None] * len(task.epochs)
+
+    def ground(number: int) -> Entry:
+        def make(path: Path) -> dict[str, Any]:
+            result = extract_ground(
+                task.epochs[number].path,
+                path,
+                roi=task.roi,
+                parameters=task.settings.ground,
+                inputs=task.settings.inputs,
+                pdal=task.program,
+                final=task.stage.final(path.parent.name),
+                progress=shares[number],
+            )
+            if result.cover is not None:
+                shares[number].info(cover_sentence(result.cover))
+            classified = f"{path.parent.name}/{result.classified.name}"
+            more = {"warnings": list(result.warnings), "cover": result.cover, "classified": classified}
+            return result.figures() | more
+
+        return store.entry("ground.laz", _ground_key(task, number), make, shares[number])
+
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        return list(pool.map(ground, range(len(task.epochs))))
+
+
+def _ground_key(task: Task, number: int) -> str:
+    settings, program = task.settings, task.program
+    return key_of(
+        cloud=task.hashes[number],
+        roi=task.roi_hash,
+        inputs=asdict(settings.inputs),
+        ground=None if settings.series.ground_ready else asdict(settings.ground),
+        pdal=None if program is None else program.version,
+    )
+
+
+def _ground_cloud(task: Task, number: int, ground: Entry | None, progress: Progress) -> PointCloud:
+    if ground is not None:
+        return read_cloud(ground.path)
+    cloud = read_cloud(task.epochs[number].path, task.settings.inputs, progress=progress)
+    if task.roi is None:
+        return cloud
+    area = read_roi(task.roi, cloud.crs)
+    for note in area.notes:
+        progress.warning(note)
+    shapely.prepare(area.geometry)
+    inside = shapely.contains_xy(area.geometry, cloud.xyz[:, 0], cloud.xyz[:, 1])
+    if not inside.any():
+        raise InputError(
+            f"{shown(cloud.path)} has no point inside the region {shown(task.roi)}; check both and their systems."
+        )
+    return replace(cloud, xyz=cloud.xyz[inside])
+
+
+def _gridded(
+    task: Task,
+    number: int,
+    grounds: Sequence[Entry | None],
+    first: PointCloud,
+    grid: Grid,
+    store: Store,
+    progress: Progress,
+) -> GriddedEpoch:
+    epoch, settings, ground = task.epochs[number], task.settings, grounds[number]
+    made = [] if ground is None or ground.reused else ["ground"]
+    own: list[PointCloud] = [first] if number == 0 else []
+
+    def cloud() -> PointCloud:
+        """Read only where something has to be made of it."""
+        if not own:
+            own.append(_ground_cloud(task, number, ground, progress))
+        return own[0]
+
+    ground_key = _ground_key(task, number)
+    transform, error, facts = RigidTransform.identity(), 0.0, {}
+    key = ground_key
+    if number:
+        key = key_of(
+            first=_ground_key(task, 0),
+            moving=ground_key,
+            registration=asdict(settings.registration),
+            stable=task.stable_hash,
+        )
+
+        def register(path: Path) -> dict[str, Any]:
+            _refuse_apart(task.epochs[0], first, epoch, cloud(), settings.registration.maximum_offset)
+            try:
+                result = register_pair(first, cloud(), settings.registration, task.stable, progress)
+            except InputError as wrong:
+                raise InputError(f"{epoch.name}: {wrong}") from wrong
+            result.transform.save(path, first.crs, facts=plain(result.summary()))
+            return result.figures() | {"warnings": list(result.warnings)}
+
+        entry = store.entry("transform.json", key, register, progress)
+        transform = RigidTransform.load(entry.path)
+        registration = json.loads(entry.path.read_text(encoding="utf-8"))["registration"]
+        error, facts = float(registration["registration_error_m"]), dict(entry.facts)
+        made += [] if entry.reused else ["registration"]
+
+    def grid_cells(path: Path) -> dict[str, Any]:
+        save_cells(path, epoch_cells(transform.apply(cloud().xyz), grid, settings.change, cloud().plants))
+        return {"points": len(cloud().xyz)}
+
+    cells_key = key_of(
+        ground=ground_key,
+        transform=key,
+        grid=asdict(grid),
+        cell_value=settings.change.cell_value,
+        arrays=[f.name for f in fields(CellStatistics)],
+    )
+    entry = store.entry("cells.npz", cells_key, grid_cells, progress)
+    made += [] if entry.reused else ["cells"]
+    facts |= {"ground_points": entry.facts["points"]}
+    if ground is not None:
+        # for the report; what an older version kept tells nothing of the cover
+        facts |= {name: ground.facts[name] for name in ("classified", "cover") if ground.facts.get(name)}
+    return GriddedEpoch(
+        epoch=epoch,
+        transform=transform,
+        registration_error=error,
+        cells=load_cells(entry.path),
+        area=common_area(task.roi, first, transform),
+        facts={k: v for k, v in facts.items() if k != "warnings"},
+        made=tuple(made),
+    )
+
+
+def _refuse_apart(first: Epoch, reference: PointCloud, epoch: Epoch, moving: PointCloud, offset: float) -> None:
+    a, b = reference.bounds, moving.bounds
+    if max(a[0], b[0]) > min(a[2], b[2]) + offset or max(a[1], b[1]) > min(a[3], b[3]) + offset:
+        raise InputError(
+            f"The surveys of {first.name} and {epoch.name} do not overlap: {shown(first.path)} spans {_extent(a)}, "
+            f"{shown(epoch.path)} {_extent(b)}; check that both are of the same slope and in the same system."
+        )
+
+
+def _extent(bounds: tuple[float, float, float, float]) -> str:
+    return f"x {bounds[0]:.1f} to {bounds[2]:.1f}, y {bounds[1]:.1f} to {bounds[3]:.1f}"

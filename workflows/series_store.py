@@ -1,0 +1,105 @@
+"""What a series keeps from run to run, so that another survey costs no more than itself.
+
+Entries are files in the folder ``work`` of the outputs, named by a hash of all that they depend on, each with a JSON
+file beside it that holds its checksum and its facts. Nothing is ever wrong but by damage, which the checksum shows;
+the whole folder may be removed at any time.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import MISSING, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..engine.core.checksums import sha256
+from ..engine.core.errors import InputError
+from ..engine.core.json_values import plain
+from ..engine.core.progress import Progress
+from ..engine.core.staged_outputs import Stage
+from ..engine.core.version import VERSION
+from ..engine.grid.cell_statistics import CellStatistics
+
+FOLDER = "work"
+_FORMAT = 2  # of the entries; another number makes all of them new
+
+
+@dataclass(frozen=True)
+class Entry:
+    """``path`` of the file for now; ``facts`` as they were told when it was made; ``reused`` from an earlier run."""
+
+    path: Path
+    facts: dict[str, Any]
+    reused: bool
+
+
+class Store:
+    """The entries of one run: those of earlier runs in the output folder, new ones in its stage."""
+
+    def __init__(self, stage: Stage) -> None:
+        self._stage = stage
+
+    def entry(self, name: str, key: str, make: Callable[[Path], dict[str, Any]], progress: Progress) -> Entry:
+        """The entry ``name`` (such as ``cells.npz``) for ``key``; ``make`` writes it and returns its facts.
+
+        The facts' ``warnings`` are told again when the entry is reused.
+        """
+        stem, dot, ending = name.partition(".")
+        file = f"{FOLDER}/{key}_{stem}{dot}{ending}"
+        sidecar = f"{FOLDER}/{key}_{stem}.facts.json"
+        known = _known(self._stage.final(file), self._stage.final(sidecar), progress)
+        if known is not None:
+            for sentence in known.get("warnings", ()):
+                progress.warning(sentence)
+            return Entry(self._stage.final(file), known, True)
+        path = self._stage.path(file)
+        facts: dict[str, Any] = plain(make(path))
+        document = {"sha256": sha256(path), "facts": facts}
+        text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
+        self._stage.path(sidecar).write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
+        return Entry(path, facts, False)
+
+
+def _known(file: Path, sidecar: Path, progress: Progress) -> dict[str, Any] | None:
+    """The facts of an entry that is there and sound."""
+    if not file.is_file() or not sidecar.is_file():
+        return None
+    try:
+        document = json.loads(sidecar.read_text(encoding="utf-8"))
+        if document["sha256"] == sha256(file):
+            return dict(document["facts"])
+    except (OSError, ValueError, KeyError, TypeError):
+        pass
+    progress.warning(f"{file.name} was damaged since it was kept and is made again.")
+    return None
+
+
+def key_of(**parts: Any) -> str:
+    """16 hexadecimal digits that stand for all of ``parts`` (JSON values or dataclasses) and for this version."""
+    text = json.dumps(plain({"format": _FORMAT, "version": VERSION, **parts}), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def save_cells(path: Path, cells: CellStatistics) -> None:
+    """Write the statistics of an epoch's cells as compressed NumPy arrays."""
+    arrays = {f.name: getattr(cells, f.name) for f in fields(cells) if getattr(cells, f.name) is not None}
+    with path.open("wb") as file:
+        np.savez_compressed(file, **arrays)
+
+
+def load_cells(path: Path) -> CellStatistics:
+    """What ``save_cells`` wrote.
+
+    Raises:
+        InputError: it is no such file.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            wanted = [f.name for f in fields(CellStatistics) if f.name in arrays or f.default is MISSING]
+            return CellStatistics(**{name: arrays[name] for name in wanted})
+    except (OSError, ValueError, KeyError) as error:
+        raise InputError(f"{path} cannot be read; remove the folder {path.parent} and run again.") from error

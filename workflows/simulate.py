@@ -1,0 +1,149 @@
+"""``slopewatch simulate survey`` and ``series``: a simulated pair, or a series, in an output folder."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pyproj import CRS
+
+from ..engine.core.earlier_results import refuse_results
+from ..engine.core.errors import InputError
+from ..engine.core.progress import Progress
+from ..engine.core.run_record import RunRecord
+from ..engine.core.staged_outputs import staged_outputs
+from ..engine.grid.geotiff import write_raster
+from ..engine.grid.grid import snapped_grid
+from ..interface.parameters import CreepParameters, SurveyParameters
+from ..simulation.surveys.series import Creep, SimulatedSeries, simulate_series, survey_days, write_series
+from ..simulation.surveys.survey import simulate_pair
+from ..simulation.surveys.write import write_pair
+
+_NAMES = {"first": "reference", "second": "cloud"}
+_HALF_AXES = (2.0, 1.6)
+_APART = 0.8
+"""Least room (m) between two zones of a series, their places being drawn within it."""
+_FARTHEST = 5.0
+_TRUTH_CELL = 0.25
+
+
+def survey_step(
+    parameters: SurveyParameters, output_dir: Path, progress: Progress, *, overwrite: bool = False
+) -> tuple[dict[str, Path], dict[str, Any]]:
+    """Simulate a pair of surveys and write it with its truth; nothing is left when it fails.
+
+    Returns:
+        Paths by name (``reference`` and ``cloud`` are the earlier and the later survey, the rest as in
+        ``write_pair``, and ``run``) and the main figures.
+    """
+    refuse_results(output_dir, ("run.json", "truth.json"), overwrite=overwrite)
+    record = RunRecord("simulate survey", {"survey": parameters})
+    with staged_outputs(output_dir) as stage:
+        with record.stage("simulate"), progress.stage(0.0, 0.8, "simulating"):
+            pair = simulate_pair(parameters, progress)
+        with record.stage("write"), progress.stage(0.8, 1.0, "writing"):
+            written = write_pair(pair, stage.folder, progress)
+        outputs = {_NAMES.get(name, name): stage.final(path.name) for name, path in written.items()}
+        outputs["run"] = stage.final("run.json")
+        record.metrics = {
+            "points_reference": len(pair.first),
+            "points_cloud": len(pair.second),
+            "ground_share": float(pair.first.truth_ground.mean()),
+            "ground_share_cloud": float(pair.second.truth_ground.mean()),
+            "vegetation_cover": pair.canopy.cover(pair.scene.slope),
+            "changes": len(pair.changes),
+            "volume_raised_m3": sum(change.volumes[0] for change in pair.changes),
+            "volume_lowered_m3": sum(change.volumes[1] for change in pair.changes),
+        }
+        record.write(stage.path("run.json"), progress.warnings, outputs)
+    return outputs, record.metrics
+
+
+def series_step(
+    parameters: CreepParameters, output_dir: Path, progress: Progress, *, overwrite: bool = False
+) -> tuple[dict[str, Path], dict[str, Any]]:
+    """Simulate a series of surveys and write it with a manifest and the truth; nothing is left when it fails.
+
+    Returns:
+        Paths by name (``manifest``, ``roi``, ``truth``, ``truth_velocity``, each survey by its day, ``run``) and the
+        main figures.
+
+    Raises:
+        InputError: the velocities cannot be read, are too many for the slope's length, or lead too far.
+    """
+    laws = creep_laws(parameters)
+    refuse_results(output_dir, ("run.json", "truth.json", "surveys.csv"), overwrite=overwrite)
+    record = RunRecord("simulate series", {"creep": parameters})
+    with staged_outputs(output_dir) as stage:
+        with record.stage("simulate"), progress.stage(0.0, 0.9, "simulating"):
+            days = survey_days(parameters.surveys, parameters.interval)
+            series = simulate_series(parameters, days, laws, half_axes=_HALF_AXES, progress=progress)
+        with record.stage("write"), progress.stage(0.9, 1.0, "writing"):
+            written = write_series(series, stage.folder, ground_only=parameters.ground_only)
+            written["truth_velocity"] = stage.path("truth_velocity.tif")
+            _write_velocity(series, written["truth_velocity"])
+            written["manifest"] = stage.path("surveys.csv")
+            lines = ["date,path", *(f"{day},{written[day.isoformat()].name}" for day in days)]
+            written["manifest"].write_text("\n".join(lines) + "\n", encoding="utf-8")
+        outputs = {name: stage.final(path.name) for name, path in written.items()}
+        outputs["run"] = stage.final("run.json")
+        record.metrics = {
+            "surveys": len(days),
+            "days": (days[-1] - days[0]).days,
+            "points": sum(len(cloud) for cloud in series.clouds),
+            "zones": len(laws),
+            "vegetation_cover": series.canopy.cover(series.scene.slope),
+        }
+        record.write(stage.path("run.json"), progress.warnings, outputs)
+    return outputs, record.metrics
+
+
+def creep_laws(parameters: CreepParameters) -> tuple[Creep, ...]:
+    """One law of motion for each of the velocities (mm/day in the middle of the zone).
+
+    Raises:
+        InputError: see ``series_step``.
+    """
+    try:
+        values = [float(word) for word in parameters.velocities.split(",") if word.strip()]
+    except ValueError:
+        values = [math.nan]
+    if not all(math.isfinite(v) for v in values):
+        raise InputError(
+            f"velocities is {parameters.velocities!r}; give numbers (mm a day) separated by commas, such as -10, 5."
+        )
+    room = 2 * _HALF_AXES[0] + _APART
+    if len(values) * room > parameters.length:
+        raise InputError(
+            f"velocities names {len(values)} zones, which need {len(values) * room:.0f} m of slope; give a length "
+            "of at least that, or fewer."
+        )
+    run = parameters.height / math.tan(math.radians(parameters.angle))
+    if values and run < 2.5 * _HALF_AXES[1]:
+        raise InputError(
+            f"The slope is {run:.1f} m wide on the map, too little for zones of {2 * _HALF_AXES[1]:g} m; give a larger "
+            "height or a smaller angle."
+        )
+    moving = max(0.0, parameters.interval * (parameters.surveys - 1) - parameters.onset)
+    farthest = max((abs(v) / 1000 * moving for v in values), default=0.0)
+    if farthest > _FARTHEST:
+        raise InputError(
+            f"At these velocities the ground would move by {farthest:.1f} m until the last survey; give slower ones, "
+            f"or fewer days, for at most {_FARTHEST:g} m."
+        )
+    return tuple(Creep(v / 1000, parameters.onset) for v in values)
+
+
+def _write_velocity(series: SimulatedSeries, path: Path) -> None:
+    """The true velocity at the last survey (mm/day) of each cell over the slope, in the first survey's coordinates."""
+    west, south = series.roi.min(axis=0)
+    east, north = series.roi.max(axis=0)
+    grid = snapped_grid((float(west), float(south), float(east), float(north)), _TRUTH_CELL)
+    velocity = np.zeros(grid.shape)
+    for number in range(len(series.motions)):
+        velocity += 1000 * series.true_velocity(number, grid)
+    write_raster(
+        path, velocity, grid, CRS.from_user_input(series.crs), description="True vertical velocity", unit="mm/day"
+    )

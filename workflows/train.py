@@ -1,0 +1,207 @@
+"""``slopewatch train``: labelled clouds in, weights with their description, log and report out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..engine.core.checksums import sha256
+from ..engine.core.earlier_results import refuse_results
+from ..engine.core.errors import InputError
+from ..engine.core.progress import Progress
+from ..engine.core.run_record import RunRecord
+from ..engine.core.staged_outputs import refuse_inputs_as_outputs, staged_outputs
+from ..interface.parameters import FineTuneParameters, InputParameters
+from ..models.network.availability import chosen_device, require_libraries
+from ..models.training.own_data import OwnCloud, read_own_clouds
+from ..models.training.report import training_report
+
+if TYPE_CHECKING:
+    from ..models.network.weights import ModelFile
+    from ..models.training.fine_tuning import FineTuned
+
+NAMES = {
+    "weights": "model.safetensors",
+    "description": "model.json",
+    "log": "log.csv",
+    "report": "report.md",
+    "run": "run.json",
+}
+WORK = "training"
+"""Folder in the output folder that checkpoints and the folds' scores are kept in."""
+
+
+def train_step(
+    paths: Sequence[Path],
+    output_dir: Path,
+    parameters: FineTuneParameters,
+    inputs: InputParameters,
+    *,
+    polygons: Path | None = None,
+    overwrite: bool = False,
+    progress: Progress,
+) -> tuple[dict[str, Path], dict[str, Any]]:
+    """Train on labelled clouds; everything given is checked before anything is written.
+
+    Stopped and started again with the same values it goes on from the checkpoints in ``output_dir``/training. A model
+    that the folder holds is replaced with ``overwrite`` only.
+
+    Returns:
+        Paths by name (``NAMES``) and the main figures.
+
+    Raises:
+        InputError: torch or the graphics card is missing; the start weights cannot be used; see ``read_own_clouds``;
+            the output folder holds another training or cannot be written.
+    """
+    require_libraries("Training")
+    import torch
+
+    from ..models.network.weights import save_model
+    from ..models.training.fine_tuning import collect_log, fine_tune
+
+    output_dir = Path(output_dir)
+    device = chosen_device(parameters.device)
+    if parameters.threads:
+        torch.set_num_threads(parameters.threads)
+    start = start_weights(parameters)
+    given = [*paths, *([polygons] if polygons else []), *([start_path(parameters)] if start else [])]
+    refuse_inputs_as_outputs([output_dir / name for name in NAMES.values()], [p for p in given if p])
+    refuse_results(output_dir, NAMES.values(), overwrite=overwrite)
+    record = RunRecord("train", {"inputs": inputs, "training": parameters})
+    with record.stage("read"), progress.stage(0.0, 0.04):
+        clouds = read_own_clouds(paths, parameters, inputs, polygons, progress)
+        for path in paths:
+            record.add_input("cloud", path)
+        if polygons:
+            record.add_input("polygons", polygons)
+    _warn(clouds, start, progress)
+    with staged_outputs(output_dir) as stage:
+        with record.stage("train"), progress.stage(0.04, 0.98):
+            tuned = fine_tune(clouds, start, parameters, output_dir / WORK, device=device, progress=progress)
+        metrics = {
+            "cross_validation": tuned.scores,
+            "calibration": tuned.calibration.summary() if tuned.calibration else None,
+        }
+        facts = training_facts(clouds, start, parameters, tuned, polygons, torch.__version__)
+        digest = save_model(stage.path(NAMES["weights"]), tuned.network, facts, metrics)
+        collect_log(output_dir / WORK, tuned.folds, stage.path(NAMES["log"]))
+        report = training_report(facts, metrics, digest, progress.warnings)
+        stage.path(NAMES["report"]).write_text(report, encoding="utf-8")
+        outputs = {key: stage.final(name) for key, name in NAMES.items()}
+        record.metrics = _figures(clouds, tuned)
+        record.facts = {"weights_sha256": digest, "start": facts["start"], "device": str(device)}
+        record.write(stage.path(NAMES["run"]), progress.warnings, outputs)
+    return outputs, record.metrics
+
+
+def start_path(parameters: FineTuneParameters) -> Path | None:
+    """The file of weights to start from; None where training starts from nothing.
+
+    Raises:
+        InputError: there are no shipped weights.
+    """
+    if parameters.start == "none":
+        return None
+    if parameters.start == "shipped":
+        return _shipped()[0]
+    return Path(parameters.start)
+
+
+def start_weights(parameters: FineTuneParameters) -> ModelFile | None:
+    """The weights to start from, checked.
+
+    Raises:
+        InputError: missing, pickled, tampered with, of another version, or with other classes.
+    """
+    from ..models.configuration import CLASSES
+    from ..models.network.weights import load_model
+
+    if parameters.start == "none":
+        return None
+    model = load_model(*_shipped()) if parameters.start == "shipped" else load_model(Path(parameters.start))
+    if model.configuration.classes != CLASSES:
+        raise InputError(
+            f"The weights {parameters.start} know the classes {', '.join(model.configuration.classes)} where training "
+            f"needs {', '.join(CLASSES)}; start from other weights."
+        )
+    return model
+
+
+def _shipped() -> tuple[Path, str]:
+    from ..models.network.shipped import shipped_model
+
+    try:
+        return shipped_model()
+    except InputError as error:
+        raise InputError(
+            "This copy of SlopeWatch comes without weights; install it again, or give --start FILE or --start none."
+        ) from error
+
+
+def _warn(clouds: Sequence[OwnCloud], start: ModelFile | None, progress: Progress) -> None:
+    if len(clouds) == 1:
+        progress.warning(
+            "With one file no honest score is possible: there is nothing to score on that was not trained on; give two "
+            "or more, best from different slopes."
+        )
+    if start is None:
+        return
+    low, high = start.configuration.density
+    for cloud in clouds:
+        if not low <= cloud.density <= high:
+            progress.warning(
+                f"{cloud.name} has {cloud.density:.0f} points a m² where the weights that training starts from were "
+                f"made for {low:g} to {high:g}."
+            )
+
+
+def training_facts(
+    clouds: Sequence[OwnCloud],
+    start: ModelFile | None,
+    parameters: FineTuneParameters,
+    tuned: FineTuned,
+    polygons: Path | None,
+    torch_version: str,
+) -> dict[str, Any]:
+    """What the model's description says of its training."""
+    names = [cloud.name for cloud in clouds]
+    return {
+        "start": None if start is None else {"name": start.configuration.name, "sha256": start.sha256},
+        "parameters": asdict(parameters),
+        "steps": tuned.steps,
+        "files": [
+            {
+                "name": cloud.name,
+                "sha256": cloud.sha256,
+                "labels_sha256": cloud.labels_sha256,
+                "points": cloud.counts,
+                "density": round(cloud.density, 1),
+            }
+            for cloud in clouds
+        ],
+        "polygons": None if polygons is None else {"name": polygons.name, "sha256": _digest(polygons)},
+        "folds": [
+            {"train": [names[k] for k in fold.train], "test": [names[k] for k in fold.test]} for fold in tuned.folds
+        ],
+        "torch": torch_version,
+    }
+
+
+def _digest(path: Path) -> str:
+    return sha256(*(sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]))
+
+
+def _figures(clouds: Sequence[OwnCloud], tuned: FineTuned) -> dict[str, Any]:
+    scores = tuned.scores or {}
+    figures: dict[str, Any] = {
+        "files": len(clouds),
+        "labelled_points": int(sum(cloud.known.sum() for cloud in clouds)),
+        "folds": len(tuned.folds),
+        "steps": tuned.steps,
+    }
+    for name in ("overall_accuracy", "mean_iou", "majority_accuracy", "start_overall_accuracy", "start_mean_iou"):
+        figures[name] = scores.get(name)
+    figures["temperature"] = tuned.calibration.temperature if tuned.calibration else None
+    return figures
