@@ -2,7 +2,7 @@
 
 from setuptools import find_packages, setup
 
-PARTS = ("engine", "models", "plugin", "processing_algorithms", "simulation")
+PARTS = ("cli", "engine", "interface", "models", "plugin", "processing_algorithms", "simulation", "workflows")
 
 FOUND = find_packages(".", include=[pattern for part in PARTS for pattern in (part, f"{part}.*")])
 

@@ -1,4 +1,4 @@
-"""``python -m slopewatch.engine.cli``."""
+"""``python -m slopewatch.cli``."""
 
 from . import main
 

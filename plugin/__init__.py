@@ -1,1 +1,1 @@
-"""What QGIS sees besides the algorithms. Imports only qgis, the standard library and ``interface/parameters``."""
+"""What QGIS sees besides the algorithms. Imports only qgis, the standard library and ``interface``."""

@@ -22,7 +22,7 @@ LARGEST_CLOTH = 16_000_000
 LONGEST_SEARCH, MOST_BARE = 1e8, 500
 """Steps of the library's search along rows, and particles in bare rows and columns: more take over ten seconds."""
 _FAR = 3.0
-_WORKER = Path(__file__).with_name("csf_worker.py")
+_WORKER = Path(__file__).with_name("cloth_worker.py")
 _BYTES_PER_PARTICLE, _BYTES_PER_POINT, _BYTES_FOR_ITSELF = 1_000, 200, 1_500_000_000
 
 

@@ -29,7 +29,7 @@ from ..core.staged_outputs import atomic_output
 VARIABLE = "SLOPEWATCH_PDAL"
 CSF_SINCE = (2, 3)
 """PDAL 2.2's filters.csf fails on every cloud (https://github.com/PDAL/PDAL/issues/3463)."""
-PRIVATE = Path(__file__).resolve().parent.parent / ".pdal" / "bin" / "pdal"
+PRIVATE = Path(__file__).resolve().parents[2] / ".pdal" / "bin" / "pdal"
 _WORKER = Path(__file__).with_name("pdal_worker.py")
 _UNSAFE = re.compile(r"[\[\]*?#\"\\\x00-\x1f\x7f]" if os.name == "posix" else r"[\[\]*?#\"\x00-\x1f\x7f]")
 Stage = dict[str, Any]

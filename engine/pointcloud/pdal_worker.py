@@ -1,6 +1,7 @@
 """Child process: runs a pipeline through the ``pdal`` Python package, or prints the version of PDAL under it.
 
-Started as a file, outside of the package, so that ``import pdal`` finds the library and not ``engine/pointcloud/pdal_program.py``.
+Started as a file, outside of the package, so that ``import pdal`` finds the library
+and no module of this folder.
 Reads ``{"pipeline": [...]}`` on standard input and writes PDAL's metadata to the file that is its argument.
 """
 

@@ -14,7 +14,7 @@ from ...engine.core.errors import InputError
 from ...engine.core.staged_outputs import atomic_output
 
 Outcome = tuple[dict[str, Path], dict[str, Any]]
-FIGURES = Path(__file__).with_name("weights") / "figures"
+FIGURES = Path(__file__).resolve().parents[1] / "weights" / "figures"
 _folder = click.option(
     "--folder", type=click.Path(path_type=Path), required=True, help="For checkpoints; a broken run goes on from here."
 )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ...engine.core.errors import InputError
 
-SHIPPED_WEIGHTS = Path(__file__).with_name("weights") / "slopewatch.safetensors"
+SHIPPED_WEIGHTS = Path(__file__).resolve().parents[1] / "weights" / "slopewatch.safetensors"
 _PIN = SHIPPED_WEIGHTS.with_name("slopewatch.sha256")
 
 

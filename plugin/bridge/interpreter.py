@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 VARIABLE = "SLOPEWATCH_PYTHON"
-PLUGIN_FOLDER = Path(__file__).resolve().parent.parent
+PLUGIN_FOLDER = Path(__file__).resolve().parents[2]
 
 # Set by QGIS (or by what started it) for its own Python, GDAL, PROJ, PDAL and Qt; they break another interpreter's.
 _FOREIGN = frozenset(

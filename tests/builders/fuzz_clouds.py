@@ -1,6 +1,7 @@
 """Damages a cloud in many places and reads it, within limits of memory and time; prints the outcomes as JSON.
 
-Run as a program by test_bad_inputs.py, because a reader that crashes or eats all memory must not take the tests along:
+Run as a program by test_damaged_clouds.py, because a reader that crashes or eats all memory must not take the tests
+along:
 ``python fuzz_clouds.py CLOUD SCRATCH CASES SEED``.
 """
 

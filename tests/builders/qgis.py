@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from qgis.core import QgsApplication, QgsProcessingFeedback
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 
 
 class Recorder(QgsProcessingFeedback):
@@ -71,7 +71,7 @@ def value(option):
 def fake_engine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Path]:
     """Makes an interpreter that runs the given lines instead of the engine, and has the plugin use it.
 
-    In the lines, ``sys.argv`` is what the engine would get after ``-m slopewatch.engine.cli``, ``say(...)`` prints an
+    In the lines, ``sys.argv`` is what the engine would get after ``-m slopewatch.cli``, ``say(...)`` prints an
     event and ``value("--roi")`` is an option's value.
     """
 

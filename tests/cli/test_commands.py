@@ -18,7 +18,7 @@ from slopewatch.engine.core.version import VERSION
 from slopewatch.interface.parameters import GroundParameters
 from slopewatch.tests.cli.programs import run, write_plane
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 
 import pytest
 
-PACKAGES = ("engine", "models", "plugin", "processing_algorithms", "simulation")
+PACKAGES = ("cli", "engine", "interface", "models", "plugin", "processing_algorithms", "simulation", "workflows")
 
 
 def tracked(root: Path, *more: str) -> list[str]:
@@ -125,4 +125,4 @@ def test_wheel_holds_nothing_else(wheel):
     assert {name for name in top if not name.endswith(".dist-info")} == {"slopewatch"}
     assert not [name for name in wheel.namelist() if name.startswith(("slopewatch/tests", "slopewatch/scripts"))]
     entry_points = next(name for name in wheel.namelist() if name.endswith("entry_points.txt"))
-    assert "slopewatch = slopewatch.engine.cli:main" in wheel.read(entry_points).decode("utf-8")
+    assert "slopewatch = slopewatch.cli:main" in wheel.read(entry_points).decode("utf-8")

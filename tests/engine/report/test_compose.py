@@ -29,7 +29,7 @@ from slopewatch.workflows.report import report_step
 from slopewatch.workflows.settings import Settings
 
 NASTY = 'it\'s "A" <script>alert(1)</script> & b\nc'
-TEMPLATES = Path(__file__).parents[2] / "engine" / "templates"
+TEMPLATES = Path(__file__).parents[3] / "engine" / "report" / "templates"
 
 
 class Page(HTMLParser):

@@ -1,0 +1,5 @@
+"""``python -m slopewatch.engine.cli``, the former name."""
+
+from ...cli import main
+
+main()
