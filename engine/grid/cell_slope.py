@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import reduce
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.arrays import Float
 from ..statistics.window_sums import Cells, Windows, slide
-
-if TYPE_CHECKING:
-    from .grid import Grid
+from .grid import Grid
 
 Counts = NDArray[np.signedinteger[Any]]
 Numbers = NDArray[Any]

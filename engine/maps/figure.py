@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import geopandas as gpd
 import numpy as np
@@ -24,10 +24,8 @@ from scipy import ndimage
 
 from ..core.errors import EngineError
 from .furniture import BODY, INK, SMALL, Sheet, draw_north, draw_scale_bar, wrap
+from .heatmap_image import Heatmap
 from .map_legend import draw_keys, draw_legend
-
-if TYPE_CHECKING:
-    from .heatmap_image import Heatmap
 
 DPI = 150
 _PIXELS = 2000  # longest side of the picture that is drawn

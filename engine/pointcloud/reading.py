@@ -1,10 +1,9 @@
-"""Point clouds in memory: reading LAS, LAZ and COPC into metres, and what a file holds."""
+"""Reading LAS, LAZ and COPC into metres."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +21,6 @@ from .extra_dimensions import ExtraNumbers
 from .header import CloudHeader, preflight
 from .plant_cover import ERROR, HEIGHT
 from .records import classes, read_records
-
-if TYPE_CHECKING:
-    pass
 
 
 def open_cloud(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +12,11 @@ from ...interface.parameters import InputParameters
 from ..core.errors import EngineError, InputError
 from ..core.messages import shown
 from ..core.staged_outputs import atomic_output
+from .cloud import PointCloud
 from .header import POINT_SIZES, CloudHeader, EmptyCloud, Vector, preflight
 from .laz_writer import ExtraDimension, LazWriter, extra_fields, new_dimension, pack_extra, read_dimensions
+from .reading import open_cloud
 from .records import read_records, record_dtype
-
-if TYPE_CHECKING:
-    from .cloud import PointCloud
 
 _SCALE = 0.001
 _GROUP = 1_000_000
@@ -108,8 +106,6 @@ def copy_with(
         EngineError: arrays that do not fit the source.
         InputError: as ``read_cloud``; the folder cannot be written; coordinates that 32 bits do not hold.
     """
-    from .reading import open_cloud
-
     header, frame = open_cloud(source, inputs)
     if keep is not None and len(keep) != header.count:
         raise EngineError(f"keep has {len(keep)} values for the {header.count} points of {shown(source)}")

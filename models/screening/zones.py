@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import geopandas as gpd
 import numpy as np
@@ -23,9 +22,7 @@ from ...engine.zones.groups import label_groups
 from ...interface.parameters import ScreeningParameters, ZoneParameters
 from .labels import SUBSIDENCE, most_probable
 from .much_marked import much_stands_out
-
-if TYPE_CHECKING:
-    from .result import Screening
+from .result import Screening
 
 # Name and kind of every field, in the order of the attribute table.
 FIELDS: dict[str, str] = {
