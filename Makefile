@@ -29,10 +29,11 @@ test-engine: setup  ## Engine, simulation and set-up, in .venv
 test-plugin: setup  ## Plugin and toolbox, in QGIS's own Python and through qgis_process
 	QT_QPA_PLATFORM=offscreen PYTHONPATH=/usr/share/qgis/python/plugins $(QGIS_PYTHON) -m pytest $(PLUGIN_TESTS) $(PYTEST)
 
-lint: setup  ## ruff and mypy
+lint: setup  ## ruff, mypy and the layers of the packages
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m ruff format --check .
 	$(PYTHON) -m mypy $(addprefix -p slopewatch.,$(TYPED))
+	PYTHONPATH=.setup/package .venv/bin/lint-imports
 
 format:  ## Let ruff rewrite what it can
 	$(PYTHON) -m ruff check --fix .

@@ -60,6 +60,8 @@ def make_surveys(folder: Path) -> None:
 
 
 def run_commands(surveys: Path, results: Path) -> None:
+    for name in ("ground", "register", "m3c2", "screen"):
+        (results / name).mkdir(parents=True, exist_ok=True)
     first, second = (surveys / "pair" / f"{date}.laz" for date in DATES)
     roi = ("--roi", surveys / "pair" / "roi.gpkg")
     epochs = ("--epoch", f"{DATES[0]}={first}", "--epoch", f"{DATES[1]}={second}")
@@ -72,7 +74,7 @@ def run_commands(surveys: Path, results: Path) -> None:
     days = ("--epoch-from", DATES[0], "--epoch-to", DATES[1])
     change = ("change", grounds[0], aligned, *days)
     run(*change, "--output-dir", results / "change")
-    run(*change, "--output-dir", results / "one_size", "--cell", "0.25", "--largest-cell", "0.25")
+    run(*change, "--output-dir", results / "one_size", "--cell", "0.25", "--no-adaptive")
     run("m3c2", grounds[0], aligned, *days, "--output", results / "m3c2" / "cores.laz")
     run("screen", grounds[1], "--output", results / "screen" / "network.laz")
     run("screen", grounds[1], "--output", results / "screen" / "residual.laz", "--method", "residual")
