@@ -6,6 +6,8 @@ import os
 import signal
 import sys
 
+from ..interface.protocol import CANCELLED
+
 
 def main() -> None:
     # until the command itself listens (see lifecycle.install) there is nothing to clean up
@@ -19,4 +21,4 @@ def main() -> None:
 def _leave(*_: object) -> None:
     sys.stderr.write("Cancelled.\n")
     sys.stderr.flush()
-    os._exit(130)
+    os._exit(CANCELLED)

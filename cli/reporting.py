@@ -18,6 +18,7 @@ from rich.progress import Progress as RichProgress
 from ..engine.core.errors import SlopeWatchError
 from ..engine.core.json_values import plain
 from ..engine.core.progress import Progress
+from ..interface.protocol import ERROR, LOG, PROGRESS, RESULT
 
 
 class Reporter(Progress):
@@ -98,14 +99,14 @@ class JsonReporter(Reporter):
         if message == self._message and now - self._last < 0.1:
             return
         self._message, self._last = message, now
-        self._line(event="progress", percent=round(self._percent, 1), message=message)
+        self._line(event=PROGRESS, percent=round(self._percent, 1), message=message)
 
     def show(self, level: str, message: str) -> None:
-        self._line(event="log", level=level, message=message)
+        self._line(event=LOG, level=level, message=message)
 
     def result(self, outputs: dict[str, Path], metrics: dict[str, Any]) -> None:
-        self._line(event="progress", percent=100.0, message="done")
-        self._line(event="result", outputs=plain(outputs), metrics=plain(metrics))
+        self._line(event=PROGRESS, percent=100.0, message="done")
+        self._line(event=RESULT, outputs=plain(outputs), metrics=plain(metrics))
 
     def error(self, error: SlopeWatchError) -> None:
         with self._write_lock, contextlib.suppress(BrokenPipeError):
@@ -115,7 +116,7 @@ class JsonReporter(Reporter):
 
 def error_event(error: SlopeWatchError) -> str:
     """The JSON line that tells a program of a failure."""
-    return json.dumps({"event": "error", "message": str(error), "code": error.exit_code})
+    return json.dumps({"event": ERROR, "message": str(error), "code": error.exit_code})
 
 
 def reporter(kind: str) -> Reporter:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
-import re
 import shlex
 import subprocess
-from datetime import date
+from pathlib import Path
 from typing import Any, ClassVar
 
 from qgis.core import (
@@ -21,13 +19,13 @@ from qgis.core import (
 )
 from qgis.PyQt.QtGui import QIcon
 
+from ..interface.dates import date_in_name
 from ..plugin.bridge import resources
 from ..plugin.bridge.engine_client import EngineError, EngineResult, run_engine
 from . import declare
 from .dialog_words import DialogFeedback, in_dialog_words
 
 GROUPS = {"inspection": "Inspection", "steps": "Single steps", "tools": "Tools"}
-_DATE = re.compile(r"(?<!\d)(\d{4})[-_.]?(\d{2})[-_.]?(\d{2})(?!\d)")
 _VECTOR_FORMATS = ["gpkg", "shp", "geojson", "json", "kml", "gml", "fgb"]
 
 
@@ -204,16 +202,8 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm):
             return str(given.date().toString("yyyy-MM-dd"))
         if parameters.get(name):
             raise QgsProcessingException(f"{name} is {parameters[name]!r}; give a day such as 2024-05-01.")
-        return date_in_name(path)
-
-
-def date_in_name(path: str) -> str:
-    """The day that a file's name tells (2024-05-01, 2024_05_01 or 20240501), as YYYY-MM-DD; empty unless it is one."""
-    found = set()
-    for year, month, day in _DATE.findall(os.path.splitext(os.path.basename(path))[0]):
-        with contextlib.suppress(ValueError):
-            found.add(date(int(year), int(month), int(day)).isoformat())
-    return found.pop() if len(found) == 1 else ""
+        day = date_in_name(Path(path))
+        return day.isoformat() if day else ""
 
 
 def shown(command: list[str]) -> str:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from ...interface.protocol import CANCELLED, INPUT_REFUSED, INTERNAL_FAILURE
+
 
 class SlopeWatchError(Exception):
     """Base of every error that SlopeWatch raises on purpose. ``exit_code`` is the program's."""
 
-    exit_code = 1
+    exit_code = INTERNAL_FAILURE
 
 
 class InputError(SlopeWatchError):
@@ -15,16 +17,16 @@ class InputError(SlopeWatchError):
     The message is one sentence that names the file or field and the remedy.
     """
 
-    exit_code = 2
+    exit_code = INPUT_REFUSED
 
 
 class EngineError(SlopeWatchError):
     """The engine itself failed (a native program crashed, an output did not validate)."""
 
-    exit_code = 1
+    exit_code = INTERNAL_FAILURE
 
 
 class Cancelled(SlopeWatchError):
     """The user asked to stop; nothing half-written is left."""
 
-    exit_code = 130
+    exit_code = CANCELLED

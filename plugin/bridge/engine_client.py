@@ -1,7 +1,6 @@
 """Runs the engine as a child process of QGIS: progress, messages, cancelling and what went wrong.
 
-Protocol: the engine prints one JSON object a line on standard output (``progress``, ``log``, ``result``, ``error``)
-and ends when its standard input closes. Exit codes: 0 done, 2 the user's input, 130 cancelled, else a failure.
+The protocol is that of ``interface.protocol``; the engine ends when its standard input closes.
 """
 
 from __future__ import annotations
@@ -20,6 +19,7 @@ from typing import IO, Any
 
 from qgis.PyQt.QtCore import QCoreApplication, QThread
 
+from ...interface.protocol import CANCELLED, DONE, ERROR, INPUT_REFUSED, LOG, PROGRESS, RESULT
 from . import settings
 from .interpreter import PLUGIN_FOLDER, InterpreterNotFoundError, child_environment, find_interpreter, is_windows
 
@@ -223,14 +223,14 @@ class _Conversation:
         try:
             event = json.loads(text)
             name = event["event"]
-            if name == "progress":
+            if name == PROGRESS:
                 self._progress(event)
-            elif name == "log":
+            elif name == LOG:
                 self._log(str(event.get("level", "info")), str(event["message"]))
-            elif name == "result":
+            elif name == RESULT:
                 outputs = {str(k): str(v) for k, v in dict(event.get("outputs") or {}).items() if v is not None}
                 self._result = EngineResult(outputs, dict(event.get("metrics") or {}))
-            elif name == "error":
+            elif name == ERROR:
                 self._error = str(event["message"])
             self._heard = True
         except (ValueError, TypeError, KeyError, RecursionError):
@@ -251,7 +251,7 @@ class _Conversation:
 
     def verdict(self, code: int, complaint: str, interpreter: str) -> EngineResult:
         """The result, or the failure that the exit code and the messages tell of."""
-        if code == 0:
+        if code == DONE:
             if self._result is None:
                 raise EngineCrashedError(f"The engine ended without a result.{_quoted(complaint)}")
             missing = [p for p in self._result.outputs.values() if not os.path.exists(p)]
@@ -260,9 +260,9 @@ class _Conversation:
                     f"The engine reported {missing[0]}, but it is not there; report this as a bug."
                 )
             return self._result
-        if code == 2 and (self._error or complaint):
+        if code == INPUT_REFUSED and (self._error or complaint):
             raise EngineInputError(self._error or _last_line(complaint))
-        if code == 130:
+        if code == CANCELLED:
             raise EngineCancelledError("The engine was interrupted; no output was written.")
         if code in (-9, 137):
             raise EngineKilledError(

@@ -23,7 +23,6 @@ from qgis.core import (
 )
 from qgis.PyQt.QtCore import QDate
 from slopewatch.interface.parameters import GroundParameters
-from slopewatch.processing_algorithms.base import date_in_name
 from slopewatch.processing_algorithms.checkenvironment import CheckEnvironment
 from slopewatch.processing_algorithms.elevationchange import ElevationChange
 from slopewatch.processing_algorithms.extractground import ExtractGround
@@ -152,22 +151,6 @@ def test_days_come_from_the_parameter_before_the_name() -> None:
         assert arguments[2] == f"2023-01-31={FIRST}"
     arguments = command(ElevationChange, REFERENCE="/a.laz", CLOUD=LATER, CLOUD_DATE="2025-06-01", OUTPUT_FOLDER="/o")
     assert arguments == ["change", "/a.laz", LATER, "--output-dir", "/o", "--epoch-to", "2025-06-01"]
-
-
-@pytest.mark.parametrize(
-    ("name", "day"),
-    [
-        ("2024-05-01.laz", "2024-05-01"),
-        ("K12_20240501_east.las", "2024-05-01"),
-        ("2024_05_01.copc.laz", "2024-05-01"),
-        ("scan_123456789.laz", ""),
-        ("2024-13-41.laz", ""),
-        ("2024-05-01_and_2025-05-01.laz", ""),
-        ("slope.laz", ""),
-    ],
-)
-def test_day_in_a_name(name: str, day: str) -> None:
-    assert date_in_name(f"/2020-01-01/{name}") == day
 
 
 def test_a_survey_without_a_day_is_refused() -> None:

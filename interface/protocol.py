@@ -1,0 +1,16 @@
+"""How the engine speaks to the process that started it: one JSON object a line on standard output, and exit codes.
+
+Each object has the key ``event``. ``progress`` has ``percent`` and ``message``; ``log`` has ``level`` and ``message``;
+``result`` has ``outputs`` (name to path) and ``metrics``; ``error`` has ``message`` and ``code``.
+"""
+
+from __future__ import annotations
+
+PROGRESS, LOG, RESULT, ERROR = "progress", "log", "result", "error"
+"""The values of ``event``."""
+
+DONE = 0
+INTERNAL_FAILURE = 1
+INPUT_REFUSED = 2
+"""Something given cannot be used; the message says what, and the remedy."""
+CANCELLED = 130
