@@ -178,7 +178,7 @@ def test_options_that_are_not_understood_are_told_as_json_too(arguments):
 def test_a_signal_while_the_program_still_loads_is_a_cancel_too(name):
     loading = (
         "import os, signal, sys, types\n"
-        "from slopewatch.engine import cli\n"
+        "from slopewatch import cli\n"
         "late = types.ModuleType('program')\n"
         f"late.__getattr__ = lambda _: os.kill(os.getpid(), signal.{name})\n"
         "sys.modules['slopewatch.cli.program'] = late\n"

@@ -15,21 +15,21 @@ from slopewatch.engine.core.errors import EngineError
 SCRIPT = """
 import sys, time
 from pathlib import Path
-from slopewatch.engine import lifecycle
-from slopewatch.engine.outputs import staged_outputs
+from slopewatch.engine.core import cancellation, child_process
+from slopewatch.engine.core.staged_outputs import staged_outputs
 
 out = Path(sys.argv[1])
-lifecycle.install(lambda: print("cancelled", flush=True), watch_parent=sys.argv[2] == "watch")
+cancellation.install(lambda: print("cancelled", flush=True), watch_parent=sys.argv[2] == "watch")
 if sys.argv[3] == "stubborn":  # as where another thread still writes into the folder, or removes it
-    rmtree, calls = lifecycle.shutil.rmtree, []
-    lifecycle.shutil.rmtree = lambda *a, **k: rmtree(*a, **k) if len(calls) > 4 else calls.append(a)
+    rmtree, calls = cancellation.shutil.rmtree, []
+    cancellation.shutil.rmtree = lambda *a, **k: rmtree(*a, **k) if len(calls) > 4 else calls.append(a)
 with staged_outputs(out / "made" / "here") as stage:
     stage.path("zones.gpkg").write_text("half")
     child = [sys.executable, "-c", "import os,time; open(%r,'w').write(str(os.getpid())); time.sleep(600)"
              % str(out / "child.pid")]
     print("ready", flush=True)
     if sys.argv[3] == "child":
-        lifecycle.run_child(child)
+        child_process.run_child(child)
     while True:  # busy Python
         sum(range(10000))
 """

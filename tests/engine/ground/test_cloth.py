@@ -112,11 +112,11 @@ from pathlib import Path
 sys.path.insert(0, {tests!r})
 import conftest
 import numpy as np
-from slopewatch.engine import lifecycle
-from slopewatch.engine.csf import cloth_ground
-from slopewatch.engine.parameters import GroundParameters
+from slopewatch.engine.core import cancellation
+from slopewatch.engine.ground.cloth import cloth_ground
+from slopewatch.interface.parameters import GroundParameters
 tempfile.tempdir = {folder!r}
-lifecycle.install(lambda: None, watch_parent=False)
+cancellation.install(lambda: None, watch_parent=False)
 rng = np.random.default_rng(0)
 xyz = rng.uniform(0, 300, (400_000, 3)) * [1, 1, 0.1]
 print("start", flush=True)
@@ -128,7 +128,7 @@ print("done", flush=True)
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_cancelling_ends_the_library_within_two_seconds_and_leaves_nothing(tmp_path, number):
-    tests = str(Path(__file__).resolve().parent.parent)
+    tests = str(Path(__file__).resolve().parents[2])
     script = LONG.format(tests=tests, folder=str(tmp_path))
     process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None

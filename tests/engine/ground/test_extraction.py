@@ -481,11 +481,11 @@ import sys
 from pathlib import Path
 sys.path.insert(0, {tests!r})
 import conftest
-from slopewatch.engine import lifecycle
-from slopewatch.engine.ground import extract_ground
-from slopewatch.engine.outputs import staged_outputs
-from slopewatch.engine.parameters import GroundParameters
-lifecycle.install(lambda: None, watch_parent=False)
+from slopewatch.engine.core import cancellation
+from slopewatch.engine.core.staged_outputs import staged_outputs
+from slopewatch.engine.ground.extraction import extract_ground
+from slopewatch.interface.parameters import GroundParameters
+cancellation.install(lambda: None, watch_parent=False)
 parameters = GroundParameters(cloth_resolution=0.02, iterations=10000)
 with staged_outputs(Path({folder!r})) as stage:
     print("start", flush=True)
@@ -496,7 +496,7 @@ with staged_outputs(Path({folder!r})) as stage:
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 def test_cancelling_leaves_nothing(inputs, tmp_path):
     any_pdal()
-    tests = str(Path(__file__).resolve().parent.parent)
+    tests = str(Path(__file__).resolve().parents[2])
     script = RUN.format(tests=tests, folder=str(tmp_path / "out"), cloud=str(inputs[0]))
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
     process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True, env=environment)
