@@ -154,7 +154,7 @@ def _child_of(pid: int) -> int:
         for entry in Path("/proc").iterdir():
             try:
                 parent = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])
-                if parent == pid and "csf_worker" in (entry / "cmdline").read_text():
+                if parent == pid and "cloth_worker" in (entry / "cmdline").read_text():
                     return int(entry.name)
             except (OSError, ValueError, IndexError):
                 continue
