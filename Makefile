@@ -5,7 +5,7 @@ SHELL := /bin/bash
 
 PYTHON := .venv/bin/python
 QGIS_PYTHON := .venv-qgis/bin/python
-ENGINE_TESTS := $(wildcard tests/architecture tests/interface tests/engine tests/models tests/simulation tests/workflows tests/cli \
+ENGINE_TESTS := $(wildcard tests/architecture tests/interface tests/api tests/engine tests/models tests/simulation tests/workflows tests/cli \
 	tests/refusals tests/accuracy tests/scripts tests/benchmarks)
 PLUGIN_TESTS := $(wildcard tests/plugin tests/processing_algorithms tests/qgis)
 TYPED := interface engine models simulation workflows cli

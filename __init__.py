@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from typing import Any
 
 
@@ -10,3 +11,10 @@ def classFactory(iface: Any) -> Any:
     from .plugin.slopewatch_plugin import SlopeWatchPlugin
 
     return SlopeWatchPlugin(iface)
+
+
+def __getattr__(name: str) -> Any:
+    """``slopewatch.api``, loaded on first use: QGIS's process imports this module and must not load the engine."""
+    if name == "api":
+        return importlib.import_module(".api", __name__)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

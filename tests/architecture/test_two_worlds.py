@@ -45,7 +45,9 @@ def allowed_in_qgis(name: str) -> bool:
 
 @pytest.mark.parametrize("path", QGIS_WORLD, ids=lambda p: str(p.relative_to(ROOT)))
 def test_the_qgis_world_imports_qgis_the_standard_library_and_the_interface(path: Path) -> None:
-    assert [name for name in imports(path) if not allowed_in_qgis(name)] == []
+    # the public API is loaded on first use only, which is never in QGIS
+    late = {".api"} if path == ROOT / "__init__.py" else set()
+    assert [name for name in imports(path) if name not in late and not allowed_in_qgis(name)] == []
 
 
 @pytest.mark.parametrize("path", ENGINE_WORLD, ids=lambda p: str(p.relative_to(ROOT)))

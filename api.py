@@ -1,0 +1,403 @@
+"""The public Python API: the commands of SlopeWatch as functions. Only the names in ``__all__`` are promised.
+
+Each function takes paths, writes what the command of that name writes, and returns where it lies and the figures.
+Parameters are the options of the command line with underscores (``cell=0.2``, ``cloth_resolution=0.3``,
+``screen_last_epoch=False``); docs/guide.md explains them. An unknown name is refused.
+
+Examples
+--------
+>>> from slopewatch import api
+>>> run = api.inspect({"2024-05-01": "may24.laz", "2025-05-01": "may25.laz"}, "results", roi="slope.gpkg")
+>>> run.outputs["zones"], run.figures["zone_count"]
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from typing import Any, TypeVar
+
+from .engine.core.errors import Cancelled, EngineError, InputError, SlopeWatchError
+from .engine.core.progress import Progress
+from .engine.epochs.epoch import Epoch, parse_date
+from .engine.series.settings import SeriesSettings
+from .interface.dates import date_in_name
+from .interface.parameters import (
+    PROFILES,
+    ChangeParameters,
+    DateParameters,
+    DistanceParameters,
+    GridChangeParameters,
+    GroundParameters,
+    HeatmapParameters,
+    InputParameters,
+    LastEpochParameters,
+    OutputParameters,
+    ParameterError,
+    ParameterSet,
+    RegistrationParameters,
+    ReportParameters,
+    ScreeningParameters,
+    SeriesParameters,
+    SurfaceParameters,
+    ZoneParameters,
+)
+from .workflows.change import change_step
+from .workflows.ground import ground_step
+from .workflows.inspect import inspect_slope
+from .workflows.m3c2 import m3c2_step
+from .workflows.products.screening import default_targets
+from .workflows.register import register_step
+from .workflows.screen import screen_step
+from .workflows.series import monitor_series
+from .workflows.settings import DistanceSettings, ScreeningSettings, Settings
+
+__all__ = [
+    "Cancelled",
+    "EngineError",
+    "InputError",
+    "Progress",
+    "RunResult",
+    "SlopeWatchError",
+    "change",
+    "extract_ground",
+    "inspect",
+    "m3c2",
+    "monitor",
+    "register",
+    "screen",
+]
+
+PathLike = str | Path
+Group = TypeVar("Group", bound=ParameterSet)
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """What a run wrote and measured.
+
+    Attributes
+    ----------
+    outputs : mapping of str to Path
+        The files by name, such as ``elevation_change``, ``zones``, ``report``, ``run``.
+    figures : mapping of str to Any
+        The figures of the run record, such as ``zone_count``, ``lod_median_m``; lengths in metres.
+    warnings : tuple of str
+        What the user should know, one sentence each.
+    """
+
+    outputs: Mapping[str, Path]
+    figures: Mapping[str, Any]
+    warnings: tuple[str, ...]
+
+
+class _Values:
+    """The parameters that a caller gave, handed out by group."""
+
+    def __init__(self, given: dict[str, Any], *groups: type[ParameterSet]) -> None:
+        self._profile = given.pop("profile", "default")
+        self._given = given
+        known = {s.name for group in groups for s in group.specifications()}
+        for name in given:
+            if name not in known:
+                near = difflib.get_close_matches(name, known, n=1)
+                meant = f"; did you mean {near[0]}?" if near else "; docs/guide.md lists them."
+                raise InputError(f"{name} is no parameter here{meant}")
+        if self._profile not in PROFILES:
+            raise InputError(f"profile is {self._profile!r}; give one of {', '.join(PROFILES)}.")
+
+    def of(self, group: type[Group]) -> Group:
+        try:
+            return group.build(self._given, self._profile)
+        except ParameterError as wrong:
+            raise InputError(f"{wrong}.") from None
+
+
+def _path(path: PathLike | None) -> Path | None:
+    return None if path is None else Path(path)
+
+
+def _epochs(surveys: Mapping[str | date, PathLike] | Sequence[PathLike]) -> list[Epoch]:
+    """Surveys with their days: of a mapping its keys, of a sequence what the file names hold."""
+    if isinstance(surveys, Mapping):
+        return [Epoch(Path(p), d if isinstance(d, date) else parse_date(d)) for d, p in surveys.items()]
+    return [Epoch(Path(p), date_in_name(Path(p))) for p in surveys]
+
+
+def _day(given: str | date | None) -> str | None:
+    return given.isoformat() if isinstance(given, date) else given
+
+
+def _settings(values: _Values) -> Settings:
+    return Settings(
+        inputs=values.of(InputParameters),
+        dates=values.of(DateParameters),
+        surface=values.of(SurfaceParameters),
+        ground=values.of(GroundParameters),
+        registration=values.of(RegistrationParameters),
+        change=values.of(ChangeParameters),
+        zones=values.of(ZoneParameters),
+        heatmap=values.of(HeatmapParameters),
+        screening=values.of(LastEpochParameters),
+        report=values.of(ReportParameters),
+    )
+
+
+def _result(outcome: tuple[dict[str, Path], dict[str, Any]], progress: Progress) -> RunResult:
+    outputs, figures = outcome
+    return RunResult(outputs, figures, tuple(progress.warnings))
+
+
+def inspect(
+    surveys: Mapping[str | date, PathLike] | Sequence[PathLike],
+    output_dir: PathLike,
+    *,
+    roi: PathLike | None = None,
+    stable: PathLike | None = None,
+    profiles: PathLike | None = None,
+    pdal: PathLike | None = None,
+    progress: Progress | None = None,
+    **parameters: Any,
+) -> RunResult:
+    """The whole flow: ground of one or two raw surveys, change, zones, heatmap, screening and report.
+
+    Parameters
+    ----------
+    surveys : mapping of day to path, or sequence of paths
+        The earlier survey first; days as ``datetime.date`` or ``YYYY-MM-DD``. Of a sequence, days come from the names.
+    output_dir : path
+        Folder for the outputs; made if missing.
+    roi, stable, profiles : path, optional
+        Vector files: the managed slope, ground known to be stable, lines of profiles.
+    pdal : path, optional
+        The pdal program, if another than found.
+    progress : Progress, optional
+        Is told of progress and warnings; a subclass can show them.
+    **parameters
+        As of ``slopewatch inspect``; also ``profile`` and ``overwrite``.
+
+    Returns
+    -------
+    RunResult
+
+    Raises
+    ------
+    InputError
+        Something given cannot be used; the message is one sentence with the remedy.
+    EngineError
+        The engine itself failed.
+    """
+    values = _Values(
+        parameters, InputParameters, DateParameters, GroundParameters, RegistrationParameters, ChangeParameters,
+        ZoneParameters, HeatmapParameters, ReportParameters, LastEpochParameters, OutputParameters,
+    )  # fmt: skip
+    told = progress or Progress()
+    outcome = inspect_slope(
+        _epochs(surveys),
+        Path(output_dir),
+        _settings(values),
+        roi=_path(roi),
+        stable=_path(stable),
+        profiles=_path(profiles),
+        pdal=_path(pdal),
+        overwrite=values.of(OutputParameters).overwrite,
+        progress=told,
+    )
+    return _result(outcome, told)
+
+
+def extract_ground(
+    cloud: PathLike,
+    output: PathLike,
+    *,
+    roi: PathLike | None = None,
+    pdal: PathLike | None = None,
+    progress: Progress | None = None,
+    **parameters: Any,
+) -> RunResult:
+    """The ground points of a raw survey, as ``slopewatch ground``; see ``inspect`` for the arguments.
+
+    ``output`` is the LAS or LAZ file of the ground; its folder must exist.
+    """
+    values = _Values(parameters, InputParameters, GroundParameters)
+    told = progress or Progress()
+    outcome = ground_step(Path(cloud), Path(output), _settings(values), roi=_path(roi), pdal=_path(pdal), progress=told)
+    return _result(outcome, told)
+
+
+def register(
+    reference: PathLike,
+    moving: PathLike,
+    output: PathLike,
+    *,
+    transform: PathLike | None = None,
+    apply: PathLike | None = None,
+    invert: bool = False,
+    stable: PathLike | None = None,
+    progress: Progress | None = None,
+    **parameters: Any,
+) -> RunResult:
+    """Move the ground cloud ``moving`` into the frame of ``reference``, as ``slopewatch register``.
+
+    ``transform`` is where the motion is written. ``apply`` is a motion to apply instead of registering, ``invert`` its
+    inverse.
+    """
+    values = _Values(parameters, InputParameters, SurfaceParameters, RegistrationParameters)
+    told = progress or Progress()
+    outcome = register_step(
+        Path(reference),
+        Path(moving),
+        Path(output),
+        _settings(values),
+        transform_path=_path(transform),
+        given=_path(apply),
+        invert=invert,
+        stable=_path(stable),
+        progress=told,
+    )
+    return _result(outcome, told)
+
+
+def change(
+    reference: PathLike,
+    moving: PathLike,
+    output_dir: PathLike,
+    *,
+    dates: tuple[str | date | None, str | date | None] = (None, None),
+    transform: PathLike | None = None,
+    stable: PathLike | None = None,
+    profiles: PathLike | None = None,
+    progress: Progress | None = None,
+    **parameters: Any,
+) -> RunResult:
+    """Elevation change of two registered ground clouds, moving minus reference, as ``slopewatch change``.
+
+    ``dates`` are the days of the surveys; what is None comes from the file's name. ``transform`` is applied to
+    ``moving`` first.
+    """
+    values = _Values(
+        parameters, InputParameters, DateParameters, SurfaceParameters, ChangeParameters, ZoneParameters,
+        HeatmapParameters, ReportParameters, OutputParameters,
+    )  # fmt: skip
+    told = progress or Progress()
+    outcome = change_step(
+        Path(reference),
+        Path(moving),
+        Path(output_dir),
+        _settings(values),
+        dates=(_day(dates[0]), _day(dates[1])),
+        transform_path=_path(transform),
+        profiles=_path(profiles),
+        stable=_path(stable),
+        overwrite=values.of(OutputParameters).overwrite,
+        progress=told,
+    )
+    return _result(outcome, told)
+
+
+def m3c2(
+    reference: PathLike,
+    moving: PathLike,
+    output: PathLike,
+    *,
+    raster_dir: PathLike | None = None,
+    core: PathLike | None = None,
+    dates: tuple[str | date | None, str | date | None] = (None, None),
+    transform: PathLike | None = None,
+    progress: Progress | None = None,
+    **parameters: Any,
+) -> RunResult:
+    """Distances along normals between two registered ground clouds, as ``slopewatch m3c2``."""
+    groups = (InputParameters, DateParameters, SurfaceParameters, DistanceParameters, OutputParameters)
+    values = _Values(parameters, *groups)
+    told = progress or Progress()
+    outcome = m3c2_step(
+        Path(reference),
+        Path(moving),
+        Path(output),
+        DistanceSettings(
+            inputs=values.of(InputParameters),
+            distances=values.of(DistanceParameters),
+            dates=values.of(DateParameters),
+            surface=values.of(SurfaceParameters),
+        ),
+        raster_dir=_path(raster_dir),
+        core=_path(core),
+        dates=(_day(dates[0]), _day(dates[1])),
+        transform_path=_path(transform),
+        overwrite=values.of(OutputParameters).overwrite,
+        progress=told,
+    )
+    return _result(outcome, told)
+
+
+def screen(
+    cloud: PathLike,
+    output: PathLike,
+    *,
+    roi: PathLike | None = None,
+    pdal: PathLike | None = None,
+    progress: Progress | None = None,
+    **parameters: Any,
+) -> RunResult:
+    """Label every point of one survey's ground background, uplift or subsidence, as ``slopewatch screen``.
+
+    ``output`` is the labelled cloud (.laz); zones, probabilities and map are written next to it. Needs torch unless
+    ``screening_method="residual"``.
+    """
+    values = _Values(parameters, InputParameters, GroundParameters, ScreeningParameters)
+    told = progress or Progress()
+    outcome = screen_step(
+        Path(cloud),
+        default_targets(Path(output)),
+        ScreeningSettings(values.of(InputParameters), values.of(GroundParameters), values.of(ScreeningParameters)),
+        roi=_path(roi),
+        pdal=_path(pdal),
+        progress=told,
+    )
+    return _result(outcome, told)
+
+
+def monitor(
+    surveys: Mapping[str | date, PathLike] | Sequence[PathLike],
+    output_dir: PathLike,
+    *,
+    roi: PathLike | None = None,
+    stable: PathLike | None = None,
+    alerts: PathLike | None = None,
+    pdal: PathLike | None = None,
+    progress: Progress | None = None,
+    **parameters: Any,
+) -> RunResult:
+    """Two or more surveys of a slope through time, as ``slopewatch series``; see ``inspect`` for the arguments.
+
+    ``alerts`` is an alert table (CSV) instead of the one that comes with SlopeWatch.
+    """
+    values = _Values(
+        parameters, InputParameters, DateParameters, GroundParameters, RegistrationParameters, GridChangeParameters,
+        ZoneParameters, SeriesParameters, OutputParameters,
+    )  # fmt: skip
+    told = progress or Progress()
+    outcome = monitor_series(
+        _epochs(surveys),
+        Path(output_dir),
+        SeriesSettings(
+            inputs=values.of(InputParameters),
+            dates=values.of(DateParameters),
+            ground=values.of(GroundParameters),
+            registration=values.of(RegistrationParameters),
+            change=values.of(GridChangeParameters),
+            zones=values.of(ZoneParameters),
+            series=values.of(SeriesParameters),
+        ),
+        roi=_path(roi),
+        stable=_path(stable),
+        alerts=_path(alerts),
+        pdal=_path(pdal),
+        overwrite=values.of(OutputParameters).overwrite,
+        progress=told,
+    )
+    return _result(outcome, told)

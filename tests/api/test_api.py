@@ -1,0 +1,85 @@
+"""The public API: the same results as the commands, parameters by name, and the example of the README."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+from slopewatch import api
+from slopewatch.tests.builders.planes import write_plane
+
+DAYS = ("2024-05-01", "2025-05-01")
+
+
+@pytest.fixture(scope="module")
+def clouds(tmp_path_factory) -> tuple[Path, Path]:
+    """Ground of a slope before and after a block of 3 x 3 m rose by 0.3 m."""
+    folder = tmp_path_factory.mktemp("clouds")
+    first, second = (folder / f"{day}.laz" for day in DAYS)
+    write_plane(first, seed=1)
+    write_plane(second, seed=2, raised=(8.0, 8.0, 3.0, 0.3))
+    return first, second
+
+
+def test_change_gives_what_the_command_gives(clouds, tmp_path):
+    run = api.change(*clouds, tmp_path / "api", cell=0.5, registration_error=0.002)
+    command = [sys.executable, "-m", "slopewatch.cli", "change", *clouds, "--output-dir", tmp_path / "cli"]
+    options = ["--cell", "0.5", "--registration-error", "0.002", "--progress", "none"]
+    subprocess.run([*map(str, command), *options], check=True, cwd=tmp_path)
+    with (
+        rasterio.open(run.outputs["elevation_change"]) as one,
+        rasterio.open(tmp_path / "cli/elevation_change.tif") as two,
+    ):
+        np.testing.assert_array_equal(one.read(), two.read())
+    assert run.figures["zone_count"] == 1
+    assert run.outputs["zones"].is_file()
+
+
+def test_warnings_come_back(clouds, tmp_path):
+    run = api.change(*clouds, tmp_path / "out", cell=0.5)
+    assert any("registration's error is not known" in warning for warning in run.warnings)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"cel": 0.5}, r"cel is no parameter here; did you mean cell\?"),
+        ({"cloth_resolution": 0.5}, "cloth_resolution is no parameter here"),
+        ({"cell": -3.0}, "cell is -3.*number from"),
+        ({"profile": "mine"}, "profile is 'mine'; give one of default, paper"),
+    ],
+)
+def test_what_is_not_understood_is_refused_in_a_sentence(clouds, tmp_path, parameters, message):
+    with pytest.raises(api.InputError, match=message):
+        api.change(*clouds, tmp_path / "out", **parameters)
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_api_is_an_attribute_of_the_package_and_loaded_late():
+    program = "import slopewatch, sys; assert 'numpy' not in sys.modules; print(slopewatch.api.change.__name__)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.stdout == "change\n", done.stderr
+
+
+def test_every_promised_name_is_documented():
+    for name in api.__all__:
+        assert getattr(api, name).__doc__, name
+
+
+def test_the_example_of_the_readme_runs(root, clouds, tmp_path, monkeypatch):
+    text = (root / "README.md").read_text(encoding="utf-8")
+    example = re.search(r"```python\n(.*?)```", text, re.DOTALL)
+    assert example is not None
+    lines = [line for line in example[1].splitlines() if line.strip()]
+    assert len(lines) <= 8
+    for name, cloud in zip(("may24_ground.laz", "may25_ground.laz"), clouds):
+        (tmp_path / name).symlink_to(cloud)
+    monkeypatch.chdir(tmp_path)
+    done = subprocess.run([sys.executable, "-c", example[1]], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "1 zone" in done.stdout
