@@ -34,7 +34,7 @@ def plugin_zip(root, tmp_path_factory) -> zipfile.ZipFile:
 def test_zip_has_one_top_folder_with_what_qgis_asks_for(plugin_zip):
     names = plugin_zip.namelist()
     assert {name.split("/")[0] for name in names} == {"slopewatch"}
-    for needed in ("__init__.py", "metadata.txt", "LICENSE", "README.md", "interface/parameters", "plugin/provider.py"):
+    for needed in ("__init__.py", "metadata.txt", "LICENSE", "README.md", "interface/dates.py", "plugin/provider.py"):
         assert f"slopewatch/{needed}" in names
 
 

@@ -246,7 +246,7 @@ def test_dates_in_the_title() -> None:
 def test_a_picture_in_lines_is_that_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     dz = change()
     whole = heatmap(dz)
-    monkeypatch.setattr("slopewatch.engine.maps.heatmap._AT_ONCE", 3 * GRID.columns)
+    monkeypatch.setattr("slopewatch.engine.maps.heatmap_image._AT_ONCE", 3 * GRID.columns)
     lines = heatmap(dz)
     assert np.array_equal(lines.rgba, whole.rgba)
     assert lines.backdrop == pytest.approx(whole.backdrop)

@@ -135,5 +135,5 @@ def test_relief_in_lines_is_that_of_the_whole(monkeypatch: pytest.MonkeyPatch) -
     heights = 0.1 * random.normal(size=(53, 40)).cumsum(axis=0)
     heights[random.random(heights.shape) < 0.2] = np.nan
     whole = shaded_relief(heights, 0.1)
-    monkeypatch.setattr("slopewatch.engine.maps.top_view._AT_ONCE", 7 * 40)
+    monkeypatch.setattr("slopewatch.engine.maps.relief._AT_ONCE", 7 * 40)
     assert np.array_equal(shaded_relief(heights, 0.1), whole)
