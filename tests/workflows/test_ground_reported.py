@@ -26,7 +26,7 @@ from slopewatch.interface.parameters import (
     SeriesParameters,
 )
 from slopewatch.workflows import ground as ground_module
-from slopewatch.workflows import inspect, run, series_preparation
+from slopewatch.workflows import inspect, series_preparation
 from slopewatch.workflows.inspect import inspect_slope
 from slopewatch.workflows.series import monitor_series
 from slopewatch.workflows.settings import Settings
@@ -72,11 +72,11 @@ class Kept(Progress):
 @pytest.fixture
 def extraction(monkeypatch) -> Extraction:
     found = Extraction()
-    for module in (run, inspect, series_preparation):
+    for module in (ground_module, inspect, series_preparation):
         monkeypatch.setattr(module, "extract_ground", found)
     program = Pdal(None, "2.9.0", "for the test")
-    for name in ("steps", "inspection", "series"):
-        monkeypatch.setattr(f"slopewatch.engine.{name}.find_pdal", lambda *_: program)
+    for name in ("ground", "inspect", "series"):
+        monkeypatch.setattr(f"slopewatch.workflows.{name}.find_pdal", lambda *_: program)
     return found
 
 
