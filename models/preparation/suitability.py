@@ -22,7 +22,7 @@ _FACE_DIP = 10.0
 _FACE_SHARE = 0.25
 """Two opposite faces: each is at least this share of what dips at all."""
 _ROUGH = 0.15
-"""Scatter (m) about a plane within 1 m² beyond which it is not bare ground; see docs/architecture.md."""
+"""Scatter (m) about a plane within 1 m² beyond which it is not bare ground; see docs/adr/0005."""
 _ROUGH_SHARE = 0.15
 _FEWEST_IN_CELL = 6
 
