@@ -81,13 +81,13 @@ def compare(change: Change, fine: Change, truth: np.ndarray, slope: np.ndarray) 
     known = np.isfinite(dz) & slope
     changed = slope & (np.abs(truth) >= CHANGED)
     # each block, or cell of the coarser grid, once
-    unit = at if change.block is None else change.block.ravel()[at]
+    unit = change.partition.number.ravel()[at]
     unit = unit.reshape(grid.shape)[known]
     cells = np.bincount(unit)
     once = cells > 0
     mean = [np.bincount(unit, array[known])[once] / cells[once] for array in (dz, truth, error)]
     still = known & (np.abs(truth) <= UNCHANGED)
-    labels, zones, _, _ = label_groups(change.dz, change.significant, change.grid, ZoneParameters(), change.cell_size)
+    labels, zones, _, _ = label_groups(change.dz, change.significant, ZoneParameters(), change.partition)
     moved = labels.ravel()[at[(within & (np.abs(truth) > STILL)).ravel()]]
     return Result(
         compared=float(known.sum() / slope.sum()),
@@ -187,12 +187,12 @@ def picture(path: Path, vegetation: float = 0.8, seed: int = 2) -> None:
         rgb[np.isnan(dz)] = 255
         axis.imshow(rgb, extent=extent)
         axis.set_title(title)
-    sizes = np.unique(grown.cell_size[grown.valid])
+    sizes = np.unique(grown.partition.sizes[grown.valid])
     colours = [np.array(colour, dtype=float) for colour in sequential_steps(len(sizes))]
     rgb = np.full((*grid.shape, 3), 255, dtype=np.uint8)
     handles = []
     for size, colour in zip(sizes, colours, strict=True):
-        rgb[grown.cell_size == size] = np.rint(colour)
+        rgb[grown.partition.sizes == size] = np.rint(colour)
         handles.append(Patch(facecolor=colour / 255, edgecolor="#777777", label=f"{size:g} m"))
     axes[4].imshow(rgb, extent=extent)
     axes[4].set_title("side of the grown cells")

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from ..engine.change.difference import difference
 from ..engine.change.result import Change
 from ..engine.core.arrays import Float
-from ..engine.grid.blocks import middle_cells
 from ..engine.ground.filtering import ground_mask
 from ..engine.pointcloud.reading import read_cloud
 from ..engine.registration.register import register
@@ -145,8 +144,7 @@ def _shares(changes: list[Change], where: list[NDArray[np.bool_]] | None = None)
     slopes, beyond = [], []
     for number, change in enumerate(changes):
         counted = change.valid if where is None else change.valid & where[number]
-        if change.block is not None:
-            counted = counted & middle_cells(change.block)
+        counted = change.partition.middles(counted)
         slopes.append(change.slope[counted])
         beyond.append(change.significant[counted])
     slope, significant = np.concatenate(slopes), np.concatenate(beyond)

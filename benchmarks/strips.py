@@ -22,7 +22,6 @@ from ..engine.change.coverage import compared_share
 from ..engine.change.difference import difference
 from ..engine.change.result import Change
 from ..engine.core.arrays import Float
-from ..engine.grid.blocks import middle_cells
 from ..engine.registration.register import register
 from ..engine.zones.change_zones import change_zones
 from ..interface.parameters import ChangeParameters, RegistrationParameters
@@ -137,7 +136,7 @@ def _shares(changes: list[tuple[Change, NDArray[np.bool_]]]) -> dict[str, float]
     """Share of significant cells by class of slope; a grown cell is one of them."""
     slopes, beyond = [], []
     for change, where in changes:
-        counted = where if change.block is None else where & middle_cells(change.block)
+        counted = change.partition.middles(where)
         slopes.append(change.slope[counted])
         beyond.append(change.significant[counted])
     slope, significant = np.concatenate(slopes), np.concatenate(beyond)

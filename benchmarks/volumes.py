@@ -19,8 +19,10 @@ from scipy import fft, ndimage
 
 from ..engine.core.arrays import Float
 from ..engine.grid.grid import Grid
+from ..engine.grid.partition import Partition
 from ..engine.statistics.normal import Z95
 from ..engine.statistics.variogram import VariogramModel
+from ..engine.zones.detected import Detected
 from ..engine.zones.extraction import Zones, extract_zones
 from ..engine.zones.footprints import Cells, footprint_labels
 from ..engine.zones.gcd_table import volume_table
@@ -123,8 +125,13 @@ def known_pair(seed: int, model: VariogramModel, *, changed: bool = True) -> Pai
     with np.errstate(invalid="ignore"):
         significant = np.abs(dz) > Z95 * error
     count = np.full(grid.shape, 5)
-    zones = extract_zones(dz, significant, Z95 * error, error, count, grid, None, registration_error=REGISTRATION)
+    found = Detected(significant, Z95 * error, count)
+    zones = extract_zones(_cells(dz, error, grid), found, grid, None, registration_error=REGISTRATION)
     return Pair(grid, dz, error, truth, zones)
+
+
+def _cells(dz: Float, error: Float, grid: Grid) -> Cells:
+    return Cells(dz, error, np.full(grid.shape, grid.cell**2), Partition(grid.shape, grid.cell))
 
 
 def totals_covered(runs: Iterable[Pair]) -> dict[str, tuple[int, int]]:
@@ -134,7 +141,7 @@ def totals_covered(runs: Iterable[Pair]) -> dict[str, tuple[int, int]]:
     """
     counts = {"raw net": [0, 0], "zones' lowering": [0, 0], "zones' raising": [0, 0], "zones' net": [0, 0]}
     for pair in runs:
-        cells = Cells(pair.dz, pair.error, np.full(pair.grid.shape, pair.grid.cell**2), pair.grid.cell)
+        cells = _cells(pair.dz, pair.error, pair.grid)
         with np.errstate(invalid="ignore"):
             significant = np.abs(pair.dz) > Z95 * pair.error
         table = volume_table(cells, significant, pair.zones.volumes, pair.zones.correlation)

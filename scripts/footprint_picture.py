@@ -15,10 +15,12 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from scipy import ndimage
 from slopewatch.engine.grid.grid import Grid
+from slopewatch.engine.grid.partition import Partition
 from slopewatch.engine.maps.palette import diverging_colours
 from slopewatch.engine.statistics.normal import Z95
+from slopewatch.engine.zones.detected import Detected
 from slopewatch.engine.zones.extraction import extract_zones
-from slopewatch.engine.zones.footprints import footprint_labels
+from slopewatch.engine.zones.footprints import Cells, footprint_labels
 
 CELL, ROWS, COLUMNS = 0.1, 90, 180
 ERROR, REGISTRATION = 0.035, 0.002
@@ -40,9 +42,9 @@ def main(path: Path) -> None:
     with np.errstate(invalid="ignore"):
         significant = np.abs(dz) > Z95 * error
     grid = Grid(0.0, 0.0, CELL, ROWS, COLUMNS)
-    found = extract_zones(
-        dz, significant, Z95 * error, error, np.full(dz.shape, 5), grid, None, registration_error=REGISTRATION
-    )
+    cells = Cells(dz, error, np.full(dz.shape, CELL**2), Partition(grid.shape, CELL))
+    detected = Detected(significant, Z95 * error, np.full(dz.shape, 5))
+    found = extract_zones(cells, detected, grid, None, registration_error=REGISTRATION)
     draw(path, dz, truth, found.labels, footprint_labels(found.footprints, dz.shape), found.volumes)
 
 

@@ -22,13 +22,15 @@ from ..grid.chosen_cell import CellChoice, choose_cell, with_cell
 from ..grid.common_grid import affordable, common_grid
 from ..grid.grid import Grid, on_grid
 from ..grid.growing_cells import AdaptiveCells, adaptive_cells
-from ..grid.plant_cells import PlantCells, cell_means, together
+from ..grid.partition import Partition
+from ..grid.plant_cells import cell_means, together
 from ..grid.pooled_variance import pooled_variance
 from ..pointcloud.plant_cover import PlantCover
 from ..statistics.normal import quantile
 from ..statistics.quantiles import sample_quantile
 from .direction import SENTENCE, with_direction
 from .judgement import judge
+from .measured import Measured
 from .result import Change
 from .season import judge_season
 from .thresholds import stated_error
@@ -162,13 +164,16 @@ def difference_of_cells(
     height_from, height_to = (cells.on_grid(cells.height) for cells in (first, second))
     return _judged(
         _Compared(
-            dz=np.where(both, height_to - height_from, np.nan),
-            sampling=on_grid(here, np.sqrt(squares), grid.shape),
-            slope=on_grid(here, slope, grid.shape),
+            Measured(
+                dz=np.where(both, height_to - height_from, np.nan),
+                sampling=on_grid(here, np.sqrt(squares), grid.shape),
+                slope=on_grid(here, slope, grid.shape),
+                partition=Partition(grid.shape, grid.cell),
+                plants=together(first.plants, second.plants),
+            ),
             counts=(first.count, second.count),
             heights=(height_from, height_to),
             common=_common(valid_first, valid_second),
-            plants=together(first.plants, second.plants),
         ),
         grid,
         parameters,
@@ -191,8 +196,7 @@ def difference_of_blocks(
     stable_area: BaseGeometry | None = None,
 ) -> Change:
     """As ``difference``, from cells that grew (see ``adaptive.adaptive_cells``)."""
-    valid = cells.block >= 0
-    if not valid.any():
+    if not cells.partition.count:
         raise InputError(
             f"No cell that grew from {grid.cell:g} m has enough points in both epochs for its surface to be "
             "compared; check that both cover the same slope, or use a larger cell or largest_cell."
@@ -200,16 +204,11 @@ def difference_of_blocks(
     common = _common(*(own >= parameters.minimum_points for own in cells.points))
     return _judged(
         _Compared(
-            dz=cells.dz,
-            sampling=cells.sampling,
-            slope=cells.slope,
+            Measured(cells.dz, cells.sampling, cells.slope, cells.partition, cells.plants),
             counts=(cells.count_from, cells.count_to),
             heights=(cells.height_from, cells.height_to),
             common=common,
-            block=cells.block,
-            cell_size=cells.cell_size,
             own_points=cells.points,
-            plants=cells.plants,
         ),
         grid,
         parameters,
@@ -220,21 +219,15 @@ def difference_of_blocks(
 
 @dataclass(frozen=True)
 class _Compared:
-    """What was measured in each cell: change, its standard error from the points' scatter, slope; counts and heights of
-    both epochs; the share of common cells; for cells that grew, which are one, how large they are, and their own
-    points; the plants, where known.
+    """What was measured in each cell; counts and heights of both epochs; the share of common cells; where cells grew,
+    each cell's own points.
     """
 
-    dz: Float
-    sampling: Float
-    slope: Float
+    measured: Measured
     counts: tuple[NDArray[np.signedinteger[Any]], NDArray[np.signedinteger[Any]]]
     heights: tuple[Float, Float]
     common: float
-    block: NDArray[np.signedinteger[Any]] | None = None
-    cell_size: Float | None = None
     own_points: tuple[NDArray[np.signedinteger[Any]], NDArray[np.signedinteger[Any]]] | None = None
-    plants: PlantCells | None = None
 
 
 def _judged(
@@ -245,35 +238,31 @@ def _judged(
     stable_area: BaseGeometry | None,
 ) -> Change:
     """The change with its calibrated errors, levels and what they decide."""
-    parameters = with_direction(parameters, cells.slope)
-    valid = np.isfinite(cells.dz)
+    measured = cells.measured
+    parameters = with_direction(parameters, measured.slope)
+    valid = np.isfinite(measured.dz)
     here = np.flatnonzero(valid)
-    stated = np.hypot(cells.sampling.ravel()[here], registration_error)
-    if cells.plants is not None:
-        stated = np.hypot(stated, cells.plants.error.ravel()[here])
+    stated = np.hypot(measured.sampling.ravel()[here], registration_error)
+    if measured.plants is not None:
+        stated = np.hypot(stated, measured.plants.error.ravel()[here])
     uniform = uniform_shift(
-        cells.dz.ravel()[here],
+        measured.dz.ravel()[here],
         quantile(parameters.confidence) * stated,
-        independent=None if cells.block is None else int(cells.block.max()) + 1,
+        independent=measured.partition.parts_among(valid),
     )
     found = judge(
-        cells.dz,
-        cells.sampling,
-        cells.slope,
-        grid.cell,
+        measured,
         parameters,
         registration_error=registration_error,
         uniform=uniform is not None,
         given=None if stable_area is None else cells_inside(stable_area, grid),
-        block=cells.block,
-        size=cells.cell_size,
-        plants=cells.plants,
     )
-    season, plant_like = judge_season(cells.plants, found.dz, found.decision.level, grid.cell)
+    season, plant_like = judge_season(measured.plants, found.dz, found.decision.level, grid.cell)
     explained = None if plant_like is None else plant_like & found.decision.significant
     significant = found.decision.significant if explained is None else found.decision.significant & ~explained
     return Change(
         grid=grid,
+        partition=measured.partition,
         dz=found.dz,
         error=found.error,
         level=found.decision.level,
@@ -287,10 +276,8 @@ def _judged(
         common_cell_rate=cells.common,
         uniform_dz=uniform,
         stable=found.stable,
-        slope=cells.slope,
+        slope=measured.slope,
         minimum_points=parameters.minimum_points,
-        block=cells.block,
-        cell_size=cells.cell_size,
         own_points=cells.own_points,
         model=found.model,
         threshold=parameters.threshold,

@@ -19,7 +19,7 @@ def warn_of_doubtful_change(change: Change, progress: Progress, *, may_grow: boo
     compared = compared_share(change)
     if compared < _LITTLE_COMPARED:
         remedy = "check that both cover the same slope"
-        if change.block is not None:
+        if change.partition.grown:
             remedy += ", or give a larger largest_cell"
         elif larger := cell_that_compares(change):
             growing = ", or cells that grow (adaptive)," if may_grow else ""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..core.arrays import Float
 from ..grid.chosen_cell import CellChoice
 from ..grid.grid import Grid
+from ..grid.partition import Partition
 from ..grid.plant_cells import PlantCells
 from .season import Season
 from .slope_calibration import ErrorModel, uncalibrated
@@ -26,10 +27,9 @@ class Change:
     taken as stable ground; ``slope`` is the surface's inclination, degrees, NaN where it is unknown or nothing was
     compared.
 
-    Where cells grew, ``block`` (numbers from 0, -1 for none) tells which cells are one: they share dz, error, level and
-    counts, and their errors are one and the same. ``cell_size`` is the side of the block, metres. Both are None where
-    every cell stands for itself. ``count_from`` and ``count_to`` are the points behind a cell's change, those of its
-    block; ``points`` are those of the cell itself.
+    ``partition`` tells which cells are one, where cells grew: they share dz, error, level and counts, and their errors
+    are one and the same. ``count_from`` and ``count_to`` are the points behind a cell's change, those of its part;
+    ``points`` are those of the cell itself.
 
     ``model`` tells how the errors were calibrated; ``threshold`` and ``direction`` are the parameters of that name:
     with the direction ``normal``, ``dz`` and all errors are distances square to the slope. ``probability`` is the
@@ -45,6 +45,7 @@ class Change:
     """
 
     grid: Grid
+    partition: Partition
     dz: Float
     error: Float
     level: Float
@@ -60,8 +61,6 @@ class Change:
     stable: NDArray[np.bool_]
     slope: Float
     minimum_points: int = 1
-    block: NDArray[np.signedinteger[Any]] | None = None
-    cell_size: Float | None = None
     own_points: tuple[NDArray[np.signedinteger[Any]], NDArray[np.signedinteger[Any]]] | None = None
     model: ErrorModel = field(default_factory=uncalibrated)
     threshold: str = "probabilistic"

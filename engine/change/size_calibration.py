@@ -7,20 +7,14 @@ from numpy.typing import NDArray
 
 from ..core.arrays import Float
 from ..statistics.normal import quantile
+from .measured import Measured
 
 _FEWEST = 60  # stable cells of a size; with 5 % beyond, their share is known to 3 %
 _WIDEST = 3.0
 
 
 def widening_by_size(
-    dz: Float,
-    sampling: Float,
-    size: Float,
-    stable: NDArray[np.bool_],
-    *,
-    registration_error: float,
-    confidence: float,
-    plants: Float | None = None,
+    measured: Measured, stable: NDArray[np.bool_], *, registration_error: float, confidence: float
 ) -> Float:
     """Factor (rows, columns), 1 or more, with which 1 - ``confidence`` of the stable cells of each size are beyond.
 
@@ -29,12 +23,11 @@ def widening_by_size(
     of the next smaller one.
 
     Args:
-        dz, sampling: change and its standard error from the points, metres, NaN where not compared.
-        size: side of the grown cell, metres.
-        stable: one cell of each grown cell that is taken as stable.
+        measured: its error by plants is no part of what is widened.
+        stable: (rows, columns) one cell of each grown cell that is taken as stable.
         registration_error: metres.
-        plants: error of the change by plants, metres, which is no part of what is widened.
     """
+    dz, sampling, plants, size = measured.dz, measured.sampling, measured.by_plants, measured.partition.sizes
     known = stable & np.isfinite(dz) & np.isfinite(sampling) & (sampling > 0)
     others = registration_error**2 + (0.0 if plants is None else plants[known] ** 2)
     needed = ((dz[known] / quantile(confidence)) ** 2 - others) / sampling[known] ** 2

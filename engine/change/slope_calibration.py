@@ -104,17 +104,29 @@ def without_stable_ground(changed_share: float, stable_share: float) -> ErrorMod
     return ErrorModel("uncalibrated", stable_share=stable_share, notes=(note,), changed_share=changed_share)
 
 
+@dataclass(frozen=True)
+class Samples:
+    """Changes of which some are on stable ground; arrays of one shape.
+
+    Attributes:
+        dz: change, metres, NaN where not compared.
+        sampling: standard error from the points' scatter alone, metres.
+        slope: degrees, NaN where unknown.
+        stable: what to calibrate on.
+        plants: error of the change by plants, metres; none without.
+        half: True in one half of the patches of ground, False in the other (``patch_halves``).
+    """
+
+    dz: Float
+    sampling: Float
+    slope: Float
+    stable: NDArray[np.bool_]
+    plants: Float | None = None
+    half: NDArray[np.bool_] | None = None
+
+
 def calibrate(
-    dz: Float,
-    sampling: Float,
-    slope: Float,
-    stable: NDArray[np.bool_],
-    *,
-    registration_error: float,
-    confidence: float,
-    plants: Float | None = None,
-    half: NDArray[np.bool_] | None = None,
-    independent: float = 1.0,
+    samples: Samples, *, registration_error: float, confidence: float, independent: float = 1.0
 ) -> ErrorModel:
     """Factor f of the sampling error s with which 1 - confidence of the stable cells are beyond the level, by slope.
 
@@ -134,19 +146,14 @@ def calibrate(
     of r², and then f does not fall below 1, as plant errors stated too large would make it.
 
     Args:
-        dz: change, metres, NaN where not compared; it and the other arrays have the shape (rows, columns).
-        sampling: standard error from the points' scatter alone, metres.
-        slope: degrees, NaN where unknown.
-        stable: cells to calibrate on.
         registration_error: metres.
-        plants: error of the change by plants, metres; none without.
-        half: True in one half of the patches of ground, False in the other (``patch_halves``).
         independent: share of the cells that tell something of their own, above 0: below 1 where neighbours share
             points. What is asked of numbers of cells is asked of so many of them.
     """
+    dz, sampling, half = samples.dz, samples.sampling, samples.half
     known = np.isfinite(dz) & np.isfinite(sampling) & (sampling > 0)
-    all_at, chosen = slope[known], stable[known]
-    plant = np.zeros(all_at.size) if plants is None else plants[known]
+    all_at, chosen = samples.slope[known], samples.stable[known]
+    plant = np.zeros(all_at.size) if samples.plants is None else samples.plants[known]
     little = plant <= _LITTLE * sampling[known]
     compared = all_at.size
     of_half = None if half is None else half[known]

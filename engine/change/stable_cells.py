@@ -6,23 +6,25 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ..core.arrays import Float
+from ..core.arrays import Float, Index
 from ..grid.cell_slope import class_of_slope
+from ..grid.part_windows import LEAST_CELLS, PartWindows
+from ..grid.partition import Partition
 from ..statistics.quantiles import sample_quantile
-from ..statistics.window_sums import Cells, Windows
 
-REACH = 0.5  # metres around a cell over which a change is looked for as a whole
-_LEAST_REACH = 2  # ... and cells
-BEYOND = 5.0  # robust standard deviations of the local means, beyond which a place has moved
-CLIP = 4.0  # one wild cell is not a moved place
-CLIP_SHARED = 4.0 * BEYOND  # for changes whose error neighbours share
-ROUNDS = 20
+_REACH = 0.5  # metres around a cell over which a change is looked for as a whole
+_BEYOND = 5.0  # robust standard deviations of the local means, beyond which a place has moved
+_CLIP = 4.0  # one wild cell is not a moved place
+_CLIP_SHARED = 4.0 * _BEYOND  # for changes whose error neighbours share
+_ROUNDS = 20
 _AS_A_WHOLE = 4.0  # standard errors of one cell; two strips that were not registered: 3 on a quarter
 _CLASS = 5.0  # degrees
 _FEWEST = 200  # differences of neighbours in a class of slope
 
 
-def find_stable(dz: Float, error: Float, slope: Float, cell: float, alike: Float | None = None) -> NDArray[np.bool_]:
+def find_stable(
+    dz: Float, error: Float, slope: Float, partition: Partition, alike: Float | None = None
+) -> NDArray[np.bool_]:
     """Cells (rows, columns) that are not part of a coherent change, nor beside one.
 
     Noise differs from cell to cell, a change is alike in many. So the mean of dz / error over the cells within half a
@@ -32,41 +34,53 @@ def find_stable(dz: Float, error: Float, slope: Float, cell: float, alike: Float
     taken again until nothing changes. The scatter is a median, so that change of 30 % of the cells is found. Errors
     are first scaled by slope with the differences of adjacent cells, which a change, being coherent, hardly touches.
 
+    Where cells grew, each part counts as one and is stable as a whole or not at all, and the windows hold it and its
+    neighbours.
+
     Args:
-        dz: change, metres; NaN where unknown.
+        dz: change, metres, one for all cells of a part; NaN where unknown.
         error: its standard error before calibration, metres.
         slope: degrees; NaN where unknown.
-        cell: side of a cell, metres.
+        partition: which cells are one.
         alike: (rows, columns) an error beside it that neighbours share, metres: it does not average out in a mean.
     """
-    known = np.isfinite(dz) & np.isfinite(error) & (error > 0)
+    known = partition.within(np.isfinite(dz) & np.isfinite(error) & (error > 0))
     here = np.flatnonzero(known)
     found = np.zeros(known.shape, dtype=bool)
     if not here.size:
         return found
     z = dz.ravel().take(here) / error.ravel().take(here)
-    scatter_of_one = adjacent_scatter(z, here, slope)
+    scatter_of_one = adjacent_scatter(z, here, slope, partition)
     z = z / scatter_of_one
-    shared = np.zeros(here.size)
+    shared: Float | float = 0.0
     if alike is not None:
         z, shared = with_alike(z, alike.ravel().take(here) / (error.ravel().take(here) * scatter_of_one))
-    z = clipped(z, shared)
-    windows = Windows(here, known.shape, max(_LEAST_REACH, round(REACH / cell)))
-    if alike is None:
-        total, number = windows.totals(here, z, np.ones(here.size, dtype=np.int32))
-    else:
-        total, own, common = windows.totals(here, z, 1.0 - shared**2, shared)
-        number = own + common**2
-    moved = np.abs(total) / np.sqrt(number)
+    moved = _means_around(clipped(z, shared), shared, windows := PartWindows(partition, here, _width(partition.cell)))
+    one_each = partition.first_among(here)
     stable = left = np.ones(here.size, dtype=bool)
-    for _ in range(ROUNDS):
-        scatter = max(1.0, 1.4826 * sample_quantile(moved[stable], 0.5))
-        left = ~windows.any(here[moved > BEYOND * scatter])
+    for _ in range(_ROUNDS):
+        scatter = max(1.0, 1.4826 * sample_quantile(moved[one_each][stable[one_each]], 0.5))
+        left = ~windows.reached(moved > _BEYOND * scatter)
         if not left.any() or np.array_equal(left, stable):
             break
         stable = left
     found.ravel()[here] = left
     return found
+
+
+def _means_around(z: Float, shared: Float | float, windows: PartWindows) -> Float:
+    """Magnitude of the mean of ``z`` (n,) in each window over its error, of which ``shared`` does not average out."""
+    if isinstance(shared, float):
+        total, number = windows.totals(z, np.ones(z.size, dtype=np.int32))
+    else:
+        total, own, common = windows.totals(z, 1.0 - shared**2, shared)
+        number = own + common**2
+    return np.asarray(np.abs(total) / np.sqrt(np.maximum(number, 1)))
+
+
+def _width(cell: float) -> int:
+    """Cells along the side of a window that reaches ``_REACH`` to all sides."""
+    return 2 * round(_REACH / cell) + 1
 
 
 def changed_cells(dz: Float, error: Float, cell: float) -> NDArray[np.bool_]:
@@ -85,7 +99,7 @@ def changed_cells(dz: Float, error: Float, cell: float) -> NDArray[np.bool_]:
     known = np.isfinite(dz) & np.isfinite(error) & (error > 0)
     z = np.zeros(dz.shape)
     z[known] = np.clip(dz[known] / error[known], -2.0 * _AS_A_WHOLE, 2.0 * _AS_A_WHOLE)
-    size = 2 * max(_LEAST_REACH, round(REACH / cell)) + 1
+    size = max(_width(cell), LEAST_CELLS)
     number = ndimage.uniform_filter(known.astype(np.float64), size, mode="constant")
     mean = ndimage.uniform_filter(z, size, mode="constant") / np.maximum(number, 1e-9)
     return np.asarray(known & (np.abs(mean) > _AS_A_WHOLE))
@@ -103,18 +117,18 @@ def with_alike(z: Float, ratio: Float) -> tuple[Float, Float]:
 
 
 def clipped(z: Float, shared: Float | float) -> Float:
-    """Scaled changes within CLIP where errors are the cells' own, and wider the more of them neighbours share.
+    """Scaled changes within _CLIP where errors are the cells' own, and wider the more of them neighbours share.
 
-    A mean of shared errors is no larger than one of them: clipped alike, it could not be beyond BEYOND.
+    A mean of shared errors is no larger than one of them: clipped alike, it could not be beyond _BEYOND.
     """
-    limit = CLIP + (CLIP_SHARED - CLIP) * shared
+    limit = _CLIP + (_CLIP_SHARED - _CLIP) * shared
     return np.asarray(np.clip(z, -limit, limit), dtype=np.float64)
 
 
-def adjacent_scatter(z: Float, here: Cells, slope: Float, block: NDArray[np.int64] | None = None) -> Float:
+def adjacent_scatter(z: Float, here: Index, slope: Float, partition: Partition) -> Float:
     """Scatter from cell to cell of ``z`` (n,) at the cells ``here`` (n,), by ``slope`` (rows, columns); (n,).
 
-    It is the 90 % quantile of adjacent cells' differences, over the normal's. Cells of one ``block`` are not compared.
+    It is the 90 % quantile of adjacent cells' differences, over the normal's. Cells of one part are not compared.
     """
     columns = slope.shape[1]
     number = np.full(slope.size + columns, -1)
@@ -125,10 +139,8 @@ def adjacent_scatter(z: Float, here: Cells, slope: Float, block: NDArray[np.int6
         other = number.take(here + step)
         pair = np.flatnonzero(other >= 0 if last is None else (other >= 0) & (here % columns != last))
         other = other[pair]
-        if block is not None:
-            blocks = block.ravel().take(here)
-            apart = blocks[pair] != blocks[other]
-            pair, other = pair[apart], other[apart]
+        apart = partition.apart(here, pair, other)
+        pair, other = pair[apart], other[apart]
         found.append(np.abs(z[other] - z[pair]) / np.sqrt(2.0))
         where.append(at[pair])
     size, of_pair = np.concatenate(found), np.concatenate(where)

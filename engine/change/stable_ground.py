@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.arrays import Float
-from ..grid.blocks import Blocks
-from .stable_blocks import find_stable_blocks
+from .measured import Measured
 from .stable_cells import changed_cells, find_stable
 
 MOST_CHANGED = 0.3
@@ -35,44 +34,32 @@ class StableGround:
 
 
 def stable_ground(
-    dz: Float,
-    sampling: Float,
-    slope: Float,
-    cell: float,
+    measured: Measured,
     *,
     registration_error: float,
-    plants: Float | None = None,
     uniform: bool = False,
     given: NDArray[np.bool_] | None = None,
-    block: Blocks | None = None,
 ) -> StableGround:
-    """Stable cells of a difference; arrays (rows, columns).
+    """Stable cells of a difference.
 
     Args:
-        dz, sampling: change and its standard error from the points' scatter, metres, NaN where not compared.
-        slope: degrees, NaN where unknown.
-        cell: side of a cell, metres.
         registration_error: metres.
-        plants: error of the change by plants, metres.
         uniform: the whole overlap has moved alike, so that there is no stable ground in it.
-        given: cells known to be stable; of slopes beyond theirs, stable cells found count, too.
-        block: number of the group that a cell is one with (-1: none), where cells grew.
+        given: cells (rows, columns) known to be stable; of slopes beyond theirs, stable cells found count, too.
     """
+    dz, sampling, slope, plants = measured.dz, measured.sampling, measured.slope, measured.by_plants
     valid = np.isfinite(dz)
     number = max(int(valid.sum()), 1)
     found = np.zeros(dz.shape, dtype=bool)
     if not uniform:
-        if block is None:
-            found = find_stable(dz, sampling, slope, cell, plants)
-        else:
-            found = find_stable_blocks(dz, sampling, slope, cell, block, plants)
+        found = find_stable(dz, sampling, slope, measured.partition, plants)
     looks_stable = float(found.sum()) / number
     if given is not None:
         return StableGround(_with_other_slopes(given & valid, found, slope), 0.0, looks_stable, settled=True)
     if uniform:
         return StableGround(found, 0.0, looks_stable, settled=True)
     stated = np.hypot(sampling, registration_error)
-    changed = changed_cells(dz, stated if plants is None else np.hypot(stated, plants), cell)
+    changed = changed_cells(dz, stated if plants is None else np.hypot(stated, plants), measured.partition.cell)
     share = float(changed.sum()) / number
     if share > MOST_CHANGED or looks_stable < LEAST_STABLE:
         return StableGround(found & ~changed, share, looks_stable, settled=False)

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 from scipy.special import erf
 
 from ...interface.parameters import GridChangeParameters
 from ..core.arrays import Float
-from ..grid.blocks import Blocks, sums_around
+from ..grid.part_windows import sums_around
+from ..grid.partition import Partition
 from ..statistics.normal import quantile
 
 _WINDOW = 5  # cells along the side of the window of spatial coherence
@@ -44,7 +44,7 @@ def stated_error(parameters: GridChangeParameters) -> float | None:
     return None
 
 
-def decide(dz: Float, error: Float, parameters: GridChangeParameters, block: Blocks | None = None) -> Decision:
+def decide(dz: Float, error: Float, parameters: GridChangeParameters, partition: Partition) -> Decision:
     """Apply ``parameters.threshold`` to the change ``dz`` with standard error ``error`` (both metres, NaN: no data).
 
     - constant: one level for every cell, whatever its error.
@@ -66,7 +66,7 @@ def decide(dz: Float, error: Float, parameters: GridChangeParameters, block: Blo
     level = z * error
     if parameters.threshold == "probabilistic":
         return _beyond(dz, level)
-    posterior = coherent_probability(dz, error, block)
+    posterior = coherent_probability(dz, error, partition)
     with np.errstate(invalid="ignore"):
         return Decision(level, posterior > parameters.confidence, posterior)
 
@@ -76,17 +76,17 @@ def _beyond(dz: Float, level: Float) -> Decision:
         return Decision(level, np.abs(dz) > level)
 
 
-def coherent_probability(dz: Float, error: Float, block: Blocks | None = None) -> Float:
+def coherent_probability(dz: Float, error: Float, partition: Partition) -> Float:
     """Posterior probability that a cell's change is real; NaN where ``dz`` is.
 
     Prior: two-sided probability of the cell alone, erf(|dz| / (error sqrt 2)). Likelihood: from the share of the
     measured cells in a window of 5 by 5 that changed with the cell's sign; 0 up to 60 %, 1 where all did, linear in
-    between. Posterior by Bayes' theorem: p L / (p L + (1 - p) (1 - L)). Where cells grew, ``block`` tells which are
-    one: each counts once, and the window is five of the block's own sides wide.
+    between. Posterior by Bayes' theorem: p L / (p L + (1 - p) (1 - L)). Where cells grew, each part counts once, and
+    the window is five of its own sides wide.
     """
 
     def number(cells: NDArray[np.bool_]) -> Float:
-        return _window_sum(cells) if block is None else sums_around(cells, block, _WINDOW)
+        return sums_around(partition, cells, _WINDOW)
 
     known = np.isfinite(dz) & np.isfinite(error)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -97,8 +97,3 @@ def coherent_probability(dz: Float, error: Float, block: Blocks | None = None) -
         posterior = joint / (joint + (1.0 - prior) * (1.0 - likelihood))
     # a prior of 1 with a likelihood of 0, or the reverse: what excludes the change counts
     return np.where(known, np.nan_to_num(posterior), np.nan)
-
-
-def _window_sum(cells: NDArray[np.bool_]) -> Float:
-    total: Float = ndimage.uniform_filter(cells.astype(np.float64), _WINDOW, mode="constant") * _WINDOW**2
-    return np.rint(total)

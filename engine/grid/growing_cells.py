@@ -18,6 +18,7 @@ from .block_moments import cell_moments
 from .chosen_cell import largest_step, level_step
 from .grid import Grid, cell_index
 from .grown_cells import COLUMNS, RADIUS, Grown, Growth, grow
+from .partition import Partition
 from .plant_cells import PlantCells, together
 
 _AT_ONCE = 1_000_000  # cells of a grid that is worked on as a whole
@@ -35,8 +36,7 @@ class AdaptiveCells:
         slope: inclination of the block's planes, degrees.
         count_from, count_to: points of the block in either epoch; outside of blocks, of the cell.
         points: points of each cell itself in either epoch.
-        block: number of the block, from 0; -1 outside of blocks.
-        cell_size: side of the block, m; NaN outside.
+        partition: the blocks.
         plants: what plants do to the heights, and how high they stand; None where nothing is known of them.
     """
 
@@ -48,8 +48,7 @@ class AdaptiveCells:
     count_from: NDArray[np.int32]
     count_to: NDArray[np.int32]
     points: tuple[NDArray[np.int32], NDArray[np.int32]]
-    block: NDArray[np.int32]
-    cell_size: Float
+    partition: Partition
     plants: PlantCells | None = None
 
 
@@ -334,7 +333,6 @@ def _together(
         count_from=count_from,
         count_to=count_to,
         points=points,
-        block=of_cells(number.astype(np.int32), np.int32(-1)),
-        cell_size=of_cells(told["side"][number]),
+        partition=Partition.of_blocks(of_cells(number.astype(np.int32), np.int32(-1)), frame.grid.cell, told["side"]),
         plants=together(*plants),
     )

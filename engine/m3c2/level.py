@@ -14,11 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from ..change.measured import Measured
 from ..change.plant_calibration import PATCH_M, plants_factor
-from ..change.slope_calibration import ErrorModel, calibrate, patch_halves, uncalibrated, without_stable_ground
+from ..change.slope_calibration import ErrorModel, Samples, calibrate, patch_halves, uncalibrated, without_stable_ground
 from ..change.stable_ground import StableGround, stable_ground
 from ..core.arrays import Float, Index
 from ..core.progress import Progress
+from ..grid.partition import Partition
+from ..grid.plant_cells import PlantCells
 from ..statistics.normal import quantile
 from .distances import Cylinders, Distances, level_of_detection, squared_errors
 from .lattice import dominant_frame
@@ -217,16 +220,15 @@ def _stable(cores: _Cores, registration_error: float, uniform: bool) -> StableGr
     places = cores.places
     # only cells whose core points are all given
     given = None if cores.given is None else places.means(cores.given.astype(np.float64)) == 1.0
-    return stable_ground(
-        places.means(cores.distance),
+    dz = places.means(cores.distance)
+    measured = Measured(
+        dz,
         places.means(cores.sampling),
         places.means(cores.slope),
-        cores.places.side,
-        registration_error=registration_error,
-        plants=None if cores.plants is None else places.means(cores.plants),
-        uniform=uniform,
-        given=given,
+        Partition((dz.shape[0], dz.shape[1]), places.side),
+        None if cores.plants is None else PlantCells(np.zeros(dz.shape), places.means(cores.plants)),
     )
+    return stable_ground(measured, registration_error=registration_error, uniform=uniform, given=given)
 
 
 def _model(cores: _Cores, ground: StableGround, found: Distances, uniform: bool) -> tuple[ErrorModel, float]:
@@ -240,16 +242,8 @@ def _model(cores: _Cores, ground: StableGround, found: Distances, uniform: bool)
         return replace(model, notes=(_left(why),)), 1.0
     stable = ground.stable.ravel()[cores.places.cell]
     known = {"registration_error": found.registration_error, "confidence": found.confidence}
-    model = calibrate(
-        cores.distance,
-        cores.sampling,
-        cores.slope,
-        stable,
-        plants=cores.plants,
-        half=cores.places.half,
-        independent=cores.places.independent,
-        **known,
-    )
+    samples = Samples(cores.distance, cores.sampling, cores.slope, stable, plants=cores.plants, half=cores.places.half)
+    model = calibrate(samples, independent=cores.places.independent, **known)
     if model.kind != "calibrated":
         return replace(model, kind="uncalibrated", typical=1.0, notes=(_left(model.why),)), 1.0
     model = replace(model, changed_share=None if cores.given is not None else ground.changed_share)

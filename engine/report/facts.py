@@ -142,15 +142,15 @@ def error_terms(change: Change) -> list[dict[str, Any]]:
 
 def cell_sizes(change: Change) -> list[dict[str, Any]]:
     """Where cells grew: their number, area and median level by their side, the smallest first; else nothing."""
-    if change.cell_size is None or change.block is None:
+    if not change.partition.grown:
         return []
-    rows = []
-    for side in np.unique(change.cell_size[change.valid]):
-        cells = change.cell_size == side
+    rows, sizes = [], change.partition.sizes
+    for side in np.unique(sizes[change.valid]):
+        cells = sizes == side
         rows.append(
             {
                 "side_m": round(float(side), 6),
-                "cells": int(np.unique(change.block[cells]).size),
+                "cells": change.partition.parts_among(cells),
                 "area_m2": float(cells.sum() * change.grid.cell**2),
                 "share": float(cells.sum() / change.valid.sum()),
                 "level_median_m": float(np.median(change.level[cells])),

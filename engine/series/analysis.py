@@ -80,7 +80,7 @@ def analyse(
     groups = []
     for number, change in enumerate(cumulative, 1):
         plants = None if change.plants is None else change.plants.error
-        labels = label_groups(change.dz, stack.significant[number], grid, settings.zones, plants=plants)[0]
+        labels = label_groups(change.dz, stack.significant[number], settings.zones, change.partition, plants=plants)[0]
         groups.append((number, labels, np.sign(np.nan_to_num(change.dz)).astype(np.int8)))
     tracks = track_zones(groups, max(1, reach))
     living = [t for t in tracks if not t.merged_into and len(t.footprint)]

@@ -10,7 +10,9 @@ from pyproj import CRS
 from ...interface.parameters import ZoneParameters
 from ..change.result import Change
 from ..statistics.normal import quantile
+from .detected import Detected, Origin
 from .extraction import Zones, extract_zones
+from .footprints import Cells
 
 
 def change_zones(
@@ -26,24 +28,25 @@ def change_zones(
 
     Their ``lod95_m`` is at 95 %, whatever confidence the change was judged with.
     """
-    return extract_zones(
-        change.dz,
+    found = Detected(
         change.significant & (change.uniform_dz is None),
         quantile(0.95) * change.error,
-        change.error,
         np.minimum(change.count_from, change.count_to),
+        change.stable,
+        change.height_to,
+    )
+    return extract_zones(
+        cells_of(change),
+        found,
         change.grid,
         crs,
         parameters,
         registration_error=change.registration_error,
-        heights=change.height_to,
-        epochs=epochs,
-        method=method,
-        run_id=run_id,
-        block=change.block,
-        cell_size=change.cell_size,
-        cell_area=change.cell_area,
-        stable=change.stable,
-        plants=None if change.plants is None else change.plants.error,
-        plant_like=change.plant_like,
+        origin=Origin(epochs, method, run_id),
     )
+
+
+def cells_of(change: Change) -> Cells:
+    """What zones and volumes are taken from."""
+    plants = None if change.plants is None else change.plants.error
+    return Cells(change.dz, change.error, change.cell_area, change.partition, plants, change.plant_like)

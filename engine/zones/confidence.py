@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr
 
+from ...interface.parameters import ZoneParameters
 from ..core.arrays import Float
-from ..grid.blocks import blocks_in_groups
+from .detected import Detected
 from .footprints import Cells, Footprint, in_window, outline_footprints
 from .groups import without
 from .volumes import CorrelationModel, fit_correlation, outside
@@ -100,43 +101,36 @@ def sure_groups(
     labels: NDArray[np.int32],
     count: int,
     cells: Cells,
-    count_min: NDArray[np.integer],
-    stable: NDArray[np.bool_] | None,
+    found: Detected,
+    parameters: ZoneParameters,
     *,
-    gap: float,
     registration_error: float,
-    least: float,
 ) -> SureGroups:
-    """The groups 1 to ``count`` of ``labels`` whose confidence is at least ``least``.
+    """The groups 1 to ``count`` of ``labels`` whose confidence is at least ``parameters.minimum_confidence``.
 
     What is left out is noise, and belongs to the ground from which the errors' correlation is told: this is told again
     without it, until all that remain are sure.
 
     Args:
-        count_min: points of each cell in the epoch that has fewer.
-        stable: cells taken as stable ground; without it, those outside of every footprint.
-        gap, registration_error: metres, see ``volumes.outline_footprints``.
+        registration_error: metres, see ``footprints.outline_footprints``.
     """
     known = np.isfinite(cells.dz)
-    alone = known if cells.block is None else known & (cells.block < 0)
-    compared = int(alone.sum()) + (0 if cells.block is None else int(cells.block.max(initial=-1)) + 1)
+    compared = cells.partition.parts_among(known)
+    gap, stable = parameters.bridged_gap, found.stable
     dropped = 0
     while True:
         footprints = outline_footprints(cells, labels, count, gap=gap, registration_error=registration_error)
         still = outside(footprints, known, cells.cell)
         correlation = fit_correlation(cells, still if stable is None else still & stable, registration_error)
-        if cells.block is None:
-            number = np.bincount(labels.ravel(), minlength=count + 1)
-        else:
-            number = blocks_in_groups(labels, cells.block, count)
+        number = cells.partition.parts_in_groups(labels, count)
         confidence = np.array(
             [
-                _confidence(footprint, cells, count_min, correlation, int(n), compared)
-                for footprint, n in zip(footprints, number[1:], strict=True)
+                _confidence(footprint, cells, found.count_min, correlation, int(n), compared)
+                for footprint, n in zip(footprints, number, strict=True)
             ],
             dtype=np.float64,
         )
-        kept = confidence >= least
+        kept = confidence >= parameters.minimum_confidence
         if kept.all():
             return SureGroups(labels, confidence, footprints, correlation, dropped)
         dropped += int((~kept).sum())

@@ -14,8 +14,8 @@ from shapely.geometry.base import BaseGeometry
 
 from ..change.result import Change
 from ..core.arrays import Float
-from ..grid.blocks import Blocks
 from ..grid.grid import Grid
+from ..grid.partition import Partition
 from ..vector.cell_polygons import table_column
 
 LEAST_COMPARED = 0.25
@@ -116,18 +116,21 @@ def weigh(geometry: BaseGeometry, sign: float, change: Change, *, outline_cell: 
         matching = float(significant[dz * sign > 0].sum())
     return Evidence(
         compared=min(1.0, cells * change.grid.cell**2 / geometry.area) if geometry.area else 0.0,
-        cells=cells if change.block is None else _effective(change.block[window], weights),
+        cells=_witnesses(change.partition.window(window), weights),
         matching=matching / cells if cells else math.nan,
         opposite=(moved - matching) / cells if cells else math.nan,
         mean=float(np.nansum(significant * dz) / moved) if moved else math.nan,
     )
 
 
-def _effective(block: Blocks, weights: Float) -> float:
-    """How many equal blocks would tell a share as surely as those with ``weights``, of which a few may hold most
-    (Kish 1965, Survey Sampling: the square of the sum over the sum of squares).
+def _witnesses(partition: Partition, weights: Float) -> float:
+    """The cells of which ``weights`` are inside, or how many equal blocks would tell a share as surely as those with
+    these weights, of which a few may hold most (Kish 1965, Survey Sampling: the square of the sum over the sum of
+    squares).
     """
-    each = np.bincount(block[weights > 0], weights[weights > 0])
+    if partition.block is None:
+        return float(weights.sum())
+    each = np.bincount(partition.block[weights > 0], weights[weights > 0])
     return float(each.sum() ** 2 / (each**2).sum()) if each.size else 0.0
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import date
+from functools import partial
 
 import geopandas as gpd
 import numpy as np
@@ -13,12 +14,12 @@ from pyproj import CRS
 from ...interface.parameters import ZoneParameters
 from ..core.arrays import Float
 from ..crs.working_frame import horizontal
-from ..grid.blocks import Blocks, blocks_in_groups
 from ..grid.grid import Grid
 from ..statistics.normal import Z95
 from ..vector.cell_polygons import cell_polygons, inclination, table_column
 from ..vector.review_fields import UNREVIEWED
 from .confidence import SURE, sure_groups
+from .detected import Detected, Origin
 from .fields import FIELDS, KINDS, SEVERITIES, UNSURE
 from .footprints import Cells, Footprint, footprint_labels
 from .groups import first_of_each, label_groups
@@ -52,26 +53,14 @@ class Zones:
 
 
 def extract_zones(
-    dz: NDArray[np.floating],
-    significant: NDArray[np.bool_],
-    lod: NDArray[np.floating],
-    sigma: NDArray[np.floating],
-    count_min: NDArray[np.integer],
+    cells: Cells,
+    found: Detected,
     grid: Grid,
     crs: CRS | None,
     parameters: ZoneParameters | None = None,
     *,
     registration_error: float = 0.0,
-    heights: NDArray[np.floating] | None = None,
-    epochs: tuple[date | None, date | None] = (None, None),
-    method: str = "",
-    run_id: str = "",
-    block: Blocks | None = None,
-    cell_size: Float | None = None,
-    cell_area: Float | None = None,
-    stable: NDArray[np.bool_] | None = None,
-    plants: Float | None = None,
-    plant_like: NDArray[np.bool_] | None = None,
+    origin: Origin | None = None,
 ) -> Zones:
     """Join significant cells of one sign into zones.
 
@@ -91,48 +80,18 @@ def extract_zones(
     zone below 95 % has the severity ``unsure``.
 
     Args:
-        dz: elevation change (rows, columns), metres; NaN for no data.
-        significant: cells beyond their level of detection.
-        lod: level of detection of each cell at 95 % confidence, metres.
-        sigma: standard error of ``dz`` of each cell, the registration's part included, metres.
-        count_min: points of each cell in the epoch that has fewer.
-        registration_error: the part of ``sigma`` that all cells share, metres.
-        heights: heights of the surface, for the zones' inclination; without them ``slope_deg`` is NULL.
-        epochs: dates of both surveys; without them ``days`` and the rates are NULL.
-        block: number of each cell's block where cells grew (-1: none). A block counts as one cell and errs as one.
-        cell_size: side of each cell's block, metres (see ``label_groups``).
-        cell_area: area that each cell's ``dz`` acts on, m²; that of the map without.
-        stable: cells that are taken as stable ground, from which the errors' correlation is told; without it, those
-            outside of every footprint.
-        plants: the part of ``sigma`` that plants make, metres.
-        plant_like: cells whose change may be the plants', to which no volume reaches out.
+        cells: their ``error`` holds the registration's part. A part of grown cells counts as one and errs as one. To
+            cells whose change may be the plants' no volume reaches out.
+        found: without heights ``slope_deg`` is NULL.
+        registration_error: the part of the cells' error that all share, metres.
+        origin: without dates ``days`` and the rates are NULL.
     """
-    parameters = parameters or ZoneParameters()
-    cells_of = dz, significant, grid, parameters, cell_size
-    labels, first_cells, groups, dropped_cells = label_groups(*cells_of, plants, sigma)
+    parameters, origin = parameters or ZoneParameters(), origin or Origin()
+    group = partial(label_groups, cells.dz, found.significant, parameters, cells.partition, sigma=cells.error)
+    labels, first_cells, groups, dropped_cells = group(plants=cells.plants)
     count = len(first_cells)
-    within_plants = 0
-    if plants is not None:
-        within_plants = len(label_groups(*cells_of, None, sigma)[1]) - count
-    cells = Cells(
-        np.asarray(dz, dtype=np.float64),
-        np.asarray(sigma, dtype=np.float64),
-        np.full(grid.shape, grid.cell**2) if cell_area is None else cell_area,
-        grid.cell,
-        block,
-        plants,
-        plant_like,
-    )
-    sure = sure_groups(
-        labels,
-        count,
-        cells,
-        count_min,
-        stable,
-        gap=parameters.bridged_gap,
-        registration_error=registration_error,
-        least=parameters.minimum_confidence,
-    )
+    within_plants = 0 if cells.plants is None else len(group()[1]) - count
+    sure = sure_groups(labels, count, cells, found, parameters, registration_error=registration_error)
     labels, footprints, correlation = sure.labels, sure.footprints, sure.correlation
     count, first_cells = len(footprints), first_of_each(labels)
     inside = np.flatnonzero(labels)
@@ -144,22 +103,20 @@ def extract_zones(
     values = _statistics(
         zone,
         count,
-        of_cells(dz),
-        of_cells(lod),
-        count_min.ravel()[inside],
+        of_cells(cells.dz),
+        of_cells(found.level),
+        found.count_min.ravel()[inside],
         cell_area=grid.cell**2,
     )
     volumes = zone_volumes(footprints, cells, correlation)
     values.update(_volume_columns(volumes))
-    if block is not None:
-        values["n_cells"] = blocks_in_groups(labels, block, count)[1:]
-    values["slope_deg"] = np.full(count, np.nan) if heights is None else inclination(zone, inside, count, heights, grid)
+    values["n_cells"] = cells.partition.parts_in_groups(labels, count)
+    if found.heights is not None:
+        values["slope_deg"] = inclination(zone, inside, count, found.heights, grid)
     values["confidence"] = sure.confidence
     values["severity"] = _severity(values["dz_p95_m"], sure.confidence, parameters)
-    _add_rates(values, volumes.mean_error, epochs)
-    texts = {"method": method, "run_id": run_id, "review_status": UNREVIEWED}
-    texts.update(zip(("epoch_from", "epoch_to"), (e.isoformat() if e else "" for e in epochs), strict=True))
-    values.update({name: np.full(count, text, dtype=object) for name, text in texts.items()})
+    _add_rates(values, volumes.mean_error, origin.epochs)
+    values.update({name: np.full(count, text, dtype=object) for name, text in _texts(origin).items()})
     values["n_epochs_confirmed"] = np.ones(count, dtype=np.int64)
 
     rank = np.array([SEVERITIES.index(s) for s in values["severity"]], dtype=np.int64)
@@ -252,7 +209,6 @@ def _statistics(
         "dz_max_m": np.where(sign < 0, -smallest, largest),
         "dz_p95_m": sign * _quantile(magnitudes, cells, 0.95),
         "area_m2": cells * cell_area,
-        "n_cells": cells,
         "lod95_m": _quantile(levels, cells, 0.5),
         "n_pts_min": least,
     }
@@ -272,6 +228,12 @@ def _quantile(ordered: Float, cells: NDArray[np.int64], share: float) -> Float:
     low = np.floor(position).astype(np.int64)
     high = np.minimum(low + 1, cells - 1)
     return ordered[starts + low] + (position - low) * (ordered[starts + high] - ordered[starts + low])
+
+
+def _texts(origin: Origin) -> dict[str, str]:
+    first, last = (day.isoformat() if day else "" for day in origin.epochs)
+    texts = {"method": origin.method, "run_id": origin.run_id, "review_status": UNREVIEWED}
+    return texts | {"epoch_from": first, "epoch_to": last}
 
 
 def _severity(p95: Float, confidence: Float, parameters: ZoneParameters) -> NDArray[np.object_]:

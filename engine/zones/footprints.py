@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ..core.arrays import Float
-from ..grid.blocks import Blocks
+from ..grid.partition import Partition
 
 _RINGS = 8  # at most, around a zone
 _MARGIN = 2  # cells around a zone that always belong to its footprint
@@ -25,7 +25,7 @@ class Cells:
     Attributes:
         dz, error: change and its standard error, m.
         area: m² that ``dz`` acts on.
-        block: number of the group of cells that are one, -1 for none (see ``change.Change``). None: cells did not grow.
+        partition: which cells are one.
         plants: the part of ``error`` that plants make, m; None where nothing is known of them.
         plant_like: cells whose change may be the plants' (see ``season``): no footprint reaches out for it.
     """
@@ -33,10 +33,14 @@ class Cells:
     dz: Float
     error: Float
     area: Float
-    cell: float
-    block: Blocks | None = None
+    partition: Partition
     plants: Float | None = None
     plant_like: NDArray[np.bool_] | None = None
+
+    @property
+    def cell(self) -> float:
+        """Side of a cell, m."""
+        return self.partition.cell
 
 
 @dataclass(frozen=True)
@@ -188,7 +192,7 @@ def _around(values: Float, kernel: Float) -> Float:
 
 def in_window(cells: Cells, window: tuple[slice, ...]) -> Cells:
     """The part of ``cells`` in some rows and columns."""
-    block = None if cells.block is None else cells.block[window]
     plants = None if cells.plants is None else cells.plants[window]
     plant_like = None if cells.plant_like is None else cells.plant_like[window]
-    return Cells(cells.dz[window], cells.error[window], cells.area[window], cells.cell, block, plants, plant_like)
+    partition = cells.partition.window(window)
+    return Cells(cells.dz[window], cells.error[window], cells.area[window], partition, plants, plant_like)

@@ -9,7 +9,7 @@ from scipy import ndimage
 from ...interface.parameters import ZoneParameters
 from ..change.evidence import cells_worth
 from ..core.arrays import Float
-from ..grid.grid import Grid
+from ..grid.partition import Partition
 from ..grid.plant_cells import clear_of_plants
 
 _EIGHT = np.ones((3, 3), dtype=np.int8)
@@ -18,9 +18,9 @@ _EIGHT = np.ones((3, 3), dtype=np.int8)
 def label_groups(
     dz: NDArray[np.floating],
     significant: NDArray[np.bool_],
-    grid: Grid,
     parameters: ZoneParameters,
-    cell_size: Float | None = None,
+    partition: Partition,
+    *,
     plants: Float | None = None,
     sigma: NDArray[np.floating] | None = None,
 ) -> tuple[NDArray[np.int32], NDArray[np.int64], int, int]:
@@ -30,19 +30,20 @@ def label_groups(
     measured, change over 1 m² shows in half as many cells.
 
     Args:
-        cell_size: side of the grown cell that each cell is part of, metres; NaN for none. Towards the least number of
-            cells it counts with the part of its square that the group holds: what is left of a square tells less than
-            all of it, and where finer cells lent it their points nothing new.
+        partition: which cells are one. Towards the least number of cells a grown cell counts with the part of its
+            square that the group holds: what is left of a square tells less than all of it, and where finer cells lent
+            it their points nothing new.
         plants: error that plants make of each cell's change, metres: groups whose mean change is not beyond it
             (``plant_cover.clear_of_plants``) are left out.
         sigma: standard error of each cell's change, metres: a grown cell far beyond it counts for more than one
             (``evidence.cells_worth``).
     """
-    labels = np.zeros(grid.shape, dtype=np.int32)
+    cell = partition.cell
+    labels = np.zeros(partition.shape, dtype=np.int32)
     found = 0
     gaps = np.zeros(1, dtype=np.int64)
     unknown = np.isnan(dz)
-    reach = int(parameters.bridged_gap / (2.0 * grid.cell) + 1e-6)  # cells from either side of a gap
+    reach = int(parameters.bridged_gap / (2.0 * cell) + 1e-6)  # cells from either side of a gap
     for sign in (-1.0, 1.0):
         with np.errstate(invalid="ignore"):
             cells = significant & (dz * sign > 0)
@@ -57,11 +58,13 @@ def label_groups(
         found += number
     sizes = np.bincount(labels.ravel(), minlength=found + 1)
     # a group of exactly the least area must not fail by rounding
-    part_of_one = None if cell_size is None else np.nan_to_num((grid.cell / cell_size.ravel()) ** 2, nan=1.0)
-    if part_of_one is not None and sigma is not None:
-        part_of_one *= cells_worth(dz, sigma, parameters.minimum_cells).ravel()
+    part_of_one = None
+    if partition.grown:
+        part_of_one = np.nan_to_num((cell / partition.sizes.ravel()) ** 2, nan=1.0)
+        if sigma is not None:
+            part_of_one *= cells_worth(dz, sigma, parameters.minimum_cells).ravel()
     number_of = np.bincount(labels.ravel(), part_of_one, minlength=found + 1)
-    extent = (sizes + gaps) * grid.cell**2
+    extent = (sizes + gaps) * cell**2
     enough = (number_of >= parameters.minimum_cells - 1e-6) & (extent >= parameters.minimum_area * (1 - 1e-9))
     if plants is not None:
         enough &= clear_of_plants(labels, found, np.asarray(dz, dtype=np.float64), plants)

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ..core.arrays import Float
-from ..grid.blocks import first_cells
 from ..statistics.variogram import (
     FEWEST_CELLS,
     FEWEST_LAGS,
@@ -85,14 +84,7 @@ class CorrelationModel:
         weighted = np.zeros(weights.shape)
         plants = None if cells.plants is None else cells.plants[used]
         weighted[used] = weights[used] * self.sampling_error(cells.error[used], plants)
-        if cells.block is None:
-            return weighted
-        inside = np.flatnonzero(used.ravel() & (cells.block.ravel() >= 0))
-        _, first, group = np.unique(cells.block.ravel()[inside], return_index=True, return_inverse=True)
-        sums = np.bincount(group, weighted.ravel()[inside])
-        weighted.ravel()[inside] = 0.0
-        weighted.ravel()[inside[first]] = sums
-        return weighted
+        return cells.partition.gathered(weighted, used)
 
 
 def shared_error(weights: Float, error: Float | None) -> float:
@@ -146,8 +138,7 @@ def fit_correlation(cells: Cells, stable: NDArray[np.bool_], registration_error:
     sampling = np.zeros(cells.dz.shape)
     sampling[usable] = of_usable
     usable &= sampling > 0
-    if cells.block is not None:
-        usable &= first_cells(cells.block) | (cells.block < 0)
+    usable = cells.partition.one_each(usable)
     if cells.plants is not None:
         little = usable & (np.nan_to_num(cells.plants) <= sampling)
         if int(little.sum()) >= FEWEST_CELLS:

@@ -16,6 +16,7 @@ from ...engine.core.arrays import Float
 from ...engine.core.errors import InputError
 from ...engine.crs.working_frame import horizontal
 from ...engine.grid.grid import Grid, cell_index, snapped_grid
+from ...engine.grid.partition import Partition
 from ...engine.vector.cell_polygons import cell_polygons, inclination, table_column
 from ...engine.vector.review_fields import UNREVIEWED
 from ...engine.zones.groups import label_groups
@@ -107,8 +108,8 @@ def outline_hazards(
     joined, first_cells, _, _ = label_groups(
         signed,
         labels > 0,
-        grid,
         ZoneParameters(minimum_area=parameters.minimum_hazard_area, minimum_cells=2, bridged_gap=_BRIDGED * grid.cell),
+        Partition(grid.shape, grid.cell),
     )
     order, columns = _figures(joined, len(first_cells), labels, probability, heights, screening, index, grid)
     renumbered = np.zeros(len(first_cells) + 1, dtype=np.int32)

@@ -13,7 +13,6 @@ import pytest
 from slopewatch.benchmarks.controlled_test import inside
 from slopewatch.engine.change.difference import difference
 from slopewatch.engine.change.result import Change
-from slopewatch.engine.grid.blocks import middle_cells
 from slopewatch.engine.pointcloud.reading import read_cloud
 from slopewatch.interface.parameters import ChangeParameters, InputParameters, SurveyParameters
 from slopewatch.simulation.surveys.survey import simulate_pair
@@ -29,8 +28,7 @@ def shares(change: Change, where: np.ndarray | None = None) -> dict[int, float]:
 def counted(change: Change, where: np.ndarray | None = None) -> dict[int, tuple[float, int]]:
     """The same of all classes that have any, with the number of their cells."""
     all_of_them = change.valid if where is None else change.valid & where
-    if change.block is not None:
-        all_of_them &= middle_cells(change.block)
+    all_of_them = change.partition.middles(all_of_them)
     found = {}
     for low, high in pairwise((0, 15, 30, 45, 60, 90)):
         cells = all_of_them & (change.slope >= low) & (change.slope < high)

@@ -21,6 +21,7 @@ from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.epochs.epoch import Epoch
 from slopewatch.engine.geometry.rigid_transform import RigidTransform
 from slopewatch.engine.grid.grid import Grid
+from slopewatch.engine.grid.partition import Partition
 from slopewatch.engine.pointcloud.reading import read_cloud
 from slopewatch.engine.zones.confirmation import VERDICTS, verdict, weigh
 from slopewatch.interface.parameters import ChangeParameters, LastEpochParameters, SurveyParameters
@@ -190,7 +191,7 @@ def test_the_words_hold_for_discs_on_ground_whose_change_is_known(survey, run):
     cells = np.stack([size, *square, np.nan_to_num(dz)]).reshape(4, -1)
     block = np.unique(cells, axis=1, return_inverse=True)[1].reshape(dz.shape)
     block[np.isnan(dz)] = -1
-    change = SimpleNamespace(grid=grid, dz=dz, significant=significant, block=block)
+    change = SimpleNamespace(grid=grid, dz=dz, significant=significant, partition=Partition.of_blocks(block, grid.cell))
     truth = np.where(np.isfinite(dz), pair.true_change_raster(grid), np.nan)
     rng = np.random.default_rng(0)
     cells = np.argwhere(np.isfinite(dz))

@@ -24,9 +24,8 @@ from ...engine.maps import heatmap, palette, qgis_styles, top_view
 from ...engine.pointcloud.cloud import PointCloud
 from ...engine.report.facts import change_facts, error_terms
 from ...engine.zones import extraction, fields, gcd_table
-from ...engine.zones.change_zones import change_zones
+from ...engine.zones.change_zones import cells_of, change_zones
 from ...engine.zones.earlier_reviews import EarlierReviews
-from ...engine.zones.footprints import Cells
 from ...engine.zones.profile_lines import ProfileLine, steepest_lines
 from ...engine.zones.profiles import Layers, missed_lines, take_profile, write_profiles
 from ...interface.parameters import ChangeParameters, HeatmapParameters, ReportParameters, ZoneParameters
@@ -156,12 +155,6 @@ def write_products(
     return Products(outputs, figures, facts)
 
 
-def cells_of(change: Change) -> Cells:
-    """What volumes are taken from."""
-    plants = None if change.plants is None else change.plants.error
-    return Cells(change.dz, change.error, change.cell_area, change.grid.cell, change.block, plants, change.plant_like)
-
-
 def profile_products(
     layers: Layers,
     zone_frame: gpd.GeoDataFrame,
@@ -185,9 +178,9 @@ def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:
     area = change.grid.cell**2
     significant = change.dz[change.significant]
     grown: dict[str, Any] = {}
-    if change.block is not None and change.cell_size is not None:
-        grown["grown_cells"] = int(change.block.max()) + 1
-        grown["cell_size_median_m"] = float(np.nanmedian(change.cell_size))
+    if change.partition.grown:
+        grown["grown_cells"] = change.partition.count
+        grown["cell_size_median_m"] = float(np.nanmedian(change.partition.sizes))
     return grown | {
         "common_cell_rate": change.common_cell_rate,
         "common_area_m2": float(change.valid.sum() * area),
@@ -245,9 +238,10 @@ def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float,
             qgis_styles.change_qml(limit),
         ),
     ]
-    if change.cell_size is not None:
-        sizes = np.unique(change.cell_size[change.valid]).tolist()
-        layers.append(("cell_size", change.cell_size, "Side of the grown cell", qgis_styles.cell_size_qml(sizes)))
+    if change.partition.grown:
+        sizes = change.partition.sizes
+        qml = qgis_styles.cell_size_qml(np.unique(sizes[change.valid]).tolist())
+        layers.append(("cell_size", sizes, "Side of the grown cell", qml))
     if change.plants is not None:
         by_plants = np.where(change.valid, change.plants.error, np.nan)
         qml = qgis_styles.level_qml(max(float(np.nanpercentile(by_plants, 98)), 0.01))

@@ -9,9 +9,9 @@ import pytest
 from scipy.stats import norm
 from slopewatch.engine.change.evidence import cells_worth
 from slopewatch.engine.grid.grid import Grid
-from slopewatch.engine.zones.extraction import extract_zones
 from slopewatch.engine.zones.groups import label_groups
 from slopewatch.interface.parameters import ZoneParameters
+from slopewatch.tests.builders.change_zones import blocks_of, zones_of
 
 CELL, SIDE = 0.2, 4
 LEAST, MOST = 5, 2.5
@@ -30,10 +30,10 @@ def blocks(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, Grid]:
 
 def groups(z: np.ndarray, told: bool = True) -> int:
     """Groups that are large enough; ``told``: whether the cells' errors are."""
-    dz, _, grid = blocks(z)
+    dz, block, _ = blocks(z)
     sigma = np.full(dz.shape, SIGMA) if told else None
-    size = np.full(dz.shape, CELL * SIDE)
-    return len(label_groups(dz, np.abs(dz) > 1.96 * SIGMA, grid, ZoneParameters(), size, None, sigma)[1])
+    partition = blocks_of(block, CELL, np.full(dz.shape, CELL * SIDE))
+    return len(label_groups(dz, np.abs(dz) > 1.96 * SIGMA, ZoneParameters(), partition, sigma=sigma)[1])
 
 
 def beside(*z: float) -> np.ndarray:
@@ -87,10 +87,10 @@ def test_few_cells_are_a_zone_if_they_are_far_beyond_their_level(z, zones):
 
 
 def test_what_is_left_of_a_grown_cell_counts_as_a_part_however_sure_it_is():
-    dz, _, grid = blocks(beside(8.0, 8.0))
+    dz, block, _ = blocks(beside(8.0, 8.0))
     dz[:, 14:] = np.nan
-    size, sigma = np.full(dz.shape, CELL * SIDE), np.full(dz.shape, SIGMA)
-    labels, kept, *_ = label_groups(dz, dz > 0.02, grid, ZoneParameters(minimum_area=0.0), size, None, sigma)
+    partition, sigma = blocks_of(block, CELL, np.full(dz.shape, CELL * SIDE)), np.full(dz.shape, SIGMA)
+    labels, kept, *_ = label_groups(dz, dz > 0.02, ZoneParameters(minimum_area=0.0), partition, sigma=sigma)
     assert len(kept) == 0, "a cell and half of one"
     assert not labels.any()
 
@@ -109,7 +109,7 @@ def test_zones_of_grown_cells_take_their_errors_into_account():
     dz, block, grid = blocks(beside(9.0, 9.0))
     sigma, size = np.full(dz.shape, SIGMA), np.full(dz.shape, CELL * SIDE)
     args = dz, np.abs(dz) > 1.96 * SIGMA, 1.96 * sigma, sigma, np.full(dz.shape, 9), grid, None
-    found = extract_zones(*args, block=block, cell_size=size)
+    found = zones_of(*args, partition=blocks_of(block, CELL, size))
     assert found.frame["n_cells"].tolist() == [2]
     assert found.frame["area_m2"].iloc[0] == pytest.approx(2 * 0.64)
-    assert len(extract_zones(*args).frame) == 1, "32 cells of one size"
+    assert len(zones_of(*args).frame) == 1, "32 cells of one size"

@@ -10,9 +10,10 @@ import shapely
 from slopewatch.engine.change.difference import difference
 from slopewatch.engine.change.doubts import warn_of_doubtful_change
 from slopewatch.engine.change.judgement import judge
+from slopewatch.engine.change.measured import Measured
 from slopewatch.engine.change.result import Change
 from slopewatch.engine.core.progress import Progress
-from slopewatch.engine.grid.blocks import first_cells
+from slopewatch.engine.grid.partition import Partition
 from slopewatch.interface.parameters import ChangeParameters
 
 DIP = math.radians(60.0)
@@ -160,9 +161,9 @@ def test_each_slope_of_grown_cells_is_calibrated_for_itself():
     slope = np.where(face, 52.0, 12.0)
     sampling = np.full(block.shape, 0.02)
     dz = (random.normal(0, 0.02, 1600))[block] * np.where(face, 2.0, 1.0)
-    parameters = ChangeParameters(cell=0.2)
-    found = judge(dz, sampling, slope, 0.2, parameters, registration_error=0.0, block=block, size=sampling * 80)
-    one = first_cells(block)
+    parameters, partition = ChangeParameters(cell=0.2), Partition.of_blocks(block, 0.2)
+    found = judge(Measured(dz, sampling, slope, partition), parameters, registration_error=0.0)
+    one = partition.one_each(np.ones(block.shape, dtype=bool))
     for where in (face, ~face):
         assert 0.03 <= found.decision.significant[one & where].mean() <= 0.07
     assert len(found.model.classes) == 2
@@ -180,8 +181,9 @@ def test_where_much_has_changed_the_level_stays_what_points_say(share, block_sid
     moved = column < 100 * share
     dz = random.normal(0, 0.02, number.size)[block] - 0.2 * moved
     sampling, slope = np.full(dz.shape, 0.02), np.full(dz.shape, 20.0)
-    grown = {} if block_side == 1 else {"block": block, "size": np.full(dz.shape, 0.2 * block_side)}
-    found = judge(dz, sampling, slope, 0.2, ChangeParameters(cell=0.2), registration_error=0.001, **grown)
+    partition = Partition(dz.shape, 0.2) if block_side == 1 else Partition.of_blocks(block, 0.2)
+    measured = Measured(dz, sampling, slope, partition)
+    found = judge(measured, ChangeParameters(cell=0.2), registration_error=0.001)
     assert np.median(found.decision.level) == pytest.approx(1.96 * 0.02, rel=0.2), "not a multiple of it"
     assert found.decision.significant[moved].mean() > 0.95
     assert found.model.changed_share == pytest.approx(share, abs=0.06)

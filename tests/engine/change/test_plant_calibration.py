@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from slopewatch.engine.change.judgement import judge
+from slopewatch.engine.change.measured import Measured
 from slopewatch.engine.change.plant_calibration import NARROWEST, plants_factor, squares_of
+from slopewatch.engine.grid.partition import Partition
 from slopewatch.engine.grid.plant_cells import PlantCells
 from slopewatch.interface.parameters import ChangeParameters
 
@@ -76,15 +78,9 @@ def judged(real: float, stated: float, **options: float):
     grass = np.broadcast_to(np.arange(SHAPE[1]) >= 100, SHAPE)
     bare = SAMPLING * np.random.default_rng(7).normal(size=SHAPE)
     plants = PlantCells(np.where(grass, stated * 0.6, 0.0), np.where(grass, stated * 0.8, 0.0))
-    return judge(
-        np.where(grass, dz, bare),
-        np.full(SHAPE, SAMPLING),
-        np.full(SHAPE, 30.0),
-        CELL,
-        ChangeParameters(cell=CELL, adaptive=False, **options),
-        registration_error=0.0,
-        plants=plants,
-    ), grass
+    slope, partition = np.full(SHAPE, 30.0), Partition(SHAPE, CELL)
+    measured = Measured(np.where(grass, dz, bare), np.full(SHAPE, SAMPLING), slope, partition, plants)
+    return judge(measured, ChangeParameters(cell=CELL, adaptive=False, **options), registration_error=0.0), grass
 
 
 @pytest.mark.parametrize(("real", "stated"), [(0.03, 0.055), (0.03, 0.04), (0.04, 0.04)])
@@ -112,6 +108,7 @@ def test_ground_that_moved_under_grass_does_not_widen_the_rest():
     plants = PlantCells(np.zeros(SHAPE), np.full(SHAPE, PLANTS))
     parameters = ChangeParameters(cell=CELL, adaptive=False)
     slope, sampling = np.full(SHAPE, 30.0), np.full(SHAPE, SAMPLING)
-    found = judge(dz, sampling, slope, CELL, parameters, registration_error=0.0, plants=plants)
+    measured = Measured(dz, sampling, slope, Partition(SHAPE, CELL), plants)
+    found = judge(measured, parameters, registration_error=0.0)
     assert found.plants_factor < 0.65
     assert found.decision.significant[42:78, 62:118].mean() > 0.99

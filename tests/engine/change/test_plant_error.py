@@ -8,22 +8,22 @@ import numpy as np
 import pytest
 from slopewatch.engine.change.difference import difference, uniform_shift
 from slopewatch.engine.change.judgement import judge
+from slopewatch.engine.change.measured import Measured
 from slopewatch.engine.change.size_calibration import widening_by_size
-from slopewatch.engine.change.slope_calibration import calibrate
+from slopewatch.engine.change.slope_calibration import Samples, calibrate
 from slopewatch.engine.change.stable_cells import find_stable
 from slopewatch.engine.core.errors import InputError
-from slopewatch.engine.grid.blocks import middle_cells
 from slopewatch.engine.grid.common_grid import common_grid
 from slopewatch.engine.grid.grid import Grid, snapped_grid
 from slopewatch.engine.grid.plant_cells import PlantCells, cell_means, together
 from slopewatch.engine.pointcloud.plant_cover import PlantCover
 from slopewatch.engine.statistics.normal import quantile
 from slopewatch.engine.statistics.variogram import VariogramModel
-from slopewatch.engine.zones.extraction import extract_zones
 from slopewatch.engine.zones.footprints import Cells, outline_footprints
 from slopewatch.engine.zones.groups import label_groups
 from slopewatch.engine.zones.volumes import CorrelationModel, fit_correlation, zone_volumes
 from slopewatch.interface.parameters import ChangeParameters, ZoneParameters
+from slopewatch.tests.builders.change_zones import single, zones_of
 
 SHAPE = (160, 240)
 ONE_SIZE = ChangeParameters(cell=0.5, adaptive=False)
@@ -55,7 +55,8 @@ def slope_with_grass(seed: int, *, covered: float = 0.5, factor: float = 1.0, si
 def judged(seed: int, *, told: bool = True, stated: float = 1.0, **options):
     dz, sampling, slope, plants = slope_with_grass(seed, **options)
     cells = PlantCells(np.zeros(SHAPE), stated * plants) if told else None
-    return judge(dz, sampling, slope, 0.5, ONE_SIZE, registration_error=0.0, plants=cells), plants > 0
+    measured = Measured(dz, sampling, slope, single(dz, 0.5), cells)
+    return judge(measured, ONE_SIZE, registration_error=0.0), plants > 0
 
 
 @pytest.mark.parametrize("covered", [0.2, 0.5, 0.8, 1.0])
@@ -90,7 +91,8 @@ def test_plants_that_are_stated_wrongly_do_not_spoil_the_calibration_of_bare_gro
 def test_where_all_is_covered_overstated_plants_do_not_narrow_the_points_error():
     dz, sampling, slope, plants = slope_with_grass(3, covered=1.0)
     everywhere = np.ones(SHAPE, dtype=bool)
-    model = calibrate(dz, sampling, slope, everywhere, registration_error=0.0, confidence=0.95, plants=3 * plants)
+    samples = Samples(dz, sampling, slope, everywhere, 3 * plants)
+    model = calibrate(samples, registration_error=0.0, confidence=0.95)
     assert model.typical == 1.0
     assert all(c.factor == 1.0 for c in model.classes)
 
@@ -99,18 +101,20 @@ def test_few_bare_cells_without_any_plants_calibrate_as_ever():
     dz, sampling, slope, _ = slope_with_grass(4, covered=0.0)
     few = np.zeros(SHAPE, dtype=bool)
     few[:10, :12] = True
-    plain = calibrate(0.7 * dz, sampling, slope, few, registration_error=0.0, confidence=0.95)
-    told = calibrate(0.7 * dz, sampling, slope, few, registration_error=0.0, confidence=0.95, plants=np.zeros(dz.shape))
+    samples = Samples(0.7 * dz, sampling, slope, few)
+    plain = calibrate(samples, registration_error=0.0, confidence=0.95)
+    told = calibrate(replace(samples, plants=np.zeros(dz.shape)), registration_error=0.0, confidence=0.95)
     assert plain == told
     assert plain.typical < 1.0
 
 
 def test_the_widening_by_size_leaves_the_plants_out():
-    dz, sampling, _, plants = slope_with_grass(5, covered=1.0)
-    size, stable = np.full(SHAPE, 0.8), np.ones(SHAPE, dtype=bool)
+    dz, sampling, slope, plants = slope_with_grass(5, covered=1.0)
+    stable = np.ones(SHAPE, dtype=bool)
     common = {"registration_error": 0.0, "confidence": 0.95}
-    without = widening_by_size(dz, sampling, size, stable, **common)
-    told = widening_by_size(dz, sampling, size, stable, **common, plants=plants)
+    measured = Measured(dz, sampling, slope, single(dz, 0.8))
+    without = widening_by_size(measured, stable, **common)
+    told = widening_by_size(replace(measured, plants=PlantCells(0 * plants, plants)), stable, **common)
     assert without.max() == 3.0
     assert told.max() < 1.5
 
@@ -120,7 +124,7 @@ def test_grass_that_shares_its_error_is_no_moved_ground():
     dz = dz.copy()
     dz[20:60, 10:60] -= 0.05  # bare ground that did move
     grass = plants > 0
-    alone, told = (find_stable(dz, sampling, slope, 0.5, alike) for alike in (None, plants))
+    alone, told = (find_stable(dz, sampling, slope, single(dz, 0.5), alike) for alike in (None, plants))
     assert told[grass].mean() > 0.9
     assert alone[grass].mean() < 0.5
     assert told[22:58, 12:58].mean() < 0.02
@@ -134,16 +138,16 @@ def test_patches_of_grass_beyond_their_level_are_no_zones_but_a_slump_is():
     significant[60:80, 100:120] = True
     grid = Grid(0.0, 0.0, 0.5, *SHAPE)
     assert found.plants is not None
-    every = label_groups(dz, significant, grid, ZoneParameters())[1]
-    labels, kept, dropped, _ = label_groups(dz, significant, grid, ZoneParameters(), plants=found.plants.error)
+    alone = single(dz, 0.5)
+    every = label_groups(dz, significant, ZoneParameters(), alone)[1]
+    labels, kept, dropped, _ = label_groups(dz, significant, ZoneParameters(), alone, plants=found.plants.error)
     assert len(every) > 60
     assert len(kept) <= 10, "one in 370, and the slump"
     assert dropped >= len(every) - len(kept)
     assert labels[70, 110] > 0
     parameters, args = ZoneParameters(minimum_confidence=0.0), (found.decision.level, found.error, np.full(SHAPE, 9))
     zones = [
-        extract_zones(dz, significant, *args, grid, None, parameters, plants=error)
-        for error in (None, found.plants.error)
+        zones_of(dz, significant, *args, grid, None, parameters, plants=error) for error in (None, found.plants.error)
     ]
     assert zones[1].within_plants == len(every) - len(kept) == len(zones[0].frame) - len(zones[1].frame)
     assert zones[0].within_plants == 0
@@ -187,7 +191,7 @@ def test_cells_do_not_grow_for_plants_that_no_size_averages_out():
     for error in (0.0, 0.06):
         cover = PlantCover(np.full(len(first), error)), PlantCover(np.full(len(second), error))
         change = difference(first, second, ChangeParameters(target_level=0.01), plants=cover)
-        sizes.append(change.cell_size[middle_cells(change.block)].mean())
+        sizes.append(change.partition.side.mean())
     assert sizes[1] < 0.8 * sizes[0]
 
 
@@ -236,7 +240,7 @@ def covered_cells(side: int, plants: float) -> Cells:
     dz = np.zeros(shape)
     dz[20:-20, 20:-20] = -0.3
     error = np.full(shape, np.hypot(SAMPLING, plants))
-    return Cells(dz, error, np.full(shape, 0.01), 0.1, plants=np.full(shape, plants))
+    return Cells(dz, error, np.full(shape, 0.01), single(dz, 0.1), plants=np.full(shape, plants))
 
 
 @pytest.mark.parametrize("side", [10, 40])
@@ -265,7 +269,7 @@ def test_plants_of_cells_of_either_sign_do_not_cancel():
 def test_the_variogram_is_that_of_the_points():
     """Patches of 2.5 m that plants make do not become a correlation of the sampling errors."""
     dz, sampling, _, plants = slope_with_grass(10, covered=0.5, side=25)
-    cells = Cells(dz, np.hypot(sampling, plants), np.full(SHAPE, 0.01), 0.1)
+    cells = Cells(dz, np.hypot(sampling, plants), np.full(SHAPE, 0.01), single(dz, 0.1))
     stable = np.ones(SHAPE, dtype=bool)
     told = fit_correlation(replace(cells, plants=plants), stable, 0.0)
     untold = fit_correlation(cells, stable, 0.0)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 from slopewatch.engine.change.stable_cells import changed_cells, find_stable
+from slopewatch.tests.builders.change_zones import single
 
 SHAPE, CELL = (160, 200), 0.25
 
@@ -37,7 +38,7 @@ def moved(share: float) -> np.ndarray:
 @pytest.mark.parametrize("correlated", [0.0, 0.006])
 def test_unchanged_ground_stays(correlated):
     dz, error, slope = scene(2, correlated=correlated)
-    stable = find_stable(dz, error, slope, CELL)
+    stable = find_stable(dz, error, slope, single(dz, CELL))
     assert stable.sum() > 0.95 * np.isfinite(dz).sum()
     assert not stable[np.isnan(dz)].any()
 
@@ -46,7 +47,7 @@ def test_unchanged_ground_stays(correlated):
 def test_change_of_thirty_percent_is_left_out(amount):
     dz, error, slope = scene(3)
     cells = moved(0.3)
-    stable = find_stable(dz + np.where(cells, amount, 0.0), error, slope, CELL)
+    stable = find_stable(dz + np.where(cells, amount, 0.0), error, slope, single(dz, CELL))
     known = np.isfinite(dz)
     assert stable[cells & known].mean() < 0.02
     assert stable[~cells & known].mean() > 0.6  # the surroundings of discs go, too
@@ -55,20 +56,20 @@ def test_change_of_thirty_percent_is_left_out(amount):
 def test_a_whole_class_of_slope_may_have_moved():
     dz, error, slope = scene(4)
     steep = slope > 45
-    stable = find_stable(dz + np.where(steep, 0.15, 0.0), error, slope, CELL)
+    stable = find_stable(dz + np.where(steep, 0.15, 0.0), error, slope, single(dz, CELL))
     assert stable[steep & np.isfinite(dz)].mean() < 0.02
 
 
 def test_single_wild_cells_are_no_moved_place():
     dz, error, slope = scene(5)
     wild = np.random.default_rng(6).random(SHAPE) < 0.01
-    stable = find_stable(np.where(wild, 3.0, dz), error, slope, CELL)
+    stable = find_stable(np.where(wild, 3.0, dz), error, slope, single(dz, CELL))
     assert stable.sum() > 0.95 * np.isfinite(np.where(wild, 3.0, dz)).sum()
 
 
 def test_nothing_compared_is_nothing_stable():
     nothing = np.full((4, 5), np.nan)
-    assert not find_stable(nothing, nothing, nothing, CELL).any()
+    assert not find_stable(nothing, nothing, nothing, single(nothing, CELL)).any()
 
 
 def test_what_has_changed_as_a_whole_is_told_from_noise_and_from_single_cells():

@@ -9,6 +9,7 @@ import pytest
 from scipy.stats import norm
 from slopewatch.engine.change.thresholds import coherent_probability, decide
 from slopewatch.interface.parameters import ChangeParameters
+from slopewatch.tests.builders.change_zones import single
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +25,7 @@ def field() -> tuple[np.ndarray, np.ndarray]:
 
 def test_constant_is_one_level_whatever_the_error(field):
     dz, error = field
-    found = decide(dz, error, ChangeParameters(threshold="constant", constant_level=0.07))
+    found = decide(dz, error, ChangeParameters(threshold="constant", constant_level=0.07), single(dz))
     assert np.array_equal(found.significant, np.abs(np.nan_to_num(dz)) > 0.07)
     assert np.unique(found.level[np.isfinite(dz)]).tolist() == [0.07]
     assert np.isnan(found.level[np.isnan(dz)]).all()
@@ -33,19 +34,20 @@ def test_constant_is_one_level_whatever_the_error(field):
 def test_propagated_is_the_quadrature_of_the_stated_errors(field):
     dz, error = field
     parameters = ChangeParameters(threshold="propagated", error_from=0.03, error_to=0.04, confidence=0.9)
-    found = decide(dz, error, parameters)
+    found = decide(dz, error, parameters, single(dz))
     assert found.level[np.isfinite(dz)] == pytest.approx(norm.ppf(0.95) * 0.05)
 
 
 def test_two_surveys_of_four_centimetres_have_the_published_level():
     """4 cm an epoch gives a level of 0.11 m at 95 %."""
-    found = decide(np.zeros((1, 1)), np.ones((1, 1)), ChangeParameters(threshold="propagated"))
+    dz = np.zeros((1, 1))
+    found = decide(dz, dz + 1.0, ChangeParameters(threshold="propagated"), single(dz))
     assert found.level[0, 0] == pytest.approx(0.11, abs=0.002)
 
 
 def test_probabilistic_follows_each_cells_error(field):
     dz, error = field
-    found = decide(dz, error, ChangeParameters(confidence=0.8))
+    found = decide(dz, error, ChangeParameters(confidence=0.8), single(dz))
     chance = 2 * norm.sf(np.abs(dz) / error)  # two-sided
     assert np.array_equal(found.significant, chance < 0.2)
     assert np.allclose(found.level, norm.ppf(0.9) * error)
@@ -67,7 +69,7 @@ def posterior(dz: np.ndarray, error: np.ndarray, row: int, column: int) -> float
 
 def test_coherent_is_bayes_theorem_in_every_cell(field):
     dz, error = field
-    got = coherent_probability(dz, error)
+    got = coherent_probability(dz, error, single(dz))
     for place in np.ndindex(dz.shape):
         if math.isnan(dz[place]):
             assert math.isnan(got[place])
@@ -77,8 +79,8 @@ def test_coherent_is_bayes_theorem_in_every_cell(field):
 
 def test_coherent_finds_weak_change_that_hangs_together_and_drops_what_stands_alone(field):
     dz, error = field
-    alone = decide(dz, error, ChangeParameters()).significant
-    together = decide(dz, error, ChangeParameters(threshold="coherent")).significant
+    alone = decide(dz, error, ChangeParameters(), single(dz)).significant
+    together = decide(dz, error, ChangeParameters(threshold="coherent"), single(dz)).significant
     inside = np.zeros(dz.shape, dtype=bool)
     inside[12:18, 14:24] = True
     known = np.isfinite(dz)
@@ -91,6 +93,6 @@ def test_coherent_finds_weak_change_that_hangs_together_and_drops_what_stands_al
 def test_certain_cells_do_not_divide_by_zero():
     lone = np.full((5, 5), 0.001)
     lone[2, 2] = -50.0  # prior 1, likelihood 0
-    got = coherent_probability(lone, np.full((5, 5), 0.01))
+    got = coherent_probability(lone, np.full((5, 5), 0.01), single(lone))
     assert np.isfinite(got).all()
     assert got[2, 2] == 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from operator import attrgetter
 
 import numpy as np
 import pytest
@@ -41,7 +42,7 @@ def epoch(seed: int, *, n: int = 20_000, noise: float = 0.03, side: float = 24.0
 
 def blocks_of(change: Change) -> np.ndarray:
     """Flat index of one cell of each block."""
-    return np.unique(change.block.ravel(), return_index=True)[1][int((change.block < 0).any()) :]
+    return np.unique(change.partition.block.ravel(), return_index=True)[1][int((change.partition.block < 0).any()) :]
 
 
 def brute_force(first: np.ndarray, second: np.ndarray):
@@ -130,12 +131,12 @@ def sparse() -> tuple[np.ndarray, np.ndarray, Change, list[Block]]:
     """Two epochs, their change and every block of it, its points found one by one."""
     clouds = epoch(1), epoch(2)
     change = difference(*clouds, GROWING)
-    owner = [change.block.ravel()[cell_index(c, change.grid)] for c in clouds]
+    owner = [change.partition.block.ravel()[cell_index(c, change.grid)] for c in clouds]
     both = np.logical_and(*(outline(c, change.grid) for c in clouds))
     seen = [c[both.ravel()[cell_index(c, change.grid)]] for c in clouds]
     blocks = []
     for cell in blocks_of(change):
-        number, side = change.block.ravel()[cell], change.cell_size.ravel()[cell]
+        number, side = change.partition.block.ravel()[cell], change.partition.sizes.ravel()[cell]
         own = [c[o == number] for c, o in zip(clouds, owner, strict=True)]
         counts = [change.count_from.ravel()[cell], change.count_to.ravel()[cell]]
         whole = [len(p) for p in own] != counts
@@ -188,7 +189,7 @@ def test_the_error_is_wider_where_near_points_err_alike():
             points[:, 2] += lump[tuple(np.floor(points[:, :2] / 0.4).astype(int).T)]
             clouds.append(points)
         change = difference(*clouds, replace(GROWING, target_level=0.01))
-        blocks = [b for b in blocks_of(change) if change.cell_size.ravel()[b] > 1.5]
+        blocks = [b for b in blocks_of(change) if change.partition.sizes.ravel()[b] > 1.5]
         shares.append(change.significant.ravel()[blocks].mean())
         assert len(blocks) > 100
     assert np.mean(shares) < 0.15, "were its points' errors taken as independent, it would be 0.29"
@@ -199,10 +200,10 @@ def test_a_block_is_taken_at_the_smallest_size_that_serves(sparse):
     first, second, *_ = sparse
     change = difference(first, second, replace(GROWING, target_level=10.0))
     grid = change.grid
-    owner = [change.block.ravel()[cell_index(c, grid)] for c in (first, second)]
+    owner = [change.partition.block.ravel()[cell_index(c, grid)] for c in (first, second)]
     checked = 0
     for cell in blocks_of(change):
-        number, half = change.block.ravel()[cell], change.cell_size.ravel()[cell] / 2
+        number, half = change.partition.block.ravel()[cell], change.partition.sizes.ravel()[cell] / 2
         points = [c[o == number] for c, o in zip((first, second), owner, strict=True)]
         if half < grid.cell * 0.9 or len(points[0]) != change.count_from.ravel()[cell]:
             continue
@@ -216,12 +217,12 @@ def test_a_block_is_taken_at_the_smallest_size_that_serves(sparse):
 
 def test_cells_grow_until_the_target_or_the_largest_size(sparse):
     change = sparse[2]
-    largest = np.isclose(change.cell_size, 1.6)
+    largest = np.isclose(change.partition.sizes, 1.6)
     assert np.all(change.level[change.valid & ~largest] <= 0.05)
     assert (change.level[largest] > 0.05).any()
     finer = difference(*sparse[:2], replace(GROWING, target_level=0.03))
     assert np.nanmedian(finer.level) < np.nanmedian(change.level)
-    assert np.nanmean(finer.cell_size) > np.nanmean(change.cell_size)
+    assert np.nanmean(finer.partition.sizes) > np.nanmean(change.partition.sizes)
 
 
 def test_cells_do_not_grow_for_the_registrations_error():
@@ -229,7 +230,7 @@ def test_cells_do_not_grow_for_the_registrations_error():
     clouds = epoch(1), epoch(2)
     alone = difference(*clouds, GROWING)
     registered = difference(*clouds, GROWING, registration_error=0.05)
-    assert np.nanmean(registered.cell_size) <= np.nanmean(alone.cell_size)
+    assert np.nanmean(registered.partition.sizes) <= np.nanmean(alone.partition.sizes)
     assert np.nanmin(registered.error) > 0.05
 
 
@@ -277,8 +278,8 @@ def test_unchanged_sparse_ground_exceeds_the_level_as_often_as_promised(density,
 def test_same_input_same_bytes():
     clouds = epoch(1), epoch(2)
     one, two = (difference(*clouds, GROWING) for _ in range(2))
-    for name in ("dz", "error", "block", "cell_size", "height_to", "count_from"):
-        assert getattr(one, name).tobytes() == getattr(two, name).tobytes()
+    for name in ("dz", "error", "partition.block", "partition.sizes", "height_to", "count_from"):
+        assert attrgetter(name)(one).tobytes() == attrgetter(name)(two).tobytes()
 
 
 def test_blocks_do_not_depend_on_the_extent_of_the_clouds():
@@ -287,7 +288,7 @@ def test_blocks_do_not_depend_on_the_extent_of_the_clouds():
     whole = difference(*clouds, GROWING)
     part = difference(*(c[c[:, 0] > 5.03] for c in clouds), GROWING)
     columns = 100  # beyond the reach of what is pooled around
-    assert np.allclose(part.cell_size[:, -columns:], whole.cell_size[:, -columns:], equal_nan=True)
+    assert np.allclose(part.partition.sizes[:, -columns:], whole.partition.sizes[:, -columns:], equal_nan=True)
     assert np.allclose(part.dz[:, -columns:], whole.dz[:, -columns:], equal_nan=True)
 
 
@@ -334,7 +335,9 @@ def test_on_dense_ground_single_thin_cells_take_after_their_neighbours():
     x = grid.west + (np.arange(grid.columns) + 0.5) * grid.cell
     y = grid.north - (np.arange(grid.rows) + 0.5) * grid.cell
     away = np.maximum(np.abs(x[None, :] - 8.03), np.abs(y[:, None] - 8.03)) - 0.6
-    assert np.nanmax(change.cell_size[np.abs(away) > 0.3]) <= 0.4, "no thin cell is joined with others far from it"
+    assert np.nanmax(change.partition.sizes[np.abs(away) > 0.3]) <= 0.4, (
+        "no thin cell is joined with others far from it"
+    )
     assert np.nanmean(change.dz[away < -0.05]) == pytest.approx(0.16, abs=0.006)
     assert np.nanmean(np.abs(change.dz[(away > 0.15) & (away < 1.5)])) < 0.01
 
@@ -368,7 +371,7 @@ def test_cells_that_cannot_grow_have_one_size_and_it_is_said(values):
     told = Told()
     change = difference(epoch(1), epoch(2), ChangeParameters(**values), progress=told)
     fixed = difference(epoch(1), epoch(2), ChangeParameters(**values, adaptive=False))
-    assert change.block is None
+    assert not change.partition.grown
     assert np.array_equal(change.dz, fixed.dz, equal_nan=True)
     assert [level for level, message in told.said if "Cells have one size" in message] == ["info"]
 
@@ -407,9 +410,9 @@ def test_a_known_change_under_simulated_plants_is_recovered():
     assert (right & moved).sum() > 0.9 * moved.sum()
     assert (moved.ravel() & (unseen[0] | unseen[1])).sum() > 0.7 * moved.sum(), "a fixed grid sees less than a third"
     # a block shows the mean of what its cells moved
-    blocks = np.unique(change.block[moved & change.valid])
+    blocks = np.unique(change.partition.block[moved & change.valid])
     cells = change.valid
-    number = change.block[cells]
+    number = change.partition.block[cells]
     mean_truth = np.bincount(number, truth[cells]) / np.bincount(number)
     measured = np.bincount(number, change.dz[cells]) / np.bincount(number)
     assert np.sqrt(np.mean((measured - mean_truth)[blocks] ** 2)) < 0.04
@@ -441,15 +444,15 @@ def test_a_clear_change_is_not_blurred_and_unchanged_ground_keeps_its_points(mon
         return 0.5 - np.nanmean(change.dz[inner])
 
     fine = difference(*clouds, GROWING)
-    few = np.minimum(fine.count_from, fine.count_to)[fine.valid & (fine.cell_size < 0.15)]
+    few = np.minimum(fine.count_from, fine.count_to)[fine.valid & (fine.partition.sizes < 0.15)]
     assert few.min() == 3
     unchanged = fine.valid & (away > 0.3)
     assert np.minimum(fine.count_from, fine.count_to)[unchanged].min() >= LEAST_POINTS
     monkeypatch.setattr("slopewatch.engine.grid.grown_cells.CLEAR", 0.0)
     blurred = difference(*clouds, GROWING)
-    assert np.nanmean(fine.cell_size[rim]) < 0.9 * np.nanmean(blurred.cell_size[rim])
+    assert np.nanmean(fine.partition.sizes[rim]) < 0.9 * np.nanmean(blurred.partition.sizes[rim])
     assert short_by(fine) < 0.8 * short_by(blurred)
-    np.testing.assert_allclose(fine.cell_size[unchanged], blurred.cell_size[unchanged])
+    np.testing.assert_allclose(fine.partition.sizes[unchanged], blurred.partition.sizes[unchanged])
 
 
 def test_work_in_parts_is_that_on_the_whole(monkeypatch):
@@ -474,10 +477,11 @@ def test_work_in_parts_is_that_on_the_whole(monkeypatch):
 
     monkeypatch.setattr("slopewatch.engine.grid.growing_cells.grow", grow)
     parts = adaptive_cells(*clouds, grid, GROWING, **options)
-    assert np.array_equal(parts.block, whole.block)
-    assert whole.block.max() > 1000
-    for name in ("dz", "sampling", "height_from", "height_to", "slope", "cell_size", "count_from", "count_to"):
-        assert np.allclose(getattr(parts, name), getattr(whole, name), rtol=1e-9, atol=1e-9, equal_nan=True), name
+    assert np.array_equal(parts.partition.block, whole.partition.block)
+    assert whole.partition.block.max() > 1000
+    for name in ("dz", "sampling", "height_from", "height_to", "slope", "partition.sizes", "count_from", "count_to"):
+        values = [attrgetter(name)(cells) for cells in (parts, whole)]
+        assert np.allclose(*values, rtol=1e-9, atol=1e-9, equal_nan=True), name
     assert np.array_equal(parts.points[0], whole.points[0])
     assert np.allclose(parts.plants.error_from, whole.plants.error_from, equal_nan=True)
     # parts without points of both surveys are left out

@@ -23,8 +23,8 @@ from slopewatch.engine.maps.heatmap import write_heatmap_png
 from slopewatch.engine.maps.heatmap_image import Heatmap, make_heatmap
 from slopewatch.engine.maps.palette import diverging_colours
 from slopewatch.engine.maps.top_view import TopView, top_view_grid
-from slopewatch.engine.zones.extraction import extract_zones
 from slopewatch.interface.parameters import HeatmapParameters, ZoneParameters
+from slopewatch.tests.builders.change_zones import zones_of
 
 GRID = Grid(west=500000.0, north=4000040.0, cell=0.5, rows=80, columns=120)
 GREEN = (60, 120, 40)
@@ -57,7 +57,7 @@ def zones(dz: np.ndarray, grid: Grid = GRID) -> gpd.GeoDataFrame:
     count = np.ones(dz.shape, int)
     significant = np.nan_to_num(np.abs(dz)) > level
     parameters = ZoneParameters(minimum_area=0.0, minimum_confidence=0.0)
-    return extract_zones(dz, significant, level, level / 2, count, grid, CRS(32651), parameters).frame
+    return zones_of(dz, significant, level, level / 2, count, grid, CRS(32651), parameters).frame
 
 
 def test_colours_tell_the_sign_at_their_place_in_the_raster(tmp_path: Path) -> None:

@@ -34,10 +34,11 @@ from slopewatch.engine.maps.qgis_styles import (
 )
 from slopewatch.engine.vector.review_fields import REVIEW_FIELDS
 from slopewatch.engine.zones import confirmation
-from slopewatch.engine.zones.extraction import extract_zones, footprint_frame
+from slopewatch.engine.zones.extraction import footprint_frame
 from slopewatch.engine.zones.fields import FIELDS, KINDS, SEVERITIES
 from slopewatch.interface.parameters import ZoneParameters
 from slopewatch.models.screening import zones
+from slopewatch.tests.builders.change_zones import zones_of
 from slopewatch.workflows.products.zones import write_zones
 
 GRID = Grid(west=500000.0, north=4000030.0, cell=0.5, rows=60, columns=80)
@@ -97,7 +98,7 @@ def test_footprints_have_a_symbol_for_every_kind_and_names_for_their_own_fields(
     assert {f.get("name") for f in root.iterfind("fieldConfiguration/field")} <= set(FOOTPRINT_ALIASES)
     none = np.zeros(GRID.shape)
     count = none.astype(int)
-    found = extract_zones(none, none > 0, none + 1, none + 1, count, GRID, CRS(32651), ZoneParameters())
+    found = zones_of(none, none > 0, none + 1, none + 1, count, GRID, CRS(32651), ZoneParameters())
     assert list(footprint_frame(found, GRID).columns.drop("geometry")) == list(FOOTPRINT_ALIASES)
 
 
@@ -254,7 +255,7 @@ def test_qgis_loads_and_draws_the_styles(tmp_path: Path, qgis_python: str) -> No
     write_qml_beside(tmp_path / "level_of_detection.tif", level_qml(0.2))
     for name, significant in (("zones", np.nan_to_num(np.abs(dz)) > level), ("empty", np.zeros(dz.shape, bool))):
         count = np.ones(dz.shape, int)
-        found = extract_zones(dz, significant, level, level / 2, count, GRID, CRS(32651), ZoneParameters())
+        found = zones_of(dz, significant, level, level / 2, count, GRID, CRS(32651), ZoneParameters())
         write_zones(tmp_path / f"{name}.gpkg", found.frame, footprints=footprint_frame(found, GRID))
 
     environment = {

@@ -19,9 +19,9 @@ from slopewatch.engine.core.errors import EngineError, InputError
 from slopewatch.engine.grid.grid import Grid
 from slopewatch.engine.vector import geopackage
 from slopewatch.engine.vector.geopackage import read_layer, write_layer
-from slopewatch.engine.zones.extraction import extract_zones
 from slopewatch.engine.zones.fields import FIELDS
 from slopewatch.interface.parameters import ZoneParameters
+from slopewatch.tests.builders.change_zones import zones_of
 from slopewatch.workflows.products.zones import write_zones
 
 
@@ -33,9 +33,7 @@ def zones(height: float = 0.4, epochs: tuple[date | None, date | None] = (None, 
     grid = Grid(west=500000.0, north=4000010.0, cell=0.5, rows=20, columns=20)
     significant = np.abs(dz) > level
     count = np.full(dz.shape, 4)
-    return extract_zones(
-        dz, significant, level, level / 2, count, grid, CRS(32651), ZoneParameters(), epochs=epochs
-    ).frame
+    return zones_of(dz, significant, level, level / 2, count, grid, CRS(32651), ZoneParameters(), epochs=epochs).frame
 
 
 def query(path: Path, sql: str) -> list[tuple]:

@@ -8,9 +8,10 @@ from scipy import fft
 from slopewatch.engine.grid.grid import Grid
 from slopewatch.engine.statistics.variogram import VariogramModel
 from slopewatch.engine.zones.confidence import SURE, confidence_after_selection, mean_that_counts
-from slopewatch.engine.zones.extraction import Zones, extract_zones
+from slopewatch.engine.zones.extraction import Zones
 from slopewatch.engine.zones.fields import UNSURE
 from slopewatch.interface.parameters import ZoneParameters
+from slopewatch.tests.builders.change_zones import zones_of as made_zones
 
 CELL, ERROR = 1.0, 0.05
 SHAPE = (80, 80)
@@ -33,7 +34,7 @@ def zones_of(dz: np.ndarray, parameters: ZoneParameters | None = None, **options
     count = options.pop("count", np.full(dz.shape, 9))
     significant = np.abs(dz) > 1.96 * error
     grid = Grid(0.0, 0.0, CELL, *dz.shape)
-    return extract_zones(dz, significant, 1.96 * error, error, count, grid, None, parameters, **options)
+    return made_zones(dz, significant, 1.96 * error, error, count, grid, None, parameters, **options)
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ import shapely
 from pyproj import CRS
 from slopewatch.engine.change.result import Change
 from slopewatch.engine.grid.grid import Grid
+from slopewatch.engine.grid.partition import Partition
 from slopewatch.engine.zones.confirmation import VERDICTS, Evidence, confirm_zones, verdict, weigh
 
 WEST, NORTH = 500_000.0, 3_500_000.0
@@ -21,6 +22,7 @@ def changed(dz: np.ndarray, significant: np.ndarray, cell: float, *, uniform: fl
     ones, counts = np.full(dz.shape, 0.02), np.full(dz.shape, 5)
     return Change(
         grid=Grid(WEST, NORTH, cell, *dz.shape),
+        partition=Partition((dz.shape[0], dz.shape[1]), cell),
         dz=dz,
         error=ones,
         level=1.96 * ones,
@@ -164,14 +166,19 @@ def test_cells_of_a_grown_block_are_one_witness():
     five = np.where(block == 0, 4 + (np.arange(8) > 1)[:, None], block)
     frame = zones(("uplift", box(0, 0, 4, 4)))
     words = [
-        confirm_zones(frame, replace(single, block=b), outline_cell=0.25)["confirmed"].iloc[0]
-        for b in (None, block, sliver, five, np.arange(64).reshape(8, 8), np.arange(64).reshape(8, 8) // 12)
+        confirm_zones(frame, replace(single, partition=p), outline_cell=0.25)["confirmed"].iloc[0]
+        for p in (
+            single.partition,
+            *(
+                Partition.of_blocks(b, 0.5)
+                for b in (block, sliver, five, np.arange(64).reshape(8, 8), np.arange(64).reshape(8, 8) // 12)
+            ),
+        )
     ]
     assert words == ["confirmed", "not measured", "not measured", "not measured", "confirmed", "confirmed"]
     # 16 small blocks beside three of 16 cells each: 64² / (16 + 3 * 16²)
-    assert weigh(frame.geometry[0], 1.0, replace(single, block=finer), outline_cell=0.25).cells == pytest.approx(
-        5.224, abs=0.001
-    )
+    mixed = replace(single, partition=Partition.of_blocks(finer, 0.5))
+    assert weigh(frame.geometry[0], 1.0, mixed, outline_cell=0.25).cells == pytest.approx(5.224, abs=0.001)
 
 
 def test_more_of_the_other_sign_does_not_confirm():

@@ -9,9 +9,10 @@ import pytest
 from pyproj import CRS
 from scipy import ndimage
 from slopewatch.engine.grid.grid import Grid
-from slopewatch.engine.zones.extraction import Zones, extract_zones, footprint_frame
+from slopewatch.engine.zones.extraction import Zones, footprint_frame
 from slopewatch.engine.zones.fields import FIELDS
 from slopewatch.interface.parameters import ZoneParameters
+from slopewatch.tests.builders.change_zones import blocks_of, zones_of
 
 UTM = CRS("EPSG:32651")
 EVERYTHING = ZoneParameters(minimum_area=0.0, minimum_cells=2, minimum_confidence=0.0)
@@ -27,7 +28,7 @@ def run(dz: np.ndarray, parameters: ZoneParameters = EVERYTHING, *, cell: float 
     sigma = options.pop("sigma", np.full(dz.shape, 0.05))
     count = options.pop("count", np.full(dz.shape, 3))
     significant = options.pop("significant", np.nan_to_num(np.abs(dz)) > lod)
-    return extract_zones(dz, significant, lod, sigma, count, grid_of(dz.shape, cell), UTM, parameters, **options)
+    return zones_of(dz, significant, lod, sigma, count, grid_of(dz.shape, cell), UTM, parameters, **options)
 
 
 def flood_fill(dz: np.ndarray, significant: np.ndarray) -> list[list[tuple[int, int]]]:
@@ -303,8 +304,8 @@ def test_no_zone_still_has_every_field() -> None:
 def test_zones_are_in_the_horizontal_part_of_a_compound_system() -> None:
     dz = np.full((4, 4), 0.3)
     args = dz, dz > 0, dz, dz, np.ones(dz.shape, int), grid_of(dz.shape)
-    assert extract_zones(*args, CRS("EPSG:32651+5773"), EVERYTHING).frame.crs == UTM
-    assert extract_zones(*args, None, EVERYTHING).frame.crs is None
+    assert zones_of(*args, CRS("EPSG:32651+5773"), EVERYTHING).frame.crs == UTM
+    assert zones_of(*args, None, EVERYTHING).frame.crs is None
 
 
 def grown_blocks() -> tuple[np.ndarray, np.ndarray]:
@@ -328,7 +329,7 @@ def test_a_grown_block_counts_as_one_cell() -> None:
     parameters = ZoneParameters(minimum_area=0.0, minimum_cells=2)
     assert run(dz, parameters).labels[5, 13] > 0
     side = np.where(block < 60, 2.0, 0.5)
-    found = run(dz, parameters, block=block, cell_size=side)
+    found = run(dz, parameters, partition=blocks_of(block, 0.5, side))
     assert found.labels[5, 13] == 0
     for zone in range(1, len(found.frame) + 1):
         blocks = set(block[found.labels == zone].tolist())

@@ -12,6 +12,7 @@ from slopewatch.engine.statistics.variogram import VariogramModel
 from slopewatch.engine.zones.footprints import Cells, outline_footprints
 from slopewatch.engine.zones.gcd_table import VolumeTable, table_frame, volume_table, write_volume_table
 from slopewatch.engine.zones.volumes import CorrelationModel, zone_volumes
+from slopewatch.tests.builders.change_zones import single
 
 NAN = np.nan
 # Cells of 2 m; level 0.15 m.
@@ -26,7 +27,7 @@ ERROR, REGISTRATION = 0.05, 0.03
 
 
 def table(variogram: VariogramModel | None = None) -> VolumeTable:
-    cells = Cells(DZ, np.where(np.isnan(DZ), NAN, ERROR), np.full(DZ.shape, 4.0), 2.0)
+    cells = Cells(DZ, np.where(np.isnan(DZ), NAN, ERROR), np.full(DZ.shape, 4.0), single(DZ, 2.0))
     model = CorrelationModel(REGISTRATION, variogram)
     significant = np.nan_to_num(np.abs(DZ)) > 0.15
     labels = np.where(significant, np.where(DZ < 0, 1, 2), 0).astype(np.int32)
@@ -103,7 +104,7 @@ def test_the_zones_volumes_are_those_over_footprints() -> None:
 
 
 def test_nothing_measured_beyond_its_level_leaves_no_percentages() -> None:
-    cells = Cells(np.zeros((4, 4)), np.full((4, 4), 0.05), np.ones((4, 4)), 1.0)
+    cells = Cells(np.zeros((4, 4)), np.full((4, 4), 0.05), np.ones((4, 4)), single(np.ones((4, 4))))
     model = CorrelationModel(0.01, VariogramModel(1.0))
     found = lines(volume_table(cells, np.zeros((4, 4), dtype=bool), zone_volumes((), cells, model), model))
     assert found["PERC Percent Elevation Lowering"]["thresholded"] is None
@@ -116,7 +117,7 @@ def test_nothing_measured_beyond_its_level_leaves_no_percentages() -> None:
 
 
 def test_nothing_summed_up_has_no_error_and_no_sign(tmp_path: Path) -> None:
-    cells = Cells(np.full((4, 4), -1e-9), np.full((4, 4), 0.05), np.ones((4, 4)), 1.0)
+    cells = Cells(np.full((4, 4), -1e-9), np.full((4, 4), 0.05), np.ones((4, 4)), single(np.ones((4, 4))))
     model = CorrelationModel(0.01, VariogramModel(1.0))
     found = volume_table(cells, np.zeros((4, 4), dtype=bool), zone_volumes((), cells, model), model)
     for name in ("VOLU Total Volume of Surface Lowering", "ZONE Total Volume of Surface Lowering"):

@@ -7,13 +7,14 @@ import itertools
 import numpy as np
 import pytest
 from scipy import ndimage
-from slopewatch.engine.grid.grid import Grid
+from slopewatch.engine.grid.partition import Partition
 from slopewatch.engine.statistics.normal import Z95
 from slopewatch.engine.statistics.variogram import VariogramModel
 from slopewatch.engine.zones.footprints import Cells, footprint_labels, outline_footprints
 from slopewatch.engine.zones.groups import label_groups
 from slopewatch.engine.zones.volumes import CorrelationModel, fit_correlation, outside, zone_volumes
 from slopewatch.interface.parameters import ZoneParameters
+from slopewatch.tests.builders.change_zones import single
 
 CELL = 0.1
 INDEPENDENT = CorrelationModel(0.0, VariogramModel(1.0))
@@ -21,7 +22,8 @@ INDEPENDENT = CorrelationModel(0.0, VariogramModel(1.0))
 
 def cells_of(dz: np.ndarray, error: np.ndarray | float, block: np.ndarray | None = None) -> Cells:
     error = np.where(np.isfinite(dz), error, np.nan)
-    return Cells(dz, error, np.full(dz.shape, CELL**2), CELL, block)
+    partition = single(dz, CELL) if block is None else Partition.of_blocks(block, CELL)
+    return Cells(dz, error, np.full(dz.shape, CELL**2), partition)
 
 
 def bowl(shape: tuple[int, int], middle: tuple[float, float], radius: float, depth: float) -> np.ndarray:
@@ -41,8 +43,8 @@ def smooth_noise(shape: tuple[int, int], reach: int, random: np.random.Generator
 
 
 def labelled(dz: np.ndarray, error: np.ndarray | float) -> tuple[np.ndarray, int]:
-    grid = Grid(0.0, 0.0, CELL, *dz.shape)
-    labels, first, _, _ = label_groups(dz, np.nan_to_num(np.abs(dz)) > 1.96 * error, grid, ZoneParameters())
+    significant = np.nan_to_num(np.abs(dz)) > 1.96 * error
+    labels, first, _, _ = label_groups(dz, significant, ZoneParameters(), single(dz, CELL))
     return labels, len(first)
 
 
