@@ -15,10 +15,9 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..engine.change.difference import uniform_shift
-from ..engine.core.arrays import Float
+from ..engine.core.arrays import Bool, Float
 from ..engine.grid.common_grid import common_grid
 from ..engine.grid.grid import cell_index
 from ..engine.m3c2.distances import Distances, m3c2_distances
@@ -35,7 +34,6 @@ from .peers import PeerMissingError, run_peer, version
 from .registration import REAL, REAL_CRS
 from .table import Row
 
-Mask = NDArray[np.bool_]
 SLOPES = (0.0, 15.0, 30.0, 45.0, 90.0)
 LEAST_CORES = 200  # their share beyond is known to 1.5 %
 TARGET = "3 to 7 % in every class of slope"
@@ -79,7 +77,7 @@ class Measured:
     pair: Pair
     published: Distances
     level: Distances
-    other_halves: tuple[tuple[Distances, Mask], ...]
+    other_halves: tuple[tuple[Distances, Bool], ...]
     radius: float
     half_length: float
 
@@ -138,7 +136,7 @@ def measure(pair: Pair, scale: float = 0.0) -> Measured:
     )
 
 
-def shares(distances: Sequence[Distances], where: Sequence[Mask] | None = None) -> dict[str, float]:
+def shares(distances: Sequence[Distances], where: Sequence[Bool] | None = None) -> dict[str, float]:
     """Share of significant core points by class of slope."""
     which = [d.measured if where is None else d.measured & where[k] for k, d in enumerate(distances)]
     slope = np.concatenate([slope_of(d.normal)[w] for d, w in zip(distances, which, strict=True)])
@@ -239,7 +237,7 @@ def _change_row(amplitude: float) -> Row:
     )
 
 
-def _at_the_same_share(made: Measured, moved: Mask, still: Mask) -> tuple[int, int]:
+def _at_the_same_share(made: Measured, moved: Bool, still: Bool) -> tuple[int, int]:
     """Changed core points beyond the published level, scaled so that as many unchanged ones are as calibrated; all."""
     ratio = np.abs(made.published.distance) / made.published.level
     scale = np.quantile(ratio[still], 1.0 - made.level.significant[still].mean())

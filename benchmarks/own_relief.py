@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from ..engine.core.arrays import Float
 from ..engine.geometry.dominant_plane import apply_matrix
+from ..engine.statistics.robust import nmad
 from ..simulation.hazard_scenes.known_hazards import Site, displacement_at, put_hazards, reach
 
 AROUND = 1.5
@@ -78,6 +79,6 @@ def fitted_height(points: Float, shape: Float) -> float:
         root = np.sqrt(weight)
         solution = np.linalg.lstsq(columns * root[:, None], z * root, rcond=None)[0]
         residual = np.abs(z - columns @ solution)
-        scale = max(1.4826 * float(np.median(residual)), 1e-6)
+        scale = max(nmad(residual, 0.0), 1e-6)
         weight = (1.0 - np.minimum(residual / (TUKEY * scale), 1.0) ** 2) ** 2
     return float(solution[0])

@@ -12,6 +12,7 @@ import rasterio
 
 from ..engine.grid.grid import Grid
 from ..engine.ground.cloth import cloth_ground
+from ..engine.statistics.robust import nmad
 from ..interface.parameters import GroundParameters, SurveyParameters
 from ..simulation.surveys.survey import simulate_pair
 from ..simulation.surveys.write import write_pair
@@ -81,4 +82,4 @@ def _change_error(folder: Path, pair) -> tuple[float, float]:  # type: ignore[no
     truth = pair.true_change_raster(Grid(west, north, cell, *dz.shape))
     error = (dz - truth)[np.isfinite(dz)]
     median = float(np.median(error))
-    return median, 1.4826 * float(np.median(np.abs(error - median)))
+    return median, nmad(error, median)

@@ -28,6 +28,7 @@ from ..grid.pooled_variance import pooled_variance
 from ..pointcloud.plant_cover import PlantCover
 from ..statistics.normal import quantile
 from ..statistics.quantiles import sample_quantile
+from ..statistics.robust import NORMALISED
 from .direction import SENTENCE, with_direction
 from .judgement import judge
 from .measured import Measured
@@ -320,7 +321,7 @@ def uniform_shift(dz: Float, level: Float, *, independent: int | None = None) ->
     lie beyond their level on one side, and their spread is small beside the shift.
     """
     shift = sample_quantile(dz, 0.5)
-    spread = 1.4826 * sample_quantile(np.abs(dz - shift), 0.5)
+    spread = NORMALISED * sample_quantile(np.abs(dz - shift), 0.5)
     beyond = float(np.mean(dz * math.copysign(1.0, shift) > level))
     cells = dz.size if independent is None else independent
     return shift if cells >= _FEWEST_CELLS and beyond >= 0.9 and spread < abs(shift) / 3 else None

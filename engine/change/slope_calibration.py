@@ -12,6 +12,7 @@ from ..core.arrays import Float
 from ..grid.cell_slope import class_of_slope
 from ..statistics.normal import quantile
 from ..statistics.quantiles import sample_quantile
+from ..statistics.robust import NORMALISED
 
 _CLASS = 5.0  # degrees; classes with too few cells are joined with the next
 _FEWEST_IN_CLASS = 200  # with 5 % beyond, their share is known to 1.5 %
@@ -169,7 +170,7 @@ def calibrate(
     others = registration_error**2 + plant**2
     cells, share = dz.size, dz.size / max(compared, 1)
     shift = sample_quantile(dz, 0.5) if cells else 0.0
-    spread = 1.4826 * sample_quantile(np.abs(dz - shift), 0.5) if cells else 0.0
+    spread = NORMALISED * sample_quantile(np.abs(dz - shift), 0.5) if cells else 0.0
     usual = float(np.sqrt(np.median(others))) if cells else registration_error
     if cells * independent < _FEWEST or abs(shift) > 2.0 * spread + 2.0 * usual:
         why = (

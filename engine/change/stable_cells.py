@@ -11,6 +11,7 @@ from ..grid.cell_slope import class_of_slope
 from ..grid.part_windows import LEAST_CELLS, PartWindows
 from ..grid.partition import Partition
 from ..statistics.quantiles import sample_quantile
+from ..statistics.robust import NORMALISED
 
 _REACH = 0.5  # metres around a cell over which a change is looked for as a whole
 _BEYOND = 5.0  # robust standard deviations of the local means, beyond which a place has moved
@@ -59,7 +60,7 @@ def find_stable(
     one_each = partition.first_among(here)
     stable = left = np.ones(here.size, dtype=bool)
     for _ in range(_ROUNDS):
-        scatter = max(1.0, 1.4826 * sample_quantile(moved[one_each][stable[one_each]], 0.5))
+        scatter = max(1.0, NORMALISED * sample_quantile(moved[one_each][stable[one_each]], 0.5))
         left = ~windows.reached(moved > _BEYOND * scatter)
         if not left.any() or np.array_equal(left, stable):
             break

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...interface.parameters import RegistrationParameters
 from ..core.arrays import Float
+from ..statistics.robust import nmad
 
 FOOT = 0.3048
 _CELLS = 900  # that the shared extent is cut into
@@ -69,8 +70,8 @@ def compare_heights(first: Float, second: Float) -> HeightComparison | None:
     a, b = first[both], second[both]
     ratio = None
     for factor in (1 / FOOT, FOOT):
-        relief = min(_scatter(a), _scatter(b))
-        if relief > _LEAST_RELIEF and _scatter(b - factor * a) < _LIKE * min(_scatter(b), _scatter(b - a)):
+        relief = min(nmad(a), nmad(b))
+        if relief > _LEAST_RELIEF and nmad(b - factor * a) < _LIKE * min(nmad(b), nmad(b - a)):
             ratio = factor
     offset = float(np.median(b - a))
     return HeightComparison(offset, float(np.quantile(np.abs(b - a - offset), _MOST)), ratio)
@@ -116,7 +117,3 @@ def _cell_heights(xyz: Float, low: Float, high: Float, side: float, shape: NDArr
     with np.errstate(invalid="ignore"):
         heights = np.bincount(cell, xyz[:, 2], minlength=number) / count
     return heights
-
-
-def _scatter(values: Float) -> float:
-    return float(1.4826 * np.median(np.abs(values - np.median(values))))

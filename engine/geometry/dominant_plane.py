@@ -10,11 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.arrays import Float
 from ..core.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -25,8 +23,8 @@ class Plane:
     ``inlier_share`` is the share of the points within RANSAC's distance; ``rms`` (m) is the inliers' distance to it.
     """
 
-    normal: FloatArray
-    centroid: FloatArray
+    normal: Float
+    centroid: Float
     inlier_share: float
     rms: float
 
@@ -44,7 +42,7 @@ class Plane:
         return math.degrees(math.atan2(east, north)) % 360.0
 
 
-def lowest_points(xyz: FloatArray, cell: float) -> FloatArray:
+def lowest_points(xyz: Float, cell: float) -> Float:
     """The lowest point of each occupied cell of a square grid of ``cell`` metres: mostly ground."""
     keys = np.floor((xyz[:, :2] - xyz[:, :2].min(axis=0)) / cell).astype(np.int64)
     key = keys[:, 0] * (int(keys[:, 1].max()) + 1) + keys[:, 1]
@@ -54,7 +52,7 @@ def lowest_points(xyz: FloatArray, cell: float) -> FloatArray:
     return xyz[order[first]]
 
 
-def fit_plane(xyz: FloatArray, distance: float, iterations: int, seed: int, *, sample: int = 4000) -> Plane:
+def fit_plane(xyz: Float, distance: float, iterations: int, seed: int, *, sample: int = 4000) -> Plane:
     """Dominant plane of a cloud: RANSAC, then a principal component analysis of the points that agree.
 
     Args:
@@ -108,7 +106,7 @@ def fit_plane(xyz: FloatArray, distance: float, iterations: int, seed: int, *, s
     )
 
 
-def rotation_to_vertical(normal: FloatArray) -> FloatArray:
+def rotation_to_vertical(normal: Float) -> Float:
     """Rodrigues' rotation (3, 3), about a horizontal axis, that turns the unit vector ``normal`` to (0, 0, 1)."""
     axis = np.array([normal[1], -normal[0], 0.0])  # normal x vertical
     sine, cosine = float(np.linalg.norm(axis)), float(normal[2])
@@ -119,7 +117,7 @@ def rotation_to_vertical(normal: FloatArray) -> FloatArray:
     return np.eye(3) + sine * cross + (1.0 - cosine) * (cross @ cross)
 
 
-def flattening_matrix(plane: Plane) -> FloatArray:
+def flattening_matrix(plane: Plane) -> Float:
     """(4, 4) from the cloud's coordinates to the slope's frame: the plane is z = 0, its centroid the origin.
 
     The origin keeps coordinates small, because large ones cost the cloth simulation digits.
@@ -130,7 +128,7 @@ def flattening_matrix(plane: Plane) -> FloatArray:
     return matrix
 
 
-def unflattening_matrix(plane: Plane) -> FloatArray:
+def unflattening_matrix(plane: Plane) -> Float:
     """(4, 4), the inverse of ``flattening_matrix``: a rotation's inverse is its transpose, so no digits are lost."""
     matrix = np.eye(4)
     matrix[:3, :3] = rotation_to_vertical(plane.normal).T
@@ -138,6 +136,6 @@ def unflattening_matrix(plane: Plane) -> FloatArray:
     return matrix
 
 
-def apply_matrix(matrix: FloatArray, xyz: FloatArray) -> FloatArray:
+def apply_matrix(matrix: Float, xyz: Float) -> Float:
     """(n, 3) coordinates transformed by a rigid (4, 4) ``matrix``."""
     return np.asarray(xyz @ matrix[:3, :3].T + matrix[:3, 3], dtype=np.float64)

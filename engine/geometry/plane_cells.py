@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
-FloatArray = NDArray[np.float64]
+from ..core.arrays import Float
 
 
 class Planes:
@@ -20,16 +19,14 @@ class Planes:
     AROUND = (0.5, 1.0, 0.5)
     ALONE = (0.0, 1.0, 0.0)
 
-    def __init__(self, xy: FloatArray, pool: tuple[float, float, float] = AROUND) -> None:
+    def __init__(self, xy: Float, pool: tuple[float, float, float] = AROUND) -> None:
         self.pool = pool
         index = np.floor(xy).astype(np.int64)
         self.shape = tuple(int(v) + 1 for v in index.max(axis=0))
         self.key = index[:, 0] * self.shape[1] + index[:, 1]
         self.x, self.y = (xy - index - 0.5).T
 
-    def fit(
-        self, z: FloatArray, weight: FloatArray, prior_height: float, prior_slope: float
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def fit(self, z: Float, weight: Float, prior_height: float, prior_slope: float) -> tuple[Float, Float, Float]:
         """Height and inclinations of each cell's plane; the priors pull it towards 0 and towards level."""
         x, y = self.x, self.y
         wx, wy, wz = weight * x, weight * y, weight * z
@@ -46,25 +43,25 @@ class Planes:
         across = (c02 * sz + c12 * sxz + c22 * syz) / determinant
         return height, along, across
 
-    def at_points(self, height: FloatArray, along: FloatArray, across: FloatArray) -> FloatArray:
+    def at_points(self, height: Float, along: Float, across: Float) -> Float:
         """(n,) height of the cells' planes at the points."""
         key = self.key
         return np.asarray(
             height.ravel()[key] + along.ravel()[key] * self.x + across.ravel()[key] * self.y, dtype=np.float64
         )
 
-    def sum(self, values: FloatArray) -> FloatArray:
+    def sum(self, values: Float) -> Float:
         """Sum of the points' values in each cell."""
         sums = np.bincount(self.key, values, self.shape[0] * self.shape[1])
         return np.asarray(sums, dtype=np.float64).reshape(self.shape)
 
-    def pooled(self, values: FloatArray) -> FloatArray:
+    def pooled(self, values: Float) -> Float:
         """Values of cells with (weighted) those of the cells around added."""
         for axis in (0, 1):
             values = ndimage.correlate1d(values, self.pool, axis=axis, mode="constant")
         return np.asarray(values, dtype=np.float64)
 
-    def _pool(self, sums: list[FloatArray]) -> list[FloatArray]:
+    def _pool(self, sums: list[Float]) -> list[Float]:
         """Sums over the cells around, moved to each cell's middle: first along the rows' axis, then across."""
         rows, columns = self.shape
         centre = self.pool[1]

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from ..core.arrays import Float
 
 
-def point_spacing(xy: FloatArray) -> float:
+def point_spacing(xy: Float) -> float:
     """Mean spacing (m) of points (n, 2) seen from above: the root of the median area a point has in occupied cells."""
     low = xy.min(axis=0)
     extent = float(np.ptp(xy, axis=0).max())

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.arrays import Float
+from ..geometry.plane_gradient import gradient_parts
 from .grid import Grid, cell_index
 
 # Rows of Moments.sums.
@@ -143,16 +144,14 @@ def _fit_planes(first: Float, second: Float, side: float, found: Float, sound: N
     with np.errstate(invalid="ignore", divide="ignore"):
         a, b = _centred(first), _centred(second)
         suu, svv, suv = a.uu + b.uu, a.vv + b.vv, a.uv + b.uv
-        determinant = suu * svv - suv * suv
-        suz, svz = a.uz + b.uz, a.vz + b.vz
-        slope_u = (suz * svv - svz * suv) / determinant
-        slope_v = (svz * suu - suz * suv) / determinant
+        rise_u, rise_v, determinant = gradient_parts(suu, svv, suv, a.uz + b.uz, a.vz + b.vz)
+        slope_u, slope_v = rise_u / determinant, rise_v / determinant
         apart_u, apart_v = b.u - a.u, b.v - a.v
         found[0] = b.z - a.z - slope_u * apart_u - slope_v * apart_v
         found[1], found[2] = slope_u, slope_v
         # S^-1 times the way between the two centres: how the gradient's error reaches dz
-        lever_u = (apart_u * svv - apart_v * suv) / determinant
-        lever_v = (apart_v * suu - apart_u * suv) / determinant
+        lever_u, lever_v, _ = gradient_parts(suu, svv, suv, apart_u, apart_v)
+        lever_u, lever_v = lever_u / determinant, lever_v / determinant
         for epoch, e in enumerate((a, b)):
             rest = e.zz - 2 * (slope_u * e.uz + slope_v * e.vz)
             rest += slope_u**2 * e.uu + 2 * slope_u * slope_v * e.uv + slope_v**2 * e.vv

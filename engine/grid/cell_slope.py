@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.arrays import Float
+from ..geometry.plane_gradient import gradient_parts
 from ..statistics.window_sums import Cells, Windows, slide
 from .grid import Grid
 
@@ -146,11 +147,11 @@ def _products(z: Float, known: Counts, row: Cells, column: Cells, radius: int) -
 def _solved(parts: Sequence[_Products]) -> tuple[Float, Float]:
     """The gradient that the surfaces of all ``parts`` share."""
     cells, xx, yy, xy, xz, yz = (reduce(np.add, (getattr(p, f.name) for p in parts)) for f in fields(_Products))
-    determinant = xx * yy - xy * xy
+    east, north, determinant = gradient_parts(xx, yy, xy, xz, yz)
     # three cells in a row leave the plane free to turn about them
     fixed = (cells > 2.5) & (determinant > 1e-3 * (xx + yy) ** 2)
     factor = 1.0 / np.where(fixed, determinant, np.nan)
-    return (xz * yy - yz * xy) * factor, (yz * xx - xz * xy) * factor
+    return east * factor, north * factor
 
 
 def slope_degrees(gradient: tuple[Float, Float]) -> Float:

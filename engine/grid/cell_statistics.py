@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.arrays import Float
+from ..geometry.plane_gradient import gradient_parts
 from .cell_slope import gradient_at
 from .grid import Grid, _outside, _row_and_column, on_grid
 
@@ -231,10 +232,9 @@ def _planes(cells: _Sums, side: float, least: int) -> tuple[NDArray[np.int64], F
     may = np.flatnonzero(cells.n >= max(least, 4))
     n, u, v = cells.n[may], cells.u[may], cells.v[may]
     uu, vv, uv, uz, vz = (sums[may] for sums in (cells.uu, cells.vv, cells.uv, cells.uz, cells.vz))
-    determinant = uu * vv - uv * uv
+    rise_u, rise_v, determinant = gradient_parts(uu, vv, uv, uz, vz)
     with np.errstate(invalid="ignore", divide="ignore"):
-        slope_u = (uz * vv - vz * uv) / determinant
-        slope_v = (vz * uu - uz * uv) / determinant
+        slope_u, slope_v = rise_u / determinant, rise_v / determinant
         extrapolation = (u**2 * vv - 2 * u * v * uv + v**2 * uu) / determinant
     # a spread of at least a tenth of the cell in every direction; else the plane tilts freely
     enough = (determinant > 1e-4 * (n * side**2 / 12.0) ** 2) & (extrapolation < 1.0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,7 @@ from scipy import ndimage
 
 from ...interface.parameters import ChangeParameters
 from ..core.arrays import Float
+from ..statistics.normal import quantile
 from .block_moments import Moments, ParallelPlanes, merged, parallel_planes, variance_by_parts
 from .chosen_cell import LEAST_POINTS
 
@@ -95,7 +95,7 @@ def _serve(
     usable = planes.sound & np.isfinite(sampling) & (fewest >= parameters.minimum_points)
     enough = fewest >= LEAST_POINTS
     with np.errstate(invalid="ignore"):
-        level = NormalDist().inv_cdf((1 + parameters.confidence) / 2) * np.hypot(sampling, shared)
+        level = quantile(parameters.confidence) * np.hypot(sampling, shared)
         if step < growth.enough:
             enough &= (level <= parameters.target_level) | (sampling <= shared)
         enough |= (fewest >= FEWEST_OF_CLEAR) & (level <= CLEAR * np.abs(planes.dz))

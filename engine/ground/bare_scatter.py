@@ -11,6 +11,7 @@ from scipy import ndimage
 
 from ..core.arrays import Float
 from ..geometry.plane_cells import Planes
+from ..statistics.nearest_known import nearest_known
 
 TRIED_M = (0.022, 0.035, 0.045, 0.06, 0.08, 0.1)
 """Scatters tried; the first at which enough of the windows are bare is taken."""
@@ -72,10 +73,10 @@ def _share_of_bare(height: Float, over: Float, planes: Planes, tried: float) -> 
     known = (number >= FEWEST_RETURNS) & np.isfinite(kurtosis)
     if not known.any():
         return 0.0
-    nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
+    nearest = nearest_known(known)
 
     def smooth(values: Float) -> Float:
-        return ndimage.median_filter(values[tuple(nearest)], size=MEDIAN_WINDOWS, mode="nearest")
+        return ndimage.median_filter(values[nearest], size=MEDIAN_WINDOWS, mode="nearest")
 
     normal = (smooth(kurtosis) >= LEAST_KURTOSIS) & (np.abs(smooth(skewness)) <= LARGEST_SKEWNESS)
     least = CLEARLY_M if tried > TRIED_M[0] else 0.0

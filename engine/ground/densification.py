@@ -19,6 +19,7 @@ from scipy.spatial import Delaunay, cKDTree
 from threadpoolctl import threadpool_limits
 
 from ..core.arrays import Bool, Float, Index
+from ..geometry.plane_gradient import gradient_parts
 
 CANDIDATE_CELL_M = 0.5
 """One candidate each cell: its lowest point that has support."""
@@ -173,9 +174,9 @@ def _planes(points: Float, index: Index, others: Float, count: int = NEIGHBOURS)
     local = around - middle[:, None]
     x, y, z = local[..., 0], local[..., 1], local[..., 2]
     xx, xy, yy, xz, yz = ((a * b).sum(axis=1) for a, b in ((x, x), (x, y), (y, y), (x, z), (y, z)))
-    determinant = xx * yy - xy**2
+    east, north, determinant = gradient_parts(xx, yy, xy, xz, yz)
     with np.errstate(invalid="ignore", divide="ignore"):
-        east, north = (yy * xz - xy * yz) / determinant, (xx * yz - xy * xz) / determinant
+        east, north = east / determinant, north / determinant
     scatter = np.sqrt(((z - east[:, None] * x - north[:, None] * y) ** 2).sum(axis=1) / (count - 3))
     # a plane needs neighbours on several sides, not a row of them
     sound = (determinant > 0.05 * (xx + yy) ** 2) & (scatter < SMOOTH_M) & (distance[:, -1] < 2.0 * REACH_M)

@@ -7,6 +7,7 @@ from scipy import ndimage
 
 from ..core.arrays import Bool, Float
 from ..geometry.plane_cells import Planes
+from ..statistics.nearest_known import nearest_known
 
 LEAST_KURTOSIS, NARROWER_M = 2.75, 0.01
 """Returns from bare ground are distributed about normally (3), from a layer more evenly (1.8): bare ground must be
@@ -46,5 +47,6 @@ def _median_around(values: Float, known: Bool) -> Float:
     """Median of MEDIAN_WINDOWS x MEDIAN_WINDOWS windows; an unknown one counts as the nearest that is known."""
     if not known.any():
         return np.full(values.shape, np.inf)
-    nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
-    return np.asarray(ndimage.median_filter(values[tuple(nearest)], size=MEDIAN_WINDOWS, mode="nearest"), np.float64)
+    return np.asarray(
+        ndimage.median_filter(values[nearest_known(known)], size=MEDIAN_WINDOWS, mode="nearest"), np.float64
+    )

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import IntEnum
-from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from ..change.slope_calibration import ErrorModel, uncalibrated
 from ..core.arrays import Float, Index
 from ..core.progress import Progress
+from ..statistics.normal import quantile
 from .lattice import Lattice, runs
 from .spread import Spread, SpreadSums
 
@@ -137,7 +137,7 @@ def m3c2_distances(
 def level_of_detection(first: Cylinders, second: Cylinders, confidence: float, registration_error: float) -> Float:
     """Lague et al. 2013, eq. 1: quantile times (sqrt(s1^2 / n1 + s2^2 / n2) + registration error), metres (m,)."""
     sampling = np.sqrt(sum(squared_errors(first, second)))
-    return NormalDist().inv_cdf((1 + confidence) / 2) * (sampling + registration_error)
+    return quantile(confidence) * (sampling + registration_error)
 
 
 def squared_errors(first: Cylinders, second: Cylinders) -> tuple[Float, Float]:

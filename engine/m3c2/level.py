@@ -11,14 +11,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from ..change.measured import Measured
 from ..change.plant_calibration import PATCH_M, plants_factor
 from ..change.slope_calibration import ErrorModel, Samples, calibrate, patch_halves, uncalibrated, without_stable_ground
 from ..change.stable_ground import StableGround, stable_ground
-from ..core.arrays import Float, Index
+from ..core.arrays import Bool, Float, Index
 from ..core.progress import Progress
 from ..grid.partition import Partition
 from ..grid.plant_cells import PlantCells
@@ -26,8 +25,6 @@ from ..statistics.normal import quantile
 from .distances import Cylinders, Distances, level_of_detection, squared_errors
 from .lattice import dominant_frame
 from .spread import explained_squares, tilt_of, uneven_sampling
-
-Mask = NDArray[np.bool_]
 
 _PUBLISHED = "as published (Lague et al. 2013)"
 _MOST_CELLS = 5_000_000
@@ -38,7 +35,7 @@ def calibrated(
     radius: float,
     *,
     slope: Float | None = None,
-    given: Mask | None = None,
+    given: Bool | None = None,
     uniform: bool = False,
 ) -> Distances:
     """``found`` with a level of detection calibrated on stable ground, as that of a difference of heights is.
@@ -157,7 +154,7 @@ class _Places:
     independent: float
 
     @property
-    def half(self) -> Mask:
+    def half(self) -> Bool:
         """(m,) those on the squares of one colour of a chessboard."""
         return patch_halves(self.shape).ravel()[self.cell]
 
@@ -178,7 +175,7 @@ class _Cores:
     slope: Float
     plants: Float | None
     places: _Places
-    given: Mask | None
+    given: Bool | None
 
 
 def _places(core: Float, radius: float) -> _Places:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.arrays import Float, Index
+from ..geometry.plane_gradient import gradient_parts
 from .lattice import runs
 
 _LEAST = 1e-3  # of the points' extent: across a line of points the tilt is taken as none
@@ -81,9 +82,9 @@ def tilt_of(*spreads: Spread) -> Float:
     uu, vv, uv, uh, vh = np.sum([spread.products for spread in spreads], axis=0).T
     extent = uu + vv
     uu, vv = uu + _LEAST * extent, vv + _LEAST * extent
-    determinant = uu * vv - uv * uv
+    *rise, determinant = gradient_parts(uu, vv, uv, uh, vh)
     with np.errstate(divide="ignore", invalid="ignore"):
-        tilt = np.column_stack([uh * vv - vh * uv, vh * uu - uh * uv]) / determinant[:, None]
+        tilt = np.column_stack(rise) / determinant[:, None]
     return np.nan_to_num(tilt, nan=0.0, posinf=0.0, neginf=0.0)
 
 

@@ -17,9 +17,9 @@ from ..core.staged_outputs import atomic_output
 from ..series.tables import About, zone_polygon
 from ..series.velocity import CellVelocity
 from ..series.zone_series import ZoneSeries
+from ..statistics.normal import Z95
 from .palette import DIVERGING, colour_limit, hexadecimal
 
-_Z95 = 1.959963984540054
 _MOST_LINES = 8  # more cannot be told apart
 
 
@@ -48,8 +48,8 @@ def _ranked(zones: Sequence[ZoneSeries]) -> list[ZoneSeries]:
 def _map(figure: Figure, axes, zones: Sequence[ZoneSeries], velocity: CellVelocity, about: About) -> None:  # type: ignore[no-untyped-def]
     rate = 1000 * velocity.rate
     with np.errstate(invalid="ignore"):
-        beyond = np.abs(velocity.rate) > _Z95 * velocity.error
-    level = 1000 * _Z95 * float(np.nanmedian(velocity.error))
+        beyond = np.abs(velocity.rate) > Z95 * velocity.error
+    level = 1000 * Z95 * float(np.nanmedian(velocity.error))
     limit = colour_limit(rate[beyond], 0.0, level=level)
     stops = sorted([(0.5 - s / 2, low) for s, low, _ in DIVERGING] + [(0.5 + s / 2, high) for s, _, high in DIVERGING])
     ramp = LinearSegmentedColormap.from_list("change", [(p, hexadecimal(c)) for p, c in dict(stops).items()])
@@ -96,7 +96,7 @@ def _chart(axes, zones: Sequence[ZoneSeries], about: About) -> None:  # type: ig
         axes.errorbar(
             [about.dates[i] for i in known],
             zone.change[known],
-            yerr=_Z95 * zone.error[known],
+            yerr=Z95 * zone.error[known],
             color=f"C{number}",
             marker="o",
             markersize=4,

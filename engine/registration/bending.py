@@ -16,6 +16,7 @@ from ..core.arrays import Float, Index
 from ..geometry.height_correction import HeightCorrection, Nodes
 from ..geometry.pose import Pose
 from ..geometry.voxels import block_numbers
+from ..statistics.robust import nmad
 from .point_to_plane import Matcher, regional_weights, robust_scale, tukey_weights
 
 _SOURCES = 40_000
@@ -97,7 +98,7 @@ def measure_bend(matcher: Matcher, pose: Pose, spacing: float, reach: float, sca
         previous, (correction, covariance) = correction, _fit(nodes, blocks, extra)
         # relief that both surveys sampled unevenly adds to the noise of the means
         rest = blocks.height + nodes.weights(blocks.place) @ correction
-        extra = max(_spread(rest) ** 2 - float(np.median(blocks.variance)), 0.0)
+        extra = max(nmad(rest, 0.0) ** 2 - float(np.median(blocks.variance)), 0.0)
         if np.abs(correction - previous).max() < 1e-4:
             break
     assert blocks is not None
@@ -106,8 +107,8 @@ def measure_bend(matcher: Matcher, pose: Pose, spacing: float, reach: float, sca
     sd = np.sqrt(np.diag(covariance))
     return Bend(
         HeightCorrection(nodes, correction.reshape(shape), sd.reshape(shape)),
-        _spread(before),
-        _spread(after),
+        nmad(before, 0.0),
+        nmad(after, 0.0),
         float(np.sqrt(np.median(blocks.variance))),
     )
 
@@ -156,7 +157,3 @@ def _foretold(nodes: Nodes, blocks: _Blocks, extra: float) -> Float:
             seen = _Blocks(blocks.place[~out], blocks.height[~out], blocks.variance[~out])
             found[out] = nodes.weights(blocks.place[out]) @ _fit(nodes, seen, extra)[0]
     return found
-
-
-def _spread(values: Float) -> float:
-    return float(1.4826 * np.median(np.abs(values)))

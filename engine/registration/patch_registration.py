@@ -5,17 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...interface.parameters import RegistrationParameters
+from ..core.arrays import Bool
 from ..core.progress import Progress
 from ..geometry.pose import Pose
 from .alignment import Alignment, radius_of
 from .point_to_plane import Matcher, robust_scale
 from .restarts import own_noise, reach_of
 from .stable_patches import StablePart, stable_part
-
-Mask = NDArray[np.bool_]
 
 ENOUGH = 0.75
 """Share of the overlap that agrees with a registration, from which there is no need to look at patches."""
@@ -34,7 +32,7 @@ class OnPatches:
     alignment: Alignment
     part: StablePart
     matcher: Matcher
-    among: Mask
+    among: Bool
 
 
 def is_clear(part: StablePart) -> bool:
@@ -77,7 +75,7 @@ def align_on_patches(
     return OnPatches(Alignment(part.pose, scale, radius, done, True, part.information), part, narrow, among)
 
 
-def _beneath(matcher: Matcher, pose: Pose, among: Mask, noise: float) -> Mask:
+def _beneath(matcher: Matcher, pose: Pose, among: Bool, noise: float) -> Bool:
     """(n,) points of the reference that have a point of ``among`` as their nearest neighbour."""
     everything = np.arange(len(matcher.reference.points), dtype=np.int64)
     distance, number = matcher.neighbours_back(pose, everything, reach_of(matcher, noise))

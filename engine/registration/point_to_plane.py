@@ -15,15 +15,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..core.arrays import Float, Index
+from ..core.arrays import Bool, Float, Index
 from ..geometry.pose import Pose, turned
 from ..geometry.voxels import block_numbers
 from .surface import Surface
 from .tracked_neighbours import TrackedNeighbours
-
-Mask = NDArray[np.bool_]
 
 TUKEY = 4.685  # 95 % efficiency on normal noise
 _QUANTILE, _NORMAL = 0.3, 0.38532  # the 30 % quantile of |r| is 0.385 standard deviations: it stands 60 % of change
@@ -49,7 +46,7 @@ class Pairs:
     def __len__(self) -> int:
         return len(self.residual)
 
-    def chosen(self, which: Mask) -> Pairs:
+    def chosen(self, which: Bool) -> Pairs:
         return Pairs(*(values[which] for values in vars(self).values()))
 
     def jacobian(self, radius: float) -> Float:
@@ -69,8 +66,8 @@ class Matcher:
 
     reference: Surface
     moving: Surface
-    stable: Mask | None = None
-    firm: Mask | None = None
+    stable: Bool | None = None
+    firm: Bool | None = None
 
     def sample(self, limit: int) -> tuple[Index, Index]:
         """At most ``limit`` sources of each surface."""
@@ -154,7 +151,7 @@ class Matcher:
         return Pairs(*(np.concatenate(both) for both in zip(vars(one).values(), vars(two).values(), strict=True)))
 
 
-def _mean_normals(own: Float, other: Float, agreement: float) -> tuple[Float, Mask]:
+def _mean_normals(own: Float, other: Float, agreement: float) -> tuple[Float, Bool]:
     """Unit vectors amid two unit vectors (n, 3) each, on the side of the first, and where these agree."""
     cosine = _along(own, other)
     both = own + np.where(cosine < 0, -1.0, 1.0)[:, None] * other

@@ -13,6 +13,7 @@ from ..core.errors import InputError
 from ..geometry.height_correction import HeightCorrection
 from ..geometry.pose import Pose
 from ..geometry.voxels import block_numbers
+from ..statistics.robust import nmad
 from .bending import Bend
 from .point_to_plane import Matcher, Pairs, robust_scale
 from .restarts import own_noise
@@ -119,7 +120,7 @@ def agreement(
         mean_normal=mean / np.linalg.norm(mean),
         places=matcher.moving.points[pairs.source[stable]][:: max(1, len(after) // 5000)],
         normals=normals[:: max(1, len(after) // 5000)],
-        spread=1.4826 * float(np.median(np.abs(pairs.residual))) / float(cosine),
+        spread=nmad(pairs.residual, 0.0) / float(cosine),
         sample=pairs.place,
         agrees=stable,
     )
@@ -264,12 +265,12 @@ def _misfit(pairs: Pairs, stable: NDArray[np.bool_], block: float) -> float:
         return 0.0
     mean = np.bincount(number, residual)[enough] / count[enough]
     noise = float(np.median(np.var(residual) / count[enough]))
-    spread = 1.4826 * float(np.median(np.abs(mean)))
+    spread = nmad(mean, 0.0)
     return float(np.sqrt(max(spread**2 - noise, 0.0)))
 
 
 def _nmad(values: Float) -> float:
-    return float(1.4826 * np.median(np.abs(values - np.median(values)))) if len(values) else 0.0
+    return nmad(values) if len(values) else 0.0
 
 
 def _rms(values: Float) -> float:

@@ -14,13 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ..core.arrays import Float
+from ..core.arrays import Bool, Float
 from ..geometry.pose import Pose
 from .observability import Information
 from .point_to_plane import Matcher
 from .surface_patches import Equations, Patches, cut, equations
-
-Mask = NDArray[np.bool_]
 
 _FEW, _MANY = 15, 60  # points of a patch that are paired, while looking for parts and in the end
 _SIGNIFICANCE = 5.0  # standard errors by which the relief must stand out
@@ -62,12 +60,12 @@ class StablePart:
 
     pose: Pose
     patches: Patches
-    agrees: Mask
+    agrees: Bool
     share: float
     rival: float
     information: Information
 
-    def points(self, size: int) -> Mask:
+    def points(self, size: int) -> Bool:
         """(size,) the points of the cut surface that lie in those patches."""
         found = np.zeros(size, dtype=bool)
         inside = self.patches.number >= 0
@@ -82,7 +80,7 @@ class _Found:
     area: float
 
     @property
-    def agrees(self) -> Mask:
+    def agrees(self) -> Bool:
         return self.weight > 0
 
 
@@ -103,11 +101,11 @@ def stable_part(
     everywhere = np.ones(len(patches), dtype=bool)
     system = equations(matcher, patches, starts[0], max(offset, 3 * spacing), radius, noise, _FEW)
 
-    def settled(among: Mask, poses: list[Pose]) -> _Settled | None:
+    def settled(among: Bool, poses: list[Pose]) -> _Settled | None:
         found = [_settled(matcher, patches, among, pose, noise, radius, offset, _FEW) for pose in poses]
         return max(found, key=lambda one: one.area, default=None)
 
-    def reached(among: Mask, most: int) -> list[Pose]:
+    def reached(among: Bool, most: int) -> list[Pose]:
         found = _search(system, patches, among, noise, offset)[:most]
         near = [one.motion for one in found if one.area >= _LEAST_OF_BEST * found[0].area]
         return [starts[0].moved(motion, radius) for motion in near]
@@ -130,13 +128,13 @@ class _Settled:
     """A part, paired again where it lies: its ``area`` in square metres, and which patches could be compared."""
 
     pose: Pose
-    agrees: Mask
+    agrees: Bool
     area: float
-    usable: Mask
+    usable: Bool
     information: Information
 
 
-def _levels(system: Equations, noise: float, strict: float) -> tuple[Float, Mask]:
+def _levels(system: Equations, noise: float, strict: float) -> tuple[Float, Bool]:
     """Squared distance (k,) from which a patch has moved, by its points' scatter; which ones can tell (k,)."""
     error = 6 * system.rest * _CORRELATED / np.maximum(system.pairs, 1)
     tells = (system.pairs >= _LEAST_PAIRS) & (error < max(noise, 2 * _FLOOR) ** 2)
@@ -144,7 +142,7 @@ def _levels(system: Equations, noise: float, strict: float) -> tuple[Float, Mask
 
 
 def _settled(
-    matcher: Matcher, patches: Patches, among: Mask, pose: Pose, noise: float, radius: float, offset: float, most: int
+    matcher: Matcher, patches: Patches, among: Bool, pose: Pose, noise: float, radius: float, offset: float, most: int
 ) -> _Settled:
     """The part of the patches ``among`` that agrees with a pose, and the pose that it asks for."""
     spacing = max(matcher.reference.spacing, matcher.moving.spacing)
@@ -250,7 +248,7 @@ def _upright(
     )
 
 
-def _search(system: Equations, patches: Patches, among: Mask, noise: float, offset: float) -> list[_Found]:
+def _search(system: Equations, patches: Patches, among: Bool, noise: float, offset: float) -> list[_Found]:
     """Some motions on which large parts agree, the largest part first; each with patches that those before lack."""
     level, tells = _levels(system, noise, 3.0)
     usable = among & tells
@@ -300,7 +298,7 @@ def _prior(offset: float) -> Float:
     return np.diag(1.0 / sd**2)
 
 
-def _weights(patches: Patches, usable: Mask, excess: Float, level: Float) -> Float:
+def _weights(patches: Patches, usable: Bool, excess: Float, level: Float) -> Float:
     """(k, m) weights of the patches, from 1 where one agrees well, by its ``excess`` (k, m), to 0 at its ``level``.
 
     A piece that turned agrees along a line, a piece that slid in places: their neighbours tell.
@@ -311,7 +309,7 @@ def _weights(patches: Patches, usable: Mask, excess: Float, level: Float) -> Flo
     return np.asarray(fit * np.clip((share - _SPARSE) / (_DENSE - _SPARSE), 0.0, 1.0))
 
 
-def _areas(system: Equations, patches: Patches, usable: Mask, level: Float, motions: Float) -> Float:
+def _areas(system: Equations, patches: Patches, usable: Bool, level: Float, motions: Float) -> Float:
     """(m,) area that agrees with each motion; what agrees better counts more; 0 for those not worth a look."""
     area = np.where(usable, patches.area, 0.0)
     found = np.empty(len(motions))
@@ -325,7 +323,7 @@ def _areas(system: Equations, patches: Patches, usable: Mask, level: Float, moti
     return found
 
 
-def _improved(system: Equations, patches: Patches, usable: Mask, level: Float, motion: Float, offset: float) -> _Found:
+def _improved(system: Equations, patches: Patches, usable: Bool, level: Float, motion: Float, offset: float) -> _Found:
     """The motion that all patches which agree with it ask for together."""
     best = motion, np.zeros(len(patches)), -1.0
     mean = float(patches.area[usable].mean()) if usable.any() else 1.0

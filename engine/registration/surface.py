@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ..core.arrays import Float, Index
+from ..core.arrays import Bool, Float, Index
 from ..geometry.principal_axes import thinnest
 from ..geometry.voxels import voxel_average
-
-Mask = NDArray[np.bool_]
 
 NEIGHBOURS = 12  # of a plane; fewer follow finer relief, more average more noise
 _THICKNESS = 0.5  # a neighbourhood thicker than this share of its width has no normal worth using
@@ -35,11 +32,11 @@ class Surface:
         self.neighbours = min(NEIGHBOURS, len(self.points))
         self.centroids = np.zeros_like(self.points)
         self.normals = np.zeros_like(self.points)
-        self.planar: Mask = np.zeros(len(self.points), dtype=bool)
-        self._fitted: Mask = np.zeros(len(self.points), dtype=bool)
+        self.planar: Bool = np.zeros(len(self.points), dtype=bool)
+        self._fitted: Bool = np.zeros(len(self.points), dtype=bool)
         self.spacing = self._spacing()
 
-    def sample(self, limit: int, eligible: Mask | None = None) -> Index:
+    def sample(self, limit: int, eligible: Bool | None = None) -> Index:
         """Numbers of at most ``limit`` points, evenly spread, always the same; of the ``eligible`` (m,) only."""
         numbers = np.arange(len(self.points)) if eligible is None else np.flatnonzero(eligible)
         if len(numbers) <= limit:
@@ -68,11 +65,11 @@ class Surface:
             self.planar[chosen] = thin < _THICKNESS**2 * wide
         self._fitted[missing] = True
 
-    def bare(self, limit: float) -> Mask:
+    def bare(self, limit: float) -> Bool:
         """Points (m,) over which, and over whose neighbours, the error by plants is at most ``limit`` metres."""
         if self.plants is None:
             return np.ones(len(self.points), dtype=bool)
-        bare: Mask = self.plants <= limit
+        bare: Bool = self.plants <= limit
         some = np.flatnonzero(bare)
         for start in range(0, len(some), _CHUNK):
             chosen = some[start : start + _CHUNK]

@@ -11,17 +11,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, diags_array
 from scipy.spatial import cKDTree
 
-from ..core.arrays import Float, Index
+from ..core.arrays import Bool, Float, Index
 from ..geometry.pose import Pose, turned
 from ..geometry.voxels import block_numbers
+from ..statistics.robust import NORMALISED
 from .point_to_plane import Matcher, tukey_weights
 from .surface import Surface
-
-Mask = NDArray[np.bool_]
 
 _LAYERS = 4  # directions that a block may hold
 _PAIRED = 0.8  # least cosine of the normals of a pair
@@ -81,7 +79,7 @@ class Patches:
         return csr_array(diags_array(1.0 / np.asarray(shares.sum(axis=1))) @ shares)
 
 
-def cut(surface: Surface, thickness: float, eligible: Mask | None = None) -> Patches:
+def cut(surface: Surface, thickness: float, eligible: Bool | None = None) -> Patches:
     """Cut a surface into patches: cubic blocks, and in each the parts that face one way and lie in one layer.
 
     Args:
@@ -135,7 +133,7 @@ def _directions(normals: Float, patch: Index, k: int) -> Float:
     return np.asarray(mean / np.maximum(np.linalg.norm(mean, axis=1), 1e-12)[:, None])
 
 
-def _layer(places: Float, normals: Float, of: Index, thickness: float) -> Mask:
+def _layer(places: Float, normals: Float, of: Index, thickness: float) -> Bool:
     """Points (n,) of the layer about one point of each block ``of`` (n,), which faces as most of the block does."""
     count = np.bincount(of)
     axis = np.column_stack([np.bincount(of, x) for x in normals.T]) / count[:, None]
@@ -206,7 +204,7 @@ def equations(
     mean, gap = (one + two) / 2, pairs.gaps.mean(axis=0)
     # pairs across an edge belong to something else: they stand apart from the rest of their patch
     left = gap - _medians(gap, pairs.patch, k)[pairs.patch]
-    spread = 1.4826 * _medians(np.abs(left), pairs.patch, k)
+    spread = NORMALISED * _medians(np.abs(left), pairs.patch, k)
     sums, own = None, np.zeros((k, 6))
     for _ in range(2):
         weight = tukey_weights(left / np.maximum(spread, noise / 2)[pairs.patch], 1.0)

@@ -11,11 +11,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from ..core.arrays import Float
 from ..core.number_text import fixed
 from ..maps.furniture import INK, Sheet
 from ..maps.palette import BELOW_LEVEL, DIVERGING, hexadecimal
+from ..statistics.normal import Z95
 from .embedding import Picture, drawing
 
 _LOWERED, _RAISED = hexadecimal(DIVERGING[4][1]), hexadecimal(DIVERGING[4][2])
@@ -23,11 +24,8 @@ _GREY = hexadecimal(BELOW_LEVEL)
 _BEFORE = "#8a8f98"
 _SOFT = "#57606a"
 _WIDTH, _WIDE = 4.2, 7.2  # inches
-_Z95 = 1.959963984540054
 COURSES = 8
 """Zones whose course is drawn; more cannot be told apart."""
-
-Column = NDArray[np.float64]
 
 
 def change_histogram(record: Mapping[str, Any]) -> Picture:
@@ -92,7 +90,7 @@ def stable_histogram(record: Mapping[str, Any]) -> Picture | None:
     )
 
 
-def profile_chart(facts: Mapping[str, Any], columns: Mapping[str, Column] | None, epochs: tuple[str, str]) -> Picture:
+def profile_chart(facts: Mapping[str, Any], columns: Mapping[str, Float] | None, epochs: tuple[str, str]) -> Picture:
     """Heights of both epochs along a line, and below their difference with the level of detection as a ribbon."""
     figure = Figure(figsize=(_WIDE, 2.15))
     sheet = Sheet(figure, _WIDE, 2.15)
@@ -144,7 +142,7 @@ def course_chart(record: Mapping[str, Any]) -> Picture | None:
             known = [row for row in course[name] if value in row and error in row]
             at = [days[0], *(date.fromisoformat(row["epoch"]) for row in known)]
             middle = np.array([0.0, *(row[value] for row in known)])
-            half = _Z95 * np.array([0.0, *(row[error] for row in known)])
+            half = Z95 * np.array([0.0, *(row[error] for row in known)])
             # dates as numbers: matplotlib's own conversion takes lists of dates, which type checkers do not know
             x, colour = np.asarray(date2num(at)), f"C{number}"
             axes.fill_between(x, middle - half, middle + half, color=colour, alpha=0.2, lw=0)
@@ -178,7 +176,7 @@ def course_chart(record: Mapping[str, Any]) -> Picture | None:
     )
 
 
-def _draw_heights(axes: Axes, columns: Mapping[str, Column], epochs: tuple[str, str], sheet: Sheet) -> None:
+def _draw_heights(axes: Axes, columns: Mapping[str, Float], epochs: tuple[str, str], sheet: Sheet) -> None:
     distance = columns["distance_m"]
     for name, colour, width, label in (
         ("height_from_m", _BEFORE, 1.5, epochs[0]),
@@ -193,7 +191,7 @@ def _draw_heights(axes: Axes, columns: Mapping[str, Column], epochs: tuple[str, 
     )  # fmt: skip
 
 
-def _draw_difference(axes: Axes, columns: Mapping[str, Column]) -> None:
+def _draw_difference(axes: Axes, columns: Mapping[str, Float]) -> None:
     distance, dz, level = columns["distance_m"], columns["dz_m"], columns["level_m"]
     edges, heights = _ribbon(distance, level)
     axes.fill_between(edges, -heights, heights, color=_GREY, alpha=0.4, lw=0)
@@ -207,7 +205,7 @@ def _draw_difference(axes: Axes, columns: Mapping[str, Column]) -> None:
     axes.set_ylim(-reach, reach)
 
 
-def _ribbon(distance: Column, level: Column) -> tuple[Column, Column]:
+def _ribbon(distance: Float, level: Float) -> tuple[Float, Float]:
     """A band that has each cell's level over the cell's own width; NaN between cells that do not touch."""
     known = np.isfinite(level)
     distance, level = distance[known], level[known]
@@ -225,7 +223,7 @@ def _ribbon(distance: Column, level: Column) -> tuple[Column, Column]:
     return edges.ravel(), heights.ravel()
 
 
-def _bins(shown: Mapping[str, Any]) -> tuple[Column, float]:
+def _bins(shown: Mapping[str, Any]) -> tuple[Float, float]:
     """Edges and width of the distribution's bins."""
     width = shown["bin_m"]
     count = len(shown["compared"])

@@ -19,6 +19,7 @@ from ..core.arrays import Float
 from ..epochs.epoch import Epoch
 from ..grid.grid import Grid
 from ..maps.palette import rounded_up
+from ..statistics.robust import nmad
 
 _HALF_BINS = 60
 _MOST_ZONES = 100
@@ -94,7 +95,7 @@ def stable_ground(change: Change) -> dict[str, Any] | None:
         "cells": int(dz.size),
         "share": float(dz.size / change.valid.sum()),
         "median_m": median,
-        "nmad_m": float(1.4826 * np.median(np.abs(dz - median))),
+        "nmad_m": nmad(dz, median),
         "rms_m": float(np.sqrt(np.mean(dz**2))),
         "beyond_share": float(change.beyond[cells].mean()),
     }

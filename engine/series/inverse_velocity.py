@@ -8,8 +8,8 @@ import numpy as np
 from scipy.stats import chi2 as chi_square
 
 from ..core.arrays import Float
+from ..statistics.normal import Z95
 
-_Z95 = 1.959963984540054
 _LEAST_EPOCHS, _LEAST_VELOCITIES = 4, 3
 _FARTHEST = 10.0  # of the failure, in durations of the accelerating motion after the last survey
 _REFUSED = 0.01  # a fit that chance would make worse in fewer cases than this is no straight line of 1/v
@@ -55,7 +55,7 @@ def failure_time(days: Float, change: Float, variance: Float) -> FailureTime:
         return _not(f"{len(t)} surveys, at least {_LEAST_EPOCHS} are needed")
     dt = np.diff(t)
     speed = np.diff(x) / dt
-    beyond = np.abs(speed) > _Z95 * np.sqrt(v[1:] + v[:-1]) / dt
+    beyond = np.abs(speed) > Z95 * np.sqrt(v[1:] + v[:-1]) / dt
     if not beyond[-1]:
         return _not("the last velocity is not above its level of detection")
     size = np.abs(speed)

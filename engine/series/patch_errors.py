@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ..core.arrays import Float
+from ..statistics.robust import nmad
 
 _LEAST_PATCHES = 12
 _COVERED = 0.5  # of a patch's cells
@@ -60,7 +61,7 @@ def patch_errors(change: Float, variance: Float, stable: NDArray[np.bool_]) -> P
             break
         means = blocks(np.where(known, change, 0.0))[enough] / count[enough]
         sampling = blocks(np.where(known, variance, 0.0))[enough] / count[enough] ** 2
-        scatter = (1.4826 * float(np.median(np.abs(means)))) ** 2
+        scatter = nmad(means, 0.0) ** 2
         sides.append(side)
         found.append(max(0.0, scatter - float(np.median(sampling))))
         side *= 2

@@ -18,13 +18,12 @@ from pyproj import CRS
 from ..core.arrays import Float
 from ..crs.working_frame import horizontal
 from ..grid.grid import Grid
+from ..statistics.normal import Z95
 from ..vector.cell_polygons import cell_polygons, inclination, table_column
 from ..vector.review_fields import UNREVIEWED
 from ..zones.fields import KINDS
 from .velocity_classes import velocity_class
 from .zone_series import ZoneSeries
-
-_Z95 = 1.959963984540054
 
 ZONE_FIELDS: dict[str, str] = {
     "zone_id": "text",
@@ -219,7 +218,7 @@ def _zone_row(zone: ZoneSeries, last_change: Float, heights: Float, about: About
         "vol_gain_m3": float(values[values > 0].sum() * about.grid.cell**2),
         "vol_net_m3": change * area,
         "vol_err_m3": error * area,
-        "lod95_m": _Z95 * error,
+        "lod95_m": Z95 * error,
         "slope_deg": float(inclination(owner, zone.cells, 1, heights, about.grid)[0]),
         "review_status": UNREVIEWED,
         "method": about.method,
@@ -254,7 +253,7 @@ def _survey_row(zone: ZoneSeries, i: int, about: About) -> dict[str, Any]:
     area = int(zone.measured[i]) * about.grid.cell**2
     state = "not measured"
     if change is not None and error is not None:
-        beyond = abs(change) > _Z95 * error
+        beyond = abs(change) > Z95 * error
         state = "below its level" if not beyond else "lowered" if change < 0 else "raised"
     before, step, step_error, rate, rate_error = _step(zone, i, about)
     sighting = next((s for s in zone.track.sightings if s.epoch == i), None)
@@ -268,7 +267,7 @@ def _survey_row(zone: ZoneSeries, i: int, about: About) -> dict[str, Any]:
         "days": (about.dates[i] - about.dates[0]).days,
         "dz_mean_m": change,
         "dz_err_m": error,
-        "lod95_m": None if error is None else _Z95 * error,
+        "lod95_m": None if error is None else Z95 * error,
         "state": state,
         "confirmed": int(zone.confirmed[i]),
         "area_m2": area,

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.arrays import Float
+from ..statistics.normal import Z95
 from .velocity import fit_line
 
-_Z95 = 1.959963984540054
 ORANGE, RED = math.tan(math.radians(80.0)), math.tan(math.radians(85.0))  # 5.7 and 11.4
 LEVELS = ("blue", "yellow", "orange", "red")
 
@@ -48,7 +48,7 @@ def tangent_angle(days: Float, change: Float, variance: Float, start: int = 0) -
     if len(t) < 4:
         return _not(f"{len(t)} surveys in motion, at least 4 are needed")
     steady = fit_line(t[:-1], x[:-1], v[:-1])
-    if abs(steady.slope) <= _Z95 * steady.error:
+    if abs(steady.slope) <= Z95 * steady.error:
         return _not("the velocity before is not above its level of detection")
     last = float(x[-1] - x[-2]) / float(t[-1] - t[-2])
     low, high = _fieller(t, v, last, steady.slope)
@@ -67,7 +67,7 @@ def _fieller(t: Float, v: Float, last: float, steady: float) -> tuple[float, flo
     weight = 1.0 / v[:-1]
     centred = t[:-1] - np.average(t[:-1], weights=weight)
     line = np.append(weight * centred / np.sum(weight * centred**2), 0.0)
-    aa, ab, bb = (_Z95**2 * float(np.sum(g * h * v)) for g, h in ((own, own), (own, line), (line, line)))
+    aa, ab, bb = (Z95**2 * float(np.sum(g * h * v)) for g, h in ((own, own), (own, line), (line, line)))
     # all r with (last - r steady)² <= aa - 2 r ab + r² bb; steady is significant, so that the square term is positive
     square, middle, rest = steady**2 - bb, last * steady - ab, last**2 - aa
     root = math.sqrt(max(middle**2 - square * rest, 0.0))

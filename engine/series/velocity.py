@@ -10,8 +10,8 @@ from scipy.special import ndtr
 from scipy.stats import chi2 as chi_square
 
 from ..core.arrays import Float
+from ..statistics.normal import Z95
 
-_Z95 = 1.959963984540054
 _ACCEPTED = 0.05  # a model is refused where chance would fit it worse in fewer cases than this
 _ONSETS = 200
 TRENDS = ("steady", "accelerating", "decelerating", "irregular", "not known")
@@ -154,7 +154,7 @@ def _trend(t: Float, y: Float, v: Float, line: Line) -> str:
     fitted = covariance @ design.T @ (y / np.sqrt(v))
     rest = float(np.sum((y / np.sqrt(v) - design @ fitted) ** 2))
     widened = max(1.0, rest / (len(t) - 3)) ** 0.5
-    if abs(fitted[2]) > _Z95 * widened * covariance[2, 2] ** 0.5:
+    if abs(fitted[2]) > Z95 * widened * covariance[2, 2] ** 0.5:
         return "accelerating" if fitted[2] * line.slope > 0 else "decelerating"
     return "steady" if _accepted(line.misfit, len(t) - 2) else "irregular"
 

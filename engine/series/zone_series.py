@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ..core.arrays import Float, Index
+from ..statistics.normal import Z95
 from .alerts import AlertLevel, Evidence, alert_of
 from .inverse_velocity import FailureTime, failure_time
 from .patch_errors import PatchErrors, away_from, patch_errors
@@ -18,7 +19,6 @@ from .tangent_angle import TangentAngle, tangent_angle
 from .tracking import Track
 from .velocity import Velocity, zone_velocity
 
-_Z95 = 1.959963984540054
 _LEAST_SHARE = 0.1  # of a zone's cells: with fewer a survey did not measure it
 
 
@@ -174,7 +174,7 @@ def _series(
         signed = stack.significant[i].ravel()[cells] & (np.nan_to_num(dz) * track.sign > 0)
         seen[i] = np.count_nonzero(signed) * stack.cell**2 >= minimum_area * (1 - 1e-9)
     with np.errstate(invalid="ignore"):
-        beyond = np.abs(change) > _Z95 * np.sqrt(variance + variance[0])
+        beyond = np.abs(change) > Z95 * np.sqrt(variance + variance[0])
         confirmed = seen & beyond & (np.sign(change) == track.sign)
     confirmed[0] = False
     velocity = zone_velocity(stack.days, change, variance)

@@ -18,6 +18,7 @@ from scipy import fft
 from scipy.optimize import nnls
 
 from ..core.arrays import Float
+from .robust import nmad
 
 FEWEST_CELLS = 500
 """With fewer values no variogram is told."""
@@ -110,7 +111,7 @@ def empirical_variogram(values: Float, cell: float) -> EmpiricalVariogram:
     values, known = _bounding_box(values, known)
     drawn_in = values[known]
     middle = float(np.median(drawn_in))
-    spread = 1.4826 * float(np.median(np.abs(drawn_in - middle)))
+    spread = nmad(drawn_in, middle)
     limit = _WINSOR * spread if spread > 0 else np.inf
     drawn_in = np.clip(drawn_in - middle, -limit, limit)
     z = np.zeros(known.shape)

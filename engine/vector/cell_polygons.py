@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rasterio.features import shapes
 
 from ..core.arrays import Float
+from ..geometry.plane_gradient import gradient_parts
 from ..grid.grid import Grid
 
 
@@ -52,10 +53,14 @@ def inclination(
             return values - (np.bincount(zone, weights=values, minlength=count) / cells)[zone]
 
     x, y, z = centred(column * grid.cell), centred(-row * grid.cell), centred(z)
-    xx, yy, xy, xz, yz = (np.bincount(zone, weights=w, minlength=count) for w in (x * x, y * y, x * y, x * z, y * z))
-    determinant = xx * yy - xy * xy
+
+    def total(products: Float) -> Float:
+        return np.bincount(zone, weights=products, minlength=count).astype(np.float64, copy=False)
+
+    xx, yy, xy, xz, yz = (total(w) for w in (x * x, y * y, x * y, x * z, y * z))
+    east, north, determinant = gradient_parts(xx, yy, xy, xz, yz)
     with np.errstate(invalid="ignore", divide="ignore"):
-        a, b = (xz * yy - yz * xy) / determinant, (yz * xx - xz * xy) / determinant
+        a, b = east / determinant, north / determinant
     # cells in one line leave the plane free to turn about it
     return np.where(determinant > 1e-9 * (xx + yy) ** 2, np.degrees(np.arctan(np.hypot(a, b))), np.nan)
 

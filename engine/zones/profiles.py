@@ -16,6 +16,7 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from ..core.arrays import Float32
 from ..core.errors import EngineError, InputError
 from ..core.number_text import fixed
 from ..core.staged_outputs import Stage, atomic_output
@@ -26,8 +27,6 @@ from .profile_lines import GIVEN, ProfileLine
 
 PROFILE_OUTPUTS = ("profiles.gpkg", "profiles.csv")
 _COLUMNS = ("distance_m", "x", "y", "height_from_m", "height_to_m", "dz_m", "level_m", "significant")
-
-Values = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -57,10 +56,10 @@ class Profile:
     distance: NDArray[np.float64]
     x: NDArray[np.float64]
     y: NDArray[np.float64]
-    height_from: Values
-    height_to: Values
-    dz: Values
-    level: Values
+    height_from: Float32
+    height_to: Float32
+    dz: Float32
+    level: Float32
     significant: NDArray[np.bool_]
 
     def facts(self) -> dict[str, Any]:
@@ -85,7 +84,7 @@ class Profile:
 def take_profile(line: ProfileLine, layers: Layers) -> Profile:
     """The cells that the line passes, in its order.
 
-    Values are those of the cells themselves, not interpolated: next to gaps an interpolation would invent a surface. A
+    Float32 are those of the cells themselves, not interpolated: next to gaps an interpolation would invent a surface. A
     cell stands at the distance of its own centre, so that on a slope along the line its height is that of the place.
     """
     grid = layers.grid
@@ -105,7 +104,7 @@ def take_profile(line: ProfileLine, layers: Layers) -> Profile:
     order = np.argsort(distance, kind="stable")
     row, column = row[order], column[order]
 
-    def along(array: NDArray[np.floating]) -> Values:
+    def along(array: NDArray[np.floating]) -> Float32:
         return np.asarray(array[row, column], dtype=np.float32)
 
     return Profile(

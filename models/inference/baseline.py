@@ -6,11 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from ...engine.core.arrays import Float
+from ...engine.core.arrays import Float, Float32
 from ..configuration import ModelConfiguration
 from ..preparation.streaming import prepared_in_voxels
-
-Float32 = NDArray[np.float32]
 
 
 def residual_probabilities(

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from ...engine.core.arrays import Float
+from ...engine.core.arrays import Float, Float32
 
-Float32 = NDArray[np.float32]
 REACH = 1.6
 """Voxels of a class that are at most so many sides apart belong together: about those that share an edge or corner."""
 

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ...engine.core.arrays import Float
+from ...engine.core.arrays import Float, Float32
 
-Float32 = NDArray[np.float32]
 _PART = 200_000
 _SOFTEST = 0.05
 """Distances are never taken for less than this share of a voxel."""

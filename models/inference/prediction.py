@@ -12,7 +12,7 @@ import torch
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ...engine.core.arrays import Float
+from ...engine.core.arrays import Float, Float32
 from ...engine.core.errors import InputError
 from ...engine.core.progress import Progress
 from ..configuration import ModelConfiguration
@@ -24,7 +24,6 @@ from ..preparation.voxel_sums import flat_axis
 from .groups import without_faint
 from .interpolation import VoxelInterpolation
 
-Float32 = NDArray[np.float32]
 _TURNS = (0.0, 10.0, -10.0, 5.0, -5.0, 12.0, -12.0, 8.0)
 """Degrees that windows are turned by whose y runs up the slope."""
 

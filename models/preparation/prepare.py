@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...engine.core.arrays import Float, Index
+from ...engine.core.arrays import Float, Float32, Index
 from ...engine.core.errors import InputError
 from ...engine.geometry.dominant_plane import Plane, apply_matrix, fit_plane, flattening_matrix
 from ..configuration import ModelConfiguration
@@ -17,7 +17,6 @@ from .trends import residual_heights
 from .voxels import VoxelGrid, voxel_grid
 from .windows import Window, centre_weight, cover_fixed, sample_fixed, windows
 
-Float32 = NDArray[np.float32]
 LEAST_DIP = np.sin(np.radians(5.0))
 """Below this sine of the dip there is no up-slope direction to turn a cloud to."""
 USUAL_ROUGHNESS = 0.08

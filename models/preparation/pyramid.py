@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-Float32 = NDArray[np.float32]
 Index = NDArray[np.int32]
 
 

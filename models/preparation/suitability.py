@@ -12,6 +12,7 @@ from ...engine.core.arrays import Float
 from ...engine.core.errors import InputError
 from ...engine.core.progress import Progress
 from ...engine.geometry.dominant_plane import Plane
+from ...engine.geometry.plane_gradient import gradient_parts
 from ...engine.grid.cell_statistics import cell_statistics
 from ...engine.grid.grid import snapped_grid
 from ...interface.parameters import ScreeningParameters
@@ -144,8 +145,8 @@ def _gradients(xyz: Float) -> tuple[Float, Float]:
 
     dx, dy, dz = (local[:, k] - mean(local[:, k])[square] for k in range(3))
     xx, yy, xy, xz, yz = (mean(a * b) for a, b in ((dx, dx), (dy, dy), (dx, dy), (dx, dz), (dy, dz)))
-    determinant = xx * yy - xy * xy
+    *rise, determinant = gradient_parts(xx, yy, xy, xz, yz)
     sound = (count >= 10) & (determinant > 0.02 * (_FACE_CELL**2 / 12.0) ** 2)
     with np.errstate(divide="ignore", invalid="ignore"):
-        slope = np.stack([(xz * yy - yz * xy) / determinant, (yz * xx - xz * xy) / determinant], axis=1)
+        slope = np.stack(rise, axis=1) / determinant[:, None]
     return slope[sound], count[sound].astype(np.float64)

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.ndimage import correlate1d, map_coordinates
 
 from ...engine.core.arrays import Float
+from ...engine.statistics.robust import nmad
 
 TURNS = 4
 LEAST_SCALE = 0.015
@@ -58,7 +59,7 @@ def robust_trend(height: Float, sigma: tuple[float, float]) -> Float:
         if turn == TURNS - 1:
             break
         residual = z - trend
-        scale = max(1.4826 * float(np.median(np.abs(residual[known]))), LEAST_SCALE)
+        scale = max(nmad(residual[known], 0.0), LEAST_SCALE)
         part = np.minimum(np.abs(residual) / (4.685 * scale), 1.0)
         weight = np.where(known, (1.0 - part**2) ** 2 + 1e-3, 0.0)
     return trend

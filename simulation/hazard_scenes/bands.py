@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from ...engine.core.arrays import Float32
 from .surface import Surface, smooth_line
-
-Float32 = NDArray[np.float32]
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...engine.core.arrays import Float32
 from .surface import Surface
-
-Float32 = NDArray[np.float32]
 
 
 @dataclass(frozen=True)

@@ -7,14 +7,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...engine.core.arrays import Float32
 from .bands import band, ramp, wander
 from .negatives import Negative
 from .surface import Surface
 from .terrain import Terrain
 
-Float32 = NDArray[np.float32]
 WORTH = 0.02
 """Nodes that a landform changes by less (m) are not marked."""
 

@@ -18,6 +18,7 @@ from scipy.ndimage import distance_transform_edt
 from ...engine.core.arrays import Float
 from ...engine.core.staged_outputs import atomic_output
 from ...engine.grid.grid import cell_index, snapped_grid
+from ...engine.statistics.nearest_known import nearest_known
 from .negatives import Negative
 from .scenes import SUBSIDENCE, UPLIFT, SimulatedScene
 
@@ -64,8 +65,7 @@ def shade(scene: SimulatedScene, cell: float | None = None) -> tuple[Float, NDAr
     with np.errstate(invalid="ignore"):
         height = (np.bincount(index, weights=plane[:, 2], minlength=cells) / count).reshape(grid.shape)
     empty = np.isnan(height)
-    nearest = distance_transform_edt(empty, return_distances=False, return_indices=True)
-    filled = height[tuple(nearest)]
+    filled = height[nearest_known(~empty)]
     down, right = np.gradient(filled, cell)
     # Light from the upper left, 35 degrees above the slope.
     light = np.array([-0.58, 0.58, 0.57])

@@ -8,13 +8,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...engine.core.arrays import Float
+from ...engine.core.arrays import Float, Float32
 from .hazards import LOWERS, RAISES, Hazard, displacement
 from .structures import Cell
 from .styles import Style, log_uniform
 from .surface import Surface
 
-Float32 = NDArray[np.float32]
 COARSE = 0.2
 """Spacing (m) of the nodes on which hazards are tried."""
 ATTEMPTS = 6

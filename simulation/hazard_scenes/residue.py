@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
-from ...engine.core.arrays import Float
+from ...engine.core.arrays import Float, Float32
 from ..fields import power_law_field
 from .styles import Style
 from .surface import Surface
 
-Float32 = NDArray[np.float32]
 SPACING = 0.3
 """Distance (m) of the nodes on which the cover is kept."""
 

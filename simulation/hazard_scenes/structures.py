@@ -8,15 +8,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
+from ...engine.core.arrays import Float32
 from .bands import band, ramp, wander
 from .negatives import Negative
 from .surface import Surface, smooth_line
 from .terrain import Terrain
-
-Float32 = NDArray[np.float32]
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from ...engine.core.arrays import Float32
 from ..fields import power_law_field
 
-Float32 = NDArray[np.float32]
 TILE = 512
 """Nodes of a texture's side; textures are periodic, so that they can be laid side by side."""
 

@@ -12,10 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ...engine.core.arrays import Float
+from ...engine.core.arrays import Bool, Float
 from ...engine.geometry.rigid_transform import RigidTransform
-
-Mask = NDArray[np.bool_]
 
 POINTS = 165_000
 EPOCHS = 19
@@ -92,7 +90,7 @@ class MovedEpoch:
     """
 
     xyz: Float
-    stable: Mask
+    stable: Bool
     transform: RigidTransform
     share: float
 
@@ -165,7 +163,7 @@ def _counts(pieces: tuple[Piece, ...], points: int) -> NDArray[np.int64]:
     return np.asarray(np.round(points * areas / areas.sum()), dtype=np.int64)
 
 
-def _chosen(pieces: tuple[Piece, ...], counts: NDArray[np.int64], share: float, rng: np.random.Generator) -> Mask:
+def _chosen(pieces: tuple[Piece, ...], counts: NDArray[np.int64], share: float, rng: np.random.Generator) -> Bool:
     """Which pieces move: from one corner on, more or less, until ``share`` of the points does."""
     distance = np.array([np.linalg.norm(p.origin[:2]) for p in pieces]) + rng.normal(0, 5.0, len(pieces))
     order = np.argsort(distance)
@@ -182,7 +180,7 @@ def _blocks(pieces: tuple[Piece, ...], rng: np.random.Generator) -> NDArray[np.i
     return np.asarray(np.argmin(np.linalg.norm(places[:, None] - middles, axis=2), axis=1), dtype=np.int64)
 
 
-def _motion(pieces: tuple[Piece, ...], which: Mask, rng: np.random.Generator) -> RigidTransform:
+def _motion(pieces: tuple[Piece, ...], which: Bool, rng: np.random.Generator) -> RigidTransform:
     """20 to 300 mm in any direction, with a turn of up to half a degree about the middle of the pieces."""
     direction, axis = rng.normal(size=(2, 3))
     return RigidTransform(

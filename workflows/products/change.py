@@ -23,6 +23,8 @@ from ...engine.grid import geotiff
 from ...engine.maps import heatmap, palette, qgis_styles, top_view
 from ...engine.pointcloud.cloud import PointCloud
 from ...engine.report.facts import change_facts, error_terms
+from ...engine.statistics.normal import Z95
+from ...engine.statistics.robust import nmad
 from ...engine.zones import extraction, fields, gcd_table
 from ...engine.zones.change_zones import cells_of, change_zones
 from ...engine.zones.earlier_reviews import EarlierReviews
@@ -30,8 +32,6 @@ from ...engine.zones.profile_lines import ProfileLine, steepest_lines
 from ...engine.zones.profiles import Layers, missed_lines, take_profile, write_profiles
 from ...interface.parameters import ChangeParameters, HeatmapParameters, ReportParameters, ZoneParameters
 from . import zones as zones_module
-
-_Z95 = 1.959963984540054
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def write_products(
     dates = context.first.date, context.second.date
     tags = geotiff.raster_tags(
         epochs=dates,
-        median_level=_Z95 * float(np.nanmedian(change.error)),
+        median_level=Z95 * float(np.nanmedian(change.error)),
         translation=None if context.transform is None else context.transform.translation,
         software=f"SlopeWatch {VERSION}",
         input_sha256=" ".join(context.input_hashes),
@@ -190,7 +190,7 @@ def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:
         "confidence": change.confidence,
         "registration_error_m": change.registration_error,
         "dz_median_m": float(np.median(dz)),
-        "dz_nmad_m": float(1.4826 * np.median(np.abs(dz - np.median(dz)))),
+        "dz_nmad_m": nmad(dz),
         "significant_area_m2": float(significant.size * area),
         "zone_count": len(found),
         "zone_area_m2": float(found["area_m2"].sum()),

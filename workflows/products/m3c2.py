@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,8 @@ from ...engine.grid import geotiff
 from ...engine.grid.grid import Grid, cell_index, snapped_grid
 from ...engine.m3c2.distances import Distances, Status
 from ...engine.maps import palette, qgis_styles
+from ...engine.statistics.normal import quantile
+from ...engine.statistics.robust import nmad
 
 RASTERS = ("m3c2_distance", "m3c2_level_of_detection", "m3c2_significant")
 _MOST_CELLS = 50_000_000
@@ -106,8 +107,7 @@ def write_rasters(
 
 def median_level_95(found: Distances) -> float:
     """Median level of detection at 95 %, whatever confidence was asked for, metres."""
-    quantile = NormalDist().inv_cdf((1 + found.confidence) / 2)
-    return float(np.median(found.level[found.measured])) * NormalDist().inv_cdf(0.975) / quantile
+    return float(np.median(found.level[found.measured])) * quantile(0.95) / quantile(found.confidence)
 
 
 def main_figures(found: Distances) -> dict[str, Any]:
@@ -123,7 +123,7 @@ def main_figures(found: Distances) -> dict[str, Any]:
         "no_points": int(np.sum(found.status == Status.NO_POINTS)),
         "no_normal": int(np.sum(found.status == Status.NO_NORMAL)),
         "distance_median_m": middle,
-        "distance_nmad_m": 1.4826 * float(np.median(np.abs(distance - middle))),
+        "distance_nmad_m": nmad(distance, middle),
         "lod_median_m": float(np.median(level)),
         "confidence": found.confidence,
         "registration_error_m": found.registration_error,

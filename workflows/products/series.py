@@ -23,11 +23,11 @@ from ...engine.series.alerts import COLUMNS, AlertLevel
 from ...engine.series.tables import ZONE_FIELDS, About, series_csv, series_frame, zone_frame
 from ...engine.series.velocity import CellVelocity
 from ...engine.series.zone_series import ZoneSeries
+from ...engine.statistics.normal import Z95
 from ...engine.vector import geopackage
 from ...engine.vector.review_fields import own_columns
 from ...engine.zones.earlier_reviews import EarlierReviews
 
-_Z95 = 1.959963984540054
 SERIES_OUTPUTS = (
     "velocity.tif",
     "velocity_error.tif",
@@ -71,7 +71,7 @@ def write_epoch_rasters(
         begin = about.dates[0] if kind == "cumulative" else before
         tags = geotiff.raster_tags(
             epochs=(begin, end),
-            median_level=_Z95 * float(np.nanmedian(change.error)),
+            median_level=Z95 * float(np.nanmedian(change.error)),
             software=f"SlopeWatch {VERSION}",
             input_sha256=f"{hashes[0] if kind == 'cumulative' else hashes[number - 1]} {hashes[number]}",
         )
@@ -103,9 +103,9 @@ def write_summary_rasters(
         epochs=(about.dates[0], about.dates[-1]), software=f"SlopeWatch {VERSION}", input_sha256=" ".join(hashes)
     )
     rate, error = 1000 * velocity.rate, 1000 * velocity.error
-    level = _Z95 * float(np.nanmedian(error))
+    level = Z95 * float(np.nanmedian(error))
     with np.errstate(invalid="ignore"):
-        limit = palette.colour_limit(rate[np.abs(rate) > _Z95 * error], 0.0, level=level)
+        limit = palette.colour_limit(rate[np.abs(rate) > Z95 * error], 0.0, level=level)
     layers: tuple[tuple[str, Float, str, str, str], ...] = (
         ("velocity", rate, "Velocity by regression", "mm/day", qgis_styles.change_qml(limit, level)),
         ("velocity_error", error, "Standard error of the velocity", "mm/day", ""),
