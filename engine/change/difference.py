@@ -53,7 +53,7 @@ def difference(
     """Grid both clouds and subtract: change, standard error and level of detection of each cell.
 
     The error of a cell's height is its points' variance times the leverage (1/n for a mean); the difference adds
-    both epochs', scaled by slope as stable ground tells (``slope_error.calibrate``), and in quadrature the
+    both epochs', scaled by slope as stable ground tells (``slope_calibration.calibrate``), and in quadrature the
     registration error and, where it is known, the error that plants make in either epoch (Lague et al. 2013,
     doi:10.1016/j.isprsjprs.2013.04.009, eq. 1, with the registration error as a standard error). The level is the
     two-sided normal quantile times that, unless another threshold is asked for.
@@ -196,7 +196,7 @@ def difference_of_blocks(
     registration_error: float,
     stable_area: BaseGeometry | None = None,
 ) -> Change:
-    """As ``difference``, from cells that grew (see ``adaptive.adaptive_cells``)."""
+    """As ``difference``, from cells that grew (see ``growing_cells.adaptive_cells``)."""
     if not cells.partition.count:
         raise InputError(
             f"No cell that grew from {grid.cell:g} m has enough points in both epochs for its surface to be "

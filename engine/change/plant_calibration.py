@@ -32,9 +32,9 @@ def plants_factor(
 
     Each epoch's cloud states its error against the true ground, of which two surveys of one season have much in common:
     the same grass on the same ground lifts both alike. Where the season differs nothing cancels. Which it is shows on
-    stable ground: as in ``slope_error.calibrate`` the factor is taken from the quantile that the level is about, here
-    of the cells whose error is plants' more than points'. It does not widen: that all grass lies lower after mowing is
-    told by the plants' heights (``season``), and ground that moved by little would hide itself.
+    stable ground: as in ``slope_calibration.calibrate`` the factor is taken from the quantile that the level is about,
+    here of the cells whose error is plants' more than points'. It does not widen: that all grass lies lower after
+    mowing is told by the plants' heights (``season``), and ground that moved by little would hide itself.
 
     What neighbours share tells only once, so squares of 2 m that hold such cells count as the number of samples: with
     fewer than 20 nothing is told (1), and the quantile is one standard error of its share higher.

@@ -18,9 +18,9 @@ def widening_by_size(
 ) -> Float:
     """Factor (rows, columns), 1 or more, with which 1 - ``confidence`` of the stable cells of each size are beyond.
 
-    As ``slope_error.calibrate`` does by slope, but it only widens: plants that the extraction left in the ground are
-    not in the scatter of a few points that lie on them together. Sizes with fewer than 60 stable cells get the factor
-    of the next smaller one.
+    As ``slope_calibration.calibrate`` does by slope, but it only widens: plants that the extraction left in the ground
+    are not in the scatter of a few points that lie on them together. Sizes with fewer than 60 stable cells get the
+    factor of the next smaller one.
 
     Args:
         measured: its error by plants is no part of what is widened.

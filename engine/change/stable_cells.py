@@ -56,7 +56,8 @@ def find_stable(
     shared: Float | float = 0.0
     if alike is not None:
         z, shared = with_alike(z, alike.ravel().take(here) / (error.ravel().take(here) * scatter_of_one))
-    moved = _means_around(clipped(z, shared), shared, windows := PartWindows(partition, here, _width(partition.cell)))
+    windows = PartWindows(partition, here, _width(partition.cell))
+    moved = _means_around(clipped(z, shared), shared, windows)
     one_each = partition.first_among(here)
     stable = left = np.ones(here.size, dtype=bool)
     for _ in range(_ROUNDS):

@@ -79,8 +79,8 @@ def adaptive_cells(
     used as well. A quarter of a block without any point does not count as compared, nor does what lies outside of
     either survey, gaps within it aside. Blocks lie at multiples of their side whatever the extent of the clouds.
 
-    The surface of a block is a pair of parallel planes (see ``moments.parallel_planes``). The variance of a point about
-    them is moderated by that of the blocks of the same size around (Smyth 2004, doi:10.2202/1544-6115.1027).
+    The surface of a block is a pair of parallel planes (see ``block_moments.parallel_planes``). The variance of a point
+    about them is moderated by that of the blocks of the same size around (Smyth 2004, doi:10.2202/1544-6115.1027).
 
     Large grids are worked on in parts with a margin, and only where both surveys have points, so that memory and time
     are those of the slope's area and not of the rectangle around it.

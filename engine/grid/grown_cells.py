@@ -53,7 +53,7 @@ class Grown:
 
 
 def grow(moments: list[Moments], within: NDArray[np.bool_], growth: Growth, level: float) -> Grown:
-    """Blocks of the cells ``within`` (rows, columns), from the finest size up (see ``adaptive.adaptive_cells``).
+    """Blocks of the cells ``within`` (rows, columns), from the finest size up (see ``growing_cells.adaptive_cells``).
 
     Args:
         moments: of both epochs, heights from ``level``, with nothing outside of ``within``; rows and columns are

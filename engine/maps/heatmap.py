@@ -58,7 +58,7 @@ def write_heatmap_png(
     """Write the heatmap as an annotated PNG: zone outlines and ids, legend, scale bar, north arrow, coordinates.
 
     Args:
-        zones: as of ``zones.extract_zones``, in the heatmap's horizontal reference system, most severe first.
+        zones: as of ``extraction.extract_zones``, in the heatmap's horizontal reference system, most severe first.
 
     Raises:
         InputError: the folder is missing or not writable.

@@ -57,8 +57,8 @@ def analyse(
 ) -> Analysis:
     """Differences, zones and their series of surveys that are on one grid; the first one's own transform is none.
 
-    A survey whose whole overlap rose or sank alike (a datum or bias, see ``change.uniform_shift``) makes no zones and
-    tells no velocity.
+    A survey whose whole overlap rose or sank alike (a datum or bias, see ``difference.uniform_shift``) makes no zones
+    and tells no velocity.
     """
     progress = progress or Progress()
     names = [g.epoch.name for g in gridded]

@@ -24,7 +24,7 @@ def change_zones(
     method: str = "",
     run_id: str = "",
 ) -> Zones:
-    """``zones.extract_zones`` of a change; no zones where the whole overlap has moved alike.
+    """``extraction.extract_zones`` of a change; no zones where the whole overlap has moved alike.
 
     Their ``lod95_m`` is at 95 %, whatever confidence the change was judged with.
     """

@@ -25,7 +25,7 @@ _NEAR_SAMPLE, _NEAR = 0.7, 2.0
 """More for each of the first few samples, and altogether at most: where errors are partly correlated, a zone of few
 effective samples has more cells than these to choose its shape from."""
 _DEGREES_OF_A_CELL = 12.0
-"""Degrees of freedom of a cell's error: eight of its neighbourhood (``cell_variance``) and about four of its points."""
+"""Degrees of freedom of a cell's error: eight of its neighbourhood (``pooled_variance``), about four of its points."""
 _ONE_POINT_AT_MOST = 3.0  # errors that a cell of one point counts for, at most: it may be a stray one
 _NODES = np.linspace(-6.0, 6.0, 241)
 _WEIGHTS = np.exp(-0.5 * _NODES**2) / np.exp(-0.5 * _NODES**2).sum()

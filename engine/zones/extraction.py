@@ -70,14 +70,14 @@ def extract_zones(
     unsimplified, with its holes, so that its area is that of its cells; parts are parts of one MultiPolygon.
 
     The fields' meaning, where it is not plain: ``dz_p95_m`` is the 95th percentile of the magnitudes with the zone's
-    sign; the volumes are those over the zone's footprint (``volumes.outline_footprints``), which is ``vol_area_m2``
+    sign; the volumes are those over the zone's footprint (``footprints.outline_footprints``), which is ``vol_area_m2``
     large and of whose cells the share ``vol_measured`` was measured; ``vol_loss_m3`` and ``vol_gain_m3`` are positive;
     ``vol_err_m3`` is one standard error of ``vol_net_m3`` with correlated errors (``volumes.CorrelationModel``),
     ``vol_low_m3`` to ``vol_high_m3`` its 95 % interval, ``n_eff`` the effective number of samples; ``rate_err`` is the
-    standard error of ``rate_mm_day`` from the same model; ``lod95_m`` is the zone's median of ``lod``; ``slope_deg``
-    the inclination of the plane through the zone's ``heights``; ``confidence`` the probability that noise alone makes
-    no zone as strong anywhere on the map (``zone_confidence``). Groups below ``minimum_confidence`` are no zones; a
-    zone below 95 % has the severity ``unsure``.
+    standard error of ``rate_mm_day`` from the same model; ``lod95_m`` is the zone's median of ``found.level``;
+    ``slope_deg`` the inclination of the plane through the zone's heights; ``confidence`` the probability that noise
+    alone makes no zone as strong anywhere on the map (``confidence_after_selection``). Groups below
+    ``minimum_confidence`` are no zones; a zone below 95 % has the severity ``unsure``.
 
     Args:
         cells: their ``error`` holds the registration's part. A part of grown cells counts as one and errs as one. To

@@ -34,7 +34,7 @@ def label_groups(
             square that the group holds: what is left of a square tells less than all of it, and where finer cells lent
             it their points nothing new.
         plants: error that plants make of each cell's change, metres: groups whose mean change is not beyond it
-            (``plant_cover.clear_of_plants``) are left out.
+            (``plant_cells.clear_of_plants``) are left out.
         sigma: standard error of each cell's change, metres: a grown cell far beyond it counts for more than one
             (``evidence.cells_worth``).
     """

@@ -105,7 +105,7 @@ def steepest_lines(
     by half its length or at least two metres. On nearly flat ground it follows the zone's longer axis.
 
     Args:
-        zones: as of ``zones.extract_zones``, the most severe first, in the grid's horizontal reference system.
+        zones: as of ``extraction.extract_zones``, the most severe first, in the grid's horizontal reference system.
         heights, dz: surface and change (rows, columns), metres, NaN where unknown.
     """
     lines = []
