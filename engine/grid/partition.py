@@ -82,10 +82,6 @@ class Partition:
         full[inside] = values[self.block[inside]]
         return full
 
-    def of_parts(self, values: NDArray[Any]) -> NDArray[Any]:
-        """(parts,) ``values`` (rows, columns) of each one's first cell; every part must have a cell."""
-        return values.ravel() if self.block is None else values.ravel()[self._first]
-
     def within(self, cells: Bool) -> Bool:
         """Those of ``cells`` (rows, columns) that are in a part."""
         return cells if self.block is None else cells & (self.block >= 0)
