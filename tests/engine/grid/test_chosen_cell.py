@@ -96,8 +96,8 @@ def test_larger_cells_than_for_the_level_are_only_where_smaller_ones_have_too_fe
         for seed in (1, 2)
     )
     change = difference(first, second, ChangeParameters(cell=0.5))
-    assert change.cell_size is not None
-    dense, thin = change.cell_size[:, :110], change.cell_size[:, 130:]
+    assert change.partition.grown
+    dense, thin = change.partition.sizes[:, :110], change.partition.sizes[:, 130:]
     assert np.nanmax(dense) <= 2.0
     assert np.nanmax(thin) >= 4.0
     assert np.isfinite(thin).mean() > 0.9
