@@ -1,6 +1,6 @@
 """Run the benchmarks and print their tables: ``python -m slopewatch.benchmarks [--results FOLDER] [NAME ...]``.
 
-``--results`` keeps what became of each single case as FOLDER/NAME.csv, for the benchmarks that can (``KEPT``).
+``--results`` keeps what became of each single case as FOLDER/NAME.csv (.jsonl), for the benchmarks that can (``KEPT``).
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ NAMES = {
     "adaptive": "Cells that grow",
     "volumes": "Volumes",
     "detection": "What is detected: pairs with and without change",
+    "unseen_surveys": "Surveys that nothing was chosen on",
     "whole_flow": "The whole flow",
     "seasons": "Grass grown and mown: what is reported where nothing moved",
     "series": "More than two surveys",
@@ -37,7 +38,7 @@ NAMES = {
 }
 
 
-KEPT = {"detection", "real_ground"}
+KEPT = {"detection", "real_ground", "unseen_surveys"}
 """Benchmarks that can keep their single results."""
 
 
