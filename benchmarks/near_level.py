@@ -32,8 +32,10 @@ CHANGES, RATIO, AREA = 8, (0.8, 2.0), (1.0, 20.0)
 SCATTER, REGISTRATION = 0.02, 0.003
 COHERENT = ((0.0, 1.0), (0.15, 1.0), (0.15, 4.0), (0.3, 2.0))
 """Errors that near points of an epoch share: standard deviation over the scatter of a point, and length, m."""
-CLASSES = (0.0, 0.5, 0.8, 0.95, 0.99, 1.0)
+CLASSES = (0.0, 0.5, 0.8, 0.93, 0.97, 0.99, 1.0)
 SURE, RIGHT = 0.95, (0.93, 0.97)
+CHANCE = 2.0
+"""Standard errors by which a share of few groups may by chance lie below their mean confidence."""
 RATIOS = (0.8, 1.2, 1.6, 2.0)
 
 
@@ -197,17 +199,35 @@ def table(still: Sequence[Told], moved: Sequence[Told]) -> list[Row]:
     for low, high in pairwise(CLASSES):
         own = [right for p, right in pairs if low <= p < high or (high == 1.0 and p == 1.0)]
         mean = [p for p, _ in pairs if low <= p < high or (high == 1.0 and p == 1.0)]
-        lines.append(
-            Row(
-                f"groups with a confidence of {low:g} to {high:g} that are right",
-                f"{sum(own)} of {len(own)}" + (f" ({100 * np.mean(own):.0f} %)" if own else ""),
-                f"at least their mean confidence{f', {100 * np.mean(mean):.0f} %' if mean else ''}",
-                "",
-                bool(np.mean(own) >= np.mean(mean)) if own else None,
-            )
+        lines.append(_class_row(low, high, own, mean))
+    every = [right for p, right in pairs if p >= SURE]
+    lines.append(
+        Row(
+            f"groups with a confidence of {SURE:g} and more that are right, no least confidence asked",
+            f"{sum(every)} of {len(every)}" + (f" ({100 * np.mean(every):.1f} %)" if every else ""),
+            f"at least {100 * SURE:g} %",
+            "",
+            bool(np.mean(every) >= SURE) if every else None,
         )
+    )
     changes = [c for one in moved for c in one.changes]
     for low, high in pairwise(RATIOS):
         own = [found for ratio, found in changes if low <= ratio < high]
         lines.append(Row(f"changes reported, height {low:g} to {high:g} times the level", f"{sum(own)} of {len(own)}"))
     return lines
+
+
+def _class_row(low: float, high: float, right: Sequence[bool], confidence: Sequence[float]) -> Row:
+    """A class of confidence: what is right in it against what it promises, but for chance."""
+    name = f"groups with a confidence of {low:g} to {high:g} that are right"
+    if not right:
+        return Row(name, "0 of 0", "their mean confidence")
+    share, promised = float(np.mean(right)), float(np.mean(confidence))
+    by_chance = CHANCE * math.sqrt(promised * (1.0 - promised) / len(right))
+    return Row(
+        name,
+        f"{sum(right)} of {len(right)} ({100 * share:.0f} %)",
+        f"their mean confidence, {100 * promised:.0f} %, or more",
+        f"less by chance: {100 * by_chance:.0f} points",
+        share >= promised - by_chance,
+    )
