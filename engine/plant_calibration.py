@@ -1,4 +1,6 @@
-"""How far the errors that clouds state for their plants hold between two surveys, as stable ground tells."""
+"""How far the errors that clouds state for their plants hold between two surveys, and how much of them the whole slope
+has in common, as stable ground tells.
+"""
 
 from __future__ import annotations
 
@@ -47,11 +49,53 @@ def plants_factor(
     """
     with np.errstate(invalid="ignore"):
         told = stable & np.isfinite(dz) & (plants > sampling)
-    row, column = np.nonzero(told)
-    width = max(round(PATCH_M / cell), 1)
-    patches = len(np.unique(np.column_stack([row // width, column // width]), axis=0))
+    patches = len(np.unique(_patches(dz.shape, cell)[told]))
     if patches < FEWEST_PATCHES:
         return 1.0
     needed = ((dz[told] / quantile(confidence)) ** 2 - sampling[told] ** 2 - registration_error**2) / plants[told] ** 2
     surer = min(confidence + math.sqrt(confidence * (1.0 - confidence) / patches), 1.0)
     return float(np.clip(math.sqrt(max(sample_quantile(needed, surer), 0.0)), NARROWEST, 1.0))
+
+
+def common_share(dz: Float, sampling: Float, plants: Float, stable: NDArray[np.bool_], cell: float) -> float:
+    """Share (0 to 1) of the error by plants that is one and the same all over the slope.
+
+    A season lifts or lowers all of it alike; what stands in one place and not in another does not. On stable ground
+    under plants the mean of the change over its error by plants is what all have in common, and the scatter of the
+    means of squares of 2 m how well that is known. The share is both together: the root of the mean's square and of its
+    standard error's. With fewer than 20 squares all of the error counts as common (1).
+
+    Args:
+        dz, sampling, plants: as in ``plants_factor``, ``plants`` after that factor.
+        stable: cells of stable ground, one of each grown cell.
+        cell: side of a cell, metres.
+    """
+    with np.errstate(invalid="ignore"):
+        told = stable & np.isfinite(dz) & (plants > sampling)
+    _, patch = np.unique(_patches(dz.shape, cell)[told], return_inverse=True)
+    count = np.bincount(patch)
+    if len(count) < FEWEST_PATCHES:
+        return 1.0
+    means = np.bincount(patch, dz[told] / plants[told]) / count
+    return min(math.hypot(float(means.mean()), float(means.std(ddof=1)) / math.sqrt(len(means))), 1.0)
+
+
+def sum_by_plants(weighted: Float, cell: float, share: float) -> float:
+    """Standard error of a sum of changes, by plants, of whose error a ``share`` is common to all.
+
+    All of it is alike within squares of 2 m, which err independently but for the share.
+
+    Args:
+        weighted: each cell's weight times its error by plants (rows, columns), not negative; of cells that are one,
+            their sum in one of them.
+        cell: side of a cell, metres.
+    """
+    sums = np.bincount(_patches(weighted.shape, cell).ravel(), weighted.ravel())
+    return min(math.hypot(share * float(sums.sum()), float(np.sqrt(np.sum(sums**2)))), float(sums.sum()))
+
+
+def _patches(shape: tuple[int, ...], cell: float) -> NDArray[np.int64]:
+    """Number of the square of ``PATCH_M`` that each cell (rows, columns) lies in."""
+    width = max(round(PATCH_M / cell), 1)
+    rows, columns = (np.arange(n) // width for n in shape)
+    return np.asarray(rows[:, None] * (int(columns[-1]) + 1) + columns, dtype=np.int64)
