@@ -38,14 +38,15 @@ def test_rows_tell_the_share_that_is_right_and_by_how_much_it_is_over():
     made = {row.figure: row for row in table([still], [moved])}
     first = next(iter(made.values()))
     assert first.value == "1 of 1 (100.0 %)"
-    assert "3.0 points above" in first.peer
-    assert first.met is False
+    assert "3.0 points above 97 %" in first.peer
+    assert first.met is True
     assert made["groups with a confidence of 0 to 0.5 that are right"].value == "1 of 2 (50 %)"
     assert made["groups with a confidence of 0.93 to 0.97 that are right"].met is None
     assert made["changes reported, height 1.6 to 2 times the level"].value == "1 of 1"
     wrong = Told((0.96,), (False,), (False,), ())
     made = table([wrong] * 3, [moved])
     assert made[0].value == "1 of 4 (25.0 %)"
+    assert made[0].met is False
     assert made[1].met is False
 
 
@@ -54,3 +55,10 @@ def test_a_class_may_be_right_less_often_than_promised_by_chance_only():
     name = "groups with a confidence of 0.8 to 0.93 that are right"
     assert next(row for row in table([few], []) if row.figure == name).met is True
     assert next(row for row in table([few] * 10, []) if row.figure == name).met is False
+
+
+def test_zones_of_95_percent_are_to_be_right_in_93_to_97():
+    name = "groups with a confidence of 0.93 to 0.97 that are right"
+    for right, met in ((19, True), (20, False), (17, False)):
+        told = Told((0.95,) * 20, (True,) * right + (False,) * (20 - right), (), ())
+        assert next(row for row in table([told], []) if row.figure == name).met is met
