@@ -11,7 +11,6 @@ from scipy import ndimage
 
 from .chosen_cell import LEAST_POINTS
 from .gridding import Float
-from .missed_places import missed_places
 from .moments import Moments, ParallelPlanes, merged, parallel_planes, variance_by_parts
 from .parameters import ChangeParameters
 
@@ -56,16 +55,11 @@ class Grown:
 def grow(moments: list[Moments], within: NDArray[np.bool_], growth: Growth, level: float) -> Grown:
     """Blocks of the cells ``within`` (rows, columns), from the finest size up (see ``adaptive.adaptive_cells``).
 
-    No block holds what one survey has missed (``missed_places``), nor its points.
-
     Args:
         moments: of both epochs, heights from ``level``, with nothing outside of ``within``; rows and columns are
             multiples of the largest block. They are used up.
     """
-    missed = missed_places(moments[0].count, moments[1].count, 2 ** (growth.steps - 1) if growth.steps else 0, within)
-    for epoch in moments:
-        epoch.sums[:, missed] = 0.0
-    result = _Result.empty(within & ~missed, growth.cell, level)
+    result = _Result.empty(within.copy(), growth.cell, level)
     squares: list[_Squares] = []
     for step in range(growth.steps + 1):
         squares.append(_Squares.of_points(moments) if not step else squares[-1].merged(squares[-_PARTS:][0]))
