@@ -85,6 +85,8 @@ def contradicting(system: Equations, patches: Patches, agrees: Mask, offset: flo
     bends of the surveys is measured by their median. A piece that pulls much makes all places contradict one another:
     then the worst one is left out if that sets the others right.
     """
+    if np.count_nonzero(agrees) < _LEAST_PLACES:
+        return np.zeros(len(patches), dtype=bool)
     left = agrees.copy()
     least = max(_LEAST_PLACES, (1 - _MOST_ODD) * np.count_nonzero(agrees))
     places = _places(system, patches, agrees)
@@ -118,7 +120,7 @@ class _Places:
 
 def _places(system: Equations, patches: Patches, agrees: Mask) -> _Places:
     some = np.flatnonzero(agrees)
-    noise = np.maximum(system.rest[some], float(np.median(system.rest[some])) / 4 if len(some) else 0.0)
+    noise = np.maximum(system.rest[some], float(np.median(system.rest[some])) / 4)
     share = system.pairs[some] / (CORRELATED * np.maximum(noise, 1e-12))
     pairs = cKDTree(patches.centre[some]).query_pairs(_PLACE * patches.width, output_type="ndarray")
     rows, columns = np.concatenate([pairs.T, pairs.T[::-1], np.tile(np.arange(len(some)), (2, 1))], axis=1)
