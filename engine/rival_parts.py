@@ -20,7 +20,7 @@ _LEAST_SHARE = 0.15  # of the patches' area: by chance an eighth agrees with som
 _LEAST_RIVAL = 0.10  # by chance as much agrees beside a part
 _MAJORITY, _SMALL = 0.5, 0.2
 _RIVAL = 0.7  # of the largest part: another one as large contradicts it
-_SURE_RIVAL = 0.55  # the same of a part that is no majority and does not lie around the other
+_SURE_RIVAL = 0.4  # the same of a part that is no majority and does not lie around the other
 _AROUND = 0.7  # of the other's compactness
 # Two surveys of 4 cm in height and 6.5 cm in plan each differ by less than 0.25 m in 95 % of pairs.
 _AS_SURVEYED, _ASTRAY = 0.25, 0.5  # metres
