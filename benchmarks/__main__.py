@@ -20,7 +20,6 @@ NAMES = {
     "plants": "Simulated plants beside real ones",
     "registration": "Registration",
     "moving_pieces": "Registration where most of the surface has moved",
-    "weak_directions": "Stated errors of the weakest direction",
     "gridding": "Gridding",
     "m3c2": "M3C2",
     "calibration": "Calibration of the level of detection",
