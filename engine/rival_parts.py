@@ -20,7 +20,8 @@ _LEAST_SHARE = 0.15  # of the patches' area: by chance an eighth agrees with som
 _LEAST_RIVAL = 0.10  # by chance as much agrees beside a part
 _MAJORITY, _SMALL = 0.5, 0.2
 _RIVAL = 0.7  # of the largest part: another one as large contradicts it
-_SURE_RIVAL = 0.4  # the same of a part that is no majority and does not lie around the other
+_SURE_RIVAL = 0.55  # the same of a part that is no majority and does not lie around the other
+_LARGE, _SMALL_PARTS_RIVAL = 0.4, 0.4  # of a smaller part: a block that moved may be larger than what stayed
 _AROUND = 0.7  # of the other's compactness
 # Two surveys of 4 cm in height and 6.5 cm in plan each differ by less than 0.25 m in 95 % of pairs.
 _AS_SURVEYED, _ASTRAY = 0.25, 0.5  # metres
@@ -64,7 +65,8 @@ def standing(part: StablePart) -> Standing:
     # a datum that is off by chance as far as a block moved back is less likely than a block that moved
     doubted = large and ratio > _WORTH_A_DOUBT and offset > _ASTRAY and other_offset < _AS_SURVEYED
     sure = part.share >= _MAJORITY or (part.share >= _SMALL and _surrounds(part, other))
-    if ratio <= (_RIVAL if sure else _SURE_RIVAL) and not doubted:
+    most = _RIVAL if sure else _SURE_RIVAL if part.share >= _LARGE else _SMALL_PARTS_RIVAL
+    if ratio <= most and not doubted:
         return found
     if not large:
         return replace(found, known=False)
