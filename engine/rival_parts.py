@@ -65,7 +65,7 @@ def standing(part: StablePart) -> Standing:
     # a datum that is off by chance as far as a block moved back is less likely than a block that moved
     doubted = large and ratio > _WORTH_A_DOUBT and offset > _ASTRAY and other_offset < _AS_SURVEYED
     sure = part.share >= _MAJORITY or (part.share >= _SMALL and _surrounds(part, other))
-    most = _RIVAL if sure else _SURE_RIVAL if part.share >= _LARGE else _SMALL_PARTS_RIVAL
+    most = _RIVAL if sure else _SMALL_PARTS_RIVAL if large and part.share < _LARGE else _SURE_RIVAL
     if ratio <= most and not doubted:
         return found
     if not large:
