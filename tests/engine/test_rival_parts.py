@@ -42,6 +42,8 @@ WEST, EAST = PLACES[:, 0] < 8, PLACES[:, 0] > 12
         (0.45, 0.36, (WEST, EAST), False),
         (0.40, 0.26, (WEST, EAST), False),  # no majority, two compact halves
         (0.40, 0.26, (RING, BLOCK), True),  # the same around a block
+        (0.45, 0.22, (WEST, EAST), True),
+        (0.30, 0.15, (WEST, EAST), False),  # the larger may be a block that moved, where little stayed
         (0.16, 0.08, (WEST, EAST), True),
         (0.13, 0.02, (WEST, EAST), False),  # as much agrees by chance
     ],
