@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from laspy import PackedPointRecord
 from numpy.typing import NDArray
+from pyproj import CRS
 
 from ...interface.parameters import InputParameters
 from ..core.errors import EngineError, InputError
 from ..core.messages import shown
-from ..core.staged_outputs import atomic_output
 from .cloud import PointCloud
-from .header import POINT_SIZES, CloudHeader, EmptyCloud, Vector, preflight
-from .laz_writer import ExtraDimension, LazWriter, extra_fields, new_dimension, pack_extra, read_dimensions
+from .header import CloudHeader, EmptyCloud, Vector
+from .laz_file import write_laz
 from .reading import open_cloud
-from .records import read_records, record_dtype
+from .records import ExtraDimension, extra_dimensions, new_dimension, read_records, record_dtype
 
 _SCALE = 0.001
 _GROUP = 1_000_000
@@ -52,22 +53,14 @@ def write_cloud(
         raise EngineError("classes are not all from 0 to 255")
     scales, offsets = _scales_and_offsets(path, cloud.xyz, (_SCALE,) * 3)
     point_format = 6 if cloud.rgb is None else 7
-    dtype = np.dtype(record_dtype(point_format, POINT_SIZES[point_format]).descr + extra_fields(extra))
-    with atomic_output(Path(path), lambda p: _check(p, count)) as temporary, temporary.open("w+b") as stream:
-        writer = LazWriter(
-            stream,
-            point_format=point_format,
-            dtype=dtype,
-            dimensions=extra,
-            scales=scales,
-            offsets=offsets,
-            crs=cloud.crs,
-        )
+    dtype = record_dtype(point_format, extra)
+
+    def groups() -> Iterator[NDArray[np.void]]:
         for start in range(0, count, _GROUP):
             part = slice(start, min(start + _GROUP, count))
             records = np.zeros(part.stop - start, dtype)
             _set_coordinates(records, cloud.xyz[part], scales, offsets)
-            records["flags"] = 0x11  # return 1 of 1
+            records["bit_fields"] = 0x11  # return 1 of 1
             if labels is not None:
                 records["classification"] = labels[part]
             if cloud.intensity is not None:
@@ -75,9 +68,20 @@ def write_cloud(
             if cloud.rgb is not None:
                 for band, field in enumerate(("red", "green", "blue")):
                     records[field] = cloud.rgb[part, band].astype(np.uint16) * 257
-            pack_extra(values, part, records)
-            writer.write(records)
-        writer.close()
+            for dimension in extra:
+                records[dimension.field] = values[dimension.name][part]
+            yield records
+
+    write_laz(
+        path,
+        groups(),
+        count,
+        point_format=point_format,
+        dimensions=extra,
+        scales=scales,
+        offsets=offsets,
+        crs=cloud.crs,
+    )
 
 
 def copy_with(
@@ -123,48 +127,72 @@ def copy_with(
     offsets = _vector(np.array(header.offsets) * factors)
     if xyz is not None:
         scales, offsets = _scales_and_offsets(output, xyz, scales)
-    own = read_dimensions(header.vlrs.get(("LASF_Spec", 4)), header.record_length - POINT_SIZES[header.point_format])
-    kept = [d for d in own if d.name not in values]
-    standard = record_dtype(header.point_format, POINT_SIZES[header.point_format])
-    read_as = np.dtype(standard.descr + extra_fields(own))
-    written_as = sorted(kept + new, key=lambda d: not d.descriptor)
-    dtype = np.dtype(standard.descr + extra_fields(written_as))
-    carried = [*(standard.names or ()), *(name for name, _ in extra_fields(kept))]
-    with atomic_output(Path(output), lambda p: _check(p, count)) as temporary, temporary.open("w+b") as stream:
-        writer = LazWriter(
-            stream,
-            point_format=header.point_format,
-            dtype=dtype,
-            dimensions=written_as,
-            scales=scales,
-            offsets=offsets,
-            crs=frame.crs,
-            standard_time=header.standard_time,
-            file_source=header.file_source,
-            created=header.created,
-        )
+
+    def change(records: PackedPointRecord, part: slice) -> None:
+        array = records.array
+        if xyz is not None:
+            _set_coordinates(array, xyz[part], scales, offsets)
+        if flags_in_class:
+            array["classification_flags"] |= array["classification"] >> 5
+            array["classification"] &= 0x1F
+        if classification is not None:
+            records["classification"] = np.asarray(classification)[part]
+        for dimension in new:
+            array[dimension.field] = values[dimension.name][part]
+
+    copy_records(header, output, frame.crs, change, new=new, keep=keep, scales=scales, offsets=offsets)
+
+
+def copy_records(
+    source: CloudHeader,
+    output: Path,
+    crs: CRS,
+    change: Callable[[PackedPointRecord, slice], None],
+    *,
+    new: Sequence[ExtraDimension] = (),
+    keep: NDArray[np.bool_] | None = None,
+    scales: Vector | None = None,
+    offsets: Vector | None = None,
+) -> None:
+    """Copy a file as LAZ group by group, in the groups of ``read_records``.
+
+    Args:
+        change: changes copied records in place; the slice is their place among all that are written.
+        new: extra dimensions, zero until ``change`` sets them; they replace those of the same names.
+        keep: (n,) of the source's points: which to write; all by default.
+        scales: of the integers, which stay as they are; the source's by default, as are ``offsets``.
+
+    Raises:
+        EngineError, InputError: as ``write_laz`` and ``read_records``.
+    """
+    kept = [d for d in extra_dimensions(source) if d.name not in [n.name for n in new]]
+    dimensions = sorted([*kept, *new], key=lambda d: not d.descriptor)
+    dtype = record_dtype(source.point_format, dimensions)
+    carried = record_dtype(source.point_format, kept).names or ()
+
+    def groups() -> Iterator[NDArray[np.void]]:
         read = written = 0
-        for group in read_records(header):
-            chosen = group.view(read_as)
-            if keep is not None:
-                chosen = chosen[keep[read : read + len(group)]]
+        for group in read_records(source):
+            chosen = group.array if keep is None else group.array[keep[read : read + len(group)]]
             read += len(group)
-            part = slice(written, written + len(chosen))
             records = np.zeros(len(chosen), dtype)
             for field in carried:
                 records[field] = chosen[field]
-            if xyz is not None:
-                _set_coordinates(records, xyz[part], scales, offsets)
-            if flags_in_class:
-                records["more_flags"] |= records["classification"] >> 5
-                records["classification"] &= 0x1F
-            if classification is not None:
-                flags = records["classification"] & 0xE0 if header.point_format < 6 else 0
-                records["classification"] = np.asarray(classification)[part] | flags
-            pack_extra(values, part, records)
-            writer.write(records)
-            written += len(chosen)
-        writer.close()
+            change(PackedPointRecord(records, group.point_format), slice(written, written + len(records)))
+            written += len(records)
+            yield records
+
+    write_laz(
+        output,
+        groups(),
+        source.count if keep is None else int(np.count_nonzero(keep)),
+        point_format=source.point_format,
+        dimensions=dimensions,
+        scales=scales or source.scales,
+        offsets=offsets or source.offsets,
+        crs=crs,
+        source=source,
+    )
 
 
 def _new_dimensions(
@@ -212,10 +240,3 @@ def _vector(values: NDArray[np.float64] | list[float]) -> Vector:
 def _refuse_empty(path: Path, count: int) -> None:
     if count == 0:
         raise EmptyCloud(f"{shown(path)} would hold no points; choose a larger area or other parameters.")
-
-
-def _check(path: Path, count: int) -> None:
-    """Reopen what was written: a sound header, sound chunks, all points."""
-    header: CloudHeader = preflight(path)
-    if header.count != count:
-        raise EngineError(f"{path.name} was written with {header.count} points instead of {count}")

@@ -11,7 +11,7 @@ from pyproj import CRS
 from slopewatch.engine.core.errors import EngineError, InputError
 from slopewatch.engine.pointcloud.cloud import PointCloud
 from slopewatch.engine.pointcloud.header import preflight
-from slopewatch.engine.pointcloud.laz_writer import wkt_of
+from slopewatch.engine.pointcloud.laz_file import wkt_of
 from slopewatch.engine.pointcloud.reading import read_cloud
 from slopewatch.engine.pointcloud.records import read_records
 from slopewatch.engine.pointcloud.writing import copy_with, write_cloud
@@ -147,8 +147,8 @@ def test_undescribed_extra_bytes_are_carried(tmp_path, las_file):
     assert laspy.read(tmp_path / "b.laz").point_format.size == 36 + size + 4
     original = np.frombuffer(data[-40 * (36 + size) :], f"V{36 + size}").view(np.uint8).reshape(40, -1)
     (records,) = read_records(preflight(tmp_path / "b.laz"))
-    extra = records["extra"].copy().view(np.uint8).reshape(40, size + 4)
-    assert np.array_equal(extra[:, 4:], original[:, 36:])
+    extra = records["extra:undescribed"].copy().view(np.uint8).reshape(40, size)
+    assert np.array_equal(extra, original[:, 36:])
     assert np.array_equal(laspy.read(tmp_path / "b.laz").zone, np.arange(40))
 
 
