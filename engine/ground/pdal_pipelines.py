@@ -15,8 +15,8 @@ from ...interface.parameters import GroundParameters
 from ..crs.working_frame import WorkingFrame
 from ..geometry.dominant_plane import Plane, flattening_matrix, unflattening_matrix
 from ..pointcloud.header import CloudHeader
-from ..pointcloud.laz_file import wkt_of
 from ..pointcloud.records import extra_dimensions
+from ..pointcloud.writing import wkt_of
 
 Stage = dict[str, Any]
 GROUND, UNCLASSIFIED = 2, 1

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from laspy import DecompressionSelection, PackedPointRecord
 
-from ..core.progress import Progress
 from ..crs.working_frame import WorkingFrame
 from .decoding_check import DecodedBounds
 from .header import CloudHeader
-from .records import PLACES, read_records
+from .records import read_records
 
 
 @dataclass(frozen=True)
@@ -27,19 +26,6 @@ class Extent:
     def bounds(self) -> tuple[float, float, float, float]:
         """West, south, east, north."""
         return self.low[0], self.low[1], self.high[0], self.high[1]
-
-
-def measure_extent(header: CloudHeader, frame: WorkingFrame, progress: Progress | None = None) -> Extent:
-    """Decode every point's coordinates, whatever the header says; for files that a native reader is to read next.
-
-    Raises:
-        InputError: the points are damaged.
-    """
-    progress = progress or Progress()
-    check = CheckedRecords(header, PLACES)
-    for _ in check:
-        progress.update(check.done / header.count, "checking")
-    return check.extent(frame)
 
 
 class CheckedRecords:

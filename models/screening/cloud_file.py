@@ -208,7 +208,7 @@ class ScreenedFile:
             count[:] += np.bincount(labels, minlength=3)
             progress.update(part.stop / header.count)
 
-        copy_records(header, output, self._declared, change, new=new)
+        copy_records(header, output, self._declared, change, new, scales=header.scales, offsets=header.offsets)
         return {"uplift": int(count[1]), "subsidence": int(count[2])}
 
     def refuse_classes(self, classification: bool) -> None:

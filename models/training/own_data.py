@@ -17,8 +17,7 @@ from ...engine.core.errors import InputError
 from ...engine.core.messages import shown
 from ...engine.core.progress import Progress
 from ...engine.geometry.dominant_plane import apply_matrix, fit_plane, flattening_matrix
-from ...engine.pointcloud.extra_dimensions import read_dimension
-from ...engine.pointcloud.reading import read_cloud
+from ...engine.pointcloud.reading import read_cloud, read_dimension
 from ...interface.parameters import FineTuneParameters, InputParameters
 from ..configuration import CLASSES
 from ..preparation.prepare import UNKNOWN

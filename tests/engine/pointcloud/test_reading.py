@@ -6,10 +6,10 @@ import laspy
 import numpy as np
 import pytest
 from slopewatch.engine.core.progress import Progress
-from slopewatch.engine.pointcloud.extent import measure_extent
+from slopewatch.engine.pointcloud.extent import CheckedRecords
 from slopewatch.engine.pointcloud.header import POINT_SIZES, preflight
 from slopewatch.engine.pointcloud.reading import eight_bits, open_cloud, read_cloud, sample_cloud
-from slopewatch.engine.pointcloud.records import new_dimension, read_records, record_dtype
+from slopewatch.engine.pointcloud.records import PLACES, new_dimension, read_records, record_dtype
 from slopewatch.interface.parameters import InputParameters
 
 US_FOOT = 1200 / 3937
@@ -138,7 +138,9 @@ def test_moved(tmp_path, las_file):
 def test_extent_is_that_of_the_points(tmp_path, las_file):
     path = las_file(tmp_path / "a.laz", crs=2227)
     header, frame = open_cloud(path)
-    extent = measure_extent(header, frame)
+    checked = CheckedRecords(header, PLACES)
+    assert sum(len(records) for records in checked) == checked.done == header.count
+    extent = checked.extent(frame)
     xyz = laspy.read(path).xyz * US_FOOT
     assert np.allclose(extent.low, xyz.min(axis=0), rtol=1e-12)
     assert np.allclose(extent.high, xyz.max(axis=0), rtol=1e-12)
