@@ -82,6 +82,13 @@ def test_fields_that_share_bytes(tmp_path, las_file, point_format, version, exte
     assert len(np.unique(labels)) > 1
 
 
+def test_eight_raw_extra_bytes_are_read(tmp_path, las_file):
+    """Their number stands where others mark a scale; laspy 2.7 refuses such files."""
+    path = las_file(tmp_path / "a.las", change=lambda las: las.add_extra_dim(laspy.ExtraBytesParams("raw", "8u1")))
+    plain = laspy.read(las_file(tmp_path / "b.las"))
+    assert np.array_equal(read_cloud(path).xyz, plain.xyz)
+
+
 @pytest.mark.parametrize("point_format", range(11))
 def test_record_structures_have_the_specified_size(point_format):
     extra = [new_dimension("a", np.dtype("u1")), new_dimension("X", np.dtype("f8"))]
