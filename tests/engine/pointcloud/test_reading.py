@@ -8,9 +8,10 @@ import pytest
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.pointcloud.extent import CheckedRecords
 from slopewatch.engine.pointcloud.header import POINT_SIZES, preflight
-from slopewatch.engine.pointcloud.reading import eight_bits, open_cloud, read_cloud, sample_cloud
+from slopewatch.engine.pointcloud.reading import eight_bits, open_cloud, read_cloud, read_dimension, sample_cloud
 from slopewatch.engine.pointcloud.records import PLACES, new_dimension, read_records, record_dtype
 from slopewatch.interface.parameters import InputParameters
+from slopewatch.tests.builders.pdal_columns import by_pdal
 
 US_FOOT = 1200 / 3937
 REAL = [
@@ -36,6 +37,27 @@ def test_every_point_format_is_read_as_laspy_reads_it(tmp_path, las_file, point_
         assert cloud.rgb is None
     assert cloud.crs.to_epsg() == 32651
     assert cloud.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("point_format", "version"), [(0, "1.2"), (1, "1.2"), (2, "1.2"), (3, "1.2"), (6, "1.4"), (7, "1.4"), (8, "1.4")]
+)
+def test_points_are_read_as_pdal_reads_them(tmp_path, las_file, point_format, version):
+    def labelled(las):
+        las.add_extra_dim(laspy.ExtraBytesParams("label", "i2"))
+        las.label = np.arange(500) - 250
+
+    path = las_file(tmp_path / "a.laz", point_format=point_format, version=version, points=500, change=labelled)
+    cloud = read_cloud(path, colours=True)
+    names = ["X", "Y", "Z", "Intensity", "Classification"] + (["Red", "Green", "Blue"] if cloud.rgb is not None else [])
+    found = by_pdal(path, *names)
+    assert np.abs(np.column_stack([found[axis] for axis in "XYZ"]) - cloud.xyz).max() < 1e-8
+    assert np.array_equal(found["Intensity"], cloud.intensity)
+    assert np.array_equal(found["Classification"], cloud.classification)
+    assert (cloud.rgb is None) == (point_format in (0, 1, 6))
+    if cloud.rgb is not None:
+        assert np.array_equal(np.column_stack([found[c] for c in ("Red", "Green", "Blue")]) // 256, cloud.rgb)
+    assert np.array_equal(read_dimension(path, "label"), np.arange(500) - 250)
 
 
 @pytest.mark.parametrize("name", REAL)

@@ -15,11 +15,11 @@ from slopewatch.engine.core.errors import EngineError, InputError
 from slopewatch.engine.core.version import VERSION
 from slopewatch.engine.pointcloud.cloud import PointCloud
 from slopewatch.engine.pointcloud.header import preflight
-from slopewatch.engine.pointcloud.pdal_program import find_pdal
 from slopewatch.engine.pointcloud.reading import read_cloud, read_dimension
 from slopewatch.engine.pointcloud.records import read_records
 from slopewatch.engine.pointcloud.writing import copy_with, wkt_of, write_cloud
 from slopewatch.interface.parameters import InputParameters
+from slopewatch.tests.builders.pdal_columns import by_pdal
 
 
 def same_dimensions(a: laspy.LasData, b: laspy.LasData, keep=slice(None)) -> list[str]:
@@ -229,18 +229,6 @@ def test_nothing_to_write_is_an_input_error(tmp_path, las_file):
     with pytest.raises(InputError, match="no points"):
         copy_with(source, tmp_path / "b.laz", keep=np.zeros(2000, bool))
     assert not (tmp_path / "b.laz").exists()
-
-
-def by_pdal(path: Path, *names: str) -> dict[str, np.ndarray]:
-    """Columns of the points as PDAL reads them."""
-    try:
-        pdal = find_pdal()
-    except InputError as error:
-        pytest.skip(f"no PDAL to read clouds with: {error}")
-    table = path.with_suffix(".csv")
-    text = {"type": "writers.text", "filename": str(table), "order": ",".join(names), "keep_unspecified": False}
-    pdal.run([{"type": "readers.las", "filename": str(path)}, {**text, "precision": 9}])
-    return dict(zip(names, np.loadtxt(table, delimiter=",", skiprows=1, ndmin=2).T, strict=True))
 
 
 def test_pdal_reads_what_is_written(tmp_path, las_file):
