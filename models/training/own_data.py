@@ -212,7 +212,7 @@ def _refuse_useless(clouds: Sequence[OwnCloud], areas: LabelPolygons | None, pro
 
 
 def slope_facts(xyz: Float) -> Suitability | None:
-    """What screening would look at before it takes such a cloud (see ``models.preparation.suitability``); None for a few
+    """What screening would look at before it takes such a cloud (see ``preparation.suitability``); None for a few
     points.
     """
     every = max(1, len(xyz) // _SAMPLE)

@@ -16,7 +16,7 @@ Numbered as the list of bad inputs. What other files test already and is not rep
 39 refusals/test_damaged_clouds.py (test_39), engine/pointcloud/test_returns.py,
     engine/ground/test_extraction.py (test_return_numbers_that_make_no_sense_are_said)
 47 engine/grid/test_geotiff.py (test_raster_is_what_the_contract_says)
-48 interface/parameters/test___init__.py, cli/test_commands.py (bad number, nan, options that are not understood)
+48 interface/parameters/test_groups.py, cli/test_commands.py (bad number, nan, options that are not understood)
 """
 
 from __future__ import annotations
