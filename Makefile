@@ -1,7 +1,7 @@
 # SlopeWatch: `make demo` and `make test` each do everything on a fresh Debian 12 or 13, as root or with sudo.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-engine test-plugin lint format bench model package install uninstall clean
+.PHONY: help setup demo test test-engine test-plugin check lint format bench model package install uninstall clean
 
 PYTHON := .venv/bin/python
 QGIS_PYTHON := .venv-qgis/bin/python
@@ -9,8 +9,13 @@ ENGINE_TESTS := $(wildcard tests/architecture tests/interface tests/api tests/en
 	tests/refusals tests/accuracy tests/scripts tests/benchmarks)
 PLUGIN_TESTS := $(wildcard tests/plugin tests/processing_algorithms tests/qgis)
 TYPED := interface engine models simulation workflows cli
+FAST_TESTS := $(wildcard tests/architecture tests/interface tests/engine/core tests/engine/statistics tests/engine/geometry tests/engine/crs \
+	tests/engine/grid tests/engine/epochs tests/engine/vector)
 # More options for pytest: make test PYTEST="-k ground -x"
 PYTEST :=
+# Tests side by side, a file at a time, each process with one thread.
+PARALLEL := -n auto --dist loadfile
+ONE_THREAD := OPENBLAS_NUM_THREADS=1
 
 help:  ## This list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */  make \1\t/' | expand -t 22
@@ -24,10 +29,13 @@ demo: setup  ## Two simulated surveys through QGIS: rasters, zones, heatmap, fig
 test: test-engine test-plugin  ## All tests
 
 test-engine: setup  ## Engine, simulation and set-up, in .venv
-	$(PYTHON) -m pytest $(ENGINE_TESTS) $(PYTEST)
+	$(ONE_THREAD) $(PYTHON) -m pytest $(PARALLEL) $(ENGINE_TESTS) $(PYTEST)
 
 test-plugin: setup  ## Plugin and toolbox, in QGIS's own Python and through qgis_process
 	QT_QPA_PLATFORM=offscreen PYTHONPATH=/usr/share/qgis/python/plugins $(QGIS_PYTHON) -m pytest $(PLUGIN_TESTS) $(PYTEST)
+
+check: lint  ## lint and the fast tests, without QGIS
+	$(ONE_THREAD) $(PYTHON) -m pytest $(PARALLEL) $(FAST_TESTS) $(PYTEST)
 
 lint: setup  ## ruff, mypy and the layers of the packages
 	$(PYTHON) -m ruff check .

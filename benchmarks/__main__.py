@@ -1,6 +1,6 @@
 """Run the benchmarks and print their tables: ``python -m slopewatch.benchmarks [--results FOLDER] [NAME ...]``.
 
-``--results`` keeps what became of each single case as FOLDER/NAME.csv, for the benchmarks that can (``KEPT``).
+``--results`` keeps what became of each single case as FOLDER/NAME.csv (.jsonl), for the benchmarks that can (``KEPT``).
 """
 
 from __future__ import annotations
@@ -25,9 +25,12 @@ NAMES = {
     "m3c2_level": "The level of detection of M3C2",
     "calibration": "Calibration of the level of detection",
     "strips": "Two airborne strips without change",
+    "bumps": "Thirty bumps and hollows in real airborne strips",
     "adaptive": "Cells that grow",
     "volumes": "Volumes",
     "detection": "What is detected: pairs with and without change",
+    "unseen_surveys": "Surveys that nothing was chosen on",
+    "near_level": "Zones near their level of detection",
     "whole_flow": "The whole flow",
     "seasons": "Grass grown and mown: what is reported where nothing moved",
     "series": "More than two surveys",
@@ -38,7 +41,7 @@ NAMES = {
 }
 
 
-KEPT = {"detection", "real_ground"}
+KEPT = {"detection", "real_ground", "unseen_surveys"}
 """Benchmarks that can keep their single results."""
 
 

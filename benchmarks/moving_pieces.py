@@ -13,7 +13,7 @@ from ..interface.parameters import RegistrationParameters
 from ..simulation.surveys.moving_pieces import EPOCHS, first_epoch, moved_epoch, shares_moved
 from .table import Row
 
-CASES = ((1, False), (2, False), (1, True))  # seed, and whether neighbours move together
+CASES = ((1, False), (2, False), (1, True), (2, True))  # seed, and whether neighbours move together
 RIGHT = 1.0  # mm
 WANTED = 17  # of 19 epochs
 

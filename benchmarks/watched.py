@@ -30,6 +30,14 @@ def run_watched(arguments: Sequence[str]) -> tuple[float, int]:
     return seconds, peak[0]
 
 
+def exit_of(arguments: Sequence[str]) -> tuple[int, str]:
+    """Exit code of ``slopewatch ARGUMENTS``, run on its own, and the last line of what it complained of."""
+    command = [sys.executable, "-m", "slopewatch.engine.cli", *arguments]
+    done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False)
+    said = done.stderr.decode(errors="replace").strip().splitlines()
+    return done.returncode, said[-1] if said else ""
+
+
 def _watch(pid: int, peak: list[int]) -> None:
     """Largest sum of the resident sizes of a process and its descendants, sampled 20 times a second (Linux)."""
     while Path(f"/proc/{pid}").exists():

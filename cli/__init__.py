@@ -10,7 +10,7 @@ from ..interface.protocol import CANCELLED
 
 
 def main() -> None:
-    # until the command itself listens (see lifecycle.install) there is nothing to clean up
+    # until the command itself listens (see cancellation.install) there is nothing to clean up
     for name in ("SIGINT", "SIGTERM"):
         signal.signal(getattr(signal, name), _leave)
     from .program import cli

@@ -4,7 +4,7 @@
 of every raster band, point dimension, table, layer and picture, and every figure of the run records. What differs
 between two runs by nature (times, paths, run ids, versions) is left out. ``reference_set.py compare BEFORE AFTER``
 names what differs and ends with 1. The surveys are made once and kept in FOLDER/surveys, of which another FOLDER can
-have a copy.
+have a copy. SLOPEWATCH_COMMAND names the module of an older command line.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import numpy as np
 import pyogrio
 import rasterio
 
-ENGINE = [sys.executable, "-m", "slopewatch.engine.cli"]
+ENGINE = [sys.executable, "-m", os.environ.get("SLOPEWATCH_COMMAND", "slopewatch.cli")]
 VOLATILE = re.compile(
     r"(?i)(^|[_/])(started|seconds|run_id|path|versions?|software|sha256|bytes|peak_memory_mb|report)($|/)"
 )

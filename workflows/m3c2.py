@@ -37,8 +37,7 @@ from ..engine.m3c2.level import calibrated, level_facts, say_level, slope_of
 from ..engine.m3c2.normals import fit_planes
 from ..engine.m3c2.scales import Scales, choose_scales, overlap_bounds, spread_cores
 from ..engine.pointcloud.cloud import PointCloud
-from ..engine.pointcloud.extra_dimensions import read_dimension
-from ..engine.pointcloud.reading import open_cloud, read_cloud
+from ..engine.pointcloud.reading import open_cloud, read_cloud, read_dimension
 from ..engine.pointcloud.writing import copy_with
 from ..interface.dates import date_in_name
 from ..interface.parameters import DistanceParameters, InputParameters

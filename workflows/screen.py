@@ -21,10 +21,9 @@ from ..engine.core.progress import Progress
 from ..engine.core.run_record import RunRecord
 from ..engine.core.staged_outputs import Stage, refuse_inputs_as_outputs, refuse_unwritable, staged_outputs
 from ..engine.ground.extraction import extract_ground
-from ..engine.pointcloud.header import POINT_SIZES, preflight
-from ..engine.pointcloud.laz_writer import extra_fields, read_dimensions
+from ..engine.pointcloud.header import preflight
 from ..engine.pointcloud.pdal_program import find_pdal
-from ..engine.pointcloud.records import read_records, record_dtype
+from ..engine.pointcloud.records import extra_dimensions, read_records
 from ..engine.pointcloud.writing import copy_with
 from ..engine.zones.earlier_reviews import NOT_CARRIED, EarlierReviews
 from ..interface.dates import date_in_name
@@ -168,8 +167,6 @@ def _extracted(
 
 def _numbers(ground: Path) -> NDArray[np.uint32]:
     header = preflight(ground)
-    own = read_dimensions(header.vlrs.get(("LASF_Spec", 4)), header.record_length - POINT_SIZES[header.point_format])
-    standard = record_dtype(header.point_format, POINT_SIZES[header.point_format])
-    dtype = np.dtype(standard.descr + extra_fields(own))
-    found = [group.view(dtype)[f"extra:{_INDEX}"].copy() for group in read_records(header)]
+    (index,) = (d for d in extra_dimensions(header) if d.name == _INDEX)
+    found = [index.values(group).copy() for group in read_records(header)]
     return np.sort(np.concatenate(found).astype(np.uint32))

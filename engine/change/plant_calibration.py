@@ -1,4 +1,6 @@
-"""How far the errors that clouds state for their plants hold between two surveys, as stable ground tells."""
+"""How far the errors that clouds state for their plants hold between two surveys, and how much of them the whole slope
+has in common, as stable ground tells.
+"""
 
 from __future__ import annotations
 
@@ -61,3 +63,40 @@ def squares_of(shape: tuple[int, int], cell: float) -> NDArray[np.int64]:
     width = max(round(PATCH_M / cell), 1)
     row, column = (np.arange(n, dtype=np.int64) // width for n in shape)
     return row[:, None] * (int(column[-1]) + 1) + column
+
+
+def common_share(dz: Float, sampling: Float, plants: Float, stable: NDArray[np.bool_], cell: float) -> float:
+    """Share (0 to 1) of the error by plants that is one and the same all over the slope.
+
+    A season lifts or lowers all of it alike; what stands in one place and not in another does not. On stable ground
+    under plants the mean of the change over its error by plants is what all have in common, and the scatter of the
+    means of squares of 2 m how well that is known. The share is both together: the root of the mean's square and of its
+    standard error's. With fewer than 20 squares all of the error counts as common (1).
+
+    Args:
+        dz, sampling, plants: as in ``plants_factor``, ``plants`` after that factor.
+        stable: cells of stable ground, one of each grown cell.
+        cell: side of a cell, metres.
+    """
+    with np.errstate(invalid="ignore"):
+        told = stable & np.isfinite(dz) & (plants > sampling)
+    _, patch = np.unique(squares_of(dz.shape, cell)[told], return_inverse=True)
+    count = np.bincount(patch)
+    if len(count) < FEWEST_PATCHES:
+        return 1.0
+    means = np.bincount(patch, dz[told] / plants[told]) / count
+    return min(math.hypot(float(means.mean()), float(means.std(ddof=1)) / math.sqrt(len(means))), 1.0)
+
+
+def sum_by_plants(weighted: Float, cell: float, share: float) -> float:
+    """Standard error of a sum of changes, by plants, of whose error a ``share`` is common to all.
+
+    All of it is alike within squares of 2 m, which err independently but for the share.
+
+    Args:
+        weighted: each cell's weight times its error by plants (rows, columns), not negative; of cells that are one,
+            their sum in one of them.
+        cell: side of a cell, metres.
+    """
+    sums = np.bincount(squares_of(weighted.shape, cell).ravel(), weighted.ravel())
+    return min(math.hypot(share * float(sums.sum()), float(np.sqrt(np.sum(sums**2)))), float(sums.sum()))

@@ -1,3 +1,15 @@
-"""The version of SlopeWatch; metadata.txt and pyproject.toml carry the same."""
+"""The version of SlopeWatch, which metadata.txt holds: QGIS reads it there."""
 
-VERSION = "0.1.0"
+from __future__ import annotations
+
+import configparser
+from pathlib import Path
+
+
+def _read() -> str:
+    metadata = configparser.ConfigParser(interpolation=None)
+    metadata.read(Path(__file__).resolve().parents[2] / "metadata.txt", encoding="utf-8")
+    return metadata["general"]["version"]
+
+
+VERSION = _read()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 import re
 from dataclasses import dataclass
@@ -22,7 +21,7 @@ _UNITS = {"metre": 1.0, "foot": 0.3048, "us-survey-foot": 1200 / 3937}
 _UNIT_NAMES = {"metre": "metres", "foot": "international feet", "us-survey-foot": "US survey feet"}
 _LARGEST_DISTORTION = 0.01
 _MARGIN = 3.0  # degrees: surveys near the border of a zone are flown in either
-_PLANE = ("ProjectedCRS", "DerivedProjectedCRS", "EngineeringCRS")
+_NO_LENGTHS = ("degree", "grad", "radian", "unity")
 
 
 @dataclass(frozen=True)
@@ -75,11 +74,12 @@ def working_frame(declared: CRS | None, inputs: InputParameters, path: Path | st
     if crs is None:
         raise InputError(f"{name} declares no coordinate reference system; give a projected one with --crs EPSG:n.")
     kind = "the given reference system" if inputs.crs else f"{name} declares the reference system"
-    horizontal, vertical = _parts(crs, kind)
-    horizontal_factor = _factor(horizontal["coordinate_system"]["axis"][0])
-    vertical_axis = _vertical_axis(horizontal, vertical)
-    vertical_factor = horizontal_factor if vertical_axis is None else _factor(vertical_axis)
-    if vertical_axis is not None and vertical_axis.get("direction") == "down":
+    parts = _parts(crs, kind)
+    axes = [axis for part in parts for axis in part.axis_info]
+    vertical_axis = axes[2] if len(axes) > 2 else None
+    horizontal_factor = _factor(axes[0])
+    vertical_factor = _factor(vertical_axis or axes[0])
+    if vertical_axis is not None and vertical_axis.direction == "down":
         raise InputError(f"{kind} {crs.name}, whose heights count downwards; give one with heights by --crs EPSG:n.")
     if inputs.height_unit != "auto":
         given = _UNITS[inputs.height_unit]
@@ -96,7 +96,7 @@ def working_frame(declared: CRS | None, inputs: InputParameters, path: Path | st
             )
         if factor != 1.0:
             notes.append(f"{what} of {name} are converted from {_unit_name(factor)} to metres (times {factor:.12g}).")
-    return WorkingFrame(_in_metres(crs, horizontal, vertical), horizontal_factor, vertical_factor, tuple(notes))
+    return WorkingFrame(_in_metres(crs, parts), horizontal_factor, vertical_factor, tuple(notes))
 
 
 def given_crs(text: str) -> CRS:
@@ -139,45 +139,33 @@ def plausibility(frame: WorkingFrame, x: float, y: float) -> list[str]:
     return warnings
 
 
-def _parts(crs: CRS, kind: str) -> tuple[dict[str, Any], dict[str, Any] | None]:
-    """PROJJSON of the horizontal (or three-dimensional) and of the vertical part; refuses what has no plane."""
-    json = crs.to_json_dict()
-    if json["type"] == "BoundCRS":
-        json = json["source_crs"]
-    horizontal, vertical = json, None
-    if json["type"] == "CompoundCRS":
-        horizontal, vertical = json["components"][0], json["components"][1]
-        horizontal = horizontal["source_crs"] if horizontal["type"] == "BoundCRS" else horizontal
-        vertical = vertical["source_crs"] if vertical["type"] == "BoundCRS" else vertical
-    if horizontal["type"] in ("GeographicCRS", "DerivedGeographicCRS"):
+def _parts(crs: CRS, kind: str) -> list[CRS]:
+    """The horizontal (or three-dimensional) part and the vertical one, if any; refuses what has no plane."""
+    whole = _unbound(crs)
+    parts = [_unbound(part) for part in whole.sub_crs_list] or [whole]
+    what = parts[0].type_name
+    if parts[0].is_geographic:
         raise InputError(
             f"{kind} {crs.name}, which is geographic (degrees); reproject the cloud to a projected one or, if the "
             "declaration is wrong, give the right one with --crs EPSG:n."
         )
-    if horizontal["type"] in ("GeodeticCRS", "DerivedGeodeticCRS"):
+    if what.startswith(("Geocentric", "Geodetic")):
         raise InputError(
             f"{kind} {crs.name}, which is geocentric; reproject the cloud to a projected one or, if the declaration is "
             "wrong, give the right one with --crs EPSG:n."
         )
-    if horizontal["type"] not in _PLANE:
+    if not (parts[0].is_projected or "Projected" in what or "Engineering" in what):
         raise InputError(f"{kind} {crs.name}, which has no plane coordinates; give a projected one with --crs EPSG:n.")
-    return horizontal, vertical
+    return parts
 
 
-def _vertical_axis(horizontal: dict[str, Any], vertical: dict[str, Any] | None) -> dict[str, Any] | None:
-    if vertical is not None:
-        axis: dict[str, Any] = vertical["coordinate_system"]["axis"][0]
-        return axis
-    axes = horizontal["coordinate_system"]["axis"]
-    return axes[2] if len(axes) > 2 else None
+def _unbound(crs: CRS) -> CRS:
+    return CRS(crs.source_crs) if crs.is_bound else crs
 
 
-def _factor(axis: dict[str, Any]) -> float:
-    """Metres of one unit of an axis."""
-    unit = axis.get("unit", "metre")
-    if isinstance(unit, dict):
-        return float(unit.get("conversion_factor", math.nan)) if unit.get("type") != "AngularUnit" else math.nan
-    return 1.0 if unit == "metre" else math.nan
+def _factor(axis: Any) -> float:
+    """Metres of one unit of one of pyproj's axes."""
+    return math.nan if axis.unit_name in _NO_LENGTHS else float(axis.unit_conversion_factor)
 
 
 def _unit_name(factor: float) -> str:
@@ -188,38 +176,31 @@ def _unit_name(factor: float) -> str:
     return f"units of {factor:.12g} m"
 
 
-def _in_metres(crs: CRS, horizontal: dict[str, Any], vertical: dict[str, Any] | None) -> CRS:
+def _in_metres(crs: CRS, parts: list[CRS]) -> CRS:
     """The same projection and heights with metre axes; the reference system itself where it has them already."""
-    parts = [p for p in (horizontal, vertical) if p is not None]
-    if all(_factor(axis) == 1.0 for part in parts for axis in part["coordinate_system"]["axis"]):
-        return crs
     converted = [_part_in_metres(part) for part in parts]
-    if len(converted) == 1:
-        return CRS.from_json_dict(converted[0])
-    return CRS.from_json_dict(
-        {"type": "CompoundCRS", "name": " + ".join(str(p["name"]) for p in converted), "components": converted}
-    )
+    if all(new is old for new, old in zip(converted, parts, strict=True)):
+        return crs
+    return converted[0] if len(parts) == 1 else CompoundCRS(" + ".join(part.name for part in converted), converted)
 
 
-def _part_in_metres(part: dict[str, Any]) -> dict[str, Any]:
-    axes = part["coordinate_system"]["axis"]
-    if all(_factor(axis) == 1.0 for axis in axes):
+def _part_in_metres(part: CRS) -> CRS:
+    if all(_factor(axis) == 1.0 for axis in part.axis_info):
         return part
-    part = copy.deepcopy(part)
+    json = part.to_json_dict()
     # The projection's own parameters keep their units; only the axes change. Code and area no longer apply.
-    for axis in part["coordinate_system"]["axis"]:
+    for axis in json["coordinate_system"]["axis"]:
         axis["unit"] = "metre"
     for key in ("id", "ids"):
-        part.pop(key, None)
-    plain = re.sub(r"\s*\((ft\w*|[^()]*f(oo|ee)t[^()]*)\)$", "", str(part["name"]))
-    if part["type"] == "VerticalCRS":
+        json.pop(key, None)
+    json["name"] = re.sub(r"\s*\((ft\w*|[^()]*f(oo|ee)t[^()]*)\)$", "", part.name)
+    if part.is_vertical:
         # NAVD88 in feet has a sibling in metres with a code of its own, which other programs know.
-        known = CRS.from_json_dict({**part, "name": plain})
+        known = CRS.from_json_dict(json)
         code = known.to_epsg(min_confidence=90)
         if code is not None and CRS.from_epsg(code).equals(known):
-            return CRS.from_epsg(code).to_json_dict()
-    part["name"] = f"{plain} in metres"
-    return part
+            return CRS.from_epsg(code)
+    return CRS.from_json_dict({**json, "name": f"{json['name']} in metres"})
 
 
 def _same(a: CRS, b: CRS) -> bool:

@@ -12,6 +12,7 @@ from datetime import date, timedelta
 from pathlib import Path
 
 import numpy as np
+from laspy import DecompressionSelection
 from numpy.typing import NDArray
 
 from ...interface.dates import date_in_name
@@ -142,12 +143,10 @@ def _created_in_reverse(earlier: Epoch, later: Epoch, first: Evidence, second: E
 
 def _flown(header: CloudHeader) -> tuple[date, date] | None:
     """First and last day of the points' GPS times, where the file says that they are adjusted standard times."""
-    fields = record_dtype(header.point_format, header.record_length).names or ()
+    fields = record_dtype(header.point_format).names or ()
     if not header.standard_time or "gps_time" not in fields:
         return None
-    import lazrs
-
-    wanted = int(lazrs.SELECTIVE_DECOMPRESS_XY_RETURNS_CHANNEL) | int(lazrs.SELECTIVE_DECOMPRESS_GPS_TIME)
+    wanted = DecompressionSelection.XY_RETURNS_CHANNEL | DecompressionSelection.GPS_TIME
     times = [r["gps_time"] for r in read_records(header, selection=wanted, stretches=_STRETCHES)]
     return days_of(np.concatenate(times))
 

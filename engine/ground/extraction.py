@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from laspy import DecompressionSelection
 from numpy.typing import NDArray
 
 from ...interface.parameters import GroundParameters, InputParameters
@@ -29,8 +30,8 @@ from ..pointcloud import plant_cover
 from ..pointcloud.header import CloudHeader, EmptyCloud, preflight
 from ..pointcloud.pdal_program import Pdal, find_pdal
 from ..pointcloud.reading import open_cloud
-from ..pointcloud.records import classes, read_records, return_numbers
-from ..pointcloud.returns import Returns, last_returns, return_totals
+from ..pointcloud.records import PLACES, read_records
+from ..pointcloud.returns import Returns, last_returns
 from ..pointcloud.writing import copy_with
 from ..vector.area import Roi, read_roi, refuse_outside
 from . import pdal_pipelines
@@ -382,16 +383,12 @@ def _read(header: CloudHeader) -> tuple[Float, Returns, NDArray[np.uint8]]:
     xyz = np.empty((header.count, 3))
     number, total, labels = (np.empty(header.count, dtype=np.uint8) for _ in range(3))
     done = 0
-    import lazrs
-
-    selection = int(lazrs.SELECTIVE_DECOMPRESS_XY_RETURNS_CHANNEL) | int(lazrs.SELECTIVE_DECOMPRESS_Z)
-    selection |= int(lazrs.SELECTIVE_DECOMPRESS_CLASSIFICATION)
-    for records in read_records(header, selection=selection):
+    for records in read_records(header, selection=PLACES | DecompressionSelection.CLASSIFICATION):
         part = slice(done, done + len(records))
         for axis, field in enumerate("XYZ"):
             xyz[part, axis] = records[field] * header.scales[axis] + header.offsets[axis]
-        number[part] = return_numbers(records, header.point_format)
-        total[part] = return_totals(records, header.point_format)
-        labels[part] = classes(records, header.point_format)
+        number[part] = records["return_number"]
+        total[part] = records["number_of_returns"]
+        labels[part] = records["classification"]
         done += len(records)
     return xyz, last_returns(number, total), labels

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from laspy import DecompressionSelection
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -10,7 +11,7 @@ from ..core.arrays import Float
 from ..geometry.point_spacing import point_spacing
 from ..pointcloud.decoding_check import DecodedBounds
 from ..pointcloud.header import CloudHeader
-from ..pointcloud.records import read_records
+from ..pointcloud.records import PLACES, read_records
 
 COVERAGE_CELL = 1.0
 VEGETATION_HEIGHT = 0.3
@@ -62,14 +63,11 @@ def file_coverage(header: CloudHeader, factor: float) -> Coverage:
     Raises:
         InputError: the points are damaged.
     """
-    import lazrs
-
     covered, decoded = Coverage(), DecodedBounds(header)
-    selection = int(lazrs.SELECTIVE_DECOMPRESS_XY_RETURNS_CHANNEL) | int(lazrs.SELECTIVE_DECOMPRESS_Z)
-    selection |= int(lazrs.SELECTIVE_DECOMPRESS_CLASSIFICATION)
-    for records in read_records(header, selection=selection):
+    class_byte = "classification" if header.point_format > 5 else "raw_classification"
+    for records in read_records(header, selection=PLACES | DecompressionSelection.CLASSIFICATION):
         decoded.add(records)
-        covered.largest_class = max(covered.largest_class, int(records["classification"].max()))
+        covered.largest_class = max(covered.largest_class, int(records[class_byte].max()))
         covered.add(
             *((records[field] * header.scales[axis] + header.offsets[axis]) * factor for axis, field in enumerate("XY"))
         )

@@ -14,8 +14,9 @@ from shapely.geometry.base import BaseGeometry
 from ...interface.parameters import GroundParameters
 from ..crs.working_frame import WorkingFrame
 from ..geometry.dominant_plane import Plane, flattening_matrix, unflattening_matrix
-from ..pointcloud.header import POINT_SIZES, CloudHeader
-from ..pointcloud.laz_writer import ExtraDimension, read_dimensions, wkt_of
+from ..pointcloud.header import CloudHeader
+from ..pointcloud.records import extra_dimensions
+from ..pointcloud.writing import wkt_of
 
 Stage = dict[str, Any]
 GROUND, UNCLASSIFIED = 2, 1
@@ -130,23 +131,18 @@ def _writer(path: Path, header: CloudHeader) -> Stage:
     if path.suffix.lower() == ".laz":
         stage["compression"] = "laszip"
     extra = _extra_bytes(header)
-    scaled = {d.name for d in _dimensions(header) if d.descriptor and d.descriptor[3] & _SCALED}
+    scaled = {d.name for d in extra_dimensions(header) if d.descriptor and d.descriptor[3] & _SCALED}
     kinds = [(name, "double" if original in scaled and name == original else kind) for name, kind, original in extra]
     if kinds:
         stage["extra_dims"] = ",".join(f"{name}={kind}" for name, kind in kinds)
     return stage
 
 
-def _dimensions(header: CloudHeader) -> list[ExtraDimension]:
-    room = header.record_length - POINT_SIZES[header.point_format]
-    return read_dimensions(header.vlrs.get(("LASF_Spec", 4)), room)
-
-
 def _extra_bytes(header: CloudHeader) -> list[tuple[str, str, str]]:
     """Name and type for PDAL, and the name in the file, of each extra dimension; raw bytes one by one."""
     kinds = {"u": "uint", "i": "int"}
     found = []
-    for dimension in _dimensions(header):
+    for dimension in extra_dimensions(header):
         name = re.sub("[^A-Za-z0-9_]", "_", dimension.name)
         name = name if name[0].isalpha() else f"X{name}"
         size = dimension.dtype.itemsize

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from laspy import DecompressionSelection
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -19,8 +20,8 @@ from ...interface.parameters import InputParameters
 from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.messages import shown
-from ..pointcloud.reading import open_cloud, selection
-from ..pointcloud.records import classes, read_records, return_numbers, return_totals
+from ..pointcloud.reading import open_cloud
+from ..pointcloud.records import PLACES, read_records
 from .pdal_pipelines import GROUND, NOISE
 
 PLANTS = (3, 4, 5)
@@ -80,11 +81,11 @@ def bareness(path: Path, inputs: InputParameters | None = None) -> Bareness:
     header, frame = open_cloud(path, inputs)
     factors = np.array(frame.factors)
     xyz, labels, followed = [], [], []
-    for records in read_records(header, selection=selection(False, True), stretches=_STRETCHES):
+    for records in read_records(header, selection=PLACES | DecompressionSelection.CLASSIFICATION, stretches=_STRETCHES):
         xyz.append(np.column_stack([records[axis] for axis in "XYZ"]) * (np.array(header.scales) * factors))
-        labels.append(classes(records, header.point_format))
-        number = return_numbers(records, header.point_format)
-        followed.append((number > 0) & (number < return_totals(records, header.point_format)))
+        labels.append(np.asarray(records["classification"]))
+        number = np.asarray(records["return_number"])
+        followed.append((number > 0) & (number < np.asarray(records["number_of_returns"])))
     label = np.concatenate(labels)
     counted = ~np.isin(label, NOISE)
     if not counted.any():

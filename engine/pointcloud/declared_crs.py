@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import struct
-
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
@@ -25,19 +23,14 @@ def declared_crs(header: CloudHeader) -> tuple[CRS | None, tuple[str, ...]]:
                 warnings.append(f"{name} declares a reference system in WKT that cannot be read.")
     if header.geotiff_keys is not None:
         try:
-            crs = _from_geotiff(header)
-        except (CRSError, ValueError, struct.error) as error:
+            crs = crs_from_keys(
+                header.geotiff_keys,
+                header.vlrs.get(("LASF_Projection", 34736), b""),
+                header.vlrs.get(("LASF_Projection", 34737), b""),
+            )
+        except (CRSError, ValueError) as error:
             warnings.append(f"{name} declares a reference system in GeoTIFF keys that cannot be read ({error}).")
         else:
             if crs is not None:
                 return crs, tuple(warnings)
     return None, tuple(warnings)
-
-
-def _from_geotiff(header: CloudHeader) -> CRS | None:
-
-    return crs_from_keys(
-        header.geotiff_keys or b"",
-        header.vlrs.get(("LASF_Projection", 34736), b""),
-        header.vlrs.get(("LASF_Projection", 34737), b""),
-    )

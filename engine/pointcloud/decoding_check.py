@@ -8,12 +8,12 @@ is: where most of these lie outside as well, it is the header that is wrong.
 from __future__ import annotations
 
 import numpy as np
+from laspy import PackedPointRecord
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.messages import shown
 from .header import CloudHeader
-from .records import return_numbers
 
 
 class DecodedBounds:
@@ -32,12 +32,12 @@ class DecodedBounds:
             self._box = self._steps(low) - 2, self._steps(high) + 2
             self._wide = self._steps(low - size), self._steps(high + size)
 
-    def add(self, records: NDArray[np.void]) -> None:
+    def add(self, records: PackedPointRecord) -> None:
         """Take in a group of records that starts with a chunk."""
         low = np.array([records[field].min() for field in "XYZ"], dtype=np.int64)
         high = np.array([records[field].max() for field in "XYZ"], dtype=np.int64)
         self.low, self.high = np.minimum(self.low, low), np.maximum(self.high, high)
-        self.returns += np.bincount(return_numbers(records, self._header.point_format), minlength=16)
+        self.returns += np.bincount(records["return_number"], minlength=16)
         if not self._header.bounds_trusted:
             return
         layout = self._header.laz
@@ -97,7 +97,7 @@ class DecodedBounds:
         return np.rint((values - self._offsets) / self._scales)
 
 
-def _beyond(records: NDArray[np.void], low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _beyond(records: PackedPointRecord, low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.bool_]:
     outside = np.zeros(len(records), bool)
     for axis, field in enumerate("XYZ"):
         outside |= (records[field] < low[axis]) | (records[field] > high[axis])

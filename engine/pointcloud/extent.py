@@ -6,9 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from laspy import DecompressionSelection, PackedPointRecord
 
-from ..core.progress import Progress
 from ..crs.working_frame import WorkingFrame
 from .decoding_check import DecodedBounds
 from .header import CloudHeader
@@ -29,32 +28,16 @@ class Extent:
         return self.low[0], self.low[1], self.high[0], self.high[1]
 
 
-def measure_extent(header: CloudHeader, frame: WorkingFrame, progress: Progress | None = None) -> Extent:
-    """Decode every point's coordinates, whatever the header says; for files that a native reader is to read next.
-
-    Raises:
-        InputError: the points are damaged.
-    """
-    import lazrs
-
-    progress = progress or Progress()
-    places = int(lazrs.SELECTIVE_DECOMPRESS_XY_RETURNS_CHANNEL) | int(lazrs.SELECTIVE_DECOMPRESS_Z)
-    check = CheckedRecords(header, places)
-    for _ in check:
-        progress.update(check.done / header.count, "checking")
-    return check.extent(frame)
-
-
 class CheckedRecords:
     """Iterates over the groups of ``read_records`` and watches what they decode to."""
 
-    def __init__(self, header: CloudHeader, selection: int | None = None) -> None:
+    def __init__(self, header: CloudHeader, selection: DecompressionSelection | None = None) -> None:
         self.header, self.done = header, 0
         self._selection = selection
         self._bounds = DecodedBounds(header)
         self._warnings: list[str] = []
 
-    def __iter__(self) -> Iterator[NDArray[np.void]]:
+    def __iter__(self) -> Iterator[PackedPointRecord]:
         for records in read_records(self.header, selection=self._selection, warnings=self._warnings):
             self._bounds.add(records)
             self.done += len(records)

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from laspy import DecompressionSelection as Fields
 from numpy.typing import NDArray
 
 from ...interface.parameters import InputParameters
@@ -17,10 +18,11 @@ from ..crs.working_frame import WorkingFrame, plausibility, working_frame
 from .cloud import PointCloud
 from .declared_crs import declared_crs
 from .extent import CheckedRecords
-from .extra_dimensions import ExtraNumbers
 from .header import CloudHeader, preflight
 from .plant_cover import ERROR, HEIGHT
-from .records import classes, read_records
+from .records import PLACES, extra_dimensions, read_records
+
+_STANDARD = ("classification", "user_data", "point_source_id", "intensity")
 
 
 def open_cloud(
@@ -71,10 +73,14 @@ def read_cloud(
         rgb16 = np.empty((count, 3), np.uint16) if colours and header.colours else None
         intensity = np.empty(count, np.uint16) if colours else None
         labels = np.empty(count, np.uint8) if classification else None
-        plants = ExtraNumbers(header, (ERROR, HEIGHT))
-        over_ground = {name: np.empty(count, np.float32) for name in plants.found}
+        plants = [d for d in extra_dimensions(header) if d.name in (ERROR, HEIGHT) and d.dtype.kind in "uif"]
+        over_ground = {d.name: np.empty(count, np.float32) for d in plants}
+        wanted = PLACES
+        wanted |= Fields.INTENSITY | Fields.RGB if colours else PLACES
+        wanted |= Fields.CLASSIFICATION if classification else PLACES
+        wanted |= Fields.ALL_EXTRA_BYTES if plants else PLACES
         done = 0
-        checked = CheckedRecords(header, selection(colours, classification, extra=bool(over_ground)))
+        checked = CheckedRecords(header, wanted)
         for records in checked:
             part = slice(done, done + len(records))
             for axis, field in enumerate("XYZ"):
@@ -86,9 +92,9 @@ def read_cloud(
             if intensity is not None:
                 intensity[part] = records["intensity"]
             if labels is not None:
-                labels[part] = classes(records, header.point_format)
-            for name, values in over_ground.items():
-                values[part] = plants.values(records, name)
+                labels[part] = records["classification"]
+            for dimension in plants:
+                over_ground[dimension.name][part] = dimension.values(records)
             done += len(records)
             progress.update(done / count)
     except MemoryError as error:
@@ -124,9 +130,30 @@ def sample_cloud(path: Path | str, inputs: InputParameters | None = None, stretc
     scales, offsets = np.array(header.scales) * factors, np.array(header.offsets) * factors
     groups = [
         np.column_stack([records[axis] for axis in "XYZ"])
-        for records in read_records(header, selection=selection(False, False), stretches=stretches)
+        for records in read_records(header, selection=PLACES, stretches=stretches)
     ]
     return np.concatenate(groups) * scales + offsets
+
+
+def read_dimension(path: Path | str, name: str) -> NDArray[np.generic]:
+    """The values of the dimension ``name`` of all points, in the file's order; case does not matter unless two differ
+    by it.
+
+    Raises:
+        InputError: see ``preflight`` and ``read_records``; there is no such dimension, or it holds no numbers.
+    """
+    header = preflight(path)
+    extra = {d.name: d for d in extra_dimensions(header) if d.descriptor}
+    names = (*extra, *_STANDARD)
+    found = [n for n in names if n == name] or [n for n in names if n.lower() == name.lower()]
+    if not found:
+        raise InputError(f"{shown(path)} has no dimension {name}; give one of {', '.join(names)}.")
+    chosen = extra.get(found[0])
+    if chosen is None:
+        return np.concatenate([np.array(records[found[0]]) for records in read_records(header)])
+    if chosen.dtype.kind not in "uif":
+        raise InputError(f"The dimension {chosen.name} of {shown(path)} holds no single numbers; give another one.")
+    return np.concatenate([chosen.values(records).copy() for records in read_records(header)])
 
 
 def eight_bits(rgb: NDArray[np.uint16]) -> NDArray[np.uint8]:
@@ -134,17 +161,3 @@ def eight_bits(rgb: NDArray[np.uint16]) -> NDArray[np.uint8]:
     if rgb.size and int(rgb.max()) > 255:
         return (rgb >> 8).astype(np.uint8)
     return rgb.astype(np.uint8)
-
-
-def selection(colours: bool, classification: bool, extra: bool = False) -> int:
-    """Bits of ``read_records`` for coordinates and returns, what else is asked for."""
-    import lazrs
-
-    bits = int(lazrs.SELECTIVE_DECOMPRESS_XY_RETURNS_CHANNEL) | int(lazrs.SELECTIVE_DECOMPRESS_Z)
-    if colours:
-        bits |= int(lazrs.SELECTIVE_DECOMPRESS_INTENSITY) | int(lazrs.SELECTIVE_DECOMPRESS_RGB)
-    if classification:
-        bits |= int(lazrs.SELECTIVE_DECOMPRESS_CLASSIFICATION)
-    if extra:
-        bits |= int(lazrs.SELECTIVE_DECOMPRESS_ALL_EXTRA_BYTES)
-    return bits

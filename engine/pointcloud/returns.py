@@ -40,9 +40,3 @@ def last_returns(number: NDArray[np.integer], total: NDArray[np.integer]) -> Ret
     if lasts < _FEWEST_LASTS * firsts:
         return Returns(everything, False, False, f"{lasts} last returns for {firsts} first ones", lost)
     return Returns(last, True, False, lost=lost)
-
-
-def return_totals(records: NDArray[np.void], point_format: int) -> NDArray[np.uint8]:
-    """Number of returns of each record's pulse, see ``las_records.read_records``."""
-    flags: NDArray[np.uint8] = records["flags"]
-    return (flags >> np.uint8(3)) & np.uint8(0x07) if point_format < 6 else flags >> np.uint8(4)

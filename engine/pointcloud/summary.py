@@ -14,7 +14,6 @@ from ..crs.working_frame import WorkingFrame, plausibility, working_frame
 from .declared_crs import declared_crs
 from .extent import CheckedRecords
 from .header import preflight
-from .records import classes, return_numbers
 
 
 def describe_cloud(
@@ -42,8 +41,8 @@ def describe_cloud(
     by_return, by_class, cells = np.zeros(16, np.int64), np.zeros(256, np.int64), np.empty(0, np.int64)
     coloured = False
     for records in checked:
-        by_return += np.bincount(return_numbers(records, header.point_format), minlength=16)
-        by_class += np.bincount(classes(records, header.point_format), minlength=256)
+        by_return += np.bincount(records["return_number"], minlength=16)
+        by_class += np.bincount(records["classification"], minlength=256)
         coloured = coloured or (header.colours and any(records[band].any() for band in ("red", "green", "blue")))
         if frame is not None:
             column, row = (

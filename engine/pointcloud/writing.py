@@ -2,25 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+import struct
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+import laspy
 import numpy as np
+from laspy import PackedPointRecord
+from laspy.point.dims import DimensionInfo, DimensionKind
 from numpy.typing import NDArray
+from pyproj import CRS
+from pyproj.exceptions import CRSError
 
 from ...interface.parameters import InputParameters
+from ..core.arrays import Bool, Float
 from ..core.errors import EngineError, InputError
 from ..core.messages import shown
 from ..core.staged_outputs import atomic_output
+from ..core.version import VERSION
 from .cloud import PointCloud
-from .header import POINT_SIZES, CloudHeader, EmptyCloud, Vector, preflight
-from .laz_writer import ExtraDimension, LazWriter, extra_fields, new_dimension, pack_extra, read_dimensions
+from .header import CloudHeader, EmptyCloud, Vector, preflight
 from .reading import open_cloud
-from .records import read_records, record_dtype
+from .records import ExtraDimension, extra_dimensions, new_dimension, read_records, record_dtype
 
 _SCALE = 0.001
 _GROUP = 1_000_000
 _LIMIT = 2**31 - 1
+_CREATED = 90
+"""Place of the day and year of creation in a header; laspy always writes a day, where a new file is to have none."""
 Arrays = Mapping[str, NDArray[np.generic]]
 
 
@@ -42,32 +52,21 @@ def write_cloud(
         InputError: the folder cannot be written, or the coordinates span more than 32 bits hold.
     """
     count = len(cloud.xyz)
-    _refuse_empty(path, count)
-    extra, values = _new_dimensions(dimensions, count)
     labels = cloud.classification if classification is None else np.asarray(classification)
-    for what, array in (("rgb", cloud.rgb), ("intensity", cloud.intensity), ("classification", labels)):
-        if array is not None and len(array) != count:
-            raise EngineError(f"{what} has {len(array)} values for {count} points")
+    new = _checked(path, count, dimensions, rgb=cloud.rgb, intensity=cloud.intensity, classification=labels)
     if labels is not None and count and not 0 <= int(labels.min()) <= int(labels.max()) <= 255:
         raise EngineError("classes are not all from 0 to 255")
-    scales, offsets = _scales_and_offsets(path, cloud.xyz, (_SCALE,) * 3)
+    scales, offsets = _scales_and_offsets(path, cloud.xyz, np.full(3, _SCALE))
     point_format = 6 if cloud.rgb is None else 7
-    dtype = np.dtype(record_dtype(point_format, POINT_SIZES[point_format]).descr + extra_fields(extra))
-    with atomic_output(Path(path), lambda p: _check(p, count)) as temporary, temporary.open("w+b") as stream:
-        writer = LazWriter(
-            stream,
-            point_format=point_format,
-            dtype=dtype,
-            dimensions=extra,
-            scales=scales,
-            offsets=offsets,
-            crs=cloud.crs,
-        )
+    extra = list(new)
+    dtype = record_dtype(point_format, extra)
+
+    def groups() -> Iterator[NDArray[np.void]]:
         for start in range(0, count, _GROUP):
             part = slice(start, min(start + _GROUP, count))
             records = np.zeros(part.stop - start, dtype)
             _set_coordinates(records, cloud.xyz[part], scales, offsets)
-            records["flags"] = 0x11  # return 1 of 1
+            records["bit_fields"] = 0x11  # return 1 of 1
             if labels is not None:
                 records["classification"] = labels[part]
             if cloud.intensity is not None:
@@ -75,9 +74,11 @@ def write_cloud(
             if cloud.rgb is not None:
                 for band, field in enumerate(("red", "green", "blue")):
                     records[field] = cloud.rgb[part, band].astype(np.uint16) * 257
-            pack_extra(values, part, records)
-            writer.write(records)
-        writer.close()
+            for dimension, values in new.items():
+                records[dimension.field] = values[part]
+            yield records
+
+    write_laz(path, groups(), count, point_format, extra, scales=scales, offsets=offsets, crs=cloud.crs)
 
 
 def copy_with(
@@ -85,8 +86,8 @@ def copy_with(
     output: Path,
     inputs: InputParameters | None = None,
     *,
-    keep: NDArray[np.bool_] | None = None,
-    xyz: NDArray[np.float64] | None = None,
+    keep: Bool | None = None,
+    xyz: Float | None = None,
     dimensions: Arrays | None = None,
     classification: NDArray[np.integer] | None = None,
     flags_in_class: bool = False,
@@ -110,112 +111,168 @@ def copy_with(
     if keep is not None and len(keep) != header.count:
         raise EngineError(f"keep has {len(keep)} values for the {header.count} points of {shown(source)}")
     count = header.count if keep is None else int(np.count_nonzero(keep))
-    _refuse_empty(output, count)
-    for what, array in (("xyz", xyz), ("classification", classification)):
-        if array is not None and len(array) != count:
-            raise EngineError(f"{what} has {len(array)} values for {count} points")
+    new = _checked(output, count, dimensions, xyz=xyz, classification=classification)
     if classification is not None and header.point_format < 6 and count and int(np.max(classification)) > 31:
         raise EngineError(f"classes above 31 do not fit point format {header.point_format}")
-    new, values = _new_dimensions(dimensions, count)
-    factors = np.array(frame.factors)
     # Another unit is another scale: the integers of an unmoved point stay what they are.
-    scales = _vector(np.array(header.scales) * factors)
-    offsets = _vector(np.array(header.offsets) * factors)
+    scales, offsets = (np.array(each) * frame.factors for each in (header.scales, header.offsets))
     if xyz is not None:
         scales, offsets = _scales_and_offsets(output, xyz, scales)
-    own = read_dimensions(header.vlrs.get(("LASF_Spec", 4)), header.record_length - POINT_SIZES[header.point_format])
-    kept = [d for d in own if d.name not in values]
-    standard = record_dtype(header.point_format, POINT_SIZES[header.point_format])
-    read_as = np.dtype(standard.descr + extra_fields(own))
-    written_as = sorted(kept + new, key=lambda d: not d.descriptor)
-    dtype = np.dtype(standard.descr + extra_fields(written_as))
-    carried = [*(standard.names or ()), *(name for name, _ in extra_fields(kept))]
-    with atomic_output(Path(output), lambda p: _check(p, count)) as temporary, temporary.open("w+b") as stream:
-        writer = LazWriter(
-            stream,
-            point_format=header.point_format,
-            dtype=dtype,
-            dimensions=written_as,
-            scales=scales,
-            offsets=offsets,
-            crs=frame.crs,
-            standard_time=header.standard_time,
-            file_source=header.file_source,
-            created=header.created,
-        )
+
+    def change(records: PackedPointRecord, part: slice) -> None:
+        array = records.array
+        if xyz is not None:
+            _set_coordinates(array, xyz[part], scales, offsets)
+        if flags_in_class:
+            array["classification_flags"] |= array["classification"] >> 5
+            array["classification"] &= 0x1F
+        if classification is not None:
+            records["classification"] = np.asarray(classification)[part]
+        for dimension, values in new.items():
+            array[dimension.field] = values[part]
+
+    copy_records(header, output, frame.crs, change, list(new), keep=keep, scales=scales, offsets=offsets)
+
+
+def copy_records(
+    source: CloudHeader,
+    output: Path,
+    crs: CRS,
+    change: Callable[[PackedPointRecord, slice], None],
+    new: Sequence[ExtraDimension],
+    *,
+    scales: Vector | Float,
+    offsets: Vector | Float,
+    keep: Bool | None = None,
+) -> None:
+    """Copy a file as LAZ group by group, in the groups of ``read_records``.
+
+    Args:
+        change: changes copied records in place; the slice is their place among all that are written.
+        new: extra dimensions, zero until ``change`` sets them; they replace those of the same names.
+        keep: (n,) of the source's points: which to write; all by default. Their integers stay as they are.
+
+    Raises:
+        EngineError, InputError: as ``write_laz`` and ``read_records``.
+    """
+    kept = [d for d in extra_dimensions(source) if d.name not in [n.name for n in new]]
+    dimensions = sorted([*kept, *new], key=lambda d: not d.descriptor)
+    dtype = record_dtype(source.point_format, dimensions)
+    carried = record_dtype(source.point_format, kept).names or ()
+
+    def groups() -> Iterator[NDArray[np.void]]:
         read = written = 0
-        for group in read_records(header):
-            chosen = group.view(read_as)
-            if keep is not None:
-                chosen = chosen[keep[read : read + len(group)]]
+        for group in read_records(source):
+            chosen = group.array if keep is None else group.array[keep[read : read + len(group)]]
             read += len(group)
-            part = slice(written, written + len(chosen))
             records = np.zeros(len(chosen), dtype)
             for field in carried:
                 records[field] = chosen[field]
-            if xyz is not None:
-                _set_coordinates(records, xyz[part], scales, offsets)
-            if flags_in_class:
-                records["more_flags"] |= records["classification"] >> 5
-                records["classification"] &= 0x1F
-            if classification is not None:
-                flags = records["classification"] & 0xE0 if header.point_format < 6 else 0
-                records["classification"] = np.asarray(classification)[part] | flags
-            pack_extra(values, part, records)
-            writer.write(records)
-            written += len(chosen)
+            change(PackedPointRecord(records, group.point_format), slice(written, written + len(records)))
+            written += len(records)
+            yield records
+
+    count = source.count if keep is None else int(np.count_nonzero(keep))
+    layout = (source.point_format, dimensions)
+    write_laz(output, groups(), count, *layout, scales=scales, offsets=offsets, crs=crs, source=source)
+
+
+def write_laz(
+    path: Path,
+    groups: Iterable[NDArray[np.void]],
+    count: int,
+    point_format: int,
+    dimensions: Sequence[ExtraDimension],
+    *,
+    scales: Vector | Float,
+    offsets: Vector | Float,
+    crs: CRS,
+    source: CloudHeader | None = None,
+) -> None:
+    """Write ``count`` records in groups of the structure ``record_dtype(point_format, dimensions)``.
+
+    Args:
+        source: the file of which this is a copy; its file source, kind of GPS time and day of creation are kept.
+
+    Raises:
+        EngineError: what was written does not hold ``count`` points.
+        InputError: the folder cannot be written.
+    """
+    header = laspy.LasHeader(version="1.4", point_format=point_format)
+    header.scales, header.offsets = np.array(scales), np.array(offsets)
+    header.system_identifier, header.generating_software = "SlopeWatch", f"SlopeWatch {VERSION}"
+    header.global_encoding.wkt = True
+    header.global_encoding.gps_time_type = source is None or source.standard_time
+    header.file_source_id = source.file_source if source else 0
+    header.vlrs.append(laspy.VLR("LASF_Projection", 2112, "", wkt_of(crs).encode() + b"\0"))
+    described = b"".join(d.descriptor for d in dimensions)
+    if described:
+        header.vlrs.append(laspy.VLR("LASF_Spec", 4, "", described))
+    extra = sum(d.dtype.itemsize for d in dimensions)
+    if extra:
+        # To laspy they are bytes: it would lose parts of the descriptions and put false ranges into them.
+        kind = DimensionKind.UnsignedInteger
+        header.point_format.dimensions.append(DimensionInfo("extra", kind, 8 * extra, extra, is_standard=False))
+    with atomic_output(Path(path), lambda p: _check(p, count)) as temporary, temporary.open("w+b") as stream:
+        writer = laspy.LasWriter(stream, header, laz_backend=laspy.LazBackend.LazrsParallel, closefd=False)
+        for records in groups:
+            writer.write_points(PackedPointRecord(records, header.point_format))
         writer.close()
+        stream.seek(_CREATED)
+        stream.write(struct.pack("<HH", *(source.created if source else (0, 0))))
 
 
-def _new_dimensions(
-    dimensions: Arrays | None, count: int
-) -> tuple[list[ExtraDimension], dict[str, NDArray[np.generic]]]:
-    values = {name: np.asarray(array) for name, array in (dimensions or {}).items()}
-    for name, array in values.items():
-        if array.shape != (count,):
-            raise EngineError(f"the dimension {name} has the shape {array.shape} for {count} points")
-    return [new_dimension(name, array.dtype) for name, array in values.items()], values
-
-
-def _scales_and_offsets(path: Path, xyz: NDArray[np.float64], wanted: Vector) -> tuple[Vector, Vector]:
-    """Scales at most 1 mm and offsets near the middle, so that 32 bits hold the coordinates; finer where that fits."""
-    low, high = xyz.min(axis=0), xyz.max(axis=0)
-    if not (np.isfinite(low).all() and np.isfinite(high).all()):
-        raise EngineError("coordinates that are not finite cannot be written")
-    scales, offsets = [], []
-    for axis in range(3):
-        offset = float(np.round((low[axis] + high[axis]) / 2000.0) * 1000.0)
-        reach = max(high[axis] - offset, offset - low[axis])
-        scale = min(wanted[axis], _SCALE)
-        if reach / scale > _LIMIT:
-            scale = _SCALE
-        if reach / scale > _LIMIT:
-            raise InputError(
-                f"{shown(path)} cannot hold coordinates from {low[axis]:.0f} to {high[axis]:.0f} in {'xyz'[axis]} to "
-                "the millimetre; clip the cloud to the area of interest or remove its outliers first."
-            )
-        scales.append(scale)
-        offsets.append(offset)
-    return _vector(scales), _vector(offsets)
-
-
-def _set_coordinates(records: NDArray[np.void], xyz: NDArray[np.float64], scales: Vector, offsets: Vector) -> None:
-    for axis, field in enumerate("XYZ"):
-        records[field] = np.rint((xyz[:, axis] - offsets[axis]) / scales[axis]).astype(np.int32)
-
-
-def _vector(values: NDArray[np.float64] | list[float]) -> Vector:
-    x, y, z = (float(v) for v in values)
-    return x, y, z
-
-
-def _refuse_empty(path: Path, count: int) -> None:
-    if count == 0:
-        raise EmptyCloud(f"{shown(path)} would hold no points; choose a larger area or other parameters.")
+def wkt_of(crs: CRS) -> str:
+    """WKT 1, which every LAS reader knows; WKT 2 where that cannot say it."""
+    with contextlib.suppress(CRSError):
+        text = crs.to_wkt("WKT1_GDAL")
+        if text and CRS.from_wkt(text).equals(crs, ignore_axis_order=True):
+            return str(text)
+    return str(crs.to_wkt("WKT2_2019"))
 
 
 def _check(path: Path, count: int) -> None:
     """Reopen what was written: a sound header, sound chunks, all points."""
-    header: CloudHeader = preflight(path)
-    if header.count != count:
-        raise EngineError(f"{path.name} was written with {header.count} points instead of {count}")
+    held = preflight(path).count
+    if held != count:
+        raise EngineError(f"{path.name} was written with {held} points instead of {count}")
+
+
+def _checked(
+    path: Path, count: int, dimensions: Arrays | None, **arrays: NDArray[np.generic] | None
+) -> dict[ExtraDimension, NDArray[np.generic]]:
+    """The new dimensions with their values; refuses no points, and arrays that do not fit them."""
+    if count == 0:
+        raise EmptyCloud(f"{shown(path)} would hold no points; choose a larger area or other parameters.")
+    for what, array in arrays.items():
+        if array is not None and len(array) != count:
+            raise EngineError(f"{what} has {len(array)} values for {count} points")
+    values = {name: np.asarray(array) for name, array in (dimensions or {}).items()}
+    for name, array in values.items():
+        if array.shape != (count,):
+            raise EngineError(f"the dimension {name} has the shape {array.shape} for {count} points")
+    return {new_dimension(name, array.dtype): array for name, array in values.items()}
+
+
+def _scales_and_offsets(path: Path, xyz: Float, wanted: Float) -> tuple[Float, Float]:
+    """Scales at most 1 mm and offsets near the middle, so that 32 bits hold the coordinates; finer where that fits."""
+    low, high = xyz.min(axis=0), xyz.max(axis=0)
+    if not (np.isfinite(low).all() and np.isfinite(high).all()):
+        raise EngineError("coordinates that are not finite cannot be written")
+    offsets = np.round((low + high) / 2000.0) * 1000.0
+    reach = np.maximum(high - offsets, offsets - low)
+    scales = np.minimum(wanted, _SCALE)
+    scales[reach / scales > _LIMIT] = _SCALE
+    beyond = np.flatnonzero(reach / scales > _LIMIT)
+    if len(beyond):
+        axis = beyond[0]
+        raise InputError(
+            f"{shown(path)} cannot hold coordinates from {low[axis]:.0f} to {high[axis]:.0f} in {'xyz'[axis]} to "
+            "the millimetre; clip the cloud to the area of interest or remove its outliers first."
+        )
+    return scales, offsets
+
+
+def _set_coordinates(records: NDArray[np.void], xyz: Float, scales: Float, offsets: Float) -> None:
+    for axis, field in enumerate("XYZ"):
+        records[field] = np.rint((xyz[:, axis] - offsets[axis]) / scales[axis]).astype(np.int32)

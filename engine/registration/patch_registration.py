@@ -13,46 +13,48 @@ from ..geometry.pose import Pose
 from .alignment import Alignment, radius_of
 from .point_to_plane import Matcher, robust_scale
 from .restarts import own_noise, reach_of
-from .stable_patches import StablePart, stable_part
+from .rival_parts import Standing, standing
+from .stable_patches import StablePart, agreeing, stable_part
 
 ENOUGH = 0.75
 """Share of the overlap that agrees with a registration, from which there is no need to look at patches."""
-_LEAST_SHARE = 0.10  # of the patches' area: by chance as much agrees with some motion of three that moved apart
-_RIVAL = 0.7  # of the largest part: another one as large contradicts it
-_SURE_RIVAL = 0.55  # the same of a small part
-_SMALL = 0.2
 _MOST, _LOST = 0.5, 0.75
+_MANY_AGREE, _STILL = 0.35, 0.9
 _SOURCES = 60_000
 
 
 @dataclass(frozen=True)
 class OnPatches:
-    """A registration on the stable ``part`` alone; ``matcher`` compares it, ``among`` (m,) are its moving points."""
+    """A registration on the stable ``part`` alone; ``matcher`` compares it, ``among`` (m,) are its moving points.
+
+    ``still``: share of the part that agrees with the registration by all ground too.
+    """
 
     alignment: Alignment
-    part: StablePart
+    standing: Standing
     matcher: Matcher
     among: Bool
+    still: float
+
+    @property
+    def part(self) -> StablePart:
+        return self.standing.part
 
 
-def is_clear(part: StablePart) -> bool:
-    """Whether a part is large enough, and so much larger than any other, that it is what did not move."""
-    rival = part.rival / max(part.share, 1e-9)
-    return part.share >= _LEAST_SHARE and rival <= (_SURE_RIVAL if part.share < _SMALL else _RIVAL)
-
-
-def keeps(share: float, on_patches: float) -> bool:
+def keeps(share: float, on_patches: float, patches: OnPatches) -> bool:
     """Whether a registration by all ground stands, of which ``share`` agrees, where patches take so much as stable.
 
-    Rough ground, of which few patches agree closely, has not moved for that.
+    Rough ground, of which few patches agree closely, has not moved for that. But a scale as wide as an error of the
+    registration calls that error agreement: what many patches contradict does not stand.
     """
-    return share >= _MOST and on_patches < _LOST * share
+    contradicted = patches.part.share >= _MANY_AGREE and patches.still < _STILL
+    return share >= _MOST and on_patches < _LOST * share and not contradicted
 
 
 def align_on_patches(
     matcher: Matcher, found: Alignment | None, parameters: RegistrationParameters, progress: Progress
 ) -> OnPatches | None:
-    """Find the stable part and register on it; None where no part is clearly the one that did not move.
+    """Find the stable part and register on it, contested or not; None where there is none.
 
     Args:
         found: by all ground together.
@@ -62,8 +64,11 @@ def align_on_patches(
     starts = (Pose.identity(),) if found is None else (Pose.identity(), found.pose)
     progress.update(0.1, "looking for patches that did not move")
     part = stable_part(matcher, starts, noise=noise, offset=parameters.maximum_offset, radius=radius)
-    if part is None or not is_clear(part):
+    judged = None if part is None else standing(part)
+    if judged is None or not (judged.known or judged.contested):
         return None
+    part = judged.part
+    still = 0.0 if found is None else agreeing(matcher, part, found.pose, noise, radius)
     progress.update(0.5, "registering on what did not move")
     among = part.points(len(matcher.moving.points))
     narrow = Matcher(matcher.reference, matcher.moving, _beneath(matcher, part.pose, among, noise), among)
@@ -72,7 +77,7 @@ def align_on_patches(
         return None
     scale = max(min(robust_scale(pairs.residual), 3 * noise), 1e-3)
     done = 0 if found is None else found.iterations
-    return OnPatches(Alignment(part.pose, scale, radius, done, True, part.information), part, narrow, among)
+    return OnPatches(Alignment(part.pose, scale, radius, done, True, part.information), judged, narrow, among, still)
 
 
 def _beneath(matcher: Matcher, pose: Pose, among: Bool, noise: float) -> Bool:

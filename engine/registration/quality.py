@@ -17,6 +17,7 @@ from ..statistics.robust import nmad
 from .bending import Bend
 from .point_to_plane import Matcher, Pairs, robust_scale
 from .restarts import own_noise
+from .rival_parts import Standing, caution
 
 _SOURCES = 60_000
 _STABLE = 3.0  # scales within which a residual is noise
@@ -148,7 +149,7 @@ def explain(
     unobservable: tuple[str, ...],
     stable_given: bool,
     left: bool = False,
-    rival: float | None = None,
+    judged: Standing | None = None,
     bend: Bend | None = None,
     bent: bool = False,
 ) -> tuple[str, ...]:
@@ -158,7 +159,7 @@ def explain(
         shift: (3,) mean displacement of the moving cloud, metres.
         error: standard error of a height, metres.
         left: the epochs were left as surveyed for want of stable ground.
-        rival: share of the largest other part that agrees on one motion, where the largest was registered alone.
+        judged: the part that was registered alone and the largest other one.
         bend: what one rigid motion leaves.
         bent: it was taken off.
     """
@@ -175,15 +176,17 @@ def explain(
             f"{_STABLE * quality.scale:.3f} m), so the epochs stay as surveyed; the registration error is widened to "
             f"{error:.3f} m; give an area known to be stable."
         )
-    elif rival is not None and quality.stable_share < max(parameters.minimum_stable_share, _MINORITY):
+    elif judged is not None and (judged.contested or judged.by_position):
+        sentences.append(caution(judged, error))
+    elif judged is not None and quality.stable_share < max(parameters.minimum_stable_share, _MINORITY):
         little = quality.stable_share < parameters.minimum_stable_share
         than = f", less than the least share of stable ground ({parameters.minimum_stable_share:.0%})" if little else ""
         sentences.append(
             f"Only {quality.stable_share:.0%} of the overlap agrees on one motion{than}: it is taken as stable, "
-            f"because the next part that agrees holds {rival:.0%}; give an area known to be stable if the rest of the "
-            "surface cannot have moved."
+            f"because the next part that agrees holds {judged.part.rival:.0%}; give an area known to be stable if the "
+            "rest of the surface cannot have moved."
         )
-    elif rival is None and quality.stable_share < parameters.minimum_stable_share:
+    elif judged is None and quality.stable_share < parameters.minimum_stable_share:
         sentences.append(
             f"Only {quality.stable_share:.0%} of the overlap agrees within {_STABLE * quality.scale:.3f} m, less than "
             f"the least share of stable ground ({parameters.minimum_stable_share:.0%}); the registration error is "

@@ -26,6 +26,7 @@ from .patch_registration import ENOUGH, OnPatches, align_on_patches, keeps
 from .point_to_plane import Matcher
 from .quality import NO_STABLE_GROUND, Agreement, agreement, explain, explain_plants, widened
 from .result import PlantsInRegistration, RegistrationResult, StableGround
+from .rival_parts import Standing, difference, refusal
 from .surface import Surface, nearest
 
 _NEIGHBOUR_SAMPLE = 25_000
@@ -174,7 +175,7 @@ class _Measured:
     ground: Covered | None = None
     bare: bool = False
     offset: float | None = None
-    rival: float | None = None
+    judged: Standing | None = None
 
 
 def _on_what_stayed(
@@ -195,10 +196,15 @@ def _on_what_stayed(
         matcher = found.ground.bare
     patches = align_on_patches(matcher, alignment, parameters, progress)
     if patches is not None:
+        judged = patches.standing
+        if judged.contested and not parameters.accept_unstable:
+            raise InputError(refusal(judged))
         narrow = _measured(_of_alignment(patches.alignment), matcher, parameters, False, progress, patches=patches)
-        if not found.solution.left and keeps(found.quality.stable_share, narrow.quality.stable_share):
+        if judged.contested:
+            narrow = _covering_both(narrow, judged)
+        elif not found.solution.left and keeps(found.quality.stable_share, narrow.quality.stable_share, patches):
             return found
-        return replace(narrow, ground=found.ground, bare=found.bare, offset=found.offset, rival=patches.part.rival)
+        return replace(narrow, ground=found.ground, bare=found.bare, offset=found.offset, judged=judged)
     little = found.solution.left or found.quality.stable_share < parameters.minimum_stable_share
     if little and not parameters.accept_unstable:
         raise InputError(
@@ -207,6 +213,25 @@ def _on_what_stayed(
             "an area known to be stable (--stable), or --accept-unstable to go on with a wide error."
         )
     return found
+
+
+def _covering_both(found: _Measured, judged: Standing) -> _Measured:
+    """``found`` with errors that cover the motion of the other part, which may be the one that stayed."""
+    solution = found.solution
+    assert solution.information is not None
+    away = difference(judged, solution.radius)
+    covariance = solution.information.covariance + np.outer(away, away)
+    error = float(np.hypot(found.error, height_sd(np.outer(away, away), *_upward(found.quality), solution.radius)))
+    return replace(
+        found, solution=replace(solution, information=replace(solution.information, covariance=covariance)), error=error
+    )
+
+
+def _upward(quality: Agreement) -> tuple[Float, Float]:
+    """Places and normals (n, 3) of the stable ground; of the mean where there is none."""
+    if len(quality.places):
+        return quality.places, quality.normals
+    return quality.sample, np.broadcast_to(quality.mean_normal, quality.sample.shape)
 
 
 def _measured(
@@ -366,7 +391,7 @@ def _result(
             unobservable=names,
             stable_given=stable_given,
             left=solution.left,
-            rival=found.rival,
+            judged=found.judged,
             bend=solution.bend,
             bent=solution.bent,
         )

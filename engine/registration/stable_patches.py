@@ -17,12 +17,11 @@ from scipy.spatial import cKDTree
 from ..core.arrays import Bool, Float
 from ..geometry.pose import Pose
 from .observability import Information
+from .part_information import CORRELATED, contradicting, part_information
 from .point_to_plane import Matcher
 from .surface_patches import Equations, Patches, cut, equations
 
 _FEW, _MANY = 15, 60  # points of a patch that are paired, while looking for parts and in the end
-_SIGNIFICANCE = 5.0  # standard errors by which the relief must stand out
-_RATIO = 1e-4  # of the largest curvature: slopes that differ by 1 % only
 _WEAK = 0.1  # of the largest curvature: what walls and steps fix on level ground
 _TELLING = 0.2  # squared sine with which a patch tells of a weak direction
 _AMIDST = 2.0  # widths
@@ -38,11 +37,11 @@ _PASSES = 3
 _STILL = 1e-4  # metres
 _LEAST_OF_BEST = 0.5  # of the largest area: less does not become the largest when paired again
 _LEAST_PAIRS = 12
+_CLOSE = 0.4  # of the largest part's area: another one so large is measured again
 _TURNED = 5.0  # surveys shift by so much more than they turn, at the typical distance of the points
 _DEVIATIONS = 2.5
 _SPARSE, _DENSE = 0.5, 0.8  # share of the patches around that agree: none counts below, all from the second on
 _LOOKED_AT = 400  # trials that are looked at with the patches around
-_CORRELATED = 3.0  # pairs share points of their planes: so many count as one
 _FLOOR = 5e-4  # metres; no two surveys of a surface agree better
 
 
@@ -54,16 +53,21 @@ class StablePart:
         pose: that motion.
         agrees: (k,) which of the ``patches``.
         share: their share of the area of all patches that could be compared.
-        rival: the share of the largest part of all other patches that agrees on another motion.
         information: what the part fixes of the motion, in local coordinates.
+        other: the largest part of all other patches that agrees on another motion; None without any.
     """
 
     pose: Pose
     patches: Patches
     agrees: Bool
     share: float
-    rival: float
     information: Information
+    other: StablePart | None = None
+
+    @property
+    def rival(self) -> float:
+        """Share of the other part."""
+        return 0.0 if self.other is None else self.other.share
 
     def points(self, size: int) -> Bool:
         """(size,) the points of the cut surface that lie in those patches."""
@@ -116,11 +120,28 @@ def stable_part(
     best = _settled(matcher, patches, everywhere, best.pose, noise, radius, offset, _MANY)
     best = _upright(matcher, patches, best, noise, radius, offset)
     other = settled(~best.agrees, reached(~best.agrees, 2))
-    whole = max(float(patches.area[best.usable].sum()), 1e-9)
-    rival = 0.0 if other is None else other.area / whole
-    held = best.information.held(best.pose.vector(radius)) if not best.information.observable.all() else None
-    pose = best.pose if held is None else Pose.from_vector(held, radius)
-    return StablePart(pose, patches, best.agrees, best.area / whole, rival, best.information)
+    if other is not None and other.area > _CLOSE * best.area:
+        # what few points leave open counts as agreement, so that both are measured alike before they are compared
+        other = _settled(matcher, patches, ~best.agrees, other.pose, noise, radius, offset, _MANY, clear=False)
+    compared = best.usable if other is None else best.usable | other.usable
+    whole = max(float(patches.area[compared].sum()), 1e-9)
+
+    def part(one: _Settled, beside: StablePart | None) -> StablePart:
+        known = one.information
+        held = one.pose.vector(radius) if known.observable.all() else known.held(one.pose.vector(radius))
+        return StablePart(Pose.from_vector(held, radius), patches, one.agrees, one.area / whole, known, beside)
+
+    return part(best, None if other is None else part(other, None))
+
+
+def agreeing(matcher: Matcher, part: StablePart, pose: Pose, noise: float, radius: float) -> float:
+    """Share of a part's area whose patches agree with another pose too; lengths in metres."""
+    spacing = max(matcher.reference.spacing, matcher.moving.spacing)
+    system = equations(matcher, part.patches, pose, 3 * spacing, radius, noise, _MANY)
+    level, tells = _levels(system, noise, 1.0)
+    usable = part.agrees & tells
+    area = part.patches.area
+    return float(area[usable & (system.excess(np.zeros((1, 6)))[:, 0] < level)].sum() / max(area[usable].sum(), 1e-9))
 
 
 @dataclass(frozen=True)
@@ -136,13 +157,21 @@ class _Settled:
 
 def _levels(system: Equations, noise: float, strict: float) -> tuple[Float, Bool]:
     """Squared distance (k,) from which a patch has moved, by its points' scatter; which ones can tell (k,)."""
-    error = 6 * system.rest * _CORRELATED / np.maximum(system.pairs, 1)
+    error = 6 * system.rest * CORRELATED / np.maximum(system.pairs, 1)
     tells = (system.pairs >= _LEAST_PAIRS) & (error < max(noise, 2 * _FLOOR) ** 2)
     return np.asarray(_DEVIATIONS**2 * (error + (strict * max(noise / 4, _FLOOR)) ** 2)), tells
 
 
 def _settled(
-    matcher: Matcher, patches: Patches, among: Bool, pose: Pose, noise: float, radius: float, offset: float, most: int
+    matcher: Matcher,
+    patches: Patches,
+    among: Bool,
+    pose: Pose,
+    noise: float,
+    radius: float,
+    offset: float,
+    most: int,
+    clear: bool = True,
 ) -> _Settled:
     """The part of the patches ``among`` that agrees with a pose, and the pose that it asks for."""
     spacing = max(matcher.reference.spacing, matcher.moving.spacing)
@@ -151,47 +180,17 @@ def _settled(
         level, tells = _levels(system, noise, 2.0 if number == 0 and most == _FEW else 1.0)
         usable = among & tells
         found = _improved(system, patches, usable, level, np.zeros(6), spacing)
-        known = _information(system, patches, found, level, spacing, offset)
+        if most == _MANY and clear:
+            odd = contradicting(system, patches, found.agrees, offset)
+            if odd.any():
+                found = _improved(system, patches, usable & ~odd, level, np.zeros(6), spacing)
+        weight = found.weight * patches.area / level
+        known = part_information(system, patches, weight, found.motion, spacing, offset)
         # what nothing fixes stays
         pose = pose.moved(known.held(found.motion), radius)
         if number and float(np.linalg.norm(found.motion)) < _STILL:
             break
     return _Settled(pose, found.agrees, float(patches.area[found.agrees].sum()), usable, known)
-
-
-def _information(
-    system: Equations, patches: Patches, found: _Found, level: Float, spacing: float, offset: float
-) -> Information:
-    """What the part fixes: a direction is observable where the relief stands out from the noise of the normals.
-
-    The covariance is that of leaving out one patch after the other (Efron and Stein 1981,
-    doi:10.1214/aos/1176345462), so that what a single patch fixes is not sure.
-    """
-    weight = found.weight * patches.area / level
-    some = np.flatnonzero(weight > 0)
-    weight = weight[some] / max(float(weight.sum()), 1e-300)
-    matrices, vectors = weight[:, None, None] * system.matrix[some], weight[:, None] * system.vector[some]
-    whole = matrices.sum(axis=0)
-    curvature, directions = np.linalg.eigh(whole)
-    # the weighted mean of as many products of two independent errors
-    effective = float(1.0 / max(np.sum(weight**2 * _CORRELATED / np.maximum(system.pairs[some], 1)), 1e-300))
-    least = _SIGNIFICANCE * system.roughness / np.sqrt(max(effective, 1.0))
-    observable = curvature > max(least, _RATIO * float(curvature[-1]))
-    fixed = directions[:, observable]
-    covariance = np.zeros((6, 6))
-    if fixed.shape[1] and len(some) > 1:
-        part = fixed.T @ whole @ fixed
-        without = part - fixed.T @ matrices @ fixed
-        left = (vectors + matrices @ found.motion) @ fixed
-        without += 1e-3 * np.diag(np.diag(part))  # a direction that one patch alone fixes
-        steps = np.linalg.solve(without, left[:, :, None])[:, :, 0]
-        spread = steps.T @ steps
-        sure = np.sqrt(np.diag(spread)) <= spacing / 2
-        observable[np.flatnonzero(observable)[~sure]] = False
-        spread[~sure] = spread[:, ~sure] = 0.0
-        covariance = fixed @ spread @ fixed.T
-    free = directions[:, ~observable]
-    return Information(curvature, directions, observable, covariance + offset**2 / 3 * free @ free.T)
 
 
 def _upright(

@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import lazrs
 import numpy as np
+from laspy import DecompressionSelection
 from matplotlib.figure import Figure
 
 from ..core.arrays import Float, Index
@@ -21,7 +21,7 @@ from ..ground.pdal_pipelines import GROUND
 from ..maps.furniture import INK, Sheet
 from ..maps.palette import Colour
 from ..pointcloud.header import preflight
-from ..pointcloud.records import classes, read_records
+from ..pointcloud.records import read_records
 from .charts import finish
 from .embedding import Picture, drawing
 from .maps import panel, sequential
@@ -165,13 +165,13 @@ def _squares(cloud: Path) -> tuple[CoverCells, Index]:
     """The squares of a classified cloud and the ground returns in each."""
     header = preflight(cloud)
     xy, ground = np.empty((header.count, 2)), np.empty(header.count, dtype=np.bool_)
-    selection = int(lazrs.SELECTIVE_DECOMPRESS_XY_RETURNS_CHANNEL) | int(lazrs.SELECTIVE_DECOMPRESS_CLASSIFICATION)
+    selection = DecompressionSelection.XY_RETURNS_CHANNEL | DecompressionSelection.CLASSIFICATION
     done = 0
     for records in read_records(header, selection=selection):
         part = slice(done, done + len(records))
         for axis, field in enumerate("XY"):
             xy[part, axis] = records[field] * header.scales[axis] + header.offsets[axis]
-        ground[part] = classes(records, header.point_format) == GROUND
+        ground[part] = np.asarray(records["classification"]) == GROUND
         done += len(records)
     cells = cover_cells(xy)
     return cells, np.bincount(cells.index[ground], minlength=len(cells.side))

@@ -120,7 +120,7 @@ def volume_table(
         zones_raising=zones.raising,
         zones_net=zones.total,
         # a cell that measured exactly nothing has an error too
-        raw_net_error=model.sum_error(np.where(known, cells.area, 0.0), cells),
+        raw_net_error=model.whole_error(np.where(known, cells.area, 0.0), cells),
         model=model,
     )
 

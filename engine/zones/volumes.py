@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ..change.plant_calibration import common_share, sum_by_plants
 from ..core.arrays import Float
 from ..statistics.variogram import (
     FEWEST_CELLS,
@@ -31,15 +32,17 @@ class CorrelationModel:
     """How the errors of cells are related.
 
     The error of a cell is its sampling error, alike in near cells by ``variogram``, ``registration_error`` (m), which
-    all cells share, and the error by plants, which counts as fully correlated: one season is alike all over. Without a
-    variogram the sampling errors count as fully correlated, which is the largest error possible; ``without`` says why.
-    ``cells`` is the number of cells of stable ground that it was taken from.
+    all cells share, and the error by plants, which counts as fully correlated: one season is alike all over. Over the
+    whole slope only the share ``plants_in_common`` of it does, where stable ground tells that. Without a variogram the
+    sampling errors count as fully correlated, which is the largest error possible; ``without`` says why. ``cells`` is
+    the number of cells of stable ground that it was taken from.
     """
 
     registration_error: float
     variogram: VariogramModel | None
     cells: int = 0
     without: str = "too little stable ground for a variogram"
+    plants_in_common: float = 1.0
 
     @property
     def name(self) -> str:
@@ -51,7 +54,11 @@ class CorrelationModel:
     def figures(self) -> dict[str, Any]:
         """For the run record."""
         known = {} if self.variogram is None else self.variogram.figures()
-        return {"model": self.name, "registration_error_m": self.registration_error, "cells": self.cells, **known}
+        return (
+            {"model": self.name, "registration_error_m": self.registration_error, "cells": self.cells}
+            | known
+            | {"plants_in_common": self.plants_in_common}
+        )
 
     def sampling_error(self, error: Float, plants: Float | None = None) -> Float:
         """The part of ``error`` (any shape, m) that neither the registration nor the ``plants``' part explain."""
@@ -61,6 +68,20 @@ class CorrelationModel:
     def sum_error(self, weights: Float, cells: Cells) -> float:
         """Standard error of the sum of ``weights`` (rows, columns; of any sign, 0 outside) times the changes."""
         return math.hypot(self.own_error(weights, cells), self.common_error(weights, cells))
+
+    def whole_error(self, weights: Float, cells: Cells) -> float:
+        """As ``sum_error`` of a sum over the whole slope, over which the plants' error cancels in part.
+
+        A zone is no larger than what plants lift or lower alike, and was picked out where it stands out; there all of
+        their error counts.
+        """
+        by_plants = 0.0
+        if cells.plants is not None:
+            weighted = np.abs(weights) * np.nan_to_num(cells.plants)
+            weighted = cells.partition.gathered(weighted, weighted != 0)
+            by_plants = sum_by_plants(weighted, cells.cell, self.plants_in_common)
+        by_registration = self.registration_error * float(weights.sum())
+        return math.hypot(self.own_error(weights, cells), by_registration, by_plants)
 
     def own_error(self, weights: Float, cells: Cells) -> float:
         """The part of ``sum_error`` that the sampling errors make, which differ from place to place."""
@@ -131,7 +152,7 @@ def fit_correlation(cells: Cells, stable: NDArray[np.bool_], registration_error:
     therefore not to be seen in a variogram. Where plants make more of a cell's error than its points, it tells of the
     plants; such cells are left out where enough others are, else what plants make counts in the unit.
     """
-    model = CorrelationModel(registration_error, None)
+    model = CorrelationModel(registration_error, None, plants_in_common=_in_common(cells, stable, registration_error))
     usable = stable & np.isfinite(cells.dz) & np.isfinite(cells.error)
     plants = None if cells.plants is None else cells.plants[usable]
     of_usable = model.sampling_error(np.asarray(cells.error[usable], dtype=np.float64), plants)
@@ -148,13 +169,24 @@ def fit_correlation(cells: Cells, stable: NDArray[np.bool_], registration_error:
             sampling = np.hypot(sampling, np.nan_to_num(cells.plants))
     count = int(usable.sum())
     if count < FEWEST_CELLS:
-        return CorrelationModel(registration_error, None, count)
+        return replace(model, cells=count)
     standardised = np.full(cells.dz.shape, np.nan)
     standardised[usable] = cells.dz[usable] / sampling[usable]
     empirical = empirical_variogram(standardised, cells.cell)
     if len(empirical.lag) < FEWEST_LAGS:
-        return CorrelationModel(registration_error, None, count, "too few distances between stable cells")
-    return CorrelationModel(registration_error, fit_variogram(empirical), count)
+        return replace(model, cells=count, without="too few distances between stable cells")
+    return replace(model, cells=count, variogram=fit_variogram(empirical))
+
+
+def _in_common(cells: Cells, stable: NDArray[np.bool_], registration_error: float) -> float:
+    """Share of the plants' error that the whole slope has in common, 1 where nothing is known of plants."""
+    if cells.plants is None:
+        return 1.0
+    # a change that the plants' height explains tells of them too, and mown grass is not taken as stable
+    told = stable if cells.plant_like is None else stable | cells.plant_like
+    told = cells.partition.one_each(told)
+    sampling = CorrelationModel(registration_error, None).sampling_error(cells.error, cells.plants)
+    return common_share(cells.dz, sampling, cells.plants, told, cells.cell)
 
 
 def outside(footprints: Sequence[Footprint], valid: NDArray[np.bool_], cell: float) -> NDArray[np.bool_]:

@@ -8,6 +8,8 @@ from typing import cast
 
 import numpy as np
 import shapely
+from laspy import DecompressionSelection as Fields
+from laspy import PackedPointRecord
 from numpy.typing import NDArray
 from pyproj import CRS
 
@@ -15,17 +17,15 @@ from ...engine.core.arrays import Bool, Float
 from ...engine.core.errors import EngineError, InputError
 from ...engine.core.messages import shown
 from ...engine.core.progress import Progress
-from ...engine.core.staged_outputs import atomic_output
 from ...engine.crs.working_frame import given_crs
 from ...engine.ground.classified_ground import MOST_POINTS, warn_of_classes
 from ...engine.ground.pdal_pipelines import GROUND
 from ...engine.pointcloud.cloud import PointCloud
 from ...engine.pointcloud.declared_crs import declared_crs
 from ...engine.pointcloud.extent import CheckedRecords
-from ...engine.pointcloud.header import POINT_SIZES, preflight
-from ...engine.pointcloud.laz_writer import LazWriter, extra_fields, new_dimension, read_dimensions
 from ...engine.pointcloud.reading import eight_bits, open_cloud
-from ...engine.pointcloud.records import classes, read_records, record_dtype
+from ...engine.pointcloud.records import PLACES, extra_dimensions, new_dimension, read_records
+from ...engine.pointcloud.writing import copy_records
 from ...engine.vector.area import read_roi, refuse_outside
 from ...interface.parameters import InputParameters
 from .result import Screening
@@ -103,7 +103,7 @@ class ScreenedFile:
             yield from self._first_reading()
             return
         done = 0
-        for records, mask in zip(read_records(self.header, selection=_places()), self._masks, strict=True):
+        for records, mask in zip(read_records(self.header, selection=PLACES), self._masks, strict=True):
             yield self._xyz(records)[_unpacked(mask, len(records))]
             done += len(records)
             self.progress.update(done / self.header.count)
@@ -112,10 +112,11 @@ class ScreenedFile:
         """The first time also decides which points are screened."""
         masks = []
         classified, kept = [], 0
-        checked = CheckedRecords(self.header, _places(classification=True, colours=self._sampler is not None))
+        pictured = Fields.INTENSITY | Fields.RGB if self._sampler is not None else PLACES
+        checked = CheckedRecords(self.header, PLACES | Fields.CLASSIFICATION | pictured)
         for records in checked:
             xyz = self._xyz(records)
-            labels = classes(records, self.header.point_format)
+            labels = np.asarray(records["classification"])
             kinds = labels == GROUND
             mask = self._chosen(xyz, labels, checked.done - len(records))
             self.class_2 += int(kinds.sum())
@@ -154,7 +155,7 @@ class ScreenedFile:
             mask[mask] = shapely.intersects_xy(self._roi.geometry, xyz[mask, 0], xyz[mask, 1])
         return mask
 
-    def _xyz(self, records: NDArray[np.void]) -> Float:
+    def _xyz(self, records: PackedPointRecord) -> Float:
         xyz = np.empty((len(records), 3))
         for axis, field in enumerate("XYZ"):
             np.multiply(records[field], self._scales[axis], out=xyz[:, axis])
@@ -187,58 +188,27 @@ class ScreenedFile:
         if masks is None:
             raise EngineError("the cloud has not been read yet")
         self.refuse_classes(classification)
-        own = read_dimensions(
-            header.vlrs.get(("LASF_Spec", 4)), header.record_length - POINT_SIZES[header.point_format]
-        )
-        kept = [d for d in own if d.name not in (CLASS, PROBABILITY)]
-        if len(kept) < len(own):
+        if {CLASS, PROBABILITY} & {d.name for d in extra_dimensions(header)}:
             progress.warning(f"{self.name} has labels of an earlier screening, which are replaced.")
-        new = [
+        label, share = new = [
             new_dimension(CLASS, np.dtype(np.uint8), "0 none 1 uplift 2 subsidence"),
             new_dimension(PROBABILITY, np.dtype(np.float32), "probability of the class"),
         ]
-        written_as = sorted(kept + new, key=lambda d: not d.descriptor)
-        standard = record_dtype(header.point_format, POINT_SIZES[header.point_format])
-        read_as = np.dtype(standard.descr + extra_fields(own))
-        dtype = np.dtype(standard.descr + extra_fields(written_as))
-        carried = [*(standard.names or ()), *(name for name, _ in extra_fields(kept))]
         codes = np.array(CODES, dtype=np.uint8)
         count = np.zeros(3, dtype=np.int64)
+        group_masks = iter(masks)
 
-        def check(path: Path) -> None:
-            if preflight(path).count != header.count:
-                raise EngineError(f"{path.name} was not written whole")
+        def change(records: PackedPointRecord, part: slice) -> None:
+            mask = _unpacked(next(group_masks), len(records))
+            labels, probability = np.zeros(len(records), np.uint8), np.zeros(len(records), np.float32)
+            labels[mask], probability[mask] = screening.at(self._xyz(records)[mask])
+            records[label.field], records[share.field] = labels, probability
+            if classification:
+                records["classification"] = np.where(labels > 0, codes[labels], records["classification"])
+            count[:] += np.bincount(labels, minlength=3)
+            progress.update(part.stop / header.count)
 
-        with atomic_output(output, check) as temporary, temporary.open("w+b") as stream:
-            writer = LazWriter(
-                stream,
-                point_format=header.point_format,
-                dtype=dtype,
-                dimensions=written_as,
-                scales=header.scales,
-                offsets=header.offsets,
-                crs=self._declared,
-                standard_time=header.standard_time,
-                file_source=header.file_source,
-                created=header.created,
-            )
-            done = 0
-            for group, packed in zip(read_records(header), masks, strict=True):
-                source = group.view(read_as)
-                mask = _unpacked(packed, len(group))
-                labels, probability = np.zeros(len(group), np.uint8), np.zeros(len(group), np.float32)
-                labels[mask], probability[mask] = screening.at(self._xyz(group)[mask])
-                records = np.zeros(len(group), dtype)
-                for field in carried:
-                    records[field] = source[field]
-                records[f"extra:{CLASS}"], records[f"extra:{PROBABILITY}"] = labels, probability
-                if classification:
-                    records["classification"] = np.where(labels > 0, codes[labels], records["classification"])
-                writer.write(records)
-                count += np.bincount(labels, minlength=3)
-                done += len(group)
-                progress.update(done / header.count)
-            writer.close()
+        copy_records(header, output, self._declared, change, new, scales=header.scales, offsets=header.offsets)
         return {"uplift": int(count[1]), "subsidence": int(count[2])}
 
     def refuse_classes(self, classification: bool) -> None:
@@ -263,17 +233,6 @@ def _unpacked(mask: NDArray[np.uint8], count: int) -> Bool:
     return np.unpackbits(mask, count=count).view(bool)
 
 
-def _places(*, classification: bool = False, colours: bool = False) -> int:
-    import lazrs
-
-    bits = int(lazrs.SELECTIVE_DECOMPRESS_XY_RETURNS_CHANNEL) | int(lazrs.SELECTIVE_DECOMPRESS_Z)
-    if classification:
-        bits |= int(lazrs.SELECTIVE_DECOMPRESS_CLASSIFICATION)
-    if colours:
-        bits |= int(lazrs.SELECTIVE_DECOMPRESS_INTENSITY) | int(lazrs.SELECTIVE_DECOMPRESS_RGB)
-    return bits
-
-
 class _PictureSampler:
     """Evenly thinned points with colours and intensity."""
 
@@ -283,7 +242,7 @@ class _PictureSampler:
         self._rows = Thinning(_PICTURE_POINTS)
         self._dtype = np.dtype([("xyz", "<f8", 3), ("rgb", "<u2", 3), ("intensity", "<u2")])
 
-    def add(self, xyz: Float, records: NDArray[np.void], *, colours: bool) -> None:
+    def add(self, xyz: Float, records: PackedPointRecord, *, colours: bool) -> None:
         rows = np.zeros(len(xyz), self._dtype)
         rows["xyz"], rows["intensity"] = xyz, records["intensity"]
         if colours:

@@ -17,8 +17,7 @@ from ...engine.core.errors import InputError
 from ...engine.core.messages import shown
 from ...engine.core.progress import Progress
 from ...engine.geometry.dominant_plane import apply_matrix, fit_plane, flattening_matrix
-from ...engine.pointcloud.extra_dimensions import read_dimension
-from ...engine.pointcloud.reading import read_cloud
+from ...engine.pointcloud.reading import read_cloud, read_dimension
 from ...interface.parameters import FineTuneParameters, InputParameters
 from ..configuration import CLASSES
 from ..preparation.prepare import UNKNOWN
@@ -213,7 +212,7 @@ def _refuse_useless(clouds: Sequence[OwnCloud], areas: LabelPolygons | None, pro
 
 
 def slope_facts(xyz: Float) -> Suitability | None:
-    """What screening would look at before it takes such a cloud (see ``engine.screening_checks``); None for a few
+    """What screening would look at before it takes such a cloud (see ``preparation.suitability``); None for a few
     points.
     """
     every = max(1, len(xyz) // _SAMPLE)

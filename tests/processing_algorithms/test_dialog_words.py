@@ -73,7 +73,9 @@ def test_paths_and_what_the_dialog_has_not_stay(sentence: str) -> None:
 
 def test_every_option_that_a_refusal_names_is_in_a_dialog(root: Path) -> None:
     named: dict[str, str] = {}
-    for path in (*root.glob("engine/*.py"), *root.glob("models/*.py"), *root.glob("simulation/*.py")):
+    for path in (
+        path for part in ("engine", "models", "simulation", "workflows") for path in root.glob(f"{part}/**/*.py")
+    ):
         if path.name == "__main__.py":  # for those who work on SlopeWatch
             continue
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):

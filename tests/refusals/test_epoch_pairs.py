@@ -1,17 +1,22 @@
 """Epochs that do not go together, and odd parameters: refused in one sentence before anything is written, or said.
 
 Numbered as the list of bad inputs. What other files test already and is not repeated here:
-26 cli/test_cli.py (other crs, inspect in two systems), test_m3c2_step.py (test_reference_systems), test_series.py
-27 test_bad_inputs.py (test_27), test_crs.py, test_ground.py (test_feet_give_the_same...), test_m3c2_step.py
-28, 29 test_significance.py (test_heights_of_two_systems_are_no_deformation), test_confirmation.py, test_m3c2_step.py
-30 test_change.py, test_m3c2_step.py, test_series.py, cli/test_cli.py (no overlap)
-31 test_registration_limits.py (test_a_tiny_overlap_is_told_and_an_overlap_of_nothing_refused)
-32, 33 test_epochs.py, test_manifest.py, test_m3c2_step.py, cli/test_cli.py (same content, reversed, bad date)
-34, 35, 36 test_roi.py, test_ground.py (region outside; a region in another system)
-38 test_registration_limits.py (three tests), test_significance.py (test_without_stable_ground...)
-39 test_bad_inputs.py (test_39), test_returns.py, test_ground.py (test_return_numbers_that_make_no_sense_are_said)
-47 test_rasters.py (test_raster_is_what_the_contract_says)
-48 test_parameters.py, cli/test_cli.py (bad number, nan, options that are not understood)
+26 cli/test_commands.py (other crs, inspect in two systems), workflows/test_m3c2.py (test_reference_systems),
+    workflows/test_series.py
+27 refusals/test_damaged_clouds.py (test_27), engine/crs/test_working_frame.py,
+    engine/ground/test_extraction.py (test_feet_give_the_same...), workflows/test_m3c2.py
+28, 29 engine/change/test_judgement.py (test_heights_of_two_systems_are_no_deformation),
+    engine/zones/test_confirmation.py, workflows/test_m3c2.py
+30 engine/change/test_difference.py, workflows/test_m3c2.py, workflows/test_series.py, cli/test_commands.py (no overlap)
+31 accuracy/test_registration_limits.py (test_a_tiny_overlap_is_told_and_an_overlap_of_nothing_refused)
+32, 33 engine/epochs/test_epoch.py, engine/epochs/test_manifest.py, workflows/test_m3c2.py,
+    cli/test_commands.py (same content, reversed, bad date)
+34, 35, 36 engine/vector/test_area.py, engine/ground/test_extraction.py (region outside; a region in another system)
+38 accuracy/test_registration_limits.py (three tests), engine/change/test_judgement.py (test_without_stable_ground...)
+39 refusals/test_damaged_clouds.py (test_39), engine/pointcloud/test_returns.py,
+    engine/ground/test_extraction.py (test_return_numbers_that_make_no_sense_are_said)
+47 engine/grid/test_geotiff.py (test_raster_is_what_the_contract_says)
+48 interface/parameters/test_groups.py, cli/test_commands.py (bad number, nan, options that are not understood)
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import configparser
+import re
 import shutil
 import subprocess
 import sys
@@ -76,8 +77,11 @@ def test_one_version_everywhere(root):
     from slopewatch.engine.core.version import VERSION
 
     assert metadata(root)["version"] == VERSION
-    assert f'\nversion = "{VERSION}"\n' in (root / "pyproject.toml").read_text(encoding="utf-8")
     assert VERSION in metadata(root)["changelog"]
+    assert f"\nversion: {VERSION}\n" in (root / "CITATION.cff").read_text(encoding="utf-8")
+    assert re.search(
+        rf"^## \[{VERSION}\] - \d{{4}}-\d\d-\d\d$", (root / "CHANGELOG.md").read_text(encoding="utf-8"), re.M
+    )
 
 
 REFUSED_CALLS = {"eval", "exec", "pickle.load", "pickle.loads", "yaml.load", "os.system"}

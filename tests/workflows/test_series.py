@@ -159,6 +159,7 @@ def test_another_survey_computes_only_itself(runs):
     made = [entry["made"] for entry in again["stages"][0]["epochs"].values()]
     assert made == [[]] * 4 + [["registration", "cells"]]
     before = record["stages"][0]["epochs"]
+    assert len(before) == 4
     for name, entry in again["stages"][0]["epochs"].items():
         if name in before:
             assert {**entry, "made": []} == {**before[name], "made": []}
@@ -169,6 +170,7 @@ def test_what_was_kept_gives_the_same_bytes_as_a_fresh_run(simulated, runs, tmp_
     out, _ = runs
     monitor_series(surveys(paths), tmp_path / "fresh", READY, roi=paths["roi"])
     fresh = {p.relative_to(tmp_path / "fresh") for p in (tmp_path / "fresh").rglob("*") if p.is_file()}
+    assert len([name for name in fresh if name.suffix == ".tif"]) >= 4
     for name in fresh - {Path("run.json"), Path("report.html")}:  # these tell when they were made
         assert (out / name).read_bytes() == (tmp_path / "fresh" / name).read_bytes(), name
 

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from slopewatch.engine.change.judgement import judge
 from slopewatch.engine.change.measured import Measured
-from slopewatch.engine.change.plant_calibration import NARROWEST, plants_factor, squares_of
+from slopewatch.engine.change.plant_calibration import NARROWEST, common_share, plants_factor, squares_of, sum_by_plants
 from slopewatch.engine.grid.partition import Partition
 from slopewatch.engine.grid.plant_cells import PlantCells
+from slopewatch.engine.statistics.variogram import VariogramModel
+from slopewatch.engine.zones.footprints import Cells
+from slopewatch.engine.zones.volumes import CorrelationModel, fit_correlation
 from slopewatch.interface.parameters import ChangeParameters
 
 SHAPE, CELL, SIDE = (160, 240), 0.5, 4
@@ -112,3 +117,65 @@ def test_ground_that_moved_under_grass_does_not_widen_the_rest():
     found = judge(measured, parameters, registration_error=0.0)
     assert found.plants_factor < 0.65
     assert found.decision.significant[42:78, 62:118].mean() > 0.99
+
+
+def share_of(dz: np.ndarray, stable: np.ndarray | None = None) -> float:
+    every = np.ones(dz.shape, dtype=bool)
+    parts = np.full(dz.shape, SAMPLING), np.full(dz.shape, PLANTS)
+    return common_share(dz, *parts, every if stable is None else stable, CELL)
+
+
+def test_a_season_is_common_and_what_differs_from_place_to_place_is_not():
+    for seed in range(5):
+        assert share_of(covered(seed)) < 0.12, "2400 squares, each with its own error"
+        assert share_of(covered(seed, 0.01) - 0.5 * PLANTS) == pytest.approx(0.5, abs=0.03)
+    assert share_of(covered(1) + 2 * PLANTS) == 1.0
+    few = np.zeros(SHAPE, dtype=bool)
+    few[: 4 * SIDE, : 4 * SIDE] = True
+    assert share_of(covered(1), few) == 1.0, "16 squares tell nothing"
+
+
+@pytest.mark.parametrize("season", [0.0, 0.3, 1.0])
+def test_intervals_of_a_net_volume_under_plants_hold_the_truth(season):
+    shape, runs = (60, 60), 200
+    plants = np.full(shape, PLANTS)
+    error = np.full(shape, np.hypot(SAMPLING, PLANTS))
+    held, told_errors = 0, []
+    for seed in range(runs):
+        drawn = np.random.default_rng([seed, 7]).normal()
+        dz = covered(seed, shape=shape) + season * PLANTS * drawn
+        cells = Cells(dz, error, np.full(shape, CELL**2), Partition(shape, CELL), plants=plants)
+        model = CorrelationModel(0.0, VariogramModel(1.0), plants_in_common=share_of(dz))
+        told_errors.append(model.whole_error(cells.area, cells))
+        held += abs(dz.sum() * CELL**2) <= 1.96 * told_errors[-1]
+    assert held / runs >= 0.9
+    if season == 0:
+        assert np.median(told_errors) < 0.15 * PLANTS * shape[0] * shape[1] * CELL**2
+
+
+def test_the_model_takes_the_share_from_stable_ground_and_from_what_plants_explain():
+    dz = covered(3)
+    dz[:, 120:] -= 10 * PLANTS
+    left = np.zeros(SHAPE, dtype=bool)
+    left[:, :120] = True
+    parts = np.full(SHAPE, np.hypot(SAMPLING, PLANTS)), np.full(SHAPE, CELL**2)
+    cells = Cells(dz, *parts, Partition(SHAPE, CELL), np.full(SHAPE, PLANTS), np.zeros(SHAPE, dtype=bool))
+    assert fit_correlation(cells, left, 0.0).plants_in_common == pytest.approx(share_of(dz, left))
+    mown = replace(cells, plant_like=~left)
+    assert fit_correlation(mown, left, 0.0).plants_in_common == 1.0, "the mown half tells of the season"
+
+
+def test_what_plants_make_of_a_sum_lies_between_its_squares_own_and_all_of_it():
+    weighted = np.ones((8, 8))
+    assert sum_by_plants(weighted, CELL, 0.0) == pytest.approx(16 * 2.0), "four squares of 16 cells"
+    assert sum_by_plants(weighted, CELL, 0.5) == pytest.approx(np.hypot(32.0, 32.0))
+    assert sum_by_plants(weighted, CELL, 1.0) == 64.0
+    assert sum_by_plants(np.zeros((8, 8)), CELL, 1.0) == 0.0
+
+
+def test_a_grown_cell_errs_as_one_across_the_squares_that_it_lies_in():
+    shape = (8, 8)
+    plants, block = np.full(shape, PLANTS), np.zeros(shape, dtype=np.int32)
+    cells = Cells(np.zeros(shape), plants, np.ones(shape), Partition.of_blocks(block, CELL), plants)
+    model = CorrelationModel(0.0, VariogramModel(1.0), plants_in_common=0.0)
+    assert model.whole_error(np.ones(shape), cells) == pytest.approx(64 * PLANTS)

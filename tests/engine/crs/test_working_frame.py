@@ -134,6 +134,29 @@ def test_distorted_areas_and_far_places_are_warned_of():
     assert any("area of use" in w for w in plausibility(frame("EPSG:32651"), 961_000, -6_431_000))
 
 
+def test_the_area_of_use_is_known_beside_heights_in_feet():
+    found = frame("EPSG:26910+6360")
+    assert not found.in_metres
+    assert plausibility(found, 500_000, 4_500_000) == []
+    assert any("area of use" in w for w in plausibility(found, 500_000, 500_000))
+
+
+def test_a_bound_reference_system_in_feet_becomes_its_own_projection_in_metres():
+    """With parameters towards WGS 84, which stay out of what is computed."""
+    projection = "+proj=tmerc +lat_0=0 +lon_0=9 +x_0=500000 +ellps=bessel +units={} +type=crs"
+    found = frame(projection.format("us-ft") + " +towgs84=598.1,73.7,418.2,0.202,0.045,-2.455,6.7")
+    assert found.horizontal_factor == pytest.approx(US_FOOT, rel=1e-15)
+    assert not found.crs.is_bound
+    there = Transformer.from_crs(found.crs, projection.format("m"), always_xy=True)
+    assert np.allclose(there.transform(510_000.0, 5_000_000.0), (510_000.0, 5_000_000.0), rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("unit", ['"degree",0.0174532925199433', '"radian",1'])
+def test_a_local_grid_in_angles_is_refused(unit):
+    with pytest.raises(InputError, match=r"whose unit is nan m"):
+        frame(f'LOCAL_CS["site",UNIT[{unit}],AXIS["E",EAST],AXIS["N",NORTH]]')
+
+
 def test_declared_in_wkt(tmp_path, las_file):
     path = las_file(tmp_path / "a.laz", crs="EPSG:2154+5720")
     crs, warnings = declared_crs(preflight(path))

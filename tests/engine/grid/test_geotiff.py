@@ -11,6 +11,7 @@ import pytest
 import rasterio
 from pyproj import CRS
 from slopewatch.engine.core.errors import EngineError, InputError
+from slopewatch.engine.core.version import VERSION
 from slopewatch.engine.grid import geotiff
 from slopewatch.engine.grid.geotiff import raster_tags, read_raster, write_raster, write_rgba
 from slopewatch.engine.grid.grid import Grid
@@ -33,7 +34,7 @@ def test_raster_is_what_the_contract_says(tmp_path: Path) -> None:
         epochs=(date(2024, 1, 2), date(2024, 4, 5)),
         median_level=0.0567,
         translation=(0.1, -0.02, 0.003),
-        software="SlopeWatch 0.1.0",
+        software=f"SlopeWatch {VERSION}",
         input_sha256="aa bb",
     )
     write_raster(path, array, GRID, UTM, description="Elevation change", tags=tags)
@@ -59,7 +60,7 @@ def test_raster_is_what_the_contract_says(tmp_path: Path) -> None:
         "COREG_DX": "0.100000",
         "COREG_DY": "-0.020000",
         "COREG_DZ": "0.003000",
-        "SOFTWARE": "SlopeWatch 0.1.0",
+        "SOFTWARE": f"SlopeWatch {VERSION}",
         "INPUT_SHA256": "aa bb",
     }
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pyproj import CRS
 from slopewatch.engine.core.errors import InputError
-from slopewatch.engine.pointcloud.extra_dimensions import read_dimension
+from slopewatch.engine.pointcloud.reading import read_dimension
 
 
 def written(path, point_format: int, **extra):

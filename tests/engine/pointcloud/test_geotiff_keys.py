@@ -10,7 +10,7 @@ import rasterio
 from pyproj import CRS
 from rasterio.io import MemoryFile
 from slopewatch.engine.pointcloud.declared_crs import declared_crs
-from slopewatch.engine.pointcloud.geotiff_keys import crs_from_keys, read_keys
+from slopewatch.engine.pointcloud.geotiff_keys import crs_from_keys
 from slopewatch.engine.pointcloud.header import preflight
 
 
@@ -77,11 +77,33 @@ def test_heights_in_feet_without_a_code():
     assert found.axis_info[2].unit_conversion_factor == pytest.approx(0.3048)
 
 
+@pytest.mark.parametrize(("code", "name"), [(5703, "NAVD88 height"), (5103, "NAVD88 height")])
+def test_a_unit_of_heights_overrides_the_codes(code, name):
+    """5103 is the datum of those heights, which GDAL knows writers to put there."""
+    keys = ((1024, 0, 1, 1), (3072, 0, 1, 26910), (4096, 0, 1, code))
+    metres = crs_from_keys(directory(*keys), b"", b"")
+    feet = crs_from_keys(directory(*keys, (4099, 0, 1, 9003)), b"", b"")
+    assert metres is not None
+    assert feet is not None
+    assert metres.sub_crs_list[1].to_epsg() == 5703
+    assert metres.name == feet.name == f"NAD83 / UTM zone 10N + {name}"
+    assert feet.axis_info[2].unit_conversion_factor == pytest.approx(1200 / 3937)
+    assert feet.axis_info[0].unit_conversion_factor == 1.0
+
+
+def test_a_code_of_another_kind_than_the_model_is_read():
+    """The model is a projected one, the only code is geographic."""
+    found = crs_from_keys(directory((1024, 0, 1, 1), (2048, 0, 1, 4326)), b"", b"")
+    assert found is not None
+    assert found.to_epsg() == 4326
+
+
 def test_heights_with_a_code_that_is_none_of_heights():
     """5030 is WGS 84's ellipsoid, which old writers put where a vertical system belongs."""
     found = crs_from_keys(directory((1024, 0, 1, 1), (3072, 0, 1, 32651), (4096, 0, 1, 5030)), b"", b"")
     assert found is not None
     assert found.axis_info[0].unit_conversion_factor == 1.0
+    assert len(found.axis_info) == 2
 
 
 @pytest.mark.parametrize(
@@ -105,10 +127,6 @@ def test_no_code_is_none():
     assert crs_from_keys(directory((1024, 0, 1, 0), (3072, 0, 1, 0)), b"", b"") is None
 
 
-def test_text_keys():
-    assert read_keys(directory((1026, 34737, 7, 2)), b"", b"..WGS 84|")[1026] == "WGS 84"
-
-
 def test_real_file_with_a_projection_of_its_own(shared_data):
     """Transverse Mercator of the user's own in US survey feet, behind 390 records."""
     crs, sentences = declared_crs(preflight(shared_data / "bad_las" / "lots_of_vlr.las"))
@@ -120,3 +138,10 @@ def test_real_file_with_a_projection_of_its_own(shared_data):
 
 def test_real_file_with_empty_keys(shared_data):
     assert declared_crs(preflight(shared_data / "bad_las" / "1.2-empty-geotiff-vlrs.las"))[0] is None
+
+
+def test_a_code_beside_broken_keys_is_read(shared_data):
+    crs, sentences = declared_crs(preflight(shared_data / "bad_las" / "bad-geotiff-keys.las"))
+    assert sentences == ()
+    assert crs is not None
+    assert crs.to_epsg() == 32617

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from slopewatch.engine.pointcloud.records import record_dtype
-from slopewatch.engine.pointcloud.returns import last_returns, return_totals
+from slopewatch.engine.pointcloud.returns import last_returns
 
 
 def test_last_and_only_returns_are_chosen():
@@ -30,12 +29,3 @@ def test_numbers_that_make_no_sense_leave_every_point_in():
     assert firsts.last.all()
     assert not firsts.usable
     assert not firsts.mixed
-
-
-def test_number_of_returns_is_unpacked_from_both_layouts():
-    for point_format, packed in ((1, 2 | 5 << 3), (7, 2 | 12 << 4)):
-        records = np.zeros(
-            3, record_dtype(point_format, record_dtype(point_format, 34 if point_format == 1 else 36).itemsize)
-        )
-        records["flags"] = packed
-        assert return_totals(records, point_format).tolist() == [5 if point_format == 1 else 12] * 3

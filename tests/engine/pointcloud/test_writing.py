@@ -1,21 +1,25 @@
-"""Clouds that are written, read again by laspy."""
+"""Clouds that are written, read again by laspy, by PDAL and by the bytes of the specification."""
 
 from __future__ import annotations
 
+import struct
 from dataclasses import replace
+from datetime import date
+from pathlib import Path
 
 import laspy
 import numpy as np
 import pytest
 from pyproj import CRS
 from slopewatch.engine.core.errors import EngineError, InputError
+from slopewatch.engine.core.version import VERSION
 from slopewatch.engine.pointcloud.cloud import PointCloud
 from slopewatch.engine.pointcloud.header import preflight
-from slopewatch.engine.pointcloud.laz_writer import wkt_of
-from slopewatch.engine.pointcloud.reading import read_cloud
+from slopewatch.engine.pointcloud.reading import read_cloud, read_dimension
 from slopewatch.engine.pointcloud.records import read_records
-from slopewatch.engine.pointcloud.writing import copy_with, write_cloud
+from slopewatch.engine.pointcloud.writing import copy_with, wkt_of, write_cloud
 from slopewatch.interface.parameters import InputParameters
+from slopewatch.tests.builders.pdal_columns import by_pdal
 
 
 def same_dimensions(a: laspy.LasData, b: laspy.LasData, keep=slice(None)) -> list[str]:
@@ -143,13 +147,26 @@ def test_undescribed_extra_bytes_are_carried(tmp_path, las_file):
     source.write_bytes(data)
     copy_with(source, tmp_path / "b.laz", dimensions={"zone": np.arange(40, dtype=np.int32)})
     size = 1 + 8 + 12
-    size = 1 + 8 + 12
     assert laspy.read(tmp_path / "b.laz").point_format.size == 36 + size + 4
     original = np.frombuffer(data[-40 * (36 + size) :], f"V{36 + size}").view(np.uint8).reshape(40, -1)
     (records,) = read_records(preflight(tmp_path / "b.laz"))
-    extra = records["extra"].copy().view(np.uint8).reshape(40, size + 4)
-    assert np.array_equal(extra[:, 4:], original[:, 36:])
+    extra = records["extra:undescribed"].copy().view(np.uint8).reshape(40, size)
+    assert np.array_equal(extra, original[:, 36:])
     assert np.array_equal(laspy.read(tmp_path / "b.laz").zone, np.arange(40))
+
+
+@pytest.mark.parametrize("fault", [b"\x00\x63", b"\x0b\x00"])
+def test_descriptions_that_do_not_fit_the_records_are_bytes(tmp_path, las_file, fault):
+    """The second of three dimensions has another type: 99 raw bytes, or two of one byte for what were eight."""
+    source = las_file(tmp_path / "a.las", change=extra_dimensions, points=40)
+    data = bytearray(source.read_bytes())
+    place = data.index(b"range\0") - 2
+    data[place : place + 2] = fault
+    source.write_bytes(data)
+    copy_with(source, tmp_path / "b.laz")
+    before, after = (next(iter(read_records(preflight(tmp_path / name)))).array for name in ("a.las", "b.laz"))
+    assert before.tobytes() == after.tobytes() == data[-40 * (36 + 21) :]
+    assert np.array_equal(read_dimension(tmp_path / "b.laz", "truth"), np.arange(40) % 3)
 
 
 def test_far_coordinates_get_an_offset_of_their_own(tmp_path, las_file):
@@ -212,6 +229,127 @@ def test_nothing_to_write_is_an_input_error(tmp_path, las_file):
     with pytest.raises(InputError, match="no points"):
         copy_with(source, tmp_path / "b.laz", keep=np.zeros(2000, bool))
     assert not (tmp_path / "b.laz").exists()
+
+
+def test_pdal_reads_what_is_written(tmp_path, las_file):
+    cloud = read_cloud(las_file(tmp_path / "a.laz", points=60_000), colours=True)
+    assert cloud.rgb is not None
+    share = np.linspace(0, 1, len(cloud), dtype=np.float32)
+    ids = np.arange(len(cloud), dtype=np.int32) - 5
+    write_cloud(tmp_path / "b.laz", cloud, dimensions={"share": share, "zone": ids})
+    names = ("X", "Y", "Z", "Intensity", "Classification", "ReturnNumber", "NumberOfReturns", "Red", "Blue")
+    found = by_pdal(tmp_path / "b.laz", *names, "share", "zone")
+    assert np.abs(np.column_stack([found[axis] for axis in "XYZ"]) - cloud.xyz).max() <= 0.0005 + 1e-8
+    assert np.array_equal(found["Intensity"], cloud.intensity)
+    assert np.array_equal(found["Classification"], cloud.classification)
+    assert (found["ReturnNumber"] == 1).all()
+    assert (found["NumberOfReturns"] == 1).all()
+    assert np.array_equal(found["Red"], cloud.rgb[:, 0].astype(int) * 257)
+    assert np.array_equal(found["Blue"], cloud.rgb[:, 2].astype(int) * 257)
+    assert np.abs(found["share"] - share).max() < 1e-6
+    assert np.array_equal(found["zone"], ids)
+
+
+@pytest.mark.parametrize(("point_format", "version"), [(3, "1.2"), (7, "1.4")])
+def test_pdal_reads_what_is_copied(tmp_path, las_file, point_format, version):
+    def scaled(las):
+        las.add_extra_dim(laspy.ExtraBytesParams("tilt", "i2", scales=np.array([0.5]), offsets=np.array([10.0])))
+        las.tilt = 10.0 + 0.5 * (np.arange(len(las.points)) % 90)
+        las.withheld = np.arange(len(las.points)) % 2
+
+    source = las_file(tmp_path / "a.las", point_format=point_format, version=version, change=scaled)
+    keep = np.arange(2000) % 3 > 0
+    copy_with(source, tmp_path / "b.laz", keep=keep, dimensions={"zone": np.arange(keep.sum(), dtype=np.uint32)})
+    names = ("X", "Y", "Z", "Intensity", "ReturnNumber", "NumberOfReturns", "PointSourceId", "GpsTime", "Green")
+    before, after = by_pdal(source, *names, "Classification"), by_pdal(tmp_path / "b.laz", *names, "Classification")
+    for name, values in before.items():
+        assert np.array_equal(values[keep], after[name]), name
+    added = by_pdal(tmp_path / "b.laz", "tilt", "zone")
+    assert np.array_equal(added["tilt"], (10.0 + 0.5 * (np.arange(2000) % 90))[keep])
+    assert np.array_equal(added["zone"], np.arange(keep.sum()))
+    assert np.array_equal(read_dimension(tmp_path / "b.laz", "tilt"), added["tilt"])
+
+
+def test_extra_dimensions_are_described_in_a_copy_as_in_its_source(tmp_path, las_file):
+    """All 192 bytes, with no-data value, range, scale and a name that is not UTF-8."""
+    source = las_file(tmp_path / "a.las", change=extra_dimensions, points=40)
+    data = bytearray(source.read_bytes())
+    start = data.index(b"truth\0") - 4
+    struct.pack_into("<BB32s4s3Q3Q3Q", data, start + 2, 1, 7, b"H\xf6he", b"", 9, 0, 0, 1, 0, 0, 2, 0, 0)
+    source.write_bytes(data)
+    copy_with(source, tmp_path / "b.laz", dimensions={"zone": np.arange(40, dtype=np.int32)})
+    described = preflight(tmp_path / "b.laz").vlrs["LASF_Spec", 4]
+    assert described[:576] == data[start : start + 576]
+    assert described[576:612] == struct.pack("<HBB32s", 0, 6, 0, b"zone")
+    assert described[612:] == bytes(156)
+
+
+def test_a_dimension_named_as_a_field_is_carried(tmp_path, las_file):
+    source = las_file(tmp_path / "a.las", change=extra_dimensions, points=40)
+    data = source.read_bytes()
+    place = data.index(b"truth\0")
+    source.write_bytes(data[:place] + b"gps_time".ljust(32, b"\0") + data[place + 32 :])
+    copy_with(source, tmp_path / "b.laz")
+    assert np.array_equal(read_dimension(tmp_path / "b.laz", "gps_time"), np.arange(40) % 3)
+    (records,) = read_records(preflight(tmp_path / "b.laz"))
+    assert np.all(np.diff(records["gps_time"]) >= 0)
+
+
+def header_fields(path: Path) -> dict[str, object]:
+    """Fields of a LAS 1.4 header by the specification's table 3."""
+    data = path.read_bytes()
+    names = "signature", "source", "encoding", "guid", "version", "system", "software", "day", "year"
+    return dict(zip(names, struct.unpack_from("<4sHH16s2s32s32sHH", data), strict=True)) | {
+        "legacy": struct.unpack_from("<I5I", data, 107),
+        "scales": struct.unpack_from("<3d", data, 131),
+        "evlrs": struct.unpack_from("<QI", data, 235),
+        "counts": struct.unpack_from("<Q15Q", data, 247),
+    }
+
+
+def test_the_header_of_a_new_file(tmp_path, las_file):
+    cloud = read_cloud(las_file(tmp_path / "a.laz", points=70))
+    write_cloud(tmp_path / "b.laz", cloud)
+    assert header_fields(tmp_path / "b.laz") == {
+        "signature": b"LASF",
+        "source": 0,
+        "encoding": 17,  # WKT, standard GPS times
+        "guid": bytes(16),
+        "version": b"\1\4",
+        "system": b"SlopeWatch".ljust(32, b"\0"),
+        "software": f"SlopeWatch {VERSION}".encode().ljust(32, b"\0"),
+        "day": 0,
+        "year": 0,
+        "legacy": (0,) * 6,
+        "scales": (0.001,) * 3,
+        "evlrs": (0, 0),
+        "counts": (70, 70, *(0,) * 14),
+    }
+
+
+@pytest.mark.parametrize(("point_format", "version"), [(3, "1.2"), (6, "1.4")])
+def test_a_copy_keeps_day_and_source_of_its_file(tmp_path, las_file, point_format, version):
+    def dated(las):
+        las.header.creation_date, las.header.file_source_id = date(2021, 12, 31), 77
+        las.return_number[:] = np.repeat([1, 2, 3], [1000, 600, 400])
+
+    source = las_file(tmp_path / "a.las", point_format=point_format, version=version, change=dated)
+    copy_with(source, tmp_path / "b.laz")
+    fields = header_fields(tmp_path / "b.laz")
+    assert (fields["day"], fields["year"], fields["source"]) == (365, 2021, 77)
+    assert fields["encoding"] == 16  # the source's GPS times are seconds of the week
+    assert fields["counts"] == (2000, 1000, 600, 400, *(0,) * 12)
+
+
+@pytest.mark.parametrize("point_format", [4, 5, 9, 10])
+def test_waveform_packets_are_carried(tmp_path, las_file, point_format):
+    def waves(las):
+        las.wavepacket_index, las.wavepacket_offset = np.arange(2000) % 200, np.arange(2000) * 10**9
+        las.x_t = np.linspace(-1, 1, 2000)
+
+    source = las_file(tmp_path / "a.las", point_format=point_format, change=waves)
+    copy_with(source, tmp_path / "b.laz")
+    assert same_dimensions(laspy.read(source), laspy.read(tmp_path / "b.laz")) == []
 
 
 def test_the_same_cloud_gives_the_same_bytes(tmp_path, las_file):

@@ -101,3 +101,25 @@ def test_the_same_cloud_twice_stays():
     found = register(first(), first().copy(), RegistrationParameters())
     assert np.abs(found.transform.apply(first()) - first()).max() < 1e-6
     assert found.warnings == ()
+
+
+def test_half_of_a_slope_that_slid_as_one_is_refused_or_covered():
+    """Both halves agree each on its own motion, and neither lies far from where it was surveyed."""
+    reference, epoch = first_epoch(3, POINTS), moved_epoch(3, 0.0, points=POINTS)
+    later = epoch.transform.apply(epoch.xyz)
+    slid = later[:, 0] > np.quantile(later[:, 0], 0.48)
+    later = later + np.where(slid[:, None], [0.05, 0.0, -0.2], 0.0)
+    with pytest.raises(InputError, match=r"agrees on one motion \(0.*and .*on another \(0.*apart.*--stable"):
+        register(reference, later, RegistrationParameters())
+    accepted = register(reference, later, RegistrationParameters(accept_unstable=True))
+    away = accepted.transform.apply(later[~slid]) - later[~slid]
+    assert accepted.registration_error > 0.5 * np.sqrt(np.mean(away[:, 2] ** 2))
+    assert accepted.registration_error > 0.1
+    assert accepted.covariance is not None
+    assert np.sqrt(accepted.covariance[3:, 3:].trace()) > 0.15
+    assert any("Nothing tells which part" in warning for warning in accepted.warnings)
+    # the same slide on stable ground that reaches far beyond what surveys err by is told apart
+    far = later + np.where(slid[:, None], [0.0, 0.0, -0.6], 0.0)
+    told = register(reference, far, RegistrationParameters())
+    assert np.abs(told.transform.apply(far[~slid]) - far[~slid]).max() < 0.005
+    assert any("lies where it was surveyed" in warning for warning in told.warnings)

@@ -186,6 +186,12 @@ def test_the_same_input_gives_the_same_bytes(cloud, tmp_path):
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
         screen(cloud, tmp_path / name / "out.laz")
+    assert leftovers(tmp_path / "a") == [
+        "out.laz",
+        "out_map.png",
+        "out_probability.tif",
+        "out_zones.gpkg",
+    ]
     for name in leftovers(tmp_path / "a"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
 

@@ -79,8 +79,8 @@ say(event="result", outputs={}, metrics={"ok": True})
 
 
 def test_much_on_standard_error_does_not_block(fake_engine: Fake, feedback: Recorder) -> None:
-    fake_engine("sys.stderr.write('warning\\n' * 2000000)\nsay(event='result', outputs={}, metrics={})\n")
-    run_engine(["check"], feedback)
+    fake_engine("sys.stderr.write('warning\\n' * 2000000)\nsay(event='result', outputs={}, metrics={'done': 1})\n")
+    assert run_engine(["check"], feedback).metrics == {"done": 1}
 
 
 def test_input_error_keeps_the_engines_sentence(fake_engine: Fake, feedback: Recorder) -> None:

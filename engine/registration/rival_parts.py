@@ -1,0 +1,137 @@
+"""Which of two parts of a surface that agree on different motions stayed, and when nothing tells.
+
+No geometry tells a block that moved as one from ground that stayed. What speaks for a part: that it is much larger
+than any other, that it lies around the other as ground does around a landslide, and that it lies where it was
+surveyed. None of that is proof, so that two parts of like weight are refused.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..core.arrays import Float
+from .stable_patches import StablePart
+
+_LEAST_SHARE = 0.15  # of the patches' area: by chance an eighth agrees with some motion where all moved apart
+_LEAST_RIVAL = 0.10  # by chance as much agrees beside a part
+_MAJORITY, _SMALL = 0.5, 0.2
+_RIVAL = 0.7  # of the largest part: another one as large contradicts it
+_SURE_RIVAL = 0.55  # the same of a part that is no majority and does not lie around the other
+_LARGE, _SMALL_PARTS_RIVAL = 0.4, 0.4  # of a smaller part: a block that moved may be larger than what stayed
+_AROUND = 0.7  # of the other's compactness
+# Two surveys of 4 cm in height and 6.5 cm in plan each differ by less than 0.25 m in 95 % of pairs.
+_AS_SURVEYED, _ASTRAY = 0.25, 0.5  # metres
+_WORTH_A_DOUBT = 0.3  # of the largest part
+
+
+@dataclass(frozen=True)
+class Standing:
+    """The ``part`` to be taken as stable.
+
+    Attributes:
+        known: whether it is clearly the one that did not move.
+        contested: another part speaks against it as strongly.
+        by_position: only its place tells, which is where it was surveyed.
+        offset, other_offset: how far the part and the other one lie from where they were surveyed, metres.
+        apart: how far apart the motions of both take the surface (root mean square), metres.
+    """
+
+    part: StablePart
+    known: bool
+    contested: bool = False
+    by_position: bool = False
+    offset: float = 0.0
+    other_offset: float = 0.0
+    apart: float = 0.0
+
+
+def standing(part: StablePart) -> Standing:
+    """Judge the largest part and the largest other one."""
+    if part.share < _LEAST_SHARE:
+        return Standing(part, known=False)
+    other = part.other
+    if other is None:
+        return Standing(part, known=True)
+    ratio = other.share / max(part.share, 1e-9)
+    offset, other_offset = (_offset(one) for one in (part, other))
+    found = Standing(
+        part, known=True, offset=offset, other_offset=other_offset, apart=_apart(part, other, part.patches.centre)
+    )
+    large = other.share >= _LEAST_RIVAL
+    # a datum that is off by chance as far as a block moved back is less likely than a block that moved
+    doubted = large and ratio > _WORTH_A_DOUBT and offset > _ASTRAY and other_offset < _AS_SURVEYED
+    sure = part.share >= _MAJORITY or (part.share >= _SMALL and _surrounds(part, other))
+    most = _RIVAL if sure else _SMALL_PARTS_RIVAL if large and part.share < _LARGE else _SURE_RIVAL
+    if ratio <= most and not doubted:
+        return found
+    if not large:
+        return replace(found, known=False)
+    if offset < _AS_SURVEYED and other_offset > _ASTRAY:
+        return replace(found, by_position=True)
+    if ratio > _RIVAL and doubted:
+        swapped = replace(other, other=replace(part, other=None))
+        return replace(found, part=swapped, by_position=True, offset=other_offset, other_offset=offset)
+    return replace(found, known=False, contested=True)
+
+
+def _offset(part: StablePart) -> float:
+    """Root mean square displacement of a part's own patches from where they were surveyed, metres."""
+    centre = part.patches.centre[part.agrees]
+    return float(np.sqrt(np.mean(np.sum((part.pose.apply(centre) - centre) ** 2, axis=1)))) if len(centre) else 0.0
+
+
+def _apart(part: StablePart, other: StablePart, places: Float) -> float:
+    away = part.pose.apply(places) - other.pose.apply(places)
+    return float(np.sqrt(np.mean(np.sum(away**2, axis=1))))
+
+
+def _surrounds(part: StablePart, other: StablePart) -> bool:
+    """Whether a part is spread over the surface and the other one compact, as a block that moved is."""
+    return _compactness(part) < _AROUND * _compactness(other)
+
+
+def _compactness(part: StablePart) -> float:
+    """A part's area by that of the disc as widely spread: 1 for a disc, less for what lies around something."""
+    centre, area = part.patches.centre[part.agrees], part.patches.area[part.agrees]
+    if not len(area):
+        return 0.0
+    away = np.sum((centre - np.average(centre, axis=0, weights=area)) ** 2, axis=1)
+    return float(area.sum() / max(2 * np.pi * float(np.average(away, weights=area)), 1e-9))
+
+
+def difference(found: Standing, radius: float) -> Float:
+    """(6,) the motion (rotations times ``radius``) from the part's pose to the other's; zero without one."""
+    other = found.part.other
+    return np.zeros(6) if other is None else other.pose.vector(radius) - found.part.pose.vector(radius)
+
+
+def refusal(found: Standing) -> str:
+    """The sentence that refuses surveys of which two parts contradict each other."""
+    part, other = found.part, found.part.other
+    assert other is not None
+    return (
+        f"No part of the surface is clearly the one that did not move: {part.share:.0%} of it agrees on one motion "
+        f"({found.offset:.2f} m from where it was surveyed) and {other.share:.0%} on another ({found.other_offset:.2f} "
+        f"m), which lie {found.apart:.2f} m apart; give an area known to be stable (--stable), or --accept-unstable "
+        "to go on with an error that covers both."
+    )
+
+
+def caution(found: Standing, error: float) -> str:
+    """The sentence about a part that was taken though another one is about as large; ``error`` (m) of a height."""
+    part = found.part
+    parts = (
+        f"{part.share:.0%} of the surface agrees on one motion ({found.offset:.2f} m from where it was surveyed) and "
+        f"{part.rival:.0%} on another ({found.other_offset:.2f} m)"
+    )
+    if found.contested:
+        return (
+            f"Nothing tells which part of the surface stayed: {parts}; the registration error is widened to "
+            f"{error:.3f} m, which covers both; give an area known to be stable."
+        )
+    return (
+        f"{parts}: the first is taken as stable because it lies where it was surveyed; give an area known to be stable "
+        "if the surveys' positions may be off by as much as the other's."
+    )

@@ -1,0 +1,154 @@
+"""Which of two parts stayed; places that contradict a part; walls that keep level ground from sliding."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from slopewatch.engine.geometry.pose import Pose
+from slopewatch.engine.registration.observability import Information
+from slopewatch.engine.registration.part_information import contradicting
+from slopewatch.engine.registration.point_to_plane import Matcher
+from slopewatch.engine.registration.rival_parts import difference, refusal, standing
+from slopewatch.engine.registration.stable_patches import _MANY, StablePart, _settled, _upright
+from slopewatch.engine.registration.surface import Surface
+from slopewatch.engine.registration.surface_patches import Equations, Patches, cut, equations
+
+OPEN = Information(np.ones(6), np.eye(6), np.ones(6, dtype=bool), np.eye(6) * 1e-6)
+SIDE = 20  # patches a side, 1 m each
+
+
+def patches() -> Patches:
+    x, y = (v.ravel() + 0.5 for v in np.mgrid[:SIDE, :SIDE])
+    centre = np.column_stack([x, y, np.zeros(x.size)])
+    normal = np.tile([0.0, 0.0, 1.0], (x.size, 1))
+    number = np.arange(x.size, dtype=np.int64)
+    return Patches(number, number, centre, normal, np.ones(x.size), 1.0)
+
+
+def part(share: float, shift: float, where: np.ndarray, other: StablePart | None = None) -> StablePart:
+    return StablePart(Pose(np.eye(3), np.array([shift, 0.0, 0.0])), patches(), where, share, OPEN, other)
+
+
+PLACES = patches().centre[:, :2]
+RING = np.abs(PLACES - SIDE / 2).max(axis=1) > 7
+BLOCK = np.abs(PLACES - SIDE / 2).max(axis=1) < 5
+WEST, EAST = PLACES[:, 0] < 8, PLACES[:, 0] > 12
+
+
+@pytest.mark.parametrize(
+    ("largest", "second", "where", "known"),
+    [
+        (0.60, 0.20, (WEST, EAST), True),
+        (0.45, 0.36, (WEST, EAST), False),
+        (0.40, 0.26, (WEST, EAST), False),  # no majority, two compact halves
+        (0.40, 0.26, (RING, BLOCK), True),  # the same around a block
+        (0.45, 0.22, (WEST, EAST), True),
+        (0.30, 0.15, (WEST, EAST), False),  # the larger may be a block that moved, where little stayed
+        (0.16, 0.08, (WEST, EAST), True),
+        (0.13, 0.02, (WEST, EAST), False),  # as much agrees by chance
+    ],
+)
+def test_a_part_is_known_by_its_size_and_by_what_lies_around_it(largest, second, where, known):
+    found = standing(part(largest, 0.1, where[0], part(second, 0.3, where[1])))
+    assert found.known is known
+    assert not found.by_position
+    assert found.contested is (not known and second > 0.1)
+
+
+def test_two_like_parts_are_told_apart_by_where_they_were_surveyed():
+    """One moved by 0.8 m; no survey is off by that much and leaves half of the slope where it was."""
+    for moved, still in ((0.48, 0.42), (0.42, 0.48)):
+        sides = [part(moved, 0.8, WEST), part(still, 0.05, EAST)]
+        first, second = sorted(sides, key=lambda one: -one.share)
+        found = standing(StablePart(first.pose, first.patches, first.agrees, first.share, OPEN, second))
+        assert found.known
+        assert found.by_position
+        assert found.part.pose.translation[0] == pytest.approx(0.05)
+        assert found.part.other is not None
+        assert found.other_offset == pytest.approx(0.8)
+
+
+def test_two_like_parts_near_where_they_were_surveyed_are_refused_with_both_named():
+    found = standing(part(0.45, 0.05, WEST, part(0.40, 0.20, EAST)))
+    assert found.contested
+    sentence = refusal(found)
+    assert all(word in sentence for word in ("45%", "40%", "0.05 m", "0.20 m", "0.15 m apart", "--stable", "--accept"))
+    assert difference(found, 3.0) == pytest.approx([0, 0, 0, 0.15, 0, 0])
+
+
+def test_a_large_part_far_off_is_doubted_where_another_lies_as_surveyed():
+    """As where most of a slope slid by 0.8 m as one."""
+    assert standing(part(0.60, 0.8, WEST, part(0.30, 0.05, EAST))).contested
+    assert standing(part(0.60, 0.8, WEST, part(0.30, 0.60, EAST))).known  # a datum that is off takes all along
+
+
+def system(asked: np.ndarray) -> Equations:
+    """Patches with relief in every direction, each of which asks for a motion (k, 6)."""
+    rng = np.random.default_rng(0)
+    jacobian = rng.normal(size=(len(asked), 12, 6)) / 3
+    matrix = np.einsum("kpi,kpj->kij", jacobian, jacobian) / 12
+    count = np.full(len(asked), 60.0)
+    noise = rng.normal(0, 0.0004, asked.shape)
+    vector = -np.einsum("kij,kj->ki", matrix, asked + noise)
+    return Equations(matrix, vector, np.full(len(asked), 9e-6), asked, count, 0.0, Pose.identity())
+
+
+def test_a_place_that_asks_for_another_motion_is_left_out_of_a_part():
+    inside = np.abs(PLACES - [5.0, 5.0]).max(axis=1) < 2.5
+    asked = np.zeros((SIDE**2, 6))
+    everything = np.ones(SIDE**2, dtype=bool)
+    assert contradicting(system(asked), patches(), everything, 1.0).mean() < 0.02
+    asked[inside, 3] = 0.004
+    odd = contradicting(system(asked), patches(), everything, 1.0)
+    assert odd[inside].mean() > 0.7
+    assert odd[~inside].mean() < 0.1
+
+
+def yard(seed: int, shifts: tuple[float, ...]) -> np.ndarray:
+    """Level ground with walls along y, of which each is shifted along x, and two along x."""
+    rng = np.random.default_rng(seed)
+
+    def wall(along: int, at: float, start: float) -> np.ndarray:
+        points = np.empty((600, 3))
+        points[:, along], points[:, 1 - along] = rng.uniform(start, start + 4, 600), at
+        points[:, 2] = rng.uniform(0.05, 1.5, 600)
+        return points
+
+    ground = np.column_stack([rng.uniform(-8, 8, (25_000, 2)), np.zeros(25_000)])
+    walls = [wall(1, -6 + 4 * n + shift, -5 + 2 * (n % 2)) for n, shift in enumerate(shifts)]
+    found = np.concatenate([ground, *walls, wall(0, 6, -6), wall(0, 6.5, 1)])
+    return np.asarray(found + rng.normal(0, 0.003, found.shape))
+
+
+def upright(shifts: tuple[float, ...], start: float) -> tuple[Pose, Information, Information]:
+    """The pose that walls set right which was settled where the shifted ones fit, what it fixes, and what before."""
+    matcher = Matcher(Surface(yard(1, (0.0,) * len(shifts)), 0.1), Surface(yard(2, shifts), 0.1))
+    found = cut(matcher.moving, 0.01)
+    everywhere = np.ones(len(found), dtype=bool)
+    settled = _settled(matcher, found, everywhere, Pose(np.eye(3), np.array([start, 0, 0])), 0.003, 6.0, 0.5, _MANY)
+    assert settled.pose.translation[0] == pytest.approx(start, abs=0.02)
+    best = _upright(matcher, found, settled, 0.003, 6.0, 0.5)
+    return best.pose, best.information, settled.information
+
+
+def test_most_walls_tell_how_level_ground_lies():
+    pose, known, _ = upright((0.0, 0.0, 0.12), -0.12)
+    assert pose.translation[0] == pytest.approx(0.0, abs=0.003)
+    assert known.observable.all()
+
+
+def test_walls_that_contradict_one_another_leave_the_direction_open():
+    _, known, before = upright((0.0, 0.12, 0.0, 0.12), -0.12)
+    sideways = np.array([0.0, 0, 0, 1, 0, 0])
+    assert before.observable.all()
+    free = known.directions[:, ~known.observable]
+    assert np.sum((free.T @ sideways) ** 2) > 0.5
+    assert sideways @ known.covariance @ sideways > 0.1**2
+
+
+def test_equations_tell_a_shift_of_both_surfaces():
+    surfaces = Surface(yard(1, (0.0, 0.0)), 0.1), Surface(yard(2, (0.0, 0.0)) + [0, 0, 0.02], 0.1)
+    found = cut(surfaces[1], 0.01)
+    asked = equations(Matcher(*surfaces), found, Pose.identity(), 0.3, 6.0, 0.003).own
+    level = np.abs(found.normal[:, 2]) > 0.99
+    assert np.median(asked[level, 5]) == pytest.approx(-0.02, abs=0.002)
