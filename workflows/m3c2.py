@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from ..engine.core.staged_outputs import refuse_other_than_cloud, refuse_unwrita
 from ..engine.core.version import VERSION
 from ..engine.epochs.comparability import refuse_other_heights, require_comparable
 from ..engine.epochs.dating import check_days
-from ..engine.epochs.epoch import check_pair
+from ..engine.epochs.epoch import Epoch, check_pair
 from ..engine.geometry.rigid_transform import RigidTransform, registration_error
 from ..engine.grid import geotiff
 from ..engine.ground.raw_survey import refuse_raw, taken_as_ground
@@ -108,11 +109,7 @@ def m3c2_step(
         raise InputError(f"--normals given needs --core, a cloud with the dimensions {', '.join(_NORMALS)}.")
     check_pair(*epochs)
     transform = RigidTransform.load(transform_path) if transform_path else None
-    for other in (moving, core):
-        if other is not None:
-            require_comparable(reference, other, settings.inputs)
-    check_days(epochs, trusted=settings.dates.trust_dates, progress=progress)
-    refuse_raw((reference, moving), settings.surface.ground, settings.inputs)
+    _refuse_clouds(run, epochs, core, settings)
     hashes = run.hash_inputs()[:2]
     if transform is not None:
         run.facts["transform"] = transform.matrix
@@ -122,31 +119,50 @@ def m3c2_step(
         scales = _scales(run, clouds, parameters, cores_given=core is not None)
         with run.step("distances", 0.35, 0.85, "measuring") as entry:
             cores = _cores(clouds, reference, core, scales.core_spacing, settings.inputs, progress)
-            found = _measure(
-                run, clouds, cores, scales, settings, _Known(toward, error, known_stable(stable, clouds[0]))
-            )
+            known = _Known(toward, error, known_stable(stable, clouds[0]))
+            found = _measure(run, clouds, cores, scales, settings, known)
             entry["core_points"] = len(cores.xyz)
         run.facts["level_of_detection"] = level_facts(found, calibrate=parameters.calibrate)
         with run.step("write", 0.85, 1.0, "writing"):
             keep = _of_all(cores.keep, taken)
             copy_with(cores.path, stage.path(output.name), settings.inputs, keep=keep, dimensions=dimensions(found))
-            tags = geotiff.raster_tags(
-                epochs=(epochs[0].date, epochs[1].date),
-                median_level=median_level_95(found),
-                translation=None if transform is None else transform.translation,
-                software=f"SlopeWatch {VERSION}",
-                input_sha256=" ".join(hashes),
-            )
+            tags = _tags(epochs, found, transform, hashes)
             cell = parameters.distance_cell or scales.core_spacing
             run.outputs["points"] = stage.final(output.name)
             run.outputs |= write_rasters(found, cell, clouds[0].crs, tags, 0.0, run.stage_in(raster_dir))
-        run.figures = {
-            **main_figures(found),
-            "normal_scale_m": None if parameters.normals != "fitted" else scales.normal_scale,
-            "projection_scale_m": scales.projection_scale,
-            "half_length_m": scales.half_length,
-        }
+        run.figures = _figures(found, scales, parameters)
     return run.result()
+
+
+def _refuse_clouds(run: Run, epochs: tuple[Epoch, Epoch], core: Path | None, settings: DistanceSettings) -> None:
+    """Raise InputError where headers, days or classes tell that the clouds cannot be compared."""
+    reference, moving = (e.path for e in epochs)
+    for other in (moving, core):
+        if other is not None:
+            require_comparable(reference, other, settings.inputs)
+    check_days(epochs, trusted=settings.dates.trust_dates, progress=run.progress)
+    refuse_raw((reference, moving), settings.surface.ground, settings.inputs)
+
+
+def _tags(
+    epochs: tuple[Epoch, Epoch], found: Distances, transform: RigidTransform | None, hashes: tuple[str, ...]
+) -> dict[str, str]:
+    return geotiff.raster_tags(
+        epochs=(epochs[0].date, epochs[1].date),
+        median_level=median_level_95(found),
+        translation=None if transform is None else transform.translation,
+        software=f"SlopeWatch {VERSION}",
+        input_sha256=" ".join(hashes),
+    )
+
+
+def _figures(found: Distances, scales: Scales, parameters: DistanceParameters) -> dict[str, Any]:
+    return {
+        **main_figures(found),
+        "normal_scale_m": None if parameters.normals != "fitted" else scales.normal_scale,
+        "projection_scale_m": scales.projection_scale,
+        "half_length_m": scales.half_length,
+    }
 
 
 def _read(

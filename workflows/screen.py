@@ -56,8 +56,8 @@ def screen_step(
     """
     parameters = settings.screening
     extracting = parameters.ground == "extract"
-    recorded = groups(settings, "inputs", "screening", *(["ground"] if extracting else []))
-    run = Run("screen", recorded, [("cloud", cloud), ("roi", roi)], progress)
+    recorded = ("inputs", "screening", "ground") if extracting else ("inputs", "screening")
+    run = Run("screen", groups(settings, *recorded), [("cloud", cloud), ("roi", roi)], progress)
     record_name = record_beside(targets["labelled"])
     _refuse_targets(run, {**targets, "run": targets["labelled"].with_name(record_name)})
     digest = run.hash_inputs()[0]
@@ -71,11 +71,12 @@ def screen_step(
 
     with run.writing(targets["labelled"].absolute().parent, record_name=record_name, others=folders):
         listed = _extracted(run, cloud, targets["labelled"], settings, roi, pdal) if extracting else None
+        clip = None if extracting else roi  # what was extracted is clipped already
         source = ScreenedFile(
             cloud,
             settings.inputs,
             ground=parameters.ground,
-            roi=None if extracting else roi,  # what was extracted is clipped already
+            roi=clip,
             listed=listed,
             picture=True,
             progress=run.progress,
@@ -90,12 +91,11 @@ def screen_step(
             shown = Pictured(source.picture(), digest, date_in_name(source.path), source.path.stem)
             write_products(targets, place, hazards, shown, run.reviews)
         with run.step("labels", 0.92, 1.0, "writing the labelled cloud"):
-            labelled = source.write_labelled(
-                place(targets["labelled"]), screening, classification=parameters.write_classification
-            )
+            output = place(targets["labelled"])
+            labelled = source.write_labelled(output, screening, classification=parameters.write_classification)
         run.figures = screening_figures(source, screening, hazards, labelled)
         run.facts |= {"model": screening.model, "run_id": run_id}
-        run.outputs |= {**{name: path.absolute() for name, path in targets.items()}, "run": run.record_path}
+        run.outputs |= {name: path.absolute() for name, path in targets.items()} | {"run": run.record_path}
         run.finish_reviews()
     return run.result()
 

@@ -99,22 +99,19 @@ def monitor_series(
     inputs = [*((f"epoch {e.name}", e.path) for e in epochs), ("roi", roi), ("stable", stable), ("alerts", alerts)]
     run = Run("series", groups(settings, *_RECORDED), inputs, progress)
     dates = tuple(e.date for e in epochs if e.date is not None)
-    run.refuse_outputs(_targets(output_dir, dates))
-    earlier = None if overwrite else earlier_series(output_dir)
-    if earlier is None:
-        refuse_results(output_dir, SERIES_OUTPUTS, overwrite=overwrite)
+    earlier = _earlier_series(run, output_dir, dates, overwrite=overwrite)
     run.read_reviews(output_dir, ("series.gpkg",))
     program = None if settings.series.ground_ready else run.find_pdal(pdal)
-    *hashes, roi_hash, stable_hash, _ = run.hash_inputs()
+    *epoch_hashes, roi_hash, stable_hash, _ = run.hash_inputs()
+    hashes = tuple(epoch_hashes)
     if earlier is not None:
         refuse_another_series(output_dir, earlier, run.record)
-    run_id = run.run_id(tuple(hashes))
     check_days(epochs, trusted=settings.dates.trust_dates, progress=run.progress)
     for epoch in epochs[1:]:
         require_comparable(epochs[0].path, epoch.path, settings.inputs)
     refuse_grid_early([epochs[0].path], settings.inputs, settings.change, roi)
     with run.writing(output_dir, report=True) as stage:
-        task = Task(epochs, tuple(hashes), settings, roi, stable, roi_hash, stable_hash, program, stage)
+        task = Task(epochs, hashes, settings, roi, stable, roi_hash, stable_hash, program, stage)
         with run.step("surveys", 0.0, 0.7) as entry:
             gridded, grid, crs, choice = prepare_epochs(task, run.progress)
             entry["epochs"] = {g.epoch.name: g.facts | {"made": g.made} for g in gridded}
@@ -123,17 +120,26 @@ def monitor_series(
             analysis = analyse(
                 gridded, grid, settings.change, settings.zones, table, stable=area, progress=run.progress
             )
-        about = About(dates, crs, grid, f"series ({settings.change.cell_value} cells)", run_id)
+        about = About(dates, crs, grid, f"series ({settings.change.cell_value} cells)", run.run_id(hashes))
         frame, course = _write_products(run, task, analysis, about, table)
         run.finish_reviews()
         run.figures = series_figures(frame, analysis.cumulative, analysis.incremental, about)
         run.figures["dropped_zones"] = analysis.unconfirmed
         transforms = {g.epoch.name: g.transform.matrix for g in gridded}
-        run.facts |= {"run_id": run_id, "cell": choice.facts()}
+        run.facts |= {"run_id": about.run_id, "cell": choice.facts()}
         run.facts |= _facts(analysis, about, table, transforms) | _zone_facts(analysis, about, frame, course)
         for sentence in run.facts["limits"]:
             run.progress.info(sentence)
     return run.result()
+
+
+def _earlier_series(run: Run, folder: Path, dates: tuple[date, ...], *, overwrite: bool) -> dict[str, Any] | None:
+    """The record of the series in the folder that this one may go on with; other results there are refused."""
+    run.refuse_outputs(_targets(folder, dates))
+    earlier = None if overwrite else earlier_series(folder)
+    if earlier is None:
+        refuse_results(folder, SERIES_OUTPUTS, overwrite=overwrite)
+    return earlier
 
 
 def _write_products(
