@@ -24,6 +24,7 @@ from ..engine.pointcloud.pdal_program import Pdal
 from ..engine.pointcloud.reading import open_cloud, read_cloud
 from ..engine.pointcloud.writing import copy_with
 from ..engine.registration.result import RegistrationResult
+from ..engine.report.compose import REPORT
 from ..engine.zones.profile_lines import ProfileLine, given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from .early_memory import refuse_grid_early
@@ -165,7 +166,7 @@ def _leave_out_screening(run: Run, sentence: str) -> None:
 
 def _warn_of_older_outputs(run: Run, folder: Path) -> None:
     """Warn of outputs of another run in the folder, which this one does not replace."""
-    own = {path.name for path in run.outputs.values()}
+    own = {REPORT, *(path.name for path in run.outputs.values())}
     older = [name for name in _EVERY_OUTPUT if name not in own and (folder / name).exists()]
     if older:
         run.progress.warning(f"The folder {folder} still holds outputs of an earlier run: {', '.join(older)}.")

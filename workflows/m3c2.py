@@ -114,6 +114,11 @@ def m3c2_step(
     if transform is not None:
         run.facts["transform"] = transform.matrix
     error = _registration_error(parameters, transform_path, progress)
+    if stable is not None and not parameters.calibrate:
+        progress.warning(
+            "--stable has no effect with --no-calibrate: only the calibration of the level of detection uses its "
+            "polygons; leave one of the two out."
+        )
     with run.writing(folder, record_name=record_name, others=[raster_dir]) as stage:
         clouds, taken = _read(run, (reference, moving), settings, transform)
         scales = _scales(run, clouds, parameters, cores_given=core is not None)

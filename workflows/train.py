@@ -7,7 +7,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..engine.core.checksums import sha256
 from ..engine.core.errors import InputError
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
@@ -71,7 +70,8 @@ def train_step(
     run.refuse_folder(output_dir, [*NAMES.values()], overwrite=overwrite, also=[first] if first else [])
     with run.step("read", 0.0, 0.04):
         clouds = read_own_clouds(paths, parameters, inputs, polygons, progress)
-        run.hash_inputs()
+        labels_hash = run.hash_inputs()[-1]
+    areas = None if polygons is None else {"name": polygons.name, "sha256": labels_hash}
     _warn(clouds, start, progress)
     with run.writing(output_dir) as stage:
         with run.step("train", 0.04, 0.98):
@@ -80,7 +80,7 @@ def train_step(
             "cross_validation": tuned.scores,
             "calibration": tuned.calibration.summary() if tuned.calibration else None,
         }
-        facts = training_facts(clouds, start, parameters, tuned, polygons, torch.__version__)
+        facts = training_facts(clouds, start, parameters, tuned, areas, torch.__version__)
         digest = save_model(stage.path(NAMES["weights"]), tuned.network, facts, metrics)
         collect_log(output_dir / WORK, tuned.folds, stage.path(NAMES["log"]))
         report = training_report(facts, metrics, digest, progress.warnings)
@@ -157,10 +157,10 @@ def training_facts(
     start: ModelFile | None,
     parameters: FineTuneParameters,
     tuned: FineTuned,
-    polygons: Path | None,
+    polygons: dict[str, str] | None,
     torch_version: str,
 ) -> dict[str, Any]:
-    """What the model's description says of its training."""
+    """What the model's description says of its training; ``polygons`` are name and SHA-256 of the file of labels."""
     names = [cloud.name for cloud in clouds]
     return {
         "start": None if start is None else {"name": start.configuration.name, "sha256": start.sha256},
@@ -176,16 +176,12 @@ def training_facts(
             }
             for cloud in clouds
         ],
-        "polygons": None if polygons is None else {"name": polygons.name, "sha256": _digest(polygons)},
+        "polygons": polygons,
         "folds": [
             {"train": [names[k] for k in fold.train], "test": [names[k] for k in fold.test]} for fold in tuned.folds
         ],
         "torch": torch_version,
     }
-
-
-def _digest(path: Path) -> str:
-    return sha256(*(sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]))
 
 
 def _figures(clouds: Sequence[OwnCloud], tuned: FineTuned) -> dict[str, Any]:

@@ -219,7 +219,8 @@ def test_one_epoch_is_screened_and_nothing_else(survey, tmp_path):
     _, paths = survey
     epoch, out, progress = epochs(paths)[1], tmp_path / "out", Progress()
     out.mkdir()
-    (out / "zones.gpkg").touch()
+    for name in ("zones.gpkg", "report.html"):
+        (out / name).touch()
     given = {"roi": paths["roi"], "progress": progress}
     with pytest.raises(InputError, match=r"holds results already \(zones\.gpkg\)"):
         inspect_slope([epoch], out, Settings(screening=RESIDUAL), **given)

@@ -164,13 +164,23 @@ class TestCalibration:
         record = json.loads(outputs["run"].read_text())
         assert [entry["role"] for entry in record["inputs"]][-1] == "stable"
 
+    def test_stable_polygons_without_calibration_are_said_to_do_nothing(self, unchanged, tmp_path):
+        area, progress = tmp_path / "stable.gpkg", Progress()
+        gpd.GeoDataFrame(geometry=[shapely.box(5e5, 3.5e6, 5e5 + 5, 3.5e6 + 20)], crs="EPSG:32651").to_file(area)
+        given = {"registration_error": 0.0, "calibrate": False}
+        plain = run(*unchanged, tmp_path / "plain.laz", **given)
+        done = run(*unchanged, tmp_path / "out.laz", stable=area, progress=progress, **given)
+        assert done.figures == plain.figures
+        assert [w for w in progress.warnings if "--stable has no effect with --no-calibrate" in w]
+        assert not [w for w in plain.warnings if "--stable" in w]
+
     def test_plants_that_a_cloud_tells_of_widen_the_level(self, unchanged, tmp_path):
         paths = [
             write(tmp_path / path.name, np.asarray(laspy.read(path).xyz), plant_error=np.full(24_000, 0.05))
             for path in unchanged
         ]
         shared = {"registration_error": 0.0, "projection_scale": 0.6, "normal_scale": 0.6, "half_length": 0.5}
-        plain, told = (run(*some, tmp_path / "out.laz", **shared)[1] for some in (unchanged, paths))
+        plain, told = (run(*some, tmp_path / "out.laz", **shared).figures for some in (unchanged, paths))
         # at least a part of the stated error stays, however alike the surveys are
         expected = 1.96 * 0.4 * 0.05 * np.sqrt(2) * np.cos(DIP)
         assert told["lod_median_m"] == pytest.approx(np.hypot(plain["lod_median_m"], expected), rel=0.15)
@@ -257,7 +267,7 @@ def test_a_transform_is_applied_and_its_error_enters_the_level(pair, tmp_path):
     assert record["transform"] == matrix.tolist()
     with rasterio.open(outputs["m3c2_distance"]) as source:
         assert float(source.tags()["COREG_DX"]) == pytest.approx(-0.4)
-    assert run(*pair, tmp_path / "e.laz", registration_error=0.05, **given)[1]["registration_error_m"] == 0.05
+    assert run(*pair, tmp_path / "e.laz", registration_error=0.05, **given).figures["registration_error_m"] == 0.05
 
 
 def test_vertical_distances_are_differences_of_height(pair, tmp_path):
