@@ -15,15 +15,14 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import Any, TypeVar
 
 from .engine.core.errors import Cancelled, EngineError, InputError, SlopeWatchError
 from .engine.core.progress import Progress
+from .engine.core.run_result import RunResult
 from .engine.epochs.epoch import Epoch, parse_date
-from .engine.series.settings import SeriesSettings
 from .interface.dates import date_in_name
 from .interface.parameters import (
     PROFILES,
@@ -53,7 +52,7 @@ from .workflows.products.screening import default_targets
 from .workflows.register import register_step
 from .workflows.screen import screen_step
 from .workflows.series import monitor_series
-from .workflows.settings import DistanceSettings, ScreeningSettings, Settings
+from .workflows.settings import DistanceSettings, ScreeningSettings, SeriesSettings, Settings, gathered
 
 __all__ = [
     "Cancelled",
@@ -73,25 +72,6 @@ __all__ = [
 
 PathLike = str | Path
 Group = TypeVar("Group", bound=ParameterSet)
-
-
-@dataclass(frozen=True)
-class RunResult:
-    """What a run wrote and measured.
-
-    Attributes
-    ----------
-    outputs : mapping of str to Path
-        The files by name, such as ``elevation_change``, ``zones``, ``report``, ``run``.
-    figures : mapping of str to Any
-        The figures of the run record, such as ``zone_count``, ``lod_median_m``; lengths in metres.
-    warnings : tuple of str
-        What the user should know, one sentence each.
-    """
-
-    outputs: Mapping[str, Path]
-    figures: Mapping[str, Any]
-    warnings: tuple[str, ...]
 
 
 class _Values:
@@ -129,26 +109,6 @@ def _epochs(surveys: Mapping[str | date, PathLike] | Sequence[PathLike]) -> list
 
 def _day(given: str | date | None) -> str | None:
     return given.isoformat() if isinstance(given, date) else given
-
-
-def _settings(values: _Values) -> Settings:
-    return Settings(
-        inputs=values.of(InputParameters),
-        dates=values.of(DateParameters),
-        surface=values.of(SurfaceParameters),
-        ground=values.of(GroundParameters),
-        registration=values.of(RegistrationParameters),
-        change=values.of(ChangeParameters),
-        zones=values.of(ZoneParameters),
-        heatmap=values.of(HeatmapParameters),
-        screening=values.of(LastEpochParameters),
-        report=values.of(ReportParameters),
-    )
-
-
-def _result(outcome: tuple[dict[str, Path], dict[str, Any]], progress: Progress) -> RunResult:
-    outputs, figures = outcome
-    return RunResult(outputs, figures, tuple(progress.warnings))
 
 
 def inspect(
@@ -194,19 +154,17 @@ def inspect(
         parameters, InputParameters, DateParameters, GroundParameters, RegistrationParameters, ChangeParameters,
         ZoneParameters, HeatmapParameters, ReportParameters, LastEpochParameters, OutputParameters,
     )  # fmt: skip
-    told = progress or Progress()
-    outcome = inspect_slope(
+    return inspect_slope(
         _epochs(surveys),
         Path(output_dir),
-        _settings(values),
+        gathered(Settings, values.of),
         roi=_path(roi),
         stable=_path(stable),
         profiles=_path(profiles),
         pdal=_path(pdal),
         overwrite=values.of(OutputParameters).overwrite,
-        progress=told,
+        progress=progress or Progress(),
     )
-    return _result(outcome, told)
 
 
 def extract_ground(
@@ -223,9 +181,14 @@ def extract_ground(
     ``output`` is the LAS or LAZ file of the ground; its folder must exist.
     """
     values = _Values(parameters, InputParameters, GroundParameters)
-    told = progress or Progress()
-    outcome = ground_step(Path(cloud), Path(output), _settings(values), roi=_path(roi), pdal=_path(pdal), progress=told)
-    return _result(outcome, told)
+    return ground_step(
+        Path(cloud),
+        Path(output),
+        gathered(Settings, values.of),
+        roi=_path(roi),
+        pdal=_path(pdal),
+        progress=progress or Progress(),
+    )
 
 
 def register(
@@ -246,19 +209,17 @@ def register(
     inverse.
     """
     values = _Values(parameters, InputParameters, SurfaceParameters, RegistrationParameters)
-    told = progress or Progress()
-    outcome = register_step(
+    return register_step(
         Path(reference),
         Path(moving),
         Path(output),
-        _settings(values),
+        gathered(Settings, values.of),
         transform_path=_path(transform),
         given=_path(apply),
         invert=invert,
         stable=_path(stable),
-        progress=told,
+        progress=progress or Progress(),
     )
-    return _result(outcome, told)
 
 
 def change(
@@ -282,20 +243,18 @@ def change(
         parameters, InputParameters, DateParameters, SurfaceParameters, ChangeParameters, ZoneParameters,
         HeatmapParameters, ReportParameters, OutputParameters,
     )  # fmt: skip
-    told = progress or Progress()
-    outcome = change_step(
+    return change_step(
         Path(reference),
         Path(moving),
         Path(output_dir),
-        _settings(values),
+        gathered(Settings, values.of),
         dates=(_day(dates[0]), _day(dates[1])),
         transform_path=_path(transform),
         profiles=_path(profiles),
         stable=_path(stable),
         overwrite=values.of(OutputParameters).overwrite,
-        progress=told,
+        progress=progress or Progress(),
     )
-    return _result(outcome, told)
 
 
 def m3c2(
@@ -313,25 +272,18 @@ def m3c2(
     """Distances along normals between two registered ground clouds, as ``slopewatch m3c2``."""
     groups = (InputParameters, DateParameters, SurfaceParameters, DistanceParameters, OutputParameters)
     values = _Values(parameters, *groups)
-    told = progress or Progress()
-    outcome = m3c2_step(
+    return m3c2_step(
         Path(reference),
         Path(moving),
         Path(output),
-        DistanceSettings(
-            inputs=values.of(InputParameters),
-            distances=values.of(DistanceParameters),
-            dates=values.of(DateParameters),
-            surface=values.of(SurfaceParameters),
-        ),
+        gathered(DistanceSettings, values.of),
         raster_dir=_path(raster_dir),
         core=_path(core),
         dates=(_day(dates[0]), _day(dates[1])),
         transform_path=_path(transform),
         overwrite=values.of(OutputParameters).overwrite,
-        progress=told,
+        progress=progress or Progress(),
     )
-    return _result(outcome, told)
 
 
 def screen(
@@ -349,16 +301,14 @@ def screen(
     ``screening_method="residual"``.
     """
     values = _Values(parameters, InputParameters, GroundParameters, ScreeningParameters)
-    told = progress or Progress()
-    outcome = screen_step(
+    return screen_step(
         Path(cloud),
         default_targets(Path(output)),
-        ScreeningSettings(values.of(InputParameters), values.of(GroundParameters), values.of(ScreeningParameters)),
+        gathered(ScreeningSettings, values.of),
         roi=_path(roi),
         pdal=_path(pdal),
-        progress=told,
+        progress=progress or Progress(),
     )
-    return _result(outcome, told)
 
 
 def monitor(
@@ -380,24 +330,14 @@ def monitor(
         parameters, InputParameters, DateParameters, GroundParameters, RegistrationParameters, GridChangeParameters,
         ZoneParameters, SeriesParameters, OutputParameters,
     )  # fmt: skip
-    told = progress or Progress()
-    outcome = monitor_series(
+    return monitor_series(
         _epochs(surveys),
         Path(output_dir),
-        SeriesSettings(
-            inputs=values.of(InputParameters),
-            dates=values.of(DateParameters),
-            ground=values.of(GroundParameters),
-            registration=values.of(RegistrationParameters),
-            change=values.of(GridChangeParameters),
-            zones=values.of(ZoneParameters),
-            series=values.of(SeriesParameters),
-        ),
+        gathered(SeriesSettings, values.of),
         roi=_path(roi),
         stable=_path(stable),
         alerts=_path(alerts),
         pdal=_path(pdal),
         overwrite=values.of(OutputParameters).overwrite,
-        progress=told,
+        progress=progress or Progress(),
     )
-    return _result(outcome, told)

@@ -18,7 +18,6 @@ from rasterio.features import geometry_mask
 from ..engine.epochs.epoch import Epoch
 from ..engine.grid.grid import Grid
 from ..engine.series.inverse_velocity import failure_time
-from ..engine.series.settings import SeriesSettings
 from ..engine.series.velocity import zone_velocity
 from ..interface.parameters import GridChangeParameters, SeriesParameters, SurveyParameters
 from ..simulation.surveys.series import (
@@ -32,6 +31,7 @@ from ..simulation.surveys.series import (
     write_series,
 )
 from ..workflows.series import monitor_series
+from ..workflows.settings import SeriesSettings
 from .table import Row
 
 _FIRST = date(2024, 5, 1)
@@ -86,7 +86,7 @@ def _slope(seed: int, dates: Sequence[date], laws: Sequence[Law]) -> Slope:
     with tempfile.TemporaryDirectory() as name:
         paths = write_series(series, Path(name), ground_only=True)
         start = time.perf_counter()
-        outputs, _ = monitor_series(_epochs(series, paths), Path(name) / "out", _SETTINGS, roi=paths["roi"])
+        outputs = monitor_series(_epochs(series, paths), Path(name) / "out", _SETTINGS, roi=paths["roi"]).outputs
         seconds = time.perf_counter() - start
         zones = geopandas.read_file(outputs["series_zones"], layer="zones")
         with rasterio.open(outputs["velocity"]) as raster:

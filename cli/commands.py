@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import click
 
+from ..engine.core.run_result import RunResult
 from ..interface.parameters import (
     ChangeParameters,
     DateParameters,
@@ -23,7 +23,6 @@ from ..interface.parameters import (
 from .options import Session, command
 from .report import PROFILES_OPTION
 
-Outcome = tuple[dict[str, Path], dict[str, Any]]
 _FILE = click.Path(path_type=Path)
 _roi = click.option(
     "--roi", type=_FILE, default=None, metavar="FILE", help="Vector file whose polygons bound the managed slope."
@@ -64,7 +63,7 @@ _output_dir = click.option(
 )
 def inspect(
     session: Session, epochs: tuple[str, ...], roi: Path, stable: Path, profiles: Path, output_dir: Path
-) -> Outcome:
+) -> RunResult:
     """The whole flow: two raw surveys in, change rasters, hazard zones, a heatmap and a report out.
 
     The ground of the last survey is screened, too, and the change says which of the zones found so it confirms. One
@@ -73,13 +72,14 @@ def inspect(
     from ..engine.core.errors import InputError
     from ..engine.epochs.epoch import parse_epoch
     from ..workflows.inspect import inspect_slope
+    from ..workflows.settings import Settings, gathered
 
     if len(epochs) > 2:
         raise InputError(f"--epoch was given {len(epochs)} times; give two epochs, the earlier first.")
     return inspect_slope(
         [parse_epoch(e) for e in epochs],
         output_dir,
-        _settings(session),
+        gathered(Settings, session.parameters),
         roi=roi,
         stable=stable,
         profiles=profiles,
@@ -94,14 +94,15 @@ def inspect(
 @_roi
 @click.option("--output", type=_FILE, required=True, metavar="FILE", help="The ground points, .laz or .las.")
 @command(InputParameters, GroundParameters)
-def ground(session: Session, cloud: Path, roi: Path, output: Path) -> Outcome:
+def ground(session: Session, cloud: Path, roi: Path, output: Path) -> RunResult:
     """Clip CLOUD to the slope, remove outliers and extract the ground under the vegetation."""
     from ..workflows.ground import ground_step
+    from ..workflows.settings import Settings, gathered
 
     return ground_step(
         cloud,
         output,
-        _settings(session),
+        gathered(Settings, session.parameters),
         roi=roi,
         pdal=session.pdal,
         progress=session.report,
@@ -135,18 +136,19 @@ def register(
     given: Path | None,
     invert: bool,
     stable: Path | None,
-) -> Outcome:
+) -> RunResult:
     """Move the cloud MOVING into the frame of REFERENCE. Both should be ground points.
 
     With --ground class_2 those of class 2 are registered, and all of MOVING is moved.
     """
     from ..workflows.register import register_step
+    from ..workflows.settings import Settings, gathered
 
     return register_step(
         reference,
         moving,
         output,
-        _settings(session),
+        gathered(Settings, session.parameters),
         transform_path=transform,
         given=given,
         invert=invert,
@@ -184,15 +186,16 @@ def change(
     stable: Path | None,
     profiles: Path | None,
     output_dir: Path,
-) -> Outcome:
+) -> RunResult:
     """Elevation change, MOVING minus REFERENCE, of two registered ground clouds."""
     from ..workflows.change import change_step
+    from ..workflows.settings import Settings, gathered
 
     return change_step(
         reference,
         moving,
         output_dir,
-        _settings(session),
+        gathered(Settings, session.parameters),
         dates=(epoch_from, epoch_to),
         transform_path=transform,
         stable=stable,
@@ -205,34 +208,17 @@ def change(
 @click.command()
 @click.argument("cloud", type=_FILE)
 @command(InputParameters, profile=False)
-def info(session: Session, cloud: Path) -> Outcome:
+def info(session: Session, cloud: Path) -> RunResult:
     """What CLOUD holds: header, reference system, extent, density, classes, and what is odd about it."""
     from ..engine.pointcloud.summary import describe_cloud
 
-    return {}, describe_cloud(cloud, session.parameters(InputParameters))
+    return RunResult({}, describe_cloud(cloud, session.parameters(InputParameters)))
 
 
 @click.command()
 @command(profile=False)
-def check(session: Session) -> Outcome:
+def check(session: Session) -> RunResult:
     """Whether everything that SlopeWatch needs is there and works."""
     from ..workflows.check import check_environment
 
-    return {}, check_environment(session.pdal)
-
-
-def _settings(session: Session) -> Any:
-    from ..workflows.settings import Settings
-
-    return Settings(
-        inputs=session.parameters(InputParameters),
-        dates=session.parameters(DateParameters),
-        surface=session.parameters(SurfaceParameters),
-        ground=session.parameters(GroundParameters),
-        registration=session.parameters(RegistrationParameters),
-        change=session.parameters(ChangeParameters),
-        zones=session.parameters(ZoneParameters),
-        heatmap=session.parameters(HeatmapParameters),
-        screening=session.parameters(LastEpochParameters),
-        report=session.parameters(ReportParameters),
-    )
+    return RunResult({}, check_environment(session.pdal))

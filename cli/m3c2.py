@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from ..engine.core.run_result import RunResult
 from ..interface.parameters import (
     DateParameters,
     DistanceParameters,
@@ -13,7 +14,7 @@ from ..interface.parameters import (
     OutputParameters,
     SurfaceParameters,
 )
-from .commands import _FILE, Outcome
+from .commands import _FILE
 from .options import Session, command
 
 
@@ -59,24 +60,19 @@ def m3c2(
     epoch_to: str | None,
     transform: Path | None,
     stable: Path | None,
-) -> Outcome:
+) -> RunResult:
     """Distance of MOVING from REFERENCE, two registered ground clouds, along the surface's normal (M3C2).
 
     For faces too steep for a difference of heights. It does not see what slides along the surface.
     """
     from ..workflows.m3c2 import m3c2_step
-    from ..workflows.settings import DistanceSettings
+    from ..workflows.settings import DistanceSettings, gathered
 
     return m3c2_step(
         reference,
         moving,
         output,
-        DistanceSettings(
-            session.parameters(InputParameters),
-            session.parameters(DistanceParameters),
-            session.parameters(DateParameters),
-            session.parameters(SurfaceParameters),
-        ),
+        gathered(DistanceSettings, session.parameters),
         raster_dir=output_dir,
         core=core,
         dates=(epoch_from, epoch_to),

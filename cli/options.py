@@ -16,6 +16,7 @@ import click
 
 from ..engine.core import cancellation
 from ..engine.core.errors import EngineError, InputError, SlopeWatchError
+from ..engine.core.run_result import RunResult
 from ..interface.parameters import AUTO, PROFILES, ParameterError, ParameterSet, Specification
 from .reporting import Reporter, reporter
 
@@ -120,16 +121,16 @@ def command(*groups: type[ParameterSet], profile: bool = True) -> Callable[[Comm
     return decorate
 
 
-def _run(report: Reporter, debug: bool, work: Callable[[], tuple[dict[str, Path], dict[str, Any]]]) -> int:
+def _run(report: Reporter, debug: bool, work: Callable[[], RunResult]) -> int:
     error: SlopeWatchError
     try:
         with report:
-            outputs, metrics = work()
-        missing = [path for path in outputs.values() if not path.exists()]
+            done = work()
+        missing = [path for path in done.outputs.values() if not path.exists()]
         if missing:
             raise EngineError(f"{missing[0]} was promised but does not exist")
         with contextlib.suppress(BrokenPipeError):  # as by `| head`: all is written, and who reads has read enough
-            report.result(outputs, metrics)
+            report.result(done.outputs, done.figures)
         _flush_or_drop()
         return 0
     except SlopeWatchError as known:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import click
 
+from ..engine.core.run_result import RunResult
 from ..interface.parameters import ReportParameters
 from .options import Session, command
 
@@ -20,7 +20,7 @@ PROFILES_OPTION = click.option(
 @click.argument("folder", type=_FILE)
 @PROFILES_OPTION
 @command(ReportParameters, profile=False)
-def report(session: Session, folder: Path, profiles: Path | None) -> tuple[dict[str, Path], dict[str, Any]]:
+def report(session: Session, folder: Path, profiles: Path | None) -> RunResult:
     """Make the report of FOLDER, which inspect, change or series wrote, again.
 
     With --profiles its profiles are replaced by those along the lines given, beside those through the zones. The other

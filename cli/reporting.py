@@ -7,6 +7,7 @@ import json
 import sys
 import threading
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,7 @@ class Reporter(Progress):
     def show(self, level: str, message: str) -> None:
         click.echo(f"Warning: {message}" if level == "warning" else message, err=True)
 
-    def result(self, outputs: dict[str, Path], metrics: dict[str, Any]) -> None:
+    def result(self, outputs: Mapping[str, Path], metrics: Mapping[str, Any]) -> None:
         """The command has ended well: these files exist, these are the main figures."""
         width = max((len(name) for name in [*outputs, *metrics]), default=0)
         for name, value in plain(metrics).items():
@@ -104,7 +105,7 @@ class JsonReporter(Reporter):
     def show(self, level: str, message: str) -> None:
         self._line(event=LOG, level=level, message=message)
 
-    def result(self, outputs: dict[str, Path], metrics: dict[str, Any]) -> None:
+    def result(self, outputs: Mapping[str, Path], metrics: Mapping[str, Any]) -> None:
         self._line(event=PROGRESS, percent=100.0, message="done")
         self._line(event=RESULT, outputs=plain(outputs), metrics=plain(metrics))
 

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import click
 
+from ..engine.core.run_result import RunResult
 from ..interface.parameters import GroundParameters, InputParameters, ScreeningParameters
-from .commands import _FILE, Outcome, _roi
+from .commands import _FILE, _roi
 from .options import Session, command
 
 
@@ -42,21 +43,17 @@ def screen(
     raster: Path | None,
     picture: Path | None,
     method: str | None,
-) -> Outcome:
+) -> RunResult:
     """Find ground in CLOUD, one survey, that looks raised or lowered against the slope around it.
 
     CLOUD holds ground points; with --ground extract it may be a raw survey.
     """
     from ..workflows.products.screening import default_targets
     from ..workflows.screen import screen_step
-    from ..workflows.settings import ScreeningSettings
+    from ..workflows.settings import ScreeningSettings, gathered
 
     if method is not None:
         session = dataclasses.replace(session, values={**session.values, "screening_method": method})
-    settings = ScreeningSettings(
-        session.parameters(InputParameters),
-        session.parameters(GroundParameters),
-        session.parameters(ScreeningParameters),
-    )
+    settings = gathered(ScreeningSettings, session.parameters)
     targets = default_targets(output, zones, raster, picture)
     return screen_step(cloud, targets, settings, roi=roi, pdal=session.pdal, progress=session.report)

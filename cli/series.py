@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from ..engine.core.run_result import RunResult
 from ..interface.parameters import (
     DateParameters,
     GridChangeParameters,
@@ -16,7 +17,7 @@ from ..interface.parameters import (
     SeriesParameters,
     ZoneParameters,
 )
-from .commands import _FILE, Outcome, _output_dir, _roi, _stable
+from .commands import _FILE, _output_dir, _roi, _stable
 from .options import Session, command
 
 
@@ -59,7 +60,7 @@ def series(
     stable: Path | None,
     alerts: Path | None,
     output_dir: Path,
-) -> Outcome:
+) -> RunResult:
     """Two or more surveys of one slope: change in steps and in all, velocities, zones through time, alert levels.
 
     FOLDER holds one cloud a survey, each with its date in its name (2024-05-01.laz); MANIFEST is a CSV file with the
@@ -69,20 +70,12 @@ def series(
     from ..engine.core.errors import InputError
     from ..engine.epochs.epoch import parse_epoch
     from ..engine.epochs.manifest import epochs_of
-    from ..engine.series.settings import SeriesSettings
     from ..workflows.series import monitor_series
+    from ..workflows.settings import SeriesSettings, gathered
 
     if (source is None) == (not epochs):
         raise InputError("Give either a folder or manifest of the surveys, or --epoch DATE=CLOUD for each of them.")
-    settings = SeriesSettings(
-        inputs=session.parameters(InputParameters),
-        dates=session.parameters(DateParameters),
-        ground=session.parameters(GroundParameters),
-        registration=session.parameters(RegistrationParameters),
-        change=session.parameters(GridChangeParameters),
-        zones=session.parameters(ZoneParameters),
-        series=session.parameters(SeriesParameters),
-    )
+    settings = gathered(SeriesSettings, session.parameters)
     return monitor_series(
         [parse_epoch(e) for e in epochs] if source is None else epochs_of(source),
         output_dir,

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import click
 
+from ..engine.core.run_result import RunResult
 from ..interface.parameters import CreepParameters, OutputParameters, ScenesParameters, SurveyParameters
-from .commands import Outcome, _output_dir
+from .commands import _output_dir
 from .options import Session, command
 
 
@@ -19,7 +20,7 @@ def simulate() -> None:
 @simulate.command()
 @_output_dir
 @command(SurveyParameters, OutputParameters, profile=False)
-def survey(session: Session, output_dir: Path) -> Outcome:
+def survey(session: Session, output_dir: Path) -> RunResult:
     """Two surveys of one cut slope with a known change and a known rigid offset, the truth beside them."""
     from ..workflows.simulate import survey_step
 
@@ -30,7 +31,7 @@ def survey(session: Session, output_dir: Path) -> Outcome:
 @simulate.command()
 @_output_dir
 @command(CreepParameters, OutputParameters, profile=False)
-def series(session: Session, output_dir: Path) -> Outcome:
+def series(session: Session, output_dir: Path) -> RunResult:
     """Dated surveys of one cut slope whose zones creep at known velocities: something to try `series` on.
 
     The folder holds one cloud a survey, a manifest (surveys.csv), the slope's outline and the truth.
@@ -44,7 +45,7 @@ def series(session: Session, output_dir: Path) -> Outcome:
 @simulate.command()
 @_output_dir
 @command(ScenesParameters, OutputParameters, profile=False)
-def scenes(session: Session, output_dir: Path) -> Outcome:
+def scenes(session: Session, output_dir: Path) -> RunResult:
     """Slopes of one epoch with bulges, hollows and what looks like them, the class of every point known."""
     from ..workflows.simulate_scenes import scenes_step
 

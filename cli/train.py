@@ -6,8 +6,9 @@ from pathlib import Path
 
 import click
 
+from ..engine.core.run_result import RunResult
 from ..interface.parameters import FineTuneParameters, InputParameters, OutputParameters
-from .commands import _FILE, Outcome, _output_dir
+from .commands import _FILE, _output_dir
 from .options import Session, command
 
 
@@ -22,7 +23,7 @@ from .options import Session, command
 )
 @_output_dir
 @command(InputParameters, FineTuneParameters, OutputParameters, profile=False)
-def train(session: Session, clouds: tuple[Path, ...], polygons: Path | None, output_dir: Path) -> Outcome:
+def train(session: Session, clouds: tuple[Path, ...], polygons: Path | None, output_dir: Path) -> RunResult:
     """Train a screening model on labelled clouds of ground points, each of one slope, and score it by folds.
 
     Run again with the same values it goes on where it was stopped.

@@ -7,10 +7,10 @@ import tempfile
 from pathlib import Path
 
 from slopewatch.engine.epochs.manifest import epochs_of
-from slopewatch.engine.series.settings import SeriesSettings
 from slopewatch.interface.parameters import GridChangeParameters, SeriesParameters, SurveyParameters
 from slopewatch.simulation.surveys.series import Creep, Settling, simulate_series, survey_days, write_series
 from slopewatch.workflows.series import monitor_series
+from slopewatch.workflows.settings import SeriesSettings
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -26,7 +26,7 @@ def main() -> None:
             change=GridChangeParameters(cell=0.25),
             series=SeriesParameters(ground_ready=True, rasters_each_survey=False),
         )
-        outputs, _ = monitor_series(epochs_of(Path(name)), Path(name) / "out", settings, roi=paths["roi"])
+        outputs = monitor_series(epochs_of(Path(name)), Path(name) / "out", settings, roi=paths["roi"]).outputs
         shutil.copyfile(outputs["series_picture"], ROOT / "docs" / "images" / "series.png")
 
 

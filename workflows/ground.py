@@ -6,38 +6,27 @@ from pathlib import Path
 
 from ..engine.core.json_values import plain
 from ..engine.core.progress import Progress
-from ..engine.core.run_record import RunRecord
-from ..engine.core.staged_outputs import (
-    refuse_inputs_as_outputs,
-    refuse_other_than_cloud,
-    refuse_unwritable,
-    staged_outputs,
-)
+from ..engine.core.run_result import RunResult
+from ..engine.core.staged_outputs import refuse_other_than_cloud, refuse_unwritable
 from ..engine.ground.cover import cover_sentence, cover_table
 from ..engine.ground.extraction import extract_ground
-from ..engine.pointcloud.pdal_program import find_pdal
-from .inspect import Outcome
-from .run import _record_name
-from .settings import Settings
+from .run import Run, record_beside
+from .settings import Settings, groups
 
 
 def ground_step(
     cloud: Path, output: Path, settings: Settings, *, roi: Path | None, pdal: Path | None, progress: Progress
-) -> Outcome:
+) -> RunResult:
     """Clip, denoise and extract the ground of one cloud; see ``ground.extract_ground``."""
     refuse_other_than_cloud(output)
     refuse_unwritable(output)
+    run = Run("ground", groups(settings, "inputs", "ground"), [("cloud", cloud), ("roi", roi)], progress)
     stem = output.stem.removesuffix("_ground") or output.stem
-    written = [output, *(output.with_name(f"{stem}_{kind}.laz") for kind in ("clipped", "classified"))]
-    refuse_inputs_as_outputs(written, [cloud] + ([roi] if roi else []))
-    program = find_pdal(pdal)
-    record = RunRecord("ground", {"inputs": settings.inputs, "ground": settings.ground})
-    record.facts["pdal"] = {"version": program.version, "path": program.path, "found": program.how}
-    record.add_input("cloud", cloud)
-    if roi is not None:
-        record.add_input("roi", roi)
-    with staged_outputs(output.absolute().parent, last=_record_name(output)) as stage:
-        with record.stage("ground") as entry:
+    run.refuse_outputs([output, *(output.with_name(f"{stem}_{kind}.laz") for kind in ("clipped", "classified"))])
+    program = run.find_pdal(pdal)
+    run.hash_inputs()
+    with run.writing(output.absolute().parent, record_name=record_beside(output)) as stage:
+        with run.step("ground") as entry:
             result = extract_ground(
                 cloud,
                 stage.path(output.name),
@@ -52,11 +41,6 @@ def ground_step(
         if result.cover is not None:
             for line in (cover_sentence(result.cover), *cover_table(result.cover)):
                 progress.info(line)
-        outputs = {
-            "ground": stage.final(output.name),
-            "clipped": stage.final(result.clipped.name),
-            "run": stage.final(_record_name(output)),
-        }
-        record.metrics = result.figures()
-        record.write(stage.path(_record_name(output)), progress.warnings, outputs)
-    return outputs, record.metrics
+        run.outputs |= {"ground": stage.final(output.name), "clipped": stage.final(result.clipped.name)}
+        run.figures = result.figures()
+    return run.result()

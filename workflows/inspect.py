@@ -2,62 +2,62 @@
 
 from __future__ import annotations
 
-import uuid
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
-
-from pyproj import CRS
 
 from ..engine.change.difference import difference
 from ..engine.change.doubts import warn_of_doubtful_change
-from ..engine.core.arrays import Float
-from ..engine.core.earlier_results import refuse_results
+from ..engine.change.result import Change
 from ..engine.core.errors import EngineError, InputError
 from ..engine.core.json_values import plain
 from ..engine.core.progress import Progress
-from ..engine.core.run_record import RunRecord
-from ..engine.core.staged_outputs import Stage, refuse_inputs_as_outputs, staged_outputs
+from ..engine.core.run_result import RunResult
 from ..engine.epochs.comparability import refuse_other_raw_heights, require_comparable
 from ..engine.epochs.dating import check_days
 from ..engine.epochs.epoch import Epoch, check_pair
 from ..engine.ground.cover import cover_sentence
 from ..engine.ground.extraction import GroundResult, extract_ground
-from ..engine.pointcloud.pdal_program import Pdal, find_pdal
+from ..engine.pointcloud.cloud import PointCloud
+from ..engine.pointcloud.pdal_program import Pdal
 from ..engine.pointcloud.reading import open_cloud, read_cloud
 from ..engine.pointcloud.writing import copy_with
 from ..engine.registration.result import RegistrationResult
-from ..engine.zones.earlier_reviews import EarlierReviews
+from ..engine.report.compose import REPORT
 from ..engine.zones.profile_lines import ProfileLine, given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from .early_memory import refuse_grid_early
 from .last_epoch import SCREENING_OUTPUTS, EpochScreening, confirmed_by, obstacle, screen_epoch, write_epoch_screening
 from .pair import common_area, known_stable, register_pair
-from .products.change import Context, method_name, write_products
-from .settings import Settings
-from .write_record_and_report import write_record_and_report
+from .products.change import CHANGE_OUTPUTS, ON_REQUEST, Context, method_name, write_products
+from .run import Run
+from .settings import Settings, groups
 
-CHANGE_OUTPUTS = (
-    "elevation_change.tif",
-    "level_of_detection.tif",
-    "significant_change.tif",
-    "zones.gpkg",
-    "volumes.csv",
-    "heatmap.png",
-    "heatmap.tif",
-    "top_view.tif",
-    "surface_heights.tif",
-    "point_counts.tif",
-    "report.html",
-)
-ON_REQUEST = ("cell_size.tif", "change_probability.tif", "plant_error.tif", "plant_change.tif")
-"""Outputs of a change with some parameters only, or of ground that tells of plants."""
 _EVERY_OUTPUT = (*CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS, *SCREENING_OUTPUTS)
+_RECORDED = ("inputs", "dates", "ground", "registration", "change", "zones", "heatmap", "screening", "report")
 
 
-Outcome = tuple[dict[str, Path], dict[str, Any]]
+@dataclass(frozen=True)
+class _Inspection:
+    """What the steps of one run work on. ``hashes`` are the SHA-256 of the epochs' files."""
+
+    run: Run
+    epochs: tuple[Epoch, ...]
+    settings: Settings
+    hashes: tuple[str, ...]
+    roi: Path | None
+    stable: Path | None
+    lines: tuple[ProfileLine, ...]
+    program: Pdal
+
+    @property
+    def alone(self) -> bool:
+        return len(self.epochs) == 1
+
+    @property
+    def pair(self) -> tuple[Epoch, Epoch]:
+        return self.epochs[0], self.epochs[1]
 
 
 def inspect_slope(
@@ -71,7 +71,7 @@ def inspect_slope(
     pdal: Path | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
-) -> Outcome:
+) -> RunResult:
     """Ground of all epochs; of two registration, change, zones and heatmap; screening of the last; run record.
 
     Two epochs that cannot be screened get all else, and a warning that says why.
@@ -85,232 +85,204 @@ def inspect_slope(
         pdal: the pdal program, if another than the one found.
         overwrite: replace results that the folder holds, and carry over what people entered in their zones.
 
-    Returns:
-        Paths of the outputs by name, and the main figures.
-
     Raises:
         InputError: something given cannot be used; nothing is written then.
     """
-    progress = progress or Progress()
     epochs = tuple(epochs)
     if len(epochs) == 2:
         check_pair(*epochs)
     elif len(epochs) != 1:
         raise InputError(f"{len(epochs)} epochs were given; give two, the earlier first, or one to screen it.")
-    given = [e.path for e in epochs] + [p for p in (roi, stable, profiles) if p is not None]
-    refuse_inputs_as_outputs([output_dir / name for name in _EVERY_OUTPUT], given)
-    refuse_results(output_dir, ("run.json", "transform.json", *_EVERY_OUTPUT), overwrite=overwrite)
+    inputs = [*((f"epoch {e.name}", e.path) for e in epochs), ("roi", roi), ("stable", stable), ("profiles", profiles)]
+    run = Run("inspect", groups(settings, *_RECORDED), inputs, progress)
+    run.refuse_folder(output_dir, ("run.json", "transform.json", *_EVERY_OUTPUT), overwrite=overwrite)
     replaced = {"zones.gpkg": len(epochs) == 2, "screened_zones.gpkg": settings.screening.screen_last_epoch}
-    reviews = EarlierReviews(output_dir, [name for name, written in replaced.items() if written])
-    program = find_pdal(pdal)
-    record = RunRecord("inspect", settings.groups())
-    record.facts["pdal"] = {"version": program.version, "path": program.path, "found": program.how}
-    hashes = tuple(record.add_input(f"epoch {e.name}", e.path) for e in epochs)
-    for role, path in (("roi", roi), ("stable", stable), ("profiles", profiles)):
-        if path is not None:
-            record.add_input(role, path)
-    record.facts["run_id"] = uuid.uuid5(uuid.NAMESPACE_OID, repr((hashes, plain(record.parameters)))).hex[:12]
-    check_days(epochs, trusted=settings.dates.trust_dates, progress=progress)
+    run.read_reviews(output_dir, [name for name, written in replaced.items() if written])
+    program = run.find_pdal(pdal)
+    hashes = run.hash_inputs()[: len(epochs)]
+    run.facts["run_id"] = run.run_id(hashes)
+    _refuse_surveys(run, epochs, settings, roi)
+    lines = _profile_lines(run, epochs, settings, profiles)
+    task = _Inspection(run, epochs, settings, hashes, roi, stable, lines, program)
+    screened = _to_be_screened(task)
+    with run.writing(output_dir, report=True):
+        grounds = _grounds(task)
+        if task.alone:
+            _screening_of_one(task, grounds[0])
+        else:
+            _change_of_two(task, grounds, screened)
+        run.outputs["run"] = run.record_path
+        for label, ground in zip(("epoch",) if task.alone else ("reference", "moving"), grounds, strict=True):
+            run.outputs[f"{label}_ground"] = run.stage.final(f"clouds/{ground.ground.name}")
+            run.figures |= {f"{label}_{name}": value for name, value in ground.figures().items()}
+        run.finish_reviews()
+        _warn_of_older_outputs(run, output_dir)
+    return run.result()
+
+
+def _refuse_surveys(run: Run, epochs: tuple[Epoch, ...], settings: Settings, roi: Path | None) -> None:
+    """Raise InputError where the surveys cannot be compared, as far as that can be seen before all work."""
+    check_days(epochs, trusted=settings.dates.trust_dates, progress=run.progress)
     if len(epochs) == 2:
-        require_comparable(epochs[0].path, epochs[1].path, settings.inputs)
-        refuse_other_raw_heights(epochs[0].path, epochs[1].path, settings.inputs, settings.registration)
-        refuse_grid_early([e.path for e in epochs], settings.inputs, settings.change, roi)
-    lines: tuple[ProfileLine, ...] = ()
-    if profiles is not None and len(epochs) == 1:
+        paths = epochs[0].path, epochs[1].path
+        require_comparable(*paths, settings.inputs)
+        refuse_other_raw_heights(*paths, settings.inputs, settings.registration)
+        refuse_grid_early(paths, settings.inputs, settings.change, roi)
+
+
+def _profile_lines(
+    run: Run, epochs: tuple[Epoch, ...], settings: Settings, profiles: Path | None
+) -> tuple[ProfileLine, ...]:
+    if profiles is None:
+        return ()
+    if len(epochs) == 1:
         raise InputError("--profiles was given with one epoch; profiles show the change between two, so give both.")
-    if profiles is not None:
-        crs = open_cloud(epochs[0].path, settings.inputs)[1].crs
-        lines = given_lines(profiles, crs, settings.report.profile_field, progress)
-    run = _Run(epochs, settings, hashes, record, roi, stable, lines, program, reviews, progress)
-    screened = _to_be_screened(run)
-    with staged_outputs(output_dir) as stage:
-        with progress.stage(0.0, 0.6, "extracting the ground"), record.stage("ground") as entry:
-            grounds = _grounds(epochs, stage, settings, roi, program, progress)
-            entry["epochs"] = {e.name: plain(g) for e, g in zip(epochs, grounds, strict=True)}
-        for epoch, ground in zip(epochs, grounds, strict=True):
-            if ground.cover is not None:
-                progress.info(f"{epoch.name}: {cover_sentence(ground.cover)}")
-        work = _change_of_two if len(epochs) == 2 else _screening_of_one
-        outputs, figures = work(run, grounds, stage, screened)
-        outputs |= {"run": stage.final("run.json")}
-        record.metrics = figures
-        labels = ("reference", "moving") if len(epochs) == 2 else ("epoch",)
-        for label, result in zip(labels, grounds, strict=True):
-            outputs[f"{label}_ground"] = stage.final(f"clouds/{result.ground.name}")
-            record.metrics |= {f"{label}_{name}": value for name, value in result.figures().items()}
-        record.facts["reviews"] = reviews.finish(stage, outputs, progress)
-        _tell_what_is_older(output_dir, outputs, progress)
-        write_record_and_report(record, stage, progress, outputs)
-    return outputs, record.metrics
+    crs = open_cloud(epochs[0].path, settings.inputs)[1].crs
+    return given_lines(profiles, crs, settings.report.profile_field, run.progress)
 
 
-def _tell_what_is_older(folder: Path, outputs: dict[str, Path], progress: Progress) -> None:
-    """Warn of outputs of another run in the folder, which this one does not replace."""
-    own = {path.name for path in outputs.values()}
-    older = [name for name in _EVERY_OUTPUT if name not in own and (folder / name).exists()]
-    if older:
-        progress.warning(f"The folder {folder} still holds outputs of an earlier run: {', '.join(older)}.")
-
-
-@dataclass(frozen=True)
-class _Run:
-    epochs: tuple[Epoch, ...]
-    settings: Settings
-    hashes: tuple[str, ...]
-    record: RunRecord
-    roi: Path | None
-    stable: Path | None
-    lines: tuple[ProfileLine, ...]
-    program: Pdal
-    reviews: EarlierReviews
-    progress: Progress
-
-
-def _to_be_screened(run: _Run) -> bool:
+def _to_be_screened(task: _Inspection) -> bool:
     """Whether the last epoch is to be screened and can be; said before any work.
 
     Raises:
         InputError: it cannot, and there is nothing else to be done, or what was asked for by name is missing.
     """
-    alone = len(run.epochs) == 1
-    if not run.settings.screening.screen_last_epoch:
-        if alone:
+    if not task.settings.screening.screen_last_epoch:
+        if task.alone:
             raise InputError("One epoch can only be screened; ask for it with --screen-last-epoch, or give two epochs.")
         return False
-    sentence = obstacle(run.settings.screening)
-    if sentence and alone:
+    sentence = obstacle(task.settings.screening)
+    if sentence and task.alone:
         raise InputError(sentence)
     if sentence:
-        _leave_out(run, sentence)
+        _leave_out_screening(task.run, sentence)
     return not sentence
 
 
-def _leave_out(run: _Run, sentence: str) -> None:
-    run.record.facts["screening_left_out"] = sentence
+def _leave_out_screening(run: Run, sentence: str) -> None:
+    run.facts["screening_left_out"] = sentence
     run.progress.warning(f"The last survey was not screened. {sentence}")
 
 
-def _screening_of_one(run: _Run, grounds: list[GroundResult], stage: Stage, _: bool) -> Outcome:
-    epoch, progress, record = run.epochs[0], run.progress, run.record
-    with progress.stage(0.6, 0.95, "screening"), record.stage("screening"):
-        found = _screened(run, grounds[0].ground)
-    with progress.stage(0.95, 0.99, "writing outputs"), record.stage("products"):
-        picture = read_cloud(grounds[0].clipped, colours=True)
-        return write_epoch_screening(found, picture, epoch, run.hashes[0], run.settings.screening, stage, run.reviews)
+def _warn_of_older_outputs(run: Run, folder: Path) -> None:
+    """Warn of outputs of another run in the folder, which this one does not replace."""
+    own = {REPORT, *(path.name for path in run.outputs.values())}
+    older = [name for name in _EVERY_OUTPUT if name not in own and (folder / name).exists()]
+    if older:
+        run.progress.warning(f"The folder {folder} still holds outputs of an earlier run: {', '.join(older)}.")
 
 
-def _change_of_two(run: _Run, grounds: list[GroundResult], stage: Stage, screened: bool) -> Outcome:
-    settings, progress, record = run.settings, run.progress, run.record
-    epochs = run.epochs[0], run.epochs[1]
-    first, second = (read_cloud(g.ground) for g in grounds)
-    with progress.stage(0.6, 0.76, "registering"), record.stage("registration") as entry:
-        registration = register_pair(first, second, settings.registration, run.stable, progress)
-        aligned = registration.transform.apply(second.xyz)
-        entry.update(plain(registration.summary()))
-        record.facts["transform"] = registration.transform.matrix
-    with progress.stage(0.76, 0.82, "differencing"), record.stage("change"):
-        change = difference(
-            first.xyz,
-            aligned,
-            settings.change,
-            registration_error=registration.registration_error,
-            area=common_area(run.roi, first, registration.transform),
-            stable_area=known_stable(run.stable, first),
-            plants=(first.plants, second.plants),
-            progress=progress,
-        )
-        warn_of_doubtful_change(change, progress, may_grow=not settings.change.adaptive)
-    outputs, moved = _write_clouds(epochs, grounds, aligned, registration, first.crs, stage)
-    found: EpochScreening | None = None
-    if screened:
-        with progress.stage(0.82, 0.88, "screening"), record.stage("screening"):
-            try:
-                found = confirmed_by(_screened(run, moved), change, epochs)
-            except (InputError, EngineError) as error:
-                _leave_out(run, str(error))
-    with progress.stage(0.88, 0.99, "writing outputs"), record.stage("products"):
-        picture = read_cloud(grounds[1].clipped, colours=True)
-        picture = replace(picture, xyz=registration.transform.apply(picture.xyz))
-        context = Context(
-            first=epochs[0],
-            second=epochs[1],
-            crs=first.crs,
-            transform=registration.transform,
-            input_hashes=run.hashes,
-            method=f"{method_name(settings.change, change.direction)}, {registration.method} registration",
-            run_id=record.facts["run_id"],
-        )
-        products = write_products(
-            change,
-            picture,
-            context,
-            settings.zones,
-            settings.heatmap,
-            stage,
-            progress,
-            lines=run.lines,
-            report_parameters=settings.report,
-            reviews=run.reviews,
-        )
-        outputs |= products.outputs
-        record.facts |= products.facts
-        record.facts["registration"] = registration.summary()
-        figures = products.figures | registration.figures()
-        if found is not None:
-            files, more = write_epoch_screening(
-                found, picture, epochs[1], run.hashes[1], settings.screening, stage, run.reviews
-            )
-            outputs |= files
-            figures |= more
-    return outputs, figures
-
-
-def _screened(run: _Run, ground: Path) -> EpochScreening:
-    found = screen_epoch(
-        ground, run.epochs[-1], run.settings.screening, run_id=run.record.facts["run_id"], progress=run.progress
-    )
-    run.record.facts["model"] = found.screening.model
-    return found
-
-
-def _grounds(
-    epochs: tuple[Epoch, ...],
-    stage: Stage,
-    settings: Settings,
-    roi: Path | None,
-    program: Pdal,
-    progress: Progress,
-) -> list[GroundResult]:
+def _grounds(task: _Inspection) -> list[GroundResult]:
     """All epochs at the same time: the work is in child processes of one thread each."""
+    run, stage = task.run, task.run.stage
 
     def ground(epoch: Epoch, share: Progress) -> GroundResult:
         return extract_ground(
             epoch.path,
             stage.path(f"clouds/{epoch.name}_ground.laz"),
-            roi=roi,
-            parameters=settings.ground,
-            inputs=settings.inputs,
-            pdal=program,
+            roi=task.roi,
+            parameters=task.settings.ground,
+            inputs=task.settings.inputs,
+            pdal=task.program,
             final=stage.final("clouds"),
             progress=share,
         )
 
-    shares = progress.split([e.name for e in epochs])
-    with ThreadPoolExecutor(max_workers=2) as pool:
-        return list(pool.map(ground, epochs, shares))
+    with run.step("ground", 0.0, 0.6, "extracting the ground") as entry:
+        shares = run.progress.split([e.name for e in task.epochs])
+        with ThreadPoolExecutor(max_workers=2) as pool:
+            grounds = list(pool.map(ground, task.epochs, shares))
+        entry["epochs"] = {e.name: plain(g) for e, g in zip(task.epochs, grounds, strict=True)}
+    for epoch, found in zip(task.epochs, grounds, strict=True):
+        if found.cover is not None:
+            run.progress.info(f"{epoch.name}: {cover_sentence(found.cover)}")
+    return grounds
 
 
-def _write_clouds(
-    epochs: tuple[Epoch, Epoch],
-    grounds: list[GroundResult],
-    aligned: Float,
-    registration: RegistrationResult,
-    crs: CRS,
-    stage: Stage,
-) -> tuple[dict[str, Path], Path]:
-    """The transform, and the later ground moved into the earlier one's frame, and where that lies until the end."""
-    registration.transform.save(stage.path("transform.json"), crs, facts=registration.figures())
-    name = f"clouds/{epochs[1].name}_aligned.laz"
-    moved = stage.path(name)
-    copy_with(grounds[1].ground, moved, xyz=aligned)
-    return {"transform": stage.final("transform.json"), "aligned": stage.final(name)}, moved
+def _screening_of_one(task: _Inspection, ground: GroundResult) -> None:
+    run = task.run
+    with run.step("screening", 0.6, 0.95, "screening"):
+        found = _screened(task, ground.ground)
+    with run.step("products", 0.95, 0.99, "writing outputs"):
+        picture = read_cloud(ground.clipped, colours=True)
+        write_epoch_screening(run, found, picture, task.epochs[0], task.hashes[0], task.settings.screening)
+
+
+def _screened(task: _Inspection, ground: Path) -> EpochScreening:
+    run = task.run
+    found = screen_epoch(
+        ground, task.epochs[-1], task.settings.screening, run_id=run.facts["run_id"], progress=run.progress
+    )
+    run.facts["model"] = found.screening.model
+    return found
+
+
+def _change_of_two(task: _Inspection, grounds: list[GroundResult], screened: bool) -> None:
+    run, settings = task.run, task.settings
+    first, second = (read_cloud(g.ground) for g in grounds)
+    registration = _registered(task, first, second)
+    moved = replace(second, xyz=registration.transform.apply(second.xyz))
+    change = _difference(task, first, moved, registration)
+    later = _write_clouds(task, grounds[1], replace(moved, crs=first.crs), registration)
+    found = _screened_and_confirmed(task, later, change) if screened else None
+    with run.step("products", 0.88, 0.99, "writing outputs"):
+        picture = read_cloud(grounds[1].clipped, colours=True)
+        picture = replace(picture, xyz=registration.transform.apply(picture.xyz))
+        context = Context(
+            first=task.epochs[0],
+            second=task.epochs[1],
+            crs=first.crs,
+            transform=registration.transform,
+            input_hashes=task.hashes,
+            method=f"{method_name(settings.change, change.direction)}, {registration.method} registration",
+            run_id=run.facts["run_id"],
+        )
+        write_products(run, change, picture, context, settings, task.lines)
+        run.facts["registration"] = registration.summary()
+        run.figures |= registration.figures()
+        if found is not None:
+            write_epoch_screening(run, found, picture, task.epochs[1], task.hashes[1], settings.screening)
+
+
+def _registered(task: _Inspection, first: PointCloud, second: PointCloud) -> RegistrationResult:
+    with task.run.step("registration", 0.6, 0.76, "registering") as entry:
+        found = register_pair(first, second, task.settings.registration, task.stable, task.run.progress)
+        entry.update(plain(found.summary()))
+        task.run.facts["transform"] = found.transform.matrix
+    return found
+
+
+def _difference(task: _Inspection, first: PointCloud, moved: PointCloud, registration: RegistrationResult) -> Change:
+    progress, parameters = task.run.progress, task.settings.change
+    with task.run.step("change", 0.76, 0.82, "differencing"):
+        change = difference(
+            first.xyz,
+            moved.xyz,
+            parameters,
+            registration_error=registration.registration_error,
+            area=common_area(task.roi, first, registration.transform),
+            stable_area=known_stable(task.stable, first),
+            plants=(first.plants, moved.plants),
+            progress=progress,
+        )
+        warn_of_doubtful_change(change, progress, may_grow=not parameters.adaptive)
+    return change
+
+
+def _write_clouds(task: _Inspection, ground: GroundResult, moved: PointCloud, registration: RegistrationResult) -> Path:
+    """Write the transform, and the later ground in the earlier one's frame; returns where that lies until the end."""
+    stage = task.run.stage
+    registration.transform.save(stage.path("transform.json"), moved.crs, facts=registration.figures())
+    name = f"clouds/{task.epochs[1].name}_aligned.laz"
+    copy_with(ground.ground, stage.path(name), xyz=moved.xyz)
+    task.run.outputs |= {"transform": stage.final("transform.json"), "aligned": stage.final(name)}
+    return stage.path(name)
+
+
+def _screened_and_confirmed(task: _Inspection, moved: Path, change: Change) -> EpochScreening | None:
+    with task.run.step("screening", 0.82, 0.88, "screening"):
+        try:
+            return confirmed_by(_screened(task, moved), change, task.pair)
+        except (InputError, EngineError) as error:
+            _leave_out_screening(task.run, str(error))
+    return None

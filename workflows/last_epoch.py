@@ -4,23 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from ..engine.change.result import Change
 from ..engine.core.errors import InputError
 from ..engine.core.progress import Progress
-from ..engine.core.staged_outputs import Stage
 from ..engine.epochs.epoch import Epoch
 from ..engine.pointcloud.cloud import PointCloud
 from ..engine.zones.confirmation import VERDICTS, confirm_zones
-from ..engine.zones.earlier_reviews import EarlierReviews
 from ..interface.parameters import InputParameters, LastEpochParameters
 from ..models.screening.cloud_file import ScreenedFile
 from ..models.screening.network import ScreeningModel
 from ..models.screening.result import Screening
 from ..models.screening.screen import screen_points
 from ..models.screening.zones import Hazards, outline_hazards
-from .products.screening import default_targets, screening_figures, write_products
+from .products.screening import Pictured, default_targets, screening_figures, write_products
+from .run import Run
 
 _TARGETS = default_targets(Path("screened.laz"))
 SCREENING_OUTPUTS = tuple(path.name for path in _TARGETS.values())
@@ -88,42 +86,24 @@ def confirmed_by(found: EpochScreening, change: Change, epochs: tuple[Epoch, Epo
 
 
 def write_epoch_screening(
-    found: EpochScreening,
-    picture: PointCloud,
-    epoch: Epoch,
-    digest: str,
-    parameters: LastEpochParameters,
-    stage: Stage,
-    reviews: EarlierReviews | None = None,
-) -> tuple[dict[str, Path], dict[str, Any]]:
-    """Write labelled cloud, zones, probabilities and map into ``stage``.
+    run: Run, found: EpochScreening, picture: PointCloud, epoch: Epoch, digest: str, parameters: LastEpochParameters
+) -> None:
+    """Write labelled cloud, zones, probabilities and map; ``run`` gets their paths and the main figures.
 
     Args:
         picture: the cloud that the map's top view shows, in the frame of the screened one.
         digest: SHA-256 of the epoch's own file.
-        reviews: what people entered in the screened zones of an earlier run, which the new ones get.
-
-    Returns:
-        The final paths by name, and the main figures.
     """
 
     def place(path: Path) -> Path:
-        return stage.path(path.name)
+        return run.stage.path(path.name)
 
-    write_products(
-        _TARGETS,
-        place,
-        found.hazards,
-        picture,
-        digest,
-        survey=epoch.date,
-        name=epoch.name,
-        note=found.note,
-        reviews=reviews,
-    )
+    shown = Pictured(picture, digest, survey=epoch.date, name=epoch.name, note=found.note)
+    write_products(_TARGETS, place, found.hazards, shown, run.reviews)
     labelled = found.source.write_labelled(
         place(_TARGETS["labelled"]), found.screening, classification=parameters.write_classification
     )
     figures = screening_figures(found.source, found.screening, found.hazards, labelled)
     figures = {name if name.startswith("screened") else f"screened_{name}": value for name, value in figures.items()}
-    return {key: stage.final(_TARGETS[name].name) for name, key in _KEYS.items()}, figures | found.figures
+    run.outputs |= {key: run.stage.final(_TARGETS[name].name) for name, key in _KEYS.items()}
+    run.figures |= figures | found.figures

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,17 +17,12 @@ from ..engine.core.earlier_results import refuse_results
 from ..engine.core.errors import InputError
 from ..engine.core.json_values import plain
 from ..engine.core.progress import Progress
-from ..engine.core.run_record import RunRecord
-from ..engine.core.staged_outputs import (
-    refuse_inputs_as_outputs,
-    refuse_other_than_cloud,
-    refuse_unwritable,
-    staged_outputs,
-)
+from ..engine.core.run_result import RunResult
+from ..engine.core.staged_outputs import refuse_other_than_cloud, refuse_unwritable
 from ..engine.core.version import VERSION
 from ..engine.epochs.comparability import refuse_other_heights, require_comparable
 from ..engine.epochs.dating import check_days
-from ..engine.epochs.epoch import Epoch, check_pair, parse_date
+from ..engine.epochs.epoch import Epoch, check_pair
 from ..engine.geometry.rigid_transform import RigidTransform, registration_error
 from ..engine.grid import geotiff
 from ..engine.ground.raw_survey import refuse_raw, taken_as_ground
@@ -39,13 +34,11 @@ from ..engine.m3c2.scales import Scales, choose_scales, overlap_bounds, spread_c
 from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.reading import open_cloud, read_cloud, read_dimension
 from ..engine.pointcloud.writing import copy_with
-from ..interface.dates import date_in_name
 from ..interface.parameters import DistanceParameters, InputParameters
-from .inspect import Outcome
-from .pair import known_stable
+from .pair import dated_pair, ground_of, known_stable
 from .products.m3c2 import RASTERS, dimensions, main_figures, median_level_95, write_rasters
-from .run import ground_of
-from .settings import DistanceSettings
+from .run import Run, record_beside
+from .settings import DistanceSettings, groups
 
 _LONGER = 4.0  # cylinders so many times as long tell whether points lie just beyond
 _REGISTERED = 3.0  # m; where all of a survey is farther off in height it was not registered
@@ -61,6 +54,15 @@ class Cores:
     keep: NDArray[np.bool_] | None
 
 
+@dataclass(frozen=True)
+class _Known:
+    """What is known before: where normals point, the registration's standard error (m), and what is stable."""
+
+    toward: Float
+    registration_error: float
+    stable: BaseGeometry | None
+
+
 def m3c2_step(
     reference: Path,
     moving: Path,
@@ -74,7 +76,7 @@ def m3c2_step(
     stable: Path | None = None,
     overwrite: bool = False,
     progress: Progress,
-) -> Outcome:
+) -> RunResult:
     """Distances along the normal of ``moving`` from ``reference``, at core points and as rasters.
 
     Args:
@@ -90,94 +92,107 @@ def m3c2_step(
     """
     parameters = settings.distances
     toward = parse_direction(parameters.orientation)
-    first, second = (
-        Epoch(path, parse_date(given) if given else date_in_name(path))
-        for path, given in zip((reference, moving), dates, strict=True)
-    )
+    epochs = dated_pair(reference, moving, dates)
     refuse_other_than_cloud(output)
     refuse_unwritable(output)
+    raster_files = [f"{name}.tif" for name in RASTERS]
     if raster_dir is not None:
-        refuse_results(raster_dir, [f"{name}.tif" for name in RASTERS], overwrite=overwrite)
-    raster_dir = output.absolute().parent if raster_dir is None else raster_dir.absolute()
-    record_name = f"{output.stem}_run.json"
-    files = {"core": core, "transform": transform_path, "stable": stable}
-    targets = [output, output.with_name(record_name), *(raster_dir / f"{name}.tif" for name in RASTERS)]
-    refuse_inputs_as_outputs(targets, [reference, moving, *(p for p in files.values() if p)])
+        refuse_results(raster_dir, raster_files, overwrite=overwrite)
+    folder, record_name = output.absolute().parent, record_beside(output)
+    raster_dir = folder if raster_dir is None else raster_dir.absolute()
+    optional = [("core", core), ("transform", transform_path), ("stable", stable)]
+    inputs = [*((f"epoch {e.name}", e.path) for e in epochs), *optional]
+    run = Run("m3c2", groups(settings, "inputs", "dates", "surface", "distances"), inputs, progress)
+    run.refuse_outputs([output, output.with_name(record_name), *(raster_dir / name for name in raster_files)])
     if parameters.normals == "given" and core is None:
         raise InputError(f"--normals given needs --core, a cloud with the dimensions {', '.join(_NORMALS)}.")
-    check_pair(first, second)
+    check_pair(*epochs)
     transform = RigidTransform.load(transform_path) if transform_path else None
-    require_comparable(reference, moving, settings.inputs)
-    if core is not None:
-        require_comparable(reference, core, settings.inputs)
-    check_days((first, second), trusted=settings.dates.trust_dates, progress=progress)
-    refuse_raw((reference, moving), settings.surface.ground, settings.inputs)
-    record = RunRecord(
-        "m3c2",
-        {
-            "inputs": settings.inputs,
-            "dates": settings.dates,
-            "surface": settings.surface,
-            "distances": parameters,
-        },
-    )
-    hashes = [record.add_input(f"epoch {e.name}", e.path) for e in (first, second)]
-    for role, path in files.items():
-        if path is not None:
-            record.add_input(role, path)
+    _refuse_clouds(run, epochs, core, settings)
+    hashes = run.hash_inputs()[:2]
     if transform is not None:
-        record.facts["transform"] = transform.matrix
+        run.facts["transform"] = transform.matrix
     error = _registration_error(parameters, transform_path, progress)
-    with contextlib.ExitStack() as stack:
-        stage = stack.enter_context(staged_outputs(output.absolute().parent, last=record_name))
-        other = raster_dir.resolve() != stage.directory.resolve()
-        raster_stage = stack.enter_context(staged_outputs(raster_dir)) if other else stage
-        with progress.stage(0.0, 0.2, "reading"), record.stage("read") as entry:
-            a, b = (read_cloud(path, settings.inputs, progress=progress) for path in (reference, moving))
-            entry["points"] = [len(a.xyz), len(b.xyz)]
-            taken = taken_as_ground(a.classification, settings.surface.ground, reference)
-            a, b = (ground_of(cloud, settings.surface.ground, progress) for cloud in (a, b))
-            if transform is not None:
-                b = replace(b, xyz=transform.apply(b.xyz))
-            refuse_other_heights(a, b, _REGISTERED)
-        with progress.stage(0.2, 0.35, "choosing scales"), record.stage("scales"):
-            scales = choose_scales(a.xyz, b.xyz, parameters, progress)
-            for sentence in scales.warnings:
-                progress.warning(sentence)
-        record.facts["scales"] = {**plain(scales), "chosen": _chosen(parameters, core is not None)}
-        with progress.stage(0.35, 0.85, "measuring"), record.stage("distances") as entry:
-            cores = _cores(a.xyz, b.xyz, reference, core, scales.core_spacing, settings.inputs, progress)
-            area = known_stable(stable, a)
-            found = _measure((a, b), cores, scales, settings, toward, error, area, progress)
+    if stable is not None and not parameters.calibrate:
+        progress.warning(
+            "--stable has no effect with --no-calibrate: only the calibration of the level of detection uses its "
+            "polygons; leave one of the two out."
+        )
+    with run.writing(folder, record_name=record_name, others=[raster_dir]) as stage:
+        clouds, taken = _read(run, (reference, moving), settings, transform)
+        scales = _scales(run, clouds, parameters, cores_given=core is not None)
+        with run.step("distances", 0.35, 0.85, "measuring") as entry:
+            cores = _cores(clouds, reference, core, scales.core_spacing, settings.inputs, progress)
+            known = _Known(toward, error, known_stable(stable, clouds[0]))
+            found = _measure(run, clouds, cores, scales, settings, known)
             entry["core_points"] = len(cores.xyz)
-        record.facts["level_of_detection"] = level_facts(found, calibrate=parameters.calibrate)
-        with progress.stage(0.85, 1.0, "writing"), record.stage("write"):
-            copy_with(
-                cores.path,
-                stage.path(output.name),
-                settings.inputs,
-                keep=_of_all(cores.keep, taken),
-                dimensions=dimensions(found),
-            )
-            tags = geotiff.raster_tags(
-                epochs=(first.date, second.date),
-                median_level=median_level_95(found),
-                translation=None if transform is None else transform.translation,
-                software=f"SlopeWatch {VERSION}",
-                input_sha256=" ".join(hashes),
-            )
+        run.facts["level_of_detection"] = level_facts(found, calibrate=parameters.calibrate)
+        with run.step("write", 0.85, 1.0, "writing"):
+            keep = _of_all(cores.keep, taken)
+            copy_with(cores.path, stage.path(output.name), settings.inputs, keep=keep, dimensions=dimensions(found))
+            tags = _tags(epochs, found, transform, hashes)
             cell = parameters.distance_cell or scales.core_spacing
-            outputs = {"points": stage.final(output.name)}
-            outputs |= write_rasters(found, cell, a.crs, tags, 0.0, raster_stage)
-            outputs["run"] = stage.final(record_name)
-        record.metrics = {
-            **main_figures(found),
-            "normal_scale_m": None if parameters.normals != "fitted" else scales.normal_scale,
-            "projection_scale_m": scales.projection_scale,
-            "half_length_m": scales.half_length,
-        }
-        record.write(stage.path(record_name), progress.warnings, outputs)
-    return outputs, record.metrics
+            run.outputs["points"] = stage.final(output.name)
+            run.outputs |= write_rasters(found, cell, clouds[0].crs, tags, 0.0, run.stage_in(raster_dir))
+        run.figures = _figures(found, scales, parameters)
+    return run.result()
+
+
+def _refuse_clouds(run: Run, epochs: tuple[Epoch, Epoch], core: Path | None, settings: DistanceSettings) -> None:
+    """Raise InputError where headers, days or classes tell that the clouds cannot be compared."""
+    reference, moving = (e.path for e in epochs)
+    for other in (moving, core):
+        if other is not None:
+            require_comparable(reference, other, settings.inputs)
+    check_days(epochs, trusted=settings.dates.trust_dates, progress=run.progress)
+    refuse_raw((reference, moving), settings.surface.ground, settings.inputs)
+
+
+def _tags(
+    epochs: tuple[Epoch, Epoch], found: Distances, transform: RigidTransform | None, hashes: tuple[str, ...]
+) -> dict[str, str]:
+    return geotiff.raster_tags(
+        epochs=(epochs[0].date, epochs[1].date),
+        median_level=median_level_95(found),
+        translation=None if transform is None else transform.translation,
+        software=f"SlopeWatch {VERSION}",
+        input_sha256=" ".join(hashes),
+    )
+
+
+def _figures(found: Distances, scales: Scales, parameters: DistanceParameters) -> dict[str, Any]:
+    return {
+        **main_figures(found),
+        "normal_scale_m": None if parameters.normals != "fitted" else scales.normal_scale,
+        "projection_scale_m": scales.projection_scale,
+        "half_length_m": scales.half_length,
+    }
+
+
+def _read(
+    run: Run, paths: tuple[Path, Path], settings: DistanceSettings, transform: RigidTransform | None
+) -> tuple[tuple[PointCloud, PointCloud], NDArray[np.bool_] | None]:
+    """The ground of both clouds in one frame, and which points of the reference's file it is (None: all)."""
+    with run.step("read", 0.0, 0.2, "reading") as entry:
+        first, second = (read_cloud(path, settings.inputs, progress=run.progress) for path in paths)
+        entry["points"] = [len(first.xyz), len(second.xyz)]
+        taken = taken_as_ground(first.classification, settings.surface.ground, paths[0])
+        first, second = (ground_of(cloud, settings.surface.ground, run.progress) for cloud in (first, second))
+        if transform is not None:
+            second = replace(second, xyz=transform.apply(second.xyz))
+        refuse_other_heights(first, second, _REGISTERED)
+    return (first, second), taken
+
+
+def _scales(
+    run: Run, clouds: tuple[PointCloud, PointCloud], parameters: DistanceParameters, *, cores_given: bool
+) -> Scales:
+    with run.step("scales", 0.2, 0.35, "choosing scales"):
+        scales = choose_scales(clouds[0].xyz, clouds[1].xyz, parameters, run.progress)
+        for sentence in scales.warnings:
+            run.progress.warning(sentence)
+    run.facts["scales"] = {**plain(scales), "chosen": _chosen(parameters, cores_given)}
+    return scales
 
 
 def parse_direction(text: str) -> Float:
@@ -224,9 +239,8 @@ def _chosen(parameters: DistanceParameters, cores_given: bool) -> dict[str, str]
 
 
 def _cores(
-    reference: Float,
-    moving: Float,
-    reference_path: Path,
+    clouds: tuple[PointCloud, PointCloud],
+    reference: Path,
     given: Path | None,
     spacing: float,
     inputs: InputParameters,
@@ -234,8 +248,9 @@ def _cores(
 ) -> Cores:
     if given is not None:
         return Cores(read_cloud(given, inputs, progress=progress).xyz, given, None)
-    keep = spread_cores(reference, spacing, overlap_bounds(reference, moving))
-    return Cores(reference[keep], reference_path, keep)
+    first, later = (cloud.xyz for cloud in clouds)
+    keep = spread_cores(first, spacing, overlap_bounds(first, later))
+    return Cores(first[keep], reference, keep)
 
 
 def _of_all(keep: NDArray[np.bool_] | None, taken: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
@@ -248,21 +263,18 @@ def _of_all(keep: NDArray[np.bool_] | None, taken: NDArray[np.bool_] | None) -> 
 
 
 def _measure(
+    run: Run,
     clouds: tuple[PointCloud, PointCloud],
     cores: Cores,
     scales: Scales,
     settings: DistanceSettings,
-    toward: Float,
-    error: float,
-    stable: BaseGeometry | None,
-    progress: Progress,
+    known: _Known,
 ) -> Distances:
     """Distances and their level at the core points; says what they do not show."""
-    parameters = settings.distances
+    parameters, progress = settings.distances, run.progress
     radius = scales.projection_scale / 2
-    reference = clouds[0].xyz
     with progress.stage(0.0, 0.4, "fitting normals"):
-        normal, slope = _normals(reference, cores, scales, settings, toward, progress)
+        normal, slope = _normals(clouds[0].xyz, cores, scales, settings, known.toward, progress)
     first, later = (
         Lattice(cloud.xyz, radius, values=None if cloud.plants is None else cloud.plants.error) for cloud in clouds
     )
@@ -276,7 +288,7 @@ def _measure(
             half_length=scales.half_length,
             minimum_points=parameters.minimum_cylinder_points,
             confidence=parameters.confidence,
-            registration_error=error,
+            registration_error=known.registration_error,
             spread=parameters.calibrate,
             progress=progress,
         )
@@ -288,7 +300,7 @@ def _measure(
         )
     shift = uniform_shift(found.distance[found.measured], found.level[found.measured])
     if parameters.calibrate:
-        given = None if stable is None else contains_xy(stable, *cores.xyz[:, :2].T)
+        given = None if known.stable is None else contains_xy(known.stable, *cores.xyz[:, :2].T)
         found = calibrated(found, radius, slope=slope, given=given, uniform=shift is not None)
         say_level(found, progress)
     _warn(found, later, scales, shift, progress)

@@ -1,4 +1,4 @@
-"""What must hold for two clouds to be compared."""
+"""Two clouds that are compared: their days, their ground, their common and stable area, their registration."""
 
 from __future__ import annotations
 
@@ -10,13 +10,44 @@ from shapely.affinity import translate
 from shapely.geometry.base import BaseGeometry
 
 from ..engine.core.progress import Progress
-from ..engine.epochs.comparability import _registered, refuse_other_heights
+from ..engine.epochs.comparability import refuse_other_heights, registered_offset
+from ..engine.epochs.epoch import Epoch, parse_date
 from ..engine.geometry.rigid_transform import RigidTransform
+from ..engine.ground.classified_ground import warn_of_classes
+from ..engine.ground.raw_survey import taken_as_ground
 from ..engine.pointcloud.cloud import PointCloud
 from ..engine.registration.register import register
 from ..engine.registration.result import RegistrationResult
 from ..engine.vector.area import read_roi
+from ..interface.dates import date_in_name
 from ..interface.parameters import RegistrationParameters
+
+
+def dated_pair(reference: Path, moving: Path, days: tuple[str | None, str | None]) -> tuple[Epoch, Epoch]:
+    """Two clouds with their days (YYYY-MM-DD): as given, else as in the file's name.
+
+    Raises:
+        InputError: one given is no date.
+    """
+    first, second = days
+    return _dated(reference, first), _dated(moving, second)
+
+
+def _dated(cloud: Path, day: str | None) -> Epoch:
+    return Epoch(cloud, parse_date(day) if day else date_in_name(cloud))
+
+
+def ground_of(cloud: PointCloud, ground: str, progress: Progress) -> PointCloud:
+    """The points of a cloud that ``SurfaceParameters.ground`` takes, without colours; warns where they are no surface.
+
+    Raises:
+        InputError: there is none, or those of class 2 contradict each other.
+    """
+    mask = taken_as_ground(cloud.classification, ground, cloud.path)
+    taken = cloud if mask is None else PointCloud(cloud.xyz[mask], cloud.crs, cloud.path)
+    if ground == "class_2":
+        warn_of_classes(taken.path, taken.xyz, progress)
+    return taken
 
 
 def stable_area(path: Path | None, crs: CRS, progress: Progress) -> BaseGeometry | None:
@@ -52,7 +83,7 @@ def register_pair(
     Raises:
         InputError: see ``registration.register``; heights of another system or unit, farther off than is registered.
     """
-    refuse_other_heights(first, second, _registered(parameters))
+    refuse_other_heights(first, second, registered_offset(parameters))
     area = stable_area(stable, first.crs, progress)
     result = register(
         first.xyz, second.xyz, parameters, stable=area, plants=(first.plants, second.plants), progress=progress

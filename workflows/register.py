@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-import contextlib
 from pathlib import Path
 
 from ..engine.core.errors import InputError
 from ..engine.core.json_values import plain
 from ..engine.core.progress import Progress
-from ..engine.core.run_record import RunRecord
-from ..engine.core.staged_outputs import (
-    refuse_inputs_as_outputs,
-    refuse_other_than_cloud,
-    refuse_unwritable,
-    staged_outputs,
-)
+from ..engine.core.run_result import RunResult
+from ..engine.core.staged_outputs import refuse_other_than_cloud, refuse_unwritable
 from ..engine.epochs.comparability import require_comparable, require_two_clouds
 from ..engine.geometry.rigid_transform import RigidTransform
 from ..engine.ground.raw_survey import refuse_raw
+from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.reading import read_cloud
 from ..engine.pointcloud.writing import copy_with
-from .inspect import Outcome
-from .pair import register_pair
-from .run import _record_name, ground_of
-from .settings import Settings
+from .pair import ground_of, register_pair
+from .run import Run, record_beside
+from .settings import Settings, groups
 
 
 def register_step(
@@ -37,50 +31,50 @@ def register_step(
     invert: bool,
     stable: Path | None,
     progress: Progress,
-) -> Outcome:
+) -> RunResult:
     """Register ``moving`` to ``reference``, or apply the transform ``given``; write the moved cloud."""
     refuse_other_than_cloud(output)
     targets = [output] + ([transform_path] if transform_path else [])
     for target in targets:
         refuse_unwritable(target)
     require_two_clouds(reference, moving, contents=given is None)
-    files = {"reference": reference, "moving": moving, "transform": given, "stable": stable}
-    refuse_inputs_as_outputs(targets, [p for p in files.values() if p])
+    inputs = [("reference", reference), ("moving", moving), ("transform", given), ("stable", stable)]
+    run = Run("register", groups(settings, "inputs", "surface", "registration"), inputs, progress)
+    run.refuse_outputs(targets)
     if invert and given is None:
         raise InputError("--invert was given without --apply; name the transform.json that is to be inverted.")
     transform = None if given is None else RigidTransform.load(given)
     require_comparable(reference, moving, settings.inputs)
     if transform is None:
         refuse_raw((reference, moving), settings.surface.ground, settings.inputs)
-    record = RunRecord(
-        "register",
-        {"inputs": settings.inputs, "surface": settings.surface, "registration": settings.registration},
-    )
-    for role, path in files.items():
-        if path is not None:
-            record.add_input(role, path)
-    with contextlib.ExitStack() as stack:
-        stage = stack.enter_context(staged_outputs(output.absolute().parent, last=_record_name(output)))
-        with progress.stage(0.0, 0.2, "reading"), record.stage("read") as entry:
+    run.hash_inputs()
+    others = [transform_path.absolute().parent] if transform_path else []
+    with run.writing(output.absolute().parent, record_name=record_beside(output), others=others) as stage:
+        with run.step("read", 0.0, 0.2, "reading") as entry:
             first = read_cloud(reference, settings.inputs, progress=progress)
             second = read_cloud(moving, settings.inputs, progress=progress)
             entry["points"] = [len(first.xyz), len(second.xyz)]
         if transform is not None:
             transform = transform.inverse() if invert else transform
         else:
-            with progress.stage(0.2, 0.8, "registering"), record.stage("registration") as entry:
-                a, b = (ground_of(cloud, settings.surface.ground, progress) for cloud in (first, second))
-                result = register_pair(a, b, settings.registration, stable, progress)
-                entry.update(plain(result.summary()))
-            transform, record.metrics = result.transform, result.figures()
-        outputs = {"aligned": stage.final(output.name), "run": stage.final(_record_name(output))}
-        with progress.stage(0.8, 1.0, "writing"), record.stage("write"):
+            transform = _registered(run, (first, second), settings, stable)
+        with run.step("write", 0.8, 1.0, "writing"):
             copy_with(moving, stage.path(output.name), settings.inputs, xyz=transform.apply(second.xyz))
-        record.facts["transform"] = transform.matrix
+        run.facts["transform"] = transform.matrix
+        run.outputs |= {"aligned": stage.final(output.name), "run": run.record_path}
         if transform_path is not None:
-            # perhaps in another folder
-            beside = stack.enter_context(staged_outputs(transform_path.absolute().parent))
-            transform.save(beside.path(transform_path.name), first.crs, facts=record.metrics)
-            outputs["transform"] = beside.final(transform_path.name)
-        record.write(stage.path(_record_name(output)), progress.warnings, outputs)
-    return outputs, record.metrics
+            beside = run.stage_in(transform_path.absolute().parent)
+            transform.save(beside.path(transform_path.name), first.crs, facts=run.figures)
+            run.outputs["transform"] = beside.final(transform_path.name)
+    return run.result()
+
+
+def _registered(
+    run: Run, clouds: tuple[PointCloud, PointCloud], settings: Settings, stable: Path | None
+) -> RigidTransform:
+    with run.step("registration", 0.2, 0.8, "registering") as entry:
+        first, second = (ground_of(cloud, settings.surface.ground, run.progress) for cloud in clouds)
+        result = register_pair(first, second, settings.registration, stable, run.progress)
+        entry.update(plain(result.summary()))
+    run.figures = result.figures()
+    return result.transform

@@ -15,6 +15,7 @@ from ..engine.core.errors import InputError
 from ..engine.core.json_values import plain
 from ..engine.core.progress import Progress
 from ..engine.core.run_record import RunRecord
+from ..engine.core.run_result import RunResult
 from ..engine.core.staged_outputs import refuse_inputs_as_outputs, staged_outputs
 from ..engine.grid.geotiff import read_raster
 from ..engine.report.compose import REPORT, check_report, compose, read_record, write_report
@@ -27,9 +28,7 @@ from .products.change import profile_products
 _RASTERS = ("elevation_change", "level_of_detection", "significant_change")
 
 
-def report_step(
-    folder: Path, parameters: ReportParameters, *, profiles: Path | None, progress: Progress
-) -> tuple[dict[str, Path], dict[str, Any]]:
+def report_step(folder: Path, parameters: ReportParameters, *, profiles: Path | None, progress: Progress) -> RunResult:
     """Make the report of ``folder`` again from its run record and its rasters.
 
     Args:
@@ -43,7 +42,7 @@ def report_step(
     record = read_record(folder)
     if profiles is None:
         progress.update(0.0, "drawing the report")
-        return {"report": write_report(folder)}, {}
+        return RunResult({"report": write_report(folder)}, {}, tuple(progress.warnings))
     if not record.get("epochs"):
         raise InputError(
             f"{folder} holds no change between two surveys to take profiles of; give the folder of inspect or change."
@@ -55,26 +54,12 @@ def report_step(
         progress.update(0.1, "taking profiles")
         zones = read_layer(folder / "zones.gpkg", "zones")
         stamp = record["epochs"][1]["date"]
-        files, facts = profile_products(
-            layers,
-            zones,
-            lines,
-            parameters.zone_profiles,
-            crs,
-            date.fromisoformat(stamp) if stamp else None,
-            stage,
-        )
+        day = date.fromisoformat(stamp) if stamp else None
+        files, facts = profile_products(layers, zones, lines, parameters.zone_profiles, crs, day, stage)
         for sentence in missed_lines(facts):
             progress.warning(sentence)
         outputs = files | {"report": stage.final(REPORT)}
-        told = RunRecord("report", {"report": parameters})
-        told.add_input("profiles", profiles)
-        record["profiles"] = plain(facts)
-        record["inputs"] = [i for i in record["inputs"] if i["role"] != "profiles"] + told.inputs
-        record["parameters"]["report"] = dataclasses.asdict(parameters)
-        # what was said of the lines before no longer holds
-        kept = [w for w in record["warnings"] if not w.startswith(("The profiles' lines ", "The profile "))]
-        record["warnings"] = [*kept, *(w for w in progress.warnings if w not in kept)]
+        _tell_of_profiles(record, facts, parameters, profiles, progress)
         record["outputs"] |= {name: path.name for name, path in outputs.items()}
         text = json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False)
         stage.path("run.json").write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
@@ -83,7 +68,25 @@ def report_step(
         stage.path(REPORT).write_text(page, encoding="utf-8", errors="backslashreplace", newline="\n")
         check_report(stage.path(REPORT))
         progress.update(1.0, "drawing the report")
-    return outputs | {"run": folder / "run.json"}, {"profiles": len(facts)}
+    return RunResult(outputs | {"run": folder / "run.json"}, {"profiles": len(facts)}, tuple(progress.warnings))
+
+
+def _tell_of_profiles(
+    record: dict[str, Any],
+    facts: list[dict[str, Any]],
+    parameters: ReportParameters,
+    profiles: Path,
+    progress: Progress,
+) -> None:
+    """Put the new profiles, their file and the warnings about them into the run record."""
+    made = RunRecord("report", {"report": parameters})
+    made.add_input("profiles", profiles)
+    record["profiles"] = plain(facts)
+    record["inputs"] = [i for i in record["inputs"] if i["role"] != "profiles"] + made.inputs
+    record["parameters"]["report"] = dataclasses.asdict(parameters)
+    # what was said of the lines before no longer holds
+    kept = [w for w in record["warnings"] if not w.startswith(("The profiles' lines ", "The profile "))]
+    record["warnings"] = [*kept, *(w for w in progress.warnings if w not in kept)]
 
 
 def _layers(folder: Path) -> tuple[Layers, CRS]:

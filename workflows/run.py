@@ -1,27 +1,188 @@
-"""The single steps as commands: files in, files out, a run record beside them."""
+"""One run of a command: its inputs, steps, outputs and record. Every workflow is a list of steps within one.
+
+    run = Run("change", groups(settings, "inputs", "change"), [("epoch 2024-05-01", path)], progress)
+    run.refuse_folder(folder, ("run.json", "zones.gpkg"), overwrite=False)
+    run.hash_inputs()
+    with run.writing(folder, report=True) as stage:
+        with run.step("read", 0.0, 0.3, "reading") as entry:
+            entry["points"] = 7
+        run.outputs["zones"] = stage.final("zones.gpkg")
+        run.figures = {"zone_count": 0}
+    return run.result()
+
+What can be refused is refused before ``writing``, so that a refused run touches nothing. The entry point of a workflow
+takes the files and options of its command by name; that is why it may have more than seven parameters.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import uuid
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+from ..engine.core.earlier_results import refuse_results
+from ..engine.core.json_values import plain
 from ..engine.core.progress import Progress
-from ..engine.ground.classified_ground import warn_of_classes
-from ..engine.ground.raw_survey import taken_as_ground
-from ..engine.pointcloud.cloud import PointCloud
+from ..engine.core.run_record import RunRecord
+from ..engine.core.run_result import RunResult
+from ..engine.core.staged_outputs import Stage, refuse_inputs_as_outputs, staged_outputs
+from ..engine.pointcloud.pdal_program import Pdal, find_pdal
+from ..engine.report.compose import REPORT, write_report
+from ..engine.zones.earlier_reviews import NOT_CARRIED, EarlierReviews
+from ..interface.parameters import ParameterSet
 
 
-def ground_of(cloud: PointCloud, ground: str, progress: Progress) -> PointCloud:
-    """The points of a cloud that ``SurfaceParameters.ground`` takes, without colours; warns where they are no surface.
+class Run:
+    """Carries one run from its inputs to its record.
 
-    Raises:
-        InputError: there is none, or those of class 2 contradict each other.
+    ``outputs`` are the final paths by name and ``figures`` the main figures, which the workflow fills in; ``facts`` are
+    entries of their own in the record.
+
+    Args:
+        command: name of the command, for the record.
+        parameters: groups by name, for the record.
+        inputs: role and path of each input file; None where it was not given.
     """
-    mask = taken_as_ground(cloud.classification, ground, cloud.path)
-    taken = cloud if mask is None else PointCloud(cloud.xyz[mask], cloud.crs, cloud.path)
-    if ground == "class_2":
-        warn_of_classes(taken.path, taken.xyz, progress)
-    return taken
+
+    def __init__(
+        self,
+        command: str,
+        parameters: Mapping[str, ParameterSet],
+        inputs: Iterable[tuple[str, Path | None]] = (),
+        progress: Progress | None = None,
+    ) -> None:
+        self.progress = progress or Progress()
+        self.record = RunRecord(command, dict(parameters))
+        self.facts = self.record.facts
+        self.inputs = tuple(inputs)
+        self.outputs: dict[str, Path] = {}
+        self.figures: dict[str, Any] = {}
+        self.reviews: EarlierReviews | None = None
+        self._stages: dict[Path, Stage] = {}
+        self._record_name = "run.json"
+
+    # before anything is written
+
+    def refuse_outputs(self, outputs: Iterable[Path], *, also: Iterable[Path] = ()) -> None:
+        """Raise InputError if an output is an input, one of the run's or of ``also``, or two outputs are one file."""
+        refuse_inputs_as_outputs(outputs, [*(path for _, path in self.inputs if path is not None), *also])
+
+    def refuse_folder(self, folder: Path, names: Sequence[str], *, overwrite: bool, also: Iterable[Path] = ()) -> None:
+        """``refuse_outputs`` of files in ``folder``; InputError, too, if it holds one that is not to be overwritten."""
+        self.refuse_outputs([folder / name for name in names], also=also)
+        refuse_results(folder, names, overwrite=overwrite)
+
+    def read_reviews(self, folder: Path, files: Sequence[str], not_carried: str = NOT_CARRIED) -> None:
+        """Read what people entered in the zones of an earlier run, which ``finish_reviews`` does not let get lost.
+
+        Raises:
+            InputError: a file is there and cannot be read.
+        """
+        self.reviews = EarlierReviews(folder, files, not_carried)
+
+    def find_pdal(self, given: Path | None) -> Pdal:
+        """The pdal program, named in the record.
+
+        Raises:
+            InputError: there is none that works.
+        """
+        program = find_pdal(given)
+        self.facts["pdal"] = {"version": program.version, "path": program.path, "found": program.how}
+        return program
+
+    def hash_inputs(self) -> tuple[str, ...]:
+        """Put the inputs into the record; their SHA-256 in order, empty for one that was not given.
+
+        Raises:
+            InputError: one does not exist or cannot be read.
+        """
+        return tuple("" if path is None else self.record.add_input(role, path) for role, path in self.inputs)
+
+    def run_id(self, hashes: tuple[str, ...] | str) -> str:
+        """12 hexadecimal digits that stand for the clouds of these SHA-256 and for the parameters."""
+        return uuid.uuid5(uuid.NAMESPACE_OID, repr((hashes, plain(self.record.parameters)))).hex[:12]
+
+    # the steps
+
+    @contextlib.contextmanager
+    def step(
+        self, name: str, start: float | None = None, end: float | None = None, message: str = ""
+    ) -> Iterator[dict[str, Any]]:
+        """A stage of the record and of the progress; the block may add numbers to the record's entry.
+
+        Args:
+            start, end: share of the run's progress, 0 to 1; without them the block reports that of the whole run.
+        """
+        share = None if start is None or end is None else self.progress.stage(start, end, message)
+        with share or contextlib.nullcontext(), self.record.stage(name) as entry:
+            yield entry
+
+    # the outputs
+
+    @contextlib.contextmanager
+    def writing(
+        self, folder: Path, *, record_name: str = "run.json", others: Iterable[Path] = (), report: bool = False
+    ) -> Iterator[Stage]:
+        """Gather the outputs; if the block ends well, write the record and give all of them their names, else none.
+
+        Args:
+            folder: of the record, which gets its name last.
+            others: more folders that outputs go to, see ``stage_in``.
+            report: also draw the report of ``folder``.
+
+        Raises:
+            InputError: a folder cannot be made or written.
+        """
+        self._record_name = record_name
+        with contextlib.ExitStack() as stack:
+            # left last, so filled last
+            for place in (folder, *others):
+                if place.resolve() not in self._stages:
+                    self._stages[place.resolve()] = stack.enter_context(staged_outputs(place, last=record_name))
+            yield self.stage
+            self._write_record(report)
+
+    @property
+    def stage(self) -> Stage:
+        """The outputs of the folder that gets the record."""
+        return next(iter(self._stages.values()))
+
+    def stage_in(self, folder: Path) -> Stage:
+        """The outputs of one of the folders that ``writing`` was given."""
+        return self._stages[folder.resolve()]
+
+    @property
+    def record_path(self) -> Path:
+        """Where the record will lie; it becomes the output ``run`` at the end, unless it has its place before."""
+        return self.stage.final(self._record_name)
+
+    def finish_reviews(self) -> None:
+        """Write what no zone continues of the reviews read, and put into the record what became of all of them."""
+        if self.reviews is not None:
+            stage = self.stage_in(self.reviews.folder)
+            self.facts["reviews"] = self.reviews.finish(stage, self.outputs, self.progress)
+
+    def _write_record(self, report: bool) -> None:
+        self.outputs.setdefault("run", self.record_path)
+        self.record.metrics = self.figures
+        if report:
+            # The record promises the report, which is made of it, and is written again for the report's own stage.
+            self.outputs["report"] = self.stage.final(REPORT)
+            self._save_record()
+            with self.step("report", 0.99, 1.0, "drawing the report"):
+                write_report(self.stage.folder)
+        self._save_record()
+
+    def _save_record(self) -> None:
+        self.record.write(self.stage.path(self._record_name), self.progress.warnings, self.outputs)
+
+    def result(self) -> RunResult:
+        """What the run wrote and measured."""
+        return RunResult(self.outputs, self.figures, tuple(self.progress.warnings))
 
 
-def _record_name(output: Path) -> str:
+def record_beside(output: Path) -> str:
+    """Name of the run record of a command whose main output is one file."""
     return f"{output.stem}_run.json"

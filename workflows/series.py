@@ -2,32 +2,30 @@
 
 from __future__ import annotations
 
-import uuid
 from collections.abc import Sequence
 from datetime import date
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from geopandas import GeoDataFrame
+
+from ..engine.core.arrays import Float
 from ..engine.core.earlier_results import earlier_series, refuse_another_series, refuse_results
 from ..engine.core.errors import InputError
 from ..engine.core.json_values import plain
 from ..engine.core.progress import Progress
-from ..engine.core.run_record import RunRecord
-from ..engine.core.staged_outputs import refuse_inputs_as_outputs, staged_outputs
+from ..engine.core.run_result import RunResult
 from ..engine.epochs.comparability import require_comparable
 from ..engine.epochs.dating import check_days
 from ..engine.epochs.epoch import Epoch
 from ..engine.epochs.manifest import check_series
-from ..engine.pointcloud.pdal_program import find_pdal
 from ..engine.report.facts import course_rows, zone_rows
-from ..engine.series.alerts import read_alerts
-from ..engine.series.analysis import analyse, limits_of
-from ..engine.series.settings import SeriesSettings
+from ..engine.series.alerts import AlertLevel, read_alerts
+from ..engine.series.analysis import Analysis, analyse, limits_of
 from ..engine.series.tables import About
 from ..engine.series.tracking import Track
 from ..engine.series.velocity import cell_velocity
-from ..engine.zones.earlier_reviews import EarlierReviews
 from .early_memory import refuse_grid_early
 from .pair import stable_area
 from .products.series import (
@@ -38,8 +36,9 @@ from .products.series import (
     write_summary_rasters,
     write_tables,
 )
+from .run import Run
 from .series_preparation import Task, prepare_epochs
-from .write_record_and_report import write_record_and_report
+from .settings import SeriesSettings, groups
 
 REPORTED = (
     "status",
@@ -55,8 +54,7 @@ REPORTED = (
     "failure_note",
 )
 """Fields with words that the run record and the report have of each zone."""
-
-Outcome = tuple[dict[str, Path], dict[str, Any]]
+_RECORDED = ("inputs", "dates", "ground", "registration", "change", "zones", "series")
 
 
 def monitor_series(
@@ -70,7 +68,7 @@ def monitor_series(
     pdal: Path | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
-) -> Outcome:
+) -> RunResult:
     """Bring all surveys to the first one's frame and grid, and tell what moved, how fast, and how surely.
 
     Ground, registration and cells of each survey are kept in the folder ``work`` of the outputs and used again by a
@@ -87,13 +85,10 @@ def monitor_series(
             with the same settings, is replaced without it, because that is how a series is kept. What people entered
             in its zones is carried over either way.
 
-    Returns:
-        Paths of the outputs by name, and the main figures.
-
     Raises:
         InputError: something given cannot be used; nothing is written then.
     """
-    settings, progress, epochs = settings or SeriesSettings(), progress or Progress(), tuple(epochs)
+    settings, epochs = settings or SeriesSettings(), tuple(epochs)
     check_series(epochs)
     table = read_alerts(alerts)
     if settings.change.grows:
@@ -101,75 +96,94 @@ def monitor_series(
             "Cells that grow (adaptive) are not for a series: all its surveys share one grid; "
             "give GridChangeParameters, or adaptive=False."
         )
-    given = [p for p in (roi, stable, alerts) if p is not None]
+    inputs = [*((f"epoch {e.name}", e.path) for e in epochs), ("roi", roi), ("stable", stable), ("alerts", alerts)]
+    run = Run("series", groups(settings, *_RECORDED), inputs, progress)
     dates = tuple(e.date for e in epochs if e.date is not None)
-    refuse_inputs_as_outputs(_targets(output_dir, dates), [*(e.path for e in epochs), *given])
-    earlier = None if overwrite else earlier_series(output_dir)
-    if earlier is None:
-        refuse_results(output_dir, SERIES_OUTPUTS, overwrite=overwrite)
-    reviews = EarlierReviews(output_dir, ("series.gpkg",))
-    program = None if settings.series.ground_ready else find_pdal(pdal)
-    record = RunRecord("series", settings.groups())
-    if program is not None:
-        record.facts["pdal"] = {"version": program.version, "path": program.path, "found": program.how}
-    hashes = tuple(record.add_input(f"epoch {e.name}", e.path) for e in epochs)
-    others = {role: record.add_input(role, p) if p else "" for role, p in (("roi", roi), ("stable", stable))}
-    if alerts is not None:
-        record.add_input("alerts", alerts)
+    earlier = _earlier_series(run, output_dir, dates, overwrite=overwrite)
+    run.read_reviews(output_dir, ("series.gpkg",))
+    program = None if settings.series.ground_ready else run.find_pdal(pdal)
+    *epoch_hashes, roi_hash, stable_hash, _ = run.hash_inputs()
+    hashes = tuple(epoch_hashes)
     if earlier is not None:
-        refuse_another_series(output_dir, earlier, record)
-    run_id = uuid.uuid5(uuid.NAMESPACE_OID, repr((hashes, plain(record.parameters)))).hex[:12]
-    check_days(epochs, trusted=settings.dates.trust_dates, progress=progress)
+        refuse_another_series(output_dir, earlier, run.record)
+    check_days(epochs, trusted=settings.dates.trust_dates, progress=run.progress)
     for epoch in epochs[1:]:
         require_comparable(epochs[0].path, epoch.path, settings.inputs)
     refuse_grid_early([epochs[0].path], settings.inputs, settings.change, roi)
-    with staged_outputs(output_dir) as stage:
-        task = Task(epochs, hashes, settings, roi, stable, others["roi"], others["stable"], program, stage)
-        with progress.stage(0.0, 0.7), record.stage("surveys") as entry:
-            gridded, grid, crs, choice = prepare_epochs(task, progress)
+    with run.writing(output_dir, report=True) as stage:
+        task = Task(epochs, hashes, settings, roi, stable, roi_hash, stable_hash, program, stage)
+        with run.step("surveys", 0.0, 0.7) as entry:
+            gridded, grid, crs, choice = prepare_epochs(task, run.progress)
             entry["epochs"] = {g.epoch.name: g.facts | {"made": g.made} for g in gridded}
-        area = stable_area(stable, crs, progress)
-        with progress.stage(0.7, 0.85, "comparing"), record.stage("change"):
-            analysis = analyse(gridded, grid, settings, table, stable=area, progress=progress)
-        about = About(dates, crs, grid, f"series ({settings.change.cell_value} cells)", run_id)
-        with progress.stage(0.85, 0.99, "writing outputs"), record.stage("products"):
-            outputs: dict[str, Path] = {}
-            if settings.series.rasters_each_survey:
-                for kind, changes in (("cumulative", analysis.cumulative), ("incremental", analysis.incremental)):
-                    outputs |= write_epoch_rasters(kind, changes, about, hashes, stage, progress)
-            stack = analysis.stack
-            velocity = cell_velocity(stack.days, list(stack.change), stack.cell_variance)
-            outputs |= write_summary_rasters(velocity, analysis.confirmed, velocity.count >= 2, about, hashes, stage)
-            limits = limits_of(analysis, dates)
-            files, frame, course = write_tables(
-                analysis.zones, analysis.cumulative[-1], velocity, about, table, limits[0], stage, reviews
+        area = stable_area(stable, crs, run.progress)
+        with run.step("change", 0.7, 0.85, "comparing"):
+            analysis = analyse(
+                gridded, grid, settings.change, settings.zones, table, stable=area, progress=run.progress
             )
-            outputs |= files
-        record.facts["reviews"] = reviews.finish(stage, outputs, progress)
-        record.metrics = series_figures(frame, analysis.cumulative, analysis.incremental, about)
-        record.metrics["dropped_zones"] = analysis.unconfirmed
-        zones = zone_rows(frame, REPORTED)
-        record.facts |= {
-            "run_id": run_id,
-            "cell": choice.facts(),
-            "limits": limits,
-            "alerts": [plain(row) for row in table],
-            "transforms": {g.epoch.name: g.transform.matrix for g in gridded},
-            "dates": [d.isoformat() for d in dates],
-            "zones": zones,
-            "course": course_rows(course, [row["zone_id"] for row in zones]),
-            "seasons": {
-                d.isoformat(): c.season.facts()
-                for d, c in zip(dates[1:], analysis.cumulative, strict=True)
-                if c.season is not None
-            },
-            "zone_history": {t.zone_id: _history(t, dates) for t in analysis.tracks},
-        }
-        outputs["run"] = stage.final("run.json")
-        for sentence in limits:
-            progress.info(sentence)
-        write_record_and_report(record, stage, progress, outputs)
-    return outputs, record.metrics
+        about = About(dates, crs, grid, f"series ({settings.change.cell_value} cells)", run.run_id(hashes))
+        frame, course = _write_products(run, task, analysis, about, table)
+        run.finish_reviews()
+        run.figures = series_figures(frame, analysis.cumulative, analysis.incremental, about)
+        run.figures["dropped_zones"] = analysis.unconfirmed
+        transforms = {g.epoch.name: g.transform.matrix for g in gridded}
+        run.facts |= {"run_id": about.run_id, "cell": choice.facts()}
+        run.facts |= _facts(analysis, about, table, transforms) | _zone_facts(analysis, about, frame, course)
+        for sentence in run.facts["limits"]:
+            run.progress.info(sentence)
+    return run.result()
+
+
+def _earlier_series(run: Run, folder: Path, dates: tuple[date, ...], *, overwrite: bool) -> dict[str, Any] | None:
+    """The record of the series in the folder that this one may go on with; other results there are refused."""
+    run.refuse_outputs(_targets(folder, dates))
+    earlier = None if overwrite else earlier_series(folder)
+    if earlier is None:
+        refuse_results(folder, SERIES_OUTPUTS, overwrite=overwrite)
+    return earlier
+
+
+def _write_products(
+    run: Run, task: Task, analysis: Analysis, about: About, alerts: tuple[AlertLevel, ...]
+) -> tuple[GeoDataFrame, GeoDataFrame]:
+    """Write rasters, tables and picture; the table of the zones and that of their series."""
+    with run.step("products", 0.85, 0.99, "writing outputs"):
+        if task.settings.series.rasters_each_survey:
+            for kind, changes in (("cumulative", analysis.cumulative), ("incremental", analysis.incremental)):
+                run.outputs |= write_epoch_rasters(kind, changes, about, task.hashes, run.stage, run.progress)
+        stack = analysis.stack
+        velocity = cell_velocity(stack.days, list(stack.change), stack.cell_variance)
+        run.outputs |= write_summary_rasters(
+            velocity, analysis.confirmed, velocity.count >= 2, about, task.hashes, run.stage
+        )
+        footer = limits_of(analysis, about.dates)[0]
+        return write_tables(run, analysis, velocity, about, alerts, footer)
+
+
+def _facts(
+    analysis: Analysis, about: About, alerts: tuple[AlertLevel, ...], transforms: dict[str, Float]
+) -> dict[str, Any]:
+    """What the record and the report tell of the surveys."""
+    return {
+        "limits": limits_of(analysis, about.dates),
+        "alerts": [plain(row) for row in alerts],
+        "transforms": transforms,
+        "dates": [d.isoformat() for d in about.dates],
+    }
+
+
+def _zone_facts(analysis: Analysis, about: About, frame: GeoDataFrame, course: GeoDataFrame) -> dict[str, Any]:
+    """What the record and the report tell of the zones."""
+    zones = zone_rows(frame, REPORTED)
+    return {
+        "zones": zones,
+        "course": course_rows(course, [row["zone_id"] for row in zones]),
+        "seasons": {
+            d.isoformat(): c.season.facts()
+            for d, c in zip(about.dates[1:], analysis.cumulative, strict=True)
+            if c.season is not None
+        },
+        "zone_history": {t.zone_id: _history(t, about.dates) for t in analysis.tracks},
+    }
 
 
 def _history(track: Track, dates: tuple[date, ...]) -> dict[str, Any]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
@@ -20,7 +19,7 @@ from ..engine.core.named_progress import NamedProgress
 from ..engine.core.progress import Progress
 from ..engine.core.staged_outputs import Stage
 from ..engine.epochs.epoch import Epoch
-from ..engine.geometry.rigid_transform import RigidTransform
+from ..engine.geometry.rigid_transform import RigidTransform, registration_facts
 from ..engine.grid.cell_statistics import CellStatistics
 from ..engine.grid.chosen_cell import CellChoice, choose_cell, with_cell
 from ..engine.grid.common_grid import affordable, common_grid
@@ -31,10 +30,10 @@ from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.pdal_program import Pdal
 from ..engine.pointcloud.reading import read_cloud
 from ..engine.series.gridded_epoch import GriddedEpoch
-from ..engine.series.settings import SeriesSettings
 from ..engine.vector.area import read_roi
 from .pair import common_area, register_pair
 from .series_store import Entry, Store, key_of, load_cells, save_cells
+from .settings import SeriesSettings
 
 
 @dataclass(frozen=True)
@@ -156,30 +155,12 @@ def _gridded(
             own.append(_ground_cloud(task, number, ground, progress))
         return own[0]
 
-    ground_key = _ground_key(task, number)
-    transform, error, facts = RigidTransform.identity(), 0.0, {}
-    key = ground_key
+    transform, error, facts, key = RigidTransform.identity(), 0.0, {}, _ground_key(task, number)
     if number:
-        key = key_of(
-            first=_ground_key(task, 0),
-            moving=ground_key,
-            registration=asdict(settings.registration),
-            stable=task.stable_hash,
-        )
-
-        def register(path: Path) -> dict[str, Any]:
-            _refuse_apart(task.epochs[0], first, epoch, cloud(), settings.registration.maximum_offset)
-            try:
-                result = register_pair(first, cloud(), settings.registration, task.stable, progress)
-            except InputError as wrong:
-                raise InputError(f"{epoch.name}: {wrong}") from wrong
-            result.transform.save(path, first.crs, facts=plain(result.summary()))
-            return result.figures() | {"warnings": list(result.warnings)}
-
-        entry = store.entry("transform.json", key, register, progress)
+        key = _registration_key(task, number)
+        entry = _registration(task, number, first, cloud, store, progress)
         transform = RigidTransform.load(entry.path)
-        registration = json.loads(entry.path.read_text(encoding="utf-8"))["registration"]
-        error, facts = float(registration["registration_error_m"]), dict(entry.facts)
+        error, facts = float(registration_facts(entry.path)["registration_error_m"]), dict(entry.facts)
         made += [] if entry.reused else ["registration"]
 
     def grid_cells(path: Path) -> dict[str, Any]:
@@ -187,7 +168,7 @@ def _gridded(
         return {"points": len(cloud().xyz)}
 
     cells_key = key_of(
-        ground=ground_key,
+        ground=_ground_key(task, number),
         transform=key,
         grid=asdict(grid),
         cell_value=settings.change.cell_value,
@@ -208,6 +189,33 @@ def _gridded(
         facts={k: v for k, v in facts.items() if k != "warnings"},
         made=tuple(made),
     )
+
+
+def _registration_key(task: Task, number: int) -> str:
+    return key_of(
+        first=_ground_key(task, 0),
+        moving=_ground_key(task, number),
+        registration=asdict(task.settings.registration),
+        stable=task.stable_hash,
+    )
+
+
+def _registration(
+    task: Task, number: int, first: PointCloud, cloud: Callable[[], PointCloud], store: Store, progress: Progress
+) -> Entry:
+    """The transform of a survey to the first one; ``cloud`` reads its ground, where it must be made."""
+    epoch, parameters = task.epochs[number], task.settings.registration
+
+    def register(path: Path) -> dict[str, Any]:
+        _refuse_apart(task.epochs[0], first, epoch, cloud(), parameters.maximum_offset)
+        try:
+            result = register_pair(first, cloud(), parameters, task.stable, progress)
+        except InputError as wrong:
+            raise InputError(f"{epoch.name}: {wrong}") from wrong
+        result.transform.save(path, first.crs, facts=plain(result.summary()))
+        return result.figures() | {"warnings": list(result.warnings)}
+
+    return store.entry("transform.json", _registration_key(task, number), register, progress)
 
 
 def _refuse_apart(first: Epoch, reference: PointCloud, epoch: Epoch, moving: PointCloud, offset: float) -> None:

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable
+from dataclasses import Field, dataclass, field, fields
+from typing import Any, TypeVar
 
 from ..interface.parameters import (
     ChangeParameters,
     DateParameters,
     DistanceParameters,
+    GridChangeParameters,
     GroundParameters,
     HeatmapParameters,
     InputParameters,
     LastEpochParameters,
+    ParameterSet,
     RegistrationParameters,
     ReportParameters,
     ScreeningParameters,
+    SeriesParameters,
     SurfaceParameters,
     ZoneParameters,
 )
@@ -36,34 +40,56 @@ class Settings:
     screening: LastEpochParameters = field(default_factory=LastEpochParameters)
     report: ReportParameters = field(default_factory=ReportParameters)
 
-    def groups(self) -> dict[str, Any]:
-        return {
-            "inputs": self.inputs,
-            "dates": self.dates,
-            "ground": self.ground,
-            "registration": self.registration,
-            "change": self.change,
-            "zones": self.zones,
-            "heatmap": self.heatmap,
-            "screening": self.screening,
-            "report": self.report,
-        }
-
 
 @dataclass(frozen=True)
 class ScreeningSettings:
     """The parameter groups of screening; ``ground`` counts where the ground is extracted first."""
 
-    inputs: InputParameters
-    ground: GroundParameters
-    screening: ScreeningParameters
+    inputs: InputParameters = field(default_factory=InputParameters)
+    ground: GroundParameters = field(default_factory=GroundParameters)
+    screening: ScreeningParameters = field(default_factory=ScreeningParameters)
 
 
 @dataclass(frozen=True)
 class DistanceSettings:
-    """The parameter groups of this command."""
+    """The parameter groups of M3C2."""
 
-    inputs: InputParameters
-    distances: DistanceParameters
+    inputs: InputParameters = field(default_factory=InputParameters)
+    distances: DistanceParameters = field(default_factory=DistanceParameters)
     dates: DateParameters = field(default_factory=DateParameters)
     surface: SurfaceParameters = field(default_factory=SurfaceParameters)
+
+
+@dataclass(frozen=True)
+class SeriesSettings:
+    """The parameter groups of a series."""
+
+    inputs: InputParameters = field(default_factory=InputParameters)
+    dates: DateParameters = field(default_factory=DateParameters)
+    ground: GroundParameters = field(default_factory=GroundParameters)
+    registration: RegistrationParameters = field(default_factory=RegistrationParameters)
+    change: GridChangeParameters = field(default_factory=GridChangeParameters)
+    zones: ZoneParameters = field(default_factory=ZoneParameters)
+    series: SeriesParameters = field(default_factory=SeriesParameters)
+
+
+Bundle = TypeVar("Bundle", Settings, ScreeningSettings, DistanceSettings, SeriesSettings)
+
+
+def gathered(bundle: type[Bundle], group_of: Callable[[type[Any]], Any]) -> Bundle:
+    """A bundle with each of its groups as ``group_of`` gives it for the group's class."""
+    return bundle(**{f.name: group_of(_class_of(f)) for f in fields(bundle)})
+
+
+def _class_of(group: Field[Any]) -> type[Any]:
+    made_by = group.default_factory
+    if not isinstance(made_by, type):
+        raise TypeError(f"{group.name} has no class of parameters as its default_factory")
+    return made_by
+
+
+def groups(
+    bundle: Settings | ScreeningSettings | DistanceSettings | SeriesSettings, *names: str
+) -> dict[str, ParameterSet]:
+    """Those groups of a bundle by name, as a run record takes them."""
+    return {name: getattr(bundle, name) for name in names}

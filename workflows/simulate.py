@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pyproj import CRS
 
-from ..engine.core.earlier_results import refuse_results
 from ..engine.core.errors import InputError
 from ..engine.core.progress import Progress
-from ..engine.core.run_record import RunRecord
-from ..engine.core.staged_outputs import staged_outputs
+from ..engine.core.run_result import RunResult
 from ..engine.grid.geotiff import write_raster
 from ..engine.grid.grid import snapped_grid
 from ..interface.parameters import CreepParameters, SurveyParameters
 from ..simulation.surveys.series import Creep, SimulatedSeries, simulate_series, survey_days, write_series
 from ..simulation.surveys.survey import simulate_pair
 from ..simulation.surveys.write import write_pair
+from .run import Run
 
 _NAMES = {"first": "reference", "second": "cloud"}
 _HALF_AXES = (2.0, 1.6)
@@ -31,23 +29,21 @@ _TRUTH_CELL = 0.25
 
 def survey_step(
     parameters: SurveyParameters, output_dir: Path, progress: Progress, *, overwrite: bool = False
-) -> tuple[dict[str, Path], dict[str, Any]]:
+) -> RunResult:
     """Simulate a pair of surveys and write it with its truth; nothing is left when it fails.
 
     Returns:
-        Paths by name (``reference`` and ``cloud`` are the earlier and the later survey, the rest as in
-        ``write_pair``, and ``run``) and the main figures.
+        The outputs ``reference`` and ``cloud`` are the earlier and the later survey, the rest as in ``write_pair``.
     """
-    refuse_results(output_dir, ("run.json", "truth.json"), overwrite=overwrite)
-    record = RunRecord("simulate survey", {"survey": parameters})
-    with staged_outputs(output_dir) as stage:
-        with record.stage("simulate"), progress.stage(0.0, 0.8, "simulating"):
+    run = Run("simulate survey", {"survey": parameters}, progress=progress)
+    run.refuse_folder(output_dir, ("run.json", "truth.json"), overwrite=overwrite)
+    with run.writing(output_dir) as stage:
+        with run.step("simulate", 0.0, 0.8, "simulating"):
             pair = simulate_pair(parameters, progress)
-        with record.stage("write"), progress.stage(0.8, 1.0, "writing"):
+        with run.step("write", 0.8, 1.0, "writing"):
             written = write_pair(pair, stage.folder, progress)
-        outputs = {_NAMES.get(name, name): stage.final(path.name) for name, path in written.items()}
-        outputs["run"] = stage.final("run.json")
-        record.metrics = {
+        run.outputs |= {_NAMES.get(name, name): stage.final(path.name) for name, path in written.items()}
+        run.figures = {
             "points_reference": len(pair.first),
             "points_cloud": len(pair.second),
             "ground_share": float(pair.first.truth_ground.mean()),
@@ -57,47 +53,43 @@ def survey_step(
             "volume_raised_m3": sum(change.volumes[0] for change in pair.changes),
             "volume_lowered_m3": sum(change.volumes[1] for change in pair.changes),
         }
-        record.write(stage.path("run.json"), progress.warnings, outputs)
-    return outputs, record.metrics
+    return run.result()
 
 
 def series_step(
     parameters: CreepParameters, output_dir: Path, progress: Progress, *, overwrite: bool = False
-) -> tuple[dict[str, Path], dict[str, Any]]:
+) -> RunResult:
     """Simulate a series of surveys and write it with a manifest and the truth; nothing is left when it fails.
 
     Returns:
-        Paths by name (``manifest``, ``roi``, ``truth``, ``truth_velocity``, each survey by its day, ``run``) and the
-        main figures.
+        The outputs are ``manifest``, ``roi``, ``truth``, ``truth_velocity``, each survey by its day, and ``run``.
 
     Raises:
         InputError: the velocities cannot be read, are too many for the slope's length, or lead too far.
     """
     laws = creep_laws(parameters)
-    refuse_results(output_dir, ("run.json", "truth.json", "surveys.csv"), overwrite=overwrite)
-    record = RunRecord("simulate series", {"creep": parameters})
-    with staged_outputs(output_dir) as stage:
-        with record.stage("simulate"), progress.stage(0.0, 0.9, "simulating"):
+    run = Run("simulate series", {"creep": parameters}, progress=progress)
+    run.refuse_folder(output_dir, ("run.json", "truth.json", "surveys.csv"), overwrite=overwrite)
+    with run.writing(output_dir) as stage:
+        with run.step("simulate", 0.0, 0.9, "simulating"):
             days = survey_days(parameters.surveys, parameters.interval)
             series = simulate_series(parameters, days, laws, half_axes=_HALF_AXES, progress=progress)
-        with record.stage("write"), progress.stage(0.9, 1.0, "writing"):
+        with run.step("write", 0.9, 1.0, "writing"):
             written = write_series(series, stage.folder, ground_only=parameters.ground_only)
             written["truth_velocity"] = stage.path("truth_velocity.tif")
             _write_velocity(series, written["truth_velocity"])
             written["manifest"] = stage.path("surveys.csv")
             lines = ["date,path", *(f"{day},{written[day.isoformat()].name}" for day in days)]
             written["manifest"].write_text("\n".join(lines) + "\n", encoding="utf-8")
-        outputs = {name: stage.final(path.name) for name, path in written.items()}
-        outputs["run"] = stage.final("run.json")
-        record.metrics = {
+        run.outputs |= {name: stage.final(path.name) for name, path in written.items()}
+        run.figures = {
             "surveys": len(days),
             "days": (days[-1] - days[0]).days,
             "points": sum(len(cloud) for cloud in series.clouds),
             "zones": len(laws),
             "vegetation_cover": series.canopy.cover(series.scene.slope),
         }
-        record.write(stage.path("run.json"), progress.warnings, outputs)
-    return outputs, record.metrics
+    return run.result()
 
 
 def creep_laws(parameters: CreepParameters) -> tuple[Creep, ...]:

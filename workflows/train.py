@@ -7,16 +7,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..engine.core.checksums import sha256
-from ..engine.core.earlier_results import refuse_results
 from ..engine.core.errors import InputError
 from ..engine.core.progress import Progress
-from ..engine.core.run_record import RunRecord
-from ..engine.core.staged_outputs import refuse_inputs_as_outputs, staged_outputs
+from ..engine.core.run_result import RunResult
 from ..interface.parameters import FineTuneParameters, InputParameters
 from ..models.network.availability import chosen_device, require_libraries
 from ..models.training.own_data import OwnCloud, read_own_clouds
 from ..models.training.report import training_report
+from .run import Run
 
 if TYPE_CHECKING:
     from ..models.network.weights import ModelFile
@@ -42,14 +40,14 @@ def train_step(
     polygons: Path | None = None,
     overwrite: bool = False,
     progress: Progress,
-) -> tuple[dict[str, Path], dict[str, Any]]:
+) -> RunResult:
     """Train on labelled clouds; everything given is checked before anything is written.
 
     Stopped and started again with the same values it goes on from the checkpoints in ``output_dir``/training. A model
     that the folder holds is replaced with ``overwrite`` only.
 
     Returns:
-        Paths by name (``NAMES``) and the main figures.
+        The outputs are named as in ``NAMES``.
 
     Raises:
         InputError: torch or the graphics card is missing; the start weights cannot be used; see ``read_own_clouds``;
@@ -66,34 +64,31 @@ def train_step(
     if parameters.threads:
         torch.set_num_threads(parameters.threads)
     start = start_weights(parameters)
-    given = [*paths, *([polygons] if polygons else []), *([start_path(parameters)] if start else [])]
-    refuse_inputs_as_outputs([output_dir / name for name in NAMES.values()], [p for p in given if p])
-    refuse_results(output_dir, NAMES.values(), overwrite=overwrite)
-    record = RunRecord("train", {"inputs": inputs, "training": parameters})
-    with record.stage("read"), progress.stage(0.0, 0.04):
+    files = [*(("cloud", path) for path in paths), ("polygons", polygons)]
+    run = Run("train", {"inputs": inputs, "training": parameters}, files, progress)
+    first = start_path(parameters)
+    run.refuse_folder(output_dir, [*NAMES.values()], overwrite=overwrite, also=[first] if first else [])
+    with run.step("read", 0.0, 0.04):
         clouds = read_own_clouds(paths, parameters, inputs, polygons, progress)
-        for path in paths:
-            record.add_input("cloud", path)
-        if polygons:
-            record.add_input("polygons", polygons)
+        labels_hash = run.hash_inputs()[-1]
+    areas = None if polygons is None else {"name": polygons.name, "sha256": labels_hash}
     _warn(clouds, start, progress)
-    with staged_outputs(output_dir) as stage:
-        with record.stage("train"), progress.stage(0.04, 0.98):
+    with run.writing(output_dir) as stage:
+        with run.step("train", 0.04, 0.98):
             tuned = fine_tune(clouds, start, parameters, output_dir / WORK, device=device, progress=progress)
         metrics = {
             "cross_validation": tuned.scores,
             "calibration": tuned.calibration.summary() if tuned.calibration else None,
         }
-        facts = training_facts(clouds, start, parameters, tuned, polygons, torch.__version__)
+        facts = training_facts(clouds, start, parameters, tuned, areas, torch.__version__)
         digest = save_model(stage.path(NAMES["weights"]), tuned.network, facts, metrics)
         collect_log(output_dir / WORK, tuned.folds, stage.path(NAMES["log"]))
         report = training_report(facts, metrics, digest, progress.warnings)
         stage.path(NAMES["report"]).write_text(report, encoding="utf-8")
-        outputs = {key: stage.final(name) for key, name in NAMES.items()}
-        record.metrics = _figures(clouds, tuned)
-        record.facts = {"weights_sha256": digest, "start": facts["start"], "device": str(device)}
-        record.write(stage.path(NAMES["run"]), progress.warnings, outputs)
-    return outputs, record.metrics
+        run.outputs |= {key: stage.final(name) for key, name in NAMES.items()}
+        run.figures = _figures(clouds, tuned)
+        run.facts |= {"weights_sha256": digest, "start": facts["start"], "device": str(device)}
+    return run.result()
 
 
 def start_path(parameters: FineTuneParameters) -> Path | None:
@@ -162,10 +157,10 @@ def training_facts(
     start: ModelFile | None,
     parameters: FineTuneParameters,
     tuned: FineTuned,
-    polygons: Path | None,
+    polygons: dict[str, str] | None,
     torch_version: str,
 ) -> dict[str, Any]:
-    """What the model's description says of its training."""
+    """What the model's description says of its training; ``polygons`` are name and SHA-256 of the file of labels."""
     names = [cloud.name for cloud in clouds]
     return {
         "start": None if start is None else {"name": start.configuration.name, "sha256": start.sha256},
@@ -181,16 +176,12 @@ def training_facts(
             }
             for cloud in clouds
         ],
-        "polygons": None if polygons is None else {"name": polygons.name, "sha256": _digest(polygons)},
+        "polygons": polygons,
         "folds": [
             {"train": [names[k] for k in fold.train], "test": [names[k] for k in fold.test]} for fold in tuned.folds
         ],
         "torch": torch_version,
     }
-
-
-def _digest(path: Path) -> str:
-    return sha256(*(sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]))
 
 
 def _figures(clouds: Sequence[OwnCloud], tuned: FineTuned) -> dict[str, Any]:

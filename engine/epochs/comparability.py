@@ -63,11 +63,11 @@ def refuse_other_raw_heights(
         InputError: heights of another system or unit.
     """
     found = compare_clouds(sample_cloud(first, inputs), sample_cloud(second, inputs), lowest=True)
-    wrong = disagreement(found, first.name, second.name, max(_registered(parameters), _PLANTS))
+    wrong = disagreement(found, first.name, second.name, max(registered_offset(parameters), _PLANTS))
     if wrong is not None:
         raise InputError(wrong)
 
 
-def _registered(parameters: RegistrationParameters) -> float:
+def registered_offset(parameters: RegistrationParameters) -> float:
     """The offset of heights (m) up to which a registration finds its way."""
     return parameters.maximum_offset * (_FOUND if parameters.method == "robust" else 1.0)

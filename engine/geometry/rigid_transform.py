@@ -170,13 +170,13 @@ def registration_error(transform_path: Path | None) -> float | None:
     """Standard error of the registration in height (m), where the transform's file tells it."""
     if transform_path is None:
         return None
-    known = _registration_facts(transform_path).get("registration_error_m")
+    known = registration_facts(transform_path).get("registration_error_m")
     if isinstance(known, (int, float)) and math.isfinite(known) and known >= 0:
         return float(known)
     return None
 
 
-def _registration_facts(transform_path: Path) -> dict[str, Any]:
+def registration_facts(transform_path: Path) -> dict[str, Any]:
     """What the transform's file tells of the registration that found it."""
     facts = json.loads(transform_path.read_text(encoding="utf-8")).get("registration")
     return facts if isinstance(facts, dict) else {}

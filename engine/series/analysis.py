@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from ...interface.parameters import GridChangeParameters, ZoneParameters
 from ..change.difference import difference_of_cells
 from ..change.doubts import warn_of_doubtful_change
 from ..change.result import Change
@@ -23,7 +24,6 @@ from ..zones.groups import label_groups
 from .alerts import AlertLevel
 from .gridded_epoch import GriddedEpoch
 from .persistence import confirmed_cells
-from .settings import SeriesSettings
 from .tracking import Track, track_zones
 from .velocity import own_variances
 from .zone_series import Stack, ZoneSeries, zone_series
@@ -49,7 +49,8 @@ class Analysis:
 def analyse(
     gridded: Sequence[GriddedEpoch],
     grid: Grid,
-    settings: SeriesSettings,
+    parameters: GridChangeParameters,
+    zone_parameters: ZoneParameters,
     alerts: tuple[AlertLevel, ...],
     *,
     stable: BaseGeometry | None = None,
@@ -68,23 +69,23 @@ def analyse(
     for number, (before, later) in enumerate(pairwise(gridded), 1):
         progress.update(number / len(gridded), f"comparing {later.epoch.name}")
         try:
-            cumulative.append(_difference(first, later, grid, settings, stable))
+            cumulative.append(_difference(first, later, grid, parameters, stable))
             # all along the direction of the first comparison
-            settings = replace(settings, change=replace(settings.change, direction=cumulative[0].direction))
-            incremental.append(cumulative[0] if number == 1 else _difference(before, later, grid, settings, stable))
+            parameters = replace(parameters, direction=cumulative[0].direction)
+            incremental.append(cumulative[0] if number == 1 else _difference(before, later, grid, parameters, stable))
         except InputError as wrong:
             raise InputError(f"{later.epoch.name}: {wrong}") from wrong
         warn_of_doubtful_change(cumulative[-1], shares[number], may_grow=False)
     stack = _stack(gridded, cumulative, grid)
-    reach = int(settings.zones.bridged_gap / (2.0 * grid.cell) + 1e-6)
+    reach = int(zone_parameters.bridged_gap / (2.0 * grid.cell) + 1e-6)
     groups = []
     for number, change in enumerate(cumulative, 1):
         plants = None if change.plants is None else change.plants.error
-        labels = label_groups(change.dz, stack.significant[number], settings.zones, change.partition, plants=plants)[0]
+        labels = label_groups(change.dz, stack.significant[number], zone_parameters, change.partition, plants=plants)[0]
         groups.append((number, labels, np.sign(np.nan_to_num(change.dz)).astype(np.int8)))
     tracks = track_zones(groups, max(1, reach))
     living = [t for t in tracks if not t.merged_into and len(t.footprint)]
-    found = zone_series(living, stack, alerts, minimum_area=settings.zones.minimum_area, bridged=max(2, 2 * reach))
+    found = zone_series(living, stack, alerts, minimum_area=zone_parameters.minimum_area, bridged=max(2, 2 * reach))
     zones = tuple(z for z in found if z.epochs_confirmed > 0)
     grouped = [np.where(labels > 0, c.level, np.inf) for (_, labels, _), c in zip(groups, cumulative, strict=True)]
     confirmed = confirmed_cells([c.dz for c in cumulative], grouped)
@@ -92,12 +93,12 @@ def analyse(
 
 
 def _difference(
-    a: GriddedEpoch, b: GriddedEpoch, grid: Grid, settings: SeriesSettings, stable: BaseGeometry | None
+    a: GriddedEpoch, b: GriddedEpoch, grid: Grid, parameters: GridChangeParameters, stable: BaseGeometry | None
 ) -> Change:
     area = a.area if b.area is None else b.area if a.area is None else a.area.intersection(b.area)
     error = float(np.hypot(a.registration_error, b.registration_error))
     return difference_of_cells(
-        a.cells, b.cells, grid, settings.change, registration_error=error, area=area, stable_area=stable
+        a.cells, b.cells, grid, parameters, registration_error=error, area=area, stable_area=stable
     )
 
 

@@ -11,9 +11,9 @@ import click
 
 from ...cli.options import Session, command
 from ...engine.core.errors import InputError
+from ...engine.core.run_result import RunResult
 from ...engine.core.staged_outputs import atomic_output
 
-Outcome = tuple[dict[str, Path], dict[str, Any]]
 FIGURES = Path(__file__).resolve().parents[1] / "weights" / "figures"
 _folder = click.option(
     "--folder", type=click.Path(path_type=Path), required=True, help="For checkpoints; a broken run goes on from here."
@@ -44,7 +44,7 @@ def main() -> None:
 @command(profile=False)
 def folds(
     session: Session, recipe: str, scenes: int, steps: int, only: tuple[int, ...], device: str, folder: Path
-) -> Outcome:
+) -> RunResult:
     """Five folds by scene of the published set: train and score each."""
     from ...simulation.hazard_scenes.sets import published_set
     from ..network.availability import chosen_device
@@ -61,7 +61,7 @@ def folds(
     path = folder / "folds.json"
     if not scenes and not steps and not only:
         path = _keep(f"folds_{recipe}.json", summary)
-    return {"folds": path}, {name: summary[name]["mean"] for name in ("overall_accuracy", "mean_iou")}
+    return RunResult({"folds": path}, {name: summary[name]["mean"] for name in ("overall_accuracy", "mean_iou")})
 
 
 @main.command()
@@ -69,7 +69,7 @@ def folds(
 @_device
 @_folder
 @command(profile=False)
-def weights(session: Session, minutes: float, device: str, folder: Path) -> Outcome:
+def weights(session: Session, minutes: float, device: str, folder: Path) -> RunResult:
     """Train the shipped weights from nothing, calibrate them and write them with their description."""
     from ..network.availability import chosen_device
     from ..network.shipped import SHIPPED_WEIGHTS
@@ -98,7 +98,7 @@ def weights(session: Session, minutes: float, device: str, folder: Path) -> Outc
         partial.write_text(f"{digest}  {SHIPPED_WEIGHTS.name}\n", encoding="ascii")
     with atomic_output(SHIPPED_WEIGHTS.with_name("training_log.csv")) as partial:
         partial.write_text((folder / "log.csv").read_text(encoding="utf-8"), encoding="utf-8")
-    return {"weights": SHIPPED_WEIGHTS}, {"temperature": calibration.temperature, **facts}
+    return RunResult({"weights": SHIPPED_WEIGHTS}, {"temperature": calibration.temperature, **facts})
 
 
 @main.command()
@@ -106,7 +106,7 @@ def weights(session: Session, minutes: float, device: str, folder: Path) -> Outc
 @click.option("--set", "chosen", multiple=True, type=click.Choice(["published", "realistic", "shifted"]))
 @_device
 @command(profile=False)
-def figures(session: Session, residual: bool, chosen: tuple[str, ...], device: str) -> Outcome:
+def figures(session: Session, residual: bool, chosen: tuple[str, ...], device: str) -> RunResult:
     """Score the shipped weights, or the threshold, on the benchmark sets."""
     from ..inference.calibration import temperature_of
     from ..network.availability import chosen_device
@@ -125,20 +125,20 @@ def figures(session: Session, residual: bool, chosen: tuple[str, ...], device: s
         with session.report.stage(number / len(names), (number + 1) / len(names), f"{name} set"):
             scores = score_set(name, network, temperature, device=on, progress=session.report)
         outputs[name] = _keep(f"{name}_{'residual' if residual else 'slopewatch'}.json", scores)
-    return outputs, {}
+    return RunResult(outputs, {})
 
 
 @main.command()
 @click.option("--seconds", type=float, default=90.0, show_default=True, help="Of the processor, for each variant.")
 @_folder
 @command(profile=False)
-def ablation(session: Session, seconds: float, folder: Path) -> Outcome:
+def ablation(session: Session, seconds: float, folder: Path) -> RunResult:
     """Train with one choice changed at a time, each for the same time."""
     from .ablation import ablate
 
     _one_thread()
     found = ablate(folder, seconds, progress=session.report)
-    return {"ablation": _keep("ablation.json", {"seconds": seconds, "variants": found})}, {}
+    return RunResult({"ablation": _keep("ablation.json", {"seconds": seconds, "variants": found})}, {})
 
 
 @main.command()
@@ -151,7 +151,7 @@ def ablation(session: Session, seconds: float, folder: Path) -> Outcome:
     help="Where a recipe's folds were trained, for the time that they took.",
 )
 @command(profile=False)
-def card(session: Session, folders: tuple[tuple[str, Path], ...]) -> Outcome:
+def card(session: Session, folders: tuple[tuple[str, Path], ...]) -> RunResult:
     """Write the model card from the weights' description and the figures beside them."""
     from ..network.shipped import shipped_model
     from ..network.weights import load_model
@@ -165,7 +165,7 @@ def card(session: Session, folders: tuple[tuple[str, Path], ...]) -> Outcome:
     text = model_card(load_model(*shipped_model()).metadata, read_figures(FIGURES), seconds)
     with atomic_output(path) as partial:
         partial.write_text(text, encoding="utf-8")
-    return {"card": path}, {}
+    return RunResult({"card": path}, {})
 
 
 def _keep(name: str, values: dict[str, Any]) -> Path:

@@ -47,7 +47,7 @@ def forest(shared_data, tmp_path_factory) -> tuple[Path, Path, np.ndarray]:
 def test_a_bowl_put_into_a_real_slope_is_found_where_it_is(forest, tmp_path):
     first, second, centre = forest
     progress = Progress()
-    outputs, metrics = inspect_slope(
+    done = inspect_slope(
         (Epoch(first, date(2024, 1, 10)), Epoch(second, date(2025, 1, 10))),
         tmp_path / "out",
         Settings(
@@ -57,6 +57,7 @@ def test_a_bowl_put_into_a_real_slope_is_found_where_it_is(forest, tmp_path):
         ),
         progress=progress,
     )
+    outputs, metrics = done.outputs, done.figures
     found = RigidTransform.load(outputs["transform"])
     middle = np.array([[*centre, np.median(laspy.read(first).z)]])
     assert np.abs(found.apply(middle) - middle - OFFSET).max() < 0.05
@@ -90,9 +91,10 @@ def test_the_real_pair_in_mixed_units_equals_arithmetic_on_its_points(autzen, tm
     cell = 8.0
     progress = Progress()
     settings = Settings(change=ChangeParameters(cell=cell, cell_value="mean", minimum_points=2))
-    outputs, metrics = change_step(
+    done = change_step(
         *autzen, tmp_path, settings, dates=("2010-01-01", "2023-01-01"), transform_path=None, progress=progress
     )
+    outputs, metrics = done.outputs, done.figures
     cells = []
     for path in autzen:
         las = laspy.read(path)

@@ -50,7 +50,6 @@ from slopewatch.engine.ground import extraction
 from slopewatch.engine.pointcloud.pdal_program import find_pdal
 from slopewatch.engine.pointcloud.reading import read_cloud
 from slopewatch.engine.report.compose import write_report
-from slopewatch.engine.series.settings import SeriesSettings
 from slopewatch.interface.parameters import (
     ChangeParameters,
     DistanceParameters,
@@ -68,7 +67,7 @@ from slopewatch.workflows.inspect import inspect_slope
 from slopewatch.workflows.m3c2 import m3c2_step
 from slopewatch.workflows.register import register_step
 from slopewatch.workflows.series import monitor_series
-from slopewatch.workflows.settings import DistanceSettings, Settings
+from slopewatch.workflows.settings import DistanceSettings, SeriesSettings, Settings
 
 X, Y = 500_000.0, 3_500_000.0
 SIDE = 12.0
@@ -181,7 +180,7 @@ def test_26_other_reference_systems_are_refused_and_a_wrong_one_can_be_overridde
     refused(first.parent, lambda: register(first, other), *words)
     refused(first.parent, lambda: inspect(first.parent, Epoch(first, None), Epoch(other, None)), *words)
     progress = Progress()
-    outputs, _ = register(first, other, progress, inputs=InputParameters(crs="EPSG:32651"), method="none")
+    outputs = register(first, other, progress, inputs=InputParameters(crs="EPSG:32651"), method="none").outputs
     assert laspy.read(outputs["aligned"]).header.parse_crs().to_epsg() == 32651
     record = json.loads(outputs["run"].read_text())
     assert any("zone 50N; the given" in note for note in read_cloud(other, InputParameters(crs="EPSG:32651")).notes)
@@ -281,7 +280,7 @@ def test_28_the_registration_takes_the_offset_off_where_that_is_asked_for(first)
     sentence = refused(first.parent, lambda: register(first, other), "maximum_offset of 29 m")
     assert sentence.count("29") == 1
     progress = Progress()
-    outputs, _ = register(first, other, progress, maximum_offset=29.0)
+    outputs = register(first, other, progress, maximum_offset=29.0).outputs
     assert np.abs(laspy.read(outputs["aligned"]).xyz - slope(2)).max() < 0.03
     assert any("check its datum and heights" in warning for warning in progress.warnings)
 
@@ -325,7 +324,7 @@ def test_29_a_uniform_dz_is_named_and_no_zone(risen):
 def test_29_a_uniform_dz_that_is_left_has_figures_all_the_same(first):
     """Nothing agrees, as all lies 40 cm higher and registration is off."""
     other = write(first.with_name("2025-05-01.laz"), slope(2) + [0, 0, 0.4])
-    _, metrics = register(first, other, method="none")
+    metrics = register(first, other, method="none").figures
     assert metrics["registration_stable_share"] == 0
     assert metrics["registration_normal_translation_m"] == 0
     assert metrics["registration_error_m"] > 0.3
@@ -444,7 +443,8 @@ def test_38_no_stable_ground_is_refused_or_accepted_with_a_wide_level(first):
     with pytest.raises(InputError, match="--accept-unstable"):
         register(first, other)
     progress = Progress()
-    outputs, metrics = register(first, other, progress, accept_unstable=True)
+    done = register(first, other, progress, accept_unstable=True)
+    outputs, metrics = done.outputs, done.figures
     assert any("No stable ground was found" in w and "give an area known to be stable" in w for w in progress.warnings)
     assert np.array_equal(json.loads(outputs["transform"].read_text())["matrix"], np.eye(4))
     error = metrics["registration_error_m"]

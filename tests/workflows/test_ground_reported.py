@@ -18,7 +18,6 @@ from slopewatch.engine.pointcloud.cloud import PointCloud
 from slopewatch.engine.pointcloud.pdal_program import Pdal
 from slopewatch.engine.pointcloud.reading import read_cloud
 from slopewatch.engine.pointcloud.writing import write_cloud
-from slopewatch.engine.series.settings import SeriesSettings
 from slopewatch.interface.parameters import (
     GridChangeParameters,
     LastEpochParameters,
@@ -29,7 +28,7 @@ from slopewatch.workflows import ground as ground_module
 from slopewatch.workflows import inspect, series_preparation
 from slopewatch.workflows.inspect import inspect_slope
 from slopewatch.workflows.series import monitor_series
-from slopewatch.workflows.settings import Settings
+from slopewatch.workflows.settings import SeriesSettings, Settings
 
 
 class Extraction:
@@ -75,8 +74,7 @@ def extraction(monkeypatch) -> Extraction:
     for module in (ground_module, inspect, series_preparation):
         monkeypatch.setattr(module, "extract_ground", found)
     program = Pdal(None, "2.9.0", "for the test")
-    for name in ("ground", "inspect", "series"):
-        monkeypatch.setattr(f"slopewatch.workflows.{name}.find_pdal", lambda *_: program)
+    monkeypatch.setattr("slopewatch.workflows.run.find_pdal", lambda *_: program)
     return found
 
 
@@ -92,9 +90,10 @@ def cloud(path: Path, seed: int = 0) -> Path:
 
 def test_ground_tells_the_sentence_and_the_table(extraction, tmp_path, capsys):
     progress = JsonReporter()
-    outputs, metrics = ground_module.ground_step(
+    done = ground_module.ground_step(
         cloud(tmp_path / "a.laz"), tmp_path / "out_ground.laz", Settings(), roi=None, pdal=None, progress=progress
     )
+    outputs, metrics = done.outputs, done.figures
     progress.result(outputs, metrics)
     [cover] = extraction.covers
     events = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
@@ -114,9 +113,9 @@ def test_ground_tells_the_sentence_and_the_table(extraction, tmp_path, capsys):
 def test_without_a_cover_nothing_is_said(extraction, tmp_path):
     extraction.cover = False
     progress = Kept()
-    _, metrics = ground_module.ground_step(
+    metrics = ground_module.ground_step(
         cloud(tmp_path / "a.laz"), tmp_path / "out.laz", Settings(), roi=None, pdal=None, progress=progress
-    )
+    ).figures
     assert progress.said == []
     assert "bare_share" not in metrics
     assert json.loads((tmp_path / "out_run.json").read_text())["stages"][0]["cover"] is None
@@ -129,7 +128,7 @@ def test_inspect_tells_it_of_both_surveys_and_shows_it(extraction, tmp_path):
         screening=LastEpochParameters(screen_last_epoch=False), registration=RegistrationParameters(method="none")
     )
     progress, out = Kept(), tmp_path / "out"
-    _, metrics = inspect_slope(epochs, out, settings, progress=progress)
+    metrics = inspect_slope(epochs, out, settings, progress=progress).figures
     record = json.loads((out / "run.json").read_text())
     for label, day in zip(("reference", "moving"), days, strict=True):
         kept = record["stages"][0]["epochs"][day]["cover"]

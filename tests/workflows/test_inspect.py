@@ -29,8 +29,9 @@ from slopewatch.models.screening.screen import screen_cloud
 from slopewatch.simulation.surveys.survey import simulate_pair
 from slopewatch.simulation.surveys.write import write_pair
 from slopewatch.workflows import last_epoch
-from slopewatch.workflows.inspect import CHANGE_OUTPUTS, inspect_slope
+from slopewatch.workflows.inspect import inspect_slope
 from slopewatch.workflows.last_epoch import SCREENING_OUTPUTS
+from slopewatch.workflows.products.change import CHANGE_OUTPUTS
 from slopewatch.workflows.settings import Settings
 
 RESIDUAL = LastEpochParameters(screening_method="residual", residual_threshold=0.05)
@@ -52,7 +53,8 @@ def run(survey, tmp_path_factory):
     out = tmp_path_factory.mktemp("out") / "new"
     progress = Progress()
     settings = Settings(change=ChangeParameters(cell=0.2), screening=RESIDUAL)
-    outputs, metrics = inspect_slope(epochs(paths), out, settings, roi=paths["roi"], progress=progress)
+    done = inspect_slope(epochs(paths), out, settings, roi=paths["roi"], progress=progress)
+    outputs, metrics = done.outputs, done.figures
     return out, outputs, metrics
 
 
@@ -218,11 +220,13 @@ def test_one_epoch_is_screened_and_nothing_else(survey, tmp_path):
     _, paths = survey
     epoch, out, progress = epochs(paths)[1], tmp_path / "out", Progress()
     out.mkdir()
-    (out / "zones.gpkg").touch()
+    for name in ("zones.gpkg", "report.html"):
+        (out / name).touch()
     given = {"roi": paths["roi"], "progress": progress}
     with pytest.raises(InputError, match=r"holds results already \(zones\.gpkg\)"):
         inspect_slope([epoch], out, Settings(screening=RESIDUAL), **given)
-    outputs, metrics = inspect_slope([epoch], out, Settings(screening=RESIDUAL), overwrite=True, **given)
+    done = inspect_slope([epoch], out, Settings(screening=RESIDUAL), overwrite=True, **given)
+    outputs, metrics = done.outputs, done.figures
     assert {p.name for p in out.iterdir()} == {
         *SCREENING_OUTPUTS, "screened_probability.qml", "run.json", "report.html", "clouds", "zones.gpkg",
     }  # fmt: skip
@@ -246,7 +250,8 @@ def test_a_slope_that_cannot_be_screened_gets_all_else(survey, tmp_path):
     wall = replace(RESIDUAL, minimum_dip=85.0)
     settings = Settings(change=ChangeParameters(cell=0.2), screening=wall)
     out = tmp_path / "out"
-    outputs, metrics = inspect_slope(epochs(paths), out, settings, roi=paths["roi"], progress=progress)
+    done = inspect_slope(epochs(paths), out, settings, roi=paths["roi"], progress=progress)
+    outputs, metrics = done.outputs, done.figures
     assert all((out / name).is_file() for name in CHANGE_OUTPUTS)
     assert not list(out.glob("screened*"))
     assert metrics["zone_count"] > 0

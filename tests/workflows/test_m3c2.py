@@ -67,7 +67,8 @@ def run(first, second, output, *, progress=None, crs="", height_unit="auto", **g
 @pytest.fixture(scope="module")
 def outcome(pair, tmp_path_factory):
     progress = Progress()
-    outputs, metrics = run(*pair, tmp_path_factory.mktemp("out") / "points.laz", progress=progress)
+    done = run(*pair, tmp_path_factory.mktemp("out") / "points.laz", progress=progress)
+    outputs, metrics = done.outputs, done.figures
     return outputs, metrics, progress.warnings
 
 
@@ -96,7 +97,7 @@ def test_points_carry_what_was_measured_in_their_system(pair, outcome):
 
 def test_the_published_level_is_there_for_the_asking(pair, outcome, tmp_path):
     """1.96 (sqrt(s1^2 / n1 + s2^2 / n2) + registration error), from the file itself; the same distances."""
-    outputs, _ = run(*pair, tmp_path / "points.laz", calibrate=False, registration_error=0.01)
+    outputs = run(*pair, tmp_path / "points.laz", calibrate=False, registration_error=0.01).outputs
     las = laspy.read(outputs["points"])
     one, two = (np.asarray(las[f"m3c2_std_dev{k}"]) ** 2 / las[f"m3c2_count{k}"] for k in (1, 2))
     measured = las["m3c2_status"] == 0
@@ -141,9 +142,9 @@ class TestCalibration:
     def test_stable_ground_tells_the_level_and_the_run_says_so(self, unchanged, tmp_path):
         """Of two surveys that differ by more than their points scatter."""
         progress = Heard()
-        plain, _ = run(*unchanged, tmp_path / "plain.laz", calibrate=False, registration_error=0.0)
+        plain = run(*unchanged, tmp_path / "plain.laz", calibrate=False, registration_error=0.0).outputs
         assert self.beyond(plain)[1] > 0.2
-        outputs, _ = run(*unchanged, tmp_path / "out.laz", registration_error=0.0, progress=progress)
+        outputs = run(*unchanged, tmp_path / "out.laz", registration_error=0.0, progress=progress).outputs
         assert sum(self.beyond(outputs)) / 2 < 0.08
         told = json.loads(outputs["run"].read_text())["level_of_detection"]
         assert told["level"] == "calibrated"
@@ -156,12 +157,22 @@ class TestCalibration:
         area = tmp_path / "stable.gpkg"
         box = shapely.box(5e5 - 1, 3.5e6 - 1, 5e5 + 5.5, 3.5e6 + 20)
         gpd.GeoDataFrame(geometry=[box], crs="EPSG:32651").to_file(area)
-        outputs, _ = run(*unchanged, tmp_path / "out.laz", registration_error=0.0, stable=area)
+        outputs = run(*unchanged, tmp_path / "out.laz", registration_error=0.0, stable=area).outputs
         west, east = self.beyond(outputs)
         assert west < 0.08
         assert east > 0.2
         record = json.loads(outputs["run"].read_text())
         assert [entry["role"] for entry in record["inputs"]][-1] == "stable"
+
+    def test_stable_polygons_without_calibration_are_said_to_do_nothing(self, unchanged, tmp_path):
+        area, progress = tmp_path / "stable.gpkg", Progress()
+        gpd.GeoDataFrame(geometry=[shapely.box(5e5, 3.5e6, 5e5 + 5, 3.5e6 + 20)], crs="EPSG:32651").to_file(area)
+        given = {"registration_error": 0.0, "calibrate": False}
+        plain = run(*unchanged, tmp_path / "plain.laz", **given)
+        done = run(*unchanged, tmp_path / "out.laz", stable=area, progress=progress, **given)
+        assert done.figures == plain.figures
+        assert [w for w in progress.warnings if "--stable has no effect with --no-calibrate" in w]
+        assert not [w for w in plain.warnings if "--stable" in w]
 
     def test_plants_that_a_cloud_tells_of_widen_the_level(self, unchanged, tmp_path):
         paths = [
@@ -169,7 +180,7 @@ class TestCalibration:
             for path in unchanged
         ]
         shared = {"registration_error": 0.0, "projection_scale": 0.6, "normal_scale": 0.6, "half_length": 0.5}
-        plain, told = (run(*some, tmp_path / "out.laz", **shared)[1] for some in (unchanged, paths))
+        plain, told = (run(*some, tmp_path / "out.laz", **shared).figures for some in (unchanged, paths))
         # at least a part of the stated error stays, however alike the surveys are
         expected = 1.96 * 0.4 * 0.05 * np.sqrt(2) * np.cos(DIP)
         assert told["lod_median_m"] == pytest.approx(np.hypot(plain["lod_median_m"], expected), rel=0.15)
@@ -233,11 +244,17 @@ def test_a_transform_is_applied_and_its_error_enters_the_level(pair, tmp_path):
     transform.write_text(json.dumps({"matrix": matrix.tolist(), "registration": {"registration_error_m": 0.02}}))
     progress = Progress()
     given = {"projection_scale": 0.7, "normal_scale": 0.6, "half_length": 0.8, "core_spacing": 0.5, "calibrate": False}
-    _, plain = run(*pair, tmp_path / "plain.laz", **given)
-    outputs, metrics = run(
-        pair[0], moved, tmp_path / "out.laz", raster_dir=tmp_path / "maps", transform_path=transform,
-        progress=progress, **given,
-    )  # fmt: skip
+    plain = run(*pair, tmp_path / "plain.laz", **given).figures
+    done = run(
+        pair[0],
+        moved,
+        tmp_path / "out.laz",
+        raster_dir=tmp_path / "maps",
+        transform_path=transform,
+        progress=progress,
+        **given,
+    )
+    outputs, metrics = done.outputs, done.figures  # fmt: skip
     assert metrics["registration_error_m"] == 0.02
     assert not any("registration's error" in sentence for sentence in progress.warnings)
     assert metrics["lod_median_m"] == pytest.approx(plain["lod_median_m"] + 1.96 * 0.02, abs=5e-4)
@@ -250,11 +267,11 @@ def test_a_transform_is_applied_and_its_error_enters_the_level(pair, tmp_path):
     assert record["transform"] == matrix.tolist()
     with rasterio.open(outputs["m3c2_distance"]) as source:
         assert float(source.tags()["COREG_DX"]) == pytest.approx(-0.4)
-    assert run(*pair, tmp_path / "e.laz", registration_error=0.05, **given)[1]["registration_error_m"] == 0.05
+    assert run(*pair, tmp_path / "e.laz", registration_error=0.05, **given).figures["registration_error_m"] == 0.05
 
 
 def test_vertical_distances_are_differences_of_height(pair, tmp_path):
-    _, metrics = run(*pair, tmp_path / "v.laz", normals="vertical", half_length=2.0)
+    metrics = run(*pair, tmp_path / "v.laz", normals="vertical", half_length=2.0).figures
     las = laspy.read(tmp_path / "v.laz")
     west = (np.asarray(las.x) < 5e5 + 3) & (las["m3c2_status"] == 0)
     assert np.median(np.asarray(las["m3c2_distance"])[west]) == pytest.approx(BULGE / np.cos(DIP), rel=0.02)
@@ -278,7 +295,8 @@ def test_core_points_and_their_normals_may_be_given(pair, tmp_path):
     normals = {f"Normal{a}": length * NORMAL[k] for k, a in enumerate("XYZ")}
     core = write(tmp_path / "core.laz", places, depth=np.arange(4.0), **normals)
     given = {"projection_scale": 0.8, "half_length": 1.0, "distance_cell": 1.0}
-    outputs, metrics = run(*pair, tmp_path / "p.laz", core=core, normals="given", **given)
+    done = run(*pair, tmp_path / "p.laz", core=core, normals="given", **given)
+    outputs, metrics = done.outputs, done.figures
     las = laspy.read(outputs["points"])
     assert np.asarray(las["m3c2_status"]).tolist() == [0, 0, 3, 2]
     assert np.asarray(las["m3c2_distance"])[:2] == pytest.approx([BULGE, 0.0], abs=0.01)
@@ -294,10 +312,10 @@ def test_cloudcompares_distances_through_files(shared_data, tmp_path):
     dimensions = {f"Normal{a}": normals[:, k] for k, a in enumerate("XYZ")}
     system = laspy.read(folder / "autzen-bmx-2010.las").header.parse_crs()
     core = write(tmp_path / "core.laz", xyz, crs=system, **dimensions)
-    outputs, _ = run(
+    outputs = run(
         folder / "autzen-bmx-2010.las", folder / "autzen-bmx-2023.las", tmp_path / "p.laz", core=core, normals="given",
         height_unit="metre", projection_scale=2 * 2.890432, half_length=5.5,
-    )  # fmt: skip
+    ).outputs  # fmt: skip
     las = laspy.read(outputs["points"])
     assert np.array_equal(las["m3c2_count1"], table["Npoints_cloud1"])
     assert np.array_equal(las["m3c2_count2"], table["Npoints_cloud2"])
@@ -313,7 +331,7 @@ def test_feet_become_metres_and_are_said(tmp_path):
         write(tmp_path / f"{name}.laz", cloud / feet, crs="EPSG:2994+6360")
         for name, cloud in (("a", steep(9000, 1)), ("b", steep(9000, 2, raised=BULGE)))
     )
-    outputs, _ = run(first, second, tmp_path / "out.laz", height_unit="foot", progress=progress)
+    outputs = run(first, second, tmp_path / "out.laz", height_unit="foot", progress=progress).outputs
     assert any("feet" in sentence for sentence in progress.warnings)
     las = laspy.read(outputs["points"])
     west = np.asarray(las.x) < 5e5 + 3

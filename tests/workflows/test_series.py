@@ -26,7 +26,6 @@ from slopewatch.engine.epochs.epoch import Epoch
 from slopewatch.engine.epochs.manifest import epochs_of
 from slopewatch.engine.grid.grid import Grid
 from slopewatch.engine.report.compose import write_report
-from slopewatch.engine.series.settings import SeriesSettings
 from slopewatch.interface.parameters import (
     ChangeParameters,
     GridChangeParameters,
@@ -39,6 +38,7 @@ from slopewatch.simulation.surveys.series import Creep, Settling, simulate_serie
 from slopewatch.workflows import series_preparation
 from slopewatch.workflows.products.series import SERIES_OUTPUTS
 from slopewatch.workflows.series import monitor_series
+from slopewatch.workflows.settings import SeriesSettings
 
 READY = SeriesSettings(series=SeriesParameters(ground_ready=True), change=GridChangeParameters(cell=0.25))
 STEPS = ("extract_ground", "register_pair", "epoch_cells")
@@ -82,7 +82,8 @@ def runs(simulated, tmp_path_factory):
     for count in (4, 5):
         with pytest.MonkeyPatch.context() as patch:
             counted = Counted(patch)
-            outputs, metrics = monitor_series(surveys(paths)[:count], out, READY, roi=paths["roi"])
+            done = monitor_series(surveys(paths)[:count], out, READY, roi=paths["roi"])
+            outputs, metrics = done.outputs, done.figures
         record = json.loads((out / "run.json").read_text())
         zones = geopandas.read_file(out / "series.gpkg", layer="zones")
         found.append((counted.calls, record, zones, outputs, metrics))
@@ -367,7 +368,8 @@ def test_a_survey_that_rose_as_a_whole_makes_no_zones(tmp_path):
 def test_no_change_gives_outputs_without_zones(tmp_path):
     for number in range(3):
         plane(tmp_path / f"2024-0{number + 1}-01.laz", seed=number)
-    outputs, metrics = monitor_series(epochs_of(tmp_path), tmp_path / "out", FIXED)
+    done = monitor_series(epochs_of(tmp_path), tmp_path / "out", FIXED)
+    outputs, metrics = done.outputs, done.figures
     assert metrics["zone_count"] == metrics["highest_alert"] == 0
     assert metrics["fastest_rate_mm_day"] is None
     assert all(path.is_file() for path in outputs.values())
@@ -377,14 +379,14 @@ def test_no_change_gives_outputs_without_zones(tmp_path):
 def test_own_alert_table_decides(tmp_path):
     for number in range(3):
         plane(tmp_path / f"2024-0{number + 1}-01.laz", bump=-0.2 * number, seed=number)
-    _, metrics = monitor_series(epochs_of(tmp_path), tmp_path / "out", FIXED)
+    metrics = monitor_series(epochs_of(tmp_path), tmp_path / "out", FIXED).figures
     table = (tmp_path / "out" / "alerts_used.csv").read_text()
     mine = tmp_path / "mine.csv"
     rows = [line for line in table.splitlines() if line[0] not in "34"]
     mine.write_text(
         "\n".join(rows).replace("2,inspect,#f2c037,2,1,60,,5,", "2,close the road,#f2c037,2,1,60,,5,") + "\n"
     )
-    _, other = monitor_series(epochs_of(tmp_path), tmp_path / "out", FIXED, alerts=mine)
+    other = monitor_series(epochs_of(tmp_path), tmp_path / "out", FIXED, alerts=mine).figures
     assert (metrics["highest_alert"], other["highest_alert"]) == (3, 2)
     zones = geopandas.read_file(tmp_path / "out" / "series.gpkg", layer="zones")
     assert zones["alert"].tolist() == ["close the road"]

@@ -157,7 +157,8 @@ def test_fine_tuning_beats_the_weights_it_starts_from_on_another_kind_of_slope(t
         write_scene(paths[-1], build_scene(SceneSpec("shifted", seed, 1500.0, 20.0, 0.15, 0.15)))
     start = trained[0] / "model.safetensors"
     parameters = FineTuneParameters(dimension="truth_class", start=str(start), steps=25, learning_rate=0.01, threads=1)
-    outputs, metrics = step(paths, tmp_path / "out", parameters)
+    done = step(paths, tmp_path / "out", parameters)
+    outputs, metrics = done.outputs, done.figures
     assert metrics["mean_iou"] > metrics["start_mean_iou"] + 0.05
     assert metrics["overall_accuracy"] > metrics["start_overall_accuracy"] + 0.1
     digest = hashlib.sha256(start.read_bytes()).hexdigest()
@@ -180,13 +181,13 @@ class StopsAt(Progress):
 
 
 def test_a_training_that_was_stopped_goes_on(tiny_clouds, tmp_path):
-    whole, _ = step(tiny_clouds, tmp_path / "whole")
+    whole = step(tiny_clouds, tmp_path / "whole").outputs
     with pytest.raises(Stopped):
         step(tiny_clouds, tmp_path / "parts", progress=StopsAt("scoring fold 2 of 3"))
     left = {path.name for path in (tmp_path / "parts").iterdir()}
     assert left == {"training"}
     done = (tmp_path / "parts/training/fold_0/scores.json").stat().st_mtime_ns
-    resumed, _ = step(tiny_clouds, tmp_path / "parts")
+    resumed = step(tiny_clouds, tmp_path / "parts").outputs
     assert (tmp_path / "parts/training/fold_0/scores.json").stat().st_mtime_ns == done
     assert resumed["weights"].read_bytes() == whole["weights"].read_bytes()
     documents = [json.loads(outputs["description"].read_text()) for outputs in (whole, resumed)]
@@ -224,7 +225,8 @@ def test_cancelling_leaves_only_what_the_next_run_goes_on_from(tiny_clouds, tmp_
 
 def test_one_file_trains_and_says_that_it_cannot_be_scored(tiny_clouds, tmp_path):
     progress = Progress()
-    outputs, metrics = step(tiny_clouds[:1], tmp_path / "out", progress=progress)
+    done = step(tiny_clouds[:1], tmp_path / "out", progress=progress)
+    outputs, metrics = done.outputs, done.figures
     assert [w for w in progress.warnings if "With one file no honest score is possible" in w]
     assert metrics["mean_iou"] is None
     description = json.loads(outputs["description"].read_text())
@@ -236,7 +238,8 @@ def test_one_file_trains_and_says_that_it_cannot_be_scored(tiny_clouds, tmp_path
 def test_more_files_than_folds_share_folds_and_minutes_choose_the_steps(tiny_clouds, tmp_path):
     parameters = replace(TINY, folds=2, minutes=0.08, steps=9)
     begun = time.monotonic()
-    outputs, metrics = step(tiny_clouds, tmp_path / "out", parameters)
+    done = step(tiny_clouds, tmp_path / "out", parameters)
+    outputs, metrics = done.outputs, done.figures
     assert time.monotonic() - begun < 12
     assert metrics["folds"] == 2
     assert metrics["steps"] > 9
@@ -256,7 +259,7 @@ def test_labels_from_polygons(tiny_clouds, tmp_path):
         rows += [("uplift", box(x - 4, y - 4, x, y + 4)), ("subsidence", box(x, y - 4, x + 4, y + 4))]
     frame = geopandas.GeoDataFrame({"class": [r[0] for r in rows]}, geometry=[r[1] for r in rows], crs=32651)
     frame.to_file(tmp_path / "areas.gpkg")
-    outputs, _ = step(tiny_clouds[:2], tmp_path / "out", polygons=tmp_path / "areas.gpkg")
+    outputs = step(tiny_clouds[:2], tmp_path / "out", polygons=tmp_path / "areas.gpkg").outputs
     training = json.loads(outputs["description"].read_text())["training"]
     las = laspy.read(tiny_clouds[0])
     x, y = las.x - np.median(las.x), las.y - np.median(las.y)

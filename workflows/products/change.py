@@ -14,7 +14,6 @@ from pyproj import CRS
 
 from ...engine.change.coverage import compared_share
 from ...engine.change.result import Change
-from ...engine.core.progress import Progress
 from ...engine.core.staged_outputs import Stage
 from ...engine.core.version import VERSION
 from ...engine.epochs.epoch import Epoch
@@ -27,11 +26,28 @@ from ...engine.statistics.normal import Z95
 from ...engine.statistics.robust import nmad
 from ...engine.zones import extraction, fields, gcd_table
 from ...engine.zones.change_zones import cells_of, change_zones
-from ...engine.zones.earlier_reviews import EarlierReviews
 from ...engine.zones.profile_lines import ProfileLine, steepest_lines
 from ...engine.zones.profiles import Layers, missed_lines, take_profile, write_profiles
-from ...interface.parameters import ChangeParameters, HeatmapParameters, ReportParameters, ZoneParameters
+from ...interface.parameters import ChangeParameters, HeatmapParameters, ZoneParameters
+from ..run import Run
+from ..settings import Settings
 from . import zones as zones_module
+
+CHANGE_OUTPUTS = (
+    "elevation_change.tif",
+    "level_of_detection.tif",
+    "significant_change.tif",
+    "zones.gpkg",
+    "volumes.csv",
+    "heatmap.png",
+    "heatmap.tif",
+    "top_view.tif",
+    "surface_heights.tif",
+    "point_counts.tif",
+    "report.html",
+)
+ON_REQUEST = ("cell_size.tif", "change_probability.tif", "plant_error.tif", "plant_change.tif")
+"""Outputs of a change with some parameters only, or of ground that tells of plants."""
 
 
 @dataclass(frozen=True)
@@ -46,18 +62,9 @@ class Context:
     method: str
     run_id: str
 
-
-@dataclass(frozen=True)
-class Products:
-    """What was written of a change.
-
-    ``outputs`` are the final paths by name, ``figures`` the main figures for the record's metrics, ``facts`` entries of
-    their own for the record: what the report shows beside the main figures.
-    """
-
-    outputs: dict[str, Path]
-    figures: dict[str, Any]
-    facts: dict[str, Any]
+    @property
+    def dates(self) -> tuple[date | None, date | None]:
+        return self.first.date, self.second.date
 
 
 def method_name(parameters: ChangeParameters, direction: str) -> str:
@@ -67,28 +74,22 @@ def method_name(parameters: ChangeParameters, direction: str) -> str:
 
 
 def write_products(
+    run: Run,
     change: Change,
     picture: PointCloud,
     context: Context,
-    zone_parameters: ZoneParameters,
-    heatmap_parameters: HeatmapParameters,
-    stage: Stage,
-    progress: Progress,
-    *,
+    settings: Settings,
     lines: Sequence[ProfileLine] = (),
-    report_parameters: ReportParameters | None = None,
-    reviews: EarlierReviews | None = None,
-) -> Products:
-    """Write the outputs of one change into ``stage``.
+) -> None:
+    """Write the products of one change; ``run`` gets their paths, the main figures, and what the report shows beside.
 
     Args:
         picture: the cloud that the top view shows (the later epoch with its vegetation).
         lines: along which profiles are taken, beside the steepest ones through the zones.
-        reviews: what people entered in the zones of an earlier run, which the new ones get.
     """
-    dates = context.first.date, context.second.date
+    progress = run.progress
     tags = geotiff.raster_tags(
-        epochs=dates,
+        epochs=context.dates,
         median_level=Z95 * float(np.nanmedian(change.error)),
         translation=None if context.transform is None else context.transform.translation,
         software=f"SlopeWatch {VERSION}",
@@ -96,43 +97,13 @@ def write_products(
     )
     progress.update(0.0, "writing rasters")
     limit = palette.colour_limit(
-        change.dz[change.significant], heatmap_parameters.colour_range, level=change.median_level
+        change.dz[change.significant], settings.heatmap.colour_range, level=change.median_level
     )
-    outputs = _write_rasters(change, context.crs, tags, limit, stage)
-
+    run.outputs |= _write_rasters(change, context.crs, tags, limit, run.stage)
     progress.update(0.3, "outlining zones")
-    found = change_zones(
-        change, context.crs, zone_parameters, epochs=dates, method=context.method, run_id=context.run_id
-    )
-    table = gcd_table.volume_table(cells_of(change), change.significant, found.volumes, found.correlation)
-    zones_module.write_zones(
-        stage.path("zones.gpkg"),
-        found.frame if reviews is None else reviews.carried_to(found.frame, "zones.gpkg", fields.FIELDS),
-        footprints=extraction.footprint_frame(found, change.grid),
-        volumes=gcd_table.table_frame(table),
-        stamp=dates[1],
-    )
-    outputs["zones"] = stage.final("zones.gpkg")
-    gcd_table.write_volume_table(stage.path("volumes.csv"), table)
-    outputs["volumes"] = stage.final("volumes.csv")
-
+    found, table = _write_zones(run, change, context, settings.zones)
     progress.update(0.5, "drawing the heatmap")
-    view = top_view.top_view(picture, top_view.top_view_grid(change.grid, heatmap_parameters.top_view_pixel))
-    geotiff.write_rgba(stage.path("top_view.tif"), view.rgba, view.grid, context.crs, tags=tags)
-    heatmap.write_heatmap(
-        stage.path("heatmap.png"),
-        stage.path("heatmap.tif"),
-        change,
-        view,
-        found,
-        context.crs,
-        heatmap_parameters,
-        limit=limit,
-        epochs=(context.first.name, context.second.name),
-        tags=tags,
-    )
-    for name, file in (("heatmap", "heatmap.png"), ("heatmap_raster", "heatmap.tif"), ("top_view", "top_view.tif")):
-        outputs[name] = stage.final(file)
+    _write_pictures(run, change, found, picture, context, settings.heatmap, (limit, tags))
     progress.update(0.95, "taking profiles")
     facts = change_facts(change, found.frame, (context.first, context.second), context.crs, limit)
     terms = error_terms(change)
@@ -143,16 +114,67 @@ def write_products(
     layers = Layers(
         change.grid, change.height_from, change.height_to, change.dz, change.level, change.significant & change.valid
     )
-    count = (report_parameters or ReportParameters()).zone_profiles
-    files, facts["profiles"] = profile_products(layers, found.frame, lines, count, context.crs, dates[1], stage)
-    outputs |= files
+    files, facts["profiles"] = profile_products(
+        layers, found.frame, lines, settings.report.zone_profiles, context.crs, context.second.date, run.stage
+    )
     for sentence in missed_lines(facts["profiles"]):
         progress.warning(sentence)
     progress.update(1.0, "taking profiles")
-    figures = main_figures(change, found.frame) | table.figures() | {"unsure_groups": found.unsure_groups}
+    run.outputs |= files
+    run.facts |= facts
+    run.figures |= main_figures(change, found.frame) | table.figures() | {"unsure_groups": found.unsure_groups}
     if change.plants is not None:
-        figures["groups_within_plant_error"] = found.within_plants
-    return Products(outputs, figures, facts)
+        run.figures["groups_within_plant_error"] = found.within_plants
+
+
+def _write_zones(
+    run: Run, change: Change, context: Context, parameters: ZoneParameters
+) -> tuple[extraction.Zones, gcd_table.VolumeTable]:
+    """The zones and the table of volumes."""
+    found = change_zones(
+        change, context.crs, parameters, epochs=context.dates, method=context.method, run_id=context.run_id
+    )
+    table = gcd_table.volume_table(cells_of(change), change.significant, found.volumes, found.correlation)
+    zones_module.write_zones(
+        run.stage.path("zones.gpkg"),
+        run.reviews.carried_to(found.frame, "zones.gpkg", fields.FIELDS) if run.reviews else found.frame,
+        footprints=extraction.footprint_frame(found, change.grid),
+        volumes=gcd_table.table_frame(table),
+        stamp=context.second.date,
+    )
+    gcd_table.write_volume_table(run.stage.path("volumes.csv"), table)
+    run.outputs |= {"zones": run.stage.final("zones.gpkg"), "volumes": run.stage.final("volumes.csv")}
+    return found, table
+
+
+def _write_pictures(
+    run: Run,
+    change: Change,
+    found: extraction.Zones,
+    picture: PointCloud,
+    context: Context,
+    parameters: HeatmapParameters,
+    look: tuple[float, dict[str, str]],
+) -> None:
+    """The top view and the heatmap over it; ``look`` is the colour range's limit (m) and the rasters' tags."""
+    limit, tags = look
+    stage = run.stage
+    view = top_view.top_view(picture, top_view.top_view_grid(change.grid, parameters.top_view_pixel))
+    geotiff.write_rgba(stage.path("top_view.tif"), view.rgba, view.grid, context.crs, tags=tags)
+    heatmap.write_heatmap(
+        stage.path("heatmap.png"),
+        stage.path("heatmap.tif"),
+        change,
+        view,
+        found,
+        context.crs,
+        parameters,
+        limit=limit,
+        epochs=(context.first.name, context.second.name),
+        tags=tags,
+    )
+    for name, file in (("heatmap", "heatmap.png"), ("heatmap_raster", "heatmap.tif"), ("top_view", "top_view.tif")):
+        run.outputs[name] = stage.final(file)
 
 
 def profile_products(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -36,25 +37,32 @@ def default_targets(
     }
 
 
+@dataclass(frozen=True)
+class Pictured:
+    """The survey that was screened, as the products show it.
+
+    ``cloud`` is what the map's top view shows, ``digest`` the SHA-256 of the screened file, ``survey`` its day,
+    ``name`` the survey's on the map, ``note`` a sentence more below the map.
+    """
+
+    cloud: PointCloud
+    digest: str
+    survey: date | None
+    name: str
+    note: str = ""
+
+
 def write_products(
     targets: dict[str, Path],
     place: Callable[[Path], Path],
     hazards: Hazards,
-    picture: PointCloud,
-    digest: str,
-    *,
-    survey: date | None,
-    name: str,
-    note: str = "",
+    shown: Pictured,
     reviews: EarlierReviews | None = None,
 ) -> None:
     """Write zones, probabilities and map of a screening.
 
     Args:
         targets: as of ``default_targets``; ``place`` tells where the file of a target is to be written now.
-        picture: the cloud that the map's top view shows.
-        digest: SHA-256 of the screened file.
-        survey: day of the survey. name: of the survey, on the map. note: a sentence more below the map.
         reviews: what people entered in the zones of an earlier run, which the new ones get.
     """
     known = (*FIELDS, *CONFIRMATION_FIELDS)
@@ -63,15 +71,15 @@ def write_products(
         frame = reviews.carried_to(frame, targets["zones"].name, known)
     qml = styles.hazards_qml(confirmed="confirmed" in frame)
     layer = vectors.Layer(frame, "zones", qml, "MultiPolygon", own_columns(frame, known), guarded=True)
-    vectors.write_layers(place(targets["zones"]), [layer], stamp=survey)
+    vectors.write_layers(place(targets["zones"]), [layer], stamp=shown.survey)
     path = place(targets["probability"])
     up, down = hazards.probability[1], hazards.probability[2]
     bands = {"Probability of a hazard": up + down, "Probability of uplift": up, "Probability of subsidence": down}
-    tags = rasters.raster_tags(epochs=(None, survey), software=f"SlopeWatch {VERSION}", input_sha256=digest)
-    rasters.write_bands(path, bands, hazards.grid, picture.crs, unit="1", tags=tags)
+    tags = rasters.raster_tags(epochs=(None, shown.survey), software=f"SlopeWatch {VERSION}", input_sha256=shown.digest)
+    rasters.write_bands(path, bands, hazards.grid, shown.cloud.crs, unit="1", tags=tags)
     styles.write_qml_beside(path, styles.probability_qml())
-    view = top_view(picture, top_view_grid(hazards.grid, hazards.grid.cell))
-    write_hazard_map(place(targets["map"]), hazards, view, name=name, note=note)
+    view = top_view(shown.cloud, top_view_grid(hazards.grid, hazards.grid.cell))
+    write_hazard_map(place(targets["map"]), hazards, view, name=shown.name, note=shown.note)
 
 
 def screening_figures(

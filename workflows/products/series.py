@@ -20,13 +20,13 @@ from ...engine.maps import palette, qgis_styles
 from ...engine.maps.series_picture import write_series_picture
 from ...engine.maps.series_styles import SERIES_ALIASES, confirmed_qml, shown_during, states_qml, zones_qml
 from ...engine.series.alerts import COLUMNS, AlertLevel
+from ...engine.series.analysis import Analysis
 from ...engine.series.tables import ZONE_FIELDS, About, series_csv, series_frame, zone_frame
 from ...engine.series.velocity import CellVelocity
-from ...engine.series.zone_series import ZoneSeries
 from ...engine.statistics.normal import Z95
 from ...engine.vector import geopackage
 from ...engine.vector.review_fields import own_columns
-from ...engine.zones.earlier_reviews import EarlierReviews
+from ..run import Run
 
 SERIES_OUTPUTS = (
     "velocity.tif",
@@ -131,26 +131,24 @@ def write_summary_rasters(
 
 
 def write_tables(
-    zones: Sequence[ZoneSeries],
-    last: Change,
+    run: Run,
+    analysis: Analysis,
     velocity: CellVelocity,
     about: About,
     alerts: Sequence[AlertLevel],
     footer: str,
-    stage: Stage,
-    reviews: EarlierReviews | None = None,
-) -> tuple[dict[str, Path], gpd.GeoDataFrame, gpd.GeoDataFrame]:
+) -> tuple[gpd.GeoDataFrame, gpd.GeoDataFrame]:
     """Zones and their series as GeoPackage and CSV, the picture, and the alert table as it was used.
 
-    Args:
-        reviews: what people entered in the zones of an earlier run, which the new ones get.
+    Zones get what people entered in those of an earlier run.
 
     Returns:
-        The files by name, the table of the zones and that of their series.
+        The table of the zones and that of their series.
     """
+    stage, zones, last = run.stage, analysis.zones, analysis.cumulative[-1]
     table = zone_frame(zones, last.dz, last.height_to, about)
-    if reviews is not None:
-        table = reviews.carried_to(table, "series.gpkg", ZONE_FIELDS, persistent_ids=True)
+    if run.reviews is not None:
+        table = run.reviews.carried_to(table, "series.gpkg", ZONE_FIELDS, persistent_ids=True)
     series = series_frame(zones, about)
     geopackage.write_layers(
         stage.path("series.gpkg"),
@@ -172,7 +170,8 @@ def write_tables(
     stage.path("alerts_used.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
     write_series_picture(stage.path("series.png"), zones, velocity, about, footer)
     names = {"series_zones": "series.gpkg", "series_table": "series.csv", "series_picture": "series.png"}
-    return {key: stage.final(name) for key, name in {**names, "alerts_used": "alerts_used.csv"}.items()}, table, series
+    run.outputs |= {key: stage.final(name) for key, name in {**names, "alerts_used": "alerts_used.csv"}.items()}
+    return table, series
 
 
 def _quoted(text: str) -> str:

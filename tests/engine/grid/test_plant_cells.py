@@ -15,7 +15,6 @@ from slopewatch.engine.epochs.epoch import Epoch, parse_date
 from slopewatch.engine.pointcloud.plant_cover import PlantCover
 from slopewatch.engine.pointcloud.reading import read_cloud
 from slopewatch.engine.pointcloud.writing import copy_with, write_cloud
-from slopewatch.engine.series.settings import SeriesSettings
 from slopewatch.interface.parameters import (
     ChangeParameters,
     GridChangeParameters,
@@ -26,7 +25,7 @@ from slopewatch.tests.builders.plant_clouds import DIP, Grass, Ground, grassy_sl
 from slopewatch.workflows.change import change_step
 from slopewatch.workflows.register import register_step
 from slopewatch.workflows.series import monitor_series
-from slopewatch.workflows.settings import Settings
+from slopewatch.workflows.settings import SeriesSettings, Settings
 
 TALL, MOWN = Grass(0.25, lifted=0.08, error=0.03), Grass(0.05, lifted=0.01, error=0.01)
 
@@ -170,9 +169,9 @@ def test_ground_that_tells_nothing_gives_the_outputs_of_before(mown, tmp_path):
         ground = grassy_slope(seed, TALL, points=20_000)
         clouds.append(write_ground(tmp_path / path.name, ground, dimensions=False))
     settings = Settings(change=ChangeParameters(cell=0.5, adaptive=False))
-    _, figures = change_step(
+    figures = change_step(
         *clouds, tmp_path / "out", settings, dates=(None, None), transform_path=None, progress=Progress()
-    )
+    ).figures
     record = json.loads((tmp_path / "out" / "run.json").read_text())
     assert not any("plant" in name for name in [*figures, *record["outputs"]])
     assert "season" not in record
@@ -196,7 +195,7 @@ def test_a_series_keeps_the_term_from_run_to_run(tmp_path):
         series=SeriesParameters(ground_ready=True),
     )
     for _ in range(2):
-        _, figures = monitor_series(epochs, tmp_path / "out", settings, progress=Progress())
+        figures = monitor_series(epochs, tmp_path / "out", settings, progress=Progress()).figures
         record = json.loads((tmp_path / "out" / "run.json").read_text())
         assert figures["zone_count"] == 1
         course = record["course"]["S001"]

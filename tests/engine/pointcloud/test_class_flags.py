@@ -103,7 +103,8 @@ def test_an_inspection_of_flagged_clouds(tmp_path, point_format):
         screening=LastEpochParameters(screen_last_epoch=False),
         report=ReportParameters(zone_profiles=0),
     )
-    outputs, figures = inspect_slope(epochs, tmp_path / "out", settings)
+    done = inspect_slope(epochs, tmp_path / "out", settings)
+    outputs, figures = done.outputs, done.figures
     assert figures["reference_ground_points"] > 2700
     moved = laspy.read(outputs["aligned"])
     assert len(np.unique(np.stack([moved[name] for name in FLAGS[:3]]), axis=1).T) == 8

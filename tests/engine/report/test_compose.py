@@ -103,10 +103,9 @@ def run_change(folder: Path, out: Path, *, bowl: float = 0.3, dates=("2024-05-01
     first = write_cloud(folder / f"{name}first.laz", bowl=0.0, seed=1)
     second = write_cloud(folder / f"{name}second.laz", bowl=bowl, seed=2)
     settings = Settings(change=ChangeParameters(cell=0.25, registration_error=0.002))
-    outputs, _ = change_step(
+    return change_step(
         first, second, out, settings, dates=dates, transform_path=None, progress=Progress(), **more
-    )
-    return outputs
+    ).outputs
 
 
 @pytest.fixture(scope="module")
@@ -289,7 +288,7 @@ def test_the_same_folder_gives_the_same_bytes(made: Path, tmp_path: Path) -> Non
     copy = tmp_path / "copy"
     shutil.copytree(made, copy)
     (copy / "report.html").unlink()
-    outputs, _ = report_step(copy, ReportParameters(), profiles=None, progress=Progress())
+    outputs = report_step(copy, ReportParameters(), profiles=None, progress=Progress()).outputs
     assert outputs == {"report": copy / "report.html"}
     assert (copy / "report.html").read_bytes() == (made / "report.html").read_bytes()
 
@@ -302,7 +301,7 @@ def test_other_lines_replace_the_profiles(made: Path, tmp_path: Path) -> None:
         {"title": ["across <b>"]}, geometry=[LineString([(500010, 3500001), (500010, 3500019)])], crs=32651
     ).to_crs(4326).to_file(own)
     parameters = ReportParameters(zone_profiles=1, profile_field="title")
-    outputs, _ = report_step(copy, parameters, profiles=own, progress=Progress())
+    outputs = report_step(copy, parameters, profiles=own, progress=Progress()).outputs
     record = record_of(copy)
     assert [p["name"] for p in record["profiles"]] == ["across <b>", "Steepest line through Z001"]
     assert [i["path"] for i in record["inputs"] if i["role"] == "profiles"] == [str(own)]

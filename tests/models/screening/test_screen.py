@@ -51,7 +51,8 @@ def weights(tmp_path) -> Path:
 
 
 def test_a_bulge_and_a_hollow_are_labelled_where_they_are(cloud, tmp_path):
-    outputs, figures = screen(cloud, tmp_path / "out.laz")
+    done = screen(cloud, tmp_path / "out.laz")
+    outputs, figures = done.outputs, done.figures
     las = laspy.read(tmp_path / "out.laz")
     xyz = np.asarray(las.xyz)
     labels, probability = np.asarray(las.slopewatch_class), np.asarray(las.slopewatch_prob)
@@ -89,7 +90,8 @@ def test_coordinates_order_and_every_other_dimension_stay_as_they_are(tmp_path, 
     xyz = slope(12_000)
     own = {"amplitude": np.arange(12_000, dtype=np.float32), "classification": np.full(12_000, 2, np.uint8)}
     source = write(tmp_path / "in.las", xyz, point_format=point_format, crs=crs, unit=unit, **own)
-    outputs, figures = screen(source, tmp_path / "out.laz")
+    done = screen(source, tmp_path / "out.laz")
+    outputs, figures = done.outputs, done.figures
     before, after = laspy.read(source), laspy.read(outputs["labelled"])
     assert (before.header.scales == after.header.scales).all()
     assert (before.header.offsets == after.header.offsets).all()
@@ -126,7 +128,7 @@ def test_points_that_are_not_screened_are_background_of_probability_0(tmp_path):
     corners = [(WEST, SOUTH), (WEST, SOUTH + 22), (WEST + 11.0005, SOUTH + 22), (WEST + 11.0005, SOUTH)]
     box = geopandas.GeoSeries([shapely.Polygon(corners)], crs=32651)
     box.to_file(roi)
-    _, figures = screen(source, tmp_path / "out.laz", ground="class_2", roi=roi)
+    figures = screen(source, tmp_path / "out.laz", ground="class_2", roi=roi).figures
     las = laspy.read(tmp_path / "out.laz")
     inside = ~plants & (np.asarray(las.x) < WEST + 11.0005)
     np.testing.assert_array_equal(las.slopewatch_prob > 0, inside)
@@ -158,7 +160,8 @@ def test_ground_is_extracted_first_where_asked(tmp_path):
     source = write(tmp_path / "raw.laz", xyz)
     with pytest.raises(InputError, match="--ground extract"):
         screen(source, tmp_path / "out.laz")
-    outputs, figures = screen(source, tmp_path / "out.laz", ground="extract")
+    done = screen(source, tmp_path / "out.laz", ground="extract")
+    outputs, figures = done.outputs, done.figures
     las = laspy.read(outputs["labelled"])
     screened = np.asarray(las.slopewatch_prob) > 0
     np.testing.assert_allclose(np.asarray(las.xyz), xyz, atol=0.0006)
@@ -202,7 +205,7 @@ def test_a_file_in_parts_gets_the_labels_of_the_cloud_in_memory(cloud, weights, 
     from slopewatch.models.network.weights import load_model
 
     monkeypatch.setattr(records, "_GROUP_BYTES", 100_000)
-    _, figures = screen(cloud, tmp_path / "out.laz", method="network", weights=str(weights), rotations=2)
+    figures = screen(cloud, tmp_path / "out.laz", method="network", weights=str(weights), rotations=2).figures
     las = laspy.read(tmp_path / "out.laz")
     points = read_cloud(cloud)
     prediction = predict(fold_normalisation(load_model(weights).network), points.xyz, rotations=2)
@@ -309,7 +312,7 @@ def test_outputs_may_lie_in_several_folders(cloud, tmp_path):
         InputParameters(), GroundParameters(), ScreeningParameters(screening_method="residual")
     )
     targets = default_targets(tmp_path / "a" / "o.laz", tmp_path / "b" / "z.gpkg", picture=tmp_path / "m.png")
-    outputs, _ = screen_step(cloud, targets, settings)
+    outputs = screen_step(cloud, targets, settings).outputs
     assert outputs["zones"] == tmp_path / "b" / "z.gpkg"
     assert all(path.is_file() for path in outputs.values())
     assert {p.name for p in tmp_path.rglob("*") if p.is_file()} == {
@@ -323,7 +326,7 @@ def test_shipped_weights_label_the_bulge_and_the_hollow(cloud, tmp_path):
     from slopewatch.models.network.weights import checksum
 
     assert checksum(SHIPPED_WEIGHTS) == SHIPPED_SHA256
-    _, figures = screen(cloud, tmp_path / "out.laz", method="network")
+    figures = screen(cloud, tmp_path / "out.laz", method="network").figures
     las = laspy.read(tmp_path / "out.laz")
     xyz = np.asarray(las.xyz)
     assert (las.slopewatch_class[near(xyz, BULGE, 1.0)] == 1).mean() > 0.8

@@ -105,7 +105,8 @@ def test_folder_that_cannot_be_made(pair, tmp_path):
 
 
 def test_command_writes_everything_it_names(tmp_path):
-    outputs, figures = survey_step(SMALL, tmp_path / "out", Progress())
+    done = survey_step(SMALL, tmp_path / "out", Progress())
+    outputs, figures = done.outputs, done.figures
     assert set(outputs) >= {"reference", "cloud", "roi", "truth_dz", "truth_transform", "truth", "run"}
     assert {p.name for p in (tmp_path / "out").iterdir()} == {p.name for p in outputs.values()}
     run = json.loads(outputs["run"].read_text())
@@ -118,7 +119,8 @@ def test_a_pair_under_grass_by_its_step(tmp_path):
     parameters = SurveyParameters(
         points=6000, length=12.0, height=5.0, vegetation=0.0, grass=1.0, mown="later", multipath=0.01, amplitude=0.0
     )
-    outputs, figures = survey_step(parameters, tmp_path / "out", Progress())
+    done = survey_step(parameters, tmp_path / "out", Progress())
+    outputs, figures = done.outputs, done.figures
     share = {}
     for name in ("reference", "cloud"):
         las = laspy.read(outputs[name])
