@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -55,13 +56,16 @@ def run_child(
     started = time.monotonic()
 
     command = _launched([os.fspath(argument) for argument in arguments], memory_limit, environment)
-    with _lock:
+    with tempfile.TemporaryFile() as given, _lock:
+        # a file: what communicate() has not written to a pipe when its time is up, it never writes
+        given.write(stdin)
+        given.seek(0)
         if _cancelled.is_set():
             raise Cancelled("cancelled")
         try:
             child = subprocess.Popen(
                 command,
-                stdin=subprocess.PIPE,
+                stdin=given,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
                 env=None if environment is None else dict(environment),
@@ -73,14 +77,12 @@ def run_child(
             raise EngineError(f"{os.fspath(arguments[0])} cannot be started ({error.strerror})") from error
         _children.add(child)
     peak = 0
-    pending: bytes | None = stdin
     try:
         while True:
             try:
-                out, err = child.communicate(pending, timeout=0.05 if time.monotonic() - started < 0.5 else 0.2)
+                out, err = child.communicate(timeout=0.05 if time.monotonic() - started < 0.5 else 0.2)
                 break
             except subprocess.TimeoutExpired:
-                pending = None
                 peak = max(peak, peak_memory(child.pid))
                 if on_poll is not None:
                     on_poll()

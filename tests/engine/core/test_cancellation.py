@@ -101,6 +101,13 @@ def test_a_childs_end_is_told():
     assert (done.returncode, done.stdout.strip()) == (7, b"ba")
 
 
+def test_a_child_that_reads_late_gets_all_of_its_input():
+    """More than a pipe holds, read after the first time that the parent looks."""
+    late = "import sys, time; time.sleep(0.7); print(len(sys.stdin.buffer.read()))"
+    done = child_process.run_child([sys.executable, "-c", late], stdin=b"x" * 300_000)
+    assert done.stdout.strip() == b"300000"
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="memory limits are set on POSIX only")
 def test_memory_limit_stops_a_child():
     done = child_process.run_child([sys.executable, "-c", "bytearray(2_000_000_000)"], memory_limit=500_000_000)
