@@ -36,7 +36,7 @@ from .result import Change
 from .season import judge_season
 from .thresholds import stated_error
 
-_FEWEST_CELLS = 30  # with fewer in common, nothing can be said of the whole overlap
+_FEWEST_CELLS = 30  # with fewer in common, the whole overlap is not judged
 
 
 def difference(
@@ -53,8 +53,8 @@ def difference(
     """Grid both clouds and subtract: change, standard error and level of detection of each cell.
 
     The error of a cell's height is its points' variance times the leverage (1/n for a mean); the difference adds
-    both epochs', scaled by slope as stable ground tells (``slope_calibration.calibrate``), and in quadrature the
-    registration error and, where it is known, the error that plants make in either epoch (Lague et al. 2013,
+    both epochs', scaled by slope as calibrated on stable ground (``slope_calibration.calibrate``), and in quadrature
+    the registration error and, where it is known, the error that plants cause in either epoch (Lague et al. 2013,
     doi:10.1016/j.isprsjprs.2013.04.009, eq. 1, with the registration error as a standard error). The level is the
     two-sided normal quantile times that, unless another threshold is asked for.
 
@@ -66,7 +66,7 @@ def difference(
         area: polygons to which both clouds were clipped. Cells that are not wholly inside hold a part of their
             surface only, not the same in both epochs, and are left out.
         stable_area: polygons known to be stable, on which the errors are calibrated; found in the data without.
-        plants: what each epoch's cloud tells of plants over its points; nothing without.
+        plants: the plants over the points of each epoch; None for a cloud that does not record them.
 
     Raises:
         InputError: no overlap, no common cell, a grid too large, or no cell with two points; of the last the thresholds
@@ -318,7 +318,7 @@ def uniform_shift(dz: Float, level: Float, *, independent: int | None = None) ->
     """Median dz where the whole overlap has moved alike, else None; ``independent``: how many of the cells are.
 
     A whole surface that rises or sinks by one amount is a datum or a bias, not a deformation: nine tenths of the cells
-    lie beyond their level on one side, and their spread is small beside the shift.
+    lie beyond their level on one side, and their spread is small compared with the shift.
     """
     shift = sample_quantile(dz, 0.5)
     spread = NORMALISED * sample_quantile(np.abs(dz - shift), 0.5)

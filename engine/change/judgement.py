@@ -48,7 +48,7 @@ def judge(
     uniform: bool = False,
     given: NDArray[np.bool_] | None = None,
 ) -> Judgement:
-    """Calibrate the errors of a vertical change on stable ground and tell the level of detection and what is beyond it.
+    """Calibrate the errors of a vertical change on stable ground and derive the level of detection and what exceeds it.
 
     The error is, in quadrature, that of the points and that of the plants, both of which the calibration scales, and
     the registration's. Errors of grown cells are calibrated by their size, too.

@@ -1,5 +1,5 @@
 """How far the errors that clouds state for their plants hold between two surveys, and how much of them the whole slope
-has in common, as stable ground tells.
+has in common, measured on stable ground.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from ..statistics.normal import quantile
 from ..statistics.quantiles import sample_quantile
 
 PATCH_M = 2.0
-"""Side of the squares of which each tells once, m: plants err alike over about so much."""
+"""Side of the squares that count as one sample each, m: plants' errors are alike over about this distance."""
 FEWEST_PATCHES = 20
 NARROWEST = 0.4
 
@@ -36,10 +36,10 @@ def plants_factor(
     the same grass on the same ground lifts both alike. Where the season differs nothing cancels. Which it is shows on
     stable ground: as in ``slope_calibration.calibrate`` the factor is taken from the quantile that the level is about,
     here of the cells whose error is plants' more than points'. It does not widen: that all grass lies lower after
-    mowing is told by the plants' heights (``season``), and ground that moved by little would hide itself.
+    mowing is known from the plants' heights (``season``), and ground that moved by little would hide itself.
 
-    What neighbours share tells only once, so squares of 2 m that hold such cells count as the number of samples: with
-    fewer than 20 nothing is told (1), and the quantile is one standard error of its share higher.
+    What neighbours share counts only once, so squares of 2 m that hold such cells count as the number of samples: with
+    fewer than 20 the factor is 1, and the quantile is one standard error of its share higher.
 
     Args:
         dz, sampling, plants: change, its standard error by points (calibrated) and that by plants, metres, arrays of

@@ -27,7 +27,7 @@ MARGIN = 1.0
 """Metres around plants within which the ground under thin ones can be taken for bare, and their height for nothing."""
 COVERED = 0.5
 """Share of the known ground within ``MARGIN`` that must have plants where the season is alike: a shrub that was sampled
-otherwise tells nothing of the bare ground beside it."""
+otherwise is no evidence for the bare ground next to it."""
 _COMMON = 0.5  # of the vegetated cells: where so many have changed alike, the season differs
 _FEWEST = 30  # vegetated cells, of which something can be said
 _LEAST_SHARE = 0.02  # of the cells that must have plants
@@ -125,7 +125,7 @@ def around(height_from: Float, height_to: Float, cell: float, least_share: float
     """Mean heights (rows, columns) of both surveys over the cells with plants within ``MARGIN``.
 
     Where grass thins out, its lowest returns scatter as those of bare ground do: the ground comes out within the plants
-    and these as nothing. What stands around tells better how they have changed. NaN where no plants stand, or on less
+    and these as nothing. The plants around show better how they have changed. NaN where no plants stand, or on less
     than ``least_share`` of the known ground.
 
     Args:

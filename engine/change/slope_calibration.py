@@ -19,9 +19,9 @@ _FEWEST_IN_CLASS = 200  # with 5 % beyond, their share is known to 1.5 %
 _FEWEST_OWN_IN_CLASS = 100  # ... that share no points with others
 _FEWEST_TO_NARROW = 400
 _FEWEST = 50
-_LEAST_STABLE = 0.1  # share of a class's cells that must be stable for the class to tell anything
+_LEAST_STABLE = 0.1  # share of a class's cells that must be stable for the class to be calibrated
 _PATCHES = 12
-_FEWEST_IN_HALF = 100  # cells without which a half tells nothing
+_FEWEST_IN_HALF = 100  # with fewer cells a half is not used
 _NARROWEST, _WIDEST = 0.4, 5.0
 _DOUBTFUL = 2.0
 _WITHOUT_STABLE = 1.5  # beyond every factor seen on unchanged surveys (docs/figures.md)
@@ -90,12 +90,12 @@ class ErrorModel:
 
 
 def uncalibrated() -> ErrorModel:
-    """Errors as the points' scatter tells them."""
+    """Errors as estimated from the points' scatter."""
     return ErrorModel("uncalibrated")
 
 
 def without_stable_ground(changed_share: float, stable_share: float) -> ErrorModel:
-    """Errors as the points' scatter tells them, because too much has changed to calibrate them on the rest."""
+    """Errors as estimated from the points' scatter, because too much has changed to calibrate them on the rest."""
     note = (
         f"More than a third of the compared ground has changed (only {100 * stable_share:.0f} % looks stable, and "
         f"{100 * changed_share:.0f} % changed as a whole), so the change itself does not tell what is stable: the "
@@ -142,13 +142,13 @@ def calibrate(
     smaller than what either ``half`` of the ground alone surely asks for: errors below what the points say need
     evidence that holds on ground which did not give it.
 
-    The error by plants p is no sampling error, and no factor multiplies it. Where it is the larger part, a cell tells
-    little of its sampling: the cells whose p is below s / 2 serve if there are enough, else all with r² + p² in place
-    of r², and then f does not fall below 1, as plant errors stated too large would make it.
+    The error by plants p is no sampling error, and no factor multiplies it. Where it is the larger part, a cell says
+    little about its sampling error: the cells whose p is below s / 2 serve if there are enough, else all with r² + p²
+    in place of r², and then f does not fall below 1, as plant errors stated too large would make it.
 
     Args:
         registration_error: metres.
-        independent: share of the cells that tell something of their own, above 0: below 1 where neighbours share
+        independent: share of the cells that are independent, above 0: below 1 where neighbours share
             points. What is asked of numbers of cells is asked of so many of them.
     """
     dz, sampling, half = samples.dz, samples.sampling, samples.half

@@ -26,14 +26,15 @@ _FEWEST = 200  # differences of neighbours in a class of slope
 def find_stable(
     dz: Float, error: Float, slope: Float, partition: Partition, alike: Float | None = None
 ) -> NDArray[np.bool_]:
-    """Cells (rows, columns) that are not part of a coherent change, nor beside one.
+    """Cells (rows, columns) that are not part of a coherent change, nor adjacent to one.
 
     Noise differs from cell to cell, a change is alike in many. So the mean of dz / error over the cells within half a
-    metre, times the square root of their number, is small on stable ground and large where it moved. How large is told
-    by the robust scatter of these means over all cells that are still taken as stable, which includes errors that are
-    correlated over some cells; those beyond 5 times it, and the cells around them, are left out, and the scatter
-    taken again until nothing changes. The scatter is a median, so that change of 30 % of the cells is found. Errors
-    are first scaled by slope with the differences of adjacent cells, which a change, being coherent, hardly touches.
+    metre, times the square root of their number, is small on stable ground and large where it moved. How large is
+    measured by the robust scatter of these means over all cells that are still taken as stable, which includes errors
+    that are correlated over some cells; those beyond 5 times it, and the cells around them, are left out, and the
+    scatter taken again until nothing changes. The scatter is a median, so that change of 30 % of the cells is found.
+    Errors are first scaled by slope with the differences of adjacent cells, which a change, being coherent, hardly
+    touches.
 
     Where cells grew, each part counts as one and is stable as a whole or not at all, and the windows hold it and its
     neighbours.
@@ -43,7 +44,7 @@ def find_stable(
         error: its standard error before calibration, metres.
         slope: degrees; NaN where unknown.
         partition: which cells are one.
-        alike: (rows, columns) an error beside it that neighbours share, metres: it does not average out in a mean.
+        alike: (rows, columns) a further error that neighbours share, metres: it does not average out in a mean.
     """
     known = partition.within(np.isfinite(dz) & np.isfinite(error) & (error > 0))
     here = np.flatnonzero(known)
@@ -86,7 +87,7 @@ def _width(cell: float) -> int:
 
 
 def changed_cells(dz: Float, error: Float, cell: float) -> NDArray[np.bool_]:
-    """Cells (rows, columns) around which the ground has changed as a whole, told by no other ground.
+    """Cells (rows, columns) around which the ground has changed as a whole, decided without any other ground.
 
     There the mean of dz / error over the cells within half a metre, single wild ones drawn in, is twice the level
     of one cell. Independent errors do not make that; such as neighbours share would have to be four times as large as

@@ -33,7 +33,8 @@ class Decision:
 
 
 def stated_error(parameters: GridChangeParameters) -> float | None:
-    """Standard error (m) that a threshold states for every cell, whose points then need not tell one; else None.
+    """Standard error (m) that a threshold states for every cell, so that it need not be estimated from the points; else
+    None.
 
     The propagated errors of both surveys, or the one whose level is the constant level.
     """

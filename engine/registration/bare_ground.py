@@ -1,8 +1,8 @@
 """Registration where plants hide some of the ground: bare ground fixes what it can, the rest the relief under plants.
 
-The error that plants make of a height is shared by neighbours, so that no number of points averages it out: grass that
+The error of a height that plants cause is shared by neighbours, so that no number of points averages it out: grass that
 stands 10 cm lower in the later survey would be taken off as an offset of the survey. A road, rock or a wall has no such
-error. It is registered alone; what it leaves open, such as a slide along a plane road, is told by the relief of the
+error. It is registered alone; what it leaves open, such as a slide along a plane road, is fixed by the relief of the
 other ground after its common offset has been taken off.
 """
 
@@ -37,7 +37,7 @@ _PLACES = 5_000
 class Covered:
     """Two surfaces, compared on ground that is ``bare`` in both surveys, and on ground that is ``covered`` by plants.
 
-    Covered ground is told by the survey with more of it; ``bare_share`` is the other share of its points.
+    Covered ground is taken from the survey with more of it; ``bare_share`` is the other share of its points.
     """
 
     bare: Matcher
@@ -86,7 +86,7 @@ def align_bare(
 
 
 class _LevelledPairs(Pairs):
-    """Pairs whose residuals do not tell a common difference in height, and no motion as far as it makes one."""
+    """Pairs without the common difference of their residuals in height, nor any motion as far as it causes one."""
 
     def jacobian(self, radius: float) -> Float:
         full, upward = super().jacobian(radius), self.normal[:, 2:]
@@ -110,7 +110,7 @@ def _height(pairs: Pairs) -> float:
 
 
 def _completed(found: Alignment, whole: Alignment, ground: Covered, offset: float, progress: Progress) -> Alignment:
-    """With the motions that ``found`` does not fix told by covered ground, as far as that fixes them."""
+    """With the motions that ``found`` does not fix taken from covered ground, as far as that fixes them."""
     covered, known = ground.covered, found.information
     weigh, radius = Weighting(covered, whole.scale), radius_of(covered.reference)
     sources = covered.sample(_SOURCES)
@@ -151,7 +151,7 @@ def _slid(
     """``pose`` moved in the ``free`` directions (6, k) to where covered ground agrees; None where that is not clear.
 
     It is looked for from where all ground together lies, which may have slid to where road and grass both fit, and from
-    where the surveys are as delivered. Where both ends are equally good and apart, nothing but chance tells.
+    where the surveys are as delivered. Where both ends are equally good and apart, only chance decides between them.
     """
     apart = whole.pose.vector(radius) - pose.vector(radius)
     spacing = max(covered.reference.spacing, covered.moving.spacing)
@@ -183,7 +183,7 @@ def _slid(
 
 
 def _joined(known: Information, part: Information) -> Information:
-    """What ``known`` fixes, and of the rest what ``part``, which is of that rest alone, tells."""
+    """What ``known`` fixes, and of the rest what ``part``, which is of that rest alone, fixes."""
     fixed = known.observable
     curvature = np.concatenate([known.curvature[fixed], part.curvature])
     observable = np.concatenate([known.observable[fixed], part.observable])

@@ -3,7 +3,7 @@
 Strips that were adjusted badly and surveys that are bent like a bowl differ from place to place by more than noise.
 The correction has one height for each node of a wide lattice, is fitted by least squares to stable ground alone, and
 is held back by a prior that its nodes are alike (a Gaussian random field; Rue and Held 2005, chapter 3), so that it
-stays level where nothing is known. Whether it is worth having is told by blocks that it has not seen.
+stays level where nothing is known. Whether it is applied is decided on held-out blocks.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Bend:
 
     @property
     def worth(self) -> bool:
-        """Whether the correction foretells ground that it has not seen, and by more than a trifle."""
+        """Whether the correction clearly reduces the error on held-out ground."""
         before, after = (np.sqrt(max(v**2 - self.noise**2, 0.0)) for v in (self.before, self.after))
         return bool(before > max(_LEAST_MISFIT, self.noise) and after < _WORTH * before)
 
@@ -135,7 +135,7 @@ def _fit(nodes: Nodes, blocks: _Blocks, extra: float) -> tuple[Float, Float]:
     """Heights of the nodes that take the blocks' differences away, and their covariance.
 
     Args:
-        extra: variance of a block's mean beside that of its noise, square metres.
+        extra: variance of a block's mean in addition to that of its noise, square metres.
     """
     design = nodes.weights(blocks.place).toarray()
     weight = 1.0 / (blocks.variance + extra)

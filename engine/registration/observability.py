@@ -34,7 +34,7 @@ class Information:
     """How the cost rises with the six small motions (rotation vector times radius, translation), all in metres.
 
     ``curvature`` (6,) a pair, ascending, is in units of squared sine; column i of ``directions`` (6, 6) belongs to
-    curvature i. ``observable`` (6,) tells which of them the surfaces fix. ``covariance`` (6, 6) in square metres has
+    curvature i. ``observable`` (6,) marks those that the surfaces fix. ``covariance`` (6, 6) in square metres has
     in the other ones the variance of a uniform distribution over the largest expected offset.
     """
 

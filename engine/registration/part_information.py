@@ -23,8 +23,8 @@ _SIGNIFICANCE = 5.0  # standard errors by which the relief must stand out
 _RATIO = 1e-4  # of the largest curvature: slopes that differ by 1 % only
 _TOGETHER = 4.0  # widths of the blocks of patches that are left out together
 _PLACE = 2.5  # widths about a patch that are compared with all else
-_ODD = 6.0  # times the median contradiction of places: 0.1 % by chance, with the four motions that a place tells of
-_FIRM = 1e-3  # of a place's largest curvature: what it tells of
+_ODD = 6.0  # times the median contradiction of places: 0.1 % by chance, with the four motions that a place constrains
+_FIRM = 1e-3  # of a place's largest curvature: above, the place constrains the motion
 _WORST, _DISCS = 6, (1.5, 2.5, 4.0)  # places tried, and widths about them
 _SET_RIGHT = 0.5  # of the places' median contradiction may remain without the worst one
 _MOST_ODD = 0.4  # of a part's patches: more is not the exception
@@ -79,7 +79,7 @@ def contradicting(system: Equations, patches: Patches, agrees: Bool, offset: flo
     """(k,) patches of a part that lie in a place which asks for another motion than all the rest of the part.
 
     A piece that slid nearly along its own planes agrees patch by patch and still pulls the whole along. A place of
-    many patches tells that far more surely than one patch. How much places contradict one another by noise and by
+    many patches shows that far more reliably than one patch. How much places contradict one another by noise and by
     bends of the surveys is measured by their median. A piece that pulls much makes all places contradict one another:
     then the worst one is left out if that sets the others right.
     """

@@ -1,4 +1,4 @@
-"""How well two registered surfaces agree on stable ground, and what to tell the user about it."""
+"""How well two registered surfaces agree on stable ground, and which warnings follow from it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _DOUBT = 3.0  # times the surfaces' own noise: what differs more is no noise, ho
 NO_STABLE_GROUND = 0.15  # share below which there is nothing to register by
 _LITTLE_OVERLAP = 0.2
 _MINORITY = 0.5  # share of stable ground below which most of a surface has moved
-_PLANTS = 0.02  # metres that plants may make of a height before that is worth a sentence
+_PLANTS = 0.02  # metres of error caused by plants, above which the user is warned
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
-"""Second thoughts of a registration whose residuals are larger than the surfaces' own noise explains.
+"""Restarts of a registration whose residuals exceed the surfaces' own noise.
 
 Where much of what fixes a position lies within ground that has moved, weights that shrink slowly can settle between
 the old and the new place. Registering with one part of the surface after the other, and without it, finds the way out;
-the smallest scale tells which fit is best (the idea of the S-estimator, Rousseeuw and Yohai 1984).
+the fit with the smallest scale is best (the idea of the S-estimator, Rousseeuw and Yohai 1984).
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def descend(
     axes = np.eye(6) if free is None else free
     done, share = 0, 0.0
     for done in range(1, iterations + 1):
-        # a pair may lie as far apart as the clouds; later the scale tells how far
+        # a pair may lie as far apart as the clouds; later the scale limits the distance
         reach = max(reach_of(matcher, scale), offset if done <= 8 else 0.0)
         pairs = matcher.match(pose, sources, reach, agreement)
         share = len(pairs) / (len(sources[0]) + len(sources[1]))

@@ -1,6 +1,6 @@
-"""Which of two parts of a surface that agree on different motions stayed, and when nothing tells.
+"""Which of two parts of a surface that agree on different motions stayed, and when that is undecidable.
 
-No geometry tells a block that moved as one from ground that stayed. What speaks for a part: that it is much larger
+No geometry distinguishes a block that moved as one from ground that stayed. Evidence for a part: that it is much larger
 than any other, that it lies around the other as ground does around a landslide, and that it lies where it was
 surveyed. None of that is proof, so that two parts of like weight are refused.
 """
@@ -15,7 +15,7 @@ from ..core.arrays import Float
 from .stable_patches import StablePart
 
 _LEAST_SHARE = 0.15  # of the patches' area: by chance an eighth agrees with some motion where all moved apart
-_LEAST_RIVAL = 0.10  # by chance as much agrees beside a part
+_LEAST_RIVAL = 0.10  # by chance as much agrees outside of a part
 _MAJORITY, _SMALL = 0.5, 0.2
 _RIVAL = 0.7  # of the largest part: another one as large contradicts it
 _SURE_RIVAL = 0.55  # the same of a part that is no majority and does not lie around the other
@@ -32,8 +32,8 @@ class Standing:
 
     Attributes:
         known: whether it is clearly the one that did not move.
-        contested: another part speaks against it as strongly.
-        by_position: only its place tells, which is where it was surveyed.
+        contested: another part contradicts it as strongly.
+        by_position: it was chosen only because it lies where it was surveyed.
         offset, other_offset: how far the part and the other one lie from where they were surveyed, metres.
         apart: how far apart the motions of both take the surface (root mean square), metres.
     """

@@ -3,7 +3,7 @@
 Motions that a few patches ask for are tried on all of them (a consensus of samples after Fischler and Bolles 1981,
 doi:10.1145/358669.358692, improved from those that agree as by Chum et al. 2003, doi:10.1007/978-3-540-45243-0_31).
 Patches that stand near to one another are sampled together, because they moved together or not at all: so a part of a
-few per cent is found. The largest part among all other patches tells how sure the choice is.
+few per cent is found. The largest part among all other patches shows how certain the choice is.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from .surface_patches import Equations, Patches, cut, equations
 
 _FEW, _MANY = 15, 60  # points of a patch that are paired, while looking for parts and in the end
 _WEAK = 0.1  # of the largest curvature: what walls and steps fix on level ground
-_TELLING = 0.2  # squared sine with which a patch tells of a weak direction
+_TELLING = 0.2  # squared sine from which a patch constrains a weak direction
 _AMIDST = 2.0  # widths
 _WEAK_TRIALS = 1_000
 _CONTESTED = 0.75  # of the area that agrees best: as much agrees on something else
 _TRIALS = 6_000
-_PARTNERS = (1, 2, 3, 5, 8)  # patches that a trial takes beside its first one
+_PARTNERS = (1, 2, 3, 5, 8)  # patches that a trial takes in addition to its first one
 _NEAR = 25  # nearest patches of which half of the trials take them
 _BEST = 12  # trials that are improved
 _KEPT = 4  # parts that are paired again where they lead to
@@ -156,7 +156,8 @@ class _Settled:
 
 
 def _levels(system: Equations, noise: float, strict: float) -> tuple[Float, Bool]:
-    """Squared distance (k,) from which a patch has moved, by its points' scatter; which ones can tell (k,)."""
+    """Squared distance (k,) from which a patch has moved, by its points' scatter; which patches are precise enough to
+    decide (k,)."""
     error = 6 * system.rest * CORRELATED / np.maximum(system.pairs, 1)
     tells = (system.pairs >= _LEAST_PAIRS) & (error < max(noise, 2 * _FLOOR) ** 2)
     return np.asarray(_DEVIATIONS**2 * (error + (strict * max(noise / 4, _FLOOR)) ** 2)), tells
@@ -300,7 +301,7 @@ def _prior(offset: float) -> Float:
 def _weights(patches: Patches, usable: Bool, excess: Float, level: Float) -> Float:
     """(k, m) weights of the patches, from 1 where one agrees well, by its ``excess`` (k, m), to 0 at its ``level``.
 
-    A piece that turned agrees along a line, a piece that slid in places: their neighbours tell.
+    A piece that turned agrees along a line, a piece that slid in places: their neighbours show it.
     """
     fit = np.where(usable[:, None], np.maximum(1.0 - excess / level[:, None], 0.0), 0.0)
     known = np.maximum(patches.around @ usable.astype(np.float64), 1e-9)
@@ -309,7 +310,7 @@ def _weights(patches: Patches, usable: Bool, excess: Float, level: Float) -> Flo
 
 
 def _areas(system: Equations, patches: Patches, usable: Bool, level: Float, motions: Float) -> Float:
-    """(m,) area that agrees with each motion; what agrees better counts more; 0 for those not worth a look."""
+    """(m,) area that agrees with each motion; what agrees better counts more; 0 for those that are not examined."""
     area = np.where(usable, patches.area, 0.0)
     found = np.empty(len(motions))
     for start in range(0, len(motions), 500):

@@ -1,8 +1,8 @@
 """A surface cut into patches of one direction, and how far each patch agrees with a motion of the whole.
 
 Patches are what piecewise registration goes by (Yang and Schwieger 2023, Wujanz et al. 2016,
-doi:10.1016/j.isprsjprs.2016.04.008): a patch has moved or not as a whole, and its many points tell of that far more
-surely than each one alone.
+doi:10.1016/j.isprsjprs.2016.04.008): a patch has moved or not as a whole, and its many points show that far more
+reliably than each one alone.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def cut(surface: Surface, thickness: float, eligible: Bool | None = None) -> Pat
     """Cut a surface into patches: cubic blocks, and in each the parts that face one way and lie in one layer.
 
     Args:
-        thickness: of a layer, metres either way, beside what a patch's own relief is.
+        thickness: of a layer, metres either way, in addition to a patch's own relief.
         eligible: (m,) points to be used; all without it.
     """
     sources = surface.sample(_SOURCES, eligible)

@@ -16,7 +16,7 @@ _HORIZON = 1.5  # times the reach: how far a search looks, so that points withou
 
 
 class TrackedNeighbours:
-    """Neighbours, in a tree, of ``count`` points that are told by their numbers and by where they are now."""
+    """Neighbours, in a tree, of ``count`` points that are given by their numbers and their present positions."""
 
     def __init__(self, tree: cKDTree, count: int) -> None:
         self.tree = tree

@@ -56,8 +56,8 @@ def confidence_after_selection(
     as for scan statistics). The error that all cells share is one and the same at all places; it is drawn once for the
     map, not once a place.
 
-    The errors are themselves told from few points, so the mean follows Student's t, with twelve degrees of freedom for
-    each cell.
+    The errors are themselves estimated from few points, so the mean follows Student's t, with twelve degrees of freedom
+    for each cell.
 
     On maps of 10,000 cells of normal errors, 100 of each of five variograms (independent cells to nearly smooth fields,
     ranges of 3 to 80 m), 12 of 500 held a group that counts as sure.
@@ -86,7 +86,7 @@ class SureGroups:
     Attributes:
         confidence: (n,) see ``confidence_after_selection``.
         footprints: of each.
-        correlation: how the errors of cells are related, told outside of the footprints.
+        correlation: how the errors of cells are related, measured outside of the footprints.
         dropped: how many groups were not sure enough.
     """
 
@@ -108,8 +108,8 @@ def sure_groups(
 ) -> SureGroups:
     """The groups 1 to ``count`` of ``labels`` whose confidence is at least ``parameters.minimum_confidence``.
 
-    What is left out is noise, and belongs to the ground from which the errors' correlation is told: this is told again
-    without it, until all that remain are sure.
+    What is left out is noise, and belongs to the ground on which the errors' correlation is measured: this is measured
+    again without it, until all that remain are sure.
 
     Args:
         registration_error: metres, see ``footprints.outline_footprints``.

@@ -83,7 +83,7 @@ class EarlierReviews:
         return carried.frame
 
     def finish(self, stage: Stage, outputs: dict[str, Path], progress: Progress) -> dict[str, Any]:
-        """Write what was not carried over, if there is any, add the file to ``outputs``, and tell all of it.
+        """Write what was not carried over, if there is any, add the file to ``outputs``, and report all of it.
 
         Returns:
             The facts for the run record.

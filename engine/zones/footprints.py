@@ -95,7 +95,7 @@ def outline_footprints(
     found = []
     for number, box in enumerate(ndimage.find_objects(labels, max_label=count), start=1):
         assert box is not None
-        # as far as rings can reach (see _Surroundings.grown), the gaps' neighbours, and what tells the survey's edge
+        # as far as rings can reach (see _Surroundings.grown), the gaps' neighbours, and what shows the survey's edge
         margin = max(s.stop - s.start for s in box) + 2 * _MARGIN + reach + _edge_reach(cells.cell)
         window = tuple(slice(max(0, s.start - margin), s.stop + margin) for s in box)
         near = in_window(cells, window)
@@ -162,7 +162,7 @@ class _Surroundings:
         normal = np.where(self.near > 0, self.near, 1.0)
         share = np.where(gaps, 1.0 / normal, 0.0)
         weights += np.where(self.known, _around(share, self.kernel), 0.0)
-        # measured cells told from their neighbours, as the gaps are
+        # measured cells estimated from their neighbours, as the gaps are
         told = known & (self.near > 0)
         mean = _around(self.dz, self.kernel) / normal
         noise = _around(self.variance, self.kernel**2) / normal**2 + self.variance

@@ -87,7 +87,7 @@ def read_lines(path: Path, crs: CRS, field: str = "") -> tuple[tuple[ProfileLine
 
 
 def given_lines(path: Path | None, crs: CRS, field: str, progress: Progress) -> tuple[ProfileLine, ...]:
-    """As ``read_lines``, telling the user the sentences; none without a file."""
+    """As ``read_lines``, reporting its sentences as warnings; no lines without a file."""
     if path is None:
         return ()
     lines, notes = read_lines(path, crs, field)
@@ -190,7 +190,7 @@ def _names(frame: gpd.GeoDataFrame, field: str, name: str) -> list[str]:
 
 
 def _distinct(lines: Sequence[ProfileLine]) -> tuple[ProfileLine, ...]:
-    """Lines of one name are told apart by a number."""
+    """Lines of one name are distinguished by a number."""
     taken: set[str] = set()
     result = []
     for line in lines:

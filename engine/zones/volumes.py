@@ -149,8 +149,8 @@ def fit_correlation(cells: Cells, stable: NDArray[np.bool_], registration_error:
     Too little stable ground, or too few distances in it, leave the model without a variogram.
 
     The change is taken in units of the error without the registration's part, which is one constant for all cells and
-    therefore not to be seen in a variogram. Where plants make more of a cell's error than its points, it tells of the
-    plants; such cells are left out where enough others are, else what plants make counts in the unit.
+    therefore not to be seen in a variogram. Where plants cause more of a cell's error than its points, it shows the
+    plants; such cells are left out where enough others are, else the error by plants counts in the unit.
     """
     model = CorrelationModel(registration_error, None, plants_in_common=_in_common(cells, stable, registration_error))
     usable = stable & np.isfinite(cells.dz) & np.isfinite(cells.error)
@@ -165,7 +165,7 @@ def fit_correlation(cells: Cells, stable: NDArray[np.bool_], registration_error:
         if int(little.sum()) >= FEWEST_CELLS:
             usable = little
         else:
-            # what plants make of a cell is counted beside its sampling, not as a part of it
+            # a cell's error by plants is counted in addition to its sampling error, not as a part of it
             sampling = np.hypot(sampling, np.nan_to_num(cells.plants))
     count = int(usable.sum())
     if count < FEWEST_CELLS:
@@ -182,7 +182,7 @@ def _in_common(cells: Cells, stable: NDArray[np.bool_], registration_error: floa
     """Share of the plants' error that the whole slope has in common, 1 where nothing is known of plants."""
     if cells.plants is None:
         return 1.0
-    # a change that the plants' height explains tells of them too, and mown grass is not taken as stable
+    # a change that the plants' height explains is evidence for them too, and mown grass is not taken as stable
     told = stable if cells.plant_like is None else stable | cells.plant_like
     told = cells.partition.one_each(told)
     sampling = CorrelationModel(registration_error, None).sampling_error(cells.error, cells.plants)
