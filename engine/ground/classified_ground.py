@@ -50,7 +50,7 @@ def warn_of_classes(path: Path, xyz: Float, progress: Progress) -> None:
 def contradicting_share(xyz: Float, *, seed: int = 0) -> float:
     """Share of points (n, 3), m, far above or below those close to them, 0 to 1.
 
-    Points without close ones tell nothing and are not counted; 0 where nearly all are such.
+    Points without close ones are not judged and not counted; 0 where nearly all are such.
     """
     if len(xyz) < max(FEWEST, AROUND):
         return 0.0

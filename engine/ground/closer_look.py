@@ -30,7 +30,7 @@ CONTINUED_M, CONTINUED_PARTS = 0.45, 2
 def looked_closer(
     height: Float, bare: Bool, places: Float, side: float, scatter: float, threshold: float
 ) -> tuple[Float, Bool]:
-    """Heights (n,) over the ground with what smaller windows tell, and which of the returns they tell it of.
+    """Heights (n,) over the ground, refined by smaller windows, and which of the returns were refined.
 
     Args:
         height: (n,) over the ground of the windows, m.

@@ -97,7 +97,7 @@ def refuse_large_cloth(xyz: NDArray[np.float64], resolution: float) -> int:
 
 
 def filling(xyz: NDArray[np.float64], resolution: float) -> NDArray[np.float64]:
-    """Points (m, 3) to add where much of the cloth has no point near it, as between two regions or beside a stray.
+    """Points (m, 3) to add where much of the cloth has no point near it, as between two regions or next to a stray.
 
     For a particle without points the library walks along its row and column to the next one, and searches in all
     directions where both are empty, which takes hours on such a cloth. Particles far from any point get one, as low as

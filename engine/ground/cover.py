@@ -1,8 +1,8 @@
 """What covers the ground: bare, grass, shrubs, trees; and how well the ground below is known.
 
-Squares seen from above are told apart by the heights of their returns over the extracted ground. Squares of 4 m are
-quartered down to 0.5 m as long as they hold ``ENOUGH`` returns for each quarter that holds any, so that a class is not
-told from a handful; or where all returns lie in one half, as at the edge of a survey. Corners are whole multiples of
+Squares seen from above are classified by the heights of their returns over the extracted ground. Squares of 4 m are
+quartered down to 0.5 m as long as they hold ``ENOUGH`` returns for each quarter that holds any, so that no class rests
+on a handful; or where all returns lie in one half, as at the edge of a survey. Corners are whole multiples of
 the side, so two surveys of one slope have the same places.
 """
 
@@ -32,7 +32,7 @@ HEIGHTS = (0.1, 1.0, 2.5)
 """Heights (m) over the ground above which returns are low plants, shrubs, trees."""
 _FEW = 0.05  # share of a square's returns that may lie above a limit: a wire or a bird makes no tree
 _BARE_ERROR = 0.01  # largest plant error (m) of bare ground: short closed grass has no return above 0.1 m
-_NOISE_FLOOR = 0.005  # plant errors (m) below it are not worth a warning
+_NOISE_FLOOR = 0.005  # plant errors (m) below it cause no warning
 _MUCH = 0.25
 _STEEPEST = 0.1  # least cosine of the dip
 _HALVES = ((0, 1, 2, 3), (0, 2, 1, 3))  # quarters west and east, south and north; numbered from the south-west

@@ -3,7 +3,7 @@
 A count of neighbours in a sphere, the usual test, takes sparse ground under trees for noise, and a search for the
 neighbours of every point takes longer than all the rest. Here points share flat boxes that lie along the slope. Boxes
 that touch belong together, and only groups of few points are outliers. Ground seen through gaps metres apart stays
-connected sideways; a stray echo under it has nothing beside it.
+connected sideways; a stray echo under it has nothing next to it.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Whether a cloud is a bare surface or a raw survey with its plants; told from a sample, before any long work.
+"""Whether a cloud is a bare surface or a raw survey with its plants; decided on a sample, before any long work.
 
 Three witnesses, each enough alone. Points of plants fill balls that points of a surface, however steep, cross as a
 sheet. A pulse that goes on after its echo hit something thin. And the file may name its plants. Closed grass is a
-surface like any other; it is not told from the ground below it.
+surface like any other; it is not distinguished from the ground below it.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ MOST_THICK, MOST_FOLLOWED, MOST_PLANTS = 0.15, 0.05, 0.05
 class Bareness:
     """Shares (0 to 1) of a sample.
 
-    ``thick``: balls that points fill instead of crossing as a sheet, NaN where the cloud is too thin to tell;
+    ``thick``: balls that points fill instead of crossing as a sheet, NaN where the cloud is too thin to decide;
     ``followed``: echoes that a later one of their pulse follows; ``plants``, ``ground``: points of these classes, of
     those that are not of a noise class.
     """

@@ -1,4 +1,4 @@
-"""Stray returns below a surface: multipath, whose pulse took a longer way than its place tells.
+"""Stray returns below a surface: multipath, whose pulse took a longer way than the straight one.
 
 They lie at any depth and make no sheet. The ground, even where plants let few pulses through, is a sheet: within a few
 square metres its returns have one height. So returns are counted in slices of squares, and a slice with a small part of
@@ -64,7 +64,7 @@ def _fullest_above(place: Index, height: Index, pooled: Float, width: int) -> Fl
     rank = np.cumsum(np.concatenate([[0], np.diff(place) != 0]))
     own = _running_maximum(pooled[::-1], rank[-1] - rank[::-1])[::-1]
     found = own.copy()
-    # a beam that leaves its column on its way down has no ground above it: look beside
+    # a beam that leaves its column on its way down has no ground above it: look in the adjacent columns
     lonely = np.flatnonzero(own < FEWEST_ABOVE)
     order = np.lexsort((-pooled, place))
     first = np.ones(len(order), dtype=bool)
