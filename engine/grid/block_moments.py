@@ -46,7 +46,7 @@ class Moments:
         return len(self.sums) - _PLAIN
 
     def mean(self, more: int) -> Float:
-        """Mean of a value that was given beside the coordinates, by its number from 0; NaN without points."""
+        """Mean of a value that was given in addition to the coordinates, by its number from 0; NaN without points."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(self.sums[_PLAIN + more] / self.sums[N])
 
@@ -168,7 +168,8 @@ def _fit_planes(first: Float, second: Float, side: float, found: Float, sound: N
 
 
 def variance_by_parts(planes: ParallelPlanes, blocks: list[Moments], parts: list[Moments]) -> tuple[Float, Float]:
-    """Variance of the blocks' dz as the sums of residuals in their parts tell it, and the number of parts with points.
+    """Variance of the blocks' dz, estimated from the sums of residuals in their parts, and the number of parts with
+    points.
 
     Where the errors of near points are alike, as under a shrub that was taken for ground, the mean of n points is less
     certain than n independent ones would be. With R the sum of an epoch's residuals in a part and N its points in the

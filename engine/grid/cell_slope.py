@@ -18,7 +18,7 @@ from .grid import Grid
 Counts = NDArray[np.signedinteger[Any]]
 Numbers = NDArray[Any]
 
-_REACH = 0.5  # metres from a cell within which its neighbours tell its slope
+_REACH = 0.5  # metres from a cell: its neighbours within give its slope
 _LEAST_CELLS = 2  # ... and cells, where these are large
 _WIDER = (2.0, 4.0)  # times the reach where too few cells are within it
 _NARROW = 12  # cells of radius within which all sums of squares of places are below 2^15

@@ -19,7 +19,7 @@ _BYTES_A_CELL = 280.0  # of the grid, cells of one size
 _BYTES_A_GROWING_CELL = 140.0  # of the grid, cells that grow
 _BYTES_ON_THE_SLOPE = 110.0  # more for each cell that lies on the slope
 _BYTES_AT_ONCE, _AT_ONCE = 620.0, 1_000_000  # for so many cells, which are worked on as a whole
-_BYTES_OF_PLANTS = 60.0  # more, where the clouds tell of plants
+_BYTES_OF_PLANTS = 60.0  # more, where the clouds record plants
 _SQUARE = 16.0  # cells, and at least _LEAST_SQUARE metres: squares with points are on the slope
 _LEAST_SQUARE = 4.0
 
@@ -30,7 +30,7 @@ def common_grid(reference: Float, moving: Float, parameters: GridChangeParameter
     """The snapped grid that covers both clouds ((n, 3) and (m, 3)) where their extents meet.
 
     Args:
-        plants: whether the cells also hold what a cloud tells of plants.
+        plants: whether the cells also hold a cloud's plants.
 
     Raises:
         InputError: the extents do not meet (both are named), or the grid needs more than ``memory_limit``.

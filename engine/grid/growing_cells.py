@@ -234,8 +234,8 @@ def _windows(
 ) -> Iterator[tuple[Window, Window]]:
     """Windows of the frame to work on, and the part of each that counts; only those in which both surveys have points.
 
-    Their edges are multiples of the largest block. The margin holds what a block's error is told from: the blocks
-    around it.
+    Their edges are multiples of the largest block. The margin holds the blocks around a block, from which its error
+    is estimated.
     """
     rows, columns = shape
     if rows * columns <= _AT_ONCE:

@@ -21,12 +21,12 @@ RADIUS = 3
 _PRIOR_DEGREES = 8.0  # of freedom that the surrounding blocks' variance counts
 _PARTS = 2  # a block is compared with its parts of a quarter of its side
 _SPENT = 3.0  # parts that the fit of the planes takes from their number; measured with independent points
-_PRIOR_PARTS = 4.0  # what independence counts beside them
+_PRIOR_PARTS = 4.0  # weight of independence, in parts, compared with theirs
 _SCATTERED = 0.25  # of a square's cells: what is left of it to less than that is no place of its own
 COLUMNS = (
     "dz", "sampling", "slope", "count_from", "count_to", "side", "error_from", "height_from", "error_to", "height_to",
 )  # fmt: skip
-"""What is told of a block: change, its standard error by the points, inclination, points, side; mean error and height
+"""Figures of a block: change, its standard error by the points, inclination, points, side; mean error and height
 of the plants in either epoch."""
 
 

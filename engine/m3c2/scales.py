@@ -58,7 +58,7 @@ def choose_scales(
     """Scales for two clouds, (n, 3) and (m, 3) in metres; what ``parameters`` gives (not 0) is taken as given.
 
     Raises:
-        InputError: too few points to tell anything.
+        InputError: too few points to choose scales.
     """
     progress = progress or Progress()
     places = _sample(reference, overlap_bounds(reference, moving))

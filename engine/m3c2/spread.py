@@ -92,8 +92,8 @@ def uneven_sampling(first: Spread, second: Spread) -> Float:
     """By how much the means of two clouds along the axis differ because their points are at different places, metres
     (m,); 0 where a cloud has no points.
 
-    A tilt that one cloud alone shows may be change itself, as at the edge of what slid. So the smaller of what both
-    clouds' tilts make of it counts, and nothing where they contradict each other.
+    A tilt that one cloud alone shows may be change itself, as at the edge of what slid. So the smaller of the
+    errors by both clouds' tilts counts, and nothing where they contradict each other.
     """
     apart = second.place - first.place
     one, other = (np.nan_to_num(np.sum(tilt_of(spread) * apart, axis=1)) for spread in (first, second))
