@@ -57,7 +57,7 @@ def uninterrupted() -> Iterator[None]:
 def install(on_cancel: Callable[[], None], *, watch_parent: bool) -> None:
     """Make signals, and with ``watch_parent`` the end of standard input, cancel the command.
 
-    ``on_cancel`` tells the user; then the process exits with 130 at once.
+    ``on_cancel`` informs the user; then the process exits with 130 at once.
     """
     global _wakeup
     _wakeup = socket.socketpair()

@@ -154,7 +154,7 @@ def _make_folder(folder: Path) -> None:
 
 
 def _blame_full_disk(directory: Path, error: Exception) -> None:
-    """Raise InputError if the outputs most likely did not fit; native writers do not tell it as such."""
+    """Raise InputError if the outputs most likely did not fit; native writers do not report it as such."""
     try:
         free = shutil.disk_usage(directory).free
     except OSError:

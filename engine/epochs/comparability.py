@@ -54,7 +54,7 @@ def refuse_other_heights(first: PointCloud, second: PointCloud, limit: float = m
 def refuse_other_raw_heights(
     first: Path, second: Path, inputs: InputParameters, parameters: RegistrationParameters
 ) -> None:
-    """As ``register_pair`` refuses the ground of two surveys, told from samples of the raw clouds before all work.
+    """As ``register_pair`` refuses the ground of two surveys, decided on samples of the raw clouds before all work.
 
     The lowest points of coarse cells are compared. As plants that are cut lower these too, only what no plant explains
     is refused here, and whatever remains is left to the ground.

@@ -1,7 +1,7 @@
 """When a cloud was flown by its own witnesses, and whether the days that were given agree.
 
 The GPS times of the points come first, then a date in the file's name, then the day on which the file was created,
-which can only be too late. Seconds of a week tell no day, as many files that say so hold something else.
+which can only be too late. Seconds of a week give no day, as many files that say so hold something else.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ _DAY_SHARE = 0.01
 _STRETCHES = 12
 _APART = timedelta(days=3)
 _ZONES = timedelta(days=1)
-"""What a time zone can make of a day."""
+"""How far a time zone can shift a day."""
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a file itself tells: ``flown`` from and to (by GPS times), ``named`` and ``created``; None: nothing."""
+    """What a file itself states: ``flown`` from and to (by GPS times), ``named`` and ``created``; None: nothing."""
 
     flown: tuple[date, date] | None = None
     named: date | None = None
@@ -80,7 +80,7 @@ def evidence(path: Path) -> Evidence:
 
 
 def check_days(epochs: Sequence[Epoch], *, trusted: bool, progress: Progress) -> None:
-    """Compare the days of surveys, the earliest first, with what their files tell; warn of those that differ.
+    """Compare the days of surveys, the earliest first, with what their files state; warn of those that differ.
 
     Args:
         trusted: also only warn of surveys whose order contradicts their files.
@@ -135,7 +135,7 @@ def _inverted(epochs: Sequence[Epoch], found: Sequence[Evidence]) -> tuple[int, 
 
 
 def _created_in_reverse(earlier: Epoch, later: Epoch, first: Evidence, second: Evidence) -> bool:
-    """Whether files that tell no more than when they were created fit their days only if these are swapped."""
+    """Whether files that state only when they were created fit their days only if these are swapped."""
     if first.days or second.days or not (first.created and second.created and earlier.date and later.date):
         return False
     return earlier.date <= second.created < later.date - _ZONES and first.created >= later.date

@@ -1,4 +1,4 @@
-"""Whether two epochs' heights are of different systems or units, told before anything is made of their difference."""
+"""Whether two epochs' heights are of different systems or units, checked before their difference is used."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from ..statistics.robust import nmad
 FOOT = 0.3048
 _CELLS = 900  # that the shared extent is cut into
 _POINTS = 400_000  # of a cloud, evenly taken, are enough for the heights of so many cells
-_FEWEST = 30  # common cells; with fewer nothing can be said of the whole overlap
+_FEWEST = 30  # common cells; with fewer the whole overlap is not judged
 _EVEN, _MOST = 0.1, 0.9  # a shift is that of all heights where so many cells are within so small a share of it
-_LEAST_RELIEF = 0.5  # m of scatter of the heights from which on a unit can be told
+_LEAST_RELIEF = 0.5  # m of scatter of the heights from which on a unit can be recognised
 _LIKE = 0.1  # share of that scatter that is left where heights differ by their unit
 _LARGEST_OFFSET = next(s.maximum or 0.0 for s in RegistrationParameters.specifications() if s.name == "maximum_offset")
 

@@ -1,6 +1,6 @@
 """Rigid motions: applied without loss at projected coordinates, saved with direction and frame stated.
 
-A registration that bends carries a correction of heights beside its rigid motion.
+A registration that bends carries a correction of heights in addition to its rigid motion.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class RigidTransform:
         """Write as JSON: ``matrix`` row by row, moving to reference, and what is needed to use it rightly.
 
         Args:
-            facts: figures of the registration, kept beside.
+            facts: figures of the registration, written into the same file.
         """
         document = {
             "matrix": self.matrix.tolist(),
@@ -167,7 +167,7 @@ class BentTransform(RigidTransform):
 
 
 def registration_error(transform_path: Path | None) -> float | None:
-    """Standard error of the registration in height (m), where the transform's file tells it."""
+    """Standard error of the registration in height (m), where the transform's file states it."""
     if transform_path is None:
         return None
     known = registration_facts(transform_path).get("registration_error_m")
@@ -177,6 +177,6 @@ def registration_error(transform_path: Path | None) -> float | None:
 
 
 def registration_facts(transform_path: Path) -> dict[str, Any]:
-    """What the transform's file tells of the registration that found it."""
+    """What the transform's file records of the registration that found it."""
     facts = json.loads(transform_path.read_text(encoding="utf-8")).get("registration")
     return facts if isinstance(facts, dict) else {}

@@ -20,7 +20,7 @@ from ..series.zone_series import ZoneSeries
 from ..statistics.normal import Z95
 from .palette import DIVERGING, colour_limit, hexadecimal
 
-_MOST_LINES = 8  # more cannot be told apart
+_MOST_LINES = 8  # more cannot be distinguished
 
 
 def write_series_picture(

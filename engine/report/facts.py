@@ -1,4 +1,6 @@
-"""Figures of a change for its run record, beside the main ones: what the report's tables and histograms show."""
+"""Figures of a change for its run record, in addition to the main ones: what the report's tables and histograms
+show.
+"""
 
 from __future__ import annotations
 
@@ -124,7 +126,7 @@ def level_facts(change: Change) -> dict[str, Any]:
 def error_terms(change: Change) -> list[dict[str, Any]]:
     """Parts of the cells' errors: median standard error, metres, and share of the cells where it is the largest.
 
-    Without knowledge of plants there are no terms to be told apart.
+    Without knowledge of plants there are no terms to be distinguished.
     """
     if change.plants is None or change.sampling is None:
         return []
@@ -202,7 +204,7 @@ def zone_rows(frame: gpd.GeoDataFrame, texts: tuple[str, ...] = ("severity",)) -
     """The first hundred zones as rows of a table, with a point inside each; fields that are empty are left out.
 
     Args:
-        texts: fields with words that the rows keep, beside id and kind.
+        texts: fields with words that the rows keep, in addition to id and kind.
     """
     first = frame.iloc[:_MOST_ZONES]
     points = shapely.get_coordinates(shapely.point_on_surface(np.asarray(first.geometry)))

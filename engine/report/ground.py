@@ -1,4 +1,4 @@
-"""The report's section on the ground: which surveys it tells of, maps of their ground returns, a chart of heights.
+"""The report's section on the ground: which surveys it covers, maps of their ground returns, a chart of heights.
 
 The figures come from the run record, the maps from the classified clouds that the run kept. A run of an older version
 has no such figures, one of clouds that were ground already has neither.
@@ -114,7 +114,7 @@ def painted(
 
 
 def heights_chart(surveys: Sequence[tuple[str, Mapping[str, Any]]]) -> Picture | None:
-    """Returns by their height over the ground, a panel a survey beside each other; None without any.
+    """Returns by their height over the ground, one panel for each survey, side by side; None without any.
 
     Args:
         surveys: name and ``HeightCounts`` as the run record has them.

@@ -39,7 +39,7 @@ def failure_time(days: Float, change: Float, variance: Float) -> FailureTime:
 
     Only where the last surveys in a row, at least four, have velocities beyond their level of detection (1.96 times
     their error), of one sign, each larger than the one before; where the law fits; and where the interval ends, that
-    is, where the motion can be told from a steady one.
+    is, where the motion can be distinguished from a steady one.
 
     Args:
         days: (n,) days of the surveys since the first.

@@ -207,7 +207,7 @@ def cell_velocity(days: Float, change: list[Float], variance: list[Float]) -> Ce
 def own_variances(errors: list[Float], shared: list[float], first: Float, other: list[Float]) -> list[Float]:
     """Each survey's own variance, from the errors of its differences to the first survey.
 
-    The first survey's variance is in every difference. It is told apart by the share that the sampling variances of
+    The first survey's variance is in every difference. It is separated by the share that the sampling variances of
     the cells give it, so that a calibration of the differences' errors carries over.
 
     Args:

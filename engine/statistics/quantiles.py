@@ -13,7 +13,7 @@ _NEAR = 0.04  # of the probability: two and a half standard errors of a probe's 
 def sample_quantile(values: NDArray[np.float64], probability: float) -> float:
     """``numpy.quantile`` of the finite ``values`` (n,), in a sixth of its time where they are many.
 
-    A sorted probe of them tells between which two the quantile lies; only the values in between are looked at closely
+    A sorted sample of them shows between which two the quantile lies; only the values in between are looked at closely
     (after Floyd and Rivest 1975, doi:10.1145/360680.360691).
     """
     if values.size < _MANY:

@@ -21,7 +21,7 @@ from ..core.arrays import Float
 from .robust import nmad
 
 FEWEST_CELLS = 500
-"""With fewer values no variogram is told."""
+"""With fewer values no variogram is estimated."""
 FEWEST_LAGS = 3
 """With fewer classes of distance that hold pairs no model is fitted: a nugget and a structure have three numbers."""
 _LARGEST_LATTICE = 1 << 20  # cells; larger grids are thinned for the longer lags
@@ -94,9 +94,9 @@ def empirical_variogram(values: Float, cell: float) -> EmpiricalVariogram:
 
     All pairs at once by Fourier transform (Marcotte 1996, doi:10.1016/S0098-3004(96)00026-X). Long lags leave out the
     grid's middle, and where the values by chance scatter more at the edge, that would pass for correlation. So each
-    class is told relative to the mean square of its own pairs, as in the non-ergodic correlogram (Srivastava and Parker
-    1989). Values beyond five robust standard deviations are drawn in to these. From grids of more than a million cells
-    every k-th row and column serve for the lags from six cells on.
+    class is stated relative to the mean square of its own pairs, as in the non-ergodic correlogram (Srivastava and
+    Parker 1989). Values beyond five robust standard deviations are drawn in to these. From grids of more than a million
+    cells every k-th row and column serve for the lags from six cells on.
 
     Args:
         values: (rows, columns), NaN where there is none (or where the surface is not stable).
