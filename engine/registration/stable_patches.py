@@ -157,7 +157,8 @@ class _Settled:
 
 def _levels(system: Equations, noise: float, strict: float) -> tuple[Float, Bool]:
     """Squared distance (k,) from which a patch has moved, by its points' scatter; which patches are precise enough to
-    decide (k,)."""
+    decide (k,).
+    """
     error = 6 * system.rest * CORRELATED / np.maximum(system.pairs, 1)
     tells = (system.pairs >= _LEAST_PAIRS) & (error < max(noise, 2 * _FLOOR) ** 2)
     return np.asarray(_DEVIATIONS**2 * (error + (strict * max(noise / 4, _FLOOR)) ** 2)), tells

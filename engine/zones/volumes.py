@@ -33,7 +33,7 @@ class CorrelationModel:
 
     The error of a cell is its sampling error, alike in near cells by ``variogram``, ``registration_error`` (m), which
     all cells share, and the error by plants, which counts as fully correlated: one season is alike all over. Over the
-    whole slope only the share ``plants_in_common`` of it does, where stable ground tells that. Without a variogram the
+    whole slope only the share ``plants_in_common`` of it does, where stable ground shows that. Without a variogram the
     sampling errors count as fully correlated, which is the largest error possible; ``without`` says why. ``cells`` is
     the number of cells of stable ground that it was taken from.
     """
