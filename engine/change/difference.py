@@ -36,7 +36,7 @@ from .result import Change
 from .season import judge_season
 from .thresholds import stated_error
 
-_FEWEST_CELLS = 30  # with fewer in common, the whole overlap is not judged
+_MIN_CELLS = 30  # with fewer in common, the whole overlap is not judged
 
 
 def difference(
@@ -73,12 +73,14 @@ def difference(
             constant and propagated have no need, and the errors are those that they state.
     """
     progress = progress or Progress()
-    told = any(cover is not None for cover in plants)
-    choice = affordable(choose_cell((reference, moving), parameters), (reference, moving), parameters, plants=told)
+    with_plants = any(cover is not None for cover in plants)
+    choice = affordable(
+        choose_cell((reference, moving), parameters), (reference, moving), parameters, plants=with_plants
+    )
     if choice.automatic:
         progress.info(choice.sentence)
     parameters = with_cell(parameters, choice)
-    grid = common_grid(reference, moving, parameters, plants=told)
+    grid = common_grid(reference, moving, parameters, plants=with_plants)
     if isinstance(parameters, ChangeParameters) and parameters.grows:
         registration_error = _stated(parameters, registration_error)
         cells = adaptive_cells(
@@ -324,4 +326,4 @@ def uniform_shift(dz: Float, level: Float, *, independent: int | None = None) ->
     spread = NORMALISED * sample_quantile(np.abs(dz - shift), 0.5)
     beyond = float(np.mean(dz * math.copysign(1.0, shift) > level))
     cells = dz.size if independent is None else independent
-    return shift if cells >= _FEWEST_CELLS and beyond >= 0.9 and spread < abs(shift) / 3 else None
+    return shift if cells >= _MIN_CELLS and beyond >= 0.9 and spread < abs(shift) / 3 else None

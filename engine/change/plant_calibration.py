@@ -49,11 +49,13 @@ def plants_factor(
         registration_error: metres.
     """
     with np.errstate(invalid="ignore"):
-        told = stable & np.isfinite(dz) & (plants > sampling)
-    patches = len(np.unique(square[told]))
+        under_plants = stable & np.isfinite(dz) & (plants > sampling)
+    patches = len(np.unique(square[under_plants]))
     if patches < FEWEST_PATCHES:
         return 1.0
-    needed = ((dz[told] / quantile(confidence)) ** 2 - sampling[told] ** 2 - registration_error**2) / plants[told] ** 2
+    needed = (
+        (dz[under_plants] / quantile(confidence)) ** 2 - sampling[under_plants] ** 2 - registration_error**2
+    ) / plants[under_plants] ** 2
     surer = min(confidence + math.sqrt(confidence * (1.0 - confidence) / patches), 1.0)
     return float(np.clip(math.sqrt(max(sample_quantile(needed, surer), 0.0)), NARROWEST, 1.0))
 
@@ -79,12 +81,12 @@ def common_share(dz: Float, sampling: Float, plants: Float, stable: NDArray[np.b
         cell: side of a cell, metres.
     """
     with np.errstate(invalid="ignore"):
-        told = stable & np.isfinite(dz) & (plants > sampling)
-    _, patch = np.unique(squares_of(dz.shape, cell)[told], return_inverse=True)
+        under_plants = stable & np.isfinite(dz) & (plants > sampling)
+    _, patch = np.unique(squares_of(dz.shape, cell)[under_plants], return_inverse=True)
     count = np.bincount(patch)
     if len(count) < FEWEST_PATCHES:
         return 1.0
-    means = np.bincount(patch, dz[told] / plants[told]) / count
+    means = np.bincount(patch, dz[under_plants] / plants[under_plants]) / count
     return min(math.hypot(float(means.mean()), float(means.std(ddof=1)) / math.sqrt(len(means))), 1.0)
 
 

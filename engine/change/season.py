@@ -28,9 +28,9 @@ MARGIN = 1.0
 COVERED = 0.5
 """Share of the known ground within ``MARGIN`` that must have plants where the season is alike: a shrub that was sampled
 otherwise is no evidence for the bare ground next to it."""
-_COMMON = 0.5  # of the vegetated cells: where so many have changed alike, the season differs
-_FEWEST = 30  # vegetated cells, of which something can be said
-_LEAST_SHARE = 0.02  # of the cells that must have plants
+_MIN_CHANGED_SHARE = 0.5  # of the vegetated cells: where so many have changed alike, the season differs
+_MIN_VEGETATED_CELLS = 30  # with fewer the season is not judged
+_MIN_VEGETATED_SHARE = 0.02  # of the cells that must have plants
 
 
 @dataclass(frozen=True)
@@ -171,9 +171,9 @@ def compare_seasons(height_from: Float, height_to: Float, dz: Float | None = Non
     risen = second[plants] - first[plants]
     lower, higher = (float(np.mean(sign * risen > DIFFERENT)) if cells else 0.0 for sign in (-1, 1))
     verdict = "alike"
-    if cells < _FEWEST or share < _LEAST_SHARE:
+    if cells < _MIN_VEGETATED_CELLS or share < _MIN_VEGETATED_SHARE:
         verdict = "no plants"
-    elif max(lower, higher) >= _COMMON:
+    elif max(lower, higher) >= _MIN_CHANGED_SHARE:
         verdict = "lower" if lower > higher else "higher"
     moved = None if dz is None else dz[known]
     return Season(

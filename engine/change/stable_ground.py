@@ -16,7 +16,8 @@ MOST_CHANGED = 0.3
 changed do not count as changed as a whole, so this is a third of the ground and more."""
 LEAST_STABLE = 0.5
 """... and the share that must be found stable, because it is judged by what most of the ground does."""
-_APART = 5.0  # degrees beyond the slopes of known stable ground, from which that is no evidence for a cell
+# degrees beyond the slopes of known stable ground, from which that is no evidence for a cell
+_MAX_SLOPE_EXTRAPOLATION_DEG = 5.0
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,8 @@ def _with_other_slopes(given: NDArray[np.bool_], found: NDArray[np.bool_], slope
     inside = slope[given & np.isfinite(slope)]
     if not inside.size:
         return given
-    low, high = np.quantile(inside, [0.02, 0.98]) + np.array([-_APART, _APART])
+    low, high = np.quantile(inside, [0.02, 0.98]) + np.array(
+        [-_MAX_SLOPE_EXTRAPOLATION_DEG, _MAX_SLOPE_EXTRAPOLATION_DEG]
+    )
     with np.errstate(invalid="ignore"):
         return given | (found & ((slope < low) | (slope > high)))

@@ -24,12 +24,12 @@ from .restarts import descend
 
 LITTLE = 0.01
 """Metres: ground with an error by plants that is no larger counts as bare."""
-_LEAST_POINTS = 300
+_MIN_POINTS = 300
 _SOURCES = 25_000
-_STEPS = 24
-_FAR = 5.0  # times the noise of the residuals: how far all ground together may have gone astray
-_ALIKE = 1.2  # times the smaller noise: two places that fit equally well
-_STEEP = 0.2  # least vertical part of a normal: heights of steeper faces say little
+_MAX_STEPS = 24
+_MAX_OFFSET_SCALES = 5.0  # times the noise of the residuals: how far all ground together may have gone astray
+_MAX_SCALE_RATIO = 1.2  # times the smaller noise: two places that fit equally well
+_MIN_UPWARD_NORMAL = 0.2  # least vertical part of a normal: heights of steeper faces say little
 _PLACES = 5_000
 
 
@@ -71,7 +71,7 @@ def align_bare(
         InputError: the two surveys' bare ground is not the same.
     """
     bare = ground.bare
-    if min(np.count_nonzero(which) for which in (bare.stable, bare.firm) if which is not None) < _LEAST_POINTS:
+    if min(np.count_nonzero(which) for which in (bare.stable, bare.firm) if which is not None) < _MIN_POINTS:
         return None
     found = align(
         bare,
@@ -105,7 +105,7 @@ class _Levelled(Matcher):
 def _height(pairs: Pairs) -> float:
     """Median difference of heights, metres, of the pairs that are not on a wall; 0 without any."""
     upward = pairs.normal[:, 2]
-    open_ground = np.abs(upward) > _STEEP
+    open_ground = np.abs(upward) > _MIN_UPWARD_NORMAL
     return float(np.median(pairs.residual[open_ground] / upward[open_ground])) if open_ground.any() else 0.0
 
 
@@ -120,28 +120,28 @@ def _completed(found: Alignment, whole: Alignment, ground: Covered, offset: floa
         return found
     folds = curvature_at(pose, weigh, radius, progress)
 
-    def told(pairs: Pairs) -> Information:
+    def information_of(pairs: Pairs) -> Information:
         terms = pairs.jacobian(radius) * (weigh(pairs) * pairs.gap)[:, None]
         blocks = block_numbers(pairs.place, weigh.correlated(radius))
         inner = np.einsum("ia,fij,jb->fab", free, folds, free)
         part = information(inner, terms @ free, blocks, weigh.spacing / 2, offset / float(np.sqrt(3.0)))
         return Information(part.curvature, free @ part.directions, part.observable, free @ part.covariance @ free.T)
 
-    part = told(covered.match(pose, sources, weigh.reach))
+    part = information_of(covered.match(pose, sources, weigh.reach))
     if not part.observable.any():
         return found
     # what nothing fixes stays as surveyed
     apart = pose.vector(radius) - found.pose.vector(radius)
     pose = found.pose.moved(part.held(apart), radius)
-    slid = take_steps(weigh, pose, sources, radius, part, 0.0, 0, _STEPS, progress)
+    slid = take_steps(weigh, pose, sources, radius, part, 0.0, 0, _MAX_STEPS, progress)
     # a long slide along a road that is not quite plane
     own = Weighting(ground.bare, found.scale)
-    held = take_steps(own, slid.pose, ground.bare.sample(_SOURCES), radius, known, 0.0, 0, _STEPS, progress)
+    held = take_steps(own, slid.pose, ground.bare.sample(_SOURCES), radius, known, 0.0, 0, _MAX_STEPS, progress)
     return replace(
         found,
         pose=held.pose,
         iterations=found.iterations + slid.used + held.used,
-        information=_joined(known, told(slid.pairs)),
+        information=_joined(known, information_of(slid.pairs)),
     )
 
 
@@ -157,7 +157,7 @@ def _slid(
     spacing = max(covered.reference.spacing, covered.moving.spacing)
     ends = []
     for start in (pose.moved(free @ (free.T @ apart), radius), pose):
-        if len(covered.match(start, sources, max(3 * spacing, 3 * whole.scale))) < _LEAST_POINTS:
+        if len(covered.match(start, sources, max(3 * spacing, 3 * whole.scale))) < _MIN_POINTS:
             continue
         ends.append(
             descend(
@@ -165,17 +165,17 @@ def _slid(
                 start,
                 sources,
                 radius,
-                scale=max(_FAR * whole.scale, spacing),
+                scale=max(_MAX_OFFSET_SCALES * whole.scale, spacing),
                 offset=0.0,
                 agreement=0.8,
-                iterations=_STEPS,
+                iterations=_MAX_STEPS,
                 free=free,
             )
         )
     if not ends:
         return None
     ends.sort(key=lambda end: end.scale)
-    if len(ends) == 2 and ends[1].scale < _ALIKE * ends[0].scale:
+    if len(ends) == 2 and ends[1].scale < _MAX_SCALE_RATIO * ends[0].scale:
         away = np.linalg.norm(ends[1].pose.vector(radius) - ends[0].pose.vector(radius))
         if away > spacing / 2:
             return None
@@ -211,7 +211,7 @@ def offset_of_covered(ground: Covered, pose: Pose, reach: float) -> float | None
     """Median height of the later survey's covered ground over the earlier one's at ``pose``, metres."""
     plain = Matcher(ground.covered.reference, ground.covered.moving, ground.covered.stable, ground.covered.firm)
     pairs = plain.match(pose, plain.sample(_SOURCES), reach, 0.5)
-    return _height(pairs) if len(pairs) >= _LEAST_POINTS else None
+    return _height(pairs) if len(pairs) >= _MIN_POINTS else None
 
 
 def compared_ground(ground: Covered, pose: Pose, reach: float) -> tuple[Float, Float]:

@@ -30,7 +30,7 @@ from .rival_parts import Standing, difference, refusal
 from .surface import Surface, nearest
 
 _NEIGHBOUR_SAMPLE = 25_000
-_NEGLIGIBLE = 1e-3  # metres of a registration's error caused by plants: below, leaving them out gains nothing
+_MIN_PLANT_ERROR_M = 1e-3  # metres of a registration's error caused by plants: below, leaving them out gains nothing
 
 
 def register(
@@ -284,7 +284,7 @@ def _surer(
 ) -> _Measured:
     """By all ground or by bare ground alone, whichever states the smaller error."""
     all_ground = replace(all_ground, ground=ground)
-    if all_ground.by_plants < _NEGLIGIBLE:
+    if all_ground.by_plants < _MIN_PLANT_ERROR_M:
         return all_ground
     try:
         found = align_bare(ground, alignment, parameters, progress)
