@@ -1,4 +1,4 @@
-"""Whether the grid of a comparison can fit into the memory, told from headers and samples before all other work."""
+"""Whether the grid of a comparison can fit into the memory, decided on headers and samples before all other work."""
 
 from __future__ import annotations
 

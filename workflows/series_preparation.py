@@ -178,7 +178,7 @@ def _gridded(
     made += [] if entry.reused else ["cells"]
     facts |= {"ground_points": entry.facts["points"]}
     if ground is not None:
-        # for the report; what an older version kept tells nothing of the cover
+        # for the report; what an older version kept has no cover
         facts |= {name: ground.facts[name] for name in ("classified", "cover") if ground.facts.get(name)}
     return GriddedEpoch(
         epoch=epoch,
