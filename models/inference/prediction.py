@@ -165,7 +165,7 @@ class _Run:
 def views(count: int, *, aligned: bool) -> list[list[list[float]]]:
     """Matrices (2, 2) by which a window is seen, the first as it is.
 
-    Windows of which y runs up the slope are mirrored and turned by no more than training did; others are turned evenly
+    Windows of which y runs up the slope are mirrored and turned at most as far as in training; others are turned evenly
     all round.
     """
     if not aligned:

@@ -48,7 +48,7 @@ _KEPT_SCORES = (
 
 @dataclass
 class LabelScores(Scores):
-    """Scores of clouds of which no more than the points' labels is known; ``start`` is the confusion of the weights
+    """Scores of clouds of which only the points' labels are known; ``start`` is the confusion of the weights
     that training started from, on the same points.
     """
 
