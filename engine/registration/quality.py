@@ -189,8 +189,8 @@ def explain(
     elif judged is None and quality.stable_share < parameters.minimum_stable_share:
         sentences.append(
             f"Only {quality.stable_share:.0%} of the overlap agrees within {_STABLE_SCALES * quality.scale:.3f} m, "
-            f"less than the least share of stable ground ({parameters.minimum_stable_share:.0%}); the registration error is "
-            f"widened to {error:.3f} m; give an area known to be stable."
+            f"less than the least share of stable ground ({parameters.minimum_stable_share:.0%}); the registration "
+            f"error is widened to {error:.3f} m; give an area known to be stable."
         )
     if unobservable:
         there = (
