@@ -72,7 +72,7 @@ def monitor_series(
     """Bring all surveys to the first one's frame and grid, and report what moved, how fast, and how certain that is.
 
     Ground, registration and cells of each survey are kept in the folder ``work`` of the outputs and used again by a
-    later run with the same parameters, so that another survey costs no more than itself.
+    later run with the same parameters, so that for a further survey only that one is computed.
 
     Args:
         epochs: the surveys, the earliest first (see ``manifest.epochs_of``).

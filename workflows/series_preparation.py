@@ -150,7 +150,7 @@ def _gridded(
     own: list[PointCloud] = [first] if number == 0 else []
 
     def cloud() -> PointCloud:
-        """Read only where something has to be made of it."""
+        """Read only where something has to be computed from it."""
         if not own:
             own.append(_ground_cloud(task, number, ground, progress))
         return own[0]

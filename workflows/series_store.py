@@ -1,4 +1,4 @@
-"""What a series keeps from run to run, so that another survey costs no more than itself.
+"""What a series keeps from run to run, so that for a further survey only that one is computed.
 
 Entries are files in the folder ``work`` of the outputs, named by a hash of all that they depend on, each with a JSON
 file next to it that holds its checksum and its facts. Only damage can make an entry wrong, which the checksum shows;

@@ -89,7 +89,7 @@ def _width(cell: float) -> int:
 def changed_cells(dz: Float, error: Float, cell: float) -> NDArray[np.bool_]:
     """Cells (rows, columns) around which the ground has changed as a whole, decided without any other ground.
 
-    There the mean of dz / error over the cells within half a metre, single wild ones drawn in, is twice the level
+    There the mean of dz / error over the cells within half a metre, single outliers clipped, is twice the level
     of one cell. Independent errors do not make that; such as neighbours share would have to be four times as large as
     stated on a third of the ground. Unlike ``find_stable`` it does not ask what most cells do, so it holds where most
     have moved.

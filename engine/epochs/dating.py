@@ -63,7 +63,7 @@ class Evidence:
         return f"its header says that it was created on {self.created}"
 
     def contradicts(self, day: date) -> bool:
-        """Whether the strongest witness speaks against ``day``, by more than a time zone or some days of flying."""
+        """Whether the strongest evidence contradicts ``day``, by more than a time zone or some days of flying."""
         if self.days is not None:
             return not self.days[0] - _APART <= day <= self.days[1] + _APART
         return self.created is not None and day > self.created + _ZONES

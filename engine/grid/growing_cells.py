@@ -37,7 +37,7 @@ class AdaptiveCells:
         count_from, count_to: points of the block in either epoch; outside of blocks, of the cell.
         points: points of each cell itself in either epoch.
         partition: the blocks.
-        plants: what plants do to the heights, and how high they stand; None where nothing is known of them.
+        plants: the heights' errors by plants, and the plants' heights; None where nothing is known of them.
     """
 
     dz: Float

@@ -30,7 +30,7 @@ _KNOWN_GROUND = 0.995
 _STRETCHES = 12
 _RADII = (0.5, 0.7)
 """Radii (m) of the balls; the first with enough points is taken. In larger ones the rock of a real cloud, thinned, was
-as thick as plants, so of thinner clouds this witness says nothing."""
+as thick as plants, so thinner clouds are not judged by this."""
 _FEWEST_IN_BALL = 12
 _BALLS = 1000
 _SEEN = 0.8

@@ -27,7 +27,7 @@ LITTLE = 0.01
 _MIN_POINTS = 300
 _SOURCES = 25_000
 _MAX_STEPS = 24
-_MAX_OFFSET_SCALES = 5.0  # times the noise of the residuals: how far all ground together may have gone astray
+_MAX_OFFSET_SCALES = 5.0  # times the noise of the residuals: how far the registration of all ground may be off
 _MAX_SCALE_RATIO = 1.2  # times the smaller noise: two places that fit equally well
 _MIN_UPWARD_NORMAL = 0.2  # least vertical part of a normal: heights of steeper faces say little
 _PLACES = 5_000
@@ -196,7 +196,7 @@ def _joined(known: Information, part: Information) -> Information:
 def error_by_plants(matcher: Matcher, pose: Pose, places: Float) -> float:
     """Error of a height, metres, that plants over ``places`` (n, 3; after registration) leave to the registration.
 
-    Plants of one season err alike, so it is the mean of the places' own errors, of both surveys together.
+    Errors of plants of one season are alike, so it is the mean of the places' own errors, of both surveys together.
     """
     if not len(places):
         return 0.0

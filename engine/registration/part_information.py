@@ -82,7 +82,7 @@ def contradicting(system: Equations, patches: Patches, agrees: Bool, offset: flo
     A piece that slid nearly along its own planes agrees patch by patch and still pulls the whole along. A place of
     many patches shows that far more reliably than one patch. How much places contradict one another by noise and by
     bends of the surveys is measured by their median. A piece that pulls much makes all places contradict one another:
-    then the worst one is left out if that sets the others right.
+    then the worst one is left out if the others agree without it.
     """
     if np.count_nonzero(agrees) < _MIN_PATCHES:
         return np.zeros(len(patches), dtype=bool)

@@ -220,7 +220,7 @@ def zone_rows(frame: gpd.GeoDataFrame, texts: tuple[str, ...] = ("severity",)) -
 def course_rows(table: pd.DataFrame, zone_ids: Sequence[str]) -> dict[str, list[dict[str, Any]]]:
     """Of each zone named, its surveys from the second on, as ``series_tables.series_frame`` has them.
 
-    What a survey did not measure is left out, so that its row has no more than its day.
+    What a survey did not measure is left out, so that its row has only its day.
     """
     rows: dict[str, list[dict[str, Any]]] = {}
     for name in zone_ids:

@@ -26,7 +26,7 @@ class Cells:
         dz, error: change and its standard error, m.
         area: m² that ``dz`` acts on.
         partition: which cells are one.
-        plants: the part of ``error`` that plants make, m; None where nothing is known of them.
+        plants: the part of ``error`` that plants cause, m; None where nothing is known of them.
         plant_like: cells whose change may be the plants' (see ``season``): no footprint reaches out for it.
     """
 

@@ -29,7 +29,7 @@ GIVEN, STEEPEST = "given", "steepest"
 _NAMES = ("name", "label", "profile", "id")  # fields that name a line, where none is asked for
 _LONGEST = 100_000.0  # metres
 _LEAST_MARGIN = 2.0  # metres beyond a zone, so that its line shows unchanged ground too
-_FLAT = math.tan(math.radians(2.0))  # a flatter surface has no steepest line worth the name
+_FLAT = math.tan(math.radians(2.0))  # a flatter surface has no distinct steepest line
 
 
 @dataclass(frozen=True)
