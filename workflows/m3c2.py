@@ -40,8 +40,8 @@ from .products.m3c2 import RASTERS, dimensions, main_figures, median_level_95, w
 from .run import Run, record_beside
 from .settings import DistanceSettings, groups
 
-_LONGER = 4.0  # cylinders so many times as long show whether points lie just beyond
-_REGISTERED = 3.0  # m; where all of a survey is farther off in height it was not registered
+_LONGER_CYLINDER_RATIO = 4.0  # cylinders so many times as long show whether points lie just beyond
+_MAX_HEIGHT_OFFSET_M = 3.0  # m; where all of a survey is farther off in height it was not registered
 _NORMALS = ("NormalX", "NormalY", "NormalZ")
 
 
@@ -180,7 +180,7 @@ def _read(
         first, second = (ground_of(cloud, settings.surface.ground, run.progress) for cloud in (first, second))
         if transform is not None:
             second = replace(second, xyz=transform.apply(second.xyz))
-        refuse_other_heights(first, second, _REGISTERED)
+        refuse_other_heights(first, second, _MAX_HEIGHT_OFFSET_M)
     return (first, second), taken
 
 
@@ -332,7 +332,7 @@ def _warn(found: Distances, later: Lattice, scales: Scales, shift: float | None,
         found.core[empty],
         found.normal[empty],
         scales.projection_scale / 2,
-        _LONGER * scales.half_length,
+        _LONGER_CYLINDER_RATIO * scales.half_length,
     ).count
     number = int(np.sum(beyond > 0))
     if number > max(3, 0.001 * len(found.core)):

@@ -24,17 +24,17 @@ from ..pointcloud.records import read_records, record_dtype
 from .epoch import Epoch
 
 _GPS_ORIGIN = date(1980, 1, 6)
-_ADJUSTMENT = 1e9
+_ADJUSTMENT_S = 1e9
 """s that adjusted standard GPS time leaves out."""
-_COUNTERS = 3e6
+_MIN_GPS_TIME_S = 3e6
 """s: what is smaller is more often a counter or seconds of a week under a wrong flag than a flight of autumn 2011."""
 _FIRST_YEAR = 1990
-_SOUND_SHARE = 0.9
-_DAY_SHARE = 0.01
+_MIN_SOUND_SHARE = 0.9
+_MIN_DAY_SHARE = 0.01
 """Days with fewer of the times are taken for strays."""
 _STRETCHES = 12
-_APART = timedelta(days=3)
-_ZONES = timedelta(days=1)
+_MAX_DAYS_APART = timedelta(days=3)
+_MAX_TIME_ZONE_SHIFT = timedelta(days=1)
 """How far a time zone can shift a day."""
 
 
@@ -65,8 +65,8 @@ class Evidence:
     def contradicts(self, day: date) -> bool:
         """Whether the strongest evidence contradicts ``day``, by more than a time zone or some days of flying."""
         if self.days is not None:
-            return not self.days[0] - _APART <= day <= self.days[1] + _APART
-        return self.created is not None and day > self.created + _ZONES
+            return not self.days[0] - _MAX_DAYS_APART <= day <= self.days[1] + _MAX_DAYS_APART
+        return self.created is not None and day > self.created + _MAX_TIME_ZONE_SHIFT
 
 
 def evidence(path: Path) -> Evidence:
@@ -101,12 +101,12 @@ def check_days(epochs: Sequence[Epoch], *, trusted: bool, progress: Progress) ->
                 f"{sentence}; swap the two or correct their days, or give --trust-dates if they are right as given."
             )
         progress.warning(f"{sentence}; the days are taken as given, and signs are wrong if they are not right.")
-    for number, (epoch, told) in enumerate(zip(epochs, found, strict=True)):
+    for number, (epoch, dated) in enumerate(zip(epochs, found, strict=True)):
         if inverted is not None and number in inverted:
             continue
-        if epoch.date is not None and told.contradicts(epoch.date):
+        if epoch.date is not None and dated.contradicts(epoch.date):
             progress.warning(
-                f"{shown(epoch.path)} is given as flown on {epoch.date}, but {told.words()}; check the day, on which "
+                f"{shown(epoch.path)} is given as flown on {epoch.date}, but {dated.words()}; check the day, on which "
                 "rates depend, and whether it is the right file."
             )
 
@@ -118,12 +118,12 @@ def _claim(epoch: Epoch, place: str) -> str:
 def _inverted(epochs: Sequence[Epoch], found: Sequence[Evidence]) -> tuple[int, int] | None:
     """Numbers of two surveys of which the first is later by their files."""
     latest: tuple[int, date, bool] | None = None
-    for number, told in enumerate(found):
-        if told.days is None:
+    for number, dated in enumerate(found):
+        if dated.days is None:
             continue
-        start, end = told.days
-        timed = told.flown is not None
-        if latest is not None and latest[1] > end + (timedelta() if latest[2] == timed else _ZONES):
+        start, end = dated.days
+        timed = dated.flown is not None
+        if latest is not None and latest[1] > end + (timedelta() if latest[2] == timed else _MAX_TIME_ZONE_SHIFT):
             return latest[0], number
         if latest is None or start > latest[1]:
             latest = number, start, timed
@@ -138,7 +138,7 @@ def _created_in_reverse(earlier: Epoch, later: Epoch, first: Evidence, second: E
     """Whether files that state only when they were created fit their days only if these are swapped."""
     if first.days or second.days or not (first.created and second.created and earlier.date and later.date):
         return False
-    return earlier.date <= second.created < later.date - _ZONES and first.created >= later.date
+    return earlier.date <= second.created < later.date - _MAX_TIME_ZONE_SHIFT and first.created >= later.date
 
 
 def _flown(header: CloudHeader) -> tuple[date, date] | None:
@@ -156,12 +156,12 @@ def days_of(times: NDArray[np.float64]) -> tuple[date, date] | None:
     last = (date.today() - _GPS_ORIGIN).days + 1
     first = (date(_FIRST_YEAR, 1, 1) - _GPS_ORIGIN).days
     with np.errstate(invalid="ignore", over="ignore"):
-        day = np.floor((times + _ADJUSTMENT) / 86400.0)
-        sound = np.isfinite(times) & (np.abs(times) > _COUNTERS) & (day >= first) & (day <= last)
-    if not len(times) or sound.mean() < _SOUND_SHARE:
+        day = np.floor((times + _ADJUSTMENT_S) / 86400.0)
+        sound = np.isfinite(times) & (np.abs(times) > _MIN_GPS_TIME_S) & (day >= first) & (day <= last)
+    if not len(times) or sound.mean() < _MIN_SOUND_SHARE:
         return None
     days, count = np.unique(day[sound].astype(np.int64), return_counts=True)
-    days = days[count >= _DAY_SHARE * count.sum()]
+    days = days[count >= _MIN_DAY_SHARE * count.sum()]
     if not len(days):
         return None
     return _GPS_ORIGIN + timedelta(days=int(days[0])), _GPS_ORIGIN + timedelta(days=int(days[-1]))

@@ -36,14 +36,14 @@ def warn_of_classes(path: Path, xyz: Float, progress: Progress) -> None:
     share = contradicting_share(xyz)
     if share < TOLD:
         return
-    told = (
+    found = (
         f"{percent(share)} of the points of class 2 of {shown(path)} lie more than {STEP_M:g} m over or below those "
         f"within {CLOSE_M:g} m around"
     )
     if share >= REFUSED:
-        raise InputError(f"{told}, so they are no surface; extract its ground with slopewatch ground instead.")
+        raise InputError(f"{found}, so they are no surface; extract its ground with slopewatch ground instead.")
     progress.warning(
-        f"{told}: plants or strays among them; look at them in profile, or extract the ground with slopewatch ground."
+        f"{found}: plants or strays among them; look at them in profile, or extract the ground with slopewatch ground."
     )
 
 

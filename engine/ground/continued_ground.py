@@ -61,12 +61,12 @@ def continued(
         over, inclined = _beside(height, near & ~ground, windows, planes)
         on = np.abs(over) <= ON_PLANE * scatter
         bends = (np.abs(height - over) > LEAST_BEND_M) | (inclined > LEAST_INCLINATION * side)
-        number, inner, bent, told, square = (
+        number, inner, bent, known_returns, square = (
             windows.sum(np.asarray(values, dtype=np.float64))
             for values in (on, np.abs(over) <= scatter, on & bends, on | ground, np.where(on, over, 0.0) ** 2)
         )
         fits = (
-            (told >= np.maximum(LEAST_SHARE * everything, FEWEST_KNOWN))
+            (known_returns >= np.maximum(LEAST_SHARE * everything, FEWEST_KNOWN))
             & (square <= number * scatter**2)
             & (bent >= LEAST_BENT_SHARE * number)
             & (inner >= INNER_SHARE * number)

@@ -96,10 +96,10 @@ def densified(points: Float, anchored: Bool | None = None) -> Bool:
     ground[_all_seeds(points, usable, anchored, window)] = True
     _densify(points, ground, usable, window)
     for _ in range(CONTINUED_ROUNDS):
-        beside = _continued(points, ground, usable)
-        if np.count_nonzero(beside) <= LEAST_GAIN * np.count_nonzero(ground):
+        adjacent = _continued(points, ground, usable)
+        if np.count_nonzero(adjacent) <= LEAST_GAIN * np.count_nonzero(ground):
             break
-        ground |= beside
+        ground |= adjacent
     _densify(points, ground, usable, SMALLEST_WINDOW_M, ANGLES_DEG[1])
     return ground
 
@@ -136,10 +136,10 @@ def _continued(points: Float, ground: Bool, usable: Bool) -> Bool:
     base, rest = np.flatnonzero(ground), np.flatnonzero(usable & ~ground)
     if len(base) < NEIGHBOURS or not len(rest):
         return joins
-    beside = cKDTree(points[base, :2]).query(points[rest, :2], k=3, distance_upper_bound=REACH_M)
+    adjacent = cKDTree(points[base, :2]).query(points[rest, :2], k=3, distance_upper_bound=REACH_M)
     forward = _planes(points, base, points[base])
     back = _planes(points, rest, points[usable | ground], OWN_NEIGHBOURS)
-    for away, nearest in zip(beside[0].T, beside[1].T, strict=True):
+    for away, nearest in zip(adjacent[0].T, adjacent[1].T, strict=True):
         found = np.flatnonzero(np.isfinite(away))
         vertex = nearest[found]
         limit = CONTINUED_M + CONTINUED_SHARE * away[found]

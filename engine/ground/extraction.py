@@ -44,8 +44,8 @@ from .outliers import outliers
 
 HEIGHT_OVER_GROUND = "height_over_ground"
 """Name of the dimension in the classified cloud, metres."""
-_MEMORY = 4_000_000_000
-_MEMORY_PER_POINT = 1_000
+_BASE_MEMORY_BYTES = 4_000_000_000
+_MEMORY_PER_POINT_BYTES = 1_000
 
 
 @dataclass(frozen=True)
@@ -346,7 +346,9 @@ class _Extraction:
 
     def _run(self, name: str, pipeline: list[pdal_pipelines.Stage], points: int) -> None:
         keep = self._file(f"{name}.json")
-        self.pdal.run(pipeline, keep=keep, final=self.final, memory_limit=_MEMORY + _MEMORY_PER_POINT * points)
+        self.pdal.run(
+            pipeline, keep=keep, final=self.final, memory_limit=_BASE_MEMORY_BYTES + _MEMORY_PER_POINT_BYTES * points
+        )
         self.kept.append(keep)
 
     def _file(self, ending: str) -> Path:

@@ -73,9 +73,9 @@ def _fullest_above(place: Index, height: Index, pooled: Float, width: int) -> Fl
     columns, level, value = place[best], height[best], pooled[best]
     for across in range(-REACH, REACH + 1):
         for along in range(-REACH, REACH + 1):
-            beside = place[lonely] + across * width + along
-            index = np.minimum(np.searchsorted(columns, beside), len(columns) - 1)
-            above = (columns[index] == beside) & (level[index] > height[lonely])
+            neighbour = place[lonely] + across * width + along
+            index = np.minimum(np.searchsorted(columns, neighbour), len(columns) - 1)
+            above = (columns[index] == neighbour) & (level[index] > height[lonely])
             found[lonely] = np.maximum(found[lonely], np.where(above, value[index], 0.0))
     return found
 

@@ -24,7 +24,7 @@ from ..statistics.variogram import (
 )
 from .footprints import Cells, Footprint, in_window
 
-_STABLE_MARGIN = 0.5  # m around a footprint that may have moved with it
+_STABLE_MARGIN_M = 0.5  # m around a footprint that may have moved with it
 
 
 @dataclass(frozen=True)
@@ -183,10 +183,10 @@ def _in_common(cells: Cells, stable: NDArray[np.bool_], registration_error: floa
     if cells.plants is None:
         return 1.0
     # a change that the plants' height explains is evidence for them too, and mown grass is not taken as stable
-    told = stable if cells.plant_like is None else stable | cells.plant_like
-    told = cells.partition.one_each(told)
+    calibrating = stable if cells.plant_like is None else stable | cells.plant_like
+    calibrating = cells.partition.one_each(calibrating)
     sampling = CorrelationModel(registration_error, None).sampling_error(cells.error, cells.plants)
-    return common_share(cells.dz, sampling, cells.plants, told, cells.cell)
+    return common_share(cells.dz, sampling, cells.plants, calibrating, cells.cell)
 
 
 def outside(footprints: Sequence[Footprint], valid: NDArray[np.bool_], cell: float) -> NDArray[np.bool_]:
@@ -197,7 +197,7 @@ def outside(footprints: Sequence[Footprint], valid: NDArray[np.bool_], cell: flo
     moved = np.zeros(valid.shape, dtype=bool)
     for footprint in footprints:
         moved[footprint.window] |= footprint.inside
-    return valid & ~ndimage.maximum_filter(moved, size=2 * max(2, round(_STABLE_MARGIN / cell)) + 1)
+    return valid & ~ndimage.maximum_filter(moved, size=2 * max(2, round(_STABLE_MARGIN_M / cell)) + 1)
 
 
 def zone_volumes(footprints: Sequence[Footprint], cells: Cells, model: CorrelationModel) -> ZoneVolumes:
