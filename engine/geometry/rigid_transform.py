@@ -22,7 +22,7 @@ from .height_correction import HeightCorrection
 
 _AFTER = "after the matrix: add to z the bilinear interpolation of heights at x and y (rows from south to north)"
 _BEFORE = "before the matrix: take from z the bilinear interpolation of heights at x and y (rows from south to north)"
-_RIGID = 1e-6  # largest deviation of R R' from the identity that is rounding and not a scale
+_MAX_ROUNDING = 1e-6  # largest deviation of R R' from the identity that is rounding and not a scale
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class RigidTransform:
         if matrix.shape != (4, 4) or not np.isfinite(matrix).all() or not np.array_equal(matrix[3], [0, 0, 0, 1]):
             raise ValueError("not a 4 by 4 matrix of finite numbers with the last row 0 0 0 1")
         rotation = matrix[:3, :3]
-        if np.abs(rotation @ rotation.T - np.eye(3)).max() > _RIGID or np.linalg.det(rotation) < 0:
+        if np.abs(rotation @ rotation.T - np.eye(3)).max() > _MAX_ROUNDING or np.linalg.det(rotation) < 0:
             raise ValueError("not a rigid motion: its rotation scales, shears or mirrors")
         centre = np.zeros(3) if centre is None else np.asarray(centre, dtype=np.float64)
         return cls(rotation, matrix[:3, 3] + rotation @ centre - centre, centre)

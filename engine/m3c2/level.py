@@ -27,7 +27,7 @@ from .lattice import dominant_frame
 from .spread import explained_squares, tilt_of, uneven_sampling
 
 _PUBLISHED = "as published (Lague et al. 2013)"
-_MOST_CELLS = 5_000_000
+_MAX_CELLS = 5_000_000
 
 
 def calibrated(
@@ -184,7 +184,7 @@ def _places(core: Float, radius: float) -> _Places:
     local = (core - core.mean(axis=0)) @ dominant_frame(core)[:2].T
     local -= local.min(axis=0)
     # few core points far apart: larger cells do as well
-    side = max(radius, math.sqrt(float(np.prod(np.maximum(local.max(axis=0), radius))) / _MOST_CELLS))
+    side = max(radius, math.sqrt(float(np.prod(np.maximum(local.max(axis=0), radius))) / _MAX_CELLS))
     cell, shape = _numbered(local, side)
     # squares as large as a cylinder's section: of the core points in one, each shares most of its points
     apart, _ = _numbered(local, math.sqrt(math.pi) * radius)

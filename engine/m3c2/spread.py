@@ -14,7 +14,7 @@ from ..core.arrays import Float, Index
 from ..geometry.plane_gradient import gradient_parts
 from .lattice import runs
 
-_LEAST = 1e-3  # of the points' extent: across a line of points the tilt is taken as none
+_MIN_EXTENT_SHARE = 1e-3  # of the points' extent: across a line of points the tilt is taken as none
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def tilt_of(*spreads: Spread) -> Float:
     """
     uu, vv, uv, uh, vh = np.sum([spread.products for spread in spreads], axis=0).T
     extent = uu + vv
-    uu, vv = uu + _LEAST * extent, vv + _LEAST * extent
+    uu, vv = uu + _MIN_EXTENT_SHARE * extent, vv + _MIN_EXTENT_SHARE * extent
     *rise, determinant = gradient_parts(uu, vv, uv, uh, vh)
     with np.errstate(divide="ignore", invalid="ignore"):
         tilt = np.column_stack(rise) / determinant[:, None]

@@ -23,7 +23,8 @@ from .surface import Surface
 from .tracked_neighbours import TrackedNeighbours
 
 TUKEY = 4.685  # 95 % efficiency on normal noise
-_QUANTILE, _NORMAL = 0.3, 0.38532  # the 30 % quantile of |r| is 0.385 standard deviations: it stands 60 % of change
+# the 30 % quantile of |r| is 0.385 standard deviations: it stands 60 % of change
+_QUANTILE, _NORMAL_QUANTILE = 0.3, 0.38532
 
 
 @dataclass(frozen=True)
@@ -174,7 +175,7 @@ def robust_scale(residual: Float) -> float:
         size = size[: np.searchsorted(size, 3 * scale, side="right")]
         if not len(size):
             return 0.0
-        scale = float(size[int(_QUANTILE * (len(size) - 1))]) / _NORMAL
+        scale = float(size[int(_QUANTILE * (len(size) - 1))]) / _NORMAL_QUANTILE
     return scale
 
 

@@ -24,7 +24,7 @@ from ..preparation.voxel_sums import flat_axis
 from .groups import without_faint
 from .interpolation import VoxelInterpolation
 
-_TURNS = (0.0, 10.0, -10.0, 5.0, -5.0, 12.0, -12.0, 8.0)
+_TURNS_DEG = (0.0, 10.0, -10.0, 5.0, -5.0, 12.0, -12.0, 8.0)
 """Degrees that windows are turned by whose y runs up the slope."""
 
 
@@ -171,7 +171,7 @@ def views(count: int, *, aligned: bool) -> list[list[list[float]]]:
     if not aligned:
         angles, mirrored = [2 * math.pi * k / count for k in range(count)], [False] * count
     else:
-        angles = [math.radians(_TURNS[k // 2 % len(_TURNS)]) for k in range(count)]
+        angles = [math.radians(_TURNS_DEG[k // 2 % len(_TURNS_DEG)]) for k in range(count)]
         mirrored = [k % 2 == 1 for k in range(count)]
     result = []
     for angle, mirror in zip(angles, mirrored):
