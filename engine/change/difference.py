@@ -96,7 +96,7 @@ def difference(
         change = difference_of_blocks(
             cells, grid, parameters, registration_error=registration_error, stable_area=stable_area
         )
-        return _told(change, parameters, choice, progress)
+        return _with_choice(change, parameters, choice, progress)
     if isinstance(parameters, ChangeParameters) and parameters.adaptive:
         progress.info(parameters.why_one_size)
     progress.update(0.05, "gridding the first epoch")
@@ -108,11 +108,11 @@ def difference(
         first, second, grid, parameters, registration_error=registration_error, area=area, stable_area=stable_area
     )
     progress.update(1.0, "differencing")
-    return _told(change, parameters, choice, progress)
+    return _with_choice(change, parameters, choice, progress)
 
 
-def _told(change: Change, parameters: GridChangeParameters, choice: CellChoice, progress: Progress) -> Change:
-    """The change with how its cell came about; says which direction was chosen."""
+def _with_choice(change: Change, parameters: GridChangeParameters, choice: CellChoice, progress: Progress) -> Change:
+    """The change with the choice of its cell; says which direction was chosen."""
     if parameters.direction == "auto" and change.direction == "normal":
         progress.info(SENTENCE)
     return replace(change, choice=choice)

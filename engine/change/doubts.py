@@ -11,7 +11,7 @@ _MIN_REPORTED_AREA_M2 = 1.0  # m² of change that plants explain: less comes by 
 
 
 def warn_of_doubtful_change(change: Change, progress: Progress, *, may_grow: bool = True) -> None:
-    """Name ground that was not compared, and a shift of the whole overlap, for what they are.
+    """Warn of ground that was not compared and of a shift of the whole overlap.
 
     Args:
         may_grow: whether cells that grow can be asked for where this warning is read.

@@ -1,4 +1,4 @@
-"""How much a single cell's change proves, where a zone asks for several cells."""
+"""How much evidence a single cell's change is, where a zone needs several cells."""
 
 from __future__ import annotations
 

@@ -25,8 +25,8 @@ class Judgement:
     """A difference with its errors; arrays (rows, columns), metres, NaN where not compared.
 
     ``dz`` is along the direction asked for, and so are ``error`` and its parts: ``sampling``, that of the points after
-    calibration, ``plants``, and ``registration_error``, which all cells share. ``plants_factor`` is by what the stated
-    errors by plants were multiplied.
+    calibration, ``plants``, and ``registration_error``, which all cells share. ``plants_factor`` is the factor
+    of the stated errors by plants.
     """
 
     dz: Float

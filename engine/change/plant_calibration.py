@@ -93,7 +93,7 @@ def common_share(dz: Float, sampling: Float, plants: Float, stable: NDArray[np.b
 def sum_by_plants(weighted: Float, cell: float, share: float) -> float:
     """Standard error of a sum of changes, by plants, of whose error a ``share`` is common to all.
 
-    All of it is alike within squares of 2 m, which err independently but for the share.
+    All of it is alike within squares of 2 m, whose errors are independent except for the share.
 
     Args:
         weighted: each cell's weight times its error by plants (rows, columns), not negative; of cells that are one,

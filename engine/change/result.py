@@ -106,7 +106,7 @@ class Change:
         return float(np.nanmedian(self.level))
 
     def level_facts(self) -> dict[str, Any]:
-        """How the level of detection came about, for the run record; metres."""
+        """How the level of detection was derived, for the run record; metres."""
         return {
             "threshold": self.threshold,
             "direction": self.direction,

@@ -60,7 +60,7 @@ class Season:
         return self.verdict in ("lower", "higher")
 
     def explains(self, shift: float) -> bool:
-        """Whether a change of the whole surface by ``shift`` m has the sign and the size that the plants can make."""
+        """Whether a change of the whole surface by ``shift`` m has the sign and the size that the plants can cause."""
         risen = self.height_to - self.height_from
         return self.differs and shift * risen > 0 and abs(shift) <= abs(risen)
 

@@ -139,8 +139,8 @@ def calibrate(
 
     Classes of 5 degrees are joined until each has 200 stable cells. With fewer than 400 a factor below 1 is taken from
     a quantile one standard error higher, because too narrow a level does more harm than too wide a one. Nor is it
-    smaller than what either ``half`` of the ground alone surely asks for: errors below what the points say need
-    evidence that holds on ground which did not give it.
+    smaller than what either ``half`` of the ground alone requires: errors below those of the points need
+    evidence that holds on ground from which it was not taken.
 
     The error by plants p is no sampling error, and no factor multiplies it. Where it is the larger part, a cell says
     little about its sampling error: the cells whose p is below s / 2 serve if there are enough, else all with r² + p²
@@ -237,7 +237,7 @@ def _factor(
     half: NDArray[np.bool_] | None = None,
     independent: float = 1.0,
 ) -> float:
-    """``scale`` times the square root of the quantile, within what can be believed, not below 1 on a chance of few."""
+    """``scale`` times the square root of the quantile, within credible limits, not below 1 by chance of a few cells."""
 
     def asked(of: Float, share: float) -> float:
         return scale * float(np.sqrt(max(sample_quantile(of, share), 0.0)))

@@ -48,7 +48,7 @@ def levels(voxel: float, offset: float) -> list[float]:
 
 
 def radius_of(surface: Surface) -> float:
-    """Typical distance of a surface's points from the origin, metres, whatever a stray point says."""
+    """Typical distance of a surface's points from the origin, metres, not affected by stray points."""
     return 1.2 * float(np.median(np.linalg.norm(surface.points, axis=1)))
 
 

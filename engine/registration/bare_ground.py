@@ -1,9 +1,9 @@
 """Registration where plants hide some of the ground: bare ground fixes what it can, the rest the relief under plants.
 
 The error of a height that plants cause is shared by neighbours, so that no number of points averages it out: grass that
-stands 10 cm lower in the later survey would be taken off as an offset of the survey. A road, rock or a wall has no such
+stands 10 cm lower in the later survey would be removed as an offset of the survey. A road, rock or a wall has no such
 error. It is registered alone; what it leaves open, such as a slide along a plane road, is fixed by the relief of the
-other ground after its common offset has been taken off.
+other ground after its common offset has been removed.
 """
 
 from __future__ import annotations

@@ -102,7 +102,7 @@ def measure_bend(matcher: Matcher, pose: Pose, spacing: float, reach: float, sca
         if np.abs(correction - previous).max() < 1e-4:
             break
     assert blocks is not None
-    before, after = blocks.height, blocks.height + _foretold(nodes, blocks, extra)
+    before, after = blocks.height, blocks.height + _predicted(nodes, blocks, extra)
     shape = (nodes.rows, nodes.columns)
     sd = np.sqrt(np.diag(covariance))
     return Bend(
@@ -146,7 +146,7 @@ def _fit(nodes: Nodes, blocks: _Blocks, extra: float) -> tuple[Float, Float]:
     return np.asarray(-covariance @ (design.T @ (weight * blocks.height))), covariance
 
 
-def _foretold(nodes: Nodes, blocks: _Blocks, extra: float) -> Float:
+def _predicted(nodes: Nodes, blocks: _Blocks, extra: float) -> Float:
     """The correction (n,) at each block by a fit to the other folds of blocks, which are taken in stripes."""
     cell = np.floor((blocks.place - blocks.place.min(axis=0)) / (nodes.spacing / _BLOCKS_PER_NODE) + 1e-6).astype(int)
     fold = (cell[:, 0] + 2 * cell[:, 1]) % _FOLDS

@@ -42,10 +42,11 @@ class OnPatches:
 
 
 def keeps(share: float, on_patches: float, patches: OnPatches) -> bool:
-    """Whether a registration by all ground stands, of which ``share`` agrees, where patches take so much as stable.
+    """Whether a registration by all ground is kept, of which ``share`` agrees, where patches take ``on_patches`` as
+    stable.
 
     Rough ground, of which few patches agree closely, has not moved for that. But a scale as wide as an error of the
-    registration calls that error agreement: what many patches contradict does not stand.
+    registration calls that error agreement: what many patches contradict is not kept.
     """
     contradicted = patches.part.share >= _MIN_CONTRADICTING_SHARE and patches.still < _MIN_STILL_SHARE
     return share >= _MIN_AGREEING_SHARE and on_patches < _MAX_PATCH_SHARE_RATIO * share and not contradicted

@@ -5,8 +5,8 @@ with the planes of the other one: a plane through a curved neighbourhood lies on
 clouds apart in one direction and together in the other and cancels in the sum. The distance is taken along the mean of
 both surfaces' normals (Rusinkiewicz 2019, doi:10.1145/3306346.3323037), of which the noise is smaller than of one.
 A point's own distance shows whether it belongs to what has changed. How far the surfaces lie apart there is measured at
-the place halfway between it and the centre of its own plane: half of its noise is gone, as all points around it speak,
-and of the relief that stops a slide along the surface less is lost than by the centre alone.
+the place halfway between it and the centre of its own plane: half of its noise is gone, because all points around it
+contribute, and of the relief that stops a slide along the surface less is lost than by the centre alone.
 """
 
 from __future__ import annotations

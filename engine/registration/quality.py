@@ -130,8 +130,8 @@ def agreement(
 def widened(error: float, quality: Agreement, least_share: float) -> float:
     """The standard error of a height (m) where less than ``least_share`` of the ground is stable.
 
-    The less of it there is the less is sure that it is what did not move: the error then nears the spread of all
-    height differences.
+    The less there is of it, the less certain it is that it did not move: the error then approaches the spread of
+    all height differences.
     """
     if quality.stable_share >= least_share:
         return error
@@ -153,15 +153,15 @@ def explain(
     bend: Bend | None = None,
     bent: bool = False,
 ) -> tuple[str, ...]:
-    """Sentences about what the registration cannot know.
+    """Sentences about the limits of the registration.
 
     Args:
         shift: (3,) mean displacement of the moving cloud, metres.
         error: standard error of a height, metres.
-        left: the epochs were left as surveyed for want of stable ground.
+        left: the epochs were left as surveyed because no stable ground was found.
         judged: the part that was registered alone and the largest other one.
         bend: what one rigid motion leaves.
-        bent: it was taken off.
+        bent: it was removed.
     """
     sentences = []
     along = float(shift @ quality.mean_normal)
@@ -231,7 +231,7 @@ def explain(
 def explain_plants(
     *, error_by_plants: float, error: float, bare: bool, bare_share: float | None, offset: float | None
 ) -> tuple[str, ...]:
-    """Sentences about what plants do to the registration; lengths in metres.
+    """Sentences about the effect of plants on the registration; lengths in metres.
 
     Args:
         bare: bare ground alone was registered, the share ``bare_share``; None: nothing is known of plants.

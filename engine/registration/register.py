@@ -1,4 +1,4 @@
-"""Registration of a later epoch to the first, and how far it can be trusted."""
+"""Registration of a later epoch to the first, and its error."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def register(
 class _Solution:
     """What a method found; ``radius`` (m) scales the rotations of ``information``.
 
-    ``left``: left as surveyed for want of stable ground. ``bent``: the correction of ``bend`` is part of it.
+    ``left``: left as surveyed because no stable ground was found. ``bent``: the correction of ``bend`` is part of it.
     ``alignment`` is what the robust method found.
     """
 

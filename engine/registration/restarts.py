@@ -1,7 +1,7 @@
 """Restarts of a registration whose residuals exceed the surfaces' own noise.
 
 Where much of what fixes a position lies within ground that has moved, weights that shrink slowly can settle between
-the old and the new place. Registering with one part of the surface after the other, and without it, finds the way out;
+the old and the new place. Registering with one part of the surface after the other, and without it, leads out of that;
 the fit with the smallest scale is best (the idea of the S-estimator, Rousseeuw and Yohai 1984).
 """
 
@@ -30,7 +30,7 @@ _PART_ITERATIONS, _WHOLE_ITERATIONS = 10, 8  # iterations with a part of the sur
 
 @dataclass(frozen=True)
 class Descent:
-    """Where Gauss-Newton steps came to: ``scale`` (m) of the residuals, ``share`` of the sources that have a pair."""
+    """Where Gauss-Newton steps ended: ``scale`` (m) of the residuals, ``share`` of the sources that have a pair."""
 
     pose: Pose
     scale: float

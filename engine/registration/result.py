@@ -1,4 +1,4 @@
-"""What a registration found and how far it can be trusted."""
+"""The result of a registration and its quality."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class PlantsInRegistration:
     Attributes:
         bare_share: share of the ground without plants, in the survey that has less of it.
         bare_only: bare ground alone was registered.
-        error: part of the registration error that plants make, metres.
+        error: part of the registration error that plants cause, metres.
         offset: median height of the later survey's ground under plants over the earlier one's, metres; None where
             all ground was registered together.
     """

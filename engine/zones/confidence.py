@@ -1,4 +1,4 @@
-"""How sure a zone is: it was picked out of a whole map, where noise alone makes groups of cells that stand out."""
+"""Confidence of a zone: it was selected from a whole map, where noise alone makes groups of cells that stand out."""
 
 from __future__ import annotations
 
