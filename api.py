@@ -135,7 +135,7 @@ def inspect(
     pdal : path, optional
         The pdal program, if another than found.
     progress : Progress, optional
-        Is told of progress and warnings; a subclass can show them.
+        Receives progress and warnings; a subclass can show them.
     **parameters
         As of ``slopewatch inspect``; also ``profile`` and ``overwrite``.
 

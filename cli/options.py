@@ -26,7 +26,7 @@ Group = TypeVar("Group", bound=ParameterSet)
 
 @dataclass(frozen=True)
 class Session:
-    """What a command gets besides its own arguments: where to report, which PDAL, and the options given."""
+    """What a command gets in addition to its own arguments: where to report, which PDAL, and the options given."""
 
     report: Reporter
     pdal: Path | None

@@ -20,7 +20,7 @@ from .train import train
 
 
 class _Program(click.Group):
-    """Options that cannot be understood are told as JSON, too, where that is asked for."""
+    """Options that cannot be understood are reported as JSON, too, where that is asked for."""
 
     def invoke(self, ctx: click.Context) -> Any:
         try:

@@ -1,4 +1,4 @@
-"""How a command tells its progress and result: a bar for people, JSON lines for programs, or nothing."""
+"""How a command reports its progress and result: a bar for people, JSON lines for programs, or nothing."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ class JsonReporter(Reporter):
 
 
 def error_event(error: SlopeWatchError) -> str:
-    """The JSON line that tells a program of a failure."""
+    """The JSON line that reports a failure to a program."""
     return json.dumps({"event": ERROR, "message": str(error), "code": error.exit_code})
 
 

@@ -1,1 +1,1 @@
-"""What QGIS sees besides the algorithms. Imports only qgis, the standard library and ``interface``."""
+"""What QGIS sees in addition to the algorithms. Imports only qgis, the standard library and ``interface``."""

@@ -54,7 +54,7 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm):
     def results(
         self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
     ) -> dict[str, Any]:
-        """Outputs besides those of PAGES, FILES and NUMBERS."""
+        """Outputs in addition to those of PAGES, FILES and NUMBERS."""
         return {}
 
     # --- identity -----------------------------------------------------------------------------------------------

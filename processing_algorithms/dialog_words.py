@@ -58,7 +58,7 @@ def _is_value(definition: Any, word: str) -> bool:
 
 
 class DialogFeedback:
-    """A feedback that tells the engine's warnings and notes in the dialog's words; all else is the given one's."""
+    """A feedback that shows the engine's warnings and notes in the dialog's words; all else is the given one's."""
 
     def __init__(self, feedback: Any, algorithm: QgsProcessingAlgorithm, groups: Groups) -> None:
         self._feedback, self._algorithm, self._groups = feedback, algorithm, groups

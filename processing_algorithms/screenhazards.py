@@ -97,7 +97,7 @@ class ScreenHazards(SlopeWatchAlgorithm):
         arguments += self.vector_options(parameters, context, feedback, "ROI")
         arguments += ["--output", self.output_file(parameters, "OUTPUT", context)]
         for name, (option, endings) in _OPTIONS.items():
-            # A temporary one is the file beside the labelled cloud, and another format is converted from it. Asked for
+            # A temporary one is the file next to the labelled cloud, and another format is converted from it. Asked for
             # as a file, because asking for a layer would have it loaded.
             wanted = self.parameterAsFileOutput(parameters, name, context)
             if wanted and wanted.lower().endswith(endings) and not _temporary(wanted):

@@ -1,4 +1,4 @@
-"""Whether the grid of a comparison can fit into the memory, told from headers and samples before all other work."""
+"""Whether the grid of a comparison can fit into the memory, decided on headers and samples before all other work."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from ..engine.pointcloud.reading import open_cloud, sample_cloud
 from ..engine.vector.area import read_roi
 from ..interface.parameters import GridChangeParameters, InputParameters
 
-_SQUARE = 20.0  # m: squares with points of a sample are on the slope
-_ALIKE = 0.1  # share of the header's extent that a sample covers, where no stray point makes the extent
+_SQUARE_M = 20.0  # m: squares with points of a sample are on the slope
+_MIN_EXTENT_SHARE = 0.1  # share of the header's extent that a sample covers, where no stray point makes the extent
 
 
 def refuse_grid_early(
@@ -43,7 +43,7 @@ def refuse_grid_early(
         samples.append(sample_cloud(path, inputs))
     seen = np.vstack(samples)
     spread = np.quantile(seen[:, :2], 0.99, axis=0) - np.quantile(seen[:, :2], 0.01, axis=0)
-    if float(np.prod(spread)) < _ALIKE * float(np.prod(high - low)):
+    if float(np.prod(spread)) < _MIN_EXTENT_SHARE * float(np.prod(high - low)):
         return
     area = _area(seen)
     if roi is not None:
@@ -57,5 +57,5 @@ def refuse_grid_early(
 
 
 def _area(points: Float) -> float:
-    places = np.floor(points[:, :2] / _SQUARE).astype(np.int64)
-    return float(len(np.unique(places, axis=0))) * _SQUARE**2
+    places = np.floor(points[:, :2] / _SQUARE_M).astype(np.int64)
+    return float(len(np.unique(places, axis=0))) * _SQUARE_M**2

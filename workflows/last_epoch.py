@@ -1,4 +1,4 @@
-"""Screening within an inspection: the ground of the last epoch, and what the change says of the zones found."""
+"""Screening within an inspection: the ground of the last epoch, and the evidence of the change for the zones found."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _KEYS = {name: path.stem for name, path in _TARGETS.items()}  # screened, screen
 
 @dataclass(frozen=True)
 class EpochScreening:
-    """A screened epoch; ``note`` is what the change says of its zones, empty where there is none."""
+    """A screened epoch; ``note`` is the evidence of the change for its zones, empty where there is none."""
 
     source: ScreenedFile
     screening: Screening

@@ -40,8 +40,8 @@ from .products.m3c2 import RASTERS, dimensions, main_figures, median_level_95, w
 from .run import Run, record_beside
 from .settings import DistanceSettings, groups
 
-_LONGER = 4.0  # cylinders so many times as long tell whether points lie just beyond
-_REGISTERED = 3.0  # m; where all of a survey is farther off in height it was not registered
+_LONGER_CYLINDER_RATIO = 4.0  # cylinders so many times as long show whether points lie just beyond
+_MAX_HEIGHT_OFFSET_M = 3.0  # m; where all of a survey is farther off in height it was not registered
 _NORMALS = ("NormalX", "NormalY", "NormalZ")
 
 
@@ -80,7 +80,7 @@ def m3c2_step(
     """Distances along the normal of ``moving`` from ``reference``, at core points and as rasters.
 
     Args:
-        output: the core points, .laz; ``NAME_run.json`` is written beside.
+        output: the core points, .laz; ``NAME_run.json`` is written next to it.
         raster_dir: folder of the rasters; that of ``output`` by default.
         core: cloud of the core points; by default points of the reference, evenly spread.
         transform_path: transform.json to apply to ``moving`` first.
@@ -139,7 +139,7 @@ def m3c2_step(
 
 
 def _refuse_clouds(run: Run, epochs: tuple[Epoch, Epoch], core: Path | None, settings: DistanceSettings) -> None:
-    """Raise InputError where headers, days or classes tell that the clouds cannot be compared."""
+    """Raise InputError where headers, days or classes show that the clouds cannot be compared."""
     reference, moving = (e.path for e in epochs)
     for other in (moving, core):
         if other is not None:
@@ -180,7 +180,7 @@ def _read(
         first, second = (ground_of(cloud, settings.surface.ground, run.progress) for cloud in (first, second))
         if transform is not None:
             second = replace(second, xyz=transform.apply(second.xyz))
-        refuse_other_heights(first, second, _REGISTERED)
+        refuse_other_heights(first, second, _MAX_HEIGHT_OFFSET_M)
     return (first, second), taken
 
 
@@ -310,7 +310,7 @@ def _measure(
 def _normals(
     reference: Float, cores: Cores, scales: Scales, settings: DistanceSettings, toward: Float, progress: Progress
 ) -> tuple[Float, Float | None]:
-    """Directions to measure in (m, 3), and the surface's slope (m,) in degrees where these do not tell it."""
+    """Directions to measure in (m, 3), and the surface's slope (m,) in degrees where these do not determine it."""
     parameters = settings.distances
     if parameters.normals == "given":
         normal = np.stack([read_dimension(cores.path, name).astype(np.float64) for name in _NORMALS], axis=1)
@@ -332,7 +332,7 @@ def _warn(found: Distances, later: Lattice, scales: Scales, shift: float | None,
         found.core[empty],
         found.normal[empty],
         scales.projection_scale / 2,
-        _LONGER * scales.half_length,
+        _LONGER_CYLINDER_RATIO * scales.half_length,
     ).count
     number = int(np.sum(beyond > 0))
     if number > max(3, 0.001 * len(found.core)):

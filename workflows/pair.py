@@ -78,7 +78,7 @@ def known_stable(path: Path | None, first: PointCloud) -> BaseGeometry | None:
 def register_pair(
     first: PointCloud, second: PointCloud, parameters: RegistrationParameters, stable: Path | None, progress: Progress
 ) -> RegistrationResult:
-    """Register ``second`` to ``first`` (see ``registration.register``) and tell the user its warnings.
+    """Register ``second`` to ``first`` (see ``registration.register``) and report its warnings.
 
     Raises:
         InputError: see ``registration.register``; heights of another system or unit, farther off than is registered.

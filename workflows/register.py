@@ -63,9 +63,9 @@ def register_step(
         run.facts["transform"] = transform.matrix
         run.outputs |= {"aligned": stage.final(output.name), "run": run.record_path}
         if transform_path is not None:
-            beside = run.stage_in(transform_path.absolute().parent)
-            transform.save(beside.path(transform_path.name), first.crs, facts=run.figures)
-            run.outputs["transform"] = beside.final(transform_path.name)
+            directory = run.stage_in(transform_path.absolute().parent)
+            transform.save(directory.path(transform_path.name), first.crs, facts=run.figures)
+            run.outputs["transform"] = directory.final(transform_path.name)
     return run.result()
 
 

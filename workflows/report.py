@@ -33,7 +33,7 @@ def report_step(folder: Path, parameters: ReportParameters, *, profiles: Path | 
 
     Args:
         profiles: vector file with lines. With it the folder's profiles are replaced by those along its lines and down
-            the zones, and the run record tells of them.
+            the zones, and the run record lists them.
 
     Raises:
         InputError: the folder holds no run that has a report, or the lines cannot be used.
@@ -84,7 +84,7 @@ def _tell_of_profiles(
     record["profiles"] = plain(facts)
     record["inputs"] = [i for i in record["inputs"] if i["role"] != "profiles"] + made.inputs
     record["parameters"]["report"] = dataclasses.asdict(parameters)
-    # what was said of the lines before no longer holds
+    # warnings about the earlier lines no longer hold
     kept = [w for w in record["warnings"] if not w.startswith(("The profiles' lines ", "The profile "))]
     record["warnings"] = [*kept, *(w for w in progress.warnings if w not in kept)]
 

@@ -69,10 +69,10 @@ def monitor_series(
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> RunResult:
-    """Bring all surveys to the first one's frame and grid, and tell what moved, how fast, and how surely.
+    """Bring all surveys to the first one's frame and grid, and report what moved, how fast, and how certain that is.
 
     Ground, registration and cells of each survey are kept in the folder ``work`` of the outputs and used again by a
-    later run with the same parameters, so that another survey costs no more than itself.
+    later run with the same parameters, so that for a further survey only that one is computed.
 
     Args:
         epochs: the surveys, the earliest first (see ``manifest.epochs_of``).
@@ -162,7 +162,7 @@ def _write_products(
 def _facts(
     analysis: Analysis, about: About, alerts: tuple[AlertLevel, ...], transforms: dict[str, Float]
 ) -> dict[str, Any]:
-    """What the record and the report tell of the surveys."""
+    """What the record and the report state about the surveys."""
     return {
         "limits": limits_of(analysis, about.dates),
         "alerts": [plain(row) for row in alerts],
@@ -172,7 +172,7 @@ def _facts(
 
 
 def _zone_facts(analysis: Analysis, about: About, frame: GeoDataFrame, course: GeoDataFrame) -> dict[str, Any]:
-    """What the record and the report tell of the zones."""
+    """What the record and the report state about the zones."""
     zones = zone_rows(frame, REPORTED)
     return {
         "zones": zones,

@@ -63,13 +63,13 @@ def prepare_epochs(task: Task, progress: Progress) -> tuple[list[GriddedEpoch], 
     with progress.stage(0.0, 0.6, "extracting the ground"):
         grounds = _grounds(task, store, shares)
     first = _ground_cloud(task, 0, grounds[0], shares[0])
-    told = first.plants is not None
+    with_plants = first.plants is not None
     choice = affordable(
-        choose_cell((first.xyz,), task.settings.change), (first.xyz,), task.settings.change, plants=told
+        choose_cell((first.xyz,), task.settings.change), (first.xyz,), task.settings.change, plants=with_plants
     )
     if choice.automatic:
         progress.info(choice.sentence)
-    grid = common_grid(first.xyz, first.xyz, with_cell(task.settings.change, choice), plants=told)
+    grid = common_grid(first.xyz, first.xyz, with_cell(task.settings.change, choice), plants=with_plants)
     found = []
     for number in range(len(task.epochs)):
         low, high = (0.6 + 0.4 * n / len(task.epochs) for n in (number, number + 1))
@@ -150,7 +150,7 @@ def _gridded(
     own: list[PointCloud] = [first] if number == 0 else []
 
     def cloud() -> PointCloud:
-        """Read only where something has to be made of it."""
+        """Read only where something has to be computed from it."""
         if not own:
             own.append(_ground_cloud(task, number, ground, progress))
         return own[0]
@@ -178,7 +178,7 @@ def _gridded(
     made += [] if entry.reused else ["cells"]
     facts |= {"ground_points": entry.facts["points"]}
     if ground is not None:
-        # for the report; what an older version kept tells nothing of the cover
+        # for the report; what an older version kept has no cover
         facts |= {name: ground.facts[name] for name in ("classified", "cover") if ground.facts.get(name)}
     return GriddedEpoch(
         epoch=epoch,

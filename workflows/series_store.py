@@ -1,7 +1,7 @@
-"""What a series keeps from run to run, so that another survey costs no more than itself.
+"""What a series keeps from run to run, so that for a further survey only that one is computed.
 
 Entries are files in the folder ``work`` of the outputs, named by a hash of all that they depend on, each with a JSON
-file beside it that holds its checksum and its facts. Nothing is ever wrong but by damage, which the checksum shows;
+file next to it that holds its checksum and its facts. Only damage can make an entry wrong, which the checksum shows;
 the whole folder may be removed at any time.
 """
 
@@ -30,7 +30,7 @@ _FORMAT = 2  # of the entries; another number makes all of them new
 
 @dataclass(frozen=True)
 class Entry:
-    """``path`` of the file for now; ``facts`` as they were told when it was made; ``reused`` from an earlier run."""
+    """``path`` of the file for now; ``facts`` as they were given when it was made; ``reused`` from an earlier run."""
 
     path: Path
     facts: dict[str, Any]
@@ -46,7 +46,7 @@ class Store:
     def entry(self, name: str, key: str, make: Callable[[Path], dict[str, Any]], progress: Progress) -> Entry:
         """The entry ``name`` (such as ``cells.npz``) for ``key``; ``make`` writes it and returns its facts.
 
-        The facts' ``warnings`` are told again when the entry is reused.
+        The facts' ``warnings`` are repeated when the entry is reused.
         """
         stem, dot, ending = name.partition(".")
         file = f"{FOLDER}/{key}_{stem}{dot}{ending}"

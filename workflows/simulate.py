@@ -21,10 +21,10 @@ from .run import Run
 
 _NAMES = {"first": "reference", "second": "cloud"}
 _HALF_AXES = (2.0, 1.6)
-_APART = 0.8
+_MIN_ROOM_M = 0.8
 """Least room (m) between two zones of a series, their places being drawn within it."""
-_FARTHEST = 5.0
-_TRUTH_CELL = 0.25
+_MAX_DISPLACEMENT_M = 5.0
+_TRUTH_CELL_M = 0.25
 
 
 def survey_step(
@@ -106,7 +106,7 @@ def creep_laws(parameters: CreepParameters) -> tuple[Creep, ...]:
         raise InputError(
             f"velocities is {parameters.velocities!r}; give numbers (mm a day) separated by commas, such as -10, 5."
         )
-    room = 2 * _HALF_AXES[0] + _APART
+    room = 2 * _HALF_AXES[0] + _MIN_ROOM_M
     if len(values) * room > parameters.length:
         raise InputError(
             f"velocities names {len(values)} zones, which need {len(values) * room:.0f} m of slope; give a length "
@@ -120,10 +120,10 @@ def creep_laws(parameters: CreepParameters) -> tuple[Creep, ...]:
         )
     moving = max(0.0, parameters.interval * (parameters.surveys - 1) - parameters.onset)
     farthest = max((abs(v) / 1000 * moving for v in values), default=0.0)
-    if farthest > _FARTHEST:
+    if farthest > _MAX_DISPLACEMENT_M:
         raise InputError(
             f"At these velocities the ground would move by {farthest:.1f} m until the last survey; give slower ones, "
-            f"or fewer days, for at most {_FARTHEST:g} m."
+            f"or fewer days, for at most {_MAX_DISPLACEMENT_M:g} m."
         )
     return tuple(Creep(v / 1000, parameters.onset) for v in values)
 
@@ -132,7 +132,7 @@ def _write_velocity(series: SimulatedSeries, path: Path) -> None:
     """The true velocity at the last survey (mm/day) of each cell over the slope, in the first survey's coordinates."""
     west, south = series.roi.min(axis=0)
     east, north = series.roi.max(axis=0)
-    grid = snapped_grid((float(west), float(south), float(east), float(north)), _TRUTH_CELL)
+    grid = snapped_grid((float(west), float(south), float(east), float(north)), _TRUTH_CELL_M)
     velocity = np.zeros(grid.shape)
     for number in range(len(series.motions)):
         velocity += 1000 * series.true_velocity(number, grid)

@@ -36,7 +36,7 @@ from .result import Change
 from .season import judge_season
 from .thresholds import stated_error
 
-_FEWEST_CELLS = 30  # with fewer in common, nothing can be said of the whole overlap
+_MIN_CELLS = 30  # with fewer in common, the whole overlap is not judged
 
 
 def difference(
@@ -53,8 +53,8 @@ def difference(
     """Grid both clouds and subtract: change, standard error and level of detection of each cell.
 
     The error of a cell's height is its points' variance times the leverage (1/n for a mean); the difference adds
-    both epochs', scaled by slope as stable ground tells (``slope_calibration.calibrate``), and in quadrature the
-    registration error and, where it is known, the error that plants make in either epoch (Lague et al. 2013,
+    both epochs', scaled by slope as calibrated on stable ground (``slope_calibration.calibrate``), and in quadrature
+    the registration error and, where it is known, the error that plants cause in either epoch (Lague et al. 2013,
     doi:10.1016/j.isprsjprs.2013.04.009, eq. 1, with the registration error as a standard error). The level is the
     two-sided normal quantile times that, unless another threshold is asked for.
 
@@ -66,19 +66,21 @@ def difference(
         area: polygons to which both clouds were clipped. Cells that are not wholly inside hold a part of their
             surface only, not the same in both epochs, and are left out.
         stable_area: polygons known to be stable, on which the errors are calibrated; found in the data without.
-        plants: what each epoch's cloud tells of plants over its points; nothing without.
+        plants: the plants over the points of each epoch; None for a cloud that does not record them.
 
     Raises:
         InputError: no overlap, no common cell, a grid too large, or no cell with two points; of the last the thresholds
             constant and propagated have no need, and the errors are those that they state.
     """
     progress = progress or Progress()
-    told = any(cover is not None for cover in plants)
-    choice = affordable(choose_cell((reference, moving), parameters), (reference, moving), parameters, plants=told)
+    with_plants = any(cover is not None for cover in plants)
+    choice = affordable(
+        choose_cell((reference, moving), parameters), (reference, moving), parameters, plants=with_plants
+    )
     if choice.automatic:
         progress.info(choice.sentence)
     parameters = with_cell(parameters, choice)
-    grid = common_grid(reference, moving, parameters, plants=told)
+    grid = common_grid(reference, moving, parameters, plants=with_plants)
     if isinstance(parameters, ChangeParameters) and parameters.grows:
         registration_error = _stated(parameters, registration_error)
         cells = adaptive_cells(
@@ -94,7 +96,7 @@ def difference(
         change = difference_of_blocks(
             cells, grid, parameters, registration_error=registration_error, stable_area=stable_area
         )
-        return _told(change, parameters, choice, progress)
+        return _with_choice(change, parameters, choice, progress)
     if isinstance(parameters, ChangeParameters) and parameters.adaptive:
         progress.info(parameters.why_one_size)
     progress.update(0.05, "gridding the first epoch")
@@ -106,11 +108,11 @@ def difference(
         first, second, grid, parameters, registration_error=registration_error, area=area, stable_area=stable_area
     )
     progress.update(1.0, "differencing")
-    return _told(change, parameters, choice, progress)
+    return _with_choice(change, parameters, choice, progress)
 
 
-def _told(change: Change, parameters: GridChangeParameters, choice: CellChoice, progress: Progress) -> Change:
-    """The change with how its cell came about; says which direction was chosen."""
+def _with_choice(change: Change, parameters: GridChangeParameters, choice: CellChoice, progress: Progress) -> Change:
+    """The change with the choice of its cell; says which direction was chosen."""
     if parameters.direction == "auto" and change.direction == "normal":
         progress.info(SENTENCE)
     return replace(change, choice=choice)
@@ -318,10 +320,10 @@ def uniform_shift(dz: Float, level: Float, *, independent: int | None = None) ->
     """Median dz where the whole overlap has moved alike, else None; ``independent``: how many of the cells are.
 
     A whole surface that rises or sinks by one amount is a datum or a bias, not a deformation: nine tenths of the cells
-    lie beyond their level on one side, and their spread is small beside the shift.
+    lie beyond their level on one side, and their spread is small compared with the shift.
     """
     shift = sample_quantile(dz, 0.5)
     spread = NORMALISED * sample_quantile(np.abs(dz - shift), 0.5)
     beyond = float(np.mean(dz * math.copysign(1.0, shift) > level))
     cells = dz.size if independent is None else independent
-    return shift if cells >= _FEWEST_CELLS and beyond >= 0.9 and spread < abs(shift) / 3 else None
+    return shift if cells >= _MIN_CELLS and beyond >= 0.9 and spread < abs(shift) / 3 else None

@@ -6,18 +6,18 @@ from ..core.progress import Progress
 from .coverage import cell_that_compares, compared_share
 from .result import Change
 
-_LITTLE_COMPARED = 0.5  # share of the ground
-_WORTH_TELLING = 1.0  # m² of change that plants explain: less comes by chance where plants end
+_MIN_COMPARED_SHARE = 0.5  # share of the ground
+_MIN_REPORTED_AREA_M2 = 1.0  # m² of change that plants explain: less comes by chance where plants end
 
 
 def warn_of_doubtful_change(change: Change, progress: Progress, *, may_grow: bool = True) -> None:
-    """Name ground that was not compared, and a shift of the whole overlap, for what they are.
+    """Warn of ground that was not compared and of a shift of the whole overlap.
 
     Args:
         may_grow: whether cells that grow can be asked for where this warning is read.
     """
     compared = compared_share(change)
-    if compared < _LITTLE_COMPARED:
+    if compared < _MIN_COMPARED_SHARE:
         remedy = "check that both cover the same slope"
         if change.partition.grown:
             remedy += ", or give a larger largest_cell"
@@ -33,7 +33,7 @@ def warn_of_doubtful_change(change: Change, progress: Progress, *, may_grow: boo
     if change.season is not None and change.season.differs:
         progress.warning(change.season.sentence)
     explained = 0.0 if change.explained is None else float(change.explained.sum()) * change.grid.cell**2
-    if explained >= _WORTH_TELLING:
+    if explained >= _MIN_REPORTED_AREA_M2:
         progress.warning(
             f"{explained:.1f} m² of change beyond the level of detection may be "
             "that of the plants, which differ there by as much: it counts in no zone and no volume, and "

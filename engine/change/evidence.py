@@ -1,4 +1,4 @@
-"""How much a single cell's change proves, where a zone asks for several cells."""
+"""How much evidence a single cell's change is, where a zone needs several cells."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from scipy.special import log_ndtr
 
 from ..core.arrays import Float
 
-_BY_CHANCE = 1.0 - float(np.log(0.05))
+_MEAN_BY_CHANCE = 1.0 - float(np.log(0.05))
 """Mean of -ln p over the cells that chance alone brings beyond their level of 95 %."""
 
 
@@ -27,5 +27,5 @@ def cells_worth(dz: NDArray[np.floating], sigma: NDArray[np.floating], least: fl
     most = max(least / 2.0, 1.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         improbable = -float(np.log(2.0)) - log_ndtr(-np.abs(np.asarray(dz, dtype=np.float64)) / sigma)
-    worth = np.nan_to_num(improbable / _BY_CHANCE, nan=1.0, posinf=most)
+    worth = np.nan_to_num(improbable / _MEAN_BY_CHANCE, nan=1.0, posinf=most)
     return np.asarray(np.clip(worth, 1.0, most), dtype=np.float64)

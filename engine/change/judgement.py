@@ -25,8 +25,8 @@ class Judgement:
     """A difference with its errors; arrays (rows, columns), metres, NaN where not compared.
 
     ``dz`` is along the direction asked for, and so are ``error`` and its parts: ``sampling``, that of the points after
-    calibration, ``plants``, and ``registration_error``, which all cells share. ``plants_factor`` is by what the stated
-    errors by plants were multiplied.
+    calibration, ``plants``, and ``registration_error``, which all cells share. ``plants_factor`` is the factor
+    of the stated errors by plants.
     """
 
     dz: Float
@@ -48,7 +48,7 @@ def judge(
     uniform: bool = False,
     given: NDArray[np.bool_] | None = None,
 ) -> Judgement:
-    """Calibrate the errors of a vertical change on stable ground and tell the level of detection and what is beyond it.
+    """Calibrate the errors of a vertical change on stable ground and derive the level of detection and what exceeds it.
 
     The error is, in quadrature, that of the points and that of the plants, both of which the calibration scales, and
     the registration's. Errors of grown cells are calibrated by their size, too.

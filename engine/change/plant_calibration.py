@@ -1,5 +1,5 @@
 """How far the errors that clouds state for their plants hold between two surveys, and how much of them the whole slope
-has in common, as stable ground tells.
+has in common, measured on stable ground.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from ..statistics.normal import quantile
 from ..statistics.quantiles import sample_quantile
 
 PATCH_M = 2.0
-"""Side of the squares of which each tells once, m: plants err alike over about so much."""
+"""Side of the squares that count as one sample each, m: plants' errors are alike over about this distance."""
 FEWEST_PATCHES = 20
 NARROWEST = 0.4
 
@@ -36,10 +36,10 @@ def plants_factor(
     the same grass on the same ground lifts both alike. Where the season differs nothing cancels. Which it is shows on
     stable ground: as in ``slope_calibration.calibrate`` the factor is taken from the quantile that the level is about,
     here of the cells whose error is plants' more than points'. It does not widen: that all grass lies lower after
-    mowing is told by the plants' heights (``season``), and ground that moved by little would hide itself.
+    mowing is known from the plants' heights (``season``), and ground that moved by little would hide itself.
 
-    What neighbours share tells only once, so squares of 2 m that hold such cells count as the number of samples: with
-    fewer than 20 nothing is told (1), and the quantile is one standard error of its share higher.
+    What neighbours share counts only once, so squares of 2 m that hold such cells count as the number of samples: with
+    fewer than 20 the factor is 1, and the quantile is one standard error of its share higher.
 
     Args:
         dz, sampling, plants: change, its standard error by points (calibrated) and that by plants, metres, arrays of
@@ -49,11 +49,13 @@ def plants_factor(
         registration_error: metres.
     """
     with np.errstate(invalid="ignore"):
-        told = stable & np.isfinite(dz) & (plants > sampling)
-    patches = len(np.unique(square[told]))
+        under_plants = stable & np.isfinite(dz) & (plants > sampling)
+    patches = len(np.unique(square[under_plants]))
     if patches < FEWEST_PATCHES:
         return 1.0
-    needed = ((dz[told] / quantile(confidence)) ** 2 - sampling[told] ** 2 - registration_error**2) / plants[told] ** 2
+    needed = (
+        (dz[under_plants] / quantile(confidence)) ** 2 - sampling[under_plants] ** 2 - registration_error**2
+    ) / plants[under_plants] ** 2
     surer = min(confidence + math.sqrt(confidence * (1.0 - confidence) / patches), 1.0)
     return float(np.clip(math.sqrt(max(sample_quantile(needed, surer), 0.0)), NARROWEST, 1.0))
 
@@ -79,19 +81,19 @@ def common_share(dz: Float, sampling: Float, plants: Float, stable: NDArray[np.b
         cell: side of a cell, metres.
     """
     with np.errstate(invalid="ignore"):
-        told = stable & np.isfinite(dz) & (plants > sampling)
-    _, patch = np.unique(squares_of(dz.shape, cell)[told], return_inverse=True)
+        under_plants = stable & np.isfinite(dz) & (plants > sampling)
+    _, patch = np.unique(squares_of(dz.shape, cell)[under_plants], return_inverse=True)
     count = np.bincount(patch)
     if len(count) < FEWEST_PATCHES:
         return 1.0
-    means = np.bincount(patch, dz[told] / plants[told]) / count
+    means = np.bincount(patch, dz[under_plants] / plants[under_plants]) / count
     return min(math.hypot(float(means.mean()), float(means.std(ddof=1)) / math.sqrt(len(means))), 1.0)
 
 
 def sum_by_plants(weighted: Float, cell: float, share: float) -> float:
     """Standard error of a sum of changes, by plants, of whose error a ``share`` is common to all.
 
-    All of it is alike within squares of 2 m, which err independently but for the share.
+    All of it is alike within squares of 2 m, whose errors are independent except for the share.
 
     Args:
         weighted: each cell's weight times its error by plants (rows, columns), not negative; of cells that are one,

@@ -23,25 +23,25 @@ class Change:
 
     ``error`` is the standard error of ``dz``; ``level`` the level of detection at ``confidence``, both in metres.
     ``common_cell_rate`` is the share of cells with enough points of both epochs among those with enough of either, also
-    where cells grew: it tells how dense the surveys are beside ``grid.cell``. ``stable`` marks the cells that were
-    taken as stable ground; ``slope`` is the surface's inclination, degrees, NaN where it is unknown or nothing was
+    where cells grew: it shows how dense the surveys are compared with ``grid.cell``. ``stable`` marks the cells that
+    were taken as stable ground; ``slope`` is the surface's inclination, degrees, NaN where it is unknown or nothing was
     compared.
 
-    ``partition`` tells which cells are one, where cells grew: they share dz, error, level and counts, and their errors
+    ``partition`` states which cells are one, where cells grew: they share dz, error, level and counts, and their errors
     are one and the same. ``count_from`` and ``count_to`` are the points behind a cell's change, those of its part;
     ``points`` are those of the cell itself.
 
-    ``model`` tells how the errors were calibrated; ``threshold`` and ``direction`` are the parameters of that name:
+    ``model`` states how the errors were calibrated; ``threshold`` and ``direction`` are the parameters of that name:
     with the direction ``normal``, ``dz`` and all errors are distances square to the slope. ``probability`` is the
     posterior probability that a cell's change is real, of the threshold ``coherent`` only.
 
-    ``sampling`` is the part of the error that the points' scatter makes, after calibration; ``plants`` the part that
-    plants make, and how high they stand, None where neither epoch tells. ``plant_like`` marks cells whose change a
-    change of the plants' height explains, ``explained`` those of them that would else be significant; ``season`` tells
+    ``sampling`` is the part of the error that the points' scatter causes, after calibration; ``plants`` the part
+    that plants cause, and their height, None where neither epoch knows them. ``plant_like`` marks cells whose change a
+    change of the plants' height explains, ``explained`` those of them that would else be significant; ``season`` states
     how the plants differ between the epochs. All are None where the plants' heights are not known. The errors of
-    ``plants`` are the stated ones times ``plants_factor``, which stable ground told (``plant_calibration``).
+    ``plants`` are the stated ones times ``plants_factor``, which was measured on stable ground (``plant_calibration``).
 
-    ``choice`` tells how the side of a cell came about, where this is known.
+    ``choice`` states how the side of a cell was chosen, where this is known.
     """
 
     grid: Grid
@@ -106,7 +106,7 @@ class Change:
         return float(np.nanmedian(self.level))
 
     def level_facts(self) -> dict[str, Any]:
-        """How the level of detection came about, for the run record; metres."""
+        """How the level of detection was derived, for the run record; metres."""
         return {
             "threshold": self.threshold,
             "direction": self.direction,

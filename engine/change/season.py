@@ -27,10 +27,10 @@ MARGIN = 1.0
 """Metres around plants within which the ground under thin ones can be taken for bare, and their height for nothing."""
 COVERED = 0.5
 """Share of the known ground within ``MARGIN`` that must have plants where the season is alike: a shrub that was sampled
-otherwise tells nothing of the bare ground beside it."""
-_COMMON = 0.5  # of the vegetated cells: where so many have changed alike, the season differs
-_FEWEST = 30  # vegetated cells, of which something can be said
-_LEAST_SHARE = 0.02  # of the cells that must have plants
+otherwise is no evidence for the bare ground next to it."""
+_MIN_CHANGED_SHARE = 0.5  # of the vegetated cells: where so many have changed alike, the season differs
+_MIN_VEGETATED_CELLS = 30  # with fewer the season is not judged
+_MIN_VEGETATED_SHARE = 0.02  # of the cells that must have plants
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Season:
         return self.verdict in ("lower", "higher")
 
     def explains(self, shift: float) -> bool:
-        """Whether a change of the whole surface by ``shift`` m has the sign and the size that the plants can make."""
+        """Whether a change of the whole surface by ``shift`` m has the sign and the size that the plants can cause."""
         risen = self.height_to - self.height_from
         return self.differs and shift * risen > 0 and abs(shift) <= abs(risen)
 
@@ -125,7 +125,7 @@ def around(height_from: Float, height_to: Float, cell: float, least_share: float
     """Mean heights (rows, columns) of both surveys over the cells with plants within ``MARGIN``.
 
     Where grass thins out, its lowest returns scatter as those of bare ground do: the ground comes out within the plants
-    and these as nothing. What stands around tells better how they have changed. NaN where no plants stand, or on less
+    and these as nothing. The plants around show better how they have changed. NaN where no plants stand, or on less
     than ``least_share`` of the known ground.
 
     Args:
@@ -171,9 +171,9 @@ def compare_seasons(height_from: Float, height_to: Float, dz: Float | None = Non
     risen = second[plants] - first[plants]
     lower, higher = (float(np.mean(sign * risen > DIFFERENT)) if cells else 0.0 for sign in (-1, 1))
     verdict = "alike"
-    if cells < _FEWEST or share < _LEAST_SHARE:
+    if cells < _MIN_VEGETATED_CELLS or share < _MIN_VEGETATED_SHARE:
         verdict = "no plants"
-    elif max(lower, higher) >= _COMMON:
+    elif max(lower, higher) >= _MIN_CHANGED_SHARE:
         verdict = "lower" if lower > higher else "higher"
     moved = None if dz is None else dz[known]
     return Season(

@@ -9,8 +9,8 @@ from ..core.arrays import Float
 from ..statistics.normal import quantile
 from .measured import Measured
 
-_FEWEST = 60  # stable cells of a size; with 5 % beyond, their share is known to 3 %
-_WIDEST = 3.0
+_MIN_CELLS = 60  # stable cells of a size; with 5 % beyond, their share is known to 3 %
+_MAX_FACTOR = 3.0
 
 
 def widening_by_size(
@@ -35,8 +35,8 @@ def widening_by_size(
     last = 1.0
     for side in np.unique(size[np.isfinite(size)]):
         of_size = needed[size[known] == side]
-        if of_size.size >= _FEWEST:
+        if of_size.size >= _MIN_CELLS:
             square = float(np.quantile(of_size, confidence))
-            last = float(np.clip(np.sqrt(max(square, 0.0)), 1.0, _WIDEST))
+            last = float(np.clip(np.sqrt(max(square, 0.0)), 1.0, _MAX_FACTOR))
         factor[size == side] = last
     return factor

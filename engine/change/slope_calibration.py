@@ -14,19 +14,19 @@ from ..statistics.normal import quantile
 from ..statistics.quantiles import sample_quantile
 from ..statistics.robust import NORMALISED
 
-_CLASS = 5.0  # degrees; classes with too few cells are joined with the next
-_FEWEST_IN_CLASS = 200  # with 5 % beyond, their share is known to 1.5 %
-_FEWEST_OWN_IN_CLASS = 100  # ... that share no points with others
-_FEWEST_TO_NARROW = 400
-_FEWEST = 50
-_LEAST_STABLE = 0.1  # share of a class's cells that must be stable for the class to tell anything
-_PATCHES = 12
-_FEWEST_IN_HALF = 100  # cells without which a half tells nothing
-_NARROWEST, _WIDEST = 0.4, 5.0
-_DOUBTFUL = 2.0
-_WITHOUT_STABLE = 1.5  # beyond every factor seen on unchanged surveys (docs/figures.md)
+_SLOPE_CLASS_DEG = 5.0  # degrees; classes with too few cells are joined with the next
+_MIN_CLASS_CELLS = 200  # with 5 % beyond, their share is known to 1.5 %
+_MIN_INDEPENDENT_CLASS_CELLS = 100  # ... that share no points with others
+_MIN_CELLS_TO_NARROW = 400  # for factors below 1
+_MIN_CELLS = 50
+_MIN_STABLE_SHARE = 0.1  # share of a class's cells that must be stable for the class to be calibrated
+_SQUARES_ALONG_LONGER_SIDE = 12
+_MIN_HALF_CELLS = 100  # with fewer cells a half is not used
+_MIN_FACTOR, _MAX_FACTOR = 0.4, 5.0
+_MAX_CREDIBLE_FACTOR = 2.0  # above, a note for the user
+_FACTOR_WITHOUT_STABLE_GROUND = 1.5  # beyond every factor seen on unchanged surveys (docs/figures.md)
 _ROUNDS = 3
-_LITTLE = 0.5  # of the sampling error: plants that add an eighth to it at most
+_MAX_PLANT_RATIO = 0.5  # of the sampling error: plants that add an eighth to it at most
 
 
 @dataclass(frozen=True)
@@ -90,12 +90,12 @@ class ErrorModel:
 
 
 def uncalibrated() -> ErrorModel:
-    """Errors as the points' scatter tells them."""
+    """Errors as estimated from the points' scatter."""
     return ErrorModel("uncalibrated")
 
 
 def without_stable_ground(changed_share: float, stable_share: float) -> ErrorModel:
-    """Errors as the points' scatter tells them, because too much has changed to calibrate them on the rest."""
+    """Errors as estimated from the points' scatter, because too much has changed to calibrate them on the rest."""
     note = (
         f"More than a third of the compared ground has changed (only {100 * stable_share:.0f} % looks stable, and "
         f"{100 * changed_share:.0f} % changed as a whole), so the change itself does not tell what is stable: the "
@@ -139,26 +139,26 @@ def calibrate(
 
     Classes of 5 degrees are joined until each has 200 stable cells. With fewer than 400 a factor below 1 is taken from
     a quantile one standard error higher, because too narrow a level does more harm than too wide a one. Nor is it
-    smaller than what either ``half`` of the ground alone surely asks for: errors below what the points say need
-    evidence that holds on ground which did not give it.
+    smaller than what either ``half`` of the ground alone requires: errors below those of the points need
+    evidence that holds on ground from which it was not taken.
 
-    The error by plants p is no sampling error, and no factor multiplies it. Where it is the larger part, a cell tells
-    little of its sampling: the cells whose p is below s / 2 serve if there are enough, else all with r² + p² in place
-    of r², and then f does not fall below 1, as plant errors stated too large would make it.
+    The error by plants p is no sampling error, and no factor multiplies it. Where it is the larger part, a cell says
+    little about its sampling error: the cells whose p is below s / 2 serve if there are enough, else all with r² + p²
+    in place of r², and then f does not fall below 1, as plant errors stated too large would make it.
 
     Args:
         registration_error: metres.
-        independent: share of the cells that tell something of their own, above 0: below 1 where neighbours share
+        independent: share of the cells that are independent, above 0: below 1 where neighbours share
             points. What is asked of numbers of cells is asked of so many of them.
     """
     dz, sampling, half = samples.dz, samples.sampling, samples.half
     known = np.isfinite(dz) & np.isfinite(sampling) & (sampling > 0)
     all_at, chosen = samples.slope[known], samples.stable[known]
     plant = np.zeros(all_at.size) if samples.plants is None else samples.plants[known]
-    little = plant <= _LITTLE * sampling[known]
+    little = plant <= _MAX_PLANT_RATIO * sampling[known]
     compared = all_at.size
     of_half = None if half is None else half[known]
-    bare = bool(little.all()) or int(np.count_nonzero(chosen & little)) * independent >= _FEWEST_IN_CLASS
+    bare = bool(little.all()) or int(np.count_nonzero(chosen & little)) * independent >= _MIN_CLASS_CELLS
     if bare:
         # classes are judged by what there is of such cells in them
         chosen, all_at, plant = chosen[little], all_at[little], plant[little]
@@ -172,22 +172,27 @@ def calibrate(
     shift = sample_quantile(dz, 0.5) if cells else 0.0
     spread = NORMALISED * sample_quantile(np.abs(dz - shift), 0.5) if cells else 0.0
     usual = float(np.sqrt(np.median(others))) if cells else registration_error
-    if cells * independent < _FEWEST or abs(shift) > 2.0 * spread + 2.0 * usual:
+    if cells * independent < _MIN_CELLS or abs(shift) > 2.0 * spread + 2.0 * usual:
         why = (
             f"only {cells} cells of stable ground were found"
-            if cells * independent < _FEWEST
+            if cells * independent < _MIN_CELLS
             else f"what looks stable has moved by {shift:+.3f} m"
         )
         note = (
             f"The errors could not be calibrated, because {why}; the level of detection is widened "
-            f"{_WITHOUT_STABLE:g} times; give an area known to be stable."
+            f"{_FACTOR_WITHOUT_STABLE_GROUND:g} times; give an area known to be stable."
         )
         return ErrorModel(
-            "widened", typical=_WITHOUT_STABLE, stable_cells=cells, stable_share=share, notes=(note,), why=why
+            "widened",
+            typical=_FACTOR_WITHOUT_STABLE_GROUND,
+            stable_cells=cells,
+            stable_share=share,
+            notes=(note,),
+            why=why,
         )
     z = quantile(confidence)
     needed = ((dz / z) ** 2 - others) / sampling**2
-    least = _NARROWEST if bare else 1.0
+    least = _MIN_FACTOR if bare else 1.0
     typical = _factor(needed, confidence, least=least, half=of_half, independent=independent)
     bounds = _joined(at, all_at, independent)
     inside = [(at >= low) & (at < high) for low, high in bounds]
@@ -217,8 +222,8 @@ def calibrate(
 
 
 def patch_halves(shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """The squares of one colour of a chessboard over the grid (rows, columns), ``_PATCHES`` along its longer side."""
-    side = max(-(-max(shape) // _PATCHES), 1)
+    """The squares of one colour of a chessboard over the grid (rows, columns); see ``_SQUARES_ALONG_LONGER_SIDE``."""
+    side = max(-(-max(shape) // _SQUARES_ALONG_LONGER_SIDE), 1)
     row, column = (np.arange(n) // side for n in shape)
     return np.asarray((row[:, None] + column) % 2 == 0)
 
@@ -228,41 +233,41 @@ def _factor(
     confidence: float,
     scale: float = 1.0,
     *,
-    least: float = _NARROWEST,
+    least: float = _MIN_FACTOR,
     half: NDArray[np.bool_] | None = None,
     independent: float = 1.0,
 ) -> float:
-    """``scale`` times the square root of the quantile, within what can be believed, not below 1 on a chance of few."""
+    """``scale`` times the square root of the quantile, within credible limits, not below 1 by chance of a few cells."""
 
     def asked(of: Float, share: float) -> float:
         return scale * float(np.sqrt(max(sample_quantile(of, share), 0.0)))
 
     factor = asked(needed, confidence)
-    if factor < 1.0 and needed.size * independent < _FEWEST_TO_NARROW:
+    if factor < 1.0 and needed.size * independent < _MIN_CELLS_TO_NARROW:
         surer = min(confidence + float(np.sqrt(confidence * (1 - confidence) / (needed.size * independent))), 1.0)
         factor = min(asked(needed, surer), 1.0)
     elif factor < 1.0 and half is not None:
-        least_in_half = _FEWEST_IN_HALF / independent
+        least_in_half = _MIN_HALF_CELLS / independent
         parts = [part for part in (needed[half], needed[~half]) if part.size >= least_in_half]
         # by chance a half asks for more or less; one standard error is allowed for
         chance = float(np.sqrt(confidence * (1 - confidence)))
         both = [asked(part, confidence - chance / np.sqrt(part.size * independent)) for part in parts]
         factor = min(max(factor, *both), 1.0) if len(both) == 2 else 1.0
-    return float(np.clip(factor, least, _WIDEST))
+    return float(np.clip(factor, least, _MAX_FACTOR))
 
 
 def _joined(at: Float, all_at: Float, independent: float) -> list[tuple[float, float]]:
     """Classes of slope with enough stable cells (``at``, degrees) among all compared ones; narrow ones are joined."""
     bounds: list[tuple[float, float]] = []
     low, cells, of = 0.0, 0, 0
-    numbers = (class_of_slope(slopes, _CLASS) for slopes in (at, all_at))
-    classes = round(90.0 / _CLASS)
+    numbers = (class_of_slope(slopes, _SLOPE_CLASS_DEG) for slopes in (at, all_at))
+    classes = round(90.0 / _SLOPE_CLASS_DEG)
     counts = (np.bincount(number[number >= 0], minlength=classes)[:classes].tolist() for number in numbers)
     for number, (stable, compared) in enumerate(zip(*counts, strict=True), 1):
         cells, of = cells + stable, of + compared
-        if cells >= max(_FEWEST_IN_CLASS, _FEWEST_OWN_IN_CLASS / independent, _LEAST_STABLE * of):
-            bounds.append((low, number * _CLASS))
-            low, cells, of = number * _CLASS, 0, 0
+        if cells >= max(_MIN_CLASS_CELLS, _MIN_INDEPENDENT_CLASS_CELLS / independent, _MIN_STABLE_SHARE * of):
+            bounds.append((low, number * _SLOPE_CLASS_DEG))
+            low, cells, of = number * _SLOPE_CLASS_DEG, 0, 0
     if bounds and np.any(at >= low):
         bounds[-1] = (bounds[-1][0], 90.0)
     return bounds
@@ -270,7 +275,7 @@ def _joined(at: Float, all_at: Float, independent: float) -> list[tuple[float, f
 
 def _notes(classes: tuple[SlopeClass, ...], typical: float) -> tuple[str, ...]:
     largest = max((c.factor for c in classes), default=typical)
-    if largest <= _DOUBTFUL:
+    if largest <= _MAX_CREDIBLE_FACTOR:
         return ()
     sentence = (
         f"Even on ground taken as stable the epochs differ up to {largest:.1f} times as much as their points' scatter "

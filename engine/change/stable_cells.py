@@ -13,27 +13,28 @@ from ..grid.partition import Partition
 from ..statistics.quantiles import sample_quantile
 from ..statistics.robust import NORMALISED
 
-_REACH = 0.5  # metres around a cell over which a change is looked for as a whole
-_BEYOND = 5.0  # robust standard deviations of the local means, beyond which a place has moved
-_CLIP = 4.0  # one wild cell is not a moved place
-_CLIP_SHARED = 4.0 * _BEYOND  # for changes whose error neighbours share
+_REACH_M = 0.5  # metres around a cell over which a change is looked for as a whole
+_MAX_LOCAL_DEVIATIONS = 5.0  # robust standard deviations of the local means, beyond which a place has moved
+_MAX_CELL_DEVIATIONS = 4.0  # one outlying cell is not a moved place
+_MAX_SHARED_DEVIATIONS = 4.0 * _MAX_LOCAL_DEVIATIONS  # for changes whose error neighbours share
 _ROUNDS = 20
-_AS_A_WHOLE = 4.0  # standard errors of one cell; two strips that were not registered: 3 on a quarter
-_CLASS = 5.0  # degrees
-_FEWEST = 200  # differences of neighbours in a class of slope
+_MAX_MEAN_DEVIATIONS = 4.0  # standard errors of one cell; two strips that were not registered: 3 on a quarter
+_SLOPE_CLASS_DEG = 5.0  # degrees
+_MIN_DIFFERENCES = 200  # differences of neighbours in a class of slope
 
 
 def find_stable(
     dz: Float, error: Float, slope: Float, partition: Partition, alike: Float | None = None
 ) -> NDArray[np.bool_]:
-    """Cells (rows, columns) that are not part of a coherent change, nor beside one.
+    """Cells (rows, columns) that are not part of a coherent change, nor adjacent to one.
 
     Noise differs from cell to cell, a change is alike in many. So the mean of dz / error over the cells within half a
-    metre, times the square root of their number, is small on stable ground and large where it moved. How large is told
-    by the robust scatter of these means over all cells that are still taken as stable, which includes errors that are
-    correlated over some cells; those beyond 5 times it, and the cells around them, are left out, and the scatter
-    taken again until nothing changes. The scatter is a median, so that change of 30 % of the cells is found. Errors
-    are first scaled by slope with the differences of adjacent cells, which a change, being coherent, hardly touches.
+    metre, times the square root of their number, is small on stable ground and large where it moved. How large is
+    measured by the robust scatter of these means over all cells that are still taken as stable, which includes errors
+    that are correlated over some cells; those beyond 5 times it, and the cells around them, are left out, and the
+    scatter taken again until nothing changes. The scatter is a median, so that change of 30 % of the cells is found.
+    Errors are first scaled by slope with the differences of adjacent cells, which a change, being coherent, hardly
+    touches.
 
     Where cells grew, each part counts as one and is stable as a whole or not at all, and the windows hold it and its
     neighbours.
@@ -43,7 +44,7 @@ def find_stable(
         error: its standard error before calibration, metres.
         slope: degrees; NaN where unknown.
         partition: which cells are one.
-        alike: (rows, columns) an error beside it that neighbours share, metres: it does not average out in a mean.
+        alike: (rows, columns) a further error that neighbours share, metres: it does not average out in a mean.
     """
     known = partition.within(np.isfinite(dz) & np.isfinite(error) & (error > 0))
     here = np.flatnonzero(known)
@@ -62,7 +63,7 @@ def find_stable(
     stable = left = np.ones(here.size, dtype=bool)
     for _ in range(_ROUNDS):
         scatter = max(1.0, NORMALISED * sample_quantile(moved[one_each][stable[one_each]], 0.5))
-        left = ~windows.reached(moved > _BEYOND * scatter)
+        left = ~windows.reached(moved > _MAX_LOCAL_DEVIATIONS * scatter)
         if not left.any() or np.array_equal(left, stable):
             break
         stable = left
@@ -81,14 +82,14 @@ def _means_around(z: Float, shared: Float | float, windows: PartWindows) -> Floa
 
 
 def _width(cell: float) -> int:
-    """Cells along the side of a window that reaches ``_REACH`` to all sides."""
-    return 2 * round(_REACH / cell) + 1
+    """Cells along the side of a window that reaches ``_REACH_M`` to all sides."""
+    return 2 * round(_REACH_M / cell) + 1
 
 
 def changed_cells(dz: Float, error: Float, cell: float) -> NDArray[np.bool_]:
-    """Cells (rows, columns) around which the ground has changed as a whole, told by no other ground.
+    """Cells (rows, columns) around which the ground has changed as a whole, decided without any other ground.
 
-    There the mean of dz / error over the cells within half a metre, single wild ones drawn in, is twice the level
+    There the mean of dz / error over the cells within half a metre, single outliers clipped, is twice the level
     of one cell. Independent errors do not make that; such as neighbours share would have to be four times as large as
     stated on a third of the ground. Unlike ``find_stable`` it does not ask what most cells do, so it holds where most
     have moved.
@@ -100,11 +101,11 @@ def changed_cells(dz: Float, error: Float, cell: float) -> NDArray[np.bool_]:
     """
     known = np.isfinite(dz) & np.isfinite(error) & (error > 0)
     z = np.zeros(dz.shape)
-    z[known] = np.clip(dz[known] / error[known], -2.0 * _AS_A_WHOLE, 2.0 * _AS_A_WHOLE)
+    z[known] = np.clip(dz[known] / error[known], -2.0 * _MAX_MEAN_DEVIATIONS, 2.0 * _MAX_MEAN_DEVIATIONS)
     size = max(_width(cell), LEAST_CELLS)
     number = ndimage.uniform_filter(known.astype(np.float64), size, mode="constant")
     mean = ndimage.uniform_filter(z, size, mode="constant") / np.maximum(number, 1e-9)
-    return np.asarray(known & (np.abs(mean) > _AS_A_WHOLE))
+    return np.asarray(known & (np.abs(mean) > _MAX_MEAN_DEVIATIONS))
 
 
 def with_alike(z: Float, ratio: Float) -> tuple[Float, Float]:
@@ -119,11 +120,11 @@ def with_alike(z: Float, ratio: Float) -> tuple[Float, Float]:
 
 
 def clipped(z: Float, shared: Float | float) -> Float:
-    """Scaled changes within _CLIP where errors are the cells' own, and wider the more of them neighbours share.
+    """Scaled changes, clipped to _MAX_CELL_DEVIATIONS where errors are the cells' own, wider the more neighbours share.
 
-    A mean of shared errors is no larger than one of them: clipped alike, it could not be beyond _BEYOND.
+    A mean of shared errors is no larger than one of them: clipped alike, it could not be beyond _MAX_LOCAL_DEVIATIONS.
     """
-    limit = _CLIP + (_CLIP_SHARED - _CLIP) * shared
+    limit = _MAX_CELL_DEVIATIONS + (_MAX_SHARED_DEVIATIONS - _MAX_CELL_DEVIATIONS) * shared
     return np.asarray(np.clip(z, -limit, limit), dtype=np.float64)
 
 
@@ -146,14 +147,14 @@ def adjacent_scatter(z: Float, here: Index, slope: Float, partition: Partition) 
         found.append(np.abs(z[other] - z[pair]) / np.sqrt(2.0))
         where.append(at[pair])
     size, of_pair = np.concatenate(found), np.concatenate(where)
-    if size.size < _FEWEST:
+    if size.size < _MIN_DIFFERENCES:
         return np.ones(here.size)
     whole = max(sample_quantile(size, 0.9) / 1.6449, 1e-6)
     centres, scatter = [], []
-    classes = class_of_slope(of_pair, _CLASS)
+    classes = class_of_slope(of_pair, _SLOPE_CLASS_DEG)
     for low, cells in enumerate(np.bincount(classes[classes >= 0])):
-        if cells >= _FEWEST:
-            centres.append((low + 0.5) * _CLASS)
+        if cells >= _MIN_DIFFERENCES:
+            centres.append((low + 0.5) * _SLOPE_CLASS_DEG)
             scatter.append(max(sample_quantile(size[classes == low], 0.9) / 1.6449, 0.1 * whole))
     if not centres:
         return np.full(here.size, whole)

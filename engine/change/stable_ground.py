@@ -1,4 +1,4 @@
-"""Which ground of a difference is taken as stable, and whether the difference itself tells enough of it."""
+"""Which ground of a difference is taken as stable, and whether the difference itself shows enough of it."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ MOST_CHANGED = 0.3
 """Share of the compared ground that may have changed as a whole for the rest to be known as stable. Edges of what
 changed do not count as changed as a whole, so this is a third of the ground and more."""
 LEAST_STABLE = 0.5
-"""... and the share that must be found stable, because it is told from what most of the ground does."""
-_APART = 5.0  # degrees beyond the slopes of known stable ground, from which that tells nothing of a cell
+"""... and the share that must be found stable, because it is judged by what most of the ground does."""
+# degrees beyond the slopes of known stable ground, from which that is no evidence for a cell
+_MAX_SLOPE_EXTRAPOLATION_DEG = 5.0
 
 
 @dataclass(frozen=True)
 class StableGround:
-    """The cells (rows, columns) taken as ``stable``, and what there is to say of the rest.
+    """The cells (rows, columns) taken as ``stable``, and the notes on the rest.
 
     ``changed_share`` of the compared cells have changed as a whole (0 where stable ground is given), ``looks_stable``
     is the share found stable. Not ``settled``: too much has changed for the rest to be known as stable.
@@ -67,10 +68,12 @@ def stable_ground(
 
 
 def _with_other_slopes(given: NDArray[np.bool_], found: NDArray[np.bool_], slope: Float) -> NDArray[np.bool_]:
-    """The given cells, and found ones much flatter or steeper than those: a road tells nothing of a face."""
+    """The given cells, and found ones much flatter or steeper than those: a road is no evidence for a rock face."""
     inside = slope[given & np.isfinite(slope)]
     if not inside.size:
         return given
-    low, high = np.quantile(inside, [0.02, 0.98]) + np.array([-_APART, _APART])
+    low, high = np.quantile(inside, [0.02, 0.98]) + np.array(
+        [-_MAX_SLOPE_EXTRAPOLATION_DEG, _MAX_SLOPE_EXTRAPOLATION_DEG]
+    )
     with np.errstate(invalid="ignore"):
         return given | (found & ((slope < low) | (slope > high)))

@@ -15,8 +15,9 @@ from ..grid.part_windows import sums_around
 from ..grid.partition import Partition
 from ..statistics.normal import quantile
 
-_WINDOW = 5  # cells along the side of the window of spatial coherence
-_FIRST, _FULL = 0.6, 1.0  # shares of the window that have changed alike from which coherence counts, and counts fully
+_WINDOW_CELLS = 5  # cells along the side of the window of spatial coherence
+# shares of the window that have changed alike from which coherence counts, and counts fully
+_MIN_ALIKE_SHARE, _FULL_ALIKE_SHARE = 0.6, 1.0
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,8 @@ class Decision:
 
 
 def stated_error(parameters: GridChangeParameters) -> float | None:
-    """Standard error (m) that a threshold states for every cell, whose points then need not tell one; else None.
+    """Standard error (m) that a threshold states for every cell, so that it need not be estimated from the points; else
+    None.
 
     The propagated errors of both surveys, or the one whose level is the constant level.
     """
@@ -86,13 +88,13 @@ def coherent_probability(dz: Float, error: Float, partition: Partition) -> Float
     """
 
     def number(cells: NDArray[np.bool_]) -> Float:
-        return sums_around(partition, cells, _WINDOW)
+        return sums_around(partition, cells, _WINDOW_CELLS)
 
     known = np.isfinite(dz) & np.isfinite(error)
     with np.errstate(invalid="ignore", divide="ignore"):
         prior = erf(np.abs(dz) / (error * math.sqrt(2.0)))
         alike = np.where(dz < 0, number(known & (dz < 0)), number(known & (dz > 0))) / number(known)
-        likelihood = np.clip((alike - _FIRST) / (_FULL - _FIRST), 0.0, 1.0)
+        likelihood = np.clip((alike - _MIN_ALIKE_SHARE) / (_FULL_ALIKE_SHARE - _MIN_ALIKE_SHARE), 0.0, 1.0)
         joint = prior * likelihood
         posterior = joint / (joint + (1.0 - prior) * (1.0 - likelihood))
     # a prior of 1 with a likelihood of 0, or the reverse: what excludes the change counts

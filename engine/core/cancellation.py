@@ -25,7 +25,7 @@ _children: set[subprocess.Popen[bytes]] = set()
 _temporaries: list[tuple[Path, bool]] = []
 _cancelled = threading.Event()
 _wakeup: tuple[socket.socket, socket.socket] | None = None
-_STUBBORN = 0.5  # seconds that what is half-written is removed again and again
+_CLEANING_S = 0.5  # seconds that what is half-written is removed again and again
 
 
 @contextlib.contextmanager
@@ -57,7 +57,7 @@ def uninterrupted() -> Iterator[None]:
 def install(on_cancel: Callable[[], None], *, watch_parent: bool) -> None:
     """Make signals, and with ``watch_parent`` the end of standard input, cancel the command.
 
-    ``on_cancel`` tells the user; then the process exits with 130 at once.
+    ``on_cancel`` informs the user; then the process exits with 130 at once.
     """
     global _wakeup
     _wakeup = socket.socketpair()
@@ -93,7 +93,7 @@ def abort(on_cancel: Callable[[], None]) -> None:
         for child in children:
             _end(child)
         # Other threads may still be creating files in a folder while it is removed, or be removing it themselves.
-        until = time.monotonic() + _STUBBORN
+        until = time.monotonic() + _CLEANING_S
         while True:
             for path, only_empty in reversed(paths):
                 _remove(path, only_empty)

@@ -111,7 +111,7 @@ def _launched(arguments: list[str], memory_limit: int | None, environment: Mappi
 
 
 def peak_memory(pid: int | str = "self") -> int:
-    """Peak resident bytes of a process; 0 where the system does not tell (only Linux does)."""
+    """Peak resident bytes of a process; 0 where the system does not report it (only Linux does)."""
     try:
         for line in Path(f"/proc/{pid}/status").read_text().splitlines():
             if line.startswith("VmHWM:"):

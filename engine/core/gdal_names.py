@@ -18,7 +18,7 @@ def misread(path: Path) -> bool:
 
 @contextlib.contextmanager
 def readable(path: Path) -> Iterator[Path]:
-    """``path``, or where it would be misread a link to it, with links to its sidecars beside."""
+    """``path``, or where it would be misread a link to it, with links to its sidecars next to it."""
     path = path.absolute()
     if not misread(path):
         yield path

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-_MOST_DIGITS = 6  # decimals: what is smaller has no meaning in metres, m² or m³
+_MAX_DECIMALS = 6  # decimals: what is smaller has no meaning in metres, m² or m³
 
 
 def fixed(value: float, digits: int, *, sign: bool = False, grouped: bool = False) -> str:
@@ -24,4 +24,4 @@ def digits_for_error(error: float, least: int) -> int:
     """``least`` decimals, or as many more as a standard error needs not to be rounded to zero; six at most."""
     if not math.isfinite(error) or error <= 0 or round(error, least) > 0:
         return least
-    return min(-math.floor(math.log10(error)), max(least, _MOST_DIGITS))
+    return min(-math.floor(math.log10(error)), max(least, _MAX_DECIMALS))

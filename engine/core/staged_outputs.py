@@ -15,7 +15,7 @@ from .errors import Cancelled, EngineError, InputError
 
 _SIDECARS = ("-wal", "-shm", "-journal")
 """Of a GeoPackage that a program has open: they belong to the file that is replaced, and would damage the new one."""
-_LITTLE_SPACE = 100_000_000  # bytes; a run that fails with less left than this most likely failed for that
+_MIN_FREE_BYTES = 100_000_000  # bytes; a run that fails with less left than this most likely failed for that
 
 
 @contextlib.contextmanager
@@ -154,13 +154,13 @@ def _make_folder(folder: Path) -> None:
 
 
 def _blame_full_disk(directory: Path, error: Exception) -> None:
-    """Raise InputError if the outputs most likely did not fit; native writers do not tell it as such."""
+    """Raise InputError if the outputs most likely did not fit; native writers do not report it as such."""
     try:
         free = shutil.disk_usage(directory).free
     except OSError:
         return
     reason = f"{type(error).__name__}: {next(iter(str(error).splitlines()), 'no text')}"
-    if free < _LITTLE_SPACE or (isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)):
+    if free < _MIN_FREE_BYTES or (isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)):
         raise InputError(
             f"Writing to {directory} failed, and its disk has {free / 1e6:.1f} MB left; free some space or choose "
             f"another output folder ({reason})."

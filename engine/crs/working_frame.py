@@ -19,8 +19,8 @@ from ..core.messages import shown
 
 _UNITS = {"metre": 1.0, "foot": 0.3048, "us-survey-foot": 1200 / 3937}
 _UNIT_NAMES = {"metre": "metres", "foot": "international feet", "us-survey-foot": "US survey feet"}
-_LARGEST_DISTORTION = 0.01
-_MARGIN = 3.0  # degrees: surveys near the border of a zone are flown in either
+_MAX_DISTORTION = 0.01
+_MARGIN_DEG = 3.0  # degrees: surveys near the border of a zone are flown in either
 _NO_LENGTHS = ("degree", "grad", "radian", "unity")
 
 
@@ -126,12 +126,14 @@ def plausibility(frame: WorkingFrame, x: float, y: float) -> list[str]:
         return [f"The reference system {crs.name} does not reach x {x:.0f}, y {y:.0f}; check it."]
     warnings = []
     area = crs.area_of_use
-    if area is not None and not shapely.box(*area.bounds).buffer(_MARGIN).contains(shapely.Point(longitude, latitude)):
+    if area is not None and not shapely.box(*area.bounds).buffer(_MARGIN_DEG).contains(
+        shapely.Point(longitude, latitude)
+    ):
         warnings.append(
             f"The cloud lies at longitude {longitude:.2f}, latitude {latitude:.2f} by the reference system {crs.name}, "
             "outside of its area of use; check the reference system."
         )
-    if abs(factors.areal_scale - 1.0) > _LARGEST_DISTORTION:
+    if abs(factors.areal_scale - 1.0) > _MAX_DISTORTION:
         warnings.append(
             f"Areas in the reference system {crs.name} are {factors.areal_scale:.3g} times those on the ground here; "
             "reproject the clouds to a local one for true areas and volumes."

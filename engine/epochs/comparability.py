@@ -12,8 +12,8 @@ from ..pointcloud.cloud import PointCloud
 from ..pointcloud.reading import open_cloud, sample_cloud
 from .height_systems import compare_clouds, disagreement
 
-_PLANTS = 5.0  # m that the lowest points of a cell can fall all over a slope by cutting what grows there
-_FOUND = 3.0  # times the largest expected offset: so far away the robust method finds its way back
+_MAX_PLANT_DROP_M = 5.0  # m that the lowest points of a cell can fall all over a slope by cutting what grows there
+_MAX_OFFSET_RATIO = 3.0  # times the largest expected offset: so far away the robust method finds its way back
 
 
 def require_comparable(first: Path, second: Path, inputs: InputParameters) -> None:
@@ -54,7 +54,7 @@ def refuse_other_heights(first: PointCloud, second: PointCloud, limit: float = m
 def refuse_other_raw_heights(
     first: Path, second: Path, inputs: InputParameters, parameters: RegistrationParameters
 ) -> None:
-    """As ``register_pair`` refuses the ground of two surveys, told from samples of the raw clouds before all work.
+    """As ``register_pair`` refuses the ground of two surveys, decided on samples of the raw clouds before all work.
 
     The lowest points of coarse cells are compared. As plants that are cut lower these too, only what no plant explains
     is refused here, and whatever remains is left to the ground.
@@ -63,11 +63,11 @@ def refuse_other_raw_heights(
         InputError: heights of another system or unit.
     """
     found = compare_clouds(sample_cloud(first, inputs), sample_cloud(second, inputs), lowest=True)
-    wrong = disagreement(found, first.name, second.name, max(registered_offset(parameters), _PLANTS))
+    wrong = disagreement(found, first.name, second.name, max(registered_offset(parameters), _MAX_PLANT_DROP_M))
     if wrong is not None:
         raise InputError(wrong)
 
 
 def registered_offset(parameters: RegistrationParameters) -> float:
     """The offset of heights (m) up to which a registration finds its way."""
-    return parameters.maximum_offset * (_FOUND if parameters.method == "robust" else 1.0)
+    return parameters.maximum_offset * (_MAX_OFFSET_RATIO if parameters.method == "robust" else 1.0)

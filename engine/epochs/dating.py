@@ -1,7 +1,7 @@
 """When a cloud was flown by its own witnesses, and whether the days that were given agree.
 
 The GPS times of the points come first, then a date in the file's name, then the day on which the file was created,
-which can only be too late. Seconds of a week tell no day, as many files that say so hold something else.
+which can only be too late. Seconds of a week give no day, as many files that say so hold something else.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ from ..pointcloud.records import read_records, record_dtype
 from .epoch import Epoch
 
 _GPS_ORIGIN = date(1980, 1, 6)
-_ADJUSTMENT = 1e9
+_ADJUSTMENT_S = 1e9
 """s that adjusted standard GPS time leaves out."""
-_COUNTERS = 3e6
+_MIN_GPS_TIME_S = 3e6
 """s: what is smaller is more often a counter or seconds of a week under a wrong flag than a flight of autumn 2011."""
 _FIRST_YEAR = 1990
-_SOUND_SHARE = 0.9
-_DAY_SHARE = 0.01
+_MIN_SOUND_SHARE = 0.9
+_MIN_DAY_SHARE = 0.01
 """Days with fewer of the times are taken for strays."""
 _STRETCHES = 12
-_APART = timedelta(days=3)
-_ZONES = timedelta(days=1)
-"""What a time zone can make of a day."""
+_MAX_DAYS_APART = timedelta(days=3)
+_MAX_TIME_ZONE_SHIFT = timedelta(days=1)
+"""How far a time zone can shift a day."""
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a file itself tells: ``flown`` from and to (by GPS times), ``named`` and ``created``; None: nothing."""
+    """What a file itself states: ``flown`` from and to (by GPS times), ``named`` and ``created``; None: nothing."""
 
     flown: tuple[date, date] | None = None
     named: date | None = None
@@ -63,10 +63,10 @@ class Evidence:
         return f"its header says that it was created on {self.created}"
 
     def contradicts(self, day: date) -> bool:
-        """Whether the strongest witness speaks against ``day``, by more than a time zone or some days of flying."""
+        """Whether the strongest evidence contradicts ``day``, by more than a time zone or some days of flying."""
         if self.days is not None:
-            return not self.days[0] - _APART <= day <= self.days[1] + _APART
-        return self.created is not None and day > self.created + _ZONES
+            return not self.days[0] - _MAX_DAYS_APART <= day <= self.days[1] + _MAX_DAYS_APART
+        return self.created is not None and day > self.created + _MAX_TIME_ZONE_SHIFT
 
 
 def evidence(path: Path) -> Evidence:
@@ -80,7 +80,7 @@ def evidence(path: Path) -> Evidence:
 
 
 def check_days(epochs: Sequence[Epoch], *, trusted: bool, progress: Progress) -> None:
-    """Compare the days of surveys, the earliest first, with what their files tell; warn of those that differ.
+    """Compare the days of surveys, the earliest first, with what their files state; warn of those that differ.
 
     Args:
         trusted: also only warn of surveys whose order contradicts their files.
@@ -101,12 +101,12 @@ def check_days(epochs: Sequence[Epoch], *, trusted: bool, progress: Progress) ->
                 f"{sentence}; swap the two or correct their days, or give --trust-dates if they are right as given."
             )
         progress.warning(f"{sentence}; the days are taken as given, and signs are wrong if they are not right.")
-    for number, (epoch, told) in enumerate(zip(epochs, found, strict=True)):
+    for number, (epoch, dated) in enumerate(zip(epochs, found, strict=True)):
         if inverted is not None and number in inverted:
             continue
-        if epoch.date is not None and told.contradicts(epoch.date):
+        if epoch.date is not None and dated.contradicts(epoch.date):
             progress.warning(
-                f"{shown(epoch.path)} is given as flown on {epoch.date}, but {told.words()}; check the day, on which "
+                f"{shown(epoch.path)} is given as flown on {epoch.date}, but {dated.words()}; check the day, on which "
                 "rates depend, and whether it is the right file."
             )
 
@@ -118,12 +118,12 @@ def _claim(epoch: Epoch, place: str) -> str:
 def _inverted(epochs: Sequence[Epoch], found: Sequence[Evidence]) -> tuple[int, int] | None:
     """Numbers of two surveys of which the first is later by their files."""
     latest: tuple[int, date, bool] | None = None
-    for number, told in enumerate(found):
-        if told.days is None:
+    for number, dated in enumerate(found):
+        if dated.days is None:
             continue
-        start, end = told.days
-        timed = told.flown is not None
-        if latest is not None and latest[1] > end + (timedelta() if latest[2] == timed else _ZONES):
+        start, end = dated.days
+        timed = dated.flown is not None
+        if latest is not None and latest[1] > end + (timedelta() if latest[2] == timed else _MAX_TIME_ZONE_SHIFT):
             return latest[0], number
         if latest is None or start > latest[1]:
             latest = number, start, timed
@@ -135,10 +135,10 @@ def _inverted(epochs: Sequence[Epoch], found: Sequence[Evidence]) -> tuple[int, 
 
 
 def _created_in_reverse(earlier: Epoch, later: Epoch, first: Evidence, second: Evidence) -> bool:
-    """Whether files that tell no more than when they were created fit their days only if these are swapped."""
+    """Whether files that state only when they were created fit their days only if these are swapped."""
     if first.days or second.days or not (first.created and second.created and earlier.date and later.date):
         return False
-    return earlier.date <= second.created < later.date - _ZONES and first.created >= later.date
+    return earlier.date <= second.created < later.date - _MAX_TIME_ZONE_SHIFT and first.created >= later.date
 
 
 def _flown(header: CloudHeader) -> tuple[date, date] | None:
@@ -156,12 +156,12 @@ def days_of(times: NDArray[np.float64]) -> tuple[date, date] | None:
     last = (date.today() - _GPS_ORIGIN).days + 1
     first = (date(_FIRST_YEAR, 1, 1) - _GPS_ORIGIN).days
     with np.errstate(invalid="ignore", over="ignore"):
-        day = np.floor((times + _ADJUSTMENT) / 86400.0)
-        sound = np.isfinite(times) & (np.abs(times) > _COUNTERS) & (day >= first) & (day <= last)
-    if not len(times) or sound.mean() < _SOUND_SHARE:
+        day = np.floor((times + _ADJUSTMENT_S) / 86400.0)
+        sound = np.isfinite(times) & (np.abs(times) > _MIN_GPS_TIME_S) & (day >= first) & (day <= last)
+    if not len(times) or sound.mean() < _MIN_SOUND_SHARE:
         return None
     days, count = np.unique(day[sound].astype(np.int64), return_counts=True)
-    days = days[count >= _DAY_SHARE * count.sum()]
+    days = days[count >= _MIN_DAY_SHARE * count.sum()]
     if not len(days):
         return None
     return _GPS_ORIGIN + timedelta(days=int(days[0])), _GPS_ORIGIN + timedelta(days=int(days[-1]))

@@ -12,7 +12,7 @@ from ..core.errors import InputError
 
 @dataclass(frozen=True)
 class Epoch:
-    """``date`` is None where it is not known; then no rates can be told."""
+    """``date`` is None where it is not known; then no rates are known."""
 
     path: Path
     date: date | None

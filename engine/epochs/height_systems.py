@@ -1,4 +1,4 @@
-"""Whether two epochs' heights are of different systems or units, told before anything is made of their difference."""
+"""Whether two epochs' heights are of different systems or units, checked before their difference is used."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from ..core.arrays import Float
 from ..statistics.robust import nmad
 
 FOOT = 0.3048
-_CELLS = 900  # that the shared extent is cut into
-_POINTS = 400_000  # of a cloud, evenly taken, are enough for the heights of so many cells
-_FEWEST = 30  # common cells; with fewer nothing can be said of the whole overlap
-_EVEN, _MOST = 0.1, 0.9  # a shift is that of all heights where so many cells are within so small a share of it
-_LEAST_RELIEF = 0.5  # m of scatter of the heights from which on a unit can be told
-_LIKE = 0.1  # share of that scatter that is left where heights differ by their unit
-_LARGEST_OFFSET = next(s.maximum or 0.0 for s in RegistrationParameters.specifications() if s.name == "maximum_offset")
+_CELL_COUNT = 900  # that the shared extent is cut into
+_MAX_POINTS = 400_000  # of a cloud, evenly taken, are enough for the heights of so many cells
+_MIN_CELLS = 30  # common cells; with fewer the whole overlap is not judged
+# a shift is that of all heights where so many cells are within so small a share of it
+_MAX_SPREAD_RATIO, _SPREAD_QUANTILE = 0.1, 0.9
+_MIN_RELIEF_M = 0.5  # m of scatter of the heights from which on a unit can be recognised
+_MAX_SCATTER_RATIO = 0.1  # share of that scatter that is left where heights differ by their unit
+_MAX_OFFSET_M = next(s.maximum or 0.0 for s in RegistrationParameters.specifications() if s.name == "maximum_offset")
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class HeightComparison:
     @property
     def even(self) -> bool:
         """Whether all of the overlap is shifted alike, as no deformation does."""
-        return self.spread <= _EVEN * abs(self.offset)
+        return self.spread <= _MAX_SPREAD_RATIO * abs(self.offset)
 
 
 def compare_clouds(reference: Float, moving: Float, *, lowest: bool = False) -> HeightComparison | None:
@@ -48,16 +49,16 @@ def compare_clouds(reference: Float, moving: Float, *, lowest: bool = False) -> 
     Args:
         lowest: compare the lowest points of the cells instead of the means, for clouds with plants.
     """
-    if min(len(reference), len(moving)) < _FEWEST:
+    if min(len(reference), len(moving)) < _MIN_CELLS:
         return None
-    reference, moving = (xyz[:: max(1, len(xyz) // _POINTS)] for xyz in (reference, moving))
+    reference, moving = (xyz[:: max(1, len(xyz) // _MAX_POINTS)] for xyz in (reference, moving))
     low = np.maximum(reference[:, :2].min(axis=0), moving[:, :2].min(axis=0))
     high = np.minimum(reference[:, :2].max(axis=0), moving[:, :2].max(axis=0))
-    side = float(np.sqrt(max((high - low).prod(), 0.0) / _CELLS)) if (high > low).all() else 0.0
+    side = float(np.sqrt(max((high - low).prod(), 0.0) / _CELL_COUNT)) if (high > low).all() else 0.0
     if side <= 0.0:
         return None
     shape = np.ceil((high - low) / side).astype(np.int64) + 1
-    if shape.prod() > 100 * _CELLS:  # a sliver
+    if shape.prod() > 100 * _CELL_COUNT:  # a sliver
         return None
     return compare_heights(*(_cell_heights(xyz, low, high, side, shape, lowest) for xyz in (reference, moving)))
 
@@ -65,16 +66,16 @@ def compare_clouds(reference: Float, moving: Float, *, lowest: bool = False) -> 
 def compare_heights(first: Float, second: Float) -> HeightComparison | None:
     """Compare the heights of cells, NaN where there are none, metres; None with fewer than 30 common ones."""
     both = np.isfinite(first) & np.isfinite(second)
-    if np.count_nonzero(both) < _FEWEST:
+    if np.count_nonzero(both) < _MIN_CELLS:
         return None
     a, b = first[both], second[both]
     ratio = None
     for factor in (1 / FOOT, FOOT):
         relief = min(nmad(a), nmad(b))
-        if relief > _LEAST_RELIEF and nmad(b - factor * a) < _LIKE * min(nmad(b), nmad(b - a)):
+        if relief > _MIN_RELIEF_M and nmad(b - factor * a) < _MAX_SCATTER_RATIO * min(nmad(b), nmad(b - a)):
             ratio = factor
     offset = float(np.median(b - a))
-    return HeightComparison(offset, float(np.quantile(np.abs(b - a - offset), _MOST)), ratio)
+    return HeightComparison(offset, float(np.quantile(np.abs(b - a - offset), _SPREAD_QUANTILE)), ratio)
 
 
 def disagreement(found: HeightComparison | None, first: str, second: str, limit: float) -> str | None:
@@ -94,7 +95,7 @@ def disagreement(found: HeightComparison | None, first: str, second: str, limit:
         return None
     above = "above" if found.offset > 0 else "below"
     enough, remedy = math.ceil(abs(found.offset)) + 1, ""
-    if enough <= _LARGEST_OFFSET:
+    if enough <= _MAX_OFFSET_M:
         remedy = f", or have the registration take it off with a maximum_offset of {enough} m"
     return (
         f"{second} lies about {abs(found.offset):.1f} m {above} {first} over the whole overlap: ellipsoidal against "

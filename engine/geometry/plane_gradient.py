@@ -8,7 +8,7 @@ from ..core.arrays import Float
 def gradient_parts(xx: Float, yy: Float, xy: Float, xz: Float, yz: Float) -> tuple[Float, Float, Float]:
     """Rise along x and along y, both times the determinant, and the determinant; Cramer's rule, arrays of one shape.
 
-    The determinant tells how well the gradient is fixed: it is 0 where all places lie in one line.
+    The determinant shows how well the gradient is fixed: it is 0 where all places lie in one line.
 
     Args:
         xx, yy, xy: sums of products of the places' coordinates about their means.

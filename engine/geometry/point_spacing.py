@@ -18,7 +18,7 @@ def point_spacing(xy: Float) -> float:
         keys = np.floor((xy - low) / cell).astype(np.int64)
         _, counts = np.unique(keys[:, 0] * (int(keys[:, 1].max()) + 1) + keys[:, 1], return_counts=True)
         density = float(np.median(counts))
-        # cells of a point or two say nothing of the gaps between them
+        # cells of a point or two do not show the gaps between them
         if density >= 8 or cell >= extent:
             return cell / math.sqrt(density)
         cell *= 2.0

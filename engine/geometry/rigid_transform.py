@@ -1,6 +1,6 @@
 """Rigid motions: applied without loss at projected coordinates, saved with direction and frame stated.
 
-A registration that bends carries a correction of heights beside its rigid motion.
+A registration that bends carries a correction of heights in addition to its rigid motion.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .height_correction import HeightCorrection
 
 _AFTER = "after the matrix: add to z the bilinear interpolation of heights at x and y (rows from south to north)"
 _BEFORE = "before the matrix: take from z the bilinear interpolation of heights at x and y (rows from south to north)"
-_RIGID = 1e-6  # largest deviation of R R' from the identity that is rounding and not a scale
+_MAX_ROUNDING = 1e-6  # largest deviation of R R' from the identity that is rounding and not a scale
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class RigidTransform:
         if matrix.shape != (4, 4) or not np.isfinite(matrix).all() or not np.array_equal(matrix[3], [0, 0, 0, 1]):
             raise ValueError("not a 4 by 4 matrix of finite numbers with the last row 0 0 0 1")
         rotation = matrix[:3, :3]
-        if np.abs(rotation @ rotation.T - np.eye(3)).max() > _RIGID or np.linalg.det(rotation) < 0:
+        if np.abs(rotation @ rotation.T - np.eye(3)).max() > _MAX_ROUNDING or np.linalg.det(rotation) < 0:
             raise ValueError("not a rigid motion: its rotation scales, shears or mirrors")
         centre = np.zeros(3) if centre is None else np.asarray(centre, dtype=np.float64)
         return cls(rotation, matrix[:3, 3] + rotation @ centre - centre, centre)
@@ -83,7 +83,7 @@ class RigidTransform:
         """Write as JSON: ``matrix`` row by row, moving to reference, and what is needed to use it rightly.
 
         Args:
-            facts: figures of the registration, kept beside.
+            facts: figures of the registration, written into the same file.
         """
         document = {
             "matrix": self.matrix.tolist(),
@@ -167,7 +167,7 @@ class BentTransform(RigidTransform):
 
 
 def registration_error(transform_path: Path | None) -> float | None:
-    """Standard error of the registration in height (m), where the transform's file tells it."""
+    """Standard error of the registration in height (m), where the transform's file states it."""
     if transform_path is None:
         return None
     known = registration_facts(transform_path).get("registration_error_m")
@@ -177,6 +177,6 @@ def registration_error(transform_path: Path | None) -> float | None:
 
 
 def registration_facts(transform_path: Path) -> dict[str, Any]:
-    """What the transform's file tells of the registration that found it."""
+    """What the transform's file records of the registration that found it."""
     facts = json.loads(transform_path.read_text(encoding="utf-8")).get("registration")
     return facts if isinstance(facts, dict) else {}

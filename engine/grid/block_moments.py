@@ -14,10 +14,10 @@ from .grid import Grid, cell_index
 
 # Rows of Moments.sums.
 N, U, V, Z, UU, UV, VV, UZ, VZ, ZZ = range(10)
-_PLAIN = 10  # of them; behind come the sums of what else is known of the points
+_PLAIN_SUMS = 10  # of them; behind come the sums of what else is known of the points
 # A spread of the points of at least a tenth of the block in every direction; else a plane tilts freely.
-_LEAST_SPREAD = 1e-4
-_AT_ONCE = 20_000  # blocks, whose figures fit a cache
+_MIN_SPREAD_RATIO = 1e-4
+_BLOCKS_AT_ONCE = 20_000  # blocks, whose figures fit a cache
 
 
 @dataclass(frozen=True)
@@ -43,12 +43,12 @@ class Moments:
     @property
     def more(self) -> int:
         """How many further values are known of each point."""
-        return len(self.sums) - _PLAIN
+        return len(self.sums) - _PLAIN_SUMS
 
     def mean(self, more: int) -> Float:
-        """Mean of a value that was given beside the coordinates, by its number from 0; NaN without points."""
+        """Mean of a value that was given in addition to the coordinates, by its number from 0; NaN without points."""
         with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray(self.sums[_PLAIN + more] / self.sums[N])
+            return np.asarray(self.sums[_PLAIN_SUMS + more] / self.sums[N])
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def cell_moments(xyz: Float, grid: Grid, level: float, more: Sequence[NDArray[np
     u = xyz[:, 0] - (grid.west + (column + 0.5) * grid.cell)
     v = xyz[:, 1] - (grid.north - (row + 0.5) * grid.cell)
     z = xyz[:, 2] - level
-    sums = np.empty((_PLAIN + len(more), *grid.shape))
+    sums = np.empty((_PLAIN_SUMS + len(more), *grid.shape))
     for number, values in enumerate((None, u, v, z, u * u, u * v, v * v, u * z, v * z, z * z, *more)):
         total = np.bincount(index, weights=values, minlength=grid.rows * grid.columns)
         sums[number] = total.reshape(grid.shape)
@@ -98,7 +98,7 @@ def merged(moments: Moments) -> Moments:
     total = np.zeros((len(moments.sums), moments.shape[0] // 2, moments.shape[1] // 2))
     for i, dv in ((0, quarter), (1, -quarter)):  # row 0 is the northern one
         for j, du in ((0, -quarter), (1, quarter)):
-            n, u, v, z, uu, uv, vv, uz, vz, zz = moments.sums[:_PLAIN, i::2, j::2]
+            n, u, v, z, uu, uv, vv, uz, vz, zz = moments.sums[:_PLAIN_SUMS, i::2, j::2]
             total[N] += n
             total[U] += u + n * du
             total[V] += v + n * dv
@@ -109,7 +109,7 @@ def merged(moments: Moments) -> Moments:
             total[UZ] += uz + du * z
             total[VZ] += vz + dv * z
             total[ZZ] += zz
-            total[_PLAIN:] += moments.sums[_PLAIN:, i::2, j::2]
+            total[_PLAIN_SUMS:] += moments.sums[_PLAIN_SUMS:, i::2, j::2]
     return Moments(total, 2 * moments.side)
 
 
@@ -122,7 +122,7 @@ def parallel_planes(first: Moments, second: Moments) -> ParallelPlanes:
     rows, columns = first.shape
     found = np.empty((15, rows, columns))
     sound = np.empty((rows, columns), dtype=bool)
-    step = max(1, _AT_ONCE // columns)
+    step = max(1, _BLOCKS_AT_ONCE // columns)
     for top in range(0, rows, step):
         part = slice(top, top + step)
         _fit_planes(first.sums[:, part], second.sums[:, part], first.side, found[:, part], sound[part])
@@ -163,12 +163,13 @@ def _fit_planes(first: Float, second: Float, side: float, found: Float, sound: N
         extrapolation = lever_u * apart_u + lever_v * apart_v
         n = a.n + b.n
         sound[:] = (a.n > 0) & (b.n > 0) & (n >= 4) & (extrapolation < 1.0)
-        sound &= determinant > _LEAST_SPREAD * (n * side**2 / 12.0) ** 2
+        sound &= determinant > _MIN_SPREAD_RATIO * (n * side**2 / 12.0) ** 2
     found[:9, ~sound] = np.nan
 
 
 def variance_by_parts(planes: ParallelPlanes, blocks: list[Moments], parts: list[Moments]) -> tuple[Float, Float]:
-    """Variance of the blocks' dz as the sums of residuals in their parts tell it, and the number of parts with points.
+    """Variance of the blocks' dz, estimated from the sums of residuals in their parts, and the number of parts with
+    points.
 
     Where the errors of near points are alike, as under a shrub that was taken for ground, the mean of n points is less
     certain than n independent ones would be. With R the sum of an epoch's residuals in a part and N its points in the
@@ -214,7 +215,7 @@ class _Centred:
 
 
 def _centred(sums: Float) -> _Centred:
-    n, u, v, z, uu, uv, vv, uz, vz, zz = sums[:_PLAIN]
+    n, u, v, z, uu, uv, vv, uz, vz, zz = sums[:_PLAIN_SUMS]
     mu, mv, mz = u / n, v / n, z / n
     return _Centred(
         n, mu, mv, mz, uu - u * mu, uv - u * mv, vv - v * mv, uz - u * mz, vz - v * mz, np.maximum(zz - z * mz, 0.0)

@@ -18,11 +18,11 @@ from .grid import Grid
 Counts = NDArray[np.signedinteger[Any]]
 Numbers = NDArray[Any]
 
-_REACH = 0.5  # metres from a cell within which its neighbours tell its slope
-_LEAST_CELLS = 2  # ... and cells, where these are large
-_WIDER = (2.0, 4.0)  # times the reach where too few cells are within it
-_NARROW = 12  # cells of radius within which all sums of squares of places are below 2^15
-_FEW = 0.3  # cells to look at, in shares of the grid's, up to which looking is faster than running sums
+_REACH_M = 0.5  # metres from a cell: its neighbours within give its slope
+_MIN_REACH_CELLS = 2  # ... and cells, where these are large
+_WIDER_REACHES = (2.0, 4.0)  # times the reach where too few cells are within it
+_MAX_NARROW_RADIUS_CELLS = 12  # cells of radius within which all sums of squares of places are below 2^15
+_MAX_FEW_SHARE = 0.3  # cells to look at, in shares of the grid's, up to which looking is faster than running sums
 
 
 Surface = tuple[Cells, Float]
@@ -30,7 +30,12 @@ Surface = tuple[Cells, Float]
 
 
 def gradient_at(
-    cell: Cells, surfaces: Sequence[Surface], grid: Grid, *, reach: float = _REACH, wider: Sequence[float] = _WIDER
+    cell: Cells,
+    surfaces: Sequence[Surface],
+    grid: Grid,
+    *,
+    reach: float = _REACH_M,
+    wider: Sequence[float] = _WIDER_REACHES,
 ) -> tuple[Float, Float]:
     """Eastward and northward rise of the surface at each of the cells ``cell``, (n,), metres a metre.
 
@@ -47,8 +52,8 @@ def gradient_at(
 
 
 def _planes(cell: Cells, surfaces: Sequence[Surface], grid: Grid, reach: float) -> tuple[Float, Float]:
-    windows = Windows(cell, grid.shape, max(_LEAST_CELLS, round(reach / grid.cell)))
-    few = cell.size * windows.size**2 < _FEW * grid.rows * grid.columns
+    windows = Windows(cell, grid.shape, max(_MIN_REACH_CELLS, round(reach / grid.cell)))
+    few = cell.size * windows.size**2 < _MAX_FEW_SHARE * grid.rows * grid.columns
     east, north = (_planes_of_few if few else _planes_in_parts)([_padded(*s, windows) for s in surfaces], windows)
     return east / grid.cell, north / grid.cell
 
@@ -59,7 +64,7 @@ def _padded(cell: Cells, height: Float, windows: Windows) -> tuple[Float, Counts
     """
     # about their mean: small numbers keep their digits
     about = height - height.mean() if height.size else height
-    known = np.ones(height.size, dtype=np.int16 if windows.radius <= _NARROW else np.int32)
+    known = np.ones(height.size, dtype=np.int16 if windows.radius <= _MAX_NARROW_RADIUS_CELLS else np.int32)
     padded = windows.padded(cell, about, known)
     return padded[0], padded[1]
 

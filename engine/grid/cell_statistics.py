@@ -13,8 +13,8 @@ from ..geometry.plane_gradient import gradient_parts
 from .cell_slope import gradient_at
 from .grid import Grid, _outside, _row_and_column, on_grid
 
-_NEIGHBOURHOOD = 0.3  # metres around a cell whose cells tell its slope
-_POINTS_FOR_A_PLANE = 12  # measured on simulated faces of 30 to 60 degrees, cells of 0.1 to 1 m
+_NEIGHBOURHOOD_M = 0.3  # metres around a cell: the cells within give its slope
+_MIN_PLANE_POINTS = 12  # measured on simulated faces of 30 to 60 degrees, cells of 0.1 to 1 m
 
 
 @dataclass(frozen=True)
@@ -65,15 +65,15 @@ def sloping_statistics(xyz: Float, grid: Grid) -> CellStatistics:
     """As ``cell_statistics``, of points (n, 3) from which the slope of the ground around each cell has been removed.
 
     On a slope the mean height of a cell depends on where in the cell its few points happen to lie, and their variance
-    is mostly the slope's own rise. The slope that the cells around tell (``cell_slope``) is taken from each point
+    is mostly the slope's own rise. The slope of the cells around (``cell_slope``) is taken off each point
     before the mean, so that even a single point gives the height at the cell's centre. Cells with
-    ``_POINTS_FOR_A_PLANE`` points follow their own surface by a plane of their own; with fewer, its scatter costs more
+    ``_MIN_PLANE_POINTS`` points follow their own surface by a plane of their own; with fewer, its scatter costs more
     than it gains.
     """
     cells = _sums(_points_in_cells(xyz, grid), spread=True)
-    around = gradient_at(cells.cell, [(cells.cell, cells.height)], grid, reach=_NEIGHBOURHOOD)
+    around = gradient_at(cells.cell, [(cells.cell, cells.height)], grid, reach=_NEIGHBOURHOOD_M)
     east, north = (np.nan_to_num(component) for component in around)
-    return _statistics(_without_slope(cells, east, north), grid, least=_POINTS_FOR_A_PLANE)
+    return _statistics(_without_slope(cells, east, north), grid, least=_MIN_PLANE_POINTS)
 
 
 def cell_statistics(xyz: Float, grid: Grid, *, plane: bool = False, least: int = 4) -> CellStatistics:
@@ -202,7 +202,7 @@ def _without_slope(cells: _Sums, east: Float, north: Float) -> _Sums:
 
 
 def _statistics(cells: _Sums, grid: Grid, *, least: int | None) -> CellStatistics:
-    """Of means, or of planes in the cells with ``least`` points whose spread tells one."""
+    """Of means, or of planes in the cells with ``least`` points whose spread determines one."""
     n = cells.n.astype(np.float64)
     height, squares, degrees, leverage = cells.height + cells.level, cells.zz.copy(), n - 1.0, 1.0 / n
     tilted = np.zeros(cells.n.size, dtype=bool)

@@ -19,8 +19,8 @@ LARGEST = 1.6
 """Side (m) from which on a cell's level of detection is no reason to grow any more."""
 LEAST_POINTS = 4
 """Points that a grown cell takes in either epoch, at least."""
-_SERVED = 0.9  # share of the squares with points of both surveys that must have enough of both
-_MOST_STEPS = 4  # doublings beyond LARGEST
+_MIN_SERVED_SHARE = 0.9  # share of the squares with points of both surveys that must have enough of both
+_MAX_STEPS = 4  # doublings beyond LARGEST
 
 Parameters = TypeVar("Parameters", bound=GridChangeParameters)
 
@@ -84,11 +84,11 @@ def largest_step(first: Float, second: Float, cell: float, parameters: ChangePar
         return step
     low = np.minimum(first[:, :2].min(axis=0), second[:, :2].min(axis=0))
     high = np.maximum(first[:, :2].max(axis=0), second[:, :2].max(axis=0))
-    for more in range(_MOST_STEPS):
+    for more in range(_MAX_STEPS):
         side = cell * 2 ** (step + more)
-        if side > float((high - low).max()) or _served(first, second, low, high, side) >= _SERVED:
+        if side > float((high - low).max()) or _served(first, second, low, high, side) >= _MIN_SERVED_SHARE:
             return step + more
-    return step + _MOST_STEPS
+    return step + _MAX_STEPS
 
 
 def _served(first: Float, second: Float, low: Float, high: Float, side: float) -> float:

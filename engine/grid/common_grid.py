@@ -18,10 +18,10 @@ from .grid import Grid, snapped_grid
 _BYTES_A_CELL = 280.0  # of the grid, cells of one size
 _BYTES_A_GROWING_CELL = 140.0  # of the grid, cells that grow
 _BYTES_ON_THE_SLOPE = 110.0  # more for each cell that lies on the slope
-_BYTES_AT_ONCE, _AT_ONCE = 620.0, 1_000_000  # for so many cells, which are worked on as a whole
-_BYTES_OF_PLANTS = 60.0  # more, where the clouds tell of plants
-_SQUARE = 16.0  # cells, and at least _LEAST_SQUARE metres: squares with points are on the slope
-_LEAST_SQUARE = 4.0
+_BYTES_AT_ONCE, _CELLS_AT_ONCE = 620.0, 1_000_000  # for so many cells, which are worked on as a whole
+_BYTES_OF_PLANTS = 60.0  # more, where the clouds record plants
+_SQUARE_CELLS = 16.0  # cells, and at least _MIN_SQUARE_M metres: squares with points are on the slope
+_MIN_SQUARE_M = 4.0
 
 Bounds = tuple[float, float, float, float]
 
@@ -30,7 +30,7 @@ def common_grid(reference: Float, moving: Float, parameters: GridChangeParameter
     """The snapped grid that covers both clouds ((n, 3) and (m, 3)) where their extents meet.
 
     Args:
-        plants: whether the cells also hold what a cloud tells of plants.
+        plants: whether the cells also hold a cloud's plants.
 
     Raises:
         InputError: the extents do not meet (both are named), or the grid needs more than ``memory_limit``.
@@ -90,13 +90,13 @@ def memory_needed(bounds: Bounds, area: float, parameters: GridChangeParameters,
     if not parameters.grows:
         return cells * _BYTES_A_CELL + more
     on_slope = min(area / parameters.cell**2, cells)
-    whole = _BYTES_AT_ONCE * min(cells, _AT_ONCE)
+    whole = _BYTES_AT_ONCE * min(cells, _CELLS_AT_ONCE)
     return max(cells * _BYTES_A_GROWING_CELL + on_slope * _BYTES_ON_THE_SLOPE, whole) + more
 
 
 def slope_area(clouds: Sequence[Float], cell: float) -> float:
     """Area (m²) of the squares in which the clouds ((n, 3) each) have points."""
-    side = max(_SQUARE * cell, _LEAST_SQUARE)
+    side = max(_SQUARE_CELLS * cell, _MIN_SQUARE_M)
     places = [np.floor(cloud[:, :2] / side).astype(np.int64) for cloud in clouds if len(cloud)]
     if not places:
         return 0.0

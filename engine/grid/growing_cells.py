@@ -37,7 +37,7 @@ class AdaptiveCells:
         count_from, count_to: points of the block in either epoch; outside of blocks, of the cell.
         points: points of each cell itself in either epoch.
         partition: the blocks.
-        plants: what plants do to the heights, and how high they stand; None where nothing is known of them.
+        plants: the heights' errors by plants, and the plants' heights; None where nothing is known of them.
     """
 
     dz: Float
@@ -234,8 +234,8 @@ def _windows(
 ) -> Iterator[tuple[Window, Window]]:
     """Windows of the frame to work on, and the part of each that counts; only those in which both surveys have points.
 
-    Their edges are multiples of the largest block. The margin holds what a block's error is told from: the blocks
-    around it.
+    Their edges are multiples of the largest block. The margin holds the blocks around a block, from which its error
+    is estimated.
     """
     rows, columns = shape
     if rows * columns <= _AT_ONCE:
@@ -312,27 +312,29 @@ def _together(
         array.ravel()[cell] = values
         return array
 
-    told = dict(zip(COLUMNS, figures, strict=True))
-    dz = told["dz"][number]
+    by_name = dict(zip(COLUMNS, figures, strict=True))
+    dz = by_name["dz"][number]
 
     def of_plants(name: str, epoch: str, at: int) -> Float | None:
         """``at``: how many values the epoch has at least, where this is known."""
-        return of_cells(told[f"{name}_{epoch}"][number]) if known[epoch == "to"] > at else None
+        return of_cells(by_name[f"{name}_{epoch}"][number]) if known[epoch == "to"] > at else None
 
     plants = [(of_plants("error", epoch, 0), of_plants("height", epoch, 1)) for epoch in ("from", "to")]
     count_from, count_to = (
-        of_cells(told[f"count_{epoch}"].astype(np.int32)[number], own)
+        of_cells(by_name[f"count_{epoch}"].astype(np.int32)[number], own)
         for epoch, own in zip(("from", "to"), points, strict=True)
     )
     return AdaptiveCells(
         dz=of_cells(dz),
-        sampling=of_cells(told["sampling"][number]),
+        sampling=of_cells(by_name["sampling"][number]),
         height_from=of_cells(height - dz),
         height_to=of_cells(height),
-        slope=of_cells(told["slope"][number]),
+        slope=of_cells(by_name["slope"][number]),
         count_from=count_from,
         count_to=count_to,
         points=points,
-        partition=Partition.of_blocks(of_cells(number.astype(np.int32), np.int32(-1)), frame.grid.cell, told["side"]),
+        partition=Partition.of_blocks(
+            of_cells(number.astype(np.int32), np.int32(-1)), frame.grid.cell, by_name["side"]
+        ),
         plants=together(*plants),
     )

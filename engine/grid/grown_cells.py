@@ -19,14 +19,14 @@ CLEAR, FEWEST_OF_CLEAR = 0.25, 3
 RADIUS = 3
 """Blocks around one, whose variance is its prior."""
 _PRIOR_DEGREES = 8.0  # of freedom that the surrounding blocks' variance counts
-_PARTS = 2  # a block is compared with its parts of a quarter of its side
-_SPENT = 3.0  # parts that the fit of the planes takes from their number; measured with independent points
-_PRIOR_PARTS = 4.0  # what independence counts beside them
-_SCATTERED = 0.25  # of a square's cells: what is left of it to less than that is no place of its own
+_PART_LEVELS = 2  # a block is compared with its parts of a quarter of its side
+_PLANE_PARTS = 3.0  # parts that the fit of the planes takes from their number; measured with independent points
+_PRIOR_PARTS = 4.0  # weight of independence, in parts, compared with theirs
+_MIN_LEFT_SHARE = 0.25  # of a square's cells: what is left of it to less than that is no place of its own
 COLUMNS = (
     "dz", "sampling", "slope", "count_from", "count_to", "side", "error_from", "height_from", "error_to", "height_to",
 )  # fmt: skip
-"""What is told of a block: change, its standard error by the points, inclination, points, side; mean error and height
+"""Figures of a block: change, its standard error by the points, inclination, points, side; mean error and height
 of the plants in either epoch."""
 
 
@@ -62,7 +62,7 @@ def grow(moments: list[Moments], within: NDArray[np.bool_], growth: Growth, leve
     result = _Result.empty(within.copy(), growth.cell, level)
     squares: list[_Squares] = []
     for step in range(growth.steps + 1):
-        squares.append(_Squares.of_points(moments) if not step else squares[-1].merged(squares[-_PARTS:][0]))
+        squares.append(_Squares.of_points(moments) if not step else squares[-1].merged(squares[-_PART_LEVELS:][0]))
     left: list[list[Moments]] = []
     for step in range(growth.steps + 1):
         reached = _reached(left[-1]) if step else None
@@ -70,12 +70,12 @@ def grow(moments: list[Moments], within: NDArray[np.bool_], growth: Growth, leve
         planes, sampling = squares[0].planes, squares[0].sampling
         if step:
             planes = parallel_planes(*left[step])
-            parts = left[step - _PARTS] if step >= _PARTS else None
+            parts = left[step - _PART_LEVELS] if step >= _PART_LEVELS else None
             sampling = _sampling_error(planes, squares[step].planes, left[step], parts)
         taken = _serve(planes, sampling, left[step], growth, step)
-        taken &= _filled(result.unclaimed, 2**step) >= _SCATTERED * _filled(within, 2**step)
+        taken &= _filled(result.unclaimed, 2**step) >= _MIN_LEFT_SHARE * _filled(within, 2**step)
         result.take(taken, planes, sampling, left[step], reached)
-        for back in range(min(step + 1, _PARTS)):
+        for back in range(min(step + 1, _PART_LEVELS)):
             for epoch in left[step - back]:
                 epoch.sums[:, _spread(taken, 2**back)] = 0.0
     for step, whole in enumerate(squares[1:], 1):
@@ -163,7 +163,7 @@ def _sampling_error(
             of_means += of_a_point / moments[epoch].count
         if parts is not None:
             by_parts, number = variance_by_parts(planes, moments, parts)
-            free = np.maximum(number - _SPENT, 0.0)
+            free = np.maximum(number - _PLANE_PARTS, 0.0)
             effect = np.where(free > 0, by_parts * number / np.where(free > 0, free, 1.0) / of_means, 1.0)
             variance *= np.maximum((free * effect + _PRIOR_PARTS) / (free + _PRIOR_PARTS), 1.0)
         return np.sqrt(variance)

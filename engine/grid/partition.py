@@ -20,8 +20,8 @@ Window = tuple[slice, ...]
 class Partition:
     """The parts of a grid of ``shape`` (rows, columns), whose cells have a side of ``cell`` metres.
 
-    A part has one value, whatever number of cells it holds, and they err as one. Where nothing has grown, every cell is
-    a part. No array is made of that: what methods give back is then what they were given, a view or a slice.
+    A part has one value, whatever number of cells it holds, and one common error. Where nothing has grown, every cell
+    is a part. No array is made of that: what methods give back is then what they were given, a view or a slice.
 
     Attributes:
         block: the part of each cell; a cell in none has no value. None: nothing has grown.

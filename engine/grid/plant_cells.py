@@ -66,7 +66,7 @@ def together(first: tuple[Float | None, Float | None], second: tuple[Float | Non
 
 
 def clear_of_plants(labels: NDArray[np.integer], count: int, dz: Float, plants: Float) -> NDArray[np.bool_]:
-    """Which of the groups 0 to ``count`` have a mean change beyond what plants make of it, (count + 1,).
+    """Which of the groups 0 to ``count`` have a mean change beyond its error by plants, (count + 1,).
 
     Args:
         labels: number of each cell's group (rows, columns).

@@ -1,4 +1,4 @@
-"""Variance of a point in each cell, where few points tell little of it."""
+"""Variance of a point in each cell, where few points determine it poorly."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ..core.arrays import Float
 from ..statistics.window_sums import Windows
 from .cell_statistics import CellStatistics
 
-# Degrees of freedom that the neighbourhood's variance counts beside the cell's own (see pooled_variance).
+# Degrees of freedom that the neighbourhood's variance counts in addition to the cell's own (see pooled_variance).
 _PRIOR_DEGREES = 8.0
 
 

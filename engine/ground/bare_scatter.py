@@ -49,7 +49,7 @@ def bare_scatter(points: Float, side: float) -> float | None:
 
 
 def _gathered(planes: Planes, values: Float) -> Float:
-    """Sums over the windows some metres around: the kurtosis of a few hundred returns alone tells little."""
+    """Sums over the windows some metres around: the kurtosis of a few hundred returns alone is too uncertain."""
     total = planes.sum(values)
     for _ in range(GATHERED):
         total = planes.pooled(total)

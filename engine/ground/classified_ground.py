@@ -36,21 +36,21 @@ def warn_of_classes(path: Path, xyz: Float, progress: Progress) -> None:
     share = contradicting_share(xyz)
     if share < TOLD:
         return
-    told = (
+    found = (
         f"{percent(share)} of the points of class 2 of {shown(path)} lie more than {STEP_M:g} m over or below those "
         f"within {CLOSE_M:g} m around"
     )
     if share >= REFUSED:
-        raise InputError(f"{told}, so they are no surface; extract its ground with slopewatch ground instead.")
+        raise InputError(f"{found}, so they are no surface; extract its ground with slopewatch ground instead.")
     progress.warning(
-        f"{told}: plants or strays among them; look at them in profile, or extract the ground with slopewatch ground."
+        f"{found}: plants or strays among them; look at them in profile, or extract the ground with slopewatch ground."
     )
 
 
 def contradicting_share(xyz: Float, *, seed: int = 0) -> float:
     """Share of points (n, 3), m, far above or below those close to them, 0 to 1.
 
-    Points without close ones tell nothing and are not counted; 0 where nearly all are such.
+    Points without close ones are not judged and not counted; 0 where nearly all are such.
     """
     if len(xyz) < max(FEWEST, AROUND):
         return 0.0

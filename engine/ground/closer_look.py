@@ -30,7 +30,7 @@ CONTINUED_M, CONTINUED_PARTS = 0.45, 2
 def looked_closer(
     height: Float, bare: Bool, places: Float, side: float, scatter: float, threshold: float
 ) -> tuple[Float, Bool]:
-    """Heights (n,) over the ground with what smaller windows tell, and which of the returns they tell it of.
+    """Heights (n,) over the ground, refined by smaller windows, and which of the returns were refined.
 
     Args:
         height: (n,) over the ground of the windows, m.
@@ -39,17 +39,17 @@ def looked_closer(
         scatter: largest of bare ground's returns, m.
         threshold: largest distance of ground from its surface, m.
     """
-    start, told = height, np.zeros(len(height), dtype=bool)
+    start, replaced = height, np.zeros(len(height), dtype=bool)
     for parts in CLOSER_PARTS:
         finer = Planes(places * (parts / side))
         residual, found = _closer(height, bare, finer, scatter, side / parts)
         found &= ~bare | _stands_alone(height, finer, threshold)
-        height, bare, told = np.where(found, residual, height), bare | found, told | found
+        height, bare, replaced = np.where(found, residual, height), bare | found, replaced | found
     known = bare & (np.abs(height) <= threshold)
     near = np.abs(start) < CONTINUED_M
     cells = Planes(places * (CONTINUED_PARTS / side), pool=Planes.ALONE)
     residual, found = continued(start, known, near, cells, side / CONTINUED_PARTS, scatter + BENDS_M)
-    return np.where(found, residual, height), told | found
+    return np.where(found, residual, height), replaced | found
 
 
 def _stands_alone(height: Float, planes: Planes, threshold: float) -> Bool:

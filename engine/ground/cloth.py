@@ -21,7 +21,7 @@ LARGEST_CLOTH = 16_000_000
 """Particles: more would take over 8 GB."""
 LONGEST_SEARCH, MOST_BARE = 1e8, 500
 """Steps of the library's search along rows, and particles in bare rows and columns: more take over ten seconds."""
-_FAR = 3.0
+_MAX_DISTANCE_CELLS = 3.0
 _WORKER = Path(__file__).with_name("cloth_worker.py")
 _BYTES_PER_PARTICLE, _BYTES_PER_POINT, _BYTES_FOR_ITSELF = 1_000, 200, 1_500_000_000
 
@@ -97,7 +97,7 @@ def refuse_large_cloth(xyz: NDArray[np.float64], resolution: float) -> int:
 
 
 def filling(xyz: NDArray[np.float64], resolution: float) -> NDArray[np.float64]:
-    """Points (m, 3) to add where much of the cloth has no point near it, as between two regions or beside a stray.
+    """Points (m, 3) to add where much of the cloth has no point near it, as between two regions or next to a stray.
 
     For a particle without points the library walks along its row and column to the next one, and searches in all
     directions where both are empty, which takes hours on such a cloth. Particles far from any point get one, as low as
@@ -111,7 +111,7 @@ def filling(xyz: NDArray[np.float64], resolution: float) -> NDArray[np.float64]:
     lowest = np.full(shape, np.inf)
     np.minimum.at(lowest, (index[:, 0], index[:, 1]), xyz[:, 2])
     distance, (i, j) = ndimage.distance_transform_edt(np.isinf(lowest), return_indices=True)
-    far = np.nonzero(distance > _FAR)
+    far = np.nonzero(distance > _MAX_DISTANCE_CELLS)
     if bare <= MOST_BARE and len(far[0]) * max(shape) <= LONGEST_SEARCH:
         return np.empty((0, 3))
     place = xyz[:, :2].min(axis=0) + resolution * np.column_stack(far)

@@ -1,7 +1,7 @@
-"""Bare ground continued across steps and bends: what lies on a plane of the bare ground beside it is ground too.
+"""Bare ground continued across steps and bends: what lies on a plane of adjacent bare ground is ground too.
 
-A window that a step or an edge crosses holds two sheets, and no plane through it. Each of the sheets goes on from a
-window beside it, where it lies alone. So the planes of small windows of known bare ground are continued into those
+A window that a step or an edge crosses holds two sheets, and no plane through it. Each of the sheets continues from
+an adjacent window, where it lies alone. So the planes of small windows of known bare ground are continued into those
 around, and where most of the returns near the ground lie on such planes, they are ground; again from there, so that a
 cone is followed to its tip. Of returns in plants too few lie on any plane.
 """
@@ -20,7 +20,7 @@ FEWEST_KNOWN = 8.0
 ON_PLANE = 2.5
 """Times the scatter within which a return lies on a plane."""
 LEAST_SHARE = 0.6
-"""Share of the returns near the ground that must lie on planes from beside."""
+"""Share of the returns near the ground that must lie on planes of adjacent windows."""
 LEAST_BEND_M, LEAST_INCLINATION, LEAST_BENT_SHARE = 0.1, 0.3, 0.2
 """Height over the wider ground, or inclination against it, of ground that bends, and the share of a window's returns
 that must: stubble of a lawn stands lower and lies along."""
@@ -44,7 +44,7 @@ class _Known:
 def continued(
     height: Float, known: Bool, near: Bool, windows: Planes, side: float, scatter: float
 ) -> tuple[Float, Bool]:
-    """Heights (n,) over planes continued from windows beside, and which returns lie on them.
+    """Heights (n,) over planes continued from adjacent windows, and which returns lie on them.
 
     Args:
         height: (n,) over one surface, m.
@@ -61,12 +61,12 @@ def continued(
         over, inclined = _beside(height, near & ~ground, windows, planes)
         on = np.abs(over) <= ON_PLANE * scatter
         bends = (np.abs(height - over) > LEAST_BEND_M) | (inclined > LEAST_INCLINATION * side)
-        number, inner, bent, told, square = (
+        number, inner, bent, known_returns, square = (
             windows.sum(np.asarray(values, dtype=np.float64))
             for values in (on, np.abs(over) <= scatter, on & bends, on | ground, np.where(on, over, 0.0) ** 2)
         )
         fits = (
-            (told >= np.maximum(LEAST_SHARE * everything, FEWEST_KNOWN))
+            (known_returns >= np.maximum(LEAST_SHARE * everything, FEWEST_KNOWN))
             & (square <= number * scatter**2)
             & (bent >= LEAST_BENT_SHARE * number)
             & (inner >= INNER_SHARE * number)

@@ -1,8 +1,8 @@
 """What covers the ground: bare, grass, shrubs, trees; and how well the ground below is known.
 
-Squares seen from above are told apart by the heights of their returns over the extracted ground. Squares of 4 m are
-quartered down to 0.5 m as long as they hold ``ENOUGH`` returns for each quarter that holds any, so that a class is not
-told from a handful; or where all returns lie in one half, as at the edge of a survey. Corners are whole multiples of
+Squares seen from above are classified by the heights of their returns over the extracted ground. Squares of 4 m are
+quartered down to 0.5 m as long as they hold ``ENOUGH`` returns for each quarter that holds any, so that no class rests
+on a handful; or where all returns lie in one half, as at the edge of a survey. Corners are whole multiples of
 the side, so two surveys of one slope have the same places.
 """
 
@@ -30,13 +30,13 @@ CLASSES = {
 }
 HEIGHTS = (0.1, 1.0, 2.5)
 """Heights (m) over the ground above which returns are low plants, shrubs, trees."""
-_FEW = 0.05  # share of a square's returns that may lie above a limit: a wire or a bird makes no tree
-_BARE_ERROR = 0.01  # largest plant error (m) of bare ground: short closed grass has no return above 0.1 m
-_NOISE_FLOOR = 0.005  # plant errors (m) below it are not worth a warning
-_MUCH = 0.25
-_STEEPEST = 0.1  # least cosine of the dip
+_MAX_HIGHER_SHARE = 0.05  # share of a square's returns that may lie above a limit: a wire or a bird makes no tree
+_MAX_BARE_ERROR_M = 0.01  # largest plant error (m) of bare ground: short closed grass has no return above 0.1 m
+_MIN_WARNED_ERROR_M = 0.005  # plant errors (m) below it cause no warning
+_MIN_WARNED_SHARE = 0.25
+_MIN_DIP_COSINE = 0.1  # least cosine of the dip
 _HALVES = ((0, 1, 2, 3), (0, 2, 1, 3))  # quarters west and east, south and north; numbered from the south-west
-_BIN, _LOWEST, _BINS = 0.05, -0.5, 70
+_BIN_M, _LOWEST_M, _BINS = 0.05, -0.5, 70
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ def cover_facts(
         dip: angle of the slope's plane to the horizontal, degrees. The limits of the classes hold square to the slope,
             as on a steep face even the scatter of bare ground is large in the vertical.
     """
-    upright = height * max(math.cos(math.radians(dip)), _STEEPEST)
+    upright = height * max(math.cos(math.radians(dip)), _MIN_DIP_COSINE)
     cells = cover_cells(xyz)
     count = len(cells.side)
 
@@ -150,9 +150,9 @@ def cover_facts(
     known = counted(np.isfinite(height))
     # the highest class last: it takes what the lower ones took
     kinds = np.zeros(count, dtype=np.int64)
-    kinds[error > _BARE_ERROR] = 1
+    kinds[error > _MAX_BARE_ERROR_M] = 1
     for kind, limit in enumerate(HEIGHTS, 1):
-        kinds[counted(upright > limit) > _FEW * known] = kind
+        kinds[counted(upright > limit) > _MAX_HIGHER_SHARE * known] = kind
     kinds[2 * known < returns] = len(HEIGHTS) + 1
     area = cells.area
     noise = _noise(cells, ground, height, on_ground)
@@ -173,7 +173,7 @@ def cover_facts(
         )
     middle = _median(noise, area)
     compared = np.where(np.isfinite(noise), noise, 0.0 if math.isnan(middle) else middle)
-    beyond = error > np.maximum(compared, _NOISE_FLOOR)
+    beyond = error > np.maximum(compared, _MIN_WARNED_ERROR_M)
     return GroundCover(
         returns=len(xyz),
         area_m2=float(area.sum()),
@@ -250,12 +250,12 @@ def cover_table(cover: GroundCover) -> list[str]:
 def cover_warnings(cover: GroundCover, name: str) -> list[str]:
     """Sentences where much of the survey ``name`` has no ground, or plants decide how well it is known."""
     found = []
-    if cover.without_ground_share > _MUCH:
+    if cover.without_ground_share > _MIN_WARNED_SHARE:
         found.append(
             f"{percent(cover.without_ground_share)} of the area of {name} has no ground return, so little can be told "
             "of it; a survey with leaves off, after mowing or before growth in spring sees more ground."
         )
-    if cover.error_beyond_noise_share > _MUCH:
+    if cover.error_beyond_noise_share > _MIN_WARNED_SHARE:
         found.append(
             f"On {percent(cover.error_beyond_noise_share)} of the area of {name} plants make a larger error of the "
             f"ground's height than the noise of its returns (medians {100 * cover.error_m:.1f} and "
@@ -312,15 +312,15 @@ def _noise(cells: CoverCells, ground: Bool, height: Float, on_ground: Index) -> 
 
 def _height_counts(height: Float, ground: Bool) -> HeightCounts:
     # bins that are whole numbers, because a comparison with edges takes much longer
-    place = np.floor((height - _LOWEST) / _BIN)
+    place = np.floor((height - _LOWEST_M) / _BIN_M)
     known = np.isfinite(height)
     inside = known & (place >= 0) & (place < _BINS)
     returns, on_ground = (
         np.bincount(place[chosen].astype(np.int64), minlength=_BINS).tolist() for chosen in (inside, inside & ground)
     )
     return HeightCounts(
-        from_m=_LOWEST,
-        bin_m=_BIN,
+        from_m=_LOWEST_M,
+        bin_m=_BIN_M,
         returns=tuple(returns),
         ground=tuple(on_ground),
         below=int(np.count_nonzero(known & (place < 0))),

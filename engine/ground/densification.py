@@ -3,7 +3,7 @@
 Axelsson 2000 (DEM generation from laser scanner data using adaptive TIN models, IAPRS 33 B4): a few sure points span
 triangles; a point joins where it lies close to its triangle and is seen from the triangle's corners under a small
 angle; the triangles become smaller and the surface follows the ground. Here the points come from low to high in ever
-smaller windows, so that a plant never joins before the ground beside it, and nothing joins because it is dense.
+smaller windows, so that a plant never joins before the ground next to it, and nothing joins because it is dense.
 
 Works in a frame in which the slope lies flat.
 """
@@ -96,10 +96,10 @@ def densified(points: Float, anchored: Bool | None = None) -> Bool:
     ground[_all_seeds(points, usable, anchored, window)] = True
     _densify(points, ground, usable, window)
     for _ in range(CONTINUED_ROUNDS):
-        beside = _continued(points, ground, usable)
-        if np.count_nonzero(beside) <= LEAST_GAIN * np.count_nonzero(ground):
+        adjacent = _continued(points, ground, usable)
+        if np.count_nonzero(adjacent) <= LEAST_GAIN * np.count_nonzero(ground):
             break
-        ground |= beside
+        ground |= adjacent
     _densify(points, ground, usable, SMALLEST_WINDOW_M, ANGLES_DEG[1])
     return ground
 
@@ -126,7 +126,7 @@ def _densify(points: Float, ground: Bool, usable: Bool, window: float, first_ang
 
 
 def _continued(points: Float, ground: Bool, usable: Bool) -> Bool:
-    """(n,) candidates beside the ground that lie on a plane which continues it, or whose own plane leads to it.
+    """(n,) candidates next to the ground that lie on a plane which continues it, or whose own plane leads to it.
 
     Beyond an edge, as of a berm, triangles span from below it to what lies behind, and what is on them is hidden. Where
     the ground bends upwards, as from a slope laid flat to the road below it, the first points beyond the bend are seen
@@ -136,10 +136,10 @@ def _continued(points: Float, ground: Bool, usable: Bool) -> Bool:
     base, rest = np.flatnonzero(ground), np.flatnonzero(usable & ~ground)
     if len(base) < NEIGHBOURS or not len(rest):
         return joins
-    beside = cKDTree(points[base, :2]).query(points[rest, :2], k=3, distance_upper_bound=REACH_M)
+    adjacent = cKDTree(points[base, :2]).query(points[rest, :2], k=3, distance_upper_bound=REACH_M)
     forward = _planes(points, base, points[base])
     back = _planes(points, rest, points[usable | ground], OWN_NEIGHBOURS)
-    for away, nearest in zip(beside[0].T, beside[1].T, strict=True):
+    for away, nearest in zip(adjacent[0].T, adjacent[1].T, strict=True):
         found = np.flatnonzero(np.isfinite(away))
         vertex = nearest[found]
         limit = CONTINUED_M + CONTINUED_SHARE * away[found]
@@ -204,7 +204,7 @@ class Triangles:
     def seen(self, points: Float) -> tuple[Float, Float]:
         """Signed distance (m,) of points from their triangle's plane, and the angle at its nearest corner, degrees.
 
-        Beyond the surface the distance is infinite: nothing is told of points there.
+        Beyond the surface the distance is infinite: points there are not judged.
         """
         triangle = self.mesh.find_simplex(points[:, :2] - self.middle)
         corners = self.points[self.mesh.simplices[triangle]]

@@ -24,10 +24,10 @@ EVEN_SHARE, SQUARE_POINTS = 0.35, 4
 random, 0.8 to 7 in surveys, less than 0.3 after thinning to a point a cell."""
 FEWEST_SQUARES = 30
 THIN_SHARE, THIN_AREA_M2, THIN_PART = 0.05, 50.0, 0.03
-"""An area is thin where squares hold less than this share of the median of points; it is told from so many square
+"""An area is thin where squares hold less than this share of the median of points; it is reported from so many square
 metres and this part of the survey on."""
 LEAST_MEDIAN = 20.0
-"""Points in the median square of the squares by which thin areas are told."""
+"""Points in the median square of the squares with which thin areas are looked for."""
 
 
 @dataclass(frozen=True)

@@ -44,8 +44,8 @@ from .outliers import outliers
 
 HEIGHT_OVER_GROUND = "height_over_ground"
 """Name of the dimension in the classified cloud, metres."""
-_MEMORY = 4_000_000_000
-_MEMORY_PER_POINT = 1_000
+_BASE_MEMORY_BYTES = 4_000_000_000
+_MEMORY_PER_POINT_BYTES = 1_000
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class GroundResult:
     ``pipelines`` the PDAL pipelines that ran. ``vegetation_cover`` is C_v, see ``ground_metrics.vegetation_cover``.
     ``raw_area`` and ``roi_area`` without a region are those of occupied cells of 1 m². ``plane_*`` describe the
     dominant plane; ``scatter`` and ``threshold`` come from the refinement (0 and the parameter without it). ``cover``
-    tells what covers the ground and how well it is known below, None where that was not asked.
+    states what covers the ground and how well the ground is known below, None where that was not asked for.
     """
 
     ground: Path
@@ -105,8 +105,8 @@ def extract_ground(
 ) -> GroundResult:
     """Extract the ground of one cloud.
 
-    Beside ``output`` (NAME_ground.laz or NAME.laz) appear NAME_clipped.laz, NAME_classified.laz and the pipelines
-    NAME_clip.json, NAME_cloth.json (only where PDAL lays the cloth) and NAME_select.json.
+    In addition to ``output`` (NAME_ground.laz or NAME.laz), these are written: NAME_clipped.laz, NAME_classified.laz
+    and the pipelines NAME_clip.json, NAME_cloth.json (only where PDAL lays the cloth) and NAME_select.json.
 
     Args:
         cloud: LAS, LAZ or COPC.
@@ -346,7 +346,9 @@ class _Extraction:
 
     def _run(self, name: str, pipeline: list[pdal_pipelines.Stage], points: int) -> None:
         keep = self._file(f"{name}.json")
-        self.pdal.run(pipeline, keep=keep, final=self.final, memory_limit=_MEMORY + _MEMORY_PER_POINT * points)
+        self.pdal.run(
+            pipeline, keep=keep, final=self.final, memory_limit=_BASE_MEMORY_BYTES + _MEMORY_PER_POINT_BYTES * points
+        )
         self.kept.append(keep)
 
     def _file(self, ending: str) -> Path:

@@ -54,7 +54,7 @@ SPARSE_THRESHOLD_M = 0.1
 TRIANGLE_REACH = 1.5
 """Where returns are few: thresholds from the windows' ground up to which the triangles decide."""
 STEEPEST_STRETCH = 1.55
-"""Of heights on steep ground: beyond 50 degrees the triangles tell little of its inclination."""
+"""Of heights on steep ground: beyond 50 degrees the triangles say little about its inclination."""
 SPREAD = 2.5
 """The threshold is at least so many times the scatter."""
 PLANT_ERROR_M, ENOUGH_GROUND = 0.012, 110.0
@@ -66,12 +66,12 @@ CLEARLY_BARE = 0.5
 LARGEST_PLANT_ERROR_M = 0.25
 """Where plants make a larger error, no ground is known."""
 FARTHEST_CELLS = 4.0
-"""Cells from the nearest known ground up to which a return's height over it is told."""
+"""Cells from the nearest known ground up to which a return's height over it is known."""
 SLICE_M, CLOSE_SLICE_M, STRAY_ROUNDS = 0.1, 0.05, 3
 """Slices in which strays are looked for: of the slope, and of heights over the triangles, in so many rounds."""
 STRAYS_LEFT = 0.5
-"""Strays close below the ground that no slice tells from it, as a share of those found: with less, the ground under
-grass comes out too low where 5 % of the returns are strays."""
+"""Strays close below the ground that no slice distinguishes from it, as a share of those found: with less, the ground
+under grass comes out too low where 5 % of the returns are strays."""
 TILE_M, MARGIN_M = 60.0, 9.0
 
 

@@ -28,7 +28,7 @@ SMOOTHING_M, PEAK_WITHIN_M, VALLEY_WITHIN_M, VALLEY = 0.02, 0.1, 0.15, 0.35
 what share of it."""
 FEWEST_IN_LAYER = 45.0
 FARTHEST_BELOW = 4.0
-"""Times sigma: returns deeper below the ground tell nothing of it."""
+"""Times sigma: returns deeper below the ground are no evidence for it."""
 EDGES: Float = LOWEST_M + BIN_M * np.arange(BINS + 1, dtype=np.float64)
 _MIDDLES: Float = LOWEST_M + BIN_M * (np.arange(BINS, dtype=np.float64) + 0.5)
 
@@ -37,8 +37,8 @@ _MIDDLES: Float = LOWEST_M + BIN_M * (np.arange(BINS, dtype=np.float64) + 0.5)
 class Layers:
     """The lowest layer of windows; arrays of the windows' shape, metres above the surface that heights refer to.
 
-    ``ground`` is the height of the ground, NaN where too few returns tell; ``top`` the height up to which returns are
-    taken for ground, so that their mean is the ground; ``below`` and ``taken`` count returns below the ground and
+    ``ground`` is the height of the ground, NaN where too few returns are known; ``top`` the height up to which returns
+    are taken for ground, so that their mean is the ground; ``below`` and ``taken`` count returns below the ground and
     between the lowest and ``top``; ``returns`` all of them; ``median`` is the height of half of the returns over the
     ground.
     """

@@ -15,7 +15,7 @@ narrower by so many metres for each unit less."""
 MEDIAN_WINDOWS, NEIGHBOURS_HELP_M = 5, 0.006
 """Windows on a side whose median decides, and by how much one among bare ones may scatter more."""
 FEWEST_BARE = 20.0
-"""Returns to tell bare ground by."""
+"""Returns from which bare ground is recognised."""
 JUDGED_M, JUDGED_SCATTERS = 0.1, 4.5
 """Height over and below the ground of the returns by which a window is judged: at least m, and times the scatter."""
 

@@ -3,7 +3,7 @@
 A count of neighbours in a sphere, the usual test, takes sparse ground under trees for noise, and a search for the
 neighbours of every point takes longer than all the rest. Here points share flat boxes that lie along the slope. Boxes
 that touch belong together, and only groups of few points are outliers. Ground seen through gaps metres apart stays
-connected sideways; a stray echo under it has nothing beside it.
+connected sideways; a stray echo under it has nothing next to it.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ WIDTH, HEIGHT = 2.5, 0.5
 """Sides of a box along the slope and across it, in units of the radius."""
 SPARSE = 3.0
 """The radius is at least so many times the points' spacing."""
-_REACH = 1 << 20
-_STEPS = [(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) > (0, 0, 0)]
+_MAX_BOX = 1 << 20
+_NEIGHBOUR_STEPS = [(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) > (0, 0, 0)]
 
 
 def outliers(xyz: NDArray[np.float64], radius: float, group: int) -> NDArray[np.bool_]:
@@ -41,12 +41,12 @@ def outliers(xyz: NDArray[np.float64], radius: float, group: int) -> NDArray[np.
     core = np.abs(xyz - middle).max(axis=1) <= 20.0 * float(np.median(np.abs(xyz - middle).max(axis=1))) + 1e-9
     radius = max(radius, SPARSE * point_spacing(xyz[core, :2]))
     boxes = np.floor((xyz - middle) / (np.array([WIDTH, WIDTH, HEIGHT]) * radius))
-    far = np.abs(boxes).max(axis=1) >= _REACH - 1
-    index = np.where(far[:, None], 0, boxes).astype(np.int64) + _REACH
+    far = np.abs(boxes).max(axis=1) >= _MAX_BOX - 1
+    index = np.where(far[:, None], 0, boxes).astype(np.int64) + _MAX_BOX
     strides = np.array([1 << 42, 1 << 21, 1], dtype=np.int64)
     occupied, box, counts = np.unique(index @ strides, return_inverse=True, return_counts=True)
     first, second = [], []
-    for step in _STEPS:
+    for step in _NEIGHBOUR_STEPS:
         neighbours = occupied + int(np.dot(step, strides))
         place = np.minimum(np.searchsorted(occupied, neighbours), len(occupied) - 1)
         touching = np.flatnonzero(occupied[place] == neighbours)

@@ -108,7 +108,7 @@ def _reader(path: Path, header: CloudHeader) -> Stage:
     stage: Stage = {"type": "readers.las", "filename": str(path)}
     extra = _extra_bytes(header)
     if any(name != original for name, _, original in extra):
-        # PDAL stops at names it does not take, so it is told the layout under other names
+        # PDAL stops at names it does not take, so it gets the layout under other names
         stage["ignore_vlr"] = "LASF_Spec/4"
         stage["extra_dims"] = ",".join(f"{name}={kind}" for name, kind, _ in extra)
     elif header.version != "1.4" and extra:

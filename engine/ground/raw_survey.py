@@ -1,8 +1,8 @@
-"""Whether a cloud is a bare surface or a raw survey with its plants; told from a sample, before any long work.
+"""Whether a cloud is a bare surface or a raw survey with its plants; decided on a sample, before any long work.
 
 Three witnesses, each enough alone. Points of plants fill balls that points of a surface, however steep, cross as a
 sheet. A pulse that goes on after its echo hit something thin. And the file may name its plants. Closed grass is a
-surface like any other; it is not told from the ground below it.
+surface like any other; it is not distinguished from the ground below it.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from .pdal_pipelines import GROUND, NOISE
 
 PLANTS = (3, 4, 5)
 """Low, medium and high vegetation, where the file says so itself."""
-_KNOWN_GROUND = 0.995
+_MIN_KNOWN_GROUND_SHARE = 0.995
 _STRETCHES = 12
-_RADII = (0.5, 0.7)
+_BALL_RADII_M = (0.5, 0.7)
 """Radii (m) of the balls; the first with enough points is taken. In larger ones the rock of a real cloud, thinned, was
-as thick as plants, so of thinner clouds this witness says nothing."""
-_FEWEST_IN_BALL = 12
-_BALLS = 1000
-_SEEN = 0.8
+as thick as plants, so thinner clouds are not judged by this."""
+_MIN_BALL_POINTS = 12
+_MAX_BALLS = 1000
+_MIN_JUDGED_SHARE = 0.8
 """Share of the balls that hold enough points."""
-_THICK = 0.25
+_MIN_THICKNESS_RATIO = 0.25
 """Scatter across the best plane, in radii of the ball: 0.19 on a sharp edge of 90 degrees, 0.45 in a filled ball."""
 MOST_THICK, MOST_FOLLOWED, MOST_PLANTS = 0.15, 0.05, 0.05
 """Shares beyond which a cloud is raw: see docs/guide.md for those of real and simulated clouds."""
@@ -45,7 +45,7 @@ MOST_THICK, MOST_FOLLOWED, MOST_PLANTS = 0.15, 0.05, 0.05
 class Bareness:
     """Shares (0 to 1) of a sample.
 
-    ``thick``: balls that points fill instead of crossing as a sheet, NaN where the cloud is too thin to tell;
+    ``thick``: balls that points fill instead of crossing as a sheet, NaN where the cloud is too thin to decide;
     ``followed``: echoes that a later one of their pulse follows; ``plants``, ``ground``: points of these classes, of
     those that are not of a noise class.
     """
@@ -58,7 +58,7 @@ class Bareness:
     @property
     def known_ground(self) -> bool:
         """Whether the file says that all its points are ground."""
-        return self.ground >= _KNOWN_GROUND
+        return self.ground >= _MIN_KNOWN_GROUND_SHARE
 
     def signs(self) -> list[str]:
         """What shows that the cloud is raw; empty where nothing does."""
@@ -108,14 +108,14 @@ def thick_share(xyz: Float, seed: int = 0) -> float:
     order = rng.permutation(len(xyz))
     square = np.floor(xyz[order, :2] - xyz[:, :2].min(axis=0)).astype(np.int64)
     _, first = np.unique((square[:, 0] << 32) + square[:, 1], return_index=True)
-    middle = xyz[rng.permutation(order[first])[:_BALLS]]
+    middle = xyz[rng.permutation(order[first])[:_MAX_BALLS]]
     tree = cKDTree(xyz)
-    for radius in _RADII:
+    for radius in _BALL_RADII_M:
         count = tree.query_ball_point(middle, radius, return_length=True)
-        judged = count >= _FEWEST_IN_BALL
-        if judged.mean() >= _SEEN:
+        judged = count >= _MIN_BALL_POINTS
+        if judged.mean() >= _MIN_JUDGED_SHARE:
             balls = tree.query_ball_point(middle[judged], radius)
-            return float(np.mean([_thickness(xyz[ball]) > _THICK * radius for ball in balls]))
+            return float(np.mean([_thickness(xyz[ball]) > _MIN_THICKNESS_RATIO * radius for ball in balls]))
     return float("nan")
 
 

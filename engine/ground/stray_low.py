@@ -1,4 +1,4 @@
-"""Stray returns below a surface: multipath, whose pulse took a longer way than its place tells.
+"""Stray returns below a surface: multipath, whose pulse took a longer way than the straight one.
 
 They lie at any depth and make no sheet. The ground, even where plants let few pulses through, is a sheet: within a few
 square metres its returns have one height. So returns are counted in slices of squares, and a slice with a small part of
@@ -64,7 +64,7 @@ def _fullest_above(place: Index, height: Index, pooled: Float, width: int) -> Fl
     rank = np.cumsum(np.concatenate([[0], np.diff(place) != 0]))
     own = _running_maximum(pooled[::-1], rank[-1] - rank[::-1])[::-1]
     found = own.copy()
-    # a beam that leaves its column on its way down has no ground above it: look beside
+    # a beam that leaves its column on its way down has no ground above it: look in the adjacent columns
     lonely = np.flatnonzero(own < FEWEST_ABOVE)
     order = np.lexsort((-pooled, place))
     first = np.ones(len(order), dtype=bool)
@@ -73,9 +73,9 @@ def _fullest_above(place: Index, height: Index, pooled: Float, width: int) -> Fl
     columns, level, value = place[best], height[best], pooled[best]
     for across in range(-REACH, REACH + 1):
         for along in range(-REACH, REACH + 1):
-            beside = place[lonely] + across * width + along
-            index = np.minimum(np.searchsorted(columns, beside), len(columns) - 1)
-            above = (columns[index] == beside) & (level[index] > height[lonely])
+            neighbour = place[lonely] + across * width + along
+            index = np.minimum(np.searchsorted(columns, neighbour), len(columns) - 1)
+            above = (columns[index] == neighbour) & (level[index] > height[lonely])
             found[lonely] = np.maximum(found[lonely], np.where(above, value[index], 0.0))
     return found
 

@@ -1,7 +1,7 @@
 """M3C2: the distance of two clouds along the surface's normal, and its level of detection (Lague et al. 2013).
 
 Around each core point a cylinder along the normal gathers the points of both clouds. The distance is the difference
-of their mean positions along the axis, and their scatter tells how sure it is (doi:10.1016/j.isprsjprs.2013.04.009).
+of their mean positions along the axis, and their scatter gives its uncertainty (doi:10.1016/j.isprsjprs.2013.04.009).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Status(IntEnum):
     """What became of a core point."""
 
     MEASURED = 0
-    FEW_POINTS = 1  # a distance, but too few points to tell a level of detection
+    FEW_POINTS = 1  # a distance, but too few points for a level of detection
     NO_POINTS = 2  # a cylinder of one cloud or of both is empty
     NO_NORMAL = 3  # no direction to measure in
 
@@ -50,8 +50,8 @@ class Distances:
 
     ``level`` is the level of detection at ``confidence``, NaN unless the ``status`` is MEASURED; ``distance`` is NaN
     where it is NO_POINTS or NO_NORMAL. Without a normal the counts are those of a ball. The level is the published one
-    unless stable ground calibrated it (``m3c2_level``), as ``model`` tells then; ``plants_factor`` is by what the
-    stated errors by plants were multiplied.
+    unless stable ground calibrated it (``m3c2_level``), as ``model`` then states; ``plants_factor`` is the
+    factor of the stated errors by plants.
     """
 
     core: Float
@@ -99,7 +99,7 @@ def m3c2_distances(
         half_length: the cylinder reaches so far to both sides of the core point, metres.
         minimum_points: of each cloud, for a level of detection.
         registration_error: standard error of the registration, metres; added as in eq. 1 of the paper.
-        spread: also tell how the points of each cylinder lie across its axis, which calibrating the level needs.
+        spread: also return how the points of each cylinder lie across its axis, which calibrating the level needs.
     """
     progress = progress or Progress()
     length = np.linalg.norm(normal, axis=1)
@@ -164,7 +164,7 @@ def cylinder_statistics(
     Args:
         core: (m, 3).
         unit: (m, 3) axes of length 1. One of length 0 makes a ball.
-        spread: also tell how the points lie across the axis.
+        spread: also return how the points lie across the axis.
     """
     progress = progress or Progress()
     sums = SpreadSums(unit) if spread else None

@@ -1,7 +1,7 @@
 """The level of detection of M3C2 as stable ground calibrates it; the published one is in ``m3c2``.
 
 The published level adds the registration's standard error to that of the points (Lague et al. 2013, eq. 1). As errors
-of two sources they add in squares, and how far the points' scatter tells the error of a mean depends on the ground.
+of two sources they add in squares, and how well the points' scatter predicts the error of a mean depends on the ground.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from .lattice import dominant_frame
 from .spread import explained_squares, tilt_of, uneven_sampling
 
 _PUBLISHED = "as published (Lague et al. 2013)"
-_MOST_CELLS = 5_000_000
+_MAX_CELLS = 5_000_000
 
 
 def calibrated(
@@ -40,12 +40,13 @@ def calibrated(
 ) -> Distances:
     """``found`` with a level of detection calibrated on stable ground, as that of a difference of heights is.
 
-    The squares of the errors of both cylinders' means, of the registration and, where the clouds tell it, of the plants
+    The squares of the errors of both cylinders' means, of the registration and, where the clouds know it, of the plants
     are summed. The quantile of the means' errors is Student's, of the degrees of freedom after Welch (1947,
     doi:10.1093/biomet/34.1-2.28), and a factor by slope scales them, learned on stable ground (``slope_error``). Core
     points nearer to each other than a cylinder's radius share points, and count accordingly less.
 
-    Where nothing tells what is stable, the level is the published one, or that of the summed squares where it is wider.
+    Where it is not known what is stable, the level is the published one, or that of the summed squares where it is
+    wider.
 
     Args:
         radius: of the cylinders, metres.
@@ -82,12 +83,12 @@ def calibrated(
 def sampling_errors(first: Cylinders, second: Cylinders, confidence: float) -> Float:
     """Standard error of the difference of two means, metres (m,), times Student's quantile over the normal one.
 
-    So the normal quantile times it is the level of means whose scatter is told by as few points as it is. The degrees
+    So the normal quantile times it is the level of means whose scatter is estimated from so few points. The degrees
     of freedom are (a + b)² / (a² / (n1 - 1) + b² / (n2 - 1)) with a and b the squared errors of the two means.
 
-    Where it is known how the points lie across the axis, these are of the scatter about the tilted surface, and what
-    the tilt makes of the points' different places is summed in, in squares (``m3c2_spread``). Of points that lie at
-    random the mean square is the same; clustered points are not at random.
+    Where it is known how the points lie across the axis, these are of the scatter about the tilted surface, and the
+    error that the tilt causes by the points' different places is added in quadrature (``m3c2_spread``). Of points that
+    lie at random the mean square is the same; clustered points are not at random.
     """
     a, b = squared_errors(first, second)
     uneven: Float | float = 0.0
@@ -179,11 +180,11 @@ class _Cores:
 
 
 def _places(core: Float, radius: float) -> _Places:
-    # in the plane of the surface, where even a wall's core points lie beside each other
+    # in the plane of the surface, where even a wall's core points lie next to each other
     local = (core - core.mean(axis=0)) @ dominant_frame(core)[:2].T
     local -= local.min(axis=0)
     # few core points far apart: larger cells do as well
-    side = max(radius, math.sqrt(float(np.prod(np.maximum(local.max(axis=0), radius))) / _MOST_CELLS))
+    side = max(radius, math.sqrt(float(np.prod(np.maximum(local.max(axis=0), radius))) / _MAX_CELLS))
     cell, shape = _numbered(local, side)
     # squares as large as a cylinder's section: of the core points in one, each shares most of its points
     apart, _ = _numbered(local, math.sqrt(math.pi) * radius)
@@ -204,7 +205,7 @@ def _taken(cylinders: Cylinders, here: Index) -> Cylinders:
 
 
 def _plants(found: Distances, here: Index) -> Float | None:
-    """Error of the distances by plants, which is one of heights, along the normals; None where no cloud tells it."""
+    """Error of the distances by plants, which is one of heights, along the normals; None where no cloud states it."""
     values = [cloud.value[here] for cloud in (found.reference, found.moving) if cloud.value is not None]
     if not values:
         return None

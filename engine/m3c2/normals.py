@@ -12,7 +12,8 @@ from ..core.progress import Progress
 from .lattice import Lattice, runs
 
 LEAST_POINTS = 4  # three always lie in a plane
-_LINE = 1e-2  # points whose spread across their line has less than this share of the variance along it fix no plane
+# points whose spread across their line has less than this share of the variance along it fix no plane
+_MIN_SPREAD_RATIO = 1e-2
 _GROUP = 20_000  # eigenvalue problems a native call, so that a cancel is heard in time
 
 
@@ -79,7 +80,7 @@ def _scatter(number: Index, local: list[Float]) -> tuple[Index, Index, Float]:
 def _planes(members: Index, scatter: Float) -> tuple[Float, Float]:
     values, vectors = np.linalg.eigh(scatter)
     values = np.maximum(values, 0.0)
-    plane = (members >= LEAST_POINTS) & (values[:, 1] > _LINE * values[:, 2])
+    plane = (members >= LEAST_POINTS) & (values[:, 1] > _MIN_SPREAD_RATIO * values[:, 2])
     with np.errstate(divide="ignore", invalid="ignore"):
         # a plane has three parameters
         roughness = np.where(plane, np.sqrt(values[:, 0] / (members - 3)), np.nan)

@@ -24,12 +24,12 @@ from .normals import Fits, fit_planes
 
 NORMAL_RATIO, LEAST_RATIO = 25.0, 20.0  # normal scale over roughness
 CYLINDER_POINTS = 25.0
-_SAMPLE = 1000  # places at which scales are tried
-_APART = 200_000  # points whose distance to the other cloud is taken
-_AGREEING = 20  # so many of them must be so far apart, else they are outliers; fewer of a small cloud
-_FIRST_NEIGHBOURS = 10  # points in the smallest ball tried
+_MAX_PLACES = 1000  # places at which scales are tried
+_MAX_DISTANCE_POINTS = 200_000  # points whose distance to the other cloud is taken
+_MIN_AGREEING_POINTS = 20  # so many of them must be so far apart, else they are outliers; fewer of a small cloud
+_SMALLEST_BALL_POINTS = 10  # points in the smallest ball tried
 _STEPS = 13  # of the square root of two: up to 64 times the first
-_BALL = 400  # about so many points of a ball are used; more do not make its plane surer
+_MAX_BALL_POINTS = 400  # about so many points of a ball are used; more do not make its plane surer
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def choose_scales(
     """Scales for two clouds, (n, 3) and (m, 3) in metres; what ``parameters`` gives (not 0) is taken as given.
 
     Raises:
-        InputError: too few points to tell anything.
+        InputError: too few points to choose scales.
     """
     progress = progress or Progress()
     places = _sample(reference, overlap_bounds(reference, moving))
@@ -68,7 +68,7 @@ def choose_scales(
             "the same slope and in the same reference system."
         )
     progress.update(0.0, "choosing the normal scale")
-    first = 2 * float(np.median(_tree(reference).query(places, k=[_FIRST_NEIGHBOURS])[0]))
+    first = 2 * float(np.median(_tree(reference).query(places, k=[_SMALLEST_BALL_POINTS])[0]))
     if not first > 0:
         raise InputError("The reference consists of duplicate points; remove them first.")
     normal_scale, fits, warnings = _normal_scale(reference, places, first, parameters.normal_scale)
@@ -141,10 +141,10 @@ def spread_cores(reference: Float, spacing: float, bounds: tuple[float, float, f
 def _sample(reference: Float, bounds: tuple[float, float, float, float]) -> Float:
     """Places spread evenly over the reference's surface in the overlap, always the same."""
     west, south, east, north = bounds
-    side = math.sqrt(max((east - west) * (north - south), 1e-12) / (2 * _SAMPLE))
+    side = math.sqrt(max((east - west) * (north - south), 1e-12) / (2 * _MAX_PLACES))
     places = reference[spread_cores(reference, side, bounds)]
-    if len(places) > _SAMPLE:
-        places = places[np.sort(np.random.default_rng(0).choice(len(places), _SAMPLE, replace=False))]
+    if len(places) > _MAX_PLACES:
+        places = places[np.sort(np.random.default_rng(0).choice(len(places), _MAX_PLACES, replace=False))]
     return places
 
 
@@ -159,7 +159,7 @@ def _normal_scale(reference: Float, places: Float, first: float, given: float) -
         scale = _round_up(first * math.sqrt(2) ** step)
         if step and scale > largest:
             break
-        part = min(1.0, _BALL / (_FIRST_NEIGHBOURS * 2.0**step))
+        part = min(1.0, _MAX_BALL_POINTS / (_SMALLEST_BALL_POINTS * 2.0**step))
         cloud = reference if part == 1 else reference[shuffled[: math.ceil(part * len(reference))]]
         fits = fit_planes(Lattice(cloud, scale / 2), places, scale)
         if fits.found.mean() < 0.8:
@@ -189,11 +189,11 @@ def _separation(reference: Float, moving: Float) -> float:
     west, south, east, north = overlap_bounds(reference, moving)
     x, y = reference[:, 0], reference[:, 1]
     some = reference[(x >= west) & (x <= east) & (y >= south) & (y <= north)]
-    some = some[:: max(1, len(some) // _APART)]
-    beside = _tree(moving[:, :2]).query(some[:, :2])[0]
-    covered = beside <= 3 * np.median(beside)
+    some = some[:: max(1, len(some) // _MAX_DISTANCE_POINTS)]
+    horizontal = _tree(moving[:, :2]).query(some[:, :2])[0]
+    covered = horizontal <= 3 * np.median(horizontal)
     apart = np.sort(_tree(moving).query(some[covered])[0])
-    return float(apart[-min(_AGREEING, 1 + len(apart) // 1000)])
+    return float(apart[-min(_MIN_AGREEING_POINTS, 1 + len(apart) // 1000)])
 
 
 def _density(reference: Float, moving: Float, places: Float, normal: Float, radius: float, half_length: float) -> float:

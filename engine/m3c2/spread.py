@@ -14,7 +14,7 @@ from ..core.arrays import Float, Index
 from ..geometry.plane_gradient import gradient_parts
 from .lattice import runs
 
-_LEAST = 1e-3  # of the points' extent: across a line of points the tilt is taken as none
+_MIN_EXTENT_SHARE = 1e-3  # of the points' extent: across a line of points the tilt is taken as none
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def tilt_of(*spreads: Spread) -> Float:
     """
     uu, vv, uv, uh, vh = np.sum([spread.products for spread in spreads], axis=0).T
     extent = uu + vv
-    uu, vv = uu + _LEAST * extent, vv + _LEAST * extent
+    uu, vv = uu + _MIN_EXTENT_SHARE * extent, vv + _MIN_EXTENT_SHARE * extent
     *rise, determinant = gradient_parts(uu, vv, uv, uh, vh)
     with np.errstate(divide="ignore", invalid="ignore"):
         tilt = np.column_stack(rise) / determinant[:, None]
@@ -92,8 +92,8 @@ def uneven_sampling(first: Spread, second: Spread) -> Float:
     """By how much the means of two clouds along the axis differ because their points are at different places, metres
     (m,); 0 where a cloud has no points.
 
-    A tilt that one cloud alone shows may be change itself, as at the edge of what slid. So the smaller of what both
-    clouds' tilts make of it counts, and nothing where they contradict each other.
+    A tilt that one cloud alone shows may be change itself, as at the edge of what slid. So the smaller of the
+    errors by both clouds' tilts counts, and nothing where they contradict each other.
     """
     apart = second.place - first.place
     one, other = (np.nan_to_num(np.sum(tilt_of(spread) * apart, axis=1)) for spread in (first, second))

@@ -28,8 +28,8 @@ from .heatmap_image import Heatmap
 from .map_legend import draw_keys, draw_legend
 
 DPI = 150
-_PIXELS = 2000  # longest side of the picture that is drawn
-_LABELS = 40  # most zone ids on a map
+_MAX_PIXELS = 2000  # longest side of the picture that is drawn
+_MAX_LABELS = 40  # most zone ids on a map
 _LEFT, _RIGHT, _BOTTOM, _TOP = 0.5, 0.4, 0.45, 0.15  # margins around the map, inches
 _COLUMN = 2.6  # width of the legend's column beside a tall map
 _FOOTER = 1.0  # height of the legend's band below a wide map
@@ -183,7 +183,7 @@ def _notes(heatmap: Heatmap, zones: gpd.GeoDataFrame | None) -> str:
 
 def _draw_picture(axes: Axes, heatmap: Heatmap) -> None:
     west, south, east, north = heatmap.grid.bounds
-    picture, factor = shrunk(heatmap.rgba, _PIXELS)
+    picture, factor = shrunk(heatmap.rgba, _MAX_PIXELS)
     rows, columns = picture.shape[:2]
     cell = heatmap.grid.cell * factor
     axes.imshow(
@@ -229,8 +229,8 @@ def _draw_zones(axes: Axes, layout: Layout, heatmap: Heatmap, zones: gpd.GeoData
     # the ids of a map that is hardly wider than they stand on the white paper beside it
     narrow = layout.beside and layout.map_width < 1.0
     room = layout.map_width + (0.8 if narrow else 0.0), layout.map_height
-    boxes = (shapely.bounds(np.asarray(zones.geometry))[:_LABELS] - (west, south, west, south)) * scale
-    points = shapely.get_coordinates(shapely.point_on_surface(np.asarray(zones.geometry)))[:_LABELS]
+    boxes = (shapely.bounds(np.asarray(zones.geometry))[:_MAX_LABELS] - (west, south, west, south)) * scale
+    points = shapely.get_coordinates(shapely.point_on_surface(np.asarray(zones.geometry)))[:_MAX_LABELS]
     inner = (points - (west, south)) * scale
     for name, extent, point in zip(zones["zone_id"], boxes, inner, strict=False):
         width, height = 0.078 * len(name), 0.13

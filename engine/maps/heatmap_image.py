@@ -50,8 +50,9 @@ def make_heatmap(
 ) -> Heatmap:
     """Lay significant change in colour, other measured cells in a grey veil, over the top view.
 
-    Under the colours the top view is grey, so that green shrubs do not turn the hue, which tells lowering from raising.
-    Cells without a common measurement show the top view alone; where that is empty too, the picture is transparent.
+    Under the colours the top view is grey, so that green shrubs do not turn the hue, which distinguishes lowering from
+    raising. Cells without a common measurement show the top view alone; where that is empty too, the picture is
+    transparent.
 
     Args:
         dz, lod: change and level of detection (rows, columns) on ``grid``, metres; NaN for no data.

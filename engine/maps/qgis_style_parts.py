@@ -18,7 +18,7 @@ def categorized(attribute: str, also: str = "") -> tuple[Element, Element, Eleme
     their symbols.
 
     Args:
-        also: parts of a style that it has besides those that all have, such as ``|Temporal``.
+        also: parts of a style that it has in addition to those that all have, such as ``|Temporal``.
     """
     root = Element(
         "qgis",

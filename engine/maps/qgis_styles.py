@@ -213,8 +213,8 @@ def footprints_qml() -> str:
 def probability_qml() -> str:
     """Style of a probability raster's first band: greys, a thin veil where nothing is likely.
 
-    Greys, because colour is the zones' that lie over it: a bluish probability looks like uplift. The veil tells what
-    was screened from what was not, as on the map picture.
+    Greys, because colour is the zones' that lie over it: a bluish probability looks like uplift. The veil distinguishes
+    what was screened from what was not, as on the map picture.
     """
     stops = [(s, colour, 255 if s else 120, f"{100 * s:.0f} %") for s, colour in LIKELIHOOD]
     return _raster_qml(stops, suffix="")

@@ -20,7 +20,7 @@ from ..series.zone_series import ZoneSeries
 from ..statistics.normal import Z95
 from .palette import DIVERGING, colour_limit, hexadecimal
 
-_MOST_LINES = 8  # more cannot be told apart
+_MAX_LINES = 8  # more cannot be distinguished
 
 
 def write_series_picture(
@@ -86,7 +86,7 @@ def _map(figure: Figure, axes, zones: Sequence[ZoneSeries], velocity: CellVeloci
 
 
 def _chart(axes, zones: Sequence[ZoneSeries], about: About) -> None:  # type: ignore[no-untyped-def]
-    for number, zone in enumerate(_ranked(zones)[:_MOST_LINES]):
+    for number, zone in enumerate(_ranked(zones)[:_MAX_LINES]):
         known = np.flatnonzero(np.isfinite(zone.change))
         label = zone.track.zone_id
         if zone.velocity is not None:
@@ -112,7 +112,7 @@ def _chart(axes, zones: Sequence[ZoneSeries], about: About) -> None:  # type: ig
     axes.set(ylabel="mean change of the zone against the first survey (m)")
     if zones:
         axes.legend(fontsize=8)
-        axes.set_title(f"{min(len(zones), _MOST_LINES)} of {len(zones)} zones, bars 95 %", fontsize=10)
+        axes.set_title(f"{min(len(zones), _MAX_LINES)} of {len(zones)} zones, bars 95 %", fontsize=10)
     else:
         axes.set_xlim(about.dates[0], about.dates[-1])
         axes.set_title("no change above the level of detection", fontsize=10)

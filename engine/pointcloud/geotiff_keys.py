@@ -30,7 +30,7 @@ def crs_from_keys(directory: bytes, doubles: bytes, text: bytes) -> CRS | None:
     code = keys.get(_PROJECTED) or keys.get(_GEOGRAPHIC)
     crs = _through_gdal(directory, doubles, text)
     if crs is None or not (crs.is_projected or crs.is_geographic):
-        # GDAL reads no code beside broken keys, nor one of another kind than the model's
+        # GDAL reads no code next to broken keys, nor one of another kind than the model's
         if code and code != _USER_DEFINED:
             return CRS.from_epsg(code)
         if crs is None:

@@ -65,7 +65,7 @@ class Pdal:
         Args:
             pipeline: stages; readers and writers name files as ``filename``.
             keep: where the pipeline is kept as JSON for ``pdal pipeline``.
-            final: folder in which the files beside ``keep`` will be in the end, if another; the JSON names it.
+            final: folder in which the files next to ``keep`` will be in the end, if another; the JSON names it.
             memory_limit: bytes of address space PDAL may take (where the system can limit it).
 
         Returns:

@@ -25,7 +25,7 @@ class PlantCover:
     height: NDArray[np.floating] | None = None
 
     def __post_init__(self) -> None:
-        # what is no number tells nothing, and counts as bare
+        # what is no number is unknown, and counts as bare
         for name in ("error", "height"):
             values = getattr(self, name)
             if values is not None and not (np.isfinite(values) & (values >= 0)).all():

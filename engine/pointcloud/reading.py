@@ -54,7 +54,7 @@ def read_cloud(
     classification: bool = True,
     progress: Progress | None = None,
 ) -> PointCloud:
-    """Read a whole cloud into metres, with what it tells of plants over its ground.
+    """Read a whole cloud into metres, with what it records of plants over its ground.
 
     Args:
         colours: also read colours and intensity.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-_FEWEST_LASTS = 0.8
+_MIN_LAST_RATIO = 0.8
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,6 @@ def last_returns(number: NDArray[np.integer], total: NDArray[np.integer]) -> Ret
     firsts, lasts = int(np.count_nonzero(number == 1)), int(np.count_nonzero(last))
     # every pulse has one first and one last return, unless somebody took them out
     lost = max(0.0, 1.0 - lasts / max(firsts, 1))
-    if lasts < _FEWEST_LASTS * firsts:
+    if lasts < _MIN_LAST_RATIO * firsts:
         return Returns(everything, False, False, f"{lasts} last returns for {firsts} first ones", lost)
     return Returns(last, True, False, lost=lost)

@@ -26,10 +26,10 @@ from .header import CloudHeader, EmptyCloud, Vector, preflight
 from .reading import open_cloud
 from .records import ExtraDimension, extra_dimensions, new_dimension, read_records, record_dtype
 
-_SCALE = 0.001
-_GROUP = 1_000_000
-_LIMIT = 2**31 - 1
-_CREATED = 90
+_DEFAULT_SCALE = 0.001
+_GROUP_POINTS = 1_000_000
+_MAX_INTEGER = 2**31 - 1
+_CREATION_OFFSET_BYTES = 90
 """Place of the day and year of creation in a header; laspy always writes a day, where a new file is to have none."""
 Arrays = Mapping[str, NDArray[np.generic]]
 
@@ -56,14 +56,14 @@ def write_cloud(
     new = _checked(path, count, dimensions, rgb=cloud.rgb, intensity=cloud.intensity, classification=labels)
     if labels is not None and count and not 0 <= int(labels.min()) <= int(labels.max()) <= 255:
         raise EngineError("classes are not all from 0 to 255")
-    scales, offsets = _scales_and_offsets(path, cloud.xyz, np.full(3, _SCALE))
+    scales, offsets = _scales_and_offsets(path, cloud.xyz, np.full(3, _DEFAULT_SCALE))
     point_format = 6 if cloud.rgb is None else 7
     extra = list(new)
     dtype = record_dtype(point_format, extra)
 
     def groups() -> Iterator[NDArray[np.void]]:
-        for start in range(0, count, _GROUP):
-            part = slice(start, min(start + _GROUP, count))
+        for start in range(0, count, _GROUP_POINTS):
+            part = slice(start, min(start + _GROUP_POINTS, count))
             records = np.zeros(part.stop - start, dtype)
             _set_coordinates(records, cloud.xyz[part], scales, offsets)
             records["bit_fields"] = 0x11  # return 1 of 1
@@ -218,7 +218,7 @@ def write_laz(
         for records in groups:
             writer.write_points(PackedPointRecord(records, header.point_format))
         writer.close()
-        stream.seek(_CREATED)
+        stream.seek(_CREATION_OFFSET_BYTES)
         stream.write(struct.pack("<HH", *(source.created if source else (0, 0))))
 
 
@@ -261,9 +261,9 @@ def _scales_and_offsets(path: Path, xyz: Float, wanted: Float) -> tuple[Float, F
         raise EngineError("coordinates that are not finite cannot be written")
     offsets = np.round((low + high) / 2000.0) * 1000.0
     reach = np.maximum(high - offsets, offsets - low)
-    scales = np.minimum(wanted, _SCALE)
-    scales[reach / scales > _LIMIT] = _SCALE
-    beyond = np.flatnonzero(reach / scales > _LIMIT)
+    scales = np.minimum(wanted, _DEFAULT_SCALE)
+    scales[reach / scales > _MAX_INTEGER] = _DEFAULT_SCALE
+    beyond = np.flatnonzero(reach / scales > _MAX_INTEGER)
     if len(beyond):
         axis = beyond[0]
         raise InputError(

@@ -16,12 +16,12 @@ from .point_to_plane import TUKEY, Matcher, Pairs, regional_weights, tukey_weigh
 from .restarts import LEAST_PAIRS, Descent, descend, reach_of, reconsider
 from .surface import Surface
 
-_COARSE = 4.0  # voxels of one level in those of the next finer one
+_LEVEL_RATIO = 4.0  # voxels of one level in those of the next finer one
 _COARSE_SOURCES, _SOURCES, _CURVATURE_SOURCES = 6_000, 25_000, 15_000
 _MANY_SOURCES, _ALL_SOURCES = 75_000, 150_000
-_PRECISE = 1e-3  # metres; with a smaller standard error of the position there is no need of all points
-_LEAST_POINTS = 400  # of a coarse level
-_NEWTON = 12
+_MAX_PRECISE_ERROR_M = 1e-3  # metres; with a smaller standard error of the position there is no need of all points
+_MIN_POINTS = 400  # of a coarse level
+_MAX_NEWTON_STEPS = 12
 
 
 @dataclass(frozen=True)
@@ -42,13 +42,13 @@ class Alignment:
 def levels(voxel: float, offset: float) -> list[float]:
     """Voxel sizes from coarse to fine, for an offset of up to ``offset`` metres."""
     sizes = [voxel]
-    while sizes[-1] * _COARSE <= offset:
-        sizes.append(sizes[-1] * _COARSE)
+    while sizes[-1] * _LEVEL_RATIO <= offset:
+        sizes.append(sizes[-1] * _LEVEL_RATIO)
     return sizes[::-1]
 
 
 def radius_of(surface: Surface) -> float:
-    """Typical distance of a surface's points from the origin, metres, whatever a stray point says."""
+    """Typical distance of a surface's points from the origin, metres, not affected by stray points."""
     return 1.2 * float(np.median(np.linalg.norm(surface.points, axis=1)))
 
 
@@ -75,7 +75,7 @@ def align(
     for size in levels(voxel, offset)[:-1]:
         progress.update(0.1, f"registering at {size:g} m")
         coarse = Matcher(Surface(known, size), Surface(later, size))
-        if min(len(coarse.reference.points), len(coarse.moving.points)) < _LEAST_POINTS:
+        if min(len(coarse.reference.points), len(coarse.moving.points)) < _MIN_POINTS:
             continue
         best = descend(
             coarse,
@@ -181,15 +181,17 @@ def refine(
         pairs = matcher.match(pose, sources, weigh.reach)
         found = information_at(folds, pairs, weigh, radius, offset)
         error = float(np.sqrt(np.trace(found.observable_covariance)))
-        if error < _PRECISE:
+        if error < _MAX_PRECISE_ERROR_M:
             break
     if not found.observable.all():
         # what nothing fixes stays as surveyed
         pose = Pose.from_vector(found.held(pose.vector(radius)), radius)
-    newton = take_steps(weigh, pose, sources, radius, found, error, _NEWTON, min(limit, _NEWTON), progress)
+    newton = take_steps(
+        weigh, pose, sources, radius, found, error, _MAX_NEWTON_STEPS, min(limit, _MAX_NEWTON_STEPS), progress
+    )
     if not newton.converged:
         # curvature measured on too rough a surface can mislead; the plain matrix is slow but sure
-        again = take_steps(weigh, pose, sources, radius, found, error, 0, min(limit, 2 * _NEWTON), progress)
+        again = take_steps(weigh, pose, sources, radius, found, error, 0, min(limit, 2 * _MAX_NEWTON_STEPS), progress)
         newton = replace(again, used=newton.used + again.used)
     found = information_at(folds, newton.pairs, weigh, radius, offset)
     return Alignment(newton.pose, scale, radius, newton.used, newton.converged, found)

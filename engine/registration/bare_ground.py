@@ -1,9 +1,9 @@
 """Registration where plants hide some of the ground: bare ground fixes what it can, the rest the relief under plants.
 
-The error that plants make of a height is shared by neighbours, so that no number of points averages it out: grass that
-stands 10 cm lower in the later survey would be taken off as an offset of the survey. A road, rock or a wall has no such
-error. It is registered alone; what it leaves open, such as a slide along a plane road, is told by the relief of the
-other ground after its common offset has been taken off.
+The error of a height that plants cause is shared by neighbours, so that no number of points averages it out: grass that
+stands 10 cm lower in the later survey would be removed as an offset of the survey. A road, rock or a wall has no such
+error. It is registered alone; what it leaves open, such as a slide along a plane road, is fixed by the relief of the
+other ground after its common offset has been removed.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from .restarts import descend
 
 LITTLE = 0.01
 """Metres: ground with an error by plants that is no larger counts as bare."""
-_LEAST_POINTS = 300
+_MIN_POINTS = 300
 _SOURCES = 25_000
-_STEPS = 24
-_FAR = 5.0  # times the noise of the residuals: how far all ground together may have gone astray
-_ALIKE = 1.2  # times the smaller noise: two places that fit equally well
-_STEEP = 0.2  # least vertical part of a normal: heights of steeper faces say little
+_MAX_STEPS = 24
+_MAX_OFFSET_SCALES = 5.0  # times the noise of the residuals: how far the registration of all ground may be off
+_MAX_SCALE_RATIO = 1.2  # times the smaller noise: two places that fit equally well
+_MIN_UPWARD_NORMAL = 0.2  # least vertical part of a normal: heights of steeper faces say little
 _PLACES = 5_000
 
 
@@ -37,7 +37,7 @@ _PLACES = 5_000
 class Covered:
     """Two surfaces, compared on ground that is ``bare`` in both surveys, and on ground that is ``covered`` by plants.
 
-    Covered ground is told by the survey with more of it; ``bare_share`` is the other share of its points.
+    Covered ground is taken from the survey with more of it; ``bare_share`` is the other share of its points.
     """
 
     bare: Matcher
@@ -71,7 +71,7 @@ def align_bare(
         InputError: the two surveys' bare ground is not the same.
     """
     bare = ground.bare
-    if min(np.count_nonzero(which) for which in (bare.stable, bare.firm) if which is not None) < _LEAST_POINTS:
+    if min(np.count_nonzero(which) for which in (bare.stable, bare.firm) if which is not None) < _MIN_POINTS:
         return None
     found = align(
         bare,
@@ -86,7 +86,7 @@ def align_bare(
 
 
 class _LevelledPairs(Pairs):
-    """Pairs whose residuals do not tell a common difference in height, and no motion as far as it makes one."""
+    """Pairs without the common difference of their residuals in height, nor any motion as far as it causes one."""
 
     def jacobian(self, radius: float) -> Float:
         full, upward = super().jacobian(radius), self.normal[:, 2:]
@@ -105,12 +105,12 @@ class _Levelled(Matcher):
 def _height(pairs: Pairs) -> float:
     """Median difference of heights, metres, of the pairs that are not on a wall; 0 without any."""
     upward = pairs.normal[:, 2]
-    open_ground = np.abs(upward) > _STEEP
+    open_ground = np.abs(upward) > _MIN_UPWARD_NORMAL
     return float(np.median(pairs.residual[open_ground] / upward[open_ground])) if open_ground.any() else 0.0
 
 
 def _completed(found: Alignment, whole: Alignment, ground: Covered, offset: float, progress: Progress) -> Alignment:
-    """With the motions that ``found`` does not fix told by covered ground, as far as that fixes them."""
+    """With the motions that ``found`` does not fix taken from covered ground, as far as that fixes them."""
     covered, known = ground.covered, found.information
     weigh, radius = Weighting(covered, whole.scale), radius_of(covered.reference)
     sources = covered.sample(_SOURCES)
@@ -120,28 +120,28 @@ def _completed(found: Alignment, whole: Alignment, ground: Covered, offset: floa
         return found
     folds = curvature_at(pose, weigh, radius, progress)
 
-    def told(pairs: Pairs) -> Information:
+    def information_of(pairs: Pairs) -> Information:
         terms = pairs.jacobian(radius) * (weigh(pairs) * pairs.gap)[:, None]
         blocks = block_numbers(pairs.place, weigh.correlated(radius))
         inner = np.einsum("ia,fij,jb->fab", free, folds, free)
         part = information(inner, terms @ free, blocks, weigh.spacing / 2, offset / float(np.sqrt(3.0)))
         return Information(part.curvature, free @ part.directions, part.observable, free @ part.covariance @ free.T)
 
-    part = told(covered.match(pose, sources, weigh.reach))
+    part = information_of(covered.match(pose, sources, weigh.reach))
     if not part.observable.any():
         return found
     # what nothing fixes stays as surveyed
     apart = pose.vector(radius) - found.pose.vector(radius)
     pose = found.pose.moved(part.held(apart), radius)
-    slid = take_steps(weigh, pose, sources, radius, part, 0.0, 0, _STEPS, progress)
+    slid = take_steps(weigh, pose, sources, radius, part, 0.0, 0, _MAX_STEPS, progress)
     # a long slide along a road that is not quite plane
     own = Weighting(ground.bare, found.scale)
-    held = take_steps(own, slid.pose, ground.bare.sample(_SOURCES), radius, known, 0.0, 0, _STEPS, progress)
+    held = take_steps(own, slid.pose, ground.bare.sample(_SOURCES), radius, known, 0.0, 0, _MAX_STEPS, progress)
     return replace(
         found,
         pose=held.pose,
         iterations=found.iterations + slid.used + held.used,
-        information=_joined(known, told(slid.pairs)),
+        information=_joined(known, information_of(slid.pairs)),
     )
 
 
@@ -151,13 +151,13 @@ def _slid(
     """``pose`` moved in the ``free`` directions (6, k) to where covered ground agrees; None where that is not clear.
 
     It is looked for from where all ground together lies, which may have slid to where road and grass both fit, and from
-    where the surveys are as delivered. Where both ends are equally good and apart, nothing but chance tells.
+    where the surveys are as delivered. Where both ends are equally good and apart, only chance decides between them.
     """
     apart = whole.pose.vector(radius) - pose.vector(radius)
     spacing = max(covered.reference.spacing, covered.moving.spacing)
     ends = []
     for start in (pose.moved(free @ (free.T @ apart), radius), pose):
-        if len(covered.match(start, sources, max(3 * spacing, 3 * whole.scale))) < _LEAST_POINTS:
+        if len(covered.match(start, sources, max(3 * spacing, 3 * whole.scale))) < _MIN_POINTS:
             continue
         ends.append(
             descend(
@@ -165,17 +165,17 @@ def _slid(
                 start,
                 sources,
                 radius,
-                scale=max(_FAR * whole.scale, spacing),
+                scale=max(_MAX_OFFSET_SCALES * whole.scale, spacing),
                 offset=0.0,
                 agreement=0.8,
-                iterations=_STEPS,
+                iterations=_MAX_STEPS,
                 free=free,
             )
         )
     if not ends:
         return None
     ends.sort(key=lambda end: end.scale)
-    if len(ends) == 2 and ends[1].scale < _ALIKE * ends[0].scale:
+    if len(ends) == 2 and ends[1].scale < _MAX_SCALE_RATIO * ends[0].scale:
         away = np.linalg.norm(ends[1].pose.vector(radius) - ends[0].pose.vector(radius))
         if away > spacing / 2:
             return None
@@ -183,7 +183,7 @@ def _slid(
 
 
 def _joined(known: Information, part: Information) -> Information:
-    """What ``known`` fixes, and of the rest what ``part``, which is of that rest alone, tells."""
+    """What ``known`` fixes, and of the rest what ``part``, which is of that rest alone, fixes."""
     fixed = known.observable
     curvature = np.concatenate([known.curvature[fixed], part.curvature])
     observable = np.concatenate([known.observable[fixed], part.observable])
@@ -196,7 +196,7 @@ def _joined(known: Information, part: Information) -> Information:
 def error_by_plants(matcher: Matcher, pose: Pose, places: Float) -> float:
     """Error of a height, metres, that plants over ``places`` (n, 3; after registration) leave to the registration.
 
-    Plants of one season err alike, so it is the mean of the places' own errors, of both surveys together.
+    Errors of plants of one season are alike, so it is the mean of the places' own errors, of both surveys together.
     """
     if not len(places):
         return 0.0
@@ -211,7 +211,7 @@ def offset_of_covered(ground: Covered, pose: Pose, reach: float) -> float | None
     """Median height of the later survey's covered ground over the earlier one's at ``pose``, metres."""
     plain = Matcher(ground.covered.reference, ground.covered.moving, ground.covered.stable, ground.covered.firm)
     pairs = plain.match(pose, plain.sample(_SOURCES), reach, 0.5)
-    return _height(pairs) if len(pairs) >= _LEAST_POINTS else None
+    return _height(pairs) if len(pairs) >= _MIN_POINTS else None
 
 
 def compared_ground(ground: Covered, pose: Pose, reach: float) -> tuple[Float, Float]:

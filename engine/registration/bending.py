@@ -3,7 +3,7 @@
 Strips that were adjusted badly and surveys that are bent like a bowl differ from place to place by more than noise.
 The correction has one height for each node of a wide lattice, is fitted by least squares to stable ground alone, and
 is held back by a prior that its nodes are alike (a Gaussian random field; Rue and Held 2005, chapter 3), so that it
-stays level where nothing is known. Whether it is worth having is told by blocks that it has not seen.
+stays level where nothing is known. Whether it is applied is decided on held-out blocks.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from ..statistics.robust import nmad
 from .point_to_plane import Matcher, regional_weights, robust_scale, tukey_weights
 
 _SOURCES = 40_000
-_STEEP = 0.2  # least vertical part of a normal: heights of steeper faces say little
-_BLOCKS_A_NODE = 5.0  # blocks between two nodes
-_LEAST_IN_BLOCK, _LEAST_BLOCKS = 10, 12
-_BEND = 0.03  # metres from node to node that are to be expected at most (one standard deviation)
-_LEVEL = 0.10  # metres, of the whole
+_MIN_UPWARD_NORMAL = 0.2  # least vertical part of a normal: heights of steeper faces say little
+_BLOCKS_PER_NODE = 5.0  # blocks between two nodes
+_MIN_BLOCK_PAIRS, _MIN_BLOCKS = 10, 12
+_EXPECTED_BEND_M = 0.03  # metres from node to node that are to be expected at most (one standard deviation)
+_EXPECTED_LEVEL_M = 0.10  # metres, of the whole
 _ROUNDS = 8
 _FOLDS = 5
-_WORTH = 0.7  # share of the misfit that may remain
-_LEAST_MISFIT = 0.003  # metres
+_MAX_REMAINING_MISFIT_SHARE = 0.7  # share of the misfit that may remain
+_MIN_MISFIT_M = 0.003  # metres
 
 
 @dataclass(frozen=True)
@@ -49,9 +49,9 @@ class Bend:
 
     @property
     def worth(self) -> bool:
-        """Whether the correction foretells ground that it has not seen, and by more than a trifle."""
+        """Whether the correction clearly reduces the error on held-out ground."""
         before, after = (np.sqrt(max(v**2 - self.noise**2, 0.0)) for v in (self.before, self.after))
-        return bool(before > max(_LEAST_MISFIT, self.noise) and after < _WORTH * before)
+        return bool(before > max(_MIN_MISFIT_M, self.noise) and after < _MAX_REMAINING_MISFIT_SHARE * before)
 
 
 @dataclass(frozen=True)
@@ -72,8 +72,8 @@ def measure_bend(matcher: Matcher, pose: Pose, spacing: float, reach: float, sca
         scale: noise of the residuals, metres.
     """
     pairs = matcher.match(pose, matcher.sample(_SOURCES), reach)
-    pairs = pairs.chosen(np.abs(pairs.normal[:, 2]) > _STEEP)
-    if len(pairs) < _LEAST_BLOCKS * _LEAST_IN_BLOCK:
+    pairs = pairs.chosen(np.abs(pairs.normal[:, 2]) > _MIN_UPWARD_NORMAL)
+    if len(pairs) < _MIN_BLOCKS * _MIN_BLOCK_PAIRS:
         return None
     plan = pairs.place[:, :2]
     if np.ptp(plan, axis=0).max() < 2 * spacing:
@@ -82,7 +82,7 @@ def measure_bend(matcher: Matcher, pose: Pose, spacing: float, reach: float, sca
     weights = nodes.weights(plan)
     upward = np.abs(pairs.normal[:, 2])
     height = pairs.residual / pairs.normal[:, 2]
-    number = block_numbers(np.column_stack([plan, np.zeros(len(plan))]), spacing / _BLOCKS_A_NODE)
+    number = block_numbers(np.column_stack([plan, np.zeros(len(plan))]), spacing / _BLOCKS_PER_NODE)
     region = max(10 * max(matcher.reference.spacing, matcher.moving.spacing), 5 * scale)
     correction = np.zeros(nodes.rows * nodes.columns)
     blocks, extra = None, 0.0
@@ -93,7 +93,7 @@ def measure_bend(matcher: Matcher, pose: Pose, spacing: float, reach: float, sca
         now = replace(pairs, residual=left)
         weight = tukey_weights(left, scale) * regional_weights(now, scale, region)
         blocks = _blocks(plan, height, weight * upward**2, left / upward, number)
-        if len(blocks.height) < _LEAST_BLOCKS:
+        if len(blocks.height) < _MIN_BLOCKS:
             return None
         previous, (correction, covariance) = correction, _fit(nodes, blocks, extra)
         # relief that both surveys sampled unevenly adds to the noise of the means
@@ -102,7 +102,7 @@ def measure_bend(matcher: Matcher, pose: Pose, spacing: float, reach: float, sca
         if np.abs(correction - previous).max() < 1e-4:
             break
     assert blocks is not None
-    before, after = blocks.height, blocks.height + _foretold(nodes, blocks, extra)
+    before, after = blocks.height, blocks.height + _predicted(nodes, blocks, extra)
     shape = (nodes.rows, nodes.columns)
     sd = np.sqrt(np.diag(covariance))
     return Bend(
@@ -117,7 +117,7 @@ def _blocks(plan: Float, height: Float, weight: Float, left: Float, number: Inde
     """Args: left: (n,) height difference less the correction so far, for the blocks' variances."""
     total = np.bincount(number, weight)
     stable = np.bincount(number, weight > 0)
-    enough = (stable >= _LEAST_IN_BLOCK) & (stable >= 0.5 * np.bincount(number))
+    enough = (stable >= _MIN_BLOCK_PAIRS) & (stable >= 0.5 * np.bincount(number))
     safe = np.where(enough, total, 1.0)
 
     def mean(values: Float) -> Float:
@@ -135,20 +135,20 @@ def _fit(nodes: Nodes, blocks: _Blocks, extra: float) -> tuple[Float, Float]:
     """Heights of the nodes that take the blocks' differences away, and their covariance.
 
     Args:
-        extra: variance of a block's mean beside that of its noise, square metres.
+        extra: variance of a block's mean in addition to that of its noise, square metres.
     """
     design = nodes.weights(blocks.place).toarray()
     weight = 1.0 / (blocks.variance + extra)
     normal = design.T @ (design * weight[:, None])
     bend = nodes.differences()
-    precision = normal + bend.T @ bend / _BEND**2 + np.eye(design.shape[1]) / _LEVEL**2
+    precision = normal + bend.T @ bend / _EXPECTED_BEND_M**2 + np.eye(design.shape[1]) / _EXPECTED_LEVEL_M**2
     covariance = np.linalg.inv(precision)
     return np.asarray(-covariance @ (design.T @ (weight * blocks.height))), covariance
 
 
-def _foretold(nodes: Nodes, blocks: _Blocks, extra: float) -> Float:
+def _predicted(nodes: Nodes, blocks: _Blocks, extra: float) -> Float:
     """The correction (n,) at each block by a fit to the other folds of blocks, which are taken in stripes."""
-    cell = np.floor((blocks.place - blocks.place.min(axis=0)) / (nodes.spacing / _BLOCKS_A_NODE) + 1e-6).astype(int)
+    cell = np.floor((blocks.place - blocks.place.min(axis=0)) / (nodes.spacing / _BLOCKS_PER_NODE) + 1e-6).astype(int)
     fold = (cell[:, 0] + 2 * cell[:, 1]) % _FOLDS
     found = np.zeros(len(fold))
     for k in range(_FOLDS):

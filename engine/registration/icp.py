@@ -17,7 +17,7 @@ from ..core.progress import Progress
 from ..geometry.pose import Pose
 from .tracked_neighbours import TrackedNeighbours
 
-_RMSE_CHANGE = 1e-6  # metres; smaller changes of the inlier RMSE end the iterations
+_MIN_RMSE_CHANGE_M = 1e-6  # metres; smaller changes of the inlier RMSE end the iterations
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def icp(
                 "one; give a larger correspondence distance or use the robust method."
             )
         rmse = float(np.sqrt(np.mean(near[inside] ** 2)))
-        converged = abs(previous - rmse) < _RMSE_CHANGE
+        converged = abs(previous - rmse) < _MIN_RMSE_CHANGE_M
         if converged or done == iterations:
             return IcpResult(pose, rmse, int(np.count_nonzero(inside)), done, converged)
         pose = rigid_fit(moving[inside], reference[number[inside]])

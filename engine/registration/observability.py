@@ -12,10 +12,10 @@ from ..core.arrays import Float
 from .point_to_plane import Pairs
 
 _FOLDS = 16
-_SIGNIFICANCE = 5.0  # standard errors by which a curvature must stand above zero
-_RATIO = 1e-4  # of the largest curvature: slopes that differ by 1 % only
-_TURNED = 10.0  # surveys turn by some hundredths of a degree, a few mm at 10 m, but lie off by centimetres
-_HORIZONTAL = 0.02  # least sine of the dip with which a surface has a strike
+_MIN_STANDARD_ERRORS = 5.0  # standard errors by which a curvature must stand above zero
+_MIN_CURVATURE_RATIO = 1e-4  # of the largest curvature: slopes that differ by 1 % only
+_SHIFT_PER_TURN = 10.0  # surveys turn by some hundredths of a degree, a few mm at 10 m, but lie off by centimetres
+_MIN_DIP_SINE = 0.02  # least sine of the dip with which a surface has a strike
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Information:
     """How the cost rises with the six small motions (rotation vector times radius, translation), all in metres.
 
     ``curvature`` (6,) a pair, ascending, is in units of squared sine; column i of ``directions`` (6, 6) belongs to
-    curvature i. ``observable`` (6,) tells which of them the surfaces fix. ``covariance`` (6, 6) in square metres has
+    curvature i. ``observable`` (6,) marks those that the surfaces fix. ``covariance`` (6, 6) in square metres has
     in the other ones the variance of a uniform distribution over the largest expected offset.
     """
 
@@ -69,11 +69,11 @@ class Information:
         """A motion (6,) as far as the surfaces fix it; in what they leave open it turns and shifts the survey least.
 
         A motion that is not fixed may be a slide with a turn. To take it out whole would make the turn up where the
-        surveys differ by a shift, so that turning counts ``_TURNED`` times as much as shifting.
+        surveys differ by a shift, so that turning counts ``_SHIFT_PER_TURN`` times as much as shifting.
         """
         fixed, free = self.directions[:, self.observable], self.directions[:, ~self.observable]
         motion = fixed @ (fixed.T @ vector)
-        dear = np.repeat([_TURNED**2, 1.0], 3)[:, None] * free
+        dear = np.repeat([_SHIFT_PER_TURN**2, 1.0], 3)[:, None] * free
         return np.asarray(motion - free @ np.linalg.solve(free.T @ dear, dear.T @ motion))
 
     @property
@@ -151,7 +151,7 @@ def information(
     error = np.sqrt(_FOLDS * pieces.var(axis=0, ddof=1))
     scatter = np.stack([np.bincount(blocks, terms[:, i]) for i in range(terms.shape[1])], axis=1)
     along = scatter @ directions
-    observable = (curvature > _SIGNIFICANCE * error) & (curvature > _RATIO * curvature[-1])
+    observable = (curvature > _MIN_STANDARD_ERRORS * error) & (curvature > _MIN_CURVATURE_RATIO * curvature[-1])
     safe = np.where(observable, curvature, 1.0) * len(terms)
     inverse = np.where(observable, 1.0 / safe, 0.0)
     inner = inverse[:, None] * (along.T @ along) * inverse
@@ -204,7 +204,7 @@ def weakest_direction(found: Information, normal: Float) -> tuple[str, float] | 
 
 def _named_motions(normal: Float) -> dict[str, Float]:
     """Unit motions (6,) by their names, for a surface with the mean ``normal``."""
-    flat = float(np.hypot(normal[0], normal[1])) < _HORIZONTAL
+    flat = float(np.hypot(normal[0], normal[1])) < _MIN_DIP_SINE
     strike = np.array([1.0, 0.0, 0.0]) if flat else np.array([-normal[1], normal[0], 0.0]) / np.hypot(*normal[:2])
     dip = np.cross(normal, strike)
     turns_and_shifts = {

@@ -19,17 +19,18 @@ from .observability import Information
 from .surface_patches import Equations, Patches
 
 CORRELATED = 3.0  # pairs share points of their planes: so many count as one
-_SIGNIFICANCE = 5.0  # standard errors by which the relief must stand out
-_RATIO = 1e-4  # of the largest curvature: slopes that differ by 1 % only
-_TOGETHER = 4.0  # widths of the blocks of patches that are left out together
-_PLACE = 2.5  # widths about a patch that are compared with all else
-_ODD = 6.0  # times the median contradiction of places: 0.1 % by chance, with the four motions that a place tells of
-_FIRM = 1e-3  # of a place's largest curvature: what it tells of
-_WORST, _DISCS = 6, (1.5, 2.5, 4.0)  # places tried, and widths about them
-_SET_RIGHT = 0.5  # of the places' median contradiction may remain without the worst one
-_MOST_ODD = 0.4  # of a part's patches: more is not the exception
-_ROUNDS = 12
-_LEAST_PLACES = 20
+_MIN_STANDARD_ERRORS = 5.0  # standard errors by which the relief must stand out
+_MIN_CURVATURE_RATIO = 1e-4  # of the largest curvature: slopes that differ by 1 % only
+_LEFT_OUT_BLOCK_WIDTHS = 4.0  # widths of the blocks of patches that are left out together
+_PLACE_RADIUS_WIDTHS = 2.5  # widths about a patch that are compared with all else
+# times the median contradiction of places: 0.1 % by chance, with the four motions that a place constrains
+_MAX_CONTRADICTION_RATIO = 6.0
+_MIN_PLACE_CURVATURE_RATIO = 1e-3  # of a place's largest curvature: above, the place constrains the motion
+_MAX_PLACES_TRIED, _DISC_RADII_WIDTHS = 6, (1.5, 2.5, 4.0)  # places tried, and widths about them
+_MAX_REMAINING_CONTRADICTION = 0.5  # of the places' median contradiction may remain without the worst one
+_MAX_CONTRADICTING_SHARE = 0.4  # of a part's patches: more is not the exception
+_MAX_ROUNDS = 12
+_MIN_PATCHES = 20
 
 
 def part_information(
@@ -52,13 +53,13 @@ def part_information(
     curvature, directions = np.linalg.eigh(whole)
     # the weighted mean of as many products of two independent errors
     effective = float(1.0 / max(np.sum(weight**2 * CORRELATED / np.maximum(system.pairs[some], 1)), 1e-300))
-    least = _SIGNIFICANCE * system.roughness / np.sqrt(max(effective, 1.0))
-    observable = curvature > max(least, _RATIO * float(curvature[-1]))
+    least = _MIN_STANDARD_ERRORS * system.roughness / np.sqrt(max(effective, 1.0))
+    observable = curvature > max(least, _MIN_CURVATURE_RATIO * float(curvature[-1]))
     fixed = directions[:, observable]
     covariance = np.zeros((6, 6))
     if fixed.shape[1] and len(some) > 1:
         part = fixed.T @ whole @ fixed
-        block = block_numbers(patches.centre[some], _TOGETHER * patches.width)
+        block = block_numbers(patches.centre[some], _LEFT_OUT_BLOCK_WIDTHS * patches.width)
         if block.max() == 0:
             block = np.arange(len(some))
         sums = csr_array((np.ones(len(some)), (block, np.arange(len(some)))))
@@ -79,22 +80,22 @@ def contradicting(system: Equations, patches: Patches, agrees: Bool, offset: flo
     """(k,) patches of a part that lie in a place which asks for another motion than all the rest of the part.
 
     A piece that slid nearly along its own planes agrees patch by patch and still pulls the whole along. A place of
-    many patches tells that far more surely than one patch. How much places contradict one another by noise and by
+    many patches shows that far more reliably than one patch. How much places contradict one another by noise and by
     bends of the surveys is measured by their median. A piece that pulls much makes all places contradict one another:
-    then the worst one is left out if that sets the others right.
+    then the worst one is left out if the others agree without it.
     """
-    if np.count_nonzero(agrees) < _LEAST_PLACES:
+    if np.count_nonzero(agrees) < _MIN_PATCHES:
         return np.zeros(len(patches), dtype=bool)
     left = agrees.copy()
-    least = max(_LEAST_PLACES, (1 - _MOST_ODD) * np.count_nonzero(agrees))
+    least = max(_MIN_PATCHES, (1 - _MAX_CONTRADICTING_SHARE) * np.count_nonzero(agrees))
     places = _places(system, patches, agrees)
-    for _ in range(_ROUNDS):
+    for _ in range(_MAX_ROUNDS):
         against = _against(places, left[places.patch], offset)
         middle = float(np.median(against[left[places.patch]]))
-        odd = left[places.patch] & (against > _ODD * middle)
+        odd = left[places.patch] & (against > _MAX_CONTRADICTION_RATIO * middle)
         if not odd.any():
             odd, without = _without_worst(places, left[places.patch], against, offset)
-            if without > _SET_RIGHT * middle:
+            if without > _MAX_REMAINING_CONTRADICTION * middle:
                 break
         fewer = left.copy()
         fewer[places.patch[odd]] = False
@@ -120,7 +121,7 @@ def _places(system: Equations, patches: Patches, agrees: Bool) -> _Places:
     some = np.flatnonzero(agrees)
     noise = np.maximum(system.rest[some], float(np.median(system.rest[some])) / 4)
     share = system.pairs[some] / (CORRELATED * np.maximum(noise, 1e-12))
-    pairs = cKDTree(patches.centre[some]).query_pairs(_PLACE * patches.width, output_type="ndarray")
+    pairs = cKDTree(patches.centre[some]).query_pairs(_PLACE_RADIUS_WIDTHS * patches.width, output_type="ndarray")
     rows, columns = np.concatenate([pairs.T, pairs.T[::-1], np.tile(np.arange(len(some)), (2, 1))], axis=1)
     near = csr_array((np.ones(len(rows)), (rows, columns)), shape=(len(some), len(some)))
     matrices = (system.matrix[some] * share[:, None, None]).reshape(-1, 36)
@@ -130,9 +131,9 @@ def _places(system: Equations, patches: Patches, agrees: Bool) -> _Places:
 def _without_worst(places: _Places, left: Bool, against: Float, offset: float) -> tuple[Bool, float]:
     """The disc (n,) of patches without which the others contradict one another least, and how much they then do."""
     best = np.zeros(len(left), dtype=bool), np.inf
-    for worst in np.argsort(np.where(left, -against, 0.0), kind="stable")[:_WORST]:
+    for worst in np.argsort(np.where(left, -against, 0.0), kind="stable")[:_MAX_PLACES_TRIED]:
         away = np.linalg.norm(places.centre - places.centre[worst], axis=1)
-        for radius in _DISCS:
+        for radius in _DISC_RADII_WIDTHS:
             odd = left & (away < radius * places.width)
             others = left & ~odd
             if others.any():
@@ -152,7 +153,7 @@ def _against(places: _Places, left: Bool, offset: float) -> Float:
     unsure = np.linalg.inv(rest)
     elsewhere = -np.einsum("kij,kj->ki", unsure, vectors.sum(axis=0) - pull)
     values, axes = np.linalg.eigh(here)
-    firm = values > np.maximum(_FIRM * values[:, -1:], 1 / offset**2)
+    firm = values > np.maximum(_MIN_PLACE_CURVATURE_RATIO * values[:, -1:], 1 / offset**2)
     inverse = np.where(firm, 1.0 / np.where(firm, values, 1.0), 0.0)
     asked = np.einsum("kij,ki->kj", axes, pull + np.einsum("kij,kj->ki", here, elsewhere)) * inverse
     # the difference of both motions and its covariance, in the place's own axes

@@ -18,8 +18,8 @@ from .stable_patches import StablePart, agreeing, stable_part
 
 ENOUGH = 0.75
 """Share of the overlap that agrees with a registration, from which there is no need to look at patches."""
-_MOST, _LOST = 0.5, 0.75
-_MANY_AGREE, _STILL = 0.35, 0.9
+_MIN_AGREEING_SHARE, _MAX_PATCH_SHARE_RATIO = 0.5, 0.75
+_MIN_CONTRADICTING_SHARE, _MIN_STILL_SHARE = 0.35, 0.9
 _SOURCES = 60_000
 
 
@@ -42,13 +42,14 @@ class OnPatches:
 
 
 def keeps(share: float, on_patches: float, patches: OnPatches) -> bool:
-    """Whether a registration by all ground stands, of which ``share`` agrees, where patches take so much as stable.
+    """Whether a registration by all ground is kept, of which ``share`` agrees, where patches take ``on_patches`` as
+    stable.
 
     Rough ground, of which few patches agree closely, has not moved for that. But a scale as wide as an error of the
-    registration calls that error agreement: what many patches contradict does not stand.
+    registration calls that error agreement: what many patches contradict is not kept.
     """
-    contradicted = patches.part.share >= _MANY_AGREE and patches.still < _STILL
-    return share >= _MOST and on_patches < _LOST * share and not contradicted
+    contradicted = patches.part.share >= _MIN_CONTRADICTING_SHARE and patches.still < _MIN_STILL_SHARE
+    return share >= _MIN_AGREEING_SHARE and on_patches < _MAX_PATCH_SHARE_RATIO * share and not contradicted
 
 
 def align_on_patches(

@@ -4,9 +4,9 @@ Chen and Medioni 1992 (doi:10.1016/0262-8856(92)90066-C) with Tukey's biweight. 
 with the planes of the other one: a plane through a curved neighbourhood lies on its hollow side, which moves the
 clouds apart in one direction and together in the other and cancels in the sum. The distance is taken along the mean of
 both surfaces' normals (Rusinkiewicz 2019, doi:10.1145/3306346.3323037), of which the noise is smaller than of one.
-A point's own distance tells whether it belongs to what has changed. How far the surfaces lie apart there is told by the
-place halfway between it and the centre of its own plane: half of its noise is gone, as all points around it speak, and
-of the relief that stops a slide along the surface less is lost than by the centre alone.
+A point's own distance shows whether it belongs to what has changed. How far the surfaces lie apart there is measured at
+the place halfway between it and the centre of its own plane: half of its noise is gone, because all points around it
+contribute, and of the relief that stops a slide along the surface less is lost than by the centre alone.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from .surface import Surface
 from .tracked_neighbours import TrackedNeighbours
 
 TUKEY = 4.685  # 95 % efficiency on normal noise
-_QUANTILE, _NORMAL = 0.3, 0.38532  # the 30 % quantile of |r| is 0.385 standard deviations: it stands 60 % of change
+# the 30 % quantile of |r| is 0.385 standard deviations: it stands 60 % of change
+_QUANTILE, _NORMAL_QUANTILE = 0.3, 0.38532
 
 
 @dataclass(frozen=True)
@@ -174,7 +175,7 @@ def robust_scale(residual: Float) -> float:
         size = size[: np.searchsorted(size, 3 * scale, side="right")]
         if not len(size):
             return 0.0
-        scale = float(size[int(_QUANTILE * (len(size) - 1))]) / _NORMAL
+        scale = float(size[int(_QUANTILE * (len(size) - 1))]) / _NORMAL_QUANTILE
     return scale
 
 
@@ -188,7 +189,7 @@ def regional_weights(pairs: Pairs, scale: float, block: float) -> Float:
     """Weight 1 in blocks whose pairs agree as well as usual, falling to 0 where half as many do.
 
     Lowered ground keeps pairs that seem to agree, such as those on walls, along which a lowering slides. Their
-    neighbours tell that the place has changed.
+    neighbours show that the place has changed.
     """
     if not len(pairs):
         return np.ones(0)

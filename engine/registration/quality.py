@@ -1,4 +1,4 @@
-"""How well two registered surfaces agree on stable ground, and what to tell the user about it."""
+"""How well two registered surfaces agree on stable ground, and which warnings follow from it."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from .restarts import own_noise
 from .rival_parts import Standing, caution
 
 _SOURCES = 60_000
-_STABLE = 3.0  # scales within which a residual is noise
-_LEAST_PAIRS = 20
-_LEAST_BLOCKS, _LEAST_IN_BLOCK = 8, 20
+_STABLE_SCALES = 3.0  # scales within which a residual is noise
+_MIN_PAIRS = 20
+_MIN_BLOCKS, _MIN_BLOCK_PAIRS = 8, 20
 # Metres along the normal from which a shift of everything is more than two surveys' own positions explain: at 4 cm
 # in height and 6.5 cm in plan an epoch, 95 % of pairs differ by less than 0.14 m along the normal of a 39 degree slope.
 _UNIFORM = 0.15
-_DOUBT = 3.0  # times the surfaces' own noise: what differs more is no noise, however much of the ground it is
+_MAX_NOISE_RATIO = 3.0  # times the surfaces' own noise: what differs more is no noise, however much of the ground it is
 NO_STABLE_GROUND = 0.15  # share below which there is nothing to register by
-_LITTLE_OVERLAP = 0.2
-_MINORITY = 0.5  # share of stable ground below which most of a surface has moved
-_PLANTS = 0.02  # metres that plants may make of a height before that is worth a sentence
+_MIN_OVERLAP_SHARE = 0.2
+_MIN_STABLE_SHARE = 0.5  # share of stable ground below which most of a surface has moved
+_MAX_PLANT_ERROR_M = 0.02  # metres of error caused by plants, above which the user is warned
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def agreement(
     reach = max(offset, 3 * spacing)
     sources = matcher.moving.sample(_SOURCES)
     pairs = matcher.onto_reference(pose, matcher.moving.sample(_SOURCES, matcher.firm), reach, 0.5)
-    if len(pairs) < _LEAST_PAIRS:
+    if len(pairs) < _MIN_PAIRS:
         raise InputError(
             f"Only {len(pairs)} points of the later epoch have a counterpart within {reach:g} m on the earlier one, "
             "so the epochs do not overlap or hold no surface; check the files, their ground and the largest offset."
@@ -99,8 +99,8 @@ def agreement(
     noise = max(own_noise(matcher.reference), own_noise(matcher.moving))
     # where hardly anything is stable the core of the residuals is change
     may = np.ones(len(pairs), dtype=bool) if among is None else among[pairs.source]
-    scale = max(min(robust_scale(pairs.residual[may]), _DOUBT * noise), 1e-4)
-    stable = may & (np.abs(pairs.residual) <= _STABLE * scale)
+    scale = max(min(robust_scale(pairs.residual[may]), _MAX_NOISE_RATIO * noise), 1e-4)
+    stable = may & (np.abs(pairs.residual) <= _STABLE_SCALES * scale)
     before = matcher.onto_reference(Pose.identity(), pairs.source[stable], reach, 0.5).residual
     after = pairs.residual[stable]
     normals = pairs.normal[stable] * np.where(pairs.normal[stable][:, 2:] < 0, -1.0, 1.0)
@@ -130,8 +130,8 @@ def agreement(
 def widened(error: float, quality: Agreement, least_share: float) -> float:
     """The standard error of a height (m) where less than ``least_share`` of the ground is stable.
 
-    The less of it there is the less is sure that it is what did not move: the error then nears the spread of all
-    height differences.
+    The less there is of it, the less certain it is that it did not move: the error then approaches the spread of
+    all height differences.
     """
     if quality.stable_share >= least_share:
         return error
@@ -153,15 +153,15 @@ def explain(
     bend: Bend | None = None,
     bent: bool = False,
 ) -> tuple[str, ...]:
-    """Sentences about what the registration cannot know.
+    """Sentences about the limits of the registration.
 
     Args:
         shift: (3,) mean displacement of the moving cloud, metres.
         error: standard error of a height, metres.
-        left: the epochs were left as surveyed for want of stable ground.
+        left: the epochs were left as surveyed because no stable ground was found.
         judged: the part that was registered alone and the largest other one.
         bend: what one rigid motion leaves.
-        bent: it was taken off.
+        bent: it was removed.
     """
     sentences = []
     along = float(shift @ quality.mean_normal)
@@ -173,12 +173,12 @@ def explain(
     if left:
         sentences.append(
             f"No stable ground was found ({quality.stable_share:.0%} of the overlap agrees within "
-            f"{_STABLE * quality.scale:.3f} m), so the epochs stay as surveyed; the registration error is widened to "
-            f"{error:.3f} m; give an area known to be stable."
+            f"{_STABLE_SCALES * quality.scale:.3f} m), so the epochs stay as surveyed; the registration error is "
+            f"widened to {error:.3f} m; give an area known to be stable."
         )
     elif judged is not None and (judged.contested or judged.by_position):
         sentences.append(caution(judged, error))
-    elif judged is not None and quality.stable_share < max(parameters.minimum_stable_share, _MINORITY):
+    elif judged is not None and quality.stable_share < max(parameters.minimum_stable_share, _MIN_STABLE_SHARE):
         little = quality.stable_share < parameters.minimum_stable_share
         than = f", less than the least share of stable ground ({parameters.minimum_stable_share:.0%})" if little else ""
         sentences.append(
@@ -188,9 +188,9 @@ def explain(
         )
     elif judged is None and quality.stable_share < parameters.minimum_stable_share:
         sentences.append(
-            f"Only {quality.stable_share:.0%} of the overlap agrees within {_STABLE * quality.scale:.3f} m, less than "
-            f"the least share of stable ground ({parameters.minimum_stable_share:.0%}); the registration error is "
-            f"widened to {error:.3f} m; give an area known to be stable."
+            f"Only {quality.stable_share:.0%} of the overlap agrees within {_STABLE_SCALES * quality.scale:.3f} m, "
+            f"less than the least share of stable ground ({parameters.minimum_stable_share:.0%}); the registration "
+            f"error is widened to {error:.3f} m; give an area known to be stable."
         )
     if unobservable:
         there = (
@@ -220,7 +220,7 @@ def explain(
             f"The offset found ({np.linalg.norm(shift):.2f} m) exceeds the largest expected one "
             f"({parameters.maximum_offset:g} m); raise maximum_offset and compare."
         )
-    if quality.overlap_share < _LITTLE_OVERLAP:
+    if quality.overlap_share < _MIN_OVERLAP_SHARE:
         sentences.append(
             f"Only {quality.overlap_share:.0%} of the later epoch's points have a counterpart on the earlier one; "
             "check that both cover the slope."
@@ -231,7 +231,7 @@ def explain(
 def explain_plants(
     *, error_by_plants: float, error: float, bare: bool, bare_share: float | None, offset: float | None
 ) -> tuple[str, ...]:
-    """Sentences about what plants do to the registration; lengths in metres.
+    """Sentences about the effect of plants on the registration; lengths in metres.
 
     Args:
         bare: bare ground alone was registered, the share ``bare_share``; None: nothing is known of plants.
@@ -239,7 +239,7 @@ def explain_plants(
     """
     if bare_share is None:
         return ()
-    if not bare and error_by_plants > _PLANTS:
+    if not bare and error_by_plants > _MAX_PLANT_ERROR_M:
         sentence = (
             f"Too little ground is bare ({bare_share:.0%}) to register by it alone, so what plants make of the heights "
             f"({error_by_plants:.3f} m) is part of the registration error: a season that differs alike all over is "
@@ -247,7 +247,7 @@ def explain_plants(
             "some."
         )
         return (sentence,)
-    if bare and offset is not None and abs(offset) > max(_PLANTS, 2.0 * error):
+    if bare and offset is not None and abs(offset) > max(_MAX_PLANT_ERROR_M, 2.0 * error):
         sentence = (
             f"On bare ground the surveys agree, but the ground under plants lies {abs(offset):.3f} m "
             f"{'lower' if offset < 0 else 'higher'} in the later one at the median: another season, or a movement of "
@@ -263,8 +263,8 @@ def _misfit(pairs: Pairs, stable: NDArray[np.bool_], block: float) -> float:
         return 0.0
     residual, number = pairs.residual[stable], block_numbers(pairs.place[stable], block)
     count = np.bincount(number)
-    enough = count >= _LEAST_IN_BLOCK
-    if np.count_nonzero(enough) < _LEAST_BLOCKS:
+    enough = count >= _MIN_BLOCK_PAIRS
+    if np.count_nonzero(enough) < _MIN_BLOCKS:
         return 0.0
     mean = np.bincount(number, residual)[enough] / count[enough]
     noise = float(np.median(np.var(residual) / count[enough]))

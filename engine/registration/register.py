@@ -1,4 +1,4 @@
-"""Registration of a later epoch to the first, and how far it can be trusted."""
+"""Registration of a later epoch to the first, and its error."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from .rival_parts import Standing, difference, refusal
 from .surface import Surface, nearest
 
 _NEIGHBOUR_SAMPLE = 25_000
-_NEGLIGIBLE = 1e-3  # metres that plants make of a registration's error: nothing is to be gained without them
+_MIN_PLANT_ERROR_M = 1e-3  # metres of a registration's error caused by plants: below, leaving them out gains nothing
 
 
 def register(
@@ -44,13 +44,13 @@ def register(
 ) -> RegistrationResult:
     """Register ``moving`` (m, 3) to ``reference`` (n, 3), both in metres of one reference system.
 
-    Where the clouds tell of plants, the robust method takes bare ground alone if that states the smaller error (see
+    Where the clouds know their plants, the robust method takes bare ground alone if that states the smaller error (see
     ``bare_ground``).
 
     Args:
         stable: area known to be stable, in the same system; only the reference's points within it are used by the
             robust method and by the quality figures.
-        plants: what the clouds tell of plants over their points.
+        plants: the plants over the points of each cloud, as far as the clouds record them.
 
     Raises:
         InputError: no overlap, too few points, coordinates that are not finite, points on one line, or a stable area
@@ -90,7 +90,7 @@ def register(
 class _Solution:
     """What a method found; ``radius`` (m) scales the rotations of ``information``.
 
-    ``left``: left as surveyed for want of stable ground. ``bent``: the correction of ``bend`` is part of it.
+    ``left``: left as surveyed because no stable ground was found. ``bent``: the correction of ``bend`` is part of it.
     ``alignment`` is what the robust method found.
     """
 
@@ -164,7 +164,7 @@ def _surface(xyz: Float, plants: PlantCover | None, parameters: RegistrationPara
 class _Measured:
     """A solution, the agreement of the surfaces there, and the standard error of a height, ``error`` (m).
 
-    ``by_plants`` (m) is the part of it that plants make. ``ground`` is known where the clouds tell of plants; ``bare``
+    ``by_plants`` (m) is the part of it that plants cause. ``ground`` is known where the clouds record plants; ``bare``
     says that its bare part alone was registered, above which the later survey's covered ground lies by ``offset`` (m).
     """
 
@@ -284,7 +284,7 @@ def _surer(
 ) -> _Measured:
     """By all ground or by bare ground alone, whichever states the smaller error."""
     all_ground = replace(all_ground, ground=ground)
-    if all_ground.by_plants < _NEGLIGIBLE:
+    if all_ground.by_plants < _MIN_PLANT_ERROR_M:
         return all_ground
     try:
         found = align_bare(ground, alignment, parameters, progress)
@@ -330,7 +330,7 @@ def _error(
 def _bent(
     solution: _Solution, quality: Agreement, matcher: Matcher, parameters: RegistrationParameters
 ) -> tuple[_Solution, Agreement]:
-    """What bends beside the rigid motion: told, and taken off where that was asked for."""
+    """Bending that the rigid motion leaves: measured, and removed if the parameters ask for it."""
     spacing = max(matcher.reference.spacing, matcher.moving.spacing)
     reach = max(0.3 * parameters.maximum_offset, 3 * spacing)
     bend = measure_bend(matcher, solution.pose, parameters.piece_size, reach, quality.scale)

@@ -1,8 +1,8 @@
-"""Second thoughts of a registration whose residuals are larger than the surfaces' own noise explains.
+"""Restarts of a registration whose residuals exceed the surfaces' own noise.
 
 Where much of what fixes a position lies within ground that has moved, weights that shrink slowly can settle between
-the old and the new place. Registering with one part of the surface after the other, and without it, finds the way out;
-the smallest scale tells which fit is best (the idea of the S-estimator, Rousseeuw and Yohai 1984).
+the old and the new place. Registering with one part of the surface after the other, and without it, leads out of that;
+the fit with the smallest scale is best (the idea of the S-estimator, Rousseeuw and Yohai 1984).
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from .surface import Surface
 
 LEAST_PAIRS = 12
 NOISE_FLOOR = 1e-3  # metres; no scanner is better, and a scale of zero has no weights
-_SHRINK = 0.3  # smallest factor of the scale from one iteration to the next
-_DOUBT = 1.5  # times the surfaces' own noise
-_REGIONS, _REGION_SHARE = 12, 0.3
+_MIN_SHRINK_FACTOR = 0.3  # smallest factor of the scale from one iteration to the next
+_MAX_NOISE_RATIO = 1.5  # times the surfaces' own noise: above, other starts are tried
+_REGION_COUNT, _REGION_SHARE = 12, 0.3
 _SOURCES = 5_000
-_APART, _TOGETHER = 10, 8  # iterations with a part of the surface and with all of it again
+_PART_ITERATIONS, _WHOLE_ITERATIONS = 10, 8  # iterations with a part of the surface and with all of it again
 
 
 @dataclass(frozen=True)
 class Descent:
-    """Where Gauss-Newton steps came to: ``scale`` (m) of the residuals, ``share`` of the sources that have a pair."""
+    """Where Gauss-Newton steps ended: ``scale`` (m) of the residuals, ``share`` of the sources that have a pair."""
 
     pose: Pose
     scale: float
@@ -63,7 +63,7 @@ def descend(
     agreement: float,
     iterations: int,
     noise: float = NOISE_FLOOR,
-    shrink: float = _SHRINK,
+    shrink: float = _MIN_SHRINK_FACTOR,
     among: Callable[[Pairs], NDArray[np.bool_]] | None = None,
     free: Float | None = None,
 ) -> Descent:
@@ -80,7 +80,7 @@ def descend(
     axes = np.eye(6) if free is None else free
     done, share = 0, 0.0
     for done in range(1, iterations + 1):
-        # a pair may lie as far apart as the clouds; later the scale tells how far
+        # a pair may lie as far apart as the clouds; later the scale limits the distance
         reach = max(reach_of(matcher, scale), offset if done <= 8 else 0.0)
         pairs = matcher.match(pose, sources, reach, agreement)
         share = len(pairs) / (len(sources[0]) + len(sources[1]))
@@ -109,15 +109,15 @@ def reconsider(
 ) -> Descent:
     """``first``, or what a search with parts of the surface found if its residuals are clearly smaller."""
     noise = max(own_noise(matcher.reference), own_noise(matcher.moving))
-    if first.scale <= _DOUBT * noise:
+    if first.scale <= _MAX_NOISE_RATIO * noise:
         return first
     few = matcher.sample(_SOURCES)
     best = first
-    for number, centre in enumerate(_spread(matcher.reference.points[few[0]], _REGIONS)):
-        progress.update(0.3 + 0.1 * number / _REGIONS, "registering with parts of the surface")
+    for number, centre in enumerate(_spread(matcher.reference.points[few[0]], _REGION_COUNT)):
+        progress.update(0.3 + 0.1 * number / _REGION_COUNT, "registering with parts of the surface")
         for part in (_Region(centre, inside=False), _Region(centre, inside=True)):
             start = Descent(first.pose, 2 * first.scale)
-            for iterations, among, least in ((_APART, part, 0.6), (_TOGETHER, None, 0.3)):
+            for iterations, among, least in ((_PART_ITERATIONS, part, 0.6), (_WHOLE_ITERATIONS, None, 0.3)):
                 start = descend(
                     matcher,
                     start.pose,

@@ -1,4 +1,4 @@
-"""What a registration found and how far it can be trusted."""
+"""The result of a registration and its quality."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ class StableGround:
 
 @dataclass(frozen=True)
 class PlantsInRegistration:
-    """What plants did to a registration, where the clouds tell of them.
+    """Effect of plants on a registration, where the clouds record them.
 
     Attributes:
         bare_share: share of the ground without plants, in the survey that has less of it.
         bare_only: bare ground alone was registered.
-        error: part of the registration error that plants make, metres.
+        error: part of the registration error that plants cause, metres.
         offset: median height of the later survey's ground under plants over the earlier one's, metres; None where
             all ground was registered together.
     """
@@ -75,11 +75,11 @@ class RegistrationResult:
         condition: ratio of the largest to the smallest curvature of the cost, rotations scaled by the cloud's radius.
         unobservable: motions that the surfaces do not fix, in words.
         weakest: the motion that is fixed least of the others, in words, and its standard error.
-        bend: how far stable ground is bent after the rigid motion; None where that was not or cannot be told.
+        bend: how far stable ground is bent after the rigid motion; None where that was not or cannot be measured.
         stable_ground: where both epochs were compared, and what of it is stable.
         registration_error: standard error of a height after registration, for the level of detection.
         warnings: sentences for the user.
-        plants: None where the clouds tell nothing of plants, or have none.
+        plants: None where the clouds record no plants.
     """
 
     transform: RigidTransform

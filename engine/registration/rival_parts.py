@@ -1,6 +1,6 @@
-"""Which of two parts of a surface that agree on different motions stayed, and when nothing tells.
+"""Which of two parts of a surface that agree on different motions stayed, and when that is undecidable.
 
-No geometry tells a block that moved as one from ground that stayed. What speaks for a part: that it is much larger
+No geometry distinguishes a block that moved as one from ground that stayed. Evidence for a part: that it is much larger
 than any other, that it lies around the other as ground does around a landslide, and that it lies where it was
 surveyed. None of that is proof, so that two parts of like weight are refused.
 """
@@ -14,16 +14,17 @@ import numpy as np
 from ..core.arrays import Float
 from .stable_patches import StablePart
 
-_LEAST_SHARE = 0.15  # of the patches' area: by chance an eighth agrees with some motion where all moved apart
-_LEAST_RIVAL = 0.10  # by chance as much agrees beside a part
-_MAJORITY, _SMALL = 0.5, 0.2
-_RIVAL = 0.7  # of the largest part: another one as large contradicts it
-_SURE_RIVAL = 0.55  # the same of a part that is no majority and does not lie around the other
-_LARGE, _SMALL_PARTS_RIVAL = 0.4, 0.4  # of a smaller part: a block that moved may be larger than what stayed
-_AROUND = 0.7  # of the other's compactness
+_MIN_PART_SHARE = 0.15  # of the patches' area: by chance an eighth agrees with some motion where all moved apart
+_MIN_RIVAL_SHARE = 0.10  # by chance as much agrees outside of a part
+_MIN_MAJORITY_SHARE, _MIN_SURROUNDING_SHARE = 0.5, 0.2
+_MAX_RIVAL_RATIO = 0.7  # of the largest part: another one as large contradicts it
+_MAX_RIVAL_RATIO_OF_UNCLEAR_PART = 0.55  # the same of a part that is no majority and does not lie around the other
+# of a smaller part: a block that moved may be larger than what stayed
+_MAX_SMALL_PART_SHARE, _MAX_RIVAL_RATIO_OF_SMALL_PART = 0.4, 0.4
+_MAX_COMPACTNESS_RATIO = 0.7  # of the other's compactness
 # Two surveys of 4 cm in height and 6.5 cm in plan each differ by less than 0.25 m in 95 % of pairs.
-_AS_SURVEYED, _ASTRAY = 0.25, 0.5  # metres
-_WORTH_A_DOUBT = 0.3  # of the largest part
+_MAX_OFFSET_AS_SURVEYED_M, _MIN_OFFSET_ASTRAY_M = 0.25, 0.5  # metres
+_MIN_DOUBTED_RATIO = 0.3  # of the largest part
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,8 @@ class Standing:
 
     Attributes:
         known: whether it is clearly the one that did not move.
-        contested: another part speaks against it as strongly.
-        by_position: only its place tells, which is where it was surveyed.
+        contested: another part contradicts it as strongly.
+        by_position: it was chosen only because it lies where it was surveyed.
         offset, other_offset: how far the part and the other one lie from where they were surveyed, metres.
         apart: how far apart the motions of both take the surface (root mean square), metres.
     """
@@ -49,7 +50,7 @@ class Standing:
 
 def standing(part: StablePart) -> Standing:
     """Judge the largest part and the largest other one."""
-    if part.share < _LEAST_SHARE:
+    if part.share < _MIN_PART_SHARE:
         return Standing(part, known=False)
     other = part.other
     if other is None:
@@ -59,18 +60,29 @@ def standing(part: StablePart) -> Standing:
     found = Standing(
         part, known=True, offset=offset, other_offset=other_offset, apart=_apart(part, other, part.patches.centre)
     )
-    large = other.share >= _LEAST_RIVAL
+    large = other.share >= _MIN_RIVAL_SHARE
     # a datum that is off by chance as far as a block moved back is less likely than a block that moved
-    doubted = large and ratio > _WORTH_A_DOUBT and offset > _ASTRAY and other_offset < _AS_SURVEYED
-    sure = part.share >= _MAJORITY or (part.share >= _SMALL and _surrounds(part, other))
-    most = _RIVAL if sure else _SMALL_PARTS_RIVAL if large and part.share < _LARGE else _SURE_RIVAL
+    doubted = (
+        large
+        and ratio > _MIN_DOUBTED_RATIO
+        and offset > _MIN_OFFSET_ASTRAY_M
+        and other_offset < _MAX_OFFSET_AS_SURVEYED_M
+    )
+    sure = part.share >= _MIN_MAJORITY_SHARE or (part.share >= _MIN_SURROUNDING_SHARE and _surrounds(part, other))
+    most = (
+        _MAX_RIVAL_RATIO
+        if sure
+        else _MAX_RIVAL_RATIO_OF_SMALL_PART
+        if large and part.share < _MAX_SMALL_PART_SHARE
+        else _MAX_RIVAL_RATIO_OF_UNCLEAR_PART
+    )
     if ratio <= most and not doubted:
         return found
     if not large:
         return replace(found, known=False)
-    if offset < _AS_SURVEYED and other_offset > _ASTRAY:
+    if offset < _MAX_OFFSET_AS_SURVEYED_M and other_offset > _MIN_OFFSET_ASTRAY_M:
         return replace(found, by_position=True)
-    if ratio > _RIVAL and doubted:
+    if ratio > _MAX_RIVAL_RATIO and doubted:
         swapped = replace(other, other=replace(part, other=None))
         return replace(found, part=swapped, by_position=True, offset=other_offset, other_offset=offset)
     return replace(found, known=False, contested=True)
@@ -89,7 +101,7 @@ def _apart(part: StablePart, other: StablePart, places: Float) -> float:
 
 def _surrounds(part: StablePart, other: StablePart) -> bool:
     """Whether a part is spread over the surface and the other one compact, as a block that moved is."""
-    return _compactness(part) < _AROUND * _compactness(other)
+    return _compactness(part) < _MAX_COMPACTNESS_RATIO * _compactness(other)
 
 
 def _compactness(part: StablePart) -> float:

@@ -3,7 +3,7 @@
 Motions that a few patches ask for are tried on all of them (a consensus of samples after Fischler and Bolles 1981,
 doi:10.1145/358669.358692, improved from those that agree as by Chum et al. 2003, doi:10.1007/978-3-540-45243-0_31).
 Patches that stand near to one another are sampled together, because they moved together or not at all: so a part of a
-few per cent is found. The largest part among all other patches tells how sure the choice is.
+few per cent is found. The largest part among all other patches shows how certain the choice is.
 """
 
 from __future__ import annotations
@@ -21,28 +21,28 @@ from .part_information import CORRELATED, contradicting, part_information
 from .point_to_plane import Matcher
 from .surface_patches import Equations, Patches, cut, equations
 
-_FEW, _MANY = 15, 60  # points of a patch that are paired, while looking for parts and in the end
-_WEAK = 0.1  # of the largest curvature: what walls and steps fix on level ground
-_TELLING = 0.2  # squared sine with which a patch tells of a weak direction
-_AMIDST = 2.0  # widths
+_SEARCH_POINTS, _FINAL_POINTS = 15, 60  # points of a patch that are paired, while looking for parts and in the end
+_MAX_WEAK_CURVATURE_RATIO = 0.1  # of the largest curvature: what walls and steps fix on level ground
+_MIN_WEAK_SINE_SQUARED = 0.2  # squared sine from which a patch constrains a weak direction
+_SURROUNDINGS_WIDTHS = 2.0  # widths
 _WEAK_TRIALS = 1_000
-_CONTESTED = 0.75  # of the area that agrees best: as much agrees on something else
+_MAX_RIVAL_AREA_RATIO = 0.75  # of the area that agrees best: as much agrees on something else
 _TRIALS = 6_000
-_PARTNERS = (1, 2, 3, 5, 8)  # patches that a trial takes beside its first one
-_NEAR = 25  # nearest patches of which half of the trials take them
-_BEST = 12  # trials that are improved
-_KEPT = 4  # parts that are paired again where they lead to
+_PARTNER_COUNTS = (1, 2, 3, 5, 8)  # patches that a trial takes in addition to its first one
+_NEAREST_PATCHES = 25  # nearest patches of which half of the trials take them
+_MAX_IMPROVED_TRIALS = 12  # trials that are improved
+_MAX_PARTS = 4  # parts that are paired again where they lead to
 _IMPROVE = 8
 _PASSES = 3
-_STILL = 1e-4  # metres
+_MIN_STEP_M = 1e-4  # metres
 _LEAST_OF_BEST = 0.5  # of the largest area: less does not become the largest when paired again
 _LEAST_PAIRS = 12
-_CLOSE = 0.4  # of the largest part's area: another one so large is measured again
-_TURNED = 5.0  # surveys shift by so much more than they turn, at the typical distance of the points
-_DEVIATIONS = 2.5
+_MIN_OTHER_AREA_RATIO = 0.4  # of the largest part's area: another one so large is measured again
+_SHIFT_PER_TURN = 5.0  # surveys shift by so much more than they turn, at the typical distance of the points
+_MAX_STANDARD_ERRORS = 2.5
 _SPARSE, _DENSE = 0.5, 0.8  # share of the patches around that agree: none counts below, all from the second on
-_LOOKED_AT = 400  # trials that are looked at with the patches around
-_FLOOR = 5e-4  # metres; no two surveys of a surface agree better
+_MAX_JUDGED_TRIALS = 400  # trials that are looked at with the patches around
+_MIN_ERROR_M = 5e-4  # metres; no two surveys of a surface agree better
 
 
 @dataclass(frozen=True)
@@ -103,10 +103,10 @@ def stable_part(
         return None
     spacing = max(matcher.reference.spacing, matcher.moving.spacing)
     everywhere = np.ones(len(patches), dtype=bool)
-    system = equations(matcher, patches, starts[0], max(offset, 3 * spacing), radius, noise, _FEW)
+    system = equations(matcher, patches, starts[0], max(offset, 3 * spacing), radius, noise, _SEARCH_POINTS)
 
     def settled(among: Bool, poses: list[Pose]) -> _Settled | None:
-        found = [_settled(matcher, patches, among, pose, noise, radius, offset, _FEW) for pose in poses]
+        found = [_settled(matcher, patches, among, pose, noise, radius, offset, _SEARCH_POINTS) for pose in poses]
         return max(found, key=lambda one: one.area, default=None)
 
     def reached(among: Bool, most: int) -> list[Pose]:
@@ -114,22 +114,22 @@ def stable_part(
         near = [one.motion for one in found if one.area >= _LEAST_OF_BEST * found[0].area]
         return [starts[0].moved(motion, radius) for motion in near]
 
-    best = settled(everywhere, [*reached(everywhere, _KEPT), *starts[1:]])
+    best = settled(everywhere, [*reached(everywhere, _MAX_PARTS), *starts[1:]])
     if best is None:
         return None
-    best = _settled(matcher, patches, everywhere, best.pose, noise, radius, offset, _MANY)
+    best = _settled(matcher, patches, everywhere, best.pose, noise, radius, offset, _FINAL_POINTS)
     best = _upright(matcher, patches, best, noise, radius, offset)
     other = settled(~best.agrees, reached(~best.agrees, 2))
-    if other is not None and other.area > _CLOSE * best.area:
+    if other is not None and other.area > _MIN_OTHER_AREA_RATIO * best.area:
         # what few points leave open counts as agreement, so that both are measured alike before they are compared
-        other = _settled(matcher, patches, ~best.agrees, other.pose, noise, radius, offset, _MANY, clear=False)
+        other = _settled(matcher, patches, ~best.agrees, other.pose, noise, radius, offset, _FINAL_POINTS, clear=False)
     compared = best.usable if other is None else best.usable | other.usable
     whole = max(float(patches.area[compared].sum()), 1e-9)
 
-    def part(one: _Settled, beside: StablePart | None) -> StablePart:
+    def part(one: _Settled, rival: StablePart | None) -> StablePart:
         known = one.information
         held = one.pose.vector(radius) if known.observable.all() else known.held(one.pose.vector(radius))
-        return StablePart(Pose.from_vector(held, radius), patches, one.agrees, one.area / whole, known, beside)
+        return StablePart(Pose.from_vector(held, radius), patches, one.agrees, one.area / whole, known, rival)
 
     return part(best, None if other is None else part(other, None))
 
@@ -137,9 +137,9 @@ def stable_part(
 def agreeing(matcher: Matcher, part: StablePart, pose: Pose, noise: float, radius: float) -> float:
     """Share of a part's area whose patches agree with another pose too; lengths in metres."""
     spacing = max(matcher.reference.spacing, matcher.moving.spacing)
-    system = equations(matcher, part.patches, pose, 3 * spacing, radius, noise, _MANY)
-    level, tells = _levels(system, noise, 1.0)
-    usable = part.agrees & tells
+    system = equations(matcher, part.patches, pose, 3 * spacing, radius, noise, _FINAL_POINTS)
+    level, decisive = _levels(system, noise, 1.0)
+    usable = part.agrees & decisive
     area = part.patches.area
     return float(area[usable & (system.excess(np.zeros((1, 6)))[:, 0] < level)].sum() / max(area[usable].sum(), 1e-9))
 
@@ -156,10 +156,12 @@ class _Settled:
 
 
 def _levels(system: Equations, noise: float, strict: float) -> tuple[Float, Bool]:
-    """Squared distance (k,) from which a patch has moved, by its points' scatter; which ones can tell (k,)."""
+    """Squared distance (k,) from which a patch has moved, by its points' scatter; which patches are precise enough to
+    decide (k,).
+    """
     error = 6 * system.rest * CORRELATED / np.maximum(system.pairs, 1)
-    tells = (system.pairs >= _LEAST_PAIRS) & (error < max(noise, 2 * _FLOOR) ** 2)
-    return np.asarray(_DEVIATIONS**2 * (error + (strict * max(noise / 4, _FLOOR)) ** 2)), tells
+    decisive = (system.pairs >= _LEAST_PAIRS) & (error < max(noise, 2 * _MIN_ERROR_M) ** 2)
+    return np.asarray(_MAX_STANDARD_ERRORS**2 * (error + (strict * max(noise / 4, _MIN_ERROR_M)) ** 2)), decisive
 
 
 def _settled(
@@ -177,10 +179,10 @@ def _settled(
     spacing = max(matcher.reference.spacing, matcher.moving.spacing)
     for number in range(_PASSES):
         system = equations(matcher, patches, pose, 3 * spacing, radius, noise, most)
-        level, tells = _levels(system, noise, 2.0 if number == 0 and most == _FEW else 1.0)
-        usable = among & tells
+        level, decisive = _levels(system, noise, 2.0 if number == 0 and most == _SEARCH_POINTS else 1.0)
+        usable = among & decisive
         found = _improved(system, patches, usable, level, np.zeros(6), spacing)
-        if most == _MANY and clear:
+        if most == _FINAL_POINTS and clear:
             odd = contradicting(system, patches, found.agrees, offset)
             if odd.any():
                 found = _improved(system, patches, usable & ~odd, level, np.zeros(6), spacing)
@@ -188,7 +190,7 @@ def _settled(
         known = part_information(system, patches, weight, found.motion, spacing, offset)
         # what nothing fixes stays
         pose = pose.moved(known.held(found.motion), radius)
-        if number and float(np.linalg.norm(found.motion)) < _STILL:
+        if number and float(np.linalg.norm(found.motion)) < _MIN_STEP_M:
             break
     return _Settled(pose, found.agrees, float(patches.area[found.agrees].sum()), usable, known)
 
@@ -202,17 +204,17 @@ def _upright(
     amidst stable ones count.
     """
     known = best.information
-    weak = known.observable & (known.curvature < _WEAK * known.curvature[-1])
+    weak = known.observable & (known.curvature < _MAX_WEAK_CURVATURE_RATIO * known.curvature[-1])
     if not weak.any():
         return best
     free = known.directions[:, weak]
-    system = equations(matcher, patches, best.pose, offset, radius, noise, _FEW)
-    level, tells = _levels(system, noise, 2.0)
-    told = np.minimum(np.einsum("ia,kij,ja->k", free, system.matrix, free), 1.0)
-    near = cKDTree(patches.centre).query_ball_point(patches.centre, _AMIDST * patches.width)
-    firm = tells & (told < _TELLING)
+    system = equations(matcher, patches, best.pose, offset, radius, noise, _SEARCH_POINTS)
+    level, decisive = _levels(system, noise, 2.0)
+    sine_squared = np.minimum(np.einsum("ia,kij,ja->k", free, system.matrix, free), 1.0)
+    near = cKDTree(patches.centre).query_ball_point(patches.centre, _SURROUNDINGS_WIDTHS * patches.width)
+    firm = decisive & (sine_squared < _MIN_WEAK_SINE_SQUARED)
     stays = np.array([np.mean(best.agrees[some][firm[some]]) if firm[some].any() else 0.0 for some in near])
-    some = np.flatnonzero(tells & (told >= _TELLING) & (stays > 0.5))
+    some = np.flatnonzero(decisive & (sine_squared >= _MIN_WEAK_SINE_SQUARED) & (stays > 0.5))
     if len(some) < 2:
         return best
     matrices = np.einsum("ia,kij,jb->kab", free, system.matrix[some], free) / level[some, None, None]
@@ -223,22 +225,22 @@ def _upright(
     steps = -np.linalg.solve(matrices[chosen].sum(axis=1) + prior, vectors[chosen].sum(axis=1)[:, :, None])[:, :, 0]
     motions = np.vstack([np.zeros((1, 6)), steps @ free.T])
     fit = np.maximum(1.0 - system.excess(motions)[some] / level[some, None], 0.0)
-    area = (patches.area[some] * told[some]) @ fit
+    area = (patches.area[some] * sine_squared[some]) @ fit
     first = int(np.argmax(area))
-    shared = (patches.area[some] * told[some]) @ ((fit > 0) & (fit[:, first] > 0)[:, None])
-    all_of = (patches.area[some] * told[some]) @ (fit > 0)
+    shared = (patches.area[some] * sine_squared[some]) @ ((fit > 0) & (fit[:, first] > 0)[:, None])
+    all_of = (patches.area[some] * sine_squared[some]) @ (fit > 0)
     apart = shared < 0.5 * all_of
     rival = float(area[apart].max(initial=0.0))
     if first and area[first] > 1.2 * area[0]:
         everywhere = np.ones(len(patches), dtype=bool)
         pose = best.pose.moved(motions[first], radius)
-        other = _settled(matcher, patches, everywhere, pose, noise, radius, offset, _MANY)
+        other = _settled(matcher, patches, everywhere, pose, noise, radius, offset, _FINAL_POINTS)
         # what slides must leave the rest as it was
         best = other if other.area > 0.95 * best.area else best
-    if rival <= _CONTESTED * area[first]:
+    if rival <= _MAX_RIVAL_AREA_RATIO * area[first]:
         return best
     known = best.information
-    weak = known.observable & (known.curvature < _WEAK * known.curvature[-1])
+    weak = known.observable & (known.curvature < _MAX_WEAK_CURVATURE_RATIO * known.curvature[-1])
     kept = known.directions[:, known.observable & ~weak]
     left = known.directions[:, ~known.observable | weak]
     covariance = kept @ kept.T @ known.covariance @ kept @ kept.T + offset**2 / 3 * left @ left.T
@@ -249,8 +251,8 @@ def _upright(
 
 def _search(system: Equations, patches: Patches, among: Bool, noise: float, offset: float) -> list[_Found]:
     """Some motions on which large parts agree, the largest part first; each with patches that those before lack."""
-    level, tells = _levels(system, noise, 3.0)
-    usable = among & tells
+    level, decisive = _levels(system, noise, 3.0)
+    usable = among & decisive
     numbers = np.flatnonzero(usable)
     if not len(numbers):
         return []
@@ -262,10 +264,10 @@ def _search(system: Equations, patches: Patches, among: Bool, noise: float, offs
         if any(patches.area[inside & f.agrees].sum() > 0.5 * patches.area[inside].sum() for f in found):
             continue
         found.append(_improved(system, patches, usable, level, trials[number], offset))
-        if len(found) >= _BEST:
+        if len(found) >= _MAX_IMPROVED_TRIALS:
             break
     found.sort(key=lambda f: -f.area)
-    return found[:_KEPT]
+    return found[:_MAX_PARTS]
 
 
 def _trials(system: Equations, patches: Patches, numbers: NDArray[np.int64], level: Float, offset: float) -> Float:
@@ -274,18 +276,18 @@ def _trials(system: Equations, patches: Patches, numbers: NDArray[np.int64], lev
     share = patches.area[numbers] / patches.area[numbers].sum()
     first = rng.choice(len(numbers), _TRIALS, p=share)
     distance = np.linalg.norm(patches.centre[numbers][:, None] - patches.centre[numbers][None], axis=2)
-    near = np.argsort(distance, axis=1)[:, : min(_NEAR, len(numbers))]
+    near = np.argsort(distance, axis=1)[:, : min(_NEAREST_PATCHES, len(numbers))]
     weight = 1.0 / level[numbers]
     matrices = system.matrix[numbers] * weight[:, None, None]
     vectors = system.vector[numbers] * weight[:, None]
     prior = _prior(offset)
     # wide parts hold small motions back less than their own noise does
     total, side = np.broadcast_to(prior, (_TRIALS, 6, 6)) + matrices[first], vectors[first]
-    wanted = rng.choice(_PARTNERS, _TRIALS)
-    for partner in range(max(_PARTNERS)):
-        beside = near[first, rng.integers(0, near.shape[1], _TRIALS)]
+    wanted = rng.choice(_PARTNER_COUNTS, _TRIALS)
+    for partner in range(max(_PARTNER_COUNTS)):
+        neighbour = near[first, rng.integers(0, near.shape[1], _TRIALS)]
         anywhere = rng.choice(len(numbers), _TRIALS, p=share)
-        other = np.where(rng.random(_TRIALS) < 0.7, beside, anywhere)
+        other = np.where(rng.random(_TRIALS) < 0.7, neighbour, anywhere)
         more = (partner < wanted)[:, None]
         total = total + np.where(more[:, :, None], matrices[other], 0.0)
         side = side + np.where(more, vectors[other], 0.0)
@@ -293,14 +295,14 @@ def _trials(system: Equations, patches: Patches, numbers: NDArray[np.int64], lev
 
 
 def _prior(offset: float) -> Float:
-    sd = offset / np.sqrt(3.0) * np.array([1 / _TURNED] * 3 + [1.0] * 3)
+    sd = offset / np.sqrt(3.0) * np.array([1 / _SHIFT_PER_TURN] * 3 + [1.0] * 3)
     return np.diag(1.0 / sd**2)
 
 
 def _weights(patches: Patches, usable: Bool, excess: Float, level: Float) -> Float:
     """(k, m) weights of the patches, from 1 where one agrees well, by its ``excess`` (k, m), to 0 at its ``level``.
 
-    A piece that turned agrees along a line, a piece that slid in places: their neighbours tell.
+    A piece that turned agrees along a line, a piece that slid in places: their neighbours show it.
     """
     fit = np.where(usable[:, None], np.maximum(1.0 - excess / level[:, None], 0.0), 0.0)
     known = np.maximum(patches.around @ usable.astype(np.float64), 1e-9)
@@ -309,13 +311,13 @@ def _weights(patches: Patches, usable: Bool, excess: Float, level: Float) -> Flo
 
 
 def _areas(system: Equations, patches: Patches, usable: Bool, level: Float, motions: Float) -> Float:
-    """(m,) area that agrees with each motion; what agrees better counts more; 0 for those not worth a look."""
+    """(m,) area that agrees with each motion; what agrees better counts more; 0 for those that are not examined."""
     area = np.where(usable, patches.area, 0.0)
     found = np.empty(len(motions))
     for start in range(0, len(motions), 500):
         excess = system.excess(motions[start : start + 500])
         found[start : start + 500] = area @ np.maximum(1.0 - excess / level[:, None], 0.0)
-    some = np.argsort(-found, kind="stable")[:_LOOKED_AT]
+    some = np.argsort(-found, kind="stable")[:_MAX_JUDGED_TRIALS]
     looked_at = area @ _weights(patches, usable, system.excess(motions[some]), level)
     found[:] = 0.0
     found[some] = looked_at

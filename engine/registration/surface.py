@@ -10,9 +10,9 @@ from ..geometry.principal_axes import thinnest
 from ..geometry.voxels import voxel_average
 
 NEIGHBOURS = 12  # of a plane; fewer follow finer relief, more average more noise
-_THICKNESS = 0.5  # a neighbourhood thicker than this share of its width has no normal worth using
-_LEAF = 24  # points; measured, faster than the default where all points ask for their neighbours
-_CHUNK = 50_000  # points a native call, so that a cancel is heard in time
+_MAX_THICKNESS_RATIO = 0.5  # a neighbourhood thicker than this share of its width has no normal worth using
+_LEAF_POINTS = 24  # points; measured, faster than the default where all points ask for their neighbours
+_CHUNK_POINTS = 50_000  # points a native call, so that a cancel is heard in time
 
 
 class Surface:
@@ -27,7 +27,7 @@ class Surface:
         self.points = means if plants is None else np.ascontiguousarray(means[:, :3])
         self.plants = None if plants is None else np.ascontiguousarray(means[:, 3])
         # the default build sorts and shrinks at a cost that so few queries do not return
-        self.tree = cKDTree(self.points, balanced_tree=False, compact_nodes=False, leafsize=_LEAF)
+        self.tree = cKDTree(self.points, balanced_tree=False, compact_nodes=False, leafsize=_LEAF_POINTS)
         self._axes = np.ascontiguousarray(self.points.T)
         self.neighbours = min(NEIGHBOURS, len(self.points))
         self.centroids = np.zeros_like(self.points)
@@ -51,8 +51,8 @@ class Surface:
         asked = np.zeros(len(self.points), dtype=bool)
         asked[numbers] = True
         missing = np.flatnonzero(asked & ~self._fitted)
-        for start in range(0, len(missing), _CHUNK):
-            chosen = missing[start : start + _CHUNK]
+        for start in range(0, len(missing), _CHUNK_POINTS):
+            chosen = missing[start : start + _CHUNK_POINTS]
             _, near = self.tree.query(self.points[chosen], k=list(range(1, self.neighbours + 1)), workers=-1)
             own = self.points[chosen].T
             x, y, z = (np.take(axis, near.T) - middle for axis, middle in zip(self._axes, own, strict=True))
@@ -62,7 +62,7 @@ class Surface:
             thin, wide, normal = thinnest(*moments)
             self.centroids[chosen] = (own + mean).T
             self.normals[chosen] = normal * np.where(normal[:, 2:] < 0, -1.0, 1.0)
-            self.planar[chosen] = thin < _THICKNESS**2 * wide
+            self.planar[chosen] = thin < _MAX_THICKNESS_RATIO**2 * wide
         self._fitted[missing] = True
 
     def bare(self, limit: float) -> Bool:
@@ -71,8 +71,8 @@ class Surface:
             return np.ones(len(self.points), dtype=bool)
         bare: Bool = self.plants <= limit
         some = np.flatnonzero(bare)
-        for start in range(0, len(some), _CHUNK):
-            chosen = some[start : start + _CHUNK]
+        for start in range(0, len(some), _CHUNK_POINTS):
+            chosen = some[start : start + _CHUNK_POINTS]
             near = np.asarray(
                 self.tree.query(self.points[chosen], k=list(range(1, self.neighbours + 1)), workers=-1)[1]
             )
@@ -89,7 +89,7 @@ class Surface:
 def nearest(tree: cKDTree, xyz: Float, reach: float = np.inf) -> tuple[Float, Index]:
     """As ``tree.query``, in pieces that leave room for a cancel."""
     distance, number = np.empty(len(xyz)), np.empty(len(xyz), dtype=np.int64)
-    for start in range(0, len(xyz), _CHUNK):
-        piece = slice(start, start + _CHUNK)
+    for start in range(0, len(xyz), _CHUNK_POINTS):
+        piece = slice(start, start + _CHUNK_POINTS)
         distance[piece], number[piece] = tree.query(xyz[piece], distance_upper_bound=reach, workers=-1)
     return distance, number

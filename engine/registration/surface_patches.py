@@ -1,8 +1,8 @@
 """A surface cut into patches of one direction, and how far each patch agrees with a motion of the whole.
 
 Patches are what piecewise registration goes by (Yang and Schwieger 2023, Wujanz et al. 2016,
-doi:10.1016/j.isprsjprs.2016.04.008): a patch has moved or not as a whole, and its many points tell of that far more
-surely than each one alone.
+doi:10.1016/j.isprsjprs.2016.04.008): a patch has moved or not as a whole, and its many points show that far more
+reliably than each one alone.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from ..statistics.robust import NORMALISED
 from .point_to_plane import Matcher, tukey_weights
 from .surface import Surface
 
-_LAYERS = 4  # directions that a block may hold
-_PAIRED = 0.8  # least cosine of the normals of a pair
-_ALIKE = 0.9  # least cosine of the normals of one patch: 26 degrees
-_LEAST = 12  # points of a patch
-_AROUND = 2.5  # widths
-_WIDTH = 10  # spacings: side of a block
-_MOST = 1500  # patches, about
+_MAX_LAYERS = 4  # directions that a block may hold
+_MIN_PAIR_COSINE = 0.8  # least cosine of the normals of a pair
+_MIN_PATCH_COSINE = 0.9  # least cosine of the normals of one patch: 26 degrees
+_MIN_PATCH_POINTS = 12  # points of a patch
+_SURROUNDINGS_WIDTHS = 2.5  # widths
+_BLOCK_SPACINGS = 10  # spacings: side of a block
+_MAX_PATCHES = 1500  # patches, about
 _SOURCES = 60_000
 _ROUNDS = 4
-_MOST_PAIRS = 60
-_INDEX = np.triu_indices(6)
-_TWICE = np.where(_INDEX[0] == _INDEX[1], 1.0, 2.0)
+_MAX_PATCH_PAIRS = 60
+_UPPER_TRIANGLE = np.triu_indices(6)
+_SYMMETRY_FACTORS = np.where(_UPPER_TRIANGLE[0] == _UPPER_TRIANGLE[1], 1.0, 2.0)
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,8 @@ class Patches:
     @cached_property
     def around(self) -> csr_array:
         """(k, k) shares of the patches near each one that face alike, itself with them, by area; rows sum to 1."""
-        pairs = cKDTree(self.centre).query_pairs(_AROUND * self.width, output_type="ndarray")
-        alike = np.abs(np.einsum("ij,ij->i", self.normal[pairs[:, 0]], self.normal[pairs[:, 1]])) > _ALIKE
+        pairs = cKDTree(self.centre).query_pairs(_SURROUNDINGS_WIDTHS * self.width, output_type="ndarray")
+        alike = np.abs(np.einsum("ij,ij->i", self.normal[pairs[:, 0]], self.normal[pairs[:, 1]])) > _MIN_PATCH_COSINE
         first, second = pairs[alike].T
         own = np.arange(len(self))
         rows, columns = np.concatenate([first, second, own]), np.concatenate([second, first, own])
@@ -83,7 +83,7 @@ def cut(surface: Surface, thickness: float, eligible: Bool | None = None) -> Pat
     """Cut a surface into patches: cubic blocks, and in each the parts that face one way and lie in one layer.
 
     Args:
-        thickness: of a layer, metres either way, beside what a patch's own relief is.
+        thickness: of a layer, metres either way, in addition to a patch's own relief.
         eligible: (m,) points to be used; all without it.
     """
     sources = surface.sample(_SOURCES, eligible)
@@ -91,18 +91,18 @@ def cut(surface: Surface, thickness: float, eligible: Bool | None = None) -> Pat
     sources = sources[surface.planar[sources]]
     places, normals = surface.points[sources], surface.normals[sources]
     per_point = surface.spacing**2 * max(1.0, len(surface.points) / max(len(sources), 1))
-    width = max(_WIDTH * surface.spacing, float(np.sqrt(len(sources) * per_point / _MOST)))
+    width = max(_BLOCK_SPACINGS * surface.spacing, float(np.sqrt(len(sources) * per_point / _MAX_PATCHES)))
     block = block_numbers(places, width) if len(sources) else np.zeros(0, dtype=np.int64)
     number = np.full(len(sources), -1, dtype=np.int64)
     found = 0
-    for _ in range(_LAYERS):
+    for _ in range(_MAX_LAYERS):
         left = np.flatnonzero(number < 0)
         if not len(left):
             break
         of = np.unique(block[left], return_inverse=True)[1]
         inside = _layer(places[left], normals[left], of, max(thickness, 0.05 * width))
         size = np.bincount(of, inside)
-        enough = size >= _LEAST
+        enough = size >= _MIN_PATCH_POINTS
         chosen = inside & enough[of]
         numbers = np.cumsum(enough) - 1 + found
         number[left[chosen]] = numbers[of[chosen]]
@@ -148,7 +148,7 @@ def _layer(places: Float, normals: Float, of: Index, thickness: float) -> Bool:
     for _ in range(_ROUNDS):
         away = np.einsum("ij,ij->i", places - origin[of], normal[of])
         cosine = np.einsum("ij,ij->i", normals, normal[of])
-        inside = (np.abs(cosine) > _ALIKE) & (np.abs(away) < thickness)
+        inside = (np.abs(cosine) > _MIN_PATCH_COSINE) & (np.abs(away) < thickness)
         size = np.maximum(np.bincount(of, inside), 1)
         turned = normals * np.where(inside, np.sign(cosine), 0.0)[:, None]
         mean = np.column_stack([np.bincount(of, x, minlength=len(count)) for x in turned.T])
@@ -182,14 +182,20 @@ class Equations:
 
     def excess(self, motions: Float) -> Float:
         """(k, m) mean squared distance, square metres, that ``motions`` (m, 6) leave beyond a patch's own best one."""
-        quadratic = self.matrix[:, _INDEX[0], _INDEX[1]] * _TWICE
-        outer = motions[:, _INDEX[0]] * motions[:, _INDEX[1]]
+        quadratic = self.matrix[:, _UPPER_TRIANGLE[0], _UPPER_TRIANGLE[1]] * _SYMMETRY_FACTORS
+        outer = motions[:, _UPPER_TRIANGLE[0]] * motions[:, _UPPER_TRIANGLE[1]]
         least = np.einsum("ki,ki->k", self.vector, self.own)
         return np.asarray(np.maximum(quadratic @ outer.T + 2 * self.vector @ motions.T - least[:, None], 0.0))
 
 
 def equations(
-    matcher: Matcher, patches: Patches, pose: Pose, reach: float, radius: float, noise: float, most: int = _MOST_PAIRS
+    matcher: Matcher,
+    patches: Patches,
+    pose: Pose,
+    reach: float,
+    radius: float,
+    noise: float,
+    most: int = _MAX_PATCH_PAIRS,
 ) -> Equations:
     """The patches' equations at a pose, out of pairs up to ``reach`` metres apart; ``noise`` (m) is the surfaces'.
 
@@ -250,7 +256,7 @@ def _paired(matcher: Matcher, patches: Patches, pose: Pose, reach: float, most: 
     moving.fit(ours)
     first, second = reference.normals[theirs], turned(moving.normals[ours], pose.rotation)
     cosine = np.einsum("ij,ij->i", first, second)
-    keep = (np.abs(cosine) > _PAIRED) & reference.planar[theirs] & moving.planar[ours]
+    keep = (np.abs(cosine) > _MIN_PAIR_COSINE) & reference.planar[theirs] & moving.planar[ours]
     if matcher.stable is not None:
         keep &= matcher.stable[theirs]
     keep = np.flatnonzero(keep)
@@ -284,7 +290,7 @@ def _sums(one: Float, two: Float, pairs: _Paired, weight: Float, k: int) -> _Sum
     patch = pairs.patch
     total: Float = np.asarray(np.bincount(patch, weight, minlength=k), dtype=np.float64)
     share = weight / np.maximum(total, 1e-12)[patch]
-    i, j = _INDEX
+    i, j = _UPPER_TRIANGLE
     products = np.empty((len(patch), len(i) + 6))
     products[:, : len(i)] = one[:, i] * two[:, j] + one[:, j] * two[:, i]
     products[:, len(i) :] = one * pairs.gaps[1][:, None] + two * pairs.gaps[0][:, None]

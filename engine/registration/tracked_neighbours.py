@@ -11,12 +11,13 @@ from scipy.spatial import cKDTree
 
 from ..core.arrays import Float, Index
 
-_CHUNK = 50_000  # points a native call, so that a cancel is heard in time
-_HORIZON = 1.5  # times the reach: how far a search looks, so that points without a neighbour are not searched each time
+_CHUNK_POINTS = 50_000  # points a native call, so that a cancel is heard in time
+# times the reach: how far a search looks, so that points without a neighbour are not searched each time
+_SEARCH_REACHES = 1.5
 
 
 class TrackedNeighbours:
-    """Neighbours, in a tree, of ``count`` points that are told by their numbers and by where they are now."""
+    """Neighbours, in a tree, of ``count`` points that are given by their numbers and their present positions."""
 
     def __init__(self, tree: cKDTree, count: int) -> None:
         self.tree = tree
@@ -34,9 +35,9 @@ class TrackedNeighbours:
         """
         safe = np.take(self._slack, which) - np.where(np.take(self._number, which) < self.tree.n, 0.0, reach)
         stale = np.flatnonzero(~(_distance(places, np.take(self._place, which, axis=0)) < safe))
-        for start in range(0, len(stale), _CHUNK):
-            chosen = stale[start : start + _CHUNK]
-            self._search(which[chosen], np.take(places, chosen, axis=0), _HORIZON * reach)
+        for start in range(0, len(stale), _CHUNK_POINTS):
+            chosen = stale[start : start + _CHUNK_POINTS]
+            self._search(which[chosen], np.take(places, chosen, axis=0), _SEARCH_REACHES * reach)
         number = np.take(self._number, which)
         near = _distance(places, np.take(self.tree.data, number, axis=0, mode="clip"))
         beyond = (number == self.tree.n) | ~(near < reach)

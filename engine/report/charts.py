@@ -25,7 +25,7 @@ _BEFORE = "#8a8f98"
 _SOFT = "#57606a"
 _WIDTH, _WIDE = 4.2, 7.2  # inches
 COURSES = 8
-"""Zones whose course is drawn; more cannot be told apart."""
+"""Zones whose course is drawn; more cannot be distinguished."""
 
 
 def change_histogram(record: Mapping[str, Any]) -> Picture:
@@ -61,7 +61,9 @@ def change_histogram(record: Mapping[str, Any]) -> Picture:
 
 
 def stable_histogram(record: Mapping[str, Any]) -> Picture | None:
-    """Change on stable ground beside the normal distribution of its median and NMAD; None without such ground."""
+    """Change on stable ground compared with the normal distribution of its median and NMAD; None without such
+    ground.
+    """
     facts, shown = record["stable_ground"], record["distribution"]
     if facts is None:
         return None

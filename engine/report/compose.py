@@ -19,7 +19,7 @@ from .reviews import zone_reviews
 
 REPORT = "report.html"
 _TEMPLATES = Path(__file__).resolve().parent / "templates"
-_MOST_ZONES, _MOST_PROFILES = 40, 12
+_MAX_ZONES, _MAX_PROFILES = 40, 12
 _MEANINGS = {
     "confirmed": "significant change of the zone’s sign on 30 % or more of what was compared of it",
     "confirmed in part": "on 15 % or more, of a zone of many cells",
@@ -149,7 +149,7 @@ def _change_context(record: dict[str, Any], folder: Path, profile_table: Path) -
     epochs = [epoch["name"] for epoch in record["epochs"]]
     profiles = record.get("profiles") or []
     tables = read_profiles(profile_table) if profiles else {}
-    drawn = profiles[:_MOST_PROFILES]
+    drawn = profiles[:_MAX_PROFILES]
     pictures = {
         "change": maps.change_map(folder, record["colour_limit_m"], (epochs[0], epochs[1])),
         "heatmap": photograph(
@@ -171,8 +171,8 @@ def _change_context(record: dict[str, Any], folder: Path, profile_table: Path) -
         "lod": record.get("level_of_detection") or {},
         "pictures": pictures,
         "gap": f"{maps.GAP:g}",
-        "most_zones": _MOST_ZONES,
-        "most_profiles": _MOST_PROFILES,
+        "most_zones": _MAX_ZONES,
+        "most_profiles": _MAX_PROFILES,
         "verdicts": _verdicts(),
         "reviews": zone_reviews(folder / "zones.gpkg"),
         "screened_reviews": zone_reviews(folder / "screened_zones.gpkg"),
@@ -191,7 +191,7 @@ def _series_context(record: dict[str, Any], folder: Path) -> dict[str, Any]:
         "pictures": {"series": photograph(folder / "series.png", words, 1000), "course": course_chart(record)},
         "ground": ground_section(record, folder),
         "courses": [zone["zone_id"] for zone in (record["zones"] or [])[:COURSES]] if record.get("course") else [],
-        "most_zones": _MOST_ZONES,
+        "most_zones": _MAX_ZONES,
         "reviews": zone_reviews(folder / "series.gpkg"),
     }
 

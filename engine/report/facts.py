@@ -1,4 +1,6 @@
-"""Figures of a change for its run record, beside the main ones: what the report's tables and histograms show."""
+"""Figures of a change for its run record, in addition to the main ones: what the report's tables and histograms
+show.
+"""
 
 from __future__ import annotations
 
@@ -22,13 +24,13 @@ from ..maps.palette import rounded_up
 from ..statistics.robust import nmad
 
 _HALF_BINS = 60
-_MOST_ZONES = 100
-_DAYS_A_YEAR = 365.25
+_MAX_ZONES = 100
+_DAYS_PER_YEAR = 365.25
 _COURSE = (
     "epoch", "days", "dz_mean_m", "dz_err_m", "area_m2", "vol_net_m3", "vol_err_m3", "days_before", "rate_mm_day",
     "rate_err",
 )  # fmt: skip
-_SLOPES = (0.0, 15.0, 30.0, 45.0, 60.0, 90.0)  # degrees, classes of the level's table
+_SLOPE_LIMITS_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 90.0)  # degrees, classes of the level's table
 
 
 def change_facts(
@@ -105,8 +107,8 @@ def level_facts(change: Change) -> dict[str, Any]:
     """The level of detection: percentiles, and its median by the surface's inclination."""
     level, slope = change.level[change.valid], change.slope[change.valid]
     classes = []
-    for low, high in pairwise(_SLOPES):
-        cells = (slope >= low) & ((slope < high) | (high == _SLOPES[-1]))
+    for low, high in pairwise(_SLOPE_LIMITS_DEG):
+        cells = (slope >= low) & ((slope < high) | (high == _SLOPE_LIMITS_DEG[-1]))
         if cells.any():
             classes.append(
                 {
@@ -124,7 +126,7 @@ def level_facts(change: Change) -> dict[str, Any]:
 def error_terms(change: Change) -> list[dict[str, Any]]:
     """Parts of the cells' errors: median standard error, metres, and share of the cells where it is the largest.
 
-    Without knowledge of plants there are no terms to be told apart.
+    Without knowledge of plants there are no terms to be distinguished.
     """
     if change.plants is None or change.sampling is None:
         return []
@@ -192,9 +194,9 @@ def rates(change: Change, days: int) -> dict[str, Any]:
     detectable = 1000.0 * change.median_level / days
     return {
         "days": days,
-        "years": days / _DAYS_A_YEAR,
+        "years": days / _DAYS_PER_YEAR,
         "detectable_mm_day": detectable,
-        "detectable_mm_year": detectable * _DAYS_A_YEAR,
+        "detectable_mm_year": detectable * _DAYS_PER_YEAR,
     }
 
 
@@ -202,9 +204,9 @@ def zone_rows(frame: gpd.GeoDataFrame, texts: tuple[str, ...] = ("severity",)) -
     """The first hundred zones as rows of a table, with a point inside each; fields that are empty are left out.
 
     Args:
-        texts: fields with words that the rows keep, beside id and kind.
+        texts: fields with words that the rows keep, in addition to id and kind.
     """
-    first = frame.iloc[:_MOST_ZONES]
+    first = frame.iloc[:_MAX_ZONES]
     points = shapely.get_coordinates(shapely.point_on_surface(np.asarray(first.geometry)))
     numbers = [name for name in first.columns if pd.api.types.is_numeric_dtype(first[name].dtype)]
     fields = ["zone_id", "kind", *texts, *numbers]
@@ -218,7 +220,7 @@ def zone_rows(frame: gpd.GeoDataFrame, texts: tuple[str, ...] = ("severity",)) -
 def course_rows(table: pd.DataFrame, zone_ids: Sequence[str]) -> dict[str, list[dict[str, Any]]]:
     """Of each zone named, its surveys from the second on, as ``series_tables.series_frame`` has them.
 
-    What a survey did not measure is left out, so that its row has no more than its day.
+    What a survey did not measure is left out, so that its row has only its day.
     """
     rows: dict[str, list[dict[str, Any]]] = {}
     for name in zone_ids:

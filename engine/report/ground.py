@@ -1,4 +1,4 @@
-"""The report's section on the ground: which surveys it tells of, maps of their ground returns, a chart of heights.
+"""The report's section on the ground: which surveys it covers, maps of their ground returns, a chart of heights.
 
 The figures come from the run record, the maps from the classified clouds that the run kept. A run of an older version
 has no such figures, one of clouds that were ground already has neither.
@@ -27,9 +27,9 @@ from .embedding import Picture, drawing
 from .maps import panel, sequential
 
 NO_GROUND: Colour = (0xA0, 0x3A, 0x8C)
-_MOST_PIXELS = 1200
+_MAX_PIXELS = 1200
 _GREY, _DARK = "#c9ccd1", "#62826c"
-_HALF = 3.6  # inches of a panel of the chart
+_PANEL_INCHES = 3.6  # inches of a panel of the chart
 
 
 def ground_section(record: Mapping[str, Any], folder: Path) -> dict[str, Any] | None:
@@ -71,7 +71,7 @@ def ground_maps(clouds: Sequence[Path], names: Sequence[str]) -> list[Picture]:
     low = np.array([[c.column.min(), c.row.min()] for c, _ in found]).min(axis=0)
     high = np.array([[(c.column + c.side / FINEST).max(), (c.row + c.side / FINEST).max()] for c, _ in found])
     factor = 1
-    while (high.max(axis=0) - low).max() > factor * _MOST_PIXELS:
+    while (high.max(axis=0) - low).max() > factor * _MAX_PIXELS:
         factor *= 2
     low = low // factor * factor
     columns, rows = (np.ceil((high.max(axis=0) - low) / factor)).astype(int).tolist()
@@ -114,7 +114,7 @@ def painted(
 
 
 def heights_chart(surveys: Sequence[tuple[str, Mapping[str, Any]]]) -> Picture | None:
-    """Returns by their height over the ground, a panel a survey beside each other; None without any.
+    """Returns by their height over the ground, one panel for each survey, side by side; None without any.
 
     Args:
         surveys: name and ``HeightCounts`` as the run record has them.
@@ -130,11 +130,11 @@ def heights_chart(surveys: Sequence[tuple[str, Mapping[str, Any]]]) -> Picture |
     seen = np.flatnonzero(np.max([every for every, _ in shares], axis=0) > 0.05)
     lowest, highest = (edges[seen[0]], edges[seen[-1] + 1]) if seen.size else (0.0, 1.0)
     most = max(float(every.max()) for every, _ in shares) or 1.0
-    width = _HALF * len(surveys)
+    width = _PANEL_INCHES * len(surveys)
     figure = Figure(figsize=(width, 3.0))
     sheet = Sheet(figure, width, 3.0)
     for number, ((name, _), (every, ground)) in enumerate(zip(surveys, shares, strict=True)):
-        axes = sheet.axes(0.6 + number * _HALF, 0.5, _HALF - 0.8, 2.15)
+        axes = sheet.axes(0.6 + number * _PANEL_INCHES, 0.5, _PANEL_INCHES - 0.8, 2.15)
         axes.stairs(every, edges, orientation="horizontal", fill=True, color=_GREY, label="all returns")
         axes.stairs(ground, edges, orientation="horizontal", fill=True, color=_DARK, label="ground")
         axes.axhline(0.0, color=INK, lw=0.6)
@@ -144,7 +144,7 @@ def heights_chart(surveys: Sequence[tuple[str, Mapping[str, Any]]]) -> Picture |
         axes.set_xlabel("share of the returns (%)", fontproperties=sheet.fonts(8), color=INK)
         axes.set_ylabel("height over the ground (m)", fontproperties=sheet.fonts(8), color=INK)
         axes.legend(loc="upper right", frameon=False, prop=sheet.fonts(7.5), handlelength=1.2)
-        sheet.text(0.6 + number * _HALF, 2.8, name, 8.0, weight="bold")
+        sheet.text(0.6 + number * _PANEL_INCHES, 2.8, name, 8.0, weight="bold")
     told = "; ".join(
         f"{name} {100.0 * sum(h['ground']) / max(sum(h['returns']) + h['below'] + h['above'], 1):.0f} % ground"
         for name, h in surveys

@@ -30,7 +30,7 @@ from .facts import block_cells, points_a_square_metre
 
 GAP = 1.0  # metres within which the surface of a hillshade is closed
 _MAP_PIXELS, _PANEL_PIXELS = 1400, 900  # longest sides of what is drawn
-_PANEL = 4.9  # inches
+_PANEL_INCHES = 4.9  # inches
 
 
 def change_map(folder: Path, limit: float, epochs: tuple[str, str]) -> Picture:
@@ -194,7 +194,7 @@ def panel(
         boxes: words and colours of a legend; in a row of their own above a scale of colours.
     """
     west, south, east, north = grid.bounds
-    width = _PANEL
+    width = _PANEL_INCHES
     height = min(max(width * (north - south) / (east - west), 0.6), 6.5)
     inches = min(width / (east - west), height / (north - south))
     wide, tall = inches * (east - west), inches * (north - south)

@@ -1,4 +1,4 @@
-"""What people said of the zones of an output folder, for its report: as its tables have it when the report is made."""
+"""People's reviews of the zones of an output folder, for its report: as its tables have them when it is made."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _FIELDS = ("review_status", "reviewer", "remarks")
 
 @dataclass(frozen=True)
 class Review:
-    """What was said of one zone; empty where nothing was."""
+    """Review of one zone; empty fields where nothing was entered."""
 
     zone_id: str
     status: str

@@ -31,7 +31,7 @@ from .zone_series import Stack, ZoneSeries, zone_series
 
 @dataclass(frozen=True)
 class Analysis:
-    """What the gridded surveys tell. Changes have one entry a survey from the second on.
+    """Results of the gridded surveys. Changes have one entry a survey from the second on.
 
     ``confirmed`` (rows, columns) counts comparisons in a row that show a cell changed within a group of at least the
     least area: a single cell that the first survey's noise lifted would stand out in all comparisons.
@@ -59,7 +59,7 @@ def analyse(
     """Differences, zones and their series of surveys that are on one grid; the first one's own transform is none.
 
     A survey whose whole overlap rose or sank alike (a datum or bias, see ``difference.uniform_shift``) makes no zones
-    and tells no velocity.
+    and gives no velocity.
     """
     progress = progress or Progress()
     names = [g.epoch.name for g in gridded]
@@ -130,7 +130,7 @@ def _stack(gridded: Sequence[GriddedEpoch], cumulative: Sequence[Change], grid: 
 
 
 def limits_of(analysis: Analysis, dates: tuple[date, ...]) -> list[str]:
-    """Sentences on what the series cannot tell."""
+    """Sentences on the limits of the series."""
     steps = [(b - a).days for a, b in pairwise(dates)]
     rates = [1000 * c.median_level / days for c, days in zip(analysis.incremental, steps, strict=True)]
     low, high = min(rates), max(rates)

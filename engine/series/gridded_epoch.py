@@ -17,7 +17,7 @@ class GriddedEpoch:
     """A survey in the frame and on the grid of the first one.
 
     ``registration_error`` is the standard error of a height (m), 0 for the first; ``area`` the part of the region of
-    interest that both it and the first survey hold. ``facts`` tell what was done, and ``made`` which steps were not
+    interest that both it and the first survey hold. ``facts`` state what was done, and ``made`` which steps were not
     reused (ground, registration, cells).
     """
 

@@ -10,9 +10,9 @@ from scipy.stats import chi2 as chi_square
 from ..core.arrays import Float
 from ..statistics.normal import Z95
 
-_LEAST_EPOCHS, _LEAST_VELOCITIES = 4, 3
-_FARTHEST = 10.0  # of the failure, in durations of the accelerating motion after the last survey
-_REFUSED = 0.01  # a fit that chance would make worse in fewer cases than this is no straight line of 1/v
+_MIN_EPOCHS, _MIN_VELOCITIES = 4, 3
+_MAX_FAILURE_SPANS = 10.0  # of the failure, in durations of the accelerating motion after the last survey
+_MIN_FIT_PROBABILITY = 0.01  # a fit that chance would make worse in fewer cases than this is no straight line of 1/v
 _STEPS = 4000
 
 
@@ -39,7 +39,7 @@ def failure_time(days: Float, change: Float, variance: Float) -> FailureTime:
 
     Only where the last surveys in a row, at least four, have velocities beyond their level of detection (1.96 times
     their error), of one sign, each larger than the one before; where the law fits; and where the interval ends, that
-    is, where the motion can be told from a steady one.
+    is, where the motion can be distinguished from a steady one.
 
     Args:
         days: (n,) days of the surveys since the first.
@@ -51,8 +51,8 @@ def failure_time(days: Float, change: Float, variance: Float) -> FailureTime:
     """
     known = np.isfinite(change) & np.isfinite(variance) & (variance > 0)
     t, x, v = days[known], change[known], variance[known]
-    if len(t) < _LEAST_EPOCHS:
-        return _not(f"{len(t)} surveys, at least {_LEAST_EPOCHS} are needed")
+    if len(t) < _MIN_EPOCHS:
+        return _not(f"{len(t)} surveys, at least {_MIN_EPOCHS} are needed")
     dt = np.diff(t)
     speed = np.diff(x) / dt
     beyond = np.abs(speed) > Z95 * np.sqrt(v[1:] + v[:-1]) / dt
@@ -63,24 +63,23 @@ def failure_time(days: Float, change: Float, variance: Float) -> FailureTime:
     while start > 0 and beyond[start - 1] and speed[start - 1] * speed[-1] > 0 and size[start - 1] < size[start]:
         start -= 1
     run = len(speed) - start
-    if run < _LEAST_VELOCITIES:
+    if run < _MIN_VELOCITIES:
         if len(speed) > run and size[-1] <= size[-2]:
             return _not("the motion does not get faster")
         return _not(
-            f"{run} velocities in a row that grow and are above their level of detection, {_LEAST_VELOCITIES} are "
-            "needed"
+            f"{run} velocities in a row that grow and are above their level of detection, {_MIN_VELOCITIES} are needed"
         )
     return _interval(t[start:], x[start:], v[start:])
 
 
 def _interval(t: Float, x: Float, v: Float) -> FailureTime:
     span = float(t[-1] - t[0])
-    # evenly in the logarithm of the time left: 1/1000 of the span to _FARTHEST spans
-    left = span * np.geomspace(1e-3, _FARTHEST, _STEPS)
+    # evenly in the logarithm of the time left: 1/1000 of the span to _MAX_FAILURE_SPANS spans
+    left = span * np.geomspace(1e-3, _MAX_FAILURE_SPANS, _STEPS)
     misfit = _misfit(t, x, v, float(t[-1]) + left)
     best = float(misfit.min())
     degrees = len(t) - 3
-    if degrees > 0 and float(chi_square.sf(best, degrees)) < _REFUSED:
+    if degrees > 0 and float(chi_square.sf(best, degrees)) < _MIN_FIT_PROBABILITY:
         return _not("the inverse velocity does not fall along a straight line")
     allowed = best + float(chi_square.ppf(0.95, 1)) * max(1.0, best / degrees if degrees > 0 else 1.0)
     inside = np.flatnonzero(misfit <= allowed)

@@ -11,8 +11,8 @@ from scipy import ndimage
 from ..core.arrays import Float
 from ..statistics.robust import nmad
 
-_LEAST_PATCHES = 12
-_COVERED = 0.5  # of a patch's cells
+_MIN_PATCHES = 12
+_MIN_COVERED_SHARE = 0.5  # of a patch's cells
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,8 @@ def patch_errors(change: Float, variance: Float, stable: NDArray[np.bool_]) -> P
             return cut.reshape(rows // side, side, columns // side, side).sum(axis=(1, 3))
 
         count = blocks(known.astype(np.float64))
-        enough = count >= _COVERED * side**2
-        if np.count_nonzero(enough) < _LEAST_PATCHES:
+        enough = count >= _MIN_COVERED_SHARE * side**2
+        if np.count_nonzero(enough) < _MIN_PATCHES:
             break
         means = blocks(np.where(known, change, 0.0))[enough] / count[enough]
         sampling = blocks(np.where(known, variance, 0.0))[enough] / count[enough] ** 2

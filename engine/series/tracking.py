@@ -13,8 +13,8 @@ from ..core.arrays import Index
 
 Labels = NDArray[np.int32]
 
-_SHARED = 0.1  # of the smaller one's cells: less in common is a touch, not the same zone
-_PART = 0.25  # of the zone's cells: a smaller part that came apart stays part of it
+_MIN_SHARED_SHARE = 0.1  # of the smaller one's cells: less in common is a touch, not the same zone
+_MIN_SEPARATE_SHARE = 0.25  # of the zone's cells: a smaller part that came apart stays part of it
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def _follow(epoch: int, sign: int, labels: Labels, owner: Labels, tracks: list[_
             _continue(tracks[keeper - 1], [tracks[t - 1] for t in claims if t != keeper], epoch, cells[group])
         elif touched:
             source = max(touched, key=lambda t: (shared[group, t], -t))
-            if len(cells[group]) >= _PART * len(tracks[source - 1].cells):
+            if len(cells[group]) >= _MIN_SEPARATE_SHARE * len(tracks[source - 1].cells):
                 fresh.append((group, source))
             else:
                 parts.setdefault(source, []).append(group)
@@ -145,7 +145,7 @@ def _overlaps(
     pairs, counts = np.unique(np.stack([flat[both], wide.ravel()[both]]), axis=1, return_counts=True)
     shared = {}
     for (group, track), count in zip(pairs.T.tolist(), counts.tolist(), strict=True):
-        if count >= _SHARED * min(len(cells[group]), len(tracks[track - 1].cells)):
+        if count >= _MIN_SHARED_SHARE * min(len(cells[group]), len(tracks[track - 1].cells)):
             shared[group, track] = count
     return shared
 

@@ -12,7 +12,7 @@ from scipy.stats import chi2 as chi_square
 from ..core.arrays import Float
 from ..statistics.normal import Z95
 
-_ACCEPTED = 0.05  # a model is refused where chance would fit it worse in fewer cases than this
+_MIN_FIT_PROBABILITY = 0.05  # a model is refused where chance would fit it worse in fewer cases than this
 _ONSETS = 200
 TRENDS = ("steady", "accelerating", "decelerating", "irregular", "not known")
 
@@ -140,7 +140,7 @@ def _quantile(rate: Float, error: Float, weight: Float, share: float) -> float:
 
 
 def _accepted(misfit: float, degrees: int) -> bool:
-    return degrees <= 0 or float(chi_square.sf(misfit, degrees)) >= _ACCEPTED
+    return degrees <= 0 or float(chi_square.sf(misfit, degrees)) >= _MIN_FIT_PROBABILITY
 
 
 def _trend(t: Float, y: Float, v: Float, line: Line) -> str:
@@ -207,7 +207,7 @@ def cell_velocity(days: Float, change: list[Float], variance: list[Float]) -> Ce
 def own_variances(errors: list[Float], shared: list[float], first: Float, other: list[Float]) -> list[Float]:
     """Each survey's own variance, from the errors of its differences to the first survey.
 
-    The first survey's variance is in every difference. It is told apart by the share that the sampling variances of
+    The first survey's variance is in every difference. It is separated by the share that the sampling variances of
     the cells give it, so that a calibration of the differences' errors carries over.
 
     Args:

@@ -19,7 +19,7 @@ from .tangent_angle import TangentAngle, tangent_angle
 from .tracking import Track
 from .velocity import Velocity, zone_velocity
 
-_LEAST_SHARE = 0.1  # of a zone's cells: with fewer a survey did not measure it
+_MIN_MEASURED_SHARE = 0.1  # of a zone's cells: with fewer a survey did not measure it
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ def _series(
     measured, seen = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=bool)
     values = [dz.ravel()[cells] for dz in stack.change]
     ever = int(np.count_nonzero(np.any([np.isfinite(v) for v in values[1:]], axis=0)))
-    least = max(3, _LEAST_SHARE * ever)
+    least = max(3, _MIN_MEASURED_SHARE * ever)
     for i, dz in enumerate(values):
         own = stack.variance[i].ravel()[cells]
         known = np.isfinite(dz) & np.isfinite(own)

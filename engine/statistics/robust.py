@@ -1,4 +1,4 @@
-"""Scatter that wild values do not touch."""
+"""Scatter that outliers do not affect."""
 
 from __future__ import annotations
 

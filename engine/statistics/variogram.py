@@ -21,13 +21,13 @@ from ..core.arrays import Float
 from .robust import nmad
 
 FEWEST_CELLS = 500
-"""With fewer values no variogram is told."""
+"""With fewer values no variogram is estimated."""
 FEWEST_LAGS = 3
 """With fewer classes of distance that hold pairs no model is fitted: a nugget and a structure have three numbers."""
 _LARGEST_LATTICE = 1 << 20  # cells; larger grids are thinned for the longer lags
-_NEAR = 6  # cells: lags below are measured on the grid as it is
+_MAX_NEAR_LAG_CELLS = 6  # cells: lags below are measured on the grid as it is
 _BOX = 128  # cells a side, beyond which sums are taken over blocks of cells
-_WINSOR = 5.0  # robust standard deviations
+_MAX_DEVIATIONS = 5.0  # robust standard deviations
 
 
 @dataclass(frozen=True)
@@ -94,9 +94,9 @@ def empirical_variogram(values: Float, cell: float) -> EmpiricalVariogram:
 
     All pairs at once by Fourier transform (Marcotte 1996, doi:10.1016/S0098-3004(96)00026-X). Long lags leave out the
     grid's middle, and where the values by chance scatter more at the edge, that would pass for correlation. So each
-    class is told relative to the mean square of its own pairs, as in the non-ergodic correlogram (Srivastava and Parker
-    1989). Values beyond five robust standard deviations are drawn in to these. From grids of more than a million cells
-    every k-th row and column serve for the lags from six cells on.
+    class is stated relative to the mean square of its own pairs, as in the non-ergodic correlogram (Srivastava and
+    Parker 1989). Values beyond five robust standard deviations are drawn in to these. From grids of more than a million
+    cells every k-th row and column serve for the lags from six cells on.
 
     Args:
         values: (rows, columns), NaN where there is none (or where the surface is not stable).
@@ -112,7 +112,7 @@ def empirical_variogram(values: Float, cell: float) -> EmpiricalVariogram:
     drawn_in = values[known]
     middle = float(np.median(drawn_in))
     spread = nmad(drawn_in, middle)
-    limit = _WINSOR * spread if spread > 0 else np.inf
+    limit = _MAX_DEVIATIONS * spread if spread > 0 else np.inf
     drawn_in = np.clip(drawn_in - middle, -limit, limit)
     z = np.zeros(known.shape)
     z[known] = drawn_in - drawn_in.mean()
@@ -121,7 +121,7 @@ def empirical_variogram(values: Float, cell: float) -> EmpiricalVariogram:
     thinned = _thinned(known, step)
     parts = [_pairs_by_fourier(z[thinned], known[thinned], largest / step, step)]
     if step > 1:
-        parts = [parts[0][:, parts[0][0] > _NEAR], _near_pairs(z, known)]
+        parts = [parts[0][:, parts[0][0] > _MAX_NEAR_LAG_CELLS], _near_pairs(z, known)]
     distance, squares, products, pairs = np.concatenate(parts, axis=1)
     which = np.digitize(distance, _class_edges(float(distance.max(initial=0.0))))
     # where cells grew, near ones have no pairs
@@ -245,12 +245,12 @@ def _pairs_by_fourier(z: Float, known: NDArray[np.bool_], largest: float, step: 
 
 
 def _near_pairs(z: Float, known: NDArray[np.bool_]) -> Float:
-    """As ``_pairs_by_fourier`` for the lags up to ``_NEAR`` cells, by shifting the grid."""
+    """As ``_pairs_by_fourier`` for the lags up to ``_MAX_NEAR_LAG_CELLS`` cells, by shifting the grid."""
     found = []
-    for row in range(-_NEAR, _NEAR + 1):
-        for column in range(_NEAR + 1):
+    for row in range(-_MAX_NEAR_LAG_CELLS, _MAX_NEAR_LAG_CELLS + 1):
+        for column in range(_MAX_NEAR_LAG_CELLS + 1):
             distance = float(np.hypot(row, column))
-            if distance > _NEAR or (column == 0 and row <= 0):
+            if distance > _MAX_NEAR_LAG_CELLS or (column == 0 and row <= 0):
                 continue
             a = slice(max(row, 0), z.shape[0] + min(row, 0)), slice(column, None)
             b = slice(max(-row, 0), z.shape[0] + min(-row, 0)), slice(None, z.shape[1] - column)

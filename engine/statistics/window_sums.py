@@ -19,8 +19,8 @@ def slide(cells: NDArray[Any], size: int, step: int = 1, join: np.ufunc = np.add
     """``join`` of ``size`` cells each: the k-th, and those ``step``, 2 ``step``, ... after it; (n - (size - 1) step,).
 
     Of a grid's cells line by line, windows along the lines and then, with a line's length for ``step``, of those
-    across them make squares; windows that reach past the end of a line wrap round and are for nobody. A window's sum
-    is made of nothing but its own cells, so that a large value far off costs it no digit; whole numbers count
+    across them make squares; windows that reach past the end of a line wrap round and are not used. A window's
+    sum holds only its own cells, so that a large value elsewhere costs it no digit; whole numbers count
     modulo 2^16 or 2^32, and only the sum itself must fit.
     """
     length = cells.size - (size - 1) * step

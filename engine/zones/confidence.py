@@ -1,4 +1,4 @@
-"""How sure a zone is: it was picked out of a whole map, where noise alone makes groups of cells that stand out."""
+"""Confidence of a zone: it was selected from a whole map, where noise alone makes groups of cells that stand out."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ SURE = 0.95
 _BY_SAMPLE = 1.8
 """Logarithm of how many more shapes a zone may have for each effective sample: groups of n cells that touch by edge or
 corner are about 6.2 times as many as those of n - 1."""
-_NEAR_SAMPLE, _NEAR = 0.7, 2.0
+_BY_NEAR_SAMPLE, _MAX_BY_NEAR_SAMPLES = 0.7, 2.0
 """More for each of the first few samples, and altogether at most: where errors are partly correlated, a zone of few
 effective samples has more cells than these to choose its shape from."""
-_DEGREES_OF_A_CELL = 12.0
+_CELL_DEGREES_OF_FREEDOM = 12.0
 """Degrees of freedom of a cell's error: eight of its neighbourhood (``pooled_variance``), about four of its points."""
-_ONE_POINT_AT_MOST = 3.0  # errors that a cell of one point counts for, at most: it may be a stray one
+_MAX_ERRORS_OF_ONE_POINT = 3.0  # errors that a cell of one point counts for, at most: it may be a stray one
 _NODES = np.linspace(-6.0, 6.0, 241)
 _WEIGHTS = np.exp(-0.5 * _NODES**2) / np.exp(-0.5 * _NODES**2).sum()
 
@@ -40,7 +40,7 @@ def mean_that_counts(dz: Float, sigma: Float, points: NDArray[np.integer], own: 
         own: weight of each cell, 0 outside of the zone; their sum is 1.
     """
     used = own > 0
-    change, limit = dz[used], _ONE_POINT_AT_MOST * sigma[used]
+    change, limit = dz[used], _MAX_ERRORS_OF_ONE_POINT * sigma[used]
     counted = np.where(points[used] <= 1, np.clip(change, -limit, limit), change)
     return float(np.sum(own[used] * counted))
 
@@ -56,8 +56,8 @@ def confidence_after_selection(
     as for scan statistics). The error that all cells share is one and the same at all places; it is drawn once for the
     map, not once a place.
 
-    The errors are themselves told from few points, so the mean follows Student's t, with twelve degrees of freedom for
-    each cell.
+    The errors are themselves estimated from few points, so the mean follows Student's t, with twelve degrees of freedom
+    for each cell.
 
     On maps of 10,000 cells of normal errors, 100 of each of five variograms (independent cells to nearly smooth fields,
     ranges of 3 to 80 m), 12 of 500 held a group that counts as sure.
@@ -71,9 +71,13 @@ def confidence_after_selection(
         compared: cells of the map.
     """
     more = max(samples - 1.0, 0.0)
-    places = math.log(max(compared / max(cells, 1.0), 1.0)) + _BY_SAMPLE * more + min(_NEAR_SAMPLE * more, _NEAR)
+    places = (
+        math.log(max(compared / max(cells, 1.0), 1.0))
+        + _BY_SAMPLE * more
+        + min(_BY_NEAR_SAMPLE * more, _MAX_BY_NEAR_SAMPLES)
+    )
     beyond = (abs(mean) - shared * np.abs(_NODES)) / max(sampling, 1e-12)
-    tail = 2.0 * stdtr(_DEGREES_OF_A_CELL * max(cells, 1.0), -beyond)
+    tail = 2.0 * stdtr(_CELL_DEGREES_OF_FREEDOM * max(cells, 1.0), -beyond)
     with np.errstate(divide="ignore"):
         by_chance = np.exp(np.minimum(np.log(np.minimum(tail, 1.0)) + places, 0.0))
     return float(np.clip(1.0 - np.sum(_WEIGHTS * by_chance), 0.0, 1.0))
@@ -86,7 +90,7 @@ class SureGroups:
     Attributes:
         confidence: (n,) see ``confidence_after_selection``.
         footprints: of each.
-        correlation: how the errors of cells are related, told outside of the footprints.
+        correlation: how the errors of cells are related, measured outside of the footprints.
         dropped: how many groups were not sure enough.
     """
 
@@ -108,8 +112,8 @@ def sure_groups(
 ) -> SureGroups:
     """The groups 1 to ``count`` of ``labels`` whose confidence is at least ``parameters.minimum_confidence``.
 
-    What is left out is noise, and belongs to the ground from which the errors' correlation is told: this is told again
-    without it, until all that remain are sure.
+    What is left out is noise, and belongs to the ground on which the errors' correlation is measured: this is measured
+    again without it, until all that remain are sure.
 
     Args:
         registration_error: metres, see ``footprints.outline_footprints``.

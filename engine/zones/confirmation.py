@@ -44,7 +44,7 @@ _MOST_PARTS = 16
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the change says of one zone: shares from 0 to 1, lengths in metres.
+    """Evidence of the change for one zone: shares from 0 to 1, lengths in metres.
 
     ``compared`` is the part of the zone that has a change at all, ``cells`` how many cells of the raster that
     is, or equal blocks where cells grew; ``matching`` and ``opposite`` are the parts of these with significant change
@@ -102,7 +102,7 @@ def verdict(evidence: Evidence) -> str:
 
 
 def weigh(geometry: BaseGeometry, sign: float, change: Change, *, outline_cell: float) -> Evidence:
-    """What ``change`` says of the polygon ``geometry``, whose ground is raised (``sign`` 1) or lowered (-1).
+    """Evidence of ``change`` for the polygon ``geometry``, whose ground is raised (``sign`` 1) or lowered (-1).
 
     A cell counts with the part of it that lies inside.
     """
@@ -124,7 +124,7 @@ def weigh(geometry: BaseGeometry, sign: float, change: Change, *, outline_cell: 
 
 
 def _witnesses(partition: Partition, weights: Float) -> float:
-    """The cells of which ``weights`` are inside, or how many equal blocks would tell a share as surely as those with
+    """The cells of which ``weights`` are inside, or how many equal blocks would give a share as precisely as those with
     these weights, of which a few may hold most (Kish 1965, Survey Sampling: the square of the sum over the sum of
     squares).
     """

@@ -17,7 +17,7 @@ class Detected:
         significant: cells beyond their level of detection.
         level: level of detection of each cell at 95 % confidence, metres.
         count_min: points of each cell in the epoch that has fewer.
-        stable: cells that are taken as stable ground, from which the errors' correlation is told; without it, those
+        stable: cells that are taken as stable ground, on which the errors' correlation is measured; without it, those
             outside of every footprint.
         heights: heights of the surface, metres, for the zones' inclination.
     """

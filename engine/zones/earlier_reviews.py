@@ -26,7 +26,7 @@ from .review_carrying import carry_reviews
 NOT_CARRIED = "reviews_not_carried.gpkg"
 """What no zone continues, with its polygons; a later run tries again."""
 _LAYER = "zones"
-_TOLD = ("zone_id", "kind", "epoch_from", "epoch_to", "run_id")
+_IDENTIFYING = ("zone_id", "kind", "epoch_from", "epoch_to", "run_id")
 _ADDED = ("from_file", "why_not_carried")
 
 
@@ -69,13 +69,13 @@ class EarlierReviews:
         old, own = self._read(file, known)
         waiting = self._waiting(file)
         if len(waiting):
-            fields = {name.lower() for name in (*known, *_TOLD, *_ADDED)}
+            fields = {name.lower() for name in (*known, *_IDENTIFYING, *_ADDED)}
             own = tuple(dict.fromkeys([*own, *own_columns(waiting, fields)]))
             old = waiting if old is None else _together([old, waiting])
         if old is None:
             return frame
         carried = carry_reviews(old, frame, own, persistent_ids=persistent_ids)
-        kept = [name for name in (*_TOLD, *REVIEW_FIELDS, *own, "why_not_carried") if name in carried.rest]
+        kept = [name for name in (*_IDENTIFYING, *REVIEW_FIELDS, *own, "why_not_carried") if name in carried.rest]
         self._rest[file] = carried.rest[[*kept, carried.rest.geometry.name]].assign(from_file=file)
         self._count += carried.count
         self._joined += carried.joined
@@ -83,7 +83,7 @@ class EarlierReviews:
         return carried.frame
 
     def finish(self, stage: Stage, outputs: dict[str, Path], progress: Progress) -> dict[str, Any]:
-        """Write what was not carried over, if there is any, add the file to ``outputs``, and tell all of it.
+        """Write what was not carried over, if there is any, add the file to ``outputs``, and report all of it.
 
         Returns:
             The facts for the run record.
@@ -95,7 +95,7 @@ class EarlierReviews:
         if rest:
             frame = _together(rest)
             frame["geometry"] = [_multi(shape) for shape in frame.geometry]
-            own = own_columns(frame, (*_TOLD, *_ADDED))
+            own = own_columns(frame, (*_IDENTIFYING, *_ADDED))
             write_layers(stage.path(self.not_carried), [Layer(frame, "reviews", "", "MultiPolygon", own)])
             outputs["reviews_not_carried"] = stage.final(self.not_carried)
         elif before is not None:
@@ -152,7 +152,7 @@ class EarlierReviews:
                 frame[column] = frame[column].astype("Int64")  # read as real because of gaps
         if not isinstance(frame, gpd.GeoDataFrame):
             frame = gpd.GeoDataFrame(frame, geometry=[None] * len(frame))
-        for needed in _TOLD[:2] + (_ADDED if name == self.not_carried else ()):
+        for needed in _IDENTIFYING[:2] + (_ADDED if name == self.not_carried else ()):
             if needed not in frame:
                 frame[needed] = ""
         return frame, own_columns(frame, (*known, *measured))

@@ -34,7 +34,7 @@ class Zones:
         frame: one row a zone; columns ``FIELDS`` and a MultiPolygon ``geometry`` in the horizontal reference system.
         labels: int32 (rows, columns); 0 outside every zone, else 1 + the zone's row in ``frame``.
         dropped_groups, dropped_cells: groups of significant cells that were too small, and their cells, and those
-            that are large enough, but whose mean change is within what plants make of it: ``within_plants`` groups.
+            that are large enough, but whose mean change is within the error by plants: ``within_plants`` groups.
         unsure_groups: further groups that are large enough, but less sure than ``minimum_confidence``.
         footprints: where each zone's volume was taken, in the order of ``frame``.
         volumes: their volumes and errors, in the order of ``frame``.

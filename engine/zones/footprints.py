@@ -13,9 +13,9 @@ from scipy import ndimage
 from ..core.arrays import Float
 from ..grid.partition import Partition
 
-_RINGS = 8  # at most, around a zone
-_MARGIN = 2  # cells around a zone that always belong to its footprint
-_EDGE = 1.0  # m, radius of a disc that does not get into a survey's gaps, only along its edge
+_MAX_RINGS = 8  # at most, around a zone
+_MARGIN_CELLS = 2  # cells around a zone that always belong to its footprint
+_EDGE_RADIUS_M = 1.0  # m, radius of a disc that does not get into a survey's gaps, only along its edge
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Cells:
         dz, error: change and its standard error, m.
         area: m² that ``dz`` acts on.
         partition: which cells are one.
-        plants: the part of ``error`` that plants make, m; None where nothing is known of them.
+        plants: the part of ``error`` that plants cause, m; None where nothing is known of them.
         plant_like: cells whose change may be the plants' (see ``season``): no footprint reaches out for it.
     """
 
@@ -95,8 +95,8 @@ def outline_footprints(
     found = []
     for number, box in enumerate(ndimage.find_objects(labels, max_label=count), start=1):
         assert box is not None
-        # as far as rings can reach (see _Surroundings.grown), the gaps' neighbours, and what tells the survey's edge
-        margin = max(s.stop - s.start for s in box) + 2 * _MARGIN + reach + _edge_reach(cells.cell)
+        # as far as rings can reach (see _Surroundings.grown), the gaps' neighbours, and what shows the survey's edge
+        margin = max(s.stop - s.start for s in box) + 2 * _MARGIN_CELLS + reach + _edge_reach(cells.cell)
         window = tuple(slice(max(0, s.start - margin), s.stop + margin) for s in box)
         near = in_window(cells, window)
         zone = _Surroundings(near, labels[window], number, taken[window], reach)
@@ -138,11 +138,11 @@ class _Surroundings:
 
     def grown(self, least: float) -> NDArray[np.bool_]:
         """The footprint, of rings in which the change is at least ``least`` m, and the plants' error, on average."""
-        core: NDArray[np.bool_] = ndimage.binary_fill_holes(self.distance <= _MARGIN) & self.usable
+        core: NDArray[np.bool_] = ndimage.binary_fill_holes(self.distance <= _MARGIN_CELLS) & self.usable
         core |= self.own > 0
-        radius = max(math.sqrt(float(core.sum()) / math.pi) - _MARGIN, 1.0)
-        width = max(1.0, radius / _RINGS)
-        reached = float(_MARGIN)
+        radius = max(math.sqrt(float(core.sum()) / math.pi) - _MARGIN_CELLS, 1.0)
+        width = max(1.0, radius / _MAX_RINGS)
+        reached = float(_MARGIN_CELLS)
         while reached < radius:
             ring = (self.distance > reached) & (self.distance <= reached + width) & self.usable & ~core
             measured = max(int((ring & self.known).sum()), 1)
@@ -162,17 +162,17 @@ class _Surroundings:
         normal = np.where(self.near > 0, self.near, 1.0)
         share = np.where(gaps, 1.0 / normal, 0.0)
         weights += np.where(self.known, _around(share, self.kernel), 0.0)
-        # measured cells told from their neighbours, as the gaps are
-        told = known & (self.near > 0)
+        # measured cells estimated from their neighbours, as the gaps are
+        judged = known & (self.near > 0)
         mean = _around(self.dz, self.kernel) / normal
         noise = _around(self.variance, self.kernel**2) / normal**2 + self.variance
-        beyond = float(np.mean((self.dz - mean)[told] ** 2 - noise[told])) if told.any() else 0.0
+        beyond = float(np.mean((self.dz - mean)[judged] ** 2 - noise[judged])) if judged.any() else 0.0
         return weights, math.sqrt(max(beyond, 0.0) * float(gaps.sum())) * self.area
 
 
 def _edge_reach(cell: float) -> int:
     """Cells in the radius of the disc that runs along the survey's edge from outside."""
-    return max(5, round(_EDGE / cell))
+    return max(5, round(_EDGE_RADIUS_M / cell))
 
 
 def closed(known: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:

@@ -31,9 +31,9 @@ def label_groups(
 
     Args:
         partition: which cells are one. Towards the least number of cells a grown cell counts with the part of its
-            square that the group holds: what is left of a square tells less than all of it, and where finer cells lent
-            it their points nothing new.
-        plants: error that plants make of each cell's change, metres: groups whose mean change is not beyond it
+            square that the group holds: the rest of a square holds less evidence than all of it, and where finer cells
+            lent it their points nothing new.
+        plants: error of each cell's change by plants, metres: groups whose mean change is not beyond it
             (``plant_cells.clear_of_plants``) are left out.
         sigma: standard error of each cell's change, metres: a grown cell far beyond it counts for more than one
             (``evidence.cells_worth``).

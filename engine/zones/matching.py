@@ -18,9 +18,9 @@ from ..core.arrays import Index
 
 LEAST_SHARE = 0.2
 """Of the smaller zone's outline: with less in common, zones only touch."""
-_GATHERED = 0.5
+_CLOSING_M = 0.5
 """Metres out and back: zones under plants are scattered cells, of which two runs seldom have the same ones."""
-_PIXEL, _MOST_PIXELS = 0.1, 1500
+_MIN_PIXEL_M, _MAX_PIXELS = 0.1, 1500
 """Metres, wider where a zone would be longer than so many: outlines of thousands of cells are slow as polygons."""
 
 
@@ -52,7 +52,7 @@ def match_zones(old: gpd.GeoDataFrame, new: gpd.GeoDataFrame, *, persistent_ids:
     """
     bounds = np.concatenate([old.geometry.bounds.to_numpy(), new.geometry.bounds.to_numpy()])
     longest = np.nanmax(bounds[:, 2:] - bounds[:, :2], initial=0.0)
-    pixel = max(_PIXEL, float(longest) / _MOST_PIXELS)
+    pixel = max(_MIN_PIXEL_M, float(longest) / _MAX_PIXELS)
     outlines = [[_outline(shape, pixel) for shape in frame.geometry] for frame in (old, new)]
     first, second, common = _common(outlines[0], outlines[1])
     sizes = [np.array([np.count_nonzero(o.pixels) for o in part], dtype=np.int64) for part in outlines]
@@ -113,7 +113,7 @@ class _Outline:
 def _outline(shape: BaseGeometry | None, pixel: float) -> _Outline:
     if shape is None or shape.is_empty:
         return _Outline(0, 0, np.zeros((0, 0), dtype=bool))
-    reach = max(1, round(_GATHERED / pixel))
+    reach = max(1, round(_CLOSING_M / pixel))
     west, south, east, north = shape.bounds
     left, top = math.floor(west / pixel) - reach, math.floor(-north / pixel) - reach
     size = math.ceil(-south / pixel) + reach - top, math.ceil(east / pixel) + reach - left

@@ -27,9 +27,9 @@ from ..grid.grid import Grid
 
 GIVEN, STEEPEST = "given", "steepest"
 _NAMES = ("name", "label", "profile", "id")  # fields that name a line, where none is asked for
-_LONGEST = 100_000.0  # metres
-_LEAST_MARGIN = 2.0  # metres beyond a zone, so that its line shows unchanged ground too
-_FLAT = math.tan(math.radians(2.0))  # a flatter surface has no steepest line worth the name
+_MAX_LENGTH_M = 100_000.0  # metres
+_MIN_MARGIN_M = 2.0  # metres beyond a zone, so that its line shows unchanged ground too
+_MIN_STEEPNESS = math.tan(math.radians(2.0))  # a flatter surface has no distinct steepest line
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def read_lines(path: Path, crs: CRS, field: str = "") -> tuple[tuple[ProfileLine
     if left_out:
         notes.append(f"The profiles' lines {name} hold {left_out} features that are no line, which are left out.")
     for line in found:
-        if not np.isfinite(line.geometry.length) or line.geometry.length > _LONGEST:
+        if not np.isfinite(line.geometry.length) or line.geometry.length > _MAX_LENGTH_M:
             raise InputError(
                 f"The line {line.name!r} of {name} is {line.geometry.length / 1000:.4g} km long; draw it across the "
                 "slope, and check its reference system."
@@ -87,7 +87,7 @@ def read_lines(path: Path, crs: CRS, field: str = "") -> tuple[tuple[ProfileLine
 
 
 def given_lines(path: Path | None, crs: CRS, field: str, progress: Progress) -> tuple[ProfileLine, ...]:
-    """As ``read_lines``, telling the user the sentences; none without a file."""
+    """As ``read_lines``, reporting its sentences as warnings; no lines without a file."""
     if path is None:
         return ()
     lines, notes = read_lines(path, crs, field)
@@ -117,7 +117,7 @@ def steepest_lines(
 
 def _steepest(zone: BaseGeometry, heights: NDArray[np.floating], dz: NDArray[np.floating], grid: Grid) -> LineString:
     west, south, east, north = zone.bounds
-    margin = max(_LEAST_MARGIN, 4.0 * grid.cell)
+    margin = max(_MIN_MARGIN_M, 4.0 * grid.cell)
     rows = _span((grid.north - north - margin) / grid.cell, (grid.north - south + margin) / grid.cell, grid.rows)
     columns = _span((west - margin - grid.west) / grid.cell, (east + margin - grid.west) / grid.cell, grid.columns)
     x = grid.west + (np.arange(columns.start, columns.stop) + 0.5) * grid.cell
@@ -147,7 +147,7 @@ def _downhill(x: NDArray, y: NDArray, z: NDArray) -> NDArray[np.float64] | None:
     design = np.column_stack([x[known], y[known], np.ones(known.sum())])
     solution, _, rank, _ = np.linalg.lstsq(design, z[known] - z[known].mean(), rcond=1e-6)
     steepness = float(np.hypot(*solution[:2]))
-    if rank < 3 or steepness < _FLAT:
+    if rank < 3 or steepness < _MIN_STEEPNESS:
         return None
     return np.asarray(-solution[:2] / steepness)
 
@@ -190,7 +190,7 @@ def _names(frame: gpd.GeoDataFrame, field: str, name: str) -> list[str]:
 
 
 def _distinct(lines: Sequence[ProfileLine]) -> tuple[ProfileLine, ...]:
-    """Lines of one name are told apart by a number."""
+    """Lines of one name are distinguished by a number."""
     taken: set[str] = set()
     result = []
     for line in lines:

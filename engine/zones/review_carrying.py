@@ -47,7 +47,7 @@ def carry_reviews(
     Where zones grew together, the earlier zone with most in common says what the state of the review is: were that
     taken from a small rejected zone, a large one that nobody looked at would count as rejected. What the others said
     goes into the remarks. Where a zone came apart each part gets its entries and a remark. Where a zone lies by the
-    register comes from the first that tells it.
+    register comes from the first that has it.
 
     Args:
         old, new: zones with ``zone_id``, ``kind`` and polygons; ``new`` has all of ``REVIEW_FIELDS``.

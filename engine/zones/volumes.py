@@ -24,7 +24,7 @@ from ..statistics.variogram import (
 )
 from .footprints import Cells, Footprint, in_window
 
-_STABLE_MARGIN = 0.5  # m around a footprint that may have moved with it
+_STABLE_MARGIN_M = 0.5  # m around a footprint that may have moved with it
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class CorrelationModel:
 
     The error of a cell is its sampling error, alike in near cells by ``variogram``, ``registration_error`` (m), which
     all cells share, and the error by plants, which counts as fully correlated: one season is alike all over. Over the
-    whole slope only the share ``plants_in_common`` of it does, where stable ground tells that. Without a variogram the
+    whole slope only the share ``plants_in_common`` of it does, where stable ground shows that. Without a variogram the
     sampling errors count as fully correlated, which is the largest error possible; ``without`` says why. ``cells`` is
     the number of cells of stable ground that it was taken from.
     """
@@ -149,8 +149,8 @@ def fit_correlation(cells: Cells, stable: NDArray[np.bool_], registration_error:
     Too little stable ground, or too few distances in it, leave the model without a variogram.
 
     The change is taken in units of the error without the registration's part, which is one constant for all cells and
-    therefore not to be seen in a variogram. Where plants make more of a cell's error than its points, it tells of the
-    plants; such cells are left out where enough others are, else what plants make counts in the unit.
+    therefore not to be seen in a variogram. Where plants cause more of a cell's error than its points, it shows the
+    plants; such cells are left out where enough others are, else the error by plants counts in the unit.
     """
     model = CorrelationModel(registration_error, None, plants_in_common=_in_common(cells, stable, registration_error))
     usable = stable & np.isfinite(cells.dz) & np.isfinite(cells.error)
@@ -165,7 +165,7 @@ def fit_correlation(cells: Cells, stable: NDArray[np.bool_], registration_error:
         if int(little.sum()) >= FEWEST_CELLS:
             usable = little
         else:
-            # what plants make of a cell is counted beside its sampling, not as a part of it
+            # a cell's error by plants is counted in addition to its sampling error, not as a part of it
             sampling = np.hypot(sampling, np.nan_to_num(cells.plants))
     count = int(usable.sum())
     if count < FEWEST_CELLS:
@@ -182,11 +182,11 @@ def _in_common(cells: Cells, stable: NDArray[np.bool_], registration_error: floa
     """Share of the plants' error that the whole slope has in common, 1 where nothing is known of plants."""
     if cells.plants is None:
         return 1.0
-    # a change that the plants' height explains tells of them too, and mown grass is not taken as stable
-    told = stable if cells.plant_like is None else stable | cells.plant_like
-    told = cells.partition.one_each(told)
+    # a change that the plants' height explains is evidence for them too, and mown grass is not taken as stable
+    calibrating = stable if cells.plant_like is None else stable | cells.plant_like
+    calibrating = cells.partition.one_each(calibrating)
     sampling = CorrelationModel(registration_error, None).sampling_error(cells.error, cells.plants)
-    return common_share(cells.dz, sampling, cells.plants, told, cells.cell)
+    return common_share(cells.dz, sampling, cells.plants, calibrating, cells.cell)
 
 
 def outside(footprints: Sequence[Footprint], valid: NDArray[np.bool_], cell: float) -> NDArray[np.bool_]:
@@ -197,7 +197,7 @@ def outside(footprints: Sequence[Footprint], valid: NDArray[np.bool_], cell: flo
     moved = np.zeros(valid.shape, dtype=bool)
     for footprint in footprints:
         moved[footprint.window] |= footprint.inside
-    return valid & ~ndimage.maximum_filter(moved, size=2 * max(2, round(_STABLE_MARGIN / cell)) + 1)
+    return valid & ~ndimage.maximum_filter(moved, size=2 * max(2, round(_STABLE_MARGIN_M / cell)) + 1)
 
 
 def zone_volumes(footprints: Sequence[Footprint], cells: Cells, model: CorrelationModel) -> ZoneVolumes:

@@ -1,4 +1,4 @@
-"""Named sets of values: the published workflow's settings beside the defaults."""
+"""Named sets of values: the published workflow's settings in addition to the defaults."""
 
 from __future__ import annotations
 

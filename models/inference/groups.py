@@ -18,7 +18,7 @@ def without_faint(points: Float, probabilities: Float32, voxel: float, least: fl
 
     A group is faint if its class (not the first, the background) has a probability of ``least`` in none of its voxels.
     What decides about one voxel then decides about it: on held-out scenes such groups were hazards less often than
-    the probabilities of their voxels, each by itself, say.
+    the probabilities of their single voxels say.
 
     Args:
         points: (m, 3) the voxels' averages, metres.

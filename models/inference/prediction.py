@@ -24,7 +24,7 @@ from ..preparation.voxel_sums import flat_axis
 from .groups import without_faint
 from .interpolation import VoxelInterpolation
 
-_TURNS = (0.0, 10.0, -10.0, 5.0, -5.0, 12.0, -12.0, 8.0)
+_TURNS_DEG = (0.0, 10.0, -10.0, 5.0, -5.0, 12.0, -12.0, 8.0)
 """Degrees that windows are turned by whose y runs up the slope."""
 
 
@@ -165,13 +165,13 @@ class _Run:
 def views(count: int, *, aligned: bool) -> list[list[list[float]]]:
     """Matrices (2, 2) by which a window is seen, the first as it is.
 
-    Windows of which y runs up the slope are mirrored and turned by no more than training did; others are turned evenly
+    Windows of which y runs up the slope are mirrored and turned at most as far as in training; others are turned evenly
     all round.
     """
     if not aligned:
         angles, mirrored = [2 * math.pi * k / count for k in range(count)], [False] * count
     else:
-        angles = [math.radians(_TURNS[k // 2 % len(_TURNS)]) for k in range(count)]
+        angles = [math.radians(_TURNS_DEG[k // 2 % len(_TURNS_DEG)]) for k in range(count)]
         mirrored = [k % 2 == 1 for k in range(count)]
     result = []
     for angle, mirror in zip(angles, mirrored):

@@ -1,6 +1,6 @@
 """The model card: what the shipped weights are, what they were measured at, what they must not be used for.
 
-Every figure comes from the description of the weights and the scores beside them; the text states no number itself.
+Every figure comes from the description of the weights and the scores next to them; the text states no number itself.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ zones there, and fine-tune it (`slopewatch train`) as soon as a few slopes have 
 
 
 def read_figures(folder: Path) -> dict[str, Any]:
-    """All scores that are kept beside the weights, by file name without its ending."""
+    """All scores that are kept next to the weights, by file name without its ending."""
     return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.json"))}
 
 

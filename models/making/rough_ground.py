@@ -40,7 +40,7 @@ LEFT_ALONE = 0.25
 def rougher(scene: SimulatedScene, rng: np.random.Generator) -> SimulatedScene:
     """The scene with textures added along the normal of its mean plane.
 
-    Points whose displacement is less than twice what the texture adds are not trained on: nobody could tell them.
+    Points whose displacement is less than twice what the texture adds are not trained on: nobody could recognise them.
     """
     if rng.random() < LEFT_ALONE:
         return scene
@@ -58,7 +58,7 @@ def rougher(scene: SimulatedScene, rng: np.random.Generator) -> SimulatedScene:
 
 
 def natural(scene: SimulatedScene, rng: np.random.Generator) -> SimulatedScene:
-    """``rougher``, and besides ``ROLLING_SHARE`` of the scenes roll and ``BROKEN_SHARE`` are broken in pieces, as
+    """``rougher``, and in addition ``ROLLING_SHARE`` of the scenes roll and ``BROKEN_SHARE`` are broken in pieces, as
     natural ground is; neither is a hazard.
     """
     scene = rougher(scene, rng)

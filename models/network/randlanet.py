@@ -89,7 +89,7 @@ def interpolate(features: Tensor, nearest: Tensor) -> Tensor:
 
 
 class Dense(nn.Module):
-    """A linear layer on the last axis with batch normalisation over all others and, unless told, LeakyReLU."""
+    """A linear layer on the last axis with batch normalisation over all others and, unless switched off, LeakyReLU."""
 
     def __init__(self, inputs: int, outputs: int, *, active: bool = True, bias: bool = False) -> None:
         super().__init__()

@@ -11,7 +11,7 @@ _PIN = SHIPPED_WEIGHTS.with_name("slopewatch.sha256")
 
 
 def shipped_sha256() -> str:
-    """The checksum of the shipped weights, as committed beside them; empty while there are none."""
+    """The checksum of the shipped weights, as committed next to them; empty while there are none."""
     return _PIN.read_text(encoding="ascii").split()[0] if _PIN.is_file() else ""
 
 

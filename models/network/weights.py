@@ -1,4 +1,4 @@
-"""Weights as safetensors with what they were made for beside them, pinned by a checksum. Pickled files are refused."""
+"""Weights as safetensors with their description next to them, pinned by a checksum. Pickled files are refused."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ def checksum(path: Path) -> str:
 
 
 def description_path(weights: Path) -> Path:
-    """The file beside the weights that says what they are."""
+    """The file next to the weights that describes them."""
     return weights.with_suffix(".json")
 
 
 def save_model(path: Path, network: RandLANet, training: dict[str, Any], metrics: dict[str, Any]) -> str:
-    """Write weights and, beside them, a JSON file with configuration, training, metrics and checksum.
+    """Write weights and, next to them, a JSON file with configuration, training, metrics and checksum.
 
     Returns:
         The weights' SHA-256.

@@ -17,15 +17,15 @@ from ...engine.grid.cell_statistics import cell_statistics
 from ...engine.grid.grid import snapped_grid
 from ...interface.parameters import ScreeningParameters
 
-_FACE_CELL = 4.0
+_FACE_CELL_M = 4.0
 """Side (m) of the squares whose own dip says which way the ground faces; drains and berms are smaller."""
-_FACE_DIP = 10.0
-_FACE_SHARE = 0.25
+_MIN_FACE_DIP_DEG = 10.0
+_MIN_FACE_SHARE = 0.25
 """Two opposite faces: each is at least this share of what dips at all."""
-_ROUGH = 0.15
+_MAX_BARE_SCATTER_M = 0.15
 """Scatter (m) about a plane within 1 m² beyond which it is not bare ground; see docs/adr/0005."""
-_ROUGH_SHARE = 0.15
-_FEWEST_IN_CELL = 6
+_MAX_ROUGH_SHARE = 0.15
+_MIN_CELL_POINTS = 6
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ def measure(xyz: Float, flat: Float, plane: Plane, thinned: float = 1.0) -> Suit
     """
     bounds = (*flat[:, :2].min(axis=0).tolist(), *flat[:, :2].max(axis=0).tolist())
     cells = cell_statistics(flat, snapped_grid(bounds, 1.0), plane=True)
-    judged = cells.points >= _FEWEST_IN_CELL
-    rough = np.sqrt(cells.variance[judged]) > _ROUGH
+    judged = cells.points >= _MIN_CELL_POINTS
+    rough = np.sqrt(cells.variance[judged]) > _MAX_BARE_SCATTER_M
     return Suitability(
         dip=plane.dip,
         density=float(np.median(cells.points)) * thinned,
@@ -80,7 +80,7 @@ def refuse_unsuitable(
         classified: whether the cloud has points of class 2, so that they may be offered.
         bare: whether the points are known to be ground.
     """
-    if found.opposite_share >= _FACE_SHARE:
+    if found.opposite_share >= _MIN_FACE_SHARE:
         raise InputError(
             f"{name} has two opposite faces ({100 * found.opposite_share:.0f} % of its sloping ground faces against "
             "the rest), but screening takes one slope at a time; cut out one of them with --roi."
@@ -95,7 +95,7 @@ def refuse_unsuitable(
             f"{name} is a wall: its dominant plane dips {found.dip:.1f} degrees where screening takes "
             f"{parameters.maximum_dip:g} at most; check the order of its coordinates, or raise maximum_dip."
         )
-    if parameters.ground == "auto" and not bare and found.rough_share > _ROUGH_SHARE:
+    if parameters.ground == "auto" and not bare and found.rough_share > _MAX_ROUGH_SHARE:
         ready = "--ground class_2 to take its points of class 2, " if classified else ""
         raise InputError(
             f"{name} is no bare ground ({100 * found.rough_share:.0f} % of its square metres scatter as plants do); "
@@ -116,7 +116,7 @@ def refuse_unsuitable(
 def opposite_share(xyz: Float) -> float:
     """Part of the dipping ground that faces against the direction which most of it faces, within 45 degrees of it."""
     gradient, weight = _gradients(xyz)
-    dips = np.hypot(*gradient.T) > math.tan(math.radians(_FACE_DIP))
+    dips = np.hypot(*gradient.T) > math.tan(math.radians(_MIN_FACE_DIP_DEG))
     if not dips.any():
         return 0.0
     angle = np.arctan2(gradient[dips, 1], gradient[dips, 0])
@@ -134,7 +134,7 @@ def _apart(angle: Float, other: float) -> Float:
 
 def _gradients(xyz: Float) -> tuple[Float, Float]:
     """Gradient (n, 2) of the plane through the points of each square, and the number of its points (n,)."""
-    cell = np.floor((xyz[:, :2] - xyz[:, :2].min(axis=0)) / _FACE_CELL).astype(np.int64)
+    cell = np.floor((xyz[:, :2] - xyz[:, :2].min(axis=0)) / _FACE_CELL_M).astype(np.int64)
     _, square, count = np.unique(
         cell[:, 0] * (int(cell[:, 1].max()) + 1) + cell[:, 1], return_inverse=True, return_counts=True
     )
@@ -146,7 +146,7 @@ def _gradients(xyz: Float) -> tuple[Float, Float]:
     dx, dy, dz = (local[:, k] - mean(local[:, k])[square] for k in range(3))
     xx, yy, xy, xz, yz = (mean(a * b) for a, b in ((dx, dx), (dy, dy), (dx, dy), (dx, dz), (dy, dz)))
     *rise, determinant = gradient_parts(xx, yy, xy, xz, yz)
-    sound = (count >= 10) & (determinant > 0.02 * (_FACE_CELL**2 / 12.0) ** 2)
+    sound = (count >= 10) & (determinant > 0.02 * (_FACE_CELL_M**2 / 12.0) ** 2)
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = np.stack(rise, axis=1) / determinant[:, None]
     return slope[sound], count[sound].astype(np.float64)

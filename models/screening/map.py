@@ -15,8 +15,8 @@ from ...interface.parameters import HeatmapParameters
 from .labels import BACKGROUND, SUBSIDENCE
 from .zones import Hazards
 
-_LEGEND = 1.0  # a probability ends there
-_LEAST = 1.0 / 3.0  # the most probable of three classes has at least this
+_MAX_PROBABILITY = 1.0  # a probability ends there
+_MIN_PROBABILITY = 1.0 / 3.0  # the most probable of three classes has at least this
 _WORDS = Words(
     title="Screening",
     legend="Probability of the class",
@@ -32,8 +32,8 @@ def hazard_picture(hazards: Hazards, view: TopView) -> Heatmap:
     own = np.take_along_axis(hazards.probability, hazards.labels[np.newaxis].astype(np.int64), axis=0)[0]
     shown = hazards.labels != BACKGROUND
     signed = np.where(hazards.labels == SUBSIDENCE, -own, own)
-    level = np.full(hazards.grid.shape, _LEAST)
-    picture = make_heatmap(signed, shown, level, hazards.grid, view, HeatmapParameters(), limit=_LEGEND)
+    level = np.full(hazards.grid.shape, _MIN_PROBABILITY)
+    picture = make_heatmap(signed, shown, level, hazards.grid, view, HeatmapParameters(), limit=_MAX_PROBABILITY)
     return replace(picture, words=replace(_WORDS, notes=_notes(hazards)))
 
 

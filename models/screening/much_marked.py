@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ...engine.core.progress import Progress
 
-_MUCH = 0.25
+_MAX_MARKED_SHARE = 0.25
 """Three simulated slopes with hazards as rare as on real ones had 3 to 9 % of it labelled, rolling ones half."""
 
 
@@ -18,7 +18,7 @@ def much_stands_out(labels: NDArray[np.uint8], count: NDArray[np.integer]) -> fl
         labels: (m,) of voxels. count: (m,) their points.
     """
     share = float(count[labels > 0].sum() / max(1, count.sum()))
-    return share if share > _MUCH else 0.0
+    return share if share > _MAX_MARKED_SHARE else 0.0
 
 
 def warn_if_much_stands_out(labels: NDArray[np.uint8], count: NDArray[np.integer], progress: Progress) -> None:

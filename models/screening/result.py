@@ -17,7 +17,7 @@ from ..preparation.suitability import Suitability
 from ..preparation.voxel_sums import SparseVoxels, flat_axis
 from .labels import BACKGROUND, most_probable
 
-_LEAST_TOLD = np.float32(1e-6)
+_MIN_PROBABILITY = np.float32(1e-6)
 """Of a point that was screened: 0 says that it was not."""
 
 
@@ -80,7 +80,7 @@ class Screening:
         probabilities = _calibrated(probabilities, self.temperature)
         labels = most_probable(probabilities, self.least)
         own = np.take_along_axis(probabilities, labels[:, np.newaxis].astype(np.int64), axis=1)[:, 0]
-        own = np.maximum(own, _LEAST_TOLD)
+        own = np.maximum(own, _MIN_PROBABILITY)
         labels[place < 0], own[place < 0] = BACKGROUND, 0.0
         return labels, own
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ..inference.interpolation import VoxelInterpolation
 
 TREND = (4.0, 4.0)
-"""Reach (m) along and up the slope of the trend that heights are told over."""
+"""Reach (m) along and up the slope of the trend that heights refer to."""
 
 
 def screen_cloud(

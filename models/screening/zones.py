@@ -54,9 +54,9 @@ KINDS = ("", "uplift", "subsidence")
 GRADES = ("high", "medium", "low")
 HIGH, MEDIUM = 0.85, 0.65
 """Mean probability of a zone from which its confidence is high, or medium; see ``_confidence``."""
-_FEWEST_POINTS, _SMALL = 50, 1.0
-_MOST_CELLS = 25_000_000  # about 2 GB while they are worked on
-_BRIDGED = 2.0  # cells
+_MIN_SURE_POINTS, _MIN_SURE_AREA_M2 = 50, 1.0
+_MAX_CELLS = 25_000_000  # about 2 GB while they are worked on
+_BRIDGED_CELLS = 2.0  # cells
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,9 @@ def outline_hazards(
     joined, first_cells, _, _ = label_groups(
         signed,
         labels > 0,
-        ZoneParameters(minimum_area=parameters.minimum_hazard_area, minimum_cells=2, bridged_gap=_BRIDGED * grid.cell),
+        ZoneParameters(
+            minimum_area=parameters.minimum_hazard_area, minimum_cells=2, bridged_gap=_BRIDGED_CELLS * grid.cell
+        ),
         Partition(grid.shape, grid.cell),
     )
     order, columns = _figures(joined, len(first_cells), labels, probability, heights, screening, index, grid)
@@ -151,7 +153,7 @@ def _grid(points: Float, cell: float) -> Grid:
     # a little wider to the east and north: cell_index rounds a point that nearly touches a cell's edge into that cell
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0) + 1e-5 * cell
     grid = snapped_grid((float(low[0]), float(low[1]), float(high[0]), float(high[1])), cell)
-    if grid.rows * grid.columns > _MOST_CELLS:
+    if grid.rows * grid.columns > _MAX_CELLS:
         raise InputError(
             f"The probability raster would have {grid.rows} x {grid.columns} cells; give a probability_cell above "
             f"{cell:g} m, or cut the cloud with --roi."
@@ -213,7 +215,9 @@ def _confidence(columns: dict[str, NDArray], *, learned: bool) -> NDArray[np.int
     rank = np.where(columns["probability"] >= HIGH, 0, np.where(columns["probability"] >= MEDIUM, 1, 2))
     sign = np.where(columns["class"] == SUBSIDENCE, -1.0, 1.0)
     doubtful = (
-        (columns["area_m2"] < _SMALL) | (columns["points"] < _FEWEST_POINTS) | (columns["height_med_m"] * sign <= 0)
+        (columns["area_m2"] < _MIN_SURE_AREA_M2)
+        | (columns["points"] < _MIN_SURE_POINTS)
+        | (columns["height_med_m"] * sign <= 0)
     )
     return np.clip(rank + doubtful, 0 if learned else 1, 2).astype(np.int64)
 

@@ -40,7 +40,7 @@ SAVE_EVERY = 20.0
 FROM_WEIGHTS, FROM_NOTHING = 0.002, 0.01
 """Learning rates where none is given."""
 _TIMED_STEPS = 4
-_SHARE_OF_TIME = 0.85
+_MAX_TIME_SHARE = 0.85
 _KEPT_SCORES = (
     "scenes", "points", "overall_accuracy", "mean_iou", "iou", "confusion", "calibration_error", "reliability",
 )  # fmt: skip
@@ -48,7 +48,7 @@ _KEPT_SCORES = (
 
 @dataclass
 class LabelScores(Scores):
-    """Scores of clouds of which no more than the points' labels is known; ``start`` is the confusion of the weights
+    """Scores of clouds of which only the points' labels are known; ``start`` is the confusion of the weights
     that training started from, on the same points.
     """
 
@@ -228,7 +228,7 @@ class _Run:
             scored = time.monotonic() - begun
         points = sum(len(cloud.xyz) for cloud in self.clouds)
         scoring = scored * points / len(smallest.xyz) * (2 if self.start else 1)
-        left = _SHARE_OF_TIME * 60.0 * self.parameters.minutes - scoring
+        left = _MAX_TIME_SHARE * 60.0 * self.parameters.minutes - scoring
         steps = max(_TIMED_STEPS, int(left / (each * (len(self.chosen) + 1))))
         if steps < 50:
             self.progress.warning(

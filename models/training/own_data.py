@@ -28,7 +28,7 @@ Labels = NDArray[np.uint8]
 EVERY_OTHER = "*"
 ROUGH_SHARE, OPPOSITE_SHARE = 0.15, 0.25
 """Shares of rough and of opposite ground that are warned of; screening refuses such clouds."""
-_SAMPLE = 1_000_000
+_MAX_SAMPLE_POINTS = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -215,7 +215,7 @@ def slope_facts(xyz: Float) -> Suitability | None:
     """What screening would look at before it takes such a cloud (see ``preparation.suitability``); None for a few
     points.
     """
-    every = max(1, len(xyz) // _SAMPLE)
+    every = max(1, len(xyz) // _MAX_SAMPLE_POINTS)
     sample = xyz[::every]
     if len(sample) < 50:
         return None

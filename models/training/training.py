@@ -215,7 +215,7 @@ def _log(path: Path, step: int, loss: float, rate: float, seconds: float) -> Non
 
 
 class _Checkpoint:
-    """Network, moments of the optimiser and step as safetensors with a JSON file beside; nothing is pickled."""
+    """Network, moments of the optimiser and step as safetensors with a JSON file next to it; nothing is pickled."""
 
     def __init__(self, folder: Path, configuration: ModelConfiguration, parameters: TrainingParameters) -> None:
         self.tensors = folder / "checkpoint.safetensors"

@@ -250,7 +250,7 @@ class _Conversation:
             self._feedback.pushInfo(message)
 
     def verdict(self, code: int, complaint: str, interpreter: str) -> EngineResult:
-        """The result, or the failure that the exit code and the messages tell of."""
+        """The result, or the failure that the exit code and the messages report."""
         if code == DONE:
             if self._result is None:
                 raise EngineCrashedError(f"The engine ended without a result.{_quoted(complaint)}")

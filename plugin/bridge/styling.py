@@ -1,6 +1,6 @@
 """Styled results: what is done to a layer once QGIS has loaded it.
 
-The styles themselves are written by the engine (a .qml beside each raster, the style table in the GeoPackage), so
+The styles themselves are written by the engine (a .qml next to each raster, the style table in the GeoPackage), so
 that they are there for qgis_process and other programs too.
 """
 
@@ -47,7 +47,7 @@ class StylePostProcessor(QgsProcessingLayerPostProcessorInterface):
         return instance
 
     def postProcessLayer(self, layer: Any, context: Any, feedback: Any) -> None:
-        # Processing loads layers without their default style: the .qml beside a raster, the one inside a GeoPackage.
+        # Processing loads layers without their default style: the .qml next to a raster, the one inside a GeoPackage.
         message, loaded = layer.loadDefaultStyle()
         if message and not loaded:
             feedback.pushWarning(f"The style of {layer.source()} could not be applied: {message}")
@@ -98,7 +98,7 @@ def load_on_completion(context: QgsProcessingContext, path: str, appearance: App
 
 
 def copy_raster(source: str, target: str) -> None:
-    """Copy a raster with the style beside it."""
+    """Copy a raster with the style next to it."""
     Path(target).parent.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(source, target)
     style = Path(source).with_suffix(".qml")
@@ -107,7 +107,7 @@ def copy_raster(source: str, target: str) -> None:
 
 
 def copy_vector(source: str, target: str, layer_name: str, context: QgsProcessingContext) -> None:
-    """Copy a GeoPackage with its styles; for another format, convert its layer and write the style beside it.
+    """Copy a GeoPackage with its styles; for another format, convert its layer and write the style next to it.
 
     Raises:
         OSError: the target cannot be written.

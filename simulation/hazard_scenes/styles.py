@@ -18,7 +18,7 @@ from ...engine.core.errors import InputError
 Range = tuple[float, float]
 
 SIMULATOR_VERSION = 1
-"""Raised whenever the same seed gives another scene; kept beside every model's weights."""
+"""Raised whenever the same seed gives another scene; kept with every model's weights."""
 
 THRESHOLD = 0.03
 """Smallest displacement (m) that is ever labelled."""

@@ -82,7 +82,7 @@ def write_hazards(path: Path, tables: Sequence[tuple[str, NDArray[np.void]]]) ->
 
 
 def scene_entry(name: str, scene: SimulatedScene) -> dict[str, Any]:
-    """What the manifest says of a scene."""
+    """The manifest's entry of a scene."""
     count = np.bincount(scene.label, minlength=len(CLASS_NAMES))
     negatives = np.bincount(scene.negative, minlength=len(Negative))
     return {

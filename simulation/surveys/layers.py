@@ -65,7 +65,7 @@ class Layer:
 
 @dataclass(frozen=True)
 class Cover:
-    """What lies over the ground of one epoch besides shrubs, trees and turf.
+    """What lies over the ground of one epoch in addition to shrubs, trees and turf.
 
     All layers have the same grid. ``litter`` is the thickness (m) of dead leaves or cuttings on the ground.
     ``multipath`` and ``stray`` are the shares of the returns that lie below the ground, and anywhere along their beam.

@@ -156,7 +156,7 @@ def cover_of(parameters: SurveyParameters, scene: Scene, epoch: int) -> Cover | 
         else:
             layers.append(ground.layer(GROWN, parameters.grass_height, part, epoch, 26))
     if parameters.ferns:
-        # Ferns take the other end: beside the grass where both have room.
+        # Ferns take the other end: next to the grass where both have room.
         part = (1.0 - ground.part(1.0 - parameters.ferns, left, 24)) * ground.off_road * (1.0 - forest)
         layers.append(ground.layer(FERNS, FERN_HEIGHT, part, -1, 27))
     thickness = None

@@ -17,7 +17,7 @@ from .vegetation import ENVELOPE, Canopy
 MARCH = 0.15
 """Step along a ray within the canopy, m."""
 SEPARATION = 0.25
-"""Echoes closer than this along the beam cannot be told apart; the first stands for them, m."""
+"""Echoes closer than this along the beam cannot be distinguished; the first stands for them, m."""
 CLOSED_LITTER = 0.03
 """Thickness from which on litter leaves hardly a gap, m."""
 LEAST_ENERGY = 0.2

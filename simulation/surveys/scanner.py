@@ -24,7 +24,8 @@ from .vegetation import Canopy
 Area = tuple[float, float, float, float]
 CHUNK = 1 << 16
 TURF_GROUND = 0.03
-"""Echoes from grass up to this height above the ground, m, count as ground in the truth: nobody can tell them apart."""
+"""Echoes from grass up to this height above the ground, m, count as ground in the truth: nobody can distinguish
+them."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Writing a simulated pair: two LAZ files, the ROI and the truth beside them."""
+"""Writing a simulated pair: two LAZ files, the ROI and the truth next to them."""
 
 from __future__ import annotations
 

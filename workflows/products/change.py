@@ -47,7 +47,7 @@ CHANGE_OUTPUTS = (
     "report.html",
 )
 ON_REQUEST = ("cell_size.tif", "change_probability.tif", "plant_error.tif", "plant_change.tif")
-"""Outputs of a change with some parameters only, or of ground that tells of plants."""
+"""Outputs of a change with some parameters only, or of ground that records plants."""
 
 
 @dataclass(frozen=True)
@@ -81,11 +81,12 @@ def write_products(
     settings: Settings,
     lines: Sequence[ProfileLine] = (),
 ) -> None:
-    """Write the products of one change; ``run`` gets their paths, the main figures, and what the report shows beside.
+    """Write the products of one change; ``run`` gets their paths, the main figures, and the further figures of the
+    report.
 
     Args:
         picture: the cloud that the top view shows (the later epoch with its vegetation).
-        lines: along which profiles are taken, beside the steepest ones through the zones.
+        lines: along which profiles are taken, in addition to the steepest ones through the zones.
     """
     progress = run.progress
     tags = geotiff.raster_tags(
@@ -225,7 +226,7 @@ def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:
 
 
 def plant_figures(change: Change) -> dict[str, Any]:
-    """What plants make of the errors and of the change; nothing where they are not known."""
+    """Figures of the error and of the change by plants; empty where plants are not known."""
     if change.plants is None:
         return {}
     figures: dict[str, Any] = {"plant_error_median_m": float(np.median(change.plants.error[change.valid]))}

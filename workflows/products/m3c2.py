@@ -21,7 +21,7 @@ from ...engine.statistics.normal import quantile
 from ...engine.statistics.robust import nmad
 
 RASTERS = ("m3c2_distance", "m3c2_level_of_detection", "m3c2_significant")
-_MOST_CELLS = 50_000_000
+_MAX_CELLS = 50_000_000
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def rasterise(found: Distances, cell: float) -> DistanceRasters:
     """
     xy = found.core[:, :2]
     grid = snapped_grid((*xy.min(axis=0).tolist(), *xy.max(axis=0).tolist()), cell)
-    if grid.rows * grid.columns > _MOST_CELLS:
+    if grid.rows * grid.columns > _MAX_CELLS:
         raise InputError(
             f"Rasters of {grid.rows} by {grid.columns} cells are too large; give a --distance-cell above {cell:g} m, "
             "or remove stray core points."

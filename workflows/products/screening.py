@@ -28,7 +28,7 @@ from ...models.screening.zones import FIELDS, Hazards
 def default_targets(
     output: Path, zones: Path | None = None, probability: Path | None = None, picture: Path | None = None
 ) -> dict[str, Path]:
-    """Where the outputs go: those not given lie beside the labelled cloud NAME.laz as NAME_zones.gpkg and so on."""
+    """Where the outputs go: those not given lie next to the labelled cloud NAME.laz as NAME_zones.gpkg and so on."""
     return {
         "labelled": output,
         "zones": zones or output.with_name(f"{output.stem}_zones.gpkg"),
@@ -62,7 +62,7 @@ def write_products(
     """Write zones, probabilities and map of a screening.
 
     Args:
-        targets: as of ``default_targets``; ``place`` tells where the file of a target is to be written now.
+        targets: as of ``default_targets``; ``place`` gives the path at which the file of a target is to be written now.
         reviews: what people entered in the zones of an earlier run, which the new ones get.
     """
     known = (*FIELDS, *CONFIRMATION_FIELDS)

@@ -21,7 +21,8 @@ def write_zones(
     volumes: pd.DataFrame | None = None,
     stamp: date | None = None,
 ) -> None:
-    """Write zones (see ``extraction.extract_zones``; none is well too) as layer ``zones``, styled by kind and severity.
+    """Write zones (see ``extraction.extract_zones``; there may be none) as layer ``zones``, styled by kind and
+    severity.
 
     Only what people enter can be edited afterwards: ``review_fields.REVIEW_FIELDS`` and columns of their own.
 

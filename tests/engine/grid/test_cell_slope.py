@@ -70,7 +70,7 @@ def test_cells_wanted_have_the_slope_they_have_among_all_of_a_grid_held_in_bands
     wanted = rng.random(GRID.shape) < 0.3
     whole = gradient([rough])
     monkeypatch.setattr(window_sums, "_BAND", 1)
-    monkeypatch.setattr(cell_slope, "_FEW", few)
+    monkeypatch.setattr(cell_slope, "_MAX_FEW_SHARE", few)
     known = np.isfinite(rough)
     found = gradient_at(np.flatnonzero(wanted), [(np.flatnonzero(known), rough[known])], GRID)
     for component, expected in zip(found, whole, strict=True):

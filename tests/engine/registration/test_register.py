@@ -190,7 +190,7 @@ def test_all_points_are_used_where_fewer_do_not_fix_the_position_well_enough(mon
     monkeypatch.setattr(alignment, "_MANY_SOURCES", 1000)
     stated, made = [], []
     for precise in (1.0, 1e-3):  # metres
-        monkeypatch.setattr(alignment, "_PRECISE", precise)
+        monkeypatch.setattr(alignment, "_MAX_PRECISE_ERROR_M", precise)
         found = register(reference, moving, RegistrationParameters())
         stated.append(float(np.sqrt(np.trace(found.covariance[3:, 3:]))))
         made.append(float(np.linalg.norm(found.transform.apply(UTM + [10.0, 10.0, 7.0]) - UTM - [10.0, 10.0, 7.0])))

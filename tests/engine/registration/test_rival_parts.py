@@ -9,7 +9,7 @@ from slopewatch.engine.registration.observability import Information
 from slopewatch.engine.registration.part_information import contradicting
 from slopewatch.engine.registration.point_to_plane import Matcher
 from slopewatch.engine.registration.rival_parts import difference, refusal, standing
-from slopewatch.engine.registration.stable_patches import _MANY, StablePart, _settled, _upright
+from slopewatch.engine.registration.stable_patches import _FINAL_POINTS, StablePart, _settled, _upright
 from slopewatch.engine.registration.surface import Surface
 from slopewatch.engine.registration.surface_patches import Equations, Patches, cut, equations
 
@@ -125,7 +125,9 @@ def upright(shifts: tuple[float, ...], start: float) -> tuple[Pose, Information,
     matcher = Matcher(Surface(yard(1, (0.0,) * len(shifts)), 0.1), Surface(yard(2, shifts), 0.1))
     found = cut(matcher.moving, 0.01)
     everywhere = np.ones(len(found), dtype=bool)
-    settled = _settled(matcher, found, everywhere, Pose(np.eye(3), np.array([start, 0, 0])), 0.003, 6.0, 0.5, _MANY)
+    settled = _settled(
+        matcher, found, everywhere, Pose(np.eye(3), np.array([start, 0, 0])), 0.003, 6.0, 0.5, _FINAL_POINTS
+    )
     assert settled.pose.translation[0] == pytest.approx(start, abs=0.02)
     best = _upright(matcher, found, settled, 0.003, 6.0, 0.5)
     return best.pose, best.information, settled.information
