@@ -182,17 +182,20 @@ def _settled(
         level, decisive = _levels(system, noise, 2.0 if number == 0 and most == _SEARCH_POINTS else 1.0)
         usable = among & decisive
         found = _improved(system, patches, usable, level, np.zeros(6), spacing)
+        agrees = found.agrees
         if most == _FINAL_POINTS and clear:
-            odd = contradicting(system, patches, found.agrees, offset)
+            odd = contradicting(system, patches, agrees, offset)
             if odd.any():
                 found = _improved(system, patches, usable & ~odd, level, np.zeros(6), spacing)
+                # each of them agrees: they have no say in the motion, but count towards the part
+                agrees = found.agrees | (odd & agrees)
         weight = found.weight * patches.area / level
         known = part_information(system, patches, weight, found.motion, spacing, offset)
         # what nothing fixes stays
         pose = pose.moved(known.held(found.motion), radius)
         if number and float(np.linalg.norm(found.motion)) < _MIN_STEP_M:
             break
-    return _Settled(pose, found.agrees, float(patches.area[found.agrees].sum()), usable, known)
+    return _Settled(pose, agrees, float(patches.area[agrees].sum()), usable, known)
 
 
 def _upright(

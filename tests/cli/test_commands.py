@@ -64,7 +64,6 @@ def test_a_reader_that_has_read_enough_ends_it_quietly(clouds, arguments, code, 
 def test_version_is_that_of_the_plugin_and_the_package():
     assert VERSION in run("--version").stdout
     assert f"version={VERSION}\n" in (ROOT / "metadata.txt").read_text()
-    assert f'version = "{VERSION}"' in (ROOT / "pyproject.toml").read_text()
 
 
 def test_change_writes_what_it_promises(clouds, tmp_path):

@@ -8,10 +8,12 @@ from slopewatch.engine.geometry.pose import Pose
 from slopewatch.engine.registration.observability import Information
 from slopewatch.engine.registration.part_information import contradicting
 from slopewatch.engine.registration.point_to_plane import Matcher
+from slopewatch.engine.registration.register import register
 from slopewatch.engine.registration.rival_parts import difference, refusal, standing
 from slopewatch.engine.registration.stable_patches import _FINAL_POINTS, StablePart, _settled, _upright
 from slopewatch.engine.registration.surface import Surface
 from slopewatch.engine.registration.surface_patches import Equations, Patches, cut, equations
+from slopewatch.interface.parameters import RegistrationParameters
 
 OPEN = Information(np.ones(6), np.eye(6), np.ones(6, dtype=bool), np.eye(6) * 1e-6)
 SIDE = 20  # patches a side, 1 m each
@@ -154,3 +156,16 @@ def test_equations_tell_a_shift_of_both_surfaces():
     asked = equations(Matcher(*surfaces), found, Pose.identity(), 0.3, 6.0, 0.003).own
     level = np.abs(found.normal[:, 2]) > 0.99
     assert np.median(asked[level, 5]) == pytest.approx(-0.02, abs=0.002)
+
+
+def test_a_plane_of_which_a_third_sank_is_registered_by_the_rest():
+    """Noise alone makes places of a plane contradict one another; they still count towards the part that stayed."""
+
+    def plane(seed: int, lowered: float) -> np.ndarray:
+        rng = np.random.default_rng(seed)
+        u, v = rng.uniform(0, 12, (2, 20_000))
+        return np.column_stack([u, v, 50 + 0.5 * v + rng.normal(0, 0.01, u.size) - np.where(u < 4, lowered, 0.0)])
+
+    found = register(plane(11, 0.0), plane(21, 0.2), RegistrationParameters())
+    stayed = np.array([[8.0, 6.0, 53.0]])
+    assert abs((found.transform.apply(stayed) - stayed)[0, 2]) < 0.005
