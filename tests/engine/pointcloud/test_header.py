@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import struct
+from pathlib import Path
 
 import laspy
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.messages import shown
-from slopewatch.engine.pointcloud.header import EmptyCloud, preflight
+from slopewatch.engine.pointcloud.header import CloudHeader, EmptyCloud, preflight
 
 
 @pytest.mark.parametrize(("point_format", "version"), [(f, "1.2") for f in range(4)] + [(f, "1.4") for f in range(11)])
@@ -130,3 +133,55 @@ def test_copc_is_accepted(shared_data):
     assert header.compressed
     assert header.count == 518_862
     assert np.allclose(header.bounds_low, [515368.602, 4918340.364, 2322.896], atol=1e-3)
+
+
+_EXTREMES = [
+    b"\0" * 8,
+    b"\xff" * 8,
+    *(struct.pack("<d", x) for x in (np.nan, np.inf, -1e308)),
+    struct.pack("<Q", 2**63),
+]
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    kind=st.sampled_from(["1.2.las", "1.4.las", "1.2.laz", "1.4.laz"]),
+    damage=st.lists(
+        st.tuples(st.integers(4, 600), st.binary(min_size=1, max_size=8) | st.sampled_from(_EXTREMES)), max_size=4
+    ),
+    cut=st.none() | st.integers(0, 1500),
+)
+def test_a_damaged_header_is_read_or_refused_in_a_sentence(sound_files, kind, damage, cut):
+    """Whatever its bytes say, and wherever the file ends."""
+    path, sound = sound_files[kind]
+    data = bytearray(sound)
+    for place, value in damage:
+        data[place : place + len(value)] = value
+    path.write_bytes(data[:cut])
+    found = outcome(path)
+    if isinstance(found, str):
+        assert shown(path) in found
+    else:
+        assert found.count > 0
+        assert found.offset_to_points <= found.file_size == len(data[:cut])
+        assert all(scale > 0 for scale in found.scales)
+
+
+def outcome(path: Path) -> CloudHeader | str:
+    """The header, or the sentence that refuses it."""
+    try:
+        return preflight(path)
+    except InputError as refused:
+        return str(refused)
+
+
+@pytest.fixture(scope="module")
+def sound_files(tmp_path_factory, las_file):
+    """For each kind a path to write to, and the bytes of a file without damage."""
+    folder, found = tmp_path_factory.mktemp("headers"), {}
+    for version in ("1.2", "1.4"):
+        for extension in ("las", "laz"):
+            path = folder / f"{version}.{extension}"
+            las_file(path, version=version, point_format=3 if version == "1.2" else 7, points=100)
+            found[path.name] = path, path.read_bytes()
+    return found
