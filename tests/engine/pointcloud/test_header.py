@@ -135,36 +135,53 @@ def test_copc_is_accepted(shared_data):
     assert np.allclose(header.bounds_low, [515368.602, 4918340.364, 2322.896], atol=1e-3)
 
 
-_EXTREMES = [
-    b"\0" * 8,
-    b"\xff" * 8,
-    *(struct.pack("<d", x) for x in (np.nan, np.inf, -1e308)),
-    struct.pack("<Q", 2**63),
+# where a field of the header or of the first variable length record begins, and its bytes
+_FIELDS = [
+    *((24, 1), (25, 1), (94, 2), (96, 4), (100, 4), (104, 1), (105, 2), (107, 4), (131, 8), (155, 8), (179, 8)),
+    *((235, 8), (243, 4), (247, 8), (229, 1), (245, 2), (247, 2), (281, 2), (377, 1), (393, 2), (395, 2), (429, 2)),
 ]
+_NUMBERS = [0, 1, 2, 20, 99, 100, 101, 128, 227, 375, 376, 2**15, 2**31, 2**32 - 1, 2**63, 2**64 - 1]
+_EXTREMES = [
+    *(number.to_bytes(8, "little") for number in _NUMBERS),
+    *(struct.pack("<d", number) for number in (np.nan, np.inf, -np.inf, -1.0, 1e308)),
+]
+_KINDS = ["1.2.las", "1.4.las", "1.2.laz", "1.4.laz"]
+
+
+@pytest.mark.parametrize("kind", _KINDS)
+def test_a_field_that_cannot_be_true_is_read_or_refused_in_a_sentence(sound_files, kind):
+    path, sound = sound_files[kind]
+    for place, width in _FIELDS:
+        for value in _EXTREMES:
+            check(path, sound[:place] + value[:width] + sound[place + width :])
 
 
 @settings(max_examples=50, deadline=None)
 @given(
-    kind=st.sampled_from(["1.2.las", "1.4.las", "1.2.laz", "1.4.laz"]),
-    damage=st.lists(
-        st.tuples(st.integers(4, 600), st.binary(min_size=1, max_size=8) | st.sampled_from(_EXTREMES)), max_size=4
-    ),
-    cut=st.none() | st.integers(0, 1500),
+    kind=st.sampled_from(_KINDS),
+    damage=st.lists(st.tuples(st.integers(26, 700), st.binary(min_size=1, max_size=8)), max_size=3),
+    cut=st.integers(0, 1500),
 )
 def test_a_damaged_header_is_read_or_refused_in_a_sentence(sound_files, kind, damage, cut):
-    """Whatever its bytes say, and wherever the file ends."""
+    """Whatever bytes stand in it, and wherever the file ends."""
     path, sound = sound_files[kind]
     data = bytearray(sound)
     for place, value in damage:
         data[place : place + len(value)] = value
-    path.write_bytes(data[:cut])
+    check(path, bytes(data))
+    check(path, sound[:cut])
+
+
+def check(path: Path, data: bytes) -> None:
+    """What is read of ``data`` fits it, or a sentence with the file's name refuses it."""
+    path.write_bytes(data)
     found = outcome(path)
     if isinstance(found, str):
         assert shown(path) in found
     else:
         assert found.count > 0
-        assert found.offset_to_points <= found.file_size == len(data[:cut])
-        assert all(scale > 0 for scale in found.scales)
+        assert found.offset_to_points <= found.file_size == len(data)
+        assert all(0 < scale < np.inf for scale in found.scales)
 
 
 def outcome(path: Path) -> CloudHeader | str:
