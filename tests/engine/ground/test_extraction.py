@@ -513,4 +513,5 @@ def test_cancelling_leaves_nothing(inputs, tmp_path):
     process.send_signal(signal.SIGINT)
     assert process.wait(timeout=10) == 130
     assert time.monotonic() - started < 2.0
+    process.communicate()
     assert list(tmp_path.iterdir()) == []
