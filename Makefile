@@ -8,7 +8,7 @@ QGIS_PYTHON := .venv-qgis/bin/python
 ENGINE_TESTS := $(wildcard tests/architecture tests/interface tests/api tests/engine tests/models tests/simulation tests/workflows tests/cli \
 	tests/refusals tests/accuracy tests/scripts tests/benchmarks)
 PLUGIN_TESTS := $(wildcard tests/plugin tests/processing_algorithms tests/qgis)
-TYPED := interface engine models simulation workflows cli
+TYPED := interface engine models simulation workflows cli benchmarks
 FAST_TESTS := $(wildcard tests/architecture tests/interface tests/engine/core tests/engine/statistics tests/engine/geometry tests/engine/crs \
 	tests/engine/grid tests/engine/epochs tests/engine/vector)
 # More options for pytest: make test PYTEST="-k ground -x"
@@ -40,7 +40,7 @@ check: lint  ## lint and the fast tests, without QGIS
 lint: setup  ## ruff, mypy and the layers of the packages
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m ruff format --check .
-	$(PYTHON) -m mypy $(addprefix -p slopewatch.,$(TYPED))
+	$(PYTHON) -m mypy $(addprefix -p slopewatch.,$(TYPED)) -m slopewatch.api
 	PYTHONPATH=.setup/package .venv/bin/lint-imports
 
 format:  ## Let ruff rewrite what it can

@@ -266,10 +266,15 @@ def m3c2(
     core: PathLike | None = None,
     dates: tuple[str | date | None, str | date | None] = (None, None),
     transform: PathLike | None = None,
+    stable: PathLike | None = None,
     progress: Progress | None = None,
     **parameters: Any,
 ) -> RunResult:
-    """Distances along normals between two registered ground clouds, as ``slopewatch m3c2``."""
+    """Distances along normals between two registered ground clouds, as ``slopewatch m3c2``.
+
+    ``raster_dir`` is the folder of the rasters, that of ``output`` by default; ``core`` a cloud of the points to
+    measure at. ``stable`` are polygons of stable ground, on which the level of detection is calibrated.
+    """
     groups = (InputParameters, DateParameters, SurfaceParameters, DistanceParameters, OutputParameters)
     values = _Values(parameters, *groups)
     return m3c2_step(
@@ -281,6 +286,7 @@ def m3c2(
         core=_path(core),
         dates=(_day(dates[0]), _day(dates[1])),
         transform_path=_path(transform),
+        stable=_path(stable),
         overwrite=values.of(OutputParameters).overwrite,
         progress=progress or Progress(),
     )

@@ -193,7 +193,8 @@ def picture(path: Path, vegetation: float = 0.8, seed: int = 2) -> None:
     handles = []
     for size, colour in zip(sizes, colours, strict=True):
         rgb[grown.partition.sizes == size] = np.rint(colour)
-        handles.append(Patch(facecolor=colour / 255, edgecolor="#777777", label=f"{size:g} m"))
+        red, green, blue = (float(part) / 255 for part in colour)
+        handles.append(Patch(facecolor=(red, green, blue), edgecolor="#777777", label=f"{size:g} m"))
     axes[4].imshow(rgb, extent=extent)
     axes[4].set_title("side of the grown cells")
     axes[4].legend(handles=handles, fontsize=8, loc="lower right")

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -165,12 +166,13 @@ def rows(keep: Path | None = None) -> list[Row]:
     lines = []
     for low, high in pairwise(RATIOS):
         name = f"{low:g} to {high:g}" if math.isfinite(high) else f"{low:g} and more"
+        of = partial(_between, low=low, high=high)
         lines.append(
             Row(
                 f"changes found, height {name} times the level",
-                _found(growing, lambda c, low=low, high=high: low <= c.ratio < high),
+                _found(growing, of),
                 "",
-                f"cells of one size {_found(fixed, lambda c, low=low, high=high: low <= c.ratio < high)}",
+                f"cells of one size {_found(fixed, of)}",
             )
         )
     grassy = in_grass()
@@ -238,6 +240,10 @@ def high_row(cover: float, growing: list[PairResult], fixed: list[PairResult], g
         f"cells of one size {_found(fixed, high)}; with grass on half of the slope {_found(grassy, high)}",
         found >= LEAST_UNDER_PLANTS * count if much and count else None,
     )
+
+
+def _between(change: Detected, low: float, high: float) -> bool:
+    return low <= change.ratio < high
 
 
 def _found(results: list[PairResult], of: Callable[[Detected], bool]) -> str:

@@ -45,7 +45,7 @@ class Points:
         """Recall and precision."""
         found = ground_mask(self.xyz, parameters, self.last)
         right = np.count_nonzero(found & self.ground)
-        return right / np.count_nonzero(self.ground), right / max(np.count_nonzero(found), 1)
+        return right / np.count_nonzero(self.ground), right / max(int(np.count_nonzero(found)), 1)
 
 
 def rows() -> list[Row]:

@@ -49,10 +49,10 @@ def _simulated(seed: int) -> Case:
     """
     parameters = SurveyParameters(seed=seed, points=1_000_000, amplitude=0.0, offset=0.0)
     pair = simulate_pair(parameters, roi_buffer=ROI_BUFFER)
-    clouds = []
-    for cloud in (pair.first, pair.second):
-        clouds.append(cloud.xyz[inside(cloud.xyz, pair) & cloud.truth_ground.astype(bool)])
-    return _changed_and_moved(*clouds, seed)
+    first, second = (
+        cloud.xyz[inside(cloud.xyz, pair) & cloud.truth_ground.astype(bool)] for cloud in (pair.first, pair.second)
+    )
+    return _changed_and_moved(first, second, seed)
 
 
 def _split(cloud: Float, seed: int) -> Case:

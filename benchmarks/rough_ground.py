@@ -43,7 +43,7 @@ def grounds() -> dict[str, Float]:
 def scatter(xyz: Float) -> Float:
     """Scatter (m) of the ground about each of ``TRENDS``."""
     configuration = replace(SHIPPED.configuration, own_roughness=False, trends=TRENDS)
-    return roughness(prepare_cloud(xyz, configuration).residuals)
+    return np.asarray(roughness(prepare_cloud(xyz, configuration).residuals), dtype=np.float64)
 
 
 def rows() -> list[Row]:

@@ -59,13 +59,14 @@ def draw(
             f"{number}: {zone.height:+.2f} m", zone.flat, fontsize=7, ha="center",
             bbox={"boxstyle": "round,pad=0.1", "fc": "white", "ec": COLOURS[zone.kind], "alpha": 0.8},
         )  # fmt: skip
-    for hazard in truth.shapes if truth else ():
-        corners = outline(hazard)
-        corners = np.vstack([corners, corners[:1]])
-        corners = np.column_stack([corners, np.zeros(len(corners)), np.ones(len(corners))])
-        place = corners @ np.linalg.inv(truth.matrix).T @ matrix.T
-        axes.plot(place[:, 0], place[:, 1], c=COLOURS[1 if hazard.height > 0 else 2], lw=2)
-        axes.plot(place[:, 0], place[:, 1], c="black", lw=0.6)
+    if truth is not None:
+        for hazard in truth.shapes:
+            corners = outline(hazard)
+            corners = np.vstack([corners, corners[:1]])
+            corners = np.column_stack([corners, np.zeros(len(corners)), np.ones(len(corners))])
+            place = corners @ np.linalg.inv(truth.matrix).T @ matrix.T
+            axes.plot(place[:, 0], place[:, 1], c=COLOURS[1 if hazard.height > 0 else 2], lw=2)
+            axes.plot(place[:, 0], place[:, 1], c="black", lw=0.6)
     axes.set_aspect("equal")
     axes.set_xlabel("along the slope (m)")
     axes.set_ylabel("up the slope (m)")

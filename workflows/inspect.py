@@ -18,7 +18,8 @@ from ..engine.epochs.comparability import refuse_other_raw_heights, require_comp
 from ..engine.epochs.dating import check_days
 from ..engine.epochs.epoch import Epoch, check_pair
 from ..engine.ground.cover import cover_sentence
-from ..engine.ground.extraction import GroundResult, extract_ground
+from ..engine.ground.extraction import extract_ground
+from ..engine.ground.result import GroundResult
 from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.pdal_program import Pdal
 from ..engine.pointcloud.reading import open_cloud, read_cloud

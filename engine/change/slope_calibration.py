@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -178,18 +180,7 @@ def calibrate(
             if cells * independent < _MIN_CELLS
             else f"what looks stable has moved by {shift:+.3f} m"
         )
-        note = (
-            f"The errors could not be calibrated, because {why}; the level of detection is widened "
-            f"{_FACTOR_WITHOUT_STABLE_GROUND:g} times; give an area known to be stable."
-        )
-        return ErrorModel(
-            "widened",
-            typical=_FACTOR_WITHOUT_STABLE_GROUND,
-            stable_cells=cells,
-            stable_share=share,
-            notes=(note,),
-            why=why,
-        )
+        return _widened(why, cells, share)
     z = quantile(confidence)
     needed = ((dz / z) ** 2 - others) / sampling**2
     least = _MIN_FACTOR if bare else 1.0
@@ -199,13 +190,8 @@ def calibrate(
     members = [(needed[m], at[m]) for m in inside]
     halves = [None if of_half is None else of_half[m] for m in inside]
     centres = [sample_quantile(slopes, 0.5) for _, slopes in members]
-    factors = [typical] * len(members)
-    for _ in range(_ROUNDS):  # between the medians the factor is interpolated: make the classes hold as they are used
-        scaled = [squares / np.interp(slopes, centres, factors) ** 2 for squares, slopes in members]
-        factors = [
-            _factor(rest, confidence, f, least=least, half=of, independent=independent)
-            for rest, f, of in zip(scaled, factors, halves, strict=True)
-        ]
+    factor = partial(_factor, confidence=confidence, least=least, independent=independent)
+    factors = _class_factors(members, halves, centres, typical, factor)
     classes = tuple(
         SlopeClass(
             slope_from=low,
@@ -219,6 +205,35 @@ def calibrate(
         for (low, high), (squares, slopes), centre, factor in zip(bounds, members, centres, factors, strict=True)
     )
     return ErrorModel("calibrated", classes, typical, cells, share, _notes(classes, typical))
+
+
+def _class_factors(
+    members: Sequence[tuple[Float, Float]],
+    halves: Sequence[NDArray[np.bool_] | None],
+    centres: Sequence[float],
+    typical: float,
+    factor: Callable[..., float],
+) -> list[float]:
+    """The factor of each class of slope; ``members`` are the squares and slopes of its cells, ``centres`` its median.
+
+    Between the medians the factor is interpolated: the classes are made to hold as they are used.
+    """
+    factors = [typical] * len(members)
+    for _ in range(_ROUNDS):
+        scaled = [squares / np.interp(slopes, centres, factors) ** 2 for squares, slopes in members]
+        factors = [factor(rest, scale=f, half=of) for rest, f, of in zip(scaled, factors, halves, strict=True)]
+    return factors
+
+
+def _widened(why: str, cells: int, share: float) -> ErrorModel:
+    """The errors where stable ground does not tell them: ``cells`` of it, ``share`` of those compared."""
+    note = (
+        f"The errors could not be calibrated, because {why}; the level of detection is widened "
+        f"{_FACTOR_WITHOUT_STABLE_GROUND:g} times; give an area known to be stable."
+    )
+    return ErrorModel(
+        "widened", typical=_FACTOR_WITHOUT_STABLE_GROUND, stable_cells=cells, stable_share=share, notes=(note,), why=why
+    )
 
 
 def patch_halves(shape: tuple[int, int]) -> NDArray[np.bool_]:

@@ -9,9 +9,8 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from laspy import DecompressionSelection
@@ -41,55 +40,12 @@ from .doubts import Found, ground_doubts
 from .filtering import Filtered, cloth_threshold, dominant_plane, refined, require_points, vertical
 from .metrics import coverage, file_coverage, vegetation_cover
 from .outliers import outliers
+from .result import GroundResult
 
 HEIGHT_OVER_GROUND = "height_over_ground"
 """Name of the dimension in the classified cloud, metres."""
 _BASE_MEMORY_BYTES = 4_000_000_000
 _MEMORY_PER_POINT_BYTES = 1_000
-
-
-@dataclass(frozen=True)
-class GroundResult:
-    """What was extracted, and what the published tables report.
-
-    Lengths in metres, areas in m², densities in points per m², angles in degrees. ``ground`` is the output;
-    ``clipped`` the denoised cloud within the region; ``classified`` the same with class 2 for ground, 1 for the rest;
-    ``pipelines`` the PDAL pipelines that ran. ``vegetation_cover`` is C_v, see ``ground_metrics.vegetation_cover``.
-    ``raw_area`` and ``roi_area`` without a region are those of occupied cells of 1 m². ``plane_*`` describe the
-    dominant plane; ``scatter`` and ``threshold`` come from the refinement (0 and the parameter without it). ``cover``
-    states what covers the ground and how well the ground is known below, None where that was not asked for.
-    """
-
-    ground: Path
-    clipped: Path
-    classified: Path
-    pipelines: tuple[Path, ...]
-    raw_points: int
-    raw_area: float
-    raw_density: float
-    roi_points: int
-    roi_area: float
-    roi_density: float
-    ground_points: int
-    ground_ratio: float
-    vegetation_cover: float
-    outliers: int
-    spacing: float
-    plane_normal: tuple[float, float, float]
-    plane_dip: float
-    plane_azimuth: float
-    plane_share: float
-    scatter: float
-    threshold: float
-    filter: str
-    warnings: tuple[str, ...]
-    seconds: dict[str, float]
-    cover: GroundCover | None = None
-
-    def figures(self) -> dict[str, Any]:
-        """The numbers by name."""
-        own = {f.name: getattr(self, f.name) for f in fields(self) if isinstance(getattr(self, f.name), (int, float))}
-        return own | (self.cover.figures() if self.cover else {})
 
 
 def extract_ground(
@@ -164,24 +120,13 @@ class _Extraction:
 
     def _extract(self, roi: Path | None) -> GroundResult:
         with self._step("read", 0.0, 0.1, "checking the cloud"):
-            header, frame = open_cloud(self.cloud, self.inputs, self.progress)
-            self.warnings += frame.notes
-            if header.point_format in pdal_pipelines.WAVEFORM_FORMATS:
-                raise InputError(
-                    f"{shown(self.cloud)} holds waveforms (point format {header.point_format}), which PDAL does not "
-                    "read; export it without them."
-                )
+            header, frame = self._open()
             raw = file_coverage(header, frame.horizontal_factor)
             region = None if roi is None else self._region(roi, frame, raw.bounds)
         clipped = self._file("clipped.laz")
         with self._step("clip", 0.1, 0.3, "clipping"):
             self._clip(header, frame, region, clipped, raw.largest_class)
-            try:
-                xyz, returns, labels = _read(preflight(clipped))
-            except EmptyCloud:
-                place = f" inside the region {shown(roi)}" if roi else ""
-                raise InputError(f"{shown(self.cloud)} has no point{place}; check both.") from None
-        require_points(f"{shown(self.cloud)}{' within the region' if roi else ''}", len(xyz))
+            xyz, returns, labels = self._read_clipped(clipped, roi)
         roi_points = len(xyz)
         with self._step("denoise", 0.3, 0.45, "removing outliers"):
             plane = dominant_plane(xyz)
@@ -199,20 +144,11 @@ class _Extraction:
             near, method = self._cloth(clipped, xyz, flat, plane, returns, taken)
         with self._step("refine", 0.8, 0.9, "refining the ground"):
             found = refined(flat, near, taken, self.parameters)
-            self._judge(found.ground, len(xyz))
-            doubted = Found(flat, found.ground, taken, found.height, found.plant_error, removed, found.threshold)
-            for sentence in ground_doubts(shown(self.cloud), doubted, returns.lost):
-                self._warn(sentence)
+            self._judge(found, flat, taken, removed, returns)
             dimensions = _dimensions(found, plane.dip)
             cover = self._cover(xyz, found.ground, dimensions, plane.dip)
         with self._step("write", 0.9, 1.0, "writing the ground"):
-            classified = self._file("classified.laz")
-            labels = np.where(found.ground, pdal_pipelines.GROUND, pdal_pipelines.UNCLASSIFIED).astype(np.uint8)
-            copy_with(clipped, classified, classification=labels, dimensions=dimensions)
-            self._run(
-                "select", pdal_pipelines.select_pipeline(classified, self.output, preflight(classified)), len(xyz)
-            )
-            self._check_output(int(np.count_nonzero(found.ground)))
+            classified = self._write(clipped, found.ground, dimensions)
         ground_points = int(np.count_nonzero(found.ground))
         roi_area = coverage(xyz) if region is None else region.area
         return GroundResult(
@@ -242,6 +178,34 @@ class _Extraction:
             seconds=self.seconds,
             cover=cover,
         )
+
+    def _open(self) -> tuple[CloudHeader, WorkingFrame]:
+        header, frame = open_cloud(self.cloud, self.inputs, self.progress)
+        self.warnings += frame.notes
+        if header.point_format in pdal_pipelines.WAVEFORM_FORMATS:
+            raise InputError(
+                f"{shown(self.cloud)} holds waveforms (point format {header.point_format}), which PDAL does not "
+                "read; export it without them."
+            )
+        return header, frame
+
+    def _read_clipped(self, clipped: Path, roi: Path | None) -> tuple[Float, Returns, NDArray[np.uint8]]:
+        try:
+            xyz, returns, labels = _read(preflight(clipped))
+        except EmptyCloud:
+            place = f" inside the region {shown(roi)}" if roi else ""
+            raise InputError(f"{shown(self.cloud)} has no point{place}; check both.") from None
+        require_points(f"{shown(self.cloud)}{' within the region' if roi else ''}", len(xyz))
+        return xyz, returns, labels
+
+    def _write(self, clipped: Path, ground: Bool, dimensions: dict[str, NDArray[np.float32]]) -> Path:
+        """The classified cloud, and of it the ground; the path of the former."""
+        classified = self._file("classified.laz")
+        labels = np.where(ground, pdal_pipelines.GROUND, pdal_pipelines.UNCLASSIFIED).astype(np.uint8)
+        copy_with(clipped, classified, classification=labels, dimensions=dimensions)
+        self._run("select", pdal_pipelines.select_pipeline(classified, self.output, preflight(classified)), len(ground))
+        self._check_output(int(np.count_nonzero(ground)))
+        return classified
 
     def _region(self, roi: Path, frame: WorkingFrame, bounds: tuple[float, float, float, float]) -> Roi:
         region = read_roi(roi, frame.crs, unit=frame.horizontal_factor)
@@ -325,8 +289,9 @@ class _Extraction:
             self._warn(sentence)
         return cover
 
-    def _judge(self, ground: Bool, count: int) -> None:
-        found = int(np.count_nonzero(ground))
+    def _judge(self, filtered: Filtered, flat: Float, taken: Bool, removed: Float, returns: Returns) -> None:
+        """Refuse what cannot be the ground, and tell what may not be."""
+        count, found = len(flat), int(np.count_nonzero(filtered.ground))
         if found == 0:
             raise InputError(
                 f"No ground was found in {shown(self.cloud)}; check the units of its heights and its region, or give a "
@@ -338,6 +303,10 @@ class _Extraction:
                 f"({100 * found / count:.2f} %), too few to be true; check the units of its heights and its outliers, "
                 "or lower minimum_ground_ratio."
             )
+        height, error = filtered.height, filtered.plant_error
+        doubted = Found(flat, filtered.ground, taken, height, error, removed, filtered.threshold)
+        for sentence in ground_doubts(shown(self.cloud), doubted, returns.lost):
+            self._warn(sentence)
 
     def _check_output(self, expected: int) -> None:
         written = preflight(self.output).count

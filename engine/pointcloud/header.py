@@ -123,6 +123,65 @@ def _read(stream: BinaryIO, path: Path, size: int) -> CloudHeader:
     if size == 0:
         raise InputError(f"{name} is empty (0 bytes); copy or export the point cloud again.")
     head = stream.read(393)
+    form = _form(name, head, size)
+    minor, offset, length = form.minor, form.offset, form.length
+    scales, offsets = _scales_and_offsets(name, head)
+    warnings: list[str] = []
+    count, returns = _count(name, head, minor, form.legacy_count, warnings)
+    vlrs = _read_vlrs(stream, name, form.header_size, offset, form.vlr_count)
+    end = _end_of_points(stream, name, head, minor, offset, size, vlrs)
+    low, high, trusted = _bounds(name, head, scales, offsets, count, warnings)
+    if count == 0:
+        raise EmptyCloud(f"{name} holds no points; give a cloud with points or clip a larger area.")
+    layout = None
+    if form.compressed:
+        laszip = vlrs.get(("laszip encoded", 22204))
+        layout = laz_layout(stream, name, laszip, form.point_format, length, count, offset, size)
+    else:
+        _compare_count(name, count, (end - offset) // length, (end - offset) - count * length, length, warnings)
+    return CloudHeader(
+        path=path,
+        version=f"1.{minor}",
+        point_format=form.point_format,
+        record_length=length,
+        count=count,
+        scales=scales,
+        offsets=offsets,
+        bounds_low=low,
+        bounds_high=high,
+        bounds_trusted=trusted,
+        points_by_return=returns,
+        offset_to_points=offset,
+        file_size=size,
+        vlr_count=form.vlr_count,
+        vlrs=vlrs,
+        laz=layout,
+        software=head[58:90].split(b"\0")[0].decode("ascii", "replace").strip(),
+        file_source=struct.unpack_from("<H", head, 4)[0],
+        standard_time=bool(head[6] & 1),
+        created=struct.unpack_from("<HH", head, 90),
+        warnings=tuple(warnings),
+    )
+
+
+@dataclass(frozen=True)
+class _Form:
+    """What the fixed part of a header says of the file's structure; lengths and the ``offset`` to the points in bytes.
+
+    ``legacy_count`` is the number of points in the 32-bit field.
+    """
+
+    minor: int
+    header_size: int
+    offset: int
+    vlr_count: int
+    compressed: bool
+    point_format: int
+    length: int
+    legacy_count: int
+
+
+def _form(name: str, head: bytes, size: int) -> _Form:
     if head[:4] != b"LASF":
         raise InputError(f"{name} is not a LAS or LAZ file (its signature is missing); give a LAS or LAZ file.")
     if len(head) < 227:
@@ -153,44 +212,7 @@ def _read(stream: BinaryIO, path: Path, size: int) -> CloudHeader:
             f"{name} says its point records have {length} bytes where point format {point_format} needs "
             f"{POINT_SIZES[point_format]}; export it again."
         )
-    scales, offsets = _scales_and_offsets(name, head)
-    warnings: list[str] = []
-    count, returns = _count(name, head, minor, legacy, warnings)
-    vlrs = _read_vlrs(stream, name, header_size, offset, vlr_count)
-    end = _end_of_points(stream, name, head, minor, offset, size, vlrs)
-    low, high, trusted = _bounds(name, head, scales, offsets, count, warnings)
-    if count == 0:
-        raise EmptyCloud(f"{name} holds no points; give a cloud with points or clip a larger area.")
-    layout = None
-    if compressed:
-        layout = laz_layout(
-            stream, name, vlrs.get(("laszip encoded", 22204)), point_format, length, count, offset, size
-        )
-    else:
-        _compare_count(name, count, (end - offset) // length, (end - offset) - count * length, length, warnings)
-    return CloudHeader(
-        path=path,
-        version=f"1.{minor}",
-        point_format=point_format,
-        record_length=length,
-        count=count,
-        scales=scales,
-        offsets=offsets,
-        bounds_low=low,
-        bounds_high=high,
-        bounds_trusted=trusted,
-        points_by_return=returns,
-        offset_to_points=offset,
-        file_size=size,
-        vlr_count=vlr_count,
-        vlrs=vlrs,
-        laz=layout,
-        software=head[58:90].split(b"\0")[0].decode("ascii", "replace").strip(),
-        file_source=struct.unpack_from("<H", head, 4)[0],
-        standard_time=bool(head[6] & 1),
-        created=struct.unpack_from("<HH", head, 90),
-        warnings=tuple(warnings),
-    )
+    return _Form(minor, header_size, offset, vlr_count, compressed, point_format, length, legacy)
 
 
 def _scales_and_offsets(name: str, head: bytes) -> tuple[Vector, Vector]:

@@ -170,28 +170,7 @@ def explain(
             f"The later epoch was moved by {along:+.2f} m along the surface's normal, more than surveys usually err: "
             "check its datum and heights, or give an area known to be stable in case the whole slope has moved."
         )
-    if left:
-        sentences.append(
-            f"No stable ground was found ({quality.stable_share:.0%} of the overlap agrees within "
-            f"{_STABLE_SCALES * quality.scale:.3f} m), so the epochs stay as surveyed; the registration error is "
-            f"widened to {error:.3f} m; give an area known to be stable."
-        )
-    elif judged is not None and (judged.contested or judged.by_position):
-        sentences.append(caution(judged, error))
-    elif judged is not None and quality.stable_share < max(parameters.minimum_stable_share, _MIN_STABLE_SHARE):
-        little = quality.stable_share < parameters.minimum_stable_share
-        than = f", less than the least share of stable ground ({parameters.minimum_stable_share:.0%})" if little else ""
-        sentences.append(
-            f"Only {quality.stable_share:.0%} of the overlap agrees on one motion{than}: it is taken as stable, "
-            f"because the next part that agrees holds {judged.part.rival:.0%}; give an area known to be stable if the "
-            "rest of the surface cannot have moved."
-        )
-    elif judged is None and quality.stable_share < parameters.minimum_stable_share:
-        sentences.append(
-            f"Only {quality.stable_share:.0%} of the overlap agrees within {_STABLE_SCALES * quality.scale:.3f} m, "
-            f"less than the least share of stable ground ({parameters.minimum_stable_share:.0%}); the registration "
-            f"error is widened to {error:.3f} m; give an area known to be stable."
-        )
+    sentences.append(_about_stable_ground(quality, parameters, error, left=left, judged=judged))
     if unobservable:
         there = (
             "what the icp method found there is chance" if parameters.method == "icp" else "there they stay as surveyed"
@@ -200,17 +179,7 @@ def explain(
             f"The surface does not fix the epochs' relative position against {_listed(unobservable)}: {there}, and a "
             "movement of that kind cannot be seen."
         )
-    if bend is not None and bent:
-        sentences.append(
-            f"Heights were corrected by {np.ptp(bend.correction.heights):.3f} m from place to place, because stable "
-            f"ground was bent by {bend.before:.3f} m after one rigid motion; a movement that changes so slowly over "
-            "the slope is taken off with it."
-        )
-    elif bend is not None and bend.worth:
-        sentences.append(
-            f"Stable ground is bent by {bend.before:.3f} m after one rigid motion, as by strips that do not fit or by "
-            f"a slow movement; --piecewise auto would leave {bend.after:.3f} m, and takes such movements off too."
-        )
+    sentences.append(_about_bending(bend, bent=bent))
     if not converged:
         sentences.append(
             "The registration did not settle within its iterations; check the result or raise their number."
@@ -225,7 +194,53 @@ def explain(
             f"Only {quality.overlap_share:.0%} of the later epoch's points have a counterpart on the earlier one; "
             "check that both cover the slope."
         )
-    return tuple(sentences)
+    return tuple(sentence for sentence in sentences if sentence)
+
+
+def _about_stable_ground(
+    quality: Agreement, parameters: RegistrationParameters, error: float, *, left: bool, judged: Standing | None
+) -> str:
+    """The sentence about what is taken as stable; empty where there is nothing to say."""
+    within = _STABLE_SCALES * quality.scale
+    if left:
+        return (
+            f"No stable ground was found ({quality.stable_share:.0%} of the overlap agrees within "
+            f"{within:.3f} m), so the epochs stay as surveyed; the registration error is widened to "
+            f"{error:.3f} m; give an area known to be stable."
+        )
+    if judged is not None and (judged.contested or judged.by_position):
+        return caution(judged, error)
+    if judged is not None and quality.stable_share < max(parameters.minimum_stable_share, _MIN_STABLE_SHARE):
+        little = quality.stable_share < parameters.minimum_stable_share
+        than = f", less than the least share of stable ground ({parameters.minimum_stable_share:.0%})" if little else ""
+        return (
+            f"Only {quality.stable_share:.0%} of the overlap agrees on one motion{than}: it is taken as stable, "
+            f"because the next part that agrees holds {judged.part.rival:.0%}; give an area known to be stable if the "
+            "rest of the surface cannot have moved."
+        )
+    if judged is None and quality.stable_share < parameters.minimum_stable_share:
+        return (
+            f"Only {quality.stable_share:.0%} of the overlap agrees within {within:.3f} m, less than "
+            f"the least share of stable ground ({parameters.minimum_stable_share:.0%}); the registration error is "
+            f"widened to {error:.3f} m; give an area known to be stable."
+        )
+    return ""
+
+
+def _about_bending(bend: Bend | None, *, bent: bool) -> str:
+    """The sentence about what one rigid motion leaves; empty where that is little."""
+    if bend is not None and bent:
+        return (
+            f"Heights were corrected by {np.ptp(bend.correction.heights):.3f} m from place to place, because stable "
+            f"ground was bent by {bend.before:.3f} m after one rigid motion; a movement that changes so slowly over "
+            "the slope is taken off with it."
+        )
+    if bend is not None and bend.worth:
+        return (
+            f"Stable ground is bent by {bend.before:.3f} m after one rigid motion, as by strips that do not fit or by "
+            f"a slow movement; --piecewise auto would leave {bend.after:.3f} m, and takes such movements off too."
+        )
+    return ""
 
 
 def explain_plants(

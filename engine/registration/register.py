@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -12,21 +12,18 @@ from ...interface.parameters import RegistrationParameters
 from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.progress import Progress
-from ..geometry.height_correction import HeightCorrection
 from ..geometry.pose import Pose
-from ..geometry.rigid_transform import BentTransform, RigidTransform
 from ..pointcloud.plant_cover import PlantCover
-from .alignment import Alignment, align, observe
-from .bare_ground import Covered, align_bare, compared_ground, divide, error_by_plants, offset_of_covered
-from .bending import Bend, measure_bend
+from .alignment import Alignment, align
+from .bare_ground import Covered, align_bare, divide, offset_of_covered
 from .checks import check_overlap, check_points, check_shape, inside
 from .icp import icp
-from .observability import Information, height_sd, name_unobservable, relief_sd, weakest_direction
-from .patch_registration import ENOUGH, OnPatches, align_on_patches, keeps
+from .measured import Measured, Solution, measured, of_alignment
+from .moved_surface import on_what_stayed
+from .observability import name_unobservable, weakest_direction
 from .point_to_plane import Matcher
-from .quality import NO_STABLE_GROUND, Agreement, agreement, explain, explain_plants, widened
+from .quality import explain, explain_plants
 from .result import PlantsInRegistration, RegistrationResult, StableGround
-from .rival_parts import Standing, difference, refusal
 from .surface import Surface, nearest
 
 _NEIGHBOUR_SAMPLE = 25_000
@@ -71,53 +68,19 @@ def register(
     with progress.stage(0.05, 0.8):
         solution = _solve(a, b, tree, matcher, parameters, progress)
     progress.update(0.8, "measuring the agreement")
-    found = _measured(solution, matcher, parameters, stable is not None, progress)
+    found = measured(solution, matcher, parameters, stable is not None, progress)
     ground = divide(matcher) if parameters.method == "robust" else None
     if ground is not None and solution.alignment is not None:
         with progress.stage(0.82, 0.88):
             found = _surer(found, solution.alignment, ground, parameters, stable is not None, progress)
     if parameters.method == "robust" and stable is None:
         with progress.stage(0.88, 0.95):
-            found = _on_what_stayed(found, solution.alignment, matcher, parameters, progress)
+            found = on_what_stayed(found, solution.alignment, matcher, parameters, progress)
     solution = found.solution
     some = b[:: max(1, len(b) // _NEIGHBOUR_SAMPLE)]
     before = nearest(tree, some)[0]
     after = before if parameters.method == "none" else nearest(tree, solution.apply(some))[0]
     return _result(found, before, after, centre, len(b), parameters, stable is not None)
-
-
-@dataclass(frozen=True)
-class _Solution:
-    """What a method found; ``radius`` (m) scales the rotations of ``information``.
-
-    ``left``: left as surveyed because no stable ground was found. ``bent``: the correction of ``bend`` is part of it.
-    ``alignment`` is what the robust method found.
-    """
-
-    pose: Pose
-    iterations: int = 0
-    converged: bool = True
-    information: Information | None = None
-    radius: float = 1.0
-    left: bool = False
-    bend: Bend | None = None
-    bent: bool = False
-    alignment: Alignment | None = None
-
-    @property
-    def correction(self) -> HeightCorrection | None:
-        return self.bend.correction if self.bend is not None and self.bent else None
-
-    def apply(self, xyz: Float) -> Float:
-        moved = self.pose.apply(xyz)
-        return moved if self.correction is None else self.correction.apply(moved)
-
-    def transform(self, centre: Float) -> RigidTransform:
-        """In the clouds' own system."""
-        if self.correction is None:
-            return RigidTransform(self.pose.rotation, self.pose.translation, centre)
-        correction = replace(self.correction, nodes=self.correction.nodes.moved(centre[:2]))
-        return BentTransform(self.pose.rotation, self.pose.translation, centre, correction)
 
 
 def _solve(
@@ -127,7 +90,7 @@ def _solve(
     matcher: Matcher,
     parameters: RegistrationParameters,
     progress: Progress,
-) -> _Solution:
+) -> Solution:
     """By the method asked for, in local coordinates."""
     if parameters.method == "icp":
         plain = icp(
@@ -138,7 +101,7 @@ def _solve(
             tree=tree,
             progress=progress,
         )
-        return _Solution(plain.pose, plain.iterations, plain.converged)
+        return Solution(plain.pose, plain.iterations, plain.converged)
     if parameters.method == "robust":
         found = align(
             matcher,
@@ -147,12 +110,8 @@ def _solve(
             iterations=parameters.registration_iterations,
             progress=progress,
         )
-        return _of_alignment(found)
-    return _Solution(Pose.identity())
-
-
-def _of_alignment(found: Alignment) -> _Solution:
-    return _Solution(found.pose, found.iterations, found.converged, found.information, found.radius, alignment=found)
+        return of_alignment(found)
+    return Solution(Pose.identity())
 
 
 def _surface(xyz: Float, plants: PlantCover | None, parameters: RegistrationParameters) -> Surface:
@@ -160,128 +119,14 @@ def _surface(xyz: Float, plants: PlantCover | None, parameters: RegistrationPara
     return Surface(xyz, parameters.registration_voxel, error)
 
 
-@dataclass(frozen=True)
-class _Measured:
-    """A solution, the agreement of the surfaces there, and the standard error of a height, ``error`` (m).
-
-    ``by_plants`` (m) is the part of it that plants cause. ``ground`` is known where the clouds record plants; ``bare``
-    says that its bare part alone was registered, above which the later survey's covered ground lies by ``offset`` (m).
-    """
-
-    solution: _Solution
-    quality: Agreement
-    error: float
-    by_plants: float
-    ground: Covered | None = None
-    bare: bool = False
-    offset: float | None = None
-    judged: Standing | None = None
-
-
-def _on_what_stayed(
-    found: _Measured,
-    alignment: Alignment | None,
-    matcher: Matcher,
-    parameters: RegistrationParameters,
-    progress: Progress,
-) -> _Measured:
-    """``found``, or where much has moved the registration on the part that has not.
-
-    Raises:
-        InputError: hardly anything agrees and no part is clearly the one that stayed, unless that was accepted.
-    """
-    if not found.solution.left and found.quality.stable_share >= ENOUGH:
-        return found
-    if found.bare and found.ground is not None:
-        matcher = found.ground.bare
-    patches = align_on_patches(matcher, alignment, parameters, progress)
-    if patches is not None:
-        judged = patches.standing
-        if judged.contested and not parameters.accept_unstable:
-            raise InputError(refusal(judged))
-        narrow = _measured(_of_alignment(patches.alignment), matcher, parameters, False, progress, patches=patches)
-        if judged.contested:
-            narrow = _covering_both(narrow, judged)
-        elif not found.solution.left and keeps(found.quality.stable_share, narrow.quality.stable_share, patches):
-            return found
-        return replace(narrow, ground=found.ground, bare=found.bare, offset=found.offset, judged=judged)
-    little = found.solution.left or found.quality.stable_share < parameters.minimum_stable_share
-    if little and not parameters.accept_unstable:
-        raise InputError(
-            f"Only {found.quality.stable_share:.0%} of the overlap agrees after registration and no part of the "
-            "surface is clearly the one that did not move, so nothing tells how the epochs lie to one another; give "
-            "an area known to be stable (--stable), or --accept-unstable to go on with a wide error."
-        )
-    return found
-
-
-def _covering_both(found: _Measured, judged: Standing) -> _Measured:
-    """``found`` with errors that cover the motion of the other part, which may be the one that stayed."""
-    solution = found.solution
-    assert solution.information is not None
-    away = difference(judged, solution.radius)
-    covariance = solution.information.covariance + np.outer(away, away)
-    error = float(np.hypot(found.error, height_sd(np.outer(away, away), *_upward(found.quality), solution.radius)))
-    return replace(
-        found, solution=replace(solution, information=replace(solution.information, covariance=covariance)), error=error
-    )
-
-
-def _upward(quality: Agreement) -> tuple[Float, Float]:
-    """Places and normals (n, 3) of the stable ground; of the mean where there is none."""
-    if len(quality.places):
-        return quality.places, quality.normals
-    return quality.sample, np.broadcast_to(quality.mean_normal, quality.sample.shape)
-
-
-def _measured(
-    solution: _Solution,
-    matcher: Matcher,
-    parameters: RegistrationParameters,
-    stable_given: bool,
-    progress: Progress,
-    ground: Covered | None = None,
-    patches: OnPatches | None = None,
-) -> _Measured:
-    """Agreement of a solution by the ground of ``matcher``, and its error there, or over all of ``ground``.
-
-    With ``patches`` only they can be stable ground.
-    """
-    among = None if patches is None else patches.among
-    quality = agreement(matcher, solution.pose, parameters.maximum_offset, among=among)
-    if parameters.method == "icp":
-        seen = observe(matcher, solution.pose, quality.scale, parameters.maximum_offset, progress)
-        solution = replace(solution, information=seen)
-    elif (
-        parameters.method == "robust"
-        and patches is None
-        and not stable_given
-        and quality.stable_share < NO_STABLE_GROUND
-    ):
-        solution = _Solution(Pose.identity(), solution.iterations, left=True)
-        quality = agreement(matcher, solution.pose, parameters.maximum_offset)
-    elif parameters.method == "robust":
-        solution, quality = _bent(solution, quality, matcher if patches is None else patches.matcher, parameters)
-    over = quality.places, quality.normals
-    if ground is not None:
-        over = compared_ground(ground, solution.pose, parameters.maximum_offset)
-    by_plants = 0.0
-    if parameters.method != "none" and not solution.left:  # a cloud left as it is takes nothing from plants
-        by_plants = error_by_plants(matcher, solution.pose, quality.sample[quality.agrees])
-    error = float(np.hypot(_error(solution, quality, over, parameters), by_plants))
-    if patches is None:
-        error = widened(error, quality, parameters.minimum_stable_share)
-    return _Measured(solution, quality, error, by_plants)
-
-
 def _surer(
-    all_ground: _Measured,
+    all_ground: Measured,
     alignment: Alignment,
     ground: Covered,
     parameters: RegistrationParameters,
     stable_given: bool,
     progress: Progress,
-) -> _Measured:
+) -> Measured:
     """By all ground or by bare ground alone, whichever states the smaller error."""
     all_ground = replace(all_ground, ground=ground)
     if all_ground.by_plants < _MIN_PLANT_ERROR_M:
@@ -290,7 +135,7 @@ def _surer(
         found = align_bare(ground, alignment, parameters, progress)
         if found is None:
             return all_ground
-        bare = _measured(_of_alignment(found), ground.bare, parameters, stable_given, progress, ground)
+        bare = measured(of_alignment(found), ground.bare, parameters, stable_given, progress, ground)
     except InputError:  # the two surveys are not bare in the same places
         return all_ground
     if bare.solution.left or bare.error >= all_ground.error:
@@ -299,52 +144,8 @@ def _surer(
     return replace(bare, ground=ground, bare=True, offset=offset)
 
 
-def _error(
-    solution: _Solution, quality: Agreement, over: tuple[Float, Float], parameters: RegistrationParameters
-) -> float:
-    """Standard error of a height over places with their normals, (n, 3) each, in metres; plants aside."""
-    information, error = solution.information, 0.0
-    if information is not None and parameters.method == "robust":
-        places, normals = over
-        mean = normals.mean(axis=0) if len(normals) else quality.mean_normal
-        mean = mean / np.linalg.norm(mean)
-        seen = information.observable_covariance
-        flat = np.broadcast_to(mean, normals.shape)
-        # what is free moves the surface as a whole: sliding a slope along itself leaves its heights, tilting does not
-        prior = parameters.maximum_offset / float(np.sqrt(3.0))
-        error = float(
-            np.linalg.norm(
-                [
-                    height_sd(seen, places, normals, solution.radius),
-                    height_sd(information.covariance - seen, places, flat, solution.radius),
-                    relief_sd(information, prior) / max(float(mean[2]), 0.2),
-                ]
-            )
-        )
-    error = float(np.hypot(error, quality.misfit_height))
-    if solution.correction is not None:
-        error = float(np.hypot(error, np.sqrt(np.mean(solution.correction.sd**2))))
-    return error
-
-
-def _bent(
-    solution: _Solution, quality: Agreement, matcher: Matcher, parameters: RegistrationParameters
-) -> tuple[_Solution, Agreement]:
-    """Bending that the rigid motion leaves: measured, and removed if the parameters ask for it."""
-    spacing = max(matcher.reference.spacing, matcher.moving.spacing)
-    reach = max(0.3 * parameters.maximum_offset, 3 * spacing)
-    bend = measure_bend(matcher, solution.pose, parameters.piece_size, reach, quality.scale)
-    if bend is None:
-        return solution, quality
-    bent = parameters.piecewise == "always" or (parameters.piecewise == "auto" and bend.worth)
-    solution = replace(solution, bend=bend, bent=bent)
-    if bent:
-        quality = agreement(matcher, solution.pose, parameters.maximum_offset, bend.correction)
-    return solution, quality
-
-
 def _result(
-    found: _Measured,
+    found: Measured,
     before: Float,
     after: Float,
     centre: Float,
@@ -357,10 +158,6 @@ def _result(
     pose, information = solution.pose, solution.information
     moved = quality.places if len(quality.places) else quality.sample  # nothing is stable
     shift = pose.apply(moved).mean(axis=0) - moved.mean(axis=0)
-    covariance = None
-    if information is not None and parameters.method == "robust":
-        scale = np.diag([1 / solution.radius] * 3 + [1.0] * 3)
-        covariance = scale @ information.covariance @ scale
     names = () if information is None else name_unobservable(information, quality.mean_normal)
     close = after[after <= parameters.maximum_correspondence]
     return RegistrationResult(
@@ -375,7 +172,7 @@ def _result(
         agreement=quality,
         normal_translation=float(shift @ quality.mean_normal),
         vertical_translation=float(shift[2]),
-        covariance=covariance,
+        covariance=_covariance(solution) if parameters.method == "robust" else None,
         condition=None if information is None else information.condition,
         unobservable=names,
         weakest=None if information is None else weakest_direction(information, quality.mean_normal),
@@ -406,3 +203,11 @@ def _result(
         if found.ground is None
         else PlantsInRegistration(found.ground.bare_share, found.bare, found.by_plants, found.offset),
     )
+
+
+def _covariance(solution: Solution) -> Float | None:
+    """(6, 6) of rotations (radians) and translation (m)."""
+    if solution.information is None:
+        return None
+    scale = np.diag([1 / solution.radius] * 3 + [1.0] * 3)
+    return scale @ solution.information.covariance @ scale

@@ -231,20 +231,26 @@ def _zone_row(zone: ZoneSeries, last_change: Float, heights: Float, about: About
     if zone.failure.earliest is not None and zone.failure.latest is not None:
         row["failure_from"] = (first + timedelta(days=int(zone.failure.earliest))).isoformat()
         row["failure_to"] = (first + timedelta(days=int(np.ceil(zone.failure.latest)))).isoformat()
-    velocity = zone.velocity
-    if velocity is not None:
-        row |= {
-            "rate_mm_day": 1000 * velocity.rate,
-            "rate_err": 1000 * velocity.error,
-            "rate_low": 1000 * velocity.low,
-            "rate_high": 1000 * velocity.high,
-            "velocity_class": velocity_class(1000 * velocity.rate) if velocity.significant else "not determined",
-            "trend": velocity.trend,
-        }
-        if velocity.onset is not None:
-            row["onset_from"], row["onset_to"] = (about.dates[i].isoformat() for i in velocity.onset)
+    row |= _velocity_columns(zone, about)
     row["rate_last"], row["rate_last_err"] = _step(zone, last, about)[3:]
     return row
+
+
+def _velocity_columns(zone: ZoneSeries, about: About) -> dict[str, Any]:
+    velocity = zone.velocity
+    if velocity is None:
+        return {}
+    columns: dict[str, Any] = {
+        "rate_mm_day": 1000 * velocity.rate,
+        "rate_err": 1000 * velocity.error,
+        "rate_low": 1000 * velocity.low,
+        "rate_high": 1000 * velocity.high,
+        "velocity_class": velocity_class(1000 * velocity.rate) if velocity.significant else "not determined",
+        "trend": velocity.trend,
+    }
+    if velocity.onset is not None:
+        columns["onset_from"], columns["onset_to"] = (about.dates[i].isoformat() for i in velocity.onset)
+    return columns
 
 
 def _survey_row(zone: ZoneSeries, i: int, about: About) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import date
 from functools import partial
+from typing import Any
 
 import geopandas as gpd
 import numpy as np
@@ -119,21 +120,12 @@ def extract_zones(
     values.update({name: np.full(count, text, dtype=object) for name, text in _texts(origin).items()})
     values["n_epochs_confirmed"] = np.ones(count, dtype=np.int64)
 
-    rank = np.array([SEVERITIES.index(s) for s in values["severity"]], dtype=np.int64)
-    volume = np.abs(values["vol_net_m3"])
-    order = np.lexsort((first_cells, -volume, rank))
-    new_label = np.zeros(count + 1, dtype=np.int32)
-    new_label[order + 1] = np.arange(1, count + 1)
-    labels = new_label[labels]
+    order = _most_severe_first(values, first_cells)
+    labels = _renumbered(labels, order)
     values = {name: column[order] for name, column in values.items()}
     values["zone_id"] = np.array([f"Z{i:03d}" for i in range(1, count + 1)], dtype=object)
-    frame = gpd.GeoDataFrame(
-        {name: table_column(values.get(name), kind, count) for name, kind in FIELDS.items()},
-        geometry=cell_polygons(labels, count, grid),
-        crs=horizontal(crs),
-    )
     return Zones(
-        frame=frame,
+        frame=_frame(values, labels, grid, crs),
         labels=labels,
         dropped_groups=groups,
         dropped_cells=dropped_cells,
@@ -142,6 +134,27 @@ def extract_zones(
         correlation=correlation,
         within_plants=within_plants,
         unsure_groups=sure.dropped,
+    )
+
+
+def _most_severe_first(values: dict[str, Any], first_cells: NDArray[np.integer]) -> NDArray[np.intp]:
+    """Order of the zones: by severity, then by volume, then as they lie."""
+    rank = np.array([SEVERITIES.index(s) for s in values["severity"]], dtype=np.int64)
+    return np.lexsort((first_cells, -np.abs(values["vol_net_m3"]), rank))
+
+
+def _renumbered(labels: NDArray[np.int32], order: NDArray[np.intp]) -> NDArray[np.int32]:
+    new_label = np.zeros(len(order) + 1, dtype=np.int32)
+    new_label[order + 1] = np.arange(1, len(order) + 1)
+    return new_label[labels]
+
+
+def _frame(values: dict[str, Any], labels: NDArray[np.int32], grid: Grid, crs: CRS | None) -> gpd.GeoDataFrame:
+    count = len(values["zone_id"])
+    return gpd.GeoDataFrame(
+        {name: table_column(values.get(name), kind, count) for name, kind in FIELDS.items()},
+        geometry=cell_polygons(labels, count, grid),
+        crs=horizontal(crs),
     )
 
 

@@ -51,7 +51,13 @@ def training_report(facts: dict[str, Any], metrics: dict[str, Any], digest: str,
         f"Each file was scored once, by a model that never saw it ({len(facts['folds'])} folds). The weights written "
         "are trained on all files; expect them to be about as good on slopes like these, and worse on others."
     )
-    lines += [
+    return (
+        "\n".join([*lines, *_score_lines(scores, facts["folds"]), *_calibration_lines(metrics["calibration"])]) + "\n"
+    )
+
+
+def _score_lines(scores: dict[str, Any], folds: Sequence[Any]) -> list[str]:
+    return [
         "",
         *_table(["all held-out points", "accuracy", "mean IoU", *(f"IoU {name}" for name in CLASSES)], _rows(scores)),
         "",
@@ -60,7 +66,7 @@ def training_report(facts: dict[str, Any], metrics: dict[str, Any], digest: str,
             [
                 [str(number + 1), ", ".join(fold["test"]), _percent(result["overall_accuracy"]),
                  _percent(result["mean_iou"])]
-                for number, (fold, result) in enumerate(zip(facts["folds"], scores["folds"]))
+                for number, (fold, result) in enumerate(zip(folds, scores["folds"]))
             ],
         ),
         "",
@@ -71,16 +77,19 @@ def training_report(facts: dict[str, Any], metrics: dict[str, Any], digest: str,
             [[name, *(f"{n:,}" for n in row)] for name, row in zip(CLASSES, scores["confusion"])],
         ),
         "",
+    ]  # fmt: skip
+
+
+def _calibration_lines(found: dict[str, Any]) -> list[str]:
+    return [
         "## Calibration",
         "",
-    ]  # fmt: skip
-    found = metrics["calibration"]
-    lines.append(
-        f"Temperature {found['temperature']:.3f}, fitted on {found['points']:,} held-out points: mean negative "
-        f"log-likelihood {found['nll_before']:.3f} → {found['nll_after']:.3f}, expected calibration error "
-        f"{_percent(found['error_before'])} → {_percent(found['error_after'])} (on the points of the fit)."
-    )
-    return "\n".join(lines) + "\n"
+        (
+            f"Temperature {found['temperature']:.3f}, fitted on {found['points']:,} held-out points: mean negative "
+            f"log-likelihood {found['nll_before']:.3f} → {found['nll_after']:.3f}, expected calibration error "
+            f"{_percent(found['error_before'])} → {_percent(found['error_after'])} (on the points of the fit)."
+        ),
+    ]
 
 
 def _rows(scores: dict[str, Any]) -> list[list[str]]:

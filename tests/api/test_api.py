@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
 from pathlib import Path
 
+import geopandas as gpd
 import numpy as np
 import pytest
 import rasterio
+import shapely
 from slopewatch import api
 from slopewatch.tests.builders.planes import write_plane
 
@@ -43,6 +46,18 @@ def test_change_gives_what_the_command_gives(clouds, tmp_path):
 def test_warnings_come_back(clouds, tmp_path):
     run = api.change(*clouds, tmp_path / "out", cell=0.5)
     assert any("registration's error is not known" in warning for warning in run.warnings)
+
+
+def test_m3c2_takes_polygons_of_stable_ground(clouds, tmp_path):
+    """The record names them, as that of the command does."""
+    area = tmp_path / "stable.gpkg"
+    lower = shapely.box(500_000, 3_500_000, 500_020, 3_500_006)  # below the block
+    gpd.GeoDataFrame(geometry=[lower], crs="EPSG:32651").to_file(area)
+    given = {"registration_error": 0.002, "projection_scale": 1.0, "normal_scale": 1.5, "core_spacing": 0.5}
+    run = api.m3c2(*clouds, tmp_path / "out.laz", stable=area, **given)
+    record = json.loads(run.outputs["run"].read_text(encoding="utf-8"))
+    assert record["inputs"][-1]["role"] == "stable"
+    assert record["inputs"][-1]["path"] == str(area)
 
 
 @pytest.mark.parametrize(

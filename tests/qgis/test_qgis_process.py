@@ -164,6 +164,7 @@ class TestCancelling:
         process.wait()
         wait_until(lambda: not processes_with(str(folder)), 3.0)
         wait_until(lambda: list(tmp_path.iterdir()) == [], 1.0)
+        process.communicate(timeout=20)
 
     @staticmethod
     def _interrupt(process: subprocess.Popen[str], mark: str) -> float:

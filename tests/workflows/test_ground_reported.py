@@ -13,7 +13,7 @@ from slopewatch.cli.reporting import JsonReporter
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.epochs.epoch import Epoch, parse_date
 from slopewatch.engine.ground.cover import GroundCover, cover_facts, cover_sentence, cover_table
-from slopewatch.engine.ground.extraction import GroundResult
+from slopewatch.engine.ground.result import GroundResult
 from slopewatch.engine.pointcloud.cloud import PointCloud
 from slopewatch.engine.pointcloud.pdal_program import Pdal
 from slopewatch.engine.pointcloud.reading import read_cloud

@@ -134,7 +134,7 @@ def test_every_labelled_point_is_scored_once_and_the_description_says_all(traine
 
 def test_log_and_report(trained, clouds):
     folder, _ = trained
-    rows = list(csv.DictReader((folder / "log.csv").open()))
+    rows = list(csv.DictReader((folder / "log.csv").read_text().splitlines()))
     assert list(dict.fromkeys(row["training"] for row in rows)) == ["fold_0", "fold_1", "all"]
     last = [row for row in rows if row["training"] == "all"]
     assert int(last[-1]["step"]) == 45
@@ -219,6 +219,7 @@ def test_cancelling_leaves_only_what_the_next_run_goes_on_from(tiny_clouds, tmp_
         assert process.wait(5) == 130
     finally:
         process.kill()
+        process.communicate()
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"training"}
     assert not [path for path in tmp_path.rglob("*") if ".part" in path.name]
 

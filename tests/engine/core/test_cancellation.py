@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -35,18 +37,25 @@ with staged_outputs(out / "made" / "here") as stage:
 """
 
 
-def start(tmp_path: Path, watch: str, work: str) -> subprocess.Popen[bytes]:
-    process = subprocess.Popen(
-        [sys.executable, "-c", SCRIPT, str(tmp_path), watch, work], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    )
-    assert process.stdout is not None
-    assert process.stdout.readline().strip() == b"ready"
-    if work == "child":
-        deadline = time.monotonic() + 20
-        while not ((tmp_path / "child.pid").exists() and (tmp_path / "child.pid").read_text()):
-            assert time.monotonic() < deadline
-            time.sleep(0.02)
-    return process
+@pytest.fixture
+def start(tmp_path) -> Iterator[Callable[[str, str], subprocess.Popen[bytes]]]:
+    """Starts the script; it is ended and its pipes are closed after the test."""
+    with contextlib.ExitStack() as started:
+
+        def begin(watch: str, work: str) -> subprocess.Popen[bytes]:
+            command = [sys.executable, "-c", SCRIPT, str(tmp_path), watch, work]
+            process = started.enter_context(subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE))
+            started.callback(process.kill)
+            assert process.stdout is not None
+            assert process.stdout.readline().strip() == b"ready"
+            if work == "child":
+                deadline = time.monotonic() + 20
+                while not ((tmp_path / "child.pid").exists() and (tmp_path / "child.pid").read_text()):
+                    assert time.monotonic() < deadline
+                    time.sleep(0.02)
+            return process
+
+        yield begin
 
 
 def running(pid: int) -> bool:
@@ -58,8 +67,8 @@ def running(pid: int) -> bool:
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, "stdin"])
 @pytest.mark.parametrize("work", ["child", "busy", "stubborn"])
-def test_cancel_ends_children_and_removes_what_is_half_written(tmp_path, how, work):
-    process = start(tmp_path, "watch", work)
+def test_cancel_ends_children_and_removes_what_is_half_written(start, tmp_path, how, work):
+    process = start("watch", work)
     asked = time.monotonic()
     if how == "stdin":
         process.stdin.close()
@@ -73,8 +82,8 @@ def test_cancel_ends_children_and_removes_what_is_half_written(tmp_path, how, wo
         assert not running(int((tmp_path / "child.pid").read_text()))
 
 
-def test_without_watch_parent_a_closed_standard_input_is_no_cancel(tmp_path):
-    process = start(tmp_path, "no", "busy")
+def test_without_watch_parent_a_closed_standard_input_is_no_cancel(start):
+    process = start("no", "busy")
     process.stdin.close()
     with pytest.raises(subprocess.TimeoutExpired):
         process.wait(timeout=0.7)
@@ -83,8 +92,8 @@ def test_without_watch_parent_a_closed_standard_input_is_no_cancel(tmp_path):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the parent's death reaches children through the kernel on Linux")
-def test_a_killed_engine_leaves_no_child(tmp_path):
-    process = start(tmp_path, "no", "child")
+def test_a_killed_engine_leaves_no_child(start, tmp_path):
+    process = start("no", "child")
     process.kill()
     process.wait()
     pid = int((tmp_path / "child.pid").read_text())

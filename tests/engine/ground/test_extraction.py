@@ -20,8 +20,9 @@ from pyproj import CRS
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.ground import extraction as module
-from slopewatch.engine.ground.extraction import GroundResult, extract_ground
+from slopewatch.engine.ground.extraction import extract_ground
 from slopewatch.engine.ground.filtering import ground_mask
+from slopewatch.engine.ground.result import GroundResult
 from slopewatch.engine.pointcloud.pdal_program import Pdal, find_pdal
 from slopewatch.interface.parameters import GroundParameters, InputParameters, SurveyParameters
 from slopewatch.simulation.surveys.survey import SimulatedPair, simulate_pair
@@ -512,4 +513,5 @@ def test_cancelling_leaves_nothing(inputs, tmp_path):
     process.send_signal(signal.SIGINT)
     assert process.wait(timeout=10) == 130
     assert time.monotonic() - started < 2.0
+    process.communicate()
     assert list(tmp_path.iterdir()) == []

@@ -12,7 +12,8 @@ import pytest
 from pyproj import CRS
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.epochs.epoch import Epoch
-from slopewatch.engine.ground.extraction import GroundResult, extract_ground
+from slopewatch.engine.ground.extraction import extract_ground
+from slopewatch.engine.ground.result import GroundResult
 from slopewatch.engine.pointcloud.pdal_program import find_pdal
 from slopewatch.engine.pointcloud.writing import copy_with
 from slopewatch.interface.parameters import ChangeParameters, LastEpochParameters, ReportParameters

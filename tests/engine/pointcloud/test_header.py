@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import struct
+from pathlib import Path
 
 import laspy
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.messages import shown
-from slopewatch.engine.pointcloud.header import EmptyCloud, preflight
+from slopewatch.engine.pointcloud.header import CloudHeader, EmptyCloud, preflight
 
 
 @pytest.mark.parametrize(("point_format", "version"), [(f, "1.2") for f in range(4)] + [(f, "1.4") for f in range(11)])
@@ -130,3 +133,72 @@ def test_copc_is_accepted(shared_data):
     assert header.compressed
     assert header.count == 518_862
     assert np.allclose(header.bounds_low, [515368.602, 4918340.364, 2322.896], atol=1e-3)
+
+
+# where a field of the header or of the first variable length record begins, and its bytes
+_FIELDS = [
+    *((24, 1), (25, 1), (94, 2), (96, 4), (100, 4), (104, 1), (105, 2), (107, 4), (131, 8), (155, 8), (179, 8)),
+    *((235, 8), (243, 4), (247, 8), (229, 1), (245, 2), (247, 2), (281, 2), (377, 1), (393, 2), (395, 2), (429, 2)),
+]
+_NUMBERS = [0, 1, 2, 20, 99, 100, 101, 128, 227, 375, 376, 2**15, 2**31, 2**32 - 1, 2**63, 2**64 - 1]
+_EXTREMES = [
+    *(number.to_bytes(8, "little") for number in _NUMBERS),
+    *(struct.pack("<d", number) for number in (np.nan, np.inf, -np.inf, -1.0, 1e308)),
+]
+_KINDS = ["1.2.las", "1.4.las", "1.2.laz", "1.4.laz"]
+
+
+@pytest.mark.parametrize("kind", _KINDS)
+def test_a_field_that_cannot_be_true_is_read_or_refused_in_a_sentence(sound_files, kind):
+    path, sound = sound_files[kind]
+    for place, width in _FIELDS:
+        for value in _EXTREMES:
+            check(path, sound[:place] + value[:width] + sound[place + width :])
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    kind=st.sampled_from(_KINDS),
+    damage=st.lists(st.tuples(st.integers(26, 700), st.binary(min_size=1, max_size=8)), max_size=3),
+    cut=st.integers(0, 1500),
+)
+def test_a_damaged_header_is_read_or_refused_in_a_sentence(sound_files, kind, damage, cut):
+    """Whatever bytes stand in it, and wherever the file ends."""
+    path, sound = sound_files[kind]
+    data = bytearray(sound)
+    for place, value in damage:
+        data[place : place + len(value)] = value
+    check(path, bytes(data))
+    check(path, sound[:cut])
+
+
+def check(path: Path, data: bytes) -> None:
+    """What is read of ``data`` fits it, or a sentence with the file's name refuses it."""
+    path.write_bytes(data)
+    found = outcome(path)
+    if isinstance(found, str):
+        assert shown(path) in found
+    else:
+        assert found.count > 0
+        assert found.offset_to_points <= found.file_size == len(data)
+        assert all(0 < scale < np.inf for scale in found.scales)
+
+
+def outcome(path: Path) -> CloudHeader | str:
+    """The header, or the sentence that refuses it."""
+    try:
+        return preflight(path)
+    except InputError as refused:
+        return str(refused)
+
+
+@pytest.fixture(scope="module")
+def sound_files(tmp_path_factory, las_file):
+    """For each kind a path to write to, and the bytes of a file without damage."""
+    folder, found = tmp_path_factory.mktemp("headers"), {}
+    for version in ("1.2", "1.4"):
+        for extension in ("las", "laz"):
+            path = folder / f"{version}.{extension}"
+            las_file(path, version=version, point_format=3 if version == "1.2" else 7, points=100)
+            found[path.name] = path, path.read_bytes()
+    return found

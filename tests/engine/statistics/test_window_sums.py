@@ -6,6 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from slopewatch.engine.statistics import window_sums
 from slopewatch.engine.statistics.window_sums import Windows, slide
 
@@ -61,3 +64,21 @@ def test_whole_numbers_that_overflow_on_the_way_still_give_the_sum():
     values = np.resize(np.array([30_000, -30_000], dtype=np.int16), 81)
     (total,) = Windows(np.array([40]), (9, 9), 4).totals(np.arange(81), values)
     assert total.tolist() == [30_000]
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.data(), st.tuples(st.integers(1, 9), st.integers(1, 9)), st.integers(0, 10), st.sampled_from([1, 20, 10**6]))
+def test_windows_of_any_grid_equal_a_look_at_every_cell(data, shape, radius, band):
+    """Of grids of a line, windows larger than the grid, no cell at all, and parts of any height."""
+    known, wanted = (np.flatnonzero(data.draw(arrays(bool, shape))) for _ in range(2))
+    values = data.draw(arrays(np.int64, known.size, elements=st.integers(-(2**40), 2**40)))
+    windows = Windows(wanted, shape, radius)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(window_sums, "_BAND", band)
+        (total,) = windows.totals(known, values)
+    row, column = np.unravel_index(known, shape)
+    for cell, sum_here, any_here in zip(wanted, total, windows.any(known), strict=True):
+        i, j = np.unravel_index(cell, shape)
+        near = (np.abs(row - i) <= radius) & (np.abs(column - j) <= radius)
+        assert sum_here == values[near].sum()
+        assert any_here == near.any()

@@ -161,7 +161,8 @@ def test_a_training_that_broke_off_ends_with_the_same_weights(torch, tiny_blocks
     assert (resumed.step, resumed.finished, whole.finished) == (7, True, True)
     for name, tensor in whole.network.state_dict().items():
         np.testing.assert_array_equal(resumed.network.state_dict()[name], tensor, err_msg=name)
-    steps = [int(row["step"]) for row in csv.DictReader((tmp_path / "broken" / "log.csv").open())]
+    log = (tmp_path / "broken" / "log.csv").read_text()
+    steps = [int(row["step"]) for row in csv.DictReader(log.splitlines())]
     assert steps == list(range(1, 8))
     with pytest.raises(InputError, match="other settings"):
         train(TINY, provider, frequencies, replace(parameters, learning_rate=0.5), tmp_path / "broken")

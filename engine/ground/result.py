@@ -1,0 +1,53 @@
+"""What an extraction of ground gives back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from .cover import GroundCover
+
+
+@dataclass(frozen=True)
+class GroundResult:
+    """What was extracted, and what the published tables report.
+
+    Lengths in metres, areas in m², densities in points per m², angles in degrees. ``ground`` is the output;
+    ``clipped`` the denoised cloud within the region; ``classified`` the same with class 2 for ground, 1 for the rest;
+    ``pipelines`` the PDAL pipelines that ran. ``vegetation_cover`` is C_v, see ``metrics.vegetation_cover``.
+    ``raw_area`` and ``roi_area`` without a region are those of occupied cells of 1 m². ``plane_*`` describe the
+    dominant plane; ``scatter`` and ``threshold`` come from the refinement (0 and the parameter without it). ``cover``
+    tells what covers the ground and how well it is known below, None where that was not asked.
+    """
+
+    ground: Path
+    clipped: Path
+    classified: Path
+    pipelines: tuple[Path, ...]
+    raw_points: int
+    raw_area: float
+    raw_density: float
+    roi_points: int
+    roi_area: float
+    roi_density: float
+    ground_points: int
+    ground_ratio: float
+    vegetation_cover: float
+    outliers: int
+    spacing: float
+    plane_normal: tuple[float, float, float]
+    plane_dip: float
+    plane_azimuth: float
+    plane_share: float
+    scatter: float
+    threshold: float
+    filter: str
+    warnings: tuple[str, ...]
+    seconds: dict[str, float]
+    cover: GroundCover | None = None
+
+    def figures(self) -> dict[str, Any]:
+        """The numbers by name."""
+        own = {f.name: getattr(self, f.name) for f in fields(self) if isinstance(getattr(self, f.name), (int, float))}
+        return own | (self.cover.figures() if self.cover else {})

@@ -1,0 +1,133 @@
+"""How long modules and functions are, and how many parameters they take: past a limit there are two things in one."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = ["api.py", "cli", "engine", "interface", "models", "workflows"]
+MODULE, FUNCTION, PARAMETERS = 400, 60, 7
+
+COMMAND = "its arguments are the command's files and switches, each under its own name"
+STEP = "the files and switches of a command, by name only"
+CLOUDS = "both clouds and their plants, the areas and errors known: most are by name and have a default"
+# An exception that is no longer needed fails: this list only gets shorter.
+LONG_MODULES: dict[str, str] = {}
+LONG_FUNCTIONS: dict[str, str] = {}
+MANY_PARAMETERS = {
+    "api.py:inspect": STEP,
+    "api.py:register": STEP,
+    "api.py:change": STEP,
+    "api.py:m3c2": STEP,
+    "api.py:monitor": STEP,
+    "cli/commands.py:register": COMMAND,
+    "cli/commands.py:change": COMMAND,
+    "cli/m3c2.py:m3c2": COMMAND,
+    "cli/screen.py:screen": COMMAND,
+    "engine/change/difference.py:difference": CLOUDS,
+    "engine/grid/growing_cells.py:adaptive_cells": CLOUDS,
+    "engine/grid/geotiff.py:write_raster": "what a raster's file states, each with a default but its name",
+    "engine/grid/geotiff.py:_write": "what a GeoTIFF states, how it is filled, and what must be read back",
+    "engine/ground/extraction.py:extract_ground": STEP,
+    "engine/m3c2/distances.py:m3c2_distances": "the scales and errors of M3C2 are figures of their own, by name only",
+    "engine/maps/heatmap.py:write_heatmap": "two files, what is drawn, and the words on the map, by name only",
+    "engine/pointcloud/laz_chunks.py:laz_layout": "what the header says of a compressed file, before there is a header",
+    "engine/pointcloud/writing.py:copy_with": "each is one change to the copy, by name only, none by default",
+    "engine/pointcloud/writing.py:copy_records": "the scale and offset of the new file beside what is copied",
+    "engine/pointcloud/writing.py:write_laz": "the fields of a new file's header",
+    "engine/registration/alignment.py:take_steps": "the state of one iteration, which four callers hand on",
+    "engine/registration/quality.py:explain": "each is one finding that a sentence is about, by name only",
+    "engine/registration/restarts.py:descend": "scales and bounds of one descent, by name only",
+    "engine/registration/stable_patches.py:_settled": "the state of one search, which four callers hand on",
+    "interface/parameters/specification.py:_parameter": "the fields of a parameter's description, by name only",
+    "models/screening/cloud_file.py:__init__": "how one file is read, by name only",
+    "models/screening/zones.py:_figures": "labels, probabilities and heights of one grid",
+    "models/training/training.py:train": "model, data, and when to stop and save, by name only",
+    "workflows/change.py:change_step": STEP,
+    "workflows/inspect.py:inspect_slope": STEP,
+    "workflows/m3c2.py:m3c2_step": STEP,
+    "workflows/register.py:register_step": STEP,
+    "workflows/series.py:monitor_series": STEP,
+}
+
+Function = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+def modules() -> Iterator[tuple[str, str]]:
+    """Path from the root and text of each module."""
+    for source in SOURCES:
+        place = ROOT / source
+        for path in [place] if place.is_file() else sorted(place.rglob("*.py")):
+            yield path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8")
+
+
+def functions(text: str) -> Iterator[Function]:
+    yield from (node for node in ast.walk(ast.parse(text)) if isinstance(node, Function))
+
+
+def length(function: Function) -> int:
+    """Lines from ``def`` on, without those of the docstring."""
+    lines = (function.end_lineno or 0) - function.lineno + 1
+    if ast.get_docstring(function) is not None:
+        first = function.body[0]
+        lines -= (first.end_lineno or 0) - first.lineno + 1
+    return lines
+
+
+def parameters(function: Function) -> int:
+    taken = function.args
+    named = [a.arg for a in (*taken.posonlyargs, *taken.args, *taken.kwonlyargs)]
+    return len([n for n in named if n not in ("self", "cls")]) + (taken.vararg is not None) + (taken.kwarg is not None)
+
+
+def larger(found: dict[str, int], limit: int) -> dict[str, int]:
+    return {name: size for name, size in found.items() if size > limit}
+
+
+def sizes(measure) -> dict[str, int]:
+    """The largest under each name, ``path:function``."""
+    found: dict[str, int] = {}
+    for path, text in modules():
+        for function in functions(text):
+            name = f"{path}:{function.name}"
+            found[name] = max(found.get(name, 0), measure(function))
+    return found
+
+
+def check(found: dict[str, int], limit: int, exceptions: dict[str, str]) -> None:
+    too_large = larger(found, limit)
+    new = {name: size for name, size in too_large.items() if name not in exceptions}
+    assert not new, f"above {limit}: look for the two things in each of {new}"
+    done = sorted(exceptions.keys() - too_large)
+    assert not done, f"no longer above {limit}: take them off the list: {done}"
+    assert all(exceptions.values())
+
+
+def test_modules_are_short():
+    found = {path: len(text.splitlines()) for path, text in modules()}
+    assert len(found) > 200
+    check(found, MODULE, LONG_MODULES)
+
+
+def test_functions_are_short():
+    check(sizes(length), FUNCTION, LONG_FUNCTIONS)
+
+
+def test_functions_take_few_parameters():
+    check(sizes(parameters), PARAMETERS, MANY_PARAMETERS)
+
+
+@pytest.mark.parametrize(("exceptions", "said"), [({}, "above 2"), ({"b": "old", "a": "long"}, r"take .*\['b'\]")])
+def test_what_is_too_large_or_was_is_told(exceptions, said):
+    with pytest.raises(AssertionError, match=said):
+        check({"a": 3, "b": 2}, 2, exceptions)
+    check({"a": 3, "b": 2}, 2, {"a": "long"})
+
+
+def test_docstrings_and_self_are_not_counted():
+    (function,) = functions('def f(self, a, *b, c=1, **d):\n    """One\n    two.\n    """\n    return a\n')
+    assert (length(function), parameters(function)) == (2, 4)
