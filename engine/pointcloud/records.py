@@ -25,7 +25,7 @@ from .laz_chunks import check_chunks
 
 PLACES = DecompressionSelection.XY_RETURNS_CHANNEL | DecompressionSelection.Z
 """Coordinates and return numbers, see ``read_records``."""
-_GROUP_BYTES = 32 << 20
+_GROUP_BYTES = 8 << 20  # what handles a group holds several times as much
 _STRETCH = 50_000
 """Points that a file without chunks is read in; LAZ files mostly have chunks of as many."""
 
@@ -103,7 +103,7 @@ def read_records(
     warnings: list[str] | None = None,
     stretches: int | None = None,
 ) -> Iterator[PackedPointRecord]:
-    """The records in the order of the file, in groups of at most about 32 MB (one chunk where chunks are larger).
+    """The records in the order of the file, in groups of at most about 8 MB (one chunk where chunks are larger).
 
     Args:
         selection: what is needed; the rest may be zero. None: all.
