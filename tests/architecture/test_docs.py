@@ -18,9 +18,8 @@ DOCS = sorted((ROOT / "docs").rglob("*.md"))
 DOCUMENTS = [*(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")), *DOCS]
 CHANGELOG = ROOT / "CHANGELOG.md"  # names commands and words of earlier releases
 LINE = 140
+GLOSSARY = ROOT / "docs" / "glossary.md"
 STARTS = [ROOT / "README.md", ROOT / "docs" / "architecture.md"]
-# What docs/glossary.md keeps out: the word, and what is written for it.
-BANNED = {"told": "reported, known or distinguished", "beside": "compared with, in addition to or next to"}
 # Options in the documents that are not those of `slopewatch`.
 FOREIGN = {"--recipe"}
 
@@ -141,6 +140,15 @@ def reached(starts: list[Path]) -> set[Path]:
     return seen
 
 
+def not_used() -> dict[str, str]:
+    """The words that the glossary keeps out, and what is written for each."""
+    table = GLOSSARY.read_text(encoding="utf-8").partition("## Words that are not used")[2]
+    return dict(re.findall(r"^\| `(\w+)` \| (.+) \|$", table, flags=re.M))
+
+
+BANNED = not_used()
+
+
 def banned(text: str) -> list[str]:
     return re.findall(rf"\b(?:{'|'.join(BANNED)})\b", without_code(text), flags=re.I)
 
@@ -177,6 +185,10 @@ def test_every_page_is_reached():
 @each
 def test_words_of_the_glossary(path):
     assert banned(path.read_text(encoding="utf-8")) == [], BANNED
+
+
+def test_the_glossary_keeps_words_out():
+    assert {"told", "beside"} <= set(BANNED)
 
 
 def test_faults_are_seen(tmp_path):
