@@ -12,6 +12,12 @@ import click
 import pytest
 from slopewatch.benchmarks.__main__ import NAMES as BENCHMARKS
 from slopewatch.cli.program import cli
+from slopewatch.engine.series.tables import SERIES_FIELDS, ZONE_FIELDS
+from slopewatch.engine.zones import confirmation, fields
+from slopewatch.models.screening import zones as screened_zones
+from slopewatch.workflows.last_epoch import SCREENING_OUTPUTS
+from slopewatch.workflows.products.change import CHANGE_OUTPUTS, ON_REQUEST
+from slopewatch.workflows.products.series import SERIES_OUTPUTS
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
@@ -185,6 +191,25 @@ def test_every_page_is_reached():
 @each
 def test_words_of_the_glossary(path):
     assert banned(path.read_text(encoding="utf-8")) == [], BANNED
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [fields.FIELDS, screened_zones.FIELDS, confirmation.FIELDS, ZONE_FIELDS, SERIES_FIELDS],
+    ids=["zones", "screened zones", "confirmation", "zones of a series", "series"],
+)
+def test_the_guide_explains_every_column(columns):
+    guide = (ROOT / "docs" / "guide.md").read_text(encoding="utf-8")
+    assert [name for name in columns if f"`{name}`" not in guide] == []
+
+
+@pytest.mark.parametrize(
+    ("page", "files"),
+    [("README.md", (*CHANGE_OUTPUTS, *ON_REQUEST, *SCREENING_OUTPUTS)), ("docs/guide.md", SERIES_OUTPUTS)],
+)
+def test_every_output_is_named(page, files):
+    text = (ROOT / page).read_text(encoding="utf-8")
+    assert [name for name in files if f"`{name}" not in text] == []
 
 
 def test_the_glossary_keeps_words_out():
