@@ -26,6 +26,7 @@ CHANGELOG = ROOT / "CHANGELOG.md"  # names commands and words of earlier release
 LINE = 140
 GLOSSARY = ROOT / "docs" / "glossary.md"
 STARTS = [ROOT / "README.md", ROOT / "docs" / "architecture.md"]
+FOLDERS = sorted(place.name for place in ROOT.iterdir() if place.is_dir() and place.name[0].isalpha())
 # Options in the documents that are not those of `slopewatch`.
 FOREIGN = {"--recipe"}
 
@@ -132,6 +133,12 @@ def unknown_modules(piece: str) -> list[str]:
     return wrong
 
 
+def missing_files(text: str) -> list[str]:
+    """Files and folders of the repository that code spans name and that are not there."""
+    named = re.findall(rf"`((?:{'|'.join(FOLDERS)})(?:/[\w.*-]+)*/?)`", text)
+    return [name for name in named if "NAME" not in name and not any(ROOT.glob(name.rstrip("/")))]
+
+
 def reached(starts: list[Path]) -> set[Path]:
     """Pages that links lead to from these, over other pages too."""
     seen: set[Path] = set()
@@ -184,6 +191,11 @@ def test_modules_that_are_started_exist(path):
     assert [name for piece in code(path.read_text(encoding="utf-8")) for name in unknown_modules(piece)] == []
 
 
+@each
+def test_files_that_are_named_exist(path):
+    assert missing_files(path.read_text(encoding="utf-8")) == []
+
+
 def test_every_page_is_reached():
     assert sorted(set(DOCS) - reached(STARTS)) == []
 
@@ -233,4 +245,7 @@ def test_faults_are_seen(tmp_path):
     assert unknown("--accept-unstables") == ["--accept-unstables"]
     assert unknown_modules(".venv/bin/python -m slopewatch.benchmarks strips stripes") == ["stripes"]
     assert unknown_modules("python -m slopewatch.engine") == ["slopewatch.engine"]
+    assert missing_files("`engine/core/errors.py` `engine/core/gone.py` `workflows/` `cli/NAME.py`") == [
+        "engine/core/gone.py"
+    ]
     assert reached([page]) == {page}
