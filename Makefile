@@ -51,13 +51,13 @@ bench: setup  ## Accuracy and speed beside the published method and its peers, a
 	$(PYTHON) -m slopewatch.benchmarks
 
 model: setup  ## The shipped screening weights, their figures and card, from nothing (hours on a processor; goes on where broken off)
-	$(PYTHON) -m slopewatch.models weights --folder build/model/weights
-	$(PYTHON) -m slopewatch.models figures
-	$(PYTHON) -m slopewatch.models figures --residual
+	$(PYTHON) -m slopewatch.models.making weights --folder build/model/weights
+	$(PYTHON) -m slopewatch.models.making figures
+	$(PYTHON) -m slopewatch.models.making figures --residual
 	for recipe in slopewatch paper residual; do \
-		$(PYTHON) -m slopewatch.models folds --recipe $$recipe --folder build/model/$$recipe || exit 1; done
-	$(PYTHON) -m slopewatch.models ablation --folder build/model/ablation
-	$(PYTHON) -m slopewatch.models card --folds slopewatch build/model/slopewatch --folds paper build/model/paper
+		$(PYTHON) -m slopewatch.models.making folds --recipe $$recipe --folder build/model/$$recipe || exit 1; done
+	$(PYTHON) -m slopewatch.models.making ablation --folder build/model/ablation
+	$(PYTHON) -m slopewatch.models.making card --folds slopewatch build/model/slopewatch --folds paper build/model/paper
 
 package:  ## The plugin as a zip for QGIS, from the last commit: dist/slopewatch-VERSION.zip
 	@scripts/package.sh

@@ -1,4 +1,4 @@
-"""The picture in docs/guide.md of how the level of detection comes about.
+"""The picture in docs/change.md of how the level of detection comes about.
 
 ``.venv/bin/python scripts/level_picture.py [FILE]`` simulates two surveys of a cut with a road, a face of 45 degrees,
 a berm and a shoulder, lowers two places of it, and draws what the engine computes: points and errors, the
