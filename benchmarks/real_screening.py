@@ -27,11 +27,10 @@ from ..engine.geometry.dominant_plane import apply_matrix
 from ..engine.ground.extraction import extract_ground
 from ..models.configuration import CLASSES, ModelConfiguration
 from ..models.inference.baseline import residual_probabilities
+from ..models.making.scene_scores import FOUND, SMALLEST_ZONE, ZONE_CELL
 from ..models.network.shipped import SHIPPED_WEIGHTS, shipped_model
 from ..models.preparation.prepare import prepare_cloud
 from ..models.preparation.trends import residual_heights
-from ..models.training.evaluation import FOUND
-from ..models.training.scene_scores import SMALLEST_ZONE, ZONE_CELL
 from ..simulation.hazard_scenes.known_hazards import KnownHazards, Site, put_hazards, room_for
 from .own_relief import own_relief
 from .table import Row, heading, markdown

@@ -322,10 +322,10 @@ def test_outputs_may_lie_in_several_folders(cloud, tmp_path):
 
 def test_shipped_weights_label_the_bulge_and_the_hollow(cloud, tmp_path):
     pytest.importorskip("torch", reason="torch is not installed; install slopewatch[screening]")
+    from slopewatch.engine.core.checksums import sha256
     from slopewatch.models.network.shipped import SHIPPED_SHA256, SHIPPED_WEIGHTS
-    from slopewatch.models.network.weights import checksum
 
-    assert checksum(SHIPPED_WEIGHTS) == SHIPPED_SHA256
+    assert sha256(SHIPPED_WEIGHTS) == SHIPPED_SHA256
     figures = screen(cloud, tmp_path / "out.laz", method="network").figures
     las = laspy.read(tmp_path / "out.laz")
     xyz = np.asarray(las.xyz)
