@@ -16,8 +16,8 @@ from .table import heading, markdown
 NAMES = {
     "controlled_test": "The published controlled test, simulated",
     "ground": "Ground extraction",
-    "real_ground": "The ground of real vegetation, beside other methods",
-    "plants": "Simulated plants beside real ones",
+    "real_ground": "The ground of real vegetation, and other methods",
+    "plants": "Simulated and real plants",
     "registration": "Registration",
     "moving_pieces": "Registration where most of the surface has moved",
     "gridding": "Gridding",

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -27,6 +29,13 @@ def recipe(torch):
 @pytest.fixture(scope="module")
 def specs():
     return [replace(spec, area=220.0, density=25.0) for spec in published_set().specs[:6]]
+
+
+def test_the_command_that_makes_the_weights_is_there():
+    command = [sys.executable, "-m", "slopewatch.models", "--help"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    assert {"weights", "figures", "folds", "ablation", "card"} <= set(done.stdout.split())
 
 
 def test_the_shipped_weights_are_of_todays_simulator():
