@@ -35,7 +35,7 @@ NAMES = {
     "seasons": "Grass grown and mown: what is reported where nothing moved",
     "series": "More than two surveys",
     "screening": "Screening",
-    "known_places": "What a screening could tell by height",
+    "known_places": "What a screening could find by height",
     "real_screening": "Screening of real slopes with known hazards put in",
     "rough_ground": "Screening of hazards on rougher ground",
 }

@@ -2,7 +2,7 @@
 
 Each hazard's own shape is fitted to the ground with it, and to the untouched ground at other places of the same slope:
 it stands out where its fitted height exceeds that of most places. What slopes have anyhow in that shape, no
-screening of one survey can tell apart by height.
+screening of one survey can distinguish by height.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How much a slope's own relief looks like a hazard: what no screening of a single survey can tell apart by height.
+"""How much a slope's own relief looks like a hazard: what no screening of a single survey can distinguish by height.
 
 At random places the shape of a known hazard is fitted to the untouched ground together with a smooth background. Its
 fitted height would be 0 on even ground; on a real slope it is the height of bulges and hollows that the slope has

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ...engine.core.progress import Progress
 from ...simulation.hazard_scenes.scenes import build_scene
 from ...simulation.hazard_scenes.sets import FIRST_TRAINING_SEED, SETS
-from ...simulation.hazard_scenes.styles import SceneSpec, draw_spec
+from ...simulation.hazard_scenes.styles import SceneSpec, draw_spec, log_uniform
 from ..inference.baseline import residual_probabilities
 from ..inference.calibration import Calibration, apply_temperature, fit_temperature
 from ..inference.prediction import predict
@@ -48,7 +48,7 @@ def training_scenes(
     for k in range(first, first + count):
         rng = np.random.default_rng([FIRST_TRAINING_SEED, k])
         kind = "published" if (drawn := rng.random()) < balanced else "realistic"
-        density = math.exp(rng.uniform(math.log(DENSITY[0]), math.log(DENSITY[1])))
+        density = log_uniform(DENSITY, rng)
         spec = draw_spec(FIRST_TRAINING_SEED + k, kind, area=float(rng.uniform(*SCENE_AREA)), density=density)
         if balanced <= drawn < balanced + dense:
             spec = replace(spec, uplift=DENSE * spec.uplift, subsidence=DENSE * spec.subsidence)

@@ -174,12 +174,12 @@ class _Run:
     def train_and_score(self, fold: Fold, place: Path) -> TunedScores:
         """Train on a fold's clouds, score the others and keep some of their probabilities for the calibration."""
         low, high = self.share(fold.number), self.share(fold.number + 1)
-        told = f"fold {fold.number + 1} of {len(self.chosen)}"
-        with self.progress.stage(low, low + 0.8 * (high - low), told):
+        title = f"fold {fold.number + 1} of {len(self.chosen)}"
+        with self.progress.stage(low, low + 0.8 * (high - low), title):
             network = self.train(fold.train, place)
         scores = TunedScores(start=np.zeros((len(CLASSES),) * 2, dtype=np.int64) if self.start else None)
         kept: list[tuple[NDArray[np.floating], NDArray[np.uint8]]] = []
-        with self.progress.stage(low + 0.8 * (high - low), high, f"scoring {told}"):
+        with self.progress.stage(low + 0.8 * (high - low), high, f"scoring {title}"):
             for place_in_fold, number in enumerate(fold.test):
                 cloud = self.clouds[number]
                 labels, known = cloud.labels[cloud.known], cloud.known

@@ -17,7 +17,7 @@ from slopewatch.simulation.surveys.plot import grass_plot
 
 
 def seen_of(xyz, number=None, total=None):
-    """Points (n, 3) as a method sees them: single returns unless told."""
+    """Points (n, 3) as a method sees them: single returns unless given."""
     ones = np.ones(len(xyz), dtype=np.uint8)
     return Seen(
         np.asarray(xyz, dtype=float), ones if number is None else number, ones if total is None else total, "ULS"

@@ -1,4 +1,4 @@
-"""The card says what the scores beside the weights say, and the ablation compares at equal cost."""
+"""The card says what the scores next to the weights say, and the ablation compares at equal cost."""
 
 from __future__ import annotations
 

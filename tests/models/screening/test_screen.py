@@ -21,7 +21,7 @@ from slopewatch.engine.pointcloud.reading import read_cloud
 from slopewatch.interface.parameters import GroundParameters, InputParameters, ScreeningParameters
 from slopewatch.models.screening import cloud_file, network
 from slopewatch.models.screening.cloud_file import ScreenedFile
-from slopewatch.models.screening.screen import screen_cloud, screen_points
+from slopewatch.models.screening.screen import screen_points
 from slopewatch.tests.builders.screening_clouds import (
     BULGE,
     DIP,
@@ -31,6 +31,7 @@ from slopewatch.tests.builders.screening_clouds import (
     leftovers,
     near,
     screen,
+    screen_cloud,
     slope,
     small_weights,
     write,
