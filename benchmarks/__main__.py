@@ -16,8 +16,8 @@ from .table import heading, markdown
 NAMES = {
     "controlled_test": "The published controlled test, simulated",
     "ground": "Ground extraction",
-    "real_ground": "The ground of real vegetation, beside other methods",
-    "plants": "Simulated plants beside real ones",
+    "real_ground": "The ground of real vegetation, and other methods",
+    "plants": "Simulated and real plants",
     "registration": "Registration",
     "moving_pieces": "Registration where most of the surface has moved",
     "gridding": "Gridding",
@@ -35,7 +35,7 @@ NAMES = {
     "seasons": "Grass grown and mown: what is reported where nothing moved",
     "series": "More than two surveys",
     "screening": "Screening",
-    "known_places": "What a screening could tell by height",
+    "known_places": "What a screening could find by height",
     "real_screening": "Screening of real slopes with known hazards put in",
     "rough_ground": "Screening of hazards on rougher ground",
 }

@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from slopewatch.benchmarks.controlled_test import inside
+from slopewatch.benchmarks.chain import inside
 from slopewatch.engine.change.difference import difference, epoch_cells
 from slopewatch.engine.change.result import Change
 from slopewatch.engine.grid.pooled_variance import pooled_variance

@@ -14,7 +14,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from slopewatch.benchmarks.plants import BARE, DATA, FOREST_EXAMPLE, REAL, fitted, real
+from slopewatch.benchmarks.plants import BARE, FOREST_EXAMPLE, REAL, fitted, real
+from slopewatch.benchmarks.real_data import DATA
 from slopewatch.simulation.surveys.plot import Plot, grass_plot, plot
 
 GROUND, PLANT, OTHER = "#8a5a2b", "#4f8a3c", "#2a6bae"

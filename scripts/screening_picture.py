@@ -18,10 +18,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from PIL import Image
 from slopewatch.models.inference.prediction import predict
+from slopewatch.models.making.scene_scores import screened_zones
 from slopewatch.models.network.shipped import shipped_model
 from slopewatch.models.network.weights import load_model
 from slopewatch.models.training.evaluation import confusion, intersection_over_union
-from slopewatch.models.training.scene_scores import screened_zones
 from slopewatch.simulation.hazard_scenes.picture import LABEL_COLOURS, LABEL_OPACITY, shade
 from slopewatch.simulation.hazard_scenes.scenes import SimulatedScene, scene
 

@@ -81,7 +81,8 @@ def train_step(
             "calibration": tuned.calibration.summary() if tuned.calibration else None,
         }
         facts = training_facts(clouds, start, parameters, tuned, areas, torch.__version__)
-        digest = save_model(stage.path(NAMES["weights"]), tuned.network, facts, metrics)
+        simulator = start.metadata.get("simulator_version") if start else None
+        digest = save_model(stage.path(NAMES["weights"]), tuned.network, facts, metrics, simulator_version=simulator)
         collect_log(output_dir / WORK, tuned.folds, stage.path(NAMES["log"]))
         report = training_report(facts, metrics, digest, progress.warnings)
         stage.path(NAMES["report"]).write_text(report, encoding="utf-8")

@@ -167,9 +167,7 @@ class ScreenedFile:
         assert self._sampler is not None
         return self._sampler.cloud(self.frame.crs, self.path, self.header.colours)
 
-    def write_labelled(
-        self, output: Path, screening: Screening, *, classification: bool = False, progress: Progress | None = None
-    ) -> dict[str, int]:
+    def write_labelled(self, output: Path, screening: Screening, *, classification: bool = False) -> dict[str, int]:
         """Copy the file as LAZ with every point's label and its probability in extra dimensions.
 
         Coordinates, order, reference system and all other dimensions stay as they are. Points that were not screened
@@ -184,7 +182,7 @@ class ScreenedFile:
         Raises:
             InputError: the folder cannot be written, or the point format has no room for the classes.
         """
-        header, masks, progress = self.header, self._masks, progress or self.progress
+        header, masks, progress = self.header, self._masks, self.progress
         if masks is None:
             raise EngineError("the cloud has not been read yet")
         self.refuse_classes(classification)

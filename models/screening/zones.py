@@ -113,7 +113,7 @@ def outline_hazards(
         ),
         Partition(grid.shape, grid.cell),
     )
-    order, columns = _figures(joined, len(first_cells), labels, probability, heights, screening, index, grid)
+    order, columns = _figures(joined, len(first_cells), labels, probability, screening, index, grid)
     renumbered = np.zeros(len(first_cells) + 1, dtype=np.int32)
     renumbered[order + 1] = np.arange(1, len(order) + 1)
     columns |= {
@@ -166,7 +166,6 @@ def _figures(
     count: int,
     labels: NDArray[np.uint8],
     probability: Float,
-    heights: Float,
     screening: Screening,
     index: NDArray[np.int64],
     grid: Grid,

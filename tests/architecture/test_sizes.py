@@ -45,7 +45,6 @@ MANY_PARAMETERS = {
     "engine/registration/stable_patches.py:_settled": "the state of one search, which four callers hand on",
     "interface/parameters/specification.py:_parameter": "the fields of a parameter's description, by name only",
     "models/screening/cloud_file.py:__init__": "how one file is read, by name only",
-    "models/screening/zones.py:_figures": "labels, probabilities and heights of one grid",
     "models/training/training.py:train": "model, data, and when to stop and save, by name only",
     "workflows/change.py:change_step": STEP,
     "workflows/inspect.py:inspect_slope": STEP,

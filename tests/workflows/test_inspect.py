@@ -25,9 +25,9 @@ from slopewatch.engine.grid.partition import Partition
 from slopewatch.engine.pointcloud.reading import read_cloud
 from slopewatch.engine.zones.confirmation import VERDICTS, verdict, weigh
 from slopewatch.interface.parameters import ChangeParameters, LastEpochParameters, SurveyParameters
-from slopewatch.models.screening.screen import screen_cloud
 from slopewatch.simulation.surveys.survey import simulate_pair
 from slopewatch.simulation.surveys.write import write_pair
+from slopewatch.tests.builders.screening_clouds import screen_cloud
 from slopewatch.workflows import last_epoch
 from slopewatch.workflows.inspect import inspect_slope
 from slopewatch.workflows.last_epoch import SCREENING_OUTPUTS
