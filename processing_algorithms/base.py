@@ -99,7 +99,7 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm):
         for group in self.PARAMETER_GROUPS:
             for specification in group.specifications():
                 advanced = None if basic is None else specification.name not in basic
-                prefix = (prefixes or {}).get(group.__name__, "") if advanced else ""
+                prefix = (prefixes or {}).get(group.record_name, "") if advanced else ""
                 self.addParameter(declare.from_specification(specification, prefix=prefix, advanced=advanced))
 
     def declare_outputs(self) -> None:

@@ -23,7 +23,7 @@ from qgis.core import (
     QgsProviderRegistry,
 )
 
-from ..interface.parameters import PROFILES, ParameterError, ParameterSet, Specification
+from ..interface.parameters import AUTO, PROFILES, ParameterError, ParameterSet, Specification
 from ..plugin.bridge.compat import ADVANCED, DATE, DOUBLE, FILE, INTEGER, LINE, POLYGON
 
 CLOUD_FILTER = "Point clouds (*.las *.LAS *.laz *.LAZ);;All files (*)"
@@ -47,7 +47,7 @@ def from_specification(
 ) -> QgsProcessingParameterDefinition:
     """The Processing parameter of one specification; ``prefix`` names its stage in a long dialog."""
     s = specification
-    label = s.label_with_unit
+    label = s.field_label
     if prefix and prefix.lower() not in label.lower():
         label = f"{prefix}: {label[:1].lower()}{label[1:]}"
     parameter: QgsProcessingParameterDefinition
@@ -60,9 +60,10 @@ def from_specification(
             s.qgis_name, label, list(s.choices), defaultValue=s.default, usesStaticStrings=True
         )
     elif s.kind in (int, float):
-        parameter = QgsProcessingParameterNumber(s.qgis_name, label, INTEGER if s.kind is int else DOUBLE, s.default)
-        if s.minimum is not None:
-            parameter.setMinimum(s.minimum)
+        number = INTEGER if s.kind is int else DOUBLE
+        parameter = QgsProcessingParameterNumber(s.qgis_name, label, number, s.field_default)
+        if s.field_minimum is not None:
+            parameter.setMinimum(s.field_minimum)
         if s.maximum is not None:
             parameter.setMaximum(s.maximum)
         if s.kind is float:
@@ -74,7 +75,7 @@ def from_specification(
 
 def _decimals(specification: Specification) -> int:
     """Decimals that the field shows: enough for the default and the bounds, at least two."""
-    numbers = (specification.default, specification.minimum, specification.maximum, specification.automatic)
+    numbers = (specification.field_default, specification.minimum, specification.maximum)
     texts = [f"{n:.6f}".rstrip("0").partition(".")[2] for n in numbers if n is not None]
     return max(2, *(len(t) for t in texts))
 
@@ -143,10 +144,10 @@ def _read(algorithm: QgsProcessingAlgorithm, s: Specification, parameters: Any, 
         return (crs.authid() or crs.toWkt()) if crs.isValid() else ""
     if s.kind is bool:
         return algorithm.parameterAsBoolean(parameters, s.qgis_name, context)
-    if s.kind is int:
-        return algorithm.parameterAsInt(parameters, s.qgis_name, context)
-    if s.kind is float:
-        return algorithm.parameterAsDouble(parameters, s.qgis_name, context)
+    if s.kind in (int, float):
+        read = algorithm.parameterAsInt if s.kind is int else algorithm.parameterAsDouble
+        number = read(parameters, s.qgis_name, context)
+        return AUTO if number == s.auto_number else number
     if s.choices:
         return algorithm.parameterAsEnumString(worded(algorithm, parameters), s.qgis_name, context)
     return algorithm.parameterAsString(parameters, s.qgis_name, context).strip()

@@ -32,12 +32,12 @@ from .registerepochs import STABLE_HELP
 
 _BASIC = ("ground_ready", "rasters_each_survey", "cell", "confidence", "minimum_area", "overwrite")
 _PREFIXES = {
-    "InputParameters": "Input",
-    "DateParameters": "Input",
-    "GroundParameters": "Ground",
-    "RegistrationParameters": "Registration",
-    "GridChangeParameters": "Change",
-    "ZoneParameters": "Zones",
+    "inputs": "Input",
+    "dates": "Input",
+    "ground": "Ground",
+    "registration": "Registration",
+    "change": "Change",
+    "zones": "Zones",
 }
 _PRODUCTS = (
     products.Product(

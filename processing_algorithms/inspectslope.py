@@ -27,15 +27,15 @@ from .registerepochs import REGISTRATION_NUMBERS, STABLE_HELP
 
 _BASIC = ("cloth_resolution", "cell", "adaptive", "confidence", "minimum_area", "screen_last_epoch", "overwrite")
 _PREFIXES = {
-    "InputParameters": "Input",
-    "DateParameters": "Input",
-    "GroundParameters": "Ground",
-    "RegistrationParameters": "Registration",
-    "ChangeParameters": "Change",
-    "ZoneParameters": "Zones",
-    "HeatmapParameters": "Heatmap",
-    "ReportParameters": "Report",
-    "LastEpochParameters": "Screening",
+    "inputs": "Input",
+    "dates": "Input",
+    "ground": "Ground",
+    "registration": "Registration",
+    "change": "Change",
+    "zones": "Zones",
+    "heatmap": "Heatmap",
+    "report": "Report",
+    "screening": "Screening",
 }
 _PRODUCTS = (*products.CHANGE_PRODUCTS, *products.SCREENED_PRODUCTS)
 _EPOCHS = (("REFERENCE", "REFERENCE_DATE"), ("CLOUD", "CLOUD_DATE"))

@@ -73,7 +73,7 @@ class ScreenHazards(SlopeWatchAlgorithm):
             )
         )
         self.addParameter(declare.profile_parameter())
-        self.declare_groups(basic=_BASIC, prefixes={"GroundParameters": "Extraction"})
+        self.declare_groups(basic=_BASIC, prefixes={"ground": "Extraction"})
         self.addParameter(
             declare.cloud_destination(
                 "OUTPUT", "Labelled cloud", "LAZ copy of the input with slopewatch_class and slopewatch_prob."

@@ -11,10 +11,12 @@ from .specification import ParameterSet, _parameter
 class DateParameters(ParameterSet):
     """What is done where the days of surveys and their files disagree."""
 
+    record_name = "dates"
+
     trust_dates: bool = _parameter(
         False,
-        "Trust the days given",
-        "Goes on where GPS times, names or creation days of the files say that the surveys are in reversed order. Off: "
-        "they are refused, as swapped surveys turn raising into lowering.",
+        "Trust the given days",
+        "Continues where GPS times, names or creation days of the files say that the surveys are in reversed order. "
+        "Off: they are refused, because swapped surveys turn raising into lowering.",
         advanced=True,
     )

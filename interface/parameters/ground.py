@@ -15,6 +15,8 @@ class GroundParameters(ParameterSet):
     it, points within ``class_threshold`` of the cloth are ground, as published.
     """
 
+    record_name = "ground"
+
     slope_aligned: bool = _parameter(
         True,
         "Rotate the slope flat before filtering",
@@ -39,7 +41,8 @@ class GroundParameters(ParameterSet):
         0.06,
         "Ground threshold",
         "Points within this distance of bare ground's surface (of the cloth, without refinement) are ground. It widens "
-        "by itself with the scatter of the ground, and to 0.1 m where returns are few. Larger keeps more low plants.",
+        "automatically with the scatter of the ground, and to 0.1 m where returns are few. Larger keeps more low "
+        "plants.",
         unit="m",
         minimum=0.005,
         maximum=5.0,
@@ -47,8 +50,8 @@ class GroundParameters(ParameterSet):
     refine: bool = _parameter(
         True,
         "Refine the ground",
-        "Follows the lowest layer of returns from seeds near the cloth, so that grass and shrubs are not taken for it "
-        "and places that no return reached stay empty. Off: the cloth alone decides, as published.",
+        "Follows the lowest layer of returns from seeds near the cloth, so that grass and shrubs are not taken for "
+        "ground and places that no return reached stay empty. Off: the cloth alone decides, as published.",
     )
     cloth_reach: float = _parameter(
         0.3,
@@ -63,13 +66,13 @@ class GroundParameters(ParameterSet):
     last_returns: bool = _parameter(
         True,
         "Last returns only",
-        "Only the last return of a pulse can be ground. Left out where the cloud's return numbers make no sense.",
+        "Only the last return of a pulse can be ground. Not applied where the cloud's return numbers are implausible.",
         advanced=True,
     )
     time_step: float = _parameter(
         0.65,
         "Time step",
-        "Step of the cloth's fall under gravity. Larger settles in fewer iterations and passes over fine relief.",
+        "Step of the cloth's fall under gravity. Larger settles in fewer iterations and smooths fine relief.",
         minimum=0.05,
         maximum=2.0,
         advanced=True,
@@ -77,7 +80,7 @@ class GroundParameters(ParameterSet):
     iterations: int = _parameter(
         500,
         "Iterations",
-        "Upper limit of the cloth's steps; it stops earlier once it rests. Larger never harms but takes longer.",
+        "Upper limit of the cloth's steps; it stops earlier once the cloth rests. Larger only takes longer.",
         minimum=1,
         maximum=10000,
         advanced=True,
@@ -98,8 +101,8 @@ class GroundParameters(ParameterSet):
     denoise_radius: float = _parameter(
         1.0,
         "Outlier distance",
-        "Points this far above or below all others, and five times as far beside them, stand apart. It widens by "
-        "itself to three times the spacing of sparse clouds. Larger removes less.",
+        "Points this far above or below all others, and five times as far sideways, are isolated. It widens "
+        "automatically to three times the spacing of sparse clouds. Larger removes less.",
         unit="m",
         minimum=0.05,
         maximum=100.0,
@@ -108,14 +111,14 @@ class GroundParameters(ParameterSet):
     denoise_group: int = _parameter(
         10,
         "Largest group of outliers",
-        "Groups of at most so many points that stand apart are outliers. Larger removes more.",
+        "Isolated groups of at most this many points are outliers. Larger removes more.",
         minimum=1,
         maximum=100000,
         advanced=True,
     )
     minimum_ground_ratio: float = _parameter(
         0.001,
-        "Least plausible share of ground",
+        "Minimum plausible share of ground",
         "Below this share of the clipped points the extraction fails with an error. Larger is stricter.",
         minimum=0.0,
         maximum=1.0,

@@ -11,6 +11,8 @@ from .specification import ParameterSet, _parameter
 class InputParameters(ParameterSet):
     """How the input clouds are to be read."""
 
+    record_name = "inputs"
+
     crs: str = _parameter(
         "",
         "Coordinate reference system",

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .specification import ParameterSet, _parameter
+from .specification import AUTO, ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
 class HeatmapParameters(ParameterSet):
     """Heatmap over the top view."""
+
+    record_name = "heatmap"
 
     top_view_pixel: float = _parameter(
         0.1,
@@ -26,11 +28,12 @@ class HeatmapParameters(ParameterSet):
         minimum=0.0,
         maximum=1.0,
     )
-    colour_range: float = _parameter(
-        0.0,
+    colour_range: float | str = _parameter(
+        AUTO,
         "Colour range",
-        "The legend runs from minus to plus this change. 0: from the data (98th percentile).",
+        "The legend runs from minus to plus this change. auto: from the data (98th percentile).",
+        kind=float,
         unit="m",
-        minimum=0.0,
+        minimum=0.001,
         maximum=1000.0,
     )

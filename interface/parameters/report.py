@@ -11,10 +11,12 @@ from .specification import ParameterSet, _parameter
 class ReportParameters(ParameterSet):
     """Profiles for the report."""
 
+    record_name = "report"
+
     zone_profiles: int = _parameter(
         3,
         "Profiles through zones",
-        "A profile is taken down the slope through each of so many zones, the most severe first. Larger makes a longer "
+        "A profile is taken down the slope through this many zones, the most severe first. Larger makes a longer "
         "report. 0: none.",
         minimum=0,
         maximum=50,

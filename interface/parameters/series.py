@@ -11,6 +11,8 @@ from .specification import ParameterSet, _parameter
 class SeriesParameters(ParameterSet):
     """More than two surveys of one slope."""
 
+    record_name = "series"
+
     ground_ready: bool = _parameter(
         False,
         "Clouds are ground already",

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .specification import ParameterSet, Specification, _other_default, _parameter
+from .specification import AUTO, ParameterSet, Specification, _other_default, _parameter
 
 
 @dataclass(frozen=True)
 class SurveyParameters(ParameterSet):
     """Simulated pair of surveys of one cut slope, with known change and a known rigid offset."""
 
+    record_name = "survey"
+
     seed: int = _parameter(1, "Seed", "The same seed gives the same surveys.", minimum=0, maximum=2**31 - 1)
     points: int = _parameter(
         1_000_000,
-        "Points an epoch",
+        "Points per epoch",
         "Approximate number of points of each survey; the pulse rate is thinned to reach it.",
         minimum=1000,
         maximum=200_000_000,
@@ -74,14 +76,14 @@ class SurveyParameters(ParameterSet):
     ferns: float = _parameter(
         0.0,
         "Ferns and low shrubs",
-        "Share of the slope under ferns and low shrubs that close, 0.4 to 1.5 m high; few returns are of the ground.",
+        "Share of the slope under closed ferns and low shrubs, 0.4 to 1.5 m high; few returns are from the ground.",
         minimum=0.0,
         maximum=1.0,
     )
     forest: float = _parameter(
         0.0,
         "Native forest",
-        "Share of the slope under dense native forest with ferns beneath: one return in 60 is of the ground.",
+        "Share of the slope under dense native forest with ferns below: one return in 60 is from the ground.",
         minimum=0.0,
         maximum=1.0,
     )
@@ -96,7 +98,7 @@ class SurveyParameters(ParameterSet):
     litter: float = _parameter(
         0.0,
         "Litter",
-        "Mean thickness of dead leaves on the ground; hides the ground partly.",
+        "Mean thickness of dead leaves on the ground, which partly hide it.",
         unit="m",
         minimum=0.0,
         maximum=0.1,
@@ -105,7 +107,7 @@ class SurveyParameters(ParameterSet):
     multipath: float = _parameter(
         0.0,
         "Returns below the ground",
-        "Share of the returns that echoed on the way and lie 0.1 to 6 m below the ground, each alone.",
+        "Share of the returns that come from multiple reflections and lie isolated, 0.1 to 6 m below the ground.",
         minimum=0.0,
         maximum=0.05,
         advanced=True,
@@ -122,7 +124,9 @@ class SurveyParameters(ParameterSet):
 
 @dataclass(frozen=True)
 class CreepParameters(SurveyParameters):
-    """Simulated series of surveys of one cut slope with zones that creep; ``amplitude`` has no part in it."""
+    """Simulated series of surveys of one cut slope with zones that creep; it has no ``amplitude``."""
+
+    record_name = "creep"
 
     points: int = _other_default(SurveyParameters, "points", 150_000)
     length: float = _other_default(SurveyParameters, "length", 30.0)
@@ -136,8 +140,8 @@ class CreepParameters(SurveyParameters):
     velocities: str = _parameter(
         "-10, 5, -2",
         "Velocities",
-        "Vertical velocities in the middle of the zones, separated by commas: a zone for each, side by side along the "
-        "slope; negative ones lower. Towards its edge a zone moves less.",
+        "Vertical velocities in the middle of the zones, separated by commas: one zone for each, side by side along "
+        "the slope; negative is lowering. Towards its edge a zone moves less.",
         unit="mm/day",
     )
     onset: float = _parameter(
@@ -151,8 +155,8 @@ class CreepParameters(SurveyParameters):
     ground_only: bool = _parameter(
         False,
         "Ground points only",
-        "Writes only the echoes of the ground, as a perfect ground filter would leave them (for Clouds hold ground "
-        "points of a series).",
+        "Writes only the echoes of the ground, as a perfect ground filter would leave them (for Clouds are ground "
+        "already of a series).",
     )
 
     @classmethod
@@ -164,36 +168,41 @@ class CreepParameters(SurveyParameters):
 class ScenesParameters(ParameterSet):
     """Simulated slope scenes of one epoch, whose every point has a known class."""
 
+    record_name = "scenes"
+
     kind: str = _parameter(
         "published",
         "Kind of scene",
-        "published: a quarter of the points each bulge and sink, as in the published simulation. realistic: hazards as "
-        "rare as on slopes, a fifth of the scenes without any. shifted: other landforms, hazards, densities and noise.",
+        "published: a quarter of the points each is uplift and subsidence, as in the published simulation. realistic: "
+        "hazards as rare as on real slopes, none in a fifth of the scenes. shifted: other landforms, hazards, "
+        "densities and noise.",
         choices=("published", "realistic", "shifted"),
     )
     count: int = _parameter(3, "Number of scenes", "More give more ground to learn from.", minimum=1, maximum=10_000)
     seed: int = _parameter(
         1000,
         "Seed",
-        "Seed of the first scene; each next one has the next seed. The benchmark sets have seeds below 1000, scenes "
+        "Seed of the first scene; each further one has the next seed. The benchmark sets have seeds below 1000, scenes "
         "that models are trained on have seeds from 1,000,000 on.",
         minimum=0,
         maximum=2**31 - 1,
     )
-    area: float = _parameter(
-        0.0,
+    area: float | str = _parameter(
+        AUTO,
         "Area of a scene",
-        "Measured on the slope. 0: drawn from the kind's range, 2,000 to 11,000 m².",
+        "Measured on the slope. auto: drawn from the kind's range, 2,000 to 11,000 m².",
+        kind=float,
         unit="m²",
-        minimum=0.0,
+        minimum=1.0,
         maximum=100_000.0,
     )
-    density: float = _parameter(
-        0.0,
+    density: float | str = _parameter(
+        AUTO,
         "Density",
-        "Points on a square metre of the slope. 0: drawn from the kind's range.",
+        "Points per square metre of the slope. auto: drawn from the kind's range.",
+        kind=float,
         unit="points/m²",
-        minimum=0.0,
+        minimum=0.1,
         maximum=2000.0,
     )
     benchmark: bool = _parameter(

@@ -11,10 +11,12 @@ from .specification import ParameterSet, _parameter
 class SurfaceParameters(ParameterSet):
     """Which points are taken of clouds that are compared as they are."""
 
+    record_name = "surface"
+
     ground: str = _parameter(
         "auto",
         "Ground points",
-        "Which points are the ground. auto: all, and a raw survey with its plants is refused. class_2: those of class "
+        "Which points are the ground. auto: all, and a raw survey with vegetation is refused. class_2: those of class "
         "2. as_is: all, whatever they are, as for rock faces and structures that look like plants.",
         choices=("auto", "class_2", "as_is"),
     )

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .specification import ParameterSet, _parameter
+from .specification import AUTO, ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
 class FineTuneParameters(ParameterSet):
     """Training a screening model on one's own labelled clouds."""
+
+    record_name = "training"
 
     start: str = _parameter(
         "shipped",
@@ -51,7 +53,7 @@ class FineTuneParameters(ParameterSet):
     minutes: float = _parameter(
         0.0,
         "Minutes",
-        "Chooses the steps so that all takes about this long on this machine. 0: the steps as given.",
+        "Chooses the steps so that everything takes about this long on this machine. 0: the steps as given.",
         unit="minutes",
         minimum=0.0,
         maximum=100_000.0,
@@ -59,23 +61,24 @@ class FineTuneParameters(ParameterSet):
     folds: int = _parameter(
         5,
         "Folds",
-        "The files are split into so many parts, each scored by a model that never saw it. With fewer files each one "
-        "is a part. More cost more trainings.",
+        "The files are split into this many parts, each scored by a model that was not trained on it. With fewer files "
+        "each one is a part. More need more trainings.",
         minimum=2,
         maximum=100,
     )
-    learning_rate: float = _parameter(
-        0.0,
+    learning_rate: float | str = _parameter(
+        AUTO,
         "Learning rate",
-        "Largest step size. Larger adapts faster and forgets more. 0: 0.002 from weights, 0.01 from nothing.",
-        minimum=0.0,
+        "Largest step size. Larger adapts faster and forgets more. auto: 0.002 from weights, 0.01 from nothing.",
+        kind=float,
+        minimum=0.00001,
         maximum=1.0,
         advanced=True,
     )
     batch: int = _parameter(
         2,
         "Windows in a step",
-        "Larger is steadier and takes more memory and time.",
+        "Larger is more stable and takes more memory and time.",
         minimum=1,
         maximum=256,
         advanced=True,
@@ -84,7 +87,7 @@ class FineTuneParameters(ParameterSet):
         "standard",
         "Network",
         "Used where training starts from nothing. standard: the size of the shipped one. smoke: a tiny one that learns "
-        "within a minute, to try things out.",
+        "within a minute, for trials.",
         choices=("standard", "smoke"),
         advanced=True,
     )
@@ -103,6 +106,6 @@ class FineTuneParameters(ParameterSet):
         choices=("cpu", "gpu", "auto"),
         advanced=True,
     )
-    threads: int = _parameter(
-        0, "Threads", "Processor cores to use. 0: all of them.", minimum=0, maximum=1024, advanced=True
+    threads: int | str = _parameter(
+        AUTO, "Threads", "Processor cores to use. auto: all of them.", kind=int, minimum=1, maximum=1024, advanced=True
     )

@@ -219,7 +219,7 @@ def test_the_dialog_has_the_engines_parameters(algorithm: SlopeWatchAlgorithm) -
         assert parameter.help() == s.help
         if s.unit:
             assert f"({s.unit})" in parameter.description()
-        assert parameter.description().lower().endswith(s.label_with_unit.lower())
+        assert parameter.description().lower().endswith(s.field_label.lower())
         if s.name == "crs":
             assert parameter.type() == "crs"
         elif s.choices:
@@ -228,14 +228,14 @@ def test_the_dialog_has_the_engines_parameters(algorithm: SlopeWatchAlgorithm) -
             assert parameter.defaultValue() == s.default
         else:
             assert parameter.type() == {bool: "boolean", int: "number", float: "number", str: "string"}[s.kind]
-            assert parameter.defaultValue() == s.default
+            assert parameter.defaultValue() == s.field_default
         if s.kind in (int, float):
             if s.minimum is not None:
-                assert parameter.minimum() == s.minimum
+                assert parameter.minimum() == s.field_minimum
             if s.maximum is not None:
                 assert parameter.maximum() == s.maximum
             decimals = parameter.metadata().get("widget_wrapper", {}).get("decimals", 0)
-            assert round(s.default, decimals) == s.default, f"{s.name}: the field would round the default"
+            assert round(s.field_default, decimals) == s.field_default, f"{s.name}: the field would round the default"
         if algorithm.name() not in (
             "inspectslope",
             "inspectseries",
