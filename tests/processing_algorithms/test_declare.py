@@ -193,6 +193,11 @@ def test_names_are_frozen(algorithm: SlopeWatchAlgorithm) -> None:
     assert outputs >= set(FROZEN_OUTPUTS[algorithm.name()]), "a released output is gone"
 
 
+def test_an_algorithm_without_a_command_cannot_be_made() -> None:
+    with pytest.raises(TypeError, match="abstract"):
+        type("Unfinished", (SlopeWatchAlgorithm,), {})()
+
+
 def test_identity_is_complete(algorithm: SlopeWatchAlgorithm) -> None:
     assert re.fullmatch("[a-z][a-z0-9]+", algorithm.name())
     assert algorithm.shortDescription().endswith(".")
