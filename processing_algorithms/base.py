@@ -27,6 +27,18 @@ from . import declare
 from .dialog_words import DialogFeedback, in_dialog_words
 from .values import Values, problem, worded
 
+#: what a long dialog puts before the labels of a set's advanced parameters
+PREFIXES = {
+    "inputs": "Input",
+    "dates": "Input",
+    "ground": "Ground",
+    "registration": "Registration",
+    "change": "Change",
+    "zones": "Zones",
+    "heatmap": "Heatmap",
+    "report": "Report",
+    "screening": "Screening",
+}
 GROUPS = {"inspection": "Inspection", "steps": "Single steps", "tools": "Tools"}
 
 

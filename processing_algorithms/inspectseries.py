@@ -14,19 +14,11 @@ from ..interface.parameters import command_sets
 from ..plugin.bridge.engine_client import EngineResult
 from ..plugin.bridge.styling import Appearance, load_on_completion
 from . import declare, products
-from .base import SlopeWatchAlgorithm
+from .base import PREFIXES, SlopeWatchAlgorithm
 from .registerepochs import STABLE_HELP
 from .values import Values
 
 _BASIC = ("ground_ready", "rasters_each_survey", "cell", "confidence", "minimum_area", "overwrite")
-_PREFIXES = {
-    "inputs": "Input",
-    "dates": "Input",
-    "ground": "Ground",
-    "registration": "Registration",
-    "change": "Change",
-    "zones": "Zones",
-}
 _PRODUCTS = (
     products.Product(
         "ZONES",
@@ -123,7 +115,7 @@ class InspectSeries(SlopeWatchAlgorithm):
             ),
             declare.profile_parameter(),
         )
-        self.declare_groups(basic=_BASIC, prefixes=_PREFIXES)
+        self.declare_groups(basic=_BASIC, prefixes=PREFIXES)
         self.add(
             declare.polygon_parameter("STABLE", "Registration: stable ground", STABLE_HELP, advanced=True),
             declare.with_help(

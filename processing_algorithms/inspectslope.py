@@ -10,23 +10,12 @@ from qgis.core import QgsProcessingException
 from ..interface.parameters import command_sets
 from ..plugin.bridge.engine_client import EngineResult
 from . import declare, products
-from .base import SlopeWatchAlgorithm
+from .base import PREFIXES, SlopeWatchAlgorithm
 from .elevationchange import CHANGE_FILES, CHANGE_NUMBERS, CHANGE_PAGES
 from .registerepochs import REGISTRATION_NUMBERS, STABLE_HELP
 from .values import Values
 
 _BASIC = ("cloth_resolution", "cell", "adaptive", "confidence", "minimum_area", "screen_last_epoch", "overwrite")
-_PREFIXES = {
-    "inputs": "Input",
-    "dates": "Input",
-    "ground": "Ground",
-    "registration": "Registration",
-    "change": "Change",
-    "zones": "Zones",
-    "heatmap": "Heatmap",
-    "report": "Report",
-    "screening": "Screening",
-}
 _PRODUCTS = (*products.CHANGE_PRODUCTS, *products.SCREENED_PRODUCTS)
 
 
@@ -66,7 +55,7 @@ class InspectSlope(SlopeWatchAlgorithm):
             declare.roi_parameter("the whole clouds"),
             declare.profile_parameter(),
         )
-        self.declare_groups(basic=_BASIC, prefixes=_PREFIXES)
+        self.declare_groups(basic=_BASIC, prefixes=PREFIXES)
         self.add(
             declare.polygon_parameter("STABLE", "Registration: stable ground", STABLE_HELP, advanced=True),
             declare.profiles_parameter(advanced=True),

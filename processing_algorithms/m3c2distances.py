@@ -34,7 +34,7 @@ _PRODUCTS = (
         "LEVEL_OF_DETECTION",
         "m3c2_level_of_detection",
         "Level of detection of M3C2 (m)",
-        "Smallest distance that can be told from noise, at the chosen confidence.",
+        "Smallest distance that can be distinguished from noise, at the chosen confidence.",
         Appearance(20, visible=False, expanded=False),
         by_default=False,
     ),

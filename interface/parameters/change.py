@@ -8,10 +8,8 @@ from .specification import AUTO, ParameterSet, _parameter, given
 
 
 @dataclass(frozen=True)
-class GridChangeParameters(ParameterSet):
+class GridChangeParameters(ParameterSet, record_name="change"):
     """Gridding and differencing of registered ground clouds in cells of one size, as a series takes them."""
-
-    record_name = "change"
 
     cell: float | str = _parameter(
         AUTO,
@@ -20,8 +18,7 @@ class GridChangeParameters(ParameterSet):
         "finer change. auto: about the point spacing of the sparser survey (0.1, 0.2, 0.5, 1, 2 or 5 m).",
         kind=float,
         unit="m",
-        minimum=0.005,
-        maximum=100.0,
+        bounds=(0.005, 100.0),
     )
     cell_value: str = _parameter(
         "plane",
@@ -34,15 +31,13 @@ class GridChangeParameters(ParameterSet):
         1,
         "Minimum points in a cell",
         "A cell of an epoch with fewer points has no height. Larger is more reliable and covers less.",
-        minimum=1,
-        maximum=1000,
+        bounds=(1, 1000),
     )
     confidence: float = _parameter(
         0.95,
         "Confidence of the level of detection",
         "Probability that unchanged ground stays below the level. Larger reports less change, and more reliably.",
-        minimum=0.5,
-        maximum=0.9999,
+        bounds=(0.5, 0.9999),
     )
     threshold: str = _parameter(
         "probabilistic",
@@ -58,8 +53,7 @@ class GridChangeParameters(ParameterSet):
         "Level of detection of every cell with the constant threshold. Larger reports less. No effect with other "
         "thresholds.",
         unit="m",
-        minimum=0.001,
-        maximum=100.0,
+        bounds=(0.001, 100.0),
         advanced=True,
     )
     error_from: float = _parameter(
@@ -68,8 +62,7 @@ class GridChangeParameters(ParameterSet):
         "Standard error of a height, for the propagated threshold. Larger reports less. No effect with other "
         "thresholds.",
         unit="m",
-        minimum=0.0,
-        maximum=100.0,
+        bounds=(0.0, 100.0),
         advanced=True,
     )
     error_to: float = _parameter(
@@ -78,8 +71,7 @@ class GridChangeParameters(ParameterSet):
         "Standard error of a height, for the propagated threshold. Larger reports less. No effect with other "
         "thresholds.",
         unit="m",
-        minimum=0.0,
-        maximum=100.0,
+        bounds=(0.0, 100.0),
         advanced=True,
     )
     direction: str = _parameter(
@@ -104,8 +96,7 @@ class GridChangeParameters(ParameterSet):
         "auto: as the registration measured it.",
         kind=float,
         unit="m",
-        minimum=0.0,
-        maximum=10.0,
+        bounds=(0.0, 10.0),
         advanced=True,
     )
     memory_limit: float = _parameter(
@@ -113,8 +104,7 @@ class GridChangeParameters(ParameterSet):
         "Memory for the grid",
         "A grid that needs more is refused; the message gives its size and a cell size that fits.",
         unit="GB",
-        minimum=0.05,
-        maximum=1024.0,
+        bounds=(0.05, 1024.0),
         advanced=True,
     )
 
@@ -147,8 +137,7 @@ class ChangeParameters(GridChangeParameters):
         "A growing cell is large enough once its level of detection is this low. Larger shows finer change, smaller "
         "finds weaker change. Has no effect on cells that do not grow.",
         unit="m",
-        minimum=0.001,
-        maximum=10.0,
+        bounds=(0.001, 10.0),
         advanced=True,
     )
     largest_cell: float | str = _parameter(
@@ -160,8 +149,7 @@ class ChangeParameters(GridChangeParameters):
         "that do not grow.",
         kind=float,
         unit="m",
-        minimum=0.01,
-        maximum=200.0,
+        bounds=(0.01, 200.0),
         advanced=True,
     )
 

@@ -8,10 +8,8 @@ from .specification import ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
-class DateParameters(ParameterSet):
+class DateParameters(ParameterSet, record_name="dates"):
     """What is done where the days of surveys and their files disagree."""
-
-    record_name = "dates"
 
     trust_dates: bool = _parameter(
         False,

@@ -8,13 +8,11 @@ from .specification import AUTO, ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
-class DistanceParameters(ParameterSet):
+class DistanceParameters(ParameterSet, record_name="distances"):
     """Distances of two clouds along the surface's normal: M3C2 (Lague et al. 2013).
 
     It has a command of its own, so that ``confidence`` and ``registration_error`` are named as in ``ChangeParameters``.
     """
-
-    record_name = "distances"
 
     normal_scale: float | str = _parameter(
         AUTO,
@@ -23,8 +21,7 @@ class DistanceParameters(ParameterSet):
         "the roughness of the reference.",
         kind=float,
         unit="m",
-        minimum=0.001,
-        maximum=1000.0,
+        bounds=(0.001, 1000.0),
     )
     projection_scale: float | str = _parameter(
         AUTO,
@@ -33,8 +30,7 @@ class DistanceParameters(ParameterSet):
         "that it holds about 25 points of the sparser survey.",
         kind=float,
         unit="m",
-        minimum=0.001,
-        maximum=1000.0,
+        bounds=(0.001, 1000.0),
     )
     half_length: float | str = _parameter(
         AUTO,
@@ -43,8 +39,7 @@ class DistanceParameters(ParameterSet):
         "cylinder meets other surfaces. auto: twice the distance between the surveys.",
         kind=float,
         unit="m",
-        minimum=0.001,
-        maximum=1000.0,
+        bounds=(0.001, 1000.0),
     )
     core_spacing: float | str = _parameter(
         AUTO,
@@ -53,8 +48,7 @@ class DistanceParameters(ParameterSet):
         "about half the projection scale. Has no effect where core points are given.",
         kind=float,
         unit="m",
-        minimum=0.001,
-        maximum=1000.0,
+        bounds=(0.001, 1000.0),
     )
     distance_cell: float | str = _parameter(
         AUTO,
@@ -63,8 +57,7 @@ class DistanceParameters(ParameterSet):
         "points.",
         kind=float,
         unit="m",
-        minimum=0.001,
-        maximum=1000.0,
+        bounds=(0.001, 1000.0),
         advanced=True,
     )
     normals: str = _parameter(
@@ -87,16 +80,14 @@ class DistanceParameters(ParameterSet):
         "Minimum points in a cylinder",
         "With fewer points of either survey there is no level of detection and nothing is significant. Larger is more "
         "reliable.",
-        minimum=2,
-        maximum=100000,
+        bounds=(2, 100000),
         advanced=True,
     )
     confidence: float = _parameter(
         0.95,
         "Confidence of the level of detection",
         "Probability that unchanged ground stays below the level. Larger reports less change, and more reliably.",
-        minimum=0.5,
-        maximum=0.9999,
+        bounds=(0.5, 0.9999),
     )
     registration_error: float | str = _parameter(
         AUTO,
@@ -105,8 +96,7 @@ class DistanceParameters(ParameterSet):
         "the transform states it, else 0.",
         kind=float,
         unit="m",
-        minimum=0.0,
-        maximum=10.0,
+        bounds=(0.0, 10.0),
     )
     calibrate: bool = _parameter(
         True,

@@ -8,14 +8,12 @@ from .specification import ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
-class GroundParameters(ParameterSet):
+class GroundParameters(ParameterSet, record_name="ground"):
     """Ground extraction: denoising, the Cloth Simulation Filter (Zhang et al. 2016, doi:10.3390/rs8060501), refinement.
 
     The cloth gives the seeds, within ``cloth_reach``; the refinement finds the ground from there, from below. Without
     it, points within ``class_threshold`` of the cloth are ground, as published.
     """
-
-    record_name = "ground"
 
     slope_aligned: bool = _parameter(
         True,
@@ -27,15 +25,13 @@ class GroundParameters(ParameterSet):
         "Cloth resolution",
         "Distance between the cloth's particles. Larger is faster and smoother, smaller follows finer relief.",
         unit="m",
-        minimum=0.02,
-        maximum=20.0,
+        bounds=(0.02, 20.0),
     )
     rigidness: int = _parameter(
         1,
         "Cloth rigidness",
         "1 for steep slopes, 2 for terraces, 3 for flat ground. Larger bends less and bridges relief.",
-        minimum=1,
-        maximum=3,
+        bounds=(1, 3),
     )
     class_threshold: float = _parameter(
         0.06,
@@ -44,8 +40,7 @@ class GroundParameters(ParameterSet):
         "automatically with the scatter of the ground, and to 0.1 m where returns are few. Larger keeps more low "
         "plants.",
         unit="m",
-        minimum=0.005,
-        maximum=5.0,
+        bounds=(0.005, 5.0),
     )
     refine: bool = _parameter(
         True,
@@ -59,8 +54,7 @@ class GroundParameters(ParameterSet):
         "The refinement takes its seeds from points within this distance of the cloth, and from what lies below them. "
         "Larger takes more seeds, also from plants where no pulse reached the ground.",
         unit="m",
-        minimum=0.05,
-        maximum=20.0,
+        bounds=(0.05, 20.0),
         advanced=True,
     )
     last_returns: bool = _parameter(
@@ -73,16 +67,14 @@ class GroundParameters(ParameterSet):
         0.65,
         "Time step",
         "Step of the cloth's fall under gravity. Larger settles in fewer iterations and smooths fine relief.",
-        minimum=0.05,
-        maximum=2.0,
+        bounds=(0.05, 2.0),
         advanced=True,
     )
     iterations: int = _parameter(
         500,
         "Iterations",
         "Upper limit of the cloth's steps; it stops earlier once the cloth rests. Larger only takes longer.",
-        minimum=1,
-        maximum=10000,
+        bounds=(1, 10000),
         advanced=True,
     )
     slope_smoothing: bool = _parameter(
@@ -104,23 +96,20 @@ class GroundParameters(ParameterSet):
         "Points this far above or below all others, and five times as far sideways, are isolated. It widens "
         "automatically to three times the spacing of sparse clouds. Larger removes less.",
         unit="m",
-        minimum=0.05,
-        maximum=100.0,
+        bounds=(0.05, 100.0),
         advanced=True,
     )
     denoise_group: int = _parameter(
         10,
         "Largest group of outliers",
         "Isolated groups of at most this many points are outliers. Larger removes more.",
-        minimum=1,
-        maximum=100000,
+        bounds=(1, 100000),
         advanced=True,
     )
     minimum_ground_ratio: float = _parameter(
         0.001,
         "Minimum plausible share of ground",
         "Below this share of the clipped points the extraction fails with an error. Larger is stricter.",
-        minimum=0.0,
-        maximum=1.0,
+        bounds=(0.0, 1.0),
         advanced=True,
     )

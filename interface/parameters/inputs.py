@@ -8,10 +8,8 @@ from .specification import ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
-class InputParameters(ParameterSet):
+class InputParameters(ParameterSet, record_name="inputs"):
     """How the input clouds are to be read."""
-
-    record_name = "inputs"
 
     crs: str = _parameter(
         "",

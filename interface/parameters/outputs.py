@@ -8,10 +8,8 @@ from .specification import ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
-class OutputParameters(ParameterSet):
+class OutputParameters(ParameterSet, record_name="outputs"):
     """What is done with results that the output folder already holds."""
-
-    record_name = "outputs"
 
     overwrite: bool = _parameter(
         False,

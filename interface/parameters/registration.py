@@ -11,10 +11,8 @@ MAX_OFFSET_M = 50.0
 
 
 @dataclass(frozen=True)
-class RegistrationParameters(ParameterSet):
+class RegistrationParameters(ParameterSet, record_name="registration"):
     """Registration of a later epoch (moving) to the first (reference)."""
-
-    record_name = "registration"
 
     method: str = _parameter(
         "robust",
@@ -28,24 +26,21 @@ class RegistrationParameters(ParameterSet):
         "Largest expected offset",
         "Search distance at the start of the robust registration. Larger finds larger offsets and takes longer.",
         unit="m",
-        minimum=0.01,
-        maximum=MAX_OFFSET_M,
+        bounds=(0.01, MAX_OFFSET_M),
     )
     maximum_correspondence: float = _parameter(
         0.10,
         "Largest correspondence (icp)",
         "Pairs farther apart are ignored by the icp method. Larger finds larger offsets and is more biased by change.",
         unit="m",
-        minimum=0.001,
-        maximum=50.0,
+        bounds=(0.001, 50.0),
         advanced=True,
     )
     registration_iterations: int = _parameter(
         200,
         "Iterations of the registration",
         "Upper limit; the registration stops earlier once the motion or the RMSE no longer changes.",
-        minimum=1,
-        maximum=10000,
+        bounds=(1, 10000),
         advanced=True,
     )
     registration_voxel: float = _parameter(
@@ -53,8 +48,7 @@ class RegistrationParameters(ParameterSet):
         "Voxel of the registration",
         "Points are averaged in cubes of this size first. Larger is faster, smaller keeps more detail.",
         unit="m",
-        minimum=0.01,
-        maximum=10.0,
+        bounds=(0.01, 10.0),
         advanced=True,
     )
     minimum_stable_share: float = _parameter(
@@ -62,8 +56,7 @@ class RegistrationParameters(ParameterSet):
         "Minimum share of stable ground",
         "Below this share of stable ground the run warns, and the level of detection widens unless that ground is "
         "clearly the largest part that agrees on one motion.",
-        minimum=0.0,
-        maximum=1.0,
+        bounds=(0.0, 1.0),
         advanced=True,
     )
     accept_unstable: bool = _parameter(
@@ -87,7 +80,6 @@ class RegistrationParameters(ParameterSet):
         "Size of a piece",
         "Distance over which the correction of bent surveys may change. Smaller follows more and hides more movement.",
         unit="m",
-        minimum=5.0,
-        maximum=1000.0,
+        bounds=(5.0, 1000.0),
         advanced=True,
     )

@@ -8,10 +8,8 @@ from .specification import AUTO, ParameterSet, Specification, _parameter
 
 
 @dataclass(frozen=True)
-class ScreeningParameters(ParameterSet):
+class ScreeningParameters(ParameterSet, record_name="screening"):
     """Screening of one survey: which ground looks raised or lowered against the slope around it."""
-
-    record_name = "screening"
 
     screening_method: str = _parameter(
         "network",
@@ -38,8 +36,7 @@ class ScreeningParameters(ParameterSet):
         "Rotations",
         "The network sees each place mirrored and rotated in this many ways, and the results are averaged. Larger "
         "takes proportionally longer; in trials it gave no measurable gain.",
-        minimum=1,
-        maximum=16,
+        bounds=(1, 16),
         advanced=True,
     )
     residual_threshold: float = _parameter(
@@ -47,32 +44,28 @@ class ScreeningParameters(ParameterSet):
         "Threshold of the residual method",
         "Ground this far above or below the trend is labelled by the residual method. Larger labels less.",
         unit="m",
-        minimum=0.005,
-        maximum=10.0,
+        bounds=(0.005, 10.0),
         advanced=True,
     )
     minimum_probability: float = _parameter(
         0.0,
         "Minimum probability of a hazard",
         "Points and cells below it are background. Larger labels less, and more reliably. 0: the most probable class.",
-        minimum=0.0,
-        maximum=0.999,
+        bounds=(0.0, 0.999),
     )
     minimum_hazard_area: float = _parameter(
         0.5,
         "Minimum area of a hazard zone",
         "Smaller zones are left out (area on the map). Larger reports fewer and more reliable zones.",
         unit="m²",
-        minimum=0.0,
-        maximum=1e6,
+        bounds=(0.0, 1e6),
     )
     probability_cell: float = _parameter(
         0.25,
         "Cell of the probability raster",
         "Side of a cell of the raster and of the zones' outlines. Larger is smoother and bridges sparse points.",
         unit="m",
-        minimum=0.02,
-        maximum=10.0,
+        bounds=(0.02, 10.0),
     )
     write_classification: bool = _parameter(
         False,
@@ -86,8 +79,7 @@ class ScreeningParameters(ParameterSet):
         "Flattest slope",
         "A cloud whose dominant plane is flatter is refused. Larger refuses more.",
         unit="degrees",
-        minimum=0.0,
-        maximum=90.0,
+        bounds=(0.0, 90.0),
         advanced=True,
     )
     maximum_dip: float = _parameter(
@@ -95,8 +87,7 @@ class ScreeningParameters(ParameterSet):
         "Steepest slope",
         "A cloud whose dominant plane is steeper is refused. Larger refuses less.",
         unit="degrees",
-        minimum=0.0,
-        maximum=90.0,
+        bounds=(0.0, 90.0),
         advanced=True,
     )
     any_density: bool = _parameter(
@@ -119,8 +110,7 @@ class ScreeningParameters(ParameterSet):
         "Windows that are processed at the same time. Larger is faster and takes more memory. auto: one per processor "
         "core, at most 8.",
         kind=int,
-        minimum=1,
-        maximum=256,
+        bounds=(1, 256),
         advanced=True,
     )
 

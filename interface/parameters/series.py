@@ -8,10 +8,8 @@ from .specification import ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
-class SeriesParameters(ParameterSet):
+class SeriesParameters(ParameterSet, record_name="series"):
     """More than two surveys of one slope."""
-
-    record_name = "series"
 
     ground_ready: bool = _parameter(
         False,

@@ -128,8 +128,7 @@ def _parameter(
     *,
     kind: type | None = None,
     unit: str = "",
-    minimum: float | None = None,
-    maximum: float | None = None,
+    bounds: tuple[float | None, float | None] = (None, None),
     choices: tuple[str, ...] = (),
     advanced: bool = False,
 ) -> Any:
@@ -139,8 +138,8 @@ def _parameter(
         "label": label,
         "unit": unit,
         "help": help,
-        "minimum": minimum,
-        "maximum": maximum,
+        "minimum": bounds[0],
+        "maximum": bounds[1],
         "choices": choices,
         "advanced": advanced,
         "automatic": kind is not None,
@@ -161,6 +160,9 @@ class ParameterSet:
     """
 
     record_name: ClassVar[str] = ""
+
+    def __init_subclass__(cls, record_name: str = "") -> None:
+        cls.record_name = record_name or cls.record_name
 
     def __post_init__(self) -> None:
         for specification in self.specifications():

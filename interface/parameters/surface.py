@@ -8,10 +8,8 @@ from .specification import ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
-class SurfaceParameters(ParameterSet):
+class SurfaceParameters(ParameterSet, record_name="surface"):
     """Which points are taken of clouds that are compared as they are."""
-
-    record_name = "surface"
 
     ground: str = _parameter(
         "auto",

@@ -8,10 +8,8 @@ from .specification import AUTO, ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
-class FineTuneParameters(ParameterSet):
+class FineTuneParameters(ParameterSet, record_name="training"):
     """Training a screening model on one's own labelled clouds."""
-
-    record_name = "training"
 
     start: str = _parameter(
         "shipped",
@@ -47,40 +45,35 @@ class FineTuneParameters(ParameterSet):
         600,
         "Steps",
         "Steps of each training; there is one for every fold and one on all files. More fit better and take longer.",
-        minimum=1,
-        maximum=1_000_000,
+        bounds=(1, 1_000_000),
     )
     minutes: float = _parameter(
         0.0,
         "Minutes",
         "Chooses the steps so that everything takes about this long on this machine. 0: the steps as given.",
         unit="minutes",
-        minimum=0.0,
-        maximum=100_000.0,
+        bounds=(0.0, 100_000.0),
     )
     folds: int = _parameter(
         5,
         "Folds",
         "The files are split into this many parts, each scored by a model that was not trained on it. With fewer files "
         "each one is a part. More need more trainings.",
-        minimum=2,
-        maximum=100,
+        bounds=(2, 100),
     )
     learning_rate: float | str = _parameter(
         AUTO,
         "Learning rate",
         "Largest step size. Larger adapts faster and forgets more. auto: 0.002 from weights, 0.01 from nothing.",
         kind=float,
-        minimum=0.00001,
-        maximum=1.0,
+        bounds=(0.00001, 1.0),
         advanced=True,
     )
     batch: int = _parameter(
         2,
         "Windows in a step",
         "Larger is more stable and takes more memory and time.",
-        minimum=1,
-        maximum=256,
+        bounds=(1, 256),
         advanced=True,
     )
     network: str = _parameter(
@@ -95,8 +88,7 @@ class FineTuneParameters(ParameterSet):
         0,
         "Seed",
         "The same seed gives the same folds and, on one machine's processor, the same weights.",
-        minimum=0,
-        maximum=2**31 - 1,
+        bounds=(0, 2**31 - 1),
         advanced=True,
     )
     device: str = _parameter(
@@ -107,5 +99,5 @@ class FineTuneParameters(ParameterSet):
         advanced=True,
     )
     threads: int | str = _parameter(
-        AUTO, "Threads", "Processor cores to use. auto: all of them.", kind=int, minimum=1, maximum=1024, advanced=True
+        AUTO, "Threads", "Processor cores to use. auto: all of them.", kind=int, bounds=(1, 1024), advanced=True
     )
