@@ -22,12 +22,25 @@ def _member(new: str, new_member: str, owner: type, old: str, old_member: str) -
     return getattr(getattr(owner, old), old_member)
 
 
-INTEGER = _member("ProcessingNumberParameterType", "Integer", QgsProcessingParameterNumber, "Type", "Integer")
-DOUBLE = _member("ProcessingNumberParameterType", "Double", QgsProcessingParameterNumber, "Type", "Double")
-ADVANCED = _member("ProcessingParameterFlag", "Advanced", QgsProcessingParameterDefinition, "Flag", "FlagAdvanced")
-POLYGON = _member("ProcessingSourceType", "VectorPolygon", QgsProcessing, "SourceType", "TypeVectorPolygon")
-LINE = _member("ProcessingSourceType", "VectorLine", QgsProcessing, "SourceType", "TypeVectorLine")
-FILE = _member("ProcessingFileParameterBehavior", "File", QgsProcessingParameterFile, "Behavior", "File")
-FOLDER = _member("ProcessingFileParameterBehavior", "Folder", QgsProcessingParameterFile, "Behavior", "Folder")
-FILES = _member("ProcessingSourceType", "File", QgsProcessing, "SourceType", "TypeFile")
-DATE = _member("ProcessingDateTimeParameterDataType", "Date", QgsProcessingParameterDateTime, "Type", "Date")
+# name here: (enumeration of Qgis, its member, class before QGIS 3.36, its enumeration, its member)
+_NAMES: dict[str, tuple[str, str, type, str, str]] = {
+    "INTEGER": ("ProcessingNumberParameterType", "Integer", QgsProcessingParameterNumber, "Type", "Integer"),
+    "DOUBLE": ("ProcessingNumberParameterType", "Double", QgsProcessingParameterNumber, "Type", "Double"),
+    "ADVANCED": ("ProcessingParameterFlag", "Advanced", QgsProcessingParameterDefinition, "Flag", "FlagAdvanced"),
+    "POLYGON": ("ProcessingSourceType", "VectorPolygon", QgsProcessing, "SourceType", "TypeVectorPolygon"),
+    "LINE": ("ProcessingSourceType", "VectorLine", QgsProcessing, "SourceType", "TypeVectorLine"),
+    "FILE": ("ProcessingFileParameterBehavior", "File", QgsProcessingParameterFile, "Behavior", "File"),
+    "FOLDER": ("ProcessingFileParameterBehavior", "Folder", QgsProcessingParameterFile, "Behavior", "Folder"),
+    "FILES": ("ProcessingSourceType", "File", QgsProcessing, "SourceType", "TypeFile"),
+    "DATE": ("ProcessingDateTimeParameterDataType", "Date", QgsProcessingParameterDateTime, "Type", "Date"),
+}
+
+INTEGER = _member(*_NAMES["INTEGER"])
+DOUBLE = _member(*_NAMES["DOUBLE"])
+ADVANCED = _member(*_NAMES["ADVANCED"])
+POLYGON = _member(*_NAMES["POLYGON"])
+LINE = _member(*_NAMES["LINE"])
+FILE = _member(*_NAMES["FILE"])
+FOLDER = _member(*_NAMES["FOLDER"])
+FILES = _member(*_NAMES["FILES"])
+DATE = _member(*_NAMES["DATE"])
