@@ -19,6 +19,7 @@ from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.reading import open_cloud, read_cloud
 from ..engine.zones.profile_lines import given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
+from ..interface.parameters import AUTO
 from .pair import dated_pair, ground_of, known_stable
 from .products.change import CHANGE_OUTPUTS, ON_REQUEST, Context, method_name, write_products
 from .run import Run
@@ -118,7 +119,7 @@ def _difference(
             plants=(first.plants, second.plants),
             progress=run.progress,
         )
-        if error is None and settings.change.registration_error < 0:
+        if error is None and settings.change.registration_error == AUTO:
             run.progress.warning(
                 "The registration's error is not known here, so the level of detection covers the scatter of the "
                 "points alone; give the registration_error that the registration reported."

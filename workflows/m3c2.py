@@ -34,7 +34,7 @@ from ..engine.m3c2.scales import Scales, choose_scales, overlap_bounds, spread_c
 from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.reading import open_cloud, read_cloud, read_dimension
 from ..engine.pointcloud.writing import copy_with
-from ..interface.parameters import DistanceParameters, InputParameters
+from ..interface.parameters import AUTO, DistanceParameters, InputParameters, given
 from .pair import dated_pair, ground_of, known_stable
 from .products.m3c2 import RASTERS, dimensions, main_figures, median_level_95, write_rasters
 from .run import Run, record_beside
@@ -131,7 +131,7 @@ def m3c2_step(
             keep = _of_all(cores.keep, taken)
             copy_with(cores.path, stage.path(output.name), settings.inputs, keep=keep, dimensions=dimensions(found))
             tags = _tags(epochs, found, transform, hashes)
-            cell = parameters.distance_cell or scales.core_spacing
+            cell = given(parameters.distance_cell) or scales.core_spacing
             run.outputs["points"] = stage.final(output.name)
             run.outputs |= write_rasters(found, cell, clouds[0].crs, tags, 0.0, run.stage_in(raster_dir))
         run.figures = _figures(found, scales, parameters)
@@ -211,8 +211,9 @@ def parse_direction(text: str) -> Float:
 
 
 def _registration_error(parameters: DistanceParameters, transform_path: Path | None, progress: Progress) -> float:
-    if parameters.registration_error >= 0:
-        return parameters.registration_error
+    stated = given(parameters.registration_error)
+    if stated is not None:
+        return stated
     known = registration_error(transform_path)
     if known is None:
         progress.warning(
@@ -230,7 +231,7 @@ def _chosen(parameters: DistanceParameters, cores_given: bool) -> dict[str, str]
         "half_length": "twice as far as the surfaces are apart, at least 10 times the roughness",
         "core_spacing": "not above half the projection scale",
     }
-    chosen = {name: "given" if getattr(parameters, name) else rule for name, rule in rules.items()}
+    chosen = {name: rule if getattr(parameters, name) == AUTO else "given" for name, rule in rules.items()}
     if parameters.normals != "fitted":
         chosen["normal_scale"] = f"not used, normals are {parameters.normals}"
     if cores_given:

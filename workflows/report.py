@@ -83,7 +83,7 @@ def _tell_of_profiles(
     made.add_input("profiles", profiles)
     record["profiles"] = plain(facts)
     record["inputs"] = [i for i in record["inputs"] if i["role"] != "profiles"] + made.inputs
-    record["parameters"]["report"] = dataclasses.asdict(parameters)
+    record["parameters"][parameters.record_name] = dataclasses.asdict(parameters)
     # warnings about the earlier lines no longer hold
     kept = [w for w in record["warnings"] if not w.startswith(("The profiles' lines ", "The profile "))]
     record["warnings"] = [*kept, *(w for w in progress.warnings if w not in kept)]

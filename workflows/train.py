@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ..engine.core.errors import InputError
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
-from ..interface.parameters import FineTuneParameters, InputParameters
+from ..interface.parameters import FineTuneParameters, InputParameters, given
 from ..models.network.availability import chosen_device, require_libraries
 from ..models.training.own_data import OwnCloud, read_own_clouds
 from ..models.training.report import training_report
@@ -61,11 +61,12 @@ def train_step(
 
     output_dir = Path(output_dir)
     device = chosen_device(parameters.device)
-    if parameters.threads:
-        torch.set_num_threads(parameters.threads)
+    threads = given(parameters.threads)
+    if threads:
+        torch.set_num_threads(int(threads))
     start = start_weights(parameters)
     files = [*(("cloud", path) for path in paths), ("polygons", polygons)]
-    run = Run("train", {"inputs": inputs, "training": parameters}, files, progress)
+    run = Run("train", {p.record_name: p for p in (inputs, parameters)}, files, progress)
     first = start_path(parameters)
     run.refuse_folder(output_dir, [*NAMES.values()], overwrite=overwrite, also=[first] if first else [])
     with run.step("read", 0.0, 0.04):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rasterio.features import geometry_mask
 from shapely.geometry.base import BaseGeometry
 
-from ...interface.parameters import ChangeParameters, GridChangeParameters
+from ...interface.parameters import ChangeParameters, GridChangeParameters, given
 from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.progress import Progress
@@ -302,7 +302,8 @@ def _common(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> float:
 
 def _stated(parameters: GridChangeParameters, measured: float) -> float:
     """The registration error (m) that was given as a parameter, or else what the registration measured."""
-    return parameters.registration_error if parameters.registration_error >= 0 else measured
+    stated = given(parameters.registration_error)
+    return measured if stated is None else stated
 
 
 def cells_inside(area: BaseGeometry, grid: Grid) -> NDArray[np.bool_]:

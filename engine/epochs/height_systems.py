@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...interface.parameters import RegistrationParameters
+from ...interface.parameters.registration import MAX_OFFSET_M
 from ..core.arrays import Float
 from ..statistics.robust import nmad
 
@@ -20,7 +20,6 @@ _MIN_CELLS = 30  # common cells; with fewer the whole overlap is not judged
 _MAX_SPREAD_RATIO, _SPREAD_QUANTILE = 0.1, 0.9
 _MIN_RELIEF_M = 0.5  # m of scatter of the heights from which on a unit can be recognised
 _MAX_SCATTER_RATIO = 0.1  # share of that scatter that is left where heights differ by their unit
-_MAX_OFFSET_M = next(s.maximum or 0.0 for s in RegistrationParameters.specifications() if s.name == "maximum_offset")
 
 
 @dataclass(frozen=True)
@@ -95,7 +94,7 @@ def disagreement(found: HeightComparison | None, first: str, second: str, limit:
         return None
     above = "above" if found.offset > 0 else "below"
     enough, remedy = math.ceil(abs(found.offset)) + 1, ""
-    if enough <= _MAX_OFFSET_M:
+    if enough <= MAX_OFFSET_M:
         remedy = f", or have the registration take it off with a maximum_offset of {enough} m"
     return (
         f"{second} lies about {abs(found.offset):.1f} m {above} {first} over the whole overlap: ellipsoidal against "

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ...interface.parameters import DistanceParameters
+from ...interface.parameters import DistanceParameters, given
 from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.progress import Progress
@@ -71,21 +71,21 @@ def choose_scales(
     first = 2 * float(np.median(_tree(reference).query(places, k=[_SMALLEST_BALL_POINTS])[0]))
     if not first > 0:
         raise InputError("The reference consists of duplicate points; remove them first.")
-    normal_scale, fits, warnings = _normal_scale(reference, places, first, parameters.normal_scale)
+    normal_scale, fits, warnings = _normal_scale(reference, places, first, given(parameters.normal_scale))
     roughness = float(np.median(fits.roughness[fits.found])) if fits.found.any() else math.nan
     progress.update(0.4, "choosing the cylinder")
     separation = _separation(reference, moving)
     directed = fits.normal if fits.found.any() else np.tile([0.0, 0.0, 1.0], (len(places), 1))
     reach = max(2 * separation, 10 * (roughness if math.isfinite(roughness) else 0.0))
-    density = _density(reference, moving, places, directed, normal_scale / 2, parameters.half_length or reach)
+    density = _density(reference, moving, places, directed, normal_scale / 2, given(parameters.half_length) or reach)
     progress.update(0.9, "choosing the cylinder")
-    projection = parameters.projection_scale or _round_up(2 * math.sqrt(CYLINDER_POINTS / (math.pi * density)))
-    half_length = parameters.half_length or _round_up(max(reach, projection / 2))
+    projection = given(parameters.projection_scale) or _round_up(2 * math.sqrt(CYLINDER_POINTS / (math.pi * density)))
+    half_length = given(parameters.half_length) or _round_up(max(reach, projection / 2))
     return Scales(
         normal_scale=normal_scale,
         projection_scale=projection,
         half_length=half_length,
-        core_spacing=parameters.core_spacing or _plain_below(projection / 2),
+        core_spacing=given(parameters.core_spacing) or _plain_below(projection / 2),
         roughness=roughness,
         normal_ratio=normal_scale / roughness if roughness > 0 else math.inf,
         density=density,
@@ -148,10 +148,12 @@ def _sample(reference: Float, bounds: tuple[float, float, float, float]) -> Floa
     return places
 
 
-def _normal_scale(reference: Float, places: Float, first: float, given: float) -> tuple[float, Fits, tuple[str, ...]]:
+def _normal_scale(
+    reference: Float, places: Float, first: float, stated: float | None
+) -> tuple[float, Fits, tuple[str, ...]]:
     """The smallest scale, in steps of the square root of two, that is ``NORMAL_RATIO`` times its own roughness."""
-    if given:
-        return given, fit_planes(Lattice(reference, given / 2), places, given), ()
+    if stated is not None:
+        return stated, fit_planes(Lattice(reference, stated / 2), places, stated), ()
     largest = float(np.linalg.norm(np.ptp(reference, axis=0)[:2])) / 2
     shuffled = np.random.default_rng(0).permutation(len(reference))
     best: tuple[float, float, Fits] | None = None

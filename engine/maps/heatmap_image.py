@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ...interface.parameters import HeatmapParameters
+from ...interface.parameters import HeatmapParameters, given
 from ..grid.grid import Grid
 from .map_text import Words
 from .palette import colour_limit, diverging_colours, veiled
@@ -63,7 +63,7 @@ def make_heatmap(
     level = float(np.median(lod[np.isfinite(lod)])) if np.isfinite(lod).any() else float("nan")
     shown = significant & np.isfinite(dz)
     if limit is None:
-        limit = colour_limit(dz[shown], parameters.colour_range, level=level)
+        limit = colour_limit(dz[shown], given(parameters.colour_range), level=level)
     row, column = _nearest_cells(view.grid, grid)
     inside = ((row >= 0) & (row < grid.rows))[:, np.newaxis] & ((column >= 0) & (column < grid.columns))
     row, column = np.clip(row, 0, grid.rows - 1), np.clip(column, 0, grid.columns - 1)

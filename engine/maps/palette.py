@@ -63,12 +63,12 @@ def sequential_steps(count: int) -> list[Colour]:
     return found
 
 
-def colour_limit(values: NDArray[np.floating], colour_range: float = 0.0, *, level: float = 0.0) -> float:
-    """End of a legend in metres: ``colour_range`` where it is set, else the rounded 98th percentile of magnitudes.
+def colour_limit(values: NDArray[np.floating], colour_range: float | None = None, *, level: float = 0.0) -> float:
+    """End of a legend in metres: ``colour_range`` where it is given, else the rounded 98th percentile of magnitudes.
 
     Never below twice the ``level`` of detection, so that noise is not drawn in full colours.
     """
-    if colour_range > 0:
+    if colour_range:
         return colour_range
     known = np.abs(values[np.isfinite(values)])
     largest = float(np.percentile(known, 98)) if known.size else 0.0

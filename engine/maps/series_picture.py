@@ -50,7 +50,7 @@ def _map(figure: Figure, axes, zones: Sequence[ZoneSeries], velocity: CellVeloci
     with np.errstate(invalid="ignore"):
         beyond = np.abs(velocity.rate) > Z95 * velocity.error
     level = 1000 * Z95 * float(np.nanmedian(velocity.error))
-    limit = colour_limit(rate[beyond], 0.0, level=level)
+    limit = colour_limit(rate[beyond], level=level)
     stops = sorted([(0.5 - s / 2, low) for s, low, _ in DIVERGING] + [(0.5 + s / 2, high) for s, _, high in DIVERGING])
     ramp = LinearSegmentedColormap.from_list("change", [(p, hexadecimal(c)) for p, c in dict(stops).items()])
     west, south, east, north = about.grid.bounds

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...engine.core.errors import EngineError
 from ...engine.core.progress import Progress
-from ...interface.parameters import ScreeningParameters
+from ...interface.parameters import ScreeningParameters, given
 
 if TYPE_CHECKING:
     from ..configuration import ModelConfiguration
@@ -54,7 +54,7 @@ class ScreeningModel:
         self.network = fold_normalisation(self.file.network).to(self.device)
         self.temperature = temperature_of(self.file.metadata)
         self.rotations = parameters.rotations
-        self.threads = parameters.threads or min(processors(), _MAX_THREADS)
+        self.threads = int(given(parameters.threads) or min(processors(), _MAX_THREADS))
 
     @property
     def configuration(self) -> ModelConfiguration:

@@ -19,7 +19,7 @@ from ...engine.core import cancellation
 from ...engine.core.errors import InputError
 from ...engine.core.progress import Progress
 from ...engine.core.staged_outputs import atomic_output
-from ...interface.parameters import FineTuneParameters
+from ...interface.parameters import FineTuneParameters, given
 from ..configuration import CLASSES, SMOKE, ModelConfiguration
 from ..inference.calibration import Calibration, fit_temperature
 from ..inference.prediction import predict
@@ -144,7 +144,7 @@ class _Run:
         return 0.08 + 0.92 * number / (len(self.chosen) + 1)
 
     def settings(self, steps: int) -> TrainingParameters:
-        rate = self.parameters.learning_rate or (FROM_WEIGHTS if self.start else FROM_NOTHING)
+        rate = given(self.parameters.learning_rate) or (FROM_WEIGHTS if self.start else FROM_NOTHING)
         recipe = SHIPPED if self.configuration.align else PUBLISHED
         return replace(
             recipe.training,

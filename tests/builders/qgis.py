@@ -60,6 +60,7 @@ FAKE_HEAD = """#!/bin/sh
 '''exec' "{python}" "$0" "$@"
 ' '''
 import json, os, signal, subprocess, sys, time
+os.setsid()  # as the engine with --watch-parent
 def say(**event):
     print(json.dumps(event), flush=True)
 def value(option):

@@ -28,7 +28,7 @@ from ...engine.zones import extraction, fields, gcd_table
 from ...engine.zones.change_zones import cells_of, change_zones
 from ...engine.zones.profile_lines import ProfileLine, steepest_lines
 from ...engine.zones.profiles import Layers, missed_lines, take_profile, write_profiles
-from ...interface.parameters import ChangeParameters, HeatmapParameters, ZoneParameters
+from ...interface.parameters import ChangeParameters, HeatmapParameters, ZoneParameters, given
 from ..run import Run
 from ..settings import Settings
 from . import zones as zones_module
@@ -98,7 +98,7 @@ def write_products(
     )
     progress.update(0.0, "writing rasters")
     limit = palette.colour_limit(
-        change.dz[change.significant], settings.heatmap.colour_range, level=change.median_level
+        change.dz[change.significant], given(settings.heatmap.colour_range), level=change.median_level
     )
     run.outputs |= _write_rasters(change, context.crs, tags, limit, run.stage)
     progress.update(0.3, "outlining zones")

@@ -62,7 +62,7 @@ def write_epoch_rasters(
     """
     moved = np.concatenate([c.dz[c.significant] for c in changes])
     level = float(np.median([c.median_level for c in changes]))
-    limit = palette.colour_limit(moved, 0.0, level=level)
+    limit = palette.colour_limit(moved, level=level)
     highest = max(float(np.nanpercentile(c.level, 98)) for c in changes)
     outputs = {}
     for number, change in enumerate(changes, 1):
@@ -105,7 +105,7 @@ def write_summary_rasters(
     rate, error = 1000 * velocity.rate, 1000 * velocity.error
     level = Z95 * float(np.nanmedian(error))
     with np.errstate(invalid="ignore"):
-        limit = palette.colour_limit(rate[np.abs(rate) > Z95 * error], 0.0, level=level)
+        limit = palette.colour_limit(rate[np.abs(rate) > Z95 * error], level=level)
     layers: tuple[tuple[str, Float, str, str, str], ...] = (
         ("velocity", rate, "Velocity by regression", "mm/day", qgis_styles.change_qml(limit, level)),
         ("velocity_error", error, "Standard error of the velocity", "mm/day", ""),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import subprocess
 import sys
@@ -80,6 +81,13 @@ def test_cancel_ends_children_and_removes_what_is_half_written(start, tmp_path, 
     assert not (tmp_path / "made").exists()
     if work == "child":
         assert not running(int((tmp_path / "child.pid").read_text()))
+
+
+@pytest.mark.skipif(not hasattr(os, "getpgid"), reason="process groups are of POSIX")
+@pytest.mark.parametrize(("watch", "leads"), [("watch", True), ("no", False)])
+def test_a_watched_command_leads_a_group_of_its_own(start, watch, leads):
+    process = start(watch, "busy")
+    assert (os.getpgid(process.pid) == process.pid) == leads
 
 
 def test_without_watch_parent_a_closed_standard_input_is_no_cancel(start):
