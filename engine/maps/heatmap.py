@@ -64,7 +64,8 @@ def write_heatmap_png(
         InputError: the folder is missing or not writable.
     """
     # matplotlib takes half a second to import; nothing else of the engine should wait for it
-    from .figure import check_png, draw_map
+    from .figure import DPI, check_png, make_figure
 
     with atomic_output(Path(path), check_png) as partial:
-        draw_map(partial, heatmap, zones=zones, epochs=epochs, name=name)
+        figure = make_figure(heatmap, zones=zones, epochs=epochs, name=name)
+        figure.savefig(partial, format="png", dpi=DPI, metadata={"Software": "SlopeWatch"})
