@@ -15,7 +15,6 @@ from pathlib import Path
 import laspy
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from slopewatch.engine.ground.filtering import ground_mask
@@ -53,7 +52,6 @@ def main(path: Path, former: Path | None) -> None:
     figure = Figure(figsize=(12.0, 11.0), dpi=120, layout="constrained")
     for axes, section in zip(figure.subplots(3, 1), sections, strict=True):
         _draw(axes, section)
-    FigureCanvasAgg(figure)
     figure.savefig(path)
     print(f"{path} ({path.stat().st_size / 1e3:.0f} kB)")
 

@@ -13,7 +13,6 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from slopewatch.benchmarks.controlled_test import inside
@@ -56,7 +55,6 @@ def main(path: Path) -> None:
     _levels(axes[1][2], own, published)
     for axis, change, (title, _) in zip(axes[2], found, WAYS, strict=True):
         _significant(axis, change, title)
-    FigureCanvasAgg(figure)
     figure.savefig(path)
     print(f"{path} ({path.stat().st_size / 1e3:.0f} kB)")
 

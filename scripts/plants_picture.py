@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from slopewatch.benchmarks.plants import BARE, DATA, FOREST_EXAMPLE, REAL, fitted, real
 from slopewatch.simulation.surveys.plot import Plot, grass_plot, plot
@@ -43,7 +42,6 @@ def main(path: Path) -> None:
         Slice("native forest, 32/m²", forest, 1.5, 45.0),
     )
     figure = Figure(figsize=(13.0, 6.4), dpi=120, layout="constrained")
-    FigureCanvasAgg(figure)
     upper, lower = figure.subplots(2, 4)
     for axes, shown in zip(upper, slices, strict=True):
         draw_slice(axes, shown)

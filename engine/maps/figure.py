@@ -16,7 +16,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 from PIL import Image
 from rasterio.features import rasterize, shapes
@@ -30,6 +29,7 @@ from .map_parts import (
     INK,
     SMALL,
     Sheet,
+    draw_coordinates,
     draw_image,
     draw_key,
     draw_legend,
@@ -113,12 +113,11 @@ def make_figure(
     axes = sheet.axes(layout.map_left, layout.map_bottom, layout.map_width, layout.map_height, "map")
     picture, factor = shrunk(heatmap.rgba, _MAX_PIXELS)
     draw_image(axes, picture, Grid(west, north, heatmap.grid.cell * factor, *picture.shape[:2]))
-    axes.set(xlim=(west, east), ylim=(south, north))
-    _draw_coordinates(axes, layout, heatmap)
+    inches_a_metre = layout.map_width / (east - west)
+    draw_coordinates(axes, heatmap.grid, inches_a_metre)
     outlined = zones is not None and len(zones) > 0
     if zones is not None and outlined:
         _draw_zones(axes, layout, heatmap, zones)
-    inches_a_metre = layout.map_width / (east - west)
     if layout.beside:
         x, top = layout.width - _RIGHT - _COLUMN + 0.35, layout.map_bottom + layout.map_height
         draw_north(sheet, x + 0.12, top - 0.5)
@@ -179,27 +178,6 @@ def _notes(heatmap: Heatmap, zones: gpd.GeoDataFrame | None) -> str:
     if zones is not None:
         notes += f" {len(zones) or 'No'} zone{'' if len(zones) == 1 else 's'}."
     return notes
-
-
-def _draw_coordinates(axes: Axes, layout: Layout, heatmap: Heatmap) -> None:
-    west, south, east, north = heatmap.grid.bounds
-    sides = ((axes.xaxis, layout.map_width, west, east), (axes.yaxis, layout.map_height, south, north))
-    for axis, inches, low, high in sides:
-        steps = MaxNLocator(nbins=max(1, min(8, int(inches / 1.1))), steps=[1, 2, 5, 10], min_n_ticks=1)
-        # half a label's length from the corners, where those of the two axes would meet
-        edge = 0.35 * (high - low) / inches
-        ticks = [t for t in steps.tick_values(low, high) if low + edge <= t <= high - edge]
-        decimals = max(0, math.ceil(-math.log10((high - low) / 4)))
-        axis.set_ticks(ticks, labels=[f"{t:.{decimals}f}" for t in ticks])
-    axes.tick_params(colors="#555555", length=3, width=0.6)
-    for label in axes.get_yticklabels():
-        label.set_rotation(90)
-        label.set_verticalalignment("center")
-    for label in (*axes.get_xticklabels(), *axes.get_yticklabels()):
-        label.set_fontproperties(fonts(SMALL))
-    for spine in axes.spines.values():
-        spine.set_color("#777777")
-        spine.set_linewidth(0.6)
 
 
 def _draw_zones(axes: Axes, layout: Layout, heatmap: Heatmap, zones: gpd.GeoDataFrame) -> None:

@@ -15,6 +15,7 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.patches import Polygon, Rectangle
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from ..grid.grid import Grid
@@ -92,15 +93,30 @@ def round_length(largest: float) -> float:
     return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= largest * (1 + 1e-9))
 
 
-def change_colours() -> ListedColormap:
-    """The diverging ramp of lowering and raising, for matplotlib."""
-    return ListedColormap(diverging_colours(np.linspace(-1, 1, 256), 1.0) / 255.0)
-
-
 def draw_image(axes: Axes, image: NDArray[np.uint8], grid: Grid, interpolation: str = "antialiased") -> None:
     """A picture (rows, columns, 3 or 4) over its grid, north up, in the grid's coordinates."""
     west, south, east, north = grid.bounds
     axes.imshow(image, extent=(west, east, south, north), interpolation=interpolation, aspect="auto", zorder=1)
+
+
+def draw_coordinates(axes: Axes, grid: Grid, inches_a_metre: float) -> None:
+    """Limits, frame and coordinates of a map over a grid: round ones, a good inch apart."""
+    west, south, east, north = grid.bounds
+    axes.set(xlim=(west, east), ylim=(south, north))
+    for axis, low, high in ((axes.xaxis, west, east), (axes.yaxis, south, north)):
+        inches = inches_a_metre * (high - low)
+        steps = MaxNLocator(nbins=max(1, min(8, int(inches / 1.1))), steps=[1, 2, 5, 10], min_n_ticks=1)
+        # half a label's length from the corners, where those of the two axes would meet
+        edge = 0.35 / inches_a_metre
+        ticks = [t for t in steps.tick_values(low, high) if low + edge <= t <= high - edge]
+        decimals = max(0, math.ceil(-math.log10((high - low) / 4)))
+        axis.set_ticks(ticks, labels=[f"{t:.{decimals}f}" for t in ticks])
+    axes.tick_params(colors="#555555", length=3, width=0.6)
+    for label in axes.get_yticklabels():
+        label.set(rotation=90, verticalalignment="center")
+    for label in (*axes.get_xticklabels(), *axes.get_yticklabels()):
+        label.set_fontproperties(fonts(SMALL))
+    axes.spines[:].set(color="#777777", linewidth=0.6)
 
 
 def draw_scale_bar(sheet: Sheet, x: float, y: float, room: float, inches_a_metre: float) -> None:
@@ -146,6 +162,22 @@ def draw_colour_bar(
         label.set_fontproperties(fonts(SMALL))
 
 
+def draw_signed_bar(
+    sheet: Sheet,
+    box: tuple[float, float, float, float],
+    colours: NDArray[np.uint8],
+    limit: float,
+    *,
+    signed: bool = True,
+    vertical: bool = False,
+) -> None:
+    """Colour bar from ``-limit`` to ``limit``; without signs where both sides are of one kind."""
+    ticks = [share * limit for share in (-1.0, -0.5, 0.0, 0.5, 1.0)]
+    values = [f"{tick:+.4g}" if signed else f"{abs(tick):.4g}" for tick in ticks]
+    labels = [value.replace("-", "−") if tick else "0" for value, tick in zip(values, ticks, strict=True)]
+    draw_colour_bar(sheet, box, colours, ticks, labels, vertical=vertical)
+
+
 def draw_legend(sheet: Sheet, box: tuple[float, float, float, float], heatmap: Heatmap, *, vertical: bool) -> None:
     """Colour bar of a heatmap in ``box``, centred on zero; grey where change is below the median level."""
     limit, backdrop, words = heatmap.limit, heatmap.backdrop, heatmap.words
@@ -155,10 +187,7 @@ def draw_legend(sheet: Sheet, box: tuple[float, float, float, float], heatmap: H
     colours = backdrop + max(heatmap.opacity, 0.35) * (diverging_colours(values, limit).astype(np.float64) - backdrop)
     if math.isfinite(heatmap.level):
         colours[np.abs(values) < heatmap.level] = veiled(backdrop, heatmap.opacity)
-    ticks = [share * limit for share in (-1.0, -0.5, 0.0, 0.5, 1.0)]
-    form = "+.4g" if words.signed else ".4g"
-    labels = [f"{tick if words.signed else abs(tick):{form}}".replace("-", "−") if tick else "0" for tick in ticks]
-    draw_colour_bar(sheet, box, np.rint(colours).astype(np.uint8), ticks, labels, vertical=vertical)
+    draw_signed_bar(sheet, box, np.rint(colours).astype(np.uint8), limit, signed=words.signed, vertical=vertical)
     if vertical:
         sheet.text(x, y + height + 0.36, words.legend, BODY)
         sheet.text(x, y + height + 0.15, words.high)
