@@ -44,14 +44,14 @@ DPI = 150
 _MAX_PIXELS = 2000  # longest side of the picture that is drawn
 _MAX_LABELS = 40  # most zone ids on a map
 _LEFT, _RIGHT, _BOTTOM, _TOP = 0.5, 0.4, 0.45, 0.15  # margins around the map, inches
-_COLUMN = 2.6  # width of the legend's column beside a tall map
+_COLUMN = 2.6  # width of the legend's column next to a tall map
 _FOOTER = 1.0  # height of the legend's band below a wide map
 _TITLE, _TITLE_LINE, _NOTE_LINE = 13.0, 0.25, 0.19
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Sizes in inches: of the figure, of the map and from the figure's lower left to it; is the legend beside it?"""
+    """Sizes in inches: of the figure, of the map and from the figure's lower left to it; is the legend next to it?"""
 
     width: float
     height: float
@@ -63,7 +63,7 @@ class Layout:
 
 
 def plan_layout(width_m: float, height_m: float, header: float) -> Layout:
-    """The legend lies below a wide slope and beside a tall one; a very long slope gets a longer figure.
+    """The legend lies below a wide slope and next to a tall one; a very long slope gets a longer figure.
 
     Args:
         header: inches for title and notes above the map.
@@ -181,14 +181,14 @@ def _notes(heatmap: Heatmap, zones: gpd.GeoDataFrame | None) -> str:
 
 
 def _draw_zones(axes: Axes, layout: Layout, heatmap: Heatmap, zones: gpd.GeoDataFrame) -> None:
-    """Outer rings and, as far as they find room, ids: the most severe first, beside the zone if it must be."""
+    """Outer rings and, as far as they find room, ids: the most severe first, next to the zone where it has no room."""
     west, south, east, _ = heatmap.grid.bounds
     scale = layout.map_width / (east - west)
     rings = _outlines(np.asarray(zones.geometry), heatmap.grid.bounds, 0.015 / scale)
     axes.add_collection(LineCollection(rings, colors="white", linewidths=1.8, alpha=0.6, zorder=2), autolim=False)
     axes.add_collection(LineCollection(rings, colors=INK, linewidths=0.8, zorder=3), autolim=False)
     placed: list[tuple[float, float, float, float]] = []
-    # the ids of a map that is hardly wider than they stand on the white paper beside it
+    # a map that is hardly wider than the ids has them on the white paper next to it
     narrow = layout.beside and layout.map_width < 1.0
     room = layout.map_width + (0.8 if narrow else 0.0), layout.map_height
     boxes = (shapely.bounds(np.asarray(zones.geometry))[:_MAX_LABELS] - (west, south, west, south)) * scale

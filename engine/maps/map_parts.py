@@ -100,7 +100,7 @@ def draw_image(axes: Axes, image: NDArray[np.uint8], grid: Grid, interpolation: 
 
 
 def draw_coordinates(axes: Axes, grid: Grid, inches_a_metre: float) -> None:
-    """Limits, frame and coordinates of a map over a grid: round ones, a good inch apart."""
+    """Limits, frame and coordinates of a map over a grid: round values, at least 1.1 inches from one to the next."""
     west, south, east, north = grid.bounds
     axes.set(xlim=(west, east), ylim=(south, north))
     for axis, low, high in ((axes.xaxis, west, east), (axes.yaxis, south, north)):

@@ -152,7 +152,7 @@ def ablation(session: Session, seconds: float, folder: Path) -> RunResult:
 )
 @command(profile=False)
 def card(session: Session, folders: tuple[tuple[str, Path], ...]) -> RunResult:
-    """Write the model card from the weights' description and the figures beside them."""
+    """Write the model card from the weights' description and the figures next to them."""
     from ..network.shipped import shipped_model
     from ..network.weights import load_model
     from .model_card import model_card, read_figures, read_seconds
