@@ -1,7 +1,7 @@
 """The picture in docs/scenes.md of simulated plants compared with real ones.
 
 ``.venv/bin/python scripts/plants_picture.py [FILE]`` draws slices through simulated grass, grown and mown, ferns and
-forest, and how high their returns lie over the ground, and the same of real clouds where these lie next to the checkout.
+forest, and how high their returns lie over the ground; the same of real clouds where these lie next to the checkout.
 """
 
 from __future__ import annotations
