@@ -10,7 +10,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from scipy import ndimage
@@ -50,9 +49,8 @@ def main(path: Path) -> None:
 
 def draw(path: Path, dz, truth, labels, footprints, volumes) -> None:  # type: ignore[no-untyped-def]
     figure = Figure(figsize=(11, 3.9), layout="constrained")
-    FigureCanvasAgg(figure)
     extent = (0, COLUMNS * CELL, ROWS * CELL, 0)
-    colours = ListedColormap(diverging_colours(np.linspace(-LIMIT, LIMIT, 256), LIMIT) / 255.0)
+    colours = ListedColormap(diverging_colours(np.linspace(-1.0, 1.0, 256), 1.0) / 255.0)
     for axes, title in zip(figure.subplots(1, 2), ("the zones' own cells", "the footprints"), strict=True):
         own = title != "the footprints"
         chosen = labels if own else footprints

@@ -7,12 +7,12 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader
 from markupsafe import Markup
 
 from ...interface.parameters import GridChangeParameters, Specification, command_sets
 from ..core.errors import EngineError, InputError
 from ..core.staged_outputs import atomic_output
+from ..core.templates import render
 from ..zones.confirmation import VERDICTS
 from .figures import Figures, number
 from .reviews import zone_reviews
@@ -73,14 +73,7 @@ def compose(record: dict[str, Any], folder: Path, profiles: Path | None = None) 
         raise InputError(
             f"{folder / 'run.json'} is no record of a change or a screening; give the folder of such a run."
         )
-    environment = Environment(
-        loader=FileSystemLoader(_TEMPLATES),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    return environment.get_template(template).render(**context, **more)
+    return render(_TEMPLATES / template, **context, **more)
 
 
 def read_record(folder: Path) -> dict[str, Any]:

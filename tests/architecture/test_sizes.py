@@ -34,7 +34,6 @@ MANY_PARAMETERS = {
     "engine/grid/geotiff.py:_write": "what a GeoTIFF states, how it is filled, and what must be read back",
     "engine/ground/extraction.py:extract_ground": STEP,
     "engine/m3c2/distances.py:m3c2_distances": "the scales and errors of M3C2 are figures of their own, by name only",
-    "engine/maps/heatmap.py:write_heatmap": "two files, what is drawn, and the words on the map, by name only",
     "engine/pointcloud/laz_chunks.py:laz_layout": "what the header says of a compressed file, before there is a header",
     "engine/pointcloud/writing.py:copy_with": "each is one change to the copy, by name only, none by default",
     "engine/pointcloud/writing.py:copy_records": "the scale and offset of the new file beside what is copied",

@@ -19,7 +19,9 @@ from ...engine.core.version import VERSION
 from ...engine.epochs.epoch import Epoch
 from ...engine.geometry.rigid_transform import RigidTransform
 from ...engine.grid import geotiff
-from ...engine.maps import heatmap, palette, qgis_styles, top_view
+from ...engine.maps import palette, qgis_styles, top_view
+from ...engine.maps.heatmap import write_heatmap_png
+from ...engine.maps.heatmap_image import make_heatmap
 from ...engine.pointcloud.cloud import PointCloud
 from ...engine.report.facts import change_facts, error_terms
 from ...engine.statistics.normal import Z95
@@ -162,18 +164,10 @@ def _write_pictures(
     stage = run.stage
     view = top_view.top_view(picture, top_view.top_view_grid(change.grid, parameters.top_view_pixel))
     geotiff.write_rgba(stage.path("top_view.tif"), view.rgba, view.grid, context.crs, tags=tags)
-    heatmap.write_heatmap(
-        stage.path("heatmap.png"),
-        stage.path("heatmap.tif"),
-        change,
-        view,
-        found,
-        context.crs,
-        parameters,
-        limit=limit,
-        epochs=(context.first.name, context.second.name),
-        tags=tags,
-    )
+    heatmap = make_heatmap(change.dz, change.significant, change.level, change.grid, view, parameters, limit=limit)
+    names = context.first.name, context.second.name
+    write_heatmap_png(stage.path("heatmap.png"), heatmap, zones=found.frame, epochs=names)
+    geotiff.write_rgba(stage.path("heatmap.tif"), heatmap.rgba, heatmap.grid, context.crs, tags=tags)
     for name, file in (("heatmap", "heatmap.png"), ("heatmap_raster", "heatmap.tif"), ("top_view", "top_view.tif")):
         run.outputs[name] = stage.final(file)
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 from slopewatch.models.configuration import SMOKE
 from slopewatch.models.making.scene_scores import SceneScores
+from slopewatch.models.network.shipped import SHIPPED_WEIGHTS, shipped_model
 from slopewatch.models.network.weights import load_model, save_model
 
 TRAINING = {
@@ -30,6 +31,15 @@ def description(torch, tmp_path):
     path = tmp_path / "w.safetensors"
     save_model(path, RandLANet(SMOKE), TRAINING, {"calibration": CALIBRATION})
     return load_model(path).metadata
+
+
+def test_the_shipped_card_is_that_of_the_shipped_scores(torch):
+    from slopewatch.models.making.model_card import model_card, read_figures
+
+    figures = SHIPPED_WEIGHTS.parent / "figures"
+    seconds = json.loads((figures / "seconds.json").read_text(encoding="utf-8"))
+    text = model_card(load_model(*shipped_model()).metadata, read_figures(figures), seconds)
+    assert text == (figures.parent / "README.md").read_text(encoding="utf-8")
 
 
 def test_a_card_without_scores_still_says_what_the_weights_are(description):
