@@ -18,9 +18,10 @@ from laspy.extradims import get_id_for_extra_dim_type
 from laspy.vlrs.known import ExtraBytesStruct
 from numpy.typing import NDArray
 
+from ..core.arrays import Float
 from ..core.errors import EngineError, InputError
 from ..core.messages import shown
-from .header import POINT_SIZES, CloudHeader
+from .header import POINT_SIZES, CloudHeader, Vector
 from .laz_chunks import check_chunks
 
 PLACES = DecompressionSelection.XY_RETURNS_CHANNEL | DecompressionSelection.Z
@@ -94,6 +95,15 @@ def extra_dimensions(header: CloudHeader) -> list[ExtraDimension]:
 def record_dtype(point_format: int, extra: Sequence[ExtraDimension] = ()) -> np.dtype[np.void]:
     """Structure of one point record: laspy's fields, then those of the extra dimensions."""
     return np.dtype(laspy.PointFormat(point_format).dtype().descr + [(d.field, d.dtype) for d in extra])
+
+
+def coordinates(records: PackedPointRecord, header: CloudHeader, factors: Vector = (1.0, 1.0, 1.0)) -> Float:
+    """Coordinates (n, 3) of some of a file's records, times ``factors``."""
+    xyz = np.empty((len(records), 3))
+    for axis, (field, factor) in enumerate(zip("XYZ", factors, strict=True)):
+        np.multiply(records[field], header.scales[axis] * factor, out=xyz[:, axis])
+        xyz[:, axis] += header.offsets[axis] * factor
+    return xyz
 
 
 def read_records(
