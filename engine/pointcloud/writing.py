@@ -261,7 +261,8 @@ def laz_writer(
     compress, backend = path.suffix.lower() != ".las", laspy.LazBackend.LazrsParallel
     with atomic_output(path, lambda p: _check(p, count)) as temporary, temporary.open("w+b") as stream:
         writer = laspy.LasWriter(stream, header, compress, laz_backend=backend, closefd=False)
-        yield lambda records: writer.write_points(PackedPointRecord(records, header.point_format))
+        plain = header.point_format.dtype()  # names of our fields are none of a buffer's
+        yield lambda records: writer.write_points(PackedPointRecord(records.view(plain), header.point_format))
         writer.close()
         stream.seek(_CREATION_OFFSET_BYTES)
         stream.write(struct.pack("<HH", *(source.created if source else (0, 0))))
