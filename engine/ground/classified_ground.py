@@ -12,7 +12,7 @@ from ..core.errors import InputError
 from ..core.messages import shown
 from ..core.progress import Progress
 from ..geometry.dominant_plane import apply_matrix, flattening_matrix
-from .doubts import percent
+from .cover import percent
 from .filtering import dominant_plane
 
 CLOSE_M, FEWEST_CLOSE, STEP_M = 0.5, 3, 0.3

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from ..core.arrays import Bool, Float
 from ..geometry.point_spacing import point_spacing
+from .cover import percent
 
 BARE_SHARE = 0.01
 """Share of the ground that must be bare for a survey to show how the ground looks: forests and alpine grass may have
@@ -151,7 +152,3 @@ def _counts(points: Float, side: float, low: Float | None = None, extent: Float 
     index = np.floor((points[:, :2] - low) / side).astype(np.int64)
     found = np.bincount(index[:, 0] * shape[1] + index[:, 1], minlength=int(shape.prod()))
     return np.asarray(found, dtype=np.float64).reshape(shape)
-
-
-def percent(share: float) -> str:
-    return f"{100 * share:.{1 if 0 < share < 0.0995 else 0}f} %"

@@ -189,7 +189,7 @@ class _Extraction:
                 f"{shown(self.cloud)} holds waveforms (point format {header.point_format}), which PDAL does not "
                 "read; export it without them."
             )
-        raw = file_coverage(header, frame.horizontal_factor)
+        raw = file_coverage(header, frame)
         region = None
         if roi is not None:
             region = read_roi(roi, frame.crs, unit=frame.horizontal_factor)

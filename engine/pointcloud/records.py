@@ -172,8 +172,7 @@ def _chunks(stream: BinaryIO, header: CloudHeader, warnings: list[str] | None) -
     if layout.chunk_size:  # the table of equal chunks does not know that the last one is shorter
         last = header.count - layout.chunk_size * (len(chunks) - 1)
         chunks = [(layout.chunk_size, size) for _, size in chunks[:-1]] + [(last, chunks[-1][1])]
-    place, length = header.offset_to_points, header.record_length
-    odd = check_chunks(stream, shown(header.path), layout, chunks, place, length, header.count)
+    odd = check_chunks(stream, layout, chunks)
     if odd and warnings is not None:
         warnings.append(odd)
     return chunks
