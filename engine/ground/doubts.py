@@ -78,7 +78,7 @@ def _nothing_bare(name: str, error: Float) -> str:
     if bare >= BARE_SHARE:
         return ""
     return (
-        f"Nearly nothing of the ground of {name} is bare ({percent(bare)} of the returns near it): its height is told "
+        f"Nearly nothing of the ground of {name} is bare ({percent(bare)} of the returns near it): its height is found "
         f"from below plants, with an expected error of {100 * float(np.median(known)):.1f} cm, and is too high by more "
         "where no return reached it; survey with leaves off or mown, or check it on a road or rock."
     )

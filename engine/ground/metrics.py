@@ -15,6 +15,7 @@ from ..geometry.point_spacing import point_spacing
 from ..pointcloud.extent import CheckedRecords, square_metres
 from ..pointcloud.header import CloudHeader
 from ..pointcloud.records import PLACES, coordinates
+from .squares import first_of_runs, square_numbers
 
 VEGETATION_HEIGHT = 0.3
 """Least height (m) above the ground of what counts as vegetation."""
@@ -68,12 +69,9 @@ def vegetation_cover(xyz: Float, flat: Float, ground: NDArray[np.bool_], dip: fl
     if not ground.any():
         return 0.0
     cell = max(_CROWN_CELL, 2.0 * point_spacing(xyz[:, :2]))
-    index = np.floor((xyz[:, :2] - xyz[:, :2].min(axis=0)) / cell).astype(np.int64)
-    key = index[:, 0] * (int(index[:, 1].max()) + 1) + index[:, 1]
-    order = np.lexsort((xyz[:, 2], key))
-    last = np.ones(len(order), dtype=bool)
-    last[:-1] = key[order][1:] != key[order][:-1]
-    highest = flat[order[last]]
+    key = square_numbers(xyz, cell)
+    order = np.lexsort((xyz[:, 2], key))[::-1]
+    highest = flat[order[first_of_runs(key[order])]]
     base = flat[ground]
     _, nearest = cKDTree(base[:, :2]).query(highest[:, :2])
     height = (highest[:, 2] - base[nearest, 2]) / max(np.cos(np.radians(dip)), 0.1)

@@ -65,7 +65,6 @@ class CloudHeader:
     points_by_return: tuple[int, ...]
     offset_to_points: int
     file_size: int
-    vlr_count: int
     vlrs: dict[tuple[str, int], bytes]
     laz: LazLayout | None
     software: str
@@ -153,7 +152,6 @@ def _read(stream: BinaryIO, path: Path, size: int) -> CloudHeader:
         points_by_return=returns,
         offset_to_points=offset,
         file_size=size,
-        vlr_count=form.vlr_count,
         vlrs=vlrs,
         laz=layout,
         software=head[58:90].split(b"\0")[0].decode("ascii", "replace").strip(),

@@ -53,16 +53,13 @@ class PointBlock:
 class LazLayout:
     """The LASzip record and where the chunks lie.
 
-    ``table_offset`` is the first byte of the chunk table, ``chunk_count`` its number of entries, ``chunk_size`` the
-    points of a chunk (0: variable, each entry of the table says), ``layers`` the number of layers in a chunk (0: the
-    points of a chunk follow each other).
+    ``table_offset`` is the first byte of the chunk table, ``chunk_size`` the points of a chunk (0: variable, each entry
+    of the table says), ``layers`` the number of layers in a chunk (0: the points of a chunk follow each other).
     """
 
     block: PointBlock
     record: bytes
-    compressor: int
     chunk_size: int
-    chunk_count: int
     table_offset: int
     layers: int
 
@@ -108,7 +105,7 @@ def laz_layout(stream: BinaryIO, block: PointBlock, record: bytes | None) -> Laz
         raise InputError(
             f"{name} is compressed in chunks of {chunk_size} points; compress it again in chunks of 50000."
         )
-    return LazLayout(block, record, compressor, 0 if variable else chunk_size, chunks, table, layers)
+    return LazLayout(block, record, 0 if variable else chunk_size, table, layers)
 
 
 def check_chunks(stream: BinaryIO, layout: LazLayout, chunks: list[tuple[int, int]]) -> str | None:
