@@ -25,7 +25,7 @@ from ...engine.pointcloud.declared_crs import declared_crs
 from ...engine.pointcloud.extent import CheckedRecords
 from ...engine.pointcloud.reading import eight_bits, open_cloud
 from ...engine.pointcloud.records import PLACES, extra_dimensions, new_dimension, read_records
-from ...engine.pointcloud.writing import copy_records
+from ...engine.pointcloud.writing import Target, copy_records
 from ...engine.vector.area import read_roi, refuse_outside
 from ...interface.parameters import InputParameters
 from .result import Screening
@@ -206,7 +206,7 @@ class ScreenedFile:
             count[:] += np.bincount(labels, minlength=3)
             progress.update(part.stop / header.count)
 
-        copy_records(header, output, self._declared, change, new, scales=header.scales, offsets=header.offsets)
+        copy_records(header, [Target(output, self._declared, header.scales, header.offsets, change, new)])
         return {"uplift": int(count[1]), "subsidence": int(count[2])}
 
     def refuse_classes(self, classification: bool) -> None:
