@@ -16,7 +16,8 @@ import pytest
 import rasterio
 from slopewatch.engine.core.version import VERSION
 from slopewatch.interface.parameters import GroundParameters
-from slopewatch.tests.cli.programs import run, write_plane
+from slopewatch.tests.builders.clouds import write_plane
+from slopewatch.tests.builders.program import COMMAND, run
 
 ROOT = Path(__file__).parents[2]
 
@@ -49,7 +50,7 @@ def test_every_command_has_help(command):
 )
 def test_a_reader_that_has_read_enough_ends_it_quietly(clouds, arguments, code, told):
     """As ``slopewatch info FILE | head``: standard output is closed before anything is written."""
-    command = [sys.executable, "-m", "slopewatch.cli"]
+    command = list(COMMAND)
     command += [*arguments, str(clouds[0])] if arguments else ["info", "nowhere.laz", "--progress", "json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as program:
         program.stdout.close()
@@ -62,7 +63,8 @@ def test_a_reader_that_has_read_enough_ends_it_quietly(clouds, arguments, code, 
 
 
 def test_version_is_that_of_the_plugin_and_the_package():
-    assert VERSION in run("--version").stdout
+    done = subprocess.run([*COMMAND, "--version"], capture_output=True, text=True, check=True)
+    assert VERSION in done.stdout
     assert f"version={VERSION}\n" in (ROOT / "metadata.txt").read_text()
 
 
@@ -202,113 +204,78 @@ def test_the_zones_level_is_at_95_percent_whatever_confidence_decides(clouds, tm
     assert zone["lod95_m"] / at_80 == pytest.approx(1.960 / 1.2816, rel=0.05)
 
 
-def bad_cases(tmp_path: Path, clouds: tuple[Path, Path]) -> dict[str, tuple[list[object], str]]:
+@pytest.fixture(scope="module")
+def files(tmp_path_factory, clouds) -> dict[str, Path]:
+    """Clouds with one fault each, by the names that BAD has for them; ``faulty`` is their folder."""
+    folder = tmp_path_factory.mktemp("faulty")
     first, second = clouds
-    text = tmp_path / "text.laz"
-    text.write_text("not a cloud")
-    truncated = tmp_path / "truncated.las"
-    laspy.read(first).write(tmp_path / "whole.las")
-    truncated.write_bytes((tmp_path / "whole.las").read_bytes()[:100_000])
-    nocrs = write_plane(tmp_path / "nocrs.laz", crs=None)
-    geographic = write_plane(tmp_path / "geographic.laz", crs=4326)
-    elsewhere = write_plane(tmp_path / "elsewhere.laz", x=5000)
-    other_crs = write_plane(tmp_path / "other_crs.laz", crs=32650)
-    copy = shutil.copy(first, tmp_path / "2026-01-01.laz")
-    out = ["--output-dir", tmp_path / "out"]
-    return {
-        "missing": (["change", tmp_path / "none.laz", second, *out], "none.laz"),
-        "not a cloud": (["change", text, second, *out], "text.laz"),
-        "truncated": (["change", truncated, second, *out], "truncated.las"),
-        "no crs": (["change", nocrs, second, *out], "--crs"),
-        "geographic": (["change", geographic, second, *out], "geographic"),
-        "no overlap": (["change", first, elsewhere, *out], "do not overlap"),
-        "other crs": (["change", first, other_crs, *out], "different reference systems"),
-        "same file": (["change", first, first, *out], "same"),
-        "same content": (["change", first, copy, *out], "same cloud"),
-        "reversed": (["change", second, first, *out], "reversed"),
-        "bad date": (["change", first, second, "--epoch-from", "yesterday", *out], "YYYY-MM-DD"),
-        "bad number": (["change", first, second, "--cell", "-1", *out], "cell is -1.0"),
-        "nan": (["change", first, second, "--cell", "nan", *out], "cell is nan"),
-        "grid too large": (["change", first, second, "--cell", "0.005", "--memory-limit", "0.05", *out], "at least"),
-        "one epoch, not screened": (
-            ["inspect", "--epoch", f"2024-05-01={first}", "--no-screen-last-epoch", *out],
-            "two epochs",
-        ),
-        "three epochs": (
-            ["inspect", *(f"--epoch=202{i}-05-01={first}" for i in range(3)), *out],
-            "--epoch was given 3 times",
-        ),
-        "screening of an epoch by weights that are not there": (
-            [
-                *("inspect", f"--epoch=2024-05-01={first}", f"--epoch=2025-05-01={second}"),
-                *("--weights", tmp_path / "mine.safetensors", *out),
-            ],
-            "mine.safetensors",
-        ),
-        "no pdal": (["ground", first, "--output", tmp_path / "g.laz", "--pdal", tmp_path / "nopdal"], "nopdal"),
-        "no roi": (["ground", first, "--output", tmp_path / "g.laz", "--roi", tmp_path / "no.gpkg"], "no.gpkg"),
-        "output is input": (["register", first, second, "--output", second], "also an input"),
-        "no folder": (["register", first, second, "--output", tmp_path / "no" / "a.laz"], "does not exist"),
-        "bad transform": (["register", first, second, "--output", tmp_path / "a.laz", "--apply", text], "text.laz"),
-        "output is no cloud": (["register", first, second, "--output", tmp_path / "a.tif"], ".laz or .las"),
-        "one output twice": (
-            ["register", first, second, "--output", tmp_path / "a.laz", "--transform", tmp_path / "a.laz"],
-            "Two outputs",
-        ),
-        "inspect without roi": (
-            [
-                "inspect",
-                f"--epoch=2024-05-01={first}",
-                f"--epoch=2025-05-01={second}",
-                "--roi",
-                tmp_path / "no.shp",
-                *out,
-            ],
-            "no.shp does not exist",
-        ),
-        "inspect in two systems": (
-            ["inspect", f"--epoch=2024-05-01={first}", f"--epoch=2025-05-01={other_crs}", *out],
-            "other_crs.laz in WGS 84 / UTM zone 50N",
-        ),
-        "output under a file": (["change", first, second, "--output-dir", text / "out"], "cannot be written"),
-    }
+    made = {"faulty": folder, "first": first, "second": second, "text": folder / "text.laz"}
+    made["text"].write_text("not a cloud")
+    laspy.read(first).write(folder / "whole.las")
+    made["truncated"] = folder / "truncated.las"
+    made["truncated"].write_bytes((folder / "whole.las").read_bytes()[:100_000])
+    made["nocrs"] = write_plane(folder / "nocrs.laz", crs=None)
+    made["geographic"] = write_plane(folder / "geographic.laz", crs=4326)
+    made["elsewhere"] = write_plane(folder / "elsewhere.laz", x=5000)
+    made["other_crs"] = write_plane(folder / "other_crs.laz", crs=32650)
+    made["copy"] = Path(shutil.copy(first, folder / "2026-01-01.laz"))
+    return made
 
 
-NAMES = [
-    "missing",
-    "not a cloud",
-    "truncated",
-    "no crs",
-    "geographic",
-    "no overlap",
-    "other crs",
-    "same file",
-    "same content",
-    "reversed",
-    "bad date",
-    "bad number",
-    "nan",
-    "grid too large",
-    "one epoch, not screened",
-    "three epochs",
-    "screening of an epoch by weights that are not there",
-    "no pdal",
-    "no roi",
-    "output is input",
-    "no folder",
-    "bad transform",
-    "output is no cloud",
-    "one output twice",
-    "inspect without roi",
-    "inspect in two systems",
-    "output under a file",
-]
+# The command line, and words of the sentence. {out} does not exist, {new} is an empty folder.
+BAD = {
+    "missing": ("change {faulty}/none.laz {second} --output-dir {out}", "none.laz"),
+    "not a cloud": ("change {text} {second} --output-dir {out}", "text.laz"),
+    "truncated": ("change {truncated} {second} --output-dir {out}", "truncated.las"),
+    "no crs": ("change {nocrs} {second} --output-dir {out}", "--crs"),
+    "geographic": ("change {geographic} {second} --output-dir {out}", "geographic"),
+    "no overlap": ("change {first} {elsewhere} --output-dir {out}", "do not overlap"),
+    "other crs": ("change {first} {other_crs} --output-dir {out}", "different reference systems"),
+    "same file": ("change {first} {first} --output-dir {out}", "same"),
+    "same content": ("change {first} {copy} --output-dir {out}", "same cloud"),
+    "reversed": ("change {second} {first} --output-dir {out}", "reversed"),
+    "bad date": ("change {first} {second} --epoch-from yesterday --output-dir {out}", "YYYY-MM-DD"),
+    "bad number": ("change {first} {second} --cell -1 --output-dir {out}", "cell is -1.0"),
+    "nan": ("change {first} {second} --cell nan --output-dir {out}", "cell is nan"),
+    "grid too large": ("change {first} {second} --cell 0.005 --memory-limit 0.05 --output-dir {out}", "at least"),
+    "one epoch, not screened": (
+        "inspect --epoch 2024-05-01={first} --no-screen-last-epoch --output-dir {out}",
+        "two epochs",
+    ),
+    "three epochs": (
+        "inspect --epoch=2020-05-01={first} --epoch=2021-05-01={first} --epoch=2022-05-01={first} --output-dir {out}",
+        "--epoch was given 3 times",
+    ),
+    "screening of an epoch by weights that are not there": (
+        "inspect --epoch=2024-05-01={first} --epoch=2025-05-01={second} --weights {new}/mine.safetensors"
+        " --output-dir {out}",
+        "mine.safetensors",
+    ),
+    "no pdal": ("ground {first} --output {new}/g.laz --pdal {new}/nopdal", "nopdal"),
+    "no roi": ("ground {first} --output {new}/g.laz --roi {new}/no.gpkg", "no.gpkg"),
+    "output is input": ("register {first} {second} --output {second}", "also an input"),
+    "no folder": ("register {first} {second} --output {new}/no/a.laz", "does not exist"),
+    "bad transform": ("register {first} {second} --output {new}/a.laz --apply {text}", "text.laz"),
+    "output is no cloud": ("register {first} {second} --output {new}/a.tif", ".laz or .las"),
+    "one output twice": ("register {first} {second} --output {new}/a.laz --transform {new}/a.laz", "Two outputs"),
+    "inspect without roi": (
+        "inspect --epoch=2024-05-01={first} --epoch=2025-05-01={second} --roi {new}/no.shp --output-dir {out}",
+        "no.shp does not exist",
+    ),
+    "inspect in two systems": (
+        "inspect --epoch=2024-05-01={first} --epoch=2025-05-01={other_crs} --output-dir {out}",
+        "other_crs.laz in WGS 84 / UTM zone 50N",
+    ),
+    "output under a file": ("change {first} {second} --output-dir {text}/out", "cannot be written"),
+}
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_bad_input_is_one_sentence_with_exit_code_2(name, clouds, tmp_path):
-    arguments, words = bad_cases(tmp_path, clouds)[name]
-    before = sorted(tmp_path.rglob("*"))
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_one_sentence_with_exit_code_2(name, files, tmp_path, monkeypatch):
+    monkeypatch.delenv("SLOPEWATCH_PDAL", raising=False)  # it comes before --pdal
+    line, words = BAD[name]
+    arguments = [word.format(**files, new=tmp_path, out=tmp_path / "out") for word in line.split()]
+    before = sorted(files["faulty"].rglob("*"))
     done = run(*arguments)
     assert done.returncode == 2, done.stderr
     sentence = done.stderr.strip()
@@ -316,7 +283,8 @@ def test_bad_input_is_one_sentence_with_exit_code_2(name, clouds, tmp_path):
     assert "\n" not in sentence
     assert sentence.endswith(".")
     assert words in sentence
-    assert sorted(tmp_path.rglob("*")) == before, "something was left behind"
     as_json = run(*arguments, "--progress", "json")
     event = json.loads(as_json.stdout.splitlines()[-1])
     assert event == {"event": "error", "message": sentence.removeprefix("Error: "), "code": 2}
+    assert sorted(files["faulty"].rglob("*")) == before, "something was left behind"
+    assert list(tmp_path.iterdir()) == [], "something was left behind"

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import rasterio
 import shapely
-from slopewatch.tests.cli.programs import run, write_plane
+from slopewatch.tests.builders.clouds import write_plane
+from slopewatch.tests.builders.program import run
 
 
 @pytest.fixture(scope="module")

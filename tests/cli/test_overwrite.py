@@ -10,7 +10,8 @@ import pytest
 from slopewatch.engine.vector.geopackage import read_layer
 from slopewatch.engine.zones.earlier_reviews import NOT_CARRIED
 from slopewatch.tests.builders.zone_layers import enter
-from slopewatch.tests.cli.programs import run, write_plane
+from slopewatch.tests.builders.clouds import write_plane
+from slopewatch.tests.builders.program import run
 
 ALL_COMMANDS = (
     ("inspect",), ("change",), ("series",), ("m3c2",), ("train",), ("simulate", "survey"), ("simulate", "series"),
