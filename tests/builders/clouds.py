@@ -53,7 +53,7 @@ def las_file() -> LasFile:
     return write
 
 
-def write_plane(path: Path, *, lowered: float = 0.0, crs: int | None = 32651, x: float = 0.0) -> Path:
+def write_sunk_slope(path: Path, *, lowered: float = 0.0, crs: int | None = 32651, x: float = 0.0) -> Path:
     """A 12 m slope of 20 thousand ground points; its western third is lowered."""
     rng = np.random.default_rng([*path.name.encode()])
     u, v = rng.uniform(0, 12, (2, 20_000))

@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 from qgis.core import QgsApplication, QgsProcessingFeedback
+from slopewatch.tests.builders.limits import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -113,7 +114,7 @@ def processes_with(text: str) -> list[int]:
     return found
 
 
-def wait_until(condition: Callable[[], Any], seconds: float = 20.0) -> Any:
+def wait_until(condition: Callable[[], Any], seconds: float = PATIENCE_S) -> Any:
     """The first true value of ``condition`` within the time; fails the test without one."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
@@ -159,7 +160,7 @@ class QgisProcess:
             env={**self.environment, **variables},
             capture_output=True,
             text=True,
-            timeout=300,
+            timeout=600,
             check=False,
         )
 

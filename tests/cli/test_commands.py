@@ -16,7 +16,8 @@ import pytest
 import rasterio
 from slopewatch.engine.core.version import VERSION
 from slopewatch.interface.parameters import GroundParameters
-from slopewatch.tests.builders.clouds import write_plane
+from slopewatch.tests.builders.clouds import write_sunk_slope
+from slopewatch.tests.builders.limits import PATIENCE_S
 from slopewatch.tests.builders.program import COMMAND, run
 
 ROOT = Path(__file__).parents[2]
@@ -25,7 +26,7 @@ ROOT = Path(__file__).parents[2]
 @pytest.fixture(scope="module")
 def clouds(tmp_path_factory) -> tuple[Path, Path]:
     folder = tmp_path_factory.mktemp("clouds")
-    return write_plane(folder / "2024-05-01.laz"), write_plane(folder / "2025-05-01.laz", lowered=0.2)
+    return write_sunk_slope(folder / "2024-05-01.laz"), write_sunk_slope(folder / "2025-05-01.laz", lowered=0.2)
 
 
 def test_help_shows_every_parameter_with_its_unit_and_default():
@@ -55,7 +56,7 @@ def test_a_reader_that_has_read_enough_ends_it_quietly(clouds, arguments, code, 
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as program:
         program.stdout.close()
         errors = program.stderr.read()
-        assert program.wait(60) == code
+        assert program.wait(PATIENCE_S) == code
     assert errors.startswith(told)
     assert b"Internal" not in errors
     assert b"BrokenPipe" not in errors
@@ -185,7 +186,7 @@ def test_a_signal_while_the_program_still_loads_is_a_cancel_too(name):
         "sys.modules['slopewatch.cli.program'] = late\n"
         "cli.main()\n"
     )
-    done = subprocess.run([sys.executable, "-c", loading], capture_output=True, text=True, cwd=ROOT, timeout=60)
+    done = subprocess.run([sys.executable, "-c", loading], capture_output=True, text=True, cwd=ROOT, timeout=PATIENCE_S)
     assert (done.returncode, done.stderr) == (130, "Cancelled.\n")
 
 
@@ -214,10 +215,10 @@ def files(tmp_path_factory, clouds) -> dict[str, Path]:
     laspy.read(first).write(folder / "whole.las")
     made["truncated"] = folder / "truncated.las"
     made["truncated"].write_bytes((folder / "whole.las").read_bytes()[:100_000])
-    made["nocrs"] = write_plane(folder / "nocrs.laz", crs=None)
-    made["geographic"] = write_plane(folder / "geographic.laz", crs=4326)
-    made["elsewhere"] = write_plane(folder / "elsewhere.laz", x=5000)
-    made["other_crs"] = write_plane(folder / "other_crs.laz", crs=32650)
+    made["nocrs"] = write_sunk_slope(folder / "nocrs.laz", crs=None)
+    made["geographic"] = write_sunk_slope(folder / "geographic.laz", crs=4326)
+    made["elsewhere"] = write_sunk_slope(folder / "elsewhere.laz", x=5000)
+    made["other_crs"] = write_sunk_slope(folder / "other_crs.laz", crs=32650)
     made["copy"] = Path(shutil.copy(first, folder / "2026-01-01.laz"))
     return made
 
@@ -247,9 +248,8 @@ BAD = {
         "--epoch was given 3 times",
     ),
     "screening of an epoch by weights that are not there": (
-        "inspect --epoch=2024-05-01={first} --epoch=2025-05-01={second} --weights {new}/mine.safetensors"
-        " --output-dir {out}",
-        "mine.safetensors",
+        "inspect --epoch=2024-05-01={first} --epoch=2025-05-01={second} --output-dir {out} --weights {new}/mine.torch",
+        "mine.torch",
     ),
     "no pdal": ("ground {first} --output {new}/g.laz --pdal {new}/nopdal", "nopdal"),
     "no roi": ("ground {first} --output {new}/g.laz --roi {new}/no.gpkg", "no.gpkg"),

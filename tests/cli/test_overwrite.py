@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from slopewatch.engine.vector.geopackage import read_layer
 from slopewatch.engine.zones.earlier_reviews import NOT_CARRIED
-from slopewatch.tests.builders.zone_layers import enter
-from slopewatch.tests.builders.clouds import write_plane
+from slopewatch.tests.builders.clouds import write_sunk_slope
 from slopewatch.tests.builders.program import run
+from slopewatch.tests.builders.zone_layers import enter
 
 ALL_COMMANDS = (
     ("inspect",), ("change",), ("series",), ("m3c2",), ("train",), ("simulate", "survey"), ("simulate", "series"),
@@ -46,7 +46,7 @@ def clouds(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, Path]:
     """A slope whose western third sinks, and sinks more."""
     folder = tmp_path_factory.mktemp("clouds")
     days = (("2024-05-01", 0.0), ("2025-05-01", 0.2), ("2026-05-01", 0.4))
-    first, second, third = (write_plane(folder / f"{day}.laz", lowered=depth) for day, depth in days)
+    first, second, third = (write_sunk_slope(folder / f"{day}.laz", lowered=depth) for day, depth in days)
     return first, second, third
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from slopewatch.interface.parameters import ScreeningParameters
+from slopewatch.tests.builders.limits import PATIENCE_S
 from slopewatch.tests.builders.program import COMMAND, run
 from slopewatch.tests.builders.screening_clouds import slope, write
 
@@ -68,6 +69,6 @@ def test_a_cancelled_run_leaves_nothing(cloud, tmp_path):
     assert "progress" in child.stdout.readline()
     assert any(p.name.startswith(".slopewatch-part") for p in tmp_path.iterdir())
     child.send_signal(signal.SIGTERM)
-    _, errors = child.communicate(timeout=60)
+    _, errors = child.communicate(timeout=PATIENCE_S)
     assert child.returncode == 130, errors
     assert list(tmp_path.iterdir()) == []

@@ -113,7 +113,7 @@ def wheel(root, tmp_path_factory) -> zipfile.ZipFile:
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(root / name, target)
     command = [sys.executable, "-m", "pip", "-qq", "wheel", "--no-deps", "--no-build-isolation", "--no-index"]
-    subprocess.run([*command, "-w", folder, folder / "source"], check=True, timeout=300)
+    subprocess.run([*command, "-w", folder, folder / "source"], check=True, timeout=600)
     return zipfile.ZipFile(next(folder.glob("slopewatch-*.whl")))
 
 

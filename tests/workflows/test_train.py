@@ -9,7 +9,6 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -25,6 +24,8 @@ from slopewatch.models.inference.calibration import fit_temperature, temperature
 from slopewatch.simulation.hazard_scenes.scenes import build_scene, scene
 from slopewatch.simulation.hazard_scenes.styles import SceneSpec
 from slopewatch.simulation.hazard_scenes.write import write_scene
+from slopewatch.tests.builders.limits import CANCELLED_S, PATIENCE_S
+from slopewatch.tests.builders.program import COMMAND
 from slopewatch.workflows import train
 
 pytestmark = pytest.mark.usefixtures("torch")
@@ -33,7 +34,7 @@ TINY = FineTuneParameters(dimension="truth_class", start="none", network="smoke"
 
 def program(*arguments, **variables: str) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "OMP_NUM_THREADS": "1", **variables}
-    line = [sys.executable, "-m", "slopewatch.cli", "train", *map(str, arguments)]
+    line = [*COMMAND, "train", *map(str, arguments)]
     return subprocess.run(line, capture_output=True, text=True, check=False, env=environment)
 
 
@@ -204,19 +205,19 @@ def test_a_training_that_was_stopped_goes_on(tiny_clouds, tmp_path):
 
 def test_cancelling_leaves_only_what_the_next_run_goes_on_from(tiny_clouds, tmp_path):
     line = [
-        sys.executable, "-m", "slopewatch.cli", "train", *map(str, tiny_clouds), "--dimension", "truth_class",
+        *COMMAND, "train", *map(str, tiny_clouds), "--dimension", "truth_class",
         "--start", "none", "--network", "smoke", "--steps", "900000", "--output-dir", str(tmp_path / "out"),
     ]  # fmt: skip
     process = subprocess.Popen(
         line, stderr=subprocess.PIPE, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"}, start_new_session=True
     )
     try:
-        end = time.monotonic() + 60
+        end = time.monotonic() + PATIENCE_S
         while not (tmp_path / "out/training/plan.json").is_file():
             assert time.monotonic() < end
             time.sleep(0.05)
         process.send_signal(signal.SIGINT)
-        assert process.wait(5) == 130
+        assert process.wait(CANCELLED_S) == 130
     finally:
         process.kill()
         process.communicate()
@@ -241,7 +242,7 @@ def test_more_files_than_folds_share_folds_and_minutes_choose_the_steps(tiny_clo
     begun = time.monotonic()
     done = step(tiny_clouds, tmp_path / "out", parameters)
     outputs, metrics = done.outputs, done.figures
-    assert time.monotonic() - begun < 12
+    assert time.monotonic() - begun < PATIENCE_S
     assert metrics["folds"] == 2
     assert metrics["steps"] > 9
     tests = [fold["test"] for fold in json.loads(outputs["description"].read_text())["training"]["folds"]]
