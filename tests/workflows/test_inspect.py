@@ -129,6 +129,7 @@ def test_run_record_tells_what_ran(run):
     assert record["metrics"].keys() == metrics.keys()
     assert record["parameters"]["change"]["cell"] == 0.2
     assert record["transform"] == json.loads((out / "transform.json").read_text())["matrix"]
+    assert {"elevation_change", "zones", "report"} <= set(record["outputs"])
     assert all((out / name).is_file() for name in record["outputs"].values())
     assert ".slopewatch-part" not in json.dumps(record)
     for ground in record["stages"][0]["epochs"].values():

@@ -35,6 +35,7 @@ def test_feet_become_metres_at_the_same_place(text, x, y, factor, unit):
     assert found.horizontal_factor == pytest.approx(factor, rel=1e-12)
     assert found.vertical_factor == found.horizontal_factor  # no vertical part: heights in the horizontal unit
     assert {axis.unit_conversion_factor for axis in found.crs.axis_info} == {1.0}
+    assert found.notes
     assert all(unit in note for note in found.notes)
     geographic = CRS.from_user_input(text).geodetic_crs
     original = Transformer.from_crs(text, geographic, always_xy=True).transform(x, y)

@@ -127,6 +127,7 @@ def test_a_run_at_work_finds_what_it_keeps_from_earlier_ones(made):
         stage.rmdir()
     assert found is not None
     assert [s["map"] for s in found["shown"]] == [s["map"] for s in ground_section(record, made)["shown"]]
+    assert found["shown"]
     assert all(s["map"] is not None for s in found["shown"])
 
 
