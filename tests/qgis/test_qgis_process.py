@@ -23,16 +23,6 @@ from slopewatch.processing_algorithms.trainmodel import TrainModel
 from slopewatch.tests.builders.limits import CANCELLED_S, PATIENCE_S
 from slopewatch.tests.builders.qgis import QgisProcess, engine_python, processes_with, wait_until
 
-SMALL = {"POINTS": 60000, "LENGTH": 24, "HEIGHT": 10, "VEGETATION": 0.4}
-
-
-@pytest.fixture(scope="module")
-def survey(qgis_process: QgisProcess, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """A small simulated pair, made through qgis_process."""
-    engine_python()
-    folder = tmp_path_factory.mktemp("survey") / "pair, of 'surveys'"
-    return qgis_process.run("simulatesurvey", OUTPUT_FOLDER=folder, **SMALL)
-
 
 def engine_says(*arguments: str) -> str:
     """The sentence of the engine on the command line, without QGIS."""
