@@ -47,9 +47,10 @@ def test_every_command_has_help(command):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "told"), [(("info",), 0, b""), (("info", "--height-unit", "foot"), 0, b""), ((), 2, b"Error")]
+    ("arguments", "code", "start"),
+    [(("info",), 0, b""), (("info", "--height-unit", "foot"), 0, b""), ((), 2, b"Error")],
 )
-def test_a_reader_that_has_read_enough_ends_it_quietly(clouds, arguments, code, told):
+def test_a_reader_that_has_read_enough_ends_it_quietly(clouds, arguments, code, start):
     """As ``slopewatch info FILE | head``: standard output is closed before anything is written."""
     command = list(COMMAND)
     command += [*arguments, str(clouds[0])] if arguments else ["info", "nowhere.laz", "--progress", "json"]
@@ -57,10 +58,10 @@ def test_a_reader_that_has_read_enough_ends_it_quietly(clouds, arguments, code, 
         program.stdout.close()
         errors = program.stderr.read()
         assert program.wait(PATIENCE_S) == code
-    assert errors.startswith(told)
+    assert errors.startswith(start)
     assert b"Internal" not in errors
     assert b"BrokenPipe" not in errors
-    assert told or not errors
+    assert start or not errors
 
 
 def test_version_is_that_of_the_plugin_and_the_package():
@@ -161,13 +162,13 @@ def test_change_takes_the_registrations_error_from_its_transform(clouds, tmp_pat
     ):
         out = tmp_path / name
         assert run("change", first, second, "--output-dir", out, "--cell", 0.5, *given).returncode == 0
-        told = json.loads((out / "run.json").read_text())
-        assert told["metrics"]["registration_error_m"] == pytest.approx(error)
-        assert any("registration's error is not known" in w for w in told["warnings"]) == warned
+        changed = json.loads((out / "run.json").read_text())
+        assert changed["metrics"]["registration_error_m"] == pytest.approx(error)
+        assert any("registration's error is not known" in w for w in changed["warnings"]) == warned
 
 
 @pytest.mark.parametrize("arguments", [["inspect", "--nope"], ["inspect"], ["nope"], ["ground", "--rigidness", "x"]])
-def test_options_that_are_not_understood_are_told_as_json_too(arguments):
+def test_options_that_are_not_understood_are_reported_as_json_too(arguments):
     done = run(*arguments, "--progress", "json")
     assert done.returncode == 2
     event = json.loads(done.stdout)

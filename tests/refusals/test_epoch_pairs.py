@@ -10,7 +10,7 @@ test already and is not repeated in the three:
     engine/zones/test_confirmation.py, workflows/test_m3c2_refusals.py
 30 engine/change/test_difference.py, workflows/test_m3c2_refusals.py, workflows/test_series_refusals.py,
     cli/test_commands.py (no overlap)
-31 accuracy/test_registration_limits.py (test_a_tiny_overlap_is_told_and_an_overlap_of_nothing_refused)
+31 accuracy/test_registration_limits.py (test_a_tiny_overlap_is_reported_and_an_overlap_of_nothing_refused)
 32, 33 engine/epochs/test_epoch.py, engine/epochs/test_manifest.py, workflows/test_m3c2_refusals.py,
     cli/test_commands.py (same content, reversed, bad date)
 34, 35, 36 engine/vector/test_area.py, engine/ground/test_extraction_refusals.py (region outside),

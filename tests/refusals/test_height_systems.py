@@ -44,11 +44,11 @@ FOOT = 1200 / 3937
 
 
 @pytest.mark.parametrize(
-    ("systems", "told"), [(("32651+5773", "32651+3855"), "EGM96"), (("32651", "32651+5773"), "none")]
+    ("systems", "declared"), [(("32651+5773", "32651+3855"), "EGM96"), (("32651", "32651+5773"), "none")]
 )
-def test_26_28_declared_height_systems_that_differ_are_named(tmp_path, systems, told):
+def test_26_28_declared_height_systems_that_differ_are_named(tmp_path, systems, declared):
     a, b = (write(tmp_path / f"{n}.laz", slope(n), f"EPSG:{system}") for n, system in enumerate(systems))
-    refused(tmp_path, lambda: m3c2(a, b), "different height systems", f"0.laz {told}", "1.laz EGM", "--crs")
+    refused(tmp_path, lambda: m3c2(a, b), "different height systems", f"0.laz {declared}", "1.laz EGM", "--crs")
     require_comparable(a, b, InputParameters(crs="EPSG:32651+5773"))
 
 
@@ -108,7 +108,7 @@ def planted(seed: int, tall: float) -> np.ndarray:
     ],
     ids=["another height system", "feet"],
 )
-def test_27_and_28_are_told_by_an_inspection_before_the_ground_is_extracted(tmp_path, monkeypatch, later, words):
+def test_27_and_28_are_reported_by_an_inspection_before_the_ground_is_extracted(tmp_path, monkeypatch, later, words):
     def never(*_, **__):
         raise AssertionError("the ground was extracted")
 
@@ -119,7 +119,7 @@ def test_27_and_28_are_told_by_an_inspection_before_the_ground_is_extracted(tmp_
 
 
 @pytest.mark.parametrize("parameters", [{}, {"method": "icp"}])
-def test_28_plants_that_were_cut_and_what_registration_takes_off_are_not_told_too_early(tmp_path, parameters):
+def test_28_plants_that_were_cut_and_what_registration_takes_off_are_not_reported_too_early(tmp_path, parameters):
     first = write(tmp_path / "a.laz", planted(1, 12.0))
     for later in (planted(2, 0.5), planted(2, 12.0) + [0, 0, 4.0]):
         other = write(tmp_path / "b.laz", later)

@@ -82,7 +82,7 @@ def test_40_41_odd_names_work(tmp_path, las_file, name):
     assert "\n" not in str(caught.value)
 
 
-def test_43_a_stale_index_beside_a_laz_is_left_alone(laz):
+def test_43_a_stale_index_next_to_a_laz_is_left_alone(laz):
     truth = laspy.read(laz).xyz
     laz.with_suffix(".lax").write_bytes(b"LASX" + bytes(100))
     cloud = read_cloud(laz)

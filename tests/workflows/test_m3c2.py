@@ -57,19 +57,19 @@ def test_the_published_level_is_there_for_the_asking(pair, outcome, tmp_path):
     np.testing.assert_allclose(level[measured], 1.959964 * (np.sqrt(one + two) + 0.01)[measured], rtol=1e-4)
     calibrated = laspy.read(outcome[0]["points"])
     np.testing.assert_array_equal(las["m3c2_distance"], calibrated["m3c2_distance"])
-    told = json.loads(outputs["run"].read_text())["level_of_detection"]
-    assert told["level"] == told["asked_for"] == "as published (Lague et al. 2013)"
+    level_record = json.loads(outputs["run"].read_text())["level_of_detection"]
+    assert level_record["level"] == level_record["asked_for"] == "as published (Lague et al. 2013)"
 
 
 class Heard(Progress):
-    """Keeps what it is told."""
+    """Keeps every message."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.told: list[str] = []
+        self.heard: list[str] = []
 
     def show(self, level: str, message: str) -> None:
-        self.told.append(message)
+        self.heard.append(message)
 
 
 class TestCalibration:
@@ -98,11 +98,11 @@ class TestCalibration:
         assert self.beyond(plain)[1] > 0.2
         outputs = run(*unchanged, tmp_path / "out.laz", registration_error=0.0, progress=progress).outputs
         assert sum(self.beyond(outputs)) / 2 < 0.08
-        told = json.loads(outputs["run"].read_text())["level_of_detection"]
-        assert told["level"] == "calibrated"
-        assert told["error_model"] == "calibrated"
-        assert told["slope_classes"][0]["factor"] > 1.2
-        assert any("calibrated on" in sentence for sentence in progress.told)
+        level_record = json.loads(outputs["run"].read_text())["level_of_detection"]
+        assert level_record["level"] == "calibrated"
+        assert level_record["error_model"] == "calibrated"
+        assert level_record["slope_classes"][0]["factor"] > 1.2
+        assert any("calibrated on" in sentence for sentence in progress.heard)
 
     def test_polygons_known_to_be_stable_are_what_it_learns_from(self, unchanged, tmp_path):
         """The quiet western half: of the other half more is then beyond than of that."""
@@ -132,10 +132,10 @@ class TestCalibration:
             for path in unchanged
         ]
         shared = {"registration_error": 0.0, "projection_scale": 0.6, "normal_scale": 0.6, "half_length": 0.5}
-        plain, told = (run(*some, tmp_path / "out.laz", **shared).figures for some in (unchanged, paths))
+        plain, stated = (run(*some, tmp_path / "out.laz", **shared).figures for some in (unchanged, paths))
         # at least a part of the stated error stays, however alike the surveys are
         expected = 1.96 * 0.4 * 0.05 * np.sqrt(2) * np.cos(DIP)
-        assert told["lod_median_m"] == pytest.approx(np.hypot(plain["lod_median_m"], expected), rel=0.15)
+        assert stated["lod_median_m"] == pytest.approx(np.hypot(plain["lod_median_m"], expected), rel=0.15)
 
 
 def test_rasters_lie_on_a_snapped_grid_with_the_tags_of_all_rasters(outcome):

@@ -25,7 +25,7 @@ def test_a_survey_that_rose_as_a_whole_makes_no_zones(tmp_path):
     for number, raised in enumerate((0.0, 0.0, 0.2, 0.0)):
         plane(tmp_path / f"2024-0{number + 1}-01.laz", raised=raised, bump=0.1 * number, seed=number)
     progress = Progress()
-    # told to be exact: else the registration's own misfit widens that survey's level instead
+    # known to be exact: else the registration's own misfit widens that survey's level instead
     exact = replace(FIXED, change=GridChangeParameters(cell=0.25, registration_error=0.005))
     monitor_series(epochs_of(tmp_path), tmp_path / "out", exact, progress=progress)
     assert [w for w in progress.warnings if w.startswith("2024-03-01: The whole overlap has risen by about 0.2")]
@@ -123,7 +123,7 @@ class TestBadInput:
     def test_missing_alert_table(self, folder):
         self.refused(folder, "alert table .* cannot be read", alerts=folder.parent / "nothing.csv")
 
-    def test_region_beside_the_surveys(self, folder):
+    def test_region_away_from_the_surveys(self, folder):
         from shapely import box
 
         region = folder.parent / "roi.gpkg"

@@ -18,10 +18,10 @@ def test_the_report_has_the_figures_of_the_record(runs):
     page = (out / "report.html").read_text(encoding="utf-8")
     figures = re.findall(r'<data value="([^"]+)" data-from="/([^"]+)"', page)
     for value, place in figures:
-        told = record
+        recorded = record
         for key in place.split("/"):
-            told = told[int(key)] if isinstance(told, list) else told[key]
-        assert float(value) == told
+            recorded = recorded[int(key)] if isinstance(recorded, list) else recorded[key]
+        assert float(value) == recorded
     assert {"metrics/detectable_rate_mm_day", "zones/0/rate_mm_day", "zones/0/rate_err"} <= {p for _, p in figures}
     assert [z["zone_id"] for z in record["zones"]] == list(zones["zone_id"])
     assert [z["rate_mm_day"] for z in record["zones"]] == list(zones["rate_mm_day"])

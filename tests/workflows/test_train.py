@@ -63,7 +63,7 @@ def tiny_clouds(tmp_path_factory) -> list[Path]:
 
 @pytest.fixture(scope="module")
 def trained(torch_module, clouds, tmp_path_factory) -> tuple[Path, list[dict]]:
-    """A small net trained through the program; its output folder and the events it told."""
+    """A small net trained through the program; its output folder and the events it reported."""
     folder = tmp_path_factory.mktemp("trained") / "out"
     done = program(
         *clouds, "--dimension", "truth_class", "--start", "none", "--network", "smoke", "--steps", "45",
@@ -92,8 +92,8 @@ def test_a_small_net_beats_the_majority_within_a_minute(trained):
     assert percents == sorted(percents)
     assert len(set(percents)) > 30
     messages = " ".join(event["message"] for event in events if event["event"] == "progress")
-    for told in ("fold", "training: step", "scoring slope 1001.laz"):
-        assert told in messages
+    for words in ("fold", "training: step", "scoring slope 1001.laz"):
+        assert words in messages
 
 
 def test_the_weights_label_a_slope_that_nobody_trained_on(trained):
@@ -279,8 +279,11 @@ def test_labels_from_polygons(tiny_clouds, tmp_path):
 def test_start_weights_that_cannot_be_used(tiny_clouds, tmp_path, torch):
     torch.save({"a": torch.zeros(3)}, tmp_path / "pickled.pt")
     shutil.copy(tmp_path / "pickled.pt", tmp_path / "renamed.safetensors")
-    for name, told in (("pickled.pt", "pickled models are not opened"), ("renamed.safetensors", "no safetensors file")):
-        with pytest.raises(InputError, match=told):
+    for name, words in (
+        ("pickled.pt", "pickled models are not opened"),
+        ("renamed.safetensors", "no safetensors file"),
+    ):
+        with pytest.raises(InputError, match=words):
             step(tiny_clouds, tmp_path / "out", replace(TINY, start=str(tmp_path / name)))
     with pytest.raises(InputError, match=r"gone\.safetensors do not exist"):
         step(tiny_clouds, tmp_path / "out", replace(TINY, start=str(tmp_path / "gone.safetensors")))

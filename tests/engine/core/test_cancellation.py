@@ -104,7 +104,7 @@ def test_a_killed_engine_leaves_no_child(start, tmp_path):
         time.sleep(0.02)
 
 
-def test_a_childs_end_is_told():
+def test_a_childs_end_is_reported():
     done = child_process.run_child(
         [sys.executable, "-c", "import sys; print(sys.stdin.read()[::-1]); sys.exit(7)"], stdin=b"ab"
     )

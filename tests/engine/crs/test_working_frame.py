@@ -135,7 +135,7 @@ def test_distorted_areas_and_far_places_are_warned_of():
     assert any("area of use" in w for w in plausibility(frame("EPSG:32651"), 961_000, -6_431_000))
 
 
-def test_the_area_of_use_is_known_beside_heights_in_feet():
+def test_the_area_of_use_is_known_with_heights_in_feet():
     found = frame("EPSG:26910+6360")
     assert not found.in_metres
     assert plausibility(found, 500_000, 4_500_000) == []

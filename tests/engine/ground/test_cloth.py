@@ -42,7 +42,7 @@ def field() -> tuple[np.ndarray, np.ndarray]:
     return np.column_stack([xy + [500_000, 3_500_000], z + 100]), ~bush
 
 
-def test_ground_under_bushes_is_told_from_them(field):
+def test_ground_under_bushes_is_distinguished_from_them(field):
     xyz, truth = field
     found = cloth_ground(xyz, GroundParameters(cloth_resolution=0.5), threshold=0.15)
     assert (found & truth).sum() / truth.sum() > 0.97

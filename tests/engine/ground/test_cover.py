@@ -108,7 +108,7 @@ def test_short_closed_grass_is_not_bare(by_hand):
     assert alone.error_beyond_noise_share == 0.0
 
 
-def test_classes_are_told_square_to_the_slope():
+def test_classes_are_measured_square_to_the_slope():
     table = rows(0.25, 0.25, [0.0] * 20 + [0.15] * 20, 20, 0.0, 0.1)
     xyz = np.column_stack([table[:, :2], table[:, 2]])
     for dip, name in ((0.0, "low_plants"), (40.0, "low_plants"), (60.0, "bare"), (90.0, "bare")):

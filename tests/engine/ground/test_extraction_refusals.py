@@ -37,7 +37,7 @@ def test_strays_are_left_out_and_cost_no_ground(pair, inputs, result, tmp_path):
     assert low > pair.first.xyz[:, 2].min() - 0.1
 
 
-def test_without_a_region_a_stray_far_beside_does_no_harm(pair, inputs, tmp_path):
+def test_without_a_region_a_stray_far_away_does_no_harm(pair, inputs, tmp_path):
     def move(las: laspy.LasData) -> None:
         las.x[:2] = las.x[:2] + np.array([9e5, -8e5])
 

@@ -133,7 +133,7 @@ def test_a_run_at_work_finds_what_it_keeps_from_earlier_ones(made):
 
 def test_a_map_has_the_ground_returns_of_each_square():
     rng = np.random.default_rng(0)
-    # 100 returns in one square of 0.5 m, the other three of its metre with 20 each; beside them a square of few
+    # 100 returns in one square of 0.5 m, the other three of its metre with 20 each; next to them a square of few
     corners = np.repeat([[0.0, 0.0], [0.5, 0.0], [0.0, 0.5], [0.5, 0.5]], (100, 20, 20, 20), axis=0)
     few = np.array([[8.5, 0.5], [10.5, 0.5], [8.5, 2.5], [10.5, 2.5]])
     xy = np.concatenate([corners + rng.uniform(0, 0.5, corners.shape), few])
@@ -175,7 +175,7 @@ def test_places_without_ground_stand_out_and_north_is_up(made, monkeypatch):
     assert before[6:, 6:].mean() > after[6:, 6:].mean() + 30
 
 
-def test_heights_of_both_surveys_stand_beside_each_other(monkeypatch):
+def test_heights_of_both_surveys_stand_next_to_each_other(monkeypatch):
     kept: dict[str, Any] = {}
 
     def keep(figure, text):
@@ -201,7 +201,7 @@ def test_heights_of_both_surveys_stand_beside_each_other(monkeypatch):
     assert kept["text"].endswith("a 20 % ground; b 100 % ground")
 
 
-def test_a_damaged_cloud_is_told(made, tmp_path):
+def test_a_damaged_cloud_is_reported(made, tmp_path):
     content = bytearray((made / "work" / "2024-05-01_classified.laz").read_bytes())
     content[len(content) // 2 : len(content) // 2 + 200] = bytes(200)
     (tmp_path / "a.laz").write_bytes(content)

@@ -1,4 +1,4 @@
-"""The client against an engine that behaves as told: well, badly, and not at all."""
+"""The client against an engine that behaves as scripted: well, badly, and not at all."""
 
 from __future__ import annotations
 
