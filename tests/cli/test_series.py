@@ -63,7 +63,7 @@ def test_folder_in_results_out(folder, tmp_path):
     assert result["event"] == "result"
     assert result["metrics"]["zone_count"] == 1
     assert result["metrics"]["fastest_rate_mm_day"] == pytest.approx(1000 * 0.2 / 60, rel=0.15)
-    assert {"zones", "report", "run"} <= set(result["outputs"])
+    assert {"alerts_used", "report", "run"} <= set(result["outputs"])
     assert all(Path(p).stat().st_size > 0 for p in result["outputs"].values())
     said = [e["message"] for e in events if e["event"] == "log"]
     assert any("this screens trends, it is no alarm" in s for s in said)
