@@ -37,7 +37,7 @@ test-plugin: setup  ## Plugin and toolbox, in QGIS's own Python and through qgis
 		$(PLUGIN_TESTS) $(PYTEST)
 
 check: lint  ## lint and the fast tests, without QGIS
-	$(ONE_THREAD) $(PYTHON) -m pytest $(PARALLEL) $(FAST_TESTS) $(PYTEST)
+	$(ONE_THREAD) $(PYTHON) -m pytest -n auto --dist loadfile $(FAST_TESTS) $(PYTEST)  # short files: no cloud is made twice
 
 lint: setup  ## ruff, mypy and the layers of the packages
 	$(PYTHON) -m ruff check .
