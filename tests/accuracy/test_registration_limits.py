@@ -137,7 +137,7 @@ def test_epochs_apart_are_refused_with_both_extents():
         register(reference, reference + [500.0, 0, 0], RegistrationParameters())
 
 
-def test_a_tiny_overlap_is_told_and_an_overlap_of_nothing_refused():
+def test_a_tiny_overlap_is_reported_and_an_overlap_of_nothing_refused():
     reference = scan(1)
     result = register(reference, scan(2) + [0.9 * SIDE, 0.0, 0.0], RegistrationParameters())
     assert result.agreement.overlap_share < 0.2

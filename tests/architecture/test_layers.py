@@ -21,7 +21,7 @@ def lint(tmp_path):
         (tmp_path / "path" / "slopewatch").symlink_to(package, target_is_directory=True)
         command = [Path(sys.executable).with_name("lint-imports"), "--no-cache", "--config", ROOT / "pyproject.toml"]
         environment = {"PYTHONPATH": str(tmp_path / "path"), "PATH": "/usr/bin:/bin"}
-        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120)
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=600)
         return done.returncode, done.stdout + done.stderr
 
     return run

@@ -94,6 +94,7 @@ def test_where_all_is_covered_overstated_plants_do_not_narrow_the_points_error()
     samples = Samples(dz, sampling, slope, everywhere, 3 * plants)
     model = calibrate(samples, registration_error=0.0, confidence=0.95)
     assert model.typical == 1.0
+    assert model.classes
     assert all(c.factor == 1.0 for c in model.classes)
 
 

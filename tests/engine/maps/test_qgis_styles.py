@@ -80,13 +80,15 @@ def test_below_the_level_is_a_faint_grey() -> None:
     inner = [(value, colour, alpha) for value, colour, alpha, _ in found if alpha < 255]
     assert [value for value, *_ in inner] == [-0.07, 0.07]
     assert all(colour[1:3] == colour[3:5] == colour[5:7] for _, colour, _ in inner)
-    assert all(alpha == 255 for value, _, alpha, _ in found if abs(value) > 0.07)
+    beyond = [alpha for value, _, alpha, _ in found if abs(value) > 0.07]
+    assert len(beyond) >= 4
+    assert set(beyond) == {255}
     assert any("below the level of detection" in label for *_, label in found)
 
 
 def test_a_level_beyond_the_range_is_left_out() -> None:
     for level in (0.5, 0.0, float("nan")):
-        assert all(alpha == 255 for *_, alpha, _ in stops(change_qml(0.4, level)))
+        assert {alpha for *_, alpha, _ in stops(change_qml(0.4, level))} == {255}
 
 
 def test_level_ramp_runs_from_zero() -> None:
@@ -327,7 +329,7 @@ def test_qgis_loads_and_draws_the_styles(tmp_path: Path, qgis_python: str) -> No
         env=environment,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=600,
         check=False,
     )
     assert run.returncode == 0, run.stderr

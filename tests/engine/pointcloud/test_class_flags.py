@@ -17,7 +17,7 @@ from slopewatch.engine.ground.result import GroundResult
 from slopewatch.engine.pointcloud.pdal_program import find_pdal
 from slopewatch.engine.pointcloud.writing import Copy, copies
 from slopewatch.interface.parameters import ChangeParameters, LastEpochParameters, ReportParameters
-from slopewatch.tests.refusals.test_epoch_pairs import slope
+from slopewatch.tests.builders.epoch_pairs import slope
 from slopewatch.workflows.inspect import inspect_slope
 from slopewatch.workflows.settings import Settings
 

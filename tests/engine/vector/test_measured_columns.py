@@ -139,7 +139,7 @@ def test_qgis_lets_reviews_be_entered_and_nothing_else(written: Path) -> None:
         env=environment,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=600,
         check=False,
     )
     assert run.returncode == 0, run.stderr
