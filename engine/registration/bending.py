@@ -16,8 +16,8 @@ from ..core.arrays import Float, Index
 from ..geometry.height_correction import HeightCorrection, Nodes
 from ..geometry.pose import Pose
 from ..geometry.voxels import block_numbers
-from ..statistics.robust import nmad
-from .point_to_plane import Matcher, regional_weights, robust_scale, tukey_weights
+from ..statistics.robust import nmad, robust_scale
+from .point_to_plane import Matcher, regional_weights, tukey_weights
 
 _SOURCES = 40_000
 _MIN_UPWARD_NORMAL = 0.2  # least vertical part of a normal: heights of steeper faces say little
@@ -83,7 +83,7 @@ def measure_bend(matcher: Matcher, pose: Pose, spacing: float, reach: float, sca
     upward = np.abs(pairs.normal[:, 2])
     height = pairs.residual / pairs.normal[:, 2]
     number = block_numbers(np.column_stack([plan, np.zeros(len(plan))]), spacing / _BLOCKS_PER_NODE)
-    region = max(10 * max(matcher.reference.spacing, matcher.moving.spacing), 5 * scale)
+    region = max(10 * matcher.spacing, 5 * scale)
     correction = np.zeros(nodes.rows * nodes.columns)
     blocks, extra = None, 0.0
     for _ in range(_ROUNDS):

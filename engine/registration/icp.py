@@ -22,11 +22,9 @@ _MIN_RMSE_CHANGE_M = 1e-6  # metres; smaller changes of the inlier RMSE end the 
 
 @dataclass(frozen=True)
 class IcpResult:
-    """``pose`` moves the moving cloud onto the reference; ``rmse`` (m) is over the ``inliers`` pairs near enough."""
+    """``pose`` moves the moving cloud onto the reference."""
 
     pose: Pose
-    rmse: float
-    inliers: int
     iterations: int
     converged: bool
 
@@ -65,7 +63,7 @@ def icp(
         rmse = float(np.sqrt(np.mean(near[inside] ** 2)))
         converged = abs(previous - rmse) < _MIN_RMSE_CHANGE_M
         if converged or done == iterations:
-            return IcpResult(pose, rmse, int(np.count_nonzero(inside)), done, converged)
+            return IcpResult(pose, done, converged)
         pose = rigid_fit(moving[inside], reference[number[inside]])
         previous, done = rmse, done + 1
         progress.update(done / iterations, f"icp, inlier RMSE {rmse:.4f} m")

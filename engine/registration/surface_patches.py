@@ -18,7 +18,7 @@ from ..core.arrays import Bool, Float, Index
 from ..geometry.pose import Pose, turned
 from ..geometry.voxels import block_numbers
 from ..statistics.robust import NORMALISED
-from .point_to_plane import Matcher, tukey_weights
+from .point_to_plane import Matcher, jacobian, tukey_weights
 from .surface import Surface
 
 _MAX_LAYERS = 4  # directions that a block may hold
@@ -188,32 +188,22 @@ class Equations:
         return np.asarray(np.maximum(quadratic @ outer.T + 2 * self.vector @ motions.T - least[:, None], 0.0))
 
 
-def equations(
-    matcher: Matcher,
-    patches: Patches,
-    pose: Pose,
-    reach: float,
-    radius: float,
-    noise: float,
-    most: int = _MAX_PATCH_PAIRS,
-) -> Equations:
-    """The patches' equations at a pose, out of pairs up to ``reach`` metres apart; ``noise`` (m) is the surfaces'.
-
-    ``most``: points of a patch that are paired.
+def equations(matcher: Matcher, patches: Patches, pose: Pose, reach: float, most: int = _MAX_PATCH_PAIRS) -> Equations:
+    """The patches' equations at a pose, out of pairs up to ``reach`` metres apart, ``most`` points of a patch.
 
     Products are taken of one surface's normal with the other's: the noise of both is independent, so that a noisy plane
     does not seem to fix what slides along it.
     """
     pairs = _paired(matcher, patches, pose, reach, most)
     k = len(patches)
-    one, two = (_jacobian(pairs.place, normal, radius) for normal in pairs.normals)
+    one, two = (jacobian(pairs.place, normal, matcher.radius) for normal in pairs.normals)
     mean, gap = (one + two) / 2, pairs.gaps.mean(axis=0)
     # pairs across an edge belong to something else: they stand apart from the rest of their patch
     left = gap - _medians(gap, pairs.patch, k)[pairs.patch]
     spread = NORMALISED * _medians(np.abs(left), pairs.patch, k)
     sums, own = None, np.zeros((k, 6))
     for _ in range(2):
-        weight = tukey_weights(left / np.maximum(spread, noise / 2)[pairs.patch], 1.0)
+        weight = tukey_weights(left / np.maximum(spread, matcher.noise / 2)[pairs.patch], 1.0)
         sums = _sums(one, two, pairs, weight, k)
         own = _own(sums.matrix, sums.vector)
         left = gap + np.einsum("ij,ij->i", mean, own[pairs.patch])
@@ -269,12 +259,6 @@ def _paired(matcher: Matcher, patches: Patches, pose: Pose, reach: float, most: 
     normals = np.stack([first, second])
     gaps = np.einsum("ij,kij->ki", offset, normals)
     return _Paired(np.where(forward, own, other), normals, gaps, patch_of[ours])
-
-
-def _jacobian(place: Float, normal: Float, radius: float) -> Float:
-    x, y, z = place.T / radius
-    u, v, w = normal.T
-    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u, u, v, w]).T
 
 
 @dataclass(frozen=True)
