@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from matplotlib.patches import Patch
 
-from ..engine.change.difference import cells_inside, difference
+from ..engine.change.difference import Areas, cells_inside, difference
 from ..engine.change.result import Change
 from ..engine.grid.grid import cell_index
 from ..engine.ground.filtering import ground_mask
@@ -106,12 +106,12 @@ def results(pair: SimulatedPair) -> dict[str, Result]:
     area = shapely.Polygon(pair.roi)
     changes = {
         f"{cell:g} m": difference(
-            first, second, ChangeParameters(cell=cell, adaptive=False), registration_error=error, area=area
+            first, second, ChangeParameters(cell=cell, adaptive=False), registration_error=error, areas=Areas(area)
         )
         for cell in SIZES
     }
     growing = ChangeParameters(adaptive=True)
-    changes["growing"] = difference(first, second, growing, registration_error=error, area=area)
+    changes["growing"] = difference(first, second, growing, registration_error=error, areas=Areas(area))
     fine = changes["growing"]
     truth = pair.true_change_raster(fine.grid, subsamples=8)
     slope = cells_inside(area, fine.grid)
@@ -166,7 +166,7 @@ def picture(path: Path, vegetation: float = 0.8, seed: int = 2) -> None:
     first, second, error = clouds_of(pair)
     area = shapely.Polygon(pair.roi)
     fixed, grown = (
-        difference(first, second, ChangeParameters(adaptive=adaptive), registration_error=error, area=area)
+        difference(first, second, ChangeParameters(adaptive=adaptive), registration_error=error, areas=Areas(area))
         for adaptive in (False, True)
     )
     grid = grown.grid

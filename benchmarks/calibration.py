@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from ..engine.change.difference import difference
+from ..engine.change.difference import Areas, difference
 from ..engine.change.result import Change
 from ..engine.core.arrays import Float
 from ..engine.ground.filtering import ground_mask
@@ -135,7 +135,7 @@ def _change(pair: Unchanged, parameters: ChangeParameters, cell: float, known: s
         pair.second,
         ChangeParameters(cell=cell, **values),
         registration_error=pair.registration_error,
-        stable_area=known,
+        areas=Areas(stable=known),
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from ..engine.change.difference import difference
+from ..engine.change.difference import Areas, difference
 from ..engine.change.doubts import warn_of_doubtful_change
 from ..engine.change.result import Change
 from ..engine.core.progress import Progress
@@ -19,7 +19,7 @@ from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.reading import open_cloud, read_cloud
 from ..engine.zones.profile_lines import given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
-from .pair import dated_pair, ground_of, known_stable
+from .pair import dated_pair, ground_of, stable_area
 from .products.change import CHANGE_OUTPUTS, ON_REQUEST, Context, method_name, write_products
 from .run import Run
 from .settings import Settings, groups
@@ -114,7 +114,7 @@ def _difference(
             second.xyz,
             settings.change,
             registration_error=error or 0.0,
-            stable_area=known_stable(stable, first),
+            areas=Areas(stable=stable_area(stable, first.crs)),
             plants=(first.plants, second.plants),
             progress=run.progress,
         )

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..engine.change.difference import difference
+from ..engine.change.difference import Areas, difference
 from ..engine.change.doubts import warn_of_doubtful_change
 from ..engine.change.result import Change
 from ..engine.core.errors import EngineError, InputError
@@ -30,7 +30,7 @@ from ..engine.zones.profile_lines import ProfileLine, given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from .early_memory import refuse_grid_early
 from .last_epoch import SCREENING_OUTPUTS, EpochScreening, confirmed_by, obstacle, screen_epoch, write_epoch_screening
-from .pair import common_area, known_stable, register_pair
+from .pair import common_area, register_pair, stable_area
 from .products.change import CHANGE_OUTPUTS, ON_REQUEST, Context, method_name, write_products
 from .run import Run
 from .settings import Settings, groups
@@ -261,8 +261,7 @@ def _difference(task: _Inspection, first: PointCloud, moved: PointCloud, registr
             moved.xyz,
             parameters,
             registration_error=registration.registration_error,
-            area=common_area(task.roi, first, registration.transform),
-            stable_area=known_stable(task.stable, first),
+            areas=Areas(common_area(task.roi, first, registration.transform), stable_area(task.stable, first.crs)),
             plants=(first.plants, moved.plants),
             progress=progress,
         )

@@ -50,13 +50,14 @@ def ground_of(cloud: PointCloud, ground: str, progress: Progress) -> PointCloud:
     return taken
 
 
-def stable_area(path: Path | None, crs: CRS, progress: Progress) -> BaseGeometry | None:
-    """The polygons known to be stable, in ``crs``."""
+def stable_area(path: Path | None, crs: CRS, progress: Progress | None = None) -> BaseGeometry | None:
+    """The polygons known to be stable, in ``crs``; ``progress`` gets the warnings about them."""
     if path is None:
         return None
     area = read_roi(path, crs)
-    for note in area.notes:
-        progress.warning(note)
+    if progress is not None:
+        for note in area.notes:
+            progress.warning(note)
     return area.geometry
 
 
@@ -68,11 +69,6 @@ def common_area(path: Path | None, first: PointCloud, transform: RigidTransform)
     middle = np.array([[area.centroid.x, area.centroid.y, float(np.median(first.xyz[:, 2]))]])
     shift = (transform.apply(middle) - middle)[0]
     return area.intersection(translate(area, shift[0], shift[1]))
-
-
-def known_stable(path: Path | None, first: PointCloud) -> BaseGeometry | None:
-    """The polygons known to be stable as ``change.difference`` takes them."""
-    return None if path is None else read_roi(path, first.crs).geometry
 
 
 def register_pair(

@@ -14,6 +14,8 @@ import numpy as np
 from ..core.arrays import Float
 from ..core.errors import InputError
 
+_MAX_VOTERS = 4000  # points that vote in RANSAC; the analysis uses all
+
 
 @dataclass(frozen=True)
 class Plane:
@@ -52,7 +54,7 @@ def lowest_points(xyz: Float, cell: float) -> Float:
     return xyz[order[first]]
 
 
-def fit_plane(xyz: Float, distance: float, iterations: int, seed: int, *, sample: int = 4000) -> Plane:
+def fit_plane(xyz: Float, distance: float, iterations: int, seed: int) -> Plane:
     """Dominant plane of a cloud: RANSAC, then a principal component analysis of the points that agree.
 
     Args:
@@ -60,7 +62,6 @@ def fit_plane(xyz: Float, distance: float, iterations: int, seed: int, *, sample
         distance: farthest distance (m) of a point that agrees with a plane.
         iterations: planes that RANSAC tries.
         seed: of the random choice; the same seed gives the same plane.
-        sample: points that vote in RANSAC; the analysis uses all.
 
     Raises:
         InputError: fewer than three points, or all on one line.
@@ -70,7 +71,9 @@ def fit_plane(xyz: Float, distance: float, iterations: int, seed: int, *, sample
     generator = np.random.default_rng(seed)
     middle = xyz.mean(axis=0)
     local = xyz - middle
-    voters = local if len(local) <= sample else local[np.sort(generator.choice(len(local), sample, replace=False))]
+    voters = local
+    if len(local) > _MAX_VOTERS:
+        voters = local[np.sort(generator.choice(len(local), _MAX_VOTERS, replace=False))]
     corners = voters[generator.integers(0, len(voters), size=(iterations, 3))]
     sides = corners[:, 1:] - corners[:, :1]
     normals = np.cross(sides[:, 0], sides[:, 1])

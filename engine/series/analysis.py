@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from ...interface.parameters import GridChangeParameters, ZoneParameters
-from ..change.difference import difference_of_cells
+from ..change.difference import Areas, difference_of_cells
 from ..change.doubts import warn_of_doubtful_change
 from ..change.result import Change
 from ..core.errors import InputError
@@ -81,7 +81,7 @@ def analyse(
     groups = []
     for number, change in enumerate(cumulative, 1):
         plants = None if change.plants is None else change.plants.error
-        labels = label_groups(change.dz, stack.significant[number], zone_parameters, change.partition, plants=plants)[0]
+        labels = label_groups(change.dz, stack.significant[number], zone_parameters, change.partition, plants=plants)
         groups.append((number, labels, np.sign(np.nan_to_num(change.dz)).astype(np.int8)))
     tracks = track_zones(groups, max(1, reach))
     living = [t for t in tracks if not t.merged_into and len(t.footprint)]
@@ -97,9 +97,7 @@ def _difference(
 ) -> Change:
     area = a.area if b.area is None else b.area if a.area is None else a.area.intersection(b.area)
     error = float(np.hypot(a.registration_error, b.registration_error))
-    return difference_of_cells(
-        a.cells, b.cells, grid, parameters, registration_error=error, area=area, stable_area=stable
-    )
+    return difference_of_cells(a.cells, b.cells, grid, parameters, error, Areas(area, stable))
 
 
 def _stack(gridded: Sequence[GriddedEpoch], cumulative: Sequence[Change], grid: Grid) -> Stack:

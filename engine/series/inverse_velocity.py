@@ -24,10 +24,6 @@ class FailureTime:
     latest: float | None
     reason: str
 
-    @property
-    def computable(self) -> bool:
-        return self.earliest is not None
-
 
 def failure_time(days: Float, change: Float, variance: Float) -> FailureTime:
     """Interval of the failure time by Fukuzono's law with alpha = 2, where 1/v falls linearly to zero.

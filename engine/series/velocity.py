@@ -19,9 +19,8 @@ TRENDS = ("steady", "accelerating", "decelerating", "irregular", "not known")
 
 @dataclass(frozen=True)
 class Line:
-    """y = ``intercept`` + ``slope`` t with the ``slope``'s propagated ``error``; ``misfit`` is chi-square."""
+    """A line's ``slope`` with its propagated ``error``; ``misfit`` is chi-square."""
 
-    intercept: float
     slope: float
     error: float
     misfit: float
@@ -63,7 +62,7 @@ def fit_line(days: Float, y: Float, variance: Float) -> Line:
     spread = float(np.sum(weight * (days - mean_t) ** 2))
     slope = float(np.sum(weight * (days - mean_t) * (y - mean_y))) / spread
     rest = y - mean_y - slope * (days - mean_t)
-    return Line(mean_y - slope * mean_t, slope, spread**-0.5, float(np.sum(weight * rest**2)))
+    return Line(slope, spread**-0.5, float(np.sum(weight * rest**2)))
 
 
 def zone_velocity(days: Float, change: Float, variance: Float) -> Velocity | None:

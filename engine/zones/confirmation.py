@@ -16,7 +16,7 @@ from ..change.result import Change
 from ..core.arrays import Float
 from ..grid.grid import Grid
 from ..grid.partition import Partition
-from ..vector.cell_polygons import table_column
+from ..vector.cell_polygons import field_kinds, table_column
 
 LEAST_COMPARED = 0.25
 """Part of a zone that must have been compared for a word about it."""
@@ -32,13 +32,10 @@ CONTRADICTING = 0.5
 CONFIRMED, PARTLY, CONTRADICTED = "confirmed", "confirmed in part", "contradicted"
 NOT_CONFIRMED, NOT_MEASURED = "not confirmed", "not measured"
 VERDICTS = (CONFIRMED, PARTLY, CONTRADICTED, NOT_CONFIRMED, NOT_MEASURED)
-FIELDS: dict[str, str] = {
-    "confirmed": "text",
-    "compared_share": "real",
-    "change_share": "real",
-    "opposite_share": "real",
-    "dz_signif_m": "real",
-}
+FIELDS = field_kinds("""
+    text: confirmed
+    real: compared_share change_share opposite_share dz_signif_m
+""")
 _MOST_PARTS = 16
 
 

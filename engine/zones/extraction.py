@@ -34,8 +34,7 @@ class Zones:
     Attributes:
         frame: one row a zone; columns ``FIELDS`` and a MultiPolygon ``geometry`` in the horizontal reference system.
         labels: int32 (rows, columns); 0 outside every zone, else 1 + the zone's row in ``frame``.
-        dropped_groups, dropped_cells: groups of significant cells that were too small, and their cells, and those
-            that are large enough, but whose mean change is within the error by plants: ``within_plants`` groups.
+        within_plants: groups that are large enough, but whose mean change is within the error by plants.
         unsure_groups: further groups that are large enough, but less sure than ``minimum_confidence``.
         footprints: where each zone's volume was taken, in the order of ``frame``.
         volumes: their volumes and errors, in the order of ``frame``.
@@ -44,8 +43,6 @@ class Zones:
 
     frame: gpd.GeoDataFrame
     labels: NDArray[np.int32]
-    dropped_groups: int
-    dropped_cells: int
     footprints: tuple[Footprint, ...]
     volumes: ZoneVolumes
     correlation: CorrelationModel
@@ -89,9 +86,9 @@ def extract_zones(
     """
     parameters, origin = parameters or ZoneParameters(), origin or Origin()
     group = partial(label_groups, cells.dz, found.significant, parameters, cells.partition, sigma=cells.error)
-    labels, first_cells, groups, dropped_cells = group(plants=cells.plants)
-    count = len(first_cells)
-    within_plants = 0 if cells.plants is None else len(group()[1]) - count
+    labels = group(plants=cells.plants)
+    count = int(labels.max(initial=0))
+    within_plants = 0 if cells.plants is None else int(group().max(initial=0)) - count
     sure = sure_groups(labels, count, cells, found, parameters, registration_error=registration_error)
     labels, footprints, correlation = sure.labels, sure.footprints, sure.correlation
     count, first_cells = len(footprints), first_of_each(labels)
@@ -127,8 +124,6 @@ def extract_zones(
     return Zones(
         frame=_frame(values, labels, grid, crs),
         labels=labels,
-        dropped_groups=groups,
-        dropped_cells=dropped_cells,
         footprints=tuple(footprints[i] for i in order),
         volumes=volumes.in_order(order),
         correlation=correlation,

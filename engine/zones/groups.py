@@ -23,8 +23,8 @@ def label_groups(
     *,
     plants: Float | None = None,
     sigma: NDArray[np.floating] | None = None,
-) -> tuple[NDArray[np.int32], NDArray[np.int64], int, int]:
-    """Labels 1..n of the groups that are large enough, first cell of each, and groups and cells that were not.
+) -> NDArray[np.int32]:
+    """Labels 1..n (rows, columns) of the groups that are large enough; 0 outside of them.
 
     The least area is asked of a group with the gaps without data that it encloses: where every second cell was
     measured, change over 1 m² shows in half as many cells.
@@ -68,11 +68,7 @@ def label_groups(
     enough = (number_of >= parameters.minimum_cells - 1e-6) & (extent >= parameters.minimum_area * (1 - 1e-9))
     if plants is not None:
         enough &= clear_of_plants(labels, found, np.asarray(dz, dtype=np.float64), plants)
-    enough[0] = False
-    dropped = ~enough
-    dropped[0] = False
-    labels = without(labels, enough[1:])
-    return labels, first_of_each(labels), int(dropped.sum()), int(sizes[dropped].sum())
+    return without(labels, enough[1:])
 
 
 def first_of_each(labels: NDArray[np.int32]) -> NDArray[np.int64]:

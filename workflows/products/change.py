@@ -192,7 +192,7 @@ def profile_products(
     if not every:
         return {}, []
     profiles = [take_profile(line, layers) for line in every]
-    return write_profiles(every, profiles, crs, stage, stamp), [p.facts() for p in profiles]
+    return write_profiles(profiles, crs, stage, stamp), [p.facts() for p in profiles]
 
 
 def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:
