@@ -7,8 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..engine.change.difference import Areas, difference
-from ..engine.change.doubts import warn_of_doubtful_change
+from ..engine.change.difference import Areas
 from ..engine.change.result import Change
 from ..engine.core.errors import EngineError, InputError
 from ..engine.core.json_values import plain
@@ -30,7 +29,7 @@ from ..engine.zones.profile_lines import ProfileLine, given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from .early_memory import refuse_grid_early
 from .last_epoch import SCREENING_OUTPUTS, EpochScreening, confirmed_by, obstacle, screen_epoch, write_epoch_screening
-from .pair import common_area, register_pair, stable_area
+from .pair import common_area, compare_pair, register_pair, stable_area
 from .products.change import CHANGE_OUTPUTS, ON_REQUEST, Context, method_name, write_products
 from .run import Run
 from .settings import Settings, groups
@@ -254,19 +253,10 @@ def _registered(task: _Inspection, first: PointCloud, second: PointCloud) -> Reg
 
 
 def _difference(task: _Inspection, first: PointCloud, moved: PointCloud, registration: RegistrationResult) -> Change:
-    progress, parameters = task.run.progress, task.settings.change
     with task.run.step("change", 0.76, 0.82, "differencing"):
-        change = difference(
-            first.xyz,
-            moved.xyz,
-            parameters,
-            registration_error=registration.registration_error,
-            areas=Areas(common_area(task.roi, first, registration.transform), stable_area(task.stable, first.crs)),
-            plants=(first.plants, moved.plants),
-            progress=progress,
-        )
-        warn_of_doubtful_change(change, progress, may_grow=not parameters.adaptive)
-    return change
+        areas = Areas(common_area(task.roi, first, registration.transform), stable_area(task.stable, first.crs))
+        error = registration.registration_error
+        return compare_pair(first, moved, task.settings.change, areas, error, task.run.progress)
 
 
 def _write_clouds(task: _Inspection, ground: GroundResult, moved: PointCloud, registration: RegistrationResult) -> Path:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,15 +19,35 @@ from ..change.result import Change
 from ..core.errors import InputError
 from ..core.named_progress import NamedProgress
 from ..core.progress import Progress
+from ..epochs.epoch import Epoch
+from ..geometry.rigid_transform import RigidTransform
+from ..grid.cell_statistics import CellStatistics
 from ..grid.grid import Grid
 from ..grid.pooled_variance import pooled_variance
 from ..zones.groups import label_groups
 from .alerts import AlertLevel
-from .gridded_epoch import GriddedEpoch
 from .persistence import confirmed_cells
 from .tracking import Track, track_zones
 from .velocity import own_variances
 from .zone_series import Stack, ZoneSeries, zone_series
+
+
+@dataclass(frozen=True)
+class GriddedEpoch:
+    """A survey in the frame and on the grid of the first one.
+
+    ``registration_error`` is the standard error of a height (m), 0 for the first; ``area`` the part of the region of
+    interest that both it and the first survey hold. ``facts`` state what was done, and ``made`` which steps were not
+    reused (ground, registration, cells).
+    """
+
+    epoch: Epoch
+    transform: RigidTransform
+    registration_error: float
+    cells: CellStatistics
+    area: BaseGeometry | None
+    facts: dict[str, Any]
+    made: tuple[str, ...]
 
 
 @dataclass(frozen=True)

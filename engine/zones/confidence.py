@@ -11,8 +11,7 @@ from scipy.special import stdtr
 
 from ...interface.parameters import ZoneParameters
 from ..core.arrays import Float
-from .detected import Detected
-from .footprints import Cells, Footprint, in_window, outline_footprints
+from .footprints import Cells, Detected, Footprint, in_window, outline_footprints
 from .groups import without
 from .volumes import CorrelationModel, fit_correlation, outside
 

@@ -20,11 +20,19 @@ from ..statistics.normal import Z95
 from ..vector.cell_polygons import cell_polygons, inclination, table_column
 from ..vector.review_fields import UNREVIEWED
 from .confidence import SURE, sure_groups
-from .detected import Detected, Origin
 from .fields import FIELDS, KINDS, SEVERITIES, UNSURE
-from .footprints import Cells, Footprint, footprint_labels
+from .footprints import Cells, Detected, Footprint, footprint_labels
 from .groups import first_of_each, label_groups
 from .volumes import CorrelationModel, ZoneVolumes, zone_volumes
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where zones come from: dates of both surveys, method and run."""
+
+    epochs: tuple[date | None, date | None] = (None, None)
+    method: str = ""
+    run_id: str = ""
 
 
 @dataclass(frozen=True)

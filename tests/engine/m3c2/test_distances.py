@@ -69,7 +69,7 @@ def test_equals_a_search_through_all_points(cloud, radius, half_length):
     core[7] = cloud.min(axis=0)
     normal = directions(len(core), dominant_frame(cloud), 5)
     found = cylinder_statistics(Lattice(cloud, radius), core, normal, Cylinder(radius, half_length))
-    count, mean, std = brute_force(cloud, core, normal, Cylinder(radius, half_length))
+    count, mean, std = brute_force(cloud, core, normal, radius, half_length)
     assert np.array_equal(found.count, count)
     assert count[6] == 0
     assert count.max() > 5
@@ -109,7 +109,7 @@ def test_a_stray_point_costs_no_memory_and_no_exactness():
     core = cloud[:3000:60]
     normal = directions(len(core), np.eye(3), 1)
     found = cylinder_statistics(Lattice(cloud, 1e-4), core, normal, Cylinder(0.5, 1.0))
-    assert np.array_equal(found.count, brute_force(cloud, core, normal, Cylinder(0.5, 1.0))[0])
+    assert np.array_equal(found.count, brute_force(cloud, core, normal, 0.5, 1.0)[0])
 
 
 def test_few_points_are_looked_into_that_are_not_in_the_cylinder():

@@ -7,9 +7,8 @@ import math
 import numpy as np
 import pytest
 from scipy.stats import norm
-from slopewatch.engine.change.evidence import cells_worth
 from slopewatch.engine.grid.grid import Grid
-from slopewatch.engine.zones.groups import label_groups
+from slopewatch.engine.zones.groups import cells_worth, label_groups
 from slopewatch.interface.parameters import ZoneParameters
 from slopewatch.tests.builders.change_zones import blocks_of, zones_of
 
