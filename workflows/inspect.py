@@ -74,7 +74,7 @@ def inspect_slope(
 ) -> RunResult:
     """Ground of all epochs; of two registration, change, zones and heatmap; screening of the last; run record.
 
-    Two epochs that cannot be screened get all else, and a warning that says why.
+    Two epochs that cannot be screened get all else, and a warning with the reason.
 
     Args:
         epochs: the earlier and the later survey, or one, which is screened only.
@@ -142,7 +142,7 @@ def _profile_lines(
 
 
 def _to_be_screened(task: _Inspection) -> bool:
-    """Whether the last epoch is to be screened and can be; said before any work.
+    """Whether the last epoch is to be screened and can be; reported before any work.
 
     Raises:
         InputError: it cannot, and there is nothing else to be done, or what was asked for by name is missing.

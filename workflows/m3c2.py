@@ -28,7 +28,7 @@ from ..engine.grid import geotiff
 from ..engine.ground.raw_survey import refuse_raw, taken_as_ground
 from ..engine.m3c2.distances import Cylinder, Distances, LevelTerms, Status, cylinder_statistics, m3c2_distances
 from ..engine.m3c2.lattice import Lattice
-from ..engine.m3c2.level import calibrated, level_facts, say_level, slope_of
+from ..engine.m3c2.level import calibrated, level_facts, report_level, slope_of
 from ..engine.m3c2.normals import fit_planes
 from ..engine.m3c2.scales import Scales, choose_scales, overlap_bounds, spread_cores
 from ..engine.pointcloud.cloud import PointCloud
@@ -270,7 +270,7 @@ def _measure(
     settings: DistanceSettings,
     known: _Known,
 ) -> Distances:
-    """Distances and their level at the core points; says what they do not show."""
+    """Distances and their level at the core points; warns of what they do not show."""
     parameters, progress = settings.distances, run.progress
     radius = scales.projection_scale / 2
     with progress.stage(0.0, 0.4, "fitting normals"):
@@ -299,7 +299,7 @@ def _measure(
     if parameters.calibrate:
         given = None if known.stable is None else contains_xy(known.stable, *cores.xyz[:, :2].T)
         found = calibrated(found, radius, slope=slope, given=given, uniform=shift is not None)
-        say_level(found, progress)
+        report_level(found, progress)
     _warn(found, later, scales, shift, progress)
     return found
 

@@ -120,7 +120,7 @@ def difference(
 
 
 def _with_choice(change: Change, parameters: GridChangeParameters, choice: CellChoice, progress: Progress) -> Change:
-    """The change with the choice of its cell; says which direction was chosen."""
+    """The change with the choice of its cell; reports which direction was chosen."""
     if parameters.direction == "auto" and change.direction == "normal":
         progress.info(SENTENCE)
     return replace(change, choice=choice)

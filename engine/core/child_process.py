@@ -88,7 +88,7 @@ def run_child(
 def _launched(arguments: list[str], memory_limit: int | None, environment: Mapping[str, str] | None) -> list[str]:
     """The command line that starts ``arguments`` with a limit and so that it dies with this process.
 
-    Never by ``preexec_fn``: in a process with threads the child can hang for ever before its program starts.
+    Never by ``preexec_fn``: in a process with threads the child can hang before its program starts.
     """
     if os.name != "posix":
         return arguments

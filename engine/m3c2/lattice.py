@@ -17,15 +17,15 @@ from numpy.typing import NDArray
 from ..core.arrays import Float, Index
 
 CUBES_PER_RADIUS = 1.0  # measured: smaller cubes fit the cylinder better, but take more looking up
-_PAIRS = 500_000  # pairs of a place and a point held at a time; some 150 bytes each, fewer stay in a faster cache
-_RUNS = 500_000  # rows of cells looked up at a time
-_SAMPLE = 100_000
+_CHUNK_PAIRS = 500_000  # pairs of a place and a point held at a time; some 150 bytes each, fewer stay in a faster cache
+_CHUNK_ROWS = 500_000  # rows of cells looked up at a time
+_SAMPLE_POINTS = 100_000
 _MAX_CUBES = 2.0**57  # the key of one takes three bits less
 
 
 def dominant_frame(xyz: Float) -> Float:
     """Rows (3, 3): two axes in the plane that fits the points (n, 3) best, and its normal, which points upwards."""
-    some = xyz[:: max(1, len(xyz) // _SAMPLE)]
+    some = xyz[:: max(1, len(xyz) // _SAMPLE_POINTS)]
     local = some - some.mean(axis=0)
     _, vectors = np.linalg.eigh(local.T @ local)
     u, w = vectors[:, 2], vectors[:, 0]
@@ -114,7 +114,7 @@ class Lattice:
         squared = (half_axes**2).sum(axis=1)
         inverse = np.divide(1.0, squared, out=np.zeros_like(squared), where=squared > np.finfo(np.float64).tiny)
         segments = np.vstack([places.T, half_axes.T, inverse])
-        for part in _parts(rows[order], _RUNS):
+        for part in _parts(rows[order], _CHUNK_ROWS):
             chosen = order[part]
             chosen = chosen[rows[chosen] > 0]
             number = np.repeat(chosen, rows[chosen])
@@ -123,7 +123,7 @@ class Lattice:
             points = self._cubes[stop] - self._cubes[start]
             held = np.bincount(np.repeat(np.arange(len(chosen)), rows[chosen]), points, len(chosen))
             ends = np.cumsum(rows[chosen])
-            for few in _parts(held.astype(np.int64), _PAIRS):
+            for few in _parts(held.astype(np.int64), _CHUNK_PAIRS):
                 lines = slice(ends[few.start] - rows[chosen[few.start]], ends[few.stop - 1])
                 size = stop[lines] - start[lines]
                 owner, member = np.repeat(number[lines], size), _ranges(start[lines], size)

@@ -21,14 +21,14 @@ from .observability import Information
 from .point_to_plane import Matcher, Pairs
 from .restarts import Descent, Limits, descend
 
-LITTLE = 0.01
+MAX_BARE_PLANT_ERROR_M = 0.01
 """Metres: ground with an error by plants that is no larger counts as bare."""
 _MIN_POINTS = 300
 _SOURCES = 25_000
 _MAX_STEPS = 24
 _MAX_OFFSET_SCALES = 5.0  # times the noise of the residuals: how far the registration of all ground may be off
 _MAX_SCALE_RATIO = 1.2  # times the smaller noise: two places that fit equally well
-_MIN_UPWARD_NORMAL = 0.2  # least vertical part of a normal: heights of steeper faces say little
+_MIN_UPWARD_NORMAL = 0.2  # least vertical part of a normal: heights of steeper faces are imprecise
 _PLACES = 5_000
 
 
@@ -49,7 +49,7 @@ def divide(matcher: Matcher) -> Covered | None:
     surfaces = matcher.reference, matcher.moving
     if all(surface.plants is None for surface in surfaces):
         return None
-    first, second = (surface.bare(LITTLE) for surface in surfaces)
+    first, second = (surface.bare(MAX_BARE_PLANT_ERROR_M) for surface in surfaces)
     if first.all() and second.all():
         return None
     known = np.ones_like(first) if matcher.stable is None else matcher.stable
@@ -145,7 +145,8 @@ def _slid(pose: Pose, whole: Alignment, covered: Matcher, sources: tuple[Index, 
     """``pose`` moved in the ``free`` directions (6, k) to where covered ground agrees; None where that is not clear.
 
     It is looked for from where all ground together lies, which may have slid to where road and grass both fit, and from
-    where the surveys are as delivered. Where both ends are equally good and apart, only chance decides between them.
+    where the surveys are as delivered. Where both ends are equally good at different places, only chance decides
+    between them.
     """
     radius, spacing = covered.radius, covered.spacing
     apart = whole.pose.vector(radius) - pose.vector(radius)

@@ -36,8 +36,8 @@ def explain(
     along = float(shift @ quality.mean_normal)
     if parameters.method != "none" and not stable_given and abs(along) > _MAX_NORMAL_SHIFT_M:
         sentences.append(
-            f"The later epoch was moved by {along:+.2f} m along the surface's normal, more than surveys usually err: "
-            "check its datum and heights, or give an area known to be stable in case the whole slope has moved."
+            f"The later epoch was moved by {along:+.2f} m along the surface's normal, more than the usual error of "
+            "surveys: check its datum and heights, or give an area known to be stable in case the whole slope has moved."
         )
     sentences.append(_about_stable_ground(found, parameters))
     if unobservable:
@@ -104,12 +104,12 @@ def _about_bending(solution: Solution) -> str:
         return (
             f"Heights were corrected by {np.ptp(bend.correction.heights):.3f} m from place to place, because stable "
             f"ground was bent by {bend.before:.3f} m after one rigid motion; a movement that changes so slowly over "
-            "the slope is taken off with it."
+            "the slope is removed with it."
         )
     if bend is not None and bend.worth:
         return (
             f"Stable ground is bent by {bend.before:.3f} m after one rigid motion, as by strips that do not fit or by "
-            f"a slow movement; --piecewise auto would leave {bend.after:.3f} m, and takes such movements off too."
+            f"a slow movement; --piecewise auto would leave {bend.after:.3f} m, and removes such movements too."
         )
     return ""
 

@@ -149,7 +149,7 @@ def _error(
 def _bent(
     solution: Solution, quality: Agreement, matcher: Matcher, parameters: RegistrationParameters
 ) -> tuple[Solution, Agreement]:
-    """What bends in addition to the rigid motion: measured, and taken off where that was asked for."""
+    """What bends in addition to the rigid motion: measured, and removed where that was asked for."""
     reach = max(0.3 * parameters.maximum_offset, 3 * matcher.spacing)
     bend = measure_bend(matcher, solution.pose, parameters.piece_size, reach, quality.scale)
     if bend is None:

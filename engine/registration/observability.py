@@ -14,7 +14,7 @@ from .point_to_plane import Pairs
 _FOLDS = 16
 MIN_STANDARD_ERRORS = 5.0  # standard errors by which a curvature must stand above zero
 MIN_CURVATURE_RATIO = 1e-4  # of the largest curvature: slopes that differ by 1 % only
-_SHIFT_PER_TURN = 10.0  # surveys turn by some hundredths of a degree, a few mm at 10 m, but lie off by centimetres
+_SHIFT_PER_TURN = 10.0  # surveys turn by some hundredths of a degree, a few mm at 10 m, but are offset by centimetres
 _MIN_DIP_SINE = 0.02  # least sine of the dip with which a surface has a strike
 
 

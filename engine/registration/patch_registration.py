@@ -16,7 +16,7 @@ from .point_to_plane import Matcher
 from .rival_parts import Standing, standing
 from .stable_patches import StablePart, agreeing, stable_part
 
-ENOUGH = 0.75
+MIN_SHARE_WITHOUT_PATCHES = 0.75
 """Share of the overlap that agrees with a registration, from which there is no need to look at patches."""
 _MIN_AGREEING_SHARE, _MAX_PATCH_SHARE_RATIO = 0.5, 0.75
 _MIN_CONTRADICTING_SHARE, _MIN_STILL_SHARE = 0.35, 0.9

@@ -25,22 +25,23 @@ _SEARCH_POINTS, _FINAL_POINTS = 15, 60  # points of a patch that are paired, whi
 _MAX_WEAK_CURVATURE_RATIO = 0.1  # of the largest curvature: what walls and steps fix on level ground
 _MIN_WEAK_SINE_SQUARED = 0.2  # squared sine from which a patch constrains a weak direction
 _SURROUNDINGS_WIDTHS = 2.0  # widths
-_WEAK_TRIALS = 1_000
+_WEAK_TRIAL_COUNT = 1_000
 _MAX_RIVAL_AREA_RATIO = 0.75  # of the area that agrees best: as much agrees on something else
-_TRIALS = 6_000
+_TRIAL_COUNT = 6_000
 _PARTNER_COUNTS = (1, 2, 3, 5, 8)  # patches that a trial takes in addition to its first one
 _NEAREST_PATCHES = 25  # nearest patches of which half of the trials take them
 _MAX_IMPROVED_TRIALS = 12  # trials that are improved
 _MAX_PARTS = 4  # parts that are paired again where they lead to
-_IMPROVE = 8
-_PASSES = 3
+_MAX_IMPROVEMENTS = 8
+_MAX_PASSES = 3
 _MIN_STEP_M = 1e-4  # metres
 _MIN_TRIED_AREA_RATIO = 0.5  # of the largest area: less does not become the largest when paired again
 _MIN_PAIRS = 12
 _MIN_OTHER_AREA_RATIO = 0.4  # of the largest part's area: another one so large is measured again
 _SHIFT_PER_TURN = 5.0  # surveys shift by so much more than they turn, at the typical distance of the points
 _MAX_STANDARD_ERRORS = 2.5
-_SPARSE, _DENSE = 0.5, 0.8  # share of the patches around that agree: none counts below, all from the second on
+# shares of the patches around that agree: none counts below the first, all from the second on
+_MIN_NEIGHBOUR_SHARE, _FULL_NEIGHBOUR_SHARE = 0.5, 0.8
 _MAX_JUDGED_TRIALS = 400  # trials that are looked at with the patches around
 _MIN_ERROR_M = 5e-4  # metres; no two surveys of a surface agree better
 
@@ -174,7 +175,7 @@ class _Task:
             clear: leave out of the motion the places that contradict the rest, once as many as ``_FINAL_POINTS`` are.
         """
         matcher, patches = self.matcher, self.patches
-        for number in range(_PASSES):
+        for number in range(_MAX_PASSES):
             system = equations(matcher, patches, pose, 3 * matcher.spacing, most)
             level, decisive = _levels(system, matcher.noise, 2.0 if number == 0 and most == _SEARCH_POINTS else 1.0)
             usable = among & decisive
@@ -184,7 +185,7 @@ class _Task:
                 odd = contradicting(system, patches, agrees, self.offset)
                 if odd.any():
                     found = _improved(system, patches, usable & ~odd, level, np.zeros(6), matcher.spacing)
-                    # each of them agrees: they have no say in the motion, but count towards the part
+                    # each of them agrees: they do not enter the motion, but count towards the part
                     agrees = found.agrees | (odd & agrees)
             weight = found.weight * patches.area / level
             known = part_information(system, patches, weight, found.motion, matcher.spacing, self.offset)
@@ -218,7 +219,7 @@ class _Task:
         matrices = np.einsum("ia,kij,jb->kab", free, system.matrix[some], free) / level[some, None, None]
         vectors = system.vector[some] @ free / level[some, None]
         rng = np.random.default_rng(0)
-        chosen = rng.integers(0, len(some), (_WEAK_TRIALS, 3))
+        chosen = rng.integers(0, len(some), (_WEAK_TRIAL_COUNT, 3))
         prior = np.eye(free.shape[1]) * 3 / offset**2
         steps = -np.linalg.solve(matrices[chosen].sum(axis=1) + prior, vectors[chosen].sum(axis=1)[:, :, None])[:, :, 0]
         motions = np.vstack([np.zeros((1, 6)), steps @ free.T])
@@ -271,7 +272,7 @@ def _trials(system: Equations, patches: Patches, numbers: NDArray[np.int64], lev
     """Motions (m, 6) that samples of patches ask for."""
     rng = np.random.default_rng(0)
     share = patches.area[numbers] / patches.area[numbers].sum()
-    first = rng.choice(len(numbers), _TRIALS, p=share)
+    first = rng.choice(len(numbers), _TRIAL_COUNT, p=share)
     distance = np.linalg.norm(patches.centre[numbers][:, None] - patches.centre[numbers][None], axis=2)
     near = np.argsort(distance, axis=1)[:, : min(_NEAREST_PATCHES, len(numbers))]
     weight = 1.0 / level[numbers]
@@ -279,12 +280,12 @@ def _trials(system: Equations, patches: Patches, numbers: NDArray[np.int64], lev
     vectors = system.vector[numbers] * weight[:, None]
     prior = _prior(offset)
     # wide parts hold small motions back less than their own noise does
-    total, side = np.broadcast_to(prior, (_TRIALS, 6, 6)) + matrices[first], vectors[first]
-    wanted = rng.choice(_PARTNER_COUNTS, _TRIALS)
+    total, side = np.broadcast_to(prior, (_TRIAL_COUNT, 6, 6)) + matrices[first], vectors[first]
+    wanted = rng.choice(_PARTNER_COUNTS, _TRIAL_COUNT)
     for partner in range(max(_PARTNER_COUNTS)):
-        neighbour = near[first, rng.integers(0, near.shape[1], _TRIALS)]
-        anywhere = rng.choice(len(numbers), _TRIALS, p=share)
-        other = np.where(rng.random(_TRIALS) < 0.7, neighbour, anywhere)
+        neighbour = near[first, rng.integers(0, near.shape[1], _TRIAL_COUNT)]
+        anywhere = rng.choice(len(numbers), _TRIAL_COUNT, p=share)
+        other = np.where(rng.random(_TRIAL_COUNT) < 0.7, neighbour, anywhere)
         more = (partner < wanted)[:, None]
         total = total + np.where(more[:, :, None], matrices[other], 0.0)
         side = side + np.where(more, vectors[other], 0.0)
@@ -304,7 +305,8 @@ def _weights(patches: Patches, usable: Bool, excess: Float, level: Float) -> Flo
     fit = np.where(usable[:, None], np.maximum(1.0 - excess / level[:, None], 0.0), 0.0)
     known = np.maximum(patches.around @ usable.astype(np.float64), 1e-9)
     share = (patches.around @ (fit > 0).astype(np.float64)) / known[:, None]
-    return np.asarray(fit * np.clip((share - _SPARSE) / (_DENSE - _SPARSE), 0.0, 1.0))
+    low, full = _MIN_NEIGHBOUR_SHARE, _FULL_NEIGHBOUR_SHARE
+    return np.asarray(fit * np.clip((share - low) / (full - low), 0.0, 1.0))
 
 
 def _areas(system: Equations, patches: Patches, usable: Bool, level: Float, motions: Float) -> Float:
@@ -325,7 +327,7 @@ def _improved(system: Equations, patches: Patches, usable: Bool, level: Float, m
     """The motion that all patches which agree with it ask for together."""
     best = motion, np.zeros(len(patches)), -1.0
     mean = float(patches.area[usable].mean()) if usable.any() else 1.0
-    for _ in range(_IMPROVE):
+    for _ in range(_MAX_IMPROVEMENTS):
         weight = _weights(patches, usable, system.excess(motion[None]), level)[:, 0]
         area = float(patches.area @ weight)
         if area <= best[2]:

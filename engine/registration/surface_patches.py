@@ -1,6 +1,6 @@
 """A surface cut into patches of one direction, and how far each patch agrees with a motion of the whole.
 
-Patches are what piecewise registration goes by (Yang and Schwieger 2023, Wujanz et al. 2016,
+Patches are the unit of piecewise registration (Yang and Schwieger 2023, Wujanz et al. 2016,
 doi:10.1016/j.isprsjprs.2016.04.008): a patch has moved or not as a whole, and its many points show that far more
 reliably than each one alone.
 """
@@ -29,7 +29,7 @@ _SURROUNDINGS_WIDTHS = 2.5  # widths
 _BLOCK_SPACINGS = 10  # spacings: side of a block
 _MAX_PATCHES = 1500  # patches, about
 _SOURCES = 60_000
-_ROUNDS = 4
+_LAYER_ROUNDS = 4
 _MAX_PATCH_PAIRS = 60
 _UPPER_TRIANGLE = np.triu_indices(6)
 _SYMMETRY_FACTORS = np.where(_UPPER_TRIANGLE[0] == _UPPER_TRIANGLE[1], 1.0, 2.0)
@@ -145,7 +145,7 @@ def _layer(places: Float, normals: Float, of: Index, thickness: float) -> Bool:
     seed = order[np.concatenate([[0], np.cumsum(count)[:-1]])]
     origin, normal = places[seed], normals[seed]
     inside = np.zeros(len(of), dtype=bool)
-    for _ in range(_ROUNDS):
+    for _ in range(_LAYER_ROUNDS):
         away = np.einsum("ij,ij->i", places - origin[of], normal[of])
         cosine = np.einsum("ij,ij->i", normals, normal[of])
         inside = (np.abs(cosine) > _MIN_PATCH_COSINE) & (np.abs(away) < thickness)

@@ -19,7 +19,7 @@ from ..grid.grid import Grid
 from ..statistics.normal import Z95
 from ..vector.cell_polygons import cell_polygons, inclination, table_column
 from ..vector.review_fields import UNREVIEWED
-from .confidence import SURE, sure_groups
+from .confidence import MIN_SURE_CONFIDENCE, sure_groups
 from .fields import FIELDS, KINDS, SEVERITIES, UNSURE
 from .footprints import Cells, Detected, Footprint, footprint_labels
 from .groups import first_of_each, label_groups
@@ -206,7 +206,7 @@ def _statistics(
     *,
     cell_area: float,
 ) -> dict[str, NDArray]:
-    """Figures of each of ``count`` zones from its cells' values; ``zone`` (n,) says whose a cell is."""
+    """Figures of each of ``count`` zones from its cells' values; ``zone`` (n,) is the zone of each cell."""
 
     def total(weights: Float) -> Float:
         return np.bincount(zone, weights=weights, minlength=count).astype(np.float64, copy=False)
@@ -256,7 +256,7 @@ def _severity(p95: Float, confidence: Float, parameters: ZoneParameters) -> NDAr
     magnitude = np.abs(p95)
     grades = np.where(magnitude >= parameters.severity_moderate, "moderate", "low")
     grades = np.where(magnitude >= parameters.severity_high, "high", grades)
-    return np.where(confidence >= SURE, grades, UNSURE).astype(object)
+    return np.where(confidence >= MIN_SURE_CONFIDENCE, grades, UNSURE).astype(object)
 
 
 def _add_rates(values: dict[str, NDArray], mean_error: Float, epochs: tuple[date | None, date | None]) -> None:

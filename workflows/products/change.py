@@ -52,7 +52,7 @@ ON_REQUEST = ("cell_size.tif", "change_probability.tif", "plant_error.tif", "pla
 
 @dataclass(frozen=True)
 class Context:
-    """What the products say about their origin. ``transform`` is None where nothing was registered by SlopeWatch."""
+    """What the products state about their origin. ``transform`` is None where nothing was registered by SlopeWatch."""
 
     first: Epoch
     second: Epoch

@@ -15,7 +15,7 @@ from slopewatch.engine.m3c2.distances import (
     level_of_detection,
 )
 from slopewatch.engine.m3c2.lattice import Lattice
-from slopewatch.engine.m3c2.level import calibrated, level_facts, sampling_errors, say_level, slope_of
+from slopewatch.engine.m3c2.level import calibrated, level_facts, report_level, sampling_errors, slope_of
 from slopewatch.engine.m3c2.spread import Spread
 
 SIDE, POINTS, SCATTER = 100, 30, 0.05
@@ -108,7 +108,7 @@ class TestLeftAsPublished:
         found = calibrated(plain, RADIUS)
         np.testing.assert_array_equal(found.level, plain.level)
         progress = Progress()
-        say_level(found, progress)
+        report_level(found, progress)
         assert "more than a third" in progress.warnings[0]
         assert "as published" in level_facts(found, calibrate=True)["level"]
 

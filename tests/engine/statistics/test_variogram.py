@@ -211,7 +211,7 @@ def test_too_few_lags_give_no_model() -> None:
     """Values along one line: half of the shorter side is one cell, so that only one class holds pairs."""
     values = np.random.default_rng(8).normal(size=(1, 600))
     found = empirical_variogram(values, CELL)
-    assert len(found.lag) < variogram.FEWEST_LAGS
+    assert len(found.lag) < variogram.MIN_LAGS
     with pytest.raises(ValueError, match="too few"):
         fit_variogram(found)
     apart = np.full((1, 6000), np.nan)
