@@ -87,13 +87,13 @@ def compare(change: Change, fine: Change, truth: np.ndarray, slope: np.ndarray) 
     once = cells > 0
     mean = [np.bincount(unit, array[known])[once] / cells[once] for array in (dz, truth, error)]
     still = known & (np.abs(truth) <= UNCHANGED)
-    labels, zones, _, _ = label_groups(change.dz, change.significant, ZoneParameters(), change.partition)
+    labels = label_groups(change.dz, change.significant, ZoneParameters(), change.partition)
     moved = labels.ravel()[at[(within & (np.abs(truth) > STILL)).ravel()]]
     return Result(
         compared=float(known.sum() / slope.sum()),
         seen=float((significant & changed & (dz * truth > 0)).sum() / changed.sum()),
         false=float(significant[still].mean()),
-        false_zones=float(len(zones) - len(np.setdiff1d(moved, [0]))),
+        false_zones=float(labels.max() - len(np.setdiff1d(moved, [0]))),
         rmse=float(np.sqrt(np.mean((dz - truth)[known] ** 2))),
         in_errors=float(np.sqrt(np.mean(((mean[0] - mean[1]) / mean[2]) ** 2))),
         level=float(np.median(values(change.level)[known])),

@@ -37,7 +37,8 @@ def explain(
     if parameters.method != "none" and not stable_given and abs(along) > _MAX_NORMAL_SHIFT_M:
         sentences.append(
             f"The later epoch was moved by {along:+.2f} m along the surface's normal, more than the usual error of "
-            "surveys: check its datum and heights, or give an area known to be stable in case the whole slope has moved."
+            "surveys: check its datum and heights, or give an area known to be stable in case the whole slope has "
+            "moved."
         )
     sentences.append(_about_stable_ground(found, parameters))
     if unobservable:
