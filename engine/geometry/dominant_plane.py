@@ -22,13 +22,12 @@ class Plane:
     """A plane in the cloud's coordinates.
 
     ``normal`` (3,) has unit length and points upwards; ``centroid`` (3,) lies on the plane, in metres;
-    ``inlier_share`` is the share of the points within RANSAC's distance; ``rms`` (m) is the inliers' distance to it.
+    ``inlier_share`` is the share of the points within RANSAC's distance.
     """
 
     normal: Float
     centroid: Float
     inlier_share: float
-    rms: float
 
     @property
     def dip(self) -> float:
@@ -100,13 +99,7 @@ def fit_plane(xyz: Float, distance: float, iterations: int, seed: int) -> Plane:
         inside = again
     if normal[2] < 0 or (normal[2] == 0 and tuple(normal) < (0.0, 0.0, 0.0)):
         normal = -normal
-    residual = (local[inside] - centre) @ normal
-    return Plane(
-        normal=normal,
-        centroid=middle + centre,
-        inlier_share=float(np.count_nonzero(inside) / len(local)),
-        rms=float(np.sqrt(np.mean(residual**2))),
-    )
+    return Plane(normal, middle + centre, float(np.count_nonzero(inside) / len(local)))
 
 
 def rotation_to_vertical(normal: Float) -> Float:

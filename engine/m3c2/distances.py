@@ -92,10 +92,6 @@ class Distances:
     model: ErrorModel = field(default_factory=uncalibrated)
     plants_factor: float = 1.0
 
-    def share(self, status: Status) -> float:
-        """Share of the core points with this status."""
-        return float(np.mean(self.status == status))
-
     @property
     def measured(self) -> NDArray[np.bool_]:
         return self.status == Status.MEASURED

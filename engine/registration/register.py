@@ -93,7 +93,7 @@ def _solve(
 ) -> Solution:
     """By the method asked for, in local coordinates."""
     if parameters.method == "icp":
-        plain = icp(
+        return icp(
             a,
             b,
             distance=parameters.maximum_correspondence,
@@ -101,7 +101,6 @@ def _solve(
             tree=tree,
             progress=progress,
         )
-        return Solution(plain.pose, plain.iterations, plain.converged)
     if parameters.method == "robust":
         found = align(
             matcher,
