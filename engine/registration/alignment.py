@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...interface.parameters import RegistrationParameters
 from ..core.arrays import Float, Index
 from ..core.errors import InputError
 from ..core.progress import Progress
@@ -47,22 +48,14 @@ def levels(voxel: float, offset: float) -> list[float]:
     return sizes[::-1]
 
 
-def align(
-    fine: Matcher,
-    *,
-    voxel: float,
-    offset: float,
-    iterations: int,
-    progress: Progress,
-) -> Alignment:
+def align(fine: Matcher, parameters: RegistrationParameters, progress: Progress) -> Alignment:
     """Pose of the moving surface on the reference, local coordinates with their origin amidst the points.
 
     Args:
-        fine: the surfaces.
-        voxel: theirs, in metres.
-        offset: largest expected offset, metres.
-        iterations: upper limit.
+        fine: the surfaces, of the parameters' voxels.
     """
+    voxel, offset = parameters.registration_voxel, parameters.maximum_offset
+    iterations = parameters.registration_iterations
     best, remaining, reach = Descent(Pose.identity(), offset / 2), iterations, offset
     known = fine.reference.points if fine.stable is None else fine.reference.points[fine.stable]
     later = fine.moving.points if fine.firm is None else fine.moving.points[fine.firm]

@@ -72,13 +72,7 @@ def align_bare(
     bare = ground.bare
     if min(np.count_nonzero(which) for which in (bare.stable, bare.firm) if which is not None) < _MIN_POINTS:
         return None
-    found = align(
-        bare,
-        voxel=parameters.registration_voxel,
-        offset=parameters.maximum_offset,
-        iterations=parameters.registration_iterations,
-        progress=progress,
-    )
+    found = align(bare, parameters, progress)
     if found.information.observable.all():
         return found
     return _completed(found, whole, ground, parameters.maximum_offset, progress)

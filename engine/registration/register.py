@@ -102,14 +102,7 @@ def _solve(
             progress=progress,
         )
     if parameters.method == "robust":
-        found = align(
-            matcher,
-            voxel=parameters.registration_voxel,
-            offset=parameters.maximum_offset,
-            iterations=parameters.registration_iterations,
-            progress=progress,
-        )
-        return of_alignment(found)
+        return of_alignment(align(matcher, parameters, progress))
     return Solution(Pose.identity())
 
 
