@@ -68,7 +68,7 @@ def squares_of(shape: tuple[int, int], cell: float) -> NDArray[np.int64]:
 
 
 def common_share(dz: Float, sampling: Float, plants: Float, stable: NDArray[np.bool_], cell: float) -> float:
-    """Share (0 to 1) of the error by plants that is one and the same all over the slope.
+    """Share (0 to 1) of the error by plants that is the same all over the slope.
 
     A season lifts or lowers all of it alike; what stands in one place and not in another does not. On stable ground
     under plants the mean of the change over its error by plants is what all have in common, and the scatter of the

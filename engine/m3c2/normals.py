@@ -14,7 +14,7 @@ from .lattice import Lattice, runs
 MIN_PLANE_POINTS = 4  # three always lie in a plane
 # points whose spread across their line has less than this share of the variance along it fix no plane
 _MIN_SPREAD_RATIO = 1e-2
-_CHUNK_PROBLEMS = 20_000  # eigenvalue problems a native call, so that a cancel is heard in time
+_CHUNK_PROBLEMS = 20_000  # eigenvalue problems a native call, so that cancelling takes effect in time
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ def levels(voxel: float, offset: float) -> list[float]:
 
 
 def align(fine: Matcher, parameters: RegistrationParameters, progress: Progress) -> Alignment:
-    """Pose of the moving surface on the reference, local coordinates with their origin amidst the points.
+    """Pose of the moving surface on the reference, local coordinates with their origin in the middle of the points.
 
     Args:
         fine: the surfaces, of the parameters' voxels.
@@ -127,7 +127,7 @@ class Refinement:
             return estimate(pairs, self.weights(pairs), matcher.radius, self.correlated)
 
         pairs = matcher.match(pose, few, self.reach)
-        # longer steps stand out from the noise of the planes, but the weights let go beyond a few scales
+        # longer steps stand out from the noise of the planes, but the weights vanish beyond a few scales
         longest = min(2 * self.scale, matcher.spacing / 2)
         motions = probing_motions(pairs.jacobian(matcher.radius), self.weights(pairs), self.scale, longest)
         return curvature_folds(evaluate, motions)
@@ -205,7 +205,7 @@ def refine(last: Refinement, pose: Pose, offset: float, limit: int, progress: Pr
         if error < _MAX_PRECISE_ERROR_M:
             break
     if not found.observable.all():
-        # what nothing fixes stays as surveyed
+        # motions that the surfaces do not fix stay as surveyed
         pose = Pose.from_vector(found.held(pose.vector(matcher.radius)), matcher.radius)
     taken = last.steps(pose, sources, found, min(limit, _MAX_NEWTON_STEPS), progress, error=error, newton=True)
     if not taken.converged:

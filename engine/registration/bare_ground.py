@@ -120,7 +120,7 @@ def _completed(found: Alignment, whole: Alignment, ground: Covered, offset: floa
     part = information_of(covered.match(pose, sources, last.reach))
     if not part.observable.any():
         return found
-    # what nothing fixes stays as surveyed
+    # motions that the surfaces do not fix stay as surveyed
     apart = pose.vector(radius) - found.pose.vector(radius)
     pose = found.pose.moved(part.held(apart), radius)
     slid = last.steps(pose, sources, part, _MAX_STEPS, progress)

@@ -26,7 +26,7 @@ from .rival_parts import Standing
 class Solution:
     """What a method found; ``radius`` (m) scales the rotations of ``information``.
 
-    ``left``: left as surveyed for want of stable ground. ``bent``: the correction of ``bend`` is part of it.
+    ``left``: left as surveyed because there is no stable ground. ``bent``: the correction of ``bend`` is part of it.
     ``alignment`` is what the robust method found.
     """
 

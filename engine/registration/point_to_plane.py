@@ -187,7 +187,7 @@ def _pairs(
 
 
 def _mean_normals(own: Float, other: Float, agreement: float) -> tuple[Float, Bool]:
-    """Unit vectors amid two unit vectors (n, 3) each, on the side of the first, and where these agree."""
+    """Unit vectors halfway between two unit vectors (n, 3) each, on the side of the first, and where these agree."""
     cosine = _along(own, other)
     both = own + np.where(cosine < 0, -1.0, 1.0)[:, None] * other
     return both / np.sqrt(_along(both, both))[:, None], np.abs(cosine) > agreement

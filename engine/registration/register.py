@@ -57,7 +57,7 @@ def register(
     check_points(reference, "earlier")
     check_points(moving, "later")
     check_overlap(reference, moving, parameters.maximum_offset)
-    centre = np.median(reference, axis=0)  # amidst the points even where a stray one stretches the extent
+    centre = np.median(reference, axis=0)  # in the middle of the points even where a stray one stretches the extent
     a, b = reference - centre, moving - centre
     progress.update(0.0, "averaging points")
     surfaces = _surface(a, plants[0], parameters), _surface(b, plants[1], parameters)

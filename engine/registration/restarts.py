@@ -1,7 +1,7 @@
 """Restarts of a registration whose residuals exceed the surfaces' own noise.
 
 Where much of what fixes a position lies within ground that has moved, weights that shrink slowly can settle between
-the old and the new place. Registering with one part of the surface after the other, and without it, leads out of that;
+the old and the new place. Registering with one part of the surface after the other, and without it, avoids that;
 the fit with the smallest scale is best (the idea of the S-estimator, Rousseeuw and Yohai 1984).
 """
 

@@ -199,7 +199,7 @@ class _Task:
         """``best`` where the few patches that fix its weak directions agree best; open where others contradict them.
 
         A level part with one wall that stayed and one that moved fits in height wherever it slides. Only patches
-        amidst stable ones count.
+        among stable ones count.
         """
         matcher, patches, offset = self.matcher, self.patches, self.offset
         known = best.information

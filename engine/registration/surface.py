@@ -16,7 +16,7 @@ NOISE_FLOOR = 1e-3  # metres; no scanner is better, and a scale of zero has no w
 NEIGHBOURS = 12  # of a plane; fewer follow finer relief, more average more noise
 _MAX_THICKNESS_RATIO = 0.5  # a neighbourhood thicker than this share of its width has no normal worth using
 _LEAF_POINTS = 24  # points; measured, faster than the default where all points ask for their neighbours
-_CHUNK_POINTS = 50_000  # points a native call, so that a cancel is heard in time
+_CHUNK_POINTS = 50_000  # points a native call, so that cancelling takes effect in time
 
 
 class Surface:

@@ -60,7 +60,7 @@ class Patches:
         return found
 
     def some(self, most: int) -> Index:
-        """At most about ``most`` of the sources of each patch, evenly spread, in rising order."""
+        """At most about ``most`` of the sources of each patch, evenly spread, in ascending order."""
         inside = np.flatnonzero(self.number >= 0)
         number = self.number[inside]
         share = most / np.maximum(np.bincount(number, minlength=len(self)), 1)
@@ -218,7 +218,7 @@ def equations(matcher: Matcher, patches: Patches, pose: Pose, reach: float, most
 
 @dataclass(frozen=True)
 class _Paired:
-    """``place`` (n, 3), both surfaces' ``normals`` (2, n, 3) there, ``gaps`` (2, n) along them, ``patch`` (n,) rising.
+    """``place`` (n, 3), both surfaces' ``normals`` (2, n, 3) there, ``gaps`` (2, n) along them; ``patch`` (n,) ascends.
 
     The distance is that of the places halfway between point and own plane, as in ``point_to_plane.Pairs``.
     """

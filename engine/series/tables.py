@@ -58,7 +58,7 @@ SERIES_FIELDS = field_kinds("""
 
 @dataclass(frozen=True)
 class About:
-    """What the tables state of their origin; ``dates`` of all surveys, the first in front."""
+    """What the tables state of their origin; ``dates`` of all surveys, the earliest first."""
 
     dates: tuple[date, ...]
     crs: CRS

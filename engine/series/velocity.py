@@ -216,7 +216,7 @@ def own_variances(errors: list[Float], shared: list[float], first: Float, other:
         other: sampling variances of the surveys 1 to n, m².
 
     Returns:
-        n + 1 arrays, the first survey's in front.
+        n + 1 arrays, the first survey's first.
     """
     total, times = np.zeros(first.shape), np.zeros(first.shape)
     parts = []

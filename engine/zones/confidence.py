@@ -52,7 +52,7 @@ def confidence_after_selection(
     A mean change so far beyond its own error would be rare at a place named before. But a zone is the place where it is
     large, with the shape that makes it so: the probability of the mean is multiplied by the number of places of its
     size on the map, and by the number of shapes, which grows with the number of effective samples (Bonferroni's bound,
-    as for scan statistics). The error that all cells share is one and the same at all places; it is drawn once for the
+    as for scan statistics). The error that all cells share is the same at all places; it is drawn once for the
     map, not once a place.
 
     The errors are themselves estimated from few points, so the mean follows Student's t, with twelve degrees of freedom

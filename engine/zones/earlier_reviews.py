@@ -1,4 +1,4 @@
-"""The reviews in the earlier results of an output folder, on their way into the new ones."""
+"""The reviews in the earlier results of an output folder, carried over into the new ones."""
 
 from __future__ import annotations
 
