@@ -97,8 +97,8 @@ def test_the_parts_that_the_work_is_cut_into_change_nothing(monkeypatch):
     cloud = slope(5000, 1)
     core = cloud[::50]
     whole = cylinder_statistics(Lattice(cloud, 0.5), core, directions(len(core), np.eye(3), 1), Cylinder(0.5, 2.0))
-    monkeypatch.setattr(m3c2_search, "_PAIRS", 100)
-    monkeypatch.setattr(m3c2_search, "_RUNS", 30)
+    monkeypatch.setattr(m3c2_search, "_CHUNK_PAIRS", 100)
+    monkeypatch.setattr(m3c2_search, "_CHUNK_ROWS", 30)
     cut = cylinder_statistics(Lattice(cloud, 0.5), core, directions(len(core), np.eye(3), 1), Cylinder(0.5, 2.0))
     for name in ("count", "mean", "std"):
         assert getattr(whole, name).tobytes() == getattr(cut, name).tobytes()
