@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from matplotlib.patches import Patch
 
-from ..engine.change.difference import cells_inside, difference
+from ..engine.change.difference import Areas, cells_inside, difference
 from ..engine.change.result import Change
 from ..engine.grid.grid import cell_index
 from ..engine.maps.palette import diverging_colours, sequential_steps
@@ -69,13 +69,13 @@ def compare(change: Change, fine: Change, truth: np.ndarray, slope: np.ndarray) 
     once = cells > 0
     mean = [np.bincount(unit, array[known])[once] / cells[once] for array in (dz, truth, error)]
     still = known & (np.abs(truth) <= UNCHANGED)
-    labels, zones, _, _ = label_groups(change.dz, change.significant, ZoneParameters(), change.partition)
+    labels = label_groups(change.dz, change.significant, ZoneParameters(), change.partition)
     moved = labels.ravel()[at[(within & (np.abs(truth) > STILL)).ravel()]]
     return Result(
         compared=float(known.sum() / slope.sum()),
         seen=float((significant & changed & (dz * truth > 0)).sum() / changed.sum()),
         false=float(significant[still].mean()),
-        false_zones=float(len(zones) - len(np.setdiff1d(moved, [0]))),
+        false_zones=float(labels.max() - len(np.setdiff1d(moved, [0]))),
         rmse=float(np.sqrt(np.mean((dz - truth)[known] ** 2))),
         in_errors=float(np.sqrt(np.mean(((mean[0] - mean[1]) / mean[2]) ** 2))),
         level=float(np.median(values(change.level)[known])),
@@ -88,12 +88,12 @@ def results(pair: SimulatedPair) -> dict[str, Result]:
     area = shapely.Polygon(pair.roi)
     changes = {
         f"{cell:g} m": difference(
-            first, second, ChangeParameters(cell=cell, adaptive=False), registration_error=error, area=area
+            first, second, ChangeParameters(cell=cell, adaptive=False), registration_error=error, areas=Areas(area)
         )
         for cell in SIZES
     }
     growing = ChangeParameters(adaptive=True)
-    changes["growing"] = difference(first, second, growing, registration_error=error, area=area)
+    changes["growing"] = difference(first, second, growing, registration_error=error, areas=Areas(area))
     fine = changes["growing"]
     truth = pair.true_change_raster(fine.grid, subsamples=8)
     slope = cells_inside(area, fine.grid)
@@ -148,7 +148,7 @@ def picture(path: Path, vegetation: float = 0.8, seed: int = 2) -> None:
     first, second, error = registered_clouds(pair)
     area = shapely.Polygon(pair.roi)
     fixed, grown = (
-        difference(first, second, ChangeParameters(adaptive=adaptive), registration_error=error, area=area)
+        difference(first, second, ChangeParameters(adaptive=adaptive), registration_error=error, areas=Areas(area))
         for adaptive in (False, True)
     )
     grid = grown.grid

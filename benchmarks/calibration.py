@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import shapely
 
-from ..engine.change.difference import difference
+from ..engine.change.difference import Areas, difference
 from ..engine.change.result import Change
 from ..engine.core.arrays import Float
 from ..interface.parameters import ChangeParameters, SurveyParameters
@@ -106,5 +106,5 @@ def _change(pair: Unchanged, parameters: ChangeParameters, cell: float, known: s
         pair.second,
         ChangeParameters(cell=cell, **values),
         registration_error=pair.registration_error,
-        stable_area=known,
+        areas=Areas(stable=known),
     )

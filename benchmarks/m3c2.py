@@ -10,7 +10,7 @@ import numpy as np
 from ..engine.change.difference import difference
 from ..engine.core.arrays import Float
 from ..engine.grid.grid import cell_index
-from ..engine.m3c2.distances import Distances, Status, m3c2_distances
+from ..engine.m3c2.distances import Cylinder, Distances, Status, m3c2_distances
 from ..engine.m3c2.lattice import Lattice
 from ..engine.m3c2.normals import fit_planes
 from ..engine.m3c2.scales import choose_scales, overlap_bounds, spread_cores
@@ -121,9 +121,8 @@ def _own(
     for _ in range(REPEATS):
         start, worked = time.perf_counter(), time.process_time()
         normal = fit_planes(Lattice(first, diameter / 2), core, diameter).normal
-        found = m3c2_distances(
-            Lattice(first, radius), Lattice(second, radius), core, normal, radius=radius, half_length=half_length
-        )
+        lattices = Lattice(first, radius), Lattice(second, radius)
+        found = m3c2_distances(lattices, core, normal, Cylinder(radius, half_length))
         seconds = min(seconds, time.perf_counter() - start)
         work = min(work, time.process_time() - worked)
     assert found is not None

@@ -16,7 +16,7 @@ from ..engine.change.difference import uniform_shift
 from ..engine.core.arrays import Bool, Float
 from ..engine.grid.common_grid import common_grid
 from ..engine.grid.grid import cell_index
-from ..engine.m3c2.distances import Distances, m3c2_distances
+from ..engine.m3c2.distances import Cylinder, Distances, LevelTerms, m3c2_distances
 from ..engine.m3c2.lattice import Lattice
 from ..engine.m3c2.level import calibrated, slope_of
 from ..engine.m3c2.normals import fit_planes
@@ -107,13 +107,11 @@ def measure(pair: Pair, scale: float = 0.0) -> Measured:
         for ground in (pair.first, pair.second)
     )
     published = m3c2_distances(
-        one,
-        two,
+        (one, two),
         core,
         normal,
-        radius=radius,
-        half_length=scales.half_length,
-        registration_error=pair.registration_error,
+        Cylinder(radius, scales.half_length),
+        LevelTerms(registration_error=pair.registration_error),
         spread=True,
     )
     shift = uniform_shift(published.distance[published.measured], published.level[published.measured])

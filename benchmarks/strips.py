@@ -16,7 +16,7 @@ import shapely
 from scipy.spatial import cKDTree
 
 from ..engine.change.coverage import compared_share
-from ..engine.change.difference import difference
+from ..engine.change.difference import Areas, difference
 from ..engine.change.result import Change
 from ..engine.core.arrays import Bool, Float
 from ..engine.registration.register import register
@@ -116,7 +116,9 @@ def _change(
     strips: Strips, second: Float, cell: float, *, registered: bool = True, stable: shapely.Polygon | None = None
 ) -> Change:
     error = strips.registration_error if registered else 0.0
-    return difference(strips.first, second, ChangeParameters(cell=cell), registration_error=error, stable_area=stable)
+    return difference(
+        strips.first, second, ChangeParameters(cell=cell), registration_error=error, areas=Areas(stable=stable)
+    )
 
 
 def _halves(strips: Strips, cell: float) -> list[tuple[Change, Bool]]:

@@ -21,9 +21,8 @@ from ..engine.grid.grid import Grid
 from ..engine.grid.partition import Partition
 from ..engine.statistics.normal import Z95
 from ..engine.statistics.variogram import VariogramModel
-from ..engine.zones.detected import Detected
 from ..engine.zones.extraction import Zones, extract_zones
-from ..engine.zones.footprints import Cells, footprint_labels
+from ..engine.zones.footprints import Cells, Detected, footprint_labels
 from ..engine.zones.gcd_table import volume_table
 from ..interface.parameters import ChangeParameters, SurveyParameters
 from ..simulation.frame import Frame

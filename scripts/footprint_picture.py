@@ -17,9 +17,8 @@ from slopewatch.engine.grid.grid import Grid
 from slopewatch.engine.grid.partition import Partition
 from slopewatch.engine.maps.palette import diverging_colours
 from slopewatch.engine.statistics.normal import Z95
-from slopewatch.engine.zones.detected import Detected
 from slopewatch.engine.zones.extraction import extract_zones
-from slopewatch.engine.zones.footprints import Cells, footprint_labels
+from slopewatch.engine.zones.footprints import Cells, Detected, footprint_labels
 
 CELL, ROWS, COLUMNS = 0.1, 90, 180
 ERROR, REGISTRATION = 0.035, 0.002

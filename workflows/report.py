@@ -59,7 +59,7 @@ def report_step(folder: Path, parameters: ReportParameters, *, profiles: Path | 
         for sentence in missed_lines(facts):
             progress.warning(sentence)
         outputs = files | {"report": stage.final(REPORT)}
-        _tell_of_profiles(record, facts, parameters, profiles, progress)
+        _record_profiles(record, facts, parameters, profiles, progress)
         record["outputs"] |= {name: path.name for name, path in outputs.items()}
         text = json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False)
         stage.path("run.json").write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
@@ -71,7 +71,7 @@ def report_step(folder: Path, parameters: ReportParameters, *, profiles: Path | 
     return RunResult(outputs | {"run": folder / "run.json"}, {"profiles": len(facts)}, tuple(progress.warnings))
 
 
-def _tell_of_profiles(
+def _record_profiles(
     record: dict[str, Any],
     facts: list[dict[str, Any]],
     parameters: ReportParameters,

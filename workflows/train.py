@@ -162,7 +162,7 @@ def training_facts(
     polygons: dict[str, str] | None,
     torch_version: str,
 ) -> dict[str, Any]:
-    """What the model's description says of its training; ``polygons`` are name and SHA-256 of the file of labels."""
+    """What the model's description states of its training; ``polygons`` are name and SHA-256 of the file of labels."""
     names = [cloud.name for cloud in clouds]
     return {
         "start": None if start is None else {"name": start.configuration.name, "sha256": start.sha256},

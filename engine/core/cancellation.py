@@ -1,7 +1,7 @@
 """Cancelling: child processes and temporary files that must not outlive the command.
 
-The command runs in the main thread. A watcher thread hears of a signal (through ``signal.set_wakeup_fd``, which works
-while native code runs) or of the parent's death (standard input closes), ends the children, removes what is
+The command runs in the main thread. A watcher thread is woken by a signal (through ``signal.set_wakeup_fd``, which
+works while native code runs) or by the parent's death (standard input closes), ends the children, removes what is
 half-written and exits at once. Native work that holds the interpreter's lock belongs into a child (``run_child``).
 """
 

@@ -12,7 +12,7 @@ from ...interface.parameters.registration import MAX_OFFSET_M
 from ..core.arrays import Float
 from ..statistics.robust import nmad
 
-FOOT = 0.3048
+FOOT_M = 0.3048
 _CELL_COUNT = 900  # that the shared extent is cut into
 _MAX_POINTS = 400_000  # of a cloud, evenly taken, are enough for the heights of so many cells
 _MIN_CELLS = 30  # common cells; with fewer the whole overlap is not judged
@@ -69,7 +69,7 @@ def compare_heights(first: Float, second: Float) -> HeightComparison | None:
         return None
     a, b = first[both], second[both]
     ratio = None
-    for factor in (1 / FOOT, FOOT):
+    for factor in (1 / FOOT_M, FOOT_M):
         relief = min(nmad(a), nmad(b))
         if relief > _MIN_RELIEF_M and nmad(b - factor * a) < _MAX_SCATTER_RATIO * min(nmad(b), nmad(b - a)):
             ratio = factor
@@ -88,7 +88,7 @@ def disagreement(found: HeightComparison | None, first: str, second: str, limit:
     if found.unit_ratio is not None:
         return (
             f"The heights of {second} are {found.unit_ratio:.3f} times those of {first} over the whole overlap, so one "
-            "of them is in feet; convert its heights to metres, or mend the reference system that it declares."
+            "of them is in feet; convert its heights to metres, or correct the reference system that it declares."
         )
     if abs(found.offset) <= limit or not found.even:
         return None

@@ -18,11 +18,11 @@ from ...interface.parameters import DistanceParameters, given
 from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.progress import Progress
-from .distances import cylinder_statistics
+from .distances import Cylinder, cylinder_statistics
 from .lattice import Lattice
 from .normals import Fits, fit_planes
 
-NORMAL_RATIO, LEAST_RATIO = 25.0, 20.0  # normal scale over roughness
+NORMAL_RATIO, MIN_NORMAL_RATIO = 25.0, 20.0  # normal scale over roughness
 CYLINDER_POINTS = 25.0
 _MAX_PLACES = 1000  # places at which scales are tried
 _MAX_DISTANCE_POINTS = 200_000  # points whose distance to the other cloud is taken
@@ -177,11 +177,11 @@ def _normal_scale(
         warning = "The points fix no normals at any scale (they lie on lines, perhaps); give --normal-scale."
         return scale, fit_planes(Lattice(reference, scale / 2), places, scale), (warning,)
     ratio, scale, fits = best
-    if ratio >= LEAST_RATIO:
+    if ratio >= MIN_NORMAL_RATIO:
         return scale, fits, ()
     warning = (
         f"At no scale is the surface plane enough for sure normals: {scale:g} m, the best, is only {ratio:.1f} times "
-        f"the roughness ({LEAST_RATIO:.0f} to {NORMAL_RATIO:.0f} are wanted); is vegetation left in the clouds?"
+        f"the roughness ({MIN_NORMAL_RATIO:.0f} to {NORMAL_RATIO:.0f} are wanted); is vegetation left in the clouds?"
     )
     return scale, fits, (warning,)
 
@@ -202,7 +202,7 @@ def _density(reference: Float, moving: Float, places: Float, normal: Float, radi
     """Points a square metre, across the normal, that three quarters of the places exceed in the sparser cloud."""
     per_cloud = []
     for cloud in (reference, moving):
-        count = cylinder_statistics(Lattice(cloud, radius), places, normal, radius, half_length).count
+        count = cylinder_statistics(Lattice(cloud, radius), places, normal, Cylinder(radius, half_length)).count
         per_cloud.append(count / (math.pi * radius**2))
     sparser = np.minimum(*per_cloud)
     if not (sparser > 0).any():

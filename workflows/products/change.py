@@ -54,7 +54,7 @@ ON_REQUEST = ("cell_size.tif", "change_probability.tif", "plant_error.tif", "pla
 
 @dataclass(frozen=True)
 class Context:
-    """What the products say about their origin. ``transform`` is None where nothing was registered by SlopeWatch."""
+    """What the products state about their origin. ``transform`` is None where nothing was registered by SlopeWatch."""
 
     first: Epoch
     second: Epoch
@@ -186,7 +186,7 @@ def profile_products(
     if not every:
         return {}, []
     profiles = [take_profile(line, layers) for line in every]
-    return write_profiles(every, profiles, crs, stage, stamp), [p.facts() for p in profiles]
+    return write_profiles(profiles, crs, stage, stamp), [p.facts() for p in profiles]
 
 
 def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from operator import attrgetter
 import numpy as np
 import pytest
 import shapely
-from slopewatch.engine.change.difference import cells_inside, difference
+from slopewatch.engine.change.difference import Areas, cells_inside, difference
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.grid import grown_cells
@@ -85,7 +85,7 @@ def test_blocks_do_not_depend_on_the_extent_of_the_clouds():
 def test_cells_outside_of_the_clipped_area_stay_empty_and_lend_no_points():
     clouds = epoch(1), epoch(2)
     area = shapely.Point(12, 12).buffer(8)
-    change = difference(*clouds, GROWING, area=area)
+    change = difference(*clouds, GROWING, areas=Areas(area))
     inside = cells_inside(area, change.grid)
     assert not change.valid[~inside].any()
     assert change.valid[inside].mean() > 0.95
@@ -192,7 +192,7 @@ def test_a_known_change_under_simulated_plants_is_recovered():
         for number, cloud in enumerate((pair.first, pair.second))
     ]
     area = shapely.Polygon(pair.roi)
-    change = difference(*clouds, GROWING, area=area)
+    change = difference(*clouds, GROWING, areas=Areas(area))
     unseen = [np.bincount(cell_index(c, change.grid), minlength=change.valid.size) == 0 for c in clouds]
     truth = pair.true_change_raster(change.grid)
     moved = (np.abs(truth) > 0.1) & cells_inside(area, change.grid)
