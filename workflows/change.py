@@ -108,10 +108,11 @@ def _difference(
 ) -> Change:
     with run.step("change", 0.3, 0.5, "differencing"):
         error = registration_error(transform_path)
+        areas = Areas(stable=stable_area(stable, clouds[0].crs))
+        change = compare_pair(*clouds, settings.change, areas, error or 0.0, run.progress)
         if error is None and settings.change.registration_error == AUTO:
             run.progress.warning(
                 "The registration's error is not known here, so the level of detection covers the scatter of the "
                 "points alone; give the registration_error that the registration reported."
             )
-        areas = Areas(stable=stable_area(stable, clouds[0].crs))
-        return compare_pair(*clouds, settings.change, areas, error or 0.0, run.progress)
+        return change

@@ -61,7 +61,7 @@ class TestRefusals:
         with pytest.raises(InputError, match="also an input"):
             run(first, pair[1], first)
         first.unlink()
-        self.refused(tmp_path, *pair, match="--distance-cell", distance_cell=1e-4)
+        self.refused(tmp_path, *pair, match="--distance-cell", distance_cell=1e-3)
 
 
 def test_a_datum_shift_and_change_beyond_the_cylinder_are_named(pair, tmp_path):

@@ -63,7 +63,7 @@ def test_steady_motion_seldom_looks_like_one_that_ends():
     assert sum(f.earliest is not None for f in found) <= 10
 
 
-def test_the_reason_is_told():
+def test_the_reason_is_reported():
     tight = np.full(6, 0.001**2)
 
     def reason(motion, days=DAYS, variance=tight):
@@ -73,7 +73,7 @@ def test_the_reason_is_told():
     assert "does not get faster" in reason(0.3 * (1 - np.exp(-DAYS / 40)))
     assert "level of detection" in reason(0 * DAYS)
     assert "2 velocities in a row" in reason(np.array([0, 0.1, 0.15, 0.16, 0.16, 0.3]) + 0.001 * DAYS)
-    assert "told from a steady one" in reason(0.003 * DAYS + np.array([0, 0, 1, 2, 3, 4]) * 1e-4)
+    assert "distinguished from a steady one" in reason(0.003 * DAYS + np.array([0, 0, 1, 2, 3, 4]) * 1e-4)
     assert "straight line" in reason(np.array([0, 0.03, 0.056, 0.0775, 0.094, 0.80]))
 
 
