@@ -49,7 +49,7 @@ format:  ## Let ruff rewrite what it can
 	$(PYTHON) -m ruff check --fix .
 	$(PYTHON) -m ruff format .
 
-bench: setup  ## Accuracy and speed beside the published method and its peers, as a table
+bench: setup  ## Accuracy and speed compared with the published method and its peers, as a table
 	$(PYTHON) -m slopewatch.benchmarks
 
 model: setup  ## The shipped screening weights, their figures and card, from nothing (hours on a processor; goes on where broken off)

@@ -1,4 +1,4 @@
-"""Print what a run on a simulated survey found beside the simulation's truth: ``demo_report.py SURVEY RESULTS``."""
+"""Print what a run on a simulated survey found, compared with the truth: ``demo_report.py SURVEY RESULTS``."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def change_rows(maps: Maps) -> list[Row]:
 
 
 def zone_rows(survey: Path, results: Path, maps: Maps) -> list[Row]:
-    """How much of the true change lies in zones, and the zones' volumes beside the true ones of the same cells."""
+    """How much of the true change lies in zones, and the zones' volumes compared with the true ones of their cells."""
     zones = geopandas.read_file(results / "zones.gpkg", layer="zones")
     changes = json.loads((survey / "truth.json").read_text(encoding="utf-8"))["changes"]
     rows = [("hazard zones", f"{len(changes)} changes", f"{len(zones)} zones")]

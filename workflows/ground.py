@@ -10,7 +10,7 @@ from ..engine.core.run_result import RunResult
 from ..engine.core.staged_outputs import refuse_other_than_cloud, refuse_unwritable
 from ..engine.ground.cover import cover_sentence, cover_table
 from ..engine.ground.extraction import extract_ground
-from .run import Run, record_beside
+from .run import Run, record_name_of
 from .settings import Settings, groups
 
 
@@ -25,7 +25,7 @@ def ground_step(
     run.refuse_outputs([output, *(output.with_name(f"{stem}_{kind}.laz") for kind in ("clipped", "classified"))])
     program = run.find_pdal(pdal)
     run.hash_inputs()
-    with run.writing(output.absolute().parent, record_name=record_beside(output)) as stage:
+    with run.writing(output.absolute().parent, record_name=record_name_of(output)) as stage:
         with run.step("ground") as entry:
             result = extract_ground(
                 cloud,

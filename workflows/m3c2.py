@@ -37,7 +37,7 @@ from ..engine.pointcloud.writing import copy_with
 from ..interface.parameters import AUTO, DistanceParameters, InputParameters, given
 from .pair import dated_pair, ground_of, stable_area
 from .products.m3c2 import RASTERS, dimensions, main_figures, median_level_95, write_rasters
-from .run import Run, record_beside
+from .run import Run, record_name_of
 from .settings import DistanceSettings, groups
 
 _LONGER_CYLINDER_RATIO = 4.0  # cylinders so many times as long show whether points lie just beyond
@@ -98,7 +98,7 @@ def m3c2_step(
     raster_files = [f"{name}.tif" for name in RASTERS]
     if raster_dir is not None:
         refuse_results(raster_dir, raster_files, overwrite=overwrite)
-    folder, record_name = output.absolute().parent, record_beside(output)
+    folder, record_name = output.absolute().parent, record_name_of(output)
     raster_dir = folder if raster_dir is None else raster_dir.absolute()
     optional = [("core", core), ("transform", transform_path), ("stable", stable)]
     inputs = [*((f"epoch {e.name}", e.path) for e in epochs), *optional]

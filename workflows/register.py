@@ -16,7 +16,7 @@ from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.reading import read_cloud
 from ..engine.pointcloud.writing import copy_with
 from .pair import ground_of, register_pair
-from .run import Run, record_beside
+from .run import Run, record_name_of
 from .settings import Settings, groups
 
 
@@ -49,7 +49,7 @@ def register_step(
         refuse_raw((reference, moving), settings.surface.ground, settings.inputs)
     run.hash_inputs()
     others = [transform_path.absolute().parent] if transform_path else []
-    with run.writing(output.absolute().parent, record_name=record_beside(output), others=others) as stage:
+    with run.writing(output.absolute().parent, record_name=record_name_of(output), others=others) as stage:
         with run.step("read", 0.0, 0.2, "reading") as entry:
             first = read_cloud(reference, settings.inputs, progress=progress)
             second = read_cloud(moving, settings.inputs, progress=progress)

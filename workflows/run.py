@@ -183,6 +183,6 @@ class Run:
         return RunResult(self.outputs, self.figures, tuple(self.progress.warnings))
 
 
-def record_beside(output: Path) -> str:
+def record_name_of(output: Path) -> str:
     """Name of the run record of a command whose main output is one file."""
     return f"{output.stem}_run.json"

@@ -27,7 +27,7 @@ from ..models.screening.cloud_file import ScreenedFile
 from ..models.screening.screen import screen_points
 from ..models.screening.zones import outline_hazards
 from .products.screening import Pictured, screening_figures, write_products
-from .run import Run, record_beside
+from .run import Run, record_name_of
 from .settings import ScreeningSettings, groups
 
 _INDEX = "slopewatch_index"
@@ -57,7 +57,7 @@ def screen_step(
     extracting = parameters.ground == "extract"
     recorded = ("inputs", "screening", "ground") if extracting else ("inputs", "screening")
     run = Run("screen", groups(settings, *recorded), [("cloud", cloud), ("roi", roi)], progress)
-    record_name = record_beside(targets["labelled"])
+    record_name = record_name_of(targets["labelled"])
     _refuse_targets(run, {**targets, "run": targets["labelled"].with_name(record_name)})
     digest = run.hash_inputs()[0]
     run_id = run.run_id(digest)

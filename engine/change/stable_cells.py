@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from ..core.arrays import Float, Index
 from ..grid.cell_slope import class_of_slope
-from ..grid.part_windows import LEAST_CELLS, PartWindows
+from ..grid.part_windows import MIN_WINDOW_CELLS, PartWindows
 from ..grid.partition import Partition
 from ..statistics.quantiles import sample_quantile
 from ..statistics.robust import NORMALISED
@@ -102,7 +102,7 @@ def changed_cells(dz: Float, error: Float, cell: float) -> NDArray[np.bool_]:
     known = np.isfinite(dz) & np.isfinite(error) & (error > 0)
     z = np.zeros(dz.shape)
     z[known] = np.clip(dz[known] / error[known], -2.0 * _MAX_MEAN_DEVIATIONS, 2.0 * _MAX_MEAN_DEVIATIONS)
-    size = max(_width(cell), LEAST_CELLS)
+    size = max(_width(cell), MIN_WINDOW_CELLS)
     number = ndimage.uniform_filter(known.astype(np.float64), size, mode="constant")
     mean = ndimage.uniform_filter(z, size, mode="constant") / np.maximum(number, 1e-9)
     return np.asarray(known & (np.abs(mean) > _MAX_MEAN_DEVIATIONS))

@@ -13,14 +13,14 @@ from ...interface.parameters import AUTO, ChangeParameters, GridChangeParameters
 from ..core.arrays import Float
 from ..geometry.point_spacing import point_spacing
 
-CELLS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
+CELL_SIDES_M = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 """Sides of a cell that are chosen from, metres."""
-LARGEST = 1.6
+MAX_GROWN_SIDE_M = 1.6
 """Side (m) from which on a cell's level of detection is no reason to grow any more."""
-LEAST_POINTS = 4
+MIN_POINTS = 4
 """Points that a grown cell takes in either epoch, at least."""
 _MIN_SERVED_SHARE = 0.9  # share of the squares with points of both surveys that must have enough of both
-_MAX_STEPS = 4  # doublings beyond LARGEST
+_MAX_STEPS = 4  # doublings beyond MAX_GROWN_SIDE_M
 
 Parameters = TypeVar("Parameters", bound=GridChangeParameters)
 
@@ -39,7 +39,7 @@ class CellChoice:
 
 
 def choose_cell(clouds: Sequence[Float], parameters: GridChangeParameters) -> CellChoice:
-    """The cell as given, or that of ``CELLS`` which is nearest to how far the sparser survey's points lie apart.
+    """The cell as given, or that of ``CELL_SIDES_M`` which is nearest to how far the sparser survey's points lie apart.
 
     With one point in a cell at the median, smaller cells would show nothing finer, and larger ones would blur what the
     points show; cells that grow start from there.
@@ -51,7 +51,7 @@ def choose_cell(clouds: Sequence[Float], parameters: GridChangeParameters) -> Ce
     if side is not None:
         return CellChoice(side, False, f"Cells of {side:g} m, as given.")
     spacing = max(point_spacing(cloud[:, :2]) for cloud in clouds)
-    cell = min(CELLS, key=lambda side: abs(math.log(side / spacing)))
+    cell = min(CELL_SIDES_M, key=lambda side: abs(math.log(side / spacing)))
     whose = "the sparser survey" if len(clouds) > 1 else "the first survey"
     sentence = (
         f"Cells of {cell:g} m, chosen because the points of {whose} are {spacing:.2g} m apart; --cell fixes another "
@@ -66,9 +66,12 @@ def with_cell(parameters: Parameters, choice: CellChoice) -> Parameters:
 
 
 def level_step(cell: float, parameters: ChangeParameters) -> int:
-    """How often ``cell`` (m) may double its side to reach the level: within ``largest_cell``, or until ``LARGEST``."""
+    """How often ``cell`` (m) may double its side to reach the level.
+
+    Within ``largest_cell``, or until ``MAX_GROWN_SIDE_M``.
+    """
     largest = given(parameters.largest_cell)
-    ratio = math.log2((largest or LARGEST) / cell)
+    ratio = math.log2((largest or MAX_GROWN_SIDE_M) / cell)
     return max(0, math.floor(ratio + 1e-9) if largest else math.ceil(ratio - 1e-9))
 
 
@@ -103,4 +106,4 @@ def _served(first: Float, second: Float, low: Float, high: Float, side: float) -
         counts.append(np.unique(place[:, 1] * columns + place[:, 0], return_counts=True))
     _, a, b = np.intersect1d(counts[0][0], counts[1][0], assume_unique=True, return_indices=True)
     fewest = np.minimum(counts[0][1][a], counts[1][1][b])
-    return float(np.mean(fewest >= LEAST_POINTS)) if fewest.size else 0.0
+    return float(np.mean(fewest >= MIN_POINTS)) if fewest.size else 0.0

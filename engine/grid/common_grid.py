@@ -11,7 +11,7 @@ import numpy as np
 from ...interface.parameters import GridChangeParameters
 from ..core.arrays import Float
 from ..core.errors import InputError
-from .chosen_cell import CELLS, CellChoice
+from .chosen_cell import CELL_SIDES_M, CellChoice
 from .grid import Grid, snapped_grid
 
 # Measured peaks of change.difference() and the zones after it.
@@ -57,7 +57,7 @@ def refuse_too_large(bounds: Bounds, area: float, parameters: GridChangeParamete
 def affordable(
     choice: CellChoice, clouds: Sequence[Float], parameters: GridChangeParameters, *, plants: bool = False
 ) -> CellChoice:
-    """The cell that the clouds chose, or the next of ``CELLS`` whose grid needs no more than ``memory_limit``.
+    """The cell that the clouds chose, or the next of ``CELL_SIDES_M`` whose grid needs no more than ``memory_limit``.
 
     A cell that was given stays what it is.
     """
@@ -72,7 +72,7 @@ def affordable(
     wanted = needed(choice.cell)
     if wanted <= limit:
         return choice
-    cell = next((side for side in CELLS if side > choice.cell and needed(side) <= limit), 0.0)
+    cell = next((side for side in CELL_SIDES_M if side > choice.cell and needed(side) <= limit), 0.0)
     sized = replace(parameters, cell=choice.cell)
     cell = cell or _cell_that_fits(bounds, slope_area(clouds, choice.cell), sized, plants=plants)
     sentence = (

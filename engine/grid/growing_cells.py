@@ -17,7 +17,7 @@ from ..pointcloud.plant_cover import PlantCover
 from .block_moments import cell_moments
 from .chosen_cell import largest_step, level_step
 from .grid import Grid, cell_index
-from .grown_cells import COLUMNS, RADIUS, Grown, Growth, grow
+from .grown_cells import COLUMNS, PRIOR_RADIUS_BLOCKS, Grown, Growth, grow
 from .partition import Partition
 from .plant_cells import PlantCells, together
 
@@ -242,7 +242,7 @@ def _windows(
         whole = slice(0, rows), slice(0, columns)
         yield whole, whole
         return
-    side, margin = multiple * max(1, _TILE // multiple), multiple * (RADIUS + 1)
+    side, margin = multiple * max(1, _TILE // multiple), multiple * (PRIOR_RADIUS_BLOCKS + 1)
     reached = []
     for epoch in epochs:
         tiles = np.zeros((-(-rows // side), -(-columns // side)), dtype=bool)

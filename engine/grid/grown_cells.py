@@ -12,11 +12,11 @@ from ...interface.parameters import ChangeParameters
 from ..core.arrays import Float
 from ..statistics.normal import quantile
 from .block_moments import Moments, ParallelPlanes, merged, parallel_planes, variance_by_parts
-from .chosen_cell import LEAST_POINTS
+from .chosen_cell import MIN_POINTS
 
-CLEAR, FEWEST_OF_CLEAR = 0.25, 3
+MAX_CLEAR_LEVEL_SHARE, MIN_CLEAR_POINTS = 0.25, 3
 """A change is clear where its level of detection is at most this share of it; its blocks take so many points."""
-RADIUS = 3
+PRIOR_RADIUS_BLOCKS = 3
 """Blocks around one, whose variance is its prior."""
 _PRIOR_DEGREES = 8.0  # of freedom that the surrounding blocks' variance counts
 _PART_LEVELS = 2  # a block is compared with its parts of a quarter of its side
@@ -93,12 +93,12 @@ def _serve(
     shared = np.hypot(growth.registration_error, _plant_error(moments))
     fewest = np.minimum(moments[0].count, moments[1].count)
     usable = planes.sound & np.isfinite(sampling) & (fewest >= parameters.minimum_points)
-    enough = fewest >= LEAST_POINTS
+    enough = fewest >= MIN_POINTS
     with np.errstate(invalid="ignore"):
         level = quantile(parameters.confidence) * np.hypot(sampling, shared)
         if step < growth.enough:
             enough &= (level <= parameters.target_level) | (sampling <= shared)
-        enough |= (fewest >= FEWEST_OF_CLEAR) & (level <= CLEAR * np.abs(planes.dz))
+        enough |= (fewest >= MIN_CLEAR_POINTS) & (level <= MAX_CLEAR_LEVEL_SHARE * np.abs(planes.dz))
     return usable & enough
 
 
@@ -171,7 +171,7 @@ def _sampling_error(
 
 def _surrounding_variance(squares: Float, degrees: Float) -> Float:
     """Variance of a point by the blocks around, all together where there are too few of them."""
-    size = 2 * RADIUS + 1
+    size = 2 * PRIOR_RADIUS_BLOCKS + 1
     sums = np.nan_to_num(np.stack([squares, degrees]))
     near = ndimage.uniform_filter(sums, (1, size, size), mode="constant") * size**2
     total = sums[1].sum()

@@ -15,7 +15,7 @@ from .partition import Partition
 
 _BAND = 4_000_000  # cells that are summed around at a time
 _OWN_SIDES = 3  # of a grown part, at least: it and its neighbours
-LEAST_CELLS = 5
+MIN_WINDOW_CELLS = 5
 """Along the side of a window around a cell."""
 
 
@@ -101,7 +101,7 @@ class PartWindows:
 
     @property
     def _windows(self) -> Windows:
-        return Windows(self.here, self.partition.shape, max(self.least, LEAST_CELLS) // 2)
+        return Windows(self.here, self.partition.shape, max(self.least, MIN_WINDOW_CELLS) // 2)
 
     def _on_grid(self, values: NDArray[Any]) -> NDArray[Any]:
         grid = np.zeros(self.partition.shape, dtype=values.dtype)

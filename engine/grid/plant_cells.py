@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..core.arrays import Float
 from .grid import Grid, cell_index
 
-CLEAR = 3.0
+MIN_CLEAR_PLANT_ERRORS = 3.0
 """Times the error by plants that the mean change of a group of cells must be, to be evidence.
 
 Many cells side by side beyond their level are no chance where their errors are their own. What plants do is one error
@@ -75,4 +75,4 @@ def clear_of_plants(labels: NDArray[np.integer], count: int, dz: Float, plants: 
     inside = np.flatnonzero(labels.ravel() > 0)
     group = labels.ravel()[inside]
     change, error = (np.bincount(group, v.ravel()[inside], minlength=count + 1) for v in (dz, plants))
-    return np.asarray(np.abs(change) >= CLEAR * error)
+    return np.asarray(np.abs(change) >= MIN_CLEAR_PLANT_ERRORS * error)

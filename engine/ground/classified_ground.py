@@ -16,15 +16,15 @@ from .cover import percent
 from .filtering import dominant_plane
 from .squares import square_numbers
 
-CLOSE_M, FEWEST_CLOSE, STEP_M = 0.5, 3, 0.3
+CLOSE_DISTANCE_M, MIN_CLOSE_POINTS, MAX_STEP_M = 0.5, 3, 0.3
 """A point that has so many others so close contradicts them if half of them lie farther above or below it than the
 step, apart from the inclination around it."""
-AROUND = 12
+FITTED_NEIGHBOURS = 12
 """Nearest points to which the ground around is fitted."""
 _MIN_WARNED_SHARE, _MIN_REFUSED_SHARE = 0.02, 0.6
 """Shares of points from which a warning is given, and from which they are no surface. Real classes have 0 to 0.5 %,
 those of a gorge under forest 50 %; whole surveys with their plants 30 to 84 %."""
-SAMPLE, FEWEST, MOST_POINTS, SQUARE_M = 20_000, 100, 2_000_000, 10.0
+MAX_SAMPLED_POINTS, MIN_SAMPLED_POINTS, MAX_POINTS, SQUARE_SIDE_M = 20_000, 100, 2_000_000, 10.0
 """Points that are looked at, and least that must have a close neighbour; a larger cloud is looked at in squares."""
 
 
@@ -38,8 +38,8 @@ def warn_of_classes(path: Path, xyz: Float, progress: Progress) -> None:
     if share < _MIN_WARNED_SHARE:
         return
     found = (
-        f"{percent(share)} of the points of class 2 of {shown(path)} lie more than {STEP_M:g} m over or below those "
-        f"within {CLOSE_M:g} m around"
+        f"{percent(share)} of the points of class 2 of {shown(path)} lie more than {MAX_STEP_M:g} m over or below "
+        f"those within {CLOSE_DISTANCE_M:g} m around"
     )
     if share >= _MIN_REFUSED_SHARE:
         raise InputError(f"{found}, so they are no surface; extract its ground with slopewatch ground instead.")
@@ -53,22 +53,22 @@ def contradicting_share(xyz: Float, *, seed: int = 0) -> float:
 
     Points without close ones are not judged and not counted; 0 where nearly all are such.
     """
-    if len(xyz) < max(FEWEST, AROUND):
+    if len(xyz) < max(MIN_SAMPLED_POINTS, FITTED_NEIGHBOURS):
         return 0.0
     rng = np.random.default_rng(seed)
-    if len(xyz) > MOST_POINTS:
-        number = square_numbers(xyz, SQUARE_M)
-        xyz = xyz[(rng.random(int(number.max()) + 1) < MOST_POINTS / len(xyz))[number]]
+    if len(xyz) > MAX_POINTS:
+        number = square_numbers(xyz, SQUARE_SIDE_M)
+        xyz = xyz[(rng.random(int(number.max()) + 1) < MAX_POINTS / len(xyz))[number]]
     flat = apply_matrix(flattening_matrix(dominant_plane(xyz)), xyz)
-    sample = flat[rng.permutation(len(flat))[:SAMPLE]]
-    distance, index = cKDTree(flat[:, :2]).query(sample[:, :2], k=AROUND)
+    sample = flat[rng.permutation(len(flat))[:MAX_SAMPLED_POINTS]]
+    distance, index = cKDTree(flat[:, :2]).query(sample[:, :2], k=FITTED_NEIGHBOURS)
     offset = flat[index] - sample[:, None]
-    close = distance[:, 1:] < CLOSE_M
+    close = distance[:, 1:] < CLOSE_DISTANCE_M
     rise = np.where(close, (offset[..., 2] - _inclined(offset))[:, 1:], np.nan)
-    counted = close.sum(axis=1) >= FEWEST_CLOSE
-    if np.count_nonzero(counted) < FEWEST:
+    counted = close.sum(axis=1) >= MIN_CLOSE_POINTS
+    if np.count_nonzero(counted) < MIN_SAMPLED_POINTS:
         return 0.0
-    return float(np.mean(np.abs(np.nanmedian(rise[counted], axis=1)) > STEP_M))
+    return float(np.mean(np.abs(np.nanmedian(rise[counted], axis=1)) > MAX_STEP_M))
 
 
 def _inclined(offset: Float) -> Float:

@@ -17,9 +17,9 @@ from ...interface.parameters import GroundParameters
 from ..core import cancellation, child_process
 from ..core.errors import EngineError, InputError
 
-LARGEST_CLOTH = 16_000_000
+MAX_CLOTH_PARTICLES = 16_000_000
 """Particles: more would take over 8 GB."""
-LONGEST_SEARCH, MOST_BARE = 1e8, 500
+MAX_SEARCH_STEPS, MAX_BARE_PARTICLES = 1e8, 500
 """Steps of the library's search along rows, and particles in bare rows and columns: more take over ten seconds."""
 _MAX_DISTANCE_CELLS = 3.0
 _WORKER = Path(__file__).with_name("cloth_worker.py")
@@ -83,12 +83,12 @@ def refuse_large_cloth(xyz: NDArray[np.float64], resolution: float) -> int:
     """Number of the cloth's particles over these points.
 
     Raises:
-        InputError: more than LARGEST_CLOTH, with a resolution that fits.
+        InputError: more than MAX_CLOTH_PARTICLES, with a resolution that fits.
     """
     width, depth = np.ptp(xyz[:, :2], axis=0).tolist()
     particles = math.floor(width / resolution + 4) * math.floor(depth / resolution + 4)
-    if particles > LARGEST_CLOTH:
-        fits = math.ceil(100.0 * math.sqrt(width * depth / LARGEST_CLOTH) * 1.05 + 1) / 100.0
+    if particles > MAX_CLOTH_PARTICLES:
+        fits = math.ceil(100.0 * math.sqrt(width * depth / MAX_CLOTH_PARTICLES) * 1.05 + 1) / 100.0
         raise InputError(
             f"cloth_resolution is {resolution:g} m, which over {width:.0f} x {depth:.0f} m makes {particles:.2g} "
             f"particles; give at least {fits:g} m, or clip the cloud to a region of interest."
@@ -106,13 +106,13 @@ def filling(xyz: NDArray[np.float64], resolution: float) -> NDArray[np.float64]:
     index = np.floor((xyz[:, :2] - xyz[:, :2].min(axis=0)) / resolution + 0.5).astype(np.int64)
     shape = tuple(int(n) + 1 for n in index.max(axis=0))
     bare = math.prod(n - len(np.unique(index[:, axis])) for axis, n in enumerate(shape))
-    if bare <= MOST_BARE and math.prod(shape) * max(shape) <= LONGEST_SEARCH:
+    if bare <= MAX_BARE_PARTICLES and math.prod(shape) * max(shape) <= MAX_SEARCH_STEPS:
         return np.empty((0, 3))
     lowest = np.full(shape, np.inf)
     np.minimum.at(lowest, (index[:, 0], index[:, 1]), xyz[:, 2])
     distance, (i, j) = ndimage.distance_transform_edt(np.isinf(lowest), return_indices=True)
     far = np.nonzero(distance > _MAX_DISTANCE_CELLS)
-    if bare <= MOST_BARE and len(far[0]) * max(shape) <= LONGEST_SEARCH:
+    if bare <= MAX_BARE_PARTICLES and len(far[0]) * max(shape) <= MAX_SEARCH_STEPS:
         return np.empty((0, 3))
     place = xyz[:, :2].min(axis=0) + resolution * np.column_stack(far)
     return np.column_stack([place, lowest[i[far], j[far]]])

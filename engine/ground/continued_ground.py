@@ -15,18 +15,18 @@ import numpy as np
 from ..core.arrays import Bool, Float
 from ..geometry.plane_cells import Planes
 
-FEWEST_KNOWN = 8.0
+MIN_KNOWN_RETURNS = 8.0
 """Returns of known ground through which a window's plane is laid."""
-ON_PLANE = 2.5
+MAX_PLANE_DISTANCE_SCATTERS = 2.5
 """Times the scatter within which a return lies on a plane."""
-LEAST_SHARE = 0.6
+MIN_ON_PLANE_SHARE = 0.6
 """Share of the returns near the ground that must lie on planes of adjacent windows."""
-LEAST_BEND_M, LEAST_INCLINATION, LEAST_BENT_SHARE = 0.1, 0.3, 0.2
+MIN_BEND_M, MIN_BEND_INCLINATION, MIN_BENT_SHARE = 0.1, 0.3, 0.2
 """Height over the wider ground, or inclination against it, of ground that bends, and the share of a window's returns
 that must: stubble of a lawn stands lower and lies along."""
-INNER_SHARE = 0.72
+MIN_INNER_SHARE = 0.72
 """Share of the returns on a plane that lie within the scatter: 0.9 of bare ground's, 0.4 of those in plants."""
-LEVEL = 0.01
+LEVEL_PULL_SHARE = 0.01
 """Pull of planes towards level, as a share of their returns."""
 ROUNDS = 6
 
@@ -58,18 +58,18 @@ def continued(
     joined = np.zeros(len(height), dtype=bool)
     for _ in range(ROUNDS):
         planes = _planes(height, ground, windows, scatter)
-        over, inclined = _beside(height, near & ~ground, windows, planes)
-        on = np.abs(over) <= ON_PLANE * scatter
-        bends = (np.abs(height - over) > LEAST_BEND_M) | (inclined > LEAST_INCLINATION * side)
+        over, inclined = _adjacent(height, near & ~ground, windows, planes)
+        on = np.abs(over) <= MAX_PLANE_DISTANCE_SCATTERS * scatter
+        bends = (np.abs(height - over) > MIN_BEND_M) | (inclined > MIN_BEND_INCLINATION * side)
         number, inner, bent, known_returns, square = (
             windows.sum(np.asarray(values, dtype=np.float64))
             for values in (on, np.abs(over) <= scatter, on & bends, on | ground, np.where(on, over, 0.0) ** 2)
         )
         fits = (
-            (known_returns >= np.maximum(LEAST_SHARE * everything, FEWEST_KNOWN))
+            (known_returns >= np.maximum(MIN_ON_PLANE_SHARE * everything, MIN_KNOWN_RETURNS))
             & (square <= number * scatter**2)
-            & (bent >= LEAST_BENT_SHARE * number)
-            & (inner >= INNER_SHARE * number)
+            & (bent >= MIN_BENT_SHARE * number)
+            & (inner >= MIN_INNER_SHARE * number)
         )
         new = on & fits.ravel()[windows.key]
         if not new.any():
@@ -84,13 +84,15 @@ def _planes(height: Float, ground: Bool, windows: Planes, scatter: float) -> _Kn
     """Planes through each window's own ground; known where it scatters about it as bare ground does."""
     weight = ground.astype(np.float64)
     value = np.where(ground, height, 0.0)
-    middle, along, across = windows.fit(value, weight, 0.0, LEVEL)
+    middle, along, across = windows.fit(value, weight, 0.0, LEVEL_PULL_SHARE)
     residual = np.where(ground, value - windows.at_points(middle, along, across), 0.0)
     count = windows.sum(weight)
-    return _Known((count >= FEWEST_KNOWN) & (windows.sum(residual**2) <= count * scatter**2), middle, along, across)
+    return _Known(
+        (count >= MIN_KNOWN_RETURNS) & (windows.sum(residual**2) <= count * scatter**2), middle, along, across
+    )
 
 
-def _beside(height: Float, asked: Bool, windows: Planes, planes: _Known) -> tuple[Float, Float]:
+def _adjacent(height: Float, asked: Bool, windows: Planes, planes: _Known) -> tuple[Float, Float]:
     """(n,) height over that plane of the windows around, and of the own one, which lies closest; else infinite.
 
     The second is that plane's inclination by a window's side.

@@ -1,9 +1,9 @@
 """What covers the ground: bare, grass, shrubs, trees; and how well the ground below is known.
 
 Squares seen from above are classified by the heights of their returns over the extracted ground. Squares of 4 m are
-quartered down to 0.5 m as long as they hold ``ENOUGH`` returns for each quarter that holds any, so that no class rests
-on a handful; or where all returns lie in one half, as at the edge of a survey. Corners are whole multiples of
-the side, so two surveys of one slope have the same places.
+quartered down to 0.5 m as long as they hold ``MIN_QUARTERED_RETURNS`` returns for each quarter that holds any, so
+that no class rests on a handful; or where all returns lie in one half, as at the edge of a survey. Corners are whole
+multiples of the side, so two surveys of one slope have the same places.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ import numpy as np
 
 from ..core.arrays import Bool, Float, Index
 
-FINEST = 0.5
+FINEST_SQUARE_M = 0.5
 _LEVELS = 3
-COARSEST = FINEST * 2**_LEVELS
-ENOUGH = 8
+COARSEST_SQUARE_M = FINEST_SQUARE_M * 2**_LEVELS
+MIN_QUARTERED_RETURNS = 8
 """Returns that a square must hold for each of its quarters that holds any, to be quartered."""
 BARE, LOW, SHRUBS, TREES, UNKNOWN = "bare", "low_plants", "shrubs", "trees", "unknown"
 CLASSES = {
@@ -28,7 +28,7 @@ CLASSES = {
     TREES: "trees",
     UNKNOWN: "no ground known",
 }
-HEIGHTS = (0.1, 1.0, 2.5)
+CLASS_HEIGHTS_M = (0.1, 1.0, 2.5)
 """Heights (m) over the ground above which returns are low plants, shrubs, trees."""
 _MAX_HIGHER_SHARE = 0.05  # share of a square's returns that may lie above a limit: a wire or a bird makes no tree
 _MAX_BARE_ERROR_M = 0.01  # largest plant error (m) of bare ground: short closed grass has no return above 0.1 m
@@ -43,7 +43,7 @@ _BIN_M, _LOWEST_M, _BINS = 0.05, -0.5, 70
 class CoverCells:
     """``index`` (n,) the square of each point; of the m squares, ``side`` (m,) metres and the south-west corner.
 
-    ``column`` and ``row`` (m,) count steps of ``FINEST`` metres from the coordinates' zero. Every square has a point.
+    ``column`` and ``row`` (m,) count steps of ``FINEST_SQUARE_M`` from the coordinates' zero. Every square has a point.
     ``area`` (m,) m² of the quarters that hold any: squares reach beyond the survey's edge.
     """
 
@@ -151,9 +151,9 @@ def cover_facts(
     # the highest class last: it takes what the lower ones took
     kinds = np.zeros(count, dtype=np.int64)
     kinds[error > _MAX_BARE_ERROR_M] = 1
-    for kind, limit in enumerate(HEIGHTS, 1):
+    for kind, limit in enumerate(CLASS_HEIGHTS_M, 1):
         kinds[counted(upright > limit) > _MAX_HIGHER_SHARE * known] = kind
-    kinds[2 * known < returns] = len(HEIGHTS) + 1
+    kinds[2 * known < returns] = len(CLASS_HEIGHTS_M) + 1
     area = cells.area
     noise = _noise(cells, ground, height, on_ground)
     classes = []
@@ -191,7 +191,7 @@ def cover_facts(
 
 def cover_cells(xyz: Float) -> CoverCells:
     """Squares of points (n, 2 or 3), n > 0: of 4 m, quartered down to 0.5 m while they hold enough returns."""
-    step = [np.floor(xyz[:, axis] / FINEST).astype(np.int64) for axis in (0, 1)]
+    step = [np.floor(xyz[:, axis] / FINEST_SQUARE_M).astype(np.int64) for axis in (0, 1)]
     index, column, row = _blocks(*(axis >> _LEVELS for axis in step))
     column, row = column << _LEVELS, row << _LEVELS
     size = np.full(len(column), 1 << _LEVELS)
@@ -202,8 +202,8 @@ def cover_cells(xyz: Float) -> CoverCells:
         some, now = counts > 0, size == 2 << level
         held = np.count_nonzero(some, axis=1)
         both_sides = [(some[:, a] | some[:, b]) & (some[:, c] | some[:, d]) for a, b, c, d in _HALVES]
-        full = ((counts.sum(axis=1) >= ENOUGH * held) | ~(both_sides[0] & both_sides[1])) & now
-        area = np.where(now, held * (FINEST * (1 << level)) ** 2, area)
+        full = ((counts.sum(axis=1) >= MIN_QUARTERED_RETURNS * held) | ~(both_sides[0] & both_sides[1])) & now
+        area = np.where(now, held * (FINEST_SQUARE_M * (1 << level)) ** 2, area)
         parts = np.where(full, 4, 1)
         start = np.cumsum(parts) - parts
         index = start[index] + np.where(full[index], quarter, 0)
@@ -212,9 +212,9 @@ def cover_cells(xyz: Float) -> CoverCells:
         size = np.repeat(np.where(full, size >> 1, size), parts)
         column = np.repeat(column, parts) + (which >> 1) * size
         row = np.repeat(row, parts) + (which & 1) * size
-    area[size == 1] = FINEST**2
+    area[size == 1] = FINEST_SQUARE_M**2
     kept = np.bincount(index, minlength=len(size)) > 0
-    return CoverCells((np.cumsum(kept) - 1)[index], FINEST * size[kept], area[kept], column[kept], row[kept])
+    return CoverCells((np.cumsum(kept) - 1)[index], FINEST_SQUARE_M * size[kept], area[kept], column[kept], row[kept])
 
 
 def cover_sentence(cover: GroundCover) -> str:

@@ -26,20 +26,20 @@ CANDIDATE_CELL_M = 0.5
 """One candidate each cell: its lowest point that has support."""
 SUPPORT_DEPTH_M, SUPPORT_SHARE = 0.1, 0.012
 """A lowest point is believed if this share of its cell's points lies less than this above it."""
-SEED_WINDOW_M, FEWEST_WINDOWS = 15.0, 5
+SEED_WINDOW_M, MIN_SEED_WINDOWS = 15.0, 5
 """Side of the windows whose lowest candidates are the seeds; a smaller cloud has this many across."""
-SEED_STEEPEST_DEG = 30.0
+MAX_SEED_SLOPE_DEG = 30.0
 """A seed that stands over all but one of its neighbours more steeply is in a crown."""
-PIT_STEEPEST_DEG, PIT_DEPTH_M = 50.0, 0.15
+MAX_PIT_SLOPE_DEG, MAX_PIT_DEPTH_M = 50.0, 0.15
 """A candidate that lies deeper below all of its neighbours, and more steeply, is no ground."""
 ANGLES_DEG = (3.0, 10.0)
 """Angle under which a point is seen from its triangle, at first and at last."""
 ANGLE_STEP_DEG = 1.0
-LARGEST_DISTANCE_M, CLOSE_M = 1.0, 0.05
+MAX_DISTANCE_M, CLOSE_M = 1.0, 0.05
 """Distance from the triangle: never more than the first; less than the second joins at any angle."""
-SMALLEST_WINDOW_M = 1.0
-MOST_ROUNDS = 24
-LEAST_GAIN = 0.002
+MIN_WINDOW_M = 1.0
+MAX_ROUNDS = 24
+MIN_GAIN_SHARE = 0.002
 """Share of new points in a round below which the surface is done."""
 NEIGHBOURS, REACH_M = 6, 1.25
 """Ground points through which a plane is laid that continues the ground beyond an edge, and how far it reaches."""
@@ -93,36 +93,36 @@ def densified(points: Float, anchored: Bool | None = None) -> Bool:
     if len(points) == 0:
         return ground
     usable = ~_pits(points)
-    window = min(SEED_WINDOW_M, max(SMALLEST_WINDOW_M, float(np.ptp(points[:, :2], axis=0).min()) / FEWEST_WINDOWS))
+    window = min(SEED_WINDOW_M, max(MIN_WINDOW_M, float(np.ptp(points[:, :2], axis=0).min()) / MIN_SEED_WINDOWS))
     ground[_all_seeds(points, usable, anchored, window)] = True
     _densify(points, ground, usable, window)
     for _ in range(CONTINUED_ROUNDS):
         adjacent = _continued(points, ground, usable)
-        if np.count_nonzero(adjacent) <= LEAST_GAIN * np.count_nonzero(ground):
+        if np.count_nonzero(adjacent) <= MIN_GAIN_SHARE * np.count_nonzero(ground):
             break
         ground |= adjacent
-    _densify(points, ground, usable, SMALLEST_WINDOW_M, ANGLES_DEG[1])
+    _densify(points, ground, usable, MIN_WINDOW_M, ANGLES_DEG[1])
     return ground
 
 
 def _densify(points: Float, ground: Bool, usable: Bool, window: float, first_angle: float = ANGLES_DEG[0]) -> None:
     """Let candidates join ``ground`` (n,), in place, until no more come."""
-    for round_number in range(MOST_ROUNDS):
+    for round_number in range(MAX_ROUNDS):
         rest = np.flatnonzero(usable & ~ground)
         if not len(rest) or not ground.any():
             break
         distance, angle = Triangles(points[ground]).seen(points[rest])
         allowed = min(first_angle + ANGLE_STEP_DEG * round_number, ANGLES_DEG[1])
-        joins = (np.abs(distance) < LARGEST_DISTANCE_M) & ((angle < allowed) | (np.abs(distance) < CLOSE_M))
+        joins = (np.abs(distance) < MAX_DISTANCE_M) & ((angle < allowed) | (np.abs(distance) < CLOSE_M))
         if not joins.any():
             if allowed >= ANGLES_DEG[1]:
                 break
             continue
-        size = max(SMALLEST_WINDOW_M, window / 2.0 ** (round_number + 1))
+        size = max(MIN_WINDOW_M, window / 2.0 ** (round_number + 1))
         low = np.column_stack([points[rest[joins], :2], distance[joins]])
         chosen = rest[joins][lowest_of_cells(low, size)]
         ground[chosen] = True
-        if allowed >= ANGLES_DEG[1] and len(chosen) < LEAST_GAIN * np.count_nonzero(ground):
+        if allowed >= ANGLES_DEG[1] and len(chosen) < MIN_GAIN_SHARE * np.count_nonzero(ground):
             break
 
 
@@ -253,7 +253,7 @@ def _without_crowns(points: Float, index: Index) -> Index:
         distance, neighbour = cKDTree(place[:, :2]).query(place[:, :2], k=min(7, len(index)))
         rise = place[:, None, 2] - place[neighbour[:, 1:], 2]
         steepness = np.sort(np.degrees(np.arctan2(rise, distance[:, 1:])), axis=1)
-        high = steepness[:, 1] > SEED_STEEPEST_DEG
+        high = steepness[:, 1] > MAX_SEED_SLOPE_DEG
         if not high.any():
             break
         index = index[~high]
@@ -266,7 +266,7 @@ def _pits(points: Float) -> Bool:
         return np.zeros(len(points), dtype=bool)
     distance, neighbour = cKDTree(points[:, :2]).query(points[:, :2], k=9)
     rise = points[neighbour[:, 1:], 2] - points[:, None, 2]
-    deepest = PIT_DEPTH_M + math.tan(math.radians(PIT_STEEPEST_DEG)) * distance[:, 1:]
+    deepest = MAX_PIT_DEPTH_M + math.tan(math.radians(MAX_PIT_SLOPE_DEG)) * distance[:, 1:]
     return np.asarray((rise > deepest).all(axis=1), dtype=np.bool_)
 
 

@@ -12,22 +12,22 @@ from ..core.arrays import Bool, Float
 from ..geometry.point_spacing import point_spacing
 from .cover import percent
 
-BARE_SHARE = 0.01
+MIN_BARE_SHARE = 0.01
 """Share of the ground that must be bare for a survey to show how the ground looks: forests and alpine grass may have
 none, slopes with 70 % plants half."""
-BELOW_M, BELOW_THRESHOLDS, BELOW_SHARE = 0.2, 3.0, 0.003
+BELOW_M, BELOW_THRESHOLDS, MAX_BELOW_SHARE = 0.2, 3.0, 0.003
 """Depth below the ground that no noise of the range reaches, in thresholds of the ground at least, and share of
 returns there: 0 to 0.05 % in five real surveys, more where strays are many or ground was missed."""
-LOST_SHARE = 0.05
+MAX_LOST_SHARE = 0.05
 """Share of the pulses without their last return; in complete surveys at most 0.1 %."""
-EVEN_SHARE, SQUARE_POINTS = 0.35, 4
+MAX_EVEN_VARIANCE_RATIO, SQUARE_POINTS = 0.35, 4
 """Variance of the points in squares, of this many times the spacing a side, over their mean: 1 where points lie at
 random, 0.8 to 7 in surveys, less than 0.3 after thinning to a point a cell."""
-FEWEST_SQUARES = 30
+MIN_SQUARES = 30
 THIN_SHARE, THIN_AREA_M2, THIN_PART = 0.05, 50.0, 0.03
 """An area is thin where squares hold less than this share of the median of points; it is reported from so many square
 metres and this part of the survey on."""
-LEAST_MEDIAN = 20.0
+MIN_MEDIAN_POINTS = 20.0
 """Points in the median square of the squares with which thin areas are looked for."""
 
 
@@ -62,7 +62,7 @@ def ground_doubts(name: str, found: Found, lost: float) -> tuple[str, ...]:
 
 
 def _lost_returns(name: str, lost: float) -> str:
-    if lost < LOST_SHARE:
+    if lost < MAX_LOST_SHARE:
         return ""
     return (
         f"The last return of {percent(lost)} of the pulses of {name} is missing, as in a cloud of first returns; under "
@@ -75,7 +75,7 @@ def _nothing_bare(name: str, error: Float) -> str:
     if not len(known):
         return ""
     bare = float(np.mean(known == 0))
-    if bare >= BARE_SHARE:
+    if bare >= MIN_BARE_SHARE:
         return ""
     return (
         f"Nearly nothing of the ground of {name} is bare ({percent(bare)} of the returns near it): its height is found "
@@ -90,7 +90,7 @@ def _below(name: str, found: Found, height: Float) -> str:
     deep = int(np.count_nonzero(height[known] < -depth)) + _removed_below(found, depth)
     total = int(np.count_nonzero(known)) + len(found.removed)
     share = deep / max(total, 1)
-    if share < BELOW_SHARE:
+    if share < MAX_BELOW_SHARE:
         return ""
     return (
         f"{percent(share)} of the returns of {name} lie more than {depth:.1f} m below its ground: stray returns "
@@ -110,10 +110,10 @@ def _removed_below(found: Found, depth: float) -> int:
 def _thinned(name: str, flat: Float) -> str:
     counts = _counts(flat, SQUARE_POINTS * point_spacing(flat[:, :2]))
     inner = counts[ndimage.binary_erosion(counts > 0, np.ones((3, 3)))]
-    if len(inner) < FEWEST_SQUARES:
+    if len(inner) < MIN_SQUARES:
         return ""
     spread = float(inner.var() / inner.mean())
-    if spread >= EVEN_SHARE:
+    if spread >= MAX_EVEN_VARIANCE_RATIO:
         return ""
     return (
         f"The points of {name} lie as evenly as in a cloud thinned to one point a cell (their numbers in squares vary "
@@ -124,7 +124,7 @@ def _thinned(name: str, flat: Float) -> str:
 
 def _thin_area(name: str, found: Found) -> str:
     """Of areas with hardly any return, those whose few points were taken for ground."""
-    side = max(1.0, np.sqrt(LEAST_MEDIAN) * point_spacing(found.flat[:, :2]))
+    side = max(1.0, np.sqrt(MIN_MEDIAN_POINTS) * point_spacing(found.flat[:, :2]))
     low = found.flat[:, :2].min(axis=0)
     counts, ground = _counts(found.flat, side, low), _counts(found.flat[found.ground], side, low, found.flat)
     typical = float(np.median(counts[counts > 0]))

@@ -196,7 +196,7 @@ class _Extraction:
             for note in region.notes:
                 self._warn(note)
             refuse_outside(region, raw.bounds, self.cloud)
-        return Source(header, frame, region, raw.area, raw.largest_class > pdal_pipelines.LARGEST_CLASS)
+        return Source(header, frame, region, raw.area, raw.largest_class > pdal_pipelines.MAX_PDAL_CLASS)
 
     def _clip(self, source: Source, plain: Path) -> None:
         """Write the points within the region to ``plain``; the pipeline is kept as one that writes ``clipped``."""

@@ -18,9 +18,9 @@ from .outliers import outliers
 
 PLANE_CELL, PLANE_TRIES, PLANE_SEED = 1.0, 500, 1
 PLANE_DISTANCES = (0.3, 0.6, 1.2, 2.4, 4.8)
-PLANE_SHARE = 0.5
-FEWEST_POINTS = 10
-STEEPEST_COSINE = 0.1
+MIN_PLANE_SHARE = 0.5
+MIN_POINTS = 10
+MIN_DIP_COSINE = 0.1
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def known_ground(xyz: Float, parameters: GroundParameters | None = None, last: B
 
 def vertical(dip: float) -> float:
     """Vertical metres to a metre square to a plane of the inclination ``dip``, degrees."""
-    return 1.0 / max(math.cos(math.radians(dip)), STEEPEST_COSINE)
+    return 1.0 / max(math.cos(math.radians(dip)), MIN_DIP_COSINE)
 
 
 def dominant_plane(xyz: Float) -> Plane:
@@ -108,7 +108,7 @@ def dominant_plane(xyz: Float) -> Plane:
     points = low if len(low) >= 30 else xyz
     for distance in PLANE_DISTANCES:
         plane = fit_plane(points, distance, PLANE_TRIES, PLANE_SEED)
-        if plane.inlier_share >= PLANE_SHARE:
+        if plane.inlier_share >= MIN_PLANE_SHARE:
             break
     return plane
 
@@ -133,5 +133,5 @@ def cloth_threshold(parameters: GroundParameters) -> float:
 
 def require_points(what: str, count: int) -> None:
     """Raise InputError if there are too few points to work with."""
-    if count < FEWEST_POINTS:
+    if count < MIN_POINTS:
         raise InputError(f"{what} holds {count} points, too few to find ground in; give a larger cloud or region.")

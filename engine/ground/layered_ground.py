@@ -27,26 +27,26 @@ from ..geometry.square_tiles import in_tiles
 from .bare_scatter import bare_scatter
 from .closer_look import looked_closer
 from .densification import Triangles, densified, lowest_supported
-from .lowest_layer import HIGHEST_M, LEAST_BELOW_SHARE, LOWEST_M, Layers, histograms, lowest_layers, separate_layers
+from .lowest_layer import HIGHEST_M, LOWEST_M, MIN_BELOW_SHARE, Layers, histograms, lowest_layers, separate_layers
 from .narrow_windows import narrow_windows
 from .squares import square_numbers
-from .stray_low import NOTEWORTHY, stray_below
+from .stray_low import MIN_REPORTED_SHARE, stray_below
 
 SURFACE_CELL_M = 0.25
-RETURNS_A_WINDOW, FEWEST_RETURNS = 150.0, 60.0
+WINDOW_RETURNS, MIN_WINDOW_RETURNS = 150.0, 60.0
 """Returns that a window is made for, and below which the windows around it help."""
-SMALLEST_WINDOW_M, LARGEST_WINDOW_M = 0.5, 1.5
+MIN_WINDOW_M, MAX_WINDOW_M = 0.5, 1.5
 """Half of the width over which returns are pooled."""
-WIDEST_POOL = 3
+MAX_POOL_WINDOWS = 3
 """Windows on each side that help at most."""
 ROUNDS = 2
 BARE_SCATTER_M, ROUGHNESS = 0.022, 0.016
 """Scatter of returns about bare ground in windows of a metre, and what the ground's relief adds for each metre more."""
 PLANT_SCATTER = 0.73
 """Scatter of the ground under plants, as a share of the largest that bare ground may have."""
-CLOSER_WINDOW_M = 0.8
+MAX_CLOSER_WINDOW_M = 0.8
 """Windows at most this large hold enough returns to be divided."""
-SEPARATE_WINDOW_M = 1.2
+MAX_SEPARATE_WINDOW_M = 1.2
 """In larger windows relief and forest floor fill the gap between rough ground and what grows on it."""
 DENSE_TOLERANCE_M, SPARSE_TOLERANCE_M = 0.0025, 0.012
 """Height over the ground of the mean of what is taken under plants: where returns are few, each counts."""
@@ -54,19 +54,19 @@ SPARSE_THRESHOLD_M = 0.1
 """Least threshold where returns are few, and triangles are as wide as relief."""
 TRIANGLE_REACH = 1.5
 """Where returns are few: thresholds from the windows' ground up to which the triangles decide."""
-STEEPEST_STRETCH = 1.55
+MAX_HEIGHT_STRETCH = 1.55
 """Of heights on steep ground: beyond 50 degrees the triangles say little about its inclination."""
-SPREAD = 2.5
+MIN_THRESHOLD_SCATTERS = 2.5
 """The threshold is at least so many times the scatter."""
 PLANT_ERROR_M, ENOUGH_GROUND = 0.012, 110.0
 """Error of the ground under plants in windows of a metre with many ground returns, and the number of them below which
 it grows: fitted to real forests and to simulated grass, ferns and forest, so that about 5 % of the cells lie beyond
 1.96 errors, see docs/ground.md."""
-CLEARLY_BARE = 0.5
+MIN_CLEARLY_BARE_SHARE = 0.5
 """Share of the lower returns that is ground, from which bare ground has no error by plants."""
-LARGEST_PLANT_ERROR_M = 0.25
+MAX_PLANT_ERROR_M = 0.25
 """Where plants make a larger error, no ground is known."""
-FARTHEST_CELLS = 4.0
+MAX_DISTANCE_CELLS = 4.0
 """Cells from the nearest known ground up to which a return's height over it is known."""
 SLICE_M, CLOSE_SLICE_M, STRAY_ROUNDS = 0.1, 0.05, 3
 """Slices in which strays are looked for: of the slope, and of heights over the triangles, in so many rounds."""
@@ -111,7 +111,7 @@ class _Windows:
     @property
     def tolerance(self) -> float:
         """Height (m) over the ground that the mean of what is taken may have."""
-        return DENSE_TOLERANCE_M if self.side <= CLOSER_WINDOW_M else SPARSE_TOLERANCE_M
+        return DENSE_TOLERANCE_M if self.side <= MAX_CLOSER_WINDOW_M else SPARSE_TOLERANCE_M
 
 
 def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) -> LayeredGround:
@@ -130,11 +130,13 @@ def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) ->
     level = xyz[index, 2] - np.median(xyz[:, 2])
     low = np.column_stack([xyz[index, :2] - xyz[:, :2].min(axis=0), height[index], level])
     bare_ground = BARE_SCATTER_M
-    if len(index) and side <= CLOSER_WINDOW_M:
+    if len(index) and side <= MAX_CLOSER_WINDOW_M:
         bare_ground = bare_scatter(low[:, [0, 1, 3, 2]], side) or BARE_SCATTER_M
     scatter = math.hypot(bare_ground, ROUGHNESS * max(2.0 * side - 1.0, 0.0))
-    threshold = max(threshold, SPREAD * scatter, SPARSE_THRESHOLD_M if side > CLOSER_WINDOW_M else 0.0)
-    windows = _Windows(side, scatter, threshold, scatter / bare_ground, LEAST_BELOW_SHARE + STRAYS_LEFT * strays)
+    threshold = max(
+        threshold, MIN_THRESHOLD_SCATTERS * scatter, SPARSE_THRESHOLD_M if side > MAX_CLOSER_WINDOW_M else 0.0
+    )
+    windows = _Windows(side, scatter, threshold, scatter / bare_ground, MIN_BELOW_SHARE + STRAYS_LEFT * strays)
     if not len(index):
         return _nothing(len(xyz), scatter, windows.threshold)
     judged = in_tiles(low, partial(_judged, windows=windows), TILE_M, MARGIN_M, side)
@@ -160,7 +162,7 @@ def _above_strays(xyz: Float, anchored: Bool, taken: Bool) -> tuple[Float, Bool,
     for _ in range(STRAY_ROUNDS):
         # over the triangles the ground is level, so that what is not shows better
         level = _without_strays(np.column_stack([xyz[:, :2], height]), left & np.isfinite(height), CLOSE_SLICE_M)
-        if np.count_nonzero(level) > (1.0 - NOTEWORTHY) * np.count_nonzero(left):
+        if np.count_nonzero(level) > (1.0 - MIN_REPORTED_SHARE) * np.count_nonzero(left):
             break
         left = level
         height = _over_triangles(xyz, anchored, left)
@@ -172,7 +174,7 @@ def _without_strays(xyz: Float, taken: Bool, slice_m: float) -> Bool:
     index = np.flatnonzero(taken)
     stray = stray_below(xyz[index], slice_m)
     left = taken.copy()
-    if np.count_nonzero(stray) >= NOTEWORTHY * len(index):
+    if np.count_nonzero(stray) >= MIN_REPORTED_SHARE * len(index):
         left[index[stray]] = False
     return left
 
@@ -190,7 +192,7 @@ def _everywhere(xyz: Float, index: NDArray[np.int64], known: Float, side: float)
     distance, (rows, columns) = ndimage.distance_transform_edt((number == 0).reshape(shape), return_indices=True)
     nearest = (rows * shape[1] + columns).ravel()
     found = means[nearest[key]]
-    found[distance.ravel()[key] > FARTHEST_CELLS] = np.nan
+    found[distance.ravel()[key] > MAX_DISTANCE_CELLS] = np.nan
     found[index[finite]] = values
     found[index[~finite]] = np.nan
     return found
@@ -221,7 +223,7 @@ def _judged(points: Float, windows: _Windows) -> Float:
         over = over - _through(over, planes, layers, windows.threshold)
     layers = _pooled_layers(over, planes, sigma, windows)
     rough = np.zeros(planes.shape, dtype=bool)
-    if CLOSER_WINDOW_M < windows.side <= SEPARATE_WINDOW_M:
+    if MAX_CLOSER_WINDOW_M < windows.side <= MAX_SEPARATE_WINDOW_M:
         counts = histograms(over, planes.key, planes.shape[0] * planes.shape[1]).reshape(*planes.shape, -1)
         rough, middle, spread = separate_layers(planes.pooled(counts), layers.ground)
 
@@ -236,21 +238,21 @@ def _judged(points: Float, windows: _Windows) -> Float:
         stony = (each(rough) > 0) & ~bare
         height = np.where(stony, over - each(middle), height)
         bare = bare | stony
-        top = np.where(stony, np.maximum(SPREAD * each(spread), windows.threshold), top)
-    sure = narrow & (layers.taken >= CLEARLY_BARE * layers.returns)
+        top = np.where(stony, np.maximum(MIN_THRESHOLD_SCATTERS * each(spread), windows.threshold), top)
+    sure = narrow & (layers.taken >= MIN_CLEARLY_BARE_SHARE * layers.returns)
     error = each(np.where(sure, 0.0, plant_error(layers, windows.wider)))
-    if windows.side <= CLOSER_WINDOW_M:
+    if windows.side <= MAX_CLOSER_WINDOW_M:
         places = points[:, :2] - low
         height, found = looked_closer(height, bare, places, windows.side, windows.scatter, windows.threshold)
         bare, top = bare | found, np.where(found, windows.threshold, top)
         error = np.where(found, 0.0, error)
     ground = (height >= -windows.threshold) & (height <= top)
-    if windows.side > CLOSER_WINDOW_M:
+    if windows.side > MAX_CLOSER_WINDOW_M:
         # planes of such windows are wider than relief; the triangles follow it
         about = np.abs(height) <= TRIANGLE_REACH * windows.threshold
         ground = (np.abs(points[:, 2]) <= windows.threshold) & (about | ~np.isfinite(height))
-    ground &= ~(error > LARGEST_PLANT_ERROR_M)
-    unknown = ~np.isfinite(height) | (error > LARGEST_PLANT_ERROR_M)
+    ground &= ~(error > MAX_PLANT_ERROR_M)
+    unknown = ~np.isfinite(height) | (error > MAX_PLANT_ERROR_M)
     height[unknown], error[unknown] = np.nan, np.nan
     return np.column_stack([height * stretch, ground, bare, error, np.maximum(each(layers.median), 0.0)])
 
@@ -261,7 +263,7 @@ def _stretch(surface: Float, planes: Planes, side: float) -> Float:
     Noise that is as large everywhere seems larger where ground is inclined in the frame, as a road below a slope is.
     """
     _, along, across = planes.fit(surface, np.ones(len(surface)), 0.0, 1e-6)
-    stretch = np.minimum(np.sqrt(1.0 + (along**2 + across**2) / side**2), STEEPEST_STRETCH)
+    stretch = np.minimum(np.sqrt(1.0 + (along**2 + across**2) / side**2), MAX_HEIGHT_STRETCH)
     return np.asarray(stretch.ravel()[planes.key], dtype=np.float64)
 
 
@@ -287,12 +289,12 @@ def _over_triangles(xyz: Float, anchored: Bool, taken: Bool) -> Float:
 
 
 def _window_side(xyz: Float) -> float:
-    """Side (m) of windows so that those pooled hold RETURNS_A_WINDOW returns of the lowest layers."""
+    """Side (m) of windows so that those pooled hold WINDOW_RETURNS returns of the lowest layers."""
     if len(xyz) == 0:
-        return LARGEST_WINDOW_M
+        return MAX_WINDOW_M
     _, counts = np.unique(square_numbers(xyz, 1.0), return_counts=True)
-    side = math.sqrt(RETURNS_A_WINDOW / 4.0 / float(np.median(counts)))
-    return min(max(side, SMALLEST_WINDOW_M), LARGEST_WINDOW_M)
+    side = math.sqrt(WINDOW_RETURNS / 4.0 / float(np.median(counts)))
+    return min(max(side, MIN_WINDOW_M), MAX_WINDOW_M)
 
 
 def _pooled_layers(over: Float, planes: Planes, sigma: float, windows: _Windows) -> Layers:
@@ -300,8 +302,8 @@ def _pooled_layers(over: Float, planes: Planes, sigma: float, windows: _Windows)
     counts = histograms(over, planes.key, planes.shape[0] * planes.shape[1]).reshape(*planes.shape, -1)
     asked = sigma, windows.threshold, windows.tolerance, windows.least_below
     layers = lowest_layers(planes.pooled(counts), *asked)
-    for reach in range(2, WIDEST_POOL + 1):
-        few = (layers.returns < FEWEST_RETURNS) & (layers.returns > 0)
+    for reach in range(2, MAX_POOL_WINDOWS + 1):
+        few = (layers.returns < MIN_WINDOW_RETURNS) & (layers.returns > 0)
         if not few.any():
             break
         width = 2 * reach + 1

@@ -21,13 +21,13 @@ BIN_M = 0.005
 LOWEST_M, HIGHEST_M = -0.3, 0.7
 BINS = round((HIGHEST_M - LOWEST_M) / BIN_M)
 HALF_NORMAL_MEAN = 0.798
-LEAST_BELOW, LEAST_BELOW_SHARE = 1.5, 0.004
+MIN_BELOW_POINTS, MIN_BELOW_SHARE = 1.5, 0.004
 """Points that must lie below the ground for it to be believed: at least, and of all returns."""
 SMOOTHING_M, PEAK_WITHIN_M, VALLEY_WITHIN_M, VALLEY = 0.02, 0.1, 0.15, 0.35
 """Of a separate lowest layer: smoothing of the density, distance of its peak from the ground, and where it must fall to
 what share of it."""
-FEWEST_IN_LAYER = 45.0
-FARTHEST_BELOW = 4.0
+MIN_LAYER_POINTS = 45.0
+MAX_BELOW_SIGMAS = 4.0
 """Times sigma: returns deeper below the ground are no evidence for it."""
 EDGES: Float = LOWEST_M + BIN_M * np.arange(BINS + 1, dtype=np.float64)
 _MIDDLES: Float = LOWEST_M + BIN_M * (np.arange(BINS, dtype=np.float64) + 0.5)
@@ -70,7 +70,7 @@ def lowest_layers(
     sigma: float,
     threshold: float,
     tolerance: float = BIN_M / 2,
-    least_below: float = LEAST_BELOW_SHARE,
+    least_below: float = MIN_BELOW_SHARE,
 ) -> Layers:
     """The ground in windows of which the returns by height are known.
 
@@ -84,13 +84,13 @@ def lowest_layers(
     returns = counts.sum(axis=-1)
     number, moment = np.cumsum(counts, axis=-1), np.cumsum(counts * _MIDDLES, axis=-1)
     # farther below lie single returns (multipath), which would make a layer seem deep
-    few = max(round(FARTHEST_BELOW * sigma / BIN_M), 1)
+    few = max(round(MAX_BELOW_SIGMAS * sigma / BIN_M), 1)
     number_below, moment_below = number.copy(), moment.copy()
     number_below[..., few:] -= number[..., :-few]
     moment_below[..., few:] -= moment[..., :-few]
     with np.errstate(invalid="ignore", divide="ignore"):
         depth = EDGES[1:] - moment_below / number_below
-    least = np.maximum(LEAST_BELOW, least_below * returns)[..., None]
+    least = np.maximum(MIN_BELOW_POINTS, least_below * returns)[..., None]
     reached = (depth >= HALF_NORMAL_MEAN * sigma) & (number_below >= least)
     unknown = ~reached.any(axis=-1)
     ground = EDGES[1:][np.argmax(reached, axis=-1)]
@@ -141,7 +141,7 @@ def separate_layers(counts: Float, ground: Float) -> tuple[Bool, Float, Float]:
     with np.errstate(invalid="ignore", divide="ignore"):
         middle = (weight * _MIDDLES).sum(axis=-1) / number
         scatter = np.sqrt((weight * _MIDDLES**2).sum(axis=-1) / number - middle**2)
-    return ends & (number >= FEWEST_IN_LAYER), middle, scatter
+    return ends & (number >= MIN_LAYER_POINTS), middle, scatter
 
 
 def _at(cumulated: Float, height: Float) -> Float:

@@ -17,7 +17,7 @@ from ..pointcloud.header import CloudHeader
 from ..pointcloud.records import PLACES, coordinates
 from .squares import first_of_runs, square_numbers
 
-VEGETATION_HEIGHT = 0.3
+MIN_VEGETATION_HEIGHT_M = 0.3
 """Least height (m) above the ground of what counts as vegetation."""
 _CROWN_CELL = 0.1
 
@@ -58,7 +58,7 @@ def vegetation_cover(xyz: Float, flat: Float, ground: NDArray[np.bool_], dip: fl
     """Share of the ground that lies under plants, seen from above: C_v of the published workflow.
 
     The canopy cover of Jennings et al. 1999 (doi:10.1093/forestry/72.1.59), the vertical projection of crowns: cells
-    whose highest point stands more than VEGETATION_HEIGHT above the ground, of all cells with points.
+    whose highest point stands more than MIN_VEGETATION_HEIGHT_M above the ground, of all cells with points.
 
     Args:
         xyz: (n, 3) all points in metres.
@@ -75,4 +75,4 @@ def vegetation_cover(xyz: Float, flat: Float, ground: NDArray[np.bool_], dip: fl
     base = flat[ground]
     _, nearest = cKDTree(base[:, :2]).query(highest[:, :2])
     height = (highest[:, 2] - base[nearest, 2]) / max(np.cos(np.radians(dip)), 0.1)
-    return float(np.mean(height > VEGETATION_HEIGHT))
+    return float(np.mean(height > MIN_VEGETATION_HEIGHT_M))

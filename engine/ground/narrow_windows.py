@@ -9,12 +9,12 @@ from ..core.arrays import Bool, Float
 from ..geometry.plane_cells import Planes
 from ..statistics.nearest_known import nearest_known
 
-LEAST_KURTOSIS, NARROWER_M = 2.75, 0.01
+MIN_KURTOSIS, MIN_NARROWER_M = 2.75, 0.01
 """Returns from bare ground are distributed about normally (3), from a layer more evenly (1.8): bare ground must be
 narrower by so many metres for each unit less."""
 MEDIAN_WINDOWS, NEIGHBOURS_HELP_M = 5, 0.006
 """Windows on a side whose median decides, and by how much one among bare ones may scatter more."""
-FEWEST_BARE = 20.0
+MIN_BARE_RETURNS = 20.0
 """Returns from which bare ground is recognised."""
 JUDGED_M, JUDGED_SCATTERS = 0.1, 4.5
 """Height over and below the ground of the returns by which a window is judged: at least m, and times the scatter."""
@@ -36,8 +36,8 @@ def narrow_windows(height: Float, planes: Planes, scatter: float, median: bool =
         variance = np.maximum(square - mean**2, 0.0)
         kurtosis = (fourth - 4 * mean * cube + 6 * mean**2 * square - 3 * mean**4) / variance**2
         spread = np.sqrt(variance)
-        score = spread - NARROWER_M * (kurtosis - LEAST_KURTOSIS)
-    known = (number >= FEWEST_BARE) & np.isfinite(score)
+        score = spread - MIN_NARROWER_M * (kurtosis - MIN_KURTOSIS)
+    known = (number >= MIN_BARE_RETURNS) & np.isfinite(score)
     if not median:
         return known & (score <= scatter), mean
     return known & (score <= scatter + NEIGHBOURS_HELP_M) & (_median_around(score, known) <= scatter), mean

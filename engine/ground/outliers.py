@@ -15,9 +15,9 @@ from scipy.sparse.csgraph import connected_components
 
 from ..geometry.point_spacing import point_spacing
 
-WIDTH, HEIGHT = 2.5, 0.5
+BOX_WIDTH_RADII, BOX_HEIGHT_RADII = 2.5, 0.5
 """Sides of a box along the slope and across it, in units of the radius."""
-SPARSE = 3.0
+MIN_RADIUS_SPACINGS = 3.0
 """The radius is at least so many times the points' spacing."""
 _MAX_BOX = 1 << 20
 _NEIGHBOUR_STEPS = [(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) > (0, 0, 0)]
@@ -39,8 +39,8 @@ def outliers(xyz: NDArray[np.float64], radius: float, group: int) -> NDArray[np.
     middle = np.median(xyz, axis=0)
     # far strays must not make the cloud look sparse
     core = np.abs(xyz - middle).max(axis=1) <= 20.0 * float(np.median(np.abs(xyz - middle).max(axis=1))) + 1e-9
-    radius = max(radius, SPARSE * point_spacing(xyz[core, :2]))
-    boxes = np.floor((xyz - middle) / (np.array([WIDTH, WIDTH, HEIGHT]) * radius))
+    radius = max(radius, MIN_RADIUS_SPACINGS * point_spacing(xyz[core, :2]))
+    boxes = np.floor((xyz - middle) / (np.array([BOX_WIDTH_RADII, BOX_WIDTH_RADII, BOX_HEIGHT_RADII]) * radius))
     far = np.abs(boxes).max(axis=1) >= _MAX_BOX - 1
     index = np.where(far[:, None], 0, boxes).astype(np.int64) + _MAX_BOX
     strides = np.array([1 << 42, 1 << 21, 1], dtype=np.int64)

@@ -24,7 +24,7 @@ NOISE = (7, 18)
 """Low and high noise, where the file says so itself (LAS 1.4)."""
 WAVEFORM_FORMATS = (4, 5, 9, 10)
 """Point formats that PDAL does not read."""
-LARGEST_CLASS = 31
+MAX_PDAL_CLASS = 31
 """Classes above it stop PDAL 2.2 when it compresses; they are written uncompressed. It takes the flags that formats
 before 6 keep in the same byte for such classes, too."""
 _SCALED = 0b11000

@@ -37,7 +37,7 @@ _MIN_JUDGED_SHARE = 0.8
 """Share of the balls that hold enough points."""
 _MIN_THICKNESS_RATIO = 0.25
 """Scatter across the best plane, in radii of the ball: 0.19 on a sharp edge of 90 degrees, 0.45 in a filled ball."""
-MOST_THICK, MOST_FOLLOWED, MOST_PLANTS = 0.15, 0.05, 0.05
+MAX_THICK_SHARE, MAX_FOLLOWED_SHARE, MAX_PLANT_SHARE = 0.15, 0.05, 0.05
 """Shares beyond which a cloud is raw: see docs/ground.md for those of real and simulated clouds."""
 
 
@@ -65,9 +65,9 @@ class Bareness:
         if self.known_ground:
             return []
         found = (
-            (self.thick, MOST_THICK, "of its surface is as thick as plants are"),
-            (self.followed, MOST_FOLLOWED, "of its echoes are followed by another of their pulse"),
-            (self.plants, MOST_PLANTS, "of its points have the classes of plants"),
+            (self.thick, MAX_THICK_SHARE, "of its surface is as thick as plants are"),
+            (self.followed, MAX_FOLLOWED_SHARE, "of its echoes are followed by another of their pulse"),
+            (self.plants, MAX_PLANT_SHARE, "of its points have the classes of plants"),
         )
         return [f"{100 * share:.0f} % {words}" for share, most, words in found if share > most]
 

@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from ..core.arrays import Bool, Float, Index
 from .squares import first_of_runs
 
-SQUARE_M, REACH = 0.5, 2
+SQUARE_M, REACH_SQUARES = 0.5, 2
 """Side of the squares, and how many on each side are counted together: 2.5 m, in which few hits of ground add up."""
-STRAY_SHARE = 0.06
+MAX_STRAY_SHARE = 0.06
 """Share of the returns of the fullest slice above, below which a slice is stray: of 5 % multipath a slice of 0.2 m
 holds up to 1.5 %, and the ground under simulated closed grass is never that empty."""
-FEWEST_ABOVE = 12.0
+MIN_RETURNS_ABOVE = 12.0
 """Returns in the fullest slice above, below which no slice is stray: single hits of ground under trees are none."""
-NOTEWORTHY = 0.003
+MIN_REPORTED_SHARE = 0.003
 """Share of stray returns in the cloud from which they are taken out."""
 
 
@@ -35,21 +35,21 @@ def stray_below(xyz: Float, slice_m: float) -> Bool:
     if len(xyz) == 0:
         return np.zeros(0, dtype=bool)
     low = xyz.min(axis=0)
-    column = np.floor((xyz[:, :2] - low[:2]) / SQUARE_M).astype(np.int64) + REACH
+    column = np.floor((xyz[:, :2] - low[:2]) / SQUARE_M).astype(np.int64) + REACH_SQUARES
     level = np.floor((xyz[:, 2] - low[2]) / slice_m).astype(np.int64)
-    levels, width = int(level.max()) + 2, int(column[:, 1].max()) + REACH + 1
+    levels, width = int(level.max()) + 2, int(column[:, 1].max()) + REACH_SQUARES + 1
     key, voxel, counts = np.unique(
         (column[:, 0] * width + column[:, 1]) * levels + level, return_inverse=True, return_counts=True
     )
     total = np.concatenate([[0], np.cumsum(counts)])
     pooled = np.zeros(len(key))
-    for across in range(-REACH, REACH + 1):
-        for along in range(-REACH, REACH + 1):
+    for across in range(-REACH_SQUARES, REACH_SQUARES + 1):
+        for along in range(-REACH_SQUARES, REACH_SQUARES + 1):
             start = key + (across * width + along) * levels
             pooled += total[np.searchsorted(key, start + 2)] - total[np.searchsorted(key, start)]
     place, height = key // levels, key % levels
     fullest = _fullest_above(place, height, pooled, width)
-    empty = (pooled < STRAY_SHARE * fullest) & (fullest >= FEWEST_ABOVE)
+    empty = (pooled < MAX_STRAY_SHARE * fullest) & (fullest >= MIN_RETURNS_ABOVE)
     rank = np.cumsum(np.concatenate([[0], np.diff(place) != 0]))
     # below a wall or a crown there is ground; below strays there is nothing
     nothing_below = _running_maximum((~empty).astype(np.float64), rank) == 0
@@ -66,12 +66,12 @@ def _fullest_above(place: Index, height: Index, pooled: Float, width: int) -> Fl
     own = _running_maximum(pooled[::-1], rank[-1] - rank[::-1])[::-1]
     found = own.copy()
     # a beam that leaves its column on its way down has no ground above it: look in the adjacent columns
-    lonely = np.flatnonzero(own < FEWEST_ABOVE)
+    lonely = np.flatnonzero(own < MIN_RETURNS_ABOVE)
     order = np.lexsort((-pooled, place))
     best = order[first_of_runs(place[order])]
     columns, level, value = place[best], height[best], pooled[best]
-    for across in range(-REACH, REACH + 1):
-        for along in range(-REACH, REACH + 1):
+    for across in range(-REACH_SQUARES, REACH_SQUARES + 1):
+        for along in range(-REACH_SQUARES, REACH_SQUARES + 1):
             neighbour = place[lonely] + across * width + along
             index = np.minimum(np.searchsorted(columns, neighbour), len(columns) - 1)
             above = (columns[index] == neighbour) & (level[index] > height[lonely])

@@ -59,7 +59,7 @@ class Layout:
     map_bottom: float
     map_width: float
     map_height: float
-    beside: bool
+    at_the_side: bool
 
 
 def plan_layout(width_m: float, height_m: float, header: float) -> Layout:
@@ -74,13 +74,13 @@ def plan_layout(width_m: float, height_m: float, header: float) -> Layout:
         map_width = min(max(9.0, aspect), 18.0)
         map_height = map_width / aspect
         width, height = _LEFT + map_width + _RIGHT, _FOOTER + _BOTTOM + map_height + _TOP + header
-        return Layout(width, height, _LEFT, _FOOTER + _BOTTOM, map_width, map_height, beside=False)
+        return Layout(width, height, _LEFT, _FOOTER + _BOTTOM, map_width, map_height, at_the_side=False)
     map_height = min(max(7.0, 1.0 / aspect), 14.0)
     map_width = map_height * aspect
     # a narrow map stands in the middle of what the legend leaves it
     width = max(_LEFT + map_width + _RIGHT + _COLUMN, 6.5)
     left = _LEFT + (width - _LEFT - map_width - _RIGHT - _COLUMN) / 2
-    return Layout(width, _BOTTOM + map_height + _TOP + header, left, _BOTTOM, map_width, map_height, beside=True)
+    return Layout(width, _BOTTOM + map_height + _TOP + header, left, _BOTTOM, map_width, map_height, at_the_side=True)
 
 
 def make_figure(
@@ -118,7 +118,7 @@ def make_figure(
     outlined = zones is not None and len(zones) > 0
     if zones is not None and outlined:
         _draw_zones(axes, layout, heatmap, zones)
-    if layout.beside:
+    if layout.at_the_side:
         x, top = layout.width - _RIGHT - _COLUMN + 0.35, layout.map_bottom + layout.map_height
         draw_north(sheet, x + 0.12, top - 0.5)
         draw_scale_bar(sheet, x, top - 1.0, 1.8, inches_a_metre)
@@ -189,7 +189,7 @@ def _draw_zones(axes: Axes, layout: Layout, heatmap: Heatmap, zones: gpd.GeoData
     axes.add_collection(LineCollection(rings, colors=INK, linewidths=0.8, zorder=3), autolim=False)
     placed: list[tuple[float, float, float, float]] = []
     # a map that is hardly wider than the ids has them on the white paper next to it
-    narrow = layout.beside and layout.map_width < 1.0
+    narrow = layout.at_the_side and layout.map_width < 1.0
     room = layout.map_width + (0.8 if narrow else 0.0), layout.map_height
     boxes = (shapely.bounds(np.asarray(zones.geometry))[:_MAX_LABELS] - (west, south, west, south)) * scale
     points = shapely.get_coordinates(shapely.point_on_surface(np.asarray(zones.geometry)))[:_MAX_LABELS]

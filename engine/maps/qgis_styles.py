@@ -138,7 +138,7 @@ def states_qml() -> str:
     return _polygons_qml("series_states", SERIES_FIELDS, categories)
 
 
-def write_qml_beside(raster: Path, qml: str) -> Path:
+def write_qml_next_to(raster: Path, qml: str) -> Path:
     """Write ``qml`` where QGIS finds it when it loads ``raster``: same folder, same stem. Returns that path."""
     path = Path(raster).with_suffix(".qml")
     with atomic_output(path) as partial:

@@ -15,7 +15,7 @@ from laspy import DecompressionSelection
 
 from ..core.arrays import Float, Index
 from ..grid.grid import Grid
-from ..ground.cover import CLASSES, FINEST, CoverCells, cover_cells
+from ..ground.cover import CLASSES, FINEST_SQUARE_M, CoverCells, cover_cells
 from ..ground.pdal_pipelines import GROUND
 from ..maps.map_parts import INK, SMALL, Sheet, fonts
 from ..maps.palette import SEQUENTIAL, Colour, colours_at
@@ -68,7 +68,9 @@ def ground_maps(clouds: Sequence[Path], names: Sequence[str]) -> list[Picture]:
     if not found:
         return []
     low = np.array([[c.column.min(), c.row.min()] for c, _ in found]).min(axis=0)
-    high = np.array([[(c.column + c.side / FINEST).max(), (c.row + c.side / FINEST).max()] for c, _ in found])
+    high = np.array(
+        [[(c.column + c.side / FINEST_SQUARE_M).max(), (c.row + c.side / FINEST_SQUARE_M).max()] for c, _ in found]
+    )
     factor = 1
     while (high.max(axis=0) - low).max() > factor * _MAX_PIXELS:
         factor *= 2
@@ -77,8 +79,8 @@ def ground_maps(clouds: Sequence[Path], names: Sequence[str]) -> list[Picture]:
     densities = [painted(c, count, (int(low[0]), int(low[1])), (rows, columns), factor) for c, count in found]
     reached = np.concatenate([d[d > 0] for d in densities])
     limit = float(np.percentile(reached, 98)) if reached.size else 1.0
-    cell = FINEST * factor
-    grid = Grid(float(low[0]) * FINEST, float(low[1]) * FINEST + rows * cell, cell, rows, columns)
+    cell = FINEST_SQUARE_M * factor
+    grid = Grid(float(low[0]) * FINEST_SQUARE_M, float(low[1]) * FINEST_SQUARE_M + rows * cell, cell, rows, columns)
     pictures = []
     for density, name in zip(densities, names, strict=True):
         image = colours_at(SEQUENTIAL, np.nan_to_num(density) / limit)
@@ -96,11 +98,11 @@ def painted(
 
     Args:
         ground: (m,) ground returns of each square.
-        corner: column and row of the south-west corner, in steps of ``FINEST``; whole multiples of ``factor``.
+        corner: column and row of the south-west corner, in steps of ``FINEST_SQUARE_M``; whole multiples of ``factor``.
         factor: side of a pixel in these steps, a power of two.
     """
     total, area = np.zeros(shape), np.zeros(shape)
-    sizes = np.rint(cells.side / FINEST).astype(np.int64)
+    sizes = np.rint(cells.side / FINEST_SQUARE_M).astype(np.int64)
     for size in np.unique(sizes).tolist():
         chosen = sizes == size
         column, row = (cells.column[chosen] - corner[0]) // factor, (cells.row[chosen] - corner[1]) // factor
@@ -108,7 +110,7 @@ def painted(
         for i in range(across):
             for j in range(across):
                 np.add.at(total, (row + j, column + i), ground[chosen] / across**2)
-                np.add.at(area, (row + j, column + i), (size * FINEST / across) ** 2)
+                np.add.at(area, (row + j, column + i), (size * FINEST_SQUARE_M / across) ** 2)
     return np.where(area > 0, total / np.where(area > 0, area, 1.0), np.nan)
 
 

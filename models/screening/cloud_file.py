@@ -18,7 +18,7 @@ from ...engine.core.errors import EngineError, InputError
 from ...engine.core.messages import shown
 from ...engine.core.progress import Progress
 from ...engine.crs.working_frame import given_crs
-from ...engine.ground.classified_ground import MOST_POINTS, warn_of_classes
+from ...engine.ground.classified_ground import MAX_POINTS, warn_of_classes
 from ...engine.ground.pdal_pipelines import GROUND
 from ...engine.pointcloud.cloud import PointCloud
 from ...engine.pointcloud.declared_crs import declared_crs
@@ -123,7 +123,7 @@ class ScreenedFile:
             self.class_2_taken += int(kinds[mask].sum())
             self.taken += int(mask.sum())
             masks.append(np.packbits(mask))
-            if self.ground == "class_2" and kept < MOST_POINTS:
+            if self.ground == "class_2" and kept < MAX_POINTS:
                 classified.append(xyz[mask])
                 kept += len(classified[-1])
             if self._sampler is not None:

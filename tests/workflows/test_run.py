@@ -12,7 +12,7 @@ from slopewatch.engine.core import run_record
 from slopewatch.engine.core.errors import Cancelled, InputError
 from slopewatch.engine.core.progress import Progress
 from slopewatch.interface.parameters import GroundParameters, InputParameters, ParameterSet
-from slopewatch.workflows.run import Run, record_beside
+from slopewatch.workflows.run import Run, record_name_of
 from slopewatch.workflows.settings import (
     DistanceSettings,
     ScreeningSettings,
@@ -125,7 +125,7 @@ def test_outputs_figures_and_warnings_come_back_as_the_record_tells_them(inputs,
 
 def test_the_record_keeps_the_place_that_the_workflow_gives_it(tmp_path):
     run = run_of([])
-    with run.writing(tmp_path, record_name=record_beside(tmp_path / "cloud.laz")) as stage:
+    with run.writing(tmp_path, record_name=record_name_of(tmp_path / "cloud.laz")) as stage:
         stage.path("b.txt").write_text("b")
         run.outputs |= {"run": run.record_path, "b": stage.final("b.txt")}
     assert list(run.result().outputs) == ["run", "b"]

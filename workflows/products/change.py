@@ -280,7 +280,7 @@ def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float,
         path = stage.path(f"{name}.tif")
         unit = "1" if name == "change_probability" else "m"
         geotiff.write_raster(path, array, change.grid, crs, description=description, unit=unit, tags=tags)
-        qgis_styles.write_qml_beside(path, qml)
+        qgis_styles.write_qml_next_to(path, qml)
         outputs[name] = stage.final(path.name)
     epochs = ("earlier", "later")
     bands = {

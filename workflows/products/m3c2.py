@@ -100,7 +100,7 @@ def write_rasters(
     for name, (array, description, qml) in zip(RASTERS, layers, strict=True):
         path = stage.path(f"{name}.tif")
         geotiff.write_raster(path, array, made.grid, crs, description=description, tags=tags)
-        qgis_styles.write_qml_beside(path, qml)
+        qgis_styles.write_qml_next_to(path, qml)
         outputs[name] = stage.final(path.name)
     return outputs
 

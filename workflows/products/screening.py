@@ -77,7 +77,7 @@ def write_products(
     bands = {"Probability of a hazard": up + down, "Probability of uplift": up, "Probability of subsidence": down}
     tags = rasters.raster_tags(epochs=(None, shown.survey), software=f"SlopeWatch {VERSION}", input_sha256=shown.digest)
     rasters.write_bands(path, bands, hazards.grid, shown.cloud.crs, unit="1", tags=tags)
-    styles.write_qml_beside(path, styles.probability_qml())
+    styles.write_qml_next_to(path, styles.probability_qml())
     view = top_view(shown.cloud, top_view_grid(hazards.grid, hazards.grid.cell))
     write_hazard_map(place(targets["map"]), hazards, view, name=shown.name, note=shown.note)
 

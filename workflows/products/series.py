@@ -87,7 +87,7 @@ def write_epoch_rasters(
             path = stage.path(name)
             description = f"{words}, {begin.isoformat()} to {end.isoformat()}"
             geotiff.write_raster(path, array, about.grid, about.crs, description=description, tags=tags)
-            qgis_styles.write_qml_beside(path, qml)
+            qgis_styles.write_qml_next_to(path, qml)
             outputs[f"{kind}_{'change' if array is change.dz else 'level'}_{number:03d}"] = stage.final(name)
     return outputs
 
@@ -129,7 +129,7 @@ def write_summary_rasters(
     for name, array, words, unit, qml in layers:
         path = stage.path(f"{name}.tif")
         geotiff.write_raster(path, array, about.grid, about.crs, description=words, unit=unit, tags=tags)
-        qgis_styles.write_qml_beside(path, qml)
+        qgis_styles.write_qml_next_to(path, qml)
         outputs[name] = stage.final(path.name)
     return outputs
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from slopewatch.engine.change.difference import difference
 from slopewatch.engine.core.progress import Progress
-from slopewatch.engine.grid.chosen_cell import CELLS, choose_cell, largest_step, level_step
+from slopewatch.engine.grid.chosen_cell import CELL_SIDES_M, choose_cell, largest_step, level_step
 from slopewatch.interface.parameters import AUTO, ChangeParameters, GridChangeParameters, ParameterError
 
 
@@ -26,7 +26,7 @@ def test_the_cell_is_about_as_large_as_the_points_are_apart(density: float, cell
     assert choice.cell == cell
     assert choice.automatic
     assert f"{cell:g} m" in choice.sentence
-    assert cell / math.sqrt(2.6) <= max(1 / math.sqrt(density), CELLS[0]) <= cell * math.sqrt(2.6)
+    assert cell / math.sqrt(2.6) <= max(1 / math.sqrt(density), CELL_SIDES_M[0]) <= cell * math.sqrt(2.6)
 
 
 def test_the_sparser_survey_decides_and_a_given_cell_stays() -> None:

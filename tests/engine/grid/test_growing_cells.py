@@ -13,7 +13,7 @@ from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.grid import grown_cells
 from slopewatch.engine.grid.cell_statistics import cell_statistics
-from slopewatch.engine.grid.chosen_cell import LEAST_POINTS
+from slopewatch.engine.grid.chosen_cell import MIN_POINTS
 from slopewatch.engine.grid.common_grid import common_grid
 from slopewatch.engine.grid.grid import cell_index, snapped_grid
 from slopewatch.engine.grid.growing_cells import adaptive_cells
@@ -237,8 +237,8 @@ def test_a_clear_change_is_not_blurred_and_unchanged_ground_keeps_its_points(mon
     few = np.minimum(fine.count_from, fine.count_to)[fine.valid & (fine.partition.sizes < 0.15)]
     assert few.min() == 3
     unchanged = fine.valid & (away > 0.3)
-    assert np.minimum(fine.count_from, fine.count_to)[unchanged].min() >= LEAST_POINTS
-    monkeypatch.setattr("slopewatch.engine.grid.grown_cells.CLEAR", 0.0)
+    assert np.minimum(fine.count_from, fine.count_to)[unchanged].min() >= MIN_POINTS
+    monkeypatch.setattr("slopewatch.engine.grid.grown_cells.MAX_CLEAR_LEVEL_SHARE", 0.0)
     blurred = difference(*clouds, GROWING)
     assert np.nanmean(fine.partition.sizes[rim]) < 0.9 * np.nanmean(blurred.partition.sizes[rim])
     assert short_by(fine) < 0.8 * short_by(blurred)

@@ -10,7 +10,7 @@ from scipy import ndimage
 from slopewatch.engine.change.difference import difference
 from slopewatch.engine.change.result import Change
 from slopewatch.engine.grid.block_moments import cell_moments, merged
-from slopewatch.engine.grid.chosen_cell import LEAST_POINTS
+from slopewatch.engine.grid.chosen_cell import MIN_POINTS
 from slopewatch.engine.grid.grid import cell_index, snapped_grid
 from slopewatch.tests.builders.sparse_ground import GROWING, blocks_of, epoch
 
@@ -134,7 +134,7 @@ def test_every_block_is_the_fit_to_its_points(sparse):
     assert {round(b.side, 6) for b in blocks} == {0.2, 0.4, 0.8, 1.6}
     for block in blocks:
         assert change.dz.ravel()[block.cell] == pytest.approx(brute_force(*block.points)[0], abs=1e-8)
-        assert min(len(p) for p in block.points) >= LEAST_POINTS
+        assert min(len(p) for p in block.points) >= MIN_POINTS
 
 
 def test_a_blocks_error_is_that_of_its_points_and_of_the_squares_of_its_size_around(sparse):
@@ -180,7 +180,7 @@ def test_a_block_is_taken_at_the_smallest_size_that_serves(sparse):
         quarter = [np.floor(p[:, :2] / half + 1e-6) for p in points]
         for place in np.unique(np.vstack(quarter), axis=0):
             parts = [p[(q == place).all(axis=1)] for p, q in zip(points, quarter, strict=True)]
-            assert min(len(p) for p in parts) < LEAST_POINTS or not sound(*parts, half)
+            assert min(len(p) for p in parts) < MIN_POINTS or not sound(*parts, half)
         checked += 1
     assert checked > 500
 

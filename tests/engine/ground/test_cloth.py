@@ -84,7 +84,7 @@ def test_what_would_crash_or_drown_the_library_is_refused(field):
     with pytest.raises(InputError, match=r"cloth_resolution .* give at least ([\d.]+) m") as caught:
         refuse_large_cloth(far, 0.5)
     fits = float(str(caught.value).split("give at least ")[1].split(" m")[0])
-    assert refuse_large_cloth(far, fits) <= cloth.LARGEST_CLOTH
+    assert refuse_large_cloth(far, fits) <= cloth.MAX_CLOTH_PARTICLES
     assert len(cloth_ground(np.empty((0, 3)), GroundParameters())) == 0
 
 

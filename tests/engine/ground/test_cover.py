@@ -12,9 +12,9 @@ import pytest
 from slopewatch.engine.core.json_values import plain
 from slopewatch.engine.ground.cover import (
     CLASSES,
-    COARSEST,
-    ENOUGH,
-    FINEST,
+    COARSEST_SQUARE_M,
+    FINEST_SQUARE_M,
+    MIN_QUARTERED_RETURNS,
     GroundCover,
     cover_cells,
     cover_facts,
@@ -123,20 +123,20 @@ def test_squares_are_quartered_while_they_hold_enough():
     xy = np.concatenate([dense, thin, [[9e6, -9e6]]]) + [400.0, -8.0]
     cells = cover_cells(xy)
     sides = cells.side[cells.index]
-    assert set(sides[:30_000]) == {FINEST}
-    assert set(cells.side[cells.index[30_000:-1]]) <= {FINEST, 1.0, 2.0, COARSEST}
-    assert np.median(cells.side[cells.index[30_000:-1]]) == COARSEST
-    assert sides[-1] == FINEST
-    corner = np.column_stack([cells.column, cells.row])[cells.index] * FINEST
+    assert set(sides[:30_000]) == {FINEST_SQUARE_M}
+    assert set(cells.side[cells.index[30_000:-1]]) <= {FINEST_SQUARE_M, 1.0, 2.0, COARSEST_SQUARE_M}
+    assert np.median(cells.side[cells.index[30_000:-1]]) == COARSEST_SQUARE_M
+    assert sides[-1] == FINEST_SQUARE_M
+    corner = np.column_stack([cells.column, cells.row])[cells.index] * FINEST_SQUARE_M
     assert ((xy >= corner) & (xy < corner + sides[:, None])).all()
     np.testing.assert_array_equal(corner % sides[:, None], 0)
     counts = np.bincount(cells.index)
     assert counts.min() >= 1
-    assert (cells.area[cells.side == FINEST] == FINEST**2).all()
-    for cell in np.flatnonzero(cells.side > FINEST):
+    assert (cells.area[cells.side == FINEST_SQUARE_M] == FINEST_SQUARE_M**2).all()
+    for cell in np.flatnonzero(cells.side > FINEST_SQUARE_M):
         own = xy[cells.index == cell]
         held = len(np.unique(np.floor(own / (cells.side[cell] / 2)), axis=0))
-        assert len(own) < ENOUGH * held
+        assert len(own) < MIN_QUARTERED_RETURNS * held
         assert (np.ptp(np.floor(own / (cells.side[cell] / 2)), axis=0) == 1).all()
         assert cells.area[cell] == held * cells.side[cell] ** 2 / 4
     assert len(np.unique(np.column_stack([cells.column, cells.row, cells.side]), axis=0)) == len(cells.side)
@@ -150,7 +150,7 @@ def test_squares_do_not_reach_far_beyond_the_edge_of_a_survey():
     assert (cells.side**2).sum() == pytest.approx(16.8**2, rel=0.08)
     # a strip of a few returns in squares of their own
     edge = np.concatenate([rng.uniform(0, [8, 8], (8_000, 2)), rng.uniform([8, 0], [8.01, 8], (9, 2))])
-    assert cover_cells(edge).side.max() == FINEST
+    assert cover_cells(edge).side.max() == FINEST_SQUARE_M
 
 
 def test_the_sentence_and_the_table_tell_the_figures(by_hand):

@@ -31,7 +31,7 @@ from slopewatch.engine.maps.qgis_styles import (
     probability_qml,
     series_zones_qml,
     states_qml,
-    write_qml_beside,
+    write_qml_next_to,
     zones_qml,
 )
 from slopewatch.engine.series.alerts import AlertLevel
@@ -220,7 +220,7 @@ def test_measured_figures_are_rounded_where_they_are_read_and_not_where_they_are
 
 
 def test_written_where_qgis_looks(tmp_path: Path) -> None:
-    path = write_qml_beside(tmp_path / "elevation_change.tif", level_qml(0.2))
+    path = write_qml_next_to(tmp_path / "elevation_change.tif", level_qml(0.2))
     assert path == tmp_path / "elevation_change.qml"
     assert path.read_text(encoding="utf-8") == level_qml(0.2)
 
@@ -312,9 +312,9 @@ def test_qgis_loads_and_draws_the_styles(tmp_path: Path, qgis_python: str) -> No
     dz[50:, :20] = np.nan
     level = np.full(dz.shape, 0.1)
     write_raster(tmp_path / "elevation_change.tif", dz, GRID, CRS(32651), description="Elevation change")
-    write_qml_beside(tmp_path / "elevation_change.tif", change_qml(0.5, 0.1))
+    write_qml_next_to(tmp_path / "elevation_change.tif", change_qml(0.5, 0.1))
     write_raster(tmp_path / "level_of_detection.tif", level, GRID, CRS(32651), description="Level of detection")
-    write_qml_beside(tmp_path / "level_of_detection.tif", level_qml(0.2))
+    write_qml_next_to(tmp_path / "level_of_detection.tif", level_qml(0.2))
     for name, significant in (("zones", np.nan_to_num(np.abs(dz)) > level), ("empty", np.zeros(dz.shape, bool))):
         count = np.ones(dz.shape, int)
         found = zones_of(dz, significant, level, level / 2, count, GRID, CRS(32651), ZoneParameters())

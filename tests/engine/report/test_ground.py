@@ -15,7 +15,7 @@ import pytest
 from pyproj import CRS
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.json_values import plain
-from slopewatch.engine.ground.cover import COARSEST, GroundCover, cover_cells, cover_facts
+from slopewatch.engine.ground.cover import COARSEST_SQUARE_M, GroundCover, cover_cells, cover_facts
 from slopewatch.engine.pointcloud.cloud import PointCloud
 from slopewatch.engine.pointcloud.writing import write_cloud
 from slopewatch.engine.report import ground as report_ground
@@ -142,7 +142,7 @@ def test_a_map_has_the_ground_returns_of_each_square():
     ground[100:110] = True
     ground[-1] = True
     cells = cover_cells(xy)
-    assert cells.side.max() == COARSEST
+    assert cells.side.max() == COARSEST_SQUARE_M
     counts = np.bincount(cells.index[ground], minlength=len(cells.side))
     found = painted(cells, counts, (0, 0), (8, 24))
     assert found[:2, :2].tolist() == [[120.0, 40.0], [0.0, 0.0]]
