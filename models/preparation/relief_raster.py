@@ -26,7 +26,8 @@ DENSITY_REACH_M = 1.0
 MAX_GAP_M = 1.0
 """Cells farther than this from any point hold no data."""
 _COARSENING = {2.0: 1, 3.0: 1, 5.0: 2, 8.0: 3}
-"""Cells of the raster along a cell of the lattice that bumps of this diameter (m) are fitted on: about six a diameter."""
+"""Cells of the raster along a cell of the lattice on which bumps of this diameter (m) are fitted, about
+six of which make a diameter."""
 _MAX_CELLS = 8_000_000
 
 
@@ -126,7 +127,7 @@ def laplacian_score(raster: ReliefRaster, diameter: float, roughness_reach: floa
 
 
 def _on_raster(lattice: CellHeights, step: int, diameter: float, covered: Bool) -> BumpFit:
-    """The fits of a lattice whose cells are ``step`` of the raster's wide, brought to the raster's ``covered`` cells."""
+    """The fits of a lattice whose cells are ``step`` of the raster's wide, at the raster's ``covered`` cells."""
     if step == 1:
         return fit_bumps(lattice, diameter, covered)
     coarse = np.zeros(lattice.count.shape, dtype=bool)
@@ -154,8 +155,8 @@ def _filled(values: Float, covered: Bool) -> Float32:
 
 
 def _local_scatter(values: Float, sigma: float) -> Float:
-    """Standard deviation of ``values`` about each cell, weighted by a Gaussian of ``sigma`` cells. Values beyond twice the
-    scatter are drawn in to it, so that a hazard hardly raises the scatter of its surroundings.
+    """Standard deviation of ``values`` about each cell, weighted by a Gaussian of ``sigma`` cells. Values beyond
+    twice the scatter are drawn in to it, so that a hazard hardly raises the scatter of its surroundings.
     """
     known = np.isfinite(values)
     weight = np.maximum(gaussian_filter(known.astype(np.float64), sigma, mode="constant"), 1e-9)

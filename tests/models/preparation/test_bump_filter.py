@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from slopewatch.models.preparation.bump_filter import (
     BACKGROUND_DIAMETERS,
     ROUNDS,

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from slopewatch.engine.core.errors import InputError
 from slopewatch.models.preparation.bump_filter import bump
 from slopewatch.models.preparation.relief_raster import DIAMETERS_M, laplacian_score, relief_raster
