@@ -216,7 +216,7 @@ def _median(values: Float32, present: Bool, count: NDArray[np.intp]) -> Float32:
     return np.where(count > 0, middle, np.float32(0.0))
 
 
-def _solve(products: Float32, right: Float32) -> tuple[Float, Float]:
+def _solve(products: NDArray[np.floating], right: NDArray[np.floating]) -> tuple[Float, Float]:
     """Solutions (n, 7) of normal equations, given as upper triangles (n, 28), and the information (n,) on the last
     unknown, 1 over its variance in units of the scatter's square. Cholesky's decomposition of all rows at once.
     """
