@@ -19,7 +19,7 @@ from .bump_filter import BumpFit
 from .raster_zones import PER_M2, Scores, common_levels, level_for_rate, zone_counts
 from .relief_raster import ReliefRaster
 
-FACTORS = {2.0: 3.0, 3.0: 1.35, 5.0: 1.15, 8.0: 1.1}
+FACTORS = {2.0: 3.0, 3.0: 1.3, 5.0: 1.15, 8.0: 1.1}
 """Height over (level times standard error) at which 70 % of the hazards of a diameter (m) were found; between these
 diameters it is interpolated."""
 _SMOOTH_CELLS = 5
@@ -37,12 +37,14 @@ class SmallestHazard:
     level: float
 
     def at(self, column: int, row: int, diameter: float) -> float:
-        """Height (m) that a hazard of ``diameter`` (m) needs at a cell; NaN without data."""
+        """Height (m) that a hazard of ``diameter`` (m) needs at a cell; NaN where no such bump was fitted."""
         values = self.heights[:, column, row]
-        known = np.isfinite(values)
-        if not known.any():
-            return float("nan")
-        return float(np.interp(diameter, np.array(self.diameters)[known], values[known]))
+        after = int(np.clip(np.searchsorted(self.diameters, diameter), 1, len(self.diameters) - 1))
+        narrow, wide = self.diameters[after - 1], self.diameters[after]
+        share = min(max((diameter - narrow) / (wide - narrow), 0.0), 1.0)
+        if share in (0.0, 1.0):
+            return float(values[after - 1 + int(share)])
+        return float((1.0 - share) * values[after - 1] + share * values[after])
 
     def share_below(self, height: float, diameter: float) -> float:
         """Part (0 to 1) of the slope on which a hazard of ``height`` m and one of the ``diameters`` can be found."""

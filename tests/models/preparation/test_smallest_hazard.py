@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from slopewatch.models.preparation.inserted_hazards import UPLIFT, footprint, insert_hazards, smooth_hazard
@@ -77,4 +79,7 @@ def test_nothing_can_be_said_without_points() -> None:
     found = smallest_hazard(relief_raster(flat))
     assert np.isnan(found.heights).all()
     assert np.isnan(found.at(0, 0, 3.0))
+    partly = replace(found, heights=np.array([np.nan, 0.3, 0.5, np.nan], dtype=np.float32)[:, None, None])
+    said = [partly.at(0, 0, diameter) for diameter in (2.0, 2.5, 3.0, 4.0, 5.0, 9.0)]
+    assert said == pytest.approx([np.nan, np.nan, 0.3, 0.4, 0.5, np.nan], nan_ok=True)
     assert found.share_below(1.0, 3.0) == 0.0
