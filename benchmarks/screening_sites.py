@@ -3,9 +3,10 @@
 ``python -m slopewatch.benchmarks screening_sites`` prints the table; ``python -m slopewatch.benchmarks.screening_sites
 --network`` adds the shipped network, ``--results FOLDER`` keeps every trial as JSON. The threshold of each detector is
 the level at which untouched ground of the other surveys of the same kind (clouds, elevation models, simulated slopes)
-shows one false zone per 1,000 m², each survey counting alike. A zone is a group of connected cells of 0.5 m above the
-threshold, at least 1 m² large; a hazard is found if a zone of its sign covers a quarter of it or 1 m² of it. For
-diagnosis the same is told with the threshold of the untouched ground of the place itself.
+shows one false zone per 1,000 m². Ground on which not even a hazard of 1 m can be found (``SEEN_M``), where screening
+is to refuse, has its results in the table but no part in thresholds. A zone is a group of connected cells of 0.5 m
+above the threshold, at least 1 m² large; a hazard is found if a zone of its sign covers a quarter of it or 1 m² of it.
+For diagnosis the same is measured with the threshold of the untouched ground of the place itself.
 """
 
 from __future__ import annotations
@@ -42,6 +43,8 @@ COUNT = 12
 """Hazards of each height and diameter at a place; large surveys have several places."""
 NEEDED_EDGES = (0.5, 1.0, 1.5, 2.5, math.inf)
 """Bounds of the bins of a hazard's height over the height that its place needs."""
+SEEN_M = 1.0
+"""A70 of the most easily found width beyond which a place sets no threshold."""
 MIN_DENSITY = 3.0
 """Ground points/m² from which the aims for real ground hold."""
 AIMS = {(1.5, 2.5): 0.60, (2.5, math.inf): 0.80}
@@ -119,15 +122,16 @@ def _thresholds(results: Sequence[PlaceResult], name: str) -> list[SiteFigures]:
     counts = np.array([zone_counts(result.scores[name], levels) for result in results])
     area = np.array([max(result.scores[name].area, 1e-9) for result in results])
     groups = np.array([result.place.group for result in results])
+    seen = np.array([result.needed <= SEEN_M for result in results])
     figures = []
     for k, result in enumerate(results):
-        others = [groups == group for group in sorted(set(groups[groups != groups[k]]))]
+        others = seen & (groups != groups[k])
         rates = PER_M2 * counts[k] / area[k]
         own = level_for_rate(levels, rates, float(area[k]))
         foreign = own
-        if others:
-            mean = np.mean([PER_M2 * counts[mine].sum(axis=0) / area[mine].sum() for mine in others], axis=0)
-            foreign = level_for_rate(levels, mean, float(area[groups != groups[k]].sum()))
+        if others.any():
+            together = PER_M2 * counts[others].sum(axis=0) / area[others].sum()
+            foreign = level_for_rate(levels, together, float(area[others].sum()))
         at = PER_M2 * zone_counts(result.scores[name], np.array([foreign, own])) / area[k]
         figures.append(SiteFigures(foreign, own, float(at[0]), float(at[1])))
     return figures
@@ -221,6 +225,7 @@ def as_json(outcome: Outcome) -> dict[str, object]:
                 "points": len(result.place.flat),
                 "density": result.place.density,
                 "area_m2": result.area,
+                "a70_of_easiest_width_m": result.needed,
                 "detectors": {name: vars(figures) for name, figures in outcome.sites[result.place.name].items()},
             }
             for result in outcome.results

@@ -6,6 +6,7 @@ of many levels, so that recall and false zones at any threshold follow without a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -50,10 +51,13 @@ class Trial:
 
 @dataclass(frozen=True)
 class PlaceResult:
-    """Untouched scores by detector and the trials of one place; ``area`` in m², ``seconds`` of processor time."""
+    """Untouched scores by detector and the trials of one place; ``area`` in m². ``needed`` (m) is the median A70 of the
+    place at the width that is found most easily.
+    """
 
     place: Place
     area: float
+    needed: float
     scores: dict[str, Scores]
     trials: list[Trial] = field(default_factory=list)
 
@@ -113,8 +117,8 @@ def try_place(place: Place, detectors: Sequence[Detector], count: int, seed: int
     detectors score untouched and changed ground.
     """
     raster = relief_raster(place.flat)
-    result = PlaceResult(place, raster.area, _scores(place, raster, detectors))
     needed = smallest_hazard(raster)
+    result = PlaceResult(place, raster.area, easiest(needed), _scores(place, raster, detectors))
     rng = np.random.default_rng([seed, len(place.flat)])
     waiting = _wanted(place, count, rng)
     for _ in range(_MAX_LOOKS):
@@ -130,6 +134,12 @@ def try_place(place: Place, detectors: Sequence[Detector], count: int, seed: int
         # Those that found no room wait for the next look, behind the others.
         waiting = rest + left
     return result
+
+
+def easiest(needed: SmallestHazard) -> float:
+    """The lowest of the widths' median A70, m; infinite where no width could be fitted."""
+    known = [values[np.isfinite(values)] for values in needed.heights]
+    return min((float(np.median(values)) for values in known if len(values)), default=math.inf)
 
 
 def _scores(place: Place, raster: ReliefRaster, detectors: Sequence[Detector]) -> dict[str, Scores]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, map_coordinates, uniform_filter
+from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates
 
 from ...engine.core.arrays import Bool, Float
 from ...engine.core.errors import InputError
@@ -33,6 +33,7 @@ VARIED = {
 _RAISES = {"bulge", "toe_bulge", "cracked_bulge", "cone", "block", "scarp_and_bulge"}
 _LOWERS = {"bowl", "slump", "trough", "sinkhole", "scarp_and_bulge"}
 _FOLD_WAVES = 12
+_DENSITY_SQUARE_M = 4.0
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ class Room:
 
     Args:
         xy: (n, 2) points in the flat frame, m.
-        minimum_density: that the squares about a place need, points/m²; half of the median by default.
+        minimum_density: that a place and its surroundings need, points/m²; half of the median by default.
     """
 
     def __init__(self, xy: Float, minimum_density: float | None = None) -> None:
@@ -76,12 +77,9 @@ class Room:
         cell = np.floor((xy - self.low) / NODE_M).astype(np.int64)
         shape = tuple(int(n) + 2 for n in cell.max(axis=0))
         count = np.bincount(cell[:, 0] * shape[1] + cell[:, 1], minlength=shape[0] * shape[1]).reshape(shape)
-        # Sparse ground is averaged over wider squares, at least about six points in each.
-        size = max(3, 2 * math.ceil(math.sqrt(6.0 / max(np.median(count[count > 0]), 1e-9) / 4)) + 1)
-        occupied = float(np.count_nonzero(count)) / max(count.size, 1)
-        if occupied < 0.5:
-            size = max(size, 5)
-        density = uniform_filter(count.astype(np.float64), size, mode="constant") / NODE_M**2
+        # A Gaussian over about six points levels out the lattice of elevation models and scan lines.
+        sigma = max(1.0, math.sqrt(6.0 / (4 * math.pi * _density(xy))) / NODE_M)
+        density = gaussian_filter(count.astype(np.float64), sigma, mode="constant") / NODE_M**2
         usual = float(np.median(density[count > 0]))
         least = 0.5 * usual if minimum_density is None else minimum_density
         self.rooms = distance_transform_edt(density >= least) * NODE_M
@@ -281,6 +279,13 @@ def footprint(hazard: Hazard, origin: Float, cell: float, shape: tuple[int, int]
         limit = max(LABEL_LIMIT_M, 0.1 * abs(hazard.height))
         up[i, j], down[i, j] = moved > limit, moved < -limit
     return up, down
+
+
+def _density(xy: Float) -> float:
+    """Points/m² of the median occupied square of ``_DENSITY_SQUARE_M``."""
+    square = np.floor((xy - xy.min(axis=0)) / _DENSITY_SQUARE_M).astype(np.int64)
+    counts = np.bincount(square[:, 0] * (square[:, 1].max() + 1) + square[:, 1])
+    return float(np.median(counts[counts > 0])) / _DENSITY_SQUARE_M**2
 
 
 def _radius(hazard: Hazard) -> float:

@@ -16,7 +16,7 @@ from slopewatch.models.preparation.raster_zones import Scores, zone_counts
 from slopewatch.models.preparation.relief_raster import relief_raster
 
 
-def scored(name: str, group: str, peaks: list[float], strengths: list[float]) -> PlaceResult:
+def scored(name: str, group: str, peaks: list[float], strengths: list[float], needed: float = 0.4) -> PlaceResult:
     """10,000 m² on which zones of 1 m² have the given scores, and a trial for each strength."""
     score = np.zeros((200, 200))
     for k, peak in enumerate(peaks):
@@ -25,14 +25,15 @@ def scored(name: str, group: str, peaks: list[float], strengths: list[float]) ->
     flat = np.column_stack([np.random.default_rng(0).uniform(0, 100, (500, 2)), np.zeros(500)])
     trials = [Trial(name, 0.5, 3.0, (0.0, 0.0), 0.4, {"one": value}) for value in strengths]
     where = Place(name, group, POINTS, flat, np.eye(4))
-    return PlaceResult(where, 10_000.0, {"one": Scores.signed(score, 0.5)}, trials)
+    return PlaceResult(where, 10_000.0, needed, {"one": Scores.signed(score, 0.5)}, trials)
 
 
 def test_the_threshold_is_the_other_surveys_own() -> None:
-    """A survey's neighbours do not set its threshold; each other survey counts alike."""
+    """Neither a survey's own places nor ground on which nothing can be found set its threshold."""
     rough = [scored(f"rough {k}", "rough", list(np.linspace(20, 40, 40)), [15.0, 25.0, 50.0]) for k in (1, 2)]
     smooth = [scored("smooth", "smooth", list(np.linspace(2, 4, 40)), [3.0, 15.0, 50.0])]
-    outcome = judge([*rough, *smooth])
+    hopeless = scored("hopeless", "hopeless", list(np.linspace(200, 400, 40)), [50.0], needed=1.4)
+    outcome = judge([*rough, *smooth, hopeless])
     for one in rough:
         figures = outcome.sites[one.place.name]["one"]
         # Ten of forty peaks are above 3.5.
@@ -42,8 +43,8 @@ def test_the_threshold_is_the_other_surveys_own() -> None:
         assert figures.false_own == pytest.approx(1.0, abs=0.15)
     assert outcome.sites["smooth"]["one"].others == pytest.approx(35.0, abs=1.5)
     assert outcome.sites["smooth"]["one"].false_others == 0.0
-    assert [one.others["one"] for one in outcome.judged] == [True, True, True] * 2 + [False, False, True]
-    assert [one.own["one"] for one in outcome.judged] == [False, False, True] * 2 + [False, True, True]
+    assert [one.others["one"] for one in outcome.judged] == [True, True, True] * 2 + [False, False, True, True]
+    assert [one.own["one"] for one in outcome.judged] == [False, False, True] * 2 + [False, True, True, False]
 
 
 def test_shares_have_wilsons_interval() -> None:

@@ -61,6 +61,13 @@ def test_hazards_lie_apart_and_on_ground() -> None:
         assert near.sum() > 0.7 * 12 * np.pi * radius**2
 
 
+@pytest.mark.parametrize("spacing", [1.0, 2.0])
+def test_an_elevation_models_lattice_has_room(spacing: float) -> None:
+    x, y = (part.ravel() for part in np.meshgrid(*[np.arange(0, 60, spacing) + spacing / 2] * 2))
+    scene = insert_hazards(np.column_stack([x, y, np.zeros(len(x))]), wanted(9), np.random.default_rng(3))
+    assert len(scene.hazards) == 9
+
+
 def test_what_finds_no_room_is_left_out() -> None:
     flat = ground(width=9.0)
     scene = insert_hazards(flat, wanted(12), np.random.default_rng(3))
@@ -96,8 +103,8 @@ def test_footprints_cover_the_labelled_points() -> None:
     flat = ground(20)
     scene = insert_hazards(flat, wanted(6, varied_hazard), np.random.default_rng(0))
     one = scene.hazards[0]
-    up, down = footprint(one.shape, np.zeros(2), 0.5, (100, 100))
-    i, j = np.floor(flat[:, :2].T / 0.5).astype(int)
+    up, down = footprint(one.shape, np.zeros(2), 0.2, (250, 250))
+    i, j = np.floor(flat[:, :2].T / 0.2).astype(int)
     mine = scene.hazard == one.number
     for cells, value in ((up, UPLIFT), (down, SUBSIDENCE)):
         labelled = mine & (scene.label == value)
