@@ -38,7 +38,7 @@ Detector = Callable[[Place, ReliefRaster], dict[str, Scores]]
 @dataclass(frozen=True)
 class Trial:
     """A hazard put in: height (m, signed), nominal diameter (m), where (m, flat frame), the A70 (m) of the place as the
-    untouched ground foretells it, and the highest level at which each detector finds it.
+    untouched ground predicts it, and the highest level at which each detector finds it.
     """
 
     place: str
