@@ -13,8 +13,9 @@ FAST_TESTS := $(wildcard tests/architecture tests/interface tests/engine/core te
 	tests/engine/grid tests/engine/epochs tests/engine/vector)
 # More options for pytest: make test PYTEST="-k ground -x"
 PYTEST :=
-# Tests side by side, a file at a time, each process with one thread.
-PARALLEL := -n auto --dist loadfile
+# Tests side by side, each process with one thread. Neighbours stay together, as they share clouds; a process that has
+# nothing left takes half of what another still has, so that no long file is left to one of them at the end.
+PARALLEL := -n auto --dist worksteal
 ONE_THREAD := OPENBLAS_NUM_THREADS=1
 
 help:  ## This list
@@ -32,10 +33,11 @@ test-engine: setup  ## Engine, simulation and set-up, in .venv
 	$(ONE_THREAD) $(PYTHON) -m pytest $(PARALLEL) $(ENGINE_TESTS) $(PYTEST)
 
 test-plugin: setup  ## Plugin and toolbox, in QGIS's own Python and through qgis_process
-	QT_QPA_PLATFORM=offscreen PYTHONPATH=/usr/share/qgis/python/plugins $(QGIS_PYTHON) -m pytest $(PLUGIN_TESTS) $(PYTEST)
+	QT_QPA_PLATFORM=offscreen PYTHONPATH=/usr/share/qgis/python/plugins $(QGIS_PYTHON) -m pytest $(PARALLEL) --maxprocesses 4 \
+		$(PLUGIN_TESTS) $(PYTEST)
 
 check: lint  ## lint and the fast tests, without QGIS
-	$(ONE_THREAD) $(PYTHON) -m pytest $(PARALLEL) $(FAST_TESTS) $(PYTEST)
+	$(ONE_THREAD) $(PYTHON) -m pytest -n auto --dist loadfile $(FAST_TESTS) $(PYTEST)  # short files: no cloud is made twice
 
 lint: setup  ## ruff, mypy and the layers of the packages
 	$(PYTHON) -m ruff check .
@@ -51,13 +53,13 @@ bench: setup  ## Accuracy and speed beside the published method and its peers, a
 	$(PYTHON) -m slopewatch.benchmarks
 
 model: setup  ## The shipped screening weights, their figures and card, from nothing (hours on a processor; goes on where broken off)
-	$(PYTHON) -m slopewatch.models weights --folder build/model/weights
-	$(PYTHON) -m slopewatch.models figures
-	$(PYTHON) -m slopewatch.models figures --residual
+	$(PYTHON) -m slopewatch.models.making weights --folder build/model/weights
+	$(PYTHON) -m slopewatch.models.making figures
+	$(PYTHON) -m slopewatch.models.making figures --residual
 	for recipe in slopewatch paper residual; do \
-		$(PYTHON) -m slopewatch.models folds --recipe $$recipe --folder build/model/$$recipe || exit 1; done
-	$(PYTHON) -m slopewatch.models ablation --folder build/model/ablation
-	$(PYTHON) -m slopewatch.models card --folds slopewatch build/model/slopewatch --folds paper build/model/paper
+		$(PYTHON) -m slopewatch.models.making folds --recipe $$recipe --folder build/model/$$recipe || exit 1; done
+	$(PYTHON) -m slopewatch.models.making ablation --folder build/model/ablation
+	$(PYTHON) -m slopewatch.models.making card --folds slopewatch build/model/slopewatch --folds paper build/model/paper
 
 package:  ## The plugin as a zip for QGIS, from the last commit: dist/slopewatch-VERSION.zip
 	@scripts/package.sh

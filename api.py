@@ -1,6 +1,6 @@
 """The public Python API: the commands of SlopeWatch as functions. Only the names in ``__all__`` are promised.
 
-Each function takes paths, writes what the command of that name writes, and returns where it lies and the figures.
+Each function takes paths, writes the files of the command of that name, and returns their paths and the figures.
 Parameters are the options of the command line with underscores (``cell=0.2``, ``cloth_resolution=0.3``,
 ``screen_last_epoch=False``); docs/guide.md explains them. An unknown name is refused.
 
@@ -24,26 +24,7 @@ from .engine.core.progress import Progress
 from .engine.core.run_result import RunResult
 from .engine.epochs.epoch import Epoch, parse_date
 from .interface.dates import date_in_name
-from .interface.parameters import (
-    PROFILES,
-    ChangeParameters,
-    DateParameters,
-    DistanceParameters,
-    GridChangeParameters,
-    GroundParameters,
-    HeatmapParameters,
-    InputParameters,
-    LastEpochParameters,
-    OutputParameters,
-    ParameterError,
-    ParameterSet,
-    RegistrationParameters,
-    ReportParameters,
-    ScreeningParameters,
-    SeriesParameters,
-    SurfaceParameters,
-    ZoneParameters,
-)
+from .interface.parameters import PROFILES, OutputParameters, ParameterError, ParameterSet, command_sets
 from .workflows.change import change_step
 from .workflows.ground import ground_step
 from .workflows.inspect import inspect_slope
@@ -75,12 +56,12 @@ Group = TypeVar("Group", bound=ParameterSet)
 
 
 class _Values:
-    """The parameters that a caller gave, handed out by group."""
+    """The parameters that a caller gave, returned by set."""
 
-    def __init__(self, given: dict[str, Any], *groups: type[ParameterSet]) -> None:
+    def __init__(self, given: dict[str, Any], sets: command_sets.Sets) -> None:
         self._profile = given.pop("profile", "default")
         self._given = given
-        known = {s.name for group in groups for s in group.specifications()}
+        known = {s.name for group in sets for s in group.specifications()}
         for name in given:
             if name not in known:
                 near = difflib.get_close_matches(name, known, n=1)
@@ -95,13 +76,17 @@ class _Values:
         except ParameterError as wrong:
             raise InputError(f"{wrong}.") from None
 
+    @property
+    def overwrite(self) -> bool:
+        return self.of(OutputParameters).overwrite
 
-def _path(path: PathLike | None) -> Path | None:
-    return None if path is None else Path(path)
+
+def _paths(**paths: PathLike | None) -> dict[str, Any]:
+    return {name: None if path is None else Path(path) for name, path in paths.items()}
 
 
 def _epochs(surveys: Mapping[str | date, PathLike] | Sequence[PathLike]) -> list[Epoch]:
-    """Surveys with their days: of a mapping its keys, of a sequence what the file names hold."""
+    """Surveys with their days: the keys of a mapping, or for a sequence the dates in the file names."""
     if isinstance(surveys, Mapping):
         return [Epoch(Path(p), d if isinstance(d, date) else parse_date(d)) for d, p in surveys.items()]
     return [Epoch(Path(p), date_in_name(Path(p))) for p in surveys]
@@ -127,13 +112,13 @@ def inspect(
     Parameters
     ----------
     surveys : mapping of day to path, or sequence of paths
-        The earlier survey first; days as ``datetime.date`` or ``YYYY-MM-DD``. Of a sequence, days come from the names.
+        The earlier survey first; days as ``datetime.date`` or ``YYYY-MM-DD``. For a sequence they come from the names.
     output_dir : path
-        Folder for the outputs; made if missing.
+        Folder for the outputs; created if missing.
     roi, stable, profiles : path, optional
         Vector files: the managed slope, ground known to be stable, lines of profiles.
     pdal : path, optional
-        The pdal program, if another than found.
+        The pdal program, if not the one that is found.
     progress : Progress, optional
         Receives progress and warnings; a subclass can show them.
     **parameters
@@ -150,19 +135,13 @@ def inspect(
     EngineError
         The engine itself failed.
     """
-    values = _Values(
-        parameters, InputParameters, DateParameters, GroundParameters, RegistrationParameters, ChangeParameters,
-        ZoneParameters, HeatmapParameters, ReportParameters, LastEpochParameters, OutputParameters,
-    )  # fmt: skip
+    values = _Values(parameters, command_sets.INSPECT)
     return inspect_slope(
         _epochs(surveys),
         Path(output_dir),
         gathered(Settings, values.of),
-        roi=_path(roi),
-        stable=_path(stable),
-        profiles=_path(profiles),
-        pdal=_path(pdal),
-        overwrite=values.of(OutputParameters).overwrite,
+        **_paths(roi=roi, stable=stable, profiles=profiles, pdal=pdal),
+        overwrite=values.overwrite,
         progress=progress or Progress(),
     )
 
@@ -180,13 +159,12 @@ def extract_ground(
 
     ``output`` is the LAS or LAZ file of the ground; its folder must exist.
     """
-    values = _Values(parameters, InputParameters, GroundParameters)
+    values = _Values(parameters, command_sets.GROUND)
     return ground_step(
         Path(cloud),
         Path(output),
         gathered(Settings, values.of),
-        roi=_path(roi),
-        pdal=_path(pdal),
+        **_paths(roi=roi, pdal=pdal),
         progress=progress or Progress(),
     )
 
@@ -208,16 +186,14 @@ def register(
     ``transform`` is where the motion is written. ``apply`` is a motion to apply instead of registering, ``invert`` its
     inverse.
     """
-    values = _Values(parameters, InputParameters, SurfaceParameters, RegistrationParameters)
+    values = _Values(parameters, command_sets.REGISTER)
     return register_step(
         Path(reference),
         Path(moving),
         Path(output),
         gathered(Settings, values.of),
-        transform_path=_path(transform),
-        given=_path(apply),
+        **_paths(transform_path=transform, given=apply, stable=stable),
         invert=invert,
-        stable=_path(stable),
         progress=progress or Progress(),
     )
 
@@ -239,20 +215,15 @@ def change(
     ``dates`` are the days of the surveys; what is None comes from the file's name. ``transform`` is applied to
     ``moving`` first.
     """
-    values = _Values(
-        parameters, InputParameters, DateParameters, SurfaceParameters, ChangeParameters, ZoneParameters,
-        HeatmapParameters, ReportParameters, OutputParameters,
-    )  # fmt: skip
+    values = _Values(parameters, command_sets.CHANGE)
     return change_step(
         Path(reference),
         Path(moving),
         Path(output_dir),
         gathered(Settings, values.of),
         dates=(_day(dates[0]), _day(dates[1])),
-        transform_path=_path(transform),
-        profiles=_path(profiles),
-        stable=_path(stable),
-        overwrite=values.of(OutputParameters).overwrite,
+        **_paths(transform_path=transform, profiles=profiles, stable=stable),
+        overwrite=values.overwrite,
         progress=progress or Progress(),
     )
 
@@ -275,19 +246,15 @@ def m3c2(
     ``raster_dir`` is the folder of the rasters, that of ``output`` by default; ``core`` a cloud of the points to
     measure at. ``stable`` are polygons of stable ground, on which the level of detection is calibrated.
     """
-    groups = (InputParameters, DateParameters, SurfaceParameters, DistanceParameters, OutputParameters)
-    values = _Values(parameters, *groups)
+    values = _Values(parameters, (*command_sets.M3C2, OutputParameters))
     return m3c2_step(
         Path(reference),
         Path(moving),
         Path(output),
         gathered(DistanceSettings, values.of),
-        raster_dir=_path(raster_dir),
-        core=_path(core),
+        **_paths(raster_dir=raster_dir, core=core, transform_path=transform, stable=stable),
         dates=(_day(dates[0]), _day(dates[1])),
-        transform_path=_path(transform),
-        stable=_path(stable),
-        overwrite=values.of(OutputParameters).overwrite,
+        overwrite=values.overwrite,
         progress=progress or Progress(),
     )
 
@@ -306,13 +273,12 @@ def screen(
     ``output`` is the labelled cloud (.laz); zones, probabilities and map are written next to it. Needs torch unless
     ``screening_method="residual"``.
     """
-    values = _Values(parameters, InputParameters, GroundParameters, ScreeningParameters)
+    values = _Values(parameters, command_sets.SCREEN)
     return screen_step(
         Path(cloud),
         default_targets(Path(output)),
         gathered(ScreeningSettings, values.of),
-        roi=_path(roi),
-        pdal=_path(pdal),
+        **_paths(roi=roi, pdal=pdal),
         progress=progress or Progress(),
     )
 
@@ -332,18 +298,12 @@ def monitor(
 
     ``alerts`` is an alert table (CSV) instead of the one that comes with SlopeWatch.
     """
-    values = _Values(
-        parameters, InputParameters, DateParameters, GroundParameters, RegistrationParameters, GridChangeParameters,
-        ZoneParameters, SeriesParameters, OutputParameters,
-    )  # fmt: skip
+    values = _Values(parameters, command_sets.SERIES)
     return monitor_series(
         _epochs(surveys),
         Path(output_dir),
         gathered(SeriesSettings, values.of),
-        roi=_path(roi),
-        stable=_path(stable),
-        alerts=_path(alerts),
-        pdal=_path(pdal),
-        overwrite=values.of(OutputParameters).overwrite,
+        **_paths(roi=roi, stable=stable, alerts=alerts, pdal=pdal),
+        overwrite=values.overwrite,
         progress=progress or Progress(),
     )

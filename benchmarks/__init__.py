@@ -1,1 +1,1 @@
-"""Side-by-side measurements: ``python -m slopewatch.benchmarks`` prints SlopeWatch's figures with the peers' beside."""
+"""Measurements: ``python -m slopewatch.benchmarks`` prints SlopeWatch's figures compared with those of peers."""

@@ -1,8 +1,7 @@
-"""Cells that grow beside cells of one size: how much is compared, how much change is seen, and how well."""
+"""Cells that grow compared with cells of one size: how much is compared, how much change is seen, and how well."""
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,23 +9,15 @@ import numpy as np
 import shapely
 from matplotlib.patches import Patch
 
-from ..engine.change.difference import cells_inside, difference
+from ..engine.change.difference import Areas, cells_inside, difference
 from ..engine.change.result import Change
 from ..engine.grid.grid import cell_index
-from ..engine.ground.filtering import ground_mask
 from ..engine.maps.palette import diverging_colours, sequential_steps
-from ..engine.registration.register import register
 from ..engine.zones.groups import label_groups
-from ..interface.parameters import (
-    ChangeParameters,
-    GroundParameters,
-    RegistrationParameters,
-    SurveyParameters,
-    ZoneParameters,
-)
+from ..interface.parameters import ChangeParameters, SurveyParameters, ZoneParameters
 from ..simulation.surveys.survey import SimulatedPair, simulate_pair
-from .controlled_test import inside
-from .table import Row
+from .chain import registered_clouds
+from .table import Row, say
 
 VEGETATION = (0.0, 0.4, 0.8)
 SEEDS = (1, 2, 3)
@@ -56,15 +47,6 @@ class Result:
     level: float
 
 
-def clouds_of(pair: SimulatedPair) -> tuple[np.ndarray, np.ndarray, float]:
-    """Ground of both epochs in the region of interest, the second registered, and the registration's error."""
-    ground = GroundParameters()
-    clouds = [cloud.xyz[inside(cloud.xyz, pair)] for cloud in (pair.first, pair.second)]
-    first, second = (xyz[ground_mask(xyz, ground)] for xyz in clouds)
-    registration = register(first, second, RegistrationParameters())
-    return first, registration.transform.apply(second), registration.registration_error
-
-
 def compare(change: Change, fine: Change, truth: np.ndarray, slope: np.ndarray) -> Result:
     """Figures of ``change`` on the grid of ``fine``, on which ``truth`` and the ``slope``'s cells are given."""
     grid = fine.grid
@@ -87,13 +69,13 @@ def compare(change: Change, fine: Change, truth: np.ndarray, slope: np.ndarray) 
     once = cells > 0
     mean = [np.bincount(unit, array[known])[once] / cells[once] for array in (dz, truth, error)]
     still = known & (np.abs(truth) <= UNCHANGED)
-    labels, zones, _, _ = label_groups(change.dz, change.significant, ZoneParameters(), change.partition)
+    labels = label_groups(change.dz, change.significant, ZoneParameters(), change.partition)
     moved = labels.ravel()[at[(within & (np.abs(truth) > STILL)).ravel()]]
     return Result(
         compared=float(known.sum() / slope.sum()),
         seen=float((significant & changed & (dz * truth > 0)).sum() / changed.sum()),
         false=float(significant[still].mean()),
-        false_zones=float(len(zones) - len(np.setdiff1d(moved, [0]))),
+        false_zones=float(labels.max() - len(np.setdiff1d(moved, [0]))),
         rmse=float(np.sqrt(np.mean((dz - truth)[known] ** 2))),
         in_errors=float(np.sqrt(np.mean(((mean[0] - mean[1]) / mean[2]) ** 2))),
         level=float(np.median(values(change.level)[known])),
@@ -102,16 +84,16 @@ def compare(change: Change, fine: Change, truth: np.ndarray, slope: np.ndarray) 
 
 def results(pair: SimulatedPair) -> dict[str, Result]:
     """The pair's figures by the kind of cells."""
-    first, second, error = clouds_of(pair)
+    first, second, error = registered_clouds(pair)
     area = shapely.Polygon(pair.roi)
     changes = {
         f"{cell:g} m": difference(
-            first, second, ChangeParameters(cell=cell, adaptive=False), registration_error=error, area=area
+            first, second, ChangeParameters(cell=cell, adaptive=False), registration_error=error, areas=Areas(area)
         )
         for cell in SIZES
     }
     growing = ChangeParameters(adaptive=True)
-    changes["growing"] = difference(first, second, growing, registration_error=error, area=area)
+    changes["growing"] = difference(first, second, growing, registration_error=error, areas=Areas(area))
     fine = changes["growing"]
     truth = pair.true_change_raster(fine.grid, subsamples=8)
     slope = cells_inside(area, fine.grid)
@@ -124,7 +106,7 @@ def rows() -> list[Row]:
     for vegetation in VEGETATION:
         found = []
         for seed in SEEDS:
-            print(f"  vegetation {vegetation:.0%}, seed {seed}", file=sys.stderr, flush=True)
+            say(f"vegetation {vegetation:.0%}, seed {seed}")
             found.append(results(simulate_pair(_survey(vegetation, seed))))
         table += [_row(found, vegetation, *figure) for figure in FIGURES]
     return table
@@ -149,12 +131,12 @@ def _survey(vegetation: float, seed: int) -> SurveyParameters:
 def _row(found: list[dict[str, Result]], vegetation: float, figure: str, field: str, text: str, scale: float) -> Row:
     values = {kind: text.format(scale * np.mean([getattr(pair[kind], field) for pair in found])) for kind in found[0]}
     growing = values.pop("growing")
-    beside = ", ".join(f"{kind} {value}" for kind, value in values.items())
+    others = ", ".join(f"{kind} {value}" for kind, value in values.items())
     name = f"{100 * vegetation:.0f} % vegetation: {figure}"
     if field != "false":
-        return Row(name, growing, "", f"cells of {beside}")
+        return Row(name, growing, "", f"cells of {others}")
     met = 0.03 <= np.mean([pair["growing"].false for pair in found]) <= 0.07
-    return Row(name, growing, "3 to 7 %", f"cells of {beside}", bool(met))
+    return Row(name, growing, "3 to 7 %", f"cells of {others}", bool(met))
 
 
 def picture(path: Path, vegetation: float = 0.8, seed: int = 2) -> None:
@@ -163,10 +145,10 @@ def picture(path: Path, vegetation: float = 0.8, seed: int = 2) -> None:
     from matplotlib.figure import Figure
 
     pair = simulate_pair(_survey(vegetation, seed))
-    first, second, error = clouds_of(pair)
+    first, second, error = registered_clouds(pair)
     area = shapely.Polygon(pair.roi)
     fixed, grown = (
-        difference(first, second, ChangeParameters(adaptive=adaptive), registration_error=error, area=area)
+        difference(first, second, ChangeParameters(adaptive=adaptive), registration_error=error, areas=Areas(area))
         for adaptive in (False, True)
     )
     grid = grown.grid

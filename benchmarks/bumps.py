@@ -7,7 +7,6 @@ transform is the identity; between two strips it is known as well as they are re
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -23,13 +22,13 @@ from ..engine.zones.change_zones import change_zones
 from ..engine.zones.footprints import footprint_labels
 from ..interface.parameters import ChangeParameters, RegistrationParameters
 from .strips import FILE, HEIGHTS, RADIUS, Strips, load, with_bumps
-from .table import Row
+from .table import Row, say
 
 LAYOUTS = range(201, 206)
 PARTS = 5
 """Points along each side of a cell at which the true height of a bump is taken."""
-MOST_OFF = 2.0
-"""Median error of the registration, mm."""
+MAX_ERROR_MM = 2.0
+"""Median error of the registration."""
 HELD = (0.90, 0.99)
 
 
@@ -117,7 +116,7 @@ def _rows(name: str, strips: Strips) -> list[Row]:
     found = []
     for layout in LAYOUTS:
         found.append(measured(strips, layout))
-        print(f"  {name}, layout {layout}: {found[-1]}", file=sys.stderr, flush=True)
+        say(f"{name}, layout {layout}: {found[-1]}")
     return table(name, found)
 
 
@@ -148,8 +147,8 @@ def table(name: str, found: Sequence[Found]) -> list[Row]:
             f"registration with the bumps in, median error, {name}",
             f"{np.median(off):.1f} mm, in height {np.median(height):.1f} (largest {off.max():.1f} and "
             f"{height.max():.1f})",
-            f"{MOST_OFF:g} mm",
+            f"{MAX_ERROR_MM:g} mm",
             f"standard error of a height stated {np.median([f.stated for f in found]):.1f} mm",
-            bool(np.median(off) <= MOST_OFF),
+            bool(np.median(off) <= MAX_ERROR_MM),
         ),
     ]

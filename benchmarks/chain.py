@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import shapely
+
 from ..engine.change.difference import difference
 from ..engine.change.result import Change
-from ..engine.core.arrays import Float
-from ..engine.ground.filtering import known_ground
+from ..engine.core.arrays import Bool, Float
+from ..engine.ground.filtering import ground_mask, known_ground
 from ..engine.pointcloud.plant_cover import PlantCover
 from ..engine.pointcloud.returns import last_returns
 from ..engine.registration.register import register
@@ -17,7 +19,6 @@ from ..engine.zones.extraction import Zones
 from ..interface.parameters import ChangeParameters, GroundParameters, RegistrationParameters
 from ..simulation.surveys.scanner import SurveyCloud
 from ..simulation.surveys.survey import SimulatedPair
-from .controlled_test import inside
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,24 @@ class Ground:
 
     xyz: Float
     plants: PlantCover | None = None
+
+
+def inside(xyz: Float, pair: SimulatedPair) -> Bool:
+    """Which points (n, 3) lie in the region of interest (a rectangle, turned), as the clip leaves them."""
+    polygon = shapely.Polygon(pair.roi)
+    shapely.prepare(polygon)
+    return shapely.contains_xy(polygon, xyz[:, 0], xyz[:, 1])
+
+
+def registered_clouds(pair: SimulatedPair, profile: str = "default") -> tuple[Float, Float, float]:
+    """Ground (n, 3) of both epochs in the region from all returns, the second registered, and the registration's error
+    in metres.
+    """
+    parameters = GroundParameters.build(profile=profile)
+    clouds = [cloud.xyz[inside(cloud.xyz, pair)] for cloud in (pair.first, pair.second)]
+    first, second = (xyz[ground_mask(xyz, parameters)] for xyz in clouds)
+    found = register(first, second, RegistrationParameters.build(profile=profile))
+    return first, found.transform.apply(second), found.registration_error
 
 
 def ground_of(cloud: SurveyCloud, pair: SimulatedPair, parameters: GroundParameters | None = None) -> Ground:

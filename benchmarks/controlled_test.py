@@ -6,20 +6,17 @@ has cells that grow from 0.1 m, the published settings have cells of 0.1 m; comm
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 
 from ..engine.change.difference import difference
 from ..engine.change.result import Change
-from ..engine.ground.filtering import ground_mask
-from ..engine.registration.register import register
-from ..interface.parameters import ChangeParameters, GroundParameters, RegistrationParameters
+from ..interface.parameters import ChangeParameters
 from ..simulation.surveys.change import Cone, Plateau
 from ..simulation.surveys.survey import SimulatedPair, simulate_controlled_test
-from .table import Row
+from .chain import registered_clouds
+from .table import Row, say
 
 SEEDS = range(1, 11)
 OFFSET = 0.05
@@ -46,24 +43,9 @@ SETTINGS = {
 def measure(pair: SimulatedPair, settings: str) -> tuple[Change, np.ndarray]:
     """The engine's change of a simulated pair with some of ``SETTINGS``, and the true one on the same grid."""
     profile, parameters = SETTINGS[settings]
-    ground = GroundParameters.build(profile=profile)
-    clouds = [cloud.xyz[inside(cloud.xyz, pair)] for cloud in (pair.first, pair.second)]
-    first, second = (xyz[ground_mask(xyz, ground)] for xyz in clouds)
-    registration = register(first, second, RegistrationParameters.build(profile=profile))
-    change = difference(
-        first,
-        registration.transform.apply(second),
-        parameters,
-        registration_error=registration.registration_error,
-    )
+    first, second, error = registered_clouds(pair, profile)
+    change = difference(first, second, parameters, registration_error=error)
     return change, pair.true_change_raster(change.grid)
-
-
-def inside(xyz: np.ndarray, pair: SimulatedPair) -> np.ndarray:
-    """Points in the region of interest (a rectangle, turned), as the clip leaves them."""
-    polygon = shapely.Polygon(pair.roi)
-    shapely.prepare(polygon)
-    return shapely.contains_xy(polygon, xyz[:, 0], xyz[:, 1])
 
 
 def result(pair: SimulatedPair, settings: str = "default") -> Result:
@@ -94,7 +76,7 @@ def rows() -> list[Row]:
         pair = simulate_controlled_test(seed, offset=OFFSET)
         for settings, found in results.items():
             found.append(result(pair, settings))
-        print(f"  seed {seed}: {results['default'][-1]}", file=sys.stderr, flush=True)
+        say(f"seed {seed}: {results['default'][-1]}")
 
     def figure(name: str, attribute: str, limit: float, published: str) -> Row:
         own, one_size, paper = (np.array([getattr(r, attribute) for r in results[name]]) * 100 for name in SETTINGS)

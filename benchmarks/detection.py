@@ -1,7 +1,7 @@
 """What the whole chain detects: simulated pairs with and without change, under no to dense vegetation.
 
 Each pair goes through ground extraction, registration, differencing and zones at the default settings, with cells that
-grow, and with cells of one size beside them. Half of the pairs hold bulges and hollows of 2 to 30 cm over 0.5 to 20 m²;
+grow, and also with cells of one size. Half of the pairs hold bulges and hollows of 2 to 30 cm over 0.5 to 20 m²;
 the others differ by noise, vegetation and a rigid offset alone. Those with changes are looked at a second time, with
 closed grass on half of the slope.
 """
@@ -9,7 +9,6 @@ closed grass on half of the slope.
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import pairwise
@@ -25,7 +24,7 @@ from ..simulation.surveys.change import Bump, true_change_raster
 from ..simulation.surveys.survey import SimulatedPair, simulate_pair
 from .chain import changed, registered
 from .detection_results import Detected, FalseZone, PairResult, Volume, write_results
-from .table import Row
+from .table import Row, ratio_class, say
 
 PAIRS = 60
 VEGETATION = (0.0, 0.2, 0.4, 0.6, 0.8)
@@ -39,11 +38,11 @@ HIGH = 0.10
 CELLS = {"fixed": ChangeParameters(adaptive=False), "growing": ChangeParameters(adaptive=True)}
 """Growing ones are the default."""
 GRASS = 0.5
-LEAST_IN_GRASS, LEAST_UNDER_PLANTS = 27 / 35, 5 / 7
+MIN_FOUND_IN_GRASS, MIN_FOUND_UNDER_PLANTS = 27 / 35, 5 / 7
 """Shares to be found: of changes of three times the level with grass on half of the slope, and of those of 10 cm and
 more under much vegetation."""
 MUCH_VEGETATION = (0.6, 0.8)
-NOTHING = 0.005
+MAX_STILL_M = 0.005
 """A zone is false if nowhere in it the ground has moved by more than this, m."""
 
 
@@ -97,7 +96,7 @@ def compared(pair: SimulatedPair, change: Change, zones: Zones) -> PairResult:
     for known in pair.changes:
         assert isinstance(known, Bump)
         raster = true_change_raster((known,), pair.scene.frame, change.grid, 8)
-        shown.append(set(np.unique(zones.labels[np.abs(raster) > NOTHING]).tolist()) - {0})
+        shown.append(set(np.unique(zones.labels[np.abs(raster) > MAX_STILL_M]).tolist()) - {0})
         alone = np.abs(raster) > 0.5 * abs(known.height)
         core = alone & change.valid
         if not core.any():
@@ -106,7 +105,9 @@ def compared(pair: SimulatedPair, change: Change, zones: Zones) -> PairResult:
         share = float(np.mean(signs[core] == np.sign(known.height)))
         area = math.pi * known.half_u * known.half_v
         found.append(Detected(known.height, area, level, share, pair.parameters.vegetation))
-    moved = np.bincount(zones.labels.ravel(), weights=(np.abs(truth) > NOTHING).ravel(), minlength=len(zones.frame) + 1)
+    moved = np.bincount(
+        zones.labels.ravel(), weights=(np.abs(truth) > MAX_STILL_M).ravel(), minlength=len(zones.frame) + 1
+    )
     unchanged = change.valid & (truth == 0)
     return PairResult(
         changes=tuple(found),
@@ -141,7 +142,7 @@ def results(count: int = PAIRS) -> dict[str, list[PairResult]]:
         registered_pair = registered(pair)
         for name, parameters in CELLS.items():
             found[name].append(compared(pair, *changed(*registered_pair, parameters)))
-        print(f"  pair {number + 1} of {count}", file=sys.stderr, flush=True)
+        say(f"pair {number + 1} of {count}")
     return found
 
 
@@ -151,7 +152,7 @@ def in_grass(count: int = PAIRS) -> list[PairResult]:
     for number in range(0, count, 2):
         pair = simulated(number, GRASS)
         found.append(compared(pair, *changed(*registered(pair), CELLS["growing"])))
-        print(f"  in grass, pair {number + 1} of {count}", file=sys.stderr, flush=True)
+        say(f"in grass, pair {number + 1} of {count}")
     return found
 
 
@@ -165,16 +166,9 @@ def rows(keep: Path | None = None) -> list[Row]:
     fixed, growing = found["fixed"], found["growing"]
     lines = []
     for low, high in pairwise(RATIOS):
-        name = f"{low:g} to {high:g}" if math.isfinite(high) else f"{low:g} and more"
         of = partial(_between, low=low, high=high)
-        lines.append(
-            Row(
-                f"changes found, height {name} times the level",
-                _found(growing, of),
-                "",
-                f"cells of one size {_found(fixed, of)}",
-            )
-        )
+        figure = f"changes found, height {ratio_class(low, high)} times the level"
+        lines.append(Row(figure, _found(growing, of), "", f"cells of one size {_found(fixed, of)}"))
     grassy = in_grass()
     lines.append(grass_row(growing, grassy))
     for cover in VEGETATION:
@@ -219,9 +213,9 @@ def grass_row(open_ground: list[PairResult], grassy: list[PairResult]) -> Row:
     return Row(
         f"the same, 3 and more, with grass on half of the slope ({len(grassy)} pairs)",
         f"{found} of {count}; {false:.2f} false zones a slope",
-        f"{100 * LEAST_IN_GRASS:.0f} %",
+        f"{100 * MIN_FOUND_IN_GRASS:.0f} %",
         f"without grass {_found(open_ground, lambda c: c.ratio >= 3)}",
-        found >= LEAST_IN_GRASS * count if count else None,
+        found >= MIN_FOUND_IN_GRASS * count if count else None,
     )
 
 
@@ -238,7 +232,7 @@ def high_row(cover: float, growing: list[PairResult], fixed: list[PairResult], g
         _found(growing, high),
         "5 of 7" if much else "",
         f"cells of one size {_found(fixed, high)}; with grass on half of the slope {_found(grassy, high)}",
-        found >= LEAST_UNDER_PLANTS * count if much and count else None,
+        found >= MIN_FOUND_UNDER_PLANTS * count if much and count else None,
     )
 
 

@@ -1,4 +1,4 @@
-"""Gridding (mean, variance, count) from memory, beside PDAL's writers.gdal on the same points."""
+"""Gridding (mean, variance, count) from memory, and PDAL's writers.gdal on the same points."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 import subprocess
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import laspy
@@ -76,7 +77,7 @@ def _pdal_seconds(xyz: np.ndarray, folder: Path) -> float:
     return best["gdal"] - best["null"]
 
 
-def _seconds(work) -> float:  # type: ignore[no-untyped-def]
+def _seconds(work: Callable[[], object]) -> float:
     start = time.perf_counter()
     work()
     return time.perf_counter() - start

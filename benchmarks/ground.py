@@ -1,8 +1,7 @@
 """Ground extraction: how much of the ground is found, how much of what is found is ground, and in what time.
 
-``python -m slopewatch.benchmarks.ground`` prints the table. Recall and precision count points against the simulation's
-truth; the peers get the same points. Real clouds are compared with their vendor's class 2 where they lie beside the
-checkout (``../shared/data``).
+Recall and precision count points against the simulation's truth; the peers get the same points. Real clouds are
+compared with their vendor's class 2.
 """
 
 from __future__ import annotations
@@ -14,7 +13,6 @@ from pathlib import Path
 
 import laspy
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from ..engine.core.arrays import Bool
@@ -25,12 +23,13 @@ from ..engine.pointcloud.pdal_program import Pdal, find_pdal
 from ..interface.parameters import GroundParameters, SurveyParameters
 from ..simulation.surveys.survey import SimulatedPair, simulate_pair
 from ..simulation.surveys.write import write_pair
-from .table import Row, heading, markdown
+from .chain import inside
+from .real_data import TILES
+from .table import Row
 
 SEEDS = (1, 2, 3)
 SLOPE = SurveyParameters(points=1_000_000, angle=39.0, vegetation=0.7)
 BERMS = SurveyParameters(points=600_000, angle=45.0, vegetation=0.7, benches=2)
-TILES = Path(__file__).resolve().parents[2] / "shared" / "data" / "real" / "ign_tiles"
 
 
 @dataclass(frozen=True)
@@ -54,11 +53,9 @@ def rows() -> list[Row]:
 
 def region_points(pair: SimulatedPair) -> Points:
     """The first survey within the region."""
-    cloud, polygon = pair.first, shapely.Polygon(pair.roi)
-    shapely.prepare(polygon)
-    inside = shapely.contains_xy(polygon, cloud.xyz[:, 0], cloud.xyz[:, 1])
+    cloud, held = pair.first, inside(pair.first.xyz, pair)
     last = cloud.return_number == cloud.number_of_returns
-    return Points(cloud.xyz[inside], cloud.truth_ground[inside] == 1, last[inside])
+    return Points(cloud.xyz[held], cloud.truth_ground[held] == 1, last[held])
 
 
 def _slope_rows() -> list[Row]:
@@ -77,13 +74,13 @@ def _slope_rows() -> list[Row]:
             timing = _time_row(pair, points)
     recall, precision = np.mean(own, axis=0)
     worst = np.min(own, axis=0)
-    beside = "; ".join(f"{name}: {_pair(*figures)}" for name, figures in peers.items())
+    others = "; ".join(f"{name}: {_pair(*figures)}" for name, figures in peers.items())
     return [
         Row(
             f"ground, 39 degrees, 70 % vegetation, {len(points.xyz) / 1e6:.2f} M points, {len(SEEDS)} seeds",
             f"{_pair(recall, precision)} (worst {_pair(*worst)})",
             "recall >= 0.98, precision >= 0.97",
-            beside,
+            others,
             bool(recall >= 0.98 and precision >= 0.97),
         ),
         timing,
@@ -91,7 +88,7 @@ def _slope_rows() -> list[Row]:
 
 
 def _time_row(pair: SimulatedPair, points: Points) -> Row:
-    """Seconds from the raw LAS file to the written ground, beside the filter alone at the published settings."""
+    """Seconds from the raw LAS file to the written ground, and the filter alone at the published settings."""
     with tempfile.TemporaryDirectory() as name:
         paths = write_pair(pair, Path(name), compressed=False)
         start = time.perf_counter()
@@ -166,8 +163,3 @@ def _agreement_row() -> Row:
 
 def _pair(recall: float, precision: float) -> str:
     return f"recall {recall:.4f}, precision {precision:.4f}"
-
-
-if __name__ == "__main__":
-    print(heading())
-    print(markdown("Ground extraction", rows()))

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from ..engine.core.arrays import Bool, Float
 from ..engine.pointcloud.returns import last_returns
 from ..simulation.surveys.plot import Plot, grass_plot, plot
-from .plants import BARE, DATA, over_ground_planes
+from .plants import BARE, over_ground_planes
+from .real_data import DATA
 
 SEEDS = (1, 2, 3)
 VENDORS_GROUND = 2
@@ -172,7 +173,7 @@ CASES = (
     _real("alpine_slope", "alpine meadow and shrubs (alpine_slope)", "real/ign_tiles/alpine_slope.laz"),
     _real(
         "test_data_77050_627755",
-        "trees beside open ground (IGN 77050_627755)",
+        "trees next to open ground (IGN 77050_627755)",
         "real/ign_tiles/test_data_77050_627755_LA93_IGN69.laz",
     ),
     _real(

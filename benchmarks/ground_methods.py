@@ -43,7 +43,7 @@ print(json.dumps({}))
 class Method:
     """``find`` gives the ground (n,) among what is seen; ``rival``: its mean height is to be undercut.
 
-    ``slow`` ones run beside the others; ``dense_only`` ones on dense clouds alone.
+    ``slow`` ones run in parallel with the others; ``dense_only`` ones on dense clouds alone.
     """
 
     name: str
@@ -125,7 +125,7 @@ def _labelled(labelled: laspy.LasData, given: laspy.LasData) -> Bool:
 
 
 def peers() -> tuple[Method, ...]:
-    """The methods beside SlopeWatch."""
+    """The methods that SlopeWatch is compared with."""
     pdal = f"PDAL {find_pdal().version}"
     return (
         Method("CSF (profile paper)", published, slow=True),

@@ -1,27 +1,24 @@
-"""M3C2 beside py4dgeo's: counts against a search through all points, time, and the surface that a grid covers."""
+"""M3C2 and py4dgeo's: counts against a search through all points, time, and the surface that a grid covers."""
 
 from __future__ import annotations
 
-import tempfile
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
 from ..engine.change.difference import difference
 from ..engine.core.arrays import Float
 from ..engine.grid.grid import cell_index
-from ..engine.m3c2.distances import Distances, Status, m3c2_distances
+from ..engine.m3c2.distances import Cylinder, Distances, Status, m3c2_distances
 from ..engine.m3c2.lattice import Lattice
 from ..engine.m3c2.normals import fit_planes
 from ..engine.m3c2.scales import choose_scales, overlap_bounds, spread_cores
-from ..engine.pointcloud.reading import read_cloud
-from ..interface.parameters import ChangeParameters, DistanceParameters, InputParameters, SurveyParameters
+from ..interface.parameters import ChangeParameters, DistanceParameters, SurveyParameters
 from ..simulation.surveys.survey import simulate_pair
-from .controlled_test import inside
-from .peers import PeerMissingError, run_peer, version
-from .registration import REAL, REAL_CRS
+from .chain import inside
+from .peers import PeerMissingError, run_on_arrays, version
+from .real_data import DENSE_HALVES, dense_cloud, split
 from .table import Row
 
 CHECKED = 300  # core points whose cylinders are searched through all points
@@ -39,8 +36,8 @@ for _ in range(int(repeats)):
     py4dgeo.M3C2(max_distance=half_length, **common).run()
     seconds.append(time.perf_counter() - start)
     work.append(time.process_time() - worked)
-distance, told = py4dgeo.M3C2(max_distance=half_length, corepoint_normals=normal, **common).run()
-np.save(f"{folder}/peer.npy", np.column_stack([told["num_samples1"], told["num_samples2"], distance]))
+distance, report = py4dgeo.M3C2(max_distance=half_length, corepoint_normals=normal, **common).run()
+np.save(f"{folder}/peer.npy", np.column_stack([report["num_samples1"], report["num_samples2"], distance]))
 print(json.dumps({"seconds": min(seconds), "work": min(work)}))
 """
 
@@ -64,26 +61,25 @@ def rows() -> list[Row]:
                 first, second, own.core, own.normal, scales.normal_scale, radius, half_length
             )
             peer_share = float(np.mean((peer[chosen, :2] == truth).all(axis=1)))
-            beside = f"py4dgeo {version('py4dgeo')}: {100 * peer_share:.1f} %"
+            others = f"py4dgeo {version('py4dgeo')}: {100 * peer_share:.1f} %"
             faster = f"py4dgeo {version('py4dgeo')} {peer_seconds:.2f} s, ratio {peer_seconds / seconds:.2f}"
         except PeerMissingError as error:
-            beside = faster = f"not measured: {error}"
+            others = faster = f"not measured: {error}"
         name = f"M3C2, {len(core)} core points, cylinder of {segments} segments"
         found += [
             Row(
                 f"{name}: counts equal to a search through all points, {len(chosen)} cores",
                 f"{100 * share:.1f} %",
                 "100 %",
-                beside,
+                others,
                 share == 1.0,
             ),
             Row(f"{name}: normals and distances", f"{seconds:.2f} s", "", faster),
         ]
     found.append(_surface_row("ground under 70 % vegetation", first, second))
-    if REAL.exists():
-        cloud = read_cloud(REAL, InputParameters(crs=REAL_CRS)).xyz
-        half = np.random.default_rng(1).permutation(len(cloud)) < len(cloud) // 2
-        found.append(_surface_row("real cloud (392 points/m²) split in two halves", cloud[half], cloud[~half]))
+    cloud = dense_cloud()
+    if cloud is not None:
+        found.append(_surface_row(DENSE_HALVES, *split(cloud, 1)))
     return found
 
 
@@ -108,13 +104,13 @@ def _surface_row(scene: str, first: Float, second: Float) -> Row:
         (peer_seconds, peer_work), _ = _peer(first, second, core, own.normal, scales.normal_scale, radius, half_length)
     except PeerMissingError as error:
         return Row(name, f"{surface / seconds:.0f} m²/s", target, f"not measured: {error}")
-    beside = (
+    others = (
         f"py4dgeo {version('py4dgeo')} {surface / peer_seconds:.0f} m²/s, one core point in each of the {len(core)} "
         f"common cells; by processor time {peer_work / work:.1f} x; M3C2 {own_seconds:.2f} s, processors "
         f"{own_work:.2f} s, py4dgeo {peer_seconds:.2f} s, {peer_work:.2f} s"
     )
     ratio = peer_seconds / seconds
-    return Row(name, f"{surface / seconds:.0f} m²/s = {ratio:.1f} x", target, beside, ratio >= 20)
+    return Row(name, f"{surface / seconds:.0f} m²/s = {ratio:.1f} x", target, others, ratio >= 20)
 
 
 def _own(
@@ -125,9 +121,8 @@ def _own(
     for _ in range(REPEATS):
         start, worked = time.perf_counter(), time.process_time()
         normal = fit_planes(Lattice(first, diameter / 2), core, diameter).normal
-        found = m3c2_distances(
-            Lattice(first, radius), Lattice(second, radius), core, normal, radius=radius, half_length=half_length
-        )
+        lattices = Lattice(first, radius), Lattice(second, radius)
+        found = m3c2_distances(lattices, core, normal, Cylinder(radius, half_length))
         seconds = min(seconds, time.perf_counter() - start)
         work = min(work, time.process_time() - worked)
     assert found is not None
@@ -138,11 +133,9 @@ def _peer(
     first: Float, second: Float, core: Float, normal: Float, diameter: float, radius: float, half_length: float
 ) -> tuple[tuple[float, float], Float]:
     """py4dgeo's best seconds by the clock and of all processors; its counts and distances with our normals, (m, 3)."""
-    with tempfile.TemporaryDirectory() as folder:
-        for name, array in (("first", first), ("second", second), ("core", core), ("normal", normal)):
-            np.save(Path(folder) / f"{name}.npy", array)
-        told = run_peer("py4dgeo", _PEER, folder, *map(str, (diameter, radius, half_length, REPEATS)))
-        return (float(told["seconds"]), float(told["work"])), np.load(Path(folder) / "peer.npy")
+    arrays = {"first": first, "second": second, "core": core, "normal": normal}
+    printed, found = run_on_arrays("py4dgeo", _PEER, arrays, diameter, radius, half_length, REPEATS)
+    return (float(printed["seconds"]), float(printed["work"])), found
 
 
 def _brute_force(

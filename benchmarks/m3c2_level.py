@@ -7,12 +7,8 @@ as if it alone were known to be stable, and counted on the other, in turn.
 
 from __future__ import annotations
 
-import sys
-import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 
@@ -20,23 +16,20 @@ from ..engine.change.difference import uniform_shift
 from ..engine.core.arrays import Bool, Float
 from ..engine.grid.common_grid import common_grid
 from ..engine.grid.grid import cell_index
-from ..engine.m3c2.distances import Distances, m3c2_distances
+from ..engine.m3c2.distances import Cylinder, Distances, LevelTerms, m3c2_distances
 from ..engine.m3c2.lattice import Lattice
 from ..engine.m3c2.level import calibrated, slope_of
 from ..engine.m3c2.normals import fit_planes
 from ..engine.m3c2.scales import choose_scales, overlap_bounds, spread_cores
-from ..engine.pointcloud.reading import read_cloud
-from ..interface.parameters import DistanceParameters, GridChangeParameters, InputParameters, SurveyParameters
+from ..interface.parameters import DistanceParameters, GridChangeParameters, SurveyParameters
 from ..simulation.surveys.survey import SimulatedPair, simulate_pair
 from . import strips
 from .chain import Ground, registered
-from .peers import PeerMissingError, run_peer, version
-from .registration import REAL, REAL_CRS
-from .table import Row
+from .peers import PeerMissingError, run_on_arrays, version
+from .real_data import DENSE_HALVES, dense_cloud, split
+from .slope_classes import TARGET, met, shares_by_slope, text
+from .table import Row, say
 
-SLOPES = (0.0, 15.0, 30.0, 45.0, 90.0)
-LEAST_CORES = 200  # their share beyond is known to 1.5 %
-TARGET = "3 to 7 % in every class of slope"
 STRIP_SCALES = (0.0, 2.0)
 """Projection scales (m); 0: as the clouds choose."""
 FACES = ((30.0, 0.0), (45.0, 0.0), (60.0, 0.0), (30.0, 0.5), (45.0, 0.5), (60.0, 0.5))
@@ -52,11 +45,11 @@ folder, radius, half_length, error = sys.argv[1], *map(float, sys.argv[2:5])
 first, second, core, normal = (np.load(f"{folder}/{n}.npy") for n in ("first", "second", "core", "normal"))
 origin = first.mean(axis=0)
 epochs = py4dgeo.Epoch(first - origin), py4dgeo.Epoch(second - origin)
-distance, told = py4dgeo.M3C2(
+distance, report = py4dgeo.M3C2(
     epochs=epochs, corepoints=core - origin, corepoint_normals=normal, cyl_radius=radius, max_distance=half_length,
     registration_error=error,
 ).run()
-np.save(f"{folder}/peer.npy", np.column_stack([distance, told["lodetection"]]))
+np.save(f"{folder}/peer.npy", np.column_stack([distance, report["lodetection"]]))
 print(json.dumps({}))
 """
 
@@ -91,12 +84,11 @@ def rows() -> list[Row]:
         for scale in STRIP_SCALES:
             made = measure(pair, scale)
             found.append(_row(f"two airborne strips, cylinder of {2 * made.radius:g} m", [made]))
-    if REAL.exists():
-        cloud = read_cloud(REAL, InputParameters(crs=REAL_CRS)).xyz
-        halves = np.random.default_rng(1).permutation(len(cloud)) < len(cloud) // 2
-        pair = Pair(Ground(cloud[halves]), Ground(cloud[~halves]), 0.0)
-        made = measure(pair)
-        found.append(_row(f"real cloud (392 points/m²) split in two halves, cylinder of {2 * made.radius:g} m", [made]))
+    cloud = dense_cloud()
+    if cloud is not None:
+        first, second = split(cloud, 1)
+        made = measure(Pair(Ground(first), Ground(second), 0.0))
+        found.append(_row(f"{DENSE_HALVES}, cylinder of {2 * made.radius:g} m", [made]))
     for name, faces in (("bare", FACES[:3]), ("ground extracted under 50 % plants", FACES[3:])):
         measured = [measure(pair) for _, pair in _simulated(faces, 0.0)]
         found.append(_row(f"simulated, {name}", measured))
@@ -115,13 +107,11 @@ def measure(pair: Pair, scale: float = 0.0) -> Measured:
         for ground in (pair.first, pair.second)
     )
     published = m3c2_distances(
-        one,
-        two,
+        (one, two),
         core,
         normal,
-        radius=radius,
-        half_length=scales.half_length,
-        registration_error=pair.registration_error,
+        Cylinder(radius, scales.half_length),
+        LevelTerms(registration_error=pair.registration_error),
         spread=True,
     )
     shift = uniform_shift(published.distance[published.measured], published.level[published.measured])
@@ -141,12 +131,7 @@ def shares(distances: Sequence[Distances], where: Sequence[Bool] | None = None) 
     which = [d.measured if where is None else d.measured & where[k] for k, d in enumerate(distances)]
     slope = np.concatenate([slope_of(d.normal)[w] for d, w in zip(distances, which, strict=True)])
     significant = np.concatenate([d.significant[w] for d, w in zip(distances, which, strict=True)])
-    found = {}
-    for low, high in pairwise(SLOPES):
-        inside = (slope >= low) & (slope < high)
-        if np.count_nonzero(inside) >= LEAST_CORES:
-            found[f"{low:g}-{high:g}°"] = float(significant[inside].mean())
-    return found
+    return shares_by_slope(slope, significant)
 
 
 def _simulated(faces: Sequence[tuple[float, float]], amplitude: float) -> Iterator[tuple[SimulatedPair, Pair]]:
@@ -165,7 +150,7 @@ def _simulated(faces: Sequence[tuple[float, float]], amplitude: float) -> Iterat
         )
         simulated = simulate_pair(parameters, roi_buffer=3.0)
         result, first, second = registered(simulated)
-        print(f"  {angle:g} degrees: {len(first.xyz)} ground points", file=sys.stderr, flush=True)
+        say(f"{angle:g} degrees: {len(first.xyz)} ground points")
         yield simulated, Pair(first, second, result.registration_error)
 
 
@@ -176,13 +161,12 @@ def _row(name: str, measured: list[Measured]) -> Row:
     published = shares([m.published for m in measured])
     levels = [float(np.median(np.concatenate([getattr(m, k).level[m.published.measured] for m in measured])))
               for k in ("level", "published")]  # fmt: skip
-    met = all(0.03 <= share <= 0.07 for share in (*own.values(), *other.values()))
     return Row(
         f"{name}: core points beyond the 95 % level by slope",
-        f"{_text(own)}; in the other half: {_text(other)}; median level {1000 * levels[0]:.1f} mm",
+        f"{text(own)}; in the other half: {text(other)}; median level {1000 * levels[0]:.1f} mm",
         TARGET,
-        f"as published: {_text(published)}, {1000 * levels[1]:.1f} mm; {_peer_text(measured)}",
-        met,
+        f"as published: {text(published)}, {1000 * levels[1]:.1f} mm; {_peer_text(measured)}",
+        met(own, other),
     )
 
 
@@ -191,7 +175,7 @@ def _peer_text(measured: list[Measured]) -> str:
         of_all = [_peer(m) for m in measured]
     except PeerMissingError as error:
         return f"py4dgeo not measured: {error}"
-    return f"py4dgeo {version('py4dgeo')}: {_text(shares(of_all))}"
+    return f"py4dgeo {version('py4dgeo')}: {text(shares(of_all))}"
 
 
 def _peer(measured: Measured) -> Distances:
@@ -203,12 +187,8 @@ def _peer(measured: Measured) -> Distances:
         "core": published.core,
         "normal": published.normal,
     }
-    with tempfile.TemporaryDirectory() as folder:
-        for name, array in arrays.items():
-            np.save(Path(folder) / f"{name}.npy", array)
-        numbers = map(str, (measured.radius, measured.half_length, published.registration_error))
-        run_peer("py4dgeo", _PEER, folder, *numbers)
-        distance, level = np.load(Path(folder) / "peer.npy").T
+    numbers = (measured.radius, measured.half_length, published.registration_error)
+    distance, level = run_on_arrays("py4dgeo", _PEER, arrays, *numbers)[1].T
     with np.errstate(invalid="ignore"):
         return Distances(**(vars(published) | {"distance": distance, "significant": np.abs(distance) > level}))
 
@@ -216,7 +196,7 @@ def _peer(measured: Measured) -> Distances:
 def _change_row(amplitude: float) -> Row:
     """Of surveys in which places moved by up to ``amplitude`` metres."""
     changed, unchanged = np.zeros((2, 2)), np.zeros((2, 2))  # calibrated, published; beyond, all
-    beside = np.zeros(2)
+    scaled = np.zeros(2)
     for simulated, pair in _simulated(MOVED, amplitude):
         made = measure(pair)
         truth = _true_change(simulated, made.published.core)
@@ -225,9 +205,9 @@ def _change_row(amplitude: float) -> Row:
             for totals, cores in ((changed, moved), (unchanged, still)):
                 counted = found.measured & cores
                 totals[number] += found.significant[counted].sum(), counted.sum()
-        beside += _at_the_same_share(made, moved & made.published.measured, still & made.published.measured)
+        scaled += _at_the_same_share(made, moved & made.published.measured, still & made.published.measured)
     (found, plain), (false, plain_false) = (100 * t[:, 0] / t[:, 1] for t in (changed, unchanged))
-    alike = 100 * beside[0] / beside[1]
+    alike = 100 * scaled[0] / scaled[1]
     return Row(
         f"simulated, change of up to {amplitude:g} m: changed core points beyond the level",
         f"{found:.1f} % of {changed[0, 1]:.0f}; of unchanged {false:.1f} %",
@@ -248,7 +228,3 @@ def _true_change(simulated: SimulatedPair, core: Float) -> Float:
     """True change of height at core points (m, 3), metres (m,)."""
     grid = common_grid(core, core, GridChangeParameters(cell=0.1))
     return simulated.true_change_raster(grid, 4).ravel()[cell_index(core, grid)]
-
-
-def _text(found: dict[str, float]) -> str:
-    return ", ".join(f"{name} {100 * share:.1f} %" for name, share in found.items())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 
 import numpy as np
@@ -11,7 +10,8 @@ from ..engine.core.errors import InputError
 from ..engine.registration.register import register
 from ..interface.parameters import RegistrationParameters
 from ..simulation.surveys.moving_pieces import EPOCHS, first_epoch, moved_epoch, shares_moved
-from .table import Row
+from .registration import rms_mm
+from .table import Row, say
 
 CASES = ((1, False), (2, False), (1, True), (2, True))  # seed, and whether neighbours move together
 RIGHT = 1.0  # mm
@@ -33,18 +33,18 @@ def _row(seed: int, together: bool) -> Row:
             found = register(reference, epoch.xyz, RegistrationParameters())
         except InputError as refusal:
             refused.append(epoch.share)
-            print(f"  {epoch.share:.2f} moved: refused ({refusal})", file=sys.stderr, flush=True)
+            say(f"{epoch.share:.2f} moved: refused ({refusal})")
             continue
         finally:
             seconds.append(time.process_time() - started)
         still = epoch.xyz[epoch.stable]
         away = found.transform.apply(still) - epoch.transform.apply(still)
-        errors.append(1000 * float(np.sqrt(np.mean(np.sum(away**2, axis=1)))))
+        errors.append(rms_mm(away))
         assert found.covariance is not None
         spread = found.covariance[3:, 3:].trace()
         middle = found.transform.apply(still).mean(axis=0) - epoch.transform.apply(still).mean(axis=0)
         ratios.append(float(np.linalg.norm(middle) / np.sqrt(spread)))
-        print(f"  {epoch.share:.2f} moved: {errors[-1]:.2f} mm", file=sys.stderr, flush=True)
+        say(f"{epoch.share:.2f} moved: {errors[-1]:.2f} mm")
     right = int(np.sum(np.array(errors) <= RIGHT))
     kind = "as blocks" if together else "each its own way"
     wrong = len(errors) - right

@@ -1,14 +1,13 @@
-"""Zones of changes near their level of detection: what share of them is real, and whether a confidence tells that.
+"""Zones of changes near their level of detection: what share of them is real, and whether a confidence says so.
 
 Ground points of two epochs, registered but for a known standard error, on rolling slopes: scatter from point to point
-and errors that near points share. Changes are 0.8 to 2 times the level where they lie; beside every map with changes
-there is one without. Only change and zones are measured, not the ground or the registration.
+and errors that near points share. Changes are 0.8 to 2 times the level where they lie; each map with changes has a
+counterpart without. Only change and zones are measured, not the ground or the registration.
 """
 
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -23,7 +22,7 @@ from ..engine.core.arrays import Float
 from ..engine.zones.change_zones import change_zones
 from ..interface.parameters import ChangeParameters, ZoneParameters
 from ..simulation.fields import HeightField, power_law_field
-from .table import Row
+from .table import Row, counted, say
 
 MAPS = range(9101, 9261)
 SIDE, DENSITY = 40.0, (10.0, 60.0)
@@ -35,7 +34,7 @@ COHERENT = ((0.0, 1.0), (0.15, 1.0), (0.15, 4.0), (0.3, 2.0))
 """Errors that near points of an epoch share: standard deviation over the scatter of a point, and length, m."""
 SURE, RIGHT = 0.95, (0.93, 0.97)
 CLASSES = (0.0, 0.5, 0.8, *RIGHT, 0.99, 1.0)
-CHANCE = 2.0
+CHANCE_SD = 2.0
 """Standard errors by which a share of few groups may by chance lie below their mean confidence."""
 RATIOS = (0.8, 1.2, 1.6, 2.0)
 
@@ -58,7 +57,7 @@ class Patch:
 
 
 @dataclass(frozen=True)
-class Told:
+class MapOutcome:
     """Of one map: confidence of every group that is large enough and whether it is right; whether those that come out
     as zones at the defaults are; and of each change its height in levels and whether a zone of its sign touches it.
     """
@@ -69,7 +68,7 @@ class Told:
     changes: tuple[tuple[float, bool], ...]
 
 
-def measured(seed: int) -> tuple[Told, Told]:
+def measured(seed: int) -> tuple[MapOutcome, MapOutcome]:
     """Map ``seed`` without change, and drawn anew with changes that are set by the levels of the first."""
     rng = np.random.default_rng([seed, 32])
     density = math.exp(rng.uniform(*np.log(DENSITY)))
@@ -95,7 +94,7 @@ def measured(seed: int) -> tuple[Told, Told]:
 
     still = compared()
     changes = _drawn(still, rng)
-    return told(still, ()), told(compared(changes), changes)
+    return outcome(still, ()), outcome(compared(changes), changes)
 
 
 def _smooth(shape: tuple[int, int], width: float, rng: np.random.Generator) -> Float:
@@ -127,7 +126,7 @@ def _centres(change: Change) -> tuple[Float, Float]:
     return east, north
 
 
-def told(change: Change, changes: Sequence[Patch]) -> Told:
+def outcome(change: Change, changes: Sequence[Patch]) -> MapOutcome:
     """The zones of a map against its changes."""
     every = change_zones(change, parameters=ZoneParameters(minimum_confidence=0.0))
     zones = change_zones(change)
@@ -148,7 +147,7 @@ def told(change: Change, changes: Sequence[Patch]) -> Told:
         inside = own != 0
         level = float(np.nanmedian(change.level[inside])) if np.isfinite(change.level[inside]).any() else math.inf
         levels.append((abs(one.height) / level, bool((own * sign > 0).any())))
-    return Told(
+    return MapOutcome(
         tuple(every.frame["confidence"].astype(float)),
         right(every.labels, every.volumes.net),
         right(zones.labels, zones.volumes.net),
@@ -163,16 +162,14 @@ def rows() -> list[Row]:
         one, other = measured(seed)
         still.append(one)
         moved.append(other)
-        print(
-            f"  map {seed}: unchanged {len(one.reported)} zones; {sum(c[1] for c in other.changes)} of "
-            f"{len(other.changes)} found, {len(other.reported) - sum(other.reported)} false",
-            file=sys.stderr,
-            flush=True,
+        say(
+            f"map {seed}: unchanged {len(one.reported)} zones; {sum(c[1] for c in other.changes)} of "
+            f"{len(other.changes)} found, {len(other.reported) - sum(other.reported)} false"
         )
     return table(still, moved)
 
 
-def table(still: Sequence[Told], moved: Sequence[Told]) -> list[Row]:
+def table(still: Sequence[MapOutcome], moved: Sequence[MapOutcome]) -> list[Row]:
     """The figures of unchanged and changed maps."""
     reported = [right for one in (*still, *moved) for right in one.reported]
     share = float(np.mean(reported)) if reported else math.nan
@@ -183,7 +180,7 @@ def table(still: Sequence[Told], moved: Sequence[Told]) -> list[Row]:
         Row(
             f"zones with a confidence of {100 * SURE:g} % and more that are right, {len(still)} unchanged maps and "
             f"{len(moved)} with {CHANGES} changes each",
-            f"{sum(reported)} of {len(reported)} ({100 * share:.1f} %)",
+            counted(reported),
             f"at least {100 * SURE:g} %",
             f"on the changed maps alone {sum(on_moved)} of {len(on_moved)}; {100 * over:.1f} points above "
             f"{100 * RIGHT[1]:g} %",
@@ -205,8 +202,8 @@ def table(still: Sequence[Told], moved: Sequence[Told]) -> list[Row]:
     every = [right for p, right in pairs if p >= SURE]
     lines.append(
         Row(
-            f"groups with a confidence of {SURE:g} and more that are right, no least confidence asked",
-            f"{sum(every)} of {len(every)}" + (f" ({100 * np.mean(every):.1f} %)" if every else ""),
+            f"groups with a confidence of {SURE:g} and more that are right, no minimum of the confidence",
+            counted(every),
             f"at least {100 * SURE:g} %",
             "",
             bool(np.mean(every) >= SURE) if every else None,
@@ -227,11 +224,11 @@ def _class_row(low: float, high: float, right: Sequence[bool], confidence: Seque
     share, promised = float(np.mean(right)), float(np.mean(confidence))
     if (low, high) == RIGHT:
         target = f"{100 * low:g} to {100 * high:g} %"
-        return Row(name, f"{sum(right)} of {len(right)} ({100 * share:.0f} %)", target, "", low <= share <= high)
-    by_chance = CHANCE * math.sqrt(promised * (1.0 - promised) / len(right))
+        return Row(name, counted(right, 0), target, "", low <= share <= high)
+    by_chance = CHANCE_SD * math.sqrt(promised * (1.0 - promised) / len(right))
     return Row(
         name,
-        f"{sum(right)} of {len(right)} ({100 * share:.0f} %)",
+        counted(right, 0),
         f"their mean confidence, {100 * promised:.0f} %, or more",
         f"less by chance: {100 * by_chance:.0f} points",
         share >= promised - by_chance,

@@ -1,8 +1,8 @@
-"""How much a slope's own relief looks like a hazard: what no screening of a single survey can tell apart by height.
+"""How much a slope's own relief looks like a hazard: what no screening of a single survey can distinguish by height.
 
 At random places the shape of a known hazard is fitted to the untouched ground together with a smooth background. Its
 fitted height would be 0 on even ground; on a real slope it is the height of bulges and hollows that the slope has
-anyhow. A screening that were told place, size and shape could do no better by height than to set a threshold on it.
+anyhow. A screening that knew place, size and shape could do no better by height than to set a threshold on it.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class OwnRelief:
         low, high = np.percentile(self.heights, (16, 84))
         return float(high - low) / 2
 
-    def told(self, height: float, false: float) -> float:
+    def standing_out(self, height: float, false: float) -> float:
         """Share of hazards of ``height`` m that stand out where a share ``false`` of untouched places does, too."""
         threshold = np.quantile(np.abs(self.heights), 1.0 - false)
         up, down = self.heights + abs(height), self.heights - abs(height)
@@ -68,7 +68,7 @@ def own_relief(xyz: Float, diameter: float, site: Site | None = None, seeds: int
 
 
 def fitted_height(points: Float, shape: Float) -> float:
-    """Height (m) of a ``shape`` (n,) of unit height in points (n, 3) that lie on a quadratic surface besides.
+    """Height (m) of a ``shape`` (n,) of unit height in points (n, 3) that otherwise lie on a quadratic surface.
 
     Least squares, reweighted by Tukey's biweight of the residuals (Beaton and Tukey 1974).
     """

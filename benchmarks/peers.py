@@ -8,8 +8,13 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+
+from ..engine.core.arrays import Float
 
 #: What a peer needs, pinned, so that the figures name what they were measured against.
 PINNED = {
@@ -75,6 +80,25 @@ def run_peer(peer: str, script: str, *arguments: str, threads: int | None = None
         raise RuntimeError(f"{peer} failed: {done.stderr[-2000:]}")
     found: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
     return found
+
+
+def run_on_arrays(peer: str, script: str, arrays: Mapping[str, Float], *numbers: float) -> tuple[dict[str, Any], Float]:
+    """``run_peer`` on the files NAME.npy of ``arrays`` in a folder, whose path and ``numbers`` are its arguments.
+
+    Returns:
+        What the script prints, and the array that it writes to peer.npy in the folder; an empty one without.
+
+    Raises:
+        PeerMissingError: it cannot be installed.
+        RuntimeError: it failed.
+    """
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for stem, array in arrays.items():
+            np.save(folder / f"{stem}.npy", array)
+        printed = run_peer(peer, script, name, *map(str, numbers))
+        written = folder / "peer.npy"
+        return printed, np.load(written) if written.exists() else np.empty(0)
 
 
 def _call(peer: str, command: list[str]) -> None:

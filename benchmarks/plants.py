@@ -1,8 +1,7 @@
-"""Simulated plants beside real ones: how high the returns lie over the ground, and how many are of it.
+"""Simulated and real plants: how high the returns lie over the ground, and how many are of it.
 
-``python -m slopewatch.benchmarks.plants`` prints the table. Heights of simulated points are over the true ground; those
-of real ones, and of the simulated forest beside its example, over a plane through the eight nearest points of the
-vendor's ground (of the true ground). Real clouds are measured where they lie beside the checkout (``../shared/data``).
+Heights of simulated points are over the true ground; those of real ones, and of the simulated forest where it is
+compared with its example, over a plane through the eight nearest points of the vendor's ground (of the true ground).
 """
 
 from __future__ import annotations
@@ -18,20 +17,20 @@ from scipy.spatial import cKDTree
 from ..engine.core.arrays import Bool, Float
 from ..interface.parameters import SurveyParameters
 from ..simulation.surveys.plot import Plot, grass_plot, plot
-from .table import Row, heading, markdown
+from .real_data import DATA
+from .table import Row
 
 SEEDS = (1, 2, 3)
 NEAR = 0.05
 """Returns within so many metres of the ground count as having passed the plants."""
 NEIGHBOURS = 8
 NOISE_CLASSES = (7, 18)
-DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 REAL = {
     "native forest, New Zealand (coromandel_forest)": "terrain/coromandel_forest.laz",
     "forest, British Columbia (british_columbia_forest)": "terrain/british_columbia_forest.laz",
     "forest, French Alps (chablais_forest)": "terrain/chablais_forest.laz",
     "alpine meadow and shrubs (alpine_slope)": "real/ign_tiles/alpine_slope.laz",
-    "trees beside open ground (IGN 77050_627755)": "real/ign_tiles/test_data_77050_627755_LA93_IGN69.laz",
+    "trees next to open ground (IGN 77050_627755)": "real/ign_tiles/test_data_77050_627755_LA93_IGN69.laz",
     "open ground and trees (IGN 77050_627760)": "real/ign_tiles/test_data_77050_627760_LA93_IGN69.laz",
 }
 FOREST_EXAMPLE = next(iter(REAL))
@@ -70,22 +69,22 @@ class Returns:
         )
 
 
-def height_over_ground(xyz: Float, ground: Bool, neighbours: int = NEIGHBOURS) -> Float:
-    """Height (n,) of points (n, 3) over the plane through the ``neighbours`` nearest (in plan) of those in ``ground``.
+def height_over_ground(xyz: Float, ground: Bool) -> Float:
+    """Height (n,) of points (n, 3) over the plane through the ``NEIGHBOURS`` nearest (in plan) of those in ``ground``.
 
     Points of the ground itself lie near 0. Needs as many points of the ground as neighbours.
     """
-    return over_ground_planes(xyz, ground, neighbours)[0]
+    return over_ground_planes(xyz, ground)[0]
 
 
-def over_ground_planes(xyz: Float, ground: Bool, neighbours: int = NEIGHBOURS) -> tuple[Float, Float]:
+def over_ground_planes(xyz: Float, ground: Bool) -> tuple[Float, Float]:
     """Height (n,) over the plane as in ``height_over_ground``, m, and that plane's slope (n,), degrees."""
     base = xyz[ground]
     tree = cKDTree(base[:, :2])
     above, slope = np.empty(len(xyz)), np.empty(len(xyz))
     for start in range(0, len(xyz), 50_000):
         part = slice(start, start + 50_000)
-        _, index = tree.query(xyz[part, :2], k=neighbours)
+        _, index = tree.query(xyz[part, :2], k=NEIGHBOURS)
         offset = base[index] - xyz[part, None, :]
         middle = offset.mean(axis=1)
         offset -= middle[:, None, :]
@@ -194,8 +193,3 @@ def like_grass(found: Returns) -> bool:
 
 def _row(figure: str, found: Returns, target: str = "", met: bool | None = None, peer: str = "") -> Row:
     return Row(figure, found.text(), target, peer, met)
-
-
-if __name__ == "__main__":
-    print(heading())
-    print(markdown("Plants", rows()))

@@ -1,4 +1,4 @@
-"""The ground of real vegetation, beside that of simulated plants and as other methods find it.
+"""The ground of real vegetation and of simulated plants, also as other methods find it.
 
 ``python -m slopewatch.benchmarks.real_ground [--no-peers] [NAME ...]`` prints the table: of the clouds whose names hold
 one of the given parts alone, and without the peers for a quick look. Heights are over the vendor's ground (a plane
@@ -26,7 +26,7 @@ from .table import Row, heading, markdown
 
 SHARES = (0.5, 0.25, 0.125)
 SLOPES = (0.0, 15.0, 30.0, 45.0, 90.0)
-FEWEST = 50
+MIN_REFERENCE_POINTS = 50
 """Points of the reference that a class of slope must hold to be shown."""
 CLOTHS = 2
 """Slow methods that run at a time."""
@@ -81,7 +81,7 @@ def rows(results: Path | None = None, names: Sequence[str] = (), with_peers: boo
     table: list[Row] = []
     for case in cases:
         if case.missing:
-            table.append(Row(case.title, f"not measured: {case.file} is not beside the checkout"))
+            table.append(Row(case.title, f"not measured: {case.file} is not next to the checkout"))
         else:
             table += _case_rows(case, made[case.name], methods, known)
     for density in (700, 40):
@@ -104,7 +104,7 @@ def measure_all(made: dict[str, tuple[Cloud, ...]], methods: Sequence[Method]) -
         for name, clouds in made.items()
         for share in SHARES
     ]
-    # the cloths of 0.1 m take longer than all the rest together, so they are laid beside it
+    # the cloths of 0.1 m take longer than all the rest together, so they run in parallel
     pool = ThreadPoolExecutor(CLOTHS)
     try:
         slow = {job.key: pool.submit(applied, job.method, job.clouds) for job in jobs if job.method.slow}
@@ -140,7 +140,7 @@ def _by_slope(job: Job, masks: Sequence[Bool]) -> dict[tuple[str, str, str], Res
     for low, high in pairwise(SLOPES):
         inside = [(cloud.slope >= low) & (cloud.slope < high) for cloud in job.clouds]
         held = sum(int(np.count_nonzero(c.ground & part)) for c, part in zip(job.clouds, inside, strict=True))
-        if held >= FEWEST:
+        if held >= MIN_REFERENCE_POINTS:
             key = (job.case, f"slope {low:g} to {high:g}", job.method.name)
             known[key] = Result(measured(job.clouds, masks, inside))
     return known
@@ -152,7 +152,7 @@ def _case_rows(
     methods: Sequence[Method],
     known: dict[tuple[str, str, str], Result],
 ) -> list[Row]:
-    """SlopeWatch's figures, its mean beside the others', its figures by density and by slope."""
+    """SlopeWatch's figures, its mean and the others', its figures by density and by slope."""
     whole = known[case.name, "all", OWN.name]
     own = whole.figures
     assert own is not None
@@ -162,7 +162,7 @@ def _case_rows(
     for method in methods:
         result = known.get((case.name, "all", method.name))
         if method is not OWN and result is not None:
-            table.append(_beside(case, own, method, result))
+            table.append(_peer_row(case, own, method, result))
     parts = {part: r.figures for (name, part, _), r in known.items() if name == case.name and r.figures is not None}
     thinner = [parts[f"density {share:g}"] for share in SHARES]
     density = np.mean([cloud.seen.density for cloud in clouds])
@@ -180,15 +180,15 @@ def _case_rows(
     return table
 
 
-def _beside(case: Case, own: Figures, method: Method, result: Result) -> Row:
-    """SlopeWatch's mean height beside that of a peer."""
+def _peer_row(case: Case, own: Figures, method: Method, result: Result) -> Row:
+    """SlopeWatch's mean height and that of a peer."""
     theirs = result.figures
     peer = f"not measured: {result.reason}" if theirs is None else theirs.text(cells=case.simulated)
     met = None
     if method.rival and theirs is not None and theirs.points:
         met = abs(own.mean) < abs(theirs.mean)
     return Row(
-        f"{case.name}: mean height beside {method.name}",
+        f"{case.name}: mean height, compared with {method.name}",
         f"{own.mean:+.3f} m",
         "smaller magnitude" if method.rival else "",
         peer,

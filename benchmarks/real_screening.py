@@ -1,9 +1,10 @@
 """Screening of real slopes: known hazards put in that are found, and what is shown where nothing was put in.
 
 ``python -m slopewatch.benchmarks.real_screening [--weights FILE] [--pictures FOLDER]`` prints the table. The clouds
-lie beside the checkout (``../shared/data``). A hazard is found if at least half of its labelled points carry its class.
-So that ground which is shown anyhow does not count as skill, each recall stands beside the share of the same places
-that the screening shows on the untouched cloud, with nothing put in; ``own_relief`` says what the slope itself allows.
+lie next to the checkout (``../shared/data``). A hazard is found if at least half of its labelled points carry its
+class. So that ground which is shown anyhow does not count as skill, each recall is given with the share of the same
+places that the screening shows on the untouched cloud, with nothing put in; ``own_relief`` says what the slope itself
+allows.
 Neither cloud is as dense as the network asks for, so ``slopewatch screen`` may refuse what is measured here.
 """
 
@@ -27,29 +28,28 @@ from ..engine.geometry.dominant_plane import apply_matrix
 from ..engine.ground.extraction import extract_ground
 from ..models.configuration import CLASSES, ModelConfiguration
 from ..models.inference.baseline import residual_probabilities
+from ..models.making.scene_scores import FOUND, SMALLEST_ZONE, ZONE_CELL
 from ..models.network.shipped import SHIPPED_WEIGHTS, shipped_model
 from ..models.preparation.prepare import prepare_cloud
 from ..models.preparation.trends import residual_heights
-from ..models.training.evaluation import FOUND
-from ..models.training.scene_scores import SMALLEST_ZONE, ZONE_CELL
 from ..simulation.hazard_scenes.known_hazards import KnownHazards, Site, put_hazards, room_for
 from .own_relief import own_relief
-from .table import Row, heading, markdown
+from .real_data import TILES
+from .table import Row, heading, markdown, say
 
-TILES = Path(__file__).resolve().parents[2] / "shared" / "data" / "real" / "ign_tiles"
 AMPLITUDES = (0.15, 0.30, 0.50)
 DIAMETERS = (2.0, 3.0, 5.0)
 TOGETHER = 3
 """Hazards that are put in at once: more would be the ground rather than lie on it."""
 HAZARDS = 30
 """Hazards of each height and size a cloud."""
-MOST_SEEDS = 40
+MAX_SEEDS = 40
 TARGET = 0.7
 """Share of the hazards of 0.3 m and 3 m that is to be found."""
 TREND = 4.0
 """Reach (m) of the trend that zones' heights are given over."""
 FALSE = 0.1
-"""Share of untouched places at which a hazard seems to be, beside which the slope's own relief is judged."""
+"""Share of untouched places at which a hazard seems to be, by which the slope's own relief is judged."""
 LISTED = 10
 """Zones, the largest ones, in the table; all are in the folder of the pictures."""
 SITE = Site()
@@ -116,7 +116,7 @@ class Zone:
 
 
 def real_grounds() -> list[RealGround]:
-    """The clouds that lie beside the checkout."""
+    """The clouds that lie next to the checkout."""
     found = []
     path = TILES / "sample_lareunion_epsg2975.laz"
     if path.is_file():
@@ -151,7 +151,7 @@ def trials(
     """
     before = screening(xyz).argmax(axis=1) if untouched is None else untouched
     done: list[Trial] = []
-    for seed in range(MOST_SEEDS):
+    for seed in range(MAX_SEEDS):
         if len(done) >= count:
             break
         wanted = [((-1) ** (seed + i) * amplitude, diameter) for i in range(TOGETHER)]
@@ -244,7 +244,7 @@ def rows(weights: Path | None = None, pictures: Path | None = None) -> list[Row]
                     for name, screen in methods.items()
                 }
                 table.append(_recall_row(ground, amplitude, diameter, results, main))
-            print(f"{ground.name}: hazards of {amplitude} m done", file=sys.stderr, flush=True)
+            say(f"{ground.name}: hazards of {amplitude} m done")
         table += _zone_rows(ground, untouched, main)
         if pictures is not None:
             _write(pictures, ground, methods, untouched)
@@ -289,14 +289,14 @@ def _ground_row(ground: RealGround) -> Row:
 
 def _relief_row(ground: RealGround) -> Row:
     """What the slope's own bulges and hollows would pass for."""
-    measured = [own_relief(ground.xyz, diameter, SITE) for diameter in DIAMETERS]
-    heights = ", ".join(f"±{m.spread:.2f} m for {m.diameter:g} m" for m in measured if len(m.heights))
-    told = ", ".join(f"{100 * m.told(0.3, FALSE):.0f} % of {m.diameter:g} m" for m in measured if len(m.heights))
+    measured = [m for m in (own_relief(ground.xyz, diameter, SITE) for diameter in DIAMETERS) if len(m.heights)]
+    heights = ", ".join(f"±{m.spread:.2f} m for {m.diameter:g} m" for m in measured)
+    known = ", ".join(f"{100 * m.standing_out(0.3, FALSE):.0f} % of {m.diameter:g} m" for m in measured)
     return Row(
         f"{ground.name}, own relief in the shape of hazards",
         heights,
         "",
-        f"told apart by height at known places and {100 * FALSE:.0f} % false ones, hazards of 30 cm: {told}",
+        f"distinguished by height at known places and {100 * FALSE:.0f} % false ones, hazards of 30 cm: {known}",
     )
 
 

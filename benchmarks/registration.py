@@ -2,40 +2,35 @@
 
 from __future__ import annotations
 
-import sys
-import tempfile
 import time
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..engine.core.arrays import Float
 from ..engine.geometry.rigid_transform import RigidTransform
-from ..engine.pointcloud.reading import read_cloud
 from ..engine.registration.register import register
-from ..interface.parameters import InputParameters, RegistrationParameters, SurveyParameters
+from ..interface.parameters import RegistrationParameters, SurveyParameters
 from ..simulation.surveys.survey import simulate_pair
-from .controlled_test import inside
-from .peers import PeerMissingError, run_peer, version
-from .table import Row
+from .chain import inside
+from .peers import PeerMissingError, run_on_arrays, version
+from .real_data import DENSE_HALVES, dense_cloud, split
+from .table import Row, say
 
 OFFSET = 0.200
 ROTATION = 2e-4  # rad: 6 mm at 30 m
 LOWERED_SHARE, LOWERED_BY = 0.15, 0.30
 ROI_BUFFER = 2.0
 SEEDS = range(1, 6)
-REAL = Path(__file__).resolve().parents[2] / "shared" / "data" / "real" / "lone-star.copc.laz"
-REAL_CRS = "EPSG:32614"  # the file declares a geocentric system but holds projected coordinates
 
 
 def rows() -> list[Row]:
-    """Errors of the robust method beside plain ICP's and peers', on simulated slopes and a real cloud in two halves."""
+    """Errors of the robust method, plain ICP and peers, on simulated slopes and a real cloud in two halves."""
     found = [_row("simulated slope, 39 degrees, ground under vegetation", [_simulated(seed) for seed in SEEDS])]
-    if REAL.exists():
-        cloud = read_cloud(REAL, InputParameters(crs=REAL_CRS)).xyz
-        found.append(_row("real cloud (392 points/m²) split in two halves", [_split(cloud, s) for s in SEEDS]))
-        found += beside_peers(_split(cloud, SEEDS[0]))
+    cloud = dense_cloud()
+    if cloud is not None:
+        cases = [_changed_and_moved(*split(cloud, seed), seed) for seed in SEEDS]
+        found += [_row(DENSE_HALVES, cases), *peer_rows(cases[0])]
     return found
 
 
@@ -53,11 +48,6 @@ def _simulated(seed: int) -> Case:
         cloud.xyz[inside(cloud.xyz, pair) & cloud.truth_ground.astype(bool)] for cloud in (pair.first, pair.second)
     )
     return _changed_and_moved(first, second, seed)
-
-
-def _split(cloud: Float, seed: int) -> Case:
-    half = np.random.default_rng(seed).permutation(len(cloud)) < len(cloud) // 2
-    return _changed_and_moved(cloud[half], cloud[~half], seed)
 
 
 def _changed_and_moved(first: Float, second: Float, seed: int) -> Case:
@@ -116,47 +106,43 @@ PEERS = {
 PEER_SHARE = 0.25  # of py4dgeo's time
 
 
-def beside_peers(case: Case) -> list[Row]:
+def peer_rows(case: Case) -> list[Row]:
     """One real case by SlopeWatch and by each peer, one after the other, so that both find the machine alike."""
     reference, moving, stable, truth = case
     middle = reference.mean(axis=0)  # peers lose digits at large coordinates
     found: list[Row] = []
-    with tempfile.TemporaryDirectory() as folder:
-        np.save(f"{folder}/reference.npy", reference - middle)
-        np.save(f"{folder}/moving.npy", moving - middle)
-        for peer, (what, script) in PEERS.items():
-            started, cpu = time.perf_counter(), time.process_time()
-            own = register(reference, moving, RegistrationParameters())
-            seconds, cpu = time.perf_counter() - started, time.process_time() - cpu
-            error = _error(own.transform, truth, stable)
-            name = f"the same cloud, first seed, beside {peer} {version(peer)}: {what}"
-            value = f"{error:.2f} mm, {seconds:.1f} s ({cpu:.1f} s CPU)"
-            try:
-                theirs = run_peer(peer, script, folder)
-            except (PeerMissingError, RuntimeError) as missing:
-                found.append(Row(name, value, "", f"not measured: {str(missing).splitlines()[-1]}"))
-                continue
-            matrix = np.array(theirs["matrix"])
-            moved = (stable - middle) @ matrix[:3, :3].T + matrix[:3, 3] + middle
-            their_error = 1000 * float(np.sqrt(np.mean(np.sum((moved - truth.apply(stable)) ** 2, axis=1))))
-            share = cpu / theirs["cpu"]
-            goal = peer == "py4dgeo"
-            found.append(
-                Row(
-                    name,
-                    f"{value}: {share:.3f} of its CPU time, {seconds / theirs['seconds']:.3f} of its time",
-                    f"at most 1 mm, {PEER_SHARE:g} of its time" if goal else "",
-                    f"{their_error:.2f} mm, {theirs['seconds']:.1f} s ({theirs['cpu']:.1f} s CPU)",
-                    bool(error <= 1.0 and max(share, seconds / theirs["seconds"]) <= PEER_SHARE) if goal else None,
-                )
+    arrays = {"reference": reference - middle, "moving": moving - middle}
+    for peer, (what, script) in PEERS.items():
+        started, cpu = time.perf_counter(), time.process_time()
+        own = register(reference, moving, RegistrationParameters())
+        seconds, cpu = time.perf_counter() - started, time.process_time() - cpu
+        error = rms_mm(own.transform.apply(stable) - truth.apply(stable))
+        name = f"the same cloud, first seed, and {peer} {version(peer)}: {what}"
+        value = f"{error:.2f} mm, {seconds:.1f} s ({cpu:.1f} s CPU)"
+        try:
+            theirs, _ = run_on_arrays(peer, script, arrays)
+        except (PeerMissingError, RuntimeError) as missing:
+            found.append(Row(name, value, "", f"not measured: {str(missing).splitlines()[-1]}"))
+            continue
+        matrix = np.array(theirs["matrix"])
+        their_error = rms_mm((stable - middle) @ matrix[:3, :3].T + matrix[:3, 3] + middle - truth.apply(stable))
+        share = cpu / theirs["cpu"]
+        goal = peer == "py4dgeo"
+        found.append(
+            Row(
+                name,
+                f"{value}: {share:.3f} of its CPU time, {seconds / theirs['seconds']:.3f} of its time",
+                f"at most 1 mm, {PEER_SHARE:g} of its time" if goal else "",
+                f"{their_error:.2f} mm, {theirs['seconds']:.1f} s ({theirs['cpu']:.1f} s CPU)",
+                bool(error <= 1.0 and max(share, seconds / theirs["seconds"]) <= PEER_SHARE) if goal else None,
             )
+        )
     return found
 
 
-def _error(found: RigidTransform, truth: RigidTransform, stable: Float) -> float:
-    """Root mean square displacement of the stable points, millimetres."""
-    difference = found.apply(stable) - truth.apply(stable)
-    return 1000 * float(np.sqrt(np.mean(np.sum(difference**2, axis=1))))
+def rms_mm(offset: Float) -> float:
+    """Root mean square length of offsets (n, 3) in metres, millimetres."""
+    return 1000 * float(np.sqrt(np.mean(np.sum(offset**2, axis=1))))
 
 
 def _row(name: str, cases: list[Case]) -> Row:
@@ -170,8 +156,8 @@ def _row(name: str, cases: list[Case]) -> Row:
             seconds[method].append(time.process_time() - start)
             if method == "robust" and result.covariance is not None:
                 stated.append(1000 * float(np.sqrt(np.trace(result.covariance[3:, 3:]))))
-            errors[method].append(_error(result.transform, truth, stable))
-        print(f"  {name}: {errors['robust'][-1]:.2f} mm, icp {errors['icp'][-1]:.1f} mm", file=sys.stderr, flush=True)
+            errors[method].append(rms_mm(result.transform.apply(stable) - truth.apply(stable)))
+        say(f"{name}: {errors['robust'][-1]:.2f} mm, icp {errors['icp'][-1]:.1f} mm")
     own, icp = np.array(errors["robust"]), np.array(errors["icp"])
     return Row(
         f"{name}: rms on stable ground, {len(cases)} seeds",

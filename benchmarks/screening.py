@@ -1,7 +1,7 @@
 """Screening: its scores on the benchmark sets, and the time and memory of the whole job on a million ground points.
 
-Training and scoring take hours on a processor, so that the scores are those kept beside the weights, each made again by
-one command (``python -m slopewatch.models``); speed and memory are measured now.
+Training and scoring take hours on a processor, so that the scores are those kept next to the weights, each made again
+by one command (``python -m slopewatch.models``); speed and memory are measured now.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ def rows() -> list[Row]:
 
 
 def score_rows(folder: Path) -> list[Row]:
-    """The scores kept in ``folder`` beside their targets; those that are not there are left out."""
+    """The scores kept in ``folder`` and their targets; those that are not there are left out."""
     kept = {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in folder.glob("*.json")}
     result = []
     folds = {name: kept.get(f"folds_{name}") for name in ("slopewatch", "paper", "residual")}
     if folds["slopewatch"]:
         own, paper = folds["slopewatch"], folds["paper"]
-        beside = "; ".join(
+        others = "; ".join(
             f"{title} {_range(scores['mean_iou'])}"
             for title, scores in (("published pipeline, same time", paper), ("threshold", folds["residual"]))
             if scores
         )
         result.append(
-            Row("published set, 5 folds: mean IoU", _range(own["mean_iou"]), ">= 70 %", beside, _mean(own) >= 0.70)
+            Row("published set, 5 folds: mean IoU", _range(own["mean_iou"]), ">= 70 %", others, _mean(own) >= 0.70)
         )
         if paper:
             lead = _mean(own) - _mean(paper)
@@ -77,17 +77,17 @@ def _realistic(scores: dict[str, Any], residual: dict[str, Any] | None) -> list[
     found, false = scores["recall_15_cm_2_m"]["recall"], scores["false_zones_per_1000_m2"]
     drains = sum(scores["false_zones"].get(kind, 0) for kind in ("drain", "beam"))
     error = scores["calibration_error"]
-    beside = ["", "", ""]
+    others = ["", "", ""]
     if residual:
-        beside = [
+        others = [
             f"threshold {_percent(residual['recall_15_cm_2_m']['recall'])}",
             f"threshold {residual['false_zones_per_1000_m2']:.2f}",
             f"threshold {_percent(residual['mean_iou'])}",
         ]
     return [
-        Row("realistic set: mean IoU", _percent(scores["mean_iou"]), "", beside[2]),
-        Row("realistic set: hazards >= 15 cm, >= 2 m found", _percent(found), ">= 90 %", beside[0], found >= 0.9),
-        Row("realistic set: false zones / 1,000 m²", f"{false:.2f}", "<= 1", beside[1], false <= 1),
+        Row("realistic set: mean IoU", _percent(scores["mean_iou"]), "", others[2]),
+        Row("realistic set: hazards >= 15 cm, >= 2 m found", _percent(found), ">= 90 %", others[0], found >= 0.9),
+        Row("realistic set: false zones / 1,000 m²", f"{false:.2f}", "<= 1", others[1], false <= 1),
         Row(
             "realistic set: false zones on drains and beams",
             f"{10 * drains / scores['scenes']:.1f} in 10 scenes",

@@ -1,12 +1,11 @@
 """Surveys of grown and of mown grass on a slope that has not moved: what the chain makes of the plants.
 
 Each pair goes through ground extraction, registration, differencing and zones at the default settings, with what the
-ground tells of plants. Grass covers a part of the slope beside bare ground, all of it above a bare road, or all of it.
+ground says of plants. Grass covers a part of the slope next to bare ground, all of it above a bare road, or all of it.
 """
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,14 +17,14 @@ from ..engine.ground.filtering import dominant_plane
 from ..interface.parameters import ChangeParameters, GroundParameters, RegistrationParameters, SurveyParameters
 from ..simulation.surveys.survey import SimulatedPair, simulate_pair
 from .chain import changed, registered
-from .table import Row
+from .table import Row, say
 
 PAIRS = 20
 POINTS = 170_000
 """Of an epoch: about 400 returns a m² of the slope."""
 LENGTH, HEIGHT, ANGLES = 20.0, 10.0, (30.0, 35.0, 39.0, 45.0)
 PLACES = {
-    "grass beside a bare end": (0.7, "left", 0.0),
+    "grass next to a bare end": (0.7, "left", 0.0),
     "patches of grass": (0.6, "patches", 0.0),
     "grass above a bare road": (1.0, "left", 4.0),
     "half grass, half bare": (0.5, "left", 0.0),
@@ -34,11 +33,11 @@ PLACES = {
 """Share of grass, its layout, and how far the region reaches beyond the slope (the road lies below), m."""
 MOWN = ("later", "first")
 WITHOUT = {
-    "cloth alone, no plants told": (GroundParameters(refine=False), "default"),
+    "cloth alone, plants unknown": (GroundParameters(refine=False), "default"),
     "published settings": (GroundParameters.build(profile="paper"), "paper"),
 }
-"""Other ways beside: ground parameters, and the profile of the rest."""
-SMALL = 0.01
+"""Other ways for comparison: ground parameters, and the profile of the rest."""
+MAX_HEIGHT_ERROR_M = 0.01
 SHARE = (0.03, 0.07)
 
 
@@ -138,9 +137,9 @@ def results(count: int = PAIRS) -> tuple[list[Unmoved], dict[str, Unmoved]]:
         pair = simulated(number)
         if number == 0:
             others = {name: judged(pair, place_of(0), *how) for name, how in WITHOUT.items()}
-            print(f"  pair 1 otherwise: {others}", file=sys.stderr, flush=True)
+            say(f"pair 1 otherwise: {others}")
         found.append(judged(pair, place_of(number)))
-        print(f"  pair {number + 1} of {count}: {found[-1]}", file=sys.stderr, flush=True)
+        say(f"pair {number + 1} of {count}: {found[-1]}")
     return found, others
 
 
@@ -190,9 +189,9 @@ def _registration_row(place: str, found: Sequence[Unmoved], others: dict[str, Un
         f"{1000 * max(f.slide for f in found):.0f} mm; by bare ground alone {sum(f.bare_only for f in found)} of "
         f"{len(found)}; level {100 * float(np.mean([f.level for f in found])):.1f} cm; cells beyond it "
         f"{100 * float(np.mean([f.beyond for f in found])):.1f} %",
-        f"{1000 * SMALL:g} mm",
+        f"{1000 * MAX_HEIGHT_ERROR_M:g} mm",
         "; ".join(f"{name} {1000 * o.height_error:+.1f} mm" for name, o in others.items()),
-        abs(worst) <= SMALL,
+        abs(worst) <= MAX_HEIGHT_ERROR_M,
     )
 
 

@@ -139,33 +139,34 @@ def _velocity_rows(slopes: list[Slope]) -> list[Row]:
 
 
 def _no_failure(figure: str, slopes: list[Slope]) -> Row:
-    told = sum(int((s.zones["failure_from"] != "").sum()) for s in slopes)
+    computed = sum(int((s.zones["failure_from"] != "").sum()) for s in slopes)
     zones = sum(len(s.zones) for s in slopes)
-    return Row(figure, f"{told} of {zones}", "0", "", told == 0)
+    return Row(figure, f"{computed} of {zones}", "0", "", computed == 0)
 
 
 def _failure_row(slopes: list[Slope]) -> Row:
     when = (_FIRST + timedelta(days=_FAILURE)).isoformat()
-    told = [z for s in slopes for _, z in s.zones.iterrows() if z["failure_from"]]
-    held = sum(z["failure_from"] <= when <= z["failure_to"] for z in told)
-    widths = [(date.fromisoformat(z["failure_to"]) - date.fromisoformat(z["failure_from"])).days for z in told]
+    computed = [z for s in slopes for _, z in s.zones.iterrows() if z["failure_from"]]
+    held = sum(z["failure_from"] <= when <= z["failure_to"] for z in computed)
+    widths = [(date.fromisoformat(z["failure_to"]) - date.fromisoformat(z["failure_from"])).days for z in computed]
     width = f", {np.median(widths):.0f} days wide (median)" if widths else ""
     moved = sum(len(s.series.motions) for s in slopes)
     return Row(
         "Fukuzono's law, failure 10 days after the last survey: intervals that hold it",
-        f"{held} of {len(told)}{width}",
+        f"{held} of {len(computed)}{width}",
         "most",
-        f"{moved - len(told)} of {moved} zones not computable",
-        bool(told) and held > len(told) / 2,
+        f"{moved - len(computed)} of {moved} zones not computable",
+        bool(computed) and held > len(computed) / 2,
     )
 
 
-def _statistical_rows(count: int = 500, sigma: float = 0.006) -> list[Row]:
+def _statistical_rows() -> list[Row]:
     """Zone series with normal errors, many of each kind: no clouds, the laws and the errors alone."""
+    count, sigma = 500, 0.006
     rng = np.random.default_rng(7)
     variance = np.full(6, sigma**2)
 
-    def told(dates: Sequence[date], law: Law) -> tuple[int, int]:
+    def intervals(dates: Sequence[date], law: Law) -> tuple[int, int]:
         days = np.array([(d - dates[0]).days for d in dates], dtype=np.float64)
         motion = np.array([law.displacement(float(t)) for t in days])
         known = held = 0
@@ -177,11 +178,11 @@ def _statistical_rows(count: int = 500, sigma: float = 0.006) -> list[Row]:
                 held += found.earliest <= (law.failure or np.inf) <= found.latest
         return known, held
 
-    known, held = told(_NEARING, Fukuzono(-0.15, _FAILURE))
+    known, held = intervals(_NEARING, Fukuzono(-0.15, _FAILURE))
     wrong = {
-        "decelerating": told(_MONTHLY, Settling(-0.5, 40.0))[0],
-        "nothing but noise": told(_MONTHLY, Creep(0.0))[0],
-        "steady 5 mm/day": told(_MONTHLY, Creep(-0.005))[0],
+        "decelerating": intervals(_MONTHLY, Settling(-0.5, 40.0))[0],
+        "nothing but noise": intervals(_MONTHLY, Creep(0.0))[0],
+        "steady 5 mm/day": intervals(_MONTHLY, Creep(-0.005))[0],
     }
     share = held / max(known, 1)
     return [
@@ -219,7 +220,7 @@ def _shares(count: int = 400, sigma: float = 0.006) -> tuple[float, float]:
 
 
 def _one_more(series: SimulatedSeries) -> Row:
-    """Raw surveys: all at once, beside all but the last before and then that one."""
+    """Raw surveys: all at once, and all but the last before and then that one."""
     with tempfile.TemporaryDirectory() as name:
         paths = write_series(series, Path(name))
         epochs = _epochs(series, paths)[:4]

@@ -23,14 +23,14 @@ from ..simulation.surveys.survey import SimulatedPair
 
 FOUND = 0.5
 """A change is found if zones of its sign hold this share of its measured cells beyond half of its height."""
-NOTHING = 0.005
+MAX_STILL_M = 0.005
 """A zone is false if nowhere in it the ground has moved by more than this, m of height."""
 
 
 @dataclass(frozen=True)
 class KnownChange:
-    """A change, or a lobe of it: height and level of detection on it (m, both square to the slope where the run told
-    that), area m², the share of its core in zones of its sign, and whether any of these touches it.
+    """A change, or a lobe of it: height and level of detection on it (m, both square to the slope where the run
+    measured so), area m², the share of its core in zones of its sign, and whether any of these touches it.
     """
 
     kind: str
@@ -212,7 +212,7 @@ def _known(
         area,
         float(np.nanmedian(level[core])) if measured else math.inf,
         float(np.mean(right[core if measured else alone])),
-        bool((right & (np.abs(raster) > NOTHING)).any()),
+        bool((right & (np.abs(raster) > MAX_STILL_M)).any()),
     )
 
 
@@ -236,7 +236,7 @@ def _zones(
                 float(row.vol_err_m3),
                 float(truth[inside].sum() * area),
                 float(row.vol_area_m2),
-                bool(np.abs(truth[labels == number]).max(initial=0.0) <= NOTHING),
+                bool(np.abs(truth[labels == number]).max(initial=0.0) <= MAX_STILL_M),
             )
         )
     return tuple(found)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 import platform
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
@@ -14,8 +16,8 @@ from pathlib import Path
 class Row:
     """One measured figure.
 
-    ``value``, ``target`` and ``peer`` are texts with units; ``met`` tells whether the target is reached (None where
-    there is no target).
+    ``value``, ``target`` and ``peer`` (what it is compared with) are texts with units; ``met`` says whether the target
+    is reached (None where there is no target).
     """
 
     figure: str
@@ -23,6 +25,22 @@ class Row:
     target: str = ""
     peer: str = ""
     met: bool | None = None
+
+
+def say(message: str) -> None:
+    """Write on standard error how far a benchmark has come."""
+    print(f"  {message}", file=sys.stderr, flush=True)
+
+
+def counted(hits: Sequence[bool], digits: int = 1) -> str:
+    """How many of all, with the share in percent."""
+    share = f" ({100 * sum(hits) / len(hits):.{digits}f} %)" if len(hits) else ""
+    return f"{sum(hits)} of {len(hits)}{share}"
+
+
+def ratio_class(low: float, high: float) -> str:
+    """A class of heights in levels of detection; the last one is open."""
+    return f"{low:g} to {high:g}" if math.isfinite(high) else f"{low:g} and more"
 
 
 def machine() -> str:
@@ -39,7 +57,7 @@ def machine() -> str:
 
 def markdown(title: str, rows: Sequence[Row]) -> str:
     """The rows as a Markdown table under a heading."""
-    head = ["figure", "SlopeWatch", "target", "met", "beside it"]
+    head = ["figure", "SlopeWatch", "target", "met", "compared with"]
     body = [[r.figure, r.value, r.target, {True: "yes", False: "**no**", None: ""}[r.met], r.peer] for r in rows]
     widths = [max(len(line[i]) for line in [head, *body]) for i in range(len(head))]
     lines = ["| " + " | ".join(c.ljust(w) for c, w in zip(line, widths, strict=True)) + " |" for line in [head, *body]]

@@ -8,7 +8,6 @@ own. What came of it is kept as a line of a file, so that an interrupted run goe
 from __future__ import annotations
 
 import math
-import sys
 import tempfile
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
@@ -21,8 +20,8 @@ from ..simulation.surveys.change import Bump, Change, Plateau, Slump
 from ..simulation.surveys.survey import SimulatedPair, simulate_pair
 from ..simulation.surveys.write import write_pair
 from .survey_outcome import Outcome, judged, read_outcomes, refused, write_outcome
-from .table import Row
-from .watched import exit_of
+from .table import Row, counted, ratio_class, say
+from .watched import exit_of, inspect_command
 
 SEEDS = range(9001, 9041)
 LENGTH, RUN = 25.0, (14.0, 20.0)
@@ -33,10 +32,10 @@ GRASSY = 0.25
 ROI_SHARE = 0.58
 HEIGHT, AREA = (0.08, 0.5), (2.0, 25.0)
 """Of a change, square to the slope, m, and of its footprint on the map, m²."""
-MOST_CHANGES = 3
+MAX_CHANGES = 3
 RATIOS = (0.0, 1.0, 2.0, 3.0, math.inf)
 """Limits of the classes of height over level of detection."""
-MOST_FALSE = 1
+MAX_FALSE_ZONES = 1
 HELD = (0.90, 0.99)
 
 
@@ -57,7 +56,7 @@ def drawn(seed: int) -> tuple[SurveyParameters, tuple[Change, ...]]:
         grass=round(plants, 3) if grassy else 0.0,
         offset=round(float(rng.uniform(0.0, 0.5)), 3),
     )
-    count = int(rng.integers(0, MOST_CHANGES + 1))
+    count = int(rng.integers(0, MAX_CHANGES + 1))
     return parameters, _drawn_changes(rng, count, run, 1.0 / math.cos(math.radians(angle)))
 
 
@@ -103,10 +102,7 @@ def inspected(seed: int) -> Outcome:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         paths = write_pair(pair, folder)
-        command = ["inspect", "--roi", str(paths["roi"]), "--output-dir", str(folder / "out")]
-        for epoch in ("first", "second"):
-            command += ["--epoch", f"{paths[epoch].stem}={paths[epoch]}"]
-        code, said = exit_of(command)
+        code, said = exit_of(inspect_command(paths, folder / "out"))
         if code:
             return refused(seed, pair, code, said)
         return judged(seed, pair, folder / "out")
@@ -122,7 +118,7 @@ def outcomes(seeds: Iterable[int] = SEEDS, keep: Path | None = None) -> list[Out
             if keep is not None:
                 write_outcome(keep, known[seed])
         found.append(known[seed])
-        print(f"  {known[seed].sentence}", file=sys.stderr, flush=True)
+        say(known[seed].sentence)
     return found
 
 
@@ -151,18 +147,17 @@ def table(found: Sequence[Outcome]) -> list[Row]:
         Row(
             f"false zones in {len(done)} surveys, of which {len(unchanged)} unchanged",
             str(len(false)) + "".join(f"; {z.area:.1f} m² with confidence {100 * z.confidence:.1f} %" for z in false),
-            f"at most {MOST_FALSE}",
+            f"at most {MAX_FALSE_ZONES}",
             f"on the unchanged ones {sum(z.false for o in unchanged for z in o.zones)}",
-            len(false) <= MOST_FALSE,
+            len(false) <= MAX_FALSE_ZONES,
         ),
     ]
     changes = [c for o in done for c in o.changes]
     for low, high in pairwise(RATIOS):
         some = [c for c in changes if low <= c.ratio < high]
-        name = f"{low:g} to {high:g}" if math.isfinite(high) else f"{low:g} and more"
         lines.append(
             Row(
-                f"changes found, height {name} times the level",
+                f"changes found, height {ratio_class(low, high)} times the level",
                 f"{sum(c.found for c in some)} of {len(some)}",
                 "all" if low >= 3 else "",
                 f"touched by a zone of their sign {sum(c.touched for c in some)}",
@@ -175,7 +170,7 @@ def table(found: Sequence[Outcome]) -> list[Row]:
         _held_row(
             "footprints whose 95 % interval of volume holds the truth",
             [z.held for z in zones],
-            f"of those that do not, {len(outward)} say too much; median error over standard error "
+            f"of those that do not, {len(outward)} state too large a volume; median error over standard error "
             f"{np.median([abs(z.volume - z.true) / z.error for z in zones]):.2f}"
             if zones
             else "",
@@ -198,8 +193,7 @@ def table(found: Sequence[Outcome]) -> list[Row]:
     return lines
 
 
-def _held_row(name: str, held: list[bool], beside: str) -> Row:
+def _held_row(name: str, held: list[bool], peer: str) -> Row:
     share = float(np.mean(held)) if held else math.nan
     met = bool(HELD[0] <= share <= HELD[1]) if held else None
-    value = f"{sum(held)} of {len(held)}" + (f" ({100 * share:.1f} %)" if held else "")
-    return Row(name, value, f"{100 * HELD[0]:g} to {100 * HELD[1]:g} %", beside, met)
+    return Row(name, counted(held), f"{100 * HELD[0]:g} to {100 * HELD[1]:g} %", peer, met)

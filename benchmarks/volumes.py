@@ -3,14 +3,13 @@
 Two kinds of pairs. *Grids*: a known change, gaps, errors with a known spatial correlation and a registration error that
 all cells share, from which zones are found as in a real difference; many of them in little time. *Surveys*: simulated
 flights over one slope, through ground extraction, registration and differencing. The truth is the simulated
-displacement over the same footprint. Beside it, over the zones' own cells: errors independent from cell to cell, and
-fully correlated.
+displacement over the same footprint. For comparison, over the zones' own cells: errors independent from cell to
+cell, and fully correlated.
 """
 
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -22,16 +21,15 @@ from ..engine.grid.grid import Grid
 from ..engine.grid.partition import Partition
 from ..engine.statistics.normal import Z95
 from ..engine.statistics.variogram import VariogramModel
-from ..engine.zones.detected import Detected
 from ..engine.zones.extraction import Zones, extract_zones
-from ..engine.zones.footprints import Cells, footprint_labels
+from ..engine.zones.footprints import Cells, Detected, footprint_labels
 from ..engine.zones.gcd_table import volume_table
 from ..interface.parameters import ChangeParameters, SurveyParameters
 from ..simulation.frame import Frame
 from ..simulation.surveys.change import Bump, Change, Cone, Plateau, true_change_raster
 from ..simulation.surveys.survey import simulate_pair
 from .chain import changed, registered
-from .table import Row
+from .table import Row, say
 
 GRIDS = range(1, 31)
 SURVEYS = range(1, 8)
@@ -72,11 +70,11 @@ def rows() -> list[Row]:
 def _totals() -> Row:
     """Every fourth run without any change."""
     models = list(NOISES.values())
-    told = totals_covered(known_pair(100 + n, models[n % 3], changed=n % 4 > 0) for n in range(TOTALS))
-    held, of = (sum(counts[i] for counts in told.values()) for i in (0, 1))
+    covered = totals_covered(known_pair(100 + n, models[n % 3], changed=n % 4 > 0) for n in range(TOTALS))
+    held, of = (sum(counts[i] for counts in covered.values()) for i in (0, 1))
     return Row(
         f"totals of {TOTALS} grids, a quarter of them unchanged: 95 % intervals that hold the truth",
-        ", ".join(f"{name} {told[name][0]} of {told[name][1]}" for name in told),
+        ", ".join(f"{name} {held_here} of {count}" for name, (held_here, count) in covered.items()),
         "90 to 99 %",
         "lowering and raising of cells beyond their level have no interval",
         0.9 <= held / of <= 0.99,
@@ -150,13 +148,13 @@ def totals_covered(runs: Iterable[Pair]) -> dict[str, tuple[int, int]]:
         of_zone = np.bincount(named.ravel(), pair.truth.ravel(), minlength=len(pair.zones.frame) + 1)[1:] * area
         sank = pair.zones.volumes.net <= 0
         known = np.isfinite(pair.dz)
-        told = {
+        stated = {
             "raw net": (table.raw.net, table.raw_net_error, float(pair.truth[known].sum()) * area),
             "zones' lowering": (*table.zones_lowering, -float(of_zone[sank].sum())),
             "zones' raising": (*table.zones_raising, float(of_zone[~sank].sum())),
             "zones' net": (*table.zones_net, float(of_zone.sum())),
         }
-        for name, (value, error, true) in told.items():
+        for name, (value, error, true) in stated.items():
             if error > 0:
                 counts[name][0] += abs(value - true) <= Z95 * error
                 counts[name][1] += 1
@@ -255,7 +253,7 @@ def _all_surveys() -> list[Measured]:
     for seed in SURVEYS:
         some = known_survey(seed)
         found += some
-        print(f"  survey {seed}: {len(some)} zones", file=sys.stderr, flush=True)
+        say(f"survey {seed}: {len(some)} zones")
     return found
 
 

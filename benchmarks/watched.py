@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 
@@ -30,9 +30,15 @@ def run_watched(arguments: Sequence[str]) -> tuple[float, int]:
     return seconds, peak[0]
 
 
+def inspect_command(paths: Mapping[str, Path], output: Path) -> list[str]:
+    """Arguments of ``inspect`` on a pair as ``write_pair`` wrote it, at the defaults."""
+    epochs = [part for name in ("first", "second") for part in ("--epoch", f"{paths[name].stem}={paths[name]}")]
+    return ["inspect", *epochs, "--roi", str(paths["roi"]), "--output-dir", str(output)]
+
+
 def exit_of(arguments: Sequence[str]) -> tuple[int, str]:
     """Exit code of ``slopewatch ARGUMENTS``, run on its own, and the last line of what it complained of."""
-    command = [sys.executable, "-m", "slopewatch.engine.cli", *arguments]
+    command = [sys.executable, "-m", "slopewatch.cli", *arguments]
     done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False)
     said = done.stderr.decode(errors="replace").strip().splitlines()
     return done.returncode, said[-1] if said else ""

@@ -1,4 +1,4 @@
-"""The whole flow on two raw clouds of a million points, beside two CSF runs at the published settings."""
+"""The whole flow on two raw clouds of a million points, compared with two CSF runs at the published settings."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from ..engine.grid.grid import Grid
 from ..engine.ground.cloth import cloth_ground
 from ..engine.statistics.robust import nmad
 from ..interface.parameters import GroundParameters, SurveyParameters
-from ..simulation.surveys.survey import simulate_pair
+from ..simulation.surveys.survey import SimulatedPair, simulate_pair
 from ..simulation.surveys.write import write_pair
-from .controlled_test import inside
+from .chain import inside
 from .table import Row
-from .watched import run_watched
+from .watched import inspect_command, run_watched
 
 POINTS = 1_000_000
 
@@ -67,15 +67,11 @@ def rows() -> list[Row]:
 
 
 def _inspect(folder: Path, paths: dict[str, Path]) -> tuple[float, int]:
-    command = ["inspect"]
-    for epoch in ("first", "second"):
-        command += ["--epoch", f"{paths[epoch].stem}={paths[epoch]}"]
     # Screening is measured by its own benchmark.
-    command += ["--no-screen-last-epoch", "--adaptive"]
-    return run_watched([*command, "--roi", str(paths["roi"]), "--output-dir", str(folder / "out")])
+    return run_watched([*inspect_command(paths, folder / "out"), "--no-screen-last-epoch", "--adaptive"])
 
 
-def _change_error(folder: Path, pair) -> tuple[float, float]:  # type: ignore[no-untyped-def]
+def _change_error(folder: Path, pair: SimulatedPair) -> tuple[float, float]:
     with rasterio.open(folder / "out" / "elevation_change.tif") as raster:
         dz = raster.read(1, masked=True).filled(np.nan)
         west, north, cell = raster.transform.c, raster.transform.f, raster.transform.a

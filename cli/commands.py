@@ -1,4 +1,4 @@
-"""The commands. Each only gathers its arguments and calls the engine; imports are late to keep ``--help`` quick."""
+"""The commands. Each only collects its arguments and calls the engine; late imports keep ``--help`` fast."""
 
 from __future__ import annotations
 
@@ -7,32 +7,8 @@ from pathlib import Path
 import click
 
 from ..engine.core.run_result import RunResult
-from ..interface.parameters import (
-    ChangeParameters,
-    DateParameters,
-    GroundParameters,
-    HeatmapParameters,
-    InputParameters,
-    LastEpochParameters,
-    OutputParameters,
-    RegistrationParameters,
-    ReportParameters,
-    SurfaceParameters,
-    ZoneParameters,
-)
-from .options import Session, command
-from .report import PROFILES_OPTION
-
-_FILE = click.Path(path_type=Path)
-_roi = click.option(
-    "--roi", type=_FILE, default=None, metavar="FILE", help="Vector file whose polygons bound the managed slope."
-)
-_stable = click.option(
-    "--stable", type=_FILE, default=None, metavar="FILE", help="Vector file whose polygons are known to be stable."
-)
-_output_dir = click.option(
-    "--output-dir", type=_FILE, required=True, metavar="DIR", help="Folder for the outputs; made if missing."
-)
+from ..interface.parameters import InputParameters, command_sets
+from .options import OUTPUT_DIR, PATH, PROFILES_ALONG, ROI, STABLE, Session, command, pair, path_option
 
 
 @click.command()
@@ -43,31 +19,20 @@ _output_dir = click.option(
     required=True,
     metavar="DATE=CLOUD",
     help="A survey: the date it was flown (YYYY-MM-DD) and its LAS or LAZ file. Give two, the earlier first, or one "
-    "that is screened only.",
+    "that is only screened.",
 )
-@_roi
-@_stable
-@PROFILES_OPTION
-@_output_dir
-@command(
-    InputParameters,
-    DateParameters,
-    GroundParameters,
-    RegistrationParameters,
-    ChangeParameters,
-    ZoneParameters,
-    HeatmapParameters,
-    ReportParameters,
-    LastEpochParameters,
-    OutputParameters,
-)
+@ROI
+@STABLE
+@PROFILES_ALONG
+@OUTPUT_DIR
+@command(*command_sets.INSPECT)
 def inspect(
     session: Session, epochs: tuple[str, ...], roi: Path, stable: Path, profiles: Path, output_dir: Path
 ) -> RunResult:
     """The whole flow: two raw surveys in, change rasters, hazard zones, a heatmap and a report out.
 
-    The ground of the last survey is screened, too, and the change says which of the zones found so it confirms. One
-    survey alone is screened only.
+    The ground of the last survey is also screened, and the result says which screened zones the change confirms. One
+    survey alone is only screened.
     """
     from ..engine.core.errors import InputError
     from ..engine.epochs.epoch import parse_epoch
@@ -84,16 +49,16 @@ def inspect(
         stable=stable,
         profiles=profiles,
         pdal=session.pdal,
-        overwrite=session.parameters(OutputParameters).overwrite,
+        overwrite=session.overwrite,
         progress=session.report,
     )
 
 
 @click.command()
-@click.argument("cloud", type=_FILE)
-@_roi
-@click.option("--output", type=_FILE, required=True, metavar="FILE", help="The ground points, .laz or .las.")
-@command(InputParameters, GroundParameters)
+@click.argument("cloud", type=PATH)
+@ROI
+@path_option("--output", "The ground points, .laz or .las.", required=True)
+@command(*command_sets.GROUND)
 def ground(session: Session, cloud: Path, roi: Path, output: Path) -> RunResult:
     """Clip CLOUD to the slope, remove outliers and extract the ground under the vegetation."""
     from ..workflows.ground import ground_step
@@ -110,23 +75,14 @@ def ground(session: Session, cloud: Path, roi: Path, output: Path) -> RunResult:
 
 
 @click.command()
-@click.argument("reference", type=_FILE)
-@click.argument("moving", type=_FILE)
-@click.option("--output", type=_FILE, required=True, metavar="FILE", help="MOVING in the frame of REFERENCE, .laz.")
-@click.option(
-    "--transform", type=_FILE, default=None, metavar="FILE", help="The rigid motion, MOVING to REFERENCE, as JSON."
-)
-@click.option(
-    "--apply",
-    "given",
-    type=_FILE,
-    default=None,
-    metavar="FILE",
-    help="Apply this transform.json instead of registering.",
-)
+@click.argument("reference", type=PATH)
+@click.argument("moving", type=PATH)
+@path_option("--output", "MOVING in the frame of REFERENCE, .laz.", required=True)
+@path_option("--transform", "The rigid motion, MOVING to REFERENCE, as JSON.")
+@path_option("--apply", "Apply this transform.json instead of registering.", "given")
 @click.option("--invert", is_flag=True, help="Apply the inverse of the transform given with --apply.")
-@_stable
-@command(InputParameters, SurfaceParameters, RegistrationParameters)
+@STABLE
+@command(*command_sets.REGISTER)
 def register(
     session: Session,
     reference: Path,
@@ -158,24 +114,11 @@ def register(
 
 
 @click.command()
-@click.argument("reference", type=_FILE)
-@click.argument("moving", type=_FILE)
-@click.option("--epoch-from", default=None, metavar="DATE", help="Date of REFERENCE; else from its file name.")
-@click.option("--epoch-to", default=None, metavar="DATE", help="Date of MOVING; else from its file name.")
-@click.option("--transform", type=_FILE, default=None, metavar="FILE", help="transform.json to apply to MOVING first.")
-@_stable
-@PROFILES_OPTION
-@_output_dir
-@command(
-    InputParameters,
-    DateParameters,
-    SurfaceParameters,
-    ChangeParameters,
-    ZoneParameters,
-    HeatmapParameters,
-    ReportParameters,
-    OutputParameters,
-)
+@pair
+@STABLE
+@PROFILES_ALONG
+@OUTPUT_DIR
+@command(*command_sets.CHANGE)
 def change(
     session: Session,
     reference: Path,
@@ -200,16 +143,16 @@ def change(
         transform_path=transform,
         stable=stable,
         profiles=profiles,
-        overwrite=session.parameters(OutputParameters).overwrite,
+        overwrite=session.overwrite,
         progress=session.report,
     )
 
 
 @click.command()
-@click.argument("cloud", type=_FILE)
+@click.argument("cloud", type=PATH)
 @command(InputParameters, profile=False)
 def info(session: Session, cloud: Path) -> RunResult:
-    """What CLOUD holds: header, reference system, extent, density, classes, and what is odd about it."""
+    """What CLOUD holds: header, reference system, extent, density, classes, and what is unusual about it."""
     from ..engine.pointcloud.summary import describe_cloud
 
     return RunResult({}, describe_cloud(cloud, session.parameters(InputParameters)))

@@ -17,10 +17,39 @@ import click
 from ..engine.core import cancellation
 from ..engine.core.errors import EngineError, InputError, SlopeWatchError
 from ..engine.core.run_result import RunResult
-from ..interface.parameters import AUTO, PROFILES, ParameterError, ParameterSet, Specification
+from ..interface.parameters import AUTO, PROFILES, OutputParameters, ParameterError, ParameterSet, Specification
 from .reporting import Reporter, reporter
 
 Command = Callable[..., Any]
+PATH = click.Path(path_type=Path)
+
+
+def path_option(
+    name: str, text: str, *parameter: str, required: bool = False, metavar: str = "FILE"
+) -> Callable[[Command], Command]:
+    """An option for a file or folder; ``parameter`` is its name in the function where that is another one."""
+    return click.option(name, *parameter, type=PATH, required=required, default=None, metavar=metavar, help=text)
+
+
+ROI = path_option("--roi", "Vector file whose polygons bound the managed slope.")
+STABLE = path_option("--stable", "Vector file whose polygons are known to be stable.")
+PROFILES_ALONG = path_option("--profiles", "Vector file whose lines profiles are taken along.")
+OUTPUT_DIR = path_option("--output-dir", "Folder for the outputs; created if missing.", required=True, metavar="DIR")
+
+
+def pair(function: Command) -> Command:
+    """The arguments of two clouds: which, of which days, and what moves the later one first."""
+    for decorate in (
+        path_option("--transform", "transform.json to apply to MOVING first."),
+        click.option("--epoch-to", default=None, metavar="DATE", help="Date of MOVING; else from its file name."),
+        click.option("--epoch-from", default=None, metavar="DATE", help="Date of REFERENCE; else from its file name."),
+        click.argument("moving", type=PATH),
+        click.argument("reference", type=PATH),
+    ):
+        function = decorate(function)
+    return function
+
+
 Group = TypeVar("Group", bound=ParameterSet)
 
 
@@ -37,42 +66,42 @@ class Session:
         """The parameter group: the profile's values overridden by the options given."""
         return group.build(self.values, self.profile)
 
+    @property
+    def overwrite(self) -> bool:
+        return self.parameters(OutputParameters).overwrite
 
+
+@dataclass(frozen=True)
 class _NumberOrAuto(click.ParamType):
-    """A number, or the word that leaves it to the data, which is 0."""
+    """A number of the kind, or the word that leaves it to the data."""
 
+    kind: type
     name = "number"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        if value == AUTO:
-            return 0.0
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         try:
-            return float(value)
+            return value if value == AUTO else self.kind(value)
         except ValueError:
             self.fail(f"{value!r} is neither a number nor {AUTO}.", param, ctx)
 
 
 def _option(specification: Specification) -> Callable[[Command], Command]:
-    name = specification.option
-    default: Any = specification.default
-    if specification.kind is bool:
-        default = "yes" if default else "no"
-    unit = f" {specification.unit}" if specification.unit else ""
-    bounds, least = "", specification.minimum if specification.automatic is None else specification.automatic
-    if least is not None and specification.maximum is not None and not specification.choices:
-        bounds = f", {least:g} to {specification.maximum:g}"
-    if specification.automatic is not None and default == 0:
-        default, unit, bounds = AUTO, "", f"{bounds}{unit}"
-    shown = f"{specification.help}  [default: {default if default != '' else 'none'}{unit}{bounds}]"
-    if specification.kind is bool:
-        return click.option(f"--{name}/--no-{name}", specification.name, default=None, help=shown)
-    kind: Any = {int: int, float: float, str: str}[specification.kind]
-    if specification.automatic is not None:
-        kind = _NumberOrAuto()
-    if specification.choices:
-        kind = click.Choice(specification.choices)
-    metavar = None if specification.choices else (specification.unit or specification.kind.__name__).upper()
-    return click.option(f"--{name}", specification.name, type=kind, default=None, help=shown, metavar=metavar)
+    s, flag = specification, f"--{specification.option}"
+    default: Any = ("yes" if s.default else "no") if s.kind is bool else "none" if s.default == "" else s.default
+    unit = f" {s.unit}" if s.unit else ""
+    bounds = ""
+    if s.minimum is not None and s.maximum is not None:
+        bounds = f", {s.minimum:g} to {s.maximum:g}"
+    if s.automatic:
+        unit, bounds = "", f"{bounds}{unit}"
+    shown = f"{s.help}  [default: {default}{unit}{bounds}]"
+    if s.kind is bool:
+        return click.option(f"{flag}/--no-{s.option}", s.name, default=None, help=shown)
+    if s.choices:
+        return click.option(flag, s.name, type=click.Choice(s.choices), default=None, help=shown)
+    kind: Any = _NumberOrAuto(s.kind) if s.automatic else s.kind
+    metavar = (s.unit or s.kind.__name__).upper()
+    return click.option(flag, s.name, type=kind, default=None, help=shown, metavar=metavar)
 
 
 def command(*groups: type[ParameterSet], profile: bool = True) -> Callable[[Command], Command]:
@@ -99,20 +128,18 @@ def command(*groups: type[ParameterSet], profile: bool = True) -> Callable[[Comm
                 type=click.Choice(list(PROFILES)),
                 default="default",
                 show_default=True,
-                help="paper: the published settings. Options given beside it override it.",
+                help="paper: the published settings. Options that are also given override it.",
             )(wrapped)
         for shared in (
             click.option("--debug", is_flag=True, help="Show the traceback of an internal failure."),
-            click.option(
-                "--pdal", type=click.Path(path_type=Path), help="The pdal program to use, if another than found."
-            ),
+            path_option("--pdal", "The pdal program, if not the one that is found."),
             click.option("--watch-parent", is_flag=True, help="Stop when standard input closes."),
             click.option(
                 "--progress",
                 type=click.Choice(["auto", "bar", "json", "none"]),
                 default="auto",
                 show_default=True,
-                help="How progress is told. json: one object a line on standard output.",
+                help="How progress is reported. json: one object per line on standard output.",
             ),
         ):
             wrapped = shared(wrapped)
@@ -129,7 +156,7 @@ def _run(report: Reporter, debug: bool, work: Callable[[], RunResult]) -> int:
         missing = [path for path in done.outputs.values() if not path.exists()]
         if missing:
             raise EngineError(f"{missing[0]} was promised but does not exist")
-        with contextlib.suppress(BrokenPipeError):  # as by `| head`: all is written, and who reads has read enough
+        with contextlib.suppress(BrokenPipeError):  # as by `| head`: everything is written, and the reader has enough
             report.result(done.outputs, done.figures)
         _flush_or_drop()
         return 0
@@ -139,7 +166,7 @@ def _run(report: Reporter, debug: bool, work: Callable[[], RunResult]) -> int:
         error = InputError(f"{wrong}.")
     except BrokenPipeError:
         error = EngineError(
-            "Who read the progress, or a program that this run had started, ended early; nothing was written."
+            "The reader of the progress, or a program that this run had started, ended early; nothing was written."
         )
     except MemoryError:
         error = EngineError("Memory ran out; clip the cloud to the slope or use a larger cell.")
@@ -158,7 +185,7 @@ def _run(report: Reporter, debug: bool, work: Callable[[], RunResult]) -> int:
 
 
 def _flush_or_drop() -> None:
-    """Write out what standard output holds; where nobody reads it any more, drop it, so that the exit is quiet."""
+    """Write out what standard output holds; where nobody reads it any more, drop it, so that the exit is silent."""
     try:
         sys.stdout.flush()
     except BrokenPipeError:

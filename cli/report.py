@@ -7,24 +7,19 @@ from pathlib import Path
 import click
 
 from ..engine.core.run_result import RunResult
-from ..interface.parameters import ReportParameters
-from .options import Session, command
-
-_FILE = click.Path(path_type=Path)
-PROFILES_OPTION = click.option(
-    "--profiles", type=_FILE, default=None, metavar="FILE", help="Vector file whose lines profiles are taken along."
-)
+from ..interface.parameters import ReportParameters, command_sets
+from .options import PATH, PROFILES_ALONG, Session, command
 
 
 @click.command()
-@click.argument("folder", type=_FILE)
-@PROFILES_OPTION
-@command(ReportParameters, profile=False)
+@click.argument("folder", type=PATH)
+@PROFILES_ALONG
+@command(*command_sets.REPORT, profile=False)
 def report(session: Session, folder: Path, profiles: Path | None) -> RunResult:
-    """Make the report of FOLDER, which inspect, change or series wrote, again.
+    """Write the report of FOLDER again, which inspect, change or series wrote.
 
-    With --profiles its profiles are replaced by those along the lines given, beside those through the zones. The other
-    options have no effect without it.
+    With --profiles its profiles are replaced by those along the given lines and through the zones. The other options
+    have no effect without it.
     """
     from ..workflows.report import report_step
 

@@ -8,32 +8,21 @@ from pathlib import Path
 import click
 
 from ..engine.core.run_result import RunResult
-from ..interface.parameters import GroundParameters, InputParameters, ScreeningParameters
-from .commands import _FILE, _roi
-from .options import Session, command
+from ..interface.parameters import command_sets
+from .options import PATH, ROI, Session, command, path_option
 
 
 @click.command()
-@click.argument("cloud", type=_FILE)
-@_roi
-@click.option(
-    "--output", type=_FILE, required=True, metavar="FILE", help="The labelled cloud, NAME.laz; NAME_run.json beside it."
+@click.argument("cloud", type=PATH)
+@ROI
+@path_option("--output", "The labelled cloud, NAME.laz; NAME_run.json is written next to it.", required=True)
+@path_option("--zones", "Hazard polygons, .gpkg.  [default: NAME_zones.gpkg]")
+@path_option(
+    "--raster", "Probabilities of a hazard, of uplift and of subsidence, .tif.  [default: NAME_probability.tif]"
 )
-@click.option(
-    "--zones", type=_FILE, default=None, metavar="FILE", help="Hazard polygons, .gpkg.  [default: NAME_zones.gpkg]"
-)
-@click.option(
-    "--raster",
-    type=_FILE,
-    default=None,
-    metavar="FILE",
-    help="Probabilities of a hazard, of uplift and of subsidence, .tif.  [default: NAME_probability.tif]",
-)
-@click.option(
-    "--map", "picture", type=_FILE, default=None, metavar="FILE", help="Picture, .png.  [default: NAME_map.png]"
-)
-@click.option("--method", type=click.Choice(["network", "residual"]), default=None, help="As --screening-method.")
-@command(InputParameters, ScreeningParameters, GroundParameters)
+@path_option("--map", "Picture, .png.  [default: NAME_map.png]", "picture")
+@click.option("--method", type=click.Choice(["network", "residual"]), default=None, help="Same as --screening-method.")
+@command(*command_sets.SCREEN)
 def screen(
     session: Session,
     cloud: Path,

@@ -7,22 +7,12 @@ from pathlib import Path
 import click
 
 from ..engine.core.run_result import RunResult
-from ..interface.parameters import (
-    DateParameters,
-    GridChangeParameters,
-    GroundParameters,
-    InputParameters,
-    OutputParameters,
-    RegistrationParameters,
-    SeriesParameters,
-    ZoneParameters,
-)
-from .commands import _FILE, _output_dir, _roi, _stable
-from .options import Session, command
+from ..interface.parameters import command_sets
+from .options import OUTPUT_DIR, PATH, ROI, STABLE, Session, command, path_option
 
 
 @click.command()
-@click.argument("source", type=_FILE, required=False, metavar="[FOLDER|MANIFEST]")
+@click.argument("source", type=PATH, required=False, metavar="[FOLDER|MANIFEST]")
 @click.option(
     "--epoch",
     "epochs",
@@ -31,27 +21,15 @@ from .options import Session, command
     help="A survey: the date it was flown (YYYY-MM-DD) and its LAS or LAZ file. Give each, the earliest first, instead "
     "of a folder or a manifest.",
 )
-@_roi
-@_stable
-@click.option(
+@ROI
+@STABLE
+@path_option(
     "--alerts",
-    type=_FILE,
-    default=None,
-    metavar="FILE",
-    help="Alert table (CSV) instead of the one that comes with SlopeWatch, of which alerts_used.csv in the outputs is "
-    "a copy to start from.",
+    "Alert table (CSV) instead of the one that comes with SlopeWatch, of which alerts_used.csv in the outputs is a "
+    "copy to start from.",
 )
-@_output_dir
-@command(
-    SeriesParameters,
-    DateParameters,
-    GridChangeParameters,
-    ZoneParameters,
-    RegistrationParameters,
-    GroundParameters,
-    InputParameters,
-    OutputParameters,
-)
+@OUTPUT_DIR
+@command(*command_sets.SERIES)
 def series(
     session: Session,
     source: Path | None,
@@ -61,11 +39,12 @@ def series(
     alerts: Path | None,
     output_dir: Path,
 ) -> RunResult:
-    """Two or more surveys of one slope: change in steps and in all, velocities, zones through time, alert levels.
+    """Two or more surveys of one slope: change in steps and in total, velocities, zones through time, alert levels.
 
-    FOLDER holds one cloud a survey, each with its date in its name (2024-05-01.laz); MANIFEST is a CSV file with the
-    columns date and path. All surveys are registered to the first. Run again with one more survey, only that one is
-    computed: a series that goes on with the same settings needs no --overwrite. This screens trends; it is no alarm.
+    FOLDER holds one cloud per survey, each with its date in its name (2024-05-01.laz); MANIFEST is a CSV file with the
+    columns date and path. All surveys are registered to the first. When run again with one more survey, only that one
+    is computed: a series that continues with the same settings needs no --overwrite. This screens trends; it is no
+    alarm system.
     """
     from ..engine.core.errors import InputError
     from ..engine.epochs.epoch import parse_epoch
@@ -84,6 +63,6 @@ def series(
         stable=stable,
         alerts=alerts,
         pdal=session.pdal,
-        overwrite=session.parameters(OutputParameters).overwrite,
+        overwrite=session.overwrite,
         progress=session.report,
     )

@@ -1,4 +1,4 @@
-"""``slopewatch train``: a screening model of one's own."""
+"""``slopewatch train``: a screening model from the user's own clouds."""
 
 from __future__ import annotations
 
@@ -7,26 +7,21 @@ from pathlib import Path
 import click
 
 from ..engine.core.run_result import RunResult
-from ..interface.parameters import FineTuneParameters, InputParameters, OutputParameters
-from .commands import _FILE, _output_dir
-from .options import Session, command
+from ..interface.parameters import FineTuneParameters, InputParameters, command_sets
+from .options import OUTPUT_DIR, PATH, Session, command, path_option
 
 
 @click.command()
-@click.argument("clouds", type=_FILE, nargs=-1, required=True, metavar="CLOUD...")
-@click.option(
-    "--polygons",
-    type=_FILE,
-    default=None,
-    metavar="FILE",
-    help="Vector file whose polygons give the points inside them their class, instead of a dimension.",
+@click.argument("clouds", type=PATH, nargs=-1, required=True, metavar="CLOUD...")
+@path_option(
+    "--polygons", "Vector file whose polygons give the points inside them their class, instead of a dimension."
 )
-@_output_dir
-@command(InputParameters, FineTuneParameters, OutputParameters, profile=False)
+@OUTPUT_DIR
+@command(*command_sets.TRAIN, profile=False)
 def train(session: Session, clouds: tuple[Path, ...], polygons: Path | None, output_dir: Path) -> RunResult:
     """Train a screening model on labelled clouds of ground points, each of one slope, and score it by folds.
 
-    Run again with the same values it goes on where it was stopped.
+    A stopped training continues when it is run again with the same values.
     """
     from ..workflows.train import train_step
 
@@ -36,6 +31,6 @@ def train(session: Session, clouds: tuple[Path, ...], polygons: Path | None, out
         session.parameters(FineTuneParameters),
         session.parameters(InputParameters),
         polygons=polygons,
-        overwrite=session.parameters(OutputParameters).overwrite,
+        overwrite=session.overwrite,
         progress=session.report,
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from typing import Any
 
 from qgis.core import QgsProcessingFeedback
@@ -18,7 +17,7 @@ from .bridge.resources import icon
 
 
 class SettingsPage(QgsOptionsPageWidget):
-    """Two paths, both may stay empty, and a button that tries them."""
+    """Two paths, both may stay empty, and a button that tests them."""
 
     def __init__(self, parent: Any = None) -> None:
         super().__init__(parent)
@@ -30,8 +29,8 @@ class SettingsPage(QgsOptionsPageWidget):
         self.check_button.clicked.connect(self.check)
         self.report = QTextBrowser()
         intro = QLabel(
-            "SlopeWatch works in a Python environment of its own, outside QGIS. Leave both fields empty to use what "
-            "the set-up made; the environment variables SLOPEWATCH_PYTHON and SLOPEWATCH_PDAL come first."
+            "SlopeWatch runs in its own Python environment, outside QGIS. Leave both fields empty to use what the "
+            "set-up installed; the environment variables SLOPEWATCH_PYTHON and SLOPEWATCH_PDAL take precedence."
         )
         intro.setWordWrap(True)
         form = QFormLayout()
@@ -55,7 +54,7 @@ class SettingsPage(QgsOptionsPageWidget):
         """Run the engine's own check with what the fields hold now and show its lines."""
         before = settings.get(settings.ENGINE_PYTHON), settings.get(settings.PDAL)
         self.apply()
-        feedback = _Lines()
+        feedback = QgsProcessingFeedback(False)
         self.check_button.setEnabled(False)
         QApplication.setOverrideCursor(Qt.CursorShape.WaitCursor)
         try:
@@ -63,7 +62,8 @@ class SettingsPage(QgsOptionsPageWidget):
             feedback.pushInfo(f"Interpreter: {python} ({how})")
             found = run_engine(["check"], feedback).metrics
             feedback.pushInfo("The engine is ready.")
-            feedback.pushTable(found)
+            for name, value in found.items():
+                feedback.pushInfo(f"{name}: {value}")
         except (EngineError, InterpreterNotFoundError) as error:
             feedback.reportError(str(error))
         finally:
@@ -71,7 +71,7 @@ class SettingsPage(QgsOptionsPageWidget):
             self.check_button.setEnabled(True)
             settings.store(settings.ENGINE_PYTHON, before[0])
             settings.store(settings.PDAL, before[1])
-        self.report.setHtml(feedback.html)
+        self.report.setHtml(feedback.htmlLog())
 
     @staticmethod
     def _file_widget(key: str, placeholder: str) -> QgsFileWidget:
@@ -79,30 +79,6 @@ class SettingsPage(QgsOptionsPageWidget):
         widget.setFilePath(settings.get(key))
         widget.lineEdit().setPlaceholderText(placeholder)
         return widget
-
-
-class _Lines(QgsProcessingFeedback):
-    """Collects what the engine says as HTML."""
-
-    def __init__(self) -> None:
-        super().__init__(False)
-        self.html = ""
-
-    def pushInfo(self, info: str) -> None:
-        self.html += f"<p>{html.escape(info)}</p>"
-
-    def pushTable(self, values: dict[str, Any]) -> None:
-        rows = "".join(
-            f"<tr><td>{html.escape(name)}:&nbsp;</td><td>{html.escape(str(value))}</td></tr>"
-            for name, value in values.items()
-        )
-        self.html += f"<table>{rows}</table>"
-
-    def pushWarning(self, warning: str) -> None:
-        self.html += f"<p style='color:#b35900'>{html.escape(warning)}</p>"
-
-    def reportError(self, error: str, fatalError: bool = False) -> None:
-        self.html += f"<p style='color:#b00020'>{html.escape(error)}</p>"
 
 
 class SettingsPageFactory(QgsOptionsWidgetFactory):

@@ -5,9 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from qgis.core import (
-    QgsProcessingContext,
     QgsProcessingException,
-    QgsProcessingFeedback,
     QgsProcessingOutputString,
 )
 
@@ -15,6 +13,7 @@ from ..plugin.bridge import resources, settings
 from ..plugin.bridge.engine_client import EngineResult
 from ..plugin.bridge.interpreter import InterpreterNotFoundError, find_interpreter
 from .base import SlopeWatchAlgorithm
+from .values import Values
 
 
 class CheckEnvironment(SlopeWatchAlgorithm):
@@ -24,31 +23,26 @@ class CheckEnvironment(SlopeWatchAlgorithm):
     SUMMARY = "Finds the engine and PDAL, and says what is missing and how to get it."
     TAGS = ("environment", "pdal", "installation", "diagnosis", "version")
 
-    def initAlgorithm(self, configuration: Any = None) -> None:
+    def inputs(self) -> None:
         self.addOutput(QgsProcessingOutputString("ENGINE", "Engine's interpreter"))
         self.addOutput(QgsProcessingOutputString("PDAL", "PDAL"))
         self.addOutput(QgsProcessingOutputString("VERSION", "SlopeWatch"))
 
-    def arguments(
-        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
-    ) -> list[str]:
+    def arguments(self, values: Values) -> list[str]:
         try:
             python, how = find_interpreter(settings.get(settings.ENGINE_PYTHON))
         except InterpreterNotFoundError as error:
             raise QgsProcessingException(str(error)) from None
-        feedback.pushInfo(f"Engine's interpreter: {python} ({how})")
+        values.feedback.pushInfo(f"Engine's interpreter: {python} ({how})")
         self._python = str(python)
-        self._feedback = feedback
         return ["check"]
 
-    def results(
-        self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
-    ) -> dict[str, Any]:
+    def results(self, result: EngineResult, values: Values) -> dict[str, Any]:
         for name, value in result.metrics.items():
-            self._feedback.pushInfo(f"{name}: {value}")
+            values.feedback.pushInfo(f"{name}: {value}")
         engine, own = str(result.metrics.get("slopewatch", "")), resources.version()
         if engine != own:
-            self._feedback.pushWarning(f"The engine is version {engine}, the plugin {own}; run the set-up again.")
+            values.feedback.pushWarning(f"The engine is version {engine}, the plugin {own}; run the set-up again.")
         return {
             "ENGINE": self._python,
             "PDAL": str(result.metrics.get("pdal", "")),

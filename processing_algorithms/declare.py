@@ -1,14 +1,10 @@
-"""Parameters of the dialogs, made from the engine's specifications, and back into command-line options."""
+"""Parameters of the dialogs, made from the engine's specifications, and the kinds that several algorithms have."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from typing import Any
 
 from qgis.core import (
-    QgsProcessingAlgorithm,
-    QgsProcessingContext,
     QgsProcessingParameterBoolean,
     QgsProcessingParameterCrs,
     QgsProcessingParameterDateTime,
@@ -23,10 +19,12 @@ from qgis.core import (
     QgsProviderRegistry,
 )
 
-from ..interface.parameters import PROFILES, ParameterError, ParameterSet, Specification
-from ..plugin.bridge.compat import ADVANCED, DATE, DOUBLE, FILE, INTEGER, LINE, POLYGON
+from ..interface.parameters import PROFILES, ParameterSet, Specification
+from ..plugin.bridge.compat import ADVANCED, DATE, DOUBLE, FILE, FOLDER, INTEGER, LINE, POLYGON
 
 CLOUD_FILTER = "Point clouds (*.las *.LAS *.laz *.LAZ);;All files (*)"
+JSON_FILTER = "JSON files (*.json);;All files (*)"
+CSV_FILTER = "CSV files (*.csv);;All files (*)"
 CLOUD_OUTPUT_FILTER = "LAZ files (*.laz *.LAZ);;LAS files (*.las *.LAS)"
 
 Groups = Sequence[type[ParameterSet]]
@@ -47,7 +45,7 @@ def from_specification(
 ) -> QgsProcessingParameterDefinition:
     """The Processing parameter of one specification; ``prefix`` names its stage in a long dialog."""
     s = specification
-    label = s.label_with_unit
+    label = s.field_label
     if prefix and prefix.lower() not in label.lower():
         label = f"{prefix}: {label[:1].lower()}{label[1:]}"
     parameter: QgsProcessingParameterDefinition
@@ -60,9 +58,10 @@ def from_specification(
             s.qgis_name, label, list(s.choices), defaultValue=s.default, usesStaticStrings=True
         )
     elif s.kind in (int, float):
-        parameter = QgsProcessingParameterNumber(s.qgis_name, label, INTEGER if s.kind is int else DOUBLE, s.default)
-        if s.minimum is not None:
-            parameter.setMinimum(s.minimum)
+        number = INTEGER if s.kind is int else DOUBLE
+        parameter = QgsProcessingParameterNumber(s.qgis_name, label, number, s.field_default)
+        if s.field_minimum is not None:
+            parameter.setMinimum(s.field_minimum)
         if s.maximum is not None:
             parameter.setMaximum(s.maximum)
         if s.kind is float:
@@ -74,7 +73,7 @@ def from_specification(
 
 def _decimals(specification: Specification) -> int:
     """Decimals that the field shows: enough for the default and the bounds, at least two."""
-    numbers = (specification.default, specification.minimum, specification.maximum, specification.automatic)
+    numbers = (specification.field_default, specification.minimum, specification.maximum)
     texts = [f"{n:.6f}".rstrip("0").partition(".")[2] for n in numbers if n is not None]
     return max(2, *(len(t) for t in texts))
 
@@ -84,85 +83,32 @@ def profile_parameter() -> QgsProcessingParameterDefinition:
         QgsProcessingParameterEnum(
             "PROFILE", "Profile", list(PROFILES), defaultValue="default", usesStaticStrings=True
         ),
-        "default: the settings that measured best. paper: the published settings. A value left at its default "
-        "is decided by the profile, any other value overrides it.",
+        "default: the settings that performed best. paper: the published settings. The profile decides a value left at "
+        "its default; any other value overrides it.",
     )
-
-
-def profile_options(algorithm: QgsProcessingAlgorithm, parameters: Any, context: QgsProcessingContext) -> list[str]:
-    profile = algorithm.parameterAsEnumString(worded(algorithm, parameters), "PROFILE", context)
-    return ["--profile", profile] if profile and profile != "default" else []
-
-
-def options(
-    algorithm: QgsProcessingAlgorithm, groups: Groups, parameters: Any, context: QgsProcessingContext
-) -> list[str]:
-    """Command-line options of the values that differ from their defaults."""
-    arguments: list[str] = []
-    for group in groups:
-        for s in group.specifications():
-            value = _read(algorithm, s, parameters, context)
-            if _same(value, s.default):
-                continue
-            if s.kind is bool:
-                arguments.append(f"--{s.option}" if value else f"--no-{s.option}")
-            else:
-                arguments += [f"--{s.option}", str(value)]
-    return arguments
-
-
-def worded(algorithm: QgsProcessingAlgorithm, parameters: Any) -> dict[str, Any]:
-    """The values with the number of a choice replaced by its word: qgis_process's help offers the numbers too."""
-    result = dict(parameters)
-    for parameter in algorithm.parameterDefinitions():
-        number = str(result.get(parameter.name(), ""))
-        if parameter.type() == "enum" and number.isdecimal() and int(number) < len(parameter.options()):
-            result[parameter.name()] = parameter.options()[int(number)]
-    return result
-
-
-def problem(
-    algorithm: QgsProcessingAlgorithm, groups: Groups, parameters: Any, context: QgsProcessingContext
-) -> str | None:
-    """The sentence for the first value that is out of bounds, in the engine's words; None if there is none."""
-    for group in groups:
-        for s in group.specifications():
-            raw = parameters.get(s.qgis_name)
-            if raw is None or not (isinstance(raw, str) or type(raw) in (int, float)) or s.kind not in (int, float):
-                continue
-            try:
-                s.check(float(raw))
-            except ValueError as error:
-                return f"{error}." if isinstance(error, ParameterError) else None
-    return None
-
-
-def _read(algorithm: QgsProcessingAlgorithm, s: Specification, parameters: Any, context: QgsProcessingContext) -> Any:
-    if s.name == "crs":
-        crs = algorithm.parameterAsCrs(parameters, s.qgis_name, context)
-        return (crs.authid() or crs.toWkt()) if crs.isValid() else ""
-    if s.kind is bool:
-        return algorithm.parameterAsBoolean(parameters, s.qgis_name, context)
-    if s.kind is int:
-        return algorithm.parameterAsInt(parameters, s.qgis_name, context)
-    if s.kind is float:
-        return algorithm.parameterAsDouble(parameters, s.qgis_name, context)
-    if s.choices:
-        return algorithm.parameterAsEnumString(worded(algorithm, parameters), s.qgis_name, context)
-    return algorithm.parameterAsString(parameters, s.qgis_name, context).strip()
-
-
-def _same(value: Any, default: Any) -> bool:
-    if isinstance(default, float):
-        return math.isclose(value, default, rel_tol=1e-9, abs_tol=1e-12)
-    return bool(value == default)
 
 
 def cloud_parameter(name: str, label: str, text: str, *, optional: bool = False) -> QgsProcessingParameterDefinition:
     """A LAS or LAZ file. Not a point cloud layer: QGIS builds without PDAL refuse those."""
-    return with_help(
-        QgsProcessingParameterFile(name, label, behavior=FILE, optional=optional, fileFilter=CLOUD_FILTER), text
-    )
+    return file_parameter(name, label, text, CLOUD_FILTER, optional=optional)
+
+
+def file_parameter(
+    name: str, label: str, text: str, pattern: str, *, optional: bool = True, advanced: bool = False
+) -> QgsProcessingParameterDefinition:
+    """A file of the kinds of ``pattern``."""
+    parameter = QgsProcessingParameterFile(name, label, behavior=FILE, optional=optional, fileFilter=pattern)
+    return with_help(parameter, text, advanced=advanced)
+
+
+def folder_parameter(name: str, label: str, text: str, *, optional: bool = False) -> QgsProcessingParameterDefinition:
+    return with_help(QgsProcessingParameterFile(name, label, behavior=FOLDER, optional=optional), text)
+
+
+def file_destination(name: str, label: str, text: str, pattern: str) -> QgsProcessingParameterDefinition:
+    """A file to write, which may be skipped."""
+    parameter = QgsProcessingParameterFileDestination(name, label, pattern, optional=True, createByDefault=True)
+    return with_help(parameter, text)
 
 
 def cloud_destination(name: str, label: str, text: str) -> QgsProcessingParameterDefinition:
@@ -187,6 +133,33 @@ def profiles_parameter(*, advanced: bool = False) -> QgsProcessingParameterDefin
         "set: profiles run down the slope through the zones only.",
         advanced=advanced,
     )
+
+
+def survey_parameters(first: str, text: str, without: str = "") -> list[QgsProcessingParameterDefinition]:
+    """Two clouds with their days.
+
+    ``first`` is the first one's label, ``text`` the help of both. ``without`` says what is done without the later one,
+    which must be given where it is empty.
+    """
+    later = text.format("later") + without
+    return [
+        cloud_parameter("REFERENCE", first, text.format("first")),
+        date_parameter("REFERENCE_DATE", f"Day of the {first.lower()}"),
+        cloud_parameter("CLOUD", "Later survey", later, optional=bool(without)),
+        date_parameter("CLOUD_DATE", "Day of the later survey"),
+    ]
+
+
+def transform_parameter(more: str = "") -> QgsProcessingParameterDefinition:
+    """The motion of the later survey; ``more`` is added to its help."""
+    text = "Transform that Register epochs wrote, where the later survey has not been moved by it yet."
+    return file_parameter("TRANSFORM", "Transform", text + more, JSON_FILTER)
+
+
+def roi_parameter(whole: str, effect: str = "Larger takes longer") -> QgsProcessingParameterDefinition:
+    """The slope's polygons; ``whole`` says what is taken without them, ``effect`` what they do."""
+    text = f"Polygons of the slope, in any reference system. {effect}; not set: {whole}."
+    return polygon_parameter("ROI", "Region of interest", text)
 
 
 def date_parameter(name: str, label: str) -> QgsProcessingParameterDefinition:

@@ -4,22 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from qgis.core import QgsProcessingContext, QgsProcessingFeedback, QgsProcessingParameterFile
-
-from ..interface.parameters import (
-    ChangeParameters,
-    DateParameters,
-    HeatmapParameters,
-    InputParameters,
-    OutputParameters,
-    ReportParameters,
-    SurfaceParameters,
-    ZoneParameters,
-)
-from ..plugin.bridge.compat import FILE
+from ..interface.parameters import command_sets
 from ..plugin.bridge.engine_client import EngineResult
 from . import declare, products
 from .base import SlopeWatchAlgorithm
+from .values import Values
 
 STABLE_HELP = (
     "Polygons of ground that has surely not moved, on which the errors are calibrated. Not set: stable ground is found "
@@ -52,62 +41,30 @@ class ElevationChange(SlopeWatchAlgorithm):
     GROUP = "steps"
     SUMMARY = "Subtracts two registered ground clouds and outlines where the change is significant."
     TAGS = ("change", "difference", "dod", "deformation", "volume", "hazard", "zones", "heatmap")
-    PARAMETER_GROUPS = (
-        SurfaceParameters,
-        ChangeParameters,
-        ZoneParameters,
-        HeatmapParameters,
-        ReportParameters,
-        InputParameters,
-        DateParameters,
-        OutputParameters,
-    )
+    PARAMETER_GROUPS = command_sets.CHANGE
     NUMBERS = CHANGE_NUMBERS
     PAGES = CHANGE_PAGES
     FILES = CHANGE_FILES
 
-    def initAlgorithm(self, configuration: Any = None) -> None:
-        self.addParameter(declare.cloud_parameter("REFERENCE", "Reference", "Ground cloud of the first survey."))
-        self.addParameter(declare.date_parameter("REFERENCE_DATE", "Day of the reference"))
-        self.addParameter(declare.cloud_parameter("CLOUD", "Later survey", "Ground cloud of the later survey."))
-        self.addParameter(declare.date_parameter("CLOUD_DATE", "Day of the later survey"))
-        self.addParameter(
-            declare.with_help(
-                QgsProcessingParameterFile(
-                    "TRANSFORM", "Transform", FILE, optional=True, fileFilter="JSON files (*.json);;All files (*)"
-                ),
-                "Transform that Register epochs wrote, where the later survey has not been moved by it yet.",
-            )
+    def inputs(self) -> None:
+        self.add(
+            *declare.survey_parameters("Reference", "Ground cloud of the {} survey."),
+            declare.transform_parameter(),
+            declare.polygon_parameter("STABLE", "Stable ground", STABLE_HELP, advanced=True),
+            declare.profiles_parameter(),
+            declare.profile_parameter(),
         )
-        self.addParameter(declare.polygon_parameter("STABLE", "Stable ground", STABLE_HELP, advanced=True))
-        self.addParameter(declare.profiles_parameter())
-        self.addParameter(declare.profile_parameter())
         self.declare_groups()
-        products.declare_folder(
-            self, "Receives the rasters, hazard zones, heatmap, report and run record under fixed names."
-        )
+        products.declare_folder(self, products.CHANGE_FOLDER)
         products.declare_products(self, products.CHANGE_PRODUCTS)
-        self.declare_outputs()
 
-    def arguments(
-        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
-    ) -> list[str]:
-        reference = self.file(parameters, "REFERENCE", context)
-        cloud = self.file(parameters, "CLOUD", context)
-        self._folder = products.output_folder(self, parameters, context)
-        arguments = ["change", reference, cloud, "--output-dir", self._folder]
-        arguments += self.pair_options(parameters, context)
-        transform = self.file(parameters, "TRANSFORM", context)
-        if transform:
-            arguments += ["--transform", transform]
-        arguments += self.vector_options(parameters, context, feedback, "STABLE", "PROFILES")
-        arguments += declare.profile_options(self, parameters, context)
-        return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
+    def arguments(self, values: Values) -> list[str]:
+        surveys = [values.file("REFERENCE"), values.file("CLOUD")]
+        options = [*values.pair_options(), *values.options("TRANSFORM", "STABLE", "PROFILES")]
+        return ["change", *surveys, "--output-dir", values.output_folder(), *options]
 
-    def results(
-        self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
-    ) -> dict[str, Any]:
-        days = self.pair_days(parameters, context)
+    def results(self, result: EngineResult, values: Values) -> dict[str, Any]:
+        days = values.pair_days()
         group = f"SlopeWatch {days[0]} to {days[1]}" if all(days) else "SlopeWatch"
-        delivered = products.deliver(self, products.CHANGE_PRODUCTS, result, parameters, context, group)
-        return {"OUTPUT_FOLDER": self._folder, **delivered}
+        delivered = products.deliver(products.CHANGE_PRODUCTS, result, values, group)
+        return {"OUTPUT_FOLDER": values.output_folder(), **delivered}

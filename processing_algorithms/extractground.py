@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from qgis.core import QgsProcessingContext, QgsProcessingFeedback
-
-from ..interface.parameters import GroundParameters, InputParameters
+from ..interface.parameters import command_sets
 from ..plugin.bridge.engine_client import EngineResult
 from . import declare
 from .base import SlopeWatchAlgorithm
+from .values import Values
 
 
 class ExtractGround(SlopeWatchAlgorithm):
@@ -18,7 +17,7 @@ class ExtractGround(SlopeWatchAlgorithm):
     GROUP = "steps"
     SUMMARY = "Clips a survey to the slope, removes outliers and vegetation, and writes the ground points."
     TAGS = ("ground", "csf", "cloth", "filter", "vegetation", "denoise", "clip")
-    PARAMETER_GROUPS = (GroundParameters, InputParameters)
+    PARAMETER_GROUPS = command_sets.GROUND
     NUMBERS: ClassVar = {
         "RAW_POINTS": ("raw_points", "Points of the survey"),
         "RAW_AREA": ("raw_area", "Area of the survey (m²)"),
@@ -32,30 +31,17 @@ class ExtractGround(SlopeWatchAlgorithm):
     }
     FILES: ClassVar = {"RUN_RECORD": ("run", "Run record")}
 
-    def initAlgorithm(self, configuration: Any = None) -> None:
-        self.addParameter(declare.cloud_parameter("INPUT", "Survey", "Raw point cloud of the slope, LAS or LAZ."))
-        self.addParameter(
-            declare.polygon_parameter(
-                "ROI",
-                "Region of interest",
-                "Polygons of the slope, in any reference system. Larger takes longer; not set: the whole cloud.",
-            )
+    def inputs(self) -> None:
+        self.add(
+            declare.cloud_parameter("INPUT", "Survey", "Raw point cloud of the slope, LAS or LAZ."),
+            declare.roi_parameter("the whole cloud"),
+            declare.profile_parameter(),
         )
-        self.addParameter(declare.profile_parameter())
         self.declare_groups()
-        self.addParameter(declare.cloud_destination("OUTPUT", "Ground", "LAZ file of the ground points."))
-        self.declare_outputs()
+        self.add(declare.cloud_destination("OUTPUT", "Ground", "LAZ file of the ground points."))
 
-    def arguments(
-        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
-    ) -> list[str]:
-        arguments = ["ground", self.file(parameters, "INPUT", context)]
-        arguments += self.vector_options(parameters, context, feedback, "ROI")
-        arguments += ["--output", self.output_file(parameters, "OUTPUT", context)]
-        arguments += declare.profile_options(self, parameters, context)
-        return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
+    def arguments(self, values: Values) -> list[str]:
+        return ["ground", values.file("INPUT"), *values.options("ROI", "OUTPUT")]
 
-    def results(
-        self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
-    ) -> dict[str, Any]:
+    def results(self, result: EngineResult, values: Values) -> dict[str, Any]:
         return {"OUTPUT": result.outputs["ground"]}

@@ -5,40 +5,20 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from qgis.core import (
-    QgsProcessingContext,
     QgsProcessingException,
-    QgsProcessingFeedback,
     QgsProcessingOutputMultipleLayers,
     QgsProcessingParameterBoolean,
-    QgsProcessingParameterFile,
 )
 
-from ..interface.parameters import (
-    DateParameters,
-    GridChangeParameters,
-    GroundParameters,
-    InputParameters,
-    OutputParameters,
-    RegistrationParameters,
-    SeriesParameters,
-    ZoneParameters,
-)
-from ..plugin.bridge.compat import FILE, FOLDER
+from ..interface.parameters import command_sets
 from ..plugin.bridge.engine_client import EngineResult
 from ..plugin.bridge.styling import Appearance, load_on_completion
 from . import declare, products
-from .base import SlopeWatchAlgorithm
+from .base import PREFIXES, SlopeWatchAlgorithm
 from .registerepochs import STABLE_HELP
+from .values import Values
 
 _BASIC = ("ground_ready", "rasters_each_survey", "cell", "confidence", "minimum_area", "overwrite")
-_PREFIXES = {
-    "InputParameters": "Input",
-    "DateParameters": "Input",
-    "GroundParameters": "Ground",
-    "RegistrationParameters": "Registration",
-    "GridChangeParameters": "Change",
-    "ZoneParameters": "Zones",
-}
 _PRODUCTS = (
     products.Product(
         "ZONES",
@@ -92,16 +72,7 @@ class InspectSeries(SlopeWatchAlgorithm):
     GROUP = "inspection"
     SUMMARY = "Takes two or more surveys of a slope to velocities, zones followed through time, and alert levels."
     TAGS = ("series", "time", "velocity", "monitoring", "creep", "landslide", "alert", "temporal", "inverse velocity")
-    PARAMETER_GROUPS = (
-        SeriesParameters,
-        GroundParameters,
-        RegistrationParameters,
-        GridChangeParameters,
-        ZoneParameters,
-        InputParameters,
-        DateParameters,
-        OutputParameters,
-    )
+    PARAMETER_GROUPS = command_sets.SERIES
     NUMBERS: ClassVar = {
         "EPOCH_COUNT": ("epoch_count", "Number of surveys"),
         "ZONE_COUNT": ("zone_count", "Number of zones"),
@@ -120,48 +91,38 @@ class InspectSeries(SlopeWatchAlgorithm):
         "RUN_RECORD": ("run", "Run record"),
     }
 
-    def initAlgorithm(self, configuration: Any = None) -> None:
-        self.addParameter(
-            declare.with_help(
-                QgsProcessingParameterFile("INPUT", "Folder of the surveys", FOLDER, optional=True),
-                "Holds one LAS or LAZ file a survey, each with its day in its name, such as 2024-05-01.laz.",
-            )
-        )
-        self.addParameter(
-            declare.with_help(
-                QgsProcessingParameterFile(
-                    "MANIFEST", "Or manifest", FILE, optional=True, fileFilter="CSV files (*.csv);;All files (*)"
-                ),
-                "CSV file with the columns date (YYYY-MM-DD) and path, one line a survey, instead of a folder.",
-            )
-        )
-        self.addParameter(
-            declare.polygon_parameter(
-                "ROI",
-                "Region of interest",
-                "Polygons of the slope, in any reference system. Larger takes longer; not set: the whole clouds.",
-            )
-        )
-        self.addParameter(
-            declare.with_help(
-                QgsProcessingParameterFile(
-                    "ALERTS", "Alert table", FILE, optional=True, fileFilter="CSV files (*.csv);;All files (*)"
-                ),
+    def inputs(self) -> None:
+        self.add(
+            declare.folder_parameter(
+                "INPUT",
+                "Folder of the surveys",
+                "Holds one LAS or LAZ file per survey, each with its day in its name, such as 2024-05-01.laz.",
+                optional=True,
+            ),
+            declare.file_parameter(
+                "MANIFEST",
+                "Or manifest",
+                "CSV file with the columns date (YYYY-MM-DD) and path, one line per survey, instead of a folder.",
+                declare.CSV_FILTER,
+            ),
+            declare.roi_parameter("the whole clouds"),
+            declare.file_parameter(
+                "ALERTS",
+                "Alert table",
                 "Thresholds of the alert levels. Not set: those that come with SlopeWatch, which every run writes as "
                 "alerts_used.csv; edit a copy of it.",
-            )
+                declare.CSV_FILTER,
+            ),
+            declare.profile_parameter(),
         )
-        self.addParameter(declare.profile_parameter())
-        self.declare_groups(basic=_BASIC, prefixes=_PREFIXES)
-        self.addParameter(
-            declare.polygon_parameter("STABLE", "Registration: stable ground", STABLE_HELP, advanced=True)
-        )
-        self.addParameter(
+        self.declare_groups(basic=_BASIC, prefixes=PREFIXES)
+        self.add(
+            declare.polygon_parameter("STABLE", "Registration: stable ground", STABLE_HELP, advanced=True),
             declare.with_help(
                 QgsProcessingParameterBoolean("LOAD_RASTERS", "Load the rasters of every survey", True),
                 "Loads the change of every survey with the days on which the temporal controller shows it.",
                 advanced=True,
-            )
+            ),
         )
         products.declare_folder(
             self, "Receives all results, and in work/ what the next run with one more survey does not compute again."
@@ -169,32 +130,20 @@ class InspectSeries(SlopeWatchAlgorithm):
         products.declare_products(self, _PRODUCTS)
         for name, _, label, _ in _KINDS:
             self.addOutput(QgsProcessingOutputMultipleLayers(name, f"{label} (m)"))
-        self.declare_outputs()
 
-    def arguments(
-        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
-    ) -> list[str]:
-        self._folder = products.output_folder(self, parameters, context)
-        sources = [self.file(parameters, name, context) for name in ("INPUT", "MANIFEST")]
+    def arguments(self, values: Values) -> list[str]:
+        sources = [values.file(name) for name in ("INPUT", "MANIFEST")]
         if all(sources) or not any(sources):
             raise QgsProcessingException("Give either INPUT, the folder of the surveys, or MANIFEST, not both.")
-        arguments = ["series", next(s for s in sources if s)]
-        arguments += self.vector_options(parameters, context, feedback, "ROI", "STABLE")
-        alerts = self.file(parameters, "ALERTS", context)
-        if alerts:
-            arguments += ["--alerts", alerts]
-        arguments += ["--output-dir", self._folder]
-        arguments += declare.profile_options(self, parameters, context)
-        return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
+        options = values.options("ROI", "STABLE", "ALERTS")
+        return ["series", next(s for s in sources if s), *options, "--output-dir", values.output_folder()]
 
-    def results(
-        self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
-    ) -> dict[str, Any]:
+    def results(self, result: EngineResult, values: Values) -> dict[str, Any]:
         group = "SlopeWatch series"
-        delivered = products.deliver(self, _PRODUCTS, result, parameters, context, group)
+        delivered = products.deliver(_PRODUCTS, result, values, group)
         # asked for after that: asking for a destination as a layer would have it loaded once more
-        shown = bool(context.layersToLoadOnCompletion()) and self.parameterAsBoolean(
-            parameters, "LOAD_RASTERS", context
+        shown = bool(values.context.layersToLoadOnCompletion()) and self.parameterAsBoolean(
+            values.parameters, "LOAD_RASTERS", values.context
         )
         lists: dict[str, Any] = {}
         for name, kind, label, order in _KINDS:
@@ -205,5 +154,5 @@ class InspectSeries(SlopeWatchAlgorithm):
                 last = number == len(paths) - 1
                 appearance = Appearance(order * 1000 + number, visible=kind == "cumulative", expanded=last)
                 day = path.rpartition(".")[0][-10:]
-                load_on_completion(context, path, appearance, f"{label}: {day}", f"{group}, {label.lower()}")
-        return {"OUTPUT_FOLDER": self._folder, **lists, **delivered}
+                load_on_completion(values.context, path, appearance, f"{label}: {day}", f"{group}, {label.lower()}")
+        return {"OUTPUT_FOLDER": values.output_folder(), **lists, **delivered}

@@ -5,40 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, ClassVar
 
-from qgis.core import QgsProcessingContext, QgsProcessingException, QgsProcessingFeedback
+from qgis.core import QgsProcessingException
 
-from ..interface.parameters import (
-    ChangeParameters,
-    DateParameters,
-    GroundParameters,
-    HeatmapParameters,
-    InputParameters,
-    LastEpochParameters,
-    OutputParameters,
-    RegistrationParameters,
-    ReportParameters,
-    ZoneParameters,
-)
+from ..interface.parameters import command_sets
 from ..plugin.bridge.engine_client import EngineResult
 from . import declare, products
-from .base import SlopeWatchAlgorithm
+from .base import PREFIXES, SlopeWatchAlgorithm
 from .elevationchange import CHANGE_FILES, CHANGE_NUMBERS, CHANGE_PAGES
 from .registerepochs import REGISTRATION_NUMBERS, STABLE_HELP
+from .values import Values
 
 _BASIC = ("cloth_resolution", "cell", "adaptive", "confidence", "minimum_area", "screen_last_epoch", "overwrite")
-_PREFIXES = {
-    "InputParameters": "Input",
-    "DateParameters": "Input",
-    "GroundParameters": "Ground",
-    "RegistrationParameters": "Registration",
-    "ChangeParameters": "Change",
-    "ZoneParameters": "Zones",
-    "HeatmapParameters": "Heatmap",
-    "ReportParameters": "Report",
-    "LastEpochParameters": "Screening",
-}
 _PRODUCTS = (*products.CHANGE_PRODUCTS, *products.SCREENED_PRODUCTS)
-_EPOCHS = (("REFERENCE", "REFERENCE_DATE"), ("CLOUD", "CLOUD_DATE"))
 
 
 class InspectSlope(SlopeWatchAlgorithm):
@@ -50,18 +28,7 @@ class InspectSlope(SlopeWatchAlgorithm):
         "of the last one."
     )
     TAGS = ("change", "deformation", "hazard", "zones", "monitoring", "landslide", "subsidence", "uplift", "volume")
-    PARAMETER_GROUPS = (
-        GroundParameters,
-        RegistrationParameters,
-        ChangeParameters,
-        ZoneParameters,
-        HeatmapParameters,
-        ReportParameters,
-        LastEpochParameters,
-        InputParameters,
-        DateParameters,
-        OutputParameters,
-    )
+    PARAMETER_GROUPS = command_sets.INSPECT
     NUMBERS: ClassVar = {
         **CHANGE_NUMBERS,
         **REGISTRATION_NUMBERS,
@@ -78,69 +45,45 @@ class InspectSlope(SlopeWatchAlgorithm):
         "SCREENED_MAP": ("screened_map", "Map of the screening"),
     }
 
-    def initAlgorithm(self, configuration: Any = None) -> None:
-        self.addParameter(
-            declare.cloud_parameter("REFERENCE", "First survey", "Raw point cloud of the first survey, LAS or LAZ.")
+    def inputs(self) -> None:
+        self.add(
+            *declare.survey_parameters(
+                "First survey",
+                "Raw point cloud of the {} survey, LAS or LAZ.",
+                " Not set: the first survey is screened, and no change is reported.",
+            ),
+            declare.roi_parameter("the whole clouds"),
+            declare.profile_parameter(),
         )
-        self.addParameter(declare.date_parameter("REFERENCE_DATE", "Day of the first survey"))
-        self.addParameter(
-            declare.cloud_parameter(
-                "CLOUD",
-                "Later survey",
-                "Raw point cloud of the later survey, LAS or LAZ. Not set: the first survey is screened, and no change "
-                "is told.",
-                optional=True,
-            )
+        self.declare_groups(basic=_BASIC, prefixes=PREFIXES)
+        self.add(
+            declare.polygon_parameter("STABLE", "Registration: stable ground", STABLE_HELP, advanced=True),
+            declare.profiles_parameter(advanced=True),
         )
-        self.addParameter(declare.date_parameter("CLOUD_DATE", "Day of the later survey"))
-        self.addParameter(
-            declare.polygon_parameter(
-                "ROI",
-                "Region of interest",
-                "Polygons of the slope, in any reference system. Larger takes longer; not set: the whole clouds.",
-            )
-        )
-        self.addParameter(declare.profile_parameter())
-        self.declare_groups(basic=_BASIC, prefixes=_PREFIXES)
-        self.addParameter(
-            declare.polygon_parameter("STABLE", "Registration: stable ground", STABLE_HELP, advanced=True)
-        )
-        self.addParameter(declare.profiles_parameter(advanced=True))
-        products.declare_folder(
-            self, "Receives the rasters, hazard zones, heatmap, report and run record under fixed names."
-        )
+        products.declare_folder(self, products.CHANGE_FOLDER)
         products.declare_products(self, _PRODUCTS)
-        self.declare_outputs()
 
-    def arguments(
-        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
-    ) -> list[str]:
-        self._folder = products.output_folder(self, parameters, context)
-        arguments = ["inspect"]
-        days: list[str] = []
-        for name, day_name in _EPOCHS:
-            path = self.file(parameters, name, context)
+    def arguments(self, values: Values) -> list[str]:
+        epochs: list[str] = []
+        self._days = []
+        for name in ("REFERENCE", "CLOUD"):
+            path = values.file(name)
             if not path:
                 continue
-            day = self.survey_date(parameters, day_name, path, context)
+            day = values.survey_date(f"{name}_DATE", path)
             if not day:
                 raise QgsProcessingException(
-                    f"{day_name} is not set and the name of {path} tells no day; give the day of the survey."
+                    f"{name}_DATE is not set and the name of {path} holds no day; give the day of the survey."
                 )
-            days.append(day)
-            arguments += ["--epoch", f"{day}={path}"]
-        self._days = days
-        arguments += self.vector_options(parameters, context, feedback, "ROI", "STABLE", "PROFILES")
-        arguments += ["--output-dir", self._folder]
-        arguments += declare.profile_options(self, parameters, context)
-        return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
+            self._days.append(day)
+            epochs += ["--epoch", f"{day}={path}"]
+        options = values.options("ROI", "STABLE", "PROFILES")
+        return ["inspect", *epochs, *options, "--output-dir", values.output_folder()]
 
-    def results(
-        self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
-    ) -> dict[str, Any]:
+    def results(self, result: EngineResult, values: Values) -> dict[str, Any]:
         group = f"SlopeWatch {' to '.join(self._days)}"
         shown: tuple[products.Product, ...] = _PRODUCTS
         if len(self._days) == 1:
             shown = tuple(replace(p, appearance=replace(p.appearance, visible=bool(p.layer))) for p in shown)
-        delivered = products.deliver(self, shown, result, parameters, context, group)
-        return {"OUTPUT_FOLDER": self._folder, **delivered}
+        delivered = products.deliver(shown, result, values, group)
+        return {"OUTPUT_FOLDER": values.output_folder(), **delivered}

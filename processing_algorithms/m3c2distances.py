@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from qgis.core import QgsProcessingContext, QgsProcessingFeedback, QgsProcessingParameterFile
-
-from ..interface.parameters import DateParameters, DistanceParameters, InputParameters, SurfaceParameters
-from ..plugin.bridge.compat import FILE
+from ..interface.parameters import command_sets
 from ..plugin.bridge.engine_client import EngineResult
 from ..plugin.bridge.styling import Appearance
 from . import declare, products
 from .base import SlopeWatchAlgorithm
+from .values import Values
 
 STABLE_HELP = (
     "Polygons of ground that has surely not moved, on which the level of detection is calibrated. Not set: stable "
@@ -36,7 +34,7 @@ _PRODUCTS = (
         "LEVEL_OF_DETECTION",
         "m3c2_level_of_detection",
         "Level of detection of M3C2 (m)",
-        "Smallest distance that can be told from noise, at the chosen confidence.",
+        "Smallest distance that can be distinguished from noise, at the chosen confidence.",
         Appearance(20, visible=False, expanded=False),
         by_default=False,
     ),
@@ -49,7 +47,7 @@ class M3C2Distances(SlopeWatchAlgorithm):
     GROUP = "steps"
     SUMMARY = "Measures how far a surface has moved along its normal, and from where on that is sure."
     TAGS = ("m3c2", "distance", "change", "deformation", "cliff", "steep", "normal", "cloud to cloud")
-    PARAMETER_GROUPS = (SurfaceParameters, DistanceParameters, InputParameters, DateParameters)
+    PARAMETER_GROUPS = command_sets.M3C2
     NUMBERS: ClassVar = {
         "CORE_POINTS": ("core_points", "Core points"),
         "MEASURED_POINTS": ("measured_points", "Core points with a level of detection"),
@@ -63,58 +61,35 @@ class M3C2Distances(SlopeWatchAlgorithm):
     }
     FILES: ClassVar = {"RUN_RECORD": ("run", "Run record")}
 
-    def initAlgorithm(self, configuration: Any = None) -> None:
-        self.addParameter(declare.cloud_parameter("REFERENCE", "Reference", "Ground cloud of the first survey."))
-        self.addParameter(declare.date_parameter("REFERENCE_DATE", "Day of the reference"))
-        self.addParameter(declare.cloud_parameter("CLOUD", "Later survey", "Ground cloud of the later survey."))
-        self.addParameter(declare.date_parameter("CLOUD_DATE", "Day of the later survey"))
-        self.addParameter(
+    def inputs(self) -> None:
+        self.add(
+            *declare.survey_parameters("Reference", "Ground cloud of the {} survey."),
             declare.cloud_parameter(
                 "CORE",
                 "Core points",
                 "Cloud of the points to measure at. Not set: points of the reference, evenly spread.",
                 optional=True,
-            )
+            ),
+            declare.transform_parameter(" The registration's error is taken from it."),
+            declare.polygon_parameter("STABLE", "Stable ground", STABLE_HELP, advanced=True),
         )
-        self.addParameter(
-            declare.with_help(
-                QgsProcessingParameterFile(
-                    "TRANSFORM", "Transform", FILE, optional=True, fileFilter="JSON files (*.json);;All files (*)"
-                ),
-                "Transform that Register epochs wrote, where the later survey has not been moved by it yet. The "
-                "registration's error is taken from it.",
-            )
-        )
-        self.addParameter(declare.polygon_parameter("STABLE", "Stable ground", STABLE_HELP, advanced=True))
         self.declare_groups()
-        self.addParameter(
+        self.add(
             declare.cloud_destination(
                 "OUTPUT",
                 "Core points with distances",
                 "LAZ file of the core points with distance, level of detection, counts, scatter and normals.",
             )
         )
-        products.declare_products(self, _PRODUCTS, "it lies beside the core points")
-        self.declare_outputs()
+        products.declare_products(self, _PRODUCTS, "it lies next to the core points")
 
-    def arguments(
-        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
-    ) -> list[str]:
-        reference = self.file(parameters, "REFERENCE", context)
-        cloud = self.file(parameters, "CLOUD", context)
-        arguments = ["m3c2", reference, cloud, "--output", self.output_file(parameters, "OUTPUT", context)]
-        arguments += self.pair_options(parameters, context)
-        for option, name in (("--core", "CORE"), ("--transform", "TRANSFORM")):
-            given = self.file(parameters, name, context)
-            if given:
-                arguments += [option, given]
-        arguments += self.vector_options(parameters, context, feedback, "STABLE")
-        return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
+    def arguments(self, values: Values) -> list[str]:
+        surveys = [values.file("REFERENCE"), values.file("CLOUD")]
+        options = [*values.pair_options(), *values.options("CORE", "TRANSFORM", "STABLE")]
+        return ["m3c2", *surveys, "--output", values.output_file("OUTPUT"), *options]
 
-    def results(
-        self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
-    ) -> dict[str, Any]:
-        days = self.pair_days(parameters, context)
+    def results(self, result: EngineResult, values: Values) -> dict[str, Any]:
+        days = values.pair_days()
         group = f"SlopeWatch M3C2 {days[0]} to {days[1]}" if all(days) else "SlopeWatch M3C2"
-        delivered = products.deliver(self, _PRODUCTS, result, parameters, context, group)
+        delivered = products.deliver(_PRODUCTS, result, values, group)
         return {"OUTPUT": result.outputs["points"], **delivered}

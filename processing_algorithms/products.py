@@ -12,8 +12,6 @@ from typing import Any
 
 from qgis.core import (
     QgsProcessingAlgorithm,
-    QgsProcessingContext,
-    QgsProcessingException,
     QgsProcessingParameterFolderDestination,
     QgsProcessingParameterRasterDestination,
     QgsProcessingParameterVectorDestination,
@@ -24,6 +22,7 @@ from ..plugin.bridge.compat import POLYGON
 from ..plugin.bridge.engine_client import EngineResult
 from ..plugin.bridge.styling import Appearance, copy_raster, copy_vector, style_on_completion
 from .declare import with_help
+from .values import Values
 
 
 @dataclass(frozen=True)
@@ -39,6 +38,7 @@ class Product:
     by_default: bool = True
 
 
+CHANGE_FOLDER = "Receives the rasters, hazard zones, heatmap, report and run record under fixed names."
 CHANGE_PRODUCTS = (
     Product(
         "ZONES",
@@ -66,7 +66,7 @@ CHANGE_PRODUCTS = (
         "LEVEL_OF_DETECTION",
         "level_of_detection",
         "Level of detection (m)",
-        "Smallest change of a cell that can be told from noise, at the chosen confidence.",
+        "Smallest change of a cell that can be distinguished from noise, at the chosen confidence.",
         Appearance(20, visible=False, expanded=False),
         by_default=False,
     ),
@@ -91,7 +91,7 @@ CHANGE_PRODUCTS = (
         "PLANT_ERROR",
         "plant_error",
         "Error by plants (m)",
-        "Standard error that plants make of each cell's change; written only where the ground tells of plants.",
+        "Standard error that plants make of each cell's change; written only where the ground records plants.",
         Appearance(17, visible=False, expanded=False),
         by_default=False,
     ),
@@ -181,45 +181,30 @@ def declare_products(
         algorithm.addParameter(with_help(parameter, product.help + note))
 
 
-def output_folder(algorithm: QgsProcessingAlgorithm, parameters: dict[str, Any], context: QgsProcessingContext) -> str:
-    """Absolute path of the folder. Ask once a run: a temporary one is another at each call."""
-    folder = algorithm.parameterAsFileOutput(parameters, "OUTPUT_FOLDER", context)
-    if not folder:
-        raise QgsProcessingException("OUTPUT_FOLDER is empty; give the folder that the results are written to.")
-    return os.path.abspath(folder)
-
-
-def deliver(
-    algorithm: QgsProcessingAlgorithm,
-    products: tuple[Product, ...],
-    result: EngineResult,
-    parameters: dict[str, Any],
-    context: QgsProcessingContext,
-    group: str,
-) -> dict[str, Any]:
+def deliver(products: tuple[Product, ...], result: EngineResult, values: Values, group: str) -> dict[str, Any]:
     """The products as results: the folder's files, or copies where a destination asks for one; loaded with style."""
     results: dict[str, Any] = {}
-    temporary = os.path.realpath(QgsProcessingUtils.tempFolder())
     for product in products:
         source = result.outputs.get(product.key, "")
         if not source:
             continue
-        wanted = algorithm.parameterAsOutputLayer(parameters, product.name, context)
+        wanted = values.algorithm.parameterAsOutputLayer(values.parameters, product.name, values.context)
         path = source
-        if wanted and not _within(wanted, temporary) and os.path.realpath(wanted) != os.path.realpath(source):
+        if wanted and not is_temporary(wanted) and os.path.realpath(wanted) != os.path.realpath(source):
             path = os.path.abspath(wanted)
             if product.layer:
-                copy_vector(source, path, product.layer, context)
+                copy_vector(source, path, product.layer, values.context)
             else:
                 copy_raster(source, path)
         results[product.name] = path
-        own_name = getattr(parameters.get(product.name), "destinationName", "")
+        own_name = getattr(values.parameters.get(product.name), "destinationName", "")
         # Without its name the layer of a GeoPackage does not find its style.
         layer = f"{path}|layername={product.layer}" if path.endswith(".gpkg") else path
-        style_on_completion(context, wanted, layer, product.appearance, "" if own_name else product.label, group)
+        style_on_completion(values.context, wanted, layer, product.appearance, "" if own_name else product.label, group)
     return results
 
 
-def _within(path: str, folder: str) -> bool:
-    real = os.path.realpath(path)
+def is_temporary(path: str) -> bool:
+    """Whether QGIS will remove the file when it ends."""
+    folder, real = os.path.realpath(QgsProcessingUtils.tempFolder()), os.path.realpath(path)
     return real == folder or real.startswith(folder + os.sep)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from qgis.core import QgsProcessingContext, QgsProcessingFeedback, QgsProcessingParameterFileDestination
-
-from ..interface.parameters import InputParameters, RegistrationParameters, SurfaceParameters
+from ..interface.parameters import command_sets
 from ..plugin.bridge.engine_client import EngineResult
 from . import declare
 from .base import SlopeWatchAlgorithm
+from .values import Values
 
 STABLE_HELP = (
     "Polygons of ground that has surely not moved, such as the road or a concrete lattice. Only points in them decide "
@@ -30,7 +29,7 @@ class RegisterEpochs(SlopeWatchAlgorithm):
     GROUP = "steps"
     SUMMARY = "Moves a later ground cloud rigidly onto the reference without following real change."
     TAGS = ("registration", "align", "icp", "co-registration", "transform")
-    PARAMETER_GROUPS = (SurfaceParameters, RegistrationParameters, InputParameters)
+    PARAMETER_GROUPS = command_sets.REGISTER
     NUMBERS: ClassVar = {
         **REGISTRATION_NUMBERS,
         "RMSE_BEFORE": ("registration_nn_rmse_before_m", "Nearest-neighbour RMSE before (m)"),
@@ -38,48 +37,28 @@ class RegisterEpochs(SlopeWatchAlgorithm):
         "INLIER_RMSE": ("registration_inlier_rmse_m", "Inlier RMSE (m)"),
     }
 
-    def initAlgorithm(self, configuration: Any = None) -> None:
-        self.addParameter(
-            declare.cloud_parameter("REFERENCE", "Reference", "Ground cloud of the first survey; it stays in place.")
+    def inputs(self) -> None:
+        self.add(
+            declare.cloud_parameter("REFERENCE", "Reference", "Ground cloud of the first survey; it stays in place."),
+            declare.cloud_parameter("CLOUD", "Later survey", "Ground cloud of the later survey; it is moved."),
+            declare.polygon_parameter("STABLE", "Stable ground", STABLE_HELP),
+            declare.profile_parameter(),
         )
-        self.addParameter(
-            declare.cloud_parameter("CLOUD", "Later survey", "Ground cloud of the later survey; it is moved.")
-        )
-        self.addParameter(declare.polygon_parameter("STABLE", "Stable ground", STABLE_HELP))
-        self.addParameter(declare.profile_parameter())
         self.declare_groups()
-        self.addParameter(declare.cloud_destination("OUTPUT", "Registered", "LAZ file of the later survey, moved."))
-        self.addParameter(
-            declare.with_help(
-                QgsProcessingParameterFileDestination(
-                    "TRANSFORM", "Transform", "JSON files (*.json)", optional=True, createByDefault=True
-                ),
+        self.add(
+            declare.cloud_destination("OUTPUT", "Registered", "LAZ file of the later survey, moved."),
+            declare.file_destination(
+                "TRANSFORM",
+                "Transform",
                 "JSON file with the 4 x 4 matrix from the later survey to the reference, in the clouds' own system.",
-            )
+                "JSON files (*.json)",
+            ),
         )
-        self.declare_outputs()
 
-    def arguments(
-        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
-    ) -> list[str]:
-        arguments = [
-            "register",
-            self.file(parameters, "REFERENCE", context),
-            self.file(parameters, "CLOUD", context),
-            "--output",
-            self.output_file(parameters, "OUTPUT", context),
-        ]
-        transform = self.output_file(parameters, "TRANSFORM", context)
-        if transform:
-            arguments += ["--transform", transform]
-        arguments += self.vector_options(parameters, context, feedback, "STABLE")
-        arguments += declare.profile_options(self, parameters, context)
-        return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
+    def arguments(self, values: Values) -> list[str]:
+        clouds = [values.file("REFERENCE"), values.file("CLOUD")]
+        return ["register", *clouds, *values.options("OUTPUT", "TRANSFORM", "STABLE")]
 
-    def results(
-        self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
-    ) -> dict[str, Any]:
-        results = {"OUTPUT": result.outputs["aligned"]}
-        if "transform" in result.outputs:
-            results["TRANSFORM"] = result.outputs["transform"]
-        return results
+    def results(self, result: EngineResult, values: Values) -> dict[str, Any]:
+        keys = {"OUTPUT": "aligned", "TRANSFORM": "transform"}
+        return {name: result.outputs[key] for name, key in keys.items() if key in result.outputs}

@@ -5,18 +5,12 @@ from __future__ import annotations
 import os
 from typing import Any, ClassVar
 
-from qgis.core import (
-    QgsProcessingContext,
-    QgsProcessingFeedback,
-    QgsProcessingParameterFileDestination,
-    QgsProcessingUtils,
-)
-
-from ..interface.parameters import GroundParameters, InputParameters, ScreeningParameters
+from ..interface.parameters import command_sets
 from ..plugin.bridge.engine_client import EngineResult
 from ..plugin.bridge.styling import Appearance
 from . import declare, products
 from .base import SlopeWatchAlgorithm
+from .values import Values
 
 _PRODUCTS = (
     products.Product(
@@ -45,7 +39,7 @@ class ScreenHazards(SlopeWatchAlgorithm):
     GROUP = "inspection"
     SUMMARY = "Finds ground of a single survey that looks raised or lowered against the slope around it."
     TAGS = ("screening", "hazard", "uplift", "subsidence", "network", "classification", "zones")
-    PARAMETER_GROUPS = (ScreeningParameters, GroundParameters, InputParameters)
+    PARAMETER_GROUPS = command_sets.SCREEN
     NUMBERS: ClassVar = {
         "ZONE_COUNT": ("zone_count", "Number of hazard zones"),
         "ZONE_AREA": ("zone_area_m2", "Area of the zones on the slope (m²)"),
@@ -57,65 +51,40 @@ class ScreenHazards(SlopeWatchAlgorithm):
     }
     FILES: ClassVar = {"RUN_RECORD": ("run", "Run record")}
 
-    def initAlgorithm(self, configuration: Any = None) -> None:
-        self.addParameter(
+    def inputs(self) -> None:
+        self.add(
             declare.cloud_parameter(
                 "INPUT",
                 "Ground",
                 "Ground points of one survey, LAS or LAZ; or a raw survey with Ground points: extract.",
-            )
+            ),
+            declare.roi_parameter("all are", "Points outside are not screened"),
+            declare.profile_parameter(),
         )
-        self.addParameter(
-            declare.polygon_parameter(
-                "ROI",
-                "Region of interest",
-                "Polygons of the slope, in any reference system. Points outside are not screened; not set: all are.",
-            )
-        )
-        self.addParameter(declare.profile_parameter())
-        self.declare_groups(basic=_BASIC, prefixes={"GroundParameters": "Extraction"})
-        self.addParameter(
+        self.declare_groups(basic=_BASIC, prefixes={"ground": "Extraction"})
+        self.add(
             declare.cloud_destination(
                 "OUTPUT", "Labelled cloud", "LAZ copy of the input with slopewatch_class and slopewatch_prob."
             )
         )
-        products.declare_products(self, _PRODUCTS, "it lies beside the labelled cloud")
-        self.addParameter(
-            declare.with_help(
-                QgsProcessingParameterFileDestination(
-                    "MAP", "Map", "PNG files (*.png)", optional=True, createByDefault=True
-                ),
-                "Picture of the labelled ground and its zones over the top view.",
+        products.declare_products(self, _PRODUCTS, "it lies next to the labelled cloud")
+        self.add(
+            declare.file_destination(
+                "MAP", "Map", "Picture of the labelled ground and its zones over the top view.", "PNG files (*.png)"
             )
         )
-        self.declare_outputs()
 
-    def arguments(
-        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
-    ) -> list[str]:
-        arguments = ["screen", self.file(parameters, "INPUT", context)]
-        arguments += self.vector_options(parameters, context, feedback, "ROI")
-        arguments += ["--output", self.output_file(parameters, "OUTPUT", context)]
+    def arguments(self, values: Values) -> list[str]:
+        arguments = ["screen", values.file("INPUT"), *values.options("ROI", "OUTPUT")]
         for name, (option, endings) in _OPTIONS.items():
             # A temporary one is the file next to the labelled cloud, and another format is converted from it. Asked for
             # as a file, because asking for a layer would have it loaded.
-            wanted = self.parameterAsFileOutput(parameters, name, context)
-            if wanted and wanted.lower().endswith(endings) and not _temporary(wanted):
+            wanted = self.parameterAsFileOutput(values.parameters, name, values.context)
+            if wanted and wanted.lower().endswith(endings) and not products.is_temporary(wanted):
                 arguments += [option, os.path.abspath(wanted)]
-        picture = self.output_file(parameters, "MAP", context)
-        if picture:
-            arguments += ["--map", picture]
-        arguments += declare.profile_options(self, parameters, context)
-        return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
+        return [*arguments, *values.options("MAP")]
 
-    def results(
-        self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
-    ) -> dict[str, Any]:
-        name = os.path.splitext(os.path.basename(self.file(parameters, "INPUT", context)))[0]
-        delivered = products.deliver(self, _PRODUCTS, result, parameters, context, f"SlopeWatch {name}")
+    def results(self, result: EngineResult, values: Values) -> dict[str, Any]:
+        name = os.path.splitext(os.path.basename(values.file("INPUT")))[0]
+        delivered = products.deliver(_PRODUCTS, result, values, f"SlopeWatch {name}")
         return {"OUTPUT": result.outputs["labelled"], "MAP": result.outputs["map"], **delivered}
-
-
-def _temporary(path: str) -> bool:
-    folder = os.path.realpath(QgsProcessingUtils.tempFolder())
-    return os.path.realpath(path).startswith(folder + os.sep)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ..interface.parameters import OutputParameters, ScenesParameters
+from ..interface.parameters import command_sets
 from .simulation import SimulationAlgorithm
 
 
@@ -13,7 +13,7 @@ class SimulateScenes(SimulationAlgorithm):
     TITLE = "Simulate labelled scenes"
     SUMMARY = "Writes simulated slopes with bulges, hollows and what looks like them, the class of every point known."
     TAGS = ("simulation", "synthetic", "labels", "truth", "training data", "hazard", "benchmark")
-    PARAMETER_GROUPS = (ScenesParameters, OutputParameters)
+    PARAMETER_GROUPS = command_sets.SIMULATE_SCENES
     KIND = "scenes"
     FOLDER_HELP = "Receives the scenes, their hazards, a picture and a manifest."
     FILES: ClassVar = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ..interface.parameters import CreepParameters, OutputParameters
+from ..interface.parameters import command_sets
 from ..plugin.bridge.styling import Appearance
 from . import products
 from .simulation import SimulationAlgorithm
@@ -27,7 +27,7 @@ class SimulateSeries(SimulationAlgorithm):
     TITLE = "Simulate a series"
     SUMMARY = "Writes dated simulated surveys of one cut slope, of which zones creep at known velocities."
     TAGS = ("simulation", "synthetic", "test data", "truth", "creep", "velocity", "time series")
-    PARAMETER_GROUPS = (CreepParameters, OutputParameters)
+    PARAMETER_GROUPS = command_sets.SIMULATE_SERIES
     KIND = "series"
     FOLDER_HELP = "Receives the surveys, a manifest, the region of interest and the truth."
     BASIC = (

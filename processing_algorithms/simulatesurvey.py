@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ..interface.parameters import OutputParameters, SurveyParameters
+from ..interface.parameters import command_sets
 from ..plugin.bridge.styling import Appearance
 from . import products
 from .simulation import SimulationAlgorithm
@@ -27,7 +27,7 @@ class SimulateSurvey(SimulationAlgorithm):
     TITLE = "Simulate a survey"
     SUMMARY = "Writes two simulated UAV LiDAR surveys of one cut slope with known change and offset."
     TAGS = ("simulation", "synthetic", "test data", "truth", "demo")
-    PARAMETER_GROUPS = (SurveyParameters, OutputParameters)
+    PARAMETER_GROUPS = command_sets.SIMULATE_SURVEY
     KIND = "survey"
     FOLDER_HELP = "Receives both surveys, the region of interest and the truth."
     BASIC = ("seed", "points", "length", "height", "angle", "vegetation", "amplitude", "grass", "mown", "overwrite")

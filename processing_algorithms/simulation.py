@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from qgis.core import QgsProcessingContext, QgsProcessingFeedback
-
 from ..plugin.bridge.engine_client import EngineResult
-from . import declare, products
+from . import products
 from .base import SlopeWatchAlgorithm
+from .values import Values
 
 
 class SimulationAlgorithm(SlopeWatchAlgorithm):
@@ -23,21 +22,14 @@ class SimulationAlgorithm(SlopeWatchAlgorithm):
     #: name of the group of layers
     LAYERS = ""
 
-    def initAlgorithm(self, configuration: Any = None) -> None:
+    def inputs(self) -> None:
         self.declare_groups(basic=self.BASIC)
         products.declare_folder(self, self.FOLDER_HELP)
         products.declare_products(self, self.PRODUCTS)
-        self.declare_outputs()
 
-    def arguments(
-        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
-    ) -> list[str]:
-        self._folder = products.output_folder(self, parameters, context)
-        arguments = ["simulate", self.KIND, "--output-dir", self._folder]
-        return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
+    def arguments(self, values: Values) -> list[str]:
+        return ["simulate", self.KIND, "--output-dir", values.output_folder()]
 
-    def results(
-        self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
-    ) -> dict[str, Any]:
-        delivered = products.deliver(self, self.PRODUCTS, result, parameters, context, self.LAYERS)
-        return {"OUTPUT_FOLDER": self._folder, **delivered}
+    def results(self, result: EngineResult, values: Values) -> dict[str, Any]:
+        delivered = products.deliver(self.PRODUCTS, result, values, self.LAYERS)
+        return {"OUTPUT_FOLDER": values.output_folder(), **delivered}

@@ -6,27 +6,25 @@ import os
 from typing import Any, ClassVar
 
 from qgis.core import (
-    QgsProcessingContext,
     QgsProcessingException,
-    QgsProcessingFeedback,
-    QgsProcessingParameterFile,
     QgsProcessingParameterMultipleLayers,
 )
 
-from ..interface.parameters import FineTuneParameters, InputParameters, OutputParameters
-from ..plugin.bridge.compat import FILE, FILES
+from ..interface.parameters import command_sets
+from ..plugin.bridge.compat import FILES
 from ..plugin.bridge.engine_client import EngineResult
 from . import declare, products
 from .base import SlopeWatchAlgorithm
+from .values import Values
 
 
 class TrainModel(SlopeWatchAlgorithm):
     NAME = "trainmodel"
     TITLE = "Train a model"
     GROUP = "tools"
-    SUMMARY = "Trains a screening model on your own labelled clouds and scores it on slopes it never saw."
+    SUMMARY = "Trains a screening model on your own labelled clouds and scores it on slopes it was not trained on."
     TAGS = ("training", "fine-tuning", "labels", "network", "RandLA-Net", "calibration", "cross-validation")
-    PARAMETER_GROUPS = (FineTuneParameters, InputParameters, OutputParameters)
+    PARAMETER_GROUPS = command_sets.TRAIN
     FILES: ClassVar = {
         "WEIGHTS": ("weights", "Weights"),
         "DESCRIPTION": ("description", "Description of the weights"),
@@ -45,53 +43,42 @@ class TrainModel(SlopeWatchAlgorithm):
         "TEMPERATURE": ("temperature", "Temperature of the calibration"),
     }
 
-    def initAlgorithm(self, configuration: Any = None) -> None:
-        self.addParameter(
+    def inputs(self) -> None:
+        self.add(
             declare.with_help(
                 QgsProcessingParameterMultipleLayers("CLOUDS", "Labelled clouds", FILES),
-                "LAS or LAZ files of ground points, each of one slope. Two or more, or the model cannot be scored.",
-            )
-        )
-        self.addParameter(
+                "LAS or LAZ files of ground points, each of one slope. With fewer than two the model cannot be scored.",
+            ),
             declare.polygon_parameter(
                 "POLYGONS",
                 "Polygons with classes",
-                "The points inside have the polygon's class, instead of the one that a dimension says.",
-            )
+                "The points inside get the polygon's class instead of the one in a dimension.",
+            ),
         )
         self.declare_groups()
-        self.addParameter(
-            declare.with_help(
-                QgsProcessingParameterFile(
-                    "START_WEIGHTS",
-                    "Other weights to start from",
-                    behavior=FILE,
-                    fileFilter="Weights (*.safetensors)",
-                    optional=True,
-                ),
-                "A .safetensors file with its .json beside it. Set, it is used instead of what Start from says.",
+        self.add(
+            declare.file_parameter(
+                "START_WEIGHTS",
+                "Other weights to start from",
+                "A .safetensors file with its .json next to it. If set, it is used instead of the value of Start from.",
+                "Weights (*.safetensors)",
                 advanced=True,
             )
         )
         products.declare_folder(
-            self, "Receives weights, report and log, and checkpoints that a stopped training goes on from."
+            self, "Receives weights, report and log, and checkpoints from which a stopped training continues."
         )
-        self.declare_outputs()
 
-    def arguments(
-        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
-    ) -> list[str]:
-        clouds = [path for path in self.parameterAsFileList(parameters, "CLOUDS", context) if path]
+    def arguments(self, values: Values) -> list[str]:
+        clouds = [path for path in self.parameterAsFileList(values.parameters, "CLOUDS", values.context) if path]
         if not clouds:
             raise QgsProcessingException("CLOUDS is empty; give one or more labelled LAS or LAZ files.")
-        self._folder = products.output_folder(self, parameters, context)
-        arguments = ["train", *(os.path.abspath(cloud) for cloud in clouds), "--output-dir", self._folder]
-        arguments += self.vector_options(parameters, context, feedback, "POLYGONS")
-        arguments += declare.options(self, self.PARAMETER_GROUPS, parameters, context)
-        weights = self.file(parameters, "START_WEIGHTS", context)
-        return [*arguments, "--start", weights] if weights else arguments
+        paths = [os.path.abspath(cloud) for cloud in clouds]
+        return ["train", *paths, "--output-dir", values.output_folder(), *values.options("POLYGONS")]
 
-    def results(
-        self, result: EngineResult, parameters: dict[str, Any], context: QgsProcessingContext
-    ) -> dict[str, Any]:
-        return {"OUTPUT_FOLDER": self._folder}
+    def command(self, values: Values) -> list[str]:
+        weights = values.file("START_WEIGHTS")
+        return [*super().command(values), *(["--start", weights] if weights else [])]
+
+    def results(self, result: EngineResult, values: Values) -> dict[str, Any]:
+        return {"OUTPUT_FOLDER": values.output_folder()}

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from qgis.core import QgsProcessingContext, QgsProcessingException, QgsProcessingFeedback, QgsProcessingParameterFile
+from qgis.core import QgsProcessingException
 
-from ..interface.parameters import ReportParameters
-from ..plugin.bridge.compat import FOLDER
+from ..interface.parameters import command_sets
 from . import declare
 from .base import SlopeWatchAlgorithm
+from .values import Values
 
 
 class WriteReport(SlopeWatchAlgorithm):
@@ -18,29 +18,26 @@ class WriteReport(SlopeWatchAlgorithm):
     GROUP = "steps"
     SUMMARY = "Makes the report of a finished inspection again, with profiles along your own lines if you give some."
     TAGS = ("report", "html", "print", "profile", "section", "cross-section", "summary")
-    PARAMETER_GROUPS = (ReportParameters,)
+    PARAMETER_GROUPS = command_sets.REPORT
     PAGES: ClassVar = {"REPORT": ("report", "Report")}
     FILES: ClassVar = {
         "PROFILE_LINES": ("profiles", "Lines of the profiles"),
         "PROFILE_TABLE": ("profiles_table", "Cells along the profiles (CSV)"),
     }
 
-    def initAlgorithm(self, configuration: Any = None) -> None:
-        self.addParameter(
-            declare.with_help(
-                QgsProcessingParameterFile("INPUT", "Folder of results", FOLDER),
+    def inputs(self) -> None:
+        self.add(
+            declare.folder_parameter(
+                "INPUT",
+                "Folder of results",
                 "Output folder of Inspect slope or Elevation change. The report in it is replaced.",
-            )
+            ),
+            declare.profiles_parameter(),
         )
-        self.addParameter(declare.profiles_parameter())
         self.declare_groups()
-        self.declare_outputs()
 
-    def arguments(
-        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
-    ) -> list[str]:
-        folder = self.file(parameters, "INPUT", context)
+    def arguments(self, values: Values) -> list[str]:
+        folder = values.file("INPUT")
         if not folder:
             raise QgsProcessingException("INPUT is empty; give the output folder of Inspect slope or Elevation change.")
-        arguments = ["report", folder, *self.vector_options(parameters, context, feedback, "PROFILES")]
-        return arguments + declare.options(self, self.PARAMETER_GROUPS, parameters, context)
+        return ["report", folder, *values.options("PROFILES")]

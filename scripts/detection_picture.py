@@ -10,7 +10,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from slopewatch.benchmarks.detection import RATIOS
 from slopewatch.benchmarks.detection_curves import Recall, false_alarms, recall
@@ -28,7 +27,6 @@ def main(path: Path) -> None:
     """Read and draw."""
     results = read_results(ROOT / "benchmarks/results/detection.csv")
     figure = Figure(figsize=(12, 3.9), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
     by_ratio, by_height, false = figure.subplots(1, 3)
     for cells, pairs in results.items():
         measured = f"{LABELS[cells]}: {_measured(pairs)} measured"

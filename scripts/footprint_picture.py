@@ -10,7 +10,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from scipy import ndimage
@@ -18,9 +17,8 @@ from slopewatch.engine.grid.grid import Grid
 from slopewatch.engine.grid.partition import Partition
 from slopewatch.engine.maps.palette import diverging_colours
 from slopewatch.engine.statistics.normal import Z95
-from slopewatch.engine.zones.detected import Detected
 from slopewatch.engine.zones.extraction import extract_zones
-from slopewatch.engine.zones.footprints import Cells, footprint_labels
+from slopewatch.engine.zones.footprints import Cells, Detected, footprint_labels
 
 CELL, ROWS, COLUMNS = 0.1, 90, 180
 ERROR, REGISTRATION = 0.035, 0.002
@@ -50,9 +48,8 @@ def main(path: Path) -> None:
 
 def draw(path: Path, dz, truth, labels, footprints, volumes) -> None:  # type: ignore[no-untyped-def]
     figure = Figure(figsize=(11, 3.9), layout="constrained")
-    FigureCanvasAgg(figure)
     extent = (0, COLUMNS * CELL, ROWS * CELL, 0)
-    colours = ListedColormap(diverging_colours(np.linspace(-LIMIT, LIMIT, 256), LIMIT) / 255.0)
+    colours = ListedColormap(diverging_colours(np.linspace(-1.0, 1.0, 256), 1.0) / 255.0)
     for axes, title in zip(figure.subplots(1, 2), ("the zones' own cells", "the footprints"), strict=True):
         own = title != "the footprints"
         chosen = labels if own else footprints

@@ -3,7 +3,7 @@
 ``.venv/bin/python scripts/ground_picture.py [FILE [FOLDER]]`` draws the returns, the ground by the default settings,
 that of the published settings (the cloth alone), and the vendor's class 2 or the true surface. FOLDER holds what an
 earlier version called ground, as NAME.npy of booleans for each point (meadow, and the names of the real clouds), and is
-drawn too. Needs the real clouds beside the checkout (../shared/data).
+drawn too. Needs the real clouds next to the checkout (../shared/data).
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from pathlib import Path
 import laspy
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from slopewatch.engine.ground.filtering import ground_mask
 from slopewatch.interface.parameters import GroundParameters
 from slopewatch.simulation.surveys.plot import grass_plot
 
+PUBLISHED = GroundParameters.build(profile="paper")
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "terrain"
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -53,7 +53,6 @@ def main(path: Path, former: Path | None) -> None:
     figure = Figure(figsize=(12.0, 11.0), dpi=120, layout="constrained")
     for axes, section in zip(figure.subplots(3, 1), sections, strict=True):
         _draw(axes, section)
-    FigureCanvasAgg(figure)
     figure.savefig(path)
     print(f"{path} ({path.stat().st_size / 1e3:.0f} kB)")
 
@@ -67,47 +66,42 @@ def _real(
     vendor = np.asarray(las.classification) == 2
     place = xyz - xyz.min(axis=0)
     strip = (np.abs(place[:, 1] - across) < width / 2) & (place[:, 0] >= along[0]) & (place[:, 0] <= along[1])
-    own, published = _both(xyz, last)
     reference = (place[strip & vendor, 0], place[strip & vendor, 2])
-    return Section(
-        title,
-        place[strip, 0],
-        place[strip, 2],
-        own[strip],
-        published[strip],
-        _kept(former, name, strip),
-        reference,
-        "vendor's class 2",
-    )
+    return _section(title, place, strip, (xyz, last), _kept(former, name), reference, "vendor's class 2")
 
 
 def _meadow(former: Path | None) -> Section:
     plot = grass_plot(1, side=10.0, density=700.0, state="grown", slope=10.0)
     xyz = plot.cloud.xyz
-    own, published = _both(xyz, plot.cloud.return_number == plot.cloud.number_of_returns)
+    last = plot.cloud.return_number == plot.cloud.number_of_returns
     place = xyz - xyz.min(axis=0)
     strip = (np.abs(place[:, 1] - place[:, 1].max() / 2) < 0.1) & (place[:, 0] < 8.0)
     true = xyz[:, 2] - plot.above - xyz[:, 2].min()
     order = np.argsort(place[strip, 0])
-    return Section(
-        "closed grass, simulated, 700 returns/m²",
-        place[strip, 0],
-        place[strip, 2],
-        own[strip],
-        published[strip],
-        _kept(former, "meadow", strip),
-        (place[strip, 0][order], true[strip][order]),
-        "true surface",
-    )
+    reference = (place[strip, 0][order], true[strip][order])
+    title = "closed grass, simulated, 700 returns/m²"
+    return _section(title, place, strip, (xyz, last), _kept(former, "meadow"), reference, "true surface")
 
 
-def _kept(former: Path | None, name: str, strip: Bool) -> Bool | None:
-    """What an earlier version called ground, of the points in the strip."""
-    return None if former is None else np.asarray(np.load(former / f"{name}.npy"), dtype=np.bool_)[strip]
+def _section(
+    title: str,
+    place: Float,
+    strip: Bool,
+    cloud: tuple[Float, Bool],
+    former: Bool | None,
+    reference: tuple[Float, Float],
+    reference_name: str,
+) -> Section:
+    """The points of ``strip``; ``cloud`` are all points and which of them are last returns."""
+    own, published = (ground_mask(cloud[0], p, cloud[1]) for p in (GroundParameters(), PUBLISHED))
+    before = None if former is None else former[strip]
+    along, height = place[strip, 0], place[strip, 2]
+    return Section(title, along, height, own[strip], published[strip], before, reference, reference_name)
 
 
-def _both(xyz: Float, last: Bool) -> tuple[Bool, Bool]:
-    return ground_mask(xyz, GroundParameters(), last), ground_mask(xyz, GroundParameters.build(profile="paper"), last)
+def _kept(former: Path | None, name: str) -> Bool | None:
+    """What an earlier version called ground, of all points."""
+    return None if former is None else np.asarray(np.load(former / f"{name}.npy"), dtype=np.bool_)
 
 
 def _draw(axes: Axes, section: Section) -> None:

@@ -1,4 +1,4 @@
-"""The picture in docs/guide.md of how the level of detection comes about.
+"""The picture in docs/change.md of how the level of detection comes about.
 
 ``.venv/bin/python scripts/level_picture.py [FILE]`` simulates two surveys of a cut with a road, a face of 45 degrees,
 a berm and a shoulder, lowers two places of it, and draws what the engine computes: points and errors, the
@@ -13,10 +13,10 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib import rc_context
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from slopewatch.benchmarks.controlled_test import inside
+from slopewatch.benchmarks.chain import inside
 from slopewatch.engine.change.difference import difference, epoch_cells
 from slopewatch.engine.change.result import Change
 from slopewatch.engine.grid.pooled_variance import pooled_variance
@@ -33,6 +33,15 @@ WAYS = (
     ("probabilistic: each cell's own error", {}),
     ("coherent: the same and what lies around", {"threshold": "coherent"}),
 )
+STYLE = {
+    "axes.titlelocation": "left",
+    "axes.titlesize": 9,
+    "axes.labelsize": 8,
+    "xtick.labelsize": 7,
+    "ytick.labelsize": 7,
+    "legend.fontsize": 7,
+    "legend.frameon": False,
+}
 
 
 def main(path: Path) -> None:
@@ -45,19 +54,19 @@ def main(path: Path) -> None:
     settings = ChangeParameters(cell=CELL, adaptive=False)
     found = [difference(*clouds, replace(settings, **values)) for _, values in WAYS]
     published = difference(*clouds, replace(settings, cell_value="mean", calibrate=False))
-    figure = Figure(figsize=(12.0, 7.4), dpi=130, layout="constrained")
-    axes = figure.subplots(3, 3, gridspec_kw={"height_ratios": (1.15, 1.15, 0.9)})
-    own = found[1]
-    _points(axes[0][0], clouds[0], own)
-    _map(figure, axes[0][1], own, own.count_to.astype(float), "points in a cell, later survey", "points", top=20.0)
-    _map(figure, axes[0][2], own, 100 * _sampling(clouds, own), "error from the points' scatter", "cm", top=3.0)
-    _classes(axes[1][0], own)
-    _map(figure, axes[1][1], own, 100 * own.level, "level of detection at 95 %", "cm", top=6.0)
-    _levels(axes[1][2], own, published)
-    for axis, change, (title, _) in zip(axes[2], found, WAYS, strict=True):
-        _significant(axis, change, title)
-    FigureCanvasAgg(figure)
-    figure.savefig(path)
+    with rc_context(STYLE):
+        figure = Figure(figsize=(12.0, 7.4), dpi=130, layout="constrained")
+        axes = figure.subplots(3, 3, gridspec_kw={"height_ratios": (1.15, 1.15, 0.9)})
+        own = found[1]
+        _points(axes[0][0], clouds[0], own)
+        _map(figure, axes[0][1], own, own.count_to.astype(float), "points in a cell, later survey", "points", top=20.0)
+        _map(figure, axes[0][2], own, 100 * _sampling(clouds, own), "error from the points' scatter", "cm", top=3.0)
+        _classes(axes[1][0], own)
+        _map(figure, axes[1][1], own, 100 * own.level, "level of detection at 95 %", "cm", top=6.0)
+        _levels(axes[1][2], own, published)
+        for axis, change, (title, _) in zip(axes[2], found, WAYS, strict=True):
+            _significant(axis, change, title)
+        figure.savefig(path)
     print(f"{path} ({path.stat().st_size / 1e3:.0f} kB)")
 
 
@@ -87,21 +96,15 @@ def _points(axis, cloud: np.ndarray, change: Change) -> None:  # type: ignore[no
     axis.plot((rows + 0.5) * CELL - start, heights, "o", mfc="none", ms=7, color="#b43628", label="height of the cell")
     for row in range(middle - 3, middle + 5):
         axis.axvline(row * CELL - start, color="0.85", lw=0.8, zorder=0)
-    axis.set_title("1  points in cells of 0.25 m, face of 45°", fontsize=9, loc="left")
-    axis.set_xlabel("m across", fontsize=8)
-    axis.set_ylabel("m up", fontsize=8)
-    axis.legend(fontsize=7, frameon=False)
-    axis.tick_params(labelsize=7)
+    axis.set(xlabel="m across", ylabel="m up", title="1  points in cells of 0.25 m, face of 45°")
+    axis.legend()
 
 
 def _map(figure, axis, change: Change, values: np.ndarray, title: str, unit: str, top: float | None = None) -> None:  # type: ignore[no-untyped-def]
     shown = np.where(change.valid, values, np.nan)
     picture = axis.imshow(shown, extent=_extent(change), cmap="cividis", vmax=top, interpolation="nearest")
-    bar = figure.colorbar(picture, ax=axis, shrink=0.7, extend="max" if top else "neither")
-    bar.ax.tick_params(labelsize=7)
-    bar.set_label(unit, fontsize=8)
-    axis.set_title(title, fontsize=9, loc="left")
-    axis.tick_params(labelsize=7)
+    figure.colorbar(picture, ax=axis, shrink=0.7, extend="max" if top else "neither", label=unit)
+    axis.set_title(title)
 
 
 def _classes(axis, change: Change) -> None:  # type: ignore[no-untyped-def]
@@ -112,11 +115,10 @@ def _classes(axis, change: Change) -> None:  # type: ignore[no-untyped-def]
     axis.plot(at, [100 * c.exceedance_uncalibrated for c in classes], "o", color="0.5", ms=4, label="as the points say")
     axis.plot(at, [100 * c.exceedance for c in classes], "o", color="#2a6bae", ms=4, label="calibrated")
     axis.set_ylim(0, 14)
-    axis.set_xlabel("slope (degrees)", fontsize=8)
-    axis.set_ylabel("stable cells beyond the level (%)", fontsize=8)
-    axis.set_title("2  calibration on stable ground", fontsize=9, loc="left")
-    axis.legend(fontsize=7, frameon=False)
-    axis.tick_params(labelsize=7)
+    axis.set(
+        xlabel="slope (degrees)", ylabel="stable cells beyond the level (%)", title="2  calibration on stable ground"
+    )
+    axis.legend()
 
 
 def _levels(axis, own: Change, published: Change) -> None:  # type: ignore[no-untyped-def]
@@ -131,25 +133,21 @@ def _levels(axis, own: Change, published: Change) -> None:  # type: ignore[no-un
         axis.plot(middle, median, "o-", color=colour, ms=4, lw=1, label=label)
     axis.axhline(11.1, color="#b43628", lw=1, ls="--", label="4 cm an epoch")
     axis.set_ylim(0, 13)
-    axis.set_xlabel("slope (degrees)", fontsize=8)
-    axis.set_ylabel("median level (cm)", fontsize=8)
-    axis.set_title("3  the level by slope", fontsize=9, loc="left")
-    axis.legend(fontsize=7, frameon=False)
-    axis.tick_params(labelsize=7)
+    axis.set(xlabel="slope (degrees)", ylabel="median level (cm)", title="3  the level by slope")
+    axis.legend()
 
 
 def _significant(axis, change: Change, title: str) -> None:  # type: ignore[no-untyped-def]
     axis.imshow(
         np.where(change.valid, 1.0, np.nan),
         extent=_extent(change),
-        cmap=ListedColormap([tuple((2 * v / 255 + 1) / 3 for v in (*BELOW_LEVEL,))]),
+        cmap=ListedColormap([tuple((2 * v / 255 + 1) / 3 for v in BELOW_LEVEL)]),
         interpolation="nearest",
     )
     rgb = diverging_colours(change.dz, 0.12)
     alpha = np.where(change.significant, 255, 0).astype(np.uint8)
     axis.imshow(np.dstack([rgb, alpha]), extent=_extent(change), interpolation="nearest")
-    axis.set_title(title, fontsize=9, loc="left")
-    axis.tick_params(labelsize=7)
+    axis.set_title(title)
 
 
 if __name__ == "__main__":

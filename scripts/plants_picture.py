@@ -1,7 +1,7 @@
-"""The picture in docs/scenes.md of simulated plants beside real ones.
+"""The picture in docs/scenes.md of simulated plants compared with real ones.
 
 ``.venv/bin/python scripts/plants_picture.py [FILE]`` draws slices through simulated grass, grown and mown, ferns and
-forest, and how high their returns lie over the ground, beside real clouds where these lie beside the checkout.
+forest, and how high their returns lie over the ground; the same of real clouds where these lie next to the checkout.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from slopewatch.benchmarks.plants import BARE, DATA, FOREST_EXAMPLE, REAL, fitted, real
+from slopewatch.benchmarks.plants import BARE, FOREST_EXAMPLE, REAL, fitted, real
+from slopewatch.benchmarks.real_data import DATA
 from slopewatch.simulation.surveys.plot import Plot, grass_plot, plot
 
 GROUND, PLANT, OTHER = "#8a5a2b", "#4f8a3c", "#2a6bae"
@@ -43,7 +43,6 @@ def main(path: Path) -> None:
         Slice("native forest, 32/m²", forest, 1.5, 45.0),
     )
     figure = Figure(figsize=(13.0, 6.4), dpi=120, layout="constrained")
-    FigureCanvasAgg(figure)
     upper, lower = figure.subplots(2, 4)
     for axes, shown in zip(upper, slices, strict=True):
         draw_slice(axes, shown)

@@ -10,6 +10,7 @@ import json
 import os
 import time
 import traceback
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ TASK = json.loads(Path(os.environ["SLOPEWATCH_DESKTOP"]).read_text(encoding="utf
 REPORT: dict[str, Any] = {"errors": [], "messages": [], "pictures": []}
 
 
-class QgisSession:
+class QgisSession(ABC):
     """The steps in order; each is called once the event loop is quiet, and may ask to be called again."""
 
     ALGORITHM = ""
@@ -45,8 +46,9 @@ class QgisSession:
         QTimer.singleShot(int(TASK["seconds"] * 1000), session.give_up)
         QTimer.singleShot(1500, session.advance)
 
+    @abstractmethod
     def steps(self) -> list[Callable[[], bool | None]]:
-        raise NotImplementedError
+        """The session, in order; a step that returns True is called again."""
 
     def message(self, text: str, tag: str, level: Any) -> None:
         if level in (Qgis.MessageLevel.Warning, Qgis.MessageLevel.Critical):

@@ -23,7 +23,7 @@ def main(path: Path) -> None:
     """Draw the picture."""
     chosen = [(kind, seed) for kind, seeds in SEEDS.items() for seed in seeds]
     drawn = [panels(scene(seed, kind, area=2000.0, density=60.0), cell=0.2) for kind, seed in chosen]
-    # Scenes of like height beside each other.
+    # Scenes of similar height next to each other.
     order = sorted(range(len(chosen)), key=lambda k: (list(SEEDS).index(chosen[k][0]), drawn[k].ratio))
     draw_panels([drawn[k] for k in order], path, across=2, width=14.0, small_file=True)
     print(f"{path} ({path.stat().st_size / 1e3:.0f} kB)")

@@ -18,10 +18,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from PIL import Image
 from slopewatch.models.inference.prediction import predict
+from slopewatch.models.making.scene_scores import screened_zones
 from slopewatch.models.network.shipped import shipped_model
 from slopewatch.models.network.weights import load_model
 from slopewatch.models.training.evaluation import confusion, intersection_over_union
-from slopewatch.models.training.scene_scores import screened_zones
 from slopewatch.simulation.hazard_scenes.picture import LABEL_COLOURS, LABEL_OPACITY, shade
 from slopewatch.simulation.hazard_scenes.scenes import SimulatedScene, scene
 
@@ -54,7 +54,7 @@ def _draw(rows: list[tuple[str, float, int, SimulatedScene, np.ndarray]], path: 
     pictures = []
     for word, iou, seed, one, found in rows:
         grey, truth, _ = shade(one, 0.2)
-        _, labels, _ = shade(_with_labels(one, found), 0.2)
+        _, labels, _ = shade(replace(one, label=found), 0.2)
         zones, false = screened_zones(one, found)
         title = f"{one.spec.kind} {seed}, {word} of {COUNT}: mean IoU {100 * iou:.0f} %"
         pictures.append((title, f"found: {zones} zones, {len(false)} of them false", grey, truth, labels))
@@ -74,10 +74,6 @@ def _draw(rows: list[tuple[str, float, int, SimulatedScene, np.ndarray]], path: 
     drawn.draw()
     # A palette of the colours that it is made of takes half of the bytes.
     Image.fromarray(np.asarray(drawn.buffer_rgba())[..., :3]).quantize(128).save(path)
-
-
-def _with_labels(one: SimulatedScene, labels: np.ndarray) -> SimulatedScene:
-    return replace(one, label=labels)
 
 
 def _colours(labels: np.ndarray) -> np.ndarray:

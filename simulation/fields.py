@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import fft
 
 from ..engine.core.arrays import Float
 
@@ -66,7 +67,7 @@ def power_law_field(
         exponent: of the two-dimensional power spectral density; about 3 for natural and cut ground.
         shortest, longest: wavelengths of the band, m.
     """
-    padded = [_fast_size(n + int(min(longest / step, n))) for n in shape]
+    padded = [fft.next_fast_len(n + int(min(longest / step, n)), real=True) for n in shape]
     spectrum = np.fft.rfft2(rng.standard_normal(padded))
     frequency = np.hypot(np.fft.fftfreq(padded[0], step)[:, None], np.fft.rfftfreq(padded[1], step)[None, :])
     frequency[0, 0] = np.inf
@@ -79,19 +80,3 @@ def power_law_field(
     if deviation == 0.0:
         return np.zeros(shape)
     return np.ascontiguousarray((field - field.mean()) / deviation)
-
-
-def _fast_size(n: int) -> int:
-    """The next size of at least ``n`` whose only prime factors are 2, 3 and 5."""
-    best = 1 << (n - 1).bit_length()
-    power5 = 1
-    while power5 < best:
-        power3 = power5
-        while power3 < best:
-            size = power3
-            while size < n:
-                size *= 2
-            best = min(best, size)
-            power3 *= 3
-        power5 *= 5
-    return best

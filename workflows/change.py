@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from ..engine.change.difference import difference
-from ..engine.change.doubts import warn_of_doubtful_change
+from ..engine.change.difference import Areas
 from ..engine.change.result import Change
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
@@ -19,7 +18,8 @@ from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.reading import open_cloud, read_cloud
 from ..engine.zones.profile_lines import given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
-from .pair import dated_pair, ground_of, known_stable
+from ..interface.parameters import AUTO
+from .pair import compare_pair, dated_pair, ground_of, stable_area
 from .products.change import CHANGE_OUTPUTS, ON_REQUEST, Context, method_name, write_products
 from .run import Run
 from .settings import Settings, groups
@@ -106,22 +106,12 @@ def _difference(
     transform_path: Path | None,
     stable: Path | None,
 ) -> Change:
-    first, second = clouds
     with run.step("change", 0.3, 0.5, "differencing"):
         error = registration_error(transform_path)
-        change = difference(
-            first.xyz,
-            second.xyz,
-            settings.change,
-            registration_error=error or 0.0,
-            stable_area=known_stable(stable, first),
-            plants=(first.plants, second.plants),
-            progress=run.progress,
-        )
-        if error is None and settings.change.registration_error < 0:
+        if error is None and settings.change.registration_error == AUTO:
             run.progress.warning(
                 "The registration's error is not known here, so the level of detection covers the scatter of the "
                 "points alone; give the registration_error that the registration reported."
             )
-        warn_of_doubtful_change(change, run.progress, may_grow=not settings.change.adaptive)
-    return change
+        areas = Areas(stable=stable_area(stable, clouds[0].crs))
+        return compare_pair(*clouds, settings.change, areas, error or 0.0, run.progress)

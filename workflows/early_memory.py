@@ -12,7 +12,7 @@ from ..engine.core.arrays import Float
 from ..engine.grid.common_grid import refuse_too_large
 from ..engine.pointcloud.reading import open_cloud, sample_cloud
 from ..engine.vector.area import read_roi
-from ..interface.parameters import GridChangeParameters, InputParameters
+from ..interface.parameters import AUTO, GridChangeParameters, InputParameters
 
 _SQUARE_M = 20.0  # m: squares with points of a sample are on the slope
 _MIN_EXTENT_SHARE = 0.1  # share of the header's extent that a sample covers, where no stray point makes the extent
@@ -30,7 +30,7 @@ def refuse_grid_early(
     Raises:
         InputError: see there, or a cloud or the region cannot be read.
     """
-    if parameters.cell <= 0:
+    if parameters.cell == AUTO:
         return
     low, high, samples = np.full(2, np.inf), np.full(2, -np.inf), []
     for path in clouds:

@@ -7,8 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..engine.change.difference import difference
-from ..engine.change.doubts import warn_of_doubtful_change
+from ..engine.change.difference import Areas
 from ..engine.change.result import Change
 from ..engine.core.errors import EngineError, InputError
 from ..engine.core.json_values import plain
@@ -30,7 +29,7 @@ from ..engine.zones.profile_lines import ProfileLine, given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from .early_memory import refuse_grid_early
 from .last_epoch import SCREENING_OUTPUTS, EpochScreening, confirmed_by, obstacle, screen_epoch, write_epoch_screening
-from .pair import common_area, known_stable, register_pair
+from .pair import common_area, compare_pair, register_pair, stable_area
 from .products.change import CHANGE_OUTPUTS, ON_REQUEST, Context, method_name, write_products
 from .run import Run
 from .settings import Settings, groups
@@ -75,7 +74,7 @@ def inspect_slope(
 ) -> RunResult:
     """Ground of all epochs; of two registration, change, zones and heatmap; screening of the last; run record.
 
-    Two epochs that cannot be screened get all else, and a warning that says why.
+    Two epochs that cannot be screened get all else, and a warning with the reason.
 
     Args:
         epochs: the earlier and the later survey, or one, which is screened only.
@@ -143,7 +142,7 @@ def _profile_lines(
 
 
 def _to_be_screened(task: _Inspection) -> bool:
-    """Whether the last epoch is to be screened and can be; said before any work.
+    """Whether the last epoch is to be screened and can be; reported before any work.
 
     Raises:
         InputError: it cannot, and there is nothing else to be done, or what was asked for by name is missing.
@@ -254,20 +253,10 @@ def _registered(task: _Inspection, first: PointCloud, second: PointCloud) -> Reg
 
 
 def _difference(task: _Inspection, first: PointCloud, moved: PointCloud, registration: RegistrationResult) -> Change:
-    progress, parameters = task.run.progress, task.settings.change
     with task.run.step("change", 0.76, 0.82, "differencing"):
-        change = difference(
-            first.xyz,
-            moved.xyz,
-            parameters,
-            registration_error=registration.registration_error,
-            area=common_area(task.roi, first, registration.transform),
-            stable_area=known_stable(task.stable, first),
-            plants=(first.plants, moved.plants),
-            progress=progress,
-        )
-        warn_of_doubtful_change(change, progress, may_grow=not parameters.adaptive)
-    return change
+        areas = Areas(common_area(task.roi, first, registration.transform), stable_area(task.stable, first.crs))
+        error = registration.registration_error
+        return compare_pair(first, moved, task.settings.change, areas, error, task.run.progress)
 
 
 def _write_clouds(task: _Inspection, ground: GroundResult, moved: PointCloud, registration: RegistrationResult) -> Path:

@@ -72,11 +72,11 @@ def screen_epoch(
 
 
 def confirmed_by(found: EpochScreening, change: Change, epochs: tuple[Epoch, Epoch]) -> EpochScreening:
-    """The screening with a word about each zone (see ``confirmation``) and how many have which."""
+    """The screening with a verdict on each zone (see ``confirmation``) and how many have which."""
     frame = confirm_zones(found.hazards.frame, change, outline_cell=found.hazards.grid.cell)
     count = {word: int((frame["confirmed"] == word).sum()) for word in VERDICTS}
-    told = ", ".join(f"{number} {word}" for word, number in count.items() if number)
-    note = f"Change {epochs[0].name} to {epochs[1].name}: {told}." if told else ""
+    counted = ", ".join(f"{number} {word}" for word, number in count.items() if number)
+    note = f"Change {epochs[0].name} to {epochs[1].name}: {counted}." if counted else ""
     return replace(
         found,
         hazards=replace(found.hazards, frame=frame),

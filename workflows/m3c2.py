@@ -26,16 +26,16 @@ from ..engine.epochs.epoch import Epoch, check_pair
 from ..engine.geometry.rigid_transform import RigidTransform, registration_error
 from ..engine.grid import geotiff
 from ..engine.ground.raw_survey import refuse_raw, taken_as_ground
-from ..engine.m3c2.distances import Distances, Status, cylinder_statistics, m3c2_distances
+from ..engine.m3c2.distances import Cylinder, Distances, LevelTerms, Status, cylinder_statistics, m3c2_distances
 from ..engine.m3c2.lattice import Lattice
-from ..engine.m3c2.level import calibrated, level_facts, say_level, slope_of
+from ..engine.m3c2.level import calibrated, level_facts, report_level, slope_of
 from ..engine.m3c2.normals import fit_planes
 from ..engine.m3c2.scales import Scales, choose_scales, overlap_bounds, spread_cores
 from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.reading import open_cloud, read_cloud, read_dimension
 from ..engine.pointcloud.writing import copy_with
-from ..interface.parameters import DistanceParameters, InputParameters
-from .pair import dated_pair, ground_of, known_stable
+from ..interface.parameters import AUTO, DistanceParameters, InputParameters, given
+from .pair import dated_pair, ground_of, stable_area
 from .products.m3c2 import RASTERS, dimensions, main_figures, median_level_95, write_rasters
 from .run import Run, record_beside
 from .settings import DistanceSettings, groups
@@ -123,7 +123,7 @@ def m3c2_step(
         scales = _scales(run, clouds, parameters, cores_given=core is not None)
         with run.step("distances", 0.35, 0.85, "measuring") as entry:
             cores = _cores(clouds, reference, core, scales.core_spacing, settings.inputs, progress)
-            known = _Known(toward, error, known_stable(stable, clouds[0]))
+            known = _Known(toward, error, stable_area(stable, clouds[0].crs))
             found = _measure(run, clouds, cores, scales, settings, known)
             entry["core_points"] = len(cores.xyz)
         run.facts["level_of_detection"] = level_facts(found, calibrate=parameters.calibrate)
@@ -131,7 +131,7 @@ def m3c2_step(
             keep = _of_all(cores.keep, taken)
             copy_with(cores.path, stage.path(output.name), settings.inputs, keep=keep, dimensions=dimensions(found))
             tags = _tags(epochs, found, transform, hashes)
-            cell = parameters.distance_cell or scales.core_spacing
+            cell = given(parameters.distance_cell) or scales.core_spacing
             run.outputs["points"] = stage.final(output.name)
             run.outputs |= write_rasters(found, cell, clouds[0].crs, tags, 0.0, run.stage_in(raster_dir))
         run.figures = _figures(found, scales, parameters)
@@ -211,8 +211,9 @@ def parse_direction(text: str) -> Float:
 
 
 def _registration_error(parameters: DistanceParameters, transform_path: Path | None, progress: Progress) -> float:
-    if parameters.registration_error >= 0:
-        return parameters.registration_error
+    stated = given(parameters.registration_error)
+    if stated is not None:
+        return stated
     known = registration_error(transform_path)
     if known is None:
         progress.warning(
@@ -230,7 +231,7 @@ def _chosen(parameters: DistanceParameters, cores_given: bool) -> dict[str, str]
         "half_length": "twice as far as the surfaces are apart, at least 10 times the roughness",
         "core_spacing": "not above half the projection scale",
     }
-    chosen = {name: "given" if getattr(parameters, name) else rule for name, rule in rules.items()}
+    chosen = {name: rule if getattr(parameters, name) == AUTO else "given" for name, rule in rules.items()}
     if parameters.normals != "fitted":
         chosen["normal_scale"] = f"not used, normals are {parameters.normals}"
     if cores_given:
@@ -270,7 +271,7 @@ def _measure(
     settings: DistanceSettings,
     known: _Known,
 ) -> Distances:
-    """Distances and their level at the core points; says what they do not show."""
+    """Distances and their level at the core points; warns of what they do not show."""
     parameters, progress = settings.distances, run.progress
     radius = scales.projection_scale / 2
     with progress.stage(0.0, 0.4, "fitting normals"):
@@ -279,16 +280,13 @@ def _measure(
         Lattice(cloud.xyz, radius, values=None if cloud.plants is None else cloud.plants.error) for cloud in clouds
     )
     with progress.stage(0.4, 0.95):
+        terms = LevelTerms(parameters.minimum_cylinder_points, parameters.confidence, known.registration_error)
         found = m3c2_distances(
-            first,
-            later,
+            (first, later),
             cores.xyz,
             normal,
-            radius=radius,
-            half_length=scales.half_length,
-            minimum_points=parameters.minimum_cylinder_points,
-            confidence=parameters.confidence,
-            registration_error=known.registration_error,
+            Cylinder(radius, scales.half_length),
+            terms,
             spread=parameters.calibrate,
             progress=progress,
         )
@@ -302,7 +300,7 @@ def _measure(
     if parameters.calibrate:
         given = None if known.stable is None else contains_xy(known.stable, *cores.xyz[:, :2].T)
         found = calibrated(found, radius, slope=slope, given=given, uniform=shift is not None)
-        say_level(found, progress)
+        report_level(found, progress)
     _warn(found, later, scales, shift, progress)
     return found
 
@@ -327,13 +325,8 @@ def _normals(
 def _warn(found: Distances, later: Lattice, scales: Scales, shift: float | None, progress: Progress) -> None:
     """Name what the distances do not show; ``shift`` metres: all of them have this one alike."""
     empty = (found.status == Status.NO_POINTS) & (found.moving.count == 0) & (found.reference.count > 0)
-    beyond = cylinder_statistics(
-        later,
-        found.core[empty],
-        found.normal[empty],
-        scales.projection_scale / 2,
-        _LONGER_CYLINDER_RATIO * scales.half_length,
-    ).count
+    longer = Cylinder(scales.projection_scale / 2, _LONGER_CYLINDER_RATIO * scales.half_length)
+    beyond = cylinder_statistics(later, found.core[empty], found.normal[empty], longer).count
     number = int(np.sum(beyond > 0))
     if number > max(3, 0.001 * len(found.core)):
         progress.warning(

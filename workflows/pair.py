@@ -9,6 +9,9 @@ from pyproj import CRS
 from shapely.affinity import translate
 from shapely.geometry.base import BaseGeometry
 
+from ..engine.change.difference import Areas, difference
+from ..engine.change.doubts import warn_of_doubtful_change
+from ..engine.change.result import Change
 from ..engine.core.progress import Progress
 from ..engine.epochs.comparability import refuse_other_heights, registered_offset
 from ..engine.epochs.epoch import Epoch, parse_date
@@ -20,7 +23,7 @@ from ..engine.registration.register import register
 from ..engine.registration.result import RegistrationResult
 from ..engine.vector.area import read_roi
 from ..interface.dates import date_in_name
-from ..interface.parameters import RegistrationParameters
+from ..interface.parameters import ChangeParameters, RegistrationParameters
 
 
 def dated_pair(reference: Path, moving: Path, days: tuple[str | None, str | None]) -> tuple[Epoch, Epoch]:
@@ -50,13 +53,14 @@ def ground_of(cloud: PointCloud, ground: str, progress: Progress) -> PointCloud:
     return taken
 
 
-def stable_area(path: Path | None, crs: CRS, progress: Progress) -> BaseGeometry | None:
-    """The polygons known to be stable, in ``crs``."""
+def stable_area(path: Path | None, crs: CRS, progress: Progress | None = None) -> BaseGeometry | None:
+    """The polygons known to be stable, in ``crs``; ``progress`` gets the warnings about them."""
     if path is None:
         return None
     area = read_roi(path, crs)
-    for note in area.notes:
-        progress.warning(note)
+    if progress is not None:
+        for note in area.notes:
+            progress.warning(note)
     return area.geometry
 
 
@@ -70,9 +74,26 @@ def common_area(path: Path | None, first: PointCloud, transform: RigidTransform)
     return area.intersection(translate(area, shift[0], shift[1]))
 
 
-def known_stable(path: Path | None, first: PointCloud) -> BaseGeometry | None:
-    """The polygons known to be stable as ``change.difference`` takes them."""
-    return None if path is None else read_roi(path, first.crs).geometry
+def compare_pair(
+    first: PointCloud,
+    second: PointCloud,
+    parameters: ChangeParameters,
+    areas: Areas,
+    registration_error: float,
+    progress: Progress,
+) -> Change:
+    """The difference of two clouds in one frame (see ``change.difference``); warns of what makes it doubtful."""
+    change = difference(
+        first.xyz,
+        second.xyz,
+        parameters,
+        registration_error=registration_error,
+        areas=areas,
+        plants=(first.plants, second.plants),
+        progress=progress,
+    )
+    warn_of_doubtful_change(change, progress, may_grow=not parameters.adaptive)
+    return change
 
 
 def register_pair(

@@ -59,7 +59,7 @@ def report_step(folder: Path, parameters: ReportParameters, *, profiles: Path | 
         for sentence in missed_lines(facts):
             progress.warning(sentence)
         outputs = files | {"report": stage.final(REPORT)}
-        _tell_of_profiles(record, facts, parameters, profiles, progress)
+        _record_profiles(record, facts, parameters, profiles, progress)
         record["outputs"] |= {name: path.name for name, path in outputs.items()}
         text = json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False)
         stage.path("run.json").write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
@@ -71,7 +71,7 @@ def report_step(folder: Path, parameters: ReportParameters, *, profiles: Path | 
     return RunResult(outputs | {"run": folder / "run.json"}, {"profiles": len(facts)}, tuple(progress.warnings))
 
 
-def _tell_of_profiles(
+def _record_profiles(
     record: dict[str, Any],
     facts: list[dict[str, Any]],
     parameters: ReportParameters,
@@ -83,7 +83,7 @@ def _tell_of_profiles(
     made.add_input("profiles", profiles)
     record["profiles"] = plain(facts)
     record["inputs"] = [i for i in record["inputs"] if i["role"] != "profiles"] + made.inputs
-    record["parameters"]["report"] = dataclasses.asdict(parameters)
+    record["parameters"][parameters.record_name] = dataclasses.asdict(parameters)
     # warnings about the earlier lines no longer hold
     kept = [w for w in record["warnings"] if not w.startswith(("The profiles' lines ", "The profile "))]
     record["warnings"] = [*kept, *(w for w in progress.warnings if w not in kept)]

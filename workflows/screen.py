@@ -111,7 +111,7 @@ def _refuse_targets(run: Run, targets: dict[str, Path]) -> None:
 def _extracted(
     run: Run, cloud: Path, output: Path, settings: ScreeningSettings, roi: Path | None, pdal: Path | None
 ) -> NDArray[np.uint32]:
-    """Numbers of the points that are ground, rising; the ground is extracted in a folder that is removed.
+    """Numbers of the points that are ground, ascending; the ground is extracted in a folder that is removed.
 
     The points carry their number through the extraction, which clips, denoises and may put them in another order.
     """

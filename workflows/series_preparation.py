@@ -29,7 +29,7 @@ from ..engine.ground.extraction import extract_ground
 from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.pdal_program import Pdal
 from ..engine.pointcloud.reading import read_cloud
-from ..engine.series.gridded_epoch import GriddedEpoch
+from ..engine.series.analysis import GriddedEpoch
 from ..engine.vector.area import read_roi
 from .pair import common_area, register_pair
 from .series_store import Entry, Store, key_of, load_cells, save_cells

@@ -35,7 +35,7 @@ def survey_step(
     Returns:
         The outputs ``reference`` and ``cloud`` are the earlier and the later survey, the rest as in ``write_pair``.
     """
-    run = Run("simulate survey", {"survey": parameters}, progress=progress)
+    run = Run("simulate survey", {parameters.record_name: parameters}, progress=progress)
     run.refuse_folder(output_dir, ("run.json", "truth.json"), overwrite=overwrite)
     with run.writing(output_dir) as stage:
         with run.step("simulate", 0.0, 0.8, "simulating"):
@@ -68,7 +68,7 @@ def series_step(
         InputError: the velocities cannot be read, are too many for the slope's length, or lead too far.
     """
     laws = creep_laws(parameters)
-    run = Run("simulate series", {"creep": parameters}, progress=progress)
+    run = Run("simulate series", {parameters.record_name: parameters}, progress=progress)
     run.refuse_folder(output_dir, ("run.json", "truth.json", "surveys.csv"), overwrite=overwrite)
     with run.writing(output_dir) as stage:
         with run.step("simulate", 0.0, 0.9, "simulating"):

@@ -13,7 +13,7 @@ import numpy as np
 from ..engine.core.errors import InputError
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
-from ..interface.parameters import ScenesParameters
+from ..interface.parameters import ScenesParameters, given
 from ..simulation.hazard_scenes.picture import Panels, draw_panels, panels
 from ..simulation.hazard_scenes.scenes import build_scene
 from ..simulation.hazard_scenes.sets import SETS
@@ -41,7 +41,7 @@ def scene_specs(parameters: ScenesParameters) -> list[SceneSpec]:
         return list(specs[: parameters.count])
     return [
         draw_spec(
-            parameters.seed + number, parameters.kind, area=parameters.area or None, density=parameters.density or None
+            parameters.seed + number, parameters.kind, area=given(parameters.area), density=given(parameters.density)
         )
         for number in range(parameters.count)
     ]
@@ -57,7 +57,7 @@ def scenes_step(
         for, and ``run``.
     """
     specs = scene_specs(parameters)
-    run = Run("simulate scenes", {"scenes": parameters}, progress=progress)
+    run = Run("simulate scenes", {parameters.record_name: parameters}, progress=progress)
     run.refuse_folder(output_dir, ("run.json", "manifest.json", "hazards.gpkg"), overwrite=overwrite)
     with run.writing(output_dir) as stage:
         made = _write_scenes(run, specs, pictured=PICTURED if parameters.picture else 0)

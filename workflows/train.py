@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ..engine.core.errors import InputError
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
-from ..interface.parameters import FineTuneParameters, InputParameters
+from ..interface.parameters import FineTuneParameters, InputParameters, given
 from ..models.network.availability import chosen_device, require_libraries
 from ..models.training.own_data import OwnCloud, read_own_clouds
 from ..models.training.report import training_report
@@ -61,11 +61,12 @@ def train_step(
 
     output_dir = Path(output_dir)
     device = chosen_device(parameters.device)
-    if parameters.threads:
-        torch.set_num_threads(parameters.threads)
+    threads = given(parameters.threads)
+    if threads:
+        torch.set_num_threads(int(threads))
     start = start_weights(parameters)
     files = [*(("cloud", path) for path in paths), ("polygons", polygons)]
-    run = Run("train", {"inputs": inputs, "training": parameters}, files, progress)
+    run = Run("train", {p.record_name: p for p in (inputs, parameters)}, files, progress)
     first = start_path(parameters)
     run.refuse_folder(output_dir, [*NAMES.values()], overwrite=overwrite, also=[first] if first else [])
     with run.step("read", 0.0, 0.04):
@@ -81,7 +82,8 @@ def train_step(
             "calibration": tuned.calibration.summary() if tuned.calibration else None,
         }
         facts = training_facts(clouds, start, parameters, tuned, areas, torch.__version__)
-        digest = save_model(stage.path(NAMES["weights"]), tuned.network, facts, metrics)
+        simulator = start.metadata.get("simulator_version") if start else None
+        digest = save_model(stage.path(NAMES["weights"]), tuned.network, facts, metrics, simulator_version=simulator)
         collect_log(output_dir / WORK, tuned.folds, stage.path(NAMES["log"]))
         report = training_report(facts, metrics, digest, progress.warnings)
         stage.path(NAMES["report"]).write_text(report, encoding="utf-8")
@@ -160,7 +162,7 @@ def training_facts(
     polygons: dict[str, str] | None,
     torch_version: str,
 ) -> dict[str, Any]:
-    """What the model's description says of its training; ``polygons`` are name and SHA-256 of the file of labels."""
+    """What the model's description states of its training; ``polygons`` are name and SHA-256 of the file of labels."""
     names = [cloud.name for cloud in clouds]
     return {
         "start": None if start is None else {"name": start.configuration.name, "sha256": start.sha256},

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rasterio.features import geometry_mask
 from shapely.geometry.base import BaseGeometry
 
-from ...interface.parameters import ChangeParameters, GridChangeParameters
+from ...interface.parameters import ChangeParameters, GridChangeParameters, given
 from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.progress import Progress
@@ -39,14 +39,27 @@ from .thresholds import stated_error
 _MIN_CELLS = 30  # with fewer in common, the whole overlap is not judged
 
 
+@dataclass(frozen=True)
+class Areas:
+    """Polygons that restrict a comparison; all without them.
+
+    Attributes:
+        compared: those to which both clouds were clipped. Cells that are not wholly inside hold a part of their surface
+            only, not the same in both epochs, and are left out.
+        stable: those known to be stable, on which the errors are calibrated; found in the data without.
+    """
+
+    compared: BaseGeometry | None = None
+    stable: BaseGeometry | None = None
+
+
 def difference(
     reference: Float,
     moving: Float,
     parameters: GridChangeParameters,
     *,
     registration_error: float = 0.0,
-    area: BaseGeometry | None = None,
-    stable_area: BaseGeometry | None = None,
+    areas: Areas | None = None,
     plants: tuple[PlantCover | None, PlantCover | None] = (None, None),
     progress: Progress | None = None,
 ) -> Change:
@@ -63,16 +76,13 @@ def difference(
         moving: (m, 3) points of the second epoch, registered to the first.
         registration_error: standard error of the registration in height, metres; ``parameters.registration_error``
             overrides it unless negative.
-        area: polygons to which both clouds were clipped. Cells that are not wholly inside hold a part of their
-            surface only, not the same in both epochs, and are left out.
-        stable_area: polygons known to be stable, on which the errors are calibrated; found in the data without.
         plants: the plants over the points of each epoch; None for a cloud that does not record them.
 
     Raises:
         InputError: no overlap, no common cell, a grid too large, or no cell with two points; of the last the thresholds
             constant and propagated have no need, and the errors are those that they state.
     """
-    progress = progress or Progress()
+    progress, areas = progress or Progress(), areas or Areas()
     with_plants = any(cover is not None for cover in plants)
     choice = affordable(
         choose_cell((reference, moving), parameters), (reference, moving), parameters, plants=with_plants
@@ -89,12 +99,12 @@ def difference(
             grid,
             parameters,
             registration_error=registration_error,
-            inside=None if area is None else cells_inside(area, grid),
+            inside=None if areas.compared is None else cells_inside(areas.compared, grid),
             plants=plants,
             progress=progress,
         )
         change = difference_of_blocks(
-            cells, grid, parameters, registration_error=registration_error, stable_area=stable_area
+            cells, grid, parameters, registration_error=registration_error, stable=areas.stable
         )
         return _with_choice(change, parameters, choice, progress)
     if isinstance(parameters, ChangeParameters) and parameters.adaptive:
@@ -104,15 +114,13 @@ def difference(
     progress.update(0.35, "gridding the second epoch")
     second = epoch_cells(moving, grid, parameters, plants[1])
     progress.update(0.65, "differencing")
-    change = difference_of_cells(
-        first, second, grid, parameters, registration_error=registration_error, area=area, stable_area=stable_area
-    )
+    change = difference_of_cells(first, second, grid, parameters, registration_error, areas)
     progress.update(1.0, "differencing")
     return _with_choice(change, parameters, choice, progress)
 
 
 def _with_choice(change: Change, parameters: GridChangeParameters, choice: CellChoice, progress: Progress) -> Change:
-    """The change with the choice of its cell; says which direction was chosen."""
+    """The change with the choice of its cell; reports which direction was chosen."""
     if parameters.direction == "auto" and change.direction == "normal":
         progress.info(SENTENCE)
     return replace(change, choice=choice)
@@ -134,16 +142,14 @@ def difference_of_cells(
     second: CellStatistics,
     grid: Grid,
     parameters: GridChangeParameters,
-    *,
-    registration_error: float = 0.0,
-    area: BaseGeometry | None = None,
-    stable_area: BaseGeometry | None = None,
+    registration_error: float,
+    areas: Areas,
 ) -> Change:
     """As ``difference``, from the statistics of both epochs' cells on ``grid`` (a series keeps them)."""
     valid_first = first.count >= parameters.minimum_points
     valid_second = second.count >= parameters.minimum_points
-    if area is not None:
-        inside = cells_inside(area, grid)
+    if areas.compared is not None:
+        inside = cells_inside(areas.compared, grid)
         valid_first, valid_second = valid_first & inside, valid_second & inside
     both = valid_first & valid_second
     if not both.any():
@@ -162,7 +168,7 @@ def difference_of_cells(
     else:
         raise InputError(
             f"No cell of {grid.cell:g} m holds two points of an epoch, so that their scatter and the level of "
-            "detection cannot be told; use a larger cell."
+            "detection cannot be determined; use a larger cell."
         )
     height_from, height_to = (cells.on_grid(cells.height) for cells in (first, second))
     return _judged(
@@ -181,7 +187,7 @@ def difference_of_cells(
         grid,
         parameters,
         _stated(parameters, registration_error),
-        stable_area,
+        areas.stable,
     )
 
 
@@ -196,7 +202,7 @@ def difference_of_blocks(
     parameters: ChangeParameters,
     *,
     registration_error: float,
-    stable_area: BaseGeometry | None = None,
+    stable: BaseGeometry | None,
 ) -> Change:
     """As ``difference``, from cells that grew (see ``growing_cells.adaptive_cells``)."""
     if not cells.partition.count:
@@ -216,7 +222,7 @@ def difference_of_blocks(
         grid,
         parameters,
         registration_error,
-        stable_area,
+        stable,
     )
 
 
@@ -238,7 +244,7 @@ def _judged(
     grid: Grid,
     parameters: GridChangeParameters,
     registration_error: float,
-    stable_area: BaseGeometry | None,
+    stable: BaseGeometry | None,
 ) -> Change:
     """The change with its calibrated errors, levels and what they decide."""
     measured = cells.measured
@@ -258,7 +264,7 @@ def _judged(
         parameters,
         registration_error=registration_error,
         uniform=uniform is not None,
-        given=None if stable_area is None else cells_inside(stable_area, grid),
+        given=None if stable is None else cells_inside(stable, grid),
     )
     season, plant_like = judge_season(measured.plants, found.dz, found.decision.level, grid.cell)
     explained = None if plant_like is None else plant_like & found.decision.significant
@@ -302,7 +308,8 @@ def _common(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> float:
 
 def _stated(parameters: GridChangeParameters, measured: float) -> float:
     """The registration error (m) that was given as a parameter, or else what the registration measured."""
-    return parameters.registration_error if parameters.registration_error >= 0 else measured
+    stated = given(parameters.registration_error)
+    return measured if stated is None else stated
 
 
 def cells_inside(area: BaseGeometry, grid: Grid) -> NDArray[np.bool_]:

@@ -10,7 +10,8 @@ from ...interface.parameters import GridChangeParameters
 from ..core.arrays import Float
 
 STEEP_DEG = 50.0
-"""Median slope beyond which heights say little: a shift of 1 cm towards the face looks like 1.2 cm of height there."""
+"""Median slope beyond which differences of heights are misleading: a shift of 1 cm towards the face looks like 1.2 cm
+of height there."""
 SENTENCE = (
     f"Changes are distances square to the slope, because half of the compared ground is steeper than {STEEP_DEG:g} "
     "degrees, where heights show small shifts enlarged; choose the direction vertical for differences of heights."

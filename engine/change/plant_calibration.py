@@ -16,8 +16,8 @@ from ..statistics.quantiles import sample_quantile
 
 PATCH_M = 2.0
 """Side of the squares that count as one sample each, m: plants' errors are alike over about this distance."""
-FEWEST_PATCHES = 20
-NARROWEST = 0.4
+MIN_PATCHES = 20
+MIN_FACTOR = 0.4
 
 
 def plants_factor(
@@ -51,13 +51,13 @@ def plants_factor(
     with np.errstate(invalid="ignore"):
         under_plants = stable & np.isfinite(dz) & (plants > sampling)
     patches = len(np.unique(square[under_plants]))
-    if patches < FEWEST_PATCHES:
+    if patches < MIN_PATCHES:
         return 1.0
     needed = (
         (dz[under_plants] / quantile(confidence)) ** 2 - sampling[under_plants] ** 2 - registration_error**2
     ) / plants[under_plants] ** 2
     surer = min(confidence + math.sqrt(confidence * (1.0 - confidence) / patches), 1.0)
-    return float(np.clip(math.sqrt(max(sample_quantile(needed, surer), 0.0)), NARROWEST, 1.0))
+    return float(np.clip(math.sqrt(max(sample_quantile(needed, surer), 0.0)), MIN_FACTOR, 1.0))
 
 
 def squares_of(shape: tuple[int, int], cell: float) -> NDArray[np.int64]:
@@ -68,7 +68,7 @@ def squares_of(shape: tuple[int, int], cell: float) -> NDArray[np.int64]:
 
 
 def common_share(dz: Float, sampling: Float, plants: Float, stable: NDArray[np.bool_], cell: float) -> float:
-    """Share (0 to 1) of the error by plants that is one and the same all over the slope.
+    """Share (0 to 1) of the error by plants that is the same all over the slope.
 
     A season lifts or lowers all of it alike; what stands in one place and not in another does not. On stable ground
     under plants the mean of the change over its error by plants is what all have in common, and the scatter of the
@@ -84,7 +84,7 @@ def common_share(dz: Float, sampling: Float, plants: Float, stable: NDArray[np.b
         under_plants = stable & np.isfinite(dz) & (plants > sampling)
     _, patch = np.unique(squares_of(dz.shape, cell)[under_plants], return_inverse=True)
     count = np.bincount(patch)
-    if len(count) < FEWEST_PATCHES:
+    if len(count) < MIN_PATCHES:
         return 1.0
     means = np.bincount(patch, dz[under_plants] / plants[under_plants]) / count
     return min(math.hypot(float(means.mean()), float(means.std(ddof=1)) / math.sqrt(len(means))), 1.0)

@@ -28,7 +28,7 @@ class Change:
     compared.
 
     ``partition`` states which cells are one, where cells grew: they share dz, error, level and counts, and their errors
-    are one and the same. ``count_from`` and ``count_to`` are the points behind a cell's change, those of its part;
+    are the same error. ``count_from`` and ``count_to`` are the points behind a cell's change, those of its part;
     ``points`` are those of the cell itself.
 
     ``model`` states how the errors were calibrated; ``threshold`` and ``direction`` are the parameters of that name:

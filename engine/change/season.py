@@ -13,21 +13,21 @@ from ..core.arrays import Float
 from ..core.number_text import fixed
 from ..grid.plant_cells import PlantCells
 
-PLANTS = 0.05
+MIN_PLANT_HEIGHT_M = 0.05
 """Metres: ground over which returns lie so high at the median has plants."""
-DIFFERENT = 0.05
+MIN_HEIGHT_DIFFERENCE_M = 0.05
 """Metres by which the plants of a cell must differ to have changed."""
-EXPLAINED = 0.5
+MAX_EXPLAINED_SHARE = 0.5
 """Share of a difference of plant heights that the ground under them can be wrong by at most.
 
 The ground is at worst taken for the middle of the plants. On real grass of 0.2 to 0.3 m, lower envelopes lie 0.02 to
 0.1 m too high.
 """
-MARGIN = 1.0
+MARGIN_M = 1.0
 """Metres around plants within which the ground under thin ones can be taken for bare, and their height for nothing."""
-COVERED = 0.5
-"""Share of the known ground within ``MARGIN`` that must have plants where the season is alike: a shrub that was sampled
-otherwise is no evidence for the bare ground next to it."""
+MIN_COVERED_SHARE = 0.5
+"""Share of the known ground within ``MARGIN_M`` that must have plants where the season is alike: a shrub that was
+sampled otherwise is no evidence for the bare ground next to it."""
 _MIN_CHANGED_SHARE = 0.5  # of the vegetated cells: where so many have changed alike, the season differs
 _MIN_VEGETATED_CELLS = 30  # with fewer the season is not judged
 _MIN_VEGETATED_SHARE = 0.02  # of the cells that must have plants
@@ -75,8 +75,9 @@ class Season:
             return f"{stood}: the season is alike."
         lower = self.verdict == "lower"
         changed = self.lower_share if lower else self.higher_share
+        least = f"{100 * MIN_HEIGHT_DIFFERENCE_M:.0f} cm"
         return (
-            f"{stood} ({'lower' if lower else 'higher'} by more than {100 * DIFFERENT:.0f} cm on {changed:.0%} of the "
+            f"{stood} ({'lower' if lower else 'higher'} by more than {least} on {changed:.0%} of the "
             f"ground with plants): a small {'lowering' if lower else 'raising'} there may be the plants' and is not "
             f"reported as change of the ground{self._measured}; surveys of the same season compare better."
         )
@@ -117,12 +118,12 @@ def judge_season(
         return None, None
     heights = plants.height_from, plants.height_to
     season = compare_seasons(*heights, dz)
-    near = around(*heights, cell, 0.0 if season is not None and season.differs else COVERED)
+    near = around(*heights, cell, 0.0 if season is not None and season.differs else MIN_COVERED_SHARE)
     return season, explained_by_plants(dz, level, *heights) | explained_by_plants(dz, level, *near)
 
 
 def around(height_from: Float, height_to: Float, cell: float, least_share: float = 0.0) -> tuple[Float, Float]:
-    """Mean heights (rows, columns) of both surveys over the cells with plants within ``MARGIN``.
+    """Mean heights (rows, columns) of both surveys over the cells with plants within ``MARGIN_M``.
 
     Where grass thins out, its lowest returns scatter as those of bare ground do: the ground comes out within the plants
     and these as nothing. The plants around show better how they have changed. NaN where no plants stand, or on less
@@ -134,8 +135,8 @@ def around(height_from: Float, height_to: Float, cell: float, least_share: float
     """
     known = np.isfinite(height_from + height_to)
     with np.errstate(invalid="ignore"):
-        grown = known & (np.maximum(height_from, height_to) >= PLANTS)
-    width = 2 * round(MARGIN / cell) + 1
+        grown = known & (np.maximum(height_from, height_to) >= MIN_PLANT_HEIGHT_M)
+    width = 2 * round(MARGIN_M / cell) + 1
 
     def pooled(values: Float, of: NDArray[np.bool_] = grown) -> Float:
         return np.asarray(ndimage.uniform_filter(np.where(of, values, 0.0), width, mode="constant"))
@@ -161,7 +162,7 @@ def compare_seasons(height_from: Float, height_to: Float, dz: Float | None = Non
     if not known.any():
         return None
     first, second = height_from[known], height_to[known]
-    plants = np.maximum(first, second) >= PLANTS
+    plants = np.maximum(first, second) >= MIN_PLANT_HEIGHT_M
     cells, share = int(plants.sum()), float(plants.mean())
 
     def median(values: Float) -> float | None:
@@ -169,7 +170,7 @@ def compare_seasons(height_from: Float, height_to: Float, dz: Float | None = Non
 
     heights = median(first[plants]) or 0.0, median(second[plants]) or 0.0
     risen = second[plants] - first[plants]
-    lower, higher = (float(np.mean(sign * risen > DIFFERENT)) if cells else 0.0 for sign in (-1, 1))
+    lower, higher = (float(np.mean(sign * risen > MIN_HEIGHT_DIFFERENCE_M)) if cells else 0.0 for sign in (-1, 1))
     verdict = "alike"
     if cells < _MIN_VEGETATED_CELLS or share < _MIN_VEGETATED_SHARE:
         verdict = "no plants"
@@ -200,5 +201,5 @@ def explained_by_plants(dz: Float, level: Float, height_from: Float, height_to: 
     """
     with np.errstate(invalid="ignore"):
         risen = height_to - height_from
-        alike = (np.abs(risen) > DIFFERENT) & (dz * risen > 0)
-        return np.asarray(alike & (np.abs(dz) <= EXPLAINED * np.abs(risen) + level))
+        alike = (np.abs(risen) > MIN_HEIGHT_DIFFERENCE_M) & (dz * risen > 0)
+        return np.asarray(alike & (np.abs(dz) <= MAX_EXPLAINED_SHARE * np.abs(risen) + level))

@@ -100,8 +100,8 @@ def without_stable_ground(changed_share: float, stable_share: float) -> ErrorMod
     """Errors as estimated from the points' scatter, because too much has changed to calibrate them on the rest."""
     note = (
         f"More than a third of the compared ground has changed (only {100 * stable_share:.0f} % looks stable, and "
-        f"{100 * changed_share:.0f} % changed as a whole), so the change itself does not tell what is stable: the "
-        "errors are not calibrated, and the level of detection is what the points and the registration say; give an "
+        f"{100 * changed_share:.0f} % changed as a whole), so the change itself does not show what is stable: the "
+        "errors are not calibrated, and the level of detection is that of the points and the registration; give an "
         "area known to be stable, and check the registration."
     )
     return ErrorModel("uncalibrated", stable_share=stable_share, notes=(note,), changed_share=changed_share)
@@ -144,8 +144,8 @@ def calibrate(
     smaller than what either ``half`` of the ground alone requires: errors below those of the points need
     evidence that holds on ground from which it was not taken.
 
-    The error by plants p is no sampling error, and no factor multiplies it. Where it is the larger part, a cell says
-    little about its sampling error: the cells whose p is below s / 2 serve if there are enough, else all with r² + p²
+    The error by plants p is no sampling error, and no factor multiplies it. Where it is the larger part, a cell hardly
+    shows its sampling error: the cells whose p is below s / 2 serve if there are enough, else all with r² + p²
     in place of r², and then f does not fall below 1, as plant errors stated too large would make it.
 
     Args:
@@ -226,7 +226,7 @@ def _class_factors(
 
 
 def _widened(why: str, cells: int, share: float) -> ErrorModel:
-    """The errors where stable ground does not tell them: ``cells`` of it, ``share`` of those compared."""
+    """The errors where stable ground does not show them: ``cells`` of it, ``share`` of those compared."""
     note = (
         f"The errors could not be calibrated, because {why}; the level of detection is widened "
         f"{_FACTOR_WITHOUT_STABLE_GROUND:g} times; give an area known to be stable."

@@ -17,7 +17,7 @@ _REACH_M = 0.5  # metres around a cell over which a change is looked for as a wh
 _MAX_LOCAL_DEVIATIONS = 5.0  # robust standard deviations of the local means, beyond which a place has moved
 _MAX_CELL_DEVIATIONS = 4.0  # one outlying cell is not a moved place
 _MAX_SHARED_DEVIATIONS = 4.0 * _MAX_LOCAL_DEVIATIONS  # for changes whose error neighbours share
-_ROUNDS = 20
+_MAX_ROUNDS = 20
 _MAX_MEAN_DEVIATIONS = 4.0  # standard errors of one cell; two strips that were not registered: 3 on a quarter
 _SLOPE_CLASS_DEG = 5.0  # degrees
 _MIN_DIFFERENCES = 200  # differences of neighbours in a class of slope
@@ -61,7 +61,7 @@ def find_stable(
     moved = _means_around(clipped(z, shared), shared, windows)
     one_each = partition.first_among(here)
     stable = left = np.ones(here.size, dtype=bool)
-    for _ in range(_ROUNDS):
+    for _ in range(_MAX_ROUNDS):
         scatter = max(1.0, NORMALISED * sample_quantile(moved[one_each][stable[one_each]], 0.5))
         left = ~windows.reached(moved > _MAX_LOCAL_DEVIATIONS * scatter)
         if not left.any() or np.array_equal(left, stable):

@@ -11,10 +11,10 @@ from ..core.arrays import Float
 from .measured import Measured
 from .stable_cells import changed_cells, find_stable
 
-MOST_CHANGED = 0.3
+MAX_CHANGED_SHARE = 0.3
 """Share of the compared ground that may have changed as a whole for the rest to be known as stable. Edges of what
 changed do not count as changed as a whole, so this is a third of the ground and more."""
-LEAST_STABLE = 0.5
+MIN_STABLE_SHARE = 0.5
 """... and the share that must be found stable, because it is judged by what most of the ground does."""
 # degrees beyond the slopes of known stable ground, from which that is no evidence for a cell
 _MAX_SLOPE_EXTRAPOLATION_DEG = 5.0
@@ -62,7 +62,7 @@ def stable_ground(
     stated = np.hypot(sampling, registration_error)
     changed = changed_cells(dz, stated if plants is None else np.hypot(stated, plants), measured.partition.cell)
     share = float(changed.sum()) / number
-    if share > MOST_CHANGED or looks_stable < LEAST_STABLE:
+    if share > MAX_CHANGED_SHARE or looks_stable < MIN_STABLE_SHARE:
         return StableGround(found & ~changed, share, looks_stable, settled=False)
     return StableGround(found, share, looks_stable, settled=True)
 

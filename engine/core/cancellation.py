@@ -1,7 +1,7 @@
 """Cancelling: child processes and temporary files that must not outlive the command.
 
-The command runs in the main thread. A watcher thread hears of a signal (through ``signal.set_wakeup_fd``, which works
-while native code runs) or of the parent's death (standard input closes), ends the children, removes what is
+The command runs in the main thread. A watcher thread is woken by a signal (through ``signal.set_wakeup_fd``, which
+works while native code runs) or by the parent's death (standard input closes), ends the children, removes what is
 half-written and exits at once. Native work that holds the interpreter's lock belongs into a child (``run_child``).
 """
 
@@ -57,6 +57,7 @@ def uninterrupted() -> Iterator[None]:
 def install(on_cancel: Callable[[], None], *, watch_parent: bool) -> None:
     """Make signals, and with ``watch_parent`` the end of standard input, cancel the command.
 
+    With ``watch_parent`` the process also leads a group of its own, which its parent can end as a whole.
     ``on_cancel`` informs the user; then the process exits with 130 at once.
     """
     global _wakeup
@@ -82,6 +83,9 @@ def install(on_cancel: Callable[[], None], *, watch_parent: bool) -> None:
 
     threading.Thread(target=wait_for_signal, daemon=True, name="signals").start()
     if watch_parent:
+        if hasattr(os, "setsid"):
+            with contextlib.suppress(OSError):  # it leads one already
+                os.setsid()
         threading.Thread(target=wait_for_parent, daemon=True, name="parent").start()
 
 

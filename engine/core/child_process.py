@@ -9,7 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,13 +21,12 @@ _LAUNCHER = Path(__file__).with_name("child_launcher.py")
 
 @dataclass(frozen=True)
 class ChildResult:
-    """How a child ended. ``returncode`` is negative for a signal; ``peak_bytes`` its resident peak (0: unknown)."""
+    """How a child ended; ``returncode`` is negative for a signal."""
 
     returncode: int
     stdout: bytes
     stderr: bytes
     seconds: float
-    peak_bytes: int
 
 
 def run_child(
@@ -37,7 +36,6 @@ def run_child(
     memory_limit: int | None = None,
     environment: Mapping[str, str] | None = None,
     directory: Path | None = None,
-    on_poll: Callable[[], None] | None = None,
 ) -> ChildResult:
     """Run a program to its end; cancelling the command ends it.
 
@@ -47,7 +45,6 @@ def run_child(
         memory_limit: bytes of address space it may take (POSIX only).
         environment: its whole environment; the own one by default.
         directory: where it runs; the own one by default.
-        on_poll: called about five times a second while it runs.
 
     Raises:
         Cancelled: the command is being cancelled.
@@ -76,16 +73,8 @@ def run_child(
         except OSError as error:
             raise EngineError(f"{os.fspath(arguments[0])} cannot be started ({error.strerror})") from error
         _children.add(child)
-    peak = 0
     try:
-        while True:
-            try:
-                out, err = child.communicate(timeout=0.05 if time.monotonic() - started < 0.5 else 0.2)
-                break
-            except subprocess.TimeoutExpired:
-                peak = max(peak, peak_memory(child.pid))
-                if on_poll is not None:
-                    on_poll()
+        out, err = child.communicate()
     finally:
         with _lock:
             _children.discard(child)
@@ -93,13 +82,13 @@ def run_child(
             _end(child)
     if _cancelled.is_set():
         raise Cancelled("cancelled")
-    return ChildResult(child.returncode, out, err, time.monotonic() - started, peak)
+    return ChildResult(child.returncode, out, err, time.monotonic() - started)
 
 
 def _launched(arguments: list[str], memory_limit: int | None, environment: Mapping[str, str] | None) -> list[str]:
     """The command line that starts ``arguments`` with a limit and so that it dies with this process.
 
-    Never by ``preexec_fn``: in a process with threads the child can hang for ever before its program starts.
+    Never by ``preexec_fn``: in a process with threads the child can hang before its program starts.
     """
     if os.name != "posix":
         return arguments
@@ -110,10 +99,10 @@ def _launched(arguments: list[str], memory_limit: int | None, environment: Mappi
     return launcher + arguments
 
 
-def peak_memory(pid: int | str = "self") -> int:
-    """Peak resident bytes of a process; 0 where the system does not report it (only Linux does)."""
+def peak_memory() -> int:
+    """Peak resident bytes of this process; 0 where the system does not report it (only Linux does)."""
     try:
-        for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+        for line in Path("/proc/self/status").read_text().splitlines():
             if line.startswith("VmHWM:"):
                 return int(line.split()[1]) * 1024
     except (OSError, ValueError, IndexError):

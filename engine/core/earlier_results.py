@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from ...interface.parameters import AUTO
 from .errors import InputError
 from .json_values import plain
 from .run_record import RunRecord
@@ -71,6 +72,10 @@ def _difference(earlier: dict[str, Any], record: RunRecord) -> str:
     for group, values in earlier.get("parameters", {}).items():
         for name, value in values.items():
             # a version may know parameters that the other does not
-            if name in parameters.get(group, {}) and parameters[group][name] != value:
+            if name in parameters.get(group, {}) and not _same(parameters[group][name], value):
                 return f"{name} was {value}"
     return ""
+
+
+def _same(value: Any, earlier: Any) -> bool:
+    return bool(value == earlier) or (value == AUTO and earlier in (0, -1))  # earlier versions wrote numbers for it

@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -46,7 +47,7 @@ class RunRecord:
         self.started = datetime.now(timezone.utc)
         self._clock = time.monotonic()
         self.command = command
-        self.parameters = {name: group.named() for name, group in parameters.items()}
+        self.parameters = {name: asdict(group) for name, group in parameters.items()}
         self.inputs: list[dict[str, Any]] = []
         self.stages: list[dict[str, Any]] = []
         self.metrics: dict[str, Any] = {}

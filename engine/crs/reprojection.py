@@ -22,7 +22,7 @@ def reprojected(
 
     Args:
         declared: the reference system that they are in.
-        subject: what they are and whence, for messages: ``The area 'roi.gpkg'``.
+        subject: what they are and their source, for messages: ``The area 'roi.gpkg'``.
 
     Raises:
         InputError: the two systems do not meet, or the geometries lie outside of where ``crs`` holds.

@@ -6,10 +6,10 @@ import math
 from pathlib import Path
 
 from ...interface.parameters import InputParameters, RegistrationParameters
-from ..core.checksums import sha256
 from ..core.errors import InputError
 from ..pointcloud.cloud import PointCloud
 from ..pointcloud.reading import open_cloud, sample_cloud
+from .epoch import same_content
 from .height_systems import compare_clouds, disagreement
 
 _MAX_PLANT_DROP_M = 5.0  # m that the lowest points of a cell can fall all over a slope by cutting what grows there
@@ -40,7 +40,7 @@ def require_two_clouds(reference: Path, moving: Path, *, contents: bool = True) 
         return
     if reference.samefile(moving):
         raise InputError(f"{reference} was given as both clouds; give two different ones.")
-    if contents and reference.stat().st_size == moving.stat().st_size and sha256(reference) == sha256(moving):
+    if contents and same_content(reference, moving):
         raise InputError(f"{reference} and {moving} are the same cloud; give two different epochs.")
 
 

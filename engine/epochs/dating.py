@@ -1,7 +1,7 @@
 """When a cloud was flown by its own witnesses, and whether the days that were given agree.
 
 The GPS times of the points come first, then a date in the file's name, then the day on which the file was created,
-which can only be too late. Seconds of a week give no day, as many files that say so hold something else.
+which can only be too late. Seconds of a week give no day, as many files that declare them hold something else.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _MIN_SOUND_SHARE = 0.9
 _MIN_DAY_SHARE = 0.01
 """Days with fewer of the times are taken for strays."""
 _STRETCHES = 12
-_MAX_DAYS_APART = timedelta(days=3)
+_MAX_DIFFERENCE = timedelta(days=3)
 _MAX_TIME_ZONE_SHIFT = timedelta(days=1)
 """How far a time zone can shift a day."""
 
@@ -65,7 +65,7 @@ class Evidence:
     def contradicts(self, day: date) -> bool:
         """Whether the strongest evidence contradicts ``day``, by more than a time zone or some days of flying."""
         if self.days is not None:
-            return not self.days[0] - _MAX_DAYS_APART <= day <= self.days[1] + _MAX_DAYS_APART
+            return not self.days[0] - _MAX_DIFFERENCE <= day <= self.days[1] + _MAX_DIFFERENCE
         return self.created is not None and day > self.created + _MAX_TIME_ZONE_SHIFT
 
 
@@ -142,7 +142,7 @@ def _created_in_reverse(earlier: Epoch, later: Epoch, first: Evidence, second: E
 
 
 def _flown(header: CloudHeader) -> tuple[date, date] | None:
-    """First and last day of the points' GPS times, where the file says that they are adjusted standard times."""
+    """First and last day of the points' GPS times, where the file declares that they are adjusted standard times."""
     fields = record_dtype(header.point_format).names or ()
     if not header.standard_time or "gps_time" not in fields:
         return None

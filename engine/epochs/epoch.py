@@ -46,6 +46,11 @@ def parse_epoch(text: str) -> Epoch:
     return Epoch(Path(path), parse_date(day))
 
 
+def same_content(first: Path, second: Path) -> bool:
+    """Whether two files hold the same bytes."""
+    return first.stat().st_size == second.stat().st_size and sha256(first) == sha256(second)
+
+
 def check_pair(first: Epoch, second: Epoch) -> None:
     """Refuse a pair that cannot be compared.
 
@@ -60,6 +65,5 @@ def check_pair(first: Epoch, second: Epoch) -> None:
     for epoch in (first, second):
         if not epoch.path.is_file():
             raise InputError(f"{epoch.path} does not exist or is not a file; check the path.")
-    same_size = first.path.stat().st_size == second.path.stat().st_size
-    if same_size and sha256(first.path) == sha256(second.path):
+    if same_content(first.path, second.path):
         raise InputError(f"{first.path} and {second.path} are the same cloud; give two different epochs.")

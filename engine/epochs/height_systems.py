@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...interface.parameters import RegistrationParameters
+from ...interface.parameters.registration import MAX_OFFSET_M
 from ..core.arrays import Float
 from ..statistics.robust import nmad
 
-FOOT = 0.3048
+FOOT_M = 0.3048
 _CELL_COUNT = 900  # that the shared extent is cut into
 _MAX_POINTS = 400_000  # of a cloud, evenly taken, are enough for the heights of so many cells
 _MIN_CELLS = 30  # common cells; with fewer the whole overlap is not judged
@@ -20,7 +20,6 @@ _MIN_CELLS = 30  # common cells; with fewer the whole overlap is not judged
 _MAX_SPREAD_RATIO, _SPREAD_QUANTILE = 0.1, 0.9
 _MIN_RELIEF_M = 0.5  # m of scatter of the heights from which on a unit can be recognised
 _MAX_SCATTER_RATIO = 0.1  # share of that scatter that is left where heights differ by their unit
-_MAX_OFFSET_M = next(s.maximum or 0.0 for s in RegistrationParameters.specifications() if s.name == "maximum_offset")
 
 
 @dataclass(frozen=True)
@@ -70,7 +69,7 @@ def compare_heights(first: Float, second: Float) -> HeightComparison | None:
         return None
     a, b = first[both], second[both]
     ratio = None
-    for factor in (1 / FOOT, FOOT):
+    for factor in (1 / FOOT_M, FOOT_M):
         relief = min(nmad(a), nmad(b))
         if relief > _MIN_RELIEF_M and nmad(b - factor * a) < _MAX_SCATTER_RATIO * min(nmad(b), nmad(b - a)):
             ratio = factor
@@ -89,13 +88,13 @@ def disagreement(found: HeightComparison | None, first: str, second: str, limit:
     if found.unit_ratio is not None:
         return (
             f"The heights of {second} are {found.unit_ratio:.3f} times those of {first} over the whole overlap, so one "
-            "of them is in feet; convert its heights to metres, or mend the reference system that it declares."
+            "of them is in feet; convert its heights to metres, or correct the reference system that it declares."
         )
     if abs(found.offset) <= limit or not found.even:
         return None
     above = "above" if found.offset > 0 else "below"
     enough, remedy = math.ceil(abs(found.offset)) + 1, ""
-    if enough <= _MAX_OFFSET_M:
+    if enough <= MAX_OFFSET_M:
         remedy = f", or have the registration take it off with a maximum_offset of {enough} m"
     return (
         f"{second} lies about {abs(found.offset):.1f} m {above} {first} over the whole overlap: ellipsoidal against "

@@ -14,19 +14,20 @@ import numpy as np
 from ..core.arrays import Float
 from ..core.errors import InputError
 
+_MAX_VOTERS = 4000  # points that vote in RANSAC; the analysis uses all
+
 
 @dataclass(frozen=True)
 class Plane:
     """A plane in the cloud's coordinates.
 
     ``normal`` (3,) has unit length and points upwards; ``centroid`` (3,) lies on the plane, in metres;
-    ``inlier_share`` is the share of the points within RANSAC's distance; ``rms`` (m) is the inliers' distance to it.
+    ``inlier_share`` is the share of the points within RANSAC's distance.
     """
 
     normal: Float
     centroid: Float
     inlier_share: float
-    rms: float
 
     @property
     def dip(self) -> float:
@@ -52,7 +53,7 @@ def lowest_points(xyz: Float, cell: float) -> Float:
     return xyz[order[first]]
 
 
-def fit_plane(xyz: Float, distance: float, iterations: int, seed: int, *, sample: int = 4000) -> Plane:
+def fit_plane(xyz: Float, distance: float, iterations: int, seed: int) -> Plane:
     """Dominant plane of a cloud: RANSAC, then a principal component analysis of the points that agree.
 
     Args:
@@ -60,7 +61,6 @@ def fit_plane(xyz: Float, distance: float, iterations: int, seed: int, *, sample
         distance: farthest distance (m) of a point that agrees with a plane.
         iterations: planes that RANSAC tries.
         seed: of the random choice; the same seed gives the same plane.
-        sample: points that vote in RANSAC; the analysis uses all.
 
     Raises:
         InputError: fewer than three points, or all on one line.
@@ -70,7 +70,9 @@ def fit_plane(xyz: Float, distance: float, iterations: int, seed: int, *, sample
     generator = np.random.default_rng(seed)
     middle = xyz.mean(axis=0)
     local = xyz - middle
-    voters = local if len(local) <= sample else local[np.sort(generator.choice(len(local), sample, replace=False))]
+    voters = local
+    if len(local) > _MAX_VOTERS:
+        voters = local[np.sort(generator.choice(len(local), _MAX_VOTERS, replace=False))]
     corners = voters[generator.integers(0, len(voters), size=(iterations, 3))]
     sides = corners[:, 1:] - corners[:, :1]
     normals = np.cross(sides[:, 0], sides[:, 1])
@@ -97,13 +99,7 @@ def fit_plane(xyz: Float, distance: float, iterations: int, seed: int, *, sample
         inside = again
     if normal[2] < 0 or (normal[2] == 0 and tuple(normal) < (0.0, 0.0, 0.0)):
         normal = -normal
-    residual = (local[inside] - centre) @ normal
-    return Plane(
-        normal=normal,
-        centroid=middle + centre,
-        inlier_share=float(np.count_nonzero(inside) / len(local)),
-        rms=float(np.sqrt(np.mean(residual**2))),
-    )
+    return Plane(normal, middle + centre, float(np.count_nonzero(inside) / len(local)))
 
 
 def rotation_to_vertical(normal: Float) -> Float:

@@ -136,7 +136,7 @@ class RigidTransform:
 
 @dataclass(frozen=True)
 class BentTransform(RigidTransform):
-    """The rigid motion, then ``correction`` of the heights; or, ``inverted``, the correction taken off and then the
+    """The rigid motion, then ``correction`` of the heights; or, ``inverted``, the correction removed and then the
     rigid motion. ``matrix`` is the rigid part.
     """
 
@@ -159,7 +159,7 @@ class BentTransform(RigidTransform):
         return BentTransform(back.rotation, back.translation, back.centre, self.correction, not self.inverted)
 
     def backwards(self) -> BentTransform:
-        """The same rigid part with the correction taken off before it."""
+        """The same rigid part with the correction removed before it."""
         return BentTransform(self.rotation, self.translation, self.centre, self.correction, not self.inverted)
 
     def _more(self) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ...interface.parameters import ChangeParameters, GridChangeParameters
+from ...interface.parameters import AUTO, ChangeParameters, GridChangeParameters, given
 from ..core.arrays import Float
 from ..geometry.point_spacing import point_spacing
 
@@ -47,8 +47,9 @@ def choose_cell(clouds: Sequence[Float], parameters: GridChangeParameters) -> Ce
     Args:
         clouds: ground points (n, 3) of each survey, metres.
     """
-    if parameters.cell > 0:
-        return CellChoice(parameters.cell, False, f"Cells of {parameters.cell:g} m, as given.")
+    side = given(parameters.cell)
+    if side is not None:
+        return CellChoice(side, False, f"Cells of {side:g} m, as given.")
     spacing = max(point_spacing(cloud[:, :2]) for cloud in clouds)
     cell = min(CELLS, key=lambda side: abs(math.log(side / spacing)))
     whose = "the sparser survey" if len(clouds) > 1 else "the first survey"
@@ -66,8 +67,9 @@ def with_cell(parameters: Parameters, choice: CellChoice) -> Parameters:
 
 def level_step(cell: float, parameters: ChangeParameters) -> int:
     """How often ``cell`` (m) may double its side to reach the level: within ``largest_cell``, or until ``LARGEST``."""
-    ratio = math.log2((parameters.largest_cell or LARGEST) / cell)
-    return max(0, math.floor(ratio + 1e-9) if parameters.largest_cell else math.ceil(ratio - 1e-9))
+    largest = given(parameters.largest_cell)
+    ratio = math.log2((largest or LARGEST) / cell)
+    return max(0, math.floor(ratio + 1e-9) if largest else math.ceil(ratio - 1e-9))
 
 
 def largest_step(first: Float, second: Float, cell: float, parameters: ChangeParameters) -> int:
@@ -80,7 +82,7 @@ def largest_step(first: Float, second: Float, cell: float, parameters: ChangePar
         first, second: points (n, 3) and (m, 3) of the epochs, metres.
     """
     step = level_step(cell, parameters)
-    if parameters.largest_cell or not len(first) or not len(second):
+    if parameters.largest_cell != AUTO or not len(first) or not len(second):
         return step
     low = np.minimum(first[:, :2].min(axis=0), second[:, :2].min(axis=0))
     high = np.maximum(first[:, :2].max(axis=0), second[:, :2].max(axis=0))

@@ -36,8 +36,8 @@ def common_grid(reference: Float, moving: Float, parameters: GridChangeParameter
         InputError: the extents do not meet (both are named), or the grid needs more than ``memory_limit``.
     """
     union = _union(reference, moving)
-    refuse_too_large(union, slope_area((reference, moving), parameters.cell), parameters, plants=plants)
-    return snapped_grid(union, parameters.cell)
+    refuse_too_large(union, slope_area((reference, moving), parameters.cell_side), parameters, plants=plants)
+    return snapped_grid(union, parameters.cell_side)
 
 
 def refuse_too_large(bounds: Bounds, area: float, parameters: GridChangeParameters, *, plants: bool) -> None:
@@ -46,7 +46,7 @@ def refuse_too_large(bounds: Bounds, area: float, parameters: GridChangeParamete
     needed = memory_needed(bounds, area, parameters, plants=plants)
     if needed <= limit:
         return
-    rows, columns = snapped_grid(bounds, parameters.cell).shape
+    rows, columns = snapped_grid(bounds, parameters.cell_side).shape
     raise InputError(
         f"A grid of {rows} by {columns} cells needs {needed / 1e9:.3g} GB, more than the "
         f"{parameters.memory_limit:g} GB allowed; clip to the slope, use a cell of at least "
@@ -85,11 +85,11 @@ def affordable(
 
 def memory_needed(bounds: Bounds, area: float, parameters: GridChangeParameters, *, plants: bool) -> float:
     """Bytes for the grid over ``bounds`` (west, south, east, north), of which ``area`` m² are slope."""
-    cells = math.prod(snapped_grid(bounds, parameters.cell).shape)
+    cells = math.prod(snapped_grid(bounds, parameters.cell_side).shape)
     more = _BYTES_OF_PLANTS * cells if plants else 0.0
     if not parameters.grows:
         return cells * _BYTES_A_CELL + more
-    on_slope = min(area / parameters.cell**2, cells)
+    on_slope = min(area / parameters.cell_side**2, cells)
     whole = _BYTES_AT_ONCE * min(cells, _CELLS_AT_ONCE)
     return max(cells * _BYTES_A_GROWING_CELL + on_slope * _BYTES_ON_THE_SLOPE, whole) + more
 
@@ -125,7 +125,7 @@ def _union(reference: Float, moving: Float) -> Bounds:
 
 def _cell_that_fits(bounds: Bounds, area: float, parameters: GridChangeParameters, *, plants: bool) -> float:
     """The smallest cell of two significant digits, in steps of a tenth, whose grid fits."""
-    cell, limit = parameters.cell, parameters.memory_limit * 1e9
+    cell, limit = parameters.cell_side, parameters.memory_limit * 1e9
     while memory_needed(bounds, area, replace(parameters, cell=cell), plants=plants) > limit and cell < 100.0:
         larger = cell * 1.1
         unit = 10.0 ** (math.floor(math.log10(larger)) - 1)

@@ -18,7 +18,6 @@ from rasterio.errors import RasterioError
 from rasterio.io import DatasetReader, DatasetWriter, MemoryFile
 
 from ..core.errors import EngineError, InputError
-from ..core.progress import Progress
 from ..core.staged_outputs import atomic_output
 from .grid import Grid
 
@@ -78,7 +77,6 @@ def write_raster(
     description: str,
     unit: str = "m",
     tags: Mapping[str, str] | None = None,
-    progress: Progress | None = None,
 ) -> None:
     """Write ``array`` (rows, columns; NaN for no data) as a Float32 cloud-optimised GeoTIFF with nodata -9999.
 
@@ -86,7 +84,7 @@ def write_raster(
         EngineError: the array does not fit the grid or is infinite somewhere, or the file read back differs.
         InputError: the folder is missing or not writable.
     """
-    write_bands(path, {description: array}, grid, crs, unit=unit, tags=tags, progress=progress)
+    write_bands(path, {description: array}, grid, crs, unit=unit, tags=tags)
 
 
 def write_bands(
@@ -97,7 +95,6 @@ def write_bands(
     *,
     unit: str = "m",
     tags: Mapping[str, str] | None = None,
-    progress: Progress | None = None,
 ) -> None:
     """Like ``write_raster`` with several bands, by their descriptions."""
     name = Path(path).name
@@ -109,8 +106,6 @@ def write_bands(
             raise EngineError(f"{name}: the raster has infinite values")
         stack[number] = np.where(np.isnan(array), NODATA, array)
     profile = {"count": len(bands), "dtype": "float32", "nodata": NODATA}
-    if progress:
-        progress.update(0.0, f"writing {name}")
 
     def fill(target: DatasetWriter) -> None:
         target.write(stack)
@@ -118,9 +113,7 @@ def write_bands(
             target.set_band_description(number, description)
         target.units = (unit,) * len(bands)
 
-    _write(Path(path), grid, crs, profile, "3", tags, fill, stack)
-    if progress:
-        progress.update(1.0, f"wrote {name}")
+    _write(Path(path), grid, crs, profile, tags, fill, stack)
 
 
 def write_rgba(
@@ -147,7 +140,7 @@ def write_rgba(
         target.colorinterp = (ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.alpha)
         target.write(bands)
 
-    _write(Path(path), grid, crs, profile, "2", {"DESCRIPTION": description, **(tags or {})}, fill, bands)
+    _write(Path(path), grid, crs, profile, {"DESCRIPTION": description, **(tags or {})}, fill, bands)
 
 
 def read_raster(path: Path, band: int = 1) -> Raster:
@@ -185,7 +178,6 @@ def _write(
     grid: Grid,
     crs: CRS | None,
     profile: dict[str, object],
-    predictor: str,
     tags: Mapping[str, str] | None,
     fill: Callable[[DatasetWriter], None],
     expected: NDArray[np.generic],
@@ -203,6 +195,7 @@ def _write(
                 fill(target)
                 target.update_tags(**{name: str(value) for name, value in (tags or {}).items() if value != ""})
             with memory.open() as source:
+                predictor = "3" if expected.dtype.kind == "f" else "2"
                 rasterio.shutil.copy(source, partial, driver="COG", PREDICTOR=predictor, **_LAYOUT)
     except RasterioError as error:
         raise EngineError(f"{path.name} could not be written: {error}") from error

@@ -12,15 +12,16 @@ from ..core.errors import InputError
 from ..core.messages import shown
 from ..core.progress import Progress
 from ..geometry.dominant_plane import apply_matrix, flattening_matrix
-from .doubts import percent
+from .cover import percent
 from .filtering import dominant_plane
+from .squares import square_numbers
 
 CLOSE_M, FEWEST_CLOSE, STEP_M = 0.5, 3, 0.3
 """A point that has so many others so close contradicts them if half of them lie farther above or below it than the
 step, apart from the inclination around it."""
 AROUND = 12
 """Nearest points to which the ground around is fitted."""
-TOLD, REFUSED = 0.02, 0.6
+_MIN_WARNED_SHARE, _MIN_REFUSED_SHARE = 0.02, 0.6
 """Shares of points from which a warning is given, and from which they are no surface. Real classes have 0 to 0.5 %,
 those of a gorge under forest 50 %; whole surveys with their plants 30 to 84 %."""
 SAMPLE, FEWEST, MOST_POINTS, SQUARE_M = 20_000, 100, 2_000_000, 10.0
@@ -34,13 +35,13 @@ def warn_of_classes(path: Path, xyz: Float, progress: Progress) -> None:
         InputError: so many do that they are no surface.
     """
     share = contradicting_share(xyz)
-    if share < TOLD:
+    if share < _MIN_WARNED_SHARE:
         return
     found = (
         f"{percent(share)} of the points of class 2 of {shown(path)} lie more than {STEP_M:g} m over or below those "
         f"within {CLOSE_M:g} m around"
     )
-    if share >= REFUSED:
+    if share >= _MIN_REFUSED_SHARE:
         raise InputError(f"{found}, so they are no surface; extract its ground with slopewatch ground instead.")
     progress.warning(
         f"{found}: plants or strays among them; look at them in profile, or extract the ground with slopewatch ground."
@@ -56,8 +57,7 @@ def contradicting_share(xyz: Float, *, seed: int = 0) -> float:
         return 0.0
     rng = np.random.default_rng(seed)
     if len(xyz) > MOST_POINTS:
-        square = np.floor((xyz[:, :2] - xyz[:, :2].min(axis=0)) / SQUARE_M).astype(np.int64)
-        number = square[:, 0] * (int(square[:, 1].max()) + 1) + square[:, 1]
+        number = square_numbers(xyz, SQUARE_M)
         xyz = xyz[(rng.random(int(number.max()) + 1) < MOST_POINTS / len(xyz))[number]]
     flat = apply_matrix(flattening_matrix(dominant_plane(xyz)), xyz)
     sample = flat[rng.permutation(len(flat))[:SAMPLE]]

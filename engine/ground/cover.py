@@ -252,7 +252,7 @@ def cover_warnings(cover: GroundCover, name: str) -> list[str]:
     found = []
     if cover.without_ground_share > _MIN_WARNED_SHARE:
         found.append(
-            f"{percent(cover.without_ground_share)} of the area of {name} has no ground return, so little can be told "
+            f"{percent(cover.without_ground_share)} of the area of {name} has no ground return, so little is known "
             "of it; a survey with leaves off, after mowing or before growth in spring sees more ground."
         )
     if cover.error_beyond_noise_share > _MIN_WARNED_SHARE:

@@ -20,6 +20,7 @@ from threadpoolctl import threadpool_limits
 
 from ..core.arrays import Bool, Float, Index
 from ..geometry.plane_gradient import gradient_parts
+from .squares import first_of_runs, square_numbers
 
 CANDIDATE_CELL_M = 0.5
 """One candidate each cell: its lowest point that has support."""
@@ -54,7 +55,7 @@ def lowest_of_cells(xyz: Float, cell: float) -> Index:
     """Index of the lowest point (n, 3) of each square cell of side ``cell`` that has points."""
     if not len(xyz):
         return np.zeros(0, dtype=np.int64)
-    key = _cells(xyz, cell)
+    key = square_numbers(xyz, cell)
     return _lowest(xyz, key, np.lexsort((xyz[:, 2], key)))
 
 
@@ -66,12 +67,12 @@ def lowest_supported(xyz: Float, cell: float = CANDIDATE_CELL_M) -> Index:
     """
     if not len(xyz):
         return np.zeros(0, dtype=np.int64)
-    key = _cells(xyz, cell)
+    key = square_numbers(xyz, cell)
     z = xyz[:, 2] - xyz[:, 2].min()
     order = np.lexsort((z, key))
     z = z[order]
     height = float(z.max()) + 1.0 + SUPPORT_DEPTH_M
-    rank = np.cumsum(_first(key[order])) - 1
+    rank = np.cumsum(first_of_runs(key[order])) - 1
     place = rank * height + z
     above = np.searchsorted(place, place + SUPPORT_DEPTH_M, side="right") - np.arange(len(place))
     supported = above >= np.maximum(1.0, SUPPORT_SHARE * np.bincount(rank)[rank])
@@ -278,25 +279,13 @@ def _rim(points: Float) -> Float:
     return np.vstack(sides)
 
 
-def _cells(xyz: Float, cell: float) -> Index:
-    index = np.floor((xyz[:, :2] - xyz[:, :2].min(axis=0)) / cell).astype(np.int64)
-    return np.asarray(index[:, 0] * (int(index[:, 1].max()) + 1) + index[:, 1], dtype=np.int64)
-
-
 def _lowest(xyz: Float, key: Index, order: Index) -> Index:
     """Of points in ``order`` of their cells' ``key`` and height, the lowest of each cell.
 
     Among those at one height it is the one with the least coordinates, whatever the order in the file.
     """
-    first = _first(key[order])
+    first = first_of_runs(key[order])
     height = xyz[order, 2]
     tied = order[height == height[first][np.cumsum(first) - 1]]
     tied = tied[np.lexsort((xyz[tied, 1], xyz[tied, 0], key[tied]))]
-    return np.asarray(tied[_first(key[tied])], dtype=np.int64)
-
-
-def _first(key: Index) -> Bool:
-    """(n,) the first of each run of equal keys."""
-    first = np.ones(len(key), dtype=bool)
-    first[1:] = key[1:] != key[:-1]
-    return first
+    return np.asarray(tied[first_of_runs(key[tied])], dtype=np.int64)

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from ..core.arrays import Bool, Float
 from ..geometry.point_spacing import point_spacing
+from .cover import percent
 
 BARE_SHARE = 0.01
 """Share of the ground that must be bare for a survey to show how the ground looks: forests and alpine grass may have
@@ -77,7 +78,7 @@ def _nothing_bare(name: str, error: Float) -> str:
     if bare >= BARE_SHARE:
         return ""
     return (
-        f"Nearly nothing of the ground of {name} is bare ({percent(bare)} of the returns near it): its height is told "
+        f"Nearly nothing of the ground of {name} is bare ({percent(bare)} of the returns near it): its height is found "
         f"from below plants, with an expected error of {100 * float(np.median(known)):.1f} cm, and is too high by more "
         "where no return reached it; survey with leaves off or mown, or check it on a road or rock."
     )
@@ -151,7 +152,3 @@ def _counts(points: Float, side: float, low: Float | None = None, extent: Float 
     index = np.floor((points[:, :2] - low) / side).astype(np.int64)
     found = np.bincount(index[:, 0] * shape[1] + index[:, 1], minlength=int(shape.prod()))
     return np.asarray(found, dtype=np.float64).reshape(shape)
-
-
-def percent(share: float) -> str:
-    return f"{100 * share:.{1 if 0 < share < 0.0995 else 0}f} %"

@@ -1,7 +1,8 @@
 """Ground extraction: clip, denoise, lay the slope flat, cloth simulation, refine.
 
-PDAL reads, converts, crops and writes. From PDAL 2.3 on its filters.csf lays the cloth; below, the CSF authors'
-library does (see csf.py). Everything else is the same code for both, so both give the same ground.
+PDAL reads, converts and crops into an uncompressed file, from which all outputs are written in one pass at the end.
+From PDAL 2.3 on its filters.csf lays the cloth; below, the CSF authors' library does (see cloth.py). Everything else is
+the same code for both, so both give the same ground.
 """
 
 from __future__ import annotations
@@ -9,11 +10,10 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from laspy import DecompressionSelection
 from numpy.typing import NDArray
 
 from ...interface.parameters import GroundParameters, InputParameters
@@ -22,17 +22,15 @@ from ..core.arrays import Bool, Float
 from ..core.errors import EngineError, InputError
 from ..core.messages import shown
 from ..core.progress import Progress
-from ..crs.working_frame import WorkingFrame
-from ..geometry.dominant_plane import Plane, apply_matrix, flattening_matrix
+from ..geometry.dominant_plane import apply_matrix, flattening_matrix
 from ..geometry.point_spacing import point_spacing
 from ..pointcloud import plant_cover
-from ..pointcloud.header import CloudHeader, EmptyCloud, preflight
-from ..pointcloud.pdal_program import Pdal, find_pdal
+from ..pointcloud.header import EmptyCloud, preflight
+from ..pointcloud.pdal_program import Pdal, find_pdal, keep_pipeline
 from ..pointcloud.reading import open_cloud
-from ..pointcloud.records import PLACES, read_records
-from ..pointcloud.returns import Returns, last_returns
-from ..pointcloud.writing import copy_with
-from ..vector.area import Roi, read_roi, refuse_outside
+from ..pointcloud.returns import Returns
+from ..pointcloud.writing import Copy, copies
+from ..vector.area import read_roi, refuse_outside
 from . import pdal_pipelines
 from .cloth import cloth_ground, filling, refuse_large_cloth
 from .cover import GroundCover, cover_facts, cover_warnings
@@ -41,6 +39,7 @@ from .filtering import Filtered, cloth_threshold, dominant_plane, refined, requi
 from .metrics import coverage, file_coverage, vegetation_cover
 from .outliers import outliers
 from .result import GroundResult
+from .survey import Clipped, Source, read_points
 
 HEIGHT_OVER_GROUND = "height_over_ground"
 """Name of the dimension in the classified cloud, metres."""
@@ -62,7 +61,8 @@ def extract_ground(
     """Extract the ground of one cloud.
 
     In addition to ``output`` (NAME_ground.laz or NAME.laz), these are written: NAME_clipped.laz, NAME_classified.laz
-    and the pipelines NAME_clip.json, NAME_cloth.json (only where PDAL lays the cloth) and NAME_select.json.
+    and the pipelines NAME_clip.json, NAME_cloth.json (only where PDAL lays the cloth) and NAME_select.json, by which
+    PDAL makes these files from one another.
 
     Args:
         cloud: LAS, LAZ or COPC.
@@ -82,91 +82,93 @@ def extract_ground(
         parameters or GroundParameters(),
         inputs or InputParameters(),
         pdal or find_pdal(),
-        None if final is None else Path(final),
+        final,
         progress or Progress(),
     )
     return run.extract(roi)
 
 
+@dataclass
 class _Extraction:
     """One run: its files, warnings and times."""
 
-    def __init__(
-        self,
-        cloud: Path,
-        output: Path,
-        parameters: GroundParameters,
-        inputs: InputParameters,
-        pdal: Pdal,
-        final: Path | None,
-        progress: Progress,
-    ) -> None:
-        self.cloud, self.output, self.parameters, self.inputs = cloud, output, parameters, inputs
-        self.pdal, self.final, self.progress = pdal, final, progress
-        self.stem = output.stem.removesuffix("_ground") or output.stem
-        self.kept: list[Path] = []
-        self.made: list[Path] = []
-        self.warnings: list[str] = []
-        self.seconds: dict[str, float] = {}
+    cloud: Path
+    output: Path
+    parameters: GroundParameters
+    inputs: InputParameters
+    pdal: Pdal
+    final: Path | None
+    progress: Progress
+    kept: list[Path] = field(default_factory=list)
+    made: list[Path] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def clipped(self) -> Path:
+        return self._named("clipped.laz")
+
+    @property
+    def classified(self) -> Path:
+        return self._named("classified.laz")
 
     def extract(self, roi: Path | None) -> GroundResult:
         """Do it; files of a run that fails are removed."""
         try:
             return self._extract(roi)
         except BaseException:
-            for path in (self.output, *self.made):
+            for path in (self.output, self.clipped, self.classified, *self.made):
                 path.unlink(missing_ok=True)
             raise
 
     def _extract(self, roi: Path | None) -> GroundResult:
         with self._step("read", 0.0, 0.1, "checking the cloud"):
-            header, frame = self._open()
-            raw = file_coverage(header, frame.horizontal_factor)
-            region = None if roi is None else self._region(roi, frame, raw.bounds)
-        clipped = self._file("clipped.laz")
-        with self._step("clip", 0.1, 0.3, "clipping"):
-            self._clip(header, frame, region, clipped, raw.largest_class)
-            xyz, returns, labels = self._read_clipped(clipped, roi)
-        roi_points = len(xyz)
-        with self._step("denoise", 0.3, 0.45, "removing outliers"):
-            plane = dominant_plane(xyz)
-            flat = apply_matrix(flattening_matrix(plane), xyz)
-            noise = self._noise(flat, labels)
-            removed = flat[noise]
-            if noise.any():
-                copy_with(clipped, clipped, keep=~noise)
-                xyz, flat = xyz[~noise], flat[~noise]
-                returns = replace(returns, last=returns.last[~noise])
-            require_points(f"{shown(self.cloud)} without its outliers", len(xyz))
-        spacing = self._check_spacing(xyz)
-        with self._step("cloth", 0.45, 0.8, "laying the cloth"):
-            taken = self._taking_part(returns)
-            near, method = self._cloth(clipped, xyz, flat, plane, returns, taken)
-        with self._step("refine", 0.8, 0.9, "refining the ground"):
-            found = refined(flat, near, taken, self.parameters)
-            self._judge(found, flat, taken, removed, returns)
-            dimensions = _dimensions(found, plane.dip)
-            cover = self._cover(xyz, found.ground, dimensions, plane.dip)
-        with self._step("write", 0.9, 1.0, "writing the ground"):
-            classified = self._write(clipped, found.ground, dimensions)
+            source = self._open(roi)
+        with cancellation.temporary(self._file("clip.las")) as plain:
+            with self._step("clip", 0.1, 0.3, "clipping"):
+                self._clip(source, plain)
+                points = self._read_clipped(plain, roi, source.flags_in_class)
+            with self._step("denoise", 0.3, 0.45, "removing outliers"):
+                survey = self._without_outliers(*points)
+                del points
+            with self._step("cloth", 0.45, 0.8, "laying the cloth"):
+                taken = self._taking_part(survey.returns)
+                near, method = self._cloth(plain, survey, taken)
+            with self._step("refine", 0.8, 0.9, "refining the ground"):
+                found = refined(survey.flat, near, taken, self.parameters)
+                self._judge(found, survey, taken)
+                dimensions = _dimensions(found, survey.plane.dip)
+                cover = self._cover(survey, found.ground, dimensions)
+            with self._step("write", 0.9, 1.0, "writing the ground"):
+                wanted = [Copy(self.clipped, survey.keep), *self._labelled(survey.keep, found, dimensions)]
+                copies(plain, wanted, flags_in_class=source.flags_in_class)
+                header = preflight(self.classified)
+                self._keep("select", pdal_pipelines.select_pipeline(self.classified, self.output, header))
+        return self._result(source, survey, found, method, cover)
+
+    def _result(
+        self, source: Source, survey: Clipped, found: Filtered, method: str, cover: GroundCover | None
+    ) -> GroundResult:
+        raw_points, roi_points = source.header.count, len(survey.keep)
         ground_points = int(np.count_nonzero(found.ground))
-        roi_area = coverage(xyz) if region is None else region.area
+        roi_area = coverage(survey.xyz) if source.region is None else source.region.area
+        plane = survey.plane
         return GroundResult(
             ground=self.output,
-            clipped=clipped,
-            classified=classified,
+            clipped=self.clipped,
+            classified=self.classified,
             pipelines=tuple(self.kept),
-            raw_points=header.count,
-            raw_area=raw.area,
-            raw_density=header.count / raw.area,
+            raw_points=raw_points,
+            raw_area=source.area,
+            raw_density=raw_points / source.area,
             roi_points=roi_points,
             roi_area=roi_area,
             roi_density=roi_points / roi_area,
             ground_points=ground_points,
             ground_ratio=ground_points / roi_points,
-            vegetation_cover=vegetation_cover(xyz, flat, found.ground, plane.dip),
-            outliers=int(np.count_nonzero(noise)),
-            spacing=spacing,
+            vegetation_cover=vegetation_cover(survey.xyz, survey.flat, found.ground, plane.dip),
+            outliers=len(survey.removed),
+            spacing=survey.spacing,
             plane_normal=(float(plane.normal[0]), float(plane.normal[1]), float(plane.normal[2])),
             plane_dip=plane.dip,
             plane_azimuth=plane.azimuth,
@@ -179,7 +181,7 @@ class _Extraction:
             cover=cover,
         )
 
-    def _open(self) -> tuple[CloudHeader, WorkingFrame]:
+    def _open(self, roi: Path | None) -> Source:
         header, frame = open_cloud(self.cloud, self.inputs, self.progress)
         self.warnings += frame.notes
         if header.point_format in pdal_pipelines.WAVEFORM_FORMATS:
@@ -187,52 +189,50 @@ class _Extraction:
                 f"{shown(self.cloud)} holds waveforms (point format {header.point_format}), which PDAL does not "
                 "read; export it without them."
             )
-        return header, frame
+        raw = file_coverage(header, frame)
+        region = None
+        if roi is not None:
+            region = read_roi(roi, frame.crs, unit=frame.horizontal_factor)
+            for note in region.notes:
+                self._warn(note)
+            refuse_outside(region, raw.bounds, self.cloud)
+        return Source(header, frame, region, raw.area, raw.largest_class > pdal_pipelines.LARGEST_CLASS)
 
-    def _read_clipped(self, clipped: Path, roi: Path | None) -> tuple[Float, Returns, NDArray[np.uint8]]:
+    def _clip(self, source: Source, plain: Path) -> None:
+        """Write the points within the region to ``plain``; the pipeline is kept as one that writes ``clipped``."""
+        area = None if source.region is None else source.region.geometry
+        ran, kept = (
+            pdal_pipelines.clip_pipeline(self.cloud, output, source.header, source.frame, area)
+            for output in (plain, plain if source.odd_classes else self.clipped)
+        )
+        self._run(ran, source.header.count)
+        self._keep("clip", kept)
+
+    def _read_clipped(
+        self, plain: Path, roi: Path | None, flags_in_class: bool
+    ) -> tuple[Float, Returns, NDArray[np.uint8]]:
         try:
-            xyz, returns, labels = _read(preflight(clipped))
+            xyz, returns, labels = read_points(plain, flags_in_class=flags_in_class)
         except EmptyCloud:
             place = f" inside the region {shown(roi)}" if roi else ""
             raise InputError(f"{shown(self.cloud)} has no point{place}; check both.") from None
         require_points(f"{shown(self.cloud)}{' within the region' if roi else ''}", len(xyz))
         return xyz, returns, labels
 
-    def _write(self, clipped: Path, ground: Bool, dimensions: dict[str, NDArray[np.float32]]) -> Path:
-        """The classified cloud, and of it the ground; the path of the former."""
-        classified = self._file("classified.laz")
-        labels = np.where(ground, pdal_pipelines.GROUND, pdal_pipelines.UNCLASSIFIED).astype(np.uint8)
-        copy_with(clipped, classified, classification=labels, dimensions=dimensions)
-        self._run("select", pdal_pipelines.select_pipeline(classified, self.output, preflight(classified)), len(ground))
-        self._check_output(int(np.count_nonzero(ground)))
-        return classified
+    def _without_outliers(self, xyz: Float, returns: Returns, labels: NDArray[np.uint8]) -> Clipped:
+        plane = dominant_plane(xyz)
+        flat = apply_matrix(flattening_matrix(plane), xyz)
+        keep, removed = np.ones(len(xyz), dtype=bool), np.empty((0, 3))
+        if self.parameters.denoise:
+            noise = outliers(flat, self.parameters.denoise_radius, self.parameters.denoise_group)
+            keep = ~(noise | np.isin(labels, pdal_pipelines.NOISE))
+        if not keep.all():
+            removed, xyz, flat = flat[~keep], xyz[keep], flat[keep]
+            returns = replace(returns, last=returns.last[keep])
+        require_points(f"{shown(self.cloud)} without its outliers", len(xyz))
+        return Clipped(keep, xyz, flat, removed, returns, plane, self._spacing(xyz))
 
-    def _region(self, roi: Path, frame: WorkingFrame, bounds: tuple[float, float, float, float]) -> Roi:
-        region = read_roi(roi, frame.crs, unit=frame.horizontal_factor)
-        for note in region.notes:
-            self._warn(note)
-        refuse_outside(region, bounds, self.cloud)
-        return region
-
-    def _clip(
-        self, header: CloudHeader, frame: WorkingFrame, region: Roi | None, clipped: Path, largest_class: int
-    ) -> None:
-        area = None if region is None else region.geometry
-        if largest_class <= pdal_pipelines.LARGEST_CLASS:
-            self._run("clip", pdal_pipelines.clip_pipeline(self.cloud, clipped, header, frame, area), header.count)
-            return
-        with cancellation.temporary(self._file("clip.las")) as plain:
-            self._run("clip", pdal_pipelines.clip_pipeline(self.cloud, plain, header, frame, area), header.count)
-            # these formats have no class that large: what is in the upper bits of the byte are flags
-            copy_with(plain, clipped, flags_in_class=header.point_format < 6)
-
-    def _noise(self, flat: Float, labels: NDArray[np.uint8]) -> Bool:
-        if not self.parameters.denoise:
-            return np.zeros(len(flat), dtype=bool)
-        noise = outliers(flat, self.parameters.denoise_radius, self.parameters.denoise_group)
-        return noise | np.isin(labels, pdal_pipelines.NOISE)
-
-    def _check_spacing(self, xyz: Float) -> float:
+    def _spacing(self, xyz: Float) -> float:
         spacing = point_spacing(xyz)
         if spacing > self.parameters.cloth_resolution:
             self._warn(
@@ -249,49 +249,58 @@ class _Extraction:
             self._warn(f"All returns of {shown(self.cloud)} take part in the ground filter: {returns.note}.")
         return returns.last
 
-    def _cloth(
-        self, clipped: Path, xyz: Float, flat: Float, plane: Plane, returns: Returns, taken: Bool
-    ) -> tuple[Bool, str]:
+    def _cloth(self, plain: Path, survey: Clipped, taken: Bool) -> tuple[Bool, str]:
         """(n,) points near the cloth, and what laid it."""
         parameters = self.parameters
-        aligned = flat if parameters.slope_aligned else xyz
+        aligned = survey.flat if parameters.slope_aligned else survey.xyz
         refuse_large_cloth(aligned[taken], parameters.cloth_resolution)
-        threshold = cloth_threshold(parameters)
         # PDAL refuses return numbers of which some are 0, and searches without end where much of the cloth is bare
-        sound = not returns.mixed and not len(filling(aligned[taken], parameters.cloth_resolution))
+        sound = not survey.returns.mixed and not len(filling(aligned[taken], parameters.cloth_resolution))
         if self.pdal.has_csf and sound:
-            chosen = parameters.last_returns and returns.usable
-            turned = plane if parameters.slope_aligned else None
-            with cancellation.temporary(self._file("cloth.laz")) as laid:
-                pipeline = pdal_pipelines.cloth_pipeline(
-                    clipped, laid, preflight(clipped), parameters, threshold, turned, chosen
-                )
-                self._run("cloth", pipeline, len(xyz))
-                _, _, labels = _read(preflight(laid))
-            if len(labels) != len(xyz):
-                raise EngineError(f"PDAL {self.pdal.version} returned {len(labels)} of {len(xyz)} points")
-            return labels == pdal_pipelines.GROUND, f"PDAL {self.pdal.version} filters.csf"
-        near = np.zeros(len(xyz), dtype=bool)
-        near[taken] = cloth_ground(aligned[taken], parameters, threshold=threshold)
+            near = self._cloth_by_pdal(plain, survey)
+            return near, f"PDAL {self.pdal.version} filters.csf"
+        near = np.zeros(len(taken), dtype=bool)
+        near[taken] = cloth_ground(aligned[taken], parameters, threshold=cloth_threshold(parameters))
         return near, "cloth-simulation-filter"
 
-    def _cover(
-        self, xyz: Float, ground: Bool, dimensions: dict[str, NDArray[np.float32]], dip: float
-    ) -> GroundCover | None:
+    def _cloth_by_pdal(self, plain: Path, survey: Clipped) -> Bool:
+        """(n,) points near the cloth; the pipeline is kept as one that reads ``clipped``."""
+        parameters, returns = self.parameters, survey.returns
+        plane = survey.plane if parameters.slope_aligned else None
+        last = parameters.last_returns and returns.usable
+        with (
+            cancellation.temporary(self._file("denoised.las")) as denoised,
+            cancellation.temporary(self._file("cloth.las")) as laid,
+        ):
+            copies(plain, [Copy(denoised, survey.keep)])
+            ran, kept = (
+                pdal_pipelines.cloth_pipeline(
+                    *paths, preflight(denoised), parameters, cloth_threshold(parameters), plane, last
+                )
+                for paths in ((denoised, laid), (self.clipped, self._file("cloth.laz")))
+            )
+            self._run(ran, len(survey.xyz))
+            self._keep("cloth", kept)
+            _, _, labels = read_points(laid)
+        if len(labels) != len(survey.xyz):
+            raise EngineError(f"PDAL {self.pdal.version} returned {len(labels)} of {len(survey.xyz)} points")
+        return labels == pdal_pipelines.GROUND
+
+    def _cover(self, survey: Clipped, ground: Bool, dimensions: dict[str, NDArray[np.float32]]) -> GroundCover | None:
         """What covers the ground, where its heights are known; and the warnings about it."""
         if not dimensions:
             return None
         lengths = (
             dimensions[name].astype(np.float64) for name in (HEIGHT_OVER_GROUND, plant_cover.ERROR, plant_cover.HEIGHT)
         )
-        cover = cover_facts(xyz, ground, *lengths, dip=dip)
+        cover = cover_facts(survey.xyz, ground, *lengths, dip=survey.plane.dip)
         for sentence in cover_warnings(cover, shown(self.cloud)):
             self._warn(sentence)
         return cover
 
-    def _judge(self, filtered: Filtered, flat: Float, taken: Bool, removed: Float, returns: Returns) -> None:
-        """Refuse what cannot be the ground, and tell what may not be."""
-        count, found = len(flat), int(np.count_nonzero(filtered.ground))
+    def _judge(self, filtered: Filtered, survey: Clipped, taken: Bool) -> None:
+        """Refuse what cannot be the ground, and warn of what may not be."""
+        count, found = len(survey.flat), int(np.count_nonzero(filtered.ground))
         if found == 0:
             raise InputError(
                 f"No ground was found in {shown(self.cloud)}; check the units of its heights and its region, or give a "
@@ -304,26 +313,35 @@ class _Extraction:
                 "or lower minimum_ground_ratio."
             )
         height, error = filtered.height, filtered.plant_error
-        doubted = Found(flat, filtered.ground, taken, height, error, removed, filtered.threshold)
-        for sentence in ground_doubts(shown(self.cloud), doubted, returns.lost):
+        doubted = Found(survey.flat, filtered.ground, taken, height, error, survey.removed, filtered.threshold)
+        for sentence in ground_doubts(shown(self.cloud), doubted, survey.returns.lost):
             self._warn(sentence)
 
-    def _check_output(self, expected: int) -> None:
-        written = preflight(self.output).count
-        if written != expected:
-            raise EngineError(f"{self.output.name} holds {written} points instead of {expected}")
-
-    def _run(self, name: str, pipeline: list[pdal_pipelines.Stage], points: int) -> None:
-        keep = self._file(f"{name}.json")
-        self.pdal.run(
-            pipeline, keep=keep, final=self.final, memory_limit=_BASE_MEMORY_BYTES + _MEMORY_PER_POINT_BYTES * points
+    def _labelled(self, keep: Bool, found: Filtered, dimensions: dict[str, NDArray[np.float32]]) -> tuple[Copy, Copy]:
+        """All points that are kept with their classes, and the ground alone."""
+        labels = np.where(found.ground, pdal_pipelines.GROUND, pdal_pipelines.UNCLASSIFIED).astype(np.uint8)
+        chosen = keep.copy()
+        chosen[keep] = found.ground
+        of_ground = {name: values[found.ground] for name, values in dimensions.items()}
+        return (
+            Copy(self.classified, keep, dimensions=dimensions, classification=labels),
+            Copy(self.output, chosen, dimensions=of_ground, classification=labels[found.ground]),
         )
-        self.kept.append(keep)
+
+    def _run(self, pipeline: list[pdal_pipelines.Stage], points: int) -> None:
+        self.pdal.run(pipeline, memory_limit=_BASE_MEMORY_BYTES + _MEMORY_PER_POINT_BYTES * points)
+
+    def _keep(self, name: str, pipeline: list[pdal_pipelines.Stage]) -> None:
+        self.kept.append(self._file(f"{name}.json"))
+        keep_pipeline(pipeline, self.kept[-1], self.final)
+
+    def _named(self, ending: str) -> Path:
+        stem = self.output.stem.removesuffix("_ground") or self.output.stem
+        return self.output.with_name(f"{stem}_{ending}")
 
     def _file(self, ending: str) -> Path:
-        path = self.output.with_name(f"{self.stem}_{ending}")
-        self.made.append(path)
-        return path
+        self.made.append(self._named(ending))
+        return self.made[-1]
 
     def _warn(self, sentence: str) -> None:
         self.warnings.append(sentence)
@@ -347,19 +365,3 @@ def _dimensions(found: Filtered, dip: float) -> dict[str, NDArray[np.float32]]:
         plant_cover.HEIGHT: found.plant_height,
     }
     return {name: (values * upright).astype(np.float32) for name, values in named.items() if values is not None}
-
-
-def _read(header: CloudHeader) -> tuple[Float, Returns, NDArray[np.uint8]]:
-    """Coordinates, returns and classes of a cloud that is in metres already."""
-    xyz = np.empty((header.count, 3))
-    number, total, labels = (np.empty(header.count, dtype=np.uint8) for _ in range(3))
-    done = 0
-    for records in read_records(header, selection=PLACES | DecompressionSelection.CLASSIFICATION):
-        part = slice(done, done + len(records))
-        for axis, field in enumerate("XYZ"):
-            xyz[part, axis] = records[field] * header.scales[axis] + header.offsets[axis]
-        number[part] = records["return_number"]
-        total[part] = records["number_of_returns"]
-        labels[part] = records["classification"]
-        done += len(records)
-    return xyz, last_returns(number, total), labels

@@ -29,6 +29,7 @@ from .closer_look import looked_closer
 from .densification import Triangles, densified, lowest_supported
 from .lowest_layer import HIGHEST_M, LEAST_BELOW_SHARE, LOWEST_M, Layers, histograms, lowest_layers, separate_layers
 from .narrow_windows import narrow_windows
+from .squares import square_numbers
 from .stray_low import NOTEWORTHY, stray_below
 
 SURFACE_CELL_M = 0.25
@@ -289,8 +290,7 @@ def _window_side(xyz: Float) -> float:
     """Side (m) of windows so that those pooled hold RETURNS_A_WINDOW returns of the lowest layers."""
     if len(xyz) == 0:
         return LARGEST_WINDOW_M
-    cells = np.floor(xyz[:, :2] - xyz[:, :2].min(axis=0)).astype(np.int64)
-    _, counts = np.unique(cells[:, 0] * (int(cells[:, 1].max()) + 1) + cells[:, 1], return_counts=True)
+    _, counts = np.unique(square_numbers(xyz, 1.0), return_counts=True)
     side = math.sqrt(RETURNS_A_WINDOW / 4.0 / float(np.median(counts)))
     return min(max(side, SMALLEST_WINDOW_M), LARGEST_WINDOW_M)
 

@@ -38,14 +38,12 @@ class Layers:
     """The lowest layer of windows; arrays of the windows' shape, metres above the surface that heights refer to.
 
     ``ground`` is the height of the ground, NaN where too few returns are known; ``top`` the height up to which returns
-    are taken for ground, so that their mean is the ground; ``below`` and ``taken`` count returns below the ground and
-    between the lowest and ``top``; ``returns`` all of them; ``median`` is the height of half of the returns over the
-    ground.
+    are taken for ground, so that their mean is the ground; ``taken`` counts returns between the lowest and ``top``,
+    ``returns`` all of them; ``median`` is the height of half of the returns over the ground.
     """
 
     ground: Float
     top: Float
-    below: Float
     taken: Float
     returns: Float
     median: Float
@@ -110,11 +108,10 @@ def lowest_layers(
     within = (upper >= ground[..., None]) & (upper <= (ground + threshold)[..., None] + 1e-9)
     fits = within & (mean <= (ground + tolerance)[..., None])
     top = np.where(fits.any(axis=-1), upper[BINS - 1 - np.argmax(fits[..., ::-1], axis=-1)], ground)
-    below = _at(number, ground)
     median = EDGES[1:][np.argmax(number >= returns[..., None] / 2, axis=-1)] - ground
     taken = _at(number, top) - _at(number, lowest)
     ground = np.where(unknown, np.nan, ground)
-    return Layers(ground, top, below, taken, returns, median)
+    return Layers(ground, top, taken, returns, median)
 
 
 def separate_layers(counts: Float, ground: Float) -> tuple[Bool, Float, Float]:

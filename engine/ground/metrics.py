@@ -2,77 +2,56 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from laspy import DecompressionSelection
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from ..core.arrays import Float
+from ..crs.working_frame import WorkingFrame
 from ..geometry.point_spacing import point_spacing
-from ..pointcloud.decoding_check import DecodedBounds
+from ..pointcloud.extent import CheckedRecords, square_metres
 from ..pointcloud.header import CloudHeader
-from ..pointcloud.records import PLACES, read_records
+from ..pointcloud.records import PLACES, coordinates
+from .squares import first_of_runs, square_numbers
 
-COVERAGE_CELL = 1.0
 VEGETATION_HEIGHT = 0.3
 """Least height (m) above the ground of what counts as vegetation."""
 _CROWN_CELL = 0.1
 
 
-class Coverage:
-    """Area seen from above that points cover: occupied cells of ``COVERAGE_CELL`` metres. Points come in parts.
+@dataclass(frozen=True)
+class FileCoverage:
+    """What the points of a file cover: ``area`` (m²) of occupied squares of a metre; west, south, east and north, m.
 
-    ``largest_class`` is that of the points of a file, as its bytes are: before LAS 1.4 these hold flags, too.
+    ``largest_class`` is that of the points as their bytes are: before LAS 1.4 these hold flags, too.
     """
 
-    def __init__(self) -> None:
-        self._cells = np.empty(0, dtype=np.int64)
-        self.low = np.full(2, np.inf)
-        self.high = np.full(2, -np.inf)
-        self.largest_class = 0
-
-    def add(self, x: Float, y: Float) -> None:
-        column, row = (np.floor(v / COVERAGE_CELL).astype(np.int64) for v in (x, y))
-        self._cells = np.union1d(self._cells, (column << 32) + row)
-        for axis, v in enumerate((x, y)):
-            self.low[axis] = min(self.low[axis], float(v.min()))
-            self.high[axis] = max(self.high[axis], float(v.max()))
-
-    @property
-    def area(self) -> float:
-        """Square metres."""
-        return len(self._cells) * COVERAGE_CELL**2
-
-    @property
-    def bounds(self) -> tuple[float, float, float, float]:
-        """West, south, east, north."""
-        return float(self.low[0]), float(self.low[1]), float(self.high[0]), float(self.high[1])
+    area: float
+    bounds: tuple[float, float, float, float]
+    largest_class: int
 
 
 def coverage(xyz: Float) -> float:
-    """Area (m²) that points (n, 2+) cover, see ``Coverage``."""
-    covered = Coverage()
-    if len(xyz):
-        covered.add(xyz[:, 0], xyz[:, 1])
-    return covered.area
+    """Area (m²) of the squares of a metre that points (n, 2+) cover."""
+    return float(len(square_metres(xyz)))
 
 
-def file_coverage(header: CloudHeader, factor: float) -> Coverage:
-    """What the points of a file cover; ``factor`` turns its x and y into metres.
+def file_coverage(header: CloudHeader, frame: WorkingFrame) -> FileCoverage:
+    """What the points of a file cover in metres of ``frame``.
 
     Raises:
         InputError: the points are damaged.
     """
-    covered, decoded = Coverage(), DecodedBounds(header)
+    covered, largest = np.empty(0, dtype=np.int64), 0
     class_byte = "classification" if header.point_format > 5 else "raw_classification"
-    for records in read_records(header, selection=PLACES | DecompressionSelection.CLASSIFICATION):
-        decoded.add(records)
-        covered.largest_class = max(covered.largest_class, int(records[class_byte].max()))
-        covered.add(
-            *((records[field] * header.scales[axis] + header.offsets[axis]) * factor for axis, field in enumerate("XY"))
-        )
-    decoded.finish()
-    return covered
+    checked = CheckedRecords(header, PLACES | DecompressionSelection.CLASSIFICATION)
+    for records in checked:
+        largest = max(largest, int(records[class_byte].max()))
+        covered = np.union1d(covered, square_metres(coordinates(records, header, frame.factors)))
+    return FileCoverage(float(len(covered)), checked.extent(frame).bounds, largest)
 
 
 def vegetation_cover(xyz: Float, flat: Float, ground: NDArray[np.bool_], dip: float) -> float:
@@ -90,12 +69,9 @@ def vegetation_cover(xyz: Float, flat: Float, ground: NDArray[np.bool_], dip: fl
     if not ground.any():
         return 0.0
     cell = max(_CROWN_CELL, 2.0 * point_spacing(xyz[:, :2]))
-    index = np.floor((xyz[:, :2] - xyz[:, :2].min(axis=0)) / cell).astype(np.int64)
-    key = index[:, 0] * (int(index[:, 1].max()) + 1) + index[:, 1]
-    order = np.lexsort((xyz[:, 2], key))
-    last = np.ones(len(order), dtype=bool)
-    last[:-1] = key[order][1:] != key[order][:-1]
-    highest = flat[order[last]]
+    key = square_numbers(xyz, cell)
+    order = np.lexsort((xyz[:, 2], key))[::-1]
+    highest = flat[order[first_of_runs(key[order])]]
     base = flat[ground]
     _, nearest = cKDTree(base[:, :2]).query(highest[:, :2])
     height = (highest[:, 2] - base[nearest, 2]) / max(np.cos(np.radians(dip)), 0.1)

@@ -38,7 +38,7 @@ _MIN_JUDGED_SHARE = 0.8
 _MIN_THICKNESS_RATIO = 0.25
 """Scatter across the best plane, in radii of the ball: 0.19 on a sharp edge of 90 degrees, 0.45 in a filled ball."""
 MOST_THICK, MOST_FOLLOWED, MOST_PLANTS = 0.15, 0.05, 0.05
-"""Shares beyond which a cloud is raw: see docs/guide.md for those of real and simulated clouds."""
+"""Shares beyond which a cloud is raw: see docs/ground.md for those of real and simulated clouds."""
 
 
 @dataclass(frozen=True)

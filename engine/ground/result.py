@@ -15,10 +15,10 @@ class GroundResult:
 
     Lengths in metres, areas in m², densities in points per m², angles in degrees. ``ground`` is the output;
     ``clipped`` the denoised cloud within the region; ``classified`` the same with class 2 for ground, 1 for the rest;
-    ``pipelines`` the PDAL pipelines that ran. ``vegetation_cover`` is C_v, see ``metrics.vegetation_cover``.
+    ``pipelines`` the PDAL pipelines that make them. ``vegetation_cover`` is C_v, see ``metrics.vegetation_cover``.
     ``raw_area`` and ``roi_area`` without a region are those of occupied cells of 1 m². ``plane_*`` describe the
     dominant plane; ``scatter`` and ``threshold`` come from the refinement (0 and the parameter without it). ``cover``
-    tells what covers the ground and how well it is known below, None where that was not asked.
+    describes what covers the ground and how well it is known below, None where that was not asked.
     """
 
     ground: Path

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.arrays import Bool, Float, Index
+from .squares import first_of_runs
 
 SQUARE_M, REACH = 0.5, 2
 """Side of the squares, and how many on each side are counted together: 2.5 m, in which few hits of ground add up."""
@@ -67,9 +68,7 @@ def _fullest_above(place: Index, height: Index, pooled: Float, width: int) -> Fl
     # a beam that leaves its column on its way down has no ground above it: look in the adjacent columns
     lonely = np.flatnonzero(own < FEWEST_ABOVE)
     order = np.lexsort((-pooled, place))
-    first = np.ones(len(order), dtype=bool)
-    first[1:] = place[order][1:] != place[order][:-1]
-    best = order[first]
+    best = order[first_of_runs(place[order])]
     columns, level, value = place[best], height[best], pooled[best]
     for across in range(-REACH, REACH + 1):
         for along in range(-REACH, REACH + 1):

@@ -45,6 +45,31 @@ class Cylinders:
 
 
 @dataclass(frozen=True)
+class Cylinder:
+    """Its ``radius`` and how far it reaches to both sides of its core point, ``half_length``, metres.
+
+    Its wall and its ends belong to it.
+    """
+
+    radius: float
+    half_length: float
+
+
+@dataclass(frozen=True)
+class LevelTerms:
+    """What a level of detection needs in addition to the points' scatter.
+
+    Attributes:
+        minimum_points: of each cloud in a cylinder.
+        registration_error: standard error of the registration, metres; added as in eq. 1 of the paper.
+    """
+
+    minimum_points: int = 5
+    confidence: float = 0.95
+    registration_error: float = 0.0
+
+
+@dataclass(frozen=True)
 class Distances:
     """M3C2 at m core points, metres; the moving cloud minus the reference, positive to the side of the normal.
 
@@ -67,57 +92,46 @@ class Distances:
     model: ErrorModel = field(default_factory=uncalibrated)
     plants_factor: float = 1.0
 
-    def share(self, status: Status) -> float:
-        """Share of the core points with this status."""
-        return float(np.mean(self.status == status))
-
     @property
     def measured(self) -> NDArray[np.bool_]:
         return self.status == Status.MEASURED
 
 
 def m3c2_distances(
-    reference: Lattice,
-    moving: Lattice,
+    clouds: tuple[Lattice, Lattice],
     core: Float,
     normal: Float,
+    cylinder: Cylinder,
+    terms: LevelTerms | None = None,
     *,
-    radius: float,
-    half_length: float,
-    minimum_points: int = 5,
-    confidence: float = 0.95,
-    registration_error: float = 0.0,
     spread: bool = False,
     progress: Progress | None = None,
 ) -> Distances:
     """Distance and level of detection at each core point.
 
     Args:
+        clouds: the reference and the later survey.
         core: (m, 3) where to measure.
         normal: (m, 3) in which direction; brought to length 1 here, zeros where there is none.
-        radius: of the cylinder, metres. Its wall and its ends belong to it.
-        half_length: the cylinder reaches so far to both sides of the core point, metres.
-        minimum_points: of each cloud, for a level of detection.
-        registration_error: standard error of the registration, metres; added as in eq. 1 of the paper.
         spread: also return how the points of each cylinder lie across its axis, which calibrating the level needs.
     """
-    progress = progress or Progress()
+    progress, terms = progress or Progress(), terms or LevelTerms()
     length = np.linalg.norm(normal, axis=1)
     directed = length > 0
     unit = np.divide(normal, length[:, None], out=np.zeros_like(normal), where=directed[:, None])
     with progress.stage(0.0, 0.5, "measuring the reference"):
-        first = cylinder_statistics(reference, core, unit, radius, half_length, progress, spread=spread)
+        first = cylinder_statistics(clouds[0], core, unit, cylinder, progress, spread=spread)
     with progress.stage(0.5, 1.0, "measuring the later survey"):
-        second = cylinder_statistics(moving, core, unit, radius, half_length, progress, spread=spread)
+        second = cylinder_statistics(clouds[1], core, unit, cylinder, progress, spread=spread)
     fewest = np.minimum(first.count, second.count)
     status = np.full(len(core), Status.MEASURED, dtype=np.uint8)
-    status[fewest < minimum_points] = Status.FEW_POINTS
+    status[fewest < terms.minimum_points] = Status.FEW_POINTS
     status[fewest == 0] = Status.NO_POINTS
     status[~directed] = Status.NO_NORMAL
     distance = np.where(status <= Status.FEW_POINTS, second.mean - first.mean, np.nan)
     level = np.full(len(core), np.nan)
     sure = status == Status.MEASURED
-    level[sure] = level_of_detection(first, second, confidence, registration_error)[sure]
+    level[sure] = level_of_detection(first, second, terms.confidence, terms.registration_error)[sure]
     with np.errstate(invalid="ignore"):
         significant = np.abs(distance) > level
     return Distances(
@@ -129,8 +143,8 @@ def m3c2_distances(
         reference=first,
         moving=second,
         status=status,
-        confidence=confidence,
-        registration_error=registration_error,
+        confidence=terms.confidence,
+        registration_error=terms.registration_error,
     )
 
 
@@ -150,8 +164,7 @@ def cylinder_statistics(
     cloud: Lattice,
     core: Float,
     unit: Float,
-    radius: float,
-    half_length: float,
+    cylinder: Cylinder,
     progress: Progress | None = None,
     *,
     spread: bool = False,
@@ -178,7 +191,7 @@ def cylinder_statistics(
     )
     places, axes = (np.ascontiguousarray(rows.T) for rows in (core, unit))
     done = 0
-    for number, point in cloud.candidates(core, half_length * unit, radius):
+    for number, point in cloud.candidates(core, cylinder.half_length * unit, cylinder.radius):
         done += int(np.count_nonzero(number[1:] != number[:-1])) + 1
         offset = cloud.offsets(places, number, point)
         axis = [component.take(number) for component in axes]
@@ -189,7 +202,7 @@ def cylinder_statistics(
             component -= share
             component *= component
             across += component
-        inside = np.flatnonzero((np.abs(along) <= half_length) & (across <= radius**2))
+        inside = np.flatnonzero((np.abs(along) <= cylinder.half_length) & (across <= cylinder.radius**2))
         if len(inside):
             number, point = number.take(inside), point.take(inside)
             _fill(found, cloud, number, point, along.take(inside))

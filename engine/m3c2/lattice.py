@@ -16,16 +16,16 @@ from numpy.typing import NDArray
 
 from ..core.arrays import Float, Index
 
-CUBES_A_RADIUS = 1.0  # measured: smaller cubes fit the cylinder better, but take more looking up
-_PAIRS = 500_000  # pairs of a place and a point held at a time; some 150 bytes each, fewer stay in a faster cache
-_RUNS = 500_000  # rows of cells looked up at a time
-_SAMPLE = 100_000
-_MOST_CUBES = 2.0**57  # the key of one takes three bits less
+CUBES_PER_RADIUS = 1.0  # measured: smaller cubes fit the cylinder better, but take more looking up
+_CHUNK_PAIRS = 500_000  # pairs of a place and a point held at a time; some 150 bytes each, fewer stay in a faster cache
+_CHUNK_ROWS = 500_000  # rows of cells looked up at a time
+_SAMPLE_POINTS = 100_000
+_MAX_CUBES = 2.0**57  # the key of one takes three bits less
 
 
 def dominant_frame(xyz: Float) -> Float:
     """Rows (3, 3): two axes in the plane that fits the points (n, 3) best, and its normal, which points upwards."""
-    some = xyz[:: max(1, len(xyz) // _SAMPLE)]
+    some = xyz[:: max(1, len(xyz) // _SAMPLE_POINTS)]
     local = some - some.mean(axis=0)
     _, vectors = np.linalg.eigh(local.T @ local)
     u, w = vectors[:, 2], vectors[:, 0]
@@ -46,22 +46,16 @@ class _Spheres:
 
 
 class Lattice:
-    """Points sorted by cubes along the axes of ``frame`` (see ``dominant_frame``).
+    """Points sorted by cubes along the axes of ``frame``, the ``dominant_frame``.
 
     ``points`` (3, n), x, y and z by themselves, are in that order, and so are ``values`` (n,), a figure of each point,
     where there are any.
     """
 
-    def __init__(
-        self,
-        xyz: Float,
-        radius: float,
-        frame: Float | None = None,
-        values: NDArray[np.floating] | None = None,
-    ) -> None:
+    def __init__(self, xyz: Float, radius: float, values: NDArray[np.floating] | None = None) -> None:
         """Sort ``xyz`` (n, 3), n > 0, and the points' ``values`` (n,) for searches of about ``radius``."""
-        self.frame = dominant_frame(xyz) if frame is None else frame
-        self.cell = radius / CUBES_A_RADIUS
+        self.frame = dominant_frame(xyz)
+        self.cell = radius / CUBES_PER_RADIUS
         self._origin = xyz[0].copy()
         self._digits = 16 * np.finfo(np.float64).eps * float(np.abs(xyz).max())
         local = self.frame @ np.ascontiguousarray((xyz - self._origin).T)
@@ -69,9 +63,9 @@ class Lattice:
         local -= self._low[:, None]
         widest = local.max(axis=1)
         spans = np.floor(widest / self.cell) + 1
-        if spans.prod() > _MOST_CUBES:
+        if spans.prod() > _MAX_CUBES:
             # so few points in so many cubes: larger ones do as well
-            self.cell *= float(spans.max()) / _MOST_CUBES ** (1 / 3)
+            self.cell *= float(spans.max()) / _MAX_CUBES ** (1 / 3)
             spans = np.floor(widest / self.cell) + 1
         self._columns, self._rows, layers = (int(s) for s in spans)
         local /= self.cell
@@ -120,7 +114,7 @@ class Lattice:
         squared = (half_axes**2).sum(axis=1)
         inverse = np.divide(1.0, squared, out=np.zeros_like(squared), where=squared > np.finfo(np.float64).tiny)
         segments = np.vstack([places.T, half_axes.T, inverse])
-        for part in _parts(rows[order], _RUNS):
+        for part in _parts(rows[order], _CHUNK_ROWS):
             chosen = order[part]
             chosen = chosen[rows[chosen] > 0]
             number = np.repeat(chosen, rows[chosen])
@@ -129,7 +123,7 @@ class Lattice:
             points = self._cubes[stop] - self._cubes[start]
             held = np.bincount(np.repeat(np.arange(len(chosen)), rows[chosen]), points, len(chosen))
             ends = np.cumsum(rows[chosen])
-            for few in _parts(held.astype(np.int64), _PAIRS):
+            for few in _parts(held.astype(np.int64), _CHUNK_PAIRS):
                 lines = slice(ends[few.start] - rows[chosen[few.start]], ends[few.stop - 1])
                 size = stop[lines] - start[lines]
                 owner, member = np.repeat(number[lines], size), _ranges(start[lines], size)

@@ -126,8 +126,8 @@ def level_facts(found: Distances, *, calibrate: bool) -> dict[str, Any]:
     }
 
 
-def say_level(found: Distances, progress: Progress) -> None:
-    """How the calibration went: what it learned, or why it could not."""
+def report_level(found: Distances, progress: Progress) -> None:
+    """Report what the calibration found, or why there is none."""
     for note in found.model.notes:
         progress.warning(note)
     if found.model.kind != "calibrated":

@@ -11,10 +11,10 @@ from ..core.arrays import Float, Index
 from ..core.progress import Progress
 from .lattice import Lattice, runs
 
-LEAST_POINTS = 4  # three always lie in a plane
+MIN_PLANE_POINTS = 4  # three always lie in a plane
 # points whose spread across their line has less than this share of the variance along it fix no plane
 _MIN_SPREAD_RATIO = 1e-2
-_GROUP = 20_000  # eigenvalue problems a native call, so that a cancel is heard in time
+_CHUNK_PROBLEMS = 20_000  # eigenvalue problems a native call, so that cancelling takes effect in time
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,8 @@ def fit_planes(
         if len(inside):
             which, members, scatter = _scatter(number.take(inside), [axis.take(inside) for axis in local])
             count[which] = members
-            for start in range(0, len(which), _GROUP):
-                part = slice(start, start + _GROUP)
+            for start in range(0, len(which), _CHUNK_PROBLEMS):
+                part = slice(start, start + _CHUNK_PROBLEMS)
                 normal[which[part]], roughness[which[part]] = _planes(members[part], scatter[part])
         progress.update(done / max(len(places), 1))
     normal[normal @ toward < 0] *= -1.0
@@ -80,7 +80,7 @@ def _scatter(number: Index, local: list[Float]) -> tuple[Index, Index, Float]:
 def _planes(members: Index, scatter: Float) -> tuple[Float, Float]:
     values, vectors = np.linalg.eigh(scatter)
     values = np.maximum(values, 0.0)
-    plane = (members >= LEAST_POINTS) & (values[:, 1] > _MIN_SPREAD_RATIO * values[:, 2])
+    plane = (members >= MIN_PLANE_POINTS) & (values[:, 1] > _MIN_SPREAD_RATIO * values[:, 2])
     with np.errstate(divide="ignore", invalid="ignore"):
         # a plane has three parameters
         roughness = np.where(plane, np.sqrt(values[:, 0] / (members - 3)), np.nan)

@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ...interface.parameters import DistanceParameters
+from ...interface.parameters import DistanceParameters, given
 from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.progress import Progress
-from .distances import cylinder_statistics
+from .distances import Cylinder, cylinder_statistics
 from .lattice import Lattice
 from .normals import Fits, fit_planes
 
-NORMAL_RATIO, LEAST_RATIO = 25.0, 20.0  # normal scale over roughness
+NORMAL_RATIO, MIN_NORMAL_RATIO = 25.0, 20.0  # normal scale over roughness
 CYLINDER_POINTS = 25.0
 _MAX_PLACES = 1000  # places at which scales are tried
 _MAX_DISTANCE_POINTS = 200_000  # points whose distance to the other cloud is taken
@@ -71,21 +71,21 @@ def choose_scales(
     first = 2 * float(np.median(_tree(reference).query(places, k=[_SMALLEST_BALL_POINTS])[0]))
     if not first > 0:
         raise InputError("The reference consists of duplicate points; remove them first.")
-    normal_scale, fits, warnings = _normal_scale(reference, places, first, parameters.normal_scale)
+    normal_scale, fits, warnings = _normal_scale(reference, places, first, given(parameters.normal_scale))
     roughness = float(np.median(fits.roughness[fits.found])) if fits.found.any() else math.nan
     progress.update(0.4, "choosing the cylinder")
     separation = _separation(reference, moving)
     directed = fits.normal if fits.found.any() else np.tile([0.0, 0.0, 1.0], (len(places), 1))
     reach = max(2 * separation, 10 * (roughness if math.isfinite(roughness) else 0.0))
-    density = _density(reference, moving, places, directed, normal_scale / 2, parameters.half_length or reach)
+    density = _density(reference, moving, places, directed, normal_scale / 2, given(parameters.half_length) or reach)
     progress.update(0.9, "choosing the cylinder")
-    projection = parameters.projection_scale or _round_up(2 * math.sqrt(CYLINDER_POINTS / (math.pi * density)))
-    half_length = parameters.half_length or _round_up(max(reach, projection / 2))
+    projection = given(parameters.projection_scale) or _round_up(2 * math.sqrt(CYLINDER_POINTS / (math.pi * density)))
+    half_length = given(parameters.half_length) or _round_up(max(reach, projection / 2))
     return Scales(
         normal_scale=normal_scale,
         projection_scale=projection,
         half_length=half_length,
-        core_spacing=parameters.core_spacing or _plain_below(projection / 2),
+        core_spacing=given(parameters.core_spacing) or _plain_below(projection / 2),
         roughness=roughness,
         normal_ratio=normal_scale / roughness if roughness > 0 else math.inf,
         density=density,
@@ -148,10 +148,12 @@ def _sample(reference: Float, bounds: tuple[float, float, float, float]) -> Floa
     return places
 
 
-def _normal_scale(reference: Float, places: Float, first: float, given: float) -> tuple[float, Fits, tuple[str, ...]]:
+def _normal_scale(
+    reference: Float, places: Float, first: float, stated: float | None
+) -> tuple[float, Fits, tuple[str, ...]]:
     """The smallest scale, in steps of the square root of two, that is ``NORMAL_RATIO`` times its own roughness."""
-    if given:
-        return given, fit_planes(Lattice(reference, given / 2), places, given), ()
+    if stated is not None:
+        return stated, fit_planes(Lattice(reference, stated / 2), places, stated), ()
     largest = float(np.linalg.norm(np.ptp(reference, axis=0)[:2])) / 2
     shuffled = np.random.default_rng(0).permutation(len(reference))
     best: tuple[float, float, Fits] | None = None
@@ -175,11 +177,11 @@ def _normal_scale(reference: Float, places: Float, first: float, given: float) -
         warning = "The points fix no normals at any scale (they lie on lines, perhaps); give --normal-scale."
         return scale, fit_planes(Lattice(reference, scale / 2), places, scale), (warning,)
     ratio, scale, fits = best
-    if ratio >= LEAST_RATIO:
+    if ratio >= MIN_NORMAL_RATIO:
         return scale, fits, ()
     warning = (
         f"At no scale is the surface plane enough for sure normals: {scale:g} m, the best, is only {ratio:.1f} times "
-        f"the roughness ({LEAST_RATIO:.0f} to {NORMAL_RATIO:.0f} are wanted); is vegetation left in the clouds?"
+        f"the roughness ({MIN_NORMAL_RATIO:.0f} to {NORMAL_RATIO:.0f} are wanted); is vegetation left in the clouds?"
     )
     return scale, fits, (warning,)
 
@@ -200,7 +202,7 @@ def _density(reference: Float, moving: Float, places: Float, normal: Float, radi
     """Points a square metre, across the normal, that three quarters of the places exceed in the sparser cloud."""
     per_cloud = []
     for cloud in (reference, moving):
-        count = cylinder_statistics(Lattice(cloud, radius), places, normal, radius, half_length).count
+        count = cylinder_statistics(Lattice(cloud, radius), places, normal, Cylinder(radius, half_length)).count
         per_cloud.append(count / (math.pi * radius**2))
     sparser = np.minimum(*per_cloud)
     if not (sparser > 0).any():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import cast
 
@@ -12,33 +13,45 @@ import numpy as np
 import shapely
 from affine import Affine
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 from PIL import Image
 from rasterio.features import rasterize, shapes
 from scipy import ndimage
 
 from ..core.errors import EngineError
-from .furniture import BODY, INK, SMALL, Sheet, draw_north, draw_scale_bar, wrap
+from ..grid.grid import Grid
 from .heatmap_image import Heatmap
-from .map_legend import draw_keys, draw_legend
+from .map_parts import (
+    BODY,
+    INK,
+    SMALL,
+    Sheet,
+    draw_coordinates,
+    draw_image,
+    draw_key,
+    draw_legend,
+    draw_north,
+    draw_scale_bar,
+    fonts,
+    wrap,
+)
+from .palette import veiled
 
 DPI = 150
 _MAX_PIXELS = 2000  # longest side of the picture that is drawn
 _MAX_LABELS = 40  # most zone ids on a map
 _LEFT, _RIGHT, _BOTTOM, _TOP = 0.5, 0.4, 0.45, 0.15  # margins around the map, inches
-_COLUMN = 2.6  # width of the legend's column beside a tall map
+_COLUMN = 2.6  # width of the legend's column next to a tall map
 _FOOTER = 1.0  # height of the legend's band below a wide map
 _TITLE, _TITLE_LINE, _NOTE_LINE = 13.0, 0.25, 0.19
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Sizes in inches: of the figure, of the map and from the figure's lower left to it; is the legend beside it?"""
+    """Sizes in inches: of the figure, of the map and from the figure's lower left to it; is the legend next to it?"""
 
     width: float
     height: float
@@ -50,7 +63,7 @@ class Layout:
 
 
 def plan_layout(width_m: float, height_m: float, header: float) -> Layout:
-    """The legend lies below a wide slope and beside a tall one; a very long slope gets a longer figure.
+    """The legend lies below a wide slope and next to a tall one; a very long slope gets a longer figure.
 
     Args:
         header: inches for title and notes above the map.
@@ -70,19 +83,6 @@ def plan_layout(width_m: float, height_m: float, header: float) -> Layout:
     return Layout(width, _BOTTOM + map_height + _TOP + header, left, _BOTTOM, map_width, map_height, beside=True)
 
 
-def draw_map(
-    path: Path,
-    heatmap: Heatmap,
-    *,
-    zones: gpd.GeoDataFrame | None = None,
-    epochs: tuple[str, str] = ("", ""),
-    name: str = "",
-) -> None:
-    """Draw and write the PNG; see ``heatmap.write_heatmap_png``."""
-    figure = make_figure(heatmap, zones=zones, epochs=epochs, name=name)
-    figure.savefig(path, format="png", dpi=DPI, metadata={"Software": "SlopeWatch"})
-
-
 def make_figure(
     heatmap: Heatmap,
     *,
@@ -90,51 +90,50 @@ def make_figure(
     epochs: tuple[str, str] = ("", ""),
     name: str = "",
 ) -> Figure:
-    """The figure, on a canvas of its own: no global state of matplotlib."""
+    """The annotated map; see ``heatmap.write_heatmap_png``."""
     west, south, east, north = heatmap.grid.bounds
-    first = plan_layout(east - west, north - south, 0.0)
-    figure = Figure(dpi=DPI)
-    renderer = FigureCanvasAgg(figure).get_renderer()
-    sheet = Sheet(figure, first.width, first.height)
-
-    def lines(text: str, size: float, weight: str) -> list[str]:
-        font = sheet.fonts(size, weight)
-        room = first.width - _LEFT - _RIGHT
-        return wrap(text, room, lambda t: renderer.get_text_width_height_descent(t, font, False)[0] / DPI)
-
-    outlined = zones is not None and len(zones) > 0
-    blocks = (
-        (lines(_title(heatmap.words.title, epochs, name), _TITLE, "bold"), _TITLE, "bold", _TITLE_LINE),
-        (lines(_notes(heatmap, zones), BODY, "normal"), BODY, "normal", _NOTE_LINE),
-    )
-    header = 0.3 + sum(len(texts) * step for texts, _, _, step in blocks)
-    layout = plan_layout(east - west, north - south, header)
-    sheet = Sheet(figure, layout.width, layout.height)
+    layout = plan_layout(east - west, north - south, 0.0)
+    sheet = Sheet(layout.width, layout.height, DPI)
+    room = layout.width - _LEFT - _RIGHT
+    header = [
+        (line, size, weight, step)
+        for text, size, weight, step in (
+            (_title(heatmap.words.title, epochs, name), _TITLE, "bold", _TITLE_LINE),
+            (_notes(heatmap, zones), BODY, "normal", _NOTE_LINE),
+        )
+        for line in wrap(text, room, partial(sheet.text_width, size=size, weight=weight))
+    ]
+    layout = plan_layout(east - west, north - south, 0.3 + sum(step for *_, step in header))
+    sheet.resize(layout.width, layout.height)
     y = layout.height - 0.3
-    for texts, size, weight, step in blocks:
-        for text in texts:
-            sheet.text(_LEFT, y, text, size, weight=weight)
-            y -= step
+    for line, size, weight, step in header:
+        sheet.text(_LEFT, y, line, size, weight=weight)
+        y -= step
 
-    axes = sheet.axes(layout.map_left, layout.map_bottom, layout.map_width, layout.map_height)
-    axes.set_label("map")
-    _draw_picture(axes, heatmap)
-    _draw_coordinates(axes, layout, heatmap, sheet)
-    if zones is not None and outlined:
-        _draw_zones(axes, layout, heatmap, zones, sheet)
+    axes = sheet.axes(layout.map_left, layout.map_bottom, layout.map_width, layout.map_height, "map")
+    picture, factor = shrunk(heatmap.rgba, _MAX_PIXELS)
+    draw_image(axes, picture, Grid(west, north, heatmap.grid.cell * factor, *picture.shape[:2]))
     inches_a_metre = layout.map_width / (east - west)
+    draw_coordinates(axes, heatmap.grid, inches_a_metre)
+    outlined = zones is not None and len(zones) > 0
+    if zones is not None and outlined:
+        _draw_zones(axes, layout, heatmap, zones)
     if layout.beside:
         x, top = layout.width - _RIGHT - _COLUMN + 0.35, layout.map_bottom + layout.map_height
         draw_north(sheet, x + 0.12, top - 0.5)
         draw_scale_bar(sheet, x, top - 1.0, 1.8, inches_a_metre)
         draw_legend(sheet, (x, top - 4.6, 0.22, 2.6), heatmap, vertical=True)
-        draw_keys(sheet, x, top - 5.15, heatmap, outlines=outlined)
+        keys = x, top - 5.15
     else:
         draw_north(sheet, _LEFT + 0.12, 0.4)
         draw_scale_bar(sheet, _LEFT + 0.6, 0.55, 2.2, inches_a_metre)
         draw_legend(sheet, (_LEFT + 3.5, 0.5, 3.2, 0.2), heatmap, vertical=False)
-        draw_keys(sheet, _LEFT + 7.0, 0.75, heatmap, outlines=outlined)
-    return figure
+        keys = _LEFT + 7.0, 0.75
+    grey = veiled(heatmap.backdrop, heatmap.opacity) / 255.0
+    draw_key(sheet, *keys, heatmap.words.veil, face=f"{grey:.4f}")
+    if outlined:
+        draw_key(sheet, keys[0], keys[1] - 0.34, [heatmap.words.outline], edge=INK)
+    return sheet.figure
 
 
 def check_png(path: Path) -> None:
@@ -181,52 +180,15 @@ def _notes(heatmap: Heatmap, zones: gpd.GeoDataFrame | None) -> str:
     return notes
 
 
-def _draw_picture(axes: Axes, heatmap: Heatmap) -> None:
-    west, south, east, north = heatmap.grid.bounds
-    picture, factor = shrunk(heatmap.rgba, _MAX_PIXELS)
-    rows, columns = picture.shape[:2]
-    cell = heatmap.grid.cell * factor
-    axes.imshow(
-        picture,
-        extent=(west, west + columns * cell, north - rows * cell, north),
-        interpolation="antialiased",
-        aspect="auto",
-        zorder=1,
-    )
-    axes.set_xlim(west, east)
-    axes.set_ylim(south, north)
-
-
-def _draw_coordinates(axes: Axes, layout: Layout, heatmap: Heatmap, sheet: Sheet) -> None:
-    west, south, east, north = heatmap.grid.bounds
-    sides = ((axes.xaxis, layout.map_width, west, east), (axes.yaxis, layout.map_height, south, north))
-    for axis, inches, low, high in sides:
-        steps = MaxNLocator(nbins=max(1, min(8, int(inches / 1.1))), steps=[1, 2, 5, 10], min_n_ticks=1)
-        # half a label's length from the corners, where those of the two axes would meet
-        edge = 0.35 * (high - low) / inches
-        ticks = [t for t in steps.tick_values(low, high) if low + edge <= t <= high - edge]
-        decimals = max(0, math.ceil(-math.log10((high - low) / 4)))
-        axis.set_ticks(ticks, labels=[f"{t:.{decimals}f}" for t in ticks])
-    axes.tick_params(colors="#555555", length=3, width=0.6)
-    for label in axes.get_yticklabels():
-        label.set_rotation(90)
-        label.set_verticalalignment("center")
-    for label in (*axes.get_xticklabels(), *axes.get_yticklabels()):
-        label.set_fontproperties(sheet.fonts(SMALL))
-    for spine in axes.spines.values():
-        spine.set_color("#777777")
-        spine.set_linewidth(0.6)
-
-
-def _draw_zones(axes: Axes, layout: Layout, heatmap: Heatmap, zones: gpd.GeoDataFrame, sheet: Sheet) -> None:
-    """Outer rings and, as far as they find room, ids: the most severe first, beside the zone if it must be."""
+def _draw_zones(axes: Axes, layout: Layout, heatmap: Heatmap, zones: gpd.GeoDataFrame) -> None:
+    """Outer rings and, as far as they find room, ids: the most severe first, next to the zone where it has no room."""
     west, south, east, _ = heatmap.grid.bounds
     scale = layout.map_width / (east - west)
     rings = _outlines(np.asarray(zones.geometry), heatmap.grid.bounds, 0.015 / scale)
     axes.add_collection(LineCollection(rings, colors="white", linewidths=1.8, alpha=0.6, zorder=2), autolim=False)
     axes.add_collection(LineCollection(rings, colors=INK, linewidths=0.8, zorder=3), autolim=False)
     placed: list[tuple[float, float, float, float]] = []
-    # the ids of a map that is hardly wider than they stand on the white paper beside it
+    # a map that is hardly wider than the ids has them on the white paper next to it
     narrow = layout.beside and layout.map_width < 1.0
     room = layout.map_width + (0.8 if narrow else 0.0), layout.map_height
     boxes = (shapely.bounds(np.asarray(zones.geometry))[:_MAX_LABELS] - (west, south, west, south)) * scale
@@ -252,7 +214,7 @@ def _draw_zones(axes: Axes, layout: Layout, heatmap: Heatmap, zones: gpd.GeoData
             x,
             y,
             name,
-            fontproperties=sheet.fonts(SMALL, "bold"),
+            fontproperties=fonts(SMALL, "bold"),
             color=INK,
             ha="center",
             va="center",

@@ -1,4 +1,4 @@
-"""The heatmap as an image: change laid over the relief."""
+"""The heatmap as an image: change laid over the top view; and the words on its map."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ...interface.parameters import HeatmapParameters
+from ...interface.parameters import HeatmapParameters, given
 from ..grid.grid import Grid
-from .map_text import Words
 from .palette import colour_limit, diverging_colours, veiled
 from .top_view import TopView
 
@@ -17,6 +16,24 @@ from .top_view import TopView
 _FADE = 0.6
 _AT_ONCE = 1_000_000  # pixels that are coloured at a time
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # ITU-R BT.709
+
+
+@dataclass(frozen=True)
+class Words:
+    """What a map says of itself; an elevation change by default.
+
+    ``low`` and ``high`` name the legend's ends, ``veil`` and ``outline`` the keys; ``notes`` stand below the title,
+    those of a change where they are empty. ``signed``: whether the legend's numbers have a sign.
+    """
+
+    title: str = "Elevation change"
+    legend: str = "Elevation change (m)"
+    low: str = "lowered"
+    high: str = "raised"
+    veil: tuple[str, str] = ("grey veil: measured, but", "below the level of detection")
+    outline: str = "hazard zone"
+    notes: str = ""
+    signed: bool = True
 
 
 @dataclass(frozen=True)
@@ -63,7 +80,7 @@ def make_heatmap(
     level = float(np.median(lod[np.isfinite(lod)])) if np.isfinite(lod).any() else float("nan")
     shown = significant & np.isfinite(dz)
     if limit is None:
-        limit = colour_limit(dz[shown], parameters.colour_range, level=level)
+        limit = colour_limit(dz[shown], given(parameters.colour_range), level=level)
     row, column = _nearest_cells(view.grid, grid)
     inside = ((row >= 0) & (row < grid.rows))[:, np.newaxis] & ((column >= 0) & (column < grid.columns))
     row, column = np.clip(row, 0, grid.rows - 1), np.clip(column, 0, grid.columns - 1)

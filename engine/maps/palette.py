@@ -8,6 +8,7 @@ colour blindness (Machado et al. 2009, doi:10.1109/TVCG.2009.113): 0.13 or more 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -41,34 +42,44 @@ LIKELIHOOD: tuple[tuple[float, Colour], ...] = (
 BELOW_LEVEL: Colour = (0x8C, 0x8C, 0x8C)
 
 
+_SIGNED = (
+    *((-share, lowered) for share, lowered, _ in DIVERGING[:0:-1]),
+    *((share, raised) for share, _, raised in DIVERGING),
+)
+
+
+def colours_at(ramp: Sequence[tuple[float, Colour]], places: NDArray[np.floating]) -> NDArray[np.uint8]:
+    """RGB (..., 3) of ``places`` (...) on a ramp, between its stops."""
+    stops, colours = zip(*ramp, strict=True)
+    bands = [np.interp(places, stops, band) for band in zip(*colours, strict=True)]
+    return np.rint(np.stack(bands, axis=-1)).astype(np.uint8)
+
+
+def signed_colours(share: float) -> tuple[Colour, Colour]:
+    """Colours of lowering and of raising by ``share`` (0 to 1) of the diverging ramp's range."""
+    (r, g, b), (red, green, blue) = colours_at(_SIGNED, np.array([-share, share])).tolist()
+    return (r, g, b), (red, green, blue)
+
+
 def diverging_colours(values: NDArray[np.floating], limit: float) -> NDArray[np.uint8]:
     """RGB (..., 3) of ``values`` in metres on the ramp from -limit to +limit, clipped to it; NaN is black."""
-    positions = np.array([-s for s, _, _ in DIVERGING[:0:-1]] + [s for s, _, _ in DIVERGING])
-    colours = np.array([low for _, low, _ in DIVERGING[:0:-1]] + [high for _, _, high in DIVERGING], dtype=np.float64)
-    table = np.stack([np.interp(np.linspace(-1, 1, 1021), positions, colours[:, band]) for band in range(3)], axis=1)
     index = np.nan_to_num(np.rint((np.clip(values / limit, -1.0, 1.0) + 1.0) * 510.0)).astype(np.int64)
-    rgb: NDArray[np.uint8] = np.rint(table).astype(np.uint8)[index]
+    rgb = colours_at(_SIGNED, np.linspace(-1, 1, 1021))[index]
     rgb[np.isnan(values)] = 0
     return rgb
 
 
 def sequential_steps(count: int) -> list[Colour]:
     """``count`` colours along the sequential ramp, lightest first."""
-    places = [share for share, _ in SEQUENTIAL]
-    bands = list(zip(*(colour for _, colour in SEQUENTIAL), strict=True))
-    found = []
-    for step in range(count):
-        red, green, blue = (round(float(np.interp(step / max(count - 1, 1), places, band))) for band in bands)
-        found.append((red, green, blue))
-    return found
+    return [(red, green, blue) for red, green, blue in colours_at(SEQUENTIAL, np.linspace(0, 1, count)).tolist()]
 
 
-def colour_limit(values: NDArray[np.floating], colour_range: float = 0.0, *, level: float = 0.0) -> float:
-    """End of a legend in metres: ``colour_range`` where it is set, else the rounded 98th percentile of magnitudes.
+def colour_limit(values: NDArray[np.floating], colour_range: float | None = None, *, level: float = 0.0) -> float:
+    """End of a legend in metres: ``colour_range`` where it is given, else the rounded 98th percentile of magnitudes.
 
     Never below twice the ``level`` of detection, so that noise is not drawn in full colours.
     """
-    if colour_range > 0:
+    if colour_range:
         return colour_range
     known = np.abs(values[np.isfinite(values)])
     largest = float(np.percentile(known, 98)) if known.size else 0.0

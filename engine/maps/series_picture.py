@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import LinearSegmentedColormap
-from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
-from matplotlib.figure import Figure
-from matplotlib.patches import Patch
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
 
 from ..core.number_text import fixed
 from ..core.staged_outputs import atomic_output
@@ -18,7 +16,18 @@ from ..series.tables import About, zone_polygon
 from ..series.velocity import CellVelocity
 from ..series.zone_series import ZoneSeries
 from ..statistics.normal import Z95
-from .palette import DIVERGING, colour_limit, hexadecimal
+from .map_parts import (
+    SMALL,
+    Sheet,
+    draw_coordinates,
+    draw_image,
+    draw_key,
+    draw_north,
+    draw_scale_bar,
+    draw_signed_bar,
+    fonts,
+)
+from .palette import colour_limit, diverging_colours
 
 _MAX_LINES = 8  # more cannot be distinguished
 
@@ -30,62 +39,60 @@ def write_series_picture(
 
     Bars are 95 % intervals. At most eight zones get a line: those with the highest alert, then the fastest.
     """
-    figure = Figure(figsize=(13, 5.6), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
-    place, chart = figure.subplots(1, 2, width_ratios=(1.05, 1))
-    _map(figure, place, zones, velocity, about)
-    _chart(chart, zones, about)
-    figure.suptitle(f"{about.dates[0].isoformat()} to {about.dates[-1].isoformat()}, {len(about.dates)} surveys")
-    figure.supxlabel(footer, fontsize=8.5, color="#444444")
+    sheet = Sheet(13.0, 5.6, dpi=110)
+    title = f"{about.dates[0].isoformat()} to {about.dates[-1].isoformat()}, {len(about.dates)} surveys"
+    sheet.text(6.5, 5.4, title, 12.0, ha="center")
+    _map(sheet, zones, velocity, about)
+    _chart(sheet.axes(7.4, 0.85, 5.4, 4.1), zones, about)
+    sheet.text(6.5, 0.15, footer, 8.5, ha="center")
     with atomic_output(path) as partial:
-        figure.savefig(partial, format="png", metadata={"Software": None})
+        sheet.figure.savefig(partial, format="png", metadata={"Software": None})
 
 
 def _ranked(zones: Sequence[ZoneSeries]) -> list[ZoneSeries]:
     return sorted(zones, key=lambda z: (-z.alert.level, -abs(z.velocity.rate if z.velocity else 0.0)))
 
 
-def _map(figure: Figure, axes, zones: Sequence[ZoneSeries], velocity: CellVelocity, about: About) -> None:  # type: ignore[no-untyped-def]
+def _map(sheet: Sheet, zones: Sequence[ZoneSeries], velocity: CellVelocity, about: About) -> None:
     rate = 1000 * velocity.rate
     with np.errstate(invalid="ignore"):
         beyond = np.abs(velocity.rate) > Z95 * velocity.error
-    level = 1000 * Z95 * float(np.nanmedian(velocity.error))
-    limit = colour_limit(rate[beyond], 0.0, level=level)
-    stops = sorted([(0.5 - s / 2, low) for s, low, _ in DIVERGING] + [(0.5 + s / 2, high) for s, _, high in DIVERGING])
-    ramp = LinearSegmentedColormap.from_list("change", [(p, hexadecimal(c)) for p, c in dict(stops).items()])
+    limit = colour_limit(rate[beyond], level=1000 * Z95 * float(np.nanmedian(velocity.error)))
+    image = np.where(np.isfinite(rate), 217, 255).astype(np.uint8)[..., np.newaxis].repeat(3, axis=2)
+    image[beyond] = diverging_colours(rate[beyond], limit)
     west, south, east, north = about.grid.bounds
-    still = np.where(np.isfinite(rate), 0.85, 1.0)
-    extent = (0.0, east - west, 0.0, north - south)
-    axes.imshow(still, cmap="gray", vmin=0, vmax=1, extent=extent, interpolation="nearest")
-    shown = axes.imshow(
-        np.where(beyond, rate, np.nan), cmap=ramp, vmin=-limit, vmax=limit, extent=extent, interpolation="nearest"
-    )
+    inches = min(5.6 / (east - west), 3.5 / (north - south))
+    wide, tall = inches * (east - west), inches * (north - south)
+    axes = sheet.axes(0.6 + (5.6 - wide) / 2, 1.4 + (3.5 - tall) / 2, wide, tall, "map")
+    draw_image(axes, image, about.grid, "nearest")
+    draw_coordinates(axes, about.grid, inches)
     for zone in zones:
         shape = zone_polygon(zone.cells, about.grid).buffer(about.grid.cell).buffer(-about.grid.cell)
-        for part in getattr(shape, "geoms", [shape]):
-            if part.is_empty:
-                continue
-            x, y = np.array(part.exterior.coords).T
-            axes.plot(x - west, y - south, color="white", linewidth=2.6)
-            axes.plot(x - west, y - south, color=zone.alert.colour, linewidth=1.5)
+        for part in shapely.get_parts(shape):
+            for colour, width in (("white", 2.6), (zone.alert.colour, 1.5)):
+                axes.plot(*np.array(part.exterior.coords).T, color=colour, linewidth=width, scalex=False, scaley=False)
         axes.annotate(
             zone.track.zone_id,
-            (shape.centroid.x - west, shape.centroid.y - south),
-            fontsize=8,
+            (shape.centroid.x, shape.centroid.y),
+            fontproperties=fonts(8),
             ha="center",
             va="center",
             bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
         )
-    bar = figure.colorbar(shown, ax=axes, orientation="horizontal", shrink=0.8, pad=0.02)
-    bar.set_label("velocity (mm/day), red lowers, blue rises; grey: within its error")
-    axes.set(xlabel=f"m east of {west:.0f}", ylabel=f"m north of {south:.0f}", aspect="equal")
-    used = {z.alert.level: z.alert for z in zones}
-    if used:
-        handles = [Patch(facecolor=used[k].colour, label=f"{k} {used[k].name}") for k in sorted(used, reverse=True)]
-        axes.legend(handles=handles, fontsize=8, loc="upper right")
+    draw_north(sheet, 0.75, 0.5)
+    draw_scale_bar(sheet, 1.25, 0.65, 1.6, inches)
+    draw_signed_bar(sheet, (3.6, 0.65, 2.6, 0.16), diverging_colours(np.linspace(-1, 1, 256), 1.0), limit)
+    sheet.text(4.9, 0.95, "velocity (mm/day): red lowers, blue rises, grey within its error", ha="center")
+    used = {zone.alert.level: zone.alert for zone in zones}
+    x = 0.6
+    for level in sorted(used, reverse=True):
+        words = f"{level} {used[level].name}"
+        draw_key(sheet, x, 5.13, [words], face=used[level].colour)
+        x += 0.6 + sheet.text_width(words, SMALL)
 
 
-def _chart(axes, zones: Sequence[ZoneSeries], about: About) -> None:  # type: ignore[no-untyped-def]
+def _chart(axes: Axes, zones: Sequence[ZoneSeries], about: About) -> None:
+    days = np.asarray(date2num(about.dates))
     for number, zone in enumerate(_ranked(zones)[:_MAX_LINES]):
         known = np.flatnonzero(np.isfinite(zone.change))
         label = zone.track.zone_id
@@ -94,7 +101,7 @@ def _chart(axes, zones: Sequence[ZoneSeries], about: About) -> None:  # type: ig
             rate, low, high = (fixed(1000 * value, 2, sign=True) for value in (v.rate, v.low, v.high))
             label += f": {rate} mm/day ({low} to {high})"
         axes.errorbar(
-            [about.dates[i] for i in known],
+            days[known],
             zone.change[known],
             yerr=Z95 * zone.error[known],
             color=f"C{number}",
@@ -114,5 +121,5 @@ def _chart(axes, zones: Sequence[ZoneSeries], about: About) -> None:  # type: ig
         axes.legend(fontsize=8)
         axes.set_title(f"{min(len(zones), _MAX_LINES)} of {len(zones)} zones, bars 95 %", fontsize=10)
     else:
-        axes.set_xlim(about.dates[0], about.dates[-1])
+        axes.set_xlim(days[0], days[-1])
         axes.set_title("no change above the level of detection", fontsize=10)

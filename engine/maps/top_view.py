@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from ..core.arrays import Bool, Float
 from ..grid.grid import Grid, cell_index
@@ -98,14 +99,9 @@ def _stretched(values: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def _fill_gaps(picture: NDArray[np.float32], filled: Bool, distance: int) -> Bool:
     """Fill ``picture`` (rows, columns, bands) in place; returns which pixels are known now."""
-    padded = np.pad(filled, distance)
-    closed = padded
-    for _ in range(distance):
-        closed = _grown(closed)
-    for _ in range(distance):
-        closed = ~_grown(~closed)
-    inside = slice(distance, -distance) if distance else slice(None)
-    wanted = closed[inside, inside] & ~filled
+    width = 2 * distance + 1
+    closed = ndimage.minimum_filter(ndimage.maximum_filter(np.pad(filled, distance), width), width)
+    wanted = closed[distance:, distance:][: filled.shape[0], : filled.shape[1]] & ~filled
     known = np.pad(filled, 1)
     values = np.pad(picture, ((1, 1), (1, 1), (0, 0)))
     for _ in range(2 * distance):
@@ -126,14 +122,3 @@ def _fill_gaps(picture: NDArray[np.float32], filled: Bool, distance: int) -> Boo
         wanted[row, column] = False
     picture[...] = values[1:-1, 1:-1]
     return known[1:-1, 1:-1]
-
-
-def _grown(mask: Bool) -> Bool:
-    """``mask`` and its eight neighbours."""
-    wide = mask.copy()
-    wide[:, 1:] |= mask[:, :-1]
-    wide[:, :-1] |= mask[:, 1:]
-    grown = wide.copy()
-    grown[1:] |= wide[:-1]
-    grown[:-1] |= wide[1:]
-    return grown

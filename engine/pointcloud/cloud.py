@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from ..core.arrays import Float
-from ..geometry.rigid_transform import RigidTransform
 from .plant_cover import PlantCover
 
 
@@ -47,7 +46,3 @@ class PointCloud:
         """West, south, east, north."""
         low, high = self.xyz[:, :2].min(axis=0), self.xyz[:, :2].max(axis=0)
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
-
-    def moved(self, transform: RigidTransform) -> PointCloud:
-        """The same cloud with its points moved."""
-        return replace(self, xyz=transform.apply(self.xyz))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from laspy import DecompressionSelection, PackedPointRecord
 
+from ..core.arrays import Float, Index
 from ..crs.working_frame import WorkingFrame
 from .decoding_check import DecodedBounds
 from .header import CloudHeader
@@ -26,6 +27,12 @@ class Extent:
     def bounds(self) -> tuple[float, float, float, float]:
         """West, south, east, north."""
         return self.low[0], self.low[1], self.high[0], self.high[1]
+
+
+def square_metres(xyz: Float) -> Index:
+    """Numbers of the squares of a metre that points (n, 2+), m, lie in, each once."""
+    place = np.floor(xyz[:, :2]).astype(np.int64)
+    return np.unique((place[:, 0] << 32) + place[:, 1])
 
 
 class CheckedRecords:

@@ -15,7 +15,7 @@ from typing import BinaryIO
 
 from ..core.errors import InputError
 from ..core.messages import shown
-from .laz_chunks import LazLayout, laz_layout
+from .laz_chunks import LazLayout, PointBlock, laz_layout
 
 POINT_SIZES = {0: 20, 1: 28, 2: 26, 3: 34, 4: 57, 5: 63, 6: 30, 7: 36, 8: 38, 9: 59, 10: 67}
 """Least bytes of a point record, by point format."""
@@ -65,7 +65,6 @@ class CloudHeader:
     points_by_return: tuple[int, ...]
     offset_to_points: int
     file_size: int
-    vlr_count: int
     vlrs: dict[tuple[str, int], bytes]
     laz: LazLayout | None
     software: str
@@ -135,8 +134,8 @@ def _read(stream: BinaryIO, path: Path, size: int) -> CloudHeader:
         raise EmptyCloud(f"{name} holds no points; give a cloud with points or clip a larger area.")
     layout = None
     if form.compressed:
-        laszip = vlrs.get(("laszip encoded", 22204))
-        layout = laz_layout(stream, name, laszip, form.point_format, length, count, offset, size)
+        block = PointBlock(name, form.point_format, length, count, offset, size)
+        layout = laz_layout(stream, block, vlrs.get(("laszip encoded", 22204)))
     else:
         _compare_count(name, count, (end - offset) // length, (end - offset) - count * length, length, warnings)
     return CloudHeader(
@@ -153,7 +152,6 @@ def _read(stream: BinaryIO, path: Path, size: int) -> CloudHeader:
         points_by_return=returns,
         offset_to_points=offset,
         file_size=size,
-        vlr_count=form.vlr_count,
         vlrs=vlrs,
         laz=layout,
         software=head[58:90].split(b"\0")[0].decode("ascii", "replace").strip(),

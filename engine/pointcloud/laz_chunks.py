@@ -35,37 +35,42 @@ _MAXIMUM_CHUNK = 1 << 30
 
 
 @dataclass(frozen=True)
+class PointBlock:
+    """Where a file's compressed points are by its header: ``count`` records from byte ``offset`` of ``size`` on.
+
+    ``name`` is the file's in messages.
+    """
+
+    name: str
+    point_format: int
+    record_length: int
+    count: int
+    offset: int
+    size: int
+
+
+@dataclass(frozen=True)
 class LazLayout:
     """The LASzip record and where the chunks lie.
 
-    ``table_offset`` is the first byte of the chunk table, ``chunk_count`` its number of entries, ``chunk_size`` the
-    points of a chunk (0: variable, each entry of the table says), ``layers`` the number of layers in a chunk (0: the
-    points of a chunk follow each other).
+    ``table_offset`` is the first byte of the chunk table, ``chunk_size`` the points of a chunk (0: variable, each entry
+    of the table says), ``layers`` the number of layers in a chunk (0: the points of a chunk follow each other).
     """
 
+    block: PointBlock
     record: bytes
-    compressor: int
     chunk_size: int
-    chunk_count: int
     table_offset: int
     layers: int
 
 
-def laz_layout(
-    stream: BinaryIO,
-    name: str,
-    record: bytes | None,
-    point_format: int,
-    record_length: int,
-    count: int,
-    offset: int,
-    size: int,
-) -> LazLayout:
+def laz_layout(stream: BinaryIO, block: PointBlock, record: bytes | None) -> LazLayout:
     """Check the LASzip record and the place of the chunk table.
 
     Raises:
         InputError: the record is missing or contradicts the header, or the chunk table is not inside the file.
     """
+    name, count, offset, size = block.name, block.count, block.offset, block.size
     if record is None or len(record) < 34:
         raise InputError(f"{name} is compressed but has no LASzip record; compress it again with a current program.")
     compressor, coder, _, _, _, _, chunk_size, _, _, items = struct.unpack_from("<HHBBHIIqqH", record, 0)
@@ -74,7 +79,7 @@ def laz_layout(
             f"{name} is compressed in a way that is unknown (LASzip compressor {compressor}); compress it again with "
             "a current program."
         )
-    layers = _check_items(name, record, items, point_format, record_length, compressor)
+    layers = _check_items(block, record, items, compressor)
     if offset + 8 > size:
         raise InputError(f"{name} is cut short before its first point; copy it again.")
     stream.seek(offset)
@@ -91,27 +96,19 @@ def laz_layout(
     version, chunks = struct.unpack("<II", stream.read(8))
     variable = chunk_size == _VARIABLE
     expected = chunks if variable else -(-count // max(chunk_size, 1))
-    if version != 0 or chunk_size == 0 or chunks != expected or chunks * record_length > table - offset:
+    if version != 0 or chunk_size == 0 or chunks != expected or chunks * block.record_length > table - offset:
         raise InputError(
             f"{name} has a table of {chunks} compressed chunks that does not fit its {count} points; it is damaged or "
             "cut short, so copy it again."
         )
-    if not variable and min(chunk_size, count) * record_length > _MAXIMUM_CHUNK:
+    if not variable and min(chunk_size, count) * block.record_length > _MAXIMUM_CHUNK:
         raise InputError(
             f"{name} is compressed in chunks of {chunk_size} points; compress it again in chunks of 50000."
         )
-    return LazLayout(record, compressor, 0 if variable else chunk_size, chunks, table, layers)
+    return LazLayout(block, record, 0 if variable else chunk_size, table, layers)
 
 
-def check_chunks(
-    stream: BinaryIO,
-    name: str,
-    layout: LazLayout,
-    chunks: list[tuple[int, int]],
-    offset: int,
-    record_length: int,
-    count: int,
-) -> str | None:
+def check_chunks(stream: BinaryIO, layout: LazLayout, chunks: list[tuple[int, int]]) -> str | None:
     """Check the chunk table's entries (points, bytes) against the file and, where chunks are layered, their layers.
 
     Returns:
@@ -120,6 +117,8 @@ def check_chunks(
     Raises:
         InputError: an entry or a layer that cannot be true, or fewer points than the header says.
     """
+    name, count, offset = layout.block.name, layout.block.count, layout.block.offset
+    record_length = layout.block.record_length
     damaged = InputError(f"{name} is damaged inside its compressed points; copy it again from its source.")
     if (
         sum(points for points, _ in chunks) != count
@@ -153,21 +152,21 @@ def check_chunks(
     return None
 
 
-def _check_items(name: str, record: bytes, items: int, point_format: int, record_length: int, compressor: int) -> int:
+def _check_items(block: PointBlock, record: bytes, items: int, compressor: int) -> int:
     """Check the LASzip record's items against the point format; the number of layers of a chunk (0: not layered)."""
     if len(record) < 34 + 6 * items or items > 16:
-        raise InputError(f"{name} has a LASzip record that is cut short; copy it again.")
+        raise InputError(f"{block.name} has a LASzip record that is cut short; copy it again.")
     kinds = [struct.unpack_from("<HHH", record, 34 + 6 * index) for index in range(items)]
-    standard = _ITEMS_OF_FORMAT[point_format]
+    standard = _ITEMS_OF_FORMAT[block.point_format]
     extra = kinds[len(standard) :]
     sound = (
         tuple(kind for kind, _, _ in kinds[: len(standard)]) == standard
         and all(size == _ITEM_SIZES[kind] for kind, size, _ in kinds[: len(standard)])
         and (not extra or (len(extra) == 1 and extra[0][0] in (_BYTES, _LAYERED_BYTES)))
-        and sum(size for _, size, _ in kinds) == record_length
+        and sum(size for _, size, _ in kinds) == block.record_length
     )
     if not sound:
-        raise InputError(f"{name} has a LASzip record that contradicts its header; copy or export it again.")
+        raise InputError(f"{block.name} has a LASzip record that contradicts its header; copy or export it again.")
     if compressor != 3:
         return 0
     return sum(size if kind == _LAYERED_BYTES else _LAYERS.get(kind, 0) for kind, size, _ in kinds)

@@ -1,6 +1,6 @@
 """PDAL: finding it, and running pipelines in a child process that can be cancelled.
 
-Pipelines are lists of stages (dictionaries), as PDAL's documentation describes them. Their last stage is a writer
+Pipelines are lists of stages (dictionaries), as PDAL's documentation describes them: a reader, filters, and a writer
 whose file appears only when the pipeline ended well.
 """
 
@@ -52,37 +52,20 @@ class Pdal:
         """Whether its filters.csf works."""
         return self.release >= CSF_SINCE
 
-    def run(
-        self,
-        pipeline: list[Stage],
-        *,
-        keep: Path | None = None,
-        final: Path | None = None,
-        memory_limit: int | None = None,
-    ) -> dict[str, Any]:
-        """Run a pipeline; its writers' files are complete or absent.
+    def run(self, pipeline: list[Stage], *, memory_limit: int | None = None) -> None:
+        """Run a pipeline; its writer's file is complete or absent.
 
         Args:
-            pipeline: stages; readers and writers name files as ``filename``.
-            keep: where the pipeline is kept as JSON for ``pdal pipeline``.
-            final: folder in which the files next to ``keep`` will be in the end, if another; the JSON names it.
+            pipeline: stages, a reader first and a writer last, which name files as ``filename``.
             memory_limit: bytes of address space PDAL may take (where the system can limit it).
 
-        Returns:
-            PDAL's metadata by stage.
-
         Raises:
-            InputError: a reader cannot read its file, or an output cannot be written.
+            InputError: the reader cannot read its file, or the output cannot be written.
             EngineError: PDAL failed otherwise.
         """
         with _scratch() as folder, _run_names(pipeline, folder) as safe:
-            metadata = folder / "metadata.json"
-            if self.path is None:
-                arguments: list[str | os.PathLike[str]] = [sys.executable, _WORKER, metadata]
-            else:
-                arguments = [self.path, "pipeline", "--stdin", "--metadata", metadata]
             result = child_process.run_child(
-                arguments,
+                [sys.executable, _WORKER] if self.path is None else [self.path, "pipeline", "--stdin"],
                 stdin=json.dumps({"pipeline": safe}).encode(),
                 memory_limit=memory_limit,
                 # one thread: several give another cloth, and so other ground, from run to run
@@ -91,15 +74,28 @@ class Pdal:
             )
             if result.returncode:
                 raise _failure(result, pipeline, self.version)
-            try:
-                document = json.loads(metadata.read_text(encoding="utf-8", errors="replace"))
-            except (OSError, ValueError) as error:
-                raise EngineError(f"PDAL {self.version} ended without its metadata") from error
-        if keep is not None:
-            text = json.dumps({"pipeline": _kept(pipeline, keep.parent, final or keep.parent)}, indent=2)
-            with atomic_output(keep) as temporary:
-                temporary.write_text(text + "\n", encoding="utf-8")
-        return dict(document.get("stages", document))
+
+
+def keep_pipeline(pipeline: list[Stage], path: Path, final: Path | None = None) -> None:
+    """Write a pipeline as JSON for ``pdal pipeline``: absolute names, with wildcards escaped as PDAL wants it.
+
+    Args:
+        final: folder in which the files next to ``path`` will be in the end, if another; the JSON names it.
+    """
+    folder = path.parent.absolute()
+    kept = copy.deepcopy(pipeline)
+    for stage in kept:
+        if "filename" not in stage:
+            continue
+        file = Path(stage["filename"]).absolute()
+        name = str((final or folder).absolute() / file.name if file.parent == folder else file)
+        if str(stage["type"]).startswith("writers."):
+            name = name.replace("#", "_")
+        elif os.name == "posix":
+            name = re.sub(r"[*?\[]", r"[\g<0>]", name)
+        stage["filename"] = name
+    with atomic_output(path) as temporary:
+        temporary.write_text(json.dumps({"pipeline": kept}, indent=2) + "\n", encoding="utf-8")
 
 
 def find_pdal(setting: Path | str | None = None) -> Pdal:
@@ -166,54 +162,28 @@ def _scratch() -> Iterator[Path]:
 
 @contextmanager
 def _run_names(pipeline: list[Stage], folder: Path) -> Iterator[list[Stage]]:
-    """The pipeline with names that PDAL takes literally; writers' files take their own names when the block ends well.
+    """The pipeline with names that PDAL takes literally; the writer's file takes its own when the block ends well.
 
     PDAL expands ``*``, ``?`` and ``[]`` in readers' names and ``#`` in writers'. Such files are read through a link.
     """
-    safe = copy.deepcopy(pipeline)
-    with _nested_outputs([Path(s["filename"]) for s in safe if _is_writer(s)]) as outputs:
-        moves: list[tuple[Path, Path]] = []
-        for index, stage in enumerate(safe):
-            if "filename" not in stage:
-                continue
-            path = Path(stage["filename"]).absolute()
-            if _is_writer(stage):
-                target = outputs.pop(0)
-                if _UNSAFE.search(str(target)) or not _encodable(target):
-                    moves.append((folder / f"output{index}{path.suffix}", target))
-                    target = moves[-1][0]
-                stage["filename"] = str(target)
-            elif _UNSAFE.search(str(path)) or not _encodable(path):
-                link = folder / f"input{index}{path.suffix if path.suffix[1:].isalnum() else '.las'}"
-                _link(path, link)
-                stage["filename"] = str(link)
-            else:
-                stage["filename"] = str(path)
-        yield safe
-        for source, target in moves:
-            if source.is_file():
-                shutil.move(source, target)
+    reader, *filters, writer = pipeline
+    source = Path(reader["filename"]).absolute()
+    if not _taken_literally(source):
+        link = folder / f"input{source.suffix if source.suffix[1:].isalnum() else '.las'}"
+        _link(source, link)
+        source = link
+    with atomic_output(Path(writer["filename"]).absolute()) as target:
+        output = target if _taken_literally(target) else folder / f"output{target.suffix}"
+        yield [{**reader, "filename": str(source)}, *filters, {**writer, "filename": str(output)}]
+        if output != target and output.is_file():
+            shutil.move(output, target)
 
 
-@contextmanager
-def _nested_outputs(paths: list[Path]) -> Iterator[list[Path]]:
-    if not paths:
-        yield []
-        return
-    with atomic_output(paths[0].absolute()) as first, _nested_outputs(paths[1:]) as others:
-        yield [first, *others]
-
-
-def _is_writer(stage: Stage) -> bool:
-    return str(stage.get("type", "")).startswith("writers.") and "filename" in stage
-
-
-def _encodable(path: Path) -> bool:
+def _taken_literally(path: Path) -> bool:
     try:
-        str(path).encode()
+        return bool(str(path).encode()) and not _UNSAFE.search(str(path))
     except UnicodeEncodeError:
         return False
-    return True
 
 
 def _link(path: Path, link: Path) -> None:
@@ -226,35 +196,18 @@ def _link(path: Path, link: Path) -> None:
     raise InputError(f"{shown(path)} has a name that PDAL cannot take; rename it without []*?#.")
 
 
-def _kept(pipeline: list[Stage], folder: Path, final: Path) -> list[Stage]:
-    """The pipeline for the record: absolute names, in their final folder, with wildcards escaped as PDAL wants it."""
-    kept = copy.deepcopy(pipeline)
-    for stage in kept:
-        if "filename" not in stage:
-            continue
-        path = Path(stage["filename"]).absolute()
-        path = final.absolute() / path.name if path.parent == folder.absolute() else path
-        name = str(path)
-        if _is_writer(stage):
-            name = name.replace("#", "_")
-        elif os.name == "posix":
-            name = re.sub(r"[*?\[]", r"[\g<0>]", name)
-        stage["filename"] = name
-    return kept
-
-
 def _failure(result: child_process.ChildResult, pipeline: list[Stage], version: str) -> Exception:
     """What a failed run means for the user."""
     text = " ".join(result.stderr.decode(errors="replace").split())
     message = re.sub(r"^PDAL: ", "", text)
-    reader = next((s for s in pipeline if str(s.get("type", "")).startswith("readers.")), None)
+    source = shown(pipeline[0]["filename"])
     if "bad_alloc" in text or "std::length_error" in text:
         return InputError(
-            f"PDAL ran out of the memory it may take on {shown(reader['filename']) if reader else 'the pipeline'}; "
-            "clip the cloud to a smaller area, and check that the file is sound."
+            f"PDAL ran out of the memory it may take on {source}; clip the cloud to a smaller area, and check that the "
+            "file is sound."
         )
-    if reader is not None and message.startswith("readers."):
-        return InputError(f"PDAL cannot read {shown(reader['filename'])} ({message[:200]}); copy or export it again.")
+    if message.startswith("readers."):
+        return InputError(f"PDAL cannot read {source} ({message[:200]}); copy or export it again.")
     if result.returncode < 0:
         text = f"it was ended by signal {-result.returncode}"
     return EngineError(f"PDAL {version} failed: {(message or text)[:300]}")

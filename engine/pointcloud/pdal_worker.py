@@ -1,8 +1,7 @@
 """Child process: runs a pipeline through the ``pdal`` Python package, or prints the version of PDAL under it.
 
-Started as a file, outside of the package, so that ``import pdal`` finds the library
-and no module of this folder.
-Reads ``{"pipeline": [...]}`` on standard input and writes PDAL's metadata to the file that is its argument.
+Started as a file, outside of the package, so that ``import pdal`` finds the library and no module of this folder.
+Reads ``{"pipeline": [...]}`` on standard input.
 """
 
 from __future__ import annotations
@@ -29,12 +28,6 @@ def main() -> int:
     except RuntimeError as error:
         sys.stderr.write(f"PDAL: {error}\n")
         return 1
-    try:
-        metadata = pipeline.metadata
-    except RuntimeError:  # some releases have none after streaming
-        metadata = {}
-    document = json.loads(metadata) if isinstance(metadata, str) else metadata
-    Path(sys.argv[1]).write_text(json.dumps({"stages": document.get("metadata", document)}), encoding="utf-8")
     return 0
 
 

@@ -20,7 +20,7 @@ from .declared_crs import declared_crs
 from .extent import CheckedRecords
 from .header import CloudHeader, preflight
 from .plant_cover import ERROR, HEIGHT
-from .records import PLACES, extra_dimensions, read_records
+from .records import PLACES, coordinates, extra_dimensions, read_records
 
 _STANDARD = ("classification", "user_data", "point_source_id", "intensity")
 
@@ -65,8 +65,6 @@ def read_cloud(
     """
     progress = progress or Progress()
     header, frame = open_cloud(path, inputs, progress)
-    factors = np.array(frame.factors)
-    scales, offsets = np.array(header.scales) * factors, np.array(header.offsets) * factors
     count = header.count
     try:
         xyz = np.empty((count, 3))
@@ -83,9 +81,7 @@ def read_cloud(
         checked = CheckedRecords(header, wanted)
         for records in checked:
             part = slice(done, done + len(records))
-            for axis, field in enumerate("XYZ"):
-                np.multiply(records[field], scales[axis], out=xyz[part, axis])
-                xyz[part, axis] += offsets[axis]
+            xyz[part] = coordinates(records, header, frame.factors)
             if rgb16 is not None:
                 for band, field in enumerate(("red", "green", "blue")):
                     rgb16[part, band] = records[field]
@@ -126,13 +122,8 @@ def sample_cloud(path: Path | str, inputs: InputParameters | None = None, stretc
         InputError: see ``preflight`` and ``working_frame``; damaged points.
     """
     header, frame = open_cloud(path, inputs)
-    factors = np.array(frame.factors)
-    scales, offsets = np.array(header.scales) * factors, np.array(header.offsets) * factors
-    groups = [
-        np.column_stack([records[axis] for axis in "XYZ"])
-        for records in read_records(header, selection=PLACES, stretches=stretches)
-    ]
-    return np.concatenate(groups) * scales + offsets
+    groups = read_records(header, selection=PLACES, stretches=stretches)
+    return np.concatenate([coordinates(records, header, frame.factors) for records in groups])
 
 
 def read_dimension(path: Path | str, name: str) -> NDArray[np.generic]:

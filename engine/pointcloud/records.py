@@ -18,9 +18,10 @@ from laspy.extradims import get_id_for_extra_dim_type
 from laspy.vlrs.known import ExtraBytesStruct
 from numpy.typing import NDArray
 
+from ..core.arrays import Float
 from ..core.errors import EngineError, InputError
 from ..core.messages import shown
-from .header import POINT_SIZES, CloudHeader
+from .header import POINT_SIZES, CloudHeader, Vector
 from .laz_chunks import check_chunks
 
 PLACES = DecompressionSelection.XY_RETURNS_CHANNEL | DecompressionSelection.Z
@@ -96,6 +97,15 @@ def record_dtype(point_format: int, extra: Sequence[ExtraDimension] = ()) -> np.
     return np.dtype(laspy.PointFormat(point_format).dtype().descr + [(d.field, d.dtype) for d in extra])
 
 
+def coordinates(records: PackedPointRecord, header: CloudHeader, factors: Vector = (1.0, 1.0, 1.0)) -> Float:
+    """Coordinates (n, 3) of some of a file's records, times ``factors``."""
+    xyz = np.empty((len(records), 3))
+    for axis, (field, factor) in enumerate(zip("XYZ", factors, strict=True)):
+        np.multiply(records[field], header.scales[axis] * factor, out=xyz[:, axis])
+        xyz[:, axis] += header.offsets[axis] * factor
+    return xyz
+
+
 def read_records(
     header: CloudHeader,
     *,
@@ -162,8 +172,7 @@ def _chunks(stream: BinaryIO, header: CloudHeader, warnings: list[str] | None) -
     if layout.chunk_size:  # the table of equal chunks does not know that the last one is shorter
         last = header.count - layout.chunk_size * (len(chunks) - 1)
         chunks = [(layout.chunk_size, size) for _, size in chunks[:-1]] + [(last, chunks[-1][1])]
-    place, length = header.offset_to_points, header.record_length
-    odd = check_chunks(stream, shown(header.path), layout, chunks, place, length, header.count)
+    odd = check_chunks(stream, layout, chunks)
     if odd and warnings is not None:
         warnings.append(odd)
     return chunks

@@ -12,8 +12,9 @@ from ..core.errors import InputError
 from ..core.progress import Progress
 from ..crs.working_frame import WorkingFrame, plausibility, working_frame
 from .declared_crs import declared_crs
-from .extent import CheckedRecords
+from .extent import CheckedRecords, square_metres
 from .header import preflight
+from .records import coordinates
 
 
 def describe_cloud(
@@ -36,7 +37,6 @@ def describe_cloud(
         sentences += frame.notes
     except InputError as error:
         sentences.append(str(error))
-    factors = (1.0, 1.0, 1.0) if frame is None else frame.factors
     checked = CheckedRecords(header)
     by_return, by_class, cells = np.zeros(16, np.int64), np.zeros(256, np.int64), np.empty(0, np.int64)
     coloured = False
@@ -45,11 +45,7 @@ def describe_cloud(
         by_class += np.bincount(records["classification"], minlength=256)
         coloured = coloured or (header.colours and any(records[band].any() for band in ("red", "green", "blue")))
         if frame is not None:
-            column, row = (
-                np.floor((records[f] * header.scales[i] + header.offsets[i]) * factors[i]).astype(np.int64)
-                for i, f in enumerate("XY")
-            )
-            cells = np.union1d(cells, (column << 32) + row)
+            cells = np.union1d(cells, square_metres(coordinates(records, header, frame.factors)))
         progress.update(checked.done / header.count, "reading")
     extent = checked.extent(frame)
     sentences += extent.warnings

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import struct
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import laspy
@@ -21,6 +22,7 @@ from ..core.errors import EngineError, InputError
 from ..core.messages import shown
 from ..core.staged_outputs import atomic_output
 from ..core.version import VERSION
+from ..crs.working_frame import WorkingFrame
 from .cloud import PointCloud
 from .header import CloudHeader, EmptyCloud, Vector, preflight
 from .reading import open_cloud
@@ -57,14 +59,11 @@ def write_cloud(
     if labels is not None and count and not 0 <= int(labels.min()) <= int(labels.max()) <= 255:
         raise EngineError("classes are not all from 0 to 255")
     scales, offsets = _scales_and_offsets(path, cloud.xyz, np.full(3, _DEFAULT_SCALE))
-    point_format = 6 if cloud.rgb is None else 7
-    extra = list(new)
-    dtype = record_dtype(point_format, extra)
-
-    def groups() -> Iterator[NDArray[np.void]]:
+    layout = Layout(6 if cloud.rgb is None else 7, tuple(new), scales, offsets, cloud.crs)
+    with laz_writer(path, layout, count) as write:
         for start in range(0, count, _GROUP_POINTS):
             part = slice(start, min(start + _GROUP_POINTS, count))
-            records = np.zeros(part.stop - start, dtype)
+            records = np.zeros(part.stop - start, layout.dtype)
             _set_coordinates(records, cloud.xyz[part], scales, offsets)
             records["bit_fields"] = 0x11  # return 1 of 1
             if labels is not None:
@@ -76,9 +75,25 @@ def write_cloud(
                     records[field] = cloud.rgb[part, band].astype(np.uint16) * 257
             for dimension, values in new.items():
                 records[dimension.field] = values[part]
-            yield records
+            write(records)
 
-    write_laz(path, groups(), count, point_format, extra, scales=scales, offsets=offsets, crs=cloud.crs)
+
+@dataclass(frozen=True)
+class Copy:
+    """A file that is to hold points of another, changed as asked.
+
+    Attributes:
+        keep: (n,) of the source's points: which to write; all by default.
+        xyz: (m, 3) new coordinates in metres of the points that are written.
+        dimensions: (m,) extra dimensions by name; one that the source has already is replaced.
+        classification: (m,) new classes.
+    """
+
+    path: Path
+    keep: Bool | None = None
+    xyz: Float | None = None
+    dimensions: Arrays | None = None
+    classification: NDArray[np.integer] | None = None
 
 
 def copy_with(
@@ -90,16 +105,19 @@ def copy_with(
     xyz: Float | None = None,
     dimensions: Arrays | None = None,
     classification: NDArray[np.integer] | None = None,
-    flags_in_class: bool = False,
 ) -> None:
-    """Copy a cloud as LAZ with every dimension it has, in metres, changed as asked.
+    """Write the one ``Copy`` of a cloud that these make; see ``copies``."""
+    copies(source, [Copy(output, keep, xyz, dimensions, classification)], inputs)
+
+
+def copies(
+    source: Path, wanted: Sequence[Copy], inputs: InputParameters | None = None, *, flags_in_class: bool = False
+) -> None:
+    """Copy a cloud into one or more files with every dimension it has, in metres; it is read once.
 
     Args:
+        wanted: written as LAZ, or as LAS where the name ends in .las.
         inputs: how the source is read; without feet, selection and new coordinates its integers are kept.
-        keep: (n,) of the source's points: which to write; all by default.
-        xyz: (m, 3) new coordinates in metres of the points that are written.
-        dimensions: (m,) extra dimensions by name; one that the source has already is replaced.
-        classification: (m,) new classes.
         flags_in_class: the classes of this source of point format 6 to 10 are bytes of an older format, whose upper
             three bits are flags; they are put where they belong.
 
@@ -108,16 +126,21 @@ def copy_with(
         InputError: as ``read_cloud``; the folder cannot be written; coordinates that 32 bits do not hold.
     """
     header, frame = open_cloud(source, inputs)
+    copy_records(header, [_target(header, frame, copy, flags_in_class) for copy in wanted])
+
+
+def _target(header: CloudHeader, frame: WorkingFrame, copy: Copy, flags_in_class: bool) -> Target:
+    xyz, keep, classification = copy.xyz, copy.keep, copy.classification
     if keep is not None and len(keep) != header.count:
-        raise EngineError(f"keep has {len(keep)} values for the {header.count} points of {shown(source)}")
+        raise EngineError(f"keep has {len(keep)} values for the {header.count} points of {shown(header.path)}")
     count = header.count if keep is None else int(np.count_nonzero(keep))
-    new = _checked(output, count, dimensions, xyz=xyz, classification=classification)
+    new = _checked(copy.path, count, copy.dimensions, xyz=xyz, classification=classification)
     if classification is not None and header.point_format < 6 and count and int(np.max(classification)) > 31:
         raise EngineError(f"classes above 31 do not fit point format {header.point_format}")
     # Another unit is another scale: the integers of an unmoved point stay what they are.
     scales, offsets = (np.array(each) * frame.factors for each in (header.scales, header.offsets))
     if xyz is not None:
-        scales, offsets = _scales_and_offsets(output, xyz, scales)
+        scales, offsets = _scales_and_offsets(copy.path, xyz, scales)
 
     def change(records: PackedPointRecord, part: slice) -> None:
         array = records.array
@@ -131,65 +154,87 @@ def copy_with(
         for dimension, values in new.items():
             array[dimension.field] = values[part]
 
-    copy_records(header, output, frame.crs, change, list(new), keep=keep, scales=scales, offsets=offsets)
+    return Target(copy.path, frame.crs, scales, offsets, change, tuple(new), keep)
 
 
-def copy_records(
-    source: CloudHeader,
-    output: Path,
-    crs: CRS,
-    change: Callable[[PackedPointRecord, slice], None],
-    new: Sequence[ExtraDimension],
-    *,
-    scales: Vector | Float,
-    offsets: Vector | Float,
-    keep: Bool | None = None,
-) -> None:
-    """Copy a file as LAZ group by group, in the groups of ``read_records``.
+@dataclass(frozen=True)
+class Target:
+    """A file that records are copied into, those of ``keep`` (n,) or all.
 
-    Args:
-        change: changes copied records in place; the slice is their place among all that are written.
-        new: extra dimensions, zero until ``change`` sets them; they replace those of the same names.
-        keep: (n,) of the source's points: which to write; all by default. Their integers stay as they are.
+    ``change`` changes copied records in place; the slice is their place among all that are written. ``new`` are extra
+    dimensions, zero until ``change`` sets them; they replace those of the same names. The records' integers stay as
+    they are.
+    """
+
+    path: Path
+    crs: CRS
+    scales: Vector | Float
+    offsets: Vector | Float
+    change: Callable[[PackedPointRecord, slice], None]
+    new: Sequence[ExtraDimension] = ()
+    keep: Bool | None = None
+
+
+def copy_records(source: CloudHeader, targets: Sequence[Target]) -> None:
+    """Copy a file group by group, in the groups of ``read_records``; it is read once.
 
     Raises:
-        EngineError, InputError: as ``write_laz`` and ``read_records``.
+        EngineError, InputError: as ``laz_writer`` and ``read_records``.
     """
-    kept = [d for d in extra_dimensions(source) if d.name not in [n.name for n in new]]
-    dimensions = sorted([*kept, *new], key=lambda d: not d.descriptor)
-    dtype = record_dtype(source.point_format, dimensions)
-    carried = record_dtype(source.point_format, kept).names or ()
-
-    def groups() -> Iterator[NDArray[np.void]]:
-        read = written = 0
+    with contextlib.ExitStack() as stack:
+        takers = [stack.enter_context(_taker(source, target)) for target in targets]
+        read = 0
         for group in read_records(source):
-            chosen = group.array if keep is None else group.array[keep[read : read + len(group)]]
-            read += len(group)
-            records = np.zeros(len(chosen), dtype)
-            for field in carried:
-                records[field] = chosen[field]
-            change(PackedPointRecord(records, group.point_format), slice(written, written + len(records)))
-            written += len(records)
-            yield records
-
-    count = source.count if keep is None else int(np.count_nonzero(keep))
-    layout = (source.point_format, dimensions)
-    write_laz(output, groups(), count, *layout, scales=scales, offsets=offsets, crs=crs, source=source)
+            part = slice(read, read + len(group))
+            for take in takers:
+                take(group, part)
+            read = part.stop
 
 
-def write_laz(
-    path: Path,
-    groups: Iterable[NDArray[np.void]],
-    count: int,
-    point_format: int,
-    dimensions: Sequence[ExtraDimension],
-    *,
-    scales: Vector | Float,
-    offsets: Vector | Float,
-    crs: CRS,
-    source: CloudHeader | None = None,
-) -> None:
-    """Write ``count`` records in groups of the structure ``record_dtype(point_format, dimensions)``.
+@contextlib.contextmanager
+def _taker(source: CloudHeader, target: Target) -> Iterator[Callable[[PackedPointRecord, slice], None]]:
+    """Takes the source's records, group by group, each with its place among them."""
+    kept = [d for d in extra_dimensions(source) if d.name not in [n.name for n in target.new]]
+    dimensions = tuple(sorted([*kept, *target.new], key=lambda d: not d.descriptor))
+    layout = Layout(source.point_format, dimensions, target.scales, target.offsets, target.crs)
+    dtype, carried = layout.dtype, record_dtype(source.point_format, kept).names or ()
+    count = source.count if target.keep is None else int(np.count_nonzero(target.keep))
+    written = 0
+
+    def take(group: PackedPointRecord, part: slice) -> None:
+        nonlocal written
+        chosen = group.array if target.keep is None else group.array[target.keep[part]]
+        records = np.zeros(len(chosen), dtype)
+        for field in carried:
+            records[field] = chosen[field]
+        target.change(PackedPointRecord(records, group.point_format), slice(written, written + len(records)))
+        written += len(records)
+        write(records)
+
+    with laz_writer(target.path, layout, count, source) as write:
+        yield take
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What a new file says of its points: their format, extra dimensions, integers and reference system."""
+
+    point_format: int
+    dimensions: tuple[ExtraDimension, ...]
+    scales: Vector | Float
+    offsets: Vector | Float
+    crs: CRS
+
+    @property
+    def dtype(self) -> np.dtype[np.void]:
+        return record_dtype(self.point_format, self.dimensions)
+
+
+@contextlib.contextmanager
+def laz_writer(
+    path: Path, layout: Layout, count: int, source: CloudHeader | None = None
+) -> Iterator[Callable[[NDArray[np.void]], None]]:
+    """Takes ``count`` records of ``layout.dtype`` in groups; writes LAZ, or LAS where the name ends in .las.
 
     Args:
         source: the file of which this is a copy; its file source, kind of GPS time and day of creation are kept.
@@ -198,25 +243,26 @@ def write_laz(
         EngineError: what was written does not hold ``count`` points.
         InputError: the folder cannot be written.
     """
-    header = laspy.LasHeader(version="1.4", point_format=point_format)
-    header.scales, header.offsets = np.array(scales), np.array(offsets)
+    header = laspy.LasHeader(version="1.4", point_format=layout.point_format)
+    header.scales, header.offsets = np.array(layout.scales), np.array(layout.offsets)
     header.system_identifier, header.generating_software = "SlopeWatch", f"SlopeWatch {VERSION}"
     header.global_encoding.wkt = True
     header.global_encoding.gps_time_type = source is None or source.standard_time
     header.file_source_id = source.file_source if source else 0
-    header.vlrs.append(laspy.VLR("LASF_Projection", 2112, "", wkt_of(crs).encode() + b"\0"))
-    described = b"".join(d.descriptor for d in dimensions)
+    header.vlrs.append(laspy.VLR("LASF_Projection", 2112, "", wkt_of(layout.crs).encode() + b"\0"))
+    described = b"".join(d.descriptor for d in layout.dimensions)
     if described:
         header.vlrs.append(laspy.VLR("LASF_Spec", 4, "", described))
-    extra = sum(d.dtype.itemsize for d in dimensions)
+    extra = sum(d.dtype.itemsize for d in layout.dimensions)
     if extra:
         # To laspy they are bytes: it would lose parts of the descriptions and put false ranges into them.
         kind = DimensionKind.UnsignedInteger
         header.point_format.dimensions.append(DimensionInfo("extra", kind, 8 * extra, extra, is_standard=False))
-    with atomic_output(Path(path), lambda p: _check(p, count)) as temporary, temporary.open("w+b") as stream:
-        writer = laspy.LasWriter(stream, header, laz_backend=laspy.LazBackend.LazrsParallel, closefd=False)
-        for records in groups:
-            writer.write_points(PackedPointRecord(records, header.point_format))
+    compress, backend = path.suffix.lower() != ".las", laspy.LazBackend.LazrsParallel
+    with atomic_output(path, lambda p: _check(p, count)) as temporary, temporary.open("w+b") as stream:
+        writer = laspy.LasWriter(stream, header, compress, laz_backend=backend, closefd=False)
+        plain = header.point_format.dtype()  # names of our fields are none of a buffer's
+        yield lambda records: writer.write_points(PackedPointRecord(records.view(plain), header.point_format))
         writer.close()
         stream.seek(_CREATION_OFFSET_BYTES)
         stream.write(struct.pack("<HH", *(source.created if source else (0, 0))))

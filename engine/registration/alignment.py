@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...interface.parameters import RegistrationParameters
 from ..core.arrays import Float, Index
 from ..core.errors import InputError
 from ..core.progress import Progress
@@ -13,7 +14,7 @@ from ..geometry.pose import Pose
 from ..geometry.voxels import block_numbers
 from .observability import Estimate, Information, curvature_folds, estimate, information, probing_motions
 from .point_to_plane import TUKEY, Matcher, Pairs, regional_weights, tukey_weights
-from .restarts import LEAST_PAIRS, Descent, descend, reach_of, reconsider
+from .restarts import MIN_PAIRS, Descent, Limits, descend, reconsider
 from .surface import Surface
 
 _LEVEL_RATIO = 4.0  # voxels of one level in those of the next finer one
@@ -47,154 +48,33 @@ def levels(voxel: float, offset: float) -> list[float]:
     return sizes[::-1]
 
 
-def radius_of(surface: Surface) -> float:
-    """Typical distance of a surface's points from the origin, metres, not affected by stray points."""
-    return 1.2 * float(np.median(np.linalg.norm(surface.points, axis=1)))
-
-
-def align(
-    fine: Matcher,
-    *,
-    voxel: float,
-    offset: float,
-    iterations: int,
-    progress: Progress,
-) -> Alignment:
-    """Pose of the moving surface on the reference, local coordinates with their origin amidst the points.
+def align(fine: Matcher, parameters: RegistrationParameters, progress: Progress) -> Alignment:
+    """Pose of the moving surface on the reference, local coordinates with their origin in the middle of the points.
 
     Args:
-        fine: the surfaces.
-        voxel: theirs, in metres.
-        offset: largest expected offset, metres.
-        iterations: upper limit.
+        fine: the surfaces, of the parameters' voxels.
     """
-    radius = radius_of(fine.reference)
+    voxel, offset = parameters.registration_voxel, parameters.maximum_offset
+    iterations = parameters.registration_iterations
     best, remaining, reach = Descent(Pose.identity(), offset / 2), iterations, offset
     known = fine.reference.points if fine.stable is None else fine.reference.points[fine.stable]
     later = fine.moving.points if fine.firm is None else fine.moving.points[fine.firm]
     for size in levels(voxel, offset)[:-1]:
         progress.update(0.1, f"registering at {size:g} m")
-        coarse = Matcher(Surface(known, size), Surface(later, size))
+        coarse = Matcher(Surface(known, size), Surface(later, size), given_radius=fine.radius)
         if min(len(coarse.reference.points), len(coarse.moving.points)) < _MIN_POINTS:
             continue
-        best = descend(
-            coarse,
-            best.pose,
-            coarse.sample(_COARSE_SOURCES),
-            radius,
-            scale=best.scale,
-            offset=reach,
-            agreement=0.5,
-            iterations=min(30, remaining),
-        )
+        limits = Limits(min(30, remaining), reach, agreement=0.5)
+        best = descend(coarse, best, coarse.sample(_COARSE_SOURCES), limits)
         remaining = max(1, remaining - best.iterations)
         reach, best = min(reach, 2 * size), replace(best, scale=max(best.scale, size / 4))
     progress.update(0.2, f"registering at {voxel:g} m")
     sources = fine.sample(_SOURCES)
-    best = descend(
-        fine,
-        best.pose,
-        sources,
-        radius,
-        scale=best.scale,
-        offset=reach,
-        agreement=0.8,
-        iterations=min(40, remaining),
-    )
-    best = reconsider(fine, best, sources, radius, progress)
+    best = descend(fine, best, sources, Limits(min(40, remaining), reach))
+    best = reconsider(fine, best, sources, progress)
     remaining = max(1, remaining - best.iterations)
-    found = refine(fine, best.pose, best.scale, radius, max(voxel, offset), remaining, progress)
+    found = refine(Refinement(fine, best.scale), best.pose, max(voxel, offset), remaining, progress)
     return replace(found, iterations=iterations - remaining + found.iterations)
-
-
-@dataclass(frozen=True)
-class Weighting:
-    """Weights of pairs at the final ``scale``; places of size ``block`` that have changed are left out as a whole."""
-
-    matcher: Matcher
-    scale: float
-
-    @property
-    def reach(self) -> float:
-        return reach_of(self.matcher, self.scale)
-
-    @property
-    def spacing(self) -> float:
-        return max(self.matcher.reference.spacing, self.matcher.moving.spacing)
-
-    @property
-    def block(self) -> float:
-        return max(10 * self.spacing, TUKEY * self.scale)
-
-    def correlated(self, radius: float) -> float:
-        """Size of the blocks within which residuals may be correlated, metres."""
-        return max(min(self.block, radius / 8), 2 * self.spacing)
-
-    def __call__(self, pairs: Pairs) -> Float:
-        return tukey_weights(pairs.residual, self.scale) * regional_weights(pairs, self.scale, self.block)
-
-
-def curvature_at(pose: Pose, weigh: Weighting, radius: float, progress: Progress) -> Float:
-    """``observability.curvature_folds`` at a pose."""
-    matcher = weigh.matcher
-    few = matcher.sample(_CURVATURE_SOURCES)
-    done = 0
-
-    def evaluate(motion: Float) -> Estimate:
-        nonlocal done
-        done += 1
-        progress.update(0.4 + 0.3 * done / 13, "measuring what the surface fixes")
-        pairs = matcher.match(pose.moved(motion, radius), few, weigh.reach)
-        return estimate(pairs, weigh(pairs), radius, weigh.correlated(radius))
-
-    pairs = matcher.match(pose, few, weigh.reach)
-    # longer steps stand out from the noise of the planes, but the weights let go beyond a few scales
-    motions = probing_motions(
-        pairs.jacobian(radius), weigh(pairs), weigh.scale, min(2 * weigh.scale, weigh.spacing / 2)
-    )
-    return curvature_folds(evaluate, motions)
-
-
-def information_at(folds: Float, pairs: Pairs, weigh: Weighting, radius: float, offset: float) -> Information:
-    """``observability.information`` for the final pairs; ``offset`` (m) is the largest expected one."""
-    terms = pairs.jacobian(radius) * (weigh(pairs) * pairs.gap)[:, None]
-    blocks = block_numbers(pairs.place, weigh.correlated(radius))
-    return information(folds, terms, blocks, weigh.spacing / 2, offset / float(np.sqrt(3.0)))
-
-
-def observe(matcher: Matcher, pose: Pose, scale: float, offset: float, progress: Progress) -> Information:
-    """What the surfaces fix at a pose that another method found, where their noise is ``scale`` metres."""
-    weigh, radius = Weighting(matcher, scale), radius_of(matcher.reference)
-    pairs = matcher.match(pose, matcher.sample(_ALL_SOURCES), weigh.reach)
-    return information_at(curvature_at(pose, weigh, radius, progress), pairs, weigh, radius, offset)
-
-
-def refine(
-    matcher: Matcher, pose: Pose, scale: float, radius: float, offset: float, limit: int, progress: Progress
-) -> Alignment:
-    """At most ``limit`` Newton's steps with all points and with neighbourhoods that have changed left out."""
-    weigh = Weighting(matcher, scale)
-    _require(matcher.match(pose, matcher.sample(_CURVATURE_SOURCES), weigh.reach))
-    folds = curvature_at(pose, weigh, radius, progress)
-    for limited in (_MANY_SOURCES, _ALL_SOURCES):
-        sources = matcher.sample(limited)
-        pairs = matcher.match(pose, sources, weigh.reach)
-        found = information_at(folds, pairs, weigh, radius, offset)
-        error = float(np.sqrt(np.trace(found.observable_covariance)))
-        if error < _MAX_PRECISE_ERROR_M:
-            break
-    if not found.observable.all():
-        # what nothing fixes stays as surveyed
-        pose = Pose.from_vector(found.held(pose.vector(radius)), radius)
-    newton = take_steps(
-        weigh, pose, sources, radius, found, error, _MAX_NEWTON_STEPS, min(limit, _MAX_NEWTON_STEPS), progress
-    )
-    if not newton.converged:
-        # curvature measured on too rough a surface can mislead; the plain matrix is slow but sure
-        again = take_steps(weigh, pose, sources, radius, found, error, 0, min(limit, 2 * _MAX_NEWTON_STEPS), progress)
-        newton = replace(again, used=newton.used + again.used)
-    found = information_at(folds, newton.pairs, weigh, radius, offset)
-    return Alignment(newton.pose, scale, radius, newton.used, newton.converged, found)
 
 
 @dataclass(frozen=True)
@@ -207,45 +87,138 @@ class Steps:
     converged: bool
 
 
-def take_steps(
-    weigh: Weighting,
-    pose: Pose,
-    sources: tuple[Index, Index],
-    radius: float,
-    found: Information,
-    error: float,
-    newton: int,
-    limit: int,
-    progress: Progress,
-) -> Steps:
-    """Newton's steps, after the first ``newton`` ones Gauss and Newton's, in the observable directions.
-
-    Raises:
-        InputError: a step, or what nothing fixes, has taken the surfaces apart.
+@dataclass(frozen=True)
+class Refinement:
+    """The end of a registration, at the final ``scale`` (m) of the residuals; places that have changed are left out as
+    a whole.
     """
-    for used in range(1, max(limit, 1) + 1):
-        progress.update(0.7 + 0.25 * (used - 1) / max(limit, 1), "registering with all points")
-        pairs = weigh.matcher.match(pose, sources, weigh.reach)
-        _require(pairs)
-        jacobian, weight = pairs.jacobian(radius), weigh(pairs)
-        gradient = jacobian.T @ (weight * pairs.gap)
-        if used <= newton:
-            step = found.step(gradient, len(pairs))
-        else:
-            step = found.damped_step(gradient, jacobian.T @ (jacobian * weight[:, None]))
-        length = float(np.linalg.norm(step))
-        if length > weigh.spacing / 2:
-            step *= weigh.spacing / 2 / length
-        pose = pose.moved(step, radius)
-        # the pairs of the next step are other ones in part: below its own error a step is noise
-        if length < max(2e-5, 0.05 * error):
-            return Steps(pose, pairs, used, True)
-    return Steps(pose, pairs, used, False)
+
+    matcher: Matcher
+    scale: float
+
+    @property
+    def reach(self) -> float:
+        return self.matcher.reach(self.scale)
+
+    @property
+    def correlated(self) -> float:
+        """Size of the blocks within which residuals may be correlated, metres."""
+        return max(min(self._block, self.matcher.radius / 8), 2 * self.matcher.spacing)
+
+    @property
+    def _block(self) -> float:
+        """Size of the places that are left out as a whole, metres."""
+        return max(10 * self.matcher.spacing, TUKEY * self.scale)
+
+    def weights(self, pairs: Pairs) -> Float:
+        return tukey_weights(pairs.residual, self.scale) * regional_weights(pairs, self.scale, self._block)
+
+    def curvature(self, pose: Pose, progress: Progress) -> Float:
+        """``observability.curvature_folds`` at a pose."""
+        matcher = self.matcher
+        few = matcher.sample(_CURVATURE_SOURCES)
+        done = 0
+
+        def evaluate(motion: Float) -> Estimate:
+            nonlocal done
+            done += 1
+            progress.update(0.4 + 0.3 * done / 13, "measuring what the surface fixes")
+            pairs = matcher.match(pose.moved(motion, matcher.radius), few, self.reach)
+            return estimate(pairs, self.weights(pairs), matcher.radius, self.correlated)
+
+        pairs = matcher.match(pose, few, self.reach)
+        # longer steps stand out from the noise of the planes, but the weights vanish beyond a few scales
+        longest = min(2 * self.scale, matcher.spacing / 2)
+        motions = probing_motions(pairs.jacobian(matcher.radius), self.weights(pairs), self.scale, longest)
+        return curvature_folds(evaluate, motions)
+
+    def information(self, folds: Float, pairs: Pairs, offset: float, free: Float | None = None) -> Information:
+        """``observability.information`` for the final pairs.
+
+        Args:
+            folds: as of ``curvature``.
+            offset: largest expected one, metres.
+            free: (6, k) the directions that it is about; all without it.
+        """
+        terms = pairs.jacobian(self.matcher.radius) * (self.weights(pairs) * pairs.gap)[:, None]
+        if free is not None:
+            folds, terms = np.einsum("ia,fij,jb->fab", free, folds, free), terms @ free
+        blocks = block_numbers(pairs.place, self.correlated)
+        return information(folds, terms, blocks, self.matcher.spacing / 2, offset / float(np.sqrt(3.0)))
+
+    def steps(
+        self,
+        pose: Pose,
+        sources: tuple[Index, Index],
+        found: Information,
+        limit: int,
+        progress: Progress,
+        *,
+        error: float = 0.0,
+        newton: bool = False,
+    ) -> Steps:
+        """At most ``limit`` steps of Newton, or of Gauss and Newton, in the observable directions.
+
+        Args:
+            error: standard error of the position, metres: much shorter steps end the search.
+
+        Raises:
+            InputError: a step, or what nothing fixes, has taken the surfaces apart.
+        """
+        for used in range(1, max(limit, 1) + 1):
+            progress.update(0.7 + 0.25 * (used - 1) / max(limit, 1), "registering with all points")
+            pairs = self.matcher.match(pose, sources, self.reach)
+            _require(pairs)
+            jacobian, weight = pairs.jacobian(self.matcher.radius), self.weights(pairs)
+            gradient = jacobian.T @ (weight * pairs.gap)
+            if newton:
+                step = found.step(gradient, len(pairs))
+            else:
+                step = found.damped_step(gradient, jacobian.T @ (jacobian * weight[:, None]))
+            length, longest = float(np.linalg.norm(step)), self.matcher.spacing / 2
+            if length > longest:
+                step *= longest / length
+            pose = pose.moved(step, self.matcher.radius)
+            # the pairs of the next step are other ones in part: below its own error a step is noise
+            if length < max(2e-5, 0.05 * error):
+                return Steps(pose, pairs, used, True)
+        return Steps(pose, pairs, used, False)
+
+
+def observe(matcher: Matcher, pose: Pose, scale: float, offset: float, progress: Progress) -> Information:
+    """What the surfaces fix at a pose that another method found, where their noise is ``scale`` metres."""
+    last = Refinement(matcher, scale)
+    pairs = matcher.match(pose, matcher.sample(_ALL_SOURCES), last.reach)
+    return last.information(last.curvature(pose, progress), pairs, offset)
+
+
+def refine(last: Refinement, pose: Pose, offset: float, limit: int, progress: Progress) -> Alignment:
+    """At most ``limit`` Newton's steps with all points and with neighbourhoods that have changed left out."""
+    matcher = last.matcher
+    _require(matcher.match(pose, matcher.sample(_CURVATURE_SOURCES), last.reach))
+    folds = last.curvature(pose, progress)
+    for limited in (_MANY_SOURCES, _ALL_SOURCES):
+        sources = matcher.sample(limited)
+        pairs = matcher.match(pose, sources, last.reach)
+        found = last.information(folds, pairs, offset)
+        error = float(np.sqrt(np.trace(found.observable_covariance)))
+        if error < _MAX_PRECISE_ERROR_M:
+            break
+    if not found.observable.all():
+        # motions that the surfaces do not fix stay as surveyed
+        pose = Pose.from_vector(found.held(pose.vector(matcher.radius)), matcher.radius)
+    taken = last.steps(pose, sources, found, min(limit, _MAX_NEWTON_STEPS), progress, error=error, newton=True)
+    if not taken.converged:
+        # curvature measured on too rough a surface can mislead; the plain matrix is slow but sure
+        again = last.steps(pose, sources, found, min(limit, 2 * _MAX_NEWTON_STEPS), progress, error=error)
+        taken = replace(again, used=taken.used + again.used)
+    found = last.information(folds, taken.pairs, offset)
+    return Alignment(taken.pose, last.scale, matcher.radius, taken.used, taken.converged, found)
 
 
 def _require(pairs: Pairs) -> None:
     """Raise InputError if there are too few pairs to register by."""
-    if len(pairs) < LEAST_PAIRS:
+    if len(pairs) < MIN_PAIRS:
         raise InputError(
             "The epochs hardly share any surface to register by; check that both cover the same slope, or raise "
             "maximum_offset."

@@ -16,20 +16,19 @@ from ...interface.parameters import RegistrationParameters
 from ..core.arrays import Float, Index
 from ..core.progress import Progress
 from ..geometry.pose import Pose
-from ..geometry.voxels import block_numbers
-from .alignment import Alignment, Weighting, align, curvature_at, radius_of, take_steps
-from .observability import Information, information
+from .alignment import Alignment, Refinement, align
+from .observability import Information
 from .point_to_plane import Matcher, Pairs
-from .restarts import descend
+from .restarts import Descent, Limits, descend
 
-LITTLE = 0.01
+MAX_BARE_PLANT_ERROR_M = 0.01
 """Metres: ground with an error by plants that is no larger counts as bare."""
 _MIN_POINTS = 300
 _SOURCES = 25_000
 _MAX_STEPS = 24
 _MAX_OFFSET_SCALES = 5.0  # times the noise of the residuals: how far the registration of all ground may be off
 _MAX_SCALE_RATIO = 1.2  # times the smaller noise: two places that fit equally well
-_MIN_UPWARD_NORMAL = 0.2  # least vertical part of a normal: heights of steeper faces say little
+_MIN_UPWARD_NORMAL = 0.2  # least vertical part of a normal: heights of steeper faces are imprecise
 _PLACES = 5_000
 
 
@@ -50,7 +49,7 @@ def divide(matcher: Matcher) -> Covered | None:
     surfaces = matcher.reference, matcher.moving
     if all(surface.plants is None for surface in surfaces):
         return None
-    first, second = (surface.bare(LITTLE) for surface in surfaces)
+    first, second = (surface.bare(MAX_BARE_PLANT_ERROR_M) for surface in surfaces)
     if first.all() and second.all():
         return None
     known = np.ones_like(first) if matcher.stable is None else matcher.stable
@@ -73,13 +72,7 @@ def align_bare(
     bare = ground.bare
     if min(np.count_nonzero(which) for which in (bare.stable, bare.firm) if which is not None) < _MIN_POINTS:
         return None
-    found = align(
-        bare,
-        voxel=parameters.registration_voxel,
-        offset=parameters.maximum_offset,
-        iterations=parameters.registration_iterations,
-        progress=progress,
-    )
+    found = align(bare, parameters, progress)
     if found.information.observable.all():
         return found
     return _completed(found, whole, ground, parameters.maximum_offset, progress)
@@ -112,31 +105,28 @@ def _height(pairs: Pairs) -> float:
 def _completed(found: Alignment, whole: Alignment, ground: Covered, offset: float, progress: Progress) -> Alignment:
     """With the motions that ``found`` does not fix taken from covered ground, as far as that fixes them."""
     covered, known = ground.covered, found.information
-    weigh, radius = Weighting(covered, whole.scale), radius_of(covered.reference)
+    last, radius = Refinement(covered, whole.scale), covered.radius
     sources = covered.sample(_SOURCES)
     free = known.directions[:, ~known.observable]
-    pose = _slid(found.pose, whole, covered, sources, free, radius)
+    pose = _slid(found.pose, whole, covered, sources, free)
     if pose is None:
         return found
-    folds = curvature_at(pose, weigh, radius, progress)
+    folds = last.curvature(pose, progress)
 
     def information_of(pairs: Pairs) -> Information:
-        terms = pairs.jacobian(radius) * (weigh(pairs) * pairs.gap)[:, None]
-        blocks = block_numbers(pairs.place, weigh.correlated(radius))
-        inner = np.einsum("ia,fij,jb->fab", free, folds, free)
-        part = information(inner, terms @ free, blocks, weigh.spacing / 2, offset / float(np.sqrt(3.0)))
+        part = last.information(folds, pairs, offset, free)
         return Information(part.curvature, free @ part.directions, part.observable, free @ part.covariance @ free.T)
 
-    part = information_of(covered.match(pose, sources, weigh.reach))
+    part = information_of(covered.match(pose, sources, last.reach))
     if not part.observable.any():
         return found
-    # what nothing fixes stays as surveyed
+    # motions that the surfaces do not fix stay as surveyed
     apart = pose.vector(radius) - found.pose.vector(radius)
     pose = found.pose.moved(part.held(apart), radius)
-    slid = take_steps(weigh, pose, sources, radius, part, 0.0, 0, _MAX_STEPS, progress)
+    slid = last.steps(pose, sources, part, _MAX_STEPS, progress)
     # a long slide along a road that is not quite plane
-    own = Weighting(ground.bare, found.scale)
-    held = take_steps(own, slid.pose, ground.bare.sample(_SOURCES), radius, known, 0.0, 0, _MAX_STEPS, progress)
+    own = Refinement(ground.bare, found.scale)
+    held = own.steps(slid.pose, ground.bare.sample(_SOURCES), known, _MAX_STEPS, progress)
     return replace(
         found,
         pose=held.pose,
@@ -145,33 +135,20 @@ def _completed(found: Alignment, whole: Alignment, ground: Covered, offset: floa
     )
 
 
-def _slid(
-    pose: Pose, whole: Alignment, covered: Matcher, sources: tuple[Index, Index], free: Float, radius: float
-) -> Pose | None:
+def _slid(pose: Pose, whole: Alignment, covered: Matcher, sources: tuple[Index, Index], free: Float) -> Pose | None:
     """``pose`` moved in the ``free`` directions (6, k) to where covered ground agrees; None where that is not clear.
 
     It is looked for from where all ground together lies, which may have slid to where road and grass both fit, and from
-    where the surveys are as delivered. Where both ends are equally good and apart, only chance decides between them.
+    where the surveys are as delivered. Where both ends are equally good at different places, only chance decides
+    between them.
     """
+    radius, spacing = covered.radius, covered.spacing
     apart = whole.pose.vector(radius) - pose.vector(radius)
-    spacing = max(covered.reference.spacing, covered.moving.spacing)
-    ends = []
+    scale, ends = max(_MAX_OFFSET_SCALES * whole.scale, spacing), []
     for start in (pose.moved(free @ (free.T @ apart), radius), pose):
-        if len(covered.match(start, sources, max(3 * spacing, 3 * whole.scale))) < _MIN_POINTS:
+        if len(covered.match(start, sources, covered.reach(whole.scale))) < _MIN_POINTS:
             continue
-        ends.append(
-            descend(
-                covered,
-                start,
-                sources,
-                radius,
-                scale=max(_MAX_OFFSET_SCALES * whole.scale, spacing),
-                offset=0.0,
-                agreement=0.8,
-                iterations=_MAX_STEPS,
-                free=free,
-            )
-        )
+        ends.append(descend(covered, Descent(start, scale), sources, Limits(_MAX_STEPS), free=free))
     if not ends:
         return None
     ends.sort(key=lambda end: end.scale)

@@ -16,16 +16,16 @@ from ..core.arrays import Float, Index
 from ..geometry.height_correction import HeightCorrection, Nodes
 from ..geometry.pose import Pose
 from ..geometry.voxels import block_numbers
-from ..statistics.robust import nmad
-from .point_to_plane import Matcher, regional_weights, robust_scale, tukey_weights
+from ..statistics.robust import nmad, robust_scale
+from .point_to_plane import Matcher, regional_weights, tukey_weights
 
 _SOURCES = 40_000
-_MIN_UPWARD_NORMAL = 0.2  # least vertical part of a normal: heights of steeper faces say little
+_MIN_UPWARD_NORMAL = 0.2  # least vertical part of a normal: heights of steeper faces are imprecise
 _BLOCKS_PER_NODE = 5.0  # blocks between two nodes
 _MIN_BLOCK_PAIRS, _MIN_BLOCKS = 10, 12
 _EXPECTED_BEND_M = 0.03  # metres from node to node that are to be expected at most (one standard deviation)
 _EXPECTED_LEVEL_M = 0.10  # metres, of the whole
-_ROUNDS = 8
+_MAX_ROUNDS = 8
 _FOLDS = 5
 _MAX_REMAINING_MISFIT_SHARE = 0.7  # share of the misfit that may remain
 _MIN_MISFIT_M = 0.003  # metres
@@ -83,10 +83,10 @@ def measure_bend(matcher: Matcher, pose: Pose, spacing: float, reach: float, sca
     upward = np.abs(pairs.normal[:, 2])
     height = pairs.residual / pairs.normal[:, 2]
     number = block_numbers(np.column_stack([plan, np.zeros(len(plan))]), spacing / _BLOCKS_PER_NODE)
-    region = max(10 * max(matcher.reference.spacing, matcher.moving.spacing), 5 * scale)
+    region = max(10 * matcher.spacing, 5 * scale)
     correction = np.zeros(nodes.rows * nodes.columns)
     blocks, extra = None, 0.0
-    for _ in range(_ROUNDS):
+    for _ in range(_MAX_ROUNDS):
         left = (height + weights @ correction) * upward
         # never wider than at the rigid motion: what it took for change stays change
         scale = min(max(robust_scale(left), 1e-4), scale)

@@ -10,16 +10,16 @@ from shapely.geometry.base import BaseGeometry
 from ..core.arrays import Float
 from ..core.errors import InputError
 
-_LEAST_POINTS = 30
+_MIN_POINTS = 30
 
 
 def check_points(xyz: Float, name: str) -> None:
     """Raise InputError unless ``xyz`` (n, 3) holds enough points, all finite; ``name`` is the epoch's in words."""
     if xyz.ndim != 2 or xyz.shape[1] != 3:
         raise InputError(f"The {name} epoch's points have the shape {xyz.shape}; give x, y and z of each.")
-    if len(xyz) < _LEAST_POINTS:
+    if len(xyz) < _MIN_POINTS:
         raise InputError(
-            f"The {name} epoch has {len(xyz)} points and registration needs at least {_LEAST_POINTS}; "
+            f"The {name} epoch has {len(xyz)} points and registration needs at least {_MIN_POINTS}; "
             "check the region and the ground extraction."
         )
     # a sum is finite only if all its terms are, and needs no second copy of the cloud
@@ -44,7 +44,7 @@ def check_overlap(reference: Float, moving: Float, offset: float) -> None:
 
 def check_shape(points: Float, name: str) -> None:
     """Raise InputError unless voxel means (n, 3) are enough and no line."""
-    if len(points) < _LEAST_POINTS:
+    if len(points) < _MIN_POINTS:
         raise InputError(f"The {name} epoch has only {len(points)} occupied voxels; give a smaller registration voxel.")
     low, high = np.quantile(points, [0.02, 0.98], axis=0)
     core = np.clip(points, low, high)
@@ -61,9 +61,9 @@ def inside(area: BaseGeometry | None, xyz: Float) -> NDArray[np.bool_] | None:
         return None
     shapely.prepare(area)
     found: NDArray[np.bool_] = shapely.contains_xy(area, xyz[:, 0], xyz[:, 1])
-    if np.count_nonzero(found) < _LEAST_POINTS:
+    if np.count_nonzero(found) < _MIN_POINTS:
         raise InputError(
             f"The stable area holds {np.count_nonzero(found)} points of the earlier epoch and registration needs at "
-            f"least {_LEAST_POINTS}; draw it on ground that was surveyed, or register without it."
+            f"least {_MIN_POINTS}; draw it on ground that was surveyed, or register without it."
         )
     return found

@@ -6,8 +6,6 @@ singular value decomposition (Arun et al. 1987, doi:10.1109/TPAMI.1987.4767965).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -15,20 +13,10 @@ from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.progress import Progress
 from ..geometry.pose import Pose
+from .measured import Solution
 from .tracked_neighbours import TrackedNeighbours
 
 _MIN_RMSE_CHANGE_M = 1e-6  # metres; smaller changes of the inlier RMSE end the iterations
-
-
-@dataclass(frozen=True)
-class IcpResult:
-    """``pose`` moves the moving cloud onto the reference; ``rmse`` (m) is over the ``inliers`` pairs near enough."""
-
-    pose: Pose
-    rmse: float
-    inliers: int
-    iterations: int
-    converged: bool
 
 
 def icp(
@@ -39,8 +27,8 @@ def icp(
     iterations: int,
     tree: cKDTree | None = None,
     progress: Progress | None = None,
-) -> IcpResult:
-    """Register ``moving`` (m, 3) to ``reference`` (n, 3), metres in local coordinates.
+) -> Solution:
+    """The motion of ``moving`` (m, 3) onto ``reference`` (n, 3), metres in local coordinates.
 
     Args:
         distance: pairs farther apart are ignored, metres.
@@ -65,7 +53,7 @@ def icp(
         rmse = float(np.sqrt(np.mean(near[inside] ** 2)))
         converged = abs(previous - rmse) < _MIN_RMSE_CHANGE_M
         if converged or done == iterations:
-            return IcpResult(pose, rmse, int(np.count_nonzero(inside)), done, converged)
+            return Solution(pose, done, converged)
         pose = rigid_fit(moving[inside], reference[number[inside]])
         previous, done = rmse, done + 1
         progress.update(done / iterations, f"icp, inlier RMSE {rmse:.4f} m")

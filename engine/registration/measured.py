@@ -18,7 +18,7 @@ from .bending import Bend, measure_bend
 from .observability import Information, height_sd, relief_sd
 from .patch_registration import OnPatches
 from .point_to_plane import Matcher
-from .quality import NO_STABLE_GROUND, Agreement, agreement, widened
+from .quality import MIN_STABLE_SHARE, Agreement, agreement, widened
 from .rival_parts import Standing
 
 
@@ -26,7 +26,7 @@ from .rival_parts import Standing
 class Solution:
     """What a method found; ``radius`` (m) scales the rotations of ``information``.
 
-    ``left``: left as surveyed for want of stable ground. ``bent``: the correction of ``bend`` is part of it.
+    ``left``: left as surveyed because there is no stable ground. ``bent``: the correction of ``bend`` is part of it.
     ``alignment`` is what the robust method found.
     """
 
@@ -64,7 +64,7 @@ def of_alignment(found: Alignment) -> Solution:
 class Measured:
     """A solution, the agreement of the surfaces there, and the standard error of a height, ``error`` (m).
 
-    ``by_plants`` (m) is the part of it that plants make. ``ground`` is known where the clouds tell of plants; ``bare``
+    ``by_plants`` (m) is the part of it that plants make. ``ground`` is known where the clouds record plants; ``bare``
     says that its bare part alone was registered, above which the later survey's covered ground lies by ``offset`` (m).
     """
 
@@ -100,7 +100,7 @@ def measured(
         parameters.method == "robust"
         and patches is None
         and not stable_given
-        and quality.stable_share < NO_STABLE_GROUND
+        and quality.stable_share < MIN_STABLE_SHARE
     ):
         solution = Solution(Pose.identity(), solution.iterations, left=True)
         quality = agreement(matcher, solution.pose, parameters.maximum_offset)
@@ -149,9 +149,8 @@ def _error(
 def _bent(
     solution: Solution, quality: Agreement, matcher: Matcher, parameters: RegistrationParameters
 ) -> tuple[Solution, Agreement]:
-    """What bends beside the rigid motion: told, and taken off where that was asked for."""
-    spacing = max(matcher.reference.spacing, matcher.moving.spacing)
-    reach = max(0.3 * parameters.maximum_offset, 3 * spacing)
+    """What bends in addition to the rigid motion: measured, and removed where that was asked for."""
+    reach = max(0.3 * parameters.maximum_offset, 3 * matcher.spacing)
     bend = measure_bend(matcher, solution.pose, parameters.piece_size, reach, quality.scale)
     if bend is None:
         return solution, quality

@@ -13,7 +13,7 @@ from ..core.progress import Progress
 from .alignment import Alignment
 from .measured import Measured, measured, of_alignment
 from .observability import height_sd
-from .patch_registration import ENOUGH, align_on_patches, keeps
+from .patch_registration import MIN_SHARE_WITHOUT_PATCHES, align_on_patches, keeps
 from .point_to_plane import Matcher
 from .quality import Agreement
 from .rival_parts import Standing, difference, refusal
@@ -31,7 +31,7 @@ def on_what_stayed(
     Raises:
         InputError: hardly anything agrees and no part is clearly the one that stayed, unless that was accepted.
     """
-    if not found.solution.left and found.quality.stable_share >= ENOUGH:
+    if not found.solution.left and found.quality.stable_share >= MIN_SHARE_WITHOUT_PATCHES:
         return found
     if found.bare and found.ground is not None:
         matcher = found.ground.bare
@@ -50,7 +50,7 @@ def on_what_stayed(
     if little and not parameters.accept_unstable:
         raise InputError(
             f"Only {found.quality.stable_share:.0%} of the overlap agrees after registration and no part of the "
-            "surface is clearly the one that did not move, so nothing tells how the epochs lie to one another; give "
+            "surface is clearly the one that did not move, so the epochs' relative position is not determined; give "
             "an area known to be stable (--stable), or --accept-unstable to go on with a wide error."
         )
     return found

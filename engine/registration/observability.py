@@ -12,9 +12,9 @@ from ..core.arrays import Float
 from .point_to_plane import Pairs
 
 _FOLDS = 16
-_MIN_STANDARD_ERRORS = 5.0  # standard errors by which a curvature must stand above zero
-_MIN_CURVATURE_RATIO = 1e-4  # of the largest curvature: slopes that differ by 1 % only
-_SHIFT_PER_TURN = 10.0  # surveys turn by some hundredths of a degree, a few mm at 10 m, but lie off by centimetres
+MIN_STANDARD_ERRORS = 5.0  # standard errors by which a curvature must stand above zero
+MIN_CURVATURE_RATIO = 1e-4  # of the largest curvature: slopes that differ by 1 % only
+_SHIFT_PER_TURN = 10.0  # surveys turn by some hundredths of a degree, a few mm at 10 m, but are offset by centimetres
 _MIN_DIP_SINE = 0.02  # least sine of the dip with which a surface has a strike
 
 
@@ -151,7 +151,7 @@ def information(
     error = np.sqrt(_FOLDS * pieces.var(axis=0, ddof=1))
     scatter = np.stack([np.bincount(blocks, terms[:, i]) for i in range(terms.shape[1])], axis=1)
     along = scatter @ directions
-    observable = (curvature > _MIN_STANDARD_ERRORS * error) & (curvature > _MIN_CURVATURE_RATIO * curvature[-1])
+    observable = (curvature > MIN_STANDARD_ERRORS * error) & (curvature > MIN_CURVATURE_RATIO * curvature[-1])
     safe = np.where(observable, curvature, 1.0) * len(terms)
     inverse = np.where(observable, 1.0 / safe, 0.0)
     inner = inverse[:, None] * (along.T @ along) * inverse

@@ -15,12 +15,10 @@ from scipy.spatial import cKDTree
 
 from ..core.arrays import Bool, Float
 from ..geometry.voxels import block_numbers
-from .observability import Information
+from .observability import MIN_CURVATURE_RATIO, MIN_STANDARD_ERRORS, Information
 from .surface_patches import Equations, Patches
 
 CORRELATED = 3.0  # pairs share points of their planes: so many count as one
-_MIN_STANDARD_ERRORS = 5.0  # standard errors by which the relief must stand out
-_MIN_CURVATURE_RATIO = 1e-4  # of the largest curvature: slopes that differ by 1 % only
 _LEFT_OUT_BLOCK_WIDTHS = 4.0  # widths of the blocks of patches that are left out together
 _PLACE_RADIUS_WIDTHS = 2.5  # widths about a patch that are compared with all else
 # times the median contradiction of places: 0.1 % by chance, with the four motions that a place constrains
@@ -53,8 +51,8 @@ def part_information(
     curvature, directions = np.linalg.eigh(whole)
     # the weighted mean of as many products of two independent errors
     effective = float(1.0 / max(np.sum(weight**2 * CORRELATED / np.maximum(system.pairs[some], 1)), 1e-300))
-    least = _MIN_STANDARD_ERRORS * system.roughness / np.sqrt(max(effective, 1.0))
-    observable = curvature > max(least, _MIN_CURVATURE_RATIO * float(curvature[-1]))
+    least = MIN_STANDARD_ERRORS * system.roughness / np.sqrt(max(effective, 1.0))
+    observable = curvature > max(least, MIN_CURVATURE_RATIO * float(curvature[-1]))
     fixed = directions[:, observable]
     covariance = np.zeros((6, 6))
     if fixed.shape[1] and len(some) > 1:

@@ -10,13 +10,13 @@ from ...interface.parameters import RegistrationParameters
 from ..core.arrays import Bool
 from ..core.progress import Progress
 from ..geometry.pose import Pose
-from .alignment import Alignment, radius_of
-from .point_to_plane import Matcher, robust_scale
-from .restarts import own_noise, reach_of
+from ..statistics.robust import robust_scale
+from .alignment import Alignment
+from .point_to_plane import Matcher
 from .rival_parts import Standing, standing
 from .stable_patches import StablePart, agreeing, stable_part
 
-ENOUGH = 0.75
+MIN_SHARE_WITHOUT_PATCHES = 0.75
 """Share of the overlap that agrees with a registration, from which there is no need to look at patches."""
 _MIN_AGREEING_SHARE, _MAX_PATCH_SHARE_RATIO = 0.5, 0.75
 _MIN_CONTRADICTING_SHARE, _MIN_STILL_SHARE = 0.35, 0.9
@@ -60,31 +60,31 @@ def align_on_patches(
     Args:
         found: by all ground together.
     """
-    radius = radius_of(matcher.reference)
-    noise = max(own_noise(matcher.reference), own_noise(matcher.moving))
     starts = (Pose.identity(),) if found is None else (Pose.identity(), found.pose)
     progress.update(0.1, "looking for patches that did not move")
-    part = stable_part(matcher, starts, noise=noise, offset=parameters.maximum_offset, radius=radius)
+    part = stable_part(matcher, starts, parameters.maximum_offset)
     judged = None if part is None else standing(part)
     if judged is None or not (judged.known or judged.contested):
         return None
     part = judged.part
-    still = 0.0 if found is None else agreeing(matcher, part, found.pose, noise, radius)
+    still = 0.0 if found is None else agreeing(matcher, part, found.pose)
     progress.update(0.5, "registering on what did not move")
     among = part.points(len(matcher.moving.points))
-    narrow = Matcher(matcher.reference, matcher.moving, _beneath(matcher, part.pose, among, noise), among)
-    pairs = narrow.match(part.pose, narrow.sample(_SOURCES), reach_of(narrow, noise))
+    narrow = Matcher(matcher.reference, matcher.moving, _beneath(matcher, part.pose, among), among)
+    pairs = narrow.match(part.pose, narrow.sample(_SOURCES), narrow.reach(matcher.noise))
     if not len(pairs):
         return None
-    scale = max(min(robust_scale(pairs.residual), 3 * noise), 1e-3)
+    scale = max(min(robust_scale(pairs.residual), 3 * matcher.noise), 1e-3)
     done = 0 if found is None else found.iterations
-    return OnPatches(Alignment(part.pose, scale, radius, done, True, part.information), judged, narrow, among, still)
+    return OnPatches(
+        Alignment(part.pose, scale, matcher.radius, done, True, part.information), judged, narrow, among, still
+    )
 
 
-def _beneath(matcher: Matcher, pose: Pose, among: Bool, noise: float) -> Bool:
+def _beneath(matcher: Matcher, pose: Pose, among: Bool) -> Bool:
     """(n,) points of the reference that have a point of ``among`` as their nearest neighbour."""
     everything = np.arange(len(matcher.reference.points), dtype=np.int64)
-    distance, number = matcher.neighbours_back(pose, everything, reach_of(matcher, noise))
+    distance, number = matcher.neighbours_back(pose, everything, matcher.reach(matcher.noise))
     near = np.isfinite(distance)
     near[near] = among[number[near]]
     return near if matcher.stable is None else near & matcher.stable

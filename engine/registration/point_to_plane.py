@@ -11,7 +11,7 @@ contribute, and of the relief that stops a slide along the surface less is lost 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,8 +23,6 @@ from .surface import Surface
 from .tracked_neighbours import TrackedNeighbours
 
 TUKEY = 4.685  # 95 % efficiency on normal noise
-# the 30 % quantile of |r| is 0.385 standard deviations: it stands 60 % of change
-_QUANTILE, _NORMAL_QUANTILE = 0.3, 0.38532
 
 
 @dataclass(frozen=True)
@@ -52,10 +50,15 @@ class Pairs:
 
     def jacobian(self, radius: float) -> Float:
         """(n, 6) derivative of the residual by the vector of ``Pose.moved``."""
-        x, y, z = self.place.T / radius
-        u, v, w = self.normal.T
-        # in columns, along which it is summed
-        return np.stack([y * w - z * v, z * u - x * w, x * v - y * u, u, v, w]).T
+        return jacobian(self.place, self.normal, radius)
+
+
+def jacobian(place: Float, normal: Float, radius: float) -> Float:
+    """(n, 6) derivative, by the vector of ``Pose.moved``, of the distances of ``place`` along ``normal`` (n, 3)."""
+    x, y, z = place.T / radius
+    u, v, w = normal.T
+    # in columns, along which it is summed
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u, u, v, w]).T
 
 
 @dataclass(frozen=True)
@@ -63,12 +66,37 @@ class Matcher:
     """Two surfaces to be compared.
 
     ``stable`` (points of the reference,) and ``firm`` (points of the moving surface,) restrict the comparison to them.
+    ``given_radius`` is the ``radius``, metres, if another than that of the reference.
     """
 
     reference: Surface
     moving: Surface
     stable: Bool | None = None
     firm: Bool | None = None
+    given_radius: float | None = None
+
+    @property
+    def radius(self) -> float:
+        """By which rotations are scaled, metres: the typical distance of the reference's points from the origin."""
+        return self.given_radius or self.reference.radius
+
+    @property
+    def spacing(self) -> float:
+        """Of the points of the sparser surface, metres."""
+        return max(self.reference.spacing, self.moving.spacing)
+
+    @property
+    def noise(self) -> float:
+        """Of a point about its surface, metres, of the noisier one."""
+        return max(self.reference.noise, self.moving.noise)
+
+    def reach(self, scale: float) -> float:
+        """Farthest point of a pair, metres: the next few points, and what the weights do not yet leave out.
+
+        Args:
+            scale: of the residuals, metres.
+        """
+        return max(3 * self.spacing, 3 * scale)
 
     def sample(self, limit: int) -> tuple[Index, Index]:
         """At most ``limit`` sources of each surface."""
@@ -82,12 +110,10 @@ class Matcher:
     def _of_reference(self) -> TrackedNeighbours:
         return TrackedNeighbours(self.moving.tree, len(self.reference.points))
 
-    def distance(self, pose: Pose, sources: Index, reach: float) -> Float:
-        """(n,) from the moving surface's points to the nearest one of the reference; infinity beyond ``reach``."""
-        return self.neighbours(pose, sources, reach)[0]
-
     def neighbours(self, pose: Pose, sources: Index, reach: float) -> tuple[Float, Index]:
-        """As ``distance``, and the (n,) numbers of those points."""
+        """(n,) distances from the moving surface's points to the nearest one of the reference, and its (n,) numbers;
+        infinity beyond ``reach``.
+        """
         return self._of_moving.nearest(sources, pose.apply(self.moving.points[sources]), reach)
 
     def neighbours_back(self, pose: Pose, sources: Index, reach: float) -> tuple[Float, Index]:
@@ -101,49 +127,14 @@ class Matcher:
             reach: largest distance of a point from the plane's own point, metres.
             agreement: least cosine between the two surfaces' normals.
         """
-        place = pose.apply(self.moving.points[sources])
-        distance, number = self._of_moving.nearest(sources, place, reach)
-        found = np.isfinite(distance)
-        if self.stable is not None:
-            found[found] = self.stable[number[found]]
-        found = np.flatnonzero(found)
-        sources, number = sources[found], number[found]
-        self.reference.fit(number)
-        self.moving.fit(sources)
-        normal, keep = _mean_normals(
-            np.take(self.reference.normals, number, axis=0),
-            turned(np.take(self.moving.normals, sources, axis=0), pose.rotation),
-            agreement,
-        )
-        keep &= self.reference.planar[number] & self.moving.planar[sources]
-        kept = np.flatnonzero(keep)
-        place, normal = np.take(place, found[kept], axis=0), np.take(normal, kept, axis=0)
-        plane = np.take(self.reference.centroids, number[kept], axis=0)
-        around = (place + pose.apply(np.take(self.moving.centroids, sources[kept], axis=0))) / 2
-        return Pairs(place, normal, _along(place - plane, normal), _along(around - plane, normal), sources[kept])
+        near = self.neighbours(pose, sources, reach)
+        return _pairs(_Placed(self.moving, pose), _Placed(self.reference), sources, near, self.stable, agreement)
 
     def onto_moving(self, pose: Pose, sources: Index, reach: float, agreement: float) -> Pairs:
         """The reference's points against the planes of the moving surface."""
-        place = np.take(self.reference.points, sources, axis=0)
-        distance, number = self._of_reference.nearest(sources, pose.undo(place), reach)
-        near = np.isfinite(distance)
-        if self.firm is not None:
-            near[near] = self.firm[number[near]]
-        found = np.flatnonzero(near)
-        sources, number = sources[found], number[found]
-        self.reference.fit(sources)
-        self.moving.fit(number)
-        normal, keep = _mean_normals(
-            turned(np.take(self.moving.normals, number, axis=0), pose.rotation),
-            np.take(self.reference.normals, sources, axis=0),
-            agreement,
-        )
-        keep &= self.moving.planar[number] & self.reference.planar[sources]
-        kept = np.flatnonzero(keep)
-        place, normal = np.take(place, found[kept], axis=0), np.take(normal, kept, axis=0)
-        plane = pose.apply(np.take(self.moving.centroids, number[kept], axis=0))
-        around = (place + np.take(self.reference.centroids, sources[kept], axis=0)) / 2
-        return Pairs(place, normal, _along(plane - place, normal), _along(plane - around, normal), sources[kept])
+        near = self.neighbours_back(pose, sources, reach)
+        pairs = _pairs(_Placed(self.reference), _Placed(self.moving, pose), sources, near, self.firm, agreement)
+        return replace(pairs, residual=-pairs.residual, gap=-pairs.gap)
 
     def match(self, pose: Pose, sources: tuple[Index, Index], reach: float, agreement: float = 0.8) -> Pairs:
         """Both directions together."""
@@ -152,8 +143,51 @@ class Matcher:
         return Pairs(*(np.concatenate(both) for both in zip(vars(one).values(), vars(two).values(), strict=True)))
 
 
+@dataclass(frozen=True)
+class _Placed:
+    """A surface in the reference frame: where its ``pose`` takes it, or as it is."""
+
+    surface: Surface
+    pose: Pose | None = None
+
+    def at(self, points: Float, numbers: Index) -> Float:
+        """Those of the surface's ``points`` or ``centroids`` (m, 3), (n, 3)."""
+        found = np.take(points, numbers, axis=0)
+        return found if self.pose is None else self.pose.apply(found)
+
+    def normals(self, numbers: Index) -> Float:
+        found = np.take(self.surface.normals, numbers, axis=0)
+        return found if self.pose is None else turned(found, self.pose.rotation)
+
+
+def _pairs(
+    points: _Placed, planes: _Placed, sources: Index, near: tuple[Float, Index], among: Bool | None, agreement: float
+) -> Pairs:
+    """Points ``sources`` (n,) against the planes of their neighbours; residuals are points minus planes.
+
+    Args:
+        near: (n,) distance and number of each point's neighbour, infinity without one.
+        among: (m,) the neighbours that count; all without it.
+    """
+    distance, number = near
+    found = np.isfinite(distance)
+    if among is not None:
+        found[found] = among[number[found]]
+    sources, number = sources[found], number[found]
+    planes.surface.fit(number)
+    points.surface.fit(sources)
+    normal, keep = _mean_normals(planes.normals(number), points.normals(sources), agreement)
+    keep &= planes.surface.planar[number] & points.surface.planar[sources]
+    kept = np.flatnonzero(keep)
+    sources, number, normal = sources[kept], number[kept], np.take(normal, kept, axis=0)
+    place = points.at(points.surface.points, sources)
+    plane = planes.at(planes.surface.centroids, number)
+    around = (place + points.at(points.surface.centroids, sources)) / 2
+    return Pairs(place, normal, _along(place - plane, normal), _along(around - plane, normal), sources)
+
+
 def _mean_normals(own: Float, other: Float, agreement: float) -> tuple[Float, Bool]:
-    """Unit vectors amid two unit vectors (n, 3) each, on the side of the first, and where these agree."""
+    """Unit vectors halfway between two unit vectors (n, 3) each, on the side of the first, and where these agree."""
     cosine = _along(own, other)
     both = own + np.where(cosine < 0, -1.0, 1.0)[:, None] * other
     return both / np.sqrt(_along(both, both))[:, None], np.abs(cosine) > agreement
@@ -161,22 +195,6 @@ def _mean_normals(own: Float, other: Float, agreement: float) -> tuple[Float, Bo
 
 def _along(offset: Float, normal: Float) -> Float:
     return np.asarray(np.einsum("ij,ij->i", offset, normal))
-
-
-def robust_scale(residual: Float) -> float:
-    """Standard deviation of the residuals' core, whatever the other 60 % are; 0 for none.
-
-    A quantile near zero belongs to the unchanged ground as long as that is the largest part near zero; what lies
-    outside three of it is then left out and the quantile taken again.
-    """
-    size = np.sort(np.abs(residual))
-    scale = np.inf
-    for _ in range(5):
-        size = size[: np.searchsorted(size, 3 * scale, side="right")]
-        if not len(size):
-            return 0.0
-        scale = float(size[int(_QUANTILE * (len(size) - 1))]) / _NORMAL_QUANTILE
-    return scale
 
 
 def tukey_weights(residual: Float, scale: float) -> Float:

@@ -17,13 +17,13 @@ from ..pointcloud.plant_cover import PlantCover
 from .alignment import Alignment, align
 from .bare_ground import Covered, align_bare, divide, offset_of_covered
 from .checks import check_overlap, check_points, check_shape, inside
+from .explanation import explain
 from .icp import icp
 from .measured import Measured, Solution, measured, of_alignment
 from .moved_surface import on_what_stayed
 from .observability import name_unobservable, weakest_direction
 from .point_to_plane import Matcher
-from .quality import explain, explain_plants
-from .result import PlantsInRegistration, RegistrationResult, StableGround
+from .result import PlantsInRegistration, RegistrationResult
 from .surface import Surface, nearest
 
 _NEIGHBOUR_SAMPLE = 25_000
@@ -57,7 +57,7 @@ def register(
     check_points(reference, "earlier")
     check_points(moving, "later")
     check_overlap(reference, moving, parameters.maximum_offset)
-    centre = np.median(reference, axis=0)  # amidst the points even where a stray one stretches the extent
+    centre = np.median(reference, axis=0)  # in the middle of the points even where a stray one stretches the extent
     a, b = reference - centre, moving - centre
     progress.update(0.0, "averaging points")
     surfaces = _surface(a, plants[0], parameters), _surface(b, plants[1], parameters)
@@ -93,7 +93,7 @@ def _solve(
 ) -> Solution:
     """By the method asked for, in local coordinates."""
     if parameters.method == "icp":
-        plain = icp(
+        return icp(
             a,
             b,
             distance=parameters.maximum_correspondence,
@@ -101,16 +101,8 @@ def _solve(
             tree=tree,
             progress=progress,
         )
-        return Solution(plain.pose, plain.iterations, plain.converged)
     if parameters.method == "robust":
-        found = align(
-            matcher,
-            voxel=parameters.registration_voxel,
-            offset=parameters.maximum_offset,
-            iterations=parameters.registration_iterations,
-            progress=progress,
-        )
-        return of_alignment(found)
+        return of_alignment(align(matcher, parameters, progress))
     return Solution(Pose.identity())
 
 
@@ -154,12 +146,15 @@ def _result(
     stable_given: bool,
 ) -> RegistrationResult:
     """Args: before, after: nearest-neighbour distances of a sample of the moving cloud's ``points``, metres."""
-    solution, quality, error = found.solution, found.quality, found.error
+    solution, quality = found.solution, found.quality
     pose, information = solution.pose, solution.information
     moved = quality.places if len(quality.places) else quality.sample  # nothing is stable
     shift = pose.apply(moved).mean(axis=0) - moved.mean(axis=0)
     names = () if information is None else name_unobservable(information, quality.mean_normal)
     close = after[after <= parameters.maximum_correspondence]
+    plants = None
+    if found.ground is not None:
+        plants = PlantsInRegistration(found.ground.bare_share, found.bare, found.by_plants, found.offset)
     return RegistrationResult(
         transform=solution.transform(centre),
         method=parameters.method,
@@ -177,31 +172,9 @@ def _result(
         unobservable=names,
         weakest=None if information is None else weakest_direction(information, quality.mean_normal),
         bend=solution.bend,
-        stable_ground=StableGround(quality.sample + centre, quality.agrees),
-        registration_error=error,
-        warnings=explain(
-            quality,
-            parameters,
-            converged=solution.converged,
-            shift=shift,
-            error=error,
-            unobservable=names,
-            stable_given=stable_given,
-            left=solution.left,
-            judged=found.judged,
-            bend=solution.bend,
-            bent=solution.bent,
-        )
-        + explain_plants(
-            error_by_plants=found.by_plants,
-            error=error,
-            bare=found.bare,
-            bare_share=None if found.ground is None else found.ground.bare_share,
-            offset=found.offset,
-        ),
-        plants=None
-        if found.ground is None
-        else PlantsInRegistration(found.ground.bare_share, found.bare, found.by_plants, found.offset),
+        registration_error=found.error,
+        warnings=explain(found, parameters, shift, names, stable_given=stable_given),
+        plants=plants,
     )
 
 

@@ -1,7 +1,7 @@
 """Restarts of a registration whose residuals exceed the surfaces' own noise.
 
 Where much of what fixes a position lies within ground that has moved, weights that shrink slowly can settle between
-the old and the new place. Registering with one part of the surface after the other, and without it, leads out of that;
+the old and the new place. Registering with one part of the surface after the other, and without it, avoids that;
 the fit with the smallest scale is best (the idea of the S-estimator, Rousseeuw and Yohai 1984).
 """
 
@@ -11,16 +11,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..core.arrays import Float, Index
+from ..core.arrays import Bool, Float, Index
 from ..core.progress import Progress
 from ..geometry.pose import Pose
-from .point_to_plane import Matcher, Pairs, robust_scale, tukey_weights
-from .surface import Surface
+from ..statistics.robust import robust_scale
+from .point_to_plane import Matcher, Pairs, tukey_weights
+from .surface import NOISE_FLOOR
 
-LEAST_PAIRS = 12
-NOISE_FLOOR = 1e-3  # metres; no scanner is better, and a scale of zero has no weights
+MIN_PAIRS = 12
 _MIN_SHRINK_FACTOR = 0.3  # smallest factor of the scale from one iteration to the next
 _MAX_NOISE_RATIO = 1.5  # times the surfaces' own noise: above, other starts are tried
 _REGION_COUNT, _REGION_SHARE = 12, 0.3
@@ -38,65 +37,61 @@ class Descent:
     share: float = 0.0
 
 
-def own_noise(surface: Surface) -> float:
-    """Scale of a surface's points about the planes through their own neighbourhoods, metres."""
-    some = surface.sample(20_000)
-    surface.fit(some)
-    some = some[surface.planar[some]]
-    distance = np.einsum("ij,ij->i", surface.points[some] - surface.centroids[some], surface.normals[some])
-    return max(robust_scale(distance), NOISE_FLOOR)
+@dataclass(frozen=True)
+class Limits:
+    """Bounds of one descent.
 
+    Attributes:
+        iterations: at most.
+        offset: how far apart the surfaces may still be, metres.
+        agreement: least cosine between paired normals.
+        noise: least scale, metres.
+        shrink: smallest factor of the scale from one iteration to the next.
+    """
 
-def reach_of(matcher: Matcher, scale: float) -> float:
-    """Farthest point of a pair, metres: the next few points, and what the weights do not yet leave out."""
-    return max(3 * max(matcher.reference.spacing, matcher.moving.spacing), 3 * scale)
+    iterations: int
+    offset: float = 0.0
+    agreement: float = 0.8
+    noise: float = NOISE_FLOOR
+    shrink: float = _MIN_SHRINK_FACTOR
 
 
 def descend(
     matcher: Matcher,
-    pose: Pose,
+    start: Descent,
     sources: tuple[Index, Index],
-    radius: float,
+    limits: Limits,
     *,
-    scale: float,
-    offset: float,
-    agreement: float,
-    iterations: int,
-    noise: float = NOISE_FLOOR,
-    shrink: float = _MIN_SHRINK_FACTOR,
-    among: Callable[[Pairs], NDArray[np.bool_]] | None = None,
+    among: Callable[[Pairs], Bool] | None = None,
     free: Float | None = None,
 ) -> Descent:
-    """Gauss-Newton steps while the scale shrinks from ``scale`` to that of the residuals, all in metres.
+    """Gauss-Newton steps from a pose, while the scale shrinks from that of the ``start`` to that of the residuals.
 
     Args:
-        offset: how far apart the surfaces may still be.
-        agreement: least cosine between paired normals.
-        noise: least scale.
-        shrink: smallest factor of the scale from one iteration to the next.
         among: which pairs to use; all without it.
         free: (6, k) directions in which to move, columns of unit length at right angles; all without it.
     """
+    pose, scale = start.pose, start.scale
     axes = np.eye(6) if free is None else free
     done, share = 0, 0.0
-    for done in range(1, iterations + 1):
+    for done in range(1, limits.iterations + 1):
         # a pair may lie as far apart as the clouds; later the scale limits the distance
-        reach = max(reach_of(matcher, scale), offset if done <= 8 else 0.0)
-        pairs = matcher.match(pose, sources, reach, agreement)
+        reach = max(matcher.reach(scale), limits.offset if done <= 8 else 0.0)
+        pairs = matcher.match(pose, sources, reach, limits.agreement)
         share = len(pairs) / (len(sources[0]) + len(sources[1]))
         if among is not None and len(pairs):
             pairs = pairs.chosen(among(pairs))
-        if len(pairs) < LEAST_PAIRS:
+        if len(pairs) < MIN_PAIRS:
             break
         weight = tukey_weights(pairs.residual, scale)
-        jacobian = pairs.jacobian(radius)
+        jacobian = pairs.jacobian(matcher.radius)
         jacobian = jacobian if free is None else jacobian @ free
         normal = jacobian.T @ (jacobian * weight[:, None])
         normal += 1e-6 * max(float(np.trace(normal)), 1e-12) * np.eye(axes.shape[1])
         step = np.asarray(-np.linalg.solve(normal, jacobian.T @ (weight * pairs.residual)), dtype=np.float64)
         step = axes @ step
-        pose = pose.moved(step, radius)
-        smaller = max(robust_scale(pairs.residual), noise, shrink * scale)
+        pose = pose.moved(step, matcher.radius)
+        smaller = max(robust_scale(pairs.residual), limits.noise, limits.shrink * scale)
         steady = abs(smaller - scale) < 0.02 * scale and np.linalg.norm(step) < max(0.1 * scale, 1e-4)
         scale = smaller
         if steady and done >= 3:
@@ -104,41 +99,28 @@ def descend(
     return Descent(pose, scale, done, share)
 
 
-def reconsider(
-    matcher: Matcher, first: Descent, sources: tuple[Index, Index], radius: float, progress: Progress
-) -> Descent:
+def reconsider(matcher: Matcher, first: Descent, sources: tuple[Index, Index], progress: Progress) -> Descent:
     """``first``, or what a search with parts of the surface found if its residuals are clearly smaller."""
-    noise = max(own_noise(matcher.reference), own_noise(matcher.moving))
+    noise = matcher.noise
     if first.scale <= _MAX_NOISE_RATIO * noise:
         return first
     few = matcher.sample(_SOURCES)
+    part, whole = (
+        Limits(iterations, 4 * first.scale, noise=noise, shrink=shrink)
+        for iterations, shrink in ((_PART_ITERATIONS, 0.6), (_WHOLE_ITERATIONS, 0.3))
+    )
     best = first
     for number, centre in enumerate(_spread(matcher.reference.points[few[0]], _REGION_COUNT)):
         progress.update(0.3 + 0.1 * number / _REGION_COUNT, "registering with parts of the surface")
-        for part in (_Region(centre, inside=False), _Region(centre, inside=True)):
-            start = Descent(first.pose, 2 * first.scale)
-            for iterations, among, least in ((_PART_ITERATIONS, part, 0.6), (_WHOLE_ITERATIONS, None, 0.3)):
-                start = descend(
-                    matcher,
-                    start.pose,
-                    few,
-                    radius,
-                    scale=start.scale,
-                    offset=4 * first.scale,
-                    agreement=0.8,
-                    iterations=iterations,
-                    noise=noise,
-                    shrink=least,
-                    among=among,
-                )
+        for region in (_Region(centre, inside=False), _Region(centre, inside=True)):
+            start = descend(matcher, Descent(first.pose, 2 * first.scale), few, part, among=region)
+            start = descend(matcher, start, few, whole)
             # a pose that takes the surfaces apart pairs little of them, and that little well
             if start.scale < 0.9 * best.scale and start.share > 0.5 * first.share:
                 best = start
     if best is first:
         return first
-    found = descend(
-        matcher, best.pose, sources, radius, scale=2 * best.scale, offset=0.0, agreement=0.8, iterations=20, noise=noise
-    )
+    found = descend(matcher, replace(best, scale=2 * best.scale), sources, Limits(20, noise=noise))
     if found.scale >= 0.9 * first.scale:
         return first
     return replace(found, iterations=first.iterations + found.iterations)
@@ -151,9 +133,9 @@ class _Region:
     centre: Float
     inside: bool
 
-    def __call__(self, pairs: Pairs) -> NDArray[np.bool_]:
+    def __call__(self, pairs: Pairs) -> Bool:
         distance = np.sum((pairs.place - self.centre) ** 2, axis=1)
-        near: NDArray[np.bool_] = distance <= np.quantile(distance, _REGION_SHARE)
+        near: Bool = distance <= np.quantile(distance, _REGION_SHARE)
         return near if self.inside else ~near
 
 

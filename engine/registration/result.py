@@ -6,29 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.arrays import Float
 from ..geometry.rigid_transform import BentTransform, RigidTransform
-from ..grid.grid import Grid, cell_index
 from .bending import Bend
 from .quality import Agreement
-
-
-@dataclass(frozen=True)
-class StableGround:
-    """Sample of the compared points: ``xyz`` (n, 3) in the reference's system; which of them are ``stable`` (n,)."""
-
-    xyz: Float
-    stable: NDArray[np.bool_]
-
-    def share(self, grid: Grid) -> Float:
-        """Share of stable points in each cell (rows, columns); NaN where none was compared."""
-        number = cell_index(self.xyz, grid)
-        inside = number >= 0
-        compared = np.bincount(number[inside], minlength=grid.rows * grid.columns)
-        stable = np.bincount(number[inside], self.stable[inside], minlength=grid.rows * grid.columns)
-        return np.where(compared > 0, stable / np.maximum(compared, 1), np.nan).reshape(grid.shape)
 
 
 @dataclass(frozen=True)
@@ -76,7 +58,6 @@ class RegistrationResult:
         unobservable: motions that the surfaces do not fix, in words.
         weakest: the motion that is fixed least of the others, in words, and its standard error.
         bend: how far stable ground is bent after the rigid motion; None where that was not or cannot be measured.
-        stable_ground: where both epochs were compared, and what of it is stable.
         registration_error: standard error of a height after registration, for the level of detection.
         warnings: sentences for the user.
         plants: None where the clouds record no plants.
@@ -98,7 +79,6 @@ class RegistrationResult:
     unobservable: tuple[str, ...]
     weakest: tuple[str, float] | None
     bend: Bend | None
-    stable_ground: StableGround
     registration_error: float
     warnings: tuple[str, ...]
     plants: PlantsInRegistration | None = None

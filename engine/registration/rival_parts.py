@@ -2,7 +2,7 @@
 
 No geometry distinguishes a block that moved as one from ground that stayed. Evidence for a part: that it is much larger
 than any other, that it lies around the other as ground does around a landslide, and that it lies where it was
-surveyed. None of that is proof, so that two parts of like weight are refused.
+surveyed. None of that is proof, so two parts of similar weight are refused.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def caution(found: Standing, error: float) -> str:
     )
     if found.contested:
         return (
-            f"Nothing tells which part of the surface stayed: {parts}; the registration error is widened to "
+            f"It is undecidable which part of the surface stayed: {parts}; the registration error is widened to "
             f"{error:.3f} m, which covers both; give an area known to be stable."
         )
     return (

@@ -25,22 +25,23 @@ _SEARCH_POINTS, _FINAL_POINTS = 15, 60  # points of a patch that are paired, whi
 _MAX_WEAK_CURVATURE_RATIO = 0.1  # of the largest curvature: what walls and steps fix on level ground
 _MIN_WEAK_SINE_SQUARED = 0.2  # squared sine from which a patch constrains a weak direction
 _SURROUNDINGS_WIDTHS = 2.0  # widths
-_WEAK_TRIALS = 1_000
+_WEAK_TRIAL_COUNT = 1_000
 _MAX_RIVAL_AREA_RATIO = 0.75  # of the area that agrees best: as much agrees on something else
-_TRIALS = 6_000
+_TRIAL_COUNT = 6_000
 _PARTNER_COUNTS = (1, 2, 3, 5, 8)  # patches that a trial takes in addition to its first one
 _NEAREST_PATCHES = 25  # nearest patches of which half of the trials take them
 _MAX_IMPROVED_TRIALS = 12  # trials that are improved
 _MAX_PARTS = 4  # parts that are paired again where they lead to
-_IMPROVE = 8
-_PASSES = 3
+_MAX_IMPROVEMENTS = 8
+_MAX_PASSES = 3
 _MIN_STEP_M = 1e-4  # metres
-_LEAST_OF_BEST = 0.5  # of the largest area: less does not become the largest when paired again
-_LEAST_PAIRS = 12
+_MIN_TRIED_AREA_RATIO = 0.5  # of the largest area: less does not become the largest when paired again
+_MIN_PAIRS = 12
 _MIN_OTHER_AREA_RATIO = 0.4  # of the largest part's area: another one so large is measured again
 _SHIFT_PER_TURN = 5.0  # surveys shift by so much more than they turn, at the typical distance of the points
 _MAX_STANDARD_ERRORS = 2.5
-_SPARSE, _DENSE = 0.5, 0.8  # share of the patches around that agree: none counts below, all from the second on
+# shares of the patches around that agree: none counts below the first, all from the second on
+_MIN_NEIGHBOUR_SHARE, _FULL_NEIGHBOUR_SHARE = 0.5, 0.8
 _MAX_JUDGED_TRIALS = 400  # trials that are looked at with the patches around
 _MIN_ERROR_M = 5e-4  # metres; no two surveys of a surface agree better
 
@@ -88,41 +89,36 @@ class _Found:
         return self.weight > 0
 
 
-def stable_part(
-    matcher: Matcher, starts: tuple[Pose, ...], *, noise: float, offset: float, radius: float
-) -> StablePart | None:
+def stable_part(matcher: Matcher, starts: tuple[Pose, ...], offset: float) -> StablePart | None:
     """The largest part of the moving surface that lies on the reference after one motion; None without any patch.
 
     Args:
         starts: poses that are tried; from the first one, patches are compared up to ``offset`` metres apart.
-        noise: of a point about its surface, metres.
-        radius: by which rotations are scaled, metres.
     """
-    patches = cut(matcher.moving, 3 * noise, matcher.firm)
+    patches, radius = cut(matcher.moving, 3 * matcher.noise, matcher.firm), matcher.radius
     if not len(patches):
         return None
-    spacing = max(matcher.reference.spacing, matcher.moving.spacing)
+    task = _Task(matcher, patches, offset)
     everywhere = np.ones(len(patches), dtype=bool)
-    system = equations(matcher, patches, starts[0], max(offset, 3 * spacing), radius, noise, _SEARCH_POINTS)
+    system = equations(matcher, patches, starts[0], max(offset, 3 * matcher.spacing), _SEARCH_POINTS)
 
     def settled(among: Bool, poses: list[Pose]) -> _Settled | None:
-        found = [_settled(matcher, patches, among, pose, noise, radius, offset, _SEARCH_POINTS) for pose in poses]
+        found = (task.settled(among, pose, _SEARCH_POINTS) for pose in poses)
         return max(found, key=lambda one: one.area, default=None)
 
     def reached(among: Bool, most: int) -> list[Pose]:
-        found = _search(system, patches, among, noise, offset)[:most]
-        near = [one.motion for one in found if one.area >= _LEAST_OF_BEST * found[0].area]
+        found = task.search(system, among)[:most]
+        near = [one.motion for one in found if one.area >= _MIN_TRIED_AREA_RATIO * found[0].area]
         return [starts[0].moved(motion, radius) for motion in near]
 
     best = settled(everywhere, [*reached(everywhere, _MAX_PARTS), *starts[1:]])
     if best is None:
         return None
-    best = _settled(matcher, patches, everywhere, best.pose, noise, radius, offset, _FINAL_POINTS)
-    best = _upright(matcher, patches, best, noise, radius, offset)
+    best = task.upright(task.settled(everywhere, best.pose, _FINAL_POINTS))
     other = settled(~best.agrees, reached(~best.agrees, 2))
     if other is not None and other.area > _MIN_OTHER_AREA_RATIO * best.area:
         # what few points leave open counts as agreement, so that both are measured alike before they are compared
-        other = _settled(matcher, patches, ~best.agrees, other.pose, noise, radius, offset, _FINAL_POINTS, clear=False)
+        other = task.settled(~best.agrees, other.pose, _FINAL_POINTS, clear=False)
     compared = best.usable if other is None else best.usable | other.usable
     whole = max(float(patches.area[compared].sum()), 1e-9)
 
@@ -134,11 +130,10 @@ def stable_part(
     return part(best, None if other is None else part(other, None))
 
 
-def agreeing(matcher: Matcher, part: StablePart, pose: Pose, noise: float, radius: float) -> float:
-    """Share of a part's area whose patches agree with another pose too; lengths in metres."""
-    spacing = max(matcher.reference.spacing, matcher.moving.spacing)
-    system = equations(matcher, part.patches, pose, 3 * spacing, radius, noise, _FINAL_POINTS)
-    level, decisive = _levels(system, noise, 1.0)
+def agreeing(matcher: Matcher, part: StablePart, pose: Pose) -> float:
+    """Share of a part's area whose patches agree with another pose too."""
+    system = equations(matcher, part.patches, pose, 3 * matcher.spacing, _FINAL_POINTS)
+    level, decisive = _levels(system, matcher.noise, 1.0)
     usable = part.agrees & decisive
     area = part.patches.area
     return float(area[usable & (system.excess(np.zeros((1, 6)))[:, 0] < level)].sum() / max(area[usable].sum(), 1e-9))
@@ -160,124 +155,124 @@ def _levels(system: Equations, noise: float, strict: float) -> tuple[Float, Bool
     decide (k,).
     """
     error = 6 * system.rest * CORRELATED / np.maximum(system.pairs, 1)
-    decisive = (system.pairs >= _LEAST_PAIRS) & (error < max(noise, 2 * _MIN_ERROR_M) ** 2)
+    decisive = (system.pairs >= _MIN_PAIRS) & (error < max(noise, 2 * _MIN_ERROR_M) ** 2)
     return np.asarray(_MAX_STANDARD_ERRORS**2 * (error + (strict * max(noise / 4, _MIN_ERROR_M)) ** 2)), decisive
 
 
-def _settled(
-    matcher: Matcher,
-    patches: Patches,
-    among: Bool,
-    pose: Pose,
-    noise: float,
-    radius: float,
-    offset: float,
-    most: int,
-    clear: bool = True,
-) -> _Settled:
-    """The part of the patches ``among`` that agrees with a pose, and the pose that it asks for."""
-    spacing = max(matcher.reference.spacing, matcher.moving.spacing)
-    for number in range(_PASSES):
-        system = equations(matcher, patches, pose, 3 * spacing, radius, noise, most)
-        level, decisive = _levels(system, noise, 2.0 if number == 0 and most == _SEARCH_POINTS else 1.0)
+@dataclass(frozen=True)
+class _Task:
+    """What a search works on: two surfaces, the moving one's ``patches`` (k), the largest expected ``offset`` (m)."""
+
+    matcher: Matcher
+    patches: Patches
+    offset: float
+
+    def settled(self, among: Bool, pose: Pose, most: int, *, clear: bool = True) -> _Settled:
+        """The part of the patches ``among`` (k,) that agrees with a pose, and the pose that it asks for.
+
+        Args:
+            most: points of a patch that are paired.
+            clear: leave out of the motion the places that contradict the rest, once as many as ``_FINAL_POINTS`` are.
+        """
+        matcher, patches = self.matcher, self.patches
+        for number in range(_MAX_PASSES):
+            system = equations(matcher, patches, pose, 3 * matcher.spacing, most)
+            level, decisive = _levels(system, matcher.noise, 2.0 if number == 0 and most == _SEARCH_POINTS else 1.0)
+            usable = among & decisive
+            found = _improved(system, patches, usable, level, np.zeros(6), matcher.spacing)
+            agrees = found.agrees
+            if most == _FINAL_POINTS and clear:
+                odd = contradicting(system, patches, agrees, self.offset)
+                if odd.any():
+                    found = _improved(system, patches, usable & ~odd, level, np.zeros(6), matcher.spacing)
+                    # each of them agrees: they do not enter the motion, but count towards the part
+                    agrees = found.agrees | (odd & agrees)
+            weight = found.weight * patches.area / level
+            known = part_information(system, patches, weight, found.motion, matcher.spacing, self.offset)
+            # what nothing fixes stays
+            pose = pose.moved(known.held(found.motion), matcher.radius)
+            if number and float(np.linalg.norm(found.motion)) < _MIN_STEP_M:
+                break
+        return _Settled(pose, agrees, float(patches.area[agrees].sum()), usable, known)
+
+    def upright(self, best: _Settled) -> _Settled:
+        """``best`` where the few patches that fix its weak directions agree best; open where others contradict them.
+
+        A level part with one wall that stayed and one that moved fits in height wherever it slides. Only patches
+        among stable ones count.
+        """
+        matcher, patches, offset = self.matcher, self.patches, self.offset
+        known = best.information
+        weak = known.observable & (known.curvature < _MAX_WEAK_CURVATURE_RATIO * known.curvature[-1])
+        if not weak.any():
+            return best
+        free = known.directions[:, weak]
+        system = equations(matcher, patches, best.pose, offset, _SEARCH_POINTS)
+        level, decisive = _levels(system, matcher.noise, 2.0)
+        sine_squared = np.minimum(np.einsum("ia,kij,ja->k", free, system.matrix, free), 1.0)
+        near = cKDTree(patches.centre).query_ball_point(patches.centre, _SURROUNDINGS_WIDTHS * patches.width)
+        firm = decisive & (sine_squared < _MIN_WEAK_SINE_SQUARED)
+        stays = np.array([np.mean(best.agrees[some][firm[some]]) if firm[some].any() else 0.0 for some in near])
+        some = np.flatnonzero(decisive & (sine_squared >= _MIN_WEAK_SINE_SQUARED) & (stays > 0.5))
+        if len(some) < 2:
+            return best
+        matrices = np.einsum("ia,kij,jb->kab", free, system.matrix[some], free) / level[some, None, None]
+        vectors = system.vector[some] @ free / level[some, None]
+        rng = np.random.default_rng(0)
+        chosen = rng.integers(0, len(some), (_WEAK_TRIAL_COUNT, 3))
+        prior = np.eye(free.shape[1]) * 3 / offset**2
+        steps = -np.linalg.solve(matrices[chosen].sum(axis=1) + prior, vectors[chosen].sum(axis=1)[:, :, None])[:, :, 0]
+        motions = np.vstack([np.zeros((1, 6)), steps @ free.T])
+        fit = np.maximum(1.0 - system.excess(motions)[some] / level[some, None], 0.0)
+        area = (patches.area[some] * sine_squared[some]) @ fit
+        first = int(np.argmax(area))
+        shared = (patches.area[some] * sine_squared[some]) @ ((fit > 0) & (fit[:, first] > 0)[:, None])
+        all_of = (patches.area[some] * sine_squared[some]) @ (fit > 0)
+        apart = shared < 0.5 * all_of
+        rival = float(area[apart].max(initial=0.0))
+        if first and area[first] > 1.2 * area[0]:
+            pose = best.pose.moved(motions[first], matcher.radius)
+            other = self.settled(np.ones(len(patches), dtype=bool), pose, _FINAL_POINTS)
+            # what slides must leave the rest as it was
+            best = other if other.area > 0.95 * best.area else best
+        if rival <= _MAX_RIVAL_AREA_RATIO * area[first]:
+            return best
+        known = best.information
+        weak = known.observable & (known.curvature < _MAX_WEAK_CURVATURE_RATIO * known.curvature[-1])
+        kept = known.directions[:, known.observable & ~weak]
+        left = known.directions[:, ~known.observable | weak]
+        covariance = kept @ kept.T @ known.covariance @ kept @ kept.T + offset**2 / 3 * left @ left.T
+        return replace(
+            best, information=Information(known.curvature, known.directions, known.observable & ~weak, covariance)
+        )
+
+    def search(self, system: Equations, among: Bool) -> list[_Found]:
+        """Some motions on which large parts agree, the largest part first; each with patches that those before lack."""
+        patches, offset = self.patches, self.offset
+        level, decisive = _levels(system, self.matcher.noise, 3.0)
         usable = among & decisive
-        found = _improved(system, patches, usable, level, np.zeros(6), spacing)
-        agrees = found.agrees
-        if most == _FINAL_POINTS and clear:
-            odd = contradicting(system, patches, agrees, offset)
-            if odd.any():
-                found = _improved(system, patches, usable & ~odd, level, np.zeros(6), spacing)
-                # each of them agrees: they have no say in the motion, but count towards the part
-                agrees = found.agrees | (odd & agrees)
-        weight = found.weight * patches.area / level
-        known = part_information(system, patches, weight, found.motion, spacing, offset)
-        # what nothing fixes stays
-        pose = pose.moved(known.held(found.motion), radius)
-        if number and float(np.linalg.norm(found.motion)) < _MIN_STEP_M:
-            break
-    return _Settled(pose, agrees, float(patches.area[agrees].sum()), usable, known)
-
-
-def _upright(
-    matcher: Matcher, patches: Patches, best: _Settled, noise: float, radius: float, offset: float
-) -> _Settled:
-    """``best`` where the few patches that fix its weak directions agree best, which are open where others contradict.
-
-    A level part with one wall that stayed and one that moved fits in height wherever it slides. Only patches
-    amidst stable ones count.
-    """
-    known = best.information
-    weak = known.observable & (known.curvature < _MAX_WEAK_CURVATURE_RATIO * known.curvature[-1])
-    if not weak.any():
-        return best
-    free = known.directions[:, weak]
-    system = equations(matcher, patches, best.pose, offset, radius, noise, _SEARCH_POINTS)
-    level, decisive = _levels(system, noise, 2.0)
-    sine_squared = np.minimum(np.einsum("ia,kij,ja->k", free, system.matrix, free), 1.0)
-    near = cKDTree(patches.centre).query_ball_point(patches.centre, _SURROUNDINGS_WIDTHS * patches.width)
-    firm = decisive & (sine_squared < _MIN_WEAK_SINE_SQUARED)
-    stays = np.array([np.mean(best.agrees[some][firm[some]]) if firm[some].any() else 0.0 for some in near])
-    some = np.flatnonzero(decisive & (sine_squared >= _MIN_WEAK_SINE_SQUARED) & (stays > 0.5))
-    if len(some) < 2:
-        return best
-    matrices = np.einsum("ia,kij,jb->kab", free, system.matrix[some], free) / level[some, None, None]
-    vectors = system.vector[some] @ free / level[some, None]
-    rng = np.random.default_rng(0)
-    chosen = rng.integers(0, len(some), (_WEAK_TRIALS, 3))
-    prior = np.eye(free.shape[1]) * 3 / offset**2
-    steps = -np.linalg.solve(matrices[chosen].sum(axis=1) + prior, vectors[chosen].sum(axis=1)[:, :, None])[:, :, 0]
-    motions = np.vstack([np.zeros((1, 6)), steps @ free.T])
-    fit = np.maximum(1.0 - system.excess(motions)[some] / level[some, None], 0.0)
-    area = (patches.area[some] * sine_squared[some]) @ fit
-    first = int(np.argmax(area))
-    shared = (patches.area[some] * sine_squared[some]) @ ((fit > 0) & (fit[:, first] > 0)[:, None])
-    all_of = (patches.area[some] * sine_squared[some]) @ (fit > 0)
-    apart = shared < 0.5 * all_of
-    rival = float(area[apart].max(initial=0.0))
-    if first and area[first] > 1.2 * area[0]:
-        everywhere = np.ones(len(patches), dtype=bool)
-        pose = best.pose.moved(motions[first], radius)
-        other = _settled(matcher, patches, everywhere, pose, noise, radius, offset, _FINAL_POINTS)
-        # what slides must leave the rest as it was
-        best = other if other.area > 0.95 * best.area else best
-    if rival <= _MAX_RIVAL_AREA_RATIO * area[first]:
-        return best
-    known = best.information
-    weak = known.observable & (known.curvature < _MAX_WEAK_CURVATURE_RATIO * known.curvature[-1])
-    kept = known.directions[:, known.observable & ~weak]
-    left = known.directions[:, ~known.observable | weak]
-    covariance = kept @ kept.T @ known.covariance @ kept @ kept.T + offset**2 / 3 * left @ left.T
-    return replace(
-        best, information=Information(known.curvature, known.directions, known.observable & ~weak, covariance)
-    )
-
-
-def _search(system: Equations, patches: Patches, among: Bool, noise: float, offset: float) -> list[_Found]:
-    """Some motions on which large parts agree, the largest part first; each with patches that those before lack."""
-    level, decisive = _levels(system, noise, 3.0)
-    usable = among & decisive
-    numbers = np.flatnonzero(usable)
-    if not len(numbers):
-        return []
-    trials = np.vstack([np.zeros((1, 6)), _trials(system, patches, numbers, level, offset)])
-    areas = _areas(system, patches, usable, level, trials)
-    found: list[_Found] = []
-    for number in np.argsort(-areas, kind="stable"):
-        inside = _weights(patches, usable, system.excess(trials[number : number + 1]), level)[:, 0] > 0
-        if any(patches.area[inside & f.agrees].sum() > 0.5 * patches.area[inside].sum() for f in found):
-            continue
-        found.append(_improved(system, patches, usable, level, trials[number], offset))
-        if len(found) >= _MAX_IMPROVED_TRIALS:
-            break
-    found.sort(key=lambda f: -f.area)
-    return found[:_MAX_PARTS]
+        numbers = np.flatnonzero(usable)
+        if not len(numbers):
+            return []
+        trials = np.vstack([np.zeros((1, 6)), _trials(system, patches, numbers, level, offset)])
+        areas = _areas(system, patches, usable, level, trials)
+        found: list[_Found] = []
+        for number in np.argsort(-areas, kind="stable"):
+            inside = _weights(patches, usable, system.excess(trials[number : number + 1]), level)[:, 0] > 0
+            if any(patches.area[inside & f.agrees].sum() > 0.5 * patches.area[inside].sum() for f in found):
+                continue
+            found.append(_improved(system, patches, usable, level, trials[number], offset))
+            if len(found) >= _MAX_IMPROVED_TRIALS:
+                break
+        found.sort(key=lambda f: -f.area)
+        return found[:_MAX_PARTS]
 
 
 def _trials(system: Equations, patches: Patches, numbers: NDArray[np.int64], level: Float, offset: float) -> Float:
     """Motions (m, 6) that samples of patches ask for."""
     rng = np.random.default_rng(0)
     share = patches.area[numbers] / patches.area[numbers].sum()
-    first = rng.choice(len(numbers), _TRIALS, p=share)
+    first = rng.choice(len(numbers), _TRIAL_COUNT, p=share)
     distance = np.linalg.norm(patches.centre[numbers][:, None] - patches.centre[numbers][None], axis=2)
     near = np.argsort(distance, axis=1)[:, : min(_NEAREST_PATCHES, len(numbers))]
     weight = 1.0 / level[numbers]
@@ -285,12 +280,12 @@ def _trials(system: Equations, patches: Patches, numbers: NDArray[np.int64], lev
     vectors = system.vector[numbers] * weight[:, None]
     prior = _prior(offset)
     # wide parts hold small motions back less than their own noise does
-    total, side = np.broadcast_to(prior, (_TRIALS, 6, 6)) + matrices[first], vectors[first]
-    wanted = rng.choice(_PARTNER_COUNTS, _TRIALS)
+    total, side = np.broadcast_to(prior, (_TRIAL_COUNT, 6, 6)) + matrices[first], vectors[first]
+    wanted = rng.choice(_PARTNER_COUNTS, _TRIAL_COUNT)
     for partner in range(max(_PARTNER_COUNTS)):
-        neighbour = near[first, rng.integers(0, near.shape[1], _TRIALS)]
-        anywhere = rng.choice(len(numbers), _TRIALS, p=share)
-        other = np.where(rng.random(_TRIALS) < 0.7, neighbour, anywhere)
+        neighbour = near[first, rng.integers(0, near.shape[1], _TRIAL_COUNT)]
+        anywhere = rng.choice(len(numbers), _TRIAL_COUNT, p=share)
+        other = np.where(rng.random(_TRIAL_COUNT) < 0.7, neighbour, anywhere)
         more = (partner < wanted)[:, None]
         total = total + np.where(more[:, :, None], matrices[other], 0.0)
         side = side + np.where(more, vectors[other], 0.0)
@@ -310,7 +305,8 @@ def _weights(patches: Patches, usable: Bool, excess: Float, level: Float) -> Flo
     fit = np.where(usable[:, None], np.maximum(1.0 - excess / level[:, None], 0.0), 0.0)
     known = np.maximum(patches.around @ usable.astype(np.float64), 1e-9)
     share = (patches.around @ (fit > 0).astype(np.float64)) / known[:, None]
-    return np.asarray(fit * np.clip((share - _SPARSE) / (_DENSE - _SPARSE), 0.0, 1.0))
+    low, full = _MIN_NEIGHBOUR_SHARE, _FULL_NEIGHBOUR_SHARE
+    return np.asarray(fit * np.clip((share - low) / (full - low), 0.0, 1.0))
 
 
 def _areas(system: Equations, patches: Patches, usable: Bool, level: Float, motions: Float) -> Float:
@@ -331,7 +327,7 @@ def _improved(system: Equations, patches: Patches, usable: Bool, level: Float, m
     """The motion that all patches which agree with it ask for together."""
     best = motion, np.zeros(len(patches)), -1.0
     mean = float(patches.area[usable].mean()) if usable.any() else 1.0
-    for _ in range(_IMPROVE):
+    for _ in range(_MAX_IMPROVEMENTS):
         weight = _weights(patches, usable, system.excess(motion[None]), level)[:, 0]
         area = float(patches.area @ weight)
         if area <= best[2]:

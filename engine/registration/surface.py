@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from scipy.spatial import cKDTree
 
 from ..core.arrays import Bool, Float, Index
 from ..geometry.principal_axes import thinnest
 from ..geometry.voxels import voxel_average
+from ..statistics.robust import robust_scale
 
+NOISE_FLOOR = 1e-3  # metres; no scanner is better, and a scale of zero has no weights
 NEIGHBOURS = 12  # of a plane; fewer follow finer relief, more average more noise
 _MAX_THICKNESS_RATIO = 0.5  # a neighbourhood thicker than this share of its width has no normal worth using
 _LEAF_POINTS = 24  # points; measured, faster than the default where all points ask for their neighbours
-_CHUNK_POINTS = 50_000  # points a native call, so that a cancel is heard in time
+_CHUNK_POINTS = 50_000  # points a native call, so that cancelling takes effect in time
 
 
 class Surface:
@@ -78,6 +82,20 @@ class Surface:
             )
             bare[chosen] = (self.plants[near] <= limit).all(axis=1)
         return bare
+
+    @cached_property
+    def noise(self) -> float:
+        """Scale of the points about the planes through their own neighbourhoods, metres."""
+        some = self.sample(20_000)
+        self.fit(some)
+        some = some[self.planar[some]]
+        distance = np.einsum("ij,ij->i", self.points[some] - self.centroids[some], self.normals[some])
+        return max(robust_scale(distance), NOISE_FLOOR)
+
+    @cached_property
+    def radius(self) -> float:
+        """Typical distance of the points from the origin, metres, not affected by stray points."""
+        return 1.2 * float(np.median(np.linalg.norm(self.points, axis=1)))
 
     def _spacing(self) -> float:
         """Side of the square that one point has to itself, metres."""

@@ -1,6 +1,6 @@
 """A surface cut into patches of one direction, and how far each patch agrees with a motion of the whole.
 
-Patches are what piecewise registration goes by (Yang and Schwieger 2023, Wujanz et al. 2016,
+Patches are the unit of piecewise registration (Yang and Schwieger 2023, Wujanz et al. 2016,
 doi:10.1016/j.isprsjprs.2016.04.008): a patch has moved or not as a whole, and its many points show that far more
 reliably than each one alone.
 """
@@ -18,7 +18,7 @@ from ..core.arrays import Bool, Float, Index
 from ..geometry.pose import Pose, turned
 from ..geometry.voxels import block_numbers
 from ..statistics.robust import NORMALISED
-from .point_to_plane import Matcher, tukey_weights
+from .point_to_plane import Matcher, jacobian, tukey_weights
 from .surface import Surface
 
 _MAX_LAYERS = 4  # directions that a block may hold
@@ -29,7 +29,7 @@ _SURROUNDINGS_WIDTHS = 2.5  # widths
 _BLOCK_SPACINGS = 10  # spacings: side of a block
 _MAX_PATCHES = 1500  # patches, about
 _SOURCES = 60_000
-_ROUNDS = 4
+_LAYER_ROUNDS = 4
 _MAX_PATCH_PAIRS = 60
 _UPPER_TRIANGLE = np.triu_indices(6)
 _SYMMETRY_FACTORS = np.where(_UPPER_TRIANGLE[0] == _UPPER_TRIANGLE[1], 1.0, 2.0)
@@ -60,7 +60,7 @@ class Patches:
         return found
 
     def some(self, most: int) -> Index:
-        """At most about ``most`` of the sources of each patch, evenly spread, in rising order."""
+        """At most about ``most`` of the sources of each patch, evenly spread, in ascending order."""
         inside = np.flatnonzero(self.number >= 0)
         number = self.number[inside]
         share = most / np.maximum(np.bincount(number, minlength=len(self)), 1)
@@ -145,7 +145,7 @@ def _layer(places: Float, normals: Float, of: Index, thickness: float) -> Bool:
     seed = order[np.concatenate([[0], np.cumsum(count)[:-1]])]
     origin, normal = places[seed], normals[seed]
     inside = np.zeros(len(of), dtype=bool)
-    for _ in range(_ROUNDS):
+    for _ in range(_LAYER_ROUNDS):
         away = np.einsum("ij,ij->i", places - origin[of], normal[of])
         cosine = np.einsum("ij,ij->i", normals, normal[of])
         inside = (np.abs(cosine) > _MIN_PATCH_COSINE) & (np.abs(away) < thickness)
@@ -188,32 +188,22 @@ class Equations:
         return np.asarray(np.maximum(quadratic @ outer.T + 2 * self.vector @ motions.T - least[:, None], 0.0))
 
 
-def equations(
-    matcher: Matcher,
-    patches: Patches,
-    pose: Pose,
-    reach: float,
-    radius: float,
-    noise: float,
-    most: int = _MAX_PATCH_PAIRS,
-) -> Equations:
-    """The patches' equations at a pose, out of pairs up to ``reach`` metres apart; ``noise`` (m) is the surfaces'.
-
-    ``most``: points of a patch that are paired.
+def equations(matcher: Matcher, patches: Patches, pose: Pose, reach: float, most: int = _MAX_PATCH_PAIRS) -> Equations:
+    """The patches' equations at a pose, out of pairs up to ``reach`` metres apart, ``most`` points of a patch.
 
     Products are taken of one surface's normal with the other's: the noise of both is independent, so that a noisy plane
     does not seem to fix what slides along it.
     """
     pairs = _paired(matcher, patches, pose, reach, most)
     k = len(patches)
-    one, two = (_jacobian(pairs.place, normal, radius) for normal in pairs.normals)
+    one, two = (jacobian(pairs.place, normal, matcher.radius) for normal in pairs.normals)
     mean, gap = (one + two) / 2, pairs.gaps.mean(axis=0)
     # pairs across an edge belong to something else: they stand apart from the rest of their patch
     left = gap - _medians(gap, pairs.patch, k)[pairs.patch]
     spread = NORMALISED * _medians(np.abs(left), pairs.patch, k)
     sums, own = None, np.zeros((k, 6))
     for _ in range(2):
-        weight = tukey_weights(left / np.maximum(spread, noise / 2)[pairs.patch], 1.0)
+        weight = tukey_weights(left / np.maximum(spread, matcher.noise / 2)[pairs.patch], 1.0)
         sums = _sums(one, two, pairs, weight, k)
         own = _own(sums.matrix, sums.vector)
         left = gap + np.einsum("ij,ij->i", mean, own[pairs.patch])
@@ -228,7 +218,7 @@ def equations(
 
 @dataclass(frozen=True)
 class _Paired:
-    """``place`` (n, 3), both surfaces' ``normals`` (2, n, 3) there, ``gaps`` (2, n) along them, ``patch`` (n,) rising.
+    """``place`` (n, 3), both surfaces' ``normals`` (2, n, 3) there, ``gaps`` (2, n) along them; ``patch`` (n,) ascends.
 
     The distance is that of the places halfway between point and own plane, as in ``point_to_plane.Pairs``.
     """
@@ -269,12 +259,6 @@ def _paired(matcher: Matcher, patches: Patches, pose: Pose, reach: float, most: 
     normals = np.stack([first, second])
     gaps = np.einsum("ij,kij->ki", offset, normals)
     return _Paired(np.where(forward, own, other), normals, gaps, patch_of[ours])
-
-
-def _jacobian(place: Float, normal: Float, radius: float) -> Float:
-    x, y, z = place.T / radius
-    u, v, w = normal.T
-    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u, u, v, w]).T
 
 
 @dataclass(frozen=True)

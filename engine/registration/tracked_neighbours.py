@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from ..core.arrays import Float, Index
 
-_CHUNK_POINTS = 50_000  # points a native call, so that a cancel is heard in time
+_CHUNK_POINTS = 50_000  # points a native call, so that cancelling takes effect in time
 # times the reach: how far a search looks, so that points without a neighbour are not searched each time
 _SEARCH_REACHES = 1.5
 

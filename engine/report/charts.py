@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
-from matplotlib.figure import Figure
 
 from ..core.arrays import Float
 from ..core.number_text import fixed
-from ..maps.furniture import INK, Sheet
+from ..maps.map_parts import INK, SMALL, Sheet, fonts
 from ..maps.palette import BELOW_LEVEL, DIVERGING, hexadecimal
 from ..statistics.normal import Z95
 from .embedding import Picture, drawing
@@ -32,8 +31,7 @@ def change_histogram(record: Mapping[str, Any]) -> Picture:
     """All cells and, below, those beyond their level, as areas; both with the median level drawn."""
     shown, area = record["distribution"], record["grid"]["cell_m"] ** 2
     level = record["level"]["median_m"]
-    figure = Figure(figsize=(_WIDTH, 3.6))
-    sheet = Sheet(figure, _WIDTH, 3.6)
+    sheet = Sheet(_WIDTH, 3.6)
     above, below = sheet.axes(0.65, 2.1, 3.4, 1.35), sheet.axes(0.65, 0.5, 3.4, 1.35)
     edges, _ = _bins(shown)
     compared, beyond = (np.array(shown[name]) * area for name in ("compared", "beyond"))
@@ -43,18 +41,16 @@ def change_histogram(record: Mapping[str, Any]) -> Picture:
     below.stairs(beyond[:half], edges[: half + 1], fill=True, color=_LOWERED)
     below.stairs(beyond[half:], edges[half:], fill=True, color=_RAISED)
     low, high = record["level"]["p05_m"], record["level"]["p95_m"]
-    for axes, words in ((above, "all cells"), (below, "beyond their level")):
+    for axes, words, below_it in ((above, "all cells", ""), (below, "beyond their level", "elevation change (m)")):
         for sign in (-1, 1):
             axes.axvspan(sign * low, sign * high, color="#000000", alpha=0.06, lw=0)
             axes.axvline(sign * level, color=INK, lw=1.0, ls=(0, (4, 3)))
-        finish(axes, sheet)
+        finish(axes, below_it, "area (m²)")
         axes.set_xlim(-shown["reach_m"], shown["reach_m"])
-        axes.set_ylabel("area (m²)", fontproperties=sheet.fonts(8), color=INK)
-        axes.text(0.015, 0.9, words, transform=axes.transAxes, fontproperties=sheet.fonts(8, "bold"), color=INK)
+        axes.text(0.015, 0.9, words, transform=axes.transAxes, fontproperties=fonts(8, "bold"), color=INK)
     above.set_xticklabels([])
-    below.set_xlabel("elevation change (m)", fontproperties=sheet.fonts(8), color=INK)
     return drawing(
-        figure,
+        sheet.figure,
         "Histograms of the elevation change: all cells above, cells beyond their level of detection below, with the "
         f"median level of {level:.3f} m drawn on both sides of zero",
     )
@@ -67,8 +63,7 @@ def stable_histogram(record: Mapping[str, Any]) -> Picture | None:
     facts, shown = record["stable_ground"], record["distribution"]
     if facts is None:
         return None
-    figure = Figure(figsize=(_WIDTH, 3.6))
-    sheet = Sheet(figure, _WIDTH, 3.6)
+    sheet = Sheet(_WIDTH, 3.6)
     axes = sheet.axes(0.65, 0.5, 3.4, 2.95)
     edges, width = _bins(shown)
     axes.stairs(shown["stable"], edges, fill=True, color="#9fb3a5")
@@ -81,12 +76,10 @@ def stable_histogram(record: Mapping[str, Any]) -> Picture | None:
         axes.plot(x, density * facts["cells"] * width, color=INK, lw=1.2)
     for sign in (-1, 1):
         axes.axvline(sign * record["level"]["median_m"], color=INK, lw=1.0, ls=(0, (4, 3)))
-    finish(axes, sheet)
+    finish(axes, "elevation change on stable ground (m)", "cells")
     axes.set_xlim(-reach, reach)
-    axes.set_xlabel("elevation change on stable ground (m)", fontproperties=sheet.fonts(8), color=INK)
-    axes.set_ylabel("cells", fontproperties=sheet.fonts(8), color=INK)
     return drawing(
-        figure,
+        sheet.figure,
         f"Histogram of the elevation change on stable ground: median {fixed(facts['median_m'], 4, sign=True)} m, "
         f"spread (NMAD) {spread:.3f} m, with the normal distribution of these figures",
     )
@@ -94,31 +87,29 @@ def stable_histogram(record: Mapping[str, Any]) -> Picture | None:
 
 def profile_chart(facts: Mapping[str, Any], columns: Mapping[str, Float] | None, epochs: tuple[str, str]) -> Picture:
     """Heights of both epochs along a line, and below their difference with the level of detection as a ribbon."""
-    figure = Figure(figsize=(_WIDE, 2.15))
-    sheet = Sheet(figure, _WIDE, 2.15)
+    sheet = Sheet(_WIDE, 2.15)
     above, below = sheet.axes(0.6, 1.2, 6.5, 0.78), sheet.axes(0.6, 0.4, 6.5, 0.7)
     length = facts["length_m"]
     if columns is not None and np.isfinite(columns["dz_m"]).any():
-        _draw_heights(above, columns, epochs, sheet)
+        _draw_heights(above, columns, epochs)
         _draw_difference(below, columns)
     else:
-        above.text(0.5, 0.5, "not measured", transform=above.transAxes, ha="center", fontproperties=sheet.fonts(9))
-    for axes, words in ((above, "height (m)"), (below, "change (m)")):
+        above.text(0.5, 0.5, "not measured", transform=above.transAxes, ha="center", fontproperties=fonts(9))
+    for axes, *words in ((above, "", "height (m)"), (below, "distance along the line (m)", "change (m)")):
         axes.set_xlim(0, length)
-        finish(axes, sheet)
-        axes.set_ylabel(words, fontproperties=sheet.fonts(8), color=INK)
+        finish(axes, *words)
     above.set_xticklabels([])
-    below.set_xlabel("distance along the line (m)", fontproperties=sheet.fonts(8), color=INK)
-    figure.align_ylabels([above, below])
+    sheet.figure.align_ylabels([above, below])
     lowest, highest = facts["dz_min_m"], facts["dz_max_m"]
-    told = (
+    range_in_words = (
         "no ground that both surveys measured"
         if lowest is None
         else f"change from {fixed(lowest, 3, sign=True)} to {fixed(highest, 3, sign=True)} m"
     )
     return drawing(
-        figure,
-        f"Profile of {length:.1f} m: heights of both surveys, and their difference with the level of detection; {told}",
+        sheet.figure,
+        f"Profile of {length:.1f} m: heights of both surveys, and their difference with the level of detection; "
+        f"{range_in_words}",
     )
 
 
@@ -133,8 +124,7 @@ def course_chart(record: Mapping[str, Any]) -> Picture | None:
         return None
     names = [zone["zone_id"] for zone in record["zones"][:COURSES]]
     days = [date.fromisoformat(day) for day in record["dates"]]
-    figure = Figure(figsize=(_WIDE, 4.6))
-    sheet = Sheet(figure, _WIDE, 4.6)
+    sheet = Sheet(_WIDE, 4.6)
     above, below = sheet.axes(0.7, 2.45, 6.3, 1.7), sheet.axes(0.7, 0.45, 6.3, 1.7)
     for axes, value, error, words in (
         (above, "dz_mean_m", "dz_err_m", "mean change (m)"),
@@ -157,28 +147,27 @@ def course_chart(record: Mapping[str, Any]) -> Picture | None:
         locator = AutoDateLocator(maxticks=8)
         axes.xaxis.set_major_locator(locator)
         axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
-        finish(axes, sheet)
-        axes.set_ylabel(words, fontproperties=sheet.fonts(8), color=INK)
+        finish(axes, "", words)
     above.set_xticklabels([])
-    below.xaxis.get_offset_text().set_fontproperties(sheet.fonts(7.5))
+    below.xaxis.get_offset_text().set_fontproperties(fonts(SMALL))
     above.legend(
-        loc="lower left", frameon=False, ncols=len(names), prop=sheet.fonts(7.5), borderaxespad=0.0, handlelength=1.2,
+        loc="lower left", frameon=False, ncols=len(names), prop=fonts(SMALL), borderaxespad=0.0, handlelength=1.2,
         columnspacing=1.2, bbox_to_anchor=(0.0, 1.02),
     )  # fmt: skip
-    figure.align_ylabels([above, below])
+    sheet.figure.align_ylabels([above, below])
     ends = "; ".join(
         f"{name} {fixed(row['dz_mean_m'], 3, sign=True)} m and {fixed(row['vol_net_m3'], 2, sign=True)} m³"
         for name in names
         for row in [r for r in course[name] if "dz_mean_m" in r][-1:]
     )
     return drawing(
-        figure,
+        sheet.figure,
         f"Mean change and net volume of {len(names)} zones against the first survey on {len(days)} days, with 95 % "
         f"bands; at the end: {ends}",
     )
 
 
-def _draw_heights(axes: Axes, columns: Mapping[str, Float], epochs: tuple[str, str], sheet: Sheet) -> None:
+def _draw_heights(axes: Axes, columns: Mapping[str, Float], epochs: tuple[str, str]) -> None:
     distance = columns["distance_m"]
     for name, colour, width, label in (
         ("height_from_m", _BEFORE, 1.5, epochs[0]),
@@ -188,7 +177,7 @@ def _draw_heights(axes: Axes, columns: Mapping[str, Float], epochs: tuple[str, s
             distance, columns[name], color=colour, lw=width, label=label.replace("$", r"\$"), solid_capstyle="butt"
         )
     axes.legend(
-        loc="upper right", frameon=False, ncols=2, prop=sheet.fonts(7.5), borderaxespad=0.1, handlelength=1.6,
+        loc="upper right", frameon=False, ncols=2, prop=fonts(SMALL), borderaxespad=0.1, handlelength=1.6,
         bbox_to_anchor=(1.0, 1.22),
     )  # fmt: skip
 
@@ -232,16 +221,15 @@ def _bins(shown: Mapping[str, Any]) -> tuple[Float, float]:
     return (np.arange(count + 1) - count / 2) * width, width
 
 
-def finish(axes: Axes, sheet: Sheet) -> None:
-    """Frame, grid and tick labels that all charts share."""
+def finish(axes: Axes, below: str, left: str) -> None:
+    """Frame, grid, tick labels and the words ``below`` and ``left`` of the axes, as all charts have them."""
     axes.locator_params(axis="y", nbins=5)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    for side in ("left", "bottom"):
-        axes.spines[side].set_color("#8c959f")
-        axes.spines[side].set_linewidth(0.6)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set(color="#8c959f", linewidth=0.6)
     axes.tick_params(colors=_SOFT, length=3, width=0.6)
     axes.grid(axis="y", color="#eaeef2", lw=0.6)
     axes.set_axisbelow(True)
     for label in (*axes.get_xticklabels(), *axes.get_yticklabels()):
-        label.set_fontproperties(sheet.fonts(7.5))
+        label.set_fontproperties(fonts(SMALL))
+    axes.set_xlabel(below, fontproperties=fonts(8), color=INK)
+    axes.set_ylabel(left, fontproperties=fonts(8), color=INK)

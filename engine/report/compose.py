@@ -7,18 +7,21 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader
 from markupsafe import Markup
 
-from ...interface.parameters import ParameterSet, Specification
+from ...interface.parameters import GridChangeParameters, Specification, command_sets
 from ..core.errors import EngineError, InputError
 from ..core.staged_outputs import atomic_output
+from ..core.templates import render
 from ..zones.confirmation import VERDICTS
 from .figures import Figures, number
 from .reviews import zone_reviews
 
 REPORT = "report.html"
 _TEMPLATES = Path(__file__).resolve().parent / "templates"
+_REPORTED = {*command_sets.SERIES, *command_sets.CHANGE, *command_sets.INSPECT} - {
+    GridChangeParameters
+}  # ChangeParameters has all of it
 _MAX_ZONES, _MAX_PROFILES = 40, 12
 _MEANINGS = {
     "confirmed": "significant change of the zone’s sign on 30 % or more of what was compared of it",
@@ -70,14 +73,7 @@ def compose(record: dict[str, Any], folder: Path, profiles: Path | None = None) 
         raise InputError(
             f"{folder / 'run.json'} is no record of a change or a screening; give the folder of such a run."
         )
-    environment = Environment(
-        loader=FileSystemLoader(_TEMPLATES),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    return environment.get_template(template).render(**context, **more)
+    return render(_TEMPLATES / template, **context, **more)
 
 
 def read_record(folder: Path) -> dict[str, Any]:
@@ -231,31 +227,15 @@ def _settings(parameters: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
         for name, value in values.items():
             specification = known.get((group, name))
             label = specification.label if specification else name
-            own = specification is not None and value != specification.default
+            own = specification is not None and value not in (specification.default, specification.auto_number)
             settings.append({"label": label, "shown": _shown(value, specification), "own": own})
         groups.append({"name": group.replace("_", " ").capitalize(), "settings": settings})
     return groups
 
 
 def _specifications() -> dict[tuple[str, str], Specification]:
-    """By the group's name in a record, such as change for ChangeParameters, and the parameter's."""
-    found = {}
-    for group in ParameterSet.__subclasses__():
-        for kind in (group, *group.__subclasses__()):
-            for name in _record_names(kind):
-                found.update({(name, s.name): s for s in kind.specifications()})
-    return found
-
-
-def _record_names(kind: type[ParameterSet]) -> tuple[str, ...]:
-    name = kind.__name__.removesuffix("Parameters").lower()
-    return {
-        "input": ("inputs",),
-        "zone": ("zones",),
-        "lastepoch": ("screening",),
-        "screening": (),
-        "gridchange": (),
-    }.get(name, (name,))
+    """By the names of the set and of the parameter in a record."""
+    return {(group.record_name, s.name): s for group in _REPORTED for s in group.specifications()}
 
 
 def _shown(value: Any, specification: Specification | None) -> str:
@@ -264,5 +244,5 @@ def _shown(value: Any, specification: Specification | None) -> str:
     if value == "":
         return "–"
     text = f"{value:g}" if isinstance(value, float) else number(value, 0) if isinstance(value, int) else str(value)
-    unit = specification.unit if specification else ""
+    unit = specification.unit if specification and not isinstance(value, str) else ""
     return f"{text} {unit}" if unit else text

@@ -12,19 +12,18 @@ from typing import Any
 
 import numpy as np
 from laspy import DecompressionSelection
-from matplotlib.figure import Figure
 
 from ..core.arrays import Float, Index
 from ..grid.grid import Grid
 from ..ground.cover import CLASSES, FINEST, CoverCells, cover_cells
 from ..ground.pdal_pipelines import GROUND
-from ..maps.furniture import INK, Sheet
-from ..maps.palette import Colour
+from ..maps.map_parts import INK, SMALL, Sheet, fonts
+from ..maps.palette import SEQUENTIAL, Colour, colours_at
 from ..pointcloud.header import preflight
 from ..pointcloud.records import read_records
 from .charts import finish
 from .embedding import Picture, drawing
-from .maps import panel, sequential
+from .maps import panel
 
 NO_GROUND: Colour = (0xA0, 0x3A, 0x8C)
 _MAX_PIXELS = 1200
@@ -82,7 +81,7 @@ def ground_maps(clouds: Sequence[Path], names: Sequence[str]) -> list[Picture]:
     grid = Grid(float(low[0]) * FINEST, float(low[1]) * FINEST + rows * cell, cell, rows, columns)
     pictures = []
     for density, name in zip(densities, names, strict=True):
-        image = sequential(np.clip(np.nan_to_num(density) / limit, 0.0, 1.0))
+        image = colours_at(SEQUENTIAL, np.nan_to_num(density) / limit)
         image[np.isnan(density)] = 255
         image[density == 0] = NO_GROUND
         words = f"Map of the ground returns of {name}; places with returns of which none is ground stand out"
@@ -130,26 +129,25 @@ def heights_chart(surveys: Sequence[tuple[str, Mapping[str, Any]]]) -> Picture |
     seen = np.flatnonzero(np.max([every for every, _ in shares], axis=0) > 0.05)
     lowest, highest = (edges[seen[0]], edges[seen[-1] + 1]) if seen.size else (0.0, 1.0)
     most = max(float(every.max()) for every, _ in shares) or 1.0
-    width = _PANEL_INCHES * len(surveys)
-    figure = Figure(figsize=(width, 3.0))
-    sheet = Sheet(figure, width, 3.0)
+    sheet = Sheet(_PANEL_INCHES * len(surveys), 3.0)
     for number, ((name, _), (every, ground)) in enumerate(zip(surveys, shares, strict=True)):
         axes = sheet.axes(0.6 + number * _PANEL_INCHES, 0.5, _PANEL_INCHES - 0.8, 2.15)
         axes.stairs(every, edges, orientation="horizontal", fill=True, color=_GREY, label="all returns")
         axes.stairs(ground, edges, orientation="horizontal", fill=True, color=_DARK, label="ground")
         axes.axhline(0.0, color=INK, lw=0.6)
-        finish(axes, sheet)
+        finish(axes, "share of the returns (%)", "height over the ground (m)")
         axes.set_xlim(0.0, 1.05 * most)
         axes.set_ylim(min(lowest, -0.1), max(highest, 0.5))
-        axes.set_xlabel("share of the returns (%)", fontproperties=sheet.fonts(8), color=INK)
-        axes.set_ylabel("height over the ground (m)", fontproperties=sheet.fonts(8), color=INK)
-        axes.legend(loc="upper right", frameon=False, prop=sheet.fonts(7.5), handlelength=1.2)
+        axes.legend(loc="upper right", frameon=False, prop=fonts(SMALL), handlelength=1.2)
         sheet.text(0.6 + number * _PANEL_INCHES, 2.8, name, 8.0, weight="bold")
-    told = "; ".join(
+    shares_in_words = "; ".join(
         f"{name} {100.0 * sum(h['ground']) / max(sum(h['returns']) + h['below'] + h['above'], 1):.0f} % ground"
         for name, h in surveys
     )
-    return drawing(figure, f"Histograms of the returns by their height over the ground, all and those of it: {told}")
+    return drawing(
+        sheet.figure,
+        f"Histograms of the returns by their height over the ground, all and those of it: {shares_in_words}",
+    )
 
 
 def _of_survey(facts: Mapping[str, Any], folder: Path) -> dict[str, Any]:

@@ -8,8 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy import ndimage
 
@@ -18,10 +16,9 @@ from ..core.arrays import Float
 from ..grid.geotiff import Raster, read_raster
 from ..grid.grid import Grid
 from ..maps.figure import make_figure
-from ..maps.furniture import INK, Sheet, draw_scale_bar
-from ..maps.heatmap_image import make_heatmap
-from ..maps.map_text import Words
-from ..maps.palette import SEQUENTIAL, Colour, hexadecimal, sequential_steps
+from ..maps.heatmap_image import Words, make_heatmap
+from ..maps.map_parts import INK, Sheet, draw_colour_bar, draw_image, draw_key, draw_scale_bar
+from ..maps.palette import SEQUENTIAL, Colour, colours_at, hexadecimal, sequential_steps
 from ..maps.relief import shaded_relief
 from ..maps.top_view import TopView, top_view_grid
 from ..vector.geopackage import read_layer
@@ -160,8 +157,7 @@ def closed(heights: Float, cell: float, gap: float) -> Float:
 
 def _density_panel(blocks: Float, grid: Grid, limit: float, epoch: str) -> Picture:
     side = block_cells(grid)
-    share = np.clip(blocks / limit, 0.0, 1.0)
-    image = sequential(share)
+    image = colours_at(SEQUENTIAL, blocks / limit)
     image[blocks == 0] = 255
     return panel(
         image,
@@ -169,14 +165,6 @@ def _density_panel(blocks: Float, grid: Grid, limit: float, epoch: str) -> Pictu
         f"Map of the density of ground points of the {epoch} survey",
         legend=limit,
     )
-
-
-def sequential(share: Float) -> NDArray[np.uint8]:
-    """RGB (..., 3) of shares from 0 to 1 on the sequential ramp."""
-    places = [place for place, _ in SEQUENTIAL]
-    colours = np.array([colour for _, colour in SEQUENTIAL], dtype=np.float64)
-    bands = [np.interp(share, places, colours[:, band]) for band in range(3)]
-    return np.rint(np.stack(bands, axis=-1)).astype(np.uint8)
 
 
 def panel(
@@ -194,38 +182,23 @@ def panel(
         boxes: words and colours of a legend; in a row of their own above a scale of colours.
     """
     west, south, east, north = grid.bounds
-    width = _PANEL_INCHES
-    height = min(max(width * (north - south) / (east - west), 0.6), 6.5)
-    inches = min(width / (east - west), height / (north - south))
+    height = min(max(_PANEL_INCHES * (north - south) / (east - west), 0.6), 6.5)
+    inches = min(_PANEL_INCHES / (east - west), height / (north - south))
     wide, tall = inches * (east - west), inches * (north - south)
     both = legend is not None and len(boxes) > 0
     foot = 0.83 if both else 0.55
-    figure = Figure(figsize=(width, tall + foot))
-    sheet = Sheet(figure, width, tall + foot)
-    axes = sheet.axes((width - wide) / 2, foot, wide, tall)
-    axes.imshow(image, interpolation="nearest" if legend or boxes else "antialiased", aspect="auto")
+    sheet = Sheet(_PANEL_INCHES, tall + foot)
+    axes = sheet.axes((_PANEL_INCHES - wide) / 2, foot, wide, tall)
+    draw_image(axes, image, grid, "nearest" if legend or boxes else "antialiased")
     axes.set_axis_off()
     draw_scale_bar(sheet, 0.15, 0.3, 1.6, inches)
+    left = 2.5 if both else 2.0
     for number, (word, colour) in enumerate(boxes):
-        left = 2.5 if both else 2.0
-        left += number * min(0.7, (width - left) / len(boxes))
-        box = sheet.axes(left, 0.52 if both else 0.24, 0.14, 0.14)
-        box.set_facecolor(hexadecimal(colour))
-        _framed(box)
-        sheet.text(left + 0.19, 0.59 if both else 0.31, word)
+        x = left + number * min(0.7, (_PANEL_INCHES - left) / len(boxes))
+        draw_key(sheet, x, 0.59 if both else 0.31, [word], face=hexadecimal(colour), edge=INK, width=0.14)
     if legend is not None:
-        bar = sheet.axes(2.5, 0.3, 1.6, 0.12)
-        bar.imshow(sequential(np.linspace(0, 1, 128))[np.newaxis], aspect="auto", extent=(0, 1, 0, 1))
-        _framed(bar)
-        for share in (0.0, 0.5, 1.0):
-            sheet.text(2.5 + 1.6 * share, 0.18, f"{share * legend:.3g}", ha="center")
+        ramp = colours_at(SEQUENTIAL, np.linspace(0, 1, 128))
+        ticks = (0.0, 0.5 * legend, legend)
+        draw_colour_bar(sheet, (2.5, 0.3, 1.6, 0.12), ramp, ticks, [f"{tick:.3g}" for tick in ticks])
         sheet.text(4.18, 0.36, "points/m²")
-    return map_picture(figure, text)
-
-
-def _framed(axes: Axes) -> None:
-    axes.set_xticks([])
-    axes.set_yticks([])
-    for spine in axes.spines.values():
-        spine.set_linewidth(0.6)
-        spine.set_color(INK)
+    return map_picture(sheet.figure, text)

@@ -6,27 +6,48 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from ...interface.parameters import GridChangeParameters, ZoneParameters
-from ..change.difference import difference_of_cells
+from ..change.difference import Areas, difference_of_cells
 from ..change.doubts import warn_of_doubtful_change
 from ..change.result import Change
 from ..core.errors import InputError
 from ..core.named_progress import NamedProgress
 from ..core.progress import Progress
+from ..epochs.epoch import Epoch
+from ..geometry.rigid_transform import RigidTransform
+from ..grid.cell_statistics import CellStatistics
 from ..grid.grid import Grid
 from ..grid.pooled_variance import pooled_variance
 from ..zones.groups import label_groups
 from .alerts import AlertLevel
-from .gridded_epoch import GriddedEpoch
 from .persistence import confirmed_cells
 from .tracking import Track, track_zones
 from .velocity import own_variances
 from .zone_series import Stack, ZoneSeries, zone_series
+
+
+@dataclass(frozen=True)
+class GriddedEpoch:
+    """A survey in the frame and on the grid of the first one.
+
+    ``registration_error`` is the standard error of a height (m), 0 for the first; ``area`` the part of the region of
+    interest that both it and the first survey hold. ``facts`` state what was done, and ``made`` which steps were not
+    reused (ground, registration, cells).
+    """
+
+    epoch: Epoch
+    transform: RigidTransform
+    registration_error: float
+    cells: CellStatistics
+    area: BaseGeometry | None
+    facts: dict[str, Any]
+    made: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -81,7 +102,7 @@ def analyse(
     groups = []
     for number, change in enumerate(cumulative, 1):
         plants = None if change.plants is None else change.plants.error
-        labels = label_groups(change.dz, stack.significant[number], zone_parameters, change.partition, plants=plants)[0]
+        labels = label_groups(change.dz, stack.significant[number], zone_parameters, change.partition, plants=plants)
         groups.append((number, labels, np.sign(np.nan_to_num(change.dz)).astype(np.int8)))
     tracks = track_zones(groups, max(1, reach))
     living = [t for t in tracks if not t.merged_into and len(t.footprint)]
@@ -97,9 +118,7 @@ def _difference(
 ) -> Change:
     area = a.area if b.area is None else b.area if a.area is None else a.area.intersection(b.area)
     error = float(np.hypot(a.registration_error, b.registration_error))
-    return difference_of_cells(
-        a.cells, b.cells, grid, parameters, registration_error=error, area=area, stable_area=stable
-    )
+    return difference_of_cells(a.cells, b.cells, grid, parameters, error, Areas(area, stable))
 
 
 def _stack(gridded: Sequence[GriddedEpoch], cumulative: Sequence[Change], grid: Grid) -> Stack:

@@ -13,7 +13,7 @@ from ..statistics.normal import Z95
 _MIN_EPOCHS, _MIN_VELOCITIES = 4, 3
 _MAX_FAILURE_SPANS = 10.0  # of the failure, in durations of the accelerating motion after the last survey
 _MIN_FIT_PROBABILITY = 0.01  # a fit that chance would make worse in fewer cases than this is no straight line of 1/v
-_STEPS = 4000
+_END_COUNT = 4000
 
 
 @dataclass(frozen=True)
@@ -23,10 +23,6 @@ class FailureTime:
     earliest: float | None
     latest: float | None
     reason: str
-
-    @property
-    def computable(self) -> bool:
-        return self.earliest is not None
 
 
 def failure_time(days: Float, change: Float, variance: Float) -> FailureTime:
@@ -75,7 +71,7 @@ def failure_time(days: Float, change: Float, variance: Float) -> FailureTime:
 def _interval(t: Float, x: Float, v: Float) -> FailureTime:
     span = float(t[-1] - t[0])
     # evenly in the logarithm of the time left: 1/1000 of the span to _MAX_FAILURE_SPANS spans
-    left = span * np.geomspace(1e-3, _MAX_FAILURE_SPANS, _STEPS)
+    left = span * np.geomspace(1e-3, _MAX_FAILURE_SPANS, _END_COUNT)
     misfit = _misfit(t, x, v, float(t[-1]) + left)
     best = float(misfit.min())
     degrees = len(t) - 3
@@ -84,7 +80,7 @@ def _interval(t: Float, x: Float, v: Float) -> FailureTime:
     allowed = best + float(chi_square.ppf(0.95, 1)) * max(1.0, best / degrees if degrees > 0 else 1.0)
     inside = np.flatnonzero(misfit <= allowed)
     if inside[-1] == len(left) - 1:
-        return _not("the motion cannot be told from a steady one")
+        return _not("the motion cannot be distinguished from a steady one")
     # what lies between two steps counts as inside
     earliest = 0.0 if inside[0] == 0 else float(left[inside[0] - 1])
     return FailureTime(float(t[-1]) + earliest, float(t[-1]) + float(left[inside[-1] + 1]), "")

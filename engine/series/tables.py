@@ -19,91 +19,46 @@ from ..core.arrays import Float
 from ..crs.working_frame import horizontal
 from ..grid.grid import Grid
 from ..statistics.normal import Z95
-from ..vector.cell_polygons import cell_polygons, inclination, table_column
+from ..vector.cell_polygons import cell_polygons, field_kinds, inclination, table_column
 from ..vector.review_fields import UNREVIEWED
 from ..zones.fields import KINDS
 from .velocity_classes import velocity_class
 from .zone_series import ZoneSeries
 
-ZONE_FIELDS: dict[str, str] = {
-    "zone_id": "text",
-    "alert_level": "integer",
-    "alert": "text",
-    "alert_reason": "text",
-    "action": "text",
-    "slope_id": "text",
-    "route": "text",
-    "chain_from": "real",
-    "chain_to": "real",
-    "side": "text",
-    "epoch_from": "text",
-    "epoch_to": "text",
-    "days": "integer",
-    "kind": "text",
-    "status": "text",
-    "first_seen": "text",
-    "last_seen": "text",
-    "split_from": "text",
-    "merged": "text",
-    "n_epochs": "integer",
-    "n_epochs_confirmed": "integer",
-    "rate_mm_day": "real",
-    "rate_err": "real",
-    "rate_low": "real",
-    "rate_high": "real",
-    "rate_last": "real",
-    "rate_last_err": "real",
-    "velocity_class": "text",
-    "trend": "text",
-    "onset_from": "text",
-    "onset_to": "text",
-    "tangent_angle": "real",
-    "tangent_level": "text",
-    "tangent_note": "text",
-    "failure_from": "text",
-    "failure_to": "text",
-    "failure_note": "text",
-    "dz_mean_m": "real",
-    "dz_p95_m": "real",
-    "area_m2": "real",
-    "n_cells": "integer",
-    "vol_loss_m3": "real",
-    "vol_gain_m3": "real",
-    "vol_net_m3": "real",
-    "vol_err_m3": "real",
-    "lod95_m": "real",
-    "slope_deg": "real",
-    "review_status": "text",
-    "reviewer": "text",
-    "remarks": "text",
-    "method": "text",
-    "run_id": "text",
-}
-SERIES_FIELDS: dict[str, str] = {
-    "zone_id": "text",
-    "kind": "text",
-    "epoch": "text",
-    "days": "integer",
-    "dz_mean_m": "real",
-    "dz_err_m": "real",
-    "lod95_m": "real",
-    "state": "text",
-    "confirmed": "integer",
-    "area_m2": "real",
-    "vol_net_m3": "real",
-    "vol_err_m3": "real",
-    "days_before": "integer",
-    "step_m": "real",
-    "step_err_m": "real",
-    "rate_mm_day": "real",
-    "rate_err": "real",
-    "event": "text",
-}
+ZONE_FIELDS = field_kinds("""
+    text: zone_id
+    integer: alert_level
+    text: alert alert_reason action slope_id route
+    real: chain_from chain_to
+    text: side epoch_from epoch_to
+    integer: days
+    text: kind status first_seen last_seen split_from merged
+    integer: n_epochs n_epochs_confirmed
+    real: rate_mm_day rate_err rate_low rate_high rate_last rate_last_err
+    text: velocity_class trend onset_from onset_to
+    real: tangent_angle
+    text: tangent_level tangent_note failure_from failure_to failure_note
+    real: dz_mean_m dz_p95_m area_m2
+    integer: n_cells
+    real: vol_loss_m3 vol_gain_m3 vol_net_m3 vol_err_m3 lod95_m slope_deg
+    text: review_status reviewer remarks method run_id
+""")
+SERIES_FIELDS = field_kinds("""
+    text: zone_id kind epoch
+    integer: days
+    real: dz_mean_m dz_err_m lod95_m
+    text: state
+    integer: confirmed
+    real: area_m2 vol_net_m3 vol_err_m3
+    integer: days_before
+    real: step_m step_err_m rate_mm_day rate_err
+    text: event
+""")
 
 
 @dataclass(frozen=True)
 class About:
-    """What the tables say of their origin; ``dates`` of all surveys, the first in front."""
+    """What the tables state of their origin; ``dates`` of all surveys, the earliest first."""
 
     dates: tuple[date, ...]
     crs: CRS

@@ -11,7 +11,7 @@ from ..core.arrays import Float
 from ..statistics.normal import Z95
 from .velocity import fit_line
 
-ORANGE, RED = math.tan(math.radians(80.0)), math.tan(math.radians(85.0))  # 5.7 and 11.4
+ORANGE_RATIO, RED_RATIO = math.tan(math.radians(80.0)), math.tan(math.radians(85.0))  # 5.7 and 11.4
 LEVELS = ("blue", "yellow", "orange", "red")
 
 
@@ -55,7 +55,7 @@ def tangent_angle(days: Float, change: Float, variance: Float, start: int = 0) -
     ratio = last / steady.slope
     level = "blue"
     if low > 1.0:
-        level = "red" if ratio >= RED else "orange" if ratio >= ORANGE else "yellow"
+        level = "red" if ratio >= RED_RATIO else "orange" if ratio >= ORANGE_RATIO else "yellow"
     degrees, least, most = (math.degrees(math.atan(r)) for r in (ratio, low, high))
     return TangentAngle(degrees, least, most, level, "")
 

@@ -13,15 +13,14 @@ from ..core.arrays import Float
 from ..statistics.normal import Z95
 
 _MIN_FIT_PROBABILITY = 0.05  # a model is refused where chance would fit it worse in fewer cases than this
-_ONSETS = 200
+_ONSET_COUNT = 200
 TRENDS = ("steady", "accelerating", "decelerating", "irregular", "not known")
 
 
 @dataclass(frozen=True)
 class Line:
-    """y = ``intercept`` + ``slope`` t with the ``slope``'s propagated ``error``; ``misfit`` is chi-square."""
+    """A line's ``slope`` with its propagated ``error``; ``misfit`` is chi-square."""
 
-    intercept: float
     slope: float
     error: float
     misfit: float
@@ -63,7 +62,7 @@ def fit_line(days: Float, y: Float, variance: Float) -> Line:
     spread = float(np.sum(weight * (days - mean_t) ** 2))
     slope = float(np.sum(weight * (days - mean_t) * (y - mean_y))) / spread
     rest = y - mean_y - slope * (days - mean_t)
-    return Line(mean_y - slope * mean_t, slope, spread**-0.5, float(np.sum(weight * rest**2)))
+    return Line(slope, spread**-0.5, float(np.sum(weight * rest**2)))
 
 
 def zone_velocity(days: Float, change: Float, variance: Float) -> Velocity | None:
@@ -74,7 +73,7 @@ def zone_velocity(days: Float, change: Float, variance: Float) -> Velocity | Non
     well they fit (the posterior for flat priors of a and v; half of the onset's prior lies before the first survey,
     which is the plain regression line, the rest evenly between the first and the last survey but one). The interval is
     that of the mixture, so it holds what the unknown onset leaves open. All errors are widened by the square root of
-    chi-square over its degrees of freedom where the surveys scatter more than their errors say.
+    chi-square over its degrees of freedom where the surveys scatter more than their errors explain.
 
     Args:
         days: (n,) days of the surveys since the first.
@@ -87,8 +86,8 @@ def zone_velocity(days: Float, change: Float, variance: Float) -> Velocity | Non
     t, y, v = days[known], change[known], variance[known]
     onsets, prior = np.array([t[0]]), np.array([1.0])
     if len(t) > 3:
-        later = np.linspace(t[0], t[-2], _ONSETS + 1)[1:]
-        onsets, prior = np.append(onsets, later), np.append([0.5], np.full(_ONSETS, 0.5 / _ONSETS))
+        later = np.linspace(t[0], t[-2], _ONSET_COUNT + 1)[1:]
+        onsets, prior = np.append(onsets, later), np.append([0.5], np.full(_ONSET_COUNT, 0.5 / _ONSET_COUNT))
     rate, error, misfit, volume = _ramps(t, y, v, onsets)
     degrees = len(t) - (2 if len(onsets) == 1 else 3)
     widened = max(1.0, float(misfit.min()) / degrees) if degrees > 0 else 1.0
@@ -176,7 +175,7 @@ def cell_velocity(days: Float, change: list[Float], variance: list[Float]) -> Ce
         change: n arrays (rows, columns), change against the first survey, metres; zero for the first.
         variance: n arrays, each survey's own variance, m². Cells where either is NaN are left out of the sum.
 
-    The error is widened as in ``zone_velocity`` where more than two surveys scatter more than their errors say.
+    The error is widened as in ``zone_velocity`` where more than two surveys scatter more than their errors explain.
     """
     shape = change[0].shape
     count = np.zeros(shape, dtype=np.int64)
@@ -217,7 +216,7 @@ def own_variances(errors: list[Float], shared: list[float], first: Float, other:
         other: sampling variances of the surveys 1 to n, m².
 
     Returns:
-        n + 1 arrays, the first survey's in front.
+        n + 1 arrays, the first survey's first.
     """
     total, times = np.zeros(first.shape), np.zeros(first.shape)
     parts = []

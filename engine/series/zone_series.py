@@ -1,4 +1,4 @@
-"""Time series of the zones of a series: their mean change survey by survey, with errors, and what it amounts to."""
+"""Time series of the zones of a series: their mean change survey by survey, with errors, velocity and alert level."""
 
 from __future__ import annotations
 

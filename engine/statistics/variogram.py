@@ -20,13 +20,13 @@ from scipy.optimize import nnls
 from ..core.arrays import Float
 from .robust import nmad
 
-FEWEST_CELLS = 500
+MIN_CELLS = 500
 """With fewer values no variogram is estimated."""
-FEWEST_LAGS = 3
+MIN_LAGS = 3
 """With fewer classes of distance that hold pairs no model is fitted: a nugget and a structure have three numbers."""
-_LARGEST_LATTICE = 1 << 20  # cells; larger grids are thinned for the longer lags
+_MAX_LATTICE_CELLS = 1 << 20  # cells; larger grids are thinned for the longer lags
 _MAX_NEAR_LAG_CELLS = 6  # cells: lags below are measured on the grid as it is
-_BOX = 128  # cells a side, beyond which sums are taken over blocks of cells
+_MAX_SIDE_CELLS = 128  # cells a side, beyond which sums are taken over blocks of cells
 _MAX_DEVIATIONS = 5.0  # robust standard deviations
 
 
@@ -102,11 +102,11 @@ def empirical_variogram(values: Float, cell: float) -> EmpiricalVariogram:
         values: (rows, columns), NaN where there is none (or where the surface is not stable).
 
     Raises:
-        ValueError: fewer than ``FEWEST_CELLS`` values.
+        ValueError: fewer than ``MIN_CELLS`` values.
     """
     known = np.isfinite(values)
     cells = int(known.sum())
-    if cells < FEWEST_CELLS:
+    if cells < MIN_CELLS:
         raise ValueError(f"{cells} values are too few for a variogram")
     values, known = _bounding_box(values, known)
     drawn_in = values[known]
@@ -116,7 +116,7 @@ def empirical_variogram(values: Float, cell: float) -> EmpiricalVariogram:
     drawn_in = np.clip(drawn_in - middle, -limit, limit)
     z = np.zeros(known.shape)
     z[known] = drawn_in - drawn_in.mean()
-    step = max(1, int(np.ceil(np.sqrt(z.size / _LARGEST_LATTICE))))
+    step = max(1, int(np.ceil(np.sqrt(z.size / _MAX_LATTICE_CELLS))))
     largest = max(min(z.shape) / 2.0, 2.0)
     thinned = _thinned(known, step)
     parts = [_pairs_by_fourier(z[thinned], known[thinned], largest / step, step)]
@@ -147,9 +147,9 @@ def fit_variogram(empirical: EmpiricalVariogram) -> VariogramModel:
     minimum to be caught in.
 
     Raises:
-        ValueError: fewer than ``FEWEST_LAGS`` classes of distance.
+        ValueError: fewer than ``MIN_LAGS`` classes of distance.
     """
-    if len(empirical.lag) < FEWEST_LAGS:
+    if len(empirical.lag) < MIN_LAGS:
         raise ValueError(f"{len(empirical.lag)} classes of distance are too few for a model of the variogram")
     weight = np.sqrt(empirical.pairs) / np.maximum(empirical.semivariance, 1e-12 + 1e-3 * empirical.variance)
     target = empirical.semivariance * weight
@@ -180,12 +180,12 @@ def sum_variance(weights: Float, cell: float, model: VariogramModel) -> float:
     if not model.sills or not weights.any():
         return variance
     weights, _ = _bounding_box(weights, weights != 0)
-    block = -(-max(weights.shape) // _BOX)
+    block = -(-max(weights.shape) // _MAX_SIDE_CELLS)
     if block > 1:
         squares = float(np.sum(weights * weights))
         rows, columns = (np.arange(0, n, block) for n in weights.shape)
         weights = np.add.reduceat(np.add.reduceat(weights, rows, axis=0), columns, axis=1)
-        # with uneven weights a cell counts more with itself than the mean over its block says
+        # with uneven weights a cell counts more with itself than the mean over its block states
         own, others = model.variance - model.nugget, _mean_in_block(block, cell, model)
         variance += (squares - float(np.sum(weights * weights)) / block**2) * (own - others)
     shape = tuple(fft.next_fast_len(2 * n - 1, real=True) for n in weights.shape)

@@ -85,7 +85,7 @@ def refuse_outside(roi: Roi, bounds: Bounds, cloud: Path | str) -> None:
 
 
 def _polygon_layer(path: Path, name: str, notes: list[str]) -> str:
-    """The first layer of polygons, or the first that does not say what it holds."""
+    """The first layer of polygons, or the first that does not declare what it holds."""
     layers = [(str(layer), str(kind)) for layer, kind in pyogrio.list_layers(path)]
     for wanted in (("Polygon", "Surface"), ("Unknown", "Collection")):
         for layer, kind in layers:

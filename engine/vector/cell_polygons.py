@@ -65,6 +65,12 @@ def inclination(
     return np.where(determinant > 1e-9 * (xx + yy) ** 2, np.degrees(np.arctan(np.hypot(a, b))), np.nan)
 
 
+def field_kinds(table: str) -> dict[str, str]:
+    """Kind by field, in order, from lines such as ``real: chain_from chain_to``."""
+    lines = (line.split(":") for line in table.strip().splitlines())
+    return {name: kind.strip() for kind, names in lines for name in names.split()}
+
+
 def table_column(values: NDArray | None, kind: str, count: int) -> pd.Series:
     """A column of ``kind`` text, integer or real with ``count`` rows; without values it is empty."""
     if kind == "text":

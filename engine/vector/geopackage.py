@@ -48,15 +48,9 @@ class Layer:
 
 
 def write_layer(
-    path: Path,
-    frame: gpd.GeoDataFrame,
-    layer: str,
-    *,
-    qml: str = "",
-    geometry_type: str | None = None,
-    stamp: date | None = None,
+    path: Path, frame: gpd.GeoDataFrame, layer: str, *, geometry_type: str | None = None, stamp: date | None = None
 ) -> None:
-    """Write ``frame`` as the only layer of a new GeoPackage, with ``qml`` as its default style.
+    """Write ``frame`` as the only layer of a new GeoPackage, without a style.
 
     Args:
         geometry_type: as the layer declares it; needed where ``frame`` is empty.
@@ -67,7 +61,7 @@ def write_layer(
         EngineError: a field name is not lowercase or longer than 31 characters, or the file read back differs.
         InputError: the folder is missing or not writable.
     """
-    write_layers(path, [Layer(frame, layer, qml, geometry_type)], stamp=stamp)
+    write_layers(path, [Layer(frame, layer, geometry_type=geometry_type)], stamp=stamp)
 
 
 def write_layers(path: Path, layers: Sequence[Layer], *, stamp: date | None = None) -> None:

@@ -21,14 +21,14 @@ def guard_table(database: sqlite3.Connection, table: str, free: Collection[str])
     columns = [row[1] for row in database.execute(f"PRAGMA table_info({_quoted(table)})")]
     measured = [_quoted(name) for name in columns if name not in free]
     changed = " OR ".join(f"OLD.{name} IS NOT NEW.{name}" for name in measured)
-    told = f"The table {table} was measured and cannot be edited"
+    refusal = f"The table {table} was measured and cannot be edited"
     entered = [name for name in REVIEW_FIELDS if name in free and name in columns]
     if entered:
-        told = f"Measured columns of {table} cannot be edited; enter your review in {', '.join(entered)}"
+        refusal = f"Measured columns of {table} cannot be edited; enter your review in {', '.join(entered)}"
     kept = "mark a zone as rejected instead of deleting it" if entered else "make the run again to replace them"
     name = _NAME.format(table)
     for ending, event, condition, sentence in (
-        ("", f"UPDATE OF {', '.join(measured)}", f"WHEN {changed} ", told),
+        ("", f"UPDATE OF {', '.join(measured)}", f"WHEN {changed} ", refusal),
         ("_delete", "DELETE", "", f"Rows of {table} cannot be deleted; {kept}"),
         ("_insert", "INSERT", "", f"Rows of {table} are measured and cannot be added; use a layer of your own"),
     ):

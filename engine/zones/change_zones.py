@@ -10,9 +10,8 @@ from pyproj import CRS
 from ...interface.parameters import ZoneParameters
 from ..change.result import Change
 from ..statistics.normal import quantile
-from .detected import Detected, Origin
-from .extraction import Zones, extract_zones
-from .footprints import Cells
+from .extraction import Origin, Zones, extract_zones
+from .footprints import Cells, Detected
 
 
 def change_zones(

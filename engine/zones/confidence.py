@@ -11,17 +11,16 @@ from scipy.special import stdtr
 
 from ...interface.parameters import ZoneParameters
 from ..core.arrays import Float
-from .detected import Detected
-from .footprints import Cells, Footprint, in_window, outline_footprints
+from .footprints import Cells, Detected, Footprint, in_window, outline_footprints
 from .groups import without
 from .volumes import CorrelationModel, fit_correlation, outside
 
-SURE = 0.95
+MIN_SURE_CONFIDENCE = 0.95
 """A zone below this confidence gets no severity."""
-_BY_SAMPLE = 1.8
+_LOG_SHAPES_PER_SAMPLE = 1.8
 """Logarithm of how many more shapes a zone may have for each effective sample: groups of n cells that touch by edge or
 corner are about 6.2 times as many as those of n - 1."""
-_BY_NEAR_SAMPLE, _MAX_BY_NEAR_SAMPLES = 0.7, 2.0
+_LOG_SHAPES_PER_NEAR_SAMPLE, _MAX_LOG_SHAPES_OF_NEAR_SAMPLES = 0.7, 2.0
 """More for each of the first few samples, and altogether at most: where errors are partly correlated, a zone of few
 effective samples has more cells than these to choose its shape from."""
 _CELL_DEGREES_OF_FREEDOM = 12.0
@@ -53,7 +52,7 @@ def confidence_after_selection(
     A mean change so far beyond its own error would be rare at a place named before. But a zone is the place where it is
     large, with the shape that makes it so: the probability of the mean is multiplied by the number of places of its
     size on the map, and by the number of shapes, which grows with the number of effective samples (Bonferroni's bound,
-    as for scan statistics). The error that all cells share is one and the same at all places; it is drawn once for the
+    as for scan statistics). The error that all cells share is the same at all places; it is drawn once for the
     map, not once a place.
 
     The errors are themselves estimated from few points, so the mean follows Student's t, with twelve degrees of freedom
@@ -73,8 +72,8 @@ def confidence_after_selection(
     more = max(samples - 1.0, 0.0)
     places = (
         math.log(max(compared / max(cells, 1.0), 1.0))
-        + _BY_SAMPLE * more
-        + min(_BY_NEAR_SAMPLE * more, _MAX_BY_NEAR_SAMPLES)
+        + _LOG_SHAPES_PER_SAMPLE * more
+        + min(_LOG_SHAPES_PER_NEAR_SAMPLE * more, _MAX_LOG_SHAPES_OF_NEAR_SAMPLES)
     )
     beyond = (abs(mean) - shared * np.abs(_NODES)) / max(sampling, 1e-12)
     tail = 2.0 * stdtr(_CELL_DEGREES_OF_FREEDOM * max(cells, 1.0), -beyond)

@@ -16,30 +16,27 @@ from ..change.result import Change
 from ..core.arrays import Float
 from ..grid.grid import Grid
 from ..grid.partition import Partition
-from ..vector.cell_polygons import table_column
+from ..vector.cell_polygons import field_kinds, table_column
 
-LEAST_COMPARED = 0.25
-"""Part of a zone that must have been compared for a word about it."""
-FEWEST_CELLS = 5
+MIN_COMPARED_SHARE = 0.25
+"""Share of a zone that must have been compared for a verdict on it."""
+MIN_COMPARED_CELLS = 5
 """Compared cells that it takes, too: of fewer, one that noise made significant would decide."""
-CONFIRMING = 0.3
+MIN_CONFIRMING_SHARE = 0.3
 """Part of what was compared in a zone from which significant change of its sign confirms it; see docs/guide.md."""
-IN_PART, CELLS_IN_PART = 0.15, 40
+MIN_PARTLY_CONFIRMING_SHARE, MIN_PARTLY_CONFIRMING_CELLS = 0.15, 40
 """From this part on, of at least so many cells, some of the zone has moved; noise hardly ever reaches it."""
-CONTRADICTING = 0.5
+MAX_OPPOSITE_SHARE = 0.5
 """Significant change of the other sign on more than this part contradicts it."""
 
 CONFIRMED, PARTLY, CONTRADICTED = "confirmed", "confirmed in part", "contradicted"
 NOT_CONFIRMED, NOT_MEASURED = "not confirmed", "not measured"
 VERDICTS = (CONFIRMED, PARTLY, CONTRADICTED, NOT_CONFIRMED, NOT_MEASURED)
-FIELDS: dict[str, str] = {
-    "confirmed": "text",
-    "compared_share": "real",
-    "change_share": "real",
-    "opposite_share": "real",
-    "dz_signif_m": "real",
-}
-_MOST_PARTS = 16
+FIELDS = field_kinds("""
+    text: confirmed
+    real: compared_share change_share opposite_share dz_signif_m
+""")
+_MAX_PARTS_PER_SIDE = 16
 
 
 @dataclass(frozen=True)
@@ -90,15 +87,16 @@ def confirm_zones(frame: gpd.GeoDataFrame, change: Change, *, outline_cell: floa
 
 def verdict(evidence: Evidence) -> str:
     """One of ``VERDICTS``."""
-    if evidence.compared < LEAST_COMPARED or evidence.cells < FEWEST_CELLS:
+    if evidence.compared < MIN_COMPARED_SHARE or evidence.cells < MIN_COMPARED_CELLS:
         return NOT_MEASURED
-    if evidence.opposite > CONTRADICTING:
+    if evidence.opposite > MAX_OPPOSITE_SHARE:
         return CONTRADICTED
     if evidence.matching <= evidence.opposite:
         return NOT_CONFIRMED
-    if evidence.matching >= CONFIRMING:
+    if evidence.matching >= MIN_CONFIRMING_SHARE:
         return CONFIRMED
-    return PARTLY if evidence.matching >= IN_PART and evidence.cells >= CELLS_IN_PART else NOT_CONFIRMED
+    partly = evidence.matching >= MIN_PARTLY_CONFIRMING_SHARE and evidence.cells >= MIN_PARTLY_CONFIRMING_CELLS
+    return PARTLY if partly else NOT_CONFIRMED
 
 
 def weigh(geometry: BaseGeometry, sign: float, change: Change, *, outline_cell: float) -> Evidence:
@@ -143,7 +141,7 @@ def _inside(geometry: BaseGeometry, grid: Grid, outline_cell: float) -> tuple[tu
     if not all(shape):
         return (rows, columns), np.zeros(shape)
     # parts of a cell no larger than half a cell of the outline, each in or out by its middle
-    parts = min(_MOST_PARTS, max(1, math.ceil(2.0 * grid.cell / outline_cell - 1e-9)))
+    parts = min(_MAX_PARTS_PER_SIDE, max(1, math.ceil(2.0 * grid.cell / outline_cell - 1e-9)))
     side = grid.cell / parts
     corner = grid.west + columns.start * grid.cell, grid.north - rows.start * grid.cell
     fine: NDArray[np.bool_] = geometry_mask(

@@ -1,4 +1,4 @@
-"""The reviews in the earlier results of an output folder, on their way into the new ones."""
+"""The reviews in the earlier results of an output folder, carried over into the new ones."""
 
 from __future__ import annotations
 
@@ -100,17 +100,17 @@ class EarlierReviews:
             outputs["reviews_not_carried"] = stage.final(self.not_carried)
         elif before is not None:
             stage.discard(self.not_carried)
-        self._tell(left, progress)
+        self._report(left, progress)
         return {"carried": self._count, "in_remarks": self._joined, "split": self._split, "not_carried": left}
 
-    def _tell(self, left: int, progress: Progress) -> None:
+    def _report(self, left: int, progress: Progress) -> None:
         if self._count:
             progress.info(f"What was entered for {_zones(self._count)} of the earlier results was carried over.")
         if self._split or self._joined:
             progress.warning(
-                "Zones came apart or grew together since they were reviewed "
-                f"({self._split} and {self._joined} reviews); what was said of them is in their remarks: look at them "
-                "again."
+                "Zones were split or merged since they were reviewed "
+                f"({self._split} and {self._joined} reviews); what was entered for them is in their remarks: look at "
+                "them again."
             )
         if left:
             progress.warning(

@@ -19,12 +19,20 @@ from ..grid.grid import Grid
 from ..statistics.normal import Z95
 from ..vector.cell_polygons import cell_polygons, inclination, table_column
 from ..vector.review_fields import UNREVIEWED
-from .confidence import SURE, sure_groups
-from .detected import Detected, Origin
+from .confidence import MIN_SURE_CONFIDENCE, sure_groups
 from .fields import FIELDS, KINDS, SEVERITIES, UNSURE
-from .footprints import Cells, Footprint, footprint_labels
+from .footprints import Cells, Detected, Footprint, footprint_labels
 from .groups import first_of_each, label_groups
 from .volumes import CorrelationModel, ZoneVolumes, zone_volumes
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where zones come from: dates of both surveys, method and run."""
+
+    epochs: tuple[date | None, date | None] = (None, None)
+    method: str = ""
+    run_id: str = ""
 
 
 @dataclass(frozen=True)
@@ -34,8 +42,7 @@ class Zones:
     Attributes:
         frame: one row a zone; columns ``FIELDS`` and a MultiPolygon ``geometry`` in the horizontal reference system.
         labels: int32 (rows, columns); 0 outside every zone, else 1 + the zone's row in ``frame``.
-        dropped_groups, dropped_cells: groups of significant cells that were too small, and their cells, and those
-            that are large enough, but whose mean change is within the error by plants: ``within_plants`` groups.
+        within_plants: groups that are large enough, but whose mean change is within the error by plants.
         unsure_groups: further groups that are large enough, but less sure than ``minimum_confidence``.
         footprints: where each zone's volume was taken, in the order of ``frame``.
         volumes: their volumes and errors, in the order of ``frame``.
@@ -44,8 +51,6 @@ class Zones:
 
     frame: gpd.GeoDataFrame
     labels: NDArray[np.int32]
-    dropped_groups: int
-    dropped_cells: int
     footprints: tuple[Footprint, ...]
     volumes: ZoneVolumes
     correlation: CorrelationModel
@@ -89,9 +94,9 @@ def extract_zones(
     """
     parameters, origin = parameters or ZoneParameters(), origin or Origin()
     group = partial(label_groups, cells.dz, found.significant, parameters, cells.partition, sigma=cells.error)
-    labels, first_cells, groups, dropped_cells = group(plants=cells.plants)
-    count = len(first_cells)
-    within_plants = 0 if cells.plants is None else len(group()[1]) - count
+    labels = group(plants=cells.plants)
+    count = int(labels.max(initial=0))
+    within_plants = 0 if cells.plants is None else int(group().max(initial=0)) - count
     sure = sure_groups(labels, count, cells, found, parameters, registration_error=registration_error)
     labels, footprints, correlation = sure.labels, sure.footprints, sure.correlation
     count, first_cells = len(footprints), first_of_each(labels)
@@ -127,8 +132,6 @@ def extract_zones(
     return Zones(
         frame=_frame(values, labels, grid, crs),
         labels=labels,
-        dropped_groups=groups,
-        dropped_cells=dropped_cells,
         footprints=tuple(footprints[i] for i in order),
         volumes=volumes.in_order(order),
         correlation=correlation,
@@ -203,7 +206,7 @@ def _statistics(
     *,
     cell_area: float,
 ) -> dict[str, NDArray]:
-    """Figures of each of ``count`` zones from its cells' values; ``zone`` (n,) says whose a cell is."""
+    """Figures of each of ``count`` zones from its cells' values; ``zone`` (n,) is the zone of each cell."""
 
     def total(weights: Float) -> Float:
         return np.bincount(zone, weights=weights, minlength=count).astype(np.float64, copy=False)
@@ -253,7 +256,7 @@ def _severity(p95: Float, confidence: Float, parameters: ZoneParameters) -> NDAr
     magnitude = np.abs(p95)
     grades = np.where(magnitude >= parameters.severity_moderate, "moderate", "low")
     grades = np.where(magnitude >= parameters.severity_high, "high", grades)
-    return np.where(confidence >= SURE, grades, UNSURE).astype(object)
+    return np.where(confidence >= MIN_SURE_CONFIDENCE, grades, UNSURE).astype(object)
 
 
 def _add_rates(values: dict[str, NDArray], mean_error: Float, epochs: tuple[date | None, date | None]) -> None:

@@ -2,47 +2,22 @@
 
 from __future__ import annotations
 
+from ..vector.cell_polygons import field_kinds
+
 # Name and kind of every field, in the order of the attribute table. Text is never NULL; a number that is not known is.
-FIELDS: dict[str, str] = {
-    "zone_id": "text",
-    "slope_id": "text",
-    "route": "text",
-    "chain_from": "real",
-    "chain_to": "real",
-    "side": "text",
-    "epoch_from": "text",
-    "epoch_to": "text",
-    "days": "integer",
-    "kind": "text",
-    "severity": "text",
-    "confidence": "real",
-    "dz_mean_m": "real",
-    "dz_min_m": "real",
-    "dz_max_m": "real",
-    "dz_p95_m": "real",
-    "area_m2": "real",
-    "n_cells": "integer",
-    "vol_loss_m3": "real",
-    "vol_gain_m3": "real",
-    "vol_net_m3": "real",
-    "vol_err_m3": "real",
-    "vol_low_m3": "real",
-    "vol_high_m3": "real",
-    "vol_area_m2": "real",
-    "vol_measured": "real",
-    "n_eff": "real",
-    "lod95_m": "real",
-    "rate_mm_day": "real",
-    "rate_err": "real",
-    "slope_deg": "real",
-    "n_pts_min": "integer",
-    "n_epochs_confirmed": "integer",
-    "review_status": "text",
-    "reviewer": "text",
-    "remarks": "text",
-    "method": "text",
-    "run_id": "text",
-}
+FIELDS = field_kinds("""
+    text: zone_id slope_id route
+    real: chain_from chain_to
+    text: side epoch_from epoch_to
+    integer: days
+    text: kind severity
+    real: confidence dz_mean_m dz_min_m dz_max_m dz_p95_m area_m2
+    integer: n_cells
+    real: vol_loss_m3 vol_gain_m3 vol_net_m3 vol_err_m3 vol_low_m3 vol_high_m3 vol_area_m2 vol_measured
+    real: n_eff lod95_m rate_mm_day rate_err slope_deg
+    integer: n_pts_min n_epochs_confirmed
+    text: review_status reviewer remarks method run_id
+""")
 UNSURE = "unsure"
 """In place of a severity, where noise alone may have made the zone."""
 SEVERITIES = ("high", "moderate", "low", UNSURE)

@@ -44,6 +44,26 @@ class Cells:
 
 
 @dataclass(frozen=True)
+class Detected:
+    """Judgement of the cells; arrays (rows, columns).
+
+    Attributes:
+        significant: cells beyond their level of detection.
+        level: level of detection of each cell at 95 % confidence, metres.
+        count_min: points of each cell in the epoch that has fewer.
+        stable: cells that are taken as stable ground, on which the errors' correlation is measured; without it, those
+            outside of every footprint.
+        heights: heights of the surface, metres, for the zones' inclination.
+    """
+
+    significant: NDArray[np.bool_]
+    level: NDArray[np.floating]
+    count_min: NDArray[np.integer]
+    stable: NDArray[np.bool_] | None = None
+    heights: NDArray[np.floating] | None = None
+
+
+@dataclass(frozen=True)
 class Footprint:
     """Where a zone's volume is taken.
 

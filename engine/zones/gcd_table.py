@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +25,7 @@ from .footprints import Cells
 from .volumes import CorrelationModel, ZoneVolumes
 
 GROUPS = ("AREAL", "VOLUMETRIC", "VERTICAL AVERAGES", "PERCENTAGES (BY VOLUME)", "ZONES (OVER THEIR FOOTPRINTS)")
+_THICKNESS = "Average {} Thickness of Difference for Area"
 
 
 @dataclass(frozen=True)
@@ -59,6 +59,10 @@ class Budget:
     raising: float
 
     @property
+    def area(self) -> float:
+        return self.area_lowering + self.area_raising
+
+    @property
     def total(self) -> float:
         return self.lowering + self.raising
 
@@ -85,7 +89,15 @@ class VolumeTable:
 
     def rows(self) -> tuple[TableRow, ...]:
         """The lines in GCD's order."""
-        return (*_areas(self), *_volumes(self), *_averages(self), *_percentages(self), *_zones(self))
+        return (*_gcd_rows(self), *(_zone_row(name, *values) for name, values in self._zones.items()))
+
+    @property
+    def _zones(self) -> dict[str, tuple[float, float]]:
+        return {
+            "Total Volume of Surface Lowering": self.zones_lowering,
+            "Total Volume of Surface Raising": self.zones_raising,
+            "Total Net Volume Difference": self.zones_net,
+        }
 
     def figures(self) -> dict[str, float]:
         """The zones' volumes with their errors, for the run record's metrics."""
@@ -154,93 +166,43 @@ def _budget(cells: Cells, chosen: NDArray[np.bool_]) -> Budget:
     )
 
 
-def _areas(table: VolumeTable) -> list[TableRow]:
-    raw, kept = table.raw, table.thresholded
-    detectable = kept.area_lowering + kept.area_raising
-    group = GROUPS[0]
-    return [
-        TableRow(group, "Total Area of Surface Lowering", "m²", raw.area_lowering, thresholded=kept.area_lowering),
-        TableRow(group, "Total Area of Surface Raising", "m²", raw.area_raising, thresholded=kept.area_raising),
-        TableRow(group, "Total Area of Detectable Change", "m²", thresholded=detectable),
-        TableRow(group, "Total Area of Interest", "m²", table.area),
-        TableRow(
-            group,
-            "Percent of Area of Interest with Detectable Change",
-            "%",
-            thresholded=_percent(detectable, table.area),
-        ),
+def _gcd_rows(table: VolumeTable) -> list[TableRow]:
+    raw, kept, area = table.raw, table.thresholded, table.area
+    changed, error = kept.area, table.raw_net_error
+    areas, volumes, averages, percentages, _ = GROUPS
+    net_error = _ratio(error, area)
+    # group, quantity, unit, raw, raw_error, thresholded
+    lines: list[tuple[str, str, str, float | None, float | None, float | None]] = [
+        (areas, "Total Area of Surface Lowering", "m²", raw.area_lowering, None, kept.area_lowering),
+        (areas, "Total Area of Surface Raising", "m²", raw.area_raising, None, kept.area_raising),
+        (areas, "Total Area of Detectable Change", "m²", None, None, changed),
+        (areas, "Total Area of Interest", "m²", area, None, None),
+        (areas, "Percent of Area of Interest with Detectable Change", "%", None, None, _percent(changed, area)),
+        (volumes, "Total Volume of Surface Lowering", "m³", raw.lowering, None, kept.lowering),
+        (volumes, "Total Volume of Surface Raising", "m³", raw.raising, None, kept.raising),
+        (volumes, "Total Volume of Difference", "m³", raw.total, None, kept.total),
+        (volumes, "Total Net Volume Difference", "m³", raw.net, error, kept.net),
     ]
+    shares = (
+        ("Average Depth of Surface Lowering", [_ratio(b.lowering, b.area_lowering) for b in (raw, kept)], None),
+        ("Average Depth of Surface Raising", [_ratio(b.raising, b.area_raising) for b in (raw, kept)], None),
+        (f"{_THICKNESS.format('Total')} of Interest", [_ratio(b.total, area) for b in (raw, kept)], None),
+        (f"{_THICKNESS.format('Net')} of Interest", [_ratio(b.net, area) for b in (raw, kept)], net_error),
+        (f"{_THICKNESS.format('Total')} with Detectable Change", [None, _ratio(kept.total, changed)], None),
+        (f"{_THICKNESS.format('Net')} with Detectable Change", [None, _ratio(kept.net, changed)], None),
+    )
+    lines += [(averages, quantity, "m", of[0], error, of[1]) for quantity, of, error in shares]
+    parts = (
+        ("Percent Elevation Lowering", [_percent(b.lowering, b.total) for b in (raw, kept)]),
+        ("Percent Elevation Raising", [_percent(b.raising, b.total) for b in (raw, kept)]),
+        ("Percent Imbalance (departure from equilibrium)", [_percent(b.net, 2 * b.total) for b in (raw, kept)]),
+        ("Net to Total Volume Ratio", [_percent(b.net, b.total) for b in (raw, kept)]),
+    )
+    lines += [(percentages, quantity, "%", of[0], None, of[1]) for quantity, of in parts]
+    return [TableRow(*line) for line in lines]
 
 
-def _volumes(table: VolumeTable) -> list[TableRow]:
-    raw, kept = table.raw, table.thresholded
-    group = GROUPS[1]
-    return [
-        TableRow(group, "Total Volume of Surface Lowering", "m³", raw.lowering, thresholded=kept.lowering),
-        TableRow(group, "Total Volume of Surface Raising", "m³", raw.raising, thresholded=kept.raising),
-        TableRow(group, "Total Volume of Difference", "m³", raw.total, thresholded=kept.total),
-        TableRow(group, "Total Net Volume Difference", "m³", raw.net, table.raw_net_error, kept.net),
-    ]
-
-
-def _averages(table: VolumeTable) -> list[TableRow]:
-    raw, kept = table.raw, table.thresholded
-    thickness = "Average {}Thickness of Difference for Area {}"
-    detectable = kept.area_lowering + kept.area_raising
-
-    def row(quantity: str, value: float | None, kept: float | None, error: float | None = None) -> TableRow:
-        return TableRow(GROUPS[2], quantity, "m", value, error, kept)
-
-    return [
-        row(
-            "Average Depth of Surface Lowering",
-            _ratio(raw.lowering, raw.area_lowering),
-            _ratio(kept.lowering, kept.area_lowering),
-        ),
-        row(
-            "Average Depth of Surface Raising",
-            _ratio(raw.raising, raw.area_raising),
-            _ratio(kept.raising, kept.area_raising),
-        ),
-        row(
-            thickness.format("Total ", "of Interest"),
-            _ratio(raw.total, table.area),
-            _ratio(kept.total, table.area),
-        ),
-        row(
-            thickness.format("Net ", "of Interest"),
-            _ratio(raw.net, table.area),
-            _ratio(kept.net, table.area),
-            _ratio(table.raw_net_error, table.area),
-        ),
-        row(thickness.format("Total ", "with Detectable Change"), None, _ratio(kept.total, detectable)),
-        row(thickness.format("Net ", "with Detectable Change"), None, _ratio(kept.net, detectable)),
-    ]
-
-
-def _percentages(table: VolumeTable) -> list[TableRow]:
-    raw, kept = table.raw, table.thresholded
-
-    def row(quantity: str, values: Sequence[float | None]) -> TableRow:
-        return TableRow(GROUPS[3], quantity, "%", values[0], thresholded=values[1])
-
-    return [
-        row("Percent Elevation Lowering", [_percent(b.lowering, b.total) for b in (raw, kept)]),
-        row("Percent Elevation Raising", [_percent(b.raising, b.total) for b in (raw, kept)]),
-        row("Percent Imbalance (departure from equilibrium)", [_percent(b.net, 2 * b.total) for b in (raw, kept)]),
-        row("Net to Total Volume Ratio", [_percent(b.net, b.total) for b in (raw, kept)]),
-    ]
-
-
-def _zones(table: VolumeTable) -> list[TableRow]:
-    return [
-        _measured("Total Volume of Surface Lowering", *table.zones_lowering),
-        _measured("Total Volume of Surface Raising", *table.zones_raising),
-        _measured("Total Net Volume Difference", *table.zones_net),
-    ]
-
-
-def _measured(quantity: str, value: float, error: float) -> TableRow:
+def _zone_row(quantity: str, value: float, error: float) -> TableRow:
     if value == 0 and error == 0:
         # nothing was summed up, of which there could be an error
         return TableRow(GROUPS[4], quantity, "m³", thresholded=0.0)

@@ -5,14 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.special import log_ndtr
 
 from ...interface.parameters import ZoneParameters
-from ..change.evidence import cells_worth
 from ..core.arrays import Float
 from ..grid.partition import Partition
 from ..grid.plant_cells import clear_of_plants
 
-_EIGHT = np.ones((3, 3), dtype=np.int8)
+_EIGHT_NEIGHBOURS = np.ones((3, 3), dtype=np.int8)
+_MEAN_BY_CHANCE = 1.0 - float(np.log(0.05))
+"""Mean of -ln p over the cells that chance alone brings beyond their level of 95 %."""
 
 
 def label_groups(
@@ -23,8 +25,8 @@ def label_groups(
     *,
     plants: Float | None = None,
     sigma: NDArray[np.floating] | None = None,
-) -> tuple[NDArray[np.int32], NDArray[np.int64], int, int]:
-    """Labels 1..n of the groups that are large enough, first cell of each, and groups and cells that were not.
+) -> NDArray[np.int32]:
+    """Labels 1..n (rows, columns) of the groups that are large enough; 0 outside of them.
 
     The least area is asked of a group with the gaps without data that it encloses: where every second cell was
     measured, change over 1 m² shows in half as many cells.
@@ -36,7 +38,7 @@ def label_groups(
         plants: error of each cell's change by plants, metres: groups whose mean change is not beyond it
             (``plant_cells.clear_of_plants``) are left out.
         sigma: standard error of each cell's change, metres: a grown cell far beyond it counts for more than one
-            (``evidence.cells_worth``).
+            (``cells_worth``).
     """
     cell = partition.cell
     labels = np.zeros(partition.shape, dtype=np.int32)
@@ -52,7 +54,7 @@ def label_groups(
             square = np.ones((2 * reach + 1,) * 2, dtype=bool)
             joined = cells | (ndimage.maximum_filter(cells, size=2 * reach + 1) & unknown)
             between = ndimage.binary_closing(cells, square) & unknown
-        part, number = ndimage.label(joined, structure=_EIGHT)
+        part, number = ndimage.label(joined, structure=_EIGHT_NEIGHBOURS)
         labels[cells] = part[cells] + found
         gaps = np.concatenate([gaps, np.bincount(part[between & ~cells], minlength=number + 1)[1:]])
         found += number
@@ -68,11 +70,7 @@ def label_groups(
     enough = (number_of >= parameters.minimum_cells - 1e-6) & (extent >= parameters.minimum_area * (1 - 1e-9))
     if plants is not None:
         enough &= clear_of_plants(labels, found, np.asarray(dz, dtype=np.float64), plants)
-    enough[0] = False
-    dropped = ~enough
-    dropped[0] = False
-    labels = without(labels, enough[1:])
-    return labels, first_of_each(labels), int(dropped.sum()), int(sizes[dropped].sum())
+    return without(labels, enough[1:])
 
 
 def first_of_each(labels: NDArray[np.int32]) -> NDArray[np.int64]:
@@ -86,3 +84,22 @@ def without(labels: NDArray[np.int32], kept: NDArray[np.bool_]) -> NDArray[np.in
     renumber = np.zeros(len(kept) + 1, dtype=np.int32)
     renumber[1:][kept] = np.arange(1, int(kept.sum()) + 1)
     return renumber[labels]
+
+
+def cells_worth(dz: NDArray[np.floating], sigma: NDArray[np.floating], least: float) -> Float:
+    """For how many cells each one counts towards the ``least`` number of a zone; arrays of one shape.
+
+    That number guards against cells that lie beyond their level by chance. A small change under plants may show in two
+    grown cells only, far beyond their level, which is no chance either. Improbabilities of independent cells add as
+    -ln p (Fisher's method), and what chance brings beyond its level has ln 20 + 1 of it on average: a cell counts for
+    as many of these as it holds, 1 at least. Errors of ground under plants may have heavier tails than a normal
+    distribution, so no cell counts for more than half of the ``least`` number: two are always needed.
+
+    Args:
+        dz, sigma: change and its standard error, metres; a cell without either counts for 1.
+    """
+    most = max(least / 2.0, 1.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        improbable = -float(np.log(2.0)) - log_ndtr(-np.abs(np.asarray(dz, dtype=np.float64)) / sigma)
+    worth = np.nan_to_num(improbable / _MEAN_BY_CHANCE, nan=1.0, posinf=most)
+    return np.asarray(np.clip(worth, 1.0, most), dtype=np.float64)

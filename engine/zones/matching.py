@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 
 from ..core.arrays import Index
 
-LEAST_SHARE = 0.2
+MIN_COMMON_SHARE = 0.2
 """Of the smaller zone's outline: with less in common, zones only touch."""
 _CLOSING_M = 0.5
 """Metres out and back: zones under plants are scattered cells, of which two runs seldom have the same ones."""
@@ -57,7 +57,7 @@ def match_zones(old: gpd.GeoDataFrame, new: gpd.GeoDataFrame, *, persistent_ids:
     first, second, common = _common(outlines[0], outlines[1])
     sizes = [np.array([np.count_nonzero(o.pixels) for o in part], dtype=np.int64) for part in outlines]
     areas = sizes[0][first], sizes[1][second]
-    enough = (common >= LEAST_SHARE * np.minimum(*areas)) & (common > 0)
+    enough = (common >= MIN_COMMON_SHARE * np.minimum(*areas)) & (common > 0)
     # of the union: a small zone that lies in the outline of a large one has most in common with itself
     likeness = common / np.maximum(areas[0] + areas[1] - common, 1)
     if persistent_ids:

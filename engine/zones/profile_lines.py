@@ -166,7 +166,7 @@ def _span(low: float, high: float, count: int) -> slice:
 
 
 def _line_layer(path: Path, name: str) -> str:
-    """The first layer of lines, or the first that does not say what it holds."""
+    """The first layer of lines, or the first that does not declare what it holds."""
     layers = [(str(layer), str(kind)) for layer, kind in pyogrio.list_layers(path)]
     for wanted in (("Line", "Curve"), ("Unknown", "Collection")):
         for layer, kind in layers:

@@ -43,16 +43,13 @@ class Layers:
 
 @dataclass(frozen=True)
 class Profile:
-    """The cells along a line in its order, one row each, with their own values as they are in the rasters.
+    """The cells along a ``line`` in its order, one row each, with their own values as they are in the rasters.
 
     ``distance`` is that of the cell's centre from the line's start, measured along the line; ``x`` and ``y`` are the
     centre's coordinates. All arrays have the shape (n,), lengths are metres, NaN where unknown.
     """
 
-    name: str
-    kind: str
-    zone_id: str
-    length: float
+    line: ProfileLine
     distance: NDArray[np.float64]
     x: NDArray[np.float64]
     y: NDArray[np.float64]
@@ -67,10 +64,10 @@ class Profile:
         known = np.isfinite(self.dz)
         dz, level = self.dz[known].astype(np.float64), self.level[known].astype(np.float64)
         return {
-            "name": self.name,
-            "kind": self.kind,
-            "zone_id": self.zone_id,
-            "length_m": round(self.length, 4),
+            "name": self.line.name,
+            "kind": self.line.kind,
+            "zone_id": self.line.zone_id,
+            "length_m": round(float(self.line.geometry.length), 4),
             "cells": len(self.dz),
             "compared_share": float(known.mean()) if len(known) else 0.0,
             "significant_share": float(self.significant.sum() / known.sum()) if known.any() else None,
@@ -84,7 +81,7 @@ class Profile:
 def take_profile(line: ProfileLine, layers: Layers) -> Profile:
     """The cells that the line passes, in its order.
 
-    Float32 are those of the cells themselves, not interpolated: next to gaps an interpolation would invent a surface. A
+    Values are those of the cells themselves, not interpolated: next to gaps an interpolation would invent a surface. A
     cell stands at the distance of its own centre, so that on a slope along the line its height is that of the place.
     """
     grid = layers.grid
@@ -108,10 +105,7 @@ def take_profile(line: ProfileLine, layers: Layers) -> Profile:
         return np.asarray(array[row, column], dtype=np.float32)
 
     return Profile(
-        name=line.name,
-        kind=line.kind,
-        zone_id=line.zone_id,
-        length=float(line.geometry.length),
+        line=line,
         distance=distance[order],
         x=x[order],
         y=y[order],
@@ -132,14 +126,12 @@ def missed_lines(facts: Sequence[dict[str, Any]]) -> list[str]:
     ]
 
 
-def write_profiles(
-    lines: Sequence[ProfileLine], profiles: Sequence[Profile], crs: CRS | None, stage: Stage, stamp: date | None
-) -> dict[str, Path]:
+def write_profiles(profiles: Sequence[Profile], crs: CRS | None, stage: Stage, stamp: date | None) -> dict[str, Path]:
     """Write ``profiles.gpkg`` (the lines with their figures) and ``profiles.csv`` (their cells); the final paths."""
     table = [profile.facts() for profile in profiles]
     frame = gpd.GeoDataFrame(
         {name: [row[name] for row in table] for name in table[0]},
-        geometry=[line.geometry for line in lines],
+        geometry=[profile.line.geometry for profile in profiles],
         crs=horizontal(crs),
     )
     for name in frame.columns:
@@ -189,7 +181,7 @@ def _csv(profiles: Sequence[Profile]) -> str:
         columns = [_texts(v, 3) for v in (p.distance, p.x, p.y)]
         columns += [_texts(v, 4) for v in (p.height_from, p.height_to, p.dz, p.level)]
         columns.append(["1" if s else "0" for s in p.significant])
-        writer.writerows([p.name, p.kind, p.zone_id, *values] for values in zip(*columns, strict=True))
+        writer.writerows([p.line.name, p.line.kind, p.line.zone_id, *values] for values in zip(*columns, strict=True))
     return text.getvalue()
 
 

@@ -44,7 +44,7 @@ def carry_reviews(
 ) -> Carried:
     """Give ``new`` what people entered in ``old``; every entry is in ``frame`` or in ``rest`` afterwards.
 
-    Where zones grew together, the earlier zone with most in common says what the state of the review is: were that
+    Where zones grew together, the earlier zone with most in common gives the state of the review: were that
     taken from a small rejected zone, a large one that nobody looked at would count as rejected. What the others said
     goes into the remarks. Where a zone came apart each part gets its entries and a remark. Where a zone lies by the
     register comes from the first that has it.
@@ -102,8 +102,8 @@ def _entries_of(row: dict[str, Any], own: Collection[str]) -> Entries:
         try:
             found[field] = float(found[field])
         except ValueError:  # a chainage such as 12+300 in a column that was made anew
-            told = f"{field}: {found.pop(field)}"
-            found["remarks"] = f"{found['remarks']}; {told}" if "remarks" in found else told
+            entry = f"{field}: {found.pop(field)}"
+            found["remarks"] = f"{found['remarks']}; {entry}" if "remarks" in found else entry
     return found
 
 
@@ -130,7 +130,7 @@ def _joined(sources: Sequence[Entries]) -> Entries:
 
 
 def _unsaid(entries: Entries, taken: Entries) -> Entries:
-    """Those of ``entries`` that ``taken`` does not say, too; a state goes with who gave it."""
+    """Those of ``entries`` that ``taken`` does not hold too; a state goes with who gave it."""
     unsaid = {name for name, value in entries.items() if name != "remarks" and str(taken.get(name)) != str(value)}
     if str(entries.get("remarks", "")) not in str(taken.get("remarks", "")):
         unsaid.add("remarks")

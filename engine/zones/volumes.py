@@ -14,8 +14,8 @@ from scipy import ndimage
 from ..change.plant_calibration import common_share, sum_by_plants
 from ..core.arrays import Float
 from ..statistics.variogram import (
-    FEWEST_CELLS,
-    FEWEST_LAGS,
+    MIN_CELLS,
+    MIN_LAGS,
     VariogramModel,
     effective_samples,
     empirical_variogram,
@@ -34,7 +34,7 @@ class CorrelationModel:
     The error of a cell is its sampling error, alike in near cells by ``variogram``, ``registration_error`` (m), which
     all cells share, and the error by plants, which counts as fully correlated: one season is alike all over. Over the
     whole slope only the share ``plants_in_common`` of it does, where stable ground shows that. Without a variogram the
-    sampling errors count as fully correlated, which is the largest error possible; ``without`` says why. ``cells`` is
+    sampling errors count as fully correlated, which is the largest error possible; ``without`` states why. ``cells`` is
     the number of cells of stable ground that it was taken from.
     """
 
@@ -162,18 +162,18 @@ def fit_correlation(cells: Cells, stable: NDArray[np.bool_], registration_error:
     usable = cells.partition.one_each(usable)
     if cells.plants is not None:
         little = usable & (np.nan_to_num(cells.plants) <= sampling)
-        if int(little.sum()) >= FEWEST_CELLS:
+        if int(little.sum()) >= MIN_CELLS:
             usable = little
         else:
             # a cell's error by plants is counted in addition to its sampling error, not as a part of it
             sampling = np.hypot(sampling, np.nan_to_num(cells.plants))
     count = int(usable.sum())
-    if count < FEWEST_CELLS:
+    if count < MIN_CELLS:
         return replace(model, cells=count)
     standardised = np.full(cells.dz.shape, np.nan)
     standardised[usable] = cells.dz[usable] / sampling[usable]
     empirical = empirical_variogram(standardised, cells.cell)
-    if len(empirical.lag) < FEWEST_LAGS:
+    if len(empirical.lag) < MIN_LAGS:
         return replace(model, cells=count, without="too few distances between stable cells")
     return replace(model, cells=count, variogram=fit_variogram(empirical))
 

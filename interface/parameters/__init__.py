@@ -9,6 +9,7 @@ ground extraction, registration and gridding.
 
 from __future__ import annotations
 
+from . import command_sets
 from .change import ChangeParameters, GridChangeParameters
 from .dates import DateParameters
 from .distances import DistanceParameters
@@ -22,7 +23,7 @@ from .report import ReportParameters
 from .screening import LastEpochParameters, ScreeningParameters
 from .series import SeriesParameters
 from .simulation import CreepParameters, ScenesParameters, SurveyParameters
-from .specification import AUTO, ParameterError, ParameterSet, Specification
+from .specification import AUTO, ParameterError, ParameterSet, Specification, given
 from .surface import SurfaceParameters
 from .training import FineTuneParameters
 from .zones import ZoneParameters
@@ -52,4 +53,6 @@ __all__ = [
     "SurfaceParameters",
     "SurveyParameters",
     "ZoneParameters",
+    "command_sets",
+    "given",
 ]

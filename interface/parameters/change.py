@@ -4,22 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .specification import ParameterSet, _parameter
+from .specification import AUTO, ParameterSet, _parameter, given
 
 
 @dataclass(frozen=True)
-class GridChangeParameters(ParameterSet):
+class GridChangeParameters(ParameterSet, record_name="change"):
     """Gridding and differencing of registered ground clouds in cells of one size, as a series takes them."""
 
-    cell: float = _parameter(
-        0.0,
+    cell: float | str = _parameter(
+        AUTO,
         "Cell size",
         "Side of a grid cell; where cells grow, of the smallest. Larger is less noisy and covers more, smaller shows "
-        "finer change. auto: about as far as the points of the sparser survey are apart (0.1, 0.2, 0.5, 1, 2 or 5 m).",
+        "finer change. auto: about the point spacing of the sparser survey (0.1, 0.2, 0.5, 1, 2 or 5 m).",
+        kind=float,
         unit="m",
-        minimum=0.0,
-        maximum=100.0,
-        automatic=0.005,
+        bounds=(0.005, 100.0),
     )
     cell_value: str = _parameter(
         "plane",
@@ -30,57 +29,55 @@ class GridChangeParameters(ParameterSet):
     )
     minimum_points: int = _parameter(
         1,
-        "Least points in a cell",
-        "A cell counts in an epoch with at least so many points. Larger is surer and covers less.",
-        minimum=1,
-        maximum=1000,
+        "Minimum points in a cell",
+        "A cell of an epoch with fewer points has no height. Larger is more reliable and covers less.",
+        bounds=(1, 1000),
     )
     confidence: float = _parameter(
         0.95,
         "Confidence of the level of detection",
-        "Probability with which unchanged ground stays below the level. Larger reports less and surer change.",
-        minimum=0.5,
-        maximum=0.9999,
+        "Probability that unchanged ground stays below the level. Larger reports less change, and more reliably.",
+        bounds=(0.5, 0.9999),
     )
     threshold: str = _parameter(
         "probabilistic",
         "Threshold",
         "What counts as change. probabilistic: beyond the level of detection of the cell's own error. coherent: the "
-        "same, surer or less sure by how many cells around changed alike. propagated: beyond the level of the errors "
-        "that you state for both surveys. constant: beyond a level that you give.",
+        "same, where the probability also depends on how many cells around changed alike. propagated: beyond the level "
+        "of the errors that you state for both surveys. constant: beyond a level that you give.",
         choices=("probabilistic", "coherent", "propagated", "constant"),
     )
     constant_level: float = _parameter(
         0.10,
         "Constant level",
-        "Level of detection of every cell with the constant threshold. Larger reports less. Has no effect on others.",
+        "Level of detection of every cell with the constant threshold. Larger reports less. No effect with other "
+        "thresholds.",
         unit="m",
-        minimum=0.001,
-        maximum=100.0,
+        bounds=(0.001, 100.0),
         advanced=True,
     )
     error_from: float = _parameter(
         0.04,
         "Error of the earlier survey",
-        "Standard error of a height, for the propagated threshold. Larger reports less. Has no effect on others.",
+        "Standard error of a height, for the propagated threshold. Larger reports less. No effect with other "
+        "thresholds.",
         unit="m",
-        minimum=0.0,
-        maximum=100.0,
+        bounds=(0.0, 100.0),
         advanced=True,
     )
     error_to: float = _parameter(
         0.04,
         "Error of the later survey",
-        "Standard error of a height, for the propagated threshold. Larger reports less. Has no effect on others.",
+        "Standard error of a height, for the propagated threshold. Larger reports less. No effect with other "
+        "thresholds.",
         unit="m",
-        minimum=0.0,
-        maximum=100.0,
+        bounds=(0.0, 100.0),
         advanced=True,
     )
     direction: str = _parameter(
         "auto",
         "Direction of the change",
-        "vertical: difference of heights. normal: distance square to the slope, for faces steeper than about 35 "
+        "vertical: difference of heights. normal: distance perpendicular to the slope, for faces steeper than about 35 "
         "degrees, where a small horizontal shift looks like a large change of height. auto: normal where half of the "
         "compared ground is steeper than 50 degrees, else vertical.",
         choices=("vertical", "normal", "auto"),
@@ -89,28 +86,32 @@ class GridChangeParameters(ParameterSet):
         True,
         "Calibrate errors on stable ground",
         "Scales the errors, by slope, so that unchanged ground stays below its level of detection as often as the "
-        "confidence says. Off: errors are what the points' scatter and the registration tell, as they are.",
+        "confidence says. Off: the errors of the points' scatter and of the registration are used as they are.",
         advanced=True,
     )
-    registration_error: float = _parameter(
-        -1.0,
+    registration_error: float | str = _parameter(
+        AUTO,
         "Registration error",
-        "Standard error of the registration in height that enters the level of detection. -1: as the registration "
-        "measured it. Larger widens the level.",
+        "Standard error of the registration in height, which enters the level of detection. Larger widens the level. "
+        "auto: as the registration measured it.",
+        kind=float,
         unit="m",
-        minimum=-1.0,
-        maximum=10.0,
+        bounds=(0.0, 10.0),
         advanced=True,
     )
     memory_limit: float = _parameter(
         4.0,
         "Memory for the grid",
-        "A grid that would need more is refused, with its size and a cell size that fits.",
+        "A grid that needs more is refused; the message gives its size and a cell size that fits.",
         unit="GB",
-        minimum=0.05,
-        maximum=1024.0,
+        bounds=(0.05, 1024.0),
         advanced=True,
     )
+
+    @property
+    def cell_side(self) -> float:
+        """The cell in metres, which must have been given or chosen."""
+        return float(self.cell)
 
     @property
     def grows(self) -> bool:
@@ -128,7 +129,7 @@ class ChangeParameters(GridChangeParameters):
         "Where points are few, as under plants, a cell doubles its side until its level of detection is low enough. "
         "More ground is compared, with less detail there; a cell has at least 4 points of each survey (3 where the "
         "change is four times its level), and planes through them are compared. Off, or with the mean as height of a "
-        "cell: all cells have one size.",
+        "cell: all cells have the same size.",
     )
     target_level: float = _parameter(
         0.05,
@@ -136,22 +137,20 @@ class ChangeParameters(GridChangeParameters):
         "A growing cell is large enough once its level of detection is this low. Larger shows finer change, smaller "
         "finds weaker change. Has no effect on cells that do not grow.",
         unit="m",
-        minimum=0.001,
-        maximum=10.0,
+        bounds=(0.001, 10.0),
         advanced=True,
     )
-    largest_cell: float = _parameter(
-        0.0,
+    largest_cell: float | str = _parameter(
+        AUTO,
         "Largest cell",
         "No cell grows beyond it, whatever its level of detection. Larger compares more of sparse ground and blurs "
-        "its change more. auto: 1.6 m, or what comes next in steps of twice the cell; larger where the surveys are too "
+        "its change more. auto: 1.6 m, or the next size that doubling the cell gives; larger where the surveys are too "
         "sparse for most of such cells, and then only where smaller ones have too few points. Has no effect on cells "
         "that do not grow.",
+        kind=float,
         unit="m",
-        minimum=0.0,
-        maximum=200.0,
+        bounds=(0.01, 200.0),
         advanced=True,
-        automatic=0.01,
     )
 
     @property
@@ -163,9 +162,7 @@ class ChangeParameters(GridChangeParameters):
         """Why cells cannot grow with these settings, in a sentence; empty where they can."""
         if self.cell_value != "plane":
             return "Cells have one size: their heights are means (cell_value), which is for cells of one size."
-        if 0 < self.largest_cell < 2 * self.cell * (1 - 1e-9):
-            return (
-                f"Cells have one size: {self.cell:g} m leave no room to grow within a largest_cell of "
-                f"{self.largest_cell:g} m."
-            )
+        cell, largest = given(self.cell), given(self.largest_cell)
+        if cell and largest and largest < 2 * cell * (1 - 1e-9):
+            return f"Cells have one size: {cell:g} m leave no room to grow within a largest_cell of {largest:g} m."
         return ""

@@ -8,7 +8,7 @@ from .specification import ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
-class GroundParameters(ParameterSet):
+class GroundParameters(ParameterSet, record_name="ground"):
     """Ground extraction: denoising, the Cloth Simulation Filter (Zhang et al. 2016, doi:10.3390/rs8060501), refinement.
 
     The cloth gives the seeds, within ``cloth_reach``; the refinement finds the ground from there, from below. Without
@@ -25,30 +25,28 @@ class GroundParameters(ParameterSet):
         "Cloth resolution",
         "Distance between the cloth's particles. Larger is faster and smoother, smaller follows finer relief.",
         unit="m",
-        minimum=0.02,
-        maximum=20.0,
+        bounds=(0.02, 20.0),
     )
     rigidness: int = _parameter(
         1,
         "Cloth rigidness",
         "1 for steep slopes, 2 for terraces, 3 for flat ground. Larger bends less and bridges relief.",
-        minimum=1,
-        maximum=3,
+        bounds=(1, 3),
     )
     class_threshold: float = _parameter(
         0.06,
         "Ground threshold",
         "Points within this distance of bare ground's surface (of the cloth, without refinement) are ground. It widens "
-        "by itself with the scatter of the ground, and to 0.1 m where returns are few. Larger keeps more low plants.",
+        "automatically with the scatter of the ground, and to 0.1 m where returns are few. Larger keeps more low "
+        "plants.",
         unit="m",
-        minimum=0.005,
-        maximum=5.0,
+        bounds=(0.005, 5.0),
     )
     refine: bool = _parameter(
         True,
         "Refine the ground",
-        "Follows the lowest layer of returns from seeds near the cloth, so that grass and shrubs are not taken for it "
-        "and places that no return reached stay empty. Off: the cloth alone decides, as published.",
+        "Follows the lowest layer of returns from seeds near the cloth, so that grass and shrubs are not taken for "
+        "ground and places that no return reached stay empty. Off: the cloth alone decides, as published.",
     )
     cloth_reach: float = _parameter(
         0.3,
@@ -56,30 +54,27 @@ class GroundParameters(ParameterSet):
         "The refinement takes its seeds from points within this distance of the cloth, and from what lies below them. "
         "Larger takes more seeds, also from plants where no pulse reached the ground.",
         unit="m",
-        minimum=0.05,
-        maximum=20.0,
+        bounds=(0.05, 20.0),
         advanced=True,
     )
     last_returns: bool = _parameter(
         True,
         "Last returns only",
-        "Only the last return of a pulse can be ground. Left out where the cloud's return numbers make no sense.",
+        "Only the last return of a pulse can be ground. Not applied where the cloud's return numbers are implausible.",
         advanced=True,
     )
     time_step: float = _parameter(
         0.65,
         "Time step",
-        "Step of the cloth's fall under gravity. Larger settles in fewer iterations and passes over fine relief.",
-        minimum=0.05,
-        maximum=2.0,
+        "Step of the cloth's fall under gravity. Larger settles in fewer iterations and smooths fine relief.",
+        bounds=(0.05, 2.0),
         advanced=True,
     )
     iterations: int = _parameter(
         500,
         "Iterations",
-        "Upper limit of the cloth's steps; it stops earlier once it rests. Larger never harms but takes longer.",
-        minimum=1,
-        maximum=10000,
+        "Upper limit of the cloth's steps; it stops earlier once the cloth rests. Larger only takes longer.",
+        bounds=(1, 10000),
         advanced=True,
     )
     slope_smoothing: bool = _parameter(
@@ -98,26 +93,23 @@ class GroundParameters(ParameterSet):
     denoise_radius: float = _parameter(
         1.0,
         "Outlier distance",
-        "Points this far above or below all others, and five times as far beside them, stand apart. It widens by "
-        "itself to three times the spacing of sparse clouds. Larger removes less.",
+        "Points this far above or below all others, and five times as far sideways, are isolated. It widens "
+        "automatically to three times the spacing of sparse clouds. Larger removes less.",
         unit="m",
-        minimum=0.05,
-        maximum=100.0,
+        bounds=(0.05, 100.0),
         advanced=True,
     )
     denoise_group: int = _parameter(
         10,
         "Largest group of outliers",
-        "Groups of at most so many points that stand apart are outliers. Larger removes more.",
-        minimum=1,
-        maximum=100000,
+        "Isolated groups of at most this many points are outliers. Larger removes more.",
+        bounds=(1, 100000),
         advanced=True,
     )
     minimum_ground_ratio: float = _parameter(
         0.001,
-        "Least plausible share of ground",
+        "Minimum plausible share of ground",
         "Below this share of the clipped points the extraction fails with an error. Larger is stricter.",
-        minimum=0.0,
-        maximum=1.0,
+        bounds=(0.0, 1.0),
         advanced=True,
     )

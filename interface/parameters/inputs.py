@@ -8,7 +8,7 @@ from .specification import ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
-class InputParameters(ParameterSet):
+class InputParameters(ParameterSet, record_name="inputs"):
     """How the input clouds are to be read."""
 
     crs: str = _parameter(

@@ -8,12 +8,12 @@ from .specification import ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
-class OutputParameters(ParameterSet):
-    """What is done with results that an output folder holds already."""
+class OutputParameters(ParameterSet, record_name="outputs"):
+    """What is done with results that the output folder already holds."""
 
     overwrite: bool = _parameter(
         False,
         "Overwrite earlier results",
-        "Replaces the results in the output folder; what people entered in the tables of their zones goes over to the "
-        "zones that continue. Off: a folder that holds results is refused.",
+        "Replaces the results in the output folder; reviews that were entered in the tables of zones are carried over "
+        "to the zones that continue. Off: a folder that holds results is refused.",
     )

@@ -1,4 +1,4 @@
-"""Named sets of values: the published workflow's settings in addition to the defaults."""
+"""Named sets of values by the parameter set's ``record_name``: the defaults, and the published workflow's settings."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 PROFILES: dict[str, dict[str, dict[str, Any]]] = {
     "default": {},
     "paper": {
-        "GroundParameters": {
+        "ground": {
             "slope_aligned": False,
             "cloth_resolution": 0.1,
             "rigidness": 1,
@@ -17,19 +17,19 @@ PROFILES: dict[str, dict[str, dict[str, Any]]] = {
             "last_returns": False,
             "slope_smoothing": False,
         },
-        "RegistrationParameters": {
+        "registration": {
             "method": "icp",
             "maximum_correspondence": 0.10,
             "registration_iterations": 200,
         },
-        "GridChangeParameters": {
+        "change": {
             "cell": 0.1,
             "cell_value": "mean",
             "minimum_points": 1,
             "threshold": "probabilistic",
             "direction": "vertical",
             "calibrate": False,
+            "adaptive": False,
         },
-        "ChangeParameters": {"adaptive": False},
     },
 }

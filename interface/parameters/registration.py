@@ -6,16 +6,19 @@ from dataclasses import dataclass
 
 from .specification import ParameterSet, _parameter
 
+MAX_OFFSET_M = 50.0
+"""The largest offset that a registration can be asked to find."""
+
 
 @dataclass(frozen=True)
-class RegistrationParameters(ParameterSet):
+class RegistrationParameters(ParameterSet, record_name="registration"):
     """Registration of a later epoch (moving) to the first (reference)."""
 
     method: str = _parameter(
         "robust",
         "Registration method",
-        "robust: point-to-plane with weights that real change does not pull along. icp: point-to-point as "
-        "published. none: the epochs are taken as registered.",
+        "robust: point-to-plane with weights that keep real change from biasing it. icp: point-to-point as published. "
+        "none: the epochs are taken as registered.",
         choices=("robust", "icp", "none"),
     )
     maximum_offset: float = _parameter(
@@ -23,24 +26,21 @@ class RegistrationParameters(ParameterSet):
         "Largest expected offset",
         "Search distance at the start of the robust registration. Larger finds larger offsets and takes longer.",
         unit="m",
-        minimum=0.01,
-        maximum=50.0,
+        bounds=(0.01, MAX_OFFSET_M),
     )
     maximum_correspondence: float = _parameter(
         0.10,
         "Largest correspondence (icp)",
-        "Pairs farther apart are ignored by the icp method. Larger reaches farther and lets more change in.",
+        "Pairs farther apart are ignored by the icp method. Larger finds larger offsets and is more biased by change.",
         unit="m",
-        minimum=0.001,
-        maximum=50.0,
+        bounds=(0.001, 50.0),
         advanced=True,
     )
     registration_iterations: int = _parameter(
         200,
         "Iterations of the registration",
-        "Upper limit; it stops earlier once the motion or the RMSE no longer changes.",
-        minimum=1,
-        maximum=10000,
+        "Upper limit; the registration stops earlier once the motion or the RMSE no longer changes.",
+        bounds=(1, 10000),
         advanced=True,
     )
     registration_voxel: float = _parameter(
@@ -48,32 +48,30 @@ class RegistrationParameters(ParameterSet):
         "Voxel of the registration",
         "Points are averaged in cubes of this size first. Larger is faster, smaller keeps more detail.",
         unit="m",
-        minimum=0.01,
-        maximum=10.0,
+        bounds=(0.01, 10.0),
         advanced=True,
     )
     minimum_stable_share: float = _parameter(
         0.3,
-        "Least share of stable ground",
+        "Minimum share of stable ground",
         "Below this share of stable ground the run warns, and the level of detection widens unless that ground is "
         "clearly the largest part that agrees on one motion.",
-        minimum=0.0,
-        maximum=1.0,
+        bounds=(0.0, 1.0),
         advanced=True,
     )
     accept_unstable: bool = _parameter(
         False,
         "Accept a registration without stable ground",
-        "Goes on where less than the least share of the surface agrees and no part of it is clearly the one that did "
-        "not move, with an error as wide as the differences. Off: such surveys are refused.",
+        "Continues where less than the minimum share of the surface agrees and no part of it is clearly the one that "
+        "did not move; the error is then as large as the differences. Off: such surveys are refused.",
         advanced=True,
     )
     piecewise: str = _parameter(
         "never",
         "Correct bent surveys",
-        "Heights are corrected where one rigid motion leaves stable ground bent over tens of metres, by strips that do "
-        "not fit or a bowl. never: the run only tells. auto: where it fits. always: everywhere. Slow movements of that "
-        "extent are taken off with it. Has no effect without the robust method.",
+        "Corrects heights where one rigid motion leaves stable ground bent over tens of metres, because strips do not "
+        "fit or the survey is bowl-shaped. never: the run only reports it. auto: where the correction fits. always: "
+        "everywhere. Slow movements of that extent are removed with it. Has no effect without the robust method.",
         choices=("never", "auto", "always"),
         advanced=True,
     )
@@ -82,7 +80,6 @@ class RegistrationParameters(ParameterSet):
         "Size of a piece",
         "Distance over which the correction of bent surveys may change. Smaller follows more and hides more movement.",
         unit="m",
-        minimum=5.0,
-        maximum=1000.0,
+        bounds=(5.0, 1000.0),
         advanced=True,
     )

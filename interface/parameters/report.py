@@ -8,16 +8,15 @@ from .specification import ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
-class ReportParameters(ParameterSet):
+class ReportParameters(ParameterSet, record_name="report"):
     """Profiles for the report."""
 
     zone_profiles: int = _parameter(
         3,
         "Profiles through zones",
-        "A profile is taken down the slope through each of so many zones, the most severe first. Larger makes a longer "
+        "A profile is taken down the slope through this many zones, the most severe first. Larger makes a longer "
         "report. 0: none.",
-        minimum=0,
-        maximum=50,
+        bounds=(0, 50),
     )
     profile_field: str = _parameter(
         "",

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .specification import ParameterSet, Specification, _parameter
+from .specification import AUTO, ParameterSet, Specification, _parameter
 
 
 @dataclass(frozen=True)
-class ScreeningParameters(ParameterSet):
+class ScreeningParameters(ParameterSet, record_name="screening"):
     """Screening of one survey: which ground looks raised or lowered against the slope around it."""
 
     screening_method: str = _parameter(
@@ -21,23 +21,22 @@ class ScreeningParameters(ParameterSet):
     ground: str = _parameter(
         "auto",
         "Ground points",
-        "Which points are the ground. auto: all but those of the noise classes, and a cloud that is no bare ground is "
+        "Which points are the ground. auto: all but those of the noise classes, and a cloud that is not bare ground is "
         "refused. extract: the ground is extracted first. class_2: those of class 2. as_is: all, whatever they are.",
         choices=("auto", "extract", "class_2", "as_is"),
     )
     weights: str = _parameter(
         "",
         "Weights",
-        "The network's weights, a .safetensors file with its .json beside it. Empty: the ones shipped with SlopeWatch.",
+        "The network's weights, a .safetensors file with its .json next to it. Empty: those shipped with SlopeWatch.",
         advanced=True,
     )
     rotations: int = _parameter(
         1,
         "Rotations",
-        "The network looks at each place mirrored and turned in so many ways and averages. Larger takes that "
-        "much longer; in trials it gave no measurable gain.",
-        minimum=1,
-        maximum=16,
+        "The network sees each place mirrored and rotated in this many ways, and the results are averaged. Larger "
+        "takes proportionally longer; in trials it gave no measurable gain.",
+        bounds=(1, 16),
         advanced=True,
     )
     residual_threshold: float = _parameter(
@@ -45,36 +44,32 @@ class ScreeningParameters(ParameterSet):
         "Threshold of the residual method",
         "Ground this far above or below the trend is labelled by the residual method. Larger labels less.",
         unit="m",
-        minimum=0.005,
-        maximum=10.0,
+        bounds=(0.005, 10.0),
         advanced=True,
     )
     minimum_probability: float = _parameter(
         0.0,
-        "Least probability of a hazard",
-        "Points and cells below it are background. Larger labels less and surer. 0: the most probable class.",
-        minimum=0.0,
-        maximum=0.999,
+        "Minimum probability of a hazard",
+        "Points and cells below it are background. Larger labels less, and more reliably. 0: the most probable class.",
+        bounds=(0.0, 0.999),
     )
     minimum_hazard_area: float = _parameter(
         0.5,
-        "Least area of a hazard zone",
-        "Smaller zones are left out (area on the map). Larger reports fewer and surer zones.",
+        "Minimum area of a hazard zone",
+        "Smaller zones are left out (area on the map). Larger reports fewer and more reliable zones.",
         unit="m²",
-        minimum=0.0,
-        maximum=1e6,
+        bounds=(0.0, 1e6),
     )
     probability_cell: float = _parameter(
         0.25,
         "Cell of the probability raster",
         "Side of a cell of the raster and of the zones' outlines. Larger is smoother and bridges sparse points.",
         unit="m",
-        minimum=0.02,
-        maximum=10.0,
+        bounds=(0.02, 10.0),
     )
     write_classification: bool = _parameter(
         False,
-        "Write the classification, too",
+        "Also write the classification",
         "Also gives labelled points the LAS class 64 (uplift) or 65 (subsidence), for programs that do not read extra "
         "dimensions.",
         advanced=True,
@@ -84,8 +79,7 @@ class ScreeningParameters(ParameterSet):
         "Flattest slope",
         "A cloud whose dominant plane is flatter is refused. Larger refuses more.",
         unit="degrees",
-        minimum=0.0,
-        maximum=90.0,
+        bounds=(0.0, 90.0),
         advanced=True,
     )
     maximum_dip: float = _parameter(
@@ -93,15 +87,14 @@ class ScreeningParameters(ParameterSet):
         "Steepest slope",
         "A cloud whose dominant plane is steeper is refused. Larger refuses less.",
         unit="degrees",
-        minimum=0.0,
-        maximum=90.0,
+        bounds=(0.0, 90.0),
         advanced=True,
     )
     any_density: bool = _parameter(
         False,
         "Screen at any density",
         "Only warns where the cloud is sparser or denser than the clouds that the network was trained on. Its labels "
-        "are not to be relied on then.",
+        "are not reliable then.",
         advanced=True,
     )
     device: str = _parameter(
@@ -111,13 +104,13 @@ class ScreeningParameters(ParameterSet):
         choices=("cpu", "gpu", "auto"),
         advanced=True,
     )
-    threads: int = _parameter(
-        0,
+    threads: int | str = _parameter(
+        AUTO,
         "Threads",
-        "Windows that are worked on at the same time. Larger is faster and takes more memory. 0: one a processor core, "
-        "at most 8.",
-        minimum=0,
-        maximum=256,
+        "Windows that are processed at the same time. Larger is faster and takes more memory. auto: one per processor "
+        "core, at most 8.",
+        kind=int,
+        bounds=(1, 256),
         advanced=True,
     )
 
@@ -130,7 +123,7 @@ class LastEpochParameters(ScreeningParameters):
     screen_last_epoch: bool = _parameter(
         True,
         "Screen the last survey",
-        "Also labels the ground of the last survey by its shape, and says which of the zones found so the change "
+        "Also labels the ground of the last survey by its shape, and says which of these zones the change "
         "confirms. Left out with a warning where the network or the slope does not allow it.",
     )
 

@@ -8,7 +8,7 @@ from .specification import ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
-class SeriesParameters(ParameterSet):
+class SeriesParameters(ParameterSet, record_name="series"):
     """More than two surveys of one slope."""
 
     ground_ready: bool = _parameter(

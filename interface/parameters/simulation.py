@@ -4,65 +4,58 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .specification import ParameterSet, Specification, _other_default, _parameter
+from .specification import AUTO, ParameterSet, Specification, _other_default, _parameter
 
 
 @dataclass(frozen=True)
-class SurveyParameters(ParameterSet):
+class SurveyParameters(ParameterSet, record_name="survey"):
     """Simulated pair of surveys of one cut slope, with known change and a known rigid offset."""
 
-    seed: int = _parameter(1, "Seed", "The same seed gives the same surveys.", minimum=0, maximum=2**31 - 1)
+    seed: int = _parameter(1, "Seed", "The same seed gives the same surveys.", bounds=(0, 2**31 - 1))
     points: int = _parameter(
         1_000_000,
-        "Points an epoch",
+        "Points per epoch",
         "Approximate number of points of each survey; the pulse rate is thinned to reach it.",
-        minimum=1000,
-        maximum=200_000_000,
+        bounds=(1000, 200_000_000),
     )
-    length: float = _parameter(
-        60.0, "Length of the slope", "Extent along the road.", unit="m", minimum=5.0, maximum=2000.0
-    )
-    height: float = _parameter(25.0, "Height of the slope", "From toe to crest.", unit="m", minimum=2.0, maximum=500.0)
+    length: float = _parameter(60.0, "Length of the slope", "Extent along the road.", unit="m", bounds=(5.0, 2000.0))
+    height: float = _parameter(25.0, "Height of the slope", "From toe to crest.", unit="m", bounds=(2.0, 500.0))
     angle: float = _parameter(
         39.0,
         "Angle of the slope",
         "Angle of the cut face to the horizontal.",
         unit="degrees",
-        minimum=5.0,
-        maximum=75.0,
+        bounds=(5.0, 75.0),
     )
-    benches: int = _parameter(0, "Benches", "Number of berms in the cut face.", minimum=0, maximum=10)
+    benches: int = _parameter(0, "Benches", "Number of berms in the cut face.", bounds=(0, 10))
     vegetation: float = _parameter(
         0.7,
         "Vegetation cover",
         "Share of the ground seen from above that lies under shrubs and trees. Larger leaves fewer ground points.",
-        minimum=0.0,
-        maximum=0.98,
+        bounds=(0.0, 0.98),
     )
     range_noise: float = _parameter(
-        0.02, "Range noise", "Standard deviation of a measured range.", unit="m", minimum=0.0, maximum=0.5
+        0.02, "Range noise", "Standard deviation of a measured range.", unit="m", bounds=(0.0, 0.5)
     )
     offset: float = _parameter(
         0.2,
         "Rigid offset",
         "Displacement of the second epoch's coordinates, which registration must undo.",
         unit="m",
-        minimum=0.0,
-        maximum=10.0,
+        bounds=(0.0, 10.0),
     )
     amplitude: float = _parameter(
-        0.3, "Change", "Largest height change that is put into the second epoch.", unit="m", minimum=0.0, maximum=10.0
+        0.3, "Change", "Largest height change that is put into the second epoch.", unit="m", bounds=(0.0, 10.0)
     )
     grass: float = _parameter(
-        0.0, "Closed grass", "Share of the slope under closed grass, without gaps.", minimum=0.0, maximum=1.0
+        0.0, "Closed grass", "Share of the slope under closed grass, without gaps.", bounds=(0.0, 1.0)
     )
     grass_height: float = _parameter(
         0.7,
         "Grass height",
         "Mean height of the longest stems of closed grass; half of its returns lie below about a third of it.",
         unit="m",
-        minimum=0.1,
-        maximum=1.5,
+        bounds=(0.1, 1.5),
         advanced=True,
     )
     mown: str = _parameter(
@@ -74,16 +67,14 @@ class SurveyParameters(ParameterSet):
     ferns: float = _parameter(
         0.0,
         "Ferns and low shrubs",
-        "Share of the slope under ferns and low shrubs that close, 0.4 to 1.5 m high; few returns are of the ground.",
-        minimum=0.0,
-        maximum=1.0,
+        "Share of the slope under closed ferns and low shrubs, 0.4 to 1.5 m high; few returns are from the ground.",
+        bounds=(0.0, 1.0),
     )
     forest: float = _parameter(
         0.0,
         "Native forest",
-        "Share of the slope under dense native forest with ferns beneath: one return in 60 is of the ground.",
-        minimum=0.0,
-        maximum=1.0,
+        "Share of the slope under dense native forest with ferns below: one return in 60 is from the ground.",
+        bounds=(0.0, 1.0),
     )
     layout: str = _parameter(
         "patches",
@@ -96,48 +87,45 @@ class SurveyParameters(ParameterSet):
     litter: float = _parameter(
         0.0,
         "Litter",
-        "Mean thickness of dead leaves on the ground; hides the ground partly.",
+        "Mean thickness of dead leaves on the ground, which partly hide it.",
         unit="m",
-        minimum=0.0,
-        maximum=0.1,
+        bounds=(0.0, 0.1),
         advanced=True,
     )
     multipath: float = _parameter(
         0.0,
         "Returns below the ground",
-        "Share of the returns that echoed on the way and lie 0.1 to 6 m below the ground, each alone.",
-        minimum=0.0,
-        maximum=0.05,
+        "Share of the returns that come from multiple reflections and lie isolated, 0.1 to 6 m below the ground.",
+        bounds=(0.0, 0.05),
         advanced=True,
     )
     stray: float = _parameter(
         0.0,
         "Stray returns",
         "Share of the returns that lie anywhere along their beam, up to 15 m before the ground and 3 m behind it.",
-        minimum=0.0,
-        maximum=0.05,
+        bounds=(0.0, 0.05),
         advanced=True,
     )
 
 
 @dataclass(frozen=True)
-class CreepParameters(SurveyParameters):
-    """Simulated series of surveys of one cut slope with zones that creep; ``amplitude`` has no part in it."""
+class CreepParameters(SurveyParameters, record_name="creep"):
+    """Simulated series of surveys of one cut slope with zones that creep; it has no ``amplitude``."""
 
     points: int = _other_default(SurveyParameters, "points", 150_000)
     length: float = _other_default(SurveyParameters, "length", 30.0)
     height: float = _other_default(SurveyParameters, "height", 12.0)
     vegetation: float = _other_default(SurveyParameters, "vegetation", 0.3)
     offset: float = _other_default(SurveyParameters, "offset", 0.05)
-    surveys: int = _parameter(6, "Surveys", "Number of surveys, the first included.", minimum=2, maximum=100)
+    surveys: int = _parameter(6, "Surveys", "Number of surveys, the first included.", bounds=(2, 100))
     interval: int = _parameter(
-        30, "Days between surveys", "From each survey to the next.", unit="days", minimum=1, maximum=3650
+        30, "Days between surveys", "From each survey to the next.", unit="days", bounds=(1, 3650)
     )
     velocities: str = _parameter(
         "-10, 5, -2",
         "Velocities",
-        "Vertical velocities in the middle of the zones, separated by commas: a zone for each, side by side along the "
-        "slope; negative ones lower. Towards its edge a zone moves less.",
+        "Vertical velocities in the middle of the zones, separated by commas: one zone for each, side by side along "
+        "the slope; negative is lowering. Towards its edge a zone moves less.",
         unit="mm/day",
     )
     onset: float = _parameter(
@@ -145,14 +133,13 @@ class CreepParameters(SurveyParameters):
         "Onset",
         "Days after the first survey at which the motion begins.",
         unit="days",
-        minimum=0.0,
-        maximum=36500.0,
+        bounds=(0.0, 36500.0),
     )
     ground_only: bool = _parameter(
         False,
         "Ground points only",
-        "Writes only the echoes of the ground, as a perfect ground filter would leave them (for Clouds hold ground "
-        "points of a series).",
+        "Writes only the echoes of the ground, as a perfect ground filter would leave them (for Clouds are ground "
+        "already of a series).",
     )
 
     @classmethod
@@ -161,40 +148,40 @@ class CreepParameters(SurveyParameters):
 
 
 @dataclass(frozen=True)
-class ScenesParameters(ParameterSet):
+class ScenesParameters(ParameterSet, record_name="scenes"):
     """Simulated slope scenes of one epoch, whose every point has a known class."""
 
     kind: str = _parameter(
         "published",
         "Kind of scene",
-        "published: a quarter of the points each bulge and sink, as in the published simulation. realistic: hazards as "
-        "rare as on slopes, a fifth of the scenes without any. shifted: other landforms, hazards, densities and noise.",
+        "published: a quarter of the points each is uplift and subsidence, as in the published simulation. realistic: "
+        "hazards as rare as on real slopes, none in a fifth of the scenes. shifted: other landforms, hazards, "
+        "densities and noise.",
         choices=("published", "realistic", "shifted"),
     )
-    count: int = _parameter(3, "Number of scenes", "More give more ground to learn from.", minimum=1, maximum=10_000)
+    count: int = _parameter(3, "Number of scenes", "More give more ground to learn from.", bounds=(1, 10_000))
     seed: int = _parameter(
         1000,
         "Seed",
-        "Seed of the first scene; each next one has the next seed. The benchmark sets have seeds below 1000, scenes "
+        "Seed of the first scene; each further one has the next seed. The benchmark sets have seeds below 1000, scenes "
         "that models are trained on have seeds from 1,000,000 on.",
-        minimum=0,
-        maximum=2**31 - 1,
+        bounds=(0, 2**31 - 1),
     )
-    area: float = _parameter(
-        0.0,
+    area: float | str = _parameter(
+        AUTO,
         "Area of a scene",
-        "Measured on the slope. 0: drawn from the kind's range, 2,000 to 11,000 m².",
+        "Measured on the slope. auto: drawn from the kind's range, 2,000 to 11,000 m².",
+        kind=float,
         unit="m²",
-        minimum=0.0,
-        maximum=100_000.0,
+        bounds=(1.0, 100_000.0),
     )
-    density: float = _parameter(
-        0.0,
+    density: float | str = _parameter(
+        AUTO,
         "Density",
-        "Points on a square metre of the slope. 0: drawn from the kind's range.",
+        "Points per square metre of the slope. auto: drawn from the kind's range.",
+        kind=float,
         unit="points/m²",
-        minimum=0.0,
-        maximum=2000.0,
+        bounds=(0.1, 2000.0),
     )
     benchmark: bool = _parameter(
         False,

@@ -5,17 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from .profiles import PROFILES
 
 T = TypeVar("T", bound="ParameterSet")
 AUTO = "auto"
-"""The word for a number that the data decide, 0 in the parameter groups."""
+"""The value of a number that is left to the data or the machine."""
 
 
 class ParameterError(ValueError):
     """A parameter has a value that it cannot take; the message names it, its value and its bounds."""
+
+
+def given(value: float | str) -> float | None:
+    """The number that a parameter was given; None where it is AUTO."""
+    return None if isinstance(value, str) else value
 
 
 @dataclass(frozen=True)
@@ -24,8 +29,7 @@ class Specification:
 
     ``kind`` is the Python type (bool, int, float or str); ``choices`` is empty unless the value is one of a list;
     ``minimum`` and ``maximum`` are inclusive; ``help`` says what the parameter does and what larger values change.
-    ``automatic`` is the least number that stands for itself where 0, or the word auto, leaves the choice to the data;
-    None where there is no such choice.
+    ``automatic`` says that AUTO is the default and a value in addition to the numbers.
     """
 
     name: str
@@ -38,11 +42,27 @@ class Specification:
     maximum: float | None
     choices: tuple[str, ...]
     advanced: bool
-    automatic: float | None = None
+    automatic: bool
 
     @property
-    def label_with_unit(self) -> str:
-        label = self.label if self.automatic is None else f"{self.label}, 0 for {AUTO}"
+    def auto_number(self) -> float | None:
+        """The number that stands for AUTO in a field that holds only numbers, and did in earlier versions' records."""
+        return None if not self.automatic else 0 if self.minimum else -1
+
+    @property
+    def field_default(self) -> Any:
+        """The default in a field that holds only numbers."""
+        return self.auto_number if self.automatic else self.default
+
+    @property
+    def field_minimum(self) -> float | None:
+        """The least number of such a field."""
+        return self.auto_number if self.automatic else self.minimum
+
+    @property
+    def field_label(self) -> str:
+        """The label of such a field, with the unit."""
+        label = f"{self.label}, {self.auto_number:g} for {AUTO}" if self.automatic else self.label
         return f"{label} ({self.unit})" if self.unit else label
 
     @property
@@ -56,12 +76,14 @@ class Specification:
         return self.name.upper()
 
     def check(self, value: Any) -> Any:
-        """Return ``value`` as ``kind``.
+        """``value`` as ``kind``, or AUTO.
 
         Raises:
             ParameterError: not of the kind, not finite, out of bounds or not among the choices.
         """
         try:
+            if self.automatic and not isinstance(value, bool) and value in (AUTO, self.auto_number):
+                return AUTO
             if self.kind is bool:
                 if not isinstance(value, bool):
                     raise ValueError
@@ -72,7 +94,7 @@ class Specification:
             elif self.kind is float:
                 if isinstance(value, bool):
                     raise ValueError
-                value = 0.0 if self.automatic is not None and value == AUTO else float(value)
+                value = float(value)
                 if not math.isfinite(value):
                     raise ValueError
             elif not isinstance(value, str):
@@ -80,7 +102,6 @@ class Specification:
         except (TypeError, ValueError, OverflowError):
             raise ParameterError(f"{self.name} is {value!r}; give {self._domain()}") from None
         below = self.minimum is not None and value < self.minimum
-        below = below or (self.automatic is not None and 0 < value < self.automatic)
         above = self.maximum is not None and value > self.maximum
         if below or above or (self.choices and value not in self.choices):
             raise ParameterError(f"{self.name} is {value!r}; give {self._domain()}")
@@ -91,8 +112,8 @@ class Specification:
             return "one of " + ", ".join(self.choices)
         noun = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}[self.kind]
         unit = f" {self.unit}" if self.unit else ""
-        if self.automatic is not None:
-            return f"{noun} from {self.automatic:g} to {self.maximum:g}{unit}, or {AUTO}"
+        if self.automatic:
+            return f"{noun} from {self.minimum:g} to {self.maximum:g}{unit}, or {AUTO}"
         if self.minimum is not None and self.maximum is not None:
             return f"{noun} from {self.minimum:g} to {self.maximum:g}{unit}"
         if self.minimum is not None:
@@ -105,26 +126,25 @@ def _parameter(
     label: str,
     help: str,  # noqa: A002 - the word users know
     *,
+    kind: type | None = None,
     unit: str = "",
-    minimum: float | None = None,
-    maximum: float | None = None,
+    bounds: tuple[float | None, float | None] = (None, None),
     choices: tuple[str, ...] = (),
     advanced: bool = False,
-    automatic: float | None = None,
 ) -> Any:
-    return field(
-        default=default,
-        metadata={
-            "label": label,
-            "unit": unit,
-            "help": help,
-            "minimum": minimum,
-            "maximum": maximum,
-            "choices": choices,
-            "advanced": advanced,
-            "automatic": automatic,
-        },
-    )
+    """A field of a parameter set; ``kind`` is the type of the numbers where the default is AUTO."""
+    metadata = {
+        "kind": kind or type(default),
+        "label": label,
+        "unit": unit,
+        "help": help,
+        "minimum": bounds[0],
+        "maximum": bounds[1],
+        "choices": choices,
+        "advanced": advanced,
+        "automatic": kind is not None,
+    }
+    return field(default=default, metadata=metadata)
 
 
 def _other_default(group: type[ParameterSet], name: str, default: Any) -> Any:
@@ -134,7 +154,15 @@ def _other_default(group: type[ParameterSet], name: str, default: Any) -> Any:
 
 @dataclass(frozen=True)
 class ParameterSet:
-    """Base of the parameter groups: checked on construction, built from names and values."""
+    """Base of the parameter sets: checked on construction, built from names and values.
+
+    ``record_name`` is the set's name in run records and profiles.
+    """
+
+    record_name: ClassVar[str] = ""
+
+    def __init_subclass__(cls, record_name: str = "") -> None:
+        cls.record_name = record_name or cls.record_name
 
     def __post_init__(self) -> None:
         for specification in self.specifications():
@@ -143,30 +171,18 @@ class ParameterSet:
 
     @classmethod
     def specifications(cls) -> tuple[Specification, ...]:
-        return tuple(
-            Specification(name=f.name, kind=type(f.default), default=f.default, **f.metadata) for f in fields(cls)
-        )
-
-    def named(self) -> dict[str, Any]:
-        """The values by name; what is left to the data as the word for it."""
-        values = {s.name: (s, getattr(self, s.name)) for s in self.specifications()}
-        every = {f.name: getattr(self, f.name) for f in fields(self)}
-        left = {name for name, (s, value) in values.items() if s.automatic is not None and value == 0}
-        return {name: AUTO if name in left else value for name, value in every.items()}
+        return tuple(Specification(name=f.name, default=f.default, **f.metadata) for f in fields(cls))
 
     @classmethod
     def build(cls: type[T], values: Mapping[str, Any] | None = None, profile: str = "default") -> T:
-        """The profile's values for this group and those it extends, overridden by those of ``values`` that are not None
-        and belong to this group.
+        """The profile's values for this set, overridden by those of ``values`` that are not None and belong to it.
 
         Raises:
             ParameterError: an unknown profile, or a value out of bounds.
         """
         if profile not in PROFILES:
             raise ParameterError(f"profile is {profile!r}; give one of {', '.join(PROFILES)}")
-        merged: dict[str, Any] = {}
-        for group in reversed(cls.__mro__):
-            merged.update(PROFILES[profile].get(group.__name__, {}))
+        merged = {**PROFILES[profile].get(cls.record_name, {})}
+        merged.update({k: v for k, v in (values or {}).items() if v is not None})
         names = {f.name for f in fields(cls)}
-        merged.update({k: v for k, v in (values or {}).items() if k in names and v is not None})
-        return cls(**merged)
+        return cls(**{name: value for name, value in merged.items() if name in names})

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .specification import ParameterSet, _parameter
+from .specification import AUTO, ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
-class FineTuneParameters(ParameterSet):
+class FineTuneParameters(ParameterSet, record_name="training"):
     """Training a screening model on one's own labelled clouds."""
 
     start: str = _parameter(
@@ -45,46 +45,42 @@ class FineTuneParameters(ParameterSet):
         600,
         "Steps",
         "Steps of each training; there is one for every fold and one on all files. More fit better and take longer.",
-        minimum=1,
-        maximum=1_000_000,
+        bounds=(1, 1_000_000),
     )
     minutes: float = _parameter(
         0.0,
         "Minutes",
-        "Chooses the steps so that all takes about this long on this machine. 0: the steps as given.",
+        "Chooses the steps so that everything takes about this long on this machine. 0: the steps as given.",
         unit="minutes",
-        minimum=0.0,
-        maximum=100_000.0,
+        bounds=(0.0, 100_000.0),
     )
     folds: int = _parameter(
         5,
         "Folds",
-        "The files are split into so many parts, each scored by a model that never saw it. With fewer files each one "
-        "is a part. More cost more trainings.",
-        minimum=2,
-        maximum=100,
+        "The files are split into this many parts, each scored by a model that was not trained on it. With fewer files "
+        "each one is a part. More need more trainings.",
+        bounds=(2, 100),
     )
-    learning_rate: float = _parameter(
-        0.0,
+    learning_rate: float | str = _parameter(
+        AUTO,
         "Learning rate",
-        "Largest step size. Larger adapts faster and forgets more. 0: 0.002 from weights, 0.01 from nothing.",
-        minimum=0.0,
-        maximum=1.0,
+        "Largest step size. Larger adapts faster and forgets more. auto: 0.002 from weights, 0.01 from nothing.",
+        kind=float,
+        bounds=(0.00001, 1.0),
         advanced=True,
     )
     batch: int = _parameter(
         2,
         "Windows in a step",
-        "Larger is steadier and takes more memory and time.",
-        minimum=1,
-        maximum=256,
+        "Larger is more stable and takes more memory and time.",
+        bounds=(1, 256),
         advanced=True,
     )
     network: str = _parameter(
         "standard",
         "Network",
         "Used where training starts from nothing. standard: the size of the shipped one. smoke: a tiny one that learns "
-        "within a minute, to try things out.",
+        "within a minute, for trials.",
         choices=("standard", "smoke"),
         advanced=True,
     )
@@ -92,8 +88,7 @@ class FineTuneParameters(ParameterSet):
         0,
         "Seed",
         "The same seed gives the same folds and, on one machine's processor, the same weights.",
-        minimum=0,
-        maximum=2**31 - 1,
+        bounds=(0, 2**31 - 1),
         advanced=True,
     )
     device: str = _parameter(
@@ -103,6 +98,6 @@ class FineTuneParameters(ParameterSet):
         choices=("cpu", "gpu", "auto"),
         advanced=True,
     )
-    threads: int = _parameter(
-        0, "Threads", "Processor cores to use. 0: all of them.", minimum=0, maximum=1024, advanced=True
+    threads: int | str = _parameter(
+        AUTO, "Threads", "Processor cores to use. auto: all of them.", kind=int, bounds=(1, 1024), advanced=True
     )

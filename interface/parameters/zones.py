@@ -8,47 +8,44 @@ from .specification import ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
-class ZoneParameters(ParameterSet):
+class ZoneParameters(ParameterSet, record_name="zones"):
     """Hazard zones: contiguous cells of significant change."""
 
     minimum_area: float = _parameter(
         0.5,
-        "Least area of a zone",
+        "Minimum area of a zone",
         "Smaller groups of significant cells are not reported; small gaps without data within a group count. Larger "
-        "reports fewer and surer zones.",
+        "reports fewer and more reliable zones.",
         unit="m²",
-        minimum=0.0,
-        maximum=1e6,
+        bounds=(0.0, 1e6),
     )
     minimum_cells: int = _parameter(
         5,
-        "Least cells in a zone",
+        "Minimum cells in a zone",
         "Smaller groups of significant cells are not reported, whatever their area. A part of a grown cell counts as a "
-        "part, a grown cell far beyond its level as up to half of this number. Larger is surer where cells are large: "
-        "on 90 unchanged simulated slopes with cells that grow, groups of five or more came up by chance on one.",
-        minimum=2,
-        maximum=100000,
+        "part, a grown cell far beyond its level as up to half of this number. Larger is more reliable where cells are "
+        "large: on 90 unchanged simulated slopes with cells that grow, groups of five or more occurred by chance on "
+        "one.",
+        bounds=(2, 100000),
         advanced=True,
     )
     minimum_confidence: float = _parameter(
         0.95,
-        "Least confidence of a zone",
-        "Groups of significant cells that noise alone may make somewhere on the map are not reported. 0.95: on one "
-        "unchanged map in twenty there would be one. Larger is surer and misses more. With less than 0.95, zones below "
-        "that have the severity unsure; 0 reports all.",
-        minimum=0.0,
-        maximum=0.9999,
+        "Minimum confidence of a zone",
+        "Groups of significant cells that noise alone may produce somewhere on the map are not reported. 0.95: one "
+        "unchanged map in twenty would have one. Larger is more reliable and misses more. With less than 0.95, zones "
+        "below that have the severity unsure; 0 reports all.",
+        bounds=(0.0, 0.9999),
         advanced=True,
     )
     bridged_gap: float = _parameter(
         0.2,
         "Gap without data that does not divide a zone",
-        "Parts that lie this close with nothing measured between them, as under vegetation, are one zone; the gap does "
-        "not count in its area. A volume counts what lies this close to measured cells. Larger joins more. 0: only "
+        "Parts this close with nothing measured between them, as under vegetation, are one zone; the gap does not "
+        "count in its area. A volume includes what lies this close to measured cells. Larger joins more. 0: only "
         "cells that touch.",
         unit="m",
-        minimum=0.0,
-        maximum=100.0,
+        bounds=(0.0, 100.0),
         advanced=True,
     )
     severity_moderate: float = _parameter(
@@ -56,8 +53,7 @@ class ZoneParameters(ParameterSet):
         "Moderate from",
         "A zone whose change (95th percentile) reaches this is moderate, else low.",
         unit="m",
-        minimum=0.0,
-        maximum=100.0,
+        bounds=(0.0, 100.0),
         advanced=True,
     )
     severity_high: float = _parameter(
@@ -65,7 +61,6 @@ class ZoneParameters(ParameterSet):
         "High from",
         "A zone whose change (95th percentile) reaches this is high.",
         unit="m",
-        minimum=0.0,
-        maximum=100.0,
+        bounds=(0.0, 100.0),
         advanced=True,
     )

@@ -17,9 +17,9 @@ from scipy.optimize import minimize_scalar
 
 from ...engine.core.arrays import Float
 from ...engine.core.errors import InputError
-from .calibration_bins import calibration_bins
+from .calibration_bins import calibration_bins, calibration_error
 
-LEAST_PROBABILITY = 1e-6
+_MIN_PROBABILITY = 1e-6
 RANGE = (0.05, 20.0)
 """Temperatures that are looked for; 1 changes nothing, larger is less sure."""
 
@@ -54,7 +54,7 @@ def fit_temperature(probabilities: NDArray[np.floating], labels: NDArray[np.inte
     """
     if not len(labels):
         raise InputError("There are no held-out points to calibrate on; give more labelled files.")
-    logarithms = np.log(np.maximum(probabilities, LEAST_PROBABILITY).astype(np.float64))
+    logarithms = np.log(np.maximum(probabilities, _MIN_PROBABILITY).astype(np.float64))
     own = np.arange(len(labels))
 
     def loss(sharpness: float) -> float:
@@ -65,20 +65,20 @@ def fit_temperature(probabilities: NDArray[np.floating], labels: NDArray[np.inte
 
     found = minimize_scalar(loss, bounds=(1 / RANGE[1], 1 / RANGE[0]), method="bounded", options={"xatol": 1e-6})
     temperature = 1.0 / float(found.x)
-    scaled = apply_temperature(probabilities, temperature)
+    scaled, classes = apply_temperature(probabilities, temperature), labels.astype(np.uint8)
     return Calibration(
         temperature,
         loss(1.0),
         loss(1.0 / temperature),
-        _error(probabilities, labels),
-        _error(scaled, labels),
+        calibration_error(calibration_bins(classes, probabilities)),
+        calibration_error(calibration_bins(classes, scaled)),
         len(labels),
     )
 
 
 def apply_temperature(probabilities: NDArray[np.floating], temperature: float) -> Float:
     """(n, classes) probabilities at another temperature; the most probable class stays."""
-    scaled = np.log(np.maximum(probabilities, LEAST_PROBABILITY).astype(np.float64)) / temperature
+    scaled = np.log(np.maximum(probabilities, _MIN_PROBABILITY).astype(np.float64)) / temperature
     scaled -= scaled.max(axis=1, keepdims=True)
     np.exp(scaled, out=scaled)
     return np.asarray(scaled / scaled.sum(axis=1, keepdims=True))
@@ -96,8 +96,3 @@ def temperature_of(description: Mapping[str, Any]) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not (math.isfinite(value) and value > 0):
         raise InputError(f"The weights' description has the temperature {value!r}; restore it, or train again.")
     return float(value)
-
-
-def _error(probabilities: NDArray[np.floating], labels: NDArray[np.integer]) -> float:
-    points, confidence, hits = calibration_bins(labels.astype(np.uint8), probabilities).T
-    return float(np.abs(confidence - hits).sum() / points.sum())

@@ -18,3 +18,9 @@ def calibration_bins(truth: Labels, probabilities: NDArray[np.floating]) -> Floa
     index = np.minimum((confidence * BINS).astype(np.int64), BINS - 1)
     columns = (np.ones_like(confidence), confidence, hit.astype(np.float64))
     return np.stack([np.bincount(index, weights=x, minlength=BINS) for x in columns], axis=1)
+
+
+def calibration_error(bins: Float) -> float:
+    """Expected calibration error: mean distance of confidence and accuracy over (BINS, 3) bins of confidence."""
+    points, confidence, hits = bins.T
+    return float(np.abs(confidence - hits).sum() / max(1.0, points.sum()))

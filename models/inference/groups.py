@@ -13,12 +13,12 @@ REACH = 1.6
 """Voxels of a class that are at most so many sides apart belong together: about those that share an edge or corner."""
 
 
-def without_faint(points: Float, probabilities: Float32, voxel: float, least: float) -> Float32:
+def without_faint(points: Float, probabilities: Float32, voxel: float, minimum: float) -> Float32:
     """The probabilities (m, classes), with those of faint groups' class and of the background exchanged.
 
-    A group is faint if its class (not the first, the background) has a probability of ``least`` in none of its voxels.
-    What decides about one voxel then decides about it: on held-out scenes such groups were hazards less often than
-    the probabilities of their single voxels say.
+    A group is faint if its class (not the first, the background) has a probability of ``minimum`` in none of its
+    voxels. What decides about one voxel then decides about it: on held-out scenes such groups were hazards less often
+    than the probabilities of their single voxels say.
 
     Args:
         points: (m, 3) the voxels' averages, metres.
@@ -35,6 +35,6 @@ def without_faint(points: Float, probabilities: Float32, voxel: float, least: fl
         count, group = connected_components(joined, directed=False)
         peak = np.zeros(count)
         np.maximum.at(peak, group, probabilities[mine, kind])
-        faint = mine[peak[group] < least]
+        faint = mine[peak[group] < minimum]
         changed[faint, 0], changed[faint, kind] = probabilities[faint, kind], probabilities[faint, 0]
     return changed

@@ -53,7 +53,6 @@ def predict(
     threads: int = 1,
     device: torch.device | None = None,
     seed: int = 0,
-    progress: Progress | None = None,
 ) -> Prediction:
     """Probabilities of every point of a cloud.
 
@@ -71,7 +70,7 @@ def predict(
     configuration = network.configuration
     cloud, voxel = prepared_in_voxels(xyz, configuration, seed)
     probabilities, covered = predict_voxels(
-        network, cloud, rotations=rotations, threads=threads, device=device, seed=seed, progress=progress
+        network, cloud, rotations=rotations, threads=threads, device=device, seed=seed
     )
     filled = float(cloud.voxels.count[~covered].sum() / cloud.voxels.count.sum())
     if configuration.interpolation <= 1:

@@ -71,6 +71,7 @@ def folds(
 @command(profile=False)
 def weights(session: Session, minutes: float, device: str, folder: Path) -> RunResult:
     """Train the shipped weights from nothing, calibrate them and write them with their description."""
+    from ...simulation.hazard_scenes.styles import SIMULATOR_VERSION
     from ..network.availability import chosen_device
     from ..network.shipped import SHIPPED_WEIGHTS
     from ..network.weights import save_model
@@ -93,7 +94,8 @@ def weights(session: Session, minutes: float, device: str, folder: Path) -> RunR
     network, facts = made
     with session.report.stage(0.95, 1.0, "calibrating"):
         calibration = calibrate(network, session.report)
-    digest = save_model(SHIPPED_WEIGHTS, network, facts, {"calibration": calibration.summary()})
+    metrics = {"calibration": calibration.summary()}
+    digest = save_model(SHIPPED_WEIGHTS, network, facts, metrics, simulator_version=SIMULATOR_VERSION)
     with atomic_output(SHIPPED_WEIGHTS.with_name("slopewatch.sha256")) as partial:
         partial.write_text(f"{digest}  {SHIPPED_WEIGHTS.name}\n", encoding="ascii")
     with atomic_output(SHIPPED_WEIGHTS.with_name("training_log.csv")) as partial:
@@ -152,7 +154,7 @@ def ablation(session: Session, seconds: float, folder: Path) -> RunResult:
 )
 @command(profile=False)
 def card(session: Session, folders: tuple[tuple[str, Path], ...]) -> RunResult:
-    """Write the model card from the weights' description and the figures beside them."""
+    """Write the model card from the weights' description and the figures next to them."""
     from ..network.shipped import shipped_model
     from ..network.weights import load_model
     from .model_card import model_card, read_figures, read_seconds

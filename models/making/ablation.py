@@ -15,9 +15,10 @@ from ...simulation.hazard_scenes.styles import SceneSpec
 from ..inference.prediction import predict
 from ..network.batches import Augmentation
 from ..network.randlanet import RandLANet
-from ..training.evaluation import Scores
 from ..training.recipes import HALF_WIDTH, PUBLISHED, SLOPEWATCH, Recipe
 from .folds import score_scenes
+from .scene_blocks import scene_blocks
+from .scene_scores import SceneScores
 
 SCENES, HELD_OUT = 48, 8
 FIRST_HELD_OUT = 950_000
@@ -92,7 +93,7 @@ def _screen(network: RandLANet) -> Callable[..., Any]:
     return lambda xyz: predict(network, xyz).probabilities
 
 
-def _kept(scores: Scores) -> dict[str, Any]:
+def _kept(scores: SceneScores) -> dict[str, Any]:
     whole = scores.summary()
     names = ("overall_accuracy", "mean_iou", "calibration_error", "false_zones_per_1000_m2")
     return {**{name: whole[name] for name in names}, "found": whole["recall_15_cm_2_m"]["recall"]}
@@ -102,7 +103,7 @@ def _train(
     recipe: Recipe, specs: Sequence[SceneSpec], seconds: float, folder: Path, progress: Progress
 ) -> tuple[RandLANet, int, float]:
     """The network, its steps and the processor's seconds that they took."""
-    blocks = [block for spec in specs for block in recipe.blocks(build_scene(spec))]
+    blocks = [block for spec in specs for block in scene_blocks(recipe, build_scene(spec))]
 
     def run(steps: int, place: Path) -> tuple[RandLANet, float]:
         begun = time.process_time()

@@ -20,8 +20,9 @@ from ..inference.baseline import residual_probabilities
 from ..inference.prediction import predict
 from ..preparation.prepare import Block
 from ..training.cross_validation import Fold, cross_validate, folds
-from ..training.evaluation import Scores
 from ..training.recipes import Recipe
+from .scene_blocks import scene_blocks
+from .scene_scores import SceneScores
 
 
 def score_folds(
@@ -52,11 +53,11 @@ def score_folds(
     def blocks_of(numbers: Sequence[int]) -> list[Block]:
         for done, number in enumerate(numbers):
             if number not in prepared:
-                prepared[number] = recipe.blocks(build_scene(specs[number]))
+                prepared[number] = scene_blocks(recipe, build_scene(specs[number]))
             progress.update((done + 1) / len(numbers), f"preparing scene {done + 1} of {len(numbers)}")
         return [block for number in numbers for block in prepared[number]]
 
-    def one(fold: Fold, place: Path) -> Scores:
+    def one(fold: Fold, place: Path) -> SceneScores:
         low, part = chosen.index(fold) / len(chosen), 1.0 / len(chosen)
         times = [time.process_time()]
         with progress.stage(low, low + 0.2 * part, f"fold {fold.number + 1}: preparing"):
@@ -85,7 +86,7 @@ def score_residual(
     """The same scores of the threshold on the height over the trend, which learns nothing."""
     progress = progress or Progress()
 
-    def one(fold: Fold, place: Path) -> Scores:
+    def one(fold: Fold, place: Path) -> SceneScores:
         with progress.stage(fold.number / count, (fold.number + 1) / count, f"fold {fold.number + 1}"):
             return score_scenes((specs[k] for k in fold.test), residual_probabilities, len(fold.test), progress)
 
@@ -94,9 +95,9 @@ def score_residual(
 
 def score_scenes(
     specs: Iterator[SceneSpec], screen: Callable[..., Any], count: int, progress: Progress | None = None
-) -> Scores:
+) -> SceneScores:
     """Scores of ``screen`` (points (n, 3) to probabilities (n, 3)) over scenes."""
-    progress, scores = progress or Progress(), Scores()
+    progress, scores = progress or Progress(), SceneScores()
     for number, spec in enumerate(specs):
         scene = build_scene(spec)
         scores.add(scene, screen(scene.xyz))

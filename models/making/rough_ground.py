@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 
 from ...engine.core.arrays import Float
 from ...simulation.hazard_scenes.scenes import SimulatedScene
+from ...simulation.hazard_scenes.styles import log_uniform
 
 STEP = 0.1
 REACH = (0.15, 1.0)
@@ -23,13 +24,13 @@ AMOUNT = 0.07
 """Largest standard deviation of a texture, m."""
 TEXTURES = 2
 ROLLING_SHARE, ROLLING_REACH = 0.4, (1.2, 8.0)
-ROLLING_GRADE, ROLLING_LARGEST = (0.02, 0.2), 0.5
+ROLLING_GRADE, MAX_ROLLING_M = (0.02, 0.2), 0.5
 """Of rolling ground: its standard deviation over its reach, log-uniform, and its largest standard deviation, m. That
 it grows with the reach is what natural ground has: a spectrum falls with the wave number.
 """
 BROKEN_SHARE, PIECE, STRETCH = 0.35, (0.5, 4.0), (1.0, 5.0)
 """Of broken ground: how far its pieces lie apart (m) and how much longer than wide they are, both log-uniform."""
-BROKEN_GRADE, BROKEN_LARGEST, BROKEN_PATCH = (0.02, 0.15), 0.12, 6.0
+BROKEN_GRADE, MAX_BROKEN_M, BROKEN_PATCH = (0.02, 0.15), 0.12, 6.0
 """Standard deviation of its pieces' heights over their distance, log-uniform, that deviation's limit (m), and the reach
 of its patches (m).
 """
@@ -47,7 +48,7 @@ def rougher(scene: SimulatedScene, rng: np.random.Generator) -> SimulatedScene:
     plane = scene.to_plane(scene.xyz)
     added, deviation = np.zeros(len(scene)), 0.0
     for _ in range(TEXTURES):
-        reach = _between(REACH, rng)
+        reach = log_uniform(REACH, rng)
         amount = rng.uniform(0.0, AMOUNT)
         added += texture(plane[:, :2], reach, amount, rng)
         deviation = math.hypot(deviation, amount)
@@ -64,13 +65,13 @@ def natural(scene: SimulatedScene, rng: np.random.Generator) -> SimulatedScene:
     scene = rougher(scene, rng)
     plane = scene.to_plane(scene.xyz)[:, :2]
     if rng.random() < ROLLING_SHARE:
-        reach = _between(ROLLING_REACH, rng)
-        heights = texture(plane, reach, min(_between(ROLLING_GRADE, rng) * reach, ROLLING_LARGEST), rng)
+        reach = log_uniform(ROLLING_REACH, rng)
+        heights = texture(plane, reach, min(log_uniform(ROLLING_GRADE, rng) * reach, MAX_ROLLING_M), rng)
         scene = replace(scene, xyz=scene.xyz + heights[:, None] * scene_normal(scene))
     if rng.random() < BROKEN_SHARE:
-        apart = _between(PIECE, rng)
-        amount = min(_between(BROKEN_GRADE, rng) * apart, BROKEN_LARGEST)
-        heights = pieces(plane, apart, _between(STRETCH, rng), amount, rng)
+        apart = log_uniform(PIECE, rng)
+        amount = min(log_uniform(BROKEN_GRADE, rng) * apart, MAX_BROKEN_M)
+        heights = pieces(plane, apart, log_uniform(STRETCH, rng), amount, rng)
         hidden = (scene.label > 0) & (np.abs(scene.displacement) < 2.0 * float(heights.std()))
         moved = scene.xyz + heights[:, None] * scene_normal(scene)
         scene = replace(scene, xyz=moved, ignore=scene.ignore | hidden)
@@ -95,11 +96,6 @@ def pieces(xy: Float, apart: float, stretch: float, amount: float, rng: np.rando
     heights = level + tilt / max(float(tilt.std()), 1e-12)
     patch = np.clip(0.5 + texture(xy, BROKEN_PATCH, 1.0, rng), 0.0, 1.0)
     return np.asarray(heights * patch * (amount / math.sqrt(2.0)))
-
-
-def _between(limits: tuple[float, float], rng: np.random.Generator) -> float:
-    """A value between the limits, uniform in its logarithm."""
-    return math.exp(rng.uniform(math.log(limits[0]), math.log(limits[1])))
 
 
 def texture(xy: Float, reach: float, amount: float, rng: np.random.Generator) -> Float:

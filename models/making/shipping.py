@@ -17,16 +17,16 @@ from numpy.typing import NDArray
 from ...engine.core.progress import Progress
 from ...simulation.hazard_scenes.scenes import build_scene
 from ...simulation.hazard_scenes.sets import FIRST_TRAINING_SEED, SETS
-from ...simulation.hazard_scenes.styles import SceneSpec, draw_spec
+from ...simulation.hazard_scenes.styles import SceneSpec, draw_spec, log_uniform
 from ..inference.baseline import residual_probabilities
 from ..inference.calibration import Calibration, apply_temperature, fit_temperature
 from ..inference.prediction import predict
 from ..network.randlanet import RandLANet
 from ..preparation.prepare import Block
 from ..training.recipes import Recipe
-from ..training.scene_blocks import in_order
 from .folds import score_scenes
 from .rough_ground import natural
+from .scene_blocks import in_order, scene_blocks
 
 TRAINING_SCENES = 1100
 HELD_OUT_SCENES = 24
@@ -48,7 +48,7 @@ def training_scenes(
     for k in range(first, first + count):
         rng = np.random.default_rng([FIRST_TRAINING_SEED, k])
         kind = "published" if (drawn := rng.random()) < balanced else "realistic"
-        density = math.exp(rng.uniform(math.log(DENSITY[0]), math.log(DENSITY[1])))
+        density = log_uniform(DENSITY, rng)
         spec = draw_spec(FIRST_TRAINING_SEED + k, kind, area=float(rng.uniform(*SCENE_AREA)), density=density)
         if balanced <= drawn < balanced + dense:
             spec = replace(spec, uplift=DENSE * spec.uplift, subsidence=DENSE * spec.subsidence)
@@ -78,7 +78,7 @@ def train_shipped(
     preparing = 0.0
     with progress.stage(0.0, 0.2, "simulating and preparing scenes"):
         specs = list(training_scenes(scenes))
-        for number, (more, took) in enumerate(in_order(partial(_scene_blocks, recipe), specs, processes)):
+        for number, (more, took) in enumerate(in_order(partial(_natural_blocks, recipe), specs, processes)):
             blocks += more
             preparing += took
             progress.update((number + 1) / scenes, f"scene {number + 1} of {scenes}")
@@ -102,10 +102,10 @@ def train_shipped(
     return state.network.cpu(), facts
 
 
-def _scene_blocks(recipe: Recipe, spec: SceneSpec) -> tuple[list[Block], float]:
+def _natural_blocks(recipe: Recipe, spec: SceneSpec) -> tuple[list[Block], float]:
     """The blocks of a scene on natural ground, and the processor's seconds that they took."""
     begun = time.process_time()
-    blocks = recipe.blocks(natural(build_scene(spec), np.random.default_rng([spec.seed, 3])))
+    blocks = scene_blocks(recipe, natural(build_scene(spec), np.random.default_rng([spec.seed, 3])))
     return blocks, time.process_time() - begun
 
 

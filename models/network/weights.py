@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from ...engine.core import checksums
 from ...engine.core.errors import InputError
 from ...engine.core.staged_outputs import atomic_output
-from ...simulation.hazard_scenes.styles import SIMULATOR_VERSION
 from ..configuration import ModelConfiguration
 from .randlanet import RandLANet
 
@@ -27,22 +26,18 @@ class ModelFile:
     sha256: str
 
 
-def checksum(path: Path) -> str:
-    """SHA-256 of a file, in hexadecimal."""
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        while part := file.read(1 << 20):
-            digest.update(part)
-    return digest.hexdigest()
-
-
-def description_path(weights: Path) -> Path:
-    """The file next to the weights that describes them."""
-    return weights.with_suffix(".json")
-
-
-def save_model(path: Path, network: RandLANet, training: dict[str, Any], metrics: dict[str, Any]) -> str:
+def save_model(
+    path: Path,
+    network: RandLANet,
+    training: dict[str, Any],
+    metrics: dict[str, Any],
+    *,
+    simulator_version: int | None = None,
+) -> str:
     """Write weights and, next to them, a JSON file with configuration, training, metrics and checksum.
+
+    Args:
+        simulator_version: of the simulator whose scenes the network learnt from; None where it saw none.
 
     Returns:
         The weights' SHA-256.
@@ -57,17 +52,17 @@ def save_model(path: Path, network: RandLANet, training: dict[str, Any], metrics
     tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in network.state_dict().items()}
     with atomic_output(path) as partial:
         save_file(tensors, str(partial))
-    digest = checksum(path)
+    digest = checksums.sha256(path)
     description = {
         "format": FORMAT,
         "sha256": digest,
         "configuration": asdict(network.configuration),
         "parameters": network.parameter_count,
-        "simulator_version": SIMULATOR_VERSION,
+        "simulator_version": simulator_version,
         "training": training,
         "metrics": metrics,
     }
-    with atomic_output(description_path(path)) as partial:
+    with atomic_output(path.with_suffix(".json")) as partial:
         partial.write_text(json.dumps(description, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     return digest
 
@@ -87,7 +82,7 @@ def load_model(path: Path, sha256: str | None = None) -> ModelFile:
         raise InputError(f"The weights {path} do not exist; give a .safetensors file.")
     _refuse_pickle(path)
     description = _read_description(path)
-    found = checksum(path)
+    found = checksums.sha256(path)
     for expected in (sha256, description["sha256"]):
         if expected is not None and found != expected:
             raise InputError(f"The weights {path} are not those their checksum names; download or train them again.")
@@ -115,18 +110,18 @@ def _refuse_pickle(path: Path) -> None:
 
 
 def _read_description(path: Path) -> dict[str, Any]:
-    beside = description_path(path)
+    source = path.with_suffix(".json")
     try:
-        description = json.loads(beside.read_text(encoding="utf-8"))
+        description = json.loads(source.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise InputError(f"The description {beside} of the weights is missing; keep both files together.") from None
+        raise InputError(f"The description {source} of the weights is missing; keep both files together.") from None
     except (ValueError, OSError) as error:
-        raise InputError(f"The description {beside} of the weights cannot be read ({error}); restore it.") from error
+        raise InputError(f"The description {source} of the weights cannot be read ({error}); restore it.") from error
     if not isinstance(description, dict) or description.get("format") != FORMAT:
         raise InputError(
-            f"The description {beside} of the weights is of another version; take weights made for this one."
+            f"The description {source} of the weights is of another version; take weights made for this one."
         )
     missing = {"sha256", "configuration"} - set(description)
     if missing:
-        raise InputError(f"The description {beside} of the weights lacks {', '.join(sorted(missing))}; restore it.")
+        raise InputError(f"The description {source} of the weights lacks {', '.join(sorted(missing))}; restore it.")
     return description

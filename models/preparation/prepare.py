@@ -17,11 +17,11 @@ from .trends import residual_heights
 from .voxels import VoxelGrid, voxel_grid
 from .windows import Window, centre_weight, cover_fixed, sample_fixed, windows
 
-LEAST_DIP = np.sin(np.radians(5.0))
+MIN_DIP_SINE = np.sin(np.radians(5.0))
 """Below this sine of the dip there is no up-slope direction to turn a cloud to."""
 USUAL_ROUGHNESS = 0.08
 """Heights over a trend are brought to this scatter (m) where a model asks for its cloud's own roughness as the unit."""
-LEAST_ROUGHNESS = 0.02
+MIN_ROUGHNESS_M = 0.02
 NORMAL_30 = 0.38532
 """30 % of a normal distribution lie within so many standard deviations of its middle."""
 
@@ -102,13 +102,13 @@ def prepared(plane: Plane, matrix: Float, voxels: VoxelGrid, configuration: Mode
 
 
 def roughness(residuals: Float32) -> Float32:
-    """Robust standard deviation (trends,) of heights (m, trends) over each trend, m; not below ``LEAST_ROUGHNESS``.
+    """Robust standard deviation (trends,) of heights (m, trends) over each trend, m; not below ``MIN_ROUGHNESS_M``.
 
     From the smallest 30 % of the distances to the median, so that edges and hazards on two thirds of the ground count
     little.
     """
     away = np.abs(residuals - np.median(residuals, axis=0))
-    return np.maximum(np.quantile(away, 0.3, axis=0) / NORMAL_30, LEAST_ROUGHNESS).astype(np.float32)
+    return np.maximum(np.quantile(away, 0.3, axis=0) / NORMAL_30, MIN_ROUGHNESS_M).astype(np.float32)
 
 
 def _up_slope(matrix: Float) -> Float:
@@ -116,7 +116,7 @@ def _up_slope(matrix: Float) -> Float:
     turn = np.eye(4)
     up = matrix[:2, 2]  # where the world's vertical points in the flat frame
     length = float(np.hypot(*up))
-    if length > LEAST_DIP:
+    if length > MIN_DIP_SINE:
         c, s = up[1] / length, up[0] / length
         turn[:2, :2] = [[c, -s], [s, c]]
     return turn

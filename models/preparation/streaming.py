@@ -1,6 +1,6 @@
 """Preparing a cloud of any size: its parts are read twice, and only a sample and the voxels are held.
 
-``preparation.prepare_cloud`` does the same with all points in memory, for training.
+``prepare.prepare_cloud`` does the same with all points in memory, for training.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from .voxel_sums import SparseVoxels, VoxelSums
 
 Parts = Callable[[], Iterable[Float]]
 """Gives the parts (n, 3) of a cloud in its order, anew at each call."""
-LEAST_POINTS = 50
-MOST_CELLS = 8_000_000
+MIN_POINTS = 50
+MAX_CELLS = 8_000_000
 """Of the rasters that trends are fitted on, at 170 bytes a cell; half a square kilometre with a reach of 1.5 m."""
 SAMPLE = 1_000_000
 """Points that the plane is fitted to; all of a smaller cloud."""
@@ -47,9 +47,9 @@ def sample_parts(parts: Parts, name: str = "The cloud") -> Sample:
         if not np.isfinite(xyz).all():
             raise InputError(f"{name} has coordinates that are not numbers; repair it or remove these points.")
         thinning.add(xyz)
-    if thinning.seen < LEAST_POINTS:
+    if thinning.seen < MIN_POINTS:
         raise InputError(
-            f"{name} has {thinning.seen} ground points but screening needs at least {LEAST_POINTS}; check it."
+            f"{name} has {thinning.seen} ground points but screening needs at least {MIN_POINTS}; check it."
         )
     return Sample(np.asarray(thinning.rows(), dtype=np.float64), thinning.seen)
 
@@ -71,7 +71,7 @@ def prepare_parts(
 def _refuse_wide(points: Float, configuration: ModelConfiguration) -> None:
     length, height = (float(n) for n in np.ptp(points[:, :2], axis=0))
     cells = [length * height / (trend_cell(along) * trend_cell(up)) for along, up in configuration.trends]
-    if cells and max(cells) > MOST_CELLS:
+    if cells and max(cells) > MAX_CELLS:
         raise InputError(
             f"The cloud reaches over {length:.0f} x {height:.0f} m of its slope's plane, which takes too much memory; "
             "remove its outliers, or cut out a part of the slope."

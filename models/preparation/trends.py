@@ -16,7 +16,7 @@ from ...engine.core.arrays import Float
 from ...engine.statistics.robust import nmad
 
 TURNS = 4
-LEAST_SCALE = 0.015
+MIN_SCALE_M = 0.015
 """Residuals are never weighted as if the ground were smoother than this, m."""
 
 
@@ -59,7 +59,7 @@ def robust_trend(height: Float, sigma: tuple[float, float]) -> Float:
         if turn == TURNS - 1:
             break
         residual = z - trend
-        scale = max(nmad(residual[known], 0.0), LEAST_SCALE)
+        scale = max(nmad(residual[known], 0.0), MIN_SCALE_M)
         part = np.minimum(np.abs(residual) / (4.685 * scale), 1.0)
         weight = np.where(known, (1.0 - part**2) ** 2 + 1e-3, 0.0)
     return trend

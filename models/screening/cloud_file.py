@@ -25,7 +25,7 @@ from ...engine.pointcloud.declared_crs import declared_crs
 from ...engine.pointcloud.extent import CheckedRecords
 from ...engine.pointcloud.reading import eight_bits, open_cloud
 from ...engine.pointcloud.records import PLACES, extra_dimensions, new_dimension, read_records
-from ...engine.pointcloud.writing import copy_records
+from ...engine.pointcloud.writing import Target, copy_records
 from ...engine.vector.area import read_roi, refuse_outside
 from ...interface.parameters import InputParameters
 from .result import Screening
@@ -167,9 +167,7 @@ class ScreenedFile:
         assert self._sampler is not None
         return self._sampler.cloud(self.frame.crs, self.path, self.header.colours)
 
-    def write_labelled(
-        self, output: Path, screening: Screening, *, classification: bool = False, progress: Progress | None = None
-    ) -> dict[str, int]:
+    def write_labelled(self, output: Path, screening: Screening, *, classification: bool = False) -> dict[str, int]:
         """Copy the file as LAZ with every point's label and its probability in extra dimensions.
 
         Coordinates, order, reference system and all other dimensions stay as they are. Points that were not screened
@@ -184,7 +182,7 @@ class ScreenedFile:
         Raises:
             InputError: the folder cannot be written, or the point format has no room for the classes.
         """
-        header, masks, progress = self.header, self._masks, progress or self.progress
+        header, masks, progress = self.header, self._masks, self.progress
         if masks is None:
             raise EngineError("the cloud has not been read yet")
         self.refuse_classes(classification)
@@ -208,7 +206,7 @@ class ScreenedFile:
             count[:] += np.bincount(labels, minlength=3)
             progress.update(part.stop / header.count)
 
-        copy_records(header, output, self._declared, change, new, scales=header.scales, offsets=header.offsets)
+        copy_records(header, [Target(output, self._declared, header.scales, header.offsets, change, new)])
         return {"uplift": int(count[1]), "subsidence": int(count[2])}
 
     def refuse_classes(self, classification: bool) -> None:

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ...engine.maps.heatmap import write_heatmap_png
-from ...engine.maps.heatmap_image import Heatmap, make_heatmap
-from ...engine.maps.map_text import Words
+from ...engine.maps.heatmap_image import Heatmap, Words, make_heatmap
 from ...engine.maps.top_view import TopView
 from ...interface.parameters import HeatmapParameters
 from .labels import BACKGROUND, SUBSIDENCE

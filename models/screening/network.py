@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...engine.core.errors import EngineError
 from ...engine.core.progress import Progress
-from ...interface.parameters import ScreeningParameters
+from ...interface.parameters import ScreeningParameters, given
 
 if TYPE_CHECKING:
     from ..configuration import ModelConfiguration
@@ -24,7 +24,7 @@ _OUT_OF_MEMORY = ("not enough memory", "can't allocate memory", "out of memory")
 """What torch says where it raises a plain RuntimeError."""
 
 
-_MOST_THREADS = 8
+_MAX_THREADS = 8
 """By default: each works on a window of its own, which takes memory, and preparing these takes a third of the time."""
 
 
@@ -54,7 +54,7 @@ class ScreeningModel:
         self.network = fold_normalisation(self.file.network).to(self.device)
         self.temperature = temperature_of(self.file.metadata)
         self.rotations = parameters.rotations
-        self.threads = parameters.threads or min(processors(), _MOST_THREADS)
+        self.threads = int(given(parameters.threads) or min(processors(), _MAX_THREADS))
 
     @property
     def configuration(self) -> ModelConfiguration:
@@ -89,7 +89,7 @@ class ScreeningModel:
         # windows are what is worked on side by side: within one, sums would depend on the number of threads
         torch.set_num_threads(1)
         try:
-            with memory_told():
+            with memory_reported():
                 found, _ = predict_voxels(
                     self.network,
                     cloud,
@@ -111,7 +111,7 @@ def processors() -> int:
 
 
 @contextmanager
-def memory_told() -> Iterator[None]:
+def memory_reported() -> Iterator[None]:
     """Turn every way of running out of memory into one sentence."""
     try:
         yield

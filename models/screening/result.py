@@ -77,7 +77,7 @@ class Screening:
         else:
             flat = np.stack([flat_axis(self.voxels.matrix, xyz, axis) for axis in range(3)], axis=1)
             probabilities = self.between.at(flat, self.raw, self.model.get("threads", 1))
-        probabilities = _calibrated(probabilities, self.temperature)
+        probabilities = calibrated(probabilities, self.temperature)
         labels = most_probable(probabilities, self.least)
         own = np.take_along_axis(probabilities, labels[:, np.newaxis].astype(np.int64), axis=1)[:, 0]
         own = np.maximum(own, _MIN_PROBABILITY)
@@ -85,8 +85,8 @@ class Screening:
         return labels, own
 
 
-def _calibrated(probabilities: NDArray[np.float32], temperature: float) -> NDArray[np.float32]:
-
+def calibrated(probabilities: NDArray[np.float32], temperature: float) -> NDArray[np.float32]:
+    """(n, 3) probabilities at the model's ``temperature``."""
     if temperature == 1.0 or not len(probabilities):
         return probabilities
     return apply_temperature(probabilities, temperature).astype(np.float32)

@@ -1,64 +1,32 @@
 """Screening of one survey: which ground is raised or lowered against the slope around it.
 
-The cloud is averaged in voxels, which is all that is held of it (see ``models.streaming``); the network, or a threshold
-without learning, gives each voxel its probabilities, and a point has those of its voxel or of the few about it.
+The cloud is averaged in voxels, which is all that is held of it (see ``preparation.streaming``); the network, or a
+threshold without learning, gives each voxel its probabilities, and a point has those of its voxel or of the few about
+it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...engine.core.arrays import Float
-from ...engine.core.messages import shown
 from ...engine.core.progress import Progress
 from ...engine.geometry.dominant_plane import Plane, apply_matrix
 from ...engine.ground.pdal_pipelines import GROUND, NOISE
-from ...engine.pointcloud.cloud import PointCloud
 from ...interface.parameters import ScreeningParameters
+from ..inference.baseline import TREND, residual_configuration, residual_memberships
 from ..preparation.suitability import Suitability, measure, refuse_unsuitable
 from .labels import most_probable
 from .much_marked import warn_if_much_stands_out
-from .network import ScreeningModel, memory_told
-from .result import GroundPoints, Screening, _calibrated
-from .zones import Hazards, outline_hazards
+from .network import ScreeningModel, memory_reported
+from .result import GroundPoints, Screening, calibrated
 
 if TYPE_CHECKING:
     from ..configuration import ModelConfiguration
     from ..inference.interpolation import VoxelInterpolation
-
-TREND = (4.0, 4.0)
-"""Reach (m) along and up the slope of the trend that heights refer to."""
-
-
-def screen_cloud(
-    cloud: PointCloud,
-    parameters: ScreeningParameters | None = None,
-    *,
-    run_id: str = "",
-    progress: Progress | None = None,
-) -> tuple[Screening, Hazards]:
-    """Screen a ground cloud in memory.
-
-    Args:
-        cloud: ground points; ``ground`` class_2 takes those of class 2, extract is not for here.
-
-    Returns:
-        The screening, and its rasters and zones (``Hazards.frame``).
-
-    Raises:
-        InputError: see ``screen_points``.
-        EngineError: memory ran out.
-    """
-    parameters, progress = parameters or ScreeningParameters(), progress or Progress()
-    with progress.stage(0.0, 0.95, "screening"):
-        screening = screen_points(_InMemory(cloud, parameters.ground), parameters, progress)
-    with progress.stage(0.95, 1.0, "outlining zones"):
-        hazards = outline_hazards(screening, cloud.crs, parameters, run_id=run_id)
-    return screening, hazards
 
 
 def chosen_by_class(labels: NDArray[np.uint8], ground: str) -> NDArray[np.bool_]:
@@ -70,19 +38,6 @@ def chosen_by_class(labels: NDArray[np.uint8], ground: str) -> NDArray[np.bool_]
     return np.ones(len(labels), dtype=bool)
 
 
-class _InMemory:
-    def __init__(self, cloud: PointCloud, ground: str) -> None:
-        labels = np.zeros(len(cloud), np.uint8) if cloud.classification is None else cloud.classification
-        chosen = chosen_by_class(labels, ground)
-        self.name = shown(cloud.path)
-        self.xyz = cloud.xyz if chosen.all() else cloud.xyz[chosen]
-        self.classified = bool((labels == GROUND).any())
-        self.bare = self.classified and bool((labels[chosen] == GROUND).all())
-
-    def parts(self) -> Iterable[Float]:
-        yield self.xyz
-
-
 def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progress: Progress | None = None) -> Screening:
     """Screen ground points that are read in parts, twice.
 
@@ -91,14 +46,13 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
             another density than the network was made for; torch or the weights are missing.
         EngineError: memory ran out.
     """
-    from ..inference.baseline import residual_configuration, residual_memberships
     from ..preparation.streaming import prepare_parts, sample_parts
     from ..preparation.trends import residual_heights
 
     progress = progress or Progress()
     model = ScreeningModel(parameters) if parameters.screening_method == "network" else None
-    configuration = residual_configuration(TREND) if model is None else model.configuration
-    with memory_told():
+    configuration = residual_configuration() if model is None else model.configuration
+    with memory_reported():
         with progress.stage(0.0, 0.15, "reading"):
             sample = sample_parts(ground.parts, ground.name)
         with progress.stage(0.15, 0.2, "checking the slope"):
@@ -125,11 +79,11 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
             else:
                 raw, temperature = model.probabilities(cloud, progress), model.temperature
                 facts = model.facts()
-        probabilities = _calibrated(raw, temperature)
+        probabilities = calibrated(raw, temperature)
         labels = most_probable(probabilities, parameters.minimum_probability)
         warn_if_much_stands_out(labels, cloud.voxels.count, progress)
         return Screening(
-            points=apply_matrix(_inverse(cloud.matrix), cloud.voxels.points),
+            points=apply_matrix(np.asarray(np.linalg.inv(cloud.matrix), dtype=np.float64), cloud.voxels.points),
             count=cloud.voxels.count,
             probabilities=probabilities,
             raw=raw,
@@ -147,7 +101,7 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
 
 
 def _interpolation(points: Float, configuration: ModelConfiguration) -> VoxelInterpolation | None:
-    """As ``models.prediction.predict`` does it."""
+    """As ``inference.prediction.predict`` does it."""
     from ..inference.interpolation import VoxelInterpolation
 
     if configuration.interpolation <= 1:
@@ -160,7 +114,3 @@ def _measured(xyz: Float, thinned: float, configuration: ModelConfiguration) -> 
 
     plane, matrix = flat_frame(xyz, configuration)
     return measure(xyz, apply_matrix(matrix, xyz), plane, thinned), plane
-
-
-def _inverse(matrix: Float) -> Float:
-    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)

@@ -105,7 +105,7 @@ def outline_hazards(
     labels = np.zeros(grid.shape, dtype=np.uint8)
     labels[known] = most_probable(probability[:, known].T, parameters.minimum_probability)
     signed = np.where(known, np.where(labels == SUBSIDENCE, -1.0, 1.0), np.nan)
-    joined, first_cells, _, _ = label_groups(
+    joined = label_groups(
         signed,
         labels > 0,
         ZoneParameters(
@@ -113,8 +113,9 @@ def outline_hazards(
         ),
         Partition(grid.shape, grid.cell),
     )
-    order, columns = _figures(joined, len(first_cells), labels, probability, heights, screening, index, grid)
-    renumbered = np.zeros(len(first_cells) + 1, dtype=np.int32)
+    found = int(joined.max(initial=0))
+    order, columns = _figures(joined, found, labels, probability, screening, index, grid)
+    renumbered = np.zeros(found + 1, dtype=np.int32)
     renumbered[order + 1] = np.arange(1, len(order) + 1)
     columns |= {
         name: np.full(len(order), text, dtype=object)
@@ -166,7 +167,6 @@ def _figures(
     count: int,
     labels: NDArray[np.uint8],
     probability: Float,
-    heights: Float,
     screening: Screening,
     index: NDArray[np.int64],
     grid: Grid,

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...engine.core.errors import InputError
 from ...engine.core.staged_outputs import atomic_output
-from .evaluation import Scores
+from .evaluation import LabelScores
 
 
 @dataclass(frozen=True)
@@ -39,17 +39,8 @@ def folds(scenes: int, count: int = 5, seed: int = 0) -> list[Fold]:
     ]
 
 
-def split(scenes: int, train_share: float = 0.8, seed: int = 0) -> Fold:
-    """One random split, 8 : 2 by default; at least one scene on either side."""
-    if scenes < 2:
-        raise InputError(f"There are {scenes} scenes but a split needs at least two; give more.")
-    order = np.random.default_rng([seed, 0]).permutation(scenes)
-    cut = min(max(1, round(train_share * scenes)), scenes - 1)
-    return Fold(0, tuple(sorted(map(int, order[:cut]))), tuple(sorted(map(int, order[cut:]))))
-
-
 def cross_validate(
-    chosen: Sequence[Fold], folder: Path, train_and_score: Callable[[Fold, Path], Scores]
+    chosen: Sequence[Fold], folder: Path, train_and_score: Callable[[Fold, Path], LabelScores]
 ) -> dict[str, Any]:
     """Train and score fold by fold; folds whose scores are already in ``folder`` are not done again.
 

@@ -1,9 +1,8 @@
-"""Blocks to train on: from simulated scenes, or from any cloud whose points have labels."""
+"""Blocks to train on, from a cloud whose points have labels."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +13,6 @@ from ..configuration import ModelConfiguration
 from ..preparation.prepare import UNKNOWN, Block, blocks, prepare_cloud
 
 Labels = NDArray[np.uint8]
-Item = TypeVar("Item")
-Made = TypeVar("Made")
 
 
 def labelled_blocks(

@@ -7,7 +7,7 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,17 +19,16 @@ from ...engine.core import cancellation
 from ...engine.core.errors import InputError
 from ...engine.core.progress import Progress
 from ...engine.core.staged_outputs import atomic_output
-from ...interface.parameters import FineTuneParameters
+from ...interface.parameters import FineTuneParameters, given
 from ..configuration import CLASSES, SMOKE, ModelConfiguration
 from ..inference.calibration import Calibration, fit_temperature
-from ..inference.calibration_bins import calibration_bins
 from ..inference.prediction import predict
 from ..network.randlanet import RandLANet
 from ..network.weights import ModelFile
 from ..preparation.prepare import Block
 from .cross_validation import Fold, cross_validate, folds
 from .dataset import labelled_blocks
-from .evaluation import Scores, confusion, intersection_over_union, overall_accuracy
+from .evaluation import LabelScores, confusion, label_figures
 from .own_data import OwnCloud
 from .recipes import PUBLISHED, SHIPPED
 from .training import TrainingParameters, block_provider, class_frequencies, train
@@ -41,29 +40,19 @@ FROM_WEIGHTS, FROM_NOTHING = 0.002, 0.01
 """Learning rates where none is given."""
 _TIMED_STEPS = 4
 _MAX_TIME_SHARE = 0.85
-_KEPT_SCORES = (
-    "scenes", "points", "overall_accuracy", "mean_iou", "iou", "confusion", "calibration_error", "reliability",
-)  # fmt: skip
 
 
 @dataclass
-class LabelScores(Scores):
-    """Scores of clouds of which only the points' labels are known; ``start`` is the confusion of the weights
-    that training started from, on the same points.
+class TunedScores(LabelScores):
+    """Scores of held-out clouds; ``start`` is the confusion of the weights that training started from, on the same
+    points.
     """
 
-    start: NDArray[np.int64] | None = field(default=None)
-
-    def add_points(self, labels: NDArray[np.uint8], probabilities: NDArray[np.floating]) -> None:
-        """Score a cloud's labelled points: (n,) classes, (n, classes)."""
-        self.counts += confusion(labels, probabilities.argmax(axis=1).astype(np.uint8))
-        self.bins += calibration_bins(labels, probabilities)
-        self.scenes += 1
+    start: NDArray[np.int64] | None = None
 
     def summary(self) -> dict[str, Any]:
-        whole = super().summary()
-        kept = {name: whole[name] for name in _KEPT_SCORES}
-        return {**kept, "start_confusion": None if self.start is None else self.start.tolist()}
+        """As ``TunedScores.summary``, with ``start_confusion``."""
+        return {**super().summary(), "start_confusion": None if self.start is None else self.start.tolist()}
 
 
 @dataclass(frozen=True)
@@ -155,7 +144,7 @@ class _Run:
         return 0.08 + 0.92 * number / (len(self.chosen) + 1)
 
     def settings(self, steps: int) -> TrainingParameters:
-        rate = self.parameters.learning_rate or (FROM_WEIGHTS if self.start else FROM_NOTHING)
+        rate = given(self.parameters.learning_rate) or (FROM_WEIGHTS if self.start else FROM_NOTHING)
         recipe = SHIPPED if self.configuration.align else PUBLISHED
         return replace(
             recipe.training,
@@ -182,15 +171,15 @@ class _Run:
         )
         return state.network
 
-    def train_and_score(self, fold: Fold, place: Path) -> LabelScores:
+    def train_and_score(self, fold: Fold, place: Path) -> TunedScores:
         """Train on a fold's clouds, score the others and keep some of their probabilities for the calibration."""
         low, high = self.share(fold.number), self.share(fold.number + 1)
-        told = f"fold {fold.number + 1} of {len(self.chosen)}"
-        with self.progress.stage(low, low + 0.8 * (high - low), told):
+        title = f"fold {fold.number + 1} of {len(self.chosen)}"
+        with self.progress.stage(low, low + 0.8 * (high - low), title):
             network = self.train(fold.train, place)
-        scores = LabelScores(start=np.zeros((len(CLASSES),) * 2, dtype=np.int64) if self.start else None)
+        scores = TunedScores(start=np.zeros((len(CLASSES),) * 2, dtype=np.int64) if self.start else None)
         kept: list[tuple[NDArray[np.floating], NDArray[np.uint8]]] = []
-        with self.progress.stage(low + 0.8 * (high - low), high, f"scoring {told}"):
+        with self.progress.stage(low + 0.8 * (high - low), high, f"scoring {title}"):
             for place_in_fold, number in enumerate(fold.test):
                 cloud = self.clouds[number]
                 labels, known = cloud.labels[cloud.known], cloud.known
@@ -312,28 +301,18 @@ def _held_out(folder: Path, chosen: Sequence[Fold]) -> tuple[NDArray[np.floating
 
 
 def pooled_scores(results: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Scores over all held-out points, from those of the folds (``LabelScores.summary``), each point counted once.
+    """Scores over all held-out points, from those of the folds (``TunedScores.summary``), each point counted once.
 
     ``majority_accuracy`` is what naming the most frequent class everywhere would reach; ``start_*`` what the weights
     reach that training started from.
     """
     counts = np.sum([result["confusion"] for result in results], axis=0)
-    pooled = {**_figures(counts), "majority_accuracy": round(float(counts.sum(axis=1).max() / counts.sum()), 4)}
+    pooled = {**label_figures(counts), "majority_accuracy": round(float(counts.sum(axis=1).max() / counts.sum()), 4)}
     if all(result["start_confusion"] is not None for result in results):
         before = np.sum([result["start_confusion"] for result in results], axis=0)
-        pooled |= {f"start_{name}": value for name, value in _figures(before).items()}
+        pooled |= {f"start_{name}": value for name, value in label_figures(before).items()}
     pooled["folds"] = [{name: r[name] for name in ("test", "overall_accuracy", "mean_iou", "iou")} for r in results]
     return pooled
-
-
-def _figures(counts: NDArray[np.int64]) -> dict[str, Any]:
-    iou = intersection_over_union(counts)
-    return {
-        "overall_accuracy": round(overall_accuracy(counts), 4),
-        "mean_iou": round(float(np.nanmean(iou)), 4),
-        "iou": {name: round(float(v), 4) if np.isfinite(v) else None for name, v in zip(CLASSES, iou)},
-        "confusion": counts.tolist(),
-    }
 
 
 def collect_log(folder: Path, chosen: Sequence[Fold], path: Path) -> None:

@@ -70,10 +70,10 @@ def read_label_polygons(
         empty = value is None or value != value
         label = other if empty else mapping.get(key(value), other)
         if label is None:
-            told = "no value" if empty else f"the value {value!r}"
+            content = "no value" if empty else f"the value {value!r}"
             raise InputError(
-                f"A polygon of {name} has {told} in the field {found[0]}, which is no class; give background, uplift, "
-                "subsidence or unknown, or say what it is with --classes."
+                f"A polygon of {name} has {content} in the field {found[0]}, which is no class; give background, "
+                "uplift, subsidence or unknown, or say what it is with --classes."
             )
         labels[place] = label
     geometry = shapely.make_valid(frame.geometry.to_numpy())

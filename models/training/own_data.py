@@ -203,8 +203,8 @@ def _refuse_useless(clouds: Sequence[OwnCloud], areas: LabelPolygons | None, pro
     there = [name for name, count in total.items() if count]
     if len(there) < 2:
         raise InputError(
-            f"All labelled points are {there[0]}, and there is nothing to tell apart; give clouds with at least two of "
-            f"{', '.join(CLASSES)}."
+            f"All labelled points are {there[0]}, and there is nothing to distinguish; give clouds with at least two "
+            f"of {', '.join(CLASSES)}."
         )
     for name in CLASSES:
         if not total[name]:

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import torch
 
+from ...engine.core.arrays import Float
 from ...engine.core.progress import Progress
-from ...simulation.hazard_scenes.scenes import SimulatedScene
 from ..configuration import PAPER, ModelConfiguration
 from ..network.batches import Augmentation
 from ..preparation.prepare import Block
-from .scene_blocks import scene_blocks
+from .dataset import Labels, labelled_blocks
 from .training import PAPER_TRAINING, TrainingParameters, TrainingState, block_provider, class_frequencies, train
 
 HALF_WIDTH = (8, 32, 64, 128)
@@ -23,7 +23,7 @@ HALF_WIDTH = (8, 32, 64, 128)
 
 @dataclass(frozen=True)
 class Recipe:
-    """A model's settings, how it is trained, and which windows of a scene it is trained on: every ``step`` m, and of
+    """A model's settings, how it is trained, and which windows of a cloud it is trained on: every ``step`` m, and of
     these a random ``share``.
     """
 
@@ -36,9 +36,9 @@ class Recipe:
         """The recipe with another number of steps."""
         return replace(self, training=replace(self.training, steps=steps))
 
-    def blocks(self, scene: SimulatedScene) -> list[Block]:
-        """The blocks of a scene that are trained on."""
-        return scene_blocks(scene, self.configuration, seed=scene.spec.seed, step=self.step, share=self.share)
+    def blocks(self, xyz: Float, labels: Labels, seed: int) -> list[Block]:
+        """The blocks of a labelled cloud that are trained on; see ``dataset.labelled_blocks``."""
+        return labelled_blocks(xyz, labels, self.configuration, seed=seed, step=self.step, share=self.share)
 
     def train(
         self,

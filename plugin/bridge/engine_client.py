@@ -8,26 +8,17 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import queue
 import signal
-import subprocess
-import threading
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import IO, Any
-
-from qgis.PyQt.QtCore import QCoreApplication, QThread
+from typing import Any
 
 from ...interface.protocol import CANCELLED, DONE, ERROR, INPUT_REFUSED, LOG, PROGRESS, RESULT
 from . import settings
-from .interpreter import PLUGIN_FOLDER, InterpreterNotFoundError, child_environment, find_interpreter, is_windows
+from .engine_process import run_process
+from .interpreter import PLUGIN_FOLDER, InterpreterNotFoundError, child_environment, find_interpreter
 
 MODULE = "slopewatch.cli"
-POLL_SECONDS = 0.2
-GRACE_SECONDS = 1.5  # between asking the engine to stop and killing it; the whole takes less than 2 s
-_LINE_LIMIT = 1 << 20  # bytes of one line; the engine's are far shorter
-_STDERR_KEPT = 16384  # bytes of standard error kept for the message
 
 
 class EngineError(Exception):
@@ -91,118 +82,17 @@ def run_command(command: Sequence[str], feedback: Any) -> EngineResult:
     """Run a program that speaks the engine's protocol; see ``run_engine``."""
     if feedback.isCanceled():
         raise EngineCancelledError("Cancelled; no output was written.")
+    conversation = _Conversation(feedback)
     try:
-        process = subprocess.Popen(
-            list(command),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            env=child_environment(),
-            start_new_session=not is_windows(),  # so that its whole group can be ended
-            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
-        )
+        ended = run_process(command, child_environment(), conversation.take, feedback.isCanceled)
     except OSError as error:
         raise EngineNotStartedError(
-            f"The engine's interpreter {command[0]} cannot be started ({error.strerror}); run the set-up again or "
+            f"The engine's interpreter {command[0]} cannot be started ({error}); run the set-up again or "
             "correct it under Settings > Options > SlopeWatch."
         ) from None
-    conversation = _Conversation(feedback)
-    lines: queue.Queue[bytes | None] = queue.Queue()
-    complaint = _Tail(_STDERR_KEPT)
-    readers = [
-        threading.Thread(target=_read_lines, args=(process.stdout, lines), daemon=True),
-        threading.Thread(target=complaint.read, args=(process.stderr,), daemon=True),
-    ]
-    for reader in readers:
-        reader.start()
-    try:
-        cancelled = _converse(process, lines, conversation, feedback)
-    finally:
-        _end(process, 0.0)  # nothing is left running, whatever was raised
-        for reader in readers:
-            reader.join(1.0)
-    if cancelled:
+    if ended.cancelled:
         raise EngineCancelledError("Cancelled; the engine was stopped and no output was written.")
-    return conversation.verdict(process.returncode, complaint.text(), command[0])
-
-
-def _converse(
-    process: subprocess.Popen[bytes], lines: queue.Queue[bytes | None], conversation: _Conversation, feedback: Any
-) -> bool:
-    """Pass the engine's lines on until its output ends; True if the user cancelled meanwhile."""
-    application = QCoreApplication.instance()
-    on_main_thread = application is not None and QThread.currentThread() == application.thread()
-    ended: float | None = None
-    while True:
-        try:
-            line = lines.get(timeout=POLL_SECONDS)
-            if line is None:
-                break
-            conversation.take(line)
-        except queue.Empty:
-            # The engine has ended but something holds its output open: do not wait for that.
-            if process.poll() is not None:
-                ended = ended or time.monotonic()
-                if time.monotonic() - ended > 1.0:
-                    break
-        if on_main_thread:
-            QCoreApplication.processEvents()
-        if feedback.isCanceled():
-            _end(process, GRACE_SECONDS)
-            return True
-    while process.poll() is None:  # output closed, process not gone yet
-        if feedback.isCanceled():
-            _end(process, GRACE_SECONDS)
-            return True
-        if on_main_thread:
-            QCoreApplication.processEvents()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(POLL_SECONDS)
-    return False
-
-
-def _end(process: subprocess.Popen[bytes], grace: float) -> None:
-    """Close the engine's standard input, ask it to stop, and after ``grace`` seconds kill it and its children."""
-    with contextlib.suppress(OSError, ValueError):
-        if process.stdin is not None:
-            process.stdin.close()
-    if process.poll() is None and grace > 0:
-        with contextlib.suppress(OSError):
-            if not is_windows():  # there, terminating is killing; closing its input is the polite way
-                process.terminate()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(grace)
-    if is_windows():
-        if process.poll() is None:
-            subprocess.run(["taskkill", "/F", "/T", "/PID", str(process.pid)], capture_output=True, check=False)
-    else:
-        with contextlib.suppress(OSError):  # the group outlives the engine if a child of it does
-            os.killpg(process.pid, signal.SIGKILL)
-    with contextlib.suppress(subprocess.TimeoutExpired):
-        process.wait(GRACE_SECONDS)
-
-
-def _read_lines(stream: IO[bytes], lines: queue.Queue[bytes | None]) -> None:
-    with contextlib.suppress(OSError, ValueError), stream:
-        for line in iter(lambda: stream.readline(_LINE_LIMIT), b""):
-            lines.put(line)
-    lines.put(None)
-
-
-class _Tail:
-    """The last bytes of a stream; reads all of it, so that the writer never blocks."""
-
-    def __init__(self, size: int) -> None:
-        self._size = size
-        self._kept = b""
-
-    def read(self, stream: IO[bytes]) -> None:
-        with contextlib.suppress(OSError, ValueError), stream:
-            for chunk in iter(lambda: stream.read1(65536), b""):  # type: ignore[attr-defined]
-                self._kept = (self._kept + chunk)[-self._size :]
-
-    def text(self) -> str:
-        return self._kept.decode("utf-8", "replace").strip()
+    return conversation.verdict(ended.code, ended.complaint, command[0])
 
 
 class _Conversation:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -84,7 +83,3 @@ def child_environment(environ: Mapping[str, str] | None = None) -> dict[str, str
     # PYTHONSAFEPATH: a numpy.py in the user's current folder must not shadow the engine's (Python 3.11 and later).
     kept.update(PYTHONUTF8="1", PYTHONUNBUFFERED="1", PYTHONSAFEPATH="1")
     return kept
-
-
-def is_windows() -> bool:
-    return sys.platform == "win32"

@@ -27,7 +27,7 @@ KNOWN_FIELDS = np.dtype([*HAZARD_FIELDS.descr, ("z", np.float64), ("diameter", n
 PLANE_DISTANCE, PLANE_ITERATIONS = 1.0, 64
 NODE = 0.25
 """Spacing (m) of the places that are tried."""
-APART = 1.0
+MARGIN_M = 1.0
 """Untouched ground between two hazards, m."""
 AREA_CELLS = 400
 
@@ -36,7 +36,7 @@ AREA_CELLS = 400
 class Site:
     """Where hazards may be put.
 
-    ``minimum_density`` (points a m² of the slope's plane) must lie on the hazard and ``APART`` m around it; ``gap``
+    ``minimum_density`` (points a m² of the slope's plane) must lie on the hazard and ``MARGIN_M`` m around it; ``gap``
     (m) is the farthest that any place there may be from a point, which keeps hazards off edges and holes.
     """
 
@@ -151,7 +151,7 @@ class _Ground:
 
     def free(self, radius: float) -> Bool:
         """(nodes,) where a circle of ``radius`` m and its surroundings are free and dense enough."""
-        wide = radius + APART
+        wide = radius + MARGIN_M
         # Nodes up to a gap beyond an edge are near a point.
         free = self.room >= max(radius + self.site.gap, wide)
         where = np.flatnonzero(free)
@@ -166,7 +166,7 @@ class _Ground:
             return None
         place = self.nodes[choices[rng.integers(len(choices))]]
         left = np.hypot(*(self.nodes - place).T) - radius
-        np.minimum(self.room, left - max(0.0, self.site.gap - APART), out=self.room)
+        np.minimum(self.room, left - max(0.0, self.site.gap - MARGIN_M), out=self.room)
         return float(place[0]), float(place[1])
 
 

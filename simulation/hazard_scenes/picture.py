@@ -117,11 +117,6 @@ def panels(scene: SimulatedScene, cell: float | None = None) -> Panels:
     return Panels(title, scene.shares, *shade(scene, cell))
 
 
-def draw_scenes(scenes: Sequence[SimulatedScene], path: Path, *, negatives: bool = True, width: float = 14.0) -> None:
-    """Draw scenes, each in a row; see ``draw_panels``."""
-    draw_panels([panels(scene) for scene in scenes], path, negatives=negatives, width=width)
-
-
 def draw_panels(
     scenes: Sequence[Panels],
     path: Path,
@@ -129,7 +124,6 @@ def draw_panels(
     negatives: bool = True,
     across: int = 1,
     width: float = 14.0,
-    dpi: float = 100.0,
     small_file: bool = False,
 ) -> None:
     """A PNG ``width`` inches wide, ``across`` scenes in a row: relief, labels over it and, if asked for, hard
@@ -146,7 +140,7 @@ def draw_panels(
     shown = [name for name, wanted in (("relief", across == 1), ("labels", True), ("negatives", negatives)) if wanted]
     columns, rows = across * len(shown), -(-len(scenes) // across)
     ratios = [max(s.ratio for s in scenes[across * r : across * (r + 1)]) for r in range(rows)]
-    figure = Figure(figsize=(width, width / columns * sum(ratios) + 0.35 * rows + 0.7), layout="constrained", dpi=dpi)
+    figure = Figure(figsize=(width, width / columns * sum(ratios) + 0.35 * rows + 0.7), layout="constrained", dpi=100.0)
     axes = figure.subplots(rows, columns, height_ratios=ratios, squeeze=False)
     for axis in axes.ravel():
         axis.set_axis_off()

@@ -90,8 +90,9 @@ def _tiled(nodes: range, shift: int) -> slice | NDArray[np.intp]:
     return (np.arange(nodes.start, nodes.stop, nodes.step, dtype=np.intp) + shift) % TILE
 
 
-def new_surface(extent: tuple[float, float], step: float, rng: np.random.Generator, margin: float = 1.5) -> Surface:
+def new_surface(extent: tuple[float, float], step: float, rng: np.random.Generator) -> Surface:
     """A flat surface for a survey of ``extent`` m along u and w with nodes ``step`` m apart."""
+    margin = 1.5
     nodes = [math.ceil((length + 2 * margin) / step) + 1 for length in extent]
     bumps = periodic_texture(step, 2.0, 0.5, 2.5, rng)
     folds = periodic_texture(step, 2.0, 2.0, 8.0, rng)
@@ -114,15 +115,15 @@ def periodic_texture(
     return (tile / (deviation or 1.0)).astype(np.float32)
 
 
-def roughen(surface: Surface, rms: float, exponent: float, rng: np.random.Generator, longest: float = 8.0) -> float:
-    """Add natural roughness of ``rms`` m with power spectrum k^-exponent up to wavelengths of ``longest`` m.
+def roughen(surface: Surface, rms: float, exponent: float, rng: np.random.Generator) -> float:
+    """Add natural roughness of ``rms`` m with power spectrum k^-exponent up to wavelengths of 8 m.
 
     Wavelengths above 1 m come from a coarse field that covers the scene, shorter ones from a periodic texture.
 
     Returns:
         rms of the wavelengths below 1 m: what blurs a displacement at the scale of neighbouring points.
     """
-    split, shortest = 1.0, max(0.1, 2 * surface.step)
+    split, longest, shortest = 1.0, 8.0, max(0.1, 2 * surface.step)
     fine_part = _band_variance(exponent, shortest, split)
     total = fine_part + _band_variance(exponent, split, longest)
     fine = rms * math.sqrt(fine_part / total)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -13,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from ...engine.core.staged_outputs import atomic_output
 from ...engine.pointcloud.cloud import PointCloud
 from ...engine.pointcloud.writing import write_cloud
 from ...engine.vector.geopackage import write_layer
 from ...interface.parameters import ScenesParameters
+from ..surveys.write import write_json
 from .negatives import Negative
 from .scenes import SimulatedScene
 from .styles import SIMULATOR_VERSION, SceneSpec
@@ -118,6 +117,5 @@ def write_manifest(path: Path, parameters: ScenesParameters, entries: list[dict[
         "dimensions": DIMENSIONS,
         "scenes": entries,
     }
-    with atomic_output(path) as partial:
-        partial.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    write_json(path, document)
     return shares

@@ -15,7 +15,7 @@ from ..trace import Rays
 from .scene import Scene
 from .vegetation import Canopy
 
-LEAST_HEIGHT = 0.005
+MIN_HEIGHT = 0.005
 """A layer lower than this is none, m."""
 LOW, NODES_LOW, NODES_HIGH = 2.0, 28, 72
 """Nodes along a ray through layers up to LOW m and through higher ones; they lie closer towards the ground."""
@@ -54,7 +54,7 @@ class Layer:
         low = np.flatnonzero(above <= self.tallest)
         height = self.height.ravel().take(cell[low])
         within = above[low] <= height
-        low, height = low[within], np.maximum(height[within], LEAST_HEIGHT)
+        low, height = low[within], np.maximum(height[within], MIN_HEIGHT)
         relative = np.maximum(above[low], 0.0) / height
         index = (relative * (len(self.profile) - 1) + 0.5).astype(np.int64)
         index = np.minimum(index, len(self.profile) - 1)
@@ -83,6 +83,15 @@ class Cover:
 
 
 @dataclass(frozen=True)
+class Landscape:
+    """What is flown over in one epoch: the ground, its shrubs and trees, and what else covers it."""
+
+    scene: Scene
+    canopy: Canopy
+    cover: Cover | None = None
+
+
+@dataclass(frozen=True)
 class LayerHits:
     """Where rays meet plants: index of the ray, optical depth and distance (m) so far, what it met."""
 
@@ -99,18 +108,10 @@ class Crossing:
     place where a ray meets a plant is known exactly.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        canopy: Canopy,
-        cover: Cover,
-        rays: Rays,
-        entry: Float,
-        ground: Float,
-        rng: np.random.Generator,
-    ) -> None:
-        self.scene, self.cover, self.rays = scene, cover, rays
-        self.canopy = canopy if canopy.covered.any() else None
+    def __init__(self, landscape: Landscape, rays: Rays, entry: Float, ground: Float, rng: np.random.Generator) -> None:
+        self.scene, self.cover, self.rays = landscape.scene, landscape.cover or Cover(), rays
+        self.canopy = landscape.canopy if landscape.canopy.covered.any() else None
+        cover = self.cover
         self.sources = np.array([*(layer.source for layer in cover.layers), LEAVES], dtype=np.uint8)
         count = NODES_LOW if cover.tallest <= LOW and self.canopy is None else NODES_HIGH
         # At random between rays, so that a layer's top does not lie at the same node in all.

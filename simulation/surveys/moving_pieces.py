@@ -17,7 +17,7 @@ from ...engine.geometry.rigid_transform import RigidTransform
 
 POINTS = 165_000
 EPOCHS = 19
-LEAST_SHARE, LARGEST_SHARE = 0.19, 0.96
+MIN_SHARE, MAX_SHARE = 0.19, 0.96
 NOISE = 0.003  # metres, along the surface's normal
 OFFSET, TURN = 0.15, 2e-3  # metres and rad of a survey as delivered
 _PANELS, _SIDE = 6, 4.0  # panels a row, and metres of each
@@ -119,20 +119,18 @@ def build_pieces(seed: int) -> tuple[Piece, ...]:
 
 def shares_moved() -> tuple[float, ...]:
     """Share that has moved at each of the later epochs."""
-    return (0.0, *(float(v) for v in np.linspace(LEAST_SHARE, LARGEST_SHARE, EPOCHS - 1)))
+    return (0.0, *(float(v) for v in np.linspace(MIN_SHARE, MAX_SHARE, EPOCHS - 1)))
 
 
-def first_epoch(seed: int, points: int = POINTS, noise: float = NOISE) -> Float:
+def first_epoch(seed: int, points: int = POINTS) -> Float:
     """The survey (n, 3) that the later ones are compared with."""
     pieces = build_pieces(seed)
     rng = np.random.default_rng([seed, 2])
-    clouds = [p.sampled(n, noise, rng) for p, n in zip(pieces, _counts(pieces, points), strict=True)]
+    clouds = [p.sampled(n, NOISE, rng) for p, n in zip(pieces, _counts(pieces, points), strict=True)]
     return np.concatenate(clouds)
 
 
-def moved_epoch(
-    seed: int, share: float, *, together: bool = False, points: int = POINTS, noise: float = NOISE
-) -> MovedEpoch:
+def moved_epoch(seed: int, share: float, *, together: bool = False, points: int = POINTS) -> MovedEpoch:
     """A later survey of which ``share`` has moved.
 
     Args:
@@ -146,7 +144,7 @@ def moved_epoch(
     motions = {int(group): _motion(pieces, groups == group, rng) for group in np.unique(groups)}
     clouds = []
     for piece, count, changed, group in zip(pieces, counts, moved, groups, strict=True):
-        cloud = piece.sampled(count, noise, rng)
+        cloud = piece.sampled(count, NOISE, rng)
         clouds.append(motions[int(group)].apply(cloud) if changed else cloud)
     xyz, stable = np.concatenate(clouds), np.repeat(~moved, counts)
     direction, axis = rng.normal(size=(2, 3))

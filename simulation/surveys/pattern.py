@@ -87,10 +87,10 @@ def plan_flight(area: tuple[float, float, float, float], profile: Profile, scann
     return Flight(v, profile(v) + scanner.altitude, u0 - scanner.overshoot, u1 + scanner.overshoot, scanner)
 
 
-def flown(plan: Flight, rng: np.random.Generator, accuracy: float = 0.3) -> Flight:
-    """The plan as one survey flies it: lines off by ``accuracy`` m (standard deviation), the scanner at any phase."""
-    v = plan.v + rng.normal(0.0, accuracy, plan.v.shape)
-    z = plan.z + rng.normal(0.0, accuracy, plan.z.shape)
+def flown(plan: Flight, rng: np.random.Generator) -> Flight:
+    """The plan as one survey flies it: lines off by 0.3 m (standard deviation), the scanner at any phase."""
+    v = plan.v + rng.normal(0.0, 0.3, plan.v.shape)
+    z = plan.z + rng.normal(0.0, 0.3, plan.z.shape)
     return replace(plan, v=v, z=z, phase=float(rng.uniform(0.0, 3600.0)))
 
 

@@ -17,7 +17,7 @@ from .scene import Scene
 from .vegetation import ROAD_EDGE
 
 STEP = 0.1
-LARGEST = 4_000_000
+MAX_NODES = 4_000_000
 """Nodes of a field at most; a larger slope gets coarser ones."""
 EDGE = 0.04
 """Ranks over which plants thin out at the edge of their part."""
@@ -67,7 +67,7 @@ class Ground:
     def __init__(self, scene: Scene, seed: int) -> None:
         self.scene, self.seed = scene, seed
         u0, v0, u1, v1 = scene.extent
-        self.step = max(STEP, math.sqrt((u1 - u0) * (v1 - v0) / LARGEST))
+        self.step = max(STEP, math.sqrt((u1 - u0) * (v1 - v0) / MAX_NODES))
         self.shape = (math.ceil((v1 - v0) / self.step) + 1, math.ceil((u1 - u0) / self.step) + 1)
         self.origin = (u0, v0)
         self.v: Float = v0 + self.step * np.arange(self.shape[0], dtype=np.float64)

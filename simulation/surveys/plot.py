@@ -11,10 +11,10 @@ import numpy as np
 from ...engine.core.arrays import Float
 from ...interface.parameters import SurveyParameters
 from ..frame import Frame
-from .layers import Cover
+from .layers import Cover, Landscape
 from .pattern import Scanner, flown, plan_flight
 from .plants import cover_of
-from .scanner import SurveyCloud, scan
+from .scanner import SurveyCloud, scan, survey
 from .scene import Profile, Relief, Scene, build_scene
 from .vegetation import grow
 
@@ -71,13 +71,12 @@ def plot(
     seed = parameters.seed
     scene = build_scene(plane, area, MARGIN, Frame(), relief or Relief(), np.random.default_rng([seed, 1]))
     canopy = grow(scene, parameters.vegetation, np.random.default_rng([seed, 2]))
-    cover = cover_of(parameters, scene, epoch)
+    landscape = Landscape(scene, canopy, cover_of(parameters, scene, epoch))
     scanner = Scanner(overshoot=OVERSHOOT, field_of_view=FIELD)
-    flight = flown(plan_flight(area, plane, scanner), np.random.default_rng([seed, 11 + epoch, 0]))
-    pilot = scan(scene, canopy, flight, area, PILOT, 0.0, (seed, 10), cover=cover)
+    plan, own = plan_flight(area, plane, scanner), (seed, 11 + epoch)
+    pilot = scan(landscape, flown(plan, np.random.default_rng([*own, 0])), area, PILOT, 0.0, (seed, 10))
     pulses = math.ceil(density * side**2 * PILOT / max(len(pilot), 1))
-    cloud = scan(scene, canopy, flight, area, pulses, parameters.range_noise, (seed, 11 + epoch, 1), cover=cover)
-    return Plot(cloud, scene, cover)
+    return Plot(survey(landscape, plan, area, pulses, parameters.range_noise, own), scene, landscape.cover)
 
 
 def grass_plot(
@@ -86,13 +85,11 @@ def grass_plot(
     density: float = 700.0,
     state: str = "grown",
     slope: float = 25.0,
-    height: float = 0.7,
 ) -> Plot:
     """A plot of closed grass, ``state`` grown or mown; a seed has the same ground in both states.
 
     Args:
         side, density, slope: as in ``plot``.
-        height: mean height of the longest stems, m.
 
     Raises:
         ValueError: ``state`` is neither.
@@ -100,10 +97,6 @@ def grass_plot(
     if state not in ("grown", "mown"):
         raise ValueError(f"state is {state!r}; give grown or mown")
     parameters = SurveyParameters(
-        seed=seed,
-        grass=1.0,
-        grass_height=height,
-        vegetation=0.0,
-        mown="never" if state == "grown" else "both",
+        seed=seed, grass=1.0, grass_height=0.7, vegetation=0.0, mown="never" if state == "grown" else "both"
     )
     return plot(parameters, side, density, slope, epoch=0 if state == "grown" else 1)

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from ...engine.core.arrays import Float
 from ..sources import GROUND, LEAVES, TURF
 from ..trace import Rays
-from .layers import Cover, Crossing
-from .scene import Scene
+from .layers import Crossing, Landscape
 from .vegetation import ENVELOPE, Canopy
 
 MARCH = 0.15
@@ -20,7 +19,7 @@ SEPARATION = 0.25
 """Echoes closer than this along the beam cannot be distinguished; the first stands for them, m."""
 CLOSED_LITTER = 0.03
 """Thickness from which on litter leaves hardly a gap, m."""
-LEAST_ENERGY = 0.2
+MIN_ENERGY = 0.2
 """Share of the pulse's energy below which nothing more is detected."""
 
 
@@ -38,29 +37,23 @@ NOTHING = Echoes(np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0, np
 
 
 def echoes(
-    scene: Scene,
-    canopy: Canopy,
-    rays: Rays,
-    start: Float,
-    ground: Float,
-    maximum: int,
-    rng: np.random.Generator,
-    cover: Cover | None = None,
+    landscape: Landscape, rays: Rays, start: Float, ground: Float, maximum: int, rng: np.random.Generator
 ) -> Echoes:
     """The echoes of each ray, of which ``ground`` (n,) is the distance to the ground.
 
     At ``start`` (n,) the rays are still above all leaves. At most ``maximum`` echoes a ray.
 
     Within leaves, the optical depth to the next echo is exponentially distributed (Beer-Lambert); each echo takes
-    a random part of the energy, and a pulse with less than LEAST_ENERGY left ends there. With layers of a ``cover``,
+    a random part of the energy, and a pulse with less than MIN_ENERGY left ends there. Where layers cover the ground,
     the rays are above them and all leaves at ``start``.
     """
+    scene, cover = landscape.scene, landscape.cover
     if cover is not None and cover.layers:
-        crossing = Crossing(scene, canopy, cover, rays, start, ground, rng)
+        crossing = Crossing(landscape, rays, start, ground, rng)
         plants, left, last, count = _through_layers(crossing, maximum, rng)
     else:
-        plants, left, last, count = _through_leaves(scene, canopy, rays, start, ground, maximum, rng)
-    reached = np.flatnonzero((left >= LEAST_ENERGY) & (ground - last >= SEPARATION) & (count < maximum))
+        plants, left, last, count = _through_leaves(landscape, rays, start, ground, maximum, rng)
+    reached = np.flatnonzero((left >= MIN_ENERGY) & (ground - last >= SEPARATION) & (count < maximum))
     place = rays.take(reached).at(ground[reached])
     grass = scene.turf(place[0], place[1])
     caught = rng.random(len(reached)) < np.minimum(grass / 0.06, 0.8)
@@ -97,7 +90,7 @@ def _through_layers(
         found.append((struck, hits.distance[apart], taken[apart], hits.source[apart]))
         last[struck] = hits.distance[apart]
         count[struck] += 1
-        going = (left[hits.ray] >= LEAST_ENERGY) & (count[hits.ray] < maximum)
+        going = (left[hits.ray] >= MIN_ENERGY) & (count[hits.ray] < maximum)
         ray = hits.ray[going]
         threshold = hits.optical[going] + rng.standard_exponential(len(ray))
     if not found:
@@ -106,10 +99,10 @@ def _through_layers(
 
 
 def _through_leaves(
-    scene: Scene, canopy: Canopy, rays: Rays, start: Float, ground: Float, maximum: int, rng: np.random.Generator
+    landscape: Landscape, rays: Rays, start: Float, ground: Float, maximum: int, rng: np.random.Generator
 ) -> tuple[Echoes, Float, Float, NDArray[np.int64]]:
     """Echoes of the leaves, not sorted; energy left, last echo's distance and count of every ray."""
-    n = len(rays)
+    scene, canopy, n = landscape.scene, landscape.canopy, len(rays)
     left, last, count = np.ones(n), np.full(n, -np.inf), np.zeros(n, dtype=np.int64)
     found: list[tuple[NDArray[np.int64], Float, Float]] = []
     if canopy.covered.any():
@@ -135,7 +128,7 @@ def _through_leaves(
                 found.append((struck[apart], at[apart], taken[apart]))
                 last[struck[apart]] = at[apart]
                 count[struck[apart]] += 1
-                ended = (left[struck] < LEAST_ENERGY) | (count[struck] >= maximum)
+                ended = (left[struck] < MIN_ENERGY) | (count[struck] >= maximum)
                 following = depth[hit] + rng.standard_exponential(len(hit))
                 threshold[hit] = np.where(ended, np.inf, following)
             t += MARCH

@@ -14,12 +14,11 @@ from ...engine.core.progress import Progress
 from ..sources import LEAVES, MULTIPATH, STRAY
 from ..trace import Steepness, approach, first_hit
 from .appearance import colours, intensities
-from .layers import Cover
-from .pattern import Flight, Pulses, emit
+from .layers import Landscape
+from .pattern import Flight, Pulses, emit, flown
 from .returns import Echoes, echoes
 from .scene import Scene
 from .stray import disturbed
-from .vegetation import Canopy
 
 Area = tuple[float, float, float, float]
 CHUNK = 1 << 16
@@ -51,8 +50,7 @@ class SurveyCloud:
 
 
 def scan(
-    scene: Scene,
-    canopy: Canopy,
+    landscape: Landscape,
     flight: Flight,
     area: Area,
     pulses: int,
@@ -60,23 +58,22 @@ def scan(
     seed: tuple[int, ...],
     progress: Progress | None = None,
     workers: int = 2,
-    cover: Cover | None = None,
 ) -> SurveyCloud:
-    """Scan ``area`` (u and v from, u and v to) of the scene with ``pulses`` pulses spread evenly over the flight.
+    """Scan ``area`` (u and v from, u and v to) of a landscape with ``pulses`` pulses spread evenly over the flight.
 
     The result depends on ``seed`` alone, not on ``workers``. ``range_noise`` is the standard deviation along the
     beam, m.
     """
     progress = progress or Progress()
     starts = range(0, pulses, CHUNK)
-    ceiling = scene.lift + 0.2
+    ceiling = landscape.scene.lift + 0.2
     interval = len(flight.v) * flight.line_seconds / pulses
 
     def one(number: int) -> SurveyCloud:
         index = np.arange(starts[number], min(starts[number] + CHUNK, pulses), dtype=np.float64)
         rng = np.random.default_rng([*seed, number])
         seconds: Float = (index + 0.5) * interval
-        return _scan_chunk(scene, canopy, cover, flight, area, ceiling, seconds, range_noise, rng)
+        return _scan_chunk(landscape, flight, area, ceiling, seconds, range_noise, rng)
 
     parts: list[SurveyCloud] = []
     with ThreadPoolExecutor(workers) as pool:
@@ -84,6 +81,20 @@ def scan(
             parts.append(part)
             progress.update(len(parts) / len(starts), "scanning")
     return SurveyCloud(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(SurveyCloud)))
+
+
+def survey(
+    landscape: Landscape,
+    plan: Flight,
+    area: Area,
+    pulses: int,
+    range_noise: float,
+    seed: tuple[int, int],
+    progress: Progress | None = None,
+) -> SurveyCloud:
+    """One epoch as it is flown, see ``scan``: ``seed`` is the scene's and 11 plus the epoch's number."""
+    flight = flown(plan, np.random.default_rng([*seed, 0]))
+    return scan(landscape, flight, area, pulses, range_noise, (*seed, 1), progress)
 
 
 def _in_order(
@@ -101,9 +112,7 @@ def _in_order(
 
 
 def _scan_chunk(
-    scene: Scene,
-    canopy: Canopy,
-    cover: Cover | None,
+    landscape: Landscape,
     flight: Flight,
     area: Area,
     ceiling: float,
@@ -112,6 +121,7 @@ def _scan_chunk(
     rng: np.random.Generator,
 ) -> SurveyCloud:
     """Points of the pulses sent at ``seconds``; the ground lies lower than ``ceiling`` m above the plain profile."""
+    scene, canopy, cover = landscape.scene, landscape.canopy, landscape.cover
     sent = emit(flight, seconds)
     rays, reach = sent.rays, 12 * flight.scanner.altitude
     low, high = scene.profile.slopes
@@ -137,7 +147,7 @@ def _scan_chunk(
     ground = first_hit(scene.height, rays, near[chosen], steep, reach)
     landed = np.isfinite(ground)
     chosen, rays, ground = chosen[landed], rays.take(landed), ground[landed]
-    found = echoes(scene, canopy, rays, start[chosen], ground, flight.scanner.maximum_returns, rng, cover)
+    found = echoes(landscape, rays, start[chosen], ground, flight.scanner.maximum_returns, rng)
     if cover is not None and (cover.multipath or cover.stray):
         found = disturbed(found, rays, ground, cover.multipath, cover.stray, rng)
     kept = Pulses(rays, sent.line[chosen], seconds[chosen], sent.scan_angle[chosen])

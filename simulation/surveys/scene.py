@@ -13,7 +13,7 @@ from ..frame import Frame
 from .change import Change, total_dz
 
 BERM_WIDTH = 2.0
-LARGEST_FIELD = 24_000_000
+MAX_FIELD_NODES = 24_000_000
 """Nodes of the height field at most (192 MB); a larger scene gets a coarser field."""
 
 
@@ -97,16 +97,16 @@ class Scene:
         return float(u[0]), float(v[0]), float(u[-1]), float(v[-1])
 
 
-def cut_profile(height: float, angle: float, benches: int, berm: float = BERM_WIDTH, reach: float = 1000.0) -> Profile:
+def cut_profile(height: float, angle: float, benches: int) -> Profile:
     """Road (2.5 % crossfall), face of ``angle`` degrees from v = 0 with ``benches`` berms, shoulder of 6 degrees."""
-    run = height / math.tan(math.radians(angle))
+    run, reach = height / math.tan(math.radians(angle)), 1000.0
     v, z = [-reach, 0.0], [-0.025 * reach, 0.0]
     for step in range(benches + 1):
         v.append(v[-1] + run / (benches + 1))
         z.append(z[-1] + height / (benches + 1))
         if step < benches:
-            v.append(v[-1] + berm)
-            z.append(z[-1] - 0.03 * berm)
+            v.append(v[-1] + BERM_WIDTH)
+            z.append(z[-1] - 0.03 * BERM_WIDTH)
     v.append(v[-1] + reach)
     z.append(z[-1] + math.tan(math.radians(6.0)) * reach)
     return Profile(np.array(v), np.array(z))
@@ -123,7 +123,7 @@ def build_scene(
 ) -> Scene:
     """A scene around the ``slope`` rectangle with ``margin`` m on every side; ground coarser than ``step`` if large."""
     u0, v0, u1, v1 = slope[0] - margin, slope[1] - margin, slope[2] + margin, slope[3] + margin
-    step = max(step, math.sqrt((u1 - u0) * (v1 - v0) / LARGEST_FIELD))
+    step = max(step, math.sqrt((u1 - u0) * (v1 - v0) / MAX_FIELD_NODES))
     shape = (math.ceil((v1 - v0) / step) + 1, math.ceil((u1 - u0) / step) + 1)
     v: Float = v0 + step * np.arange(shape[0], dtype=np.float64)
     # Roads are laid even; roughness grows within the first half metre of the face.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -10,28 +9,24 @@ from datetime import date, timedelta
 from pathlib import Path
 from typing import Any, Protocol
 
-import geopandas
 import numpy as np
 from pyproj import CRS
-from shapely import Polygon
 
 from ...engine.core.arrays import Float
 from ...engine.core.progress import Progress
-from ...engine.core.staged_outputs import atomic_output
 from ...engine.geometry.rigid_transform import RigidTransform
 from ...engine.grid.grid import Grid
-from ...engine.vector.geopackage import write_layer
 from ...interface.parameters import SurveyParameters
 from ..frame import Frame
 from .change import Bump, true_change_raster
-from .pattern import Scanner, flown, plan_flight
+from .layers import Landscape
 from .plants import cover_of
-from .scanner import SurveyCloud, scan
-from .scene import BERM_WIDTH, Relief, Scene, build_scene, cut_profile
+from .scanner import SurveyCloud, survey
+from .scene import Relief, Scene
 from .survey import CRS as SURVEY_CRS
-from .survey import known_offset, largest_margin, rectangle, survey_area
-from .vegetation import Canopy, grow
-from .write import write_survey
+from .survey import built_slope, known_offset, rectangle, survey_area
+from .vegetation import Canopy
+from .write import write_json, write_region, write_survey
 
 
 class Law(Protocol):
@@ -130,7 +125,6 @@ def simulate_series(
     laws: Sequence[Law],
     *,
     half_axes: tuple[float, float] = (2.0, 1.6),
-    relief: Relief | None = None,
     progress: Progress | None = None,
 ) -> SimulatedSeries:
     """Surveys of one slope on ``dates``; its zones lie side by side and move by ``laws`` (negative: lowering).
@@ -141,22 +135,18 @@ def simulate_series(
     Args:
         half_axes: of each zone along and up the slope, metres.
     """
-    progress, relief = progress or Progress(), relief or Relief()
+    progress = progress or Progress()
     seed = parameters.seed
-    run = parameters.height / math.tan(math.radians(parameters.angle)) + parameters.benches * BERM_WIDTH
-    slope = (0.0, 0.0, parameters.length, run)
-    profile = cut_profile(parameters.height, parameters.angle, parameters.benches)
-    scene = build_scene(profile, slope, largest_margin(slope) + 9.0, Frame(), relief, np.random.default_rng([seed, 1]))
-    canopy = grow(scene, parameters.vegetation, np.random.default_rng([seed, 2]), progress=progress)
-    plan = plan_flight(slope, profile, Scanner())
+    slope = built_slope(parameters, Relief(), Frame(), 0.0, progress)
+    scene, run = slope.scene, slope.roi[3]
     rng = np.random.default_rng([seed, 3])
     motions = []
     for number, law in enumerate(laws):
         u = parameters.length * (number + 0.5) / len(laws) + rng.uniform(-0.2, 0.2)
         v = run * rng.uniform(0.45, 0.55)
         motions.append(Motion(Bump(float(u), float(v), *half_axes, 1.0), law))
-    cover = cover_of(parameters, scene, 0)
-    area, pulses = survey_area(scene, canopy, plan, slope, parameters.points, seed, cover)
+    first = Landscape(scene, slope.canopy, cover_of(parameters, scene, 0))
+    area, pulses = survey_area(first, slope.plan, slope.roi, parameters)
     clouds, transforms = [], []
     for number, day in enumerate(dates):
         with progress.stage(number / len(dates), (number + 1) / len(dates), f"scanning on {day}") as stage:
@@ -166,15 +156,13 @@ def simulate_series(
                 if number
                 else RigidTransform.identity()
             )
-            flight = flown(plan, np.random.default_rng([seed, 11 + number, 0]))
-            cover = cover_of(parameters, scene, number)
-            noise = parameters.range_noise
-            cloud = scan(changed, canopy, flight, area, pulses, noise, (seed, 11 + number, 1), stage, cover=cover)
+            landscape = Landscape(changed, slope.canopy, cover_of(parameters, scene, number))
+            cloud = survey(landscape, slope.plan, area, pulses, parameters.range_noise, (seed, 11 + number), stage)
             clouds.append(replace(cloud, xyz=transform.inverse().apply(cloud.xyz)))
             transforms.append(transform)
-    ring = rectangle(slope, scene.frame)
+    ring = rectangle(slope.roi, scene.frame)
     return SimulatedSeries(
-        parameters, tuple(dates), tuple(clouds), tuple(transforms), tuple(motions), scene, canopy, ring
+        parameters, tuple(dates), tuple(clouds), tuple(transforms), tuple(motions), scene, slope.canopy, ring
     )
 
 
@@ -198,12 +186,9 @@ def write_series(series: SimulatedSeries, directory: Path, *, ground_only: bool 
             cloud = SurveyCloud(**{name: values[keep] for name, values in vars(cloud).items()})
         paths[day.isoformat()] = directory / f"{day.isoformat()}.laz"
         write_survey(paths[day.isoformat()], cloud, crs, day.isoformat())
-    paths["roi"] = directory / "roi.gpkg"
-    region = geopandas.GeoDataFrame({"name": ["slope"]}, geometry=[Polygon(series.roi)], crs=crs)
-    write_layer(paths["roi"], region, "roi", stamp=series.dates[0])
-    paths["truth"] = directory / "truth.json"
-    with atomic_output(paths["truth"]) as partial:
-        partial.write_text(json.dumps(_truth(series), indent=2) + "\n", encoding="utf-8")
+    paths |= {"roi": directory / "roi.gpkg", "truth": directory / "truth.json"}
+    write_region(paths["roi"], series.roi, crs, series.dates[0])
+    write_json(paths["truth"], _truth(series))
     return paths
 
 

@@ -14,10 +14,10 @@ from ...engine.grid.grid import Grid
 from ...interface.parameters import SurveyParameters
 from ..frame import Frame
 from .change import Bump, Change, Cone, Plateau, Slump, true_change_raster
-from .layers import Cover
-from .pattern import Flight, Scanner, flown, plan_flight
+from .layers import Cover, Landscape
+from .pattern import Flight, Scanner, plan_flight
 from .plants import cover_of
-from .scanner import SurveyCloud, scan
+from .scanner import SurveyCloud, scan, survey
 from .scene import BERM_WIDTH, Relief, Scene, build_scene, cut_profile
 from .vegetation import Canopy, grow
 
@@ -90,40 +90,60 @@ def simulate_pair(
     parameters = parameters or SurveyParameters()
     progress = progress or Progress()
     frame, relief = frame or Frame(), relief or Relief()
+    with progress.stage(0.0, 0.3):
+        slope = built_slope(parameters, relief, frame, roi_buffer, progress)
+    scene, roi = slope.scene, slope.roi
+    covers = (cover_of(parameters, scene, 0), cover_of(parameters, scene, 1))
+    if changes is None:
+        changes = default_changes(scene.slope, parameters.amplitude, np.random.default_rng([parameters.seed, 3]))
+    transform = known_offset(scene, parameters.offset, np.random.default_rng([parameters.seed, 4]))
+    changed = scene.with_changes(changes)
+    area, pulses = survey_area(Landscape(scene, slope.canopy, covers[0]), slope.plan, roi, parameters)
+    clouds = []
+    for epoch, ground in enumerate((scene, changed)):
+        with progress.stage(0.3 + 0.35 * epoch, 0.65 + 0.35 * epoch, f"scanning epoch {epoch + 1}") as stage:
+            landscape = Landscape(ground, slope.canopy, covers[epoch])
+            seed = (parameters.seed, 11 + epoch)
+            clouds.append(survey(landscape, slope.plan, area, pulses, parameters.range_noise, seed, stage))
+    moved = replace(clouds[1], xyz=transform.inverse().apply(clouds[1].xyz))
+    ring = rectangle(roi, scene.frame)
+    return SimulatedPair(parameters, clouds[0], moved, transform, changed, slope.canopy, area, ring, covers=covers)
+
+
+@dataclass(frozen=True)
+class BuiltSlope:
+    """A slope before any change, its shrubs and trees, the region of interest (u and v from, to) and the flight."""
+
+    scene: Scene
+    canopy: Canopy
+    roi: Area
+    plan: Flight
+
+
+def built_slope(
+    parameters: SurveyParameters, relief: Relief, frame: Frame, roi_buffer: float, progress: Progress
+) -> BuiltSlope:
+    """The cut slope that the parameters describe; the region reaches ``roi_buffer`` m beyond its face."""
     run = parameters.height / math.tan(math.radians(parameters.angle)) + parameters.benches * BERM_WIDTH
     slope = (0.0, 0.0, parameters.length, run)
     roi = expand(slope, roi_buffer)
     profile = cut_profile(parameters.height, parameters.angle, parameters.benches)
-    with progress.stage(0.0, 0.1, "building the ground"):
+    with progress.stage(0.0, 1 / 3, "building the ground"):
         rng = np.random.default_rng([parameters.seed, 1])
         scene = build_scene(profile, slope, roi_buffer + largest_margin(roi) + 9.0, frame, relief, rng)
-    with progress.stage(0.1, 0.3, "planting"):
-        covers = (cover_of(parameters, scene, 0), cover_of(parameters, scene, 1))
+    with progress.stage(1 / 3, 1.0, "planting"):
         canopy = grow(scene, parameters.vegetation, np.random.default_rng([parameters.seed, 2]), progress=progress)
-    plan = plan_flight(roi, profile, Scanner())
-    if changes is None:
-        changes = default_changes(slope, parameters.amplitude, np.random.default_rng([parameters.seed, 3]))
-    transform = known_offset(scene, parameters.offset, np.random.default_rng([parameters.seed, 4]))
-    return _fly(parameters, scene, canopy, covers, plan, roi, changes, transform, progress)
+    return BuiltSlope(scene, canopy, roi, plan_flight(roi, profile, Scanner()))
 
 
-def simulate_controlled_test(
-    seed: int = 1,
-    vegetation: float = 0.6,
-    density: float = 1800.0,
-    side: float = 20.0,
-    angle: float = 12.0,
-    offset: float = 0.0,
-    range_noise: float = 0.02,
-    progress: Progress | None = None,
-) -> SimulatedPair:
+def simulate_controlled_test(seed: int = 1, density: float = 1800.0, offset: float = 0.0) -> SimulatedPair:
     """Replica of the published controlled test: a plateau and a cone appear on vegetated ground.
 
     Args:
-        density: returns per m² of the ``side`` x ``side`` m test field; 1800 makes the share of 0.1 m cells with ground
-            in both epochs about the published 94.7 %.
-        angle: inclination of the ground, degrees.
+        density: returns per m² of the test field of 20 x 20 m, which is inclined by 12 degrees; 1800 makes the share of
+            0.1 m cells with ground in both epochs about the published 94.7 %.
     """
+    side, angle = 20.0, 12.0
     rise = side * math.tan(math.radians(angle))
     parameters = SurveyParameters(
         seed=seed,
@@ -131,8 +151,8 @@ def simulate_controlled_test(
         length=side,
         height=rise,
         angle=angle,
-        vegetation=vegetation,
-        range_noise=range_noise,
+        vegetation=0.6,
+        range_noise=0.02,
         offset=offset,
         amplitude=0.36,
     )
@@ -142,7 +162,7 @@ def simulate_controlled_test(
         Plateau(0.32 * side + shift[0], 0.5 * side + shift[1], rotation=float(rng.uniform(0.0, 90.0))),
         Cone(0.68 * side + shift[2], 0.5 * side + shift[3]),
     )
-    return simulate_pair(parameters, progress, changes, Relief(undulation_rms=0.05, roughness_rms=0.02))
+    return simulate_pair(parameters, None, changes, Relief(undulation_rms=0.05, roughness_rms=0.02))
 
 
 def default_changes(slope: Area, amplitude: float, rng: np.random.Generator) -> tuple[Change, ...]:
@@ -177,59 +197,23 @@ def known_offset(scene: Scene, offset: float, rng: np.random.Generator) -> Rigid
     return RigidTransform(rotation, translation, scene.frame.to_world(middle)[0])
 
 
-def _fly(
-    parameters: SurveyParameters,
-    scene: Scene,
-    canopy: Canopy,
-    covers: tuple[Cover | None, Cover | None],
-    plan: Flight,
-    roi: Area,
-    changes: tuple[Change, ...],
-    transform: RigidTransform,
-    progress: Progress,
-) -> SimulatedPair:
-    changed = scene.with_changes(changes)
-    area, pulses = survey_area(scene, canopy, plan, roi, parameters.points, parameters.seed, covers[0])
-    clouds = []
-    for epoch, ground in enumerate((scene, changed)):
-        with progress.stage(0.3 + 0.35 * epoch, 0.65 + 0.35 * epoch, f"scanning epoch {epoch + 1}") as stage:
-            seed = (parameters.seed, 11 + epoch)
-            flight = flown(plan, np.random.default_rng([*seed, 0]))
-            cloud = scan(
-                ground,
-                canopy,
-                flight,
-                area,
-                pulses,
-                parameters.range_noise,
-                (*seed, 1),
-                stage,
-                cover=covers[epoch],
-            )
-            clouds.append(cloud)
-    moved = replace(clouds[1], xyz=transform.inverse().apply(clouds[1].xyz))
-    ring = rectangle(roi, scene.frame)
-    return SimulatedPair(parameters, clouds[0], moved, transform, changed, canopy, area, ring, covers=covers)
-
-
-def survey_area(
-    scene: Scene, canopy: Canopy, flight: Flight, roi: Area, points: int, seed: int, cover: Cover | None = None
-) -> tuple[Area, int]:
-    """The area around the ROI of which the ROI holds ROI_SHARE of the points, and the pulses that give ``points``.
+def survey_area(landscape: Landscape, flight: Flight, roi: Area, parameters: SurveyParameters) -> tuple[Area, int]:
+    """The area around the ROI of which the ROI holds ROI_SHARE of the points, and the pulses that give the points asked
+    for.
 
     Both from a pilot scan: density falls off at the edges of the flight, and leaves return more than bare ground.
     """
     widest = expand(roi, largest_margin(roi))
     pilot = 60_000
-    cloud = scan(scene, canopy, flight, widest, pilot, 0.0, (seed, 10), cover=cover)
-    local = scene.frame.to_local(cloud.xyz)
+    cloud = scan(landscape, flight, widest, pilot, 0.0, (parameters.seed, 10))
+    local = landscape.scene.frame.to_local(cloud.xyz)
     # Margin at which each point comes in.
     beyond = np.maximum.reduce([roi[0] - local[:, 0], local[:, 0] - roi[2], roi[1] - local[:, 1], local[:, 1] - roi[3]])
     beyond = np.sort(beyond)
     held = np.count_nonzero(beyond <= 0)
     wanted = min(round(held / ROI_SHARE), len(beyond))
     area = expand(roi, max(float(beyond[wanted - 1]), 0.5))
-    return area, max(1, math.ceil(points * pilot / max(wanted, 1)))
+    return area, max(1, math.ceil(parameters.points * pilot / max(wanted, 1)))
 
 
 def largest_margin(roi: Area) -> float:

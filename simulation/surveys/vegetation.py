@@ -18,7 +18,7 @@ ENVELOPE = 1.0
 NOWHERE = -1e6
 ROAD_EDGE = 0.3
 """Nothing grows at smaller v, m."""
-LARGEST_CANOPY = 120_000_000
+MAX_CANOPY_VOXELS = 120_000_000
 """Voxels at most (one byte each); a larger scene gets wider columns."""
 
 
@@ -117,7 +117,7 @@ def grow(
     # Downhill of its stem, a level crown is higher above the ground.
     overhang = 1.2 * TREES.radius[1] * min(scene.profile.slopes[1], 4.0)
     layers = math.ceil((_spread(scene) + tallest + overhang) / layer)
-    step = max(step, math.sqrt((u1 - u0) * (v1 - v0) * layers / LARGEST_CANOPY))
+    step = max(step, math.sqrt((u1 - u0) * (v1 - v0) * layers / MAX_CANOPY_VOXELS))
     rows, columns = math.ceil((v1 - v0) / step), math.ceil((u1 - u0) / step)
     u: Float = u0 + step * (np.arange(columns, dtype=np.float64) + 0.5)
     v: Float = v0 + step * (np.arange(rows, dtype=np.float64) + 0.5)

@@ -11,10 +11,10 @@ from typing import Any
 import geopandas
 import laspy
 import numpy as np
-from numpy.typing import NDArray
 from pyproj import CRS
 from shapely import Polygon, contains_xy
 
+from ...engine.core.arrays import Float
 from ...engine.core.errors import InputError
 from ...engine.core.progress import Progress
 from ...engine.core.staged_outputs import atomic_output
@@ -62,24 +62,33 @@ def write_pair(
         progress.update(0.35 * number, f"writing {paths[name].name}")
         write_survey(paths[name], cloud, crs, pair.dates[number])
     progress.update(0.7, "writing the truth")
-    region = geopandas.GeoDataFrame({"name": ["slope"]}, geometry=[Polygon(pair.roi)], crs=crs)
-    write_layer(paths["roi"], region, "roi", stamp=date.fromisoformat(pair.dates[0]))
+    write_region(paths["roi"], pair.roi, crs, date.fromisoformat(pair.dates[0]))
     grid, raster = truth_raster(pair)
     write_raster(paths["truth_dz"], raster, grid, crs, description="True change of the cell mean")
     pair.transform.save(paths["truth_transform"], crs)
-    text = json.dumps(_truth(pair), indent=2) + "\n"
-    with atomic_output(paths["truth"]) as partial:
-        partial.write_text(text, encoding="utf-8")
+    write_json(paths["truth"], _truth(pair))
     progress.update(1.0, "written")
     return paths
 
 
-def truth_raster(pair: SimulatedPair, cell: float = TRUTH_CELL) -> tuple[Grid, NDArray[np.float64]]:
+def write_region(path: Path, ring: Float, crs: CRS, day: date) -> None:
+    """Write the ring (n, 2) of the region of interest as the only polygon of a GeoPackage."""
+    region = geopandas.GeoDataFrame({"name": ["slope"]}, geometry=[Polygon(ring)], crs=crs)
+    write_layer(path, region, "roi", stamp=day)
+
+
+def write_json(path: Path, values: dict[str, Any]) -> None:
+    """Write a JSON file, indented."""
+    with atomic_output(path) as partial:
+        partial.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
+
+
+def truth_raster(pair: SimulatedPair) -> tuple[Grid, Float]:
     """The true change on a snapped grid over the surveyed area, NaN outside it (rows, columns), m."""
-    grid = snapped_grid(pair.bounds, cell)
+    grid = snapped_grid(pair.bounds, TRUTH_CELL)
     raster = pair.true_change_raster(grid)
-    x = grid.west + (np.arange(grid.columns) + 0.5) * cell
-    y = grid.north - (np.arange(grid.rows) + 0.5) * cell
+    x = grid.west + (np.arange(grid.columns) + 0.5) * grid.cell
+    y = grid.north - (np.arange(grid.rows) + 0.5) * grid.cell
     area = Polygon(rectangle(pair.area, pair.scene.frame))
     raster[~contains_xy(area, *np.meshgrid(x, y))] = np.nan
     return grid, raster

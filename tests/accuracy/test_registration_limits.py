@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.geometry.pose import Pose
-from slopewatch.engine.grid.grid import snapped_grid
+from slopewatch.engine.grid.grid import cell_index, snapped_grid
 from slopewatch.engine.registration.point_to_plane import Matcher
 from slopewatch.engine.registration.quality import agreement, widened
 from slopewatch.engine.registration.register import register
@@ -122,9 +122,14 @@ def test_the_weakest_direction_is_that_of_the_weakest_relief():
 def test_stable_ground_can_be_drawn():
     reference, after = scan(1), scan(2)
     after[(after[:, 0] < 8) & (after[:, 1] < 8), 2] -= 0.4
-    share = register(reference, after, RegistrationParameters()).stable_ground.share(
-        snapped_grid((0.0, 0.0, SIDE, SIDE), 1.0)
-    )
+    found = register(reference, after, RegistrationParameters())
+    grid = snapped_grid((0.0, 0.0, SIDE, SIDE), 1.0)
+    number = cell_index(found.agreement.sample + found.transform.centre, grid)
+    inside = number >= 0
+    compared = np.bincount(number[inside], minlength=grid.rows * grid.columns)
+    stable = np.bincount(number[inside], found.agreement.agrees[inside], grid.rows * grid.columns)
+    with np.errstate(invalid="ignore"):
+        share = (stable / compared).reshape(grid.shape)
     # rows run from north to south
     assert np.nanmedian(share[13:, :7]) < 0.2
     assert np.nanmedian(share[:11, 9:]) > 0.9
@@ -137,7 +142,7 @@ def test_epochs_apart_are_refused_with_both_extents():
         register(reference, reference + [500.0, 0, 0], RegistrationParameters())
 
 
-def test_a_tiny_overlap_is_told_and_an_overlap_of_nothing_refused():
+def test_a_tiny_overlap_is_reported_and_an_overlap_of_nothing_refused():
     reference = scan(1)
     result = register(reference, scan(2) + [0.9 * SIDE, 0.0, 0.0], RegistrationParameters())
     assert result.agreement.overlap_share < 0.2

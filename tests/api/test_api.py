@@ -15,6 +15,7 @@ import rasterio
 import shapely
 from slopewatch import api
 from slopewatch.tests.builders.planes import write_plane
+from slopewatch.tests.builders.program import run
 
 DAYS = ("2024-05-01", "2025-05-01")
 
@@ -30,17 +31,17 @@ def clouds(tmp_path_factory) -> tuple[Path, Path]:
 
 
 def test_change_gives_what_the_command_gives(clouds, tmp_path):
-    run = api.change(*clouds, tmp_path / "api", cell=0.5, registration_error=0.002)
-    command = [sys.executable, "-m", "slopewatch.cli", "change", *clouds, "--output-dir", tmp_path / "cli"]
-    options = ["--cell", "0.5", "--registration-error", "0.002", "--progress", "none"]
-    subprocess.run([*map(str, command), *options], check=True, cwd=tmp_path)
+    made = api.change(*clouds, tmp_path / "api", cell=0.5, registration_error=0.002)
+    options = ["--cell", 0.5, "--registration-error", 0.002, "--progress", "none"]
+    done = run("change", *clouds, "--output-dir", tmp_path / "cli", *options)
+    assert done.returncode == 0, done.stderr
     with (
-        rasterio.open(run.outputs["elevation_change"]) as one,
+        rasterio.open(made.outputs["elevation_change"]) as one,
         rasterio.open(tmp_path / "cli/elevation_change.tif") as two,
     ):
         np.testing.assert_array_equal(one.read(), two.read())
-    assert run.figures["zone_count"] == 1
-    assert run.outputs["zones"].is_file()
+    assert made.figures["zone_count"] == 1
+    assert made.outputs["zones"].is_file()
 
 
 def test_warnings_come_back(clouds, tmp_path):

@@ -21,7 +21,7 @@ def lint(tmp_path):
         (tmp_path / "path" / "slopewatch").symlink_to(package, target_is_directory=True)
         command = [Path(sys.executable).with_name("lint-imports"), "--no-cache", "--config", ROOT / "pyproject.toml"]
         environment = {"PYTHONPATH": str(tmp_path / "path"), "PATH": "/usr/bin:/bin"}
-        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120)
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=600)
         return done.returncode, done.stdout + done.stderr
 
     return run
@@ -33,4 +33,4 @@ def test_packages_import_only_from_below(lint):
     assert code == 0
     contracts = (ROOT / "pyproject.toml").read_text(encoding="utf-8").count("[[tool.importlinter.contracts]]")
     assert f"{contracts} kept" in said
-    assert contracts >= 7
+    assert contracts >= 8

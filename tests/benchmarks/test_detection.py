@@ -26,8 +26,8 @@ KNOWN = (Bump(5.0, 5.0, 2.0, 2.0, 0.3), Bump(15.0, 5.0, 2.0, 2.0, -0.3))
 
 @pytest.fixture(scope="module")
 def flat():
-    """The change between two noisy clouds of flat ground, in which the first of KNOWN was put, not the second; besides,
-    a patch rose that is in no list.
+    """The change between two noisy clouds of flat ground, in which the first of KNOWN was put, not the second; in
+    addition, a patch rose that is in no list.
     """
     rng = np.random.default_rng(3)
     clouds = []

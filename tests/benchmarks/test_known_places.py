@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from slopewatch.benchmarks.known_places import told, told_share
+from slopewatch.benchmarks.known_places import fitted_hazards, standing_share
 from slopewatch.models.making.rough_ground import scene_normal, texture
 from slopewatch.simulation.hazard_scenes.scenes import scene
 
@@ -23,7 +23,7 @@ def _flattened(scene_, waves):
 
 
 def test_on_even_ground_every_hazard_stands_out_with_its_own_height(hazardous):
-    found = told(_flattened(hazardous, np.random.default_rng(1).normal(0.0, 0.01, len(hazardous))))
+    found = fitted_hazards(_flattened(hazardous, np.random.default_rng(1).normal(0.0, 0.01, len(hazardous))))
     assert found
     assert all(hazard.stands_out(0.05) for hazard in found)
     for hazard in found:
@@ -34,10 +34,10 @@ def test_on_even_ground_every_hazard_stands_out_with_its_own_height(hazardous):
 def test_on_ground_that_rolls_higher_than_they_do_few_stand_out(hazardous):
     xy = hazardous.to_plane(hazardous.xyz)[:, :2]
     rolling = _flattened(hazardous, texture(xy, 1.2, 1.0, np.random.default_rng(2)))
-    share, count = told_share([rolling])
-    assert count == len(told(rolling))
+    share, count = standing_share([rolling])
+    assert count == len(fitted_hazards(rolling))
     assert share <= 0.34
 
 
-def test_a_scene_without_large_hazards_tells_nothing(hazardous):
-    assert told(hazardous, amplitude=5.0) == []
+def test_a_scene_without_large_hazards_has_none_to_fit(hazardous):
+    assert fitted_hazards(hazardous, amplitude=5.0) == []

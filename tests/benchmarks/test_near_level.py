@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from slopewatch.benchmarks import near_level
-from slopewatch.benchmarks.near_level import Patch, Told, measured, table
+from slopewatch.benchmarks.near_level import MapOutcome, Patch, measured, table
 
 
 def test_a_patch_is_as_high_as_it_says_and_ends_at_its_radius():
@@ -32,9 +32,9 @@ def test_changes_of_many_levels_are_all_found_and_right(monkeypatch):
     assert max(moved.confidence) > 0.99
 
 
-def test_rows_tell_the_share_that_is_right_and_by_how_much_it_is_over():
-    still = Told((0.3,), (False,), (), ())
-    moved = Told((0.99, 0.3), (True, True), (True,), ((1.7, True), (1.0, False)))
+def test_rows_give_the_share_that_is_right_and_by_how_much_it_is_over():
+    still = MapOutcome((0.3,), (False,), (), ())
+    moved = MapOutcome((0.99, 0.3), (True, True), (True,), ((1.7, True), (1.0, False)))
     made = {row.figure: row for row in table([still], [moved])}
     first = next(iter(made.values()))
     assert first.value == "1 of 1 (100.0 %)"
@@ -43,7 +43,7 @@ def test_rows_tell_the_share_that_is_right_and_by_how_much_it_is_over():
     assert made["groups with a confidence of 0 to 0.5 that are right"].value == "1 of 2 (50 %)"
     assert made["groups with a confidence of 0.93 to 0.97 that are right"].met is None
     assert made["changes reported, height 1.6 to 2 times the level"].value == "1 of 1"
-    wrong = Told((0.96,), (False,), (False,), ())
+    wrong = MapOutcome((0.96,), (False,), (False,), ())
     made = table([wrong] * 3, [moved])
     assert made[0].value == "1 of 4 (25.0 %)"
     assert made[0].met is False
@@ -51,7 +51,7 @@ def test_rows_tell_the_share_that_is_right_and_by_how_much_it_is_over():
 
 
 def test_a_class_may_be_right_less_often_than_promised_by_chance_only():
-    few = Told((0.9,) * 10, (True,) * 8 + (False,) * 2, (), ())
+    few = MapOutcome((0.9,) * 10, (True,) * 8 + (False,) * 2, (), ())
     name = "groups with a confidence of 0.8 to 0.93 that are right"
     assert next(row for row in table([few], []) if row.figure == name).met is True
     assert next(row for row in table([few] * 10, []) if row.figure == name).met is False
@@ -60,5 +60,5 @@ def test_a_class_may_be_right_less_often_than_promised_by_chance_only():
 def test_zones_of_95_percent_are_to_be_right_in_93_to_97():
     name = "groups with a confidence of 0.93 to 0.97 that are right"
     for right, met in ((19, True), (20, False), (17, False)):
-        told = Told((0.95,) * 20, (True,) * right + (False,) * (20 - right), (), ())
-        assert next(row for row in table([told], []) if row.figure == name).met is met
+        outcome = MapOutcome((0.95,) * 20, (True,) * right + (False,) * (20 - right), (), ())
+        assert next(row for row in table([outcome], []) if row.figure == name).met is met

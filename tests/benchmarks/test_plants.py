@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from slopewatch.benchmarks import plants
+from slopewatch.benchmarks.real_data import DATA
 from slopewatch.simulation.surveys.plot import grass_plot
 
 
@@ -46,8 +47,8 @@ def test_grass_of_real_heights_only_is_like_grass():
     assert not plants.like_grass(low)
 
 
-@pytest.mark.skipif(not (plants.DATA / plants.REAL[plants.FOREST_EXAMPLE]).is_file(), reason="real clouds are missing")
+@pytest.mark.skipif(not (DATA / plants.REAL[plants.FOREST_EXAMPLE]).is_file(), reason="real clouds are missing")
 def test_the_real_forest_is_what_the_simulated_one_is_tuned_to():
-    found = plants.real(plants.DATA / plants.REAL[plants.FOREST_EXAMPLE])
+    found = plants.real(DATA / plants.REAL[plants.FOREST_EXAMPLE])
     assert found.ground_share == pytest.approx(1 / 59, abs=0.001)
     assert float(np.median(found.above)) == pytest.approx(4.95, abs=0.1)

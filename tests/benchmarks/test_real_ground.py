@@ -17,7 +17,7 @@ from slopewatch.simulation.surveys.plot import grass_plot
 
 
 def seen_of(xyz, number=None, total=None):
-    """Points (n, 3) as a method sees them: single returns unless told."""
+    """Points (n, 3) as a method sees them: single returns unless given."""
     ones = np.ones(len(xyz), dtype=np.uint8)
     return Seen(
         np.asarray(xyz, dtype=float), ones if number is None else number, ones if total is None else total, "ULS"
@@ -204,12 +204,12 @@ def test_the_table_compares_peers_and_names_what_is_missing(two_cases, tmp_path)
     table = {row.figure: row for row in real_ground.rows(tmp_path / "kept" / "real_ground.csv")}
     assert table["a missing cloud"].value.startswith("not measured: terrain/there_is_no_such_cloud.laz")
     assert "4 points" in table["a row of points"].value
-    higher = table["here: mean height beside higher"]
+    higher = table["here: mean height, compared with higher"]
     assert higher.met is True
     assert "4 points" in higher.peer
-    assert table["here: mean height beside nothing"].met is None
-    assert "cannot be installed" in table["here: mean height beside absent"].peer
-    assert not any("beside dense" in figure for figure in table)
+    assert table["here: mean height, compared with nothing"].met is None
+    assert "cannot be installed" in table["here: mean height, compared with absent"].peer
+    assert not any("compared with dense" in figure for figure in table)
     with (tmp_path / "kept" / "real_ground.csv").open() as file:
         lines = {(line["part"], line["method"]): line for line in csv.DictReader(file)}
     assert float(lines["all", "SlopeWatch"]["recall"]) == pytest.approx(2 / 3, abs=1e-5)
@@ -219,13 +219,13 @@ def test_the_table_compares_peers_and_names_what_is_missing(two_cases, tmp_path)
 
 def test_a_choice_of_clouds_without_peers(two_cases):
     table = real_ground.rows(names=("here",), with_peers=False)
-    assert [row.figure for row in table if "missing" in row.figure or "beside" in row.figure] == []
+    assert [row.figure for row in table if "missing" in row.figure or "compared with" in row.figure] == []
     assert table[0].figure == "a row of points"
 
 
 def test_slopes_with_too_few_points_of_the_reference_are_left_out(two_cases, monkeypatch, row_of_points):
     assert not any("slopes of" in row.figure for row in real_ground.rows(names=("here",), with_peers=False))
-    monkeypatch.setattr(real_ground, "FEWEST", 3)
+    monkeypatch.setattr(real_ground, "MIN_REFERENCE_POINTS", 3)
     known = real_ground.measure_all({"here": (row_of_points,)}, (real_ground.OWN,))
     assert {part for _, part, _ in known if part.startswith("slope")} == {"slope 0 to 15"}
     assert known["here", "slope 0 to 15", "SlopeWatch"].figures == known["here", "all", "SlopeWatch"].figures

@@ -57,7 +57,7 @@ def test_recall_of_a_screening_that_knows_and_of_a_blind_one(even, screening, fo
     assert {abs(trial.height) for trial in results} == {0.3}
 
 
-def test_what_is_shown_anyhow_is_told_beside_the_recall(even):
+def test_what_is_shown_anyhow_is_given_with_the_recall(even):
     results = trials(even, alarmed, 0.3, 3.0, count=12)
     bulges = np.mean([trial.height > 0 for trial in results])
     assert 0.3 < bulges < 0.7
@@ -87,12 +87,12 @@ def test_own_relief_is_nothing_on_even_ground_and_the_waves_put_in_elsewhere(eve
     flat = own_relief(even, 3.0, seeds=6)
     assert len(flat.heights) == 18
     assert flat.spread < 0.01
-    assert flat.told(0.3, 0.1) == 1.0
+    assert flat.standing_out(0.3, 0.1) == 1.0
     waves = 0.6 * np.sin(2 * np.pi * even[:, 0] / 6.0)  # half a wave is 3 m wide
     rough = own_relief(even + np.outer(waves, NORMAL), 3.0, seeds=6)
     assert rough.spread > 10 * flat.spread
-    assert flat.told(0.1, 0.1) == 1.0
-    assert rough.told(0.1, 0.1) < 0.6
+    assert flat.standing_out(0.1, 0.1) == 1.0
+    assert rough.standing_out(0.1, 0.1) < 0.6
 
 
 def test_the_fitted_height_is_the_shapes_own():
@@ -103,15 +103,15 @@ def test_the_fitted_height_is_the_shapes_own():
     assert fitted_height(np.column_stack([x, y, z]), shape) == pytest.approx(-0.25, abs=0.01)
 
 
-def test_told_apart_is_what_normal_heights_say():
+def test_what_stands_out_is_what_normal_heights_say():
     """Threshold 1.645 deviations for 10 % on both sides; 2 deviations stand above it with probability 0.639."""
     heights = np.random.default_rng(1).normal(0, 0.15, 200_000)
     assert OwnRelief(3.0, heights).spread == pytest.approx(0.15, rel=0.02)
-    assert OwnRelief(3.0, heights).told(0.30, 0.1) == pytest.approx(0.639, abs=0.01)
+    assert OwnRelief(3.0, heights).standing_out(0.30, 0.1) == pytest.approx(0.639, abs=0.01)
 
 
 def test_the_network_screens_with_the_weights_given(even, tmp_path):
-    """A network of random weights, beside its own prediction."""
+    """A network of random weights, compared with its own prediction."""
     torch = pytest.importorskip("torch")
     from slopewatch.models.configuration import SMOKE
     from slopewatch.models.inference.prediction import predict

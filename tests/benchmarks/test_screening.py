@@ -45,7 +45,7 @@ def test_targets_are_judged_by_the_scores_kept(tmp_path):
     assert all(met.values())
 
 
-def test_missed_targets_are_told(tmp_path):
+def test_missed_targets_are_reported(tmp_path):
     _write(tmp_path, "folds_slopewatch", **_folds(0.69))
     _write(tmp_path, "folds_paper", **_folds(0.58))
     _write(tmp_path, "realistic_slopewatch", **_scores(0.6, 0.85, 1.2, 5, 0.06))

@@ -72,12 +72,12 @@ def test_false_zones_and_intervals_that_do_not_hold():
     row = row_of(found, "footprints whose")
     assert row.value == "1 of 4 (25.0 %)"
     assert row.met is False
-    assert "2 say too much" in row.peer
+    assert "2 state too large a volume" in row.peer
     ninety = [GOOD] * 19 + [replace(GOOD, net=NetVolume(3.0, 0.5, 0.9))]
     assert row_of(ninety, "net volume holds").met is True
 
 
-def test_a_change_in_parts_under_the_level_is_told_apart():
+def test_a_change_in_parts_under_the_level_is_distinguished():
     missed = replace(CHANGE, share=0.1)
     lost = replace(missed, touched=False, height=-0.12)
     row = row_of([replace(GOOD, changes=(CHANGE, missed))], "3 and more")

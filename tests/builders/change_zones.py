@@ -8,9 +8,8 @@ import numpy as np
 from pyproj import CRS
 from slopewatch.engine.grid.grid import Grid
 from slopewatch.engine.grid.partition import Partition
-from slopewatch.engine.zones.detected import Detected, Origin
-from slopewatch.engine.zones.extraction import Zones, extract_zones
-from slopewatch.engine.zones.footprints import Cells
+from slopewatch.engine.zones.extraction import Origin, Zones, extract_zones
+from slopewatch.engine.zones.footprints import Cells, Detected
 from slopewatch.interface.parameters import ZoneParameters
 
 

@@ -1,4 +1,4 @@
-"""What the tests inside QGIS's interpreter share: a recording feedback, an engine that does as told, qgis_process."""
+"""What the tests in QGIS's interpreter share: a recording feedback, an engine that does as scripted, qgis_process."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from typing import Any
 
 import pytest
 from qgis.core import QgsApplication, QgsProcessingFeedback
+from slopewatch.tests.builders.limits import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
 class Recorder(QgsProcessingFeedback):
-    """Keeps what an algorithm tells."""
+    """Keeps what an algorithm reports."""
 
     def __init__(self) -> None:
         super().__init__(False)
@@ -60,6 +61,7 @@ FAKE_HEAD = """#!/bin/sh
 '''exec' "{python}" "$0" "$@"
 ' '''
 import json, os, signal, subprocess, sys, time
+os.setsid()  # as the engine with --watch-parent
 def say(**event):
     print(json.dumps(event), flush=True)
 def value(option):
@@ -113,7 +115,7 @@ def processes_with(text: str) -> list[int]:
     return found
 
 
-def wait_until(condition: Callable[[], Any], seconds: float = 20.0) -> Any:
+def wait_until(condition: Callable[[], Any], seconds: float = PATIENCE_S) -> Any:
     """The first true value of ``condition`` within the time; fails the test without one."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
@@ -159,7 +161,7 @@ class QgisProcess:
             env={**self.environment, **variables},
             capture_output=True,
             text=True,
-            timeout=300,
+            timeout=600,
             check=False,
         )
 
@@ -189,3 +191,12 @@ class QgisProcess:
 @pytest.fixture(scope="session")
 def qgis_process(tmp_path_factory: pytest.TempPathFactory) -> QgisProcess:
     return QgisProcess(tmp_path_factory.mktemp("qgis"))
+
+
+@pytest.fixture(scope="session")
+def survey(qgis_process: QgisProcess, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """A small simulated pair, made through qgis_process: the algorithm's results."""
+    engine_python()
+    folder = tmp_path_factory.mktemp("survey") / "pair, of 'surveys'"
+    size = {"POINTS": 60000, "LENGTH": 24, "HEIGHT": 10, "VEGETATION": 0.4}
+    return qgis_process.run("simulatesurvey", OUTPUT_FOLDER=folder, **size)

@@ -6,12 +6,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import laspy
 import numpy as np
 import pytest
 from pyproj import CRS
+from slopewatch.engine.core.messages import shown
 from slopewatch.interface.parameters import GroundParameters, InputParameters, ScreeningParameters
+from slopewatch.models.screening.screen import chosen_by_class, screen_points
+from slopewatch.models.screening.zones import outline_hazards
 from slopewatch.workflows.products.screening import default_targets
 from slopewatch.workflows.screen import screen_step
 from slopewatch.workflows.settings import ScreeningSettings
@@ -83,6 +87,21 @@ def screen(path, output, *, roi=None, inputs=None, progress=None, method="residu
         ScreeningParameters(screening_method=method, threads=1, **parameters),
     )
     return screen_step(path, default_targets(output), settings, roi=roi, progress=progress)
+
+
+def screen_cloud(cloud, parameters, run_id=""):
+    """Screen a ground cloud in memory: the screening, and its rasters and zones."""
+    labels = np.zeros(len(cloud), np.uint8) if cloud.classification is None else cloud.classification
+    chosen = chosen_by_class(labels, parameters.ground)
+    classified = bool((labels == 2).any())
+    ground = SimpleNamespace(
+        name=shown(cloud.path),
+        parts=lambda: iter([cloud.xyz[chosen]]),
+        classified=classified,
+        bare=classified and bool((labels[chosen] == 2).all()),
+    )
+    screening = screen_points(ground, parameters)
+    return screening, outline_hazards(screening, cloud.crs, parameters, run_id=run_id)
 
 
 def leftovers(folder: Path) -> list[str]:

@@ -16,7 +16,9 @@ import pytest
 import rasterio
 from slopewatch.engine.core.version import VERSION
 from slopewatch.interface.parameters import GroundParameters
-from slopewatch.tests.cli.programs import run, write_plane
+from slopewatch.tests.builders.clouds import write_sunk_slope
+from slopewatch.tests.builders.limits import PATIENCE_S
+from slopewatch.tests.builders.program import COMMAND, run
 
 ROOT = Path(__file__).parents[2]
 
@@ -24,7 +26,7 @@ ROOT = Path(__file__).parents[2]
 @pytest.fixture(scope="module")
 def clouds(tmp_path_factory) -> tuple[Path, Path]:
     folder = tmp_path_factory.mktemp("clouds")
-    return write_plane(folder / "2024-05-01.laz"), write_plane(folder / "2025-05-01.laz", lowered=0.2)
+    return write_sunk_slope(folder / "2024-05-01.laz"), write_sunk_slope(folder / "2025-05-01.laz", lowered=0.2)
 
 
 def test_help_shows_every_parameter_with_its_unit_and_default():
@@ -45,24 +47,26 @@ def test_every_command_has_help(command):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "told"), [(("info",), 0, b""), (("info", "--height-unit", "foot"), 0, b""), ((), 2, b"Error")]
+    ("arguments", "code", "start"),
+    [(("info",), 0, b""), (("info", "--height-unit", "foot"), 0, b""), ((), 2, b"Error")],
 )
-def test_a_reader_that_has_read_enough_ends_it_quietly(clouds, arguments, code, told):
+def test_a_reader_that_has_read_enough_ends_it_quietly(clouds, arguments, code, start):
     """As ``slopewatch info FILE | head``: standard output is closed before anything is written."""
-    command = [sys.executable, "-m", "slopewatch.cli"]
+    command = list(COMMAND)
     command += [*arguments, str(clouds[0])] if arguments else ["info", "nowhere.laz", "--progress", "json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as program:
         program.stdout.close()
         errors = program.stderr.read()
-        assert program.wait(60) == code
-    assert errors.startswith(told)
+        assert program.wait(PATIENCE_S) == code
+    assert errors.startswith(start)
     assert b"Internal" not in errors
     assert b"BrokenPipe" not in errors
-    assert told or not errors
+    assert start or not errors
 
 
 def test_version_is_that_of_the_plugin_and_the_package():
-    assert VERSION in run("--version").stdout
+    done = subprocess.run([*COMMAND, "--version"], capture_output=True, text=True, check=True)
+    assert VERSION in done.stdout
     assert f"version={VERSION}\n" in (ROOT / "metadata.txt").read_text()
 
 
@@ -158,13 +162,13 @@ def test_change_takes_the_registrations_error_from_its_transform(clouds, tmp_pat
     ):
         out = tmp_path / name
         assert run("change", first, second, "--output-dir", out, "--cell", 0.5, *given).returncode == 0
-        told = json.loads((out / "run.json").read_text())
-        assert told["metrics"]["registration_error_m"] == pytest.approx(error)
-        assert any("registration's error is not known" in w for w in told["warnings"]) == warned
+        changed = json.loads((out / "run.json").read_text())
+        assert changed["metrics"]["registration_error_m"] == pytest.approx(error)
+        assert any("registration's error is not known" in w for w in changed["warnings"]) == warned
 
 
 @pytest.mark.parametrize("arguments", [["inspect", "--nope"], ["inspect"], ["nope"], ["ground", "--rigidness", "x"]])
-def test_options_that_are_not_understood_are_told_as_json_too(arguments):
+def test_options_that_are_not_understood_are_reported_as_json_too(arguments):
     done = run(*arguments, "--progress", "json")
     assert done.returncode == 2
     event = json.loads(done.stdout)
@@ -183,7 +187,7 @@ def test_a_signal_while_the_program_still_loads_is_a_cancel_too(name):
         "sys.modules['slopewatch.cli.program'] = late\n"
         "cli.main()\n"
     )
-    done = subprocess.run([sys.executable, "-c", loading], capture_output=True, text=True, cwd=ROOT, timeout=60)
+    done = subprocess.run([sys.executable, "-c", loading], capture_output=True, text=True, cwd=ROOT, timeout=PATIENCE_S)
     assert (done.returncode, done.stderr) == (130, "Cancelled.\n")
 
 
@@ -202,113 +206,77 @@ def test_the_zones_level_is_at_95_percent_whatever_confidence_decides(clouds, tm
     assert zone["lod95_m"] / at_80 == pytest.approx(1.960 / 1.2816, rel=0.05)
 
 
-def bad_cases(tmp_path: Path, clouds: tuple[Path, Path]) -> dict[str, tuple[list[object], str]]:
+@pytest.fixture(scope="module")
+def files(tmp_path_factory, clouds) -> dict[str, Path]:
+    """Clouds with one fault each, by the names that BAD has for them; ``faulty`` is their folder."""
+    folder = tmp_path_factory.mktemp("faulty")
     first, second = clouds
-    text = tmp_path / "text.laz"
-    text.write_text("not a cloud")
-    truncated = tmp_path / "truncated.las"
-    laspy.read(first).write(tmp_path / "whole.las")
-    truncated.write_bytes((tmp_path / "whole.las").read_bytes()[:100_000])
-    nocrs = write_plane(tmp_path / "nocrs.laz", crs=None)
-    geographic = write_plane(tmp_path / "geographic.laz", crs=4326)
-    elsewhere = write_plane(tmp_path / "elsewhere.laz", x=5000)
-    other_crs = write_plane(tmp_path / "other_crs.laz", crs=32650)
-    copy = shutil.copy(first, tmp_path / "2026-01-01.laz")
-    out = ["--output-dir", tmp_path / "out"]
-    return {
-        "missing": (["change", tmp_path / "none.laz", second, *out], "none.laz"),
-        "not a cloud": (["change", text, second, *out], "text.laz"),
-        "truncated": (["change", truncated, second, *out], "truncated.las"),
-        "no crs": (["change", nocrs, second, *out], "--crs"),
-        "geographic": (["change", geographic, second, *out], "geographic"),
-        "no overlap": (["change", first, elsewhere, *out], "do not overlap"),
-        "other crs": (["change", first, other_crs, *out], "different reference systems"),
-        "same file": (["change", first, first, *out], "same"),
-        "same content": (["change", first, copy, *out], "same cloud"),
-        "reversed": (["change", second, first, *out], "reversed"),
-        "bad date": (["change", first, second, "--epoch-from", "yesterday", *out], "YYYY-MM-DD"),
-        "bad number": (["change", first, second, "--cell", "-1", *out], "cell is -1.0"),
-        "nan": (["change", first, second, "--cell", "nan", *out], "cell is nan"),
-        "grid too large": (["change", first, second, "--cell", "0.005", "--memory-limit", "0.05", *out], "at least"),
-        "one epoch, not screened": (
-            ["inspect", "--epoch", f"2024-05-01={first}", "--no-screen-last-epoch", *out],
-            "two epochs",
-        ),
-        "three epochs": (
-            ["inspect", *(f"--epoch=202{i}-05-01={first}" for i in range(3)), *out],
-            "--epoch was given 3 times",
-        ),
-        "screening of an epoch by weights that are not there": (
-            [
-                *("inspect", f"--epoch=2024-05-01={first}", f"--epoch=2025-05-01={second}"),
-                *("--weights", tmp_path / "mine.safetensors", *out),
-            ],
-            "mine.safetensors",
-        ),
-        "no pdal": (["ground", first, "--output", tmp_path / "g.laz", "--pdal", tmp_path / "nopdal"], "nopdal"),
-        "no roi": (["ground", first, "--output", tmp_path / "g.laz", "--roi", tmp_path / "no.gpkg"], "no.gpkg"),
-        "output is input": (["register", first, second, "--output", second], "also an input"),
-        "no folder": (["register", first, second, "--output", tmp_path / "no" / "a.laz"], "does not exist"),
-        "bad transform": (["register", first, second, "--output", tmp_path / "a.laz", "--apply", text], "text.laz"),
-        "output is no cloud": (["register", first, second, "--output", tmp_path / "a.tif"], ".laz or .las"),
-        "one output twice": (
-            ["register", first, second, "--output", tmp_path / "a.laz", "--transform", tmp_path / "a.laz"],
-            "Two outputs",
-        ),
-        "inspect without roi": (
-            [
-                "inspect",
-                f"--epoch=2024-05-01={first}",
-                f"--epoch=2025-05-01={second}",
-                "--roi",
-                tmp_path / "no.shp",
-                *out,
-            ],
-            "no.shp does not exist",
-        ),
-        "inspect in two systems": (
-            ["inspect", f"--epoch=2024-05-01={first}", f"--epoch=2025-05-01={other_crs}", *out],
-            "other_crs.laz in WGS 84 / UTM zone 50N",
-        ),
-        "output under a file": (["change", first, second, "--output-dir", text / "out"], "cannot be written"),
-    }
+    made = {"faulty": folder, "first": first, "second": second, "text": folder / "text.laz"}
+    made["text"].write_text("not a cloud")
+    laspy.read(first).write(folder / "whole.las")
+    made["truncated"] = folder / "truncated.las"
+    made["truncated"].write_bytes((folder / "whole.las").read_bytes()[:100_000])
+    made["nocrs"] = write_sunk_slope(folder / "nocrs.laz", crs=None)
+    made["geographic"] = write_sunk_slope(folder / "geographic.laz", crs=4326)
+    made["elsewhere"] = write_sunk_slope(folder / "elsewhere.laz", x=5000)
+    made["other_crs"] = write_sunk_slope(folder / "other_crs.laz", crs=32650)
+    made["copy"] = Path(shutil.copy(first, folder / "2026-01-01.laz"))
+    return made
 
 
-NAMES = [
-    "missing",
-    "not a cloud",
-    "truncated",
-    "no crs",
-    "geographic",
-    "no overlap",
-    "other crs",
-    "same file",
-    "same content",
-    "reversed",
-    "bad date",
-    "bad number",
-    "nan",
-    "grid too large",
-    "one epoch, not screened",
-    "three epochs",
-    "screening of an epoch by weights that are not there",
-    "no pdal",
-    "no roi",
-    "output is input",
-    "no folder",
-    "bad transform",
-    "output is no cloud",
-    "one output twice",
-    "inspect without roi",
-    "inspect in two systems",
-    "output under a file",
-]
+# The command line, and words of the sentence. {out} does not exist, {new} is an empty folder.
+BAD = {
+    "missing": ("change {faulty}/none.laz {second} --output-dir {out}", "none.laz"),
+    "not a cloud": ("change {text} {second} --output-dir {out}", "text.laz"),
+    "truncated": ("change {truncated} {second} --output-dir {out}", "truncated.las"),
+    "no crs": ("change {nocrs} {second} --output-dir {out}", "--crs"),
+    "geographic": ("change {geographic} {second} --output-dir {out}", "geographic"),
+    "no overlap": ("change {first} {elsewhere} --output-dir {out}", "do not overlap"),
+    "other crs": ("change {first} {other_crs} --output-dir {out}", "different reference systems"),
+    "same file": ("change {first} {first} --output-dir {out}", "same"),
+    "same content": ("change {first} {copy} --output-dir {out}", "same cloud"),
+    "reversed": ("change {second} {first} --output-dir {out}", "reversed"),
+    "bad date": ("change {first} {second} --epoch-from yesterday --output-dir {out}", "YYYY-MM-DD"),
+    "bad number": ("change {first} {second} --cell -1 --output-dir {out}", "cell is -1.0"),
+    "nan": ("change {first} {second} --cell nan --output-dir {out}", "cell is nan"),
+    "grid too large": ("change {first} {second} --cell 0.005 --memory-limit 0.05 --output-dir {out}", "at least"),
+    "one epoch, not screened": (
+        "inspect --epoch 2024-05-01={first} --no-screen-last-epoch --output-dir {out}",
+        "two epochs",
+    ),
+    "three epochs": (
+        "inspect --epoch=2020-05-01={first} --epoch=2021-05-01={first} --epoch=2022-05-01={first} --output-dir {out}",
+        "--epoch was given 3 times",
+    ),
+    "screening of an epoch by weights that are not there": (
+        "inspect --epoch=2024-05-01={first} --epoch=2025-05-01={second} --output-dir {out} --weights {new}/mine.torch",
+        "mine.torch",
+    ),
+    "no pdal": ("ground {first} --output {new}/g.laz --pdal {new}/nopdal", "nopdal"),
+    "no roi": ("ground {first} --output {new}/g.laz --roi {new}/no.gpkg", "no.gpkg"),
+    "output is input": ("register {first} {second} --output {second}", "also an input"),
+    "no folder": ("register {first} {second} --output {new}/no/a.laz", "does not exist"),
+    "bad transform": ("register {first} {second} --output {new}/a.laz --apply {text}", "text.laz"),
+    "output is no cloud": ("register {first} {second} --output {new}/a.tif", ".laz or .las"),
+    "one output twice": ("register {first} {second} --output {new}/a.laz --transform {new}/a.laz", "Two outputs"),
+    "inspect without roi": (
+        "inspect --epoch=2024-05-01={first} --epoch=2025-05-01={second} --roi {new}/no.shp --output-dir {out}",
+        "no.shp does not exist",
+    ),
+    "inspect in two systems": (
+        "inspect --epoch=2024-05-01={first} --epoch=2025-05-01={other_crs} --output-dir {out}",
+        "other_crs.laz in WGS 84 / UTM zone 50N",
+    ),
+    "output under a file": ("change {first} {second} --output-dir {text}/out", "cannot be written"),
+}
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_bad_input_is_one_sentence_with_exit_code_2(name, clouds, tmp_path):
-    arguments, words = bad_cases(tmp_path, clouds)[name]
-    before = sorted(tmp_path.rglob("*"))
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_one_sentence_with_exit_code_2(name, files, tmp_path, monkeypatch):
+    monkeypatch.delenv("SLOPEWATCH_PDAL", raising=False)  # it comes before --pdal
+    line, words = BAD[name]
+    arguments = [word.format(**files, new=tmp_path, out=tmp_path / "out") for word in line.split()]
+    before = sorted(files["faulty"].rglob("*"))
     done = run(*arguments)
     assert done.returncode == 2, done.stderr
     sentence = done.stderr.strip()
@@ -316,7 +284,8 @@ def test_bad_input_is_one_sentence_with_exit_code_2(name, clouds, tmp_path):
     assert "\n" not in sentence
     assert sentence.endswith(".")
     assert words in sentence
-    assert sorted(tmp_path.rglob("*")) == before, "something was left behind"
     as_json = run(*arguments, "--progress", "json")
     event = json.loads(as_json.stdout.splitlines()[-1])
     assert event == {"event": "error", "message": sentence.removeprefix("Error: "), "code": 2}
+    assert sorted(files["faulty"].rglob("*")) == before, "something was left behind"
+    assert list(tmp_path.iterdir()) == [], "something was left behind"

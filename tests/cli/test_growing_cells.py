@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import laspy
@@ -13,6 +10,7 @@ import numpy as np
 import pytest
 import rasterio
 from pyproj import CRS
+from slopewatch.tests.builders.program import run
 
 
 def write_slope(path: Path, seed: int, lowered: float = 0.0) -> Path:
@@ -31,8 +29,7 @@ def write_slope(path: Path, seed: int, lowered: float = 0.0) -> Path:
 
 
 def change(*arguments: object) -> dict:
-    command = [sys.executable, "-m", "slopewatch.cli", "change", *map(str, arguments), "--progress", "json"]
-    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
+    done = run("change", *arguments, "--progress", "json")
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 

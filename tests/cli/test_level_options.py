@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 import rasterio
 import shapely
-from slopewatch.tests.cli.programs import run, write_plane
+from slopewatch.tests.builders.clouds import write_sunk_slope
+from slopewatch.tests.builders.program import run
 
 
 @pytest.fixture(scope="module")
 def clouds(tmp_path_factory) -> tuple[Path, Path]:
     folder = tmp_path_factory.mktemp("clouds")
-    return write_plane(folder / "2024-05-01.laz"), write_plane(folder / "2025-05-01.laz", lowered=0.2)
+    return write_sunk_slope(folder / "2024-05-01.laz"), write_sunk_slope(folder / "2025-05-01.laz", lowered=0.2)
 
 
 def polygon(path: Path, west: float, east: float) -> Path:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import laspy
@@ -12,11 +10,7 @@ import numpy as np
 import pytest
 from pyproj import CRS
 from slopewatch.interface.parameters import DistanceParameters
-
-
-def run(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "slopewatch.cli", "m3c2", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=120, check=False)
+from slopewatch.tests.builders.program import run
 
 
 @pytest.fixture(scope="module")
@@ -37,17 +31,17 @@ def pair(tmp_path_factory) -> list[Path]:
 
 
 def test_help_shows_every_parameter():
-    shown = " ".join(run("--help").stdout.split())
+    shown = " ".join(run("m3c2", "--help").stdout.split())
     for specification in DistanceParameters.specifications():
         assert f"--{specification.option}" in shown
     for option in ("--output", "--output-dir", "--core", "--transform", "--stable", "--epoch-from", "--epoch-to"):
         assert option in shown
-    assert "does not see what slides along the surface" in shown
+    assert "does not detect what slides along the surface" in shown
 
 
 def test_progress_result_and_outputs(pair, tmp_path):
     given = ("--output-dir", tmp_path / "maps", "--core-spacing", 0.4, "--progress", "json")
-    done = run(*pair, "--output", tmp_path / "points.laz", "--registration-error", 0.01, *given)
+    done = run("m3c2", *pair, "--output", tmp_path / "points.laz", "--registration-error", 0.01, *given)
     assert done.returncode == 0, done.stderr
     events = [json.loads(line) for line in done.stdout.splitlines()]
     percents = [e["percent"] for e in events if e["event"] == "progress"]
@@ -66,11 +60,11 @@ def test_progress_result_and_outputs(pair, tmp_path):
 
 
 def test_a_refusal_is_one_sentence_and_leaves_nothing(pair, tmp_path):
-    done = run(pair[0], pair[0], "--output", tmp_path / "out.laz")
+    done = run("m3c2", pair[0], pair[0], "--output", tmp_path / "out.laz")
     assert done.returncode == 2
     assert "the same" in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
-    done = run(*pair, "--output", tmp_path / "out.laz", "--minimum-cylinder-points", 1)
+    done = run("m3c2", *pair, "--output", tmp_path / "out.laz", "--minimum-cylinder-points", 1)
     assert done.returncode == 2
     assert "minimum_cylinder_points is 1; give a whole number from 2 to 100000" in done.stderr
     assert list(tmp_path.iterdir()) == []

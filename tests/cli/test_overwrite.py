@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 from slopewatch.engine.vector.geopackage import read_layer
 from slopewatch.engine.zones.earlier_reviews import NOT_CARRIED
+from slopewatch.tests.builders.clouds import write_sunk_slope
+from slopewatch.tests.builders.program import run
 from slopewatch.tests.builders.zone_layers import enter
-from slopewatch.tests.cli.programs import run, write_plane
 
 ALL_COMMANDS = (
     ("inspect",), ("change",), ("series",), ("m3c2",), ("train",), ("simulate", "survey"), ("simulate", "series"),
@@ -45,7 +46,7 @@ def clouds(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, Path]:
     """A slope whose western third sinks, and sinks more."""
     folder = tmp_path_factory.mktemp("clouds")
     days = (("2024-05-01", 0.0), ("2025-05-01", 0.2), ("2026-05-01", 0.4))
-    first, second, third = (write_plane(folder / f"{day}.laz", lowered=depth) for day, depth in days)
+    first, second, third = (write_sunk_slope(folder / f"{day}.laz", lowered=depth) for day, depth in days)
     return first, second, third
 
 
@@ -65,8 +66,8 @@ def test_a_change_made_again_keeps_the_reviews(clouds: tuple[Path, Path, Path], 
     assert words in " ".join((out / "report.html").read_text(encoding="utf-8").split())
     refused(out, "change", *clouds[:2], *common)
     # other cells, another survey
-    told = made("change", clouds[0], clouds[2], *common, "--cell", 0.4, "--overwrite")
-    assert "What was entered for one zone of the earlier results was carried over." in told
+    shown = made("change", clouds[0], clouds[2], *common, "--cell", 0.4, "--overwrite")
+    assert "What was entered for one zone of the earlier results was carried over." in shown
     zones = read_layer(out / "zones.gpkg", "zones")
     assert zones.loc[0, ["review_status", "reviewer", "remarks", "epoch_to"]].tolist() == [
         "confirmed", "A. Sato", "crack <b> at the berm", "2026-05-01",
@@ -80,9 +81,9 @@ def test_a_change_made_again_keeps_the_reviews(clouds: tuple[Path, Path, Path], 
     before = bytes_of(out)
     assert run("change", clouds[0], broken, *common, "--overwrite").returncode == 2
     assert bytes_of(out) == before
-    # and one that finds no zone there keeps the review beside its own results
-    told = made("change", clouds[0], clouds[1], *common, "--overwrite", "--minimum-area", 500)
-    assert "could not be carried over" in told
+    # and one that finds no zone there keeps the review next to its own results
+    shown = made("change", clouds[0], clouds[1], *common, "--overwrite", "--minimum-area", 500)
+    assert "could not be carried over" in shown
     assert read_layer(out / NOT_CARRIED)["reviewer"].tolist() == ["A. Sato"]
     record = json.loads((out / "run.json").read_text())
     assert record["outputs"]["reviews_not_carried"] == NOT_CARRIED
@@ -99,8 +100,8 @@ def test_a_series_goes_on_in_its_folder_with_its_reviews(clouds: tuple[Path, Pat
 
     made(*series(*clouds[:2]))
     enter(out / "series.gpkg", "S001", review_status="rejected", reviewer="B. Ito", route="R9", chain_from=120.5)
-    told = made(*series(*clouds))
-    assert "carried over" in told
+    shown = made(*series(*clouds))
+    assert "carried over" in shown
     zones = read_layer(out / "series.gpkg", "zones").set_index("zone_id")
     assert zones.loc["S001", ["review_status", "reviewer", "route", "chain_from", "n_epochs"]].tolist() == [
         "rejected", "B. Ito", "R9", 120.5, 3,

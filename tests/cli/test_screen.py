@@ -5,22 +5,13 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from slopewatch.interface.parameters import ScreeningParameters
+from slopewatch.tests.builders.limits import PATIENCE_S
+from slopewatch.tests.builders.program import COMMAND, run
 from slopewatch.tests.builders.screening_clouds import slope, write
-
-
-def command(*arguments: object) -> list[str]:
-    return [sys.executable, "-m", "slopewatch.cli", "screen", *map(str, arguments)]
-
-
-def run(*arguments: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        command(*arguments), capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=120, check=False
-    )
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +20,7 @@ def cloud(tmp_path_factory) -> Path:
 
 
 def test_help_shows_every_parameter():
-    shown = " ".join(run("--help").stdout.split())
+    shown = " ".join(run("screen", "--help").stdout.split())
     for specification in ScreeningParameters.specifications():
         assert f"--{specification.option}" in shown
     for option in ("--output", "--zones", "--raster", "--map", "--roi", "--method"):
@@ -39,7 +30,7 @@ def test_help_shows_every_parameter():
 def test_progress_result_and_outputs(cloud, tmp_path):
     zones = tmp_path / "hazards.gpkg"
     given = ("--method", "residual", "--zones", zones, "--progress", "json", "--minimum-hazard-area", 2)
-    done = run(cloud, "--output", tmp_path / "out.laz", *given)
+    done = run("screen", cloud, "--output", tmp_path / "out.laz", *given)
     assert done.returncode == 0, done.stderr
     events = [json.loads(line) for line in done.stdout.splitlines()]
     percents = [e["percent"] for e in events if e["event"] == "progress"]
@@ -59,7 +50,7 @@ def test_progress_result_and_outputs(cloud, tmp_path):
 
 def test_a_refusal_is_one_sentence_and_leaves_nothing(tmp_path):
     flat = write(tmp_path / "flat.laz", slope(8000, dip=3.0))
-    done = run(flat, "--screening-method", "residual", "--output", tmp_path / "out.laz")
+    done = run("screen", flat, "--screening-method", "residual", "--output", tmp_path / "out.laz")
     assert done.returncode == 2
     assert done.stderr.strip().splitlines()[-1].startswith(f"Error: '{flat}' is no slope")
     assert "Traceback" not in done.stderr
@@ -68,7 +59,7 @@ def test_a_refusal_is_one_sentence_and_leaves_nothing(tmp_path):
 
 def test_a_cancelled_run_leaves_nothing(cloud, tmp_path):
     child = subprocess.Popen(
-        command(cloud, "--method", "residual", "--output", tmp_path / "out.laz", "--progress", "json"),
+        [*COMMAND, "screen", cloud, "--method", "residual", "--output", tmp_path / "out.laz", "--progress", "json"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         stdin=subprocess.DEVNULL,
@@ -78,6 +69,6 @@ def test_a_cancelled_run_leaves_nothing(cloud, tmp_path):
     assert "progress" in child.stdout.readline()
     assert any(p.name.startswith(".slopewatch-part") for p in tmp_path.iterdir())
     child.send_signal(signal.SIGTERM)
-    _, errors = child.communicate(timeout=60)
+    _, errors = child.communicate(timeout=PATIENCE_S)
     assert child.returncode == 130, errors
     assert list(tmp_path.iterdir()) == []

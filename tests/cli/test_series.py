@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import laspy
@@ -12,13 +10,9 @@ import numpy as np
 import pytest
 from pyproj import CRS
 from slopewatch.interface.parameters import SeriesParameters
+from slopewatch.tests.builders.program import run
 
 DAYS = ("2024-01-01", "2024-02-01", "2024-03-01")
-
-
-def run(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "slopewatch.cli", "series", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=120)
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +35,7 @@ def folder(tmp_path_factory) -> Path:
 
 
 def test_cells_that_grow_are_not_offered(folder, tmp_path):
-    done = run(folder, "--ground-ready", "--adaptive", "--output-dir", tmp_path / "a")
+    done = run("series", folder, "--ground-ready", "--adaptive", "--output-dir", tmp_path / "a")
     assert done.returncode == 2
     assert "No such option" in done.stderr
     assert "--adaptive" in done.stderr
@@ -49,6 +43,7 @@ def test_cells_that_grow_are_not_offered(folder, tmp_path):
 
 def test_folder_in_results_out(folder, tmp_path):
     done = run(
+        "series",
         folder,
         "--ground-ready",
         "--method",
@@ -68,6 +63,7 @@ def test_folder_in_results_out(folder, tmp_path):
     assert result["event"] == "result"
     assert result["metrics"]["zone_count"] == 1
     assert result["metrics"]["fastest_rate_mm_day"] == pytest.approx(1000 * 0.2 / 60, rel=0.15)
+    assert {"alerts_used", "report", "run"} <= set(result["outputs"])
     assert all(Path(p).stat().st_size > 0 for p in result["outputs"].values())
     said = [e["message"] for e in events if e["event"] == "log"]
     assert any("this screens trends, it is no alarm" in s for s in said)
@@ -81,7 +77,7 @@ def test_wrong_use_is_one_sentence(folder, tmp_path):
         ((folder, "--epoch", epoch), "Give either a folder or manifest"),
         (("--epoch", epoch), "One survey was given"),
     ):
-        done = run(*arguments, "--output-dir", out)
+        done = run("series", *arguments, "--output-dir", out)
         assert done.returncode == 2, sentence
         assert sentence in done.stderr
         assert len(done.stderr.strip().splitlines()) == 1
@@ -89,7 +85,7 @@ def test_wrong_use_is_one_sentence(folder, tmp_path):
 
 
 def test_help_shows_every_parameter():
-    shown = " ".join(run("--help").stdout.split())
+    shown = " ".join(run("series", "--help").stdout.split())
     for specification in SeriesParameters.specifications():
         assert f"--{specification.option}" in shown
     assert "FOLDER" in shown

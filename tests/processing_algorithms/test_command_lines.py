@@ -31,6 +31,7 @@ from slopewatch.processing_algorithms.m3c2distances import M3C2Distances
 from slopewatch.processing_algorithms.registerepochs import RegisterEpochs
 from slopewatch.processing_algorithms.simulatesurvey import SimulateSurvey
 from slopewatch.processing_algorithms.trainmodel import TrainModel
+from slopewatch.processing_algorithms.values import Values
 from slopewatch.processing_algorithms.writereport import WriteReport
 from slopewatch.tests.builders.qgis import Recorder
 
@@ -43,7 +44,7 @@ def command(algorithm: Any, feedback: Recorder | None = None, **parameters: Any)
     made = algorithm().create()
     context = QgsProcessingContext()
     context.setProject(QgsProject.instance())
-    return made.arguments(parameters, context, feedback or Recorder())
+    return made.command(Values(made, parameters, context, feedback or Recorder()))
 
 
 def square(layer: str, west: float, crs: str = "EPSG:32651") -> QgsVectorLayer:
@@ -127,6 +128,19 @@ def test_values_that_differ_are_passed() -> None:
         "--cloth-resolution", "0.35", "--rigidness", "2", "--slope-smoothing", "--crs", "EPSG:6557",
         "--height-unit", "us-survey-foot",
     ]  # fmt: skip
+
+
+def test_numbers_that_stand_for_auto_pass_nothing() -> None:
+    """Those of models and batches that were saved with 0 and -1, and what an emptied field gives."""
+    given = {"REFERENCE": "/a.laz", "CLOUD": "/b.laz", "OUTPUT": "/o/a.laz", "OUTPUT_FOLDER": "/o"}
+    left = {"CELL": 0, "LARGEST_CELL": "0", "REGISTRATION_ERROR": -1, "COLOUR_RANGE": 0.0, "NORMAL_SCALE": None}
+    assert command(ElevationChange, **given, **left)[3:] == ["--output-dir", "/o"]
+    assert command(M3C2Distances, **given, REGISTRATION_ERROR="-1", NORMAL_SCALE=0)[3:] == ["--output", "/o/a.laz"]
+    stated = command(ElevationChange, **given, CELL=0.2, REGISTRATION_ERROR=0)
+    assert stated[5:] == ["--cell", "0.2", "--registration-error", "0.0"]
+    made, context = ElevationChange().create(), QgsProcessingContext()
+    assert made.checkParameterValues({**given, **left}, context)[0]
+    assert not made.checkParameterValues({**given, "REGISTRATION_ERROR": -0.5}, context)[0]
 
 
 def test_values_as_qgis_process_gives_them() -> None:

@@ -193,6 +193,11 @@ def test_names_are_frozen(algorithm: SlopeWatchAlgorithm) -> None:
     assert outputs >= set(FROZEN_OUTPUTS[algorithm.name()]), "a released output is gone"
 
 
+def test_an_algorithm_without_a_command_cannot_be_made() -> None:
+    with pytest.raises(TypeError, match="abstract"):
+        type("Unfinished", (SlopeWatchAlgorithm,), {})()
+
+
 def test_identity_is_complete(algorithm: SlopeWatchAlgorithm) -> None:
     assert re.fullmatch("[a-z][a-z0-9]+", algorithm.name())
     assert algorithm.shortDescription().endswith(".")
@@ -219,7 +224,7 @@ def test_the_dialog_has_the_engines_parameters(algorithm: SlopeWatchAlgorithm) -
         assert parameter.help() == s.help
         if s.unit:
             assert f"({s.unit})" in parameter.description()
-        assert parameter.description().lower().endswith(s.label_with_unit.lower())
+        assert parameter.description().lower().endswith(s.field_label.lower())
         if s.name == "crs":
             assert parameter.type() == "crs"
         elif s.choices:
@@ -228,14 +233,14 @@ def test_the_dialog_has_the_engines_parameters(algorithm: SlopeWatchAlgorithm) -
             assert parameter.defaultValue() == s.default
         else:
             assert parameter.type() == {bool: "boolean", int: "number", float: "number", str: "string"}[s.kind]
-            assert parameter.defaultValue() == s.default
+            assert parameter.defaultValue() == s.field_default
         if s.kind in (int, float):
             if s.minimum is not None:
-                assert parameter.minimum() == s.minimum
+                assert parameter.minimum() == s.field_minimum
             if s.maximum is not None:
                 assert parameter.maximum() == s.maximum
             decimals = parameter.metadata().get("widget_wrapper", {}).get("decimals", 0)
-            assert round(s.default, decimals) == s.default, f"{s.name}: the field would round the default"
+            assert round(s.field_default, decimals) == s.field_default, f"{s.name}: the field would round the default"
         if algorithm.name() not in (
             "inspectslope",
             "inspectseries",

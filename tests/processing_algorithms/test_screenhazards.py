@@ -16,6 +16,7 @@ from qgis.core import (
     QgsVectorLayer,
 )
 from slopewatch.processing_algorithms.screenhazards import ScreenHazards
+from slopewatch.processing_algorithms.values import Values
 from slopewatch.tests.builders.qgis import Recorder
 
 pytestmark = pytest.mark.usefixtures("qgis_processing", "provider")
@@ -72,7 +73,8 @@ def project() -> QgsProject:
 
 def command(**parameters: Any) -> list[str]:
     context = QgsProcessingContext()
-    return ScreenHazards().create().arguments({"INPUT": CLOUD, **parameters}, context, Recorder())
+    made = ScreenHazards().create()
+    return made.command(Values(made, {"INPUT": CLOUD, **parameters}, context, Recorder()))
 
 
 def test_defaults_pass_nothing_and_others_are_passed() -> None:

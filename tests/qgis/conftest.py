@@ -1,5 +1,5 @@
 """Fixtures of the tests inside QGIS's interpreter."""
 
-from slopewatch.tests.builders.qgis import fake_engine, feedback, provider, qgis_process
+from slopewatch.tests.builders.qgis import fake_engine, feedback, provider, qgis_process, survey
 
-__all__ = ["fake_engine", "feedback", "provider", "qgis_process"]
+__all__ = ["fake_engine", "feedback", "provider", "qgis_process", "survey"]

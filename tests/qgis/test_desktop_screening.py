@@ -31,7 +31,7 @@ def session(qgis_process: QgisProcess, tmp_path_factory: pytest.TempPathFactory)
     )
     cloud = next((folder / "scenes").glob("*.laz"))
     parameters = {"INPUT": cloud, "OUTPUT": folder / "screened.laz", "SCREENING_METHOD": "residual"}
-    report = run_session(parameters, folder, script="screening_session.py", seconds=120)
+    report = run_session(parameters, folder, script="screening_session.py", seconds=480)
     keep = os.environ.get("SLOPEWATCH_KEEP_IMAGES")
     if keep:
         shutil.copytree(folder / "images", Path(keep) / "screening", dirs_exist_ok=True)

@@ -20,17 +20,8 @@ from slopewatch.processing_algorithms.inspectslope import InspectSlope
 from slopewatch.processing_algorithms.registerepochs import RegisterEpochs
 from slopewatch.processing_algorithms.simulatescenes import SimulateScenes
 from slopewatch.processing_algorithms.trainmodel import TrainModel
+from slopewatch.tests.builders.limits import CANCELLED_S, PATIENCE_S
 from slopewatch.tests.builders.qgis import QgisProcess, engine_python, processes_with, wait_until
-
-SMALL = {"POINTS": 60000, "LENGTH": 24, "HEIGHT": 10, "VEGETATION": 0.4}
-
-
-@pytest.fixture(scope="module")
-def survey(qgis_process: QgisProcess, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """A small simulated pair, made through qgis_process."""
-    engine_python()
-    folder = tmp_path_factory.mktemp("survey") / "pair, of 'surveys'"
-    return qgis_process.run("simulatesurvey", OUTPUT_FOLDER=folder, **SMALL)
 
 
 def engine_says(*arguments: str) -> str:
@@ -138,7 +129,7 @@ class TestCancelling:
             del qgis_process.environment["SLOPEWATCH_PYTHON"]
         # qgis_process, the engine and its child
         wait_until(lambda: len(processes_with(output)) >= 3)
-        assert self._interrupt(process, output) < 2.0
+        assert self._interrupt(process, output) < CANCELLED_S
         assert process.wait() == 1
         assert list(tmp_path.glob("*.laz")) == []
 
@@ -149,7 +140,7 @@ class TestCancelling:
         inputs = {"REFERENCE": survey["REFERENCE"], "CLOUD": survey["CLOUD"], "OUTPUT_FOLDER": folder}
         process = qgis_process.start("inspectslope", **inputs, CLOTH_RESOLUTION=0.02)
         wait_until(lambda: list(tmp_path.rglob("*_ground*")) or list(tmp_path.rglob(".slopewatch-part-*")))
-        assert self._interrupt(process, str(folder)) < 2.0
+        assert self._interrupt(process, str(folder)) < CANCELLED_S
         assert process.wait() == 1
         assert list(tmp_path.iterdir()) == []
 
@@ -162,18 +153,18 @@ class TestCancelling:
         wait_until(lambda: list(tmp_path.rglob(".slopewatch-part-*")))
         process.kill()
         process.wait()
-        wait_until(lambda: not processes_with(str(folder)), 3.0)
-        wait_until(lambda: list(tmp_path.iterdir()) == [], 1.0)
-        process.communicate(timeout=20)
+        wait_until(lambda: not processes_with(str(folder)))
+        wait_until(lambda: list(tmp_path.iterdir()) == [])
+        process.communicate(timeout=PATIENCE_S)
 
     @staticmethod
     def _interrupt(process: subprocess.Popen[str], mark: str) -> float:
         """Send SIGINT; the seconds until no process with ``mark`` in its command line is left besides qgis_process."""
         started = time.monotonic()
         os.kill(process.pid, signal.SIGINT)
-        wait_until(lambda: [p for p in processes_with(mark) if p != process.pid] == [], 10.0)
+        wait_until(lambda: [p for p in processes_with(mark) if p != process.pid] == [])
         seconds = time.monotonic() - started
-        process.communicate(timeout=20)
+        process.communicate(timeout=PATIENCE_S)
         return seconds
 
 

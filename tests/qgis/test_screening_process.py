@@ -8,18 +8,9 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-import pytest
 from qgis.core import QgsRasterLayer, QgsVectorLayer
 from slopewatch.processing_algorithms.screenhazards import ScreenHazards
-from slopewatch.tests.builders.qgis import QgisProcess, engine_python
-
-SMALL = {"POINTS": 60000, "LENGTH": 24, "HEIGHT": 10, "VEGETATION": 0.4}
-
-
-@pytest.fixture(scope="module")
-def survey(qgis_process: QgisProcess, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    engine_python()
-    return qgis_process.run("simulatesurvey", OUTPUT_FOLDER=tmp_path_factory.mktemp("survey") / "pair", **SMALL)
+from slopewatch.tests.builders.qgis import QgisProcess
 
 
 def test_a_raw_survey_is_refused_with_the_remedy_and_screened_with_it(

@@ -44,7 +44,7 @@ def shell(checkout: Path, tmp_path: Path) -> Shell:
             text=True,
             capture_output=True,
             stdin=subprocess.DEVNULL,
-            timeout=120,
+            timeout=600,
             check=False,
         )
 

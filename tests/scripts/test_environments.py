@@ -13,7 +13,7 @@ import pytest
 @pytest.fixture(scope="module")
 def bare_environment(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("bare") / "venv"
-    subprocess.run([sys.executable, "-m", "venv", folder], check=True, timeout=120)
+    subprocess.run([sys.executable, "-m", "venv", folder], check=True, timeout=600)
     return folder
 
 
@@ -40,7 +40,7 @@ def test_a_whole_environment_is_kept(shell, environment):
 
 def test_an_environment_whose_install_was_cut_short_is_made_anew(shell, environment, tmp_path):
     copy = tmp_path / "venv"
-    subprocess.run([sys.executable, "-m", "venv", "--without-pip", copy], check=True, timeout=60)
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", copy], check=True, timeout=600)
     assert not kept(shell, copy), "it has no pip"
     (environment / ".unfinished").touch()
     assert shell(f'is_environment_whole "{environment}"').returncode == 0

@@ -123,7 +123,7 @@ def private_prefix(shell, checkout: Path) -> Path:
 def start(program: Path, *arguments: str, **variables: str) -> tuple[int, list[str], dict[str, str], int]:
     environment = {"PATH": "/usr/bin:/bin", **variables}
     process = subprocess.Popen([program, *arguments], env=environment, stdout=subprocess.PIPE, text=True)
-    text, _ = process.communicate(timeout=60)
+    text, _ = process.communicate(timeout=600)
     pid, seen, inherited = json.loads(text)
     return pid, seen, inherited, process.pid
 
@@ -162,7 +162,7 @@ def test_the_private_pdal_of_this_checkout_runs(root):
         text=True,
         capture_output=True,
         check=True,
-        timeout=60,
+        timeout=600,
     )
     for stage in ("filters.crop", "filters.outlier", "readers.las", "writers.las", "filters.transformation"):
         assert stage in result.stdout

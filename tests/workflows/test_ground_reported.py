@@ -156,8 +156,9 @@ def test_a_series_keeps_it_for_surveys_that_it_uses_again(extraction, tmp_path):
     for count in (2, 3):
         monitor_series(epochs[:count], out, settings, progress=progress)
     assert len(extraction.covers) == 3
-    told = [f"{cover_sentence(cover)}" for cover in extraction.covers if cover is not None]
-    assert all(sum(said.endswith(sentence) for said in progress.said) == 1 for sentence in told)
+    sentences = [f"{cover_sentence(cover)}" for cover in extraction.covers if cover is not None]
+    assert len(sentences) == 3
+    assert all(sum(said.endswith(sentence) for said in progress.said) == 1 for sentence in sentences)
     page = (out / "report.html").read_text()
     # the first survey's cloud is of the earlier run, the last one's of this
     assert page.count("Ground returns a square metre") == 2

@@ -25,9 +25,9 @@ from slopewatch.engine.grid.partition import Partition
 from slopewatch.engine.pointcloud.reading import read_cloud
 from slopewatch.engine.zones.confirmation import VERDICTS, verdict, weigh
 from slopewatch.interface.parameters import ChangeParameters, LastEpochParameters, SurveyParameters
-from slopewatch.models.screening.screen import screen_cloud
 from slopewatch.simulation.surveys.survey import simulate_pair
 from slopewatch.simulation.surveys.write import write_pair
+from slopewatch.tests.builders.screening_clouds import screen_cloud
 from slopewatch.workflows import last_epoch
 from slopewatch.workflows.inspect import inspect_slope
 from slopewatch.workflows.last_epoch import SCREENING_OUTPUTS
@@ -129,6 +129,7 @@ def test_run_record_tells_what_ran(run):
     assert record["metrics"].keys() == metrics.keys()
     assert record["parameters"]["change"]["cell"] == 0.2
     assert record["transform"] == json.loads((out / "transform.json").read_text())["matrix"]
+    assert {"elevation_change", "zones", "report"} <= set(record["outputs"])
     assert all((out / name).is_file() for name in record["outputs"].values())
     assert ".slopewatch-part" not in json.dumps(record)
     for ground in record["stages"][0]["epochs"].values():
@@ -256,13 +257,13 @@ def test_a_slope_that_cannot_be_screened_gets_all_else(survey, tmp_path):
     assert not list(out.glob("screened*"))
     assert metrics["zone_count"] > 0
     assert not [name for name in (*outputs, *metrics) if name.startswith("screened") or "confirmed" in name]
-    told = [w for w in progress.warnings if w.startswith("The last survey was not screened. ")]
-    assert len(told) == 1
-    assert paths["second"].name in told[0]
-    assert "minimum_dip" in told[0]
+    left_out = [w for w in progress.warnings if w.startswith("The last survey was not screened. ")]
+    assert len(left_out) == 1
+    assert paths["second"].name in left_out[0]
+    assert "minimum_dip" in left_out[0]
     record = json.loads((out / "run.json").read_text())
-    assert told[0] in record["warnings"]
-    assert told[0].endswith(record["screening_left_out"])
+    assert left_out[0] in record["warnings"]
+    assert left_out[0].endswith(record["screening_left_out"])
     # alone, it is all there is to be done
     with pytest.raises(InputError, match="minimum_dip"):
         inspect_slope(epochs(paths)[1:], tmp_path / "one", settings, roi=paths["roi"])

@@ -1,9 +1,8 @@
-"""The command m3c2 from files to files: what it writes, and what it refuses."""
+"""The command m3c2 from files to files: what it writes."""
 
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 
 import geopandas as gpd
@@ -13,55 +12,8 @@ import pytest
 import rasterio
 import shapely
 from pyproj import CRS
-from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.progress import Progress
-from slopewatch.interface.parameters import DistanceParameters, InputParameters
-from slopewatch.workflows.m3c2 import m3c2_step, parse_direction
-from slopewatch.workflows.settings import DistanceSettings
-
-DIP = np.radians(50)
-NORMAL = np.array([0.0, -np.sin(DIP), np.cos(DIP)])
-BULGE = 0.3
-
-
-def steep(points, seed, *, raised=0.0, shift=(0.0, 0.0, 0.0)):
-    """A face of 50 degrees, 12 x 12 m; its western third is raised along the normal."""
-    rng = np.random.default_rng(seed)
-    u, v = rng.uniform(0, 12, (2, points))
-    out = rng.normal(0, 0.01, points) + np.where(u < 4, raised, 0.0)
-    return np.column_stack([u, v * np.cos(DIP), v * np.sin(DIP)]) + out[:, None] * NORMAL + [5e5, 3.5e6, 50] + shift
-
-
-def write(path: Path, xyz, *, crs=32651, **dimensions) -> Path:
-    header = laspy.LasHeader(point_format=6, version="1.4")
-    header.scales, header.offsets = [0.001] * 3, xyz[0].round()
-    if crs:
-        header.add_crs(CRS.from_user_input(crs))
-    for name in dimensions:
-        header.add_extra_dim(laspy.ExtraBytesParams(name, "f8"))
-    las = laspy.LasData(header)
-    las.x, las.y, las.z = xyz.T
-    las.return_number = las.number_of_returns = np.ones(len(xyz), dtype=np.uint8)
-    las.classification = np.full(len(xyz), 2)
-    for name, values in dimensions.items():
-        las[name] = values
-    las.write(path)
-    return path
-
-
-@pytest.fixture(scope="module")
-def pair(tmp_path_factory) -> tuple[Path, Path]:
-    folder = tmp_path_factory.mktemp("pair")
-    return (
-        write(folder / "slope_2024-05-01.laz", steep(16_000, 1)),
-        write(folder / "slope_2025-05-01.laz", steep(14_000, 2, raised=BULGE)),
-    )
-
-
-def run(first, second, output, *, progress=None, crs="", height_unit="auto", **given):
-    options = {name: given.pop(name, None) for name in ("raster_dir", "core", "transform_path", "stable")}
-    settings = DistanceSettings(InputParameters(crs=crs, height_unit=height_unit), DistanceParameters(**given))
-    return m3c2_step(first, second, output, settings, dates=(None, None), progress=progress or Progress(), **options)
+from slopewatch.tests.builders.steep_pair import BULGE, DIP, NORMAL, run, steep, write
 
 
 @pytest.fixture(scope="module")
@@ -105,19 +57,19 @@ def test_the_published_level_is_there_for_the_asking(pair, outcome, tmp_path):
     np.testing.assert_allclose(level[measured], 1.959964 * (np.sqrt(one + two) + 0.01)[measured], rtol=1e-4)
     calibrated = laspy.read(outcome[0]["points"])
     np.testing.assert_array_equal(las["m3c2_distance"], calibrated["m3c2_distance"])
-    told = json.loads(outputs["run"].read_text())["level_of_detection"]
-    assert told["level"] == told["asked_for"] == "as published (Lague et al. 2013)"
+    level_record = json.loads(outputs["run"].read_text())["level_of_detection"]
+    assert level_record["level"] == level_record["asked_for"] == "as published (Lague et al. 2013)"
 
 
 class Heard(Progress):
-    """Keeps what it is told."""
+    """Keeps every message."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.told: list[str] = []
+        self.heard: list[str] = []
 
     def show(self, level: str, message: str) -> None:
-        self.told.append(message)
+        self.heard.append(message)
 
 
 class TestCalibration:
@@ -146,11 +98,11 @@ class TestCalibration:
         assert self.beyond(plain)[1] > 0.2
         outputs = run(*unchanged, tmp_path / "out.laz", registration_error=0.0, progress=progress).outputs
         assert sum(self.beyond(outputs)) / 2 < 0.08
-        told = json.loads(outputs["run"].read_text())["level_of_detection"]
-        assert told["level"] == "calibrated"
-        assert told["error_model"] == "calibrated"
-        assert told["slope_classes"][0]["factor"] > 1.2
-        assert any("calibrated on" in sentence for sentence in progress.told)
+        level_record = json.loads(outputs["run"].read_text())["level_of_detection"]
+        assert level_record["level"] == "calibrated"
+        assert level_record["error_model"] == "calibrated"
+        assert level_record["slope_classes"][0]["factor"] > 1.2
+        assert any("calibrated on" in sentence for sentence in progress.heard)
 
     def test_polygons_known_to_be_stable_are_what_it_learns_from(self, unchanged, tmp_path):
         """The quiet western half: of the other half more is then beyond than of that."""
@@ -180,10 +132,10 @@ class TestCalibration:
             for path in unchanged
         ]
         shared = {"registration_error": 0.0, "projection_scale": 0.6, "normal_scale": 0.6, "half_length": 0.5}
-        plain, told = (run(*some, tmp_path / "out.laz", **shared).figures for some in (unchanged, paths))
+        plain, stated = (run(*some, tmp_path / "out.laz", **shared).figures for some in (unchanged, paths))
         # at least a part of the stated error stays, however alike the surveys are
         expected = 1.96 * 0.4 * 0.05 * np.sqrt(2) * np.cos(DIP)
-        assert told["lod_median_m"] == pytest.approx(np.hypot(plain["lod_median_m"], expected), rel=0.15)
+        assert stated["lod_median_m"] == pytest.approx(np.hypot(plain["lod_median_m"], expected), rel=0.15)
 
 
 def test_rasters_lie_on_a_snapped_grid_with_the_tags_of_all_rasters(outcome):
@@ -336,69 +288,3 @@ def test_feet_become_metres_and_are_said(tmp_path):
     las = laspy.read(outputs["points"])
     west = np.asarray(las.x) < 5e5 + 3
     assert np.nanmedian(np.asarray(las["m3c2_distance"])[west]) == pytest.approx(BULGE, abs=0.005)
-
-
-class TestRefusals:
-    def refused(self, folder: Path, *arguments, match: str, **given) -> str:
-        before = {p.name for p in folder.iterdir()}
-        with pytest.raises(InputError, match=match) as caught:
-            run(*arguments, folder / "out.laz", **given)
-        assert {p.name for p in folder.iterdir()} == before
-        assert str(caught.value).endswith(".")
-        return str(caught.value)
-
-    def test_the_same_file_twice(self, pair, tmp_path):
-        copy = shutil.copy(pair[0], tmp_path / "other.laz")
-        self.refused(tmp_path, pair[0], Path(copy), match="are the same cloud")
-
-    def test_reversed_dates(self, pair, tmp_path):
-        self.refused(tmp_path, pair[1], pair[0], match="reversed order")
-
-    def test_no_overlap_names_both_extents(self, pair, tmp_path):
-        away = write(tmp_path / "away.laz", steep(2000, 3, shift=(100.0, 0, 0)))
-        sentence = self.refused(tmp_path, pair[0], away, match="do not overlap")
-        assert "x 500000.0 to 500012.0" in sentence
-        assert "x 500100.0 to 500112.0" in sentence
-
-    def test_no_point_in_any_cylinder(self, pair, tmp_path):
-        high = write(tmp_path / "high.laz", steep(9000, 3, shift=(0.0, 0, 2.8)))
-        self.refused(tmp_path, pair[0], high, match="--half-length", half_length=1.0)
-
-    @pytest.mark.parametrize(
-        ("crs", "match"),
-        [(None, "no coordinate reference system"), (4326, "geographic"), (32650, "different reference")],
-    )
-    def test_reference_systems(self, pair, tmp_path, crs, match):
-        other = write(tmp_path / "other.laz", steep(2000, 3), crs=crs)
-        self.refused(tmp_path, pair[0], other, match=match)
-        self.refused(tmp_path, *pair, match=match, core=other)
-
-    def test_normals_that_are_not_there(self, pair, tmp_path):
-        self.refused(tmp_path, *pair, match="needs --core", normals="given")
-        core = write(tmp_path / "core.laz", steep(100, 3))
-        self.refused(tmp_path, *pair, match="core.laz' has no dimension NormalX", normals="given", core=core)
-
-    @pytest.mark.parametrize("text", ["up", "0,0,0", "0,1", "1,2,nan", ""])
-    def test_a_direction_that_is_none(self, pair, tmp_path, text):
-        self.refused(tmp_path, *pair, match="orientation is", orientation=text)
-
-    def test_output_equal_to_an_input_and_a_raster_too_large(self, pair, tmp_path):
-        first = Path(shutil.copy(pair[0], tmp_path / "out.laz"))
-        with pytest.raises(InputError, match="also an input"):
-            run(first, pair[1], first)
-        first.unlink()
-        self.refused(tmp_path, *pair, match="--distance-cell", distance_cell=1e-4)
-
-
-def test_a_datum_shift_and_change_beyond_the_cylinder_are_named(pair, tmp_path):
-    progress = Progress()
-    high = write(tmp_path / "high.laz", steep(14_000, 3, shift=(0.0, 0, 0.5)))
-    run(pair[0], high, tmp_path / "a.laz", progress=progress)
-    assert any("datum or height bias" in sentence for sentence in progress.warnings)
-    progress = Progress()
-    run(*pair, tmp_path / "b.laz", progress=progress, half_length=0.15)
-    assert any("only beyond the cylinder" in sentence for sentence in progress.warnings)
-
-
-def test_directions_are_read():
-    assert parse_direction("0, -1,0.5").tolist() == [0, -1, 0.5]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import subprocess
-import sys
 
 import geopandas
 import laspy
@@ -19,6 +17,7 @@ from slopewatch.simulation.hazard_scenes.picture import draw_panels, panels
 from slopewatch.simulation.hazard_scenes.scenes import scene
 from slopewatch.simulation.hazard_scenes.sets import published_set
 from slopewatch.simulation.hazard_scenes.styles import SIMULATOR_VERSION
+from slopewatch.tests.builders.program import run
 from slopewatch.workflows import simulate_scenes
 from slopewatch.workflows.simulate_scenes import scene_specs, scenes_step
 
@@ -127,18 +126,17 @@ def test_a_run_that_breaks_off_leaves_nothing(tmp_path, monkeypatch):
 
 
 def test_the_program_tells_progress_and_refuses_bad_values(tmp_path):
-    program = [sys.executable, "-m", "slopewatch.cli", "simulate", "scenes", "--output-dir", str(tmp_path / "o")]
-    done = subprocess.run(
-        [*program, "--progress", "json", "--kind", "shifted", "--count", "2", "--area", "150", "--density", "25"],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
+    program = ("simulate", "scenes", "--output-dir", tmp_path / "o")
+    size = ("--kind", "shifted", "--count", 2, "--area", 150, "--density", 25)
+    done = run(*program, "--progress", "json", *size)
+    assert done.returncode == 0, done.stderr
     events = [json.loads(line) for line in done.stdout.splitlines()]
     percents = [event["percent"] for event in events if event["event"] == "progress"]
     assert len(set(percents)) > 4
     assert percents == sorted(percents)
     assert events[-1]["event"] == "result"
     assert events[-1]["metrics"]["scenes"] == 2
-    refused = subprocess.run([*program, "--count", "0"], capture_output=True, text=True, check=False)
+    refused = run(*program, "--count", 0)
     assert refused.returncode == 2
     assert "count is 0" in refused.stderr
 

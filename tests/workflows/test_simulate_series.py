@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import geopandas
@@ -17,20 +15,21 @@ from rasterio.features import geometry_mask
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.progress import Progress
 from slopewatch.interface.parameters import CreepParameters
+from slopewatch.tests.builders.program import run
 from slopewatch.workflows.simulate import creep_laws, series_step
 
 SMALL = ["--points", "26000", "--length", "20", "--height", "7", "--surveys", "5", "--vegetation", "0.2"]
 
 
-def run(*arguments: str) -> None:
-    done = subprocess.run([sys.executable, "-m", "slopewatch.cli", *arguments], capture_output=True, text=True)
+def simulate(*arguments: str) -> None:
+    done = run("simulate", "series", *arguments)
     assert done.returncode == 0, done.stderr
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("creep")
-    run("simulate", "series", "--velocities", "-10, 4", "--ground-only", *SMALL, "--output-dir", str(folder / "s"))
+    simulate("--velocities", "-10, 4", "--ground-only", *SMALL, "--output-dir", str(folder / "s"))
     return folder / "s"
 
 
@@ -56,10 +55,9 @@ def test_it_writes_dated_clouds_a_manifest_and_the_truth(folder):
 
 @pytest.mark.parametrize("source", ["surveys.csv", "."])
 def test_a_series_of_them_holds_the_velocities_in_its_intervals(folder, source, tmp_path):
-    run(
-        "series", str(folder / source), "--roi", str(folder / "roi.gpkg"), "--ground-ready", "--cell", "0.25",
-        "--output-dir", str(tmp_path / "out"),
-    )  # fmt: skip
+    given = ("--roi", folder / "roi.gpkg", "--ground-ready", "--cell", 0.25, "--output-dir", tmp_path / "out")
+    done = run("series", folder / source, *given)
+    assert done.returncode == 0, done.stderr
     zones = geopandas.read_file(tmp_path / "out" / "series.gpkg", layer="zones")
     assert sorted(zones["kind"]) == ["subsidence", "uplift"]
     with rasterio.open(folder / "truth_velocity.tif") as truth, rasterio.open(tmp_path / "out/velocity.tif") as found:
@@ -74,7 +72,7 @@ def test_a_series_of_them_holds_the_velocities_in_its_intervals(folder, source, 
 
 
 def test_the_same_seed_gives_the_same_bytes(folder, tmp_path):
-    run("simulate", "series", "--velocities", "-10, 4", "--ground-only", *SMALL, "--output-dir", str(tmp_path / "s"))
+    simulate("--velocities", "-10, 4", "--ground-only", *SMALL, "--output-dir", str(tmp_path / "s"))
     for name in ("2024-08-29.laz", "surveys.csv", "truth.json", "truth_velocity.tif", "roi.gpkg"):
         assert (tmp_path / "s" / name).read_bytes() == (folder / name).read_bytes(), name
 

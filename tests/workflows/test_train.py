@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import itertools
 import json
 import os
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import laspy
 import numpy as np
@@ -22,9 +23,12 @@ from slopewatch.engine.core.progress import Progress
 from slopewatch.interface.parameters import FineTuneParameters, InputParameters
 from slopewatch.models.configuration import SMOKE
 from slopewatch.models.inference.calibration import fit_temperature, temperature_of
+from slopewatch.models.training import fine_tuning
 from slopewatch.simulation.hazard_scenes.scenes import build_scene, scene
 from slopewatch.simulation.hazard_scenes.styles import SceneSpec
 from slopewatch.simulation.hazard_scenes.write import write_scene
+from slopewatch.tests.builders.limits import CANCELLED_S, PATIENCE_S
+from slopewatch.tests.builders.program import COMMAND
 from slopewatch.workflows import train
 
 pytestmark = pytest.mark.usefixtures("torch")
@@ -33,7 +37,7 @@ TINY = FineTuneParameters(dimension="truth_class", start="none", network="smoke"
 
 def program(*arguments, **variables: str) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "OMP_NUM_THREADS": "1", **variables}
-    line = [sys.executable, "-m", "slopewatch.cli", "train", *map(str, arguments)]
+    line = [*COMMAND, "train", *map(str, arguments)]
     return subprocess.run(line, capture_output=True, text=True, check=False, env=environment)
 
 
@@ -59,7 +63,7 @@ def tiny_clouds(tmp_path_factory) -> list[Path]:
 
 @pytest.fixture(scope="module")
 def trained(torch_module, clouds, tmp_path_factory) -> tuple[Path, list[dict]]:
-    """A small net trained through the program; its output folder and the events it told."""
+    """A small net trained through the program; its output folder and the events it reported."""
     folder = tmp_path_factory.mktemp("trained") / "out"
     done = program(
         *clouds, "--dimension", "truth_class", "--start", "none", "--network", "smoke", "--steps", "45",
@@ -88,8 +92,8 @@ def test_a_small_net_beats_the_majority_within_a_minute(trained):
     assert percents == sorted(percents)
     assert len(set(percents)) > 30
     messages = " ".join(event["message"] for event in events if event["event"] == "progress")
-    for told in ("fold", "training: step", "scoring slope 1001.laz"):
-        assert told in messages
+    for words in ("fold", "training: step", "scoring slope 1001.laz"):
+        assert words in messages
 
 
 def test_the_weights_label_a_slope_that_nobody_trained_on(trained):
@@ -204,19 +208,19 @@ def test_a_training_that_was_stopped_goes_on(tiny_clouds, tmp_path):
 
 def test_cancelling_leaves_only_what_the_next_run_goes_on_from(tiny_clouds, tmp_path):
     line = [
-        sys.executable, "-m", "slopewatch.cli", "train", *map(str, tiny_clouds), "--dimension", "truth_class",
+        *COMMAND, "train", *map(str, tiny_clouds), "--dimension", "truth_class",
         "--start", "none", "--network", "smoke", "--steps", "900000", "--output-dir", str(tmp_path / "out"),
     ]  # fmt: skip
     process = subprocess.Popen(
         line, stderr=subprocess.PIPE, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"}, start_new_session=True
     )
     try:
-        end = time.monotonic() + 60
+        end = time.monotonic() + PATIENCE_S
         while not (tmp_path / "out/training/plan.json").is_file():
             assert time.monotonic() < end
             time.sleep(0.05)
         process.send_signal(signal.SIGINT)
-        assert process.wait(5) == 130
+        assert process.wait(CANCELLED_S) == 130
     finally:
         process.kill()
         process.communicate()
@@ -236,14 +240,16 @@ def test_one_file_trains_and_says_that_it_cannot_be_scored(tiny_clouds, tmp_path
     assert "None. With one file" in outputs["report"].read_text()
 
 
-def test_more_files_than_folds_share_folds_and_minutes_choose_the_steps(tiny_clouds, tmp_path):
+def test_more_files_than_folds_share_folds_and_minutes_choose_the_steps(tiny_clouds, tmp_path, monkeypatch):
+    """On a machine where the timed steps take 0.2 s together, and scoring the smallest cloud as long."""
+    clock = itertools.count(0.0, 0.2)
+    monkeypatch.setattr(fine_tuning, "time", SimpleNamespace(monotonic=lambda: next(clock)))
     parameters = replace(TINY, folds=2, minutes=0.08, steps=9)
-    begun = time.monotonic()
     done = step(tiny_clouds, tmp_path / "out", parameters)
     outputs, metrics = done.outputs, done.figures
-    assert time.monotonic() - begun < 12
     assert metrics["folds"] == 2
-    assert metrics["steps"] > 9
+    trainings, step_s = 2 + 1, 0.2 / fine_tuning._TIMED_STEPS
+    assert 0.5 * 60 * 0.08 < metrics["steps"] * trainings * step_s < 60 * 0.08
     tests = [fold["test"] for fold in json.loads(outputs["description"].read_text())["training"]["folds"]]
     assert sorted(map(len, tests)) == [1, 2]
     assert not (tmp_path / "out/training/timing").exists()
@@ -273,8 +279,11 @@ def test_labels_from_polygons(tiny_clouds, tmp_path):
 def test_start_weights_that_cannot_be_used(tiny_clouds, tmp_path, torch):
     torch.save({"a": torch.zeros(3)}, tmp_path / "pickled.pt")
     shutil.copy(tmp_path / "pickled.pt", tmp_path / "renamed.safetensors")
-    for name, told in (("pickled.pt", "pickled models are not opened"), ("renamed.safetensors", "no safetensors file")):
-        with pytest.raises(InputError, match=told):
+    for name, words in (
+        ("pickled.pt", "pickled models are not opened"),
+        ("renamed.safetensors", "no safetensors file"),
+    ):
+        with pytest.raises(InputError, match=words):
             step(tiny_clouds, tmp_path / "out", replace(TINY, start=str(tmp_path / name)))
     with pytest.raises(InputError, match=r"gone\.safetensors do not exist"):
         step(tiny_clouds, tmp_path / "out", replace(TINY, start=str(tmp_path / "gone.safetensors")))

@@ -19,7 +19,9 @@ from ...engine.core.version import VERSION
 from ...engine.epochs.epoch import Epoch
 from ...engine.geometry.rigid_transform import RigidTransform
 from ...engine.grid import geotiff
-from ...engine.maps import heatmap, palette, qgis_styles, top_view
+from ...engine.maps import palette, qgis_styles, top_view
+from ...engine.maps.heatmap import write_heatmap_png
+from ...engine.maps.heatmap_image import make_heatmap
 from ...engine.pointcloud.cloud import PointCloud
 from ...engine.report.facts import change_facts, error_terms
 from ...engine.statistics.normal import Z95
@@ -28,7 +30,7 @@ from ...engine.zones import extraction, fields, gcd_table
 from ...engine.zones.change_zones import cells_of, change_zones
 from ...engine.zones.profile_lines import ProfileLine, steepest_lines
 from ...engine.zones.profiles import Layers, missed_lines, take_profile, write_profiles
-from ...interface.parameters import ChangeParameters, HeatmapParameters, ZoneParameters
+from ...interface.parameters import ChangeParameters, HeatmapParameters, ZoneParameters, given
 from ..run import Run
 from ..settings import Settings
 from . import zones as zones_module
@@ -52,7 +54,7 @@ ON_REQUEST = ("cell_size.tif", "change_probability.tif", "plant_error.tif", "pla
 
 @dataclass(frozen=True)
 class Context:
-    """What the products say about their origin. ``transform`` is None where nothing was registered by SlopeWatch."""
+    """What the products state about their origin. ``transform`` is None where nothing was registered by SlopeWatch."""
 
     first: Epoch
     second: Epoch
@@ -98,7 +100,7 @@ def write_products(
     )
     progress.update(0.0, "writing rasters")
     limit = palette.colour_limit(
-        change.dz[change.significant], settings.heatmap.colour_range, level=change.median_level
+        change.dz[change.significant], given(settings.heatmap.colour_range), level=change.median_level
     )
     run.outputs |= _write_rasters(change, context.crs, tags, limit, run.stage)
     progress.update(0.3, "outlining zones")
@@ -162,18 +164,10 @@ def _write_pictures(
     stage = run.stage
     view = top_view.top_view(picture, top_view.top_view_grid(change.grid, parameters.top_view_pixel))
     geotiff.write_rgba(stage.path("top_view.tif"), view.rgba, view.grid, context.crs, tags=tags)
-    heatmap.write_heatmap(
-        stage.path("heatmap.png"),
-        stage.path("heatmap.tif"),
-        change,
-        view,
-        found,
-        context.crs,
-        parameters,
-        limit=limit,
-        epochs=(context.first.name, context.second.name),
-        tags=tags,
-    )
+    heatmap = make_heatmap(change.dz, change.significant, change.level, change.grid, view, parameters, limit=limit)
+    names = context.first.name, context.second.name
+    write_heatmap_png(stage.path("heatmap.png"), heatmap, zones=found.frame, epochs=names)
+    geotiff.write_rgba(stage.path("heatmap.tif"), heatmap.rgba, heatmap.grid, context.crs, tags=tags)
     for name, file in (("heatmap", "heatmap.png"), ("heatmap_raster", "heatmap.tif"), ("top_view", "top_view.tif")):
         run.outputs[name] = stage.final(file)
 
@@ -192,7 +186,7 @@ def profile_products(
     if not every:
         return {}, []
     profiles = [take_profile(line, layers) for line in every]
-    return write_profiles(every, profiles, crs, stage, stamp), [p.facts() for p in profiles]
+    return write_profiles(profiles, crs, stage, stamp), [p.facts() for p in profiles]
 
 
 def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:

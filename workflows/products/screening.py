@@ -69,7 +69,7 @@ def write_products(
     frame = hazards.frame
     if reviews is not None:
         frame = reviews.carried_to(frame, targets["zones"].name, known)
-    qml = styles.hazards_qml(confirmed="confirmed" in frame)
+    qml = styles.hazards_qml(name for name in frame.columns if name in known)
     layer = vectors.Layer(frame, "zones", qml, "MultiPolygon", own_columns(frame, known), guarded=True)
     vectors.write_layers(place(targets["zones"]), [layer], stamp=shown.survey)
     path = place(targets["probability"])

@@ -18,7 +18,6 @@ from ...engine.core.version import VERSION
 from ...engine.grid import geotiff
 from ...engine.maps import palette, qgis_styles
 from ...engine.maps.series_picture import write_series_picture
-from ...engine.maps.series_styles import SERIES_ALIASES, confirmed_qml, shown_during, states_qml, zones_qml
 from ...engine.series.alerts import COLUMNS, AlertLevel
 from ...engine.series.analysis import Analysis
 from ...engine.series.tables import ZONE_FIELDS, About, series_csv, series_frame, zone_frame
@@ -62,7 +61,7 @@ def write_epoch_rasters(
     """
     moved = np.concatenate([c.dz[c.significant] for c in changes])
     level = float(np.median([c.median_level for c in changes]))
-    limit = palette.colour_limit(moved, 0.0, level=level)
+    limit = palette.colour_limit(moved, level=level)
     highest = max(float(np.nanpercentile(c.level, 98)) for c in changes)
     outputs = {}
     for number, change in enumerate(changes, 1):
@@ -79,13 +78,16 @@ def write_epoch_rasters(
             raster_names(kind, begin, end),
             (change.dz, change.level),
             ("Elevation change", f"Level of detection, {change.confidence:.4g} confidence"),
-            (qgis_styles.change_qml(limit, change.median_level), qgis_styles.level_qml(highest)),
+            (
+                qgis_styles.change_qml(limit, change.median_level, shown=(before, end)),
+                qgis_styles.level_qml(highest, shown=(before, end)),
+            ),
             strict=True,
         ):
             path = stage.path(name)
             description = f"{words}, {begin.isoformat()} to {end.isoformat()}"
             geotiff.write_raster(path, array, about.grid, about.crs, description=description, tags=tags)
-            qgis_styles.write_qml_beside(path, shown_during(qml, before, end))
+            qgis_styles.write_qml_beside(path, qml)
             outputs[f"{kind}_{'change' if array is change.dz else 'level'}_{number:03d}"] = stage.final(name)
     return outputs
 
@@ -105,26 +107,28 @@ def write_summary_rasters(
     rate, error = 1000 * velocity.rate, 1000 * velocity.error
     level = Z95 * float(np.nanmedian(error))
     with np.errstate(invalid="ignore"):
-        limit = palette.colour_limit(rate[np.abs(rate) > Z95 * error], 0.0, level=level)
+        limit = palette.colour_limit(rate[np.abs(rate) > Z95 * error], level=level)
     layers: tuple[tuple[str, Float, str, str, str], ...] = (
-        ("velocity", rate, "Velocity by regression", "mm/day", qgis_styles.change_qml(limit, level)),
-        ("velocity_error", error, "Standard error of the velocity", "mm/day", ""),
+        ("velocity", rate, "Velocity by regression", "mm/day", qgis_styles.change_qml(limit, level, unit="mm/day")),
+        (
+            "velocity_error",
+            error,
+            "Standard error of the velocity",
+            "mm/day",
+            qgis_styles.level_qml(float(np.nanpercentile(error, 98)), unit="mm/day"),
+        ),
         (
             "epochs_confirmed",
             np.where(measured, confirmed, np.nan),
             "Comparisons in a row beyond the level of detection with one sign",
             "",
-            confirmed_qml(int(confirmed.max(initial=0))),
+            qgis_styles.confirmed_qml(int(confirmed.max(initial=0))),
         ),
     )
     outputs = {}
     for name, array, words, unit, qml in layers:
         path = stage.path(f"{name}.tif")
         geotiff.write_raster(path, array, about.grid, about.crs, description=words, unit=unit, tags=tags)
-        if name.startswith("velocity"):
-            qml = qml or qgis_styles.level_qml(float(np.nanpercentile(error, 98)))
-            qml = qml.replace(" m raised", " mm/day raised").replace(" m lowered", " mm/day lowered")
-            qml = qml.replace(' m"', ' mm/day"').replace(" m)", " mm/day)")
         qgis_styles.write_qml_beside(path, qml)
         outputs[name] = stage.final(path.name)
     return outputs
@@ -150,13 +154,12 @@ def write_tables(
     if run.reviews is not None:
         table = run.reviews.carried_to(table, "series.gpkg", ZONE_FIELDS, persistent_ids=True)
     series = series_frame(zones, about)
+    style = qgis_styles.series_zones_qml(alerts)
     geopackage.write_layers(
         stage.path("series.gpkg"),
         [
-            geopackage.Layer(
-                table, "zones", zones_qml(alerts), "MultiPolygon", own_columns(table, SERIES_ALIASES), guarded=True
-            ),
-            geopackage.Layer(series, "series", states_qml(), "MultiPolygon", guarded=True),
+            geopackage.Layer(table, "zones", style, "MultiPolygon", own_columns(table, ZONE_FIELDS), guarded=True),
+            geopackage.Layer(series, "series", qgis_styles.states_qml(), "MultiPolygon", guarded=True),
         ],
         stamp=about.dates[-1],
     )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 import shapely.affinity
-from slopewatch.engine.change.difference import difference, uniform_shift
+from slopewatch.engine.change.difference import Areas, difference, uniform_shift
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.grid.common_grid import common_grid, memory_needed, slope_area
 from slopewatch.interface.parameters import ChangeParameters
@@ -150,7 +150,7 @@ def test_cells_at_the_edge_of_the_clipped_area_are_left_out():
         clouds.append(points[inside])
     area = ring.intersection(shapely.affinity.translate(ring, *shift[:2]))
     parameters = ChangeParameters(cell=0.5, adaptive=False, direction="vertical")
-    change = difference(*clouds, parameters, area=area)
+    change = difference(*clouds, parameters, areas=Areas(area))
     everything = difference(*clouds, parameters)
     grid = change.grid
     for row, column in np.ndindex(grid.shape):

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from slopewatch.engine.change.difference import difference
+from slopewatch.engine.change.difference import Areas, difference
 from slopewatch.engine.change.doubts import warn_of_doubtful_change
 from slopewatch.engine.change.judgement import judge
 from slopewatch.engine.change.measured import Measured
@@ -128,7 +128,7 @@ def test_without_stable_ground_the_level_is_wider_and_says_why():
     """Known stable ground that lies outside of what was surveyed."""
     elsewhere = shapely.box(100, 100, 120, 120)
     progress = Progress()
-    change = difference(face(1), face(2), ChangeParameters(cell=0.25), stable_area=elsewhere)
+    change = difference(face(1), face(2), ChangeParameters(cell=0.25), areas=Areas(stable=elsewhere))
     plain = difference(face(1), face(2), ChangeParameters(cell=0.25, calibrate=False))
     assert change.model.kind == "widened"
     assert np.allclose((change.level / plain.level)[change.valid], 1.5)
@@ -143,7 +143,7 @@ def test_known_stable_ground_decides_where_it_lies():
     patch = np.floor(second[:, :2] / 0.25).astype(int)
     jitter = np.random.default_rng(3).normal(0, 0.03, (200, 100))
     second = second + (rough * jitter[patch[:, 0], patch[:, 1]])[:, None] * NORMAL
-    given = difference(first, second, ChangeParameters(cell=0.25), stable_area=shapely.box(0, 0, 10, 12))
+    given = difference(first, second, ChangeParameters(cell=0.25), areas=Areas(stable=shapely.box(0, 0, 10, 12)))
     found = difference(first, second, ChangeParameters(cell=0.25))
     grid = given.grid
     west = grid.west + (np.arange(grid.columns) + 0.5) * grid.cell < 10

@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 from slopewatch.engine.change.judgement import judge
 from slopewatch.engine.change.measured import Measured
-from slopewatch.engine.change.plant_calibration import NARROWEST, common_share, plants_factor, squares_of, sum_by_plants
+from slopewatch.engine.change.plant_calibration import (
+    MIN_FACTOR,
+    common_share,
+    plants_factor,
+    squares_of,
+    sum_by_plants,
+)
 from slopewatch.engine.grid.partition import Partition
 from slopewatch.engine.grid.plant_cells import PlantCells
 from slopewatch.engine.statistics.variogram import VariogramModel
@@ -45,7 +51,7 @@ def test_the_factor_is_that_of_the_real_errors_to_the_stated_ones(real):
 
 
 def test_it_stays_within_what_can_be_believed():
-    assert told(covered(1, 0.001)) == NARROWEST
+    assert told(covered(1, 0.001)) == MIN_FACTOR
     assert told(covered(1, 0.3)) == 1.0
 
 
@@ -74,7 +80,7 @@ def test_only_cells_count_in_which_plants_decide():
 
 def test_the_registrations_part_is_not_counted_twice():
     dz = covered(5, 0.02) + 0.03
-    assert told(dz) > told(dz, registration_error=0.03) >= NARROWEST
+    assert told(dz) > told(dz, registration_error=0.03) >= MIN_FACTOR
 
 
 def judged(real: float, stated: float, **options: float):

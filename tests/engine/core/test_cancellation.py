@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from pathlib import Path
 import pytest
 from slopewatch.engine.core import child_process
 from slopewatch.engine.core.errors import EngineError
+from slopewatch.tests.builders.limits import PATIENCE_S
 
 SCRIPT = """
 import sys, time
@@ -49,7 +51,7 @@ def start(tmp_path) -> Iterator[Callable[[str, str], subprocess.Popen[bytes]]]:
             assert process.stdout is not None
             assert process.stdout.readline().strip() == b"ready"
             if work == "child":
-                deadline = time.monotonic() + 20
+                deadline = time.monotonic() + PATIENCE_S
                 while not ((tmp_path / "child.pid").exists() and (tmp_path / "child.pid").read_text()):
                     assert time.monotonic() < deadline
                     time.sleep(0.02)
@@ -74,12 +76,19 @@ def test_cancel_ends_children_and_removes_what_is_half_written(start, tmp_path, 
         process.stdin.close()
     else:
         process.send_signal(how)
-    assert process.wait(timeout=10) == 130
+    assert process.wait(PATIENCE_S) == 130
     assert time.monotonic() - asked < 2.0
     assert process.stdout.read().strip() == b"cancelled"
     assert not (tmp_path / "made").exists()
     if work == "child":
         assert not running(int((tmp_path / "child.pid").read_text()))
+
+
+@pytest.mark.skipif(not hasattr(os, "getpgid"), reason="process groups are of POSIX")
+@pytest.mark.parametrize(("watch", "leads"), [("watch", True), ("no", False)])
+def test_a_watched_command_leads_a_group_of_its_own(start, watch, leads):
+    process = start(watch, "busy")
+    assert (os.getpgid(process.pid) == process.pid) == leads
 
 
 def test_without_watch_parent_a_closed_standard_input_is_no_cancel(start):
@@ -97,13 +106,13 @@ def test_a_killed_engine_leaves_no_child(start, tmp_path):
     process.kill()
     process.wait()
     pid = int((tmp_path / "child.pid").read_text())
-    deadline = time.monotonic() + 2
+    deadline = time.monotonic() + PATIENCE_S
     while running(pid):
         assert time.monotonic() < deadline
         time.sleep(0.02)
 
 
-def test_a_childs_end_is_told():
+def test_a_childs_end_is_reported():
     done = child_process.run_child(
         [sys.executable, "-c", "import sys; print(sys.stdin.read()[::-1]); sys.exit(7)"], stdin=b"ab"
     )

@@ -9,7 +9,7 @@ import pytest
 from slopewatch.engine.core.earlier_results import earlier_series, refuse_another_series, refuse_results
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.run_record import RunRecord
-from slopewatch.interface.parameters import ZoneParameters
+from slopewatch.interface.parameters import GridChangeParameters, ZoneParameters
 
 
 @pytest.mark.parametrize("left", ["run.json", "zones.gpkg"])
@@ -70,6 +70,21 @@ def test_a_series_goes_on_and_another_one_is_refused(tmp_path: Path) -> None:
     old = json.loads(text)
     del old["parameters"]["zones"]["minimum_cells"]
     refuse_another_series(folder, old, record(tmp_path, THREE, roi="here"))
+
+
+def test_a_number_for_auto_in_an_earlier_record_is_no_other_setting(tmp_path: Path) -> None:
+    def made(change: GridChangeParameters) -> RunRecord:
+        return RunRecord("series", {"change": change})
+
+    earlier = json.loads(json.dumps(made(GridChangeParameters()).document([], {})))
+    assert (earlier["parameters"]["change"]["cell"], earlier["parameters"]["change"]["registration_error"]) == (
+        "auto",
+        "auto",
+    )
+    earlier["parameters"]["change"]["registration_error"] = -1.0
+    refuse_another_series(tmp_path, earlier, made(GridChangeParameters()))
+    with pytest.raises(InputError, match=r"registration_error was -1\.0"):
+        refuse_another_series(tmp_path, earlier, made(GridChangeParameters(registration_error=0.01)))
 
 
 @pytest.mark.parametrize("text", ["{", "[]", '{"command": "inspect", "inputs": []}', '{"command": "series"}'])

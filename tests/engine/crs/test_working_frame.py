@@ -35,6 +35,7 @@ def test_feet_become_metres_at_the_same_place(text, x, y, factor, unit):
     assert found.horizontal_factor == pytest.approx(factor, rel=1e-12)
     assert found.vertical_factor == found.horizontal_factor  # no vertical part: heights in the horizontal unit
     assert {axis.unit_conversion_factor for axis in found.crs.axis_info} == {1.0}
+    assert found.notes
     assert all(unit in note for note in found.notes)
     geographic = CRS.from_user_input(text).geodetic_crs
     original = Transformer.from_crs(text, geographic, always_xy=True).transform(x, y)
@@ -134,7 +135,7 @@ def test_distorted_areas_and_far_places_are_warned_of():
     assert any("area of use" in w for w in plausibility(frame("EPSG:32651"), 961_000, -6_431_000))
 
 
-def test_the_area_of_use_is_known_beside_heights_in_feet():
+def test_the_area_of_use_is_known_with_heights_in_feet():
     found = frame("EPSG:26910+6360")
     assert not found.in_metres
     assert plausibility(found, 500_000, 4_500_000) == []

@@ -21,7 +21,7 @@ from slopewatch.engine.pointcloud.pdal_program import find_pdal
 from slopewatch.interface.parameters import SurveyParameters
 from slopewatch.simulation.surveys.survey import simulate_pair
 from slopewatch.simulation.surveys.write import write_survey
-from slopewatch.tests.refusals.test_epoch_pairs import slope
+from slopewatch.tests.builders.epoch_pairs import slope
 
 MAY24, MAY25 = date(2024, 5, 1), date(2025, 5, 1)
 JUNE = (date(2024, 6, 11), date(2024, 6, 13))

@@ -50,7 +50,6 @@ def test_a_known_plane_is_found_among_points_that_are_not_on_it(dip, azimuth):
     assert plane.dip == pytest.approx(dip, abs=0.05)
     if dip:
         assert plane.azimuth == pytest.approx(azimuth, abs=0.1)
-    assert plane.rms == pytest.approx(0.03, rel=0.1)
     assert 0.5 < plane.inlier_share < 0.6
 
 
@@ -92,7 +91,7 @@ def test_the_rotation_is_rodrigues_about_a_horizontal_axis(dip, azimuth):
 def test_flattening_and_back_keeps_large_coordinates_to_a_nanometre():
     normal = normal_of(39, 150)
     points = points_on_plane(normal, 5000, 2.0) + [0, 3_000_000, 0]
-    plane = Plane(normal, points.mean(axis=0), 1.0, 0.0)
+    plane = Plane(normal, points.mean(axis=0), 1.0)
     flat = apply_matrix(flattening_matrix(plane), points)
     assert np.allclose(flat.mean(axis=0), 0, atol=1e-6)
     assert np.allclose(flat[:, 2], (points - plane.centroid) @ normal, atol=1e-8)

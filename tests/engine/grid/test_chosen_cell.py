@@ -39,13 +39,12 @@ def test_the_sparser_survey_decides_and_a_given_cell_stays() -> None:
 
 def test_the_word_for_what_is_left_to_the_data() -> None:
     parameters = ChangeParameters.build({"cell": AUTO, "largest_cell": 3.0})
-    assert parameters.cell == 0.0
-    named = parameters.named()
-    assert (named["cell"], named["largest_cell"], named["target_level"]) == (AUTO, 3.0, 0.05)
+    assert (parameters.cell, parameters.largest_cell, parameters.target_level) == (AUTO, 3.0, 0.05)
+    assert ChangeParameters(cell=0) == ChangeParameters()
     for value in (0.004, -0.1, "automatic"):
         with pytest.raises(ParameterError, match=r"a number from 0\.005 to 100 m, or auto"):
             ChangeParameters(cell=value)
-    label = next(s for s in ChangeParameters.specifications() if s.name == "cell").label_with_unit
+    label = next(s for s in ChangeParameters.specifications() if s.name == "cell").field_label
     assert label == "Cell size, 0 for auto (m)"
 
 

@@ -15,6 +15,7 @@ from slopewatch.engine.core.errors import EngineError, InputError
 from slopewatch.engine.ground import cloth
 from slopewatch.engine.ground.cloth import cloth_ground, refuse_large_cloth
 from slopewatch.interface.parameters import GroundParameters
+from slopewatch.tests.builders.limits import CANCELLED_S, PATIENCE_S
 
 PLAIN = """
 import sys, numpy, CSF
@@ -41,7 +42,7 @@ def field() -> tuple[np.ndarray, np.ndarray]:
     return np.column_stack([xy + [500_000, 3_500_000], z + 100]), ~bush
 
 
-def test_ground_under_bushes_is_told_from_them(field):
+def test_ground_under_bushes_is_distinguished_from_them(field):
     xyz, truth = field
     found = cloth_ground(xyz, GroundParameters(cloth_resolution=0.5), threshold=0.15)
     assert (found & truth).sum() / truth.sum() > 0.97
@@ -94,7 +95,7 @@ def test_a_gap_between_two_regions_does_not_make_the_library_search_for_hours(fi
     both = np.vstack([xyz, xyz + [130.0, 130.0, 2.0]])
     started = time.monotonic()
     found = cloth_ground(both, parameters, threshold=0.15)
-    assert time.monotonic() - started < 20.0
+    assert time.monotonic() - started < PATIENCE_S
     for part in np.split(found, 2):
         assert (part & truth).sum() > 0.93 * truth.sum()
         assert (part & truth).sum() > 0.99 * part.sum()
@@ -127,7 +128,7 @@ print("done", flush=True)
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_cancelling_ends_the_library_within_two_seconds_and_leaves_nothing(tmp_path, number):
+def test_cancelling_ends_the_library_within_seconds_and_leaves_nothing(tmp_path, number):
     tests = str(Path(__file__).resolve().parents[2])
     script = LONG.format(tests=tests, folder=str(tmp_path))
     process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
@@ -137,10 +138,10 @@ def test_cancelling_ends_the_library_within_two_seconds_and_leaves_nothing(tmp_p
     time.sleep(0.5)
     started = time.monotonic()
     process.send_signal(number)
-    assert process.wait(timeout=10) == 130
-    assert time.monotonic() - started < 2.0
+    assert process.wait(PATIENCE_S) == 130
+    assert time.monotonic() - started < CANCELLED_S
     assert "done" not in process.communicate()[0]
-    deadline = time.monotonic() + 2.0
+    deadline = time.monotonic() + CANCELLED_S
     while Path(f"/proc/{child}").exists() and "zombie" not in Path(f"/proc/{child}/status").read_text():
         assert time.monotonic() < deadline, "the library still runs"
         time.sleep(0.05)
@@ -149,7 +150,7 @@ def test_cancelling_ends_the_library_within_two_seconds_and_leaves_nothing(tmp_p
 
 def _child_of(pid: int) -> int:
     """The process that ``pid`` started, once it is the CSF worker."""
-    deadline = time.monotonic() + 20.0
+    deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
         for entry in Path("/proc").iterdir():
             try:

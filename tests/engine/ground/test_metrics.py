@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import laspy
 import numpy as np
 import pytest
-from slopewatch.engine.ground.metrics import Coverage, coverage, file_coverage, vegetation_cover
-from slopewatch.engine.pointcloud.header import preflight
+from slopewatch.engine.ground.metrics import coverage, file_coverage, vegetation_cover
+from slopewatch.engine.pointcloud import records
+from slopewatch.engine.pointcloud.reading import open_cloud
 
 
 def test_coverage_counts_occupied_square_metres():
@@ -13,18 +15,12 @@ def test_coverage_counts_occupied_square_metres():
     xyz = rng.uniform(-7, 9, (300, 3)) + [500_000, 3_500_000, 0]
     assert coverage(xyz) == len({(int(np.floor(x)), int(np.floor(y))) for x, y, _ in xyz})
     assert coverage(np.empty((0, 3))) == 0.0
-    parts = Coverage()
-    for part in np.array_split(xyz, 7):
-        parts.add(part[:, 0], part[:, 1])
-    assert parts.area == coverage(xyz)
-    assert parts.bounds == (*xyz[:, :2].min(axis=0), *xyz[:, :2].max(axis=0))
 
 
-def test_coverage_of_a_file_is_that_of_its_points(las_file, tmp_path):
-    import laspy
-
-    path = las_file(tmp_path / "a.laz")
-    found = file_coverage(preflight(path), 0.3048)
+def test_coverage_of_a_file_is_that_of_its_points(las_file, tmp_path, monkeypatch):
+    path = las_file(tmp_path / "a.laz", crs="EPSG:2222", points=60_000)  # Arizona East, international feet
+    monkeypatch.setattr(records, "_GROUP_BYTES", 1)  # a chunk at a time
+    found = file_coverage(*open_cloud(path))
     xyz = np.array(laspy.read(path).xyz) * 0.3048
     assert found.area == coverage(xyz)
     assert found.bounds == pytest.approx((*xyz[:, :2].min(axis=0), *xyz[:, :2].max(axis=0)))

@@ -128,7 +128,7 @@ def test_the_cloths_pipeline_is_valid(pdal, las_file, tmp_path, aligned):
     if pdal.path is None:
         pytest.skip("the pdal program is needed to validate a pipeline")
     source = las_file(tmp_path / "in.laz")
-    plane = Plane(np.array([0.0, -0.6, 0.8]), np.array([5e5, 3.5e6, 60.0]), 1.0, 0.0) if aligned else None
+    plane = Plane(np.array([0.0, -0.6, 0.8]), np.array([5e5, 3.5e6, 60.0]), 1.0) if aligned else None
     header = preflight(source)
     stages = cloth_pipeline(source, tmp_path / "out.laz", header, GroundParameters(), 0.3, plane, last_returns=True)
     assert [s["type"] for s in stages].count("filters.transformation") == (2 if aligned else 0)

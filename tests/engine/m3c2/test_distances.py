@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.m3c2 import lattice as m3c2_search
-from slopewatch.engine.m3c2.distances import Cylinders, Status, cylinder_statistics, level_of_detection, m3c2_distances
+from slopewatch.engine.m3c2.distances import (
+    Cylinder,
+    Cylinders,
+    LevelTerms,
+    Status,
+    cylinder_statistics,
+    level_of_detection,
+    m3c2_distances,
+)
 from slopewatch.engine.m3c2.lattice import Lattice, dominant_frame
 from slopewatch.engine.m3c2.normals import fit_planes
 from slopewatch.engine.m3c2.scales import overlap_bounds, spread_cores
@@ -60,7 +68,7 @@ def test_equals_a_search_through_all_points(cloud, radius, half_length):
     core[6] += 1000.0  # far outside
     core[7] = cloud.min(axis=0)
     normal = directions(len(core), dominant_frame(cloud), 5)
-    found = cylinder_statistics(Lattice(cloud, radius), core, normal, radius, half_length)
+    found = cylinder_statistics(Lattice(cloud, radius), core, normal, Cylinder(radius, half_length))
     count, mean, std = brute_force(cloud, core, normal, radius, half_length)
     assert np.array_equal(found.count, count)
     assert count[6] == 0
@@ -77,7 +85,7 @@ def test_points_on_the_wall_the_ends_and_the_core_plane_count_once(half_length, 
     cloud = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3) + [500_000, 4_000_000, 100]
     disc = sum(1 for i in range(-5, 6) for j in range(-5, 6) if i * i + j * j <= 25)
     core = np.array([[500_000.0, 4_000_000, 100]])
-    found = cylinder_statistics(Lattice(cloud, 5.0), core, np.eye(3)[[axis]], 5.0, float(half_length))
+    found = cylinder_statistics(Lattice(cloud, 5.0), core, np.eye(3)[[axis]], Cylinder(5.0, float(half_length)))
     assert disc == 81
     assert found.count.tolist() == [disc * (2 * half_length + 1)]
     assert found.mean.tolist() == [0.0]
@@ -88,10 +96,10 @@ def test_points_on_the_wall_the_ends_and_the_core_plane_count_once(half_length, 
 def test_the_parts_that_the_work_is_cut_into_change_nothing(monkeypatch):
     cloud = slope(5000, 1)
     core = cloud[::50]
-    whole = cylinder_statistics(Lattice(cloud, 0.5), core, directions(len(core), np.eye(3), 1), 0.5, 2.0)
-    monkeypatch.setattr(m3c2_search, "_PAIRS", 100)
-    monkeypatch.setattr(m3c2_search, "_RUNS", 30)
-    cut = cylinder_statistics(Lattice(cloud, 0.5), core, directions(len(core), np.eye(3), 1), 0.5, 2.0)
+    whole = cylinder_statistics(Lattice(cloud, 0.5), core, directions(len(core), np.eye(3), 1), Cylinder(0.5, 2.0))
+    monkeypatch.setattr(m3c2_search, "_CHUNK_PAIRS", 100)
+    monkeypatch.setattr(m3c2_search, "_CHUNK_ROWS", 30)
+    cut = cylinder_statistics(Lattice(cloud, 0.5), core, directions(len(core), np.eye(3), 1), Cylinder(0.5, 2.0))
     for name in ("count", "mean", "std"):
         assert getattr(whole, name).tobytes() == getattr(cut, name).tobytes()
 
@@ -100,7 +108,7 @@ def test_a_stray_point_costs_no_memory_and_no_exactness():
     cloud = np.vstack([slope(3000, 1), [[9e9, -9e9, 0.0]]])
     core = cloud[:3000:60]
     normal = directions(len(core), np.eye(3), 1)
-    found = cylinder_statistics(Lattice(cloud, 1e-4), core, normal, 0.5, 1.0)
+    found = cylinder_statistics(Lattice(cloud, 1e-4), core, normal, Cylinder(0.5, 1.0))
     assert np.array_equal(found.count, brute_force(cloud, core, normal, 0.5, 1.0)[0])
 
 
@@ -166,7 +174,7 @@ def test_a_known_change_is_measured_and_what_cannot_be_is_said():
     core = np.array([[2.0, 4, 0], [8.0, 4, 0], [8.0, 9.5, 0], [20, 20, 0], [30, 30, 0], [2.0, 4, 0]])
     normal = np.tile([0.0, 0.0, 2.0], (6, 1))  # of any length
     normal[5] = 0.0
-    found = m3c2_distances(Lattice(first, 0.5), Lattice(second, 0.5), core, normal, radius=0.5, half_length=1.0)
+    found = m3c2_distances((Lattice(first, 0.5), Lattice(second, 0.5)), core, normal, Cylinder(0.5, 1.0))
     assert found.distance[:2] == pytest.approx([0.0, -0.4], abs=0.01)
     assert found.significant.tolist() == [False, True, False, False, False, False]
     expected = [Status.MEASURED, Status.MEASURED, Status.NO_POINTS, Status.FEW_POINTS, Status.NO_POINTS]
@@ -175,9 +183,8 @@ def test_a_known_change_is_measured_and_what_cannot_be_is_said():
     assert found.distance[3] == pytest.approx(0.1)
     assert np.isnan(found.level).tolist() == [False, False, True, True, True, True]
     assert np.linalg.norm(found.normal, axis=1).tolist() == [1, 1, 1, 1, 1, 0]
-    wide = m3c2_distances(
-        Lattice(first, 0.5), Lattice(second, 0.5), core, normal, radius=0.5, half_length=1.0, registration_error=0.25
-    )
+    lattices = Lattice(first, 0.5), Lattice(second, 0.5)
+    wide = m3c2_distances(lattices, core, normal, Cylinder(0.5, 1.0), LevelTerms(registration_error=0.25))
     assert wide.level[1] == pytest.approx(found.level[1] + 1.959964 * 0.25)
     assert not wide.significant[1]
 
@@ -186,7 +193,7 @@ def test_change_beyond_the_cylinder_is_not_taken_for_none():
     first, second = plane_pair(lowered=0.4)
     core = np.array([[8.0, 4, 0]])
     up = np.array([[0.0, 0, 1]])
-    found = m3c2_distances(Lattice(first, 0.5), Lattice(second, 0.5), core, up, radius=0.5, half_length=0.3)
+    found = m3c2_distances((Lattice(first, 0.5), Lattice(second, 0.5)), core, up, Cylinder(0.5, 0.3))
     assert found.status.tolist() == [Status.NO_POINTS]
 
 
@@ -196,7 +203,7 @@ def test_unchanged_ground_stays_below_its_level_as_often_as_the_level_says():
     # where the two surveys sample relief alike; at the borders the cylinders are cut
     core = core[(np.abs(core - UTM - [10, 10, 0])[:, :2] < 9).all(axis=1)]
     normal = fit_planes(Lattice(first, 0.3), core, 0.6).normal
-    found = m3c2_distances(Lattice(first, 0.4), Lattice(second, 0.4), core, normal, radius=0.4, half_length=0.5)
+    found = m3c2_distances((Lattice(first, 0.4), Lattice(second, 0.4)), core, normal, Cylinder(0.4, 0.5))
     assert found.measured.mean() > 0.99
     assert 0.03 < found.significant[found.measured].mean() < 0.07
 
@@ -208,7 +215,7 @@ def test_what_slides_along_the_surface_is_not_seen():
     second = first + [0, 0.5, 0.5]
     core = first[(np.abs(first[:, :2] - 5) < 2).all(axis=1)][:50]
     normal = np.tile([0.0, -np.sqrt(0.5), np.sqrt(0.5)], (50, 1))
-    found = m3c2_distances(Lattice(first, 0.5), Lattice(second, 0.5), core, normal, radius=0.5, half_length=2.0)
+    found = m3c2_distances((Lattice(first, 0.5), Lattice(second, 0.5)), core, normal, Cylinder(0.5, 2.0))
     assert np.abs(found.distance).max() < 0.01
 
 
@@ -222,7 +229,7 @@ def test_progress_rises_to_the_end():
     core = cloud[::10]
     normal = np.tile([0.0, 0.0, 1.0], (len(core), 1))
     lattice = Lattice(cloud, 0.5)
-    m3c2_distances(lattice, lattice, core, normal, radius=0.5, half_length=3.0, progress=Recorder())
+    m3c2_distances((lattice, lattice), core, normal, Cylinder(0.5, 3.0), progress=Recorder())
     assert percents == sorted(percents)
     assert len(percents) > 5
     assert percents[-1] == 100.0
@@ -236,7 +243,9 @@ def cloudcompare(shared_data):
     table = np.genfromtxt(folder / "autzen-bmx-cc.txt", delimiter=",", names=True)
     core, normal = (np.column_stack([table[f"{kind}{a}"] for a in "XYZ"]) for kind in ("", "Normal"))
     radius = 2.890432
-    found = m3c2_distances(*(Lattice(c, radius) for c in clouds), core, normal, radius=radius, half_length=5.5)
+    found = m3c2_distances(
+        (Lattice(clouds[0], radius), Lattice(clouds[1], radius)), core, normal, Cylinder(radius, 5.5)
+    )
     return table, found
 
 

@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 from scipy import stats
 from slopewatch.engine.core.progress import Progress
-from slopewatch.engine.m3c2.distances import Cylinders, Distances, Status, cylinder_statistics, level_of_detection
+from slopewatch.engine.m3c2.distances import (
+    Cylinder,
+    Cylinders,
+    Distances,
+    Status,
+    cylinder_statistics,
+    level_of_detection,
+)
 from slopewatch.engine.m3c2.lattice import Lattice
-from slopewatch.engine.m3c2.level import calibrated, level_facts, sampling_errors, say_level, slope_of
+from slopewatch.engine.m3c2.level import calibrated, level_facts, report_level, sampling_errors, slope_of
 from slopewatch.engine.m3c2.spread import Spread
 
 SIDE, POINTS, SCATTER = 100, 30, 0.05
@@ -101,7 +108,7 @@ class TestLeftAsPublished:
         found = calibrated(plain, RADIUS)
         np.testing.assert_array_equal(found.level, plain.level)
         progress = Progress()
-        say_level(found, progress)
+        report_level(found, progress)
         assert "more than a third" in progress.warnings[0]
         assert "as published" in level_facts(found, calibrate=True)["level"]
 
@@ -188,7 +195,7 @@ def test_points_at_random_on_a_tilted_surface_have_the_error_of_their_scatter():
     core = np.stack(np.meshgrid(np.arange(1, 59, 1.0), np.arange(1, 59, 1.0), [0.0]), axis=-1).reshape(-1, 3)
     core[:, 2] = 0.8 * core[:, 0]
     up = np.tile([0.0, 0.0, 1.0], (len(core), 1))
-    one, two = (cylinder_statistics(Lattice(c, 0.5), core, up, 0.5, 2.0, spread=True) for c in clouds)
+    one, two = (cylinder_statistics(Lattice(c, 0.5), core, up, Cylinder(0.5, 2.0), spread=True) for c in clouds)
     error, distance = sampling_errors(one, two, 0.95), two.mean - one.mean
     assert np.sqrt(np.mean(error**2)) == pytest.approx(np.sqrt(np.mean(distance**2)), rel=0.05)
     assert np.mean(np.abs(distance) > 1.959964 * error) < 0.06
@@ -218,7 +225,7 @@ def test_a_cylinders_mean_value_is_that_of_its_points():
     cloud, values = rng.uniform(0, 4, (3000, 3)), rng.uniform(0, 1, 3000)
     core = rng.uniform(1, 3, (30, 3))
     axis = np.tile([0.0, 0.6, 0.8], (30, 1))
-    found = cylinder_statistics(Lattice(cloud, 0.5, values=values), core, axis, 0.5, 0.8).value
+    found = cylinder_statistics(Lattice(cloud, 0.5, values=values), core, axis, Cylinder(0.5, 0.8)).value
     for place, value in zip(core, found, strict=True):
         offset = cloud - place
         along = offset @ axis[0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from slopewatch.engine.m3c2.distances import cylinder_statistics
+from slopewatch.engine.m3c2.distances import Cylinder, cylinder_statistics
 from slopewatch.engine.m3c2.lattice import Lattice
 from slopewatch.engine.m3c2.spread import Spread, across, explained_squares, tilt_of, uneven_sampling
 
@@ -21,7 +21,9 @@ def tilted(seed: int, centre: tuple[float, float], *, height: float = 0.0, noise
 
 
 def measured(cloud: np.ndarray, axis: np.ndarray):
-    return cylinder_statistics(Lattice(cloud, RADIUS), UTM[None], axis[None], RADIUS, HALF_LENGTH, spread=True)
+    return cylinder_statistics(
+        Lattice(cloud, RADIUS), UTM[None], axis[None], Cylinder(RADIUS, HALF_LENGTH), spread=True
+    )
 
 
 def uneven(first: Spread, second: Spread) -> float:

@@ -18,9 +18,9 @@ from slopewatch.engine.core.errors import EngineError
 from slopewatch.engine.grid.geotiff import write_rgba
 from slopewatch.engine.grid.grid import Grid
 from slopewatch.engine.maps.figure import check_png, make_figure, shrunk
-from slopewatch.engine.maps.furniture import round_length, wrap
 from slopewatch.engine.maps.heatmap import write_heatmap_png
 from slopewatch.engine.maps.heatmap_image import Heatmap, make_heatmap
+from slopewatch.engine.maps.map_parts import round_length, wrap
 from slopewatch.engine.maps.palette import diverging_colours
 from slopewatch.engine.maps.top_view import TopView, top_view_grid
 from slopewatch.interface.parameters import HeatmapParameters, ZoneParameters
@@ -136,7 +136,7 @@ def test_the_scale_bar_is_as_long_as_it_says() -> None:
 
 def test_the_legend_is_centred_on_zero() -> None:
     figure = make_figure(heatmap(change()))
-    texts = {t.get_text() for t in figure.texts}
+    texts = {t.get_text() for t in figure.findobj(Text)}
     assert {"−0.3", "−0.15", "0", "+0.15", "+0.3"} <= texts
     picture = drawn(figure)
     extent = next(a for a in figure.axes if a.get_label() == "legend").get_window_extent()

@@ -7,6 +7,8 @@ import os
 import re
 import shutil
 import subprocess
+from dataclasses import replace
+from datetime import date
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -19,19 +21,21 @@ from slopewatch.engine.grid.geotiff import write_raster
 from slopewatch.engine.grid.grid import Grid
 from slopewatch.engine.maps.palette import DIVERGING, SEQUENTIAL
 from slopewatch.engine.maps.qgis_styles import (
-    ALIASES,
-    CONFIRMATION_ALIASES,
-    FOOTPRINT_ALIASES,
-    HAZARD_ALIASES,
+    FOOTPRINT_FIELDS,
     cell_size_qml,
     change_qml,
+    confirmed_qml,
     footprints_qml,
     hazards_qml,
     level_qml,
     probability_qml,
+    series_zones_qml,
+    states_qml,
     write_qml_beside,
     zones_qml,
 )
+from slopewatch.engine.series.alerts import AlertLevel
+from slopewatch.engine.series.tables import SERIES_FIELDS, ZONE_FIELDS
 from slopewatch.engine.vector.review_fields import REVIEW_FIELDS
 from slopewatch.engine.zones import confirmation
 from slopewatch.engine.zones.extraction import footprint_frame
@@ -41,12 +45,21 @@ from slopewatch.models.screening import zones
 from slopewatch.tests.builders.change_zones import zones_of
 from slopewatch.workflows.products.zones import write_zones
 
+ALERT = AlertLevel(3, "alarm", "#b40426", 2, 1.0, None, None, None, "close the road")
 GRID = Grid(west=500000.0, north=4000030.0, cell=0.5, rows=60, columns=80)
 
 
 def stops(qml: str) -> list[tuple[float, str, int, str]]:
     items = ElementTree.fromstring(qml).iter("item")
     return [(float(i.get("value")), i.get("color"), int(i.get("alpha")), i.get("label")) for i in items]
+
+
+def names_of(root: ElementTree.Element) -> set[str]:
+    """The fields that a style names for people; each has a column in the attribute table."""
+    aliases = {alias.get("field"): alias.get("name") for alias in root.iter("alias")}
+    assert all(aliases.values())
+    assert {column.get("name") for column in root.iter("column")} == set(aliases)
+    return set(aliases)
 
 
 def test_change_is_centred_on_zero_and_symmetrical() -> None:
@@ -67,13 +80,15 @@ def test_below_the_level_is_a_faint_grey() -> None:
     inner = [(value, colour, alpha) for value, colour, alpha, _ in found if alpha < 255]
     assert [value for value, *_ in inner] == [-0.07, 0.07]
     assert all(colour[1:3] == colour[3:5] == colour[5:7] for _, colour, _ in inner)
-    assert all(alpha == 255 for value, _, alpha, _ in found if abs(value) > 0.07)
+    beyond = [alpha for value, _, alpha, _ in found if abs(value) > 0.07]
+    assert len(beyond) >= 4
+    assert set(beyond) == {255}
     assert any("below the level of detection" in label for *_, label in found)
 
 
 def test_a_level_beyond_the_range_is_left_out() -> None:
     for level in (0.5, 0.0, float("nan")):
-        assert all(alpha == 255 for *_, alpha, _ in stops(change_qml(0.4, level)))
+        assert {alpha for *_, alpha, _ in stops(change_qml(0.4, level))} == {255}
 
 
 def test_level_ramp_runs_from_zero() -> None:
@@ -85,7 +100,7 @@ def test_zones_have_a_symbol_for_every_kind_and_severity() -> None:
     categories = {c.get("value"): c.get("symbol") for c in root.iter("category")}
     assert set(categories) == {f"{kind}, {severity}" for kind in KINDS for severity in SEVERITIES}
     assert set(categories.values()) == {s.get("name") for s in root.findall("renderer-v2/symbols/symbol")}
-    assert set(ALIASES) == set(FIELDS)
+    assert names_of(root) == set(FIELDS)
 
 
 def test_footprints_have_a_symbol_for_every_kind_and_names_for_their_own_fields() -> None:
@@ -93,23 +108,70 @@ def test_footprints_have_a_symbol_for_every_kind_and_names_for_their_own_fields(
     categories = {c.get("value"): c.get("symbol") for c in root.iter("category")}
     assert set(categories) == set(KINDS)
     assert set(categories.values()) == {s.get("name") for s in root.findall("renderer-v2/symbols/symbol")}
-    assert {a.get("field"): a.get("name") for a in root.iter("alias")} == FOOTPRINT_ALIASES
+    assert names_of(root) == set(FOOTPRINT_FIELDS)
     # they are not reviewed
-    assert {f.get("name") for f in root.iterfind("fieldConfiguration/field")} <= set(FOOTPRINT_ALIASES)
+    assert {f.get("name") for f in root.iterfind("fieldConfiguration/field")} <= set(FOOTPRINT_FIELDS)
     none = np.zeros(GRID.shape)
     count = none.astype(int)
     found = zones_of(none, none > 0, none + 1, none + 1, count, GRID, CRS(32651), ZoneParameters())
-    assert list(footprint_frame(found, GRID).columns.drop("geometry")) == list(FOOTPRINT_ALIASES)
+    assert list(footprint_frame(found, GRID).columns.drop("geometry")) == list(FOOTPRINT_FIELDS)
 
 
 def test_screened_zones_that_a_change_was_asked_about_show_its_answer() -> None:
-    assert set(HAZARD_ALIASES) == set(zones.FIELDS)
-    assert list(CONFIRMATION_ALIASES) == list(confirmation.FIELDS)
-    for confirmed in (False, True):
-        root = ElementTree.fromstring(hazards_qml(confirmed=confirmed).partition("\n")[2])
-        names = {alias.get("field") for alias in root.iter("alias")}
-        assert names == set(HAZARD_ALIASES) | (set(CONFIRMATION_ALIASES) if confirmed else set())
-        assert ('"confirmed"' in root.findtext("mapTip")) == confirmed
+    for answer in ((), tuple(confirmation.FIELDS)):
+        root = ElementTree.fromstring(hazards_qml([*zones.FIELDS, *answer]).partition("\n")[2])
+        assert names_of(root) == {*zones.FIELDS, *answer}
+        assert ('"confirmed"' in root.findtext("mapTip")) == bool(answer)
+
+
+def test_zones_of_a_series_have_the_names_and_colours_of_its_alerts() -> None:
+    alerts = [replace(ALERT, level=0, name='none & "rest"', colour="#9e9e9e"), ALERT]
+    root = ElementTree.fromstring(series_zones_qml(alerts).partition("\n")[2])
+    categories = {c.get("value"): c.get("label") for c in root.iter("category")}
+    assert categories == {"0": '0 none & "rest"', "3": "3 alarm"}
+    fills = [option.get("value") for option in root.iter("Option") if option.get("name") == "color"]
+    assert fills == ["158,158,158,40", "180,4,38,40"]
+    assert names_of(root) == set(ZONE_FIELDS)
+
+
+def test_states_of_a_series_follow_the_time_and_cannot_be_edited() -> None:
+    root = ElementTree.fromstring(states_qml().partition("\n")[2])
+    temporal = root.find("temporal")
+    assert (temporal.get("startField"), temporal.get("endField")) == ("time_from", "time_to")
+    assert {f.get("name") for f in root.iterfind("editable/field[@editable='0']")} == set(SERIES_FIELDS)
+    assert {c.get("value") for c in root.iter("category")} == {"lowered", "raised", "below its level", "not measured"}
+
+
+def test_a_raster_is_shown_from_the_day_after_the_earlier_survey() -> None:
+    days = date(2024, 1, 31), date(2024, 3, 1)
+    for shown, plain in (
+        (change_qml(0.4, 0.07, shown=days), change_qml(0.4, 0.07)),
+        (level_qml(0.2, shown=days), level_qml(0.2)),
+    ):
+        root = ElementTree.fromstring(shown.partition("\n")[2])
+        assert root.findtext("temporal/fixedRange/start") == "2024-02-01T00:00:00Z"
+        assert root.findtext("temporal/fixedRange/end") == "2024-03-01T23:59:59Z"
+        assert "Temporal" in root.get("styleCategories")
+        assert stops(shown) == stops(plain)
+        assert "emporal" not in plain
+
+
+def test_velocities_have_their_unit_in_every_label() -> None:
+    for qml in (change_qml(4.0, 0.7, unit="mm/day"), level_qml(2.0, unit="mm/day")):
+        labels = [label for *_, label in stops(qml)]
+        assert len(labels) > 4
+        assert all("mm/day" in label for label in labels if label != "below the level of detection")
+        assert ElementTree.fromstring(qml).find(".//rampLegendSettings").get("suffix") == " mm/day"
+
+
+def test_comparisons_that_confirm_a_cell_darken_with_their_number() -> None:
+    entries = ElementTree.fromstring(confirmed_qml(3)).findall(".//paletteEntry")
+    assert [e.get("label") for e in entries] == [
+        "none", "1 comparison, not confirmed", "2 comparisons in a row", "3 comparisons in a row",
+    ]  # fmt: skip
+    assert [e.get("alpha") for e in entries] == ["0", "255", "255", "255"]
+    light = [sum(bytes.fromhex(e.get("color")[1:])) for e in entries]
+    assert light == sorted(light, reverse=True)
 
 
 def test_probability_is_a_veil_at_zero_and_has_no_colour() -> None:
@@ -132,16 +194,16 @@ def outlined(qml: str, zone: MultiPolygon) -> MultiPolygon:
 def test_outlines_follow_screened_zones_and_gather_the_cells_of_a_change() -> None:
     # cells of 0.25 m: a comb, whose gaps belong to another zone
     comb = unary_union([box(0, 0, 5, 1), *(box(x, 1, x + 0.5, 2) for x in range(5))])
-    seen = outlined(hazards_qml(), comb)
+    seen = outlined(hazards_qml(zones.FIELDS), comb)
     assert hausdorff_distance(seen.boundary.segmentize(0.05), comb.boundary.segmentize(0.05)) < 0.13
     assert seen.contains(comb)
     apart = MultiPolygon([box(x * 0.75, 0, x * 0.75 + 0.25, 0.25) for x in range(4)])
     assert outlined(zones_qml(), apart).geom_type == "Polygon"
-    assert outlined(hazards_qml(), apart).geom_type == "MultiPolygon"
+    assert outlined(hazards_qml(zones.FIELDS), apart).geom_type == "MultiPolygon"
 
 
 def test_measured_figures_are_rounded_where_they_are_read_and_not_where_they_are_kept() -> None:
-    for qml, fields in ((zones_qml(), FIELDS), (hazards_qml(), zones.FIELDS)):
+    for qml, fields in ((zones_qml(), FIELDS), (hazards_qml(zones.FIELDS), zones.FIELDS)):
         root = ElementTree.fromstring(qml.partition("\n")[2])
         rounded = {
             field.get("name"): int(field.find(".//Option[@name='Precision']").get("value"))
@@ -267,7 +329,7 @@ def test_qgis_loads_and_draws_the_styles(tmp_path: Path, qgis_python: str) -> No
         env=environment,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=600,
         check=False,
     )
     assert run.returncode == 0, run.stderr

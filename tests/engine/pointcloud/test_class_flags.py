@@ -15,9 +15,9 @@ from slopewatch.engine.epochs.epoch import Epoch
 from slopewatch.engine.ground.extraction import extract_ground
 from slopewatch.engine.ground.result import GroundResult
 from slopewatch.engine.pointcloud.pdal_program import find_pdal
-from slopewatch.engine.pointcloud.writing import copy_with
+from slopewatch.engine.pointcloud.writing import Copy, copies
 from slopewatch.interface.parameters import ChangeParameters, LastEpochParameters, ReportParameters
-from slopewatch.tests.refusals.test_epoch_pairs import slope
+from slopewatch.tests.builders.epoch_pairs import slope
 from slopewatch.workflows.inspect import inspect_slope
 from slopewatch.workflows.settings import Settings
 
@@ -113,7 +113,7 @@ def test_an_inspection_of_flagged_clouds(tmp_path, point_format):
 
 def test_bytes_of_an_older_format_become_class_and_flags(tmp_path):
     source = write(tmp_path / "a.laz", 6, tuple(range(256)), ("overlap",))
-    copy_with(source, tmp_path / "b.laz", flags_in_class=True)
+    copies(source, [Copy(tmp_path / "b.laz")], flags_in_class=True)
     before, after = laspy.read(source), laspy.read(tmp_path / "b.laz")
     byte = np.asarray(before.classification)
     assert np.array_equal(after.classification, byte & 31)

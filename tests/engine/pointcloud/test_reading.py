@@ -151,19 +151,6 @@ def test_colours_and_classes_only_where_asked_for(tmp_path, las_file):
     assert np.array_equal(plain.xyz, read_cloud(path, colours=True).xyz)
 
 
-def test_moved(tmp_path, las_file):
-    cloud = read_cloud(las_file(tmp_path / "a.laz", points=50))
-
-    class Shift:
-        def apply(self, xyz):
-            return xyz + [1, 2, 3]
-
-    moved = cloud.moved(Shift())
-    assert np.allclose(moved.xyz, cloud.xyz + [1, 2, 3])
-    assert moved.crs is cloud.crs
-    assert np.array_equal(moved.classification, cloud.classification)
-
-
 def test_extent_is_that_of_the_points(tmp_path, las_file):
     path = las_file(tmp_path / "a.laz", crs=2227)
     header, frame = open_cloud(path)

@@ -13,11 +13,12 @@ import pytest
 from pyproj import CRS
 from slopewatch.engine.core.errors import EngineError, InputError
 from slopewatch.engine.core.version import VERSION
+from slopewatch.engine.pointcloud import writing
 from slopewatch.engine.pointcloud.cloud import PointCloud
 from slopewatch.engine.pointcloud.header import preflight
 from slopewatch.engine.pointcloud.reading import read_cloud, read_dimension
 from slopewatch.engine.pointcloud.records import read_records
-from slopewatch.engine.pointcloud.writing import copy_with, wkt_of, write_cloud
+from slopewatch.engine.pointcloud.writing import Copy, copies, copy_with, wkt_of, write_cloud
 from slopewatch.interface.parameters import InputParameters
 from slopewatch.tests.builders.pdal_columns import by_pdal
 
@@ -106,6 +107,35 @@ def test_a_copy_moves_selects_and_adds(tmp_path, las_file):
     assert np.array_equal(after.truth, ids)  # replaced, with its new type
     assert (after.classification == 2).all()
     assert set(same_dimensions(before, after, keep)) == {"X", "Y", "Z", "classification", "truth"}
+
+
+def test_several_copies_are_those_made_one_by_one(tmp_path, las_file, monkeypatch):
+    source = las_file(tmp_path / "a.laz", change=extra_dimensions)
+    keep = np.random.default_rng(0).random(2000) < 0.3
+    zone = np.arange(keep.sum(), dtype=np.uint16)
+    changes = ({}, {"keep": keep, "dimensions": {"zone": zone}}, {"classification": np.full(2000, 6)})
+    for number, change in enumerate(changes):
+        copy_with(source, tmp_path / f"one{number}.laz", **change)
+    read = []
+    monkeypatch.setattr(writing, "read_records", lambda header: read.append(header) or read_records(header))
+    copies(source, [Copy(tmp_path / f"all{number}.laz", **change) for number, change in enumerate(changes)])
+    assert len(read) == 1
+    for number in range(len(changes)):
+        assert (tmp_path / f"all{number}.laz").read_bytes() == (tmp_path / f"one{number}.laz").read_bytes()
+
+
+def test_one_copy_that_cannot_be_made_leaves_none(tmp_path, las_file):
+    source = las_file(tmp_path / "a.laz")
+    with pytest.raises(EngineError, match="keep has 9 values"):
+        copies(source, [Copy(tmp_path / "b.laz"), Copy(tmp_path / "c.laz", keep=np.ones(9, bool))])
+    assert [p.name for p in tmp_path.iterdir()] == ["a.laz"]
+
+
+def test_a_copy_named_las_is_not_compressed(tmp_path, las_file):
+    source = las_file(tmp_path / "a.laz", change=extra_dimensions)
+    copy_with(source, tmp_path / "b.las")
+    assert not preflight(tmp_path / "b.las").compressed
+    assert same_dimensions(laspy.read(source), laspy.read(tmp_path / "b.las")) == []
 
 
 def test_a_copy_of_feet_is_metres_with_the_same_integers(shared_data, tmp_path):

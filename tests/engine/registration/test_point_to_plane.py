@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from slopewatch.engine.geometry.pose import Pose
-from slopewatch.engine.registration.point_to_plane import Matcher, regional_weights, robust_scale, tukey_weights
+from slopewatch.engine.registration.point_to_plane import Matcher, regional_weights, tukey_weights
 from slopewatch.engine.registration.surface import Surface
+from slopewatch.engine.statistics.robust import robust_scale
 
 
 def dome(seed: int, n: int = 20_000, noise: float = 0.0) -> np.ndarray:

@@ -11,7 +11,7 @@ from slopewatch.engine.geometry.rigid_transform import RigidTransform
 from slopewatch.engine.pointcloud.reading import read_cloud
 from slopewatch.engine.registration.point_to_plane import Matcher
 from slopewatch.engine.registration.register import register
-from slopewatch.engine.registration.restarts import descend, own_noise, reconsider
+from slopewatch.engine.registration.restarts import Descent, Limits, descend, reconsider
 from slopewatch.engine.registration.surface import Surface
 from slopewatch.interface.parameters import InputParameters, RegistrationParameters
 
@@ -27,12 +27,12 @@ def slope(seed: int, n: int = 40_000, noise: float = 0.01) -> np.ndarray:
 def test_a_good_fit_is_left_alone():
     matcher = Matcher(Surface(slope(1), 0.1), Surface(slope(2), 0.1))
     sources = matcher.sample(20_000)
-    first = descend(matcher, Pose.identity(), sources, 8.0, scale=0.25, offset=1.0, agreement=0.8, iterations=40)
-    assert reconsider(matcher, first, sources, 8.0, Progress()) is first
+    first = descend(matcher, Descent(Pose.identity(), 0.25), sources, Limits(40, offset=1.0))
+    assert reconsider(matcher, first, sources, Progress()) is first
 
 
-def test_own_noise_is_the_noise_put_in():
-    assert own_noise(Surface(slope(3, noise=0.03), 0.05)) == pytest.approx(0.03 * np.cos(np.arctan(0.7)), rel=0.3)
+def test_a_surface_knows_the_noise_put_in():
+    assert Surface(slope(3, noise=0.03), 0.05).noise == pytest.approx(0.03 * np.cos(np.arctan(0.7)), rel=0.3)
 
 
 def test_a_real_monument_of_which_the_telling_part_was_lowered(shared_data):

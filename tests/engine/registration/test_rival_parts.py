@@ -10,7 +10,7 @@ from slopewatch.engine.registration.part_information import contradicting
 from slopewatch.engine.registration.point_to_plane import Matcher
 from slopewatch.engine.registration.register import register
 from slopewatch.engine.registration.rival_parts import difference, refusal, standing
-from slopewatch.engine.registration.stable_patches import _FINAL_POINTS, StablePart, _settled, _upright
+from slopewatch.engine.registration.stable_patches import _FINAL_POINTS, StablePart, _Task
 from slopewatch.engine.registration.surface import Surface
 from slopewatch.engine.registration.surface_patches import Equations, Patches, cut, equations
 from slopewatch.interface.parameters import RegistrationParameters
@@ -127,11 +127,10 @@ def upright(shifts: tuple[float, ...], start: float) -> tuple[Pose, Information,
     matcher = Matcher(Surface(yard(1, (0.0,) * len(shifts)), 0.1), Surface(yard(2, shifts), 0.1))
     found = cut(matcher.moving, 0.01)
     everywhere = np.ones(len(found), dtype=bool)
-    settled = _settled(
-        matcher, found, everywhere, Pose(np.eye(3), np.array([start, 0, 0])), 0.003, 6.0, 0.5, _FINAL_POINTS
-    )
+    task = _Task(matcher, found, 0.5)
+    settled = task.settled(everywhere, Pose(np.eye(3), np.array([start, 0, 0])), _FINAL_POINTS)
     assert settled.pose.translation[0] == pytest.approx(start, abs=0.02)
-    best = _upright(matcher, found, settled, 0.003, 6.0, 0.5)
+    best = task.upright(settled)
     return best.pose, best.information, settled.information
 
 
@@ -153,7 +152,7 @@ def test_walls_that_contradict_one_another_leave_the_direction_open():
 def test_equations_tell_a_shift_of_both_surfaces():
     surfaces = Surface(yard(1, (0.0, 0.0)), 0.1), Surface(yard(2, (0.0, 0.0)) + [0, 0, 0.02], 0.1)
     found = cut(surfaces[1], 0.01)
-    asked = equations(Matcher(*surfaces), found, Pose.identity(), 0.3, 6.0, 0.003).own
+    asked = equations(Matcher(*surfaces), found, Pose.identity(), 0.3).own
     level = np.abs(found.normal[:, 2]) > 0.99
     assert np.median(asked[level, 5]) == pytest.approx(-0.02, abs=0.002)
 

@@ -245,6 +245,8 @@ def test_what_users_named_is_shown_as_they_wrote_it(made: Path, page: Page) -> N
 
 def test_people_who_do_not_see_it_can_read_it(page: Page) -> None:
     assert page.all("html")[0]["lang"] == "en"
+    assert page.all("img")
+    assert page.all("th")
     assert all(len(picture["alt"]) > 20 for picture in page.all("img"))
     levels = [int(tag[1]) for tag, _ in page.elements if re.fullmatch(r"h[1-6]", tag)]
     assert levels.count(1) == 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from slopewatch.engine.series.tangent_angle import ORANGE, RED, tangent_angle
+from slopewatch.engine.series.tangent_angle import ORANGE_RATIO, RED_RATIO, tangent_angle
 
 DAYS = np.array([0.0, 30.0, 60.0, 90.0, 120.0])
 TIGHT = np.full(5, 0.001**2)
@@ -15,7 +15,7 @@ def motion(ratio: float, v0: float = -0.003) -> np.ndarray:
 
 
 def test_limits_are_those_of_the_reference():
-    assert (round(ORANGE, 1), round(RED, 1)) == (5.7, 11.4)
+    assert (round(ORANGE_RATIO, 1), round(RED_RATIO, 1)) == (5.7, 11.4)
 
 
 @pytest.mark.parametrize(

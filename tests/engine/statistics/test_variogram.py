@@ -95,7 +95,7 @@ def test_a_thinned_grid_tells_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     random = np.random.default_rng(5)
     values = correlated_field((240, 300), 12, random) + random.normal(size=(240, 300))
     whole = empirical_variogram(values, CELL)
-    monkeypatch.setattr(variogram, "_LARGEST_LATTICE", 20_000)
+    monkeypatch.setattr(variogram, "_MAX_LATTICE_CELLS", 20_000)
     thinned = empirical_variogram(values, CELL)
     assert thinned.pairs.sum() < 0.5 * whole.pairs.sum()
     np.testing.assert_allclose(thinned.semivariance[:4], whole.semivariance[:4], rtol=1e-9)
@@ -127,9 +127,9 @@ def test_sums_over_blocks_come_close_to_the_double_sum(monkeypatch: pytest.Monke
     for reach in (0.3, 1.0, 8.0):
         model = VariogramModel(0.6, (0.4,), (reach,))
         exact = sum_variance(weights, CELL, model)
-        monkeypatch.setattr(variogram, "_BOX", 30)
+        monkeypatch.setattr(variogram, "_MAX_SIDE_CELLS", 30)
         assert sum_variance(weights, CELL, model) == pytest.approx(exact, rel=0.02)
-        monkeypatch.setattr(variogram, "_BOX", 200)
+        monkeypatch.setattr(variogram, "_MAX_SIDE_CELLS", 200)
 
 
 def test_effective_samples_against_monte_carlo() -> None:
@@ -186,7 +186,7 @@ def sparse_values(spacing: int, shape: tuple[int, int] = (400, 400), first: int 
 @pytest.mark.filterwarnings("error")
 def test_lags_without_pairs_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """Values farther apart than the short lags reach, in a grid that is thinned for the long ones."""
-    monkeypatch.setattr(variogram, "_LARGEST_LATTICE", 400 * 400 // 4)
+    monkeypatch.setattr(variogram, "_MAX_LATTICE_CELLS", 400 * 400 // 4)
     found = empirical_variogram(sparse_values(8), CELL)
     assert np.isfinite(found.semivariance).all()
     assert (found.pairs > 0).all()
@@ -198,7 +198,7 @@ def test_lags_without_pairs_are_left_out(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_a_thinning_does_not_miss_the_values_of_grown_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     """A single value in the first row and column sets the box; all others lie at odd rows and columns."""
-    monkeypatch.setattr(variogram, "_LARGEST_LATTICE", 400 * 400 // 4)
+    monkeypatch.setattr(variogram, "_MAX_LATTICE_CELLS", 400 * 400 // 4)
     values = sparse_values(8, first=3)
     values[0, 0] = 0.0
     found = empirical_variogram(values, CELL)
@@ -211,7 +211,7 @@ def test_too_few_lags_give_no_model() -> None:
     """Values along one line: half of the shorter side is one cell, so that only one class holds pairs."""
     values = np.random.default_rng(8).normal(size=(1, 600))
     found = empirical_variogram(values, CELL)
-    assert len(found.lag) < variogram.FEWEST_LAGS
+    assert len(found.lag) < variogram.MIN_LAGS
     with pytest.raises(ValueError, match="too few"):
         fit_variogram(found)
     apart = np.full((1, 6000), np.nan)

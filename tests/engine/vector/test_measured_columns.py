@@ -15,9 +15,9 @@ import geopandas as gpd
 import pandas as pd
 import pyogrio
 import pytest
-from slopewatch.engine.maps.qgis_styles import ALIASES
 from slopewatch.engine.vector.measured_columns import guarded_columns
 from slopewatch.engine.vector.review_fields import REVIEW_FIELDS
+from slopewatch.engine.zones.fields import FIELDS
 from slopewatch.tests.builders.zone_layers import entered, opened, zone_layer
 from slopewatch.workflows.products.zones import write_zones
 
@@ -110,7 +110,7 @@ def test_the_file_stays_a_sound_geopackage_that_can_be_added_to_and_copied(writt
     assert not attempt(written, "UPDATE zones SET inspected = '2025-06-01'")
     with closing(sqlite3.connect(written)) as database:
         assert database.execute("PRAGMA integrity_check").fetchone() == ("ok",)
-        assert guarded_columns(database, "zones") == {*ALIASES, "fid", "geom"} - set(REVIEW_FIELDS)
+        assert guarded_columns(database, "zones") == {*FIELDS, "fid", "geom"} - set(REVIEW_FIELDS)
         assert guarded_columns(database, "layer_styles") == frozenset()
     zones = gpd.read_file(written, layer="zones")
     assert zones["inspected"].tolist() == ["2025-06-01"] * 2
@@ -139,7 +139,7 @@ def test_qgis_lets_reviews_be_entered_and_nothing_else(written: Path) -> None:
         env=environment,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=600,
         check=False,
     )
     assert run.returncode == 0, run.stderr

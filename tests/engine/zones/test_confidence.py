@@ -7,7 +7,7 @@ import pytest
 from scipy import fft
 from slopewatch.engine.grid.grid import Grid
 from slopewatch.engine.statistics.variogram import VariogramModel
-from slopewatch.engine.zones.confidence import SURE, confidence_after_selection, mean_that_counts
+from slopewatch.engine.zones.confidence import MIN_SURE_CONFIDENCE, confidence_after_selection, mean_that_counts
 from slopewatch.engine.zones.extraction import Zones
 from slopewatch.engine.zones.fields import UNSURE
 from slopewatch.interface.parameters import ZoneParameters
@@ -66,9 +66,9 @@ def test_a_change_within_noise_is_found_and_noise_beside_it_is_not() -> None:
         found, every = zones_of(dz), zones_of(dz, EVERY)
         assert found.labels[30, 40] > 0
         assert len(found.frame) == 1
-        assert found.frame["confidence"].iloc[0] >= SURE
+        assert found.frame["confidence"].iloc[0] >= MIN_SURE_CONFIDENCE
         assert found.unsure_groups == len(every.frame) - 1
-        sure = every.frame["confidence"] >= SURE
+        sure = every.frame["confidence"] >= MIN_SURE_CONFIDENCE
         assert set(every.frame.loc[~sure, "severity"]) <= {UNSURE}
         assert UNSURE not in set(every.frame.loc[sure, "severity"])
 

@@ -77,7 +77,7 @@ def test_distance_goes_on_round_corners() -> None:
     profile = take_profile(line((5, 5), (25, 5), (25, 25)), layers())
     at_end = profile.distance > 25
     np.testing.assert_allclose(profile.distance[at_end], 20 + profile.y[at_end] - 4000005, atol=1e-9)
-    assert profile.length == pytest.approx(40)
+    assert profile.line.geometry.length == pytest.approx(40)
 
 
 def test_gaps_and_what_lies_beyond_the_grid_are_left_unknown() -> None:
@@ -192,7 +192,7 @@ def test_files_hold_what_was_taken_and_are_the_same_each_time(tmp_path: Path) ->
     profiles = [take_profile(one, layers()) for one in lines]
     for folder in ("a", "b"):
         with staged_outputs(tmp_path / folder) as stage:
-            outputs = write_profiles(lines, profiles, UTM, stage, date(2025, 5, 1))
+            outputs = write_profiles(profiles, UTM, stage, date(2025, 5, 1))
         assert all(path.is_file() for path in outputs.values())
     for name in ("profiles.gpkg", "profiles.csv"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
@@ -203,8 +203,8 @@ def test_files_hold_what_was_taken_and_are_the_same_each_time(tmp_path: Path) ->
     back = read_profiles(tmp_path / "a" / "profiles.csv")
     assert list(back) == list(names)
     for profile in profiles:
-        np.testing.assert_allclose(back[profile.name]["dz_m"], profile.dz, atol=5.1e-5)
-        np.testing.assert_allclose(back[profile.name]["height_to_m"], profile.height_to, atol=1e-4)
+        np.testing.assert_allclose(back[profile.line.name]["dz_m"], profile.dz, atol=5.1e-5)
+        np.testing.assert_allclose(back[profile.line.name]["height_to_m"], profile.height_to, atol=1e-4)
     with (tmp_path / "a" / "profiles.csv").open(newline="") as file:
         assert sum(1 for _ in csv.DictReader(file)) == sum(len(p.dz) for p in profiles)
     with pytest.raises(InputError, match="no table of profiles"):

@@ -44,8 +44,8 @@ def smooth_noise(shape: tuple[int, int], reach: int, random: np.random.Generator
 
 def labelled(dz: np.ndarray, error: np.ndarray | float) -> tuple[np.ndarray, int]:
     significant = np.nan_to_num(np.abs(dz)) > 1.96 * error
-    labels, first, _, _ = label_groups(dz, significant, ZoneParameters(), single(dz, CELL))
-    return labels, len(first)
+    labels = label_groups(dz, significant, ZoneParameters(), single(dz, CELL))
+    return labels, int(labels.max())
 
 
 def test_a_footprint_reaches_to_where_the_change_ends() -> None:

@@ -5,17 +5,19 @@ import dataclasses
 import pytest
 from slopewatch.interface import parameters
 from slopewatch.interface.parameters import (
+    AUTO,
     PROFILES,
+    GridChangeParameters,
     GroundParameters,
     ParameterError,
     ParameterSet,
-    distances,
-    inputs,
-    training,
+    command_sets,
+    given,
 )
 from slopewatch.interface.parameters import change as change_module
 from slopewatch.interface.parameters import registration as registration_module
 from slopewatch.interface.parameters import screening as screening_module
+from slopewatch.workflows.settings import DistanceSettings, ScreeningSettings, SeriesSettings, Settings
 
 GROUPS = [
     g
@@ -34,7 +36,7 @@ def test_every_parameter_is_described_and_its_bounds_hold(group, specification):
     if specification.minimum is not None:
         group(**{specification.name: specification.kind(specification.minimum)})
         with pytest.raises(ParameterError, match=specification.name):
-            group(**{specification.name: specification.minimum - 1})
+            group(**{specification.name: specification.minimum - 2})  # -1 may stand for auto
     if specification.maximum is not None:
         with pytest.raises(ParameterError, match=specification.name):
             group(**{specification.name: specification.maximum + 1})
@@ -56,20 +58,53 @@ def test_values_that_are_no_whole_number_are_refused(value):
         GroundParameters(rigidness=value)
 
 
-def test_names_are_unique_over_all_groups_that_share_a_command():
-    # each in a command of its own
-    alone = ("SurveyParameters", "CreepParameters", "ScenesParameters", "FineTuneParameters", "DistanceParameters")
-    # one of each two in each command
-    for screening in ("ScreeningParameters", "LastEpochParameters"):
-        for change in ("ChangeParameters", "GridChangeParameters"):
-            others = [*alone, screening, change]
-            if screening == "LastEpochParameters":
-                others.append("SurfaceParameters")  # names the points of clouds to compare as screen does its own
-            names = [s.name for g in GROUPS if g.__name__ not in others for s in g.specifications()]
-            assert len(names) == len(set(names))
-    for group in (training.FineTuneParameters, distances.DistanceParameters):
-        shared = [s.name for g in (inputs.InputParameters, group) for s in g.specifications()]
-        assert len(shared) == len(set(shared))
+COMMANDS = {name: sets for name, sets in vars(command_sets).items() if name.isupper() and not name.startswith("_")}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_names_are_unique_over_the_sets_of_a_command(command):
+    names = [s.name for group in COMMANDS[command] for s in group.specifications()]
+    assert len(names) == len(set(names)) > 0
+
+
+def test_every_set_belongs_to_a_command_and_has_a_name_in_records():
+    assert {group for sets in COMMANDS.values() for group in sets} == set(GROUPS)
+    for sets in COMMANDS.values():
+        names = [group.record_name for group in sets]
+        assert "" not in names
+        assert len(names) == len(set(names))
+
+
+@pytest.mark.parametrize("bundle", [Settings, ScreeningSettings, DistanceSettings, SeriesSettings])
+def test_bundles_call_their_sets_as_records_do(bundle):
+    for name, group in vars(bundle()).items():
+        assert group.record_name == name
+
+
+AUTOMATIC = [(g, s) for g, s in SPECIFICATIONS if s.automatic]
+
+
+@pytest.mark.parametrize(("group", "specification"), AUTOMATIC, ids=lambda v: getattr(v, "name", ""))
+def test_what_is_left_to_the_data_is_a_word_and_the_number_of_dialogs_stands_for_it(group, specification):
+    s = specification
+    assert s.default == getattr(group(), s.name) == AUTO
+    assert s.auto_number == (-1 if s.minimum == 0 else 0)
+    assert (s.field_default, s.field_minimum) == (s.auto_number, s.auto_number)
+    assert f", {s.auto_number:g} for auto" in s.field_label
+    for value in (AUTO, s.auto_number, float(s.auto_number)):
+        assert getattr(group(**{s.name: value}), s.name) == AUTO
+    assert given(getattr(group(**{s.name: s.minimum}), s.name)) == s.minimum
+    assert given(AUTO) is None
+    for value in ("automatic", s.auto_number - 0.001, True):
+        with pytest.raises(ParameterError, match=rf"{s.name} is .*, or auto$"):
+            group(**{s.name: value})
+
+
+def test_these_numbers_are_left_to_the_data():
+    assert {s.name for _, s in AUTOMATIC} == {
+        "cell", "largest_cell", "registration_error", "normal_scale", "projection_scale", "half_length",
+        "core_spacing", "distance_cell", "colour_range", "learning_rate", "threads", "area", "density",
+    }  # fmt: skip
 
 
 def test_the_last_epoch_is_screened_with_the_same_parameters_but_its_ground_is_extracted_already():
@@ -78,7 +113,8 @@ def test_the_last_epoch_is_screened_with_the_same_parameters_but_its_ground_is_e
     assert {s for s in whole.specifications() if s.name != "ground"} == set(own.specifications()[1:])
     assert own().ground == "as_is"
     # The published network is other weights, which no parameter turns these into.
-    assert not {own.__name__, whole.__name__} & set(PROFILES["paper"])
+    assert own.record_name == whole.record_name == "screening"
+    assert "screening" not in PROFILES["paper"]
 
 
 def test_paper_profile_holds_the_published_settings():
@@ -125,7 +161,7 @@ def test_values_given_override_the_profile_and_none_does_not():
 
 
 def test_profiles_name_only_what_exists():
-    groups = {g.__name__: {f.name for f in dataclasses.fields(g)} for g in GROUPS}
+    groups = {g.record_name: {f.name for f in dataclasses.fields(g)} for g in GROUPS if g is not GridChangeParameters}
     for profile in PROFILES.values():
         for group, values in profile.items():
             assert set(values) <= groups[group]

@@ -24,31 +24,31 @@ def drawn(sharpened: float, points: int = 60_000, seed: int = 1):
 
 @pytest.mark.parametrize("sharpened", [0.4, 1.0, 3.0])
 def test_what_was_made_too_sure_is_undone(sharpened):
-    told, labels, honest = drawn(sharpened)
-    found = fit_temperature(told, labels)
+    stated, labels, honest = drawn(sharpened)
+    found = fit_temperature(stated, labels)
     assert found.temperature == pytest.approx(sharpened, rel=0.03)
     assert found.nll_after == pytest.approx(-np.log(honest[np.arange(len(labels)), labels]).mean(), rel=1e-3)
     assert found.nll_after <= found.nll_before + 1e-12
     assert found.error_after < 0.01
     assert found.points == len(labels)
-    np.testing.assert_allclose(apply_temperature(told, found.temperature), honest, atol=0.02)
+    np.testing.assert_allclose(apply_temperature(stated, found.temperature), honest, atol=0.02)
 
 
 def test_no_other_temperature_is_better():
-    told, labels, _ = drawn(2.0, 5000)
-    found = fit_temperature(told, labels)
+    stated, labels, _ = drawn(2.0, 5000)
+    found = fit_temperature(stated, labels)
     for other in (0.9 * found.temperature, 1.1 * found.temperature, 0.06, 15.0):
-        scaled = apply_temperature(told, other)
+        scaled = apply_temperature(stated, other)
         assert -np.log(scaled[np.arange(len(labels)), labels]).mean() > found.nll_after
 
 
 def test_labels_stay_and_probabilities_add_up():
-    told, *_ = drawn(1.0, 2000)
-    told[0] = (1.0, 0.0, 0.0)
+    stated, *_ = drawn(1.0, 2000)
+    stated[0] = (1.0, 0.0, 0.0)
     for temperature in (0.3, 4.0):
-        scaled = apply_temperature(told.astype(np.float32), temperature)
+        scaled = apply_temperature(stated.astype(np.float32), temperature)
         np.testing.assert_allclose(scaled.sum(axis=1), 1.0, atol=1e-9)
-        np.testing.assert_array_equal(scaled.argmax(axis=1), told.argmax(axis=1))
+        np.testing.assert_array_equal(scaled.argmax(axis=1), stated.argmax(axis=1))
         assert np.isfinite(scaled).all()
 
 

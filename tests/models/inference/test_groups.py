@@ -48,7 +48,7 @@ def test_groups_are_those_that_flood_fill_finds(least):
     np.testing.assert_allclose(changed.sum(axis=1), 1.0, atol=1e-6)
 
 
-def test_the_other_hazard_beside_a_faint_group_stays():
+def test_the_other_hazard_next_to_a_faint_group_stays():
     points = np.array([[0.0, 0, 0], [0.4, 0, 0], [0.8, 0, 0], [4.0, 0, 0]])
     probabilities = np.array([[0.4, 0.6, 0], [0.05, 0.05, 0.9], [0.3, 0.1, 0.6], [0.45, 0.1, 0.45]], np.float32)
     changed = without_faint(points, probabilities, 0.4, 0.7)

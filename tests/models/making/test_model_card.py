@@ -1,4 +1,4 @@
-"""The card says what the scores beside the weights say, and the ablation compares at equal cost."""
+"""The card says what the scores next to the weights say, and the ablation compares at equal cost."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import pytest
 from slopewatch.models.configuration import SMOKE
+from slopewatch.models.making.scene_scores import SceneScores
+from slopewatch.models.network.shipped import SHIPPED_WEIGHTS, shipped_model
 from slopewatch.models.network.weights import load_model, save_model
-from slopewatch.models.training.evaluation import Scores
 
 TRAINING = {
     "scenes": 3,
@@ -30,6 +31,15 @@ def description(torch, tmp_path):
     path = tmp_path / "w.safetensors"
     save_model(path, RandLANet(SMOKE), TRAINING, {"calibration": CALIBRATION})
     return load_model(path).metadata
+
+
+def test_the_shipped_card_is_that_of_the_shipped_scores(torch):
+    from slopewatch.models.making.model_card import model_card, read_figures
+
+    figures = SHIPPED_WEIGHTS.parent / "figures"
+    seconds = json.loads((figures / "seconds.json").read_text(encoding="utf-8"))
+    text = model_card(load_model(*shipped_model()).metadata, read_figures(figures), seconds)
+    assert text == (figures.parent / "README.md").read_text(encoding="utf-8")
 
 
 def test_a_card_without_scores_still_says_what_the_weights_are(description):
@@ -55,7 +65,7 @@ def test_the_scores_of_a_scene_are_told(description, small_scene, tmp_path):
     import numpy as np
     from slopewatch.models.making.model_card import model_card, read_figures, read_seconds
 
-    scores = Scores()
+    scores = SceneScores()
     scores.add(small_scene, np.eye(3, dtype=np.float32)[small_scene.label])
     for name in ("realistic_slopewatch", "realistic_residual"):
         (tmp_path / f"{name}.json").write_text(json.dumps(scores.summary()))

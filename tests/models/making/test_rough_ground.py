@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial import cKDTree
 from slopewatch.models.configuration import SMOKE
 from slopewatch.models.making.rough_ground import (
+    MAX_ROLLING_M,
     ROLLING_GRADE,
-    ROLLING_LARGEST,
     natural,
     pieces,
     rougher,
@@ -90,7 +90,7 @@ def test_rolling_ground_rises_with_its_reach_and_keeps_its_labels(monkeypatch):
         grades.append(np.sqrt(2 * np.mean(rise**2)))
     assert 8 <= len(deviations) <= 24
     deviations, grades = np.array(deviations), np.array(grades)
-    assert deviations.max() < 1.2 * ROLLING_LARGEST
+    assert deviations.max() < 1.2 * MAX_ROLLING_M
     assert 0.7 * ROLLING_GRADE[0] < grades.min() < 0.05
     assert 0.08 < grades.max() < 1.4 * ROLLING_GRADE[1]
     reaches = deviations / grades

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import csv
+import json
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from slopewatch.models.configuration import SMOKE
+from slopewatch.models.network.shipped import SHIPPED_WEIGHTS
 from slopewatch.simulation.hazard_scenes.scenes import build_scene
 from slopewatch.simulation.hazard_scenes.sets import FIRST_TRAINING_SEED, SETS, published_set
+from slopewatch.simulation.hazard_scenes.styles import SIMULATOR_VERSION
 
 
 @pytest.fixture
@@ -26,8 +31,21 @@ def specs():
     return [replace(spec, area=220.0, density=25.0) for spec in published_set().specs[:6]]
 
 
+def test_the_command_that_makes_the_weights_is_there():
+    command = [sys.executable, "-m", "slopewatch.models", "--help"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    assert {"weights", "figures", "folds", "ablation", "card"} <= set(done.stdout.split())
+
+
+def test_the_shipped_weights_are_of_todays_simulator():
+    description = json.loads(SHIPPED_WEIGHTS.with_suffix(".json").read_text(encoding="utf-8"))
+    assert description["simulator_version"] == SIMULATOR_VERSION
+
+
 def test_each_scene_is_scored_once_by_a_model_that_never_saw_it(recipe, specs, tmp_path, monkeypatch):
     from slopewatch.models.making import folds as benchmark_folds
+    from slopewatch.models.making.scene_blocks import scene_blocks
     from slopewatch.models.training import recipes
 
     trained: list[set[int]] = []
@@ -43,7 +61,7 @@ def test_each_scene_is_scored_once_by_a_model_that_never_saw_it(recipe, specs, t
     summary = benchmark_folds.score_folds(specs, single, tmp_path, count=3)
     assert sum(fold["points"] for fold in summary["folds"]) == sum(len(build_scene(spec)) for spec in specs)
     assert sorted(k for fold in summary["folds"] for k in fold["test"]) == list(range(6))
-    sizes = [{len(block) for block in single.blocks(build_scene(spec))} for spec in specs]
+    sizes = [{len(block) for block in scene_blocks(single, build_scene(spec))} for spec in specs]
     for fold, seen in zip(summary["folds"], trained):
         held_out = set.union(*(sizes[k] for k in fold["test"]))
         assert not held_out & seen

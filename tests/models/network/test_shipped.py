@@ -57,7 +57,7 @@ def test_what_stands_out_is_found(torch, shipped):
     assert (found[high] == one.label[high]).mean() > 0.7
 
 
-def test_what_lies_beside_the_weights_is_told(shipped):
+def test_what_lies_next_to_the_weights_describes_them(shipped):
     facts = shipped.metadata
     assert facts["training"]["steps"] > 0
     assert 0.3 < facts["metrics"]["calibration"]["temperature"] < 3

@@ -7,6 +7,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from slopewatch.engine.core.checksums import sha256
 from slopewatch.engine.core.errors import InputError
 from slopewatch.models.configuration import SMOKE
 
@@ -19,18 +20,19 @@ def saved(torch, tmp_path):
     torch.manual_seed(1)
     network = RandLANet(SMOKE).eval()
     path = tmp_path / "model.safetensors"
-    digest = save_model(path, network, {"steps": 3}, {"mean_iou": 0.5})
+    digest = save_model(path, network, {"steps": 3}, {"mean_iou": 0.5}, simulator_version=7)
     return path, network, digest
 
 
 def test_weights_come_back_as_they_were(saved):
-    from slopewatch.models.network.weights import checksum, load_model
+    from slopewatch.models.network.weights import load_model
 
     path, network, digest = saved
     model = load_model(path, digest)
-    assert model.sha256 == digest == checksum(path)
+    assert model.sha256 == digest == sha256(path)
     assert model.configuration == SMOKE
     assert model.metadata["metrics"] == {"mean_iou": 0.5}
+    assert model.metadata["simulator_version"] == 7
     assert model.metadata["parameters"] == network.parameter_count
     for name, tensor in network.state_dict().items():
         np.testing.assert_array_equal(model.network.state_dict()[name], tensor)
@@ -48,9 +50,7 @@ def test_tampered_weights_are_refused(saved):
         load_model(path)
     # Whoever changes the description as well still meets the pinned checksum.
     description = json.loads(path.with_suffix(".json").read_text())
-    from slopewatch.models.network.weights import checksum
-
-    description["sha256"] = checksum(path)
+    description["sha256"] = sha256(path)
     path.with_suffix(".json").write_text(json.dumps(description))
     assert load_model(path).sha256 != digest
     with pytest.raises(InputError, match="checksum"):

@@ -81,5 +81,6 @@ def test_a_share_of_the_windows_is_some_of_all_of_them(small_scene):
     every = [set(b.voxel) for b in blocks(cloud, configuration, np.random.default_rng(0))]
     some = [set(b.voxel) for b in blocks(cloud, configuration, np.random.default_rng(0), share=0.3)]
     assert len(some) == round(0.3 * len(every))
+    assert some
     assert all(block in every for block in some)
     assert len(list(blocks(cloud, configuration, np.random.default_rng(0), share=0.001))) == 1

@@ -12,6 +12,7 @@ from slopewatch.models.preparation.pyramid import build_pyramid, evenly
 def test_every_level_holds_the_nearest_points():
     xyz = np.random.default_rng(1).uniform(0, 5, (600, 3))
     levels = build_pyramid(xyz, 3, 16, 4, np.random.default_rng(2))
+    assert len(levels) == 3
     points = xyz
     for level in levels:
         distance = np.linalg.norm(points[:, None] - points[None, :], axis=2)

@@ -11,8 +11,7 @@ from slopewatch.engine.pointcloud.cloud import PointCloud
 from slopewatch.interface.parameters import ScreeningParameters
 from slopewatch.models.preparation.suitability import Suitability, opposite_share, refuse_unsuitable
 from slopewatch.models.screening.much_marked import warn_if_much_stands_out
-from slopewatch.models.screening.screen import screen_cloud
-from slopewatch.tests.builders.screening_clouds import slope
+from slopewatch.tests.builders.screening_clouds import screen_cloud, slope
 
 SOUND = {"dip": 35.0, "density": 80.0, "opposite_share": 0.0, "rough_share": 0.01}
 

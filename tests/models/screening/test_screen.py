@@ -21,7 +21,7 @@ from slopewatch.engine.pointcloud.reading import read_cloud
 from slopewatch.interface.parameters import GroundParameters, InputParameters, ScreeningParameters
 from slopewatch.models.screening import cloud_file, network
 from slopewatch.models.screening.cloud_file import ScreenedFile
-from slopewatch.models.screening.screen import screen_cloud, screen_points
+from slopewatch.models.screening.screen import screen_points
 from slopewatch.tests.builders.screening_clouds import (
     BULGE,
     DIP,
@@ -31,6 +31,7 @@ from slopewatch.tests.builders.screening_clouds import (
     leftovers,
     near,
     screen,
+    screen_cloud,
     slope,
     small_weights,
     write,
@@ -322,10 +323,10 @@ def test_outputs_may_lie_in_several_folders(cloud, tmp_path):
 
 def test_shipped_weights_label_the_bulge_and_the_hollow(cloud, tmp_path):
     pytest.importorskip("torch", reason="torch is not installed; install slopewatch[screening]")
+    from slopewatch.engine.core.checksums import sha256
     from slopewatch.models.network.shipped import SHIPPED_SHA256, SHIPPED_WEIGHTS
-    from slopewatch.models.network.weights import checksum
 
-    assert checksum(SHIPPED_WEIGHTS) == SHIPPED_SHA256
+    assert sha256(SHIPPED_WEIGHTS) == SHIPPED_SHA256
     figures = screen(cloud, tmp_path / "out.laz", method="network").figures
     las = laspy.read(tmp_path / "out.laz")
     xyz = np.asarray(las.xyz)

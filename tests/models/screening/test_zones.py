@@ -160,7 +160,7 @@ def test_without_hazards_there_are_no_zones():
     assert list(hazards.frame.columns) == [*FIELDS, "geometry"]
 
 
-def test_points_on_and_beside_the_cells_edges_are_in_the_grid():
+def test_points_on_and_next_to_the_cells_edges_are_in_the_grid():
     found = screening((2, 2, 4, 4, 1, 0.8, 0.3))
     for edge in (12.0, 12.0 - 1e-8, 12.0 + 1e-8):
         found.points[-1, :2] = edge

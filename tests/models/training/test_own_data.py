@@ -97,7 +97,7 @@ def test_clouds_that_cannot_be_trained_on_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"empty\.laz' has no labelled point; label some"):
         read(good, empty)
     flat = cloud(tmp_path / "one.laz", seed=4, slopewatch_class=np.ones(4000, dtype=np.uint8))
-    with pytest.raises(InputError, match="All labelled points are uplift, and there is nothing to tell apart"):
+    with pytest.raises(InputError, match="All labelled points are uplift, and there is nothing to distinguish"):
         read(flat)
     (tmp_path / "copy.laz").write_bytes(good.read_bytes())
     with pytest.raises(InputError, match=r"good\.laz' and .*copy\.laz' are the same cloud"):
@@ -197,14 +197,14 @@ def test_clouds_that_no_model_screens_are_warned_of(tmp_path):
     plants = np.concatenate([xyz, xyz + np.random.default_rng(2).uniform(0, 1.5, (4000, 1)) * (0, 0, 1)])
     roof = xyz.copy()
     roof[:, 2] = -np.abs(xyz[:, 1] - 3_500_010) * np.tan(np.radians(40))
-    told = []
+    warned = []
     for name, points in (("plants", plants), ("roof", roof)):
         labels = np.resize(halves(), len(points))
         file = tmp_path / f"{name}.laz"
         write_cloud(file, PointCloud(xyz=points, crs=UTM, path=file), dimensions={"slopewatch_class": labels})
         progress = Progress()
         read(bare, file, progress=progress)
-        told.append(progress.warnings)
-    assert len(told[0]) == len(told[1]) == 1
-    assert "plants.laz' scatters as plants do" in told[0][0]
-    assert "roof.laz' has two opposite faces" in told[1][0]
+        warned.append(progress.warnings)
+    assert len(warned[0]) == len(warned[1]) == 1
+    assert "plants.laz' scatters as plants do" in warned[0][0]
+    assert "roof.laz' has two opposite faces" in warned[1][0]

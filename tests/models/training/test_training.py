@@ -12,11 +12,15 @@ from slopewatch.engine.core.errors import InputError
 from slopewatch.models.configuration import SMOKE
 from slopewatch.models.preparation.prepare import UNKNOWN
 from slopewatch.models.training.dataset import labelled_blocks
-from slopewatch.models.training.scene_blocks import in_order, scene_blocks
-from slopewatch.simulation.hazard_scenes.scenes import build_scene, scene
-from slopewatch.simulation.hazard_scenes.sets import training_specs
+from slopewatch.simulation.hazard_scenes.scenes import scene
 
 TINY = replace(SMOKE, widths=(4, 8), voxel=0.5, trends=((4.0, 4.0),))
+
+
+def scene_blocks(scene, configuration, **settings):
+    """The blocks of a scene, of which the surroundings of the labels' limit are unknown."""
+    labels = np.where(scene.ignore, np.uint8(UNKNOWN), scene.label)
+    return labelled_blocks(scene.xyz, labels, configuration, **settings)
 
 
 @pytest.fixture(scope="module")
@@ -42,26 +46,6 @@ def test_a_label_that_is_no_class_is_refused(small_scene):
     labels[7] = 9
     with pytest.raises(InputError, match="class 9"):
         labelled_blocks(small_scene.xyz, labels, TINY)
-
-
-def _tiny_blocks_of(spec):
-    return spec.seed, scene_blocks(build_scene(spec), TINY, seed=spec.seed)
-
-
-def test_several_processes_make_the_same_blocks_in_the_same_order():
-    # The first scene is the largest, so that it is the last to be made where two are made at once.
-    areas = (900.0, 150.0, 150.0, 150.0)
-    specs = [
-        replace(spec, area=area, density=25.0) for spec, area in zip(training_specs("realistic", len(areas)), areas)
-    ]
-    one, two = (list(in_order(_tiny_blocks_of, specs, processes)) for processes in (1, 2))
-    assert [seed for seed, _ in one] == [seed for seed, _ in two] == [spec.seed for spec in specs]
-    for (_, expected), (_, found) in zip(one, two, strict=True):
-        assert expected
-        for a, b in zip(expected, found, strict=True):
-            for name in ("coordinates", "residuals", "labels"):
-                np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
-            np.testing.assert_array_equal(a.levels[0].neighbours, b.levels[0].neighbours)
 
 
 def test_resident_blocks_make_the_same_batches(torch, tiny_blocks):
@@ -197,7 +181,7 @@ def test_a_small_net_learns_within_seconds_to_beat_the_majority_and_the_threshol
     from slopewatch.models.inference.baseline import residual_probabilities
     from slopewatch.models.inference.prediction import predict
     from slopewatch.models.network.batches import Augmentation
-    from slopewatch.models.training.evaluation import Scores
+    from slopewatch.models.training.evaluation import LabelScores
     from slopewatch.models.training.training import TrainingParameters, block_provider, class_frequencies, train
 
     scenes = [scene(1_000_000 + k, "published", area=500.0, density=100.0) for k in range(16)]
@@ -205,11 +189,11 @@ def test_a_small_net_learns_within_seconds_to_beat_the_majority_and_the_threshol
     parameters = TrainingParameters(steps=50, batch=2, learning_rate=0.02, augmentation=Augmentation(turn=20.0))
     provider = block_provider(blocks, parameters, torch.device("cpu"))
     state = train(SMOKE, provider, class_frequencies(blocks, 3), parameters, tmp_path)
-    learnt, threshold = Scores(), Scores()
+    learnt, threshold = LabelScores(), LabelScores()
     for seed in range(2_000_000, 2_000_006):
         unseen = scene(seed, "published", area=500.0, density=100.0)
-        learnt.add(unseen, predict(state.network, unseen.xyz).probabilities)
-        threshold.add(unseen, residual_probabilities(unseen.xyz, voxel=0.3))
+        learnt.add_points(unseen.label, predict(state.network, unseen.xyz).probabilities)
+        threshold.add_points(unseen.label, residual_probabilities(unseen.xyz, voxel=0.3))
     majority = learnt.counts.sum(axis=1).max() / learnt.counts.sum()
     scores, others = learnt.summary(), threshold.summary()
     assert scores["overall_accuracy"] > majority + 0.06

@@ -1,4 +1,4 @@
-"""The client against an engine that behaves as told: well, badly, and not at all."""
+"""The client against an engine that behaves as scripted: well, badly, and not at all."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from slopewatch.plugin.bridge.engine_client import (
     EngineNotStartedError,
     run_engine,
 )
+from slopewatch.tests.builders.limits import CANCELLED_S
 from slopewatch.tests.builders.qgis import Recorder, processes_with, wait_until
 
 Fake = Callable[[str], Path]
@@ -187,10 +188,9 @@ def test_cancel_ends_a_stubborn_engine_and_its_children(fake_engine: Fake, feedb
     button.start()
     with pytest.raises(EngineCancelledError, match="no output"):
         run_engine(["check", "--mark", mark], feedback)
-    seconds = time.monotonic() - pressed[0]
+    wait_until(lambda: not processes_with(mark), 2.0)
+    assert time.monotonic() - pressed[0] < 2.0
     button.join()
-    assert seconds < 2.0
-    assert processes_with(mark) == []
 
 
 def test_cancel_lets_the_engine_clean_up(fake_engine: Fake, feedback: Recorder, tmp_path: Path) -> None:
@@ -215,7 +215,7 @@ def test_cancel_while_the_output_is_already_closed(fake_engine: Fake, feedback: 
     started = time.monotonic()
     with pytest.raises(EngineCancelledError):
         run_engine(["check"], feedback)
-    assert time.monotonic() - started < 4.0
+    assert time.monotonic() - started < CANCELLED_S
 
 
 def test_a_child_that_outlives_the_engine_does_not_hold_the_client(
@@ -228,8 +228,8 @@ def test_a_child_that_outlives_the_engine_does_not_hold_the_client(
     )
     started = time.monotonic()
     assert run_engine(["check"], feedback).metrics == {"ok": 1}
-    assert time.monotonic() - started < 6.0
-    wait_until(lambda: not processes_with(mark), 3.0)
+    assert time.monotonic() - started < CANCELLED_S
+    wait_until(lambda: not processes_with(mark))
 
 
 def test_the_main_thread_stays_alive(fake_engine: Fake, feedback: Recorder, qgis_app: QgsApplication) -> None:
@@ -239,7 +239,7 @@ def test_the_main_thread_stays_alive(fake_engine: Fake, feedback: Recorder, qgis
     started = time.monotonic()
     with pytest.raises(EngineCancelledError):
         run_engine(["check"], feedback)
-    assert time.monotonic() - started < 4.0
+    assert time.monotonic() - started < CANCELLED_S
 
 
 def test_a_cancelled_run_does_not_start(fake_engine: Fake, feedback: Recorder, tmp_path: Path) -> None:

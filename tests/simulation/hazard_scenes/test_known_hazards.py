@@ -46,7 +46,9 @@ def ground() -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def scenes(ground):
-    return [put_hazards(ground, WANTED, seed) for seed in range(8)]
+    made = [put_hazards(ground, WANTED, seed) for seed in range(8)]
+    assert sum(len(scene.hazards) for scene in made) >= 2 * len(made)
+    return made
 
 
 def middles(scene) -> np.ndarray:

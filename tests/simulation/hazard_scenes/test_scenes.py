@@ -13,7 +13,7 @@ import pytest
 from scipy.ndimage import map_coordinates
 from slopewatch.engine.core.errors import InputError
 from slopewatch.simulation.hazard_scenes.negatives import Negative
-from slopewatch.simulation.hazard_scenes.picture import draw_scenes, shade
+from slopewatch.simulation.hazard_scenes.picture import draw_panels, panels, shade
 from slopewatch.simulation.hazard_scenes.scan import Strip, scan
 from slopewatch.simulation.hazard_scenes.scenes import build_scene, scene
 from slopewatch.simulation.hazard_scenes.sets import (
@@ -51,7 +51,7 @@ def test_labels_are_the_sign_of_the_displacement_beyond_the_limit(small):
 
 
 def test_the_cloud_with_hazards_differs_from_that_without_by_the_displacement():
-    """The displacement that labels tell, against two clouds of the same slope gridded on their own."""
+    """The displacement that labels state, against two clouds of the same slope gridded on their own."""
     spec = draw_spec(4, "published", area=700.0, density=300.0)
     after, before = build_scene(spec), build_scene(replace(spec, uplift=0.0, subsidence=0.0))
     assert not before.label.any()
@@ -206,7 +206,7 @@ def test_a_picture_shows_labels_where_the_points_have_them(small, tmp_path):
     row = np.floor((north - plane[:, 1]) / 0.3).astype(int)
     column = np.floor((plane[:, 0] - west) / 0.3).astype(int)
     assert (label[row, column] == small.label).mean() > 0.93
-    draw_scenes([small], tmp_path / "scene.png")
+    draw_panels([panels(small)], tmp_path / "scene.png")
     assert (tmp_path / "scene.png").stat().st_size > 20_000
 
 

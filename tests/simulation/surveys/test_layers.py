@@ -9,7 +9,7 @@ import pytest
 from slopewatch.simulation.fields import HeightField
 from slopewatch.simulation.frame import Frame
 from slopewatch.simulation.sources import GROUND, LEAVES, TURF
-from slopewatch.simulation.surveys.layers import Cover, Crossing, Layer
+from slopewatch.simulation.surveys.layers import Cover, Crossing, Landscape, Layer
 from slopewatch.simulation.surveys.returns import SEPARATION, echoes
 from slopewatch.simulation.surveys.scene import Scene, cut_profile
 from slopewatch.simulation.surveys.vegetation import Canopy
@@ -44,7 +44,7 @@ def beams(angle: float, count: int = 30_000) -> tuple[Rays, np.ndarray, np.ndarr
 def test_share_of_beams_that_pass_follows_the_length_of_their_way(angle):
     scene, canopy = level()
     rays, start, ground = beams(angle)
-    found = echoes(scene, canopy, rays, start, ground, 5, np.random.default_rng(1), Cover((layer(),)))
+    found = echoes(Landscape(scene, canopy, Cover((layer(),))), rays, start, ground, 5, np.random.default_rng(1))
     struck = np.unique(found.ray[found.source == TURF])
     passed = math.exp(-DEPTH / math.cos(math.radians(angle)))
     assert 1 - len(struck) / len(rays) == pytest.approx(passed, abs=0.012)
@@ -57,7 +57,7 @@ def test_share_of_beams_that_pass_follows_the_length_of_their_way(angle):
 def test_first_echoes_thin_out_downwards_as_the_law_says():
     scene, canopy = level()
     rays, start, ground = beams(0.0)
-    found = echoes(scene, canopy, rays, start, ground, 1, np.random.default_rng(2), Cover((layer(),)))
+    found = echoes(Landscape(scene, canopy, Cover((layer(),))), rays, start, ground, 1, np.random.default_rng(2))
     above = 20.0 - found.distance
     for part in (0.25, 0.5, 0.75):
         expected = 1 - math.exp(-DEPTH * (1 - part))
@@ -68,7 +68,9 @@ def test_echoes_are_in_order_and_apart_and_few():
     scene, canopy = level()
     rays, start, ground = beams(20.0, 10_000)
     high = layer(1.9, 4.0, LEAVES)
-    found = echoes(scene, canopy, rays, start - 1.0, ground, 3, np.random.default_rng(3), Cover((layer(), high)))
+    found = echoes(
+        Landscape(scene, canopy, Cover((layer(), high))), rays, start - 1.0, ground, 3, np.random.default_rng(3)
+    )
     same = np.diff(found.ray) == 0
     assert (np.diff(found.ray) >= 0).all()
     assert (np.diff(found.distance)[same] >= SEPARATION - 1e-9).all()
@@ -80,7 +82,7 @@ def test_what_a_beam_meets_is_in_proportion_to_the_densities():
     scene, canopy = level()
     rays, start, ground = beams(0.0)
     cover = Cover((layer(depth=1.0), layer(depth=3.0, source=LEAVES)))
-    found = echoes(scene, canopy, rays, start, ground, 1, np.random.default_rng(4), cover)
+    found = echoes(Landscape(scene, canopy, cover), rays, start, ground, 1, np.random.default_rng(4))
     plants = found.source[found.source != GROUND]
     assert (plants == LEAVES).mean() == pytest.approx(0.75, abs=0.015)
 
@@ -88,5 +90,7 @@ def test_what_a_beam_meets_is_in_proportion_to_the_densities():
 def test_optical_depth_of_the_whole_way_is_the_layers():
     scene, canopy = level()
     rays, start, ground = beams(30.0, 500)
-    crossing = Crossing(scene, canopy, Cover((layer(), layer(0.4, 0.5))), rays, start, ground, np.random.default_rng(5))
+    crossing = Crossing(
+        Landscape(scene, canopy, Cover((layer(), layer(0.4, 0.5)))), rays, start, ground, np.random.default_rng(5)
+    )
     assert crossing.optical[-1].mean() == pytest.approx((DEPTH + 0.5) / math.cos(math.radians(30.0)), rel=0.02)

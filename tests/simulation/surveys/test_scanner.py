@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from slopewatch.simulation.frame import Frame
 from slopewatch.simulation.surveys.change import Plateau
+from slopewatch.simulation.surveys.layers import Landscape
 from slopewatch.simulation.surveys.pattern import Scanner, emit, flown, plan_flight
 from slopewatch.simulation.surveys.scanner import TURF_GROUND, SurveyCloud, scan
 from slopewatch.simulation.surveys.scene import Relief, build_scene, cut_profile
@@ -35,7 +36,7 @@ def flight():
 
 
 def scan_once(scene, canopy, flight, noise: float = 0.0, pulses: int = 60_000, workers: int = 2) -> SurveyCloud:
-    return scan(scene, canopy, flight, AREA, pulses, noise, (13,), workers=workers)
+    return scan(Landscape(scene, canopy), flight, AREA, pulses, noise, (13,), workers=workers)
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ import pytest
 from slopewatch.simulation.fields import HeightField
 from slopewatch.simulation.frame import Frame
 from slopewatch.simulation.sources import GROUND, LEAVES, TURF
+from slopewatch.simulation.surveys.layers import Landscape
 from slopewatch.simulation.surveys.returns import echoes
 from slopewatch.simulation.surveys.scene import Relief, Scene, build_scene, cut_profile
 from slopewatch.simulation.surveys.vegetation import DENSITY_UNIT, Canopy, grow
@@ -63,7 +64,7 @@ def test_share_of_rays_that_meet_no_leaf_follows_beer_lambert(angle):
     sine, cosine = math.sin(math.radians(angle)), math.cos(math.radians(angle))
     rays = Rays(np.tile([[0.0], [0.0], [20.0]], n), np.tile([[sine], [0.0], [-cosine]], n))
     rng = np.random.default_rng(2)
-    found = echoes(scene, canopy, rays, np.zeros(n), np.full(n, 20.0 / cosine), 5, rng)
+    found = echoes(Landscape(scene, canopy), rays, np.zeros(n), np.full(n, 20.0 / cosine), 5, rng)
     struck = np.unique(found.ray[found.source == LEAVES])
     assert 1 - len(struck) / n == pytest.approx(math.exp(-density * depth / cosine), abs=0.012)
     height = 20.0 - found.distance[found.source == LEAVES] * cosine
@@ -77,14 +78,14 @@ def test_echoes_of_a_ray_are_ordered_apart_and_few():
     scene, canopy = flat(2.5, 2.0)
     n = 20_000
     rays = Rays(np.tile([[0.0], [0.0], [20.0]], n), np.tile([[0.0], [0.0], [-1.0]], n))
-    found = echoes(scene, canopy, rays, np.zeros(n), np.full(n, 20.0), 5, np.random.default_rng(3))
+    found = echoes(Landscape(scene, canopy), rays, np.zeros(n), np.full(n, 20.0), 5, np.random.default_rng(3))
     same = np.diff(found.ray) == 0
     assert (np.diff(found.ray) >= 0).all()
     assert (np.diff(found.distance)[same] >= 0.25).all()
     assert 3 <= np.bincount(found.ray).max() <= 5
     energy = np.bincount(found.ray, found.energy)
     assert energy.max() <= 1.0 + 1e-9
-    limited = echoes(scene, canopy, rays, np.zeros(n), np.full(n, 20.0), 2, np.random.default_rng(3))
+    limited = echoes(Landscape(scene, canopy), rays, np.zeros(n), np.full(n, 20.0), 2, np.random.default_rng(3))
     assert np.bincount(limited.ray).max() == 2
 
 
@@ -94,7 +95,7 @@ def test_grass_stands_on_the_ground_and_not_on_the_road():
     ground = scene.height(u, v)
     rays = Rays(np.stack([u, v, np.full(len(u), 60.0)]), np.tile([[0.0], [0.0], [-1.0]], len(u)))
     bare = grow(scene, 0.0, np.random.default_rng(1))
-    found = echoes(scene, bare, rays, np.zeros(len(u)), 60.0 - ground, 5, np.random.default_rng(9))
+    found = echoes(Landscape(scene, bare), rays, np.zeros(len(u)), 60.0 - ground, 5, np.random.default_rng(9))
     above = 60.0 - found.distance - ground[found.ray]
     grass = found.source == TURF
     assert above[found.source == GROUND] == pytest.approx(0.0, abs=1e-9)

@@ -115,7 +115,7 @@ def test_command_writes_everything_it_names(tmp_path):
 
 
 def test_a_pair_under_grass_by_its_step(tmp_path):
-    """What the command line and the toolbox call: mown later, the truth beside it."""
+    """What the command line and the toolbox call: mown later, and the truth."""
     parameters = SurveyParameters(
         points=6000, length=12.0, height=5.0, vegetation=0.0, grass=1.0, mown="later", multipath=0.01, amplitude=0.0
     )

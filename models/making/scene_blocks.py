@@ -4,26 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from typing import TypeVar
 
 import numpy as np
 
 from ...simulation.hazard_scenes.scenes import SimulatedScene
-from ..configuration import ModelConfiguration
 from ..preparation.prepare import UNKNOWN, Block
-from .dataset import Item, Made, labelled_blocks
+from ..training.recipes import Recipe
+
+Item = TypeVar("Item")
+Made = TypeVar("Made")
 
 
-def scene_blocks(
-    scene: SimulatedScene,
-    configuration: ModelConfiguration,
-    *,
-    seed: int = 0,
-    step: float | None = None,
-    share: float = 1.0,
-) -> list[Block]:
-    """The blocks of a simulated scene; points close to the limit between two labels are not trained on."""
+def scene_blocks(recipe: Recipe, scene: SimulatedScene) -> list[Block]:
+    """The blocks of a scene that are trained on; points close to the limit between two labels are not."""
     labels = np.where(scene.ignore, np.uint8(UNKNOWN), scene.label)
-    return labelled_blocks(scene.xyz, labels, configuration, seed=seed, step=step, share=share)
+    return recipe.blocks(scene.xyz, labels, scene.spec.seed)
 
 
 def in_order(make: Callable[[Item], Made], items: Iterable[Item], processes: int = 1) -> Iterator[Made]:

@@ -1,0 +1,28 @@
+"""The real clouds that benchmarks measure, where they lie next to the checkout (``../shared/data``)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..engine.core.arrays import Float
+from ..engine.pointcloud.reading import read_cloud
+from ..interface.parameters import InputParameters
+
+DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+TILES = DATA / "real" / "ign_tiles"
+DENSE = DATA / "real" / "lone-star.copc.laz"
+DENSE_HALVES = "real cloud (392 points/m²) split in two halves"
+_DENSE_CRS = "EPSG:32614"  # the file declares a geocentric system but holds projected coordinates
+
+
+def dense_cloud() -> Float | None:
+    """The points (n, 3) of the densest cloud, metres; None where it is missing."""
+    return read_cloud(DENSE, InputParameters(crs=_DENSE_CRS)).xyz if DENSE.exists() else None
+
+
+def split(cloud: Float, seed: int) -> tuple[Float, Float]:
+    """Points (n, 3) dealt out at random: two surveys of the same ground in the same coordinates."""
+    half = np.random.default_rng(seed).permutation(len(cloud)) < len(cloud) // 2
+    return cloud[half], cloud[~half]

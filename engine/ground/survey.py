@@ -1,0 +1,73 @@
+"""The survey that an extraction works on: its file, and the points within the region."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from laspy import DecompressionSelection
+from numpy.typing import NDArray
+
+from ..core.arrays import Bool, Float
+from ..crs.working_frame import WorkingFrame
+from ..geometry.dominant_plane import Plane
+from ..pointcloud.header import CloudHeader, preflight
+from ..pointcloud.records import PLACES, coordinates, read_records
+from ..pointcloud.returns import Returns, last_returns
+from ..vector.area import Roi
+
+
+@dataclass(frozen=True)
+class Source:
+    """A sound cloud, the ``area`` (m²) that it covers, and whether its classes are more than PDAL compresses."""
+
+    header: CloudHeader
+    frame: WorkingFrame
+    region: Roi | None
+    area: float
+    odd_classes: bool
+
+    @property
+    def flags_in_class(self) -> bool:
+        """Formats before 6 have no class that large: what is in the upper bits of the byte are flags."""
+        return self.odd_classes and self.header.point_format < 6
+
+
+@dataclass(frozen=True)
+class Clipped:
+    """Points within the region without outliers: ``xyz`` (n, 3) metres, ``flat`` (n, 3) in the slope's frame.
+
+    ``keep`` (m,) says which points of the clipped file they are, ``removed`` (m - n, 3) are the others in the slope's
+    frame; ``spacing`` is between neighbours, metres.
+    """
+
+    keep: Bool
+    xyz: Float
+    flat: Float
+    removed: Float
+    returns: Returns
+    plane: Plane
+    spacing: float
+
+
+def read_points(path: Path, *, flags_in_class: bool = False) -> tuple[Float, Returns, NDArray[np.uint8]]:
+    """Coordinates (n, 3), returns and classes (n,) of a cloud that is in metres already.
+
+    Raises:
+        EmptyCloud, InputError: as ``preflight`` and ``read_records``.
+    """
+    header = preflight(path)
+    xyz = np.empty((header.count, 3))
+    number, total, labels = (np.empty(header.count, dtype=np.uint8) for _ in range(3))
+    done = 0
+    for records in read_records(header, selection=PLACES | DecompressionSelection.CLASSIFICATION):
+        part = slice(done, done + len(records))
+        xyz[part] = coordinates(records, header)
+        number[part] = records["return_number"]
+        total[part] = records["number_of_returns"]
+        labels[part] = records["classification"]
+        done += len(records)
+    if flags_in_class:
+        labels &= 0x1F
+    return xyz, last_returns(number, total), labels
