@@ -1,6 +1,7 @@
 """Run the benchmarks and print their tables: ``python -m slopewatch.benchmarks [--results FOLDER] [NAME ...]``.
 
-``--results`` keeps what became of each single case as FOLDER/NAME.csv (.jsonl), for the benchmarks that can (``KEPT``).
+``--results`` keeps what became of each single case as FOLDER/NAME.csv (.jsonl, .json), for the benchmarks
+that can (``KEPT``).
 """
 
 from __future__ import annotations
@@ -38,10 +39,11 @@ NAMES = {
     "known_places": "What a screening could find by height",
     "real_screening": "Screening of real slopes with known hazards put in",
     "rough_ground": "Screening of hazards on rougher ground",
+    "screening_sites": "Screening of hazards put into real ground, at one false zone per 1,000 m²",
 }
 
 
-KEPT = {"detection", "real_ground", "unseen_surveys"}
+KEPT = {"detection", "real_ground", "unseen_surveys", "screening_sites"}
 """Benchmarks that can keep their single results."""
 
 

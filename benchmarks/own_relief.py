@@ -14,8 +14,9 @@ from scipy.spatial import cKDTree
 
 from ..engine.core.arrays import Float
 from ..engine.geometry.dominant_plane import apply_matrix
+from ..engine.geometry.hazard_shapes import displacement_at, reach
 from ..engine.statistics.robust import nmad
-from ..simulation.hazard_scenes.known_hazards import Site, displacement_at, put_hazards, reach
+from ..simulation.hazard_scenes.known_hazards import Site, put_hazards
 
 AROUND = 1.5
 """Width (m) of the untouched ground around a hazard that takes part in the fit."""

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import griddata
 from scipy.spatial import cKDTree
 
+from ..engine.geometry.hazard_shapes import outline
 from ..engine.maps.relief import shaded_relief
-from ..simulation.hazard_scenes.known_hazards import KnownHazards, outline
+from ..simulation.hazard_scenes.known_hazards import KnownHazards
 
 if TYPE_CHECKING:
     from .real_screening import RealGround, Zone

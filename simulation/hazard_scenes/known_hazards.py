@@ -1,7 +1,7 @@
 """Hazards of known place and height put into the ground points of a surveyed slope.
 
 A real slope has relief, gaps and noise that no simulation has; what is put into it is known exactly. The bulges and
-depressions are the smooth ones of ``hazard_scenes.hazards``, evaluated at the points themselves.
+depressions are the smooth ones of ``geometry.hazard_shapes``, evaluated at the points themselves.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from ...engine.core.arrays import Bool, Float
 from ...engine.core.errors import InputError
 from ...engine.geometry.dominant_plane import apply_matrix, fit_plane, flattening_matrix
-from .hazards import SHAPES, Hazard
+from ...engine.geometry.hazard_shapes import Hazard, displacement_at, reach
 from .scenes import BACKGROUND, HAZARD_FIELDS, SUBSIDENCE, UPLIFT
 from .styles import THRESHOLD
 
@@ -124,29 +124,6 @@ def put_hazards(
     return KnownHazards(moved_xyz, label.astype(np.uint8), identity, displacement, table, shapes, matrix, limit)
 
 
-def displacement_at(hazard: Hazard, u: Float, w: Float) -> Float:
-    """Displacement (m) of a smooth hazard at places of the flat frame: its height in the middle, 0 outside."""
-    x, y = _normalised(hazard, u, w)
-    zero = np.zeros(1, dtype=np.float32)
-    return SHAPES[hazard.kind](hazard, x.astype(np.float32), y.astype(np.float32), zero).astype(np.float64)
-
-
-def outline(hazard: Hazard, corners: int = 72) -> Float:
-    """(corners, 2) places of the flat frame on the hazard's super-ellipse."""
-    angle = np.linspace(0.0, 2 * math.pi, corners, endpoint=False)
-    c, s = np.cos(angle), np.sin(angle)
-    power = 2.0 / hazard.exponent
-    x = hazard.half_u * np.sign(c) * np.abs(c) ** power
-    y = hazard.half_w * np.sign(s) * np.abs(s) ** power
-    turn_c, turn_s = math.cos(hazard.turn), math.sin(hazard.turn)
-    return np.column_stack([hazard.u + x * turn_c - y * turn_s, hazard.w + x * turn_s + y * turn_c])
-
-
-def reach(hazard: Hazard) -> float:
-    """Radius (m) of a circle about the hazard's middle that holds its super-ellipse."""
-    return float(max(hazard.half_u, hazard.half_w)) * 2.0 ** max(0.0, 0.5 - 1.0 / hazard.exponent)
-
-
 def room_for(xyz: Float, diameter: float, site: Site | None = None) -> float:
     """Area (m²) of the slope's plane on which the middle of a round hazard of this diameter (m) may lie.
 
@@ -209,12 +186,6 @@ def _draw(height: float, diameter: float, rng: np.random.Generator) -> Hazard:
         fall=rng.uniform(1.0, 1.5),
         wobble=0.0,
     )
-
-
-def _normalised(hazard: Hazard, u: Float, w: Float) -> tuple[Float, Float]:
-    c, s = math.cos(hazard.turn), math.sin(hazard.turn)
-    du, dw = u - hazard.u, w - hazard.w
-    return (du * c + dw * s) / hazard.half_u, (dw * c - du * s) / hazard.half_w
 
 
 def _table(shapes: Sequence[Hazard], flat: Float, points: NDArray[np.intp], limit: float) -> NDArray[np.void]:

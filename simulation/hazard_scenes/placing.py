@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...engine.core.arrays import Float, Float32
-from .hazards import LOWERS, RAISES, Hazard, displacement
+from ...engine.geometry.hazard_shapes import LOWERS, RAISES, Hazard
+from .hazards import displacement
 from .structures import Cell
 from .styles import Style, log_uniform
 from .surface import Surface

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...engine.core.arrays import Float
+from ...engine.geometry.hazard_shapes import Hazard
 from ..frame import Frame
 from . import landforms, structures
-from .hazards import Hazard, displacement
+from .hazards import displacement
 from .negatives import Negative
 from .placing import place_hazards
 from .residue import clipped_crests, grow_cover, spike_heights

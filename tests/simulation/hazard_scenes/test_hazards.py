@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from slopewatch.simulation.hazard_scenes.hazards import LOWERS, RAISES, SHAPES, Hazard, displacement
+from slopewatch.engine.geometry.hazard_shapes import LOWERS, RAISES, SHAPES, Hazard
+from slopewatch.simulation.hazard_scenes.hazards import displacement
 from slopewatch.simulation.hazard_scenes.placing import _Cover, place_hazards
 from slopewatch.simulation.hazard_scenes.structures import Cell
 from slopewatch.simulation.hazard_scenes.styles import style_of

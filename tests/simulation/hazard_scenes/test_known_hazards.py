@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import shapely
 from slopewatch.engine.core.errors import InputError
-from slopewatch.simulation.hazard_scenes.known_hazards import Site, outline, put_hazards, reach, room_for
+from slopewatch.engine.geometry.hazard_shapes import outline, reach
+from slopewatch.simulation.hazard_scenes.known_hazards import Site, put_hazards, room_for
 
 DIP, AZIMUTH = np.radians(35.0), np.radians(50.0)
 NORMAL = np.array([np.sin(DIP) * np.sin(AZIMUTH), np.sin(DIP) * np.cos(AZIMUTH), np.cos(DIP)])

@@ -1,0 +1,92 @@
+"""A70: how high a hazard must be so that 70 % of its kind are found, from place to place, by the slope's own ground.
+
+A hazard is found by the matched filter where its height over the bump's standard error passes a level. The standard
+error, robust and from the place's own surroundings, holds density, noise and relief; the level, at which the
+untouched slope shows one false zone per 1,000 m², holds how heavy the tails of its relief are. Their product, times a
+factor for what a zone of 1 m² must reach at hazards that are not quite the bump, is the height at which 70 % were found
+(docs/screening.md; ``benchmarks.screening_sites`` measures it).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from ...engine.core.arrays import Float32
+from .bump_filter import BumpFit
+from .raster_zones import PER_M2, Scores, common_levels, level_for_rate, zone_counts
+from .relief_raster import ReliefRaster
+
+FACTORS = {2.0: 3.0, 3.0: 1.3, 5.0: 1.15, 8.0: 1.1}
+"""Height over (level times standard error) at which 70 % of the hazards of a diameter (m) were found; between these
+diameters it is interpolated."""
+_SMOOTH_CELLS = 5
+"""Standard errors are the median of squares of so many cells a side."""
+
+
+@dataclass(frozen=True)
+class SmallestHazard:
+    """Heights (m) that hazards of ``diameters`` need to be found at 70 %: ``heights`` (diameters, columns, rows), NaN
+    without data. ``level`` is that of the t score at one false zone per 1,000 m².
+    """
+
+    diameters: tuple[float, ...]
+    heights: Float32
+    level: float
+
+    def at(self, column: int, row: int, diameter: float) -> float:
+        """Height (m) that a hazard of ``diameter`` (m) needs at a cell; NaN where no such bump was fitted."""
+        values = self.heights[:, column, row]
+        after = int(np.clip(np.searchsorted(self.diameters, diameter), 1, len(self.diameters) - 1))
+        narrow, wide = self.diameters[after - 1], self.diameters[after]
+        share = min(max((diameter - narrow) / (wide - narrow), 0.0), 1.0)
+        if share in (0.0, 1.0):
+            return float(values[after - 1 + int(share)])
+        return float((1.0 - share) * values[after - 1] + share * values[after])
+
+    def share_below(self, height: float, diameter: float) -> float:
+        """Part (0 to 1) of the slope on which a hazard of ``height`` m and one of the ``diameters`` can be found."""
+        needed = self.heights[self.diameters.index(diameter)]
+        covered = np.isfinite(self.heights).any(axis=0)
+        return float(np.mean(needed[covered] <= height)) if covered.any() else 0.0
+
+
+def filter_scores(raster: ReliefRaster) -> Scores:
+    """For either sign the largest t score of all bumps; NaN where none could be fitted."""
+    stack = np.stack([fit.t for fit in raster.bumps])
+    missing = np.isnan(stack).all(axis=0)
+    up, down = (np.nan_to_num(sign * stack, nan=-np.inf).max(axis=0) for sign in (1.0, -1.0))
+    return Scores(np.where(missing, np.nan, up), np.where(missing, np.nan, down), raster.cell)
+
+
+def own_level(scores: Scores, per_1000_m2: float = 1.0) -> float:
+    """The level of the score above which this ground shows ``per_1000_m2`` zones per 1,000 m²: taken as false, though
+    hazards of its own are among them. NaN without data.
+    """
+    if scores.area == 0:
+        return float("nan")
+    levels = common_levels([scores])
+    return level_for_rate(levels, PER_M2 * zone_counts(scores, levels) / scores.area, scores.area, per_1000_m2)
+
+
+def smallest_hazard(raster: ReliefRaster, level: float | None = None) -> SmallestHazard:
+    """The map of A70 of a slope.
+
+    Args:
+        level: of the t score that screening asks for; the slope's own one at one zone per 1,000 m² by default.
+    """
+    if level is None:
+        level = own_level(filter_scores(raster))
+    heights = np.stack([_needed(fit, level) for fit in raster.bumps])
+    return SmallestHazard(tuple(fit.diameter for fit in raster.bumps), heights.astype(np.float32), level)
+
+
+def _needed(fit: BumpFit, level: float) -> Float32:
+    known = np.isfinite(fit.error)
+    if not known.any():
+        return fit.error
+    filled = np.where(known, fit.error, np.median(fit.error[known]))
+    factor = float(np.interp(fit.diameter, list(FACTORS), list(FACTORS.values())))
+    return np.where(known, factor * level * median_filter(filled, _SMOOTH_CELLS), np.nan).astype(np.float32)
