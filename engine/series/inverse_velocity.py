@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2 as chi_square
+from scipy.special import chdtrc, chdtri
 
 from ..core.arrays import Float
 from ..statistics.normal import Z95
@@ -75,9 +75,9 @@ def _interval(t: Float, x: Float, v: Float) -> FailureTime:
     misfit = _misfit(t, x, v, float(t[-1]) + left)
     best = float(misfit.min())
     degrees = len(t) - 3
-    if degrees > 0 and float(chi_square.sf(best, degrees)) < _MIN_FIT_PROBABILITY:
+    if degrees > 0 and float(chdtrc(degrees, best)) < _MIN_FIT_PROBABILITY:
         return _not("the inverse velocity does not fall along a straight line")
-    allowed = best + float(chi_square.ppf(0.95, 1)) * max(1.0, best / degrees if degrees > 0 else 1.0)
+    allowed = best + float(chdtri(1, 0.05)) * max(1.0, best / degrees if degrees > 0 else 1.0)
     inside = np.flatnonzero(misfit <= allowed)
     if inside[-1] == len(left) - 1:
         return _not("the motion cannot be distinguished from a steady one")

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
-from scipy.stats import chi2 as chi_square
+from scipy.special import chdtrc, ndtr
 
 from ..core.arrays import Float
 from ..statistics.normal import Z95
@@ -139,7 +138,7 @@ def _quantile(rate: Float, error: Float, weight: Float, share: float) -> float:
 
 
 def _accepted(misfit: float, degrees: int) -> bool:
-    return degrees <= 0 or float(chi_square.sf(misfit, degrees)) >= _MIN_FIT_PROBABILITY
+    return degrees <= 0 or float(chdtrc(degrees, misfit)) >= _MIN_FIT_PROBABILITY
 
 
 def _trend(t: Float, y: Float, v: Float, line: Line) -> str:
