@@ -17,7 +17,7 @@ from ..models.screening.network import ScreeningModel
 from ..models.screening.result import Screening
 from ..models.screening.screen import screen_points
 from ..models.screening.zones import Hazards, outline_hazards
-from .products.screening import Pictured, default_targets, screening_figures, write_products
+from .products.screening import Pictured, default_targets, screening_facts, screening_figures, write_products
 from .run import Run
 
 _TARGETS = default_targets(Path("screened.laz"))
@@ -88,7 +88,7 @@ def confirmed_by(found: EpochScreening, change: Change, epochs: tuple[Epoch, Epo
 def write_epoch_screening(
     run: Run, found: EpochScreening, picture: PointCloud, epoch: Epoch, digest: str, parameters: LastEpochParameters
 ) -> None:
-    """Write labelled cloud, zones, probabilities and map; ``run`` gets their paths and the main figures.
+    """Write labelled cloud, zones, rasters and map; ``run`` gets their paths and the main figures.
 
     Args:
         picture: the cloud that the map's top view shows, in the frame of the screened one.
@@ -98,12 +98,15 @@ def write_epoch_screening(
     def place(path: Path) -> Path:
         return run.stage.path(path.name)
 
-    shown = Pictured(picture, digest, survey=epoch.date, name=epoch.name, note=found.note)
+    facts = screening_facts(found.source, found.screening)
+    note = f"{found.note} {facts.get('not_shown', '')}".strip()
+    shown = Pictured(picture, digest, survey=epoch.date, name=epoch.name, note=note)
     write_products(_TARGETS, place, found.hazards, shown, run.reviews)
     labelled = found.source.write_labelled(
         place(_TARGETS["labelled"]), found.screening, classification=parameters.write_classification
     )
     figures = screening_figures(found.source, found.screening, found.hazards, labelled)
     figures = {name if name.startswith("screened") else f"screened_{name}": value for name, value in figures.items()}
+    run.facts |= facts
     run.outputs |= {key: run.stage.final(_TARGETS[name].name) for name, key in _KEYS.items()}
     run.figures |= figures | found.figures

@@ -26,12 +26,15 @@ from ..interface.dates import date_in_name
 from ..models.screening.cloud_file import ScreenedFile
 from ..models.screening.screen import screen_points
 from ..models.screening.zones import outline_hazards
-from .products.screening import Pictured, screening_figures, write_products
+from .products.screening import Pictured, screening_facts, screening_figures, write_products
 from .run import Run, record_beside
 from .settings import ScreeningSettings, groups
 
 _INDEX = "slopewatch_index"
-_ENDINGS = {"labelled": (".laz",), "zones": (".gpkg",), "probability": (".tif", ".tiff"), "map": (".png",)}
+_RASTER = (".tif", ".tiff")
+_ENDINGS = {
+    "labelled": (".laz",), "zones": (".gpkg",), "probability": _RASTER, "smallest_hazard": _RASTER, "map": (".png",),
+}  # fmt: skip
 
 
 def screen_step(
@@ -87,13 +90,15 @@ def screen_step(
         with run.step("zones", 0.8, 0.85, "outlining zones"):
             hazards = outline_hazards(screening, source.frame.crs, parameters, run_id=run_id)
         with run.step("products", 0.85, 0.92, "writing zones and rasters"):
-            shown = Pictured(source.picture(), digest, date_in_name(source.path), source.path.stem)
+            facts = screening_facts(source, screening)
+            note = facts.get("not_shown", "")
+            shown = Pictured(source.picture(), digest, date_in_name(source.path), source.path.stem, note)
             write_products(targets, place, hazards, shown, run.reviews)
         with run.step("labels", 0.92, 1.0, "writing the labelled cloud"):
             output = place(targets["labelled"])
             labelled = source.write_labelled(output, screening, classification=parameters.write_classification)
         run.figures = screening_figures(source, screening, hazards, labelled)
-        run.facts |= {"model": screening.model, "run_id": run_id}
+        run.facts |= {"model": screening.model, "run_id": run_id} | facts
         run.outputs |= {name: path.absolute() for name, path in targets.items()} | {"run": run.record_path}
         run.finish_reviews()
     return run.result()

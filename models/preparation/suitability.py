@@ -76,7 +76,7 @@ def refuse_unsuitable(
 
     Args:
         name: of the cloud, for messages.
-        density: least and most points a m² that the network was made for; None: any.
+        density: least and most points a m² that the method was made for; None: any.
         classified: whether the cloud has points of class 2, so that they may be offered.
         bare: whether the points are known to be ground.
     """
@@ -104,12 +104,14 @@ def refuse_unsuitable(
     if density is not None and not density[0] <= found.density <= density[1]:
         sparse = found.density < density[0]
         sentence = (
-            f"{name} has {found.density:.0f} points a m² where the network was made for {density[0]:g} to "
-            f"{density[1]:g}"
+            f"{name} has {found.density:.0f} points a m² where the {parameters.screening_method} was made for "
+            f"{density[0]:g} to {density[1]:g}"
         )
         if not parameters.any_density:
-            remedy = "--screening-method residual" if sparse else "a thinned cloud"
-            raise InputError(f"{sentence}; give {remedy}, other weights, or any_density to screen it all the same.")
+            by_network = parameters.screening_method == "network"
+            remedy = f"--screening-method {'filter' if by_network else 'residual'}" if sparse else "a thinned cloud"
+            remedy += ", other weights" if by_network else ""
+            raise InputError(f"{sentence}; give {remedy}, or any_density to screen it all the same.")
         progress.warning(f"{sentence}, so its labels are not to be relied on.")
 
 
