@@ -15,8 +15,8 @@ class ScreeningParameters(ParameterSet, record_name="screening"):
         "network",
         "Screening method",
         "network: the trained network labels every point. filter: bumps and hollows of 2 to 8 m that stand out of the "
-        "roughness around them, at the accepted false zones, without learning. residual: a threshold on the height over "
-        "the slope's trend, without learning.",
+        "roughness around them, at the accepted false zones, without learning. residual: a threshold on the height "
+        "over the slope's trend, without learning.",
         choices=("network", "filter", "residual"),
     )
     ground: str = _parameter(
@@ -71,8 +71,8 @@ class ScreeningParameters(ParameterSet, record_name="screening"):
     false_zones: float = _parameter(
         1.0,
         "Accepted false zones per 1,000 m²",
-        "How many false zones on 1,000 m² of the slope are accepted. The method filter sets its threshold by it, and the "
-        "map of the smallest hazard refers to it. Larger finds lower hazards, and shows more zones that are none.",
+        "How many false zones on 1,000 m² of the slope are accepted. The method filter sets its threshold by it, and "
+        "the map of the smallest hazard refers to it. Larger finds lower hazards, and shows more zones that are none.",
         bounds=(0.1, 10.0),
     )
     write_classification: bool = _parameter(

@@ -21,8 +21,8 @@ from .raster_zones import Scores
 from .relief_raster import ReliefRaster
 
 FACTORS = {2.0: 3.0, 3.0: 1.25, 5.0: 1.25, 8.0: 1.15}
-"""Height over (level times standard error times scatter) at which 70 % of the hazards of a diameter (m) were found; between these
-diameters it is interpolated."""
+"""Height over (level times standard error times scatter) at which 70 % of the hazards of a diameter (m) were found;
+between these diameters it is interpolated."""
 _SMOOTH_CELLS = 5
 """Standard errors are the median of squares of so many cells a side."""
 

@@ -16,8 +16,8 @@ from ..preparation.streaming import sum_parts
 USUAL_HAZARD_M = 1.0
 """Where no hazard of this height can be found, nothing that screening is made for can be."""
 MAX_BLIND_SHARE = 0.5
-"""On places where more of the slope was blind (60, 65, 96 and 95 %), 12 to 25 % of hazards of 1.2 m were found; on those
-with up to 44 %, 38 to 100 %."""
+"""On places where more of the slope was blind (60, 65, 96 and 95 %), 12 to 25 % of hazards of 1.2 m were found; on
+those with up to 44 %, 38 to 100 %."""
 PART_M = CELL_M / 2
 """Side of the voxels whose averages stand for the points of a cell."""
 SENTENCE_WIDTH_M = 3.0
@@ -65,8 +65,8 @@ class Detectability:
             )
         others = "; ".join(f"{width:g} m: {_metres(value)}" for width, value in by_width.items() if np.isfinite(value))
         return (
-            f"On half of this slope a hazard {SENTENCE_WIDTH_M:g} m wide must stand {_metres(main)} out of or below the "
-            f"ground around it to be found by {finder}{f' ({others})' if others else ''}; on "
+            f"On half of this slope a hazard {SENTENCE_WIDTH_M:g} m wide must stand {_metres(main)} out of or below "
+            f"the ground around it to be found by {finder}{f' ({others})' if others else ''}; on "
             f"{100 * self.blind_share:.0f} % even {USUAL_HAZARD_M:g} m is not enough."
         )
 
@@ -74,8 +74,8 @@ class Detectability:
         """Why no zones are shown of the cloud ``name``."""
         return (
             f"{name} gets no zones: its ground is so rough or so sparse that on {100 * self.blind_share:.0f} % of it "
-            f"(more than {100 * MAX_BLIND_SHARE:.0f} %) not even a hazard of {USUAL_HAZARD_M:g} m can be found; compare "
-            "two surveys instead, or give any_relief to see zones all the same."
+            f"(more than {100 * MAX_BLIND_SHARE:.0f} %) not even a hazard of {USUAL_HAZARD_M:g} m can be found; "
+            "compare two surveys instead, or give any_relief to see zones all the same."
         )
 
 

@@ -51,8 +51,8 @@ class Screening:
     (m, 3) of background, uplift and subsidence; ``labels`` (m,); ``heights`` (m,) over the trend, m, square to the
     slope's plane. A point has its voxel's probabilities, or those ``between`` the voxels about it; the ``raw`` ones are
     those before they were calibrated with the model's ``temperature``, which changes no label. Hazards less probable
-    than ``least`` are background; above 1 all are. ``model`` are facts about what labelled them; ``ground_points`` how many
-    points were screened. ``detectable`` says what could have been found.
+    than ``least`` are background; above 1 all are. ``model`` are facts about what labelled them; ``ground_points`` how
+    many points were screened. ``detectable`` says what could have been found.
     """
 
     points: Float

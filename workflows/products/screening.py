@@ -22,6 +22,7 @@ from ...engine.zones.earlier_reviews import EarlierReviews
 from ...models.screening.cloud_file import ScreenedFile
 from ...models.screening.map import write_hazard_map
 from ...models.screening.result import Screening
+from ...models.screening.self_test import SelfTest
 from ...models.screening.zones import FIELDS, Hazards
 
 
@@ -91,16 +92,21 @@ def write_products(
     write_hazard_map(place(targets["map"]), hazards, view, name=shown.name, note=shown.note)
 
 
-def screening_facts(source: ScreenedFile, screening: Screening) -> dict[str, str]:
-    """Sentences for the record: what can be found on the slope, and why no zones are shown where none are."""
+def screening_facts(source: ScreenedFile, screening: Screening, tested: SelfTest | None) -> dict[str, str]:
+    """Sentences for the record: what can be found on the slope, why no zones are shown where none are, and what the
+    self-test found; the last is reported, too.
+    """
     facts = {"detectable": screening.detectable.sentence(str(screening.model.get("name", "")))}
     if screening.hidden:
         facts["not_shown"] = screening.detectable.hidden_sentence(source.name)
+    if tested is not None:
+        facts["self_test"] = tested.sentence()
+        source.progress.info(facts["self_test"])
     return facts
 
 
 def screening_figures(
-    source: ScreenedFile, screening: Screening, hazards: Hazards, labelled: dict[str, int]
+    source: ScreenedFile, screening: Screening, hazards: Hazards, labelled: dict[str, int], tested: SelfTest | None
 ) -> dict[str, Any]:
     """The figures that a user reads first; ``labelled`` as ``ScreenedFile.write_labelled`` returns it."""
     frame = hazards.frame
@@ -118,4 +124,5 @@ def screening_figures(
         "dip_direction": screening.plane.azimuth,
         "density": screening.suitability.density,
         **screening.detectable.figures(),
+        **({} if tested is None else {"self_test": tested.figures()}),
     }
