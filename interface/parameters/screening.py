@@ -108,8 +108,8 @@ class ScreeningParameters(ParameterSet, record_name="screening"):
     any_relief: bool = _parameter(
         False,
         "Show zones on any relief",
-        "Shows zones even where the ground is so rough or so sparse that on more than half of it a hazard of 1 m could "
-        "not be found. They say little then.",
+        "Shows zones even where the ground is so rough or so sparse that on most of it a hazard of 1 m could not be "
+        "found. They say little then.",
         advanced=True,
     )
     self_test: bool = _parameter(

@@ -146,7 +146,9 @@ def _least_probability(
     detectable: Detectability, parameters: ScreeningParameters, name: str, progress: Progress
 ) -> float:
     """What a hazard's probability must reach to be shown; nothing does where nothing can be found. Says what can be."""
-    if detectable.shown or parameters.any_relief:
+    if detectable.shown(parameters.screening_method) or parameters.any_relief:
+        if detectable.doubtful:
+            progress.warning(detectable.doubt_sentence(name))
         progress.info(detectable.sentence(parameters.screening_method))
         return parameters.minimum_probability
     progress.warning(detectable.hidden_sentence(name))

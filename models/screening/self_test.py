@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from ...engine.core.arrays import Float
+from ...engine.core.arrays import Bool, Float
 from ...engine.core.progress import Progress
 from ...engine.geometry.dominant_plane import apply_matrix
 from ...engine.geometry.hazard_shapes import Hazard, displacement_at
@@ -44,7 +44,7 @@ class SelfTest:
 
     heights: Float
     diameters: Float
-    found: Float
+    found: Bool
     zones: int
     area: float
 
@@ -73,7 +73,7 @@ class SelfTest:
             f"{self.false_zones:.1f} zones per 1,000 m², false but for hazards that are there."
         )
 
-    def _of(self, which: Float) -> dict[str, int]:
+    def _of(self, which: Bool) -> dict[str, int]:
         return {"found": int(self.found[which].sum()), "of": int(which.sum())}
 
 
@@ -112,7 +112,7 @@ def self_test(
         taken = {one.number for one in placed}
         drawn = [h for n, h in enumerate(drawn) if n not in taken] or _drawn(rng)
     heights, diameters, found = np.array(rows, dtype=np.float64).reshape(-1, 3).T
-    return SelfTest(heights, diameters, found, len(hazards.frame), area)
+    return SelfTest(heights, diameters, found > 0, len(hazards.frame), area)
 
 
 class _Quiet(Progress):

@@ -81,8 +81,8 @@ def test_the_same_ground_is_tested_in_the_same_way_and_is_not_changed(cloud):
 
 def test_ground_without_room_is_said_to_have_none():
     nothing = np.empty(0)
-    assert "no room" in SelfTest(nothing, nothing, nothing, 3, 500.0).sentence()
-    one = SelfTest(np.array([-0.5]), np.array([3.0]), np.array([1.0]), 3, 1500.0)
+    assert "no room" in SelfTest(nothing, nothing, nothing.astype(bool), 3, 500.0).sentence()
+    one = SelfTest(np.array([-0.5]), np.array([3.0]), np.array([True]), 3, 1500.0)
     assert one.sentence() == (
         "Self-test: of 1 hazards 2 to 8 m wide that were put into this ground screening found, by height, 0.5 m: 1 of "
         "1; on the untouched ground it shows 2.0 zones per 1,000 m², false but for hazards that are there."
