@@ -16,7 +16,7 @@ from ...engine.geometry.plane_gradient import gradient_parts
 from ...engine.grid.cell_statistics import cell_statistics
 from ...engine.grid.grid import snapped_grid
 from ...interface.parameters import ScreeningParameters
-from .two_planes import TwoPlanes, two_planes
+from .two_planes import ONE_PLANE, TwoPlanes, two_planes
 
 _FACE_CELL_M = 4.0
 """Side (m) of the squares whose own dip says which way the ground faces; drains and berms are smaller."""
@@ -50,7 +50,7 @@ class Suitability:
     opposite_share: float
     rough_share: float
     width: float = math.inf
-    planes: TwoPlanes = TwoPlanes(0.0, 0.0, 1.0)
+    planes: TwoPlanes = ONE_PLANE
 
 
 def measure(xyz: Float, flat: Float, plane: Plane, thinned: float = 1.0) -> Suitability:
@@ -101,8 +101,8 @@ def refuse_unsuitable(
     if planes.share >= _MIN_FACE_SHARE and planes.angle >= _MIN_PLANE_ANGLE_DEG and planes.left <= _MAX_SCATTER_LEFT:
         raise InputError(
             f"{name} is two slopes (planes {planes.angle:.0f} degrees apart, with {100 - 100 * planes.share:.0f} and "
-            f"{100 * planes.share:.0f} % of it, leave {100 * planes.left:.0f} % of the scatter about one), but screening "
-            "takes one slope at a time; cut out one of them with --roi."
+            f"{100 * planes.share:.0f} % of it, leave {100 * planes.left:.0f} % of the scatter about one), but "
+            "screening takes one slope at a time; cut out one of them with --roi."
         )
     if found.width < MIN_WIDTH_M:
         raise InputError(

@@ -1,4 +1,4 @@
-"""Whether ground is two planes rather than one: each square of it goes to the plane that it lies closer to, in turns."""
+"""Whether ground is two planes rather than one: each square goes to the plane that it lies closer to, in turns."""
 
 from __future__ import annotations
 
@@ -27,12 +27,15 @@ class TwoPlanes:
     left: float
 
 
+ONE_PLANE = TwoPlanes(0.0, 0.0, 1.0)
+
+
 def two_planes(xyz: Float) -> TwoPlanes:
     """The two planes that describe points (n, 3; m) best, by k-planes clustering (Bradley and Mangasarian 2000,
     doi:10.1023/A:1008324625522) from halves in several directions; one plane where there is too little ground.
     """
     places = _square_means(xyz)
-    best = TwoPlanes(0.0, 0.0, 1.0)
+    best = ONE_PLANE
     if len(places) < 2 * _MIN_SQUARES:
         return best
     middle, normal = _plane(places)

@@ -52,7 +52,8 @@ class Screening:
     slope's plane. A point has its voxel's probabilities, or those ``between`` the voxels about it; the ``raw`` ones are
     those before they were calibrated with the model's ``temperature``, which changes no label. Hazards less probable
     than ``least`` are background; above 1 all are. ``model`` are facts about what labelled them; ``ground_points`` how
-    many points were screened. ``detectable`` says what could have been found.
+    many points were screened. ``detectable`` says what could have been found. Ground between voxels up to ``bridged`` m
+    apart was judged with them.
     """
 
     points: Float
@@ -70,6 +71,7 @@ class Screening:
     model: dict[str, Any]
     ground_points: int
     detectable: Detectability
+    bridged: float
 
     @property
     def hidden(self) -> bool:

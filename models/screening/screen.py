@@ -20,7 +20,7 @@ from ...engine.ground.pdal_pipelines import GROUND, NOISE
 from ...interface.parameters import ScreeningParameters
 from ..inference.baseline import TREND, residual_configuration, residual_memberships
 from ..preparation.even_scores import level_for
-from ..preparation.relief_raster import ReliefRaster, relief_raster
+from ..preparation.relief_raster import MAX_GAP_M, ReliefRaster, relief_raster
 from ..preparation.suitability import Suitability, measure, refuse_unsuitable
 from .detectability import PART_M, Detectability, detectability, parts_raster
 from .filter import FILTER_DENSITY, filter_memberships
@@ -109,6 +109,7 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
             model=facts,
             ground_points=sample.points,
             detectable=detectable,
+            bridged=MAX_GAP_M if method == "filter" else configuration.voxel,
         )
 
 

@@ -69,7 +69,7 @@ class SelfTest:
             return "Self-test: no hazard could be put in, because the ground has no room for any."
         return (
             f"Self-test: of {len(self.found)} hazards {DIAMETERS_M[0]:g} to {DIAMETERS_M[-1]:g} m wide that were put "
-            f"into this ground screening found, by height, {shown}; on the untouched ground it shows "
+            f"into this ground, screening found by height {shown}; on the untouched ground it shows "
             f"{self.false_zones:.1f} zones per 1,000 m², false but for hazards that are there."
         )
 

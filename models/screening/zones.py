@@ -84,9 +84,9 @@ def outline_hazards(
 ) -> Hazards:
     """Put the voxels on a grid and join hazard cells of one class into zones.
 
-    A cell has the mean probability of its points. Where voxels are wider than cells, a cell between them has no point
-    and takes after the nearest. Cells of one class that share an edge or a corner are a zone; empty cells
-    between them, up to two in a row, do not divide it.
+    A cell has the mean probability of its points. Where voxels are wider than cells, or farther apart, a cell between
+    them has no point and takes after the nearest. Cells of one class that share an edge or a corner are a zone; empty
+    cells between them, up to two in a row, do not divide it.
 
     Raises:
         InputError: the grid would be too large.
@@ -106,7 +106,7 @@ def outline_hazards(
     # NaN where that of one of its voxels is not known
     smallest = np.stack([mean(values) for values in needed]) if len(needed) else np.empty((0, *grid.shape))
     known = (count > 0).reshape(grid.shape)
-    for cells, (row, column) in _between(known, math.ceil(screening.voxels.size / grid.cell - 1e-9) - 1):
+    for cells, (row, column) in _between(known, math.ceil(screening.bridged / grid.cell - 1e-9) - 1):
         probability[:, cells], heights[cells] = probability[:, row, column], heights[row, column]
         smallest[:, cells] = smallest[:, row, column]
         known |= cells

@@ -59,6 +59,15 @@ def test_the_filter_finds_the_bulge_and_the_hollow(cloud, tmp_path):
     assert "to be found by screening (" in record["detectable"]
 
 
+def test_on_sparse_ground_the_zones_have_no_holes(tmp_path):
+    sparse = write(tmp_path / "sparse.laz", slope(1500))  # 3 points a m²
+    done = screen(sparse, tmp_path / "out.laz", method="filter")
+    zones = geopandas.read_file(done.outputs["zones"], layer="zones").set_index("kind")
+    assert sorted(zones.index) == ["subsidence", "uplift"]
+    assert zones["area_m2"].between(3.0, 20.0).all()
+    assert all(len(part.interiors) == 0 for zone in zones.geometry for part in zone.geoms)
+
+
 def test_fewer_accepted_false_zones_need_a_higher_level_and_higher_hazards(cloud, tmp_path):
     few, many = (
         screen(cloud, tmp_path / f"{accepted}.laz", method="filter", false_zones=accepted) for accepted in (0.1, 10.0)

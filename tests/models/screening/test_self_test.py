@@ -84,6 +84,6 @@ def test_ground_without_room_is_said_to_have_none():
     assert "no room" in SelfTest(nothing, nothing, nothing.astype(bool), 3, 500.0).sentence()
     one = SelfTest(np.array([-0.5]), np.array([3.0]), np.array([True]), 3, 1500.0)
     assert one.sentence() == (
-        "Self-test: of 1 hazards 2 to 8 m wide that were put into this ground screening found, by height, 0.5 m: 1 of "
+        "Self-test: of 1 hazards 2 to 8 m wide that were put into this ground, screening found by height 0.5 m: 1 of "
         "1; on the untouched ground it shows 2.0 zones per 1,000 m², false but for hazards that are there."
     )

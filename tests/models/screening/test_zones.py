@@ -36,7 +36,7 @@ def screening(*patches, tan=TAN, skip=None, name="net", spread=0.0, least=0.0):
         heights=heights[kept],
         labels=most_probable(probabilities[kept], 0.0),
         plane=SimpleNamespace(dip=np.degrees(np.arctan(tan))),
-        voxels=SimpleNamespace(size=STEP),
+        bridged=STEP,
         least=least,
         detectable=SimpleNamespace(diameters=(), heights=np.empty((0, len(points)))),
         model={"name": name, **({} if name == "residual" else {"sha256": "ab" * 32})},
@@ -114,7 +114,7 @@ def test_voxels_wider_than_cells_leave_no_holes(voxel, cell):
     found.detectable.heights = np.empty((0, len(x)))
     found.probabilities = np.where(raised[:, None], [0.1, 0.9, 0.0], [0.9, 0.1, 0.0]).astype(np.float32)
     found.labels = raised.astype(np.uint8)
-    found.heights, found.voxels.size = np.where(raised, 0.2, 0.0).astype(np.float32), voxel
+    found.heights, found.bridged = np.where(raised, 0.2, 0.0).astype(np.float32), voxel
     hazards = outlined(found, probability_cell=cell)
     zone = hazards.frame.iloc[0]
     assert len(hazards.frame) == 1
