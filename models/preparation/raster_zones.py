@@ -97,6 +97,23 @@ def level_for_rate(levels: Float, rates: Float, area: float, wanted: float = 1.0
     return float(levels[last] + share * (levels[last + 1] - levels[last]))
 
 
+def conformal_level(levels: Float, rates: Float, wanted: float, cap: float) -> float:
+    """The lowest level that conformal risk control accepts for ``wanted`` false zones per 1,000 m² (Angelopoulos et
+    al., arXiv 2208.02814, equation 4; for segmentation arXiv 2504.07611); NaN where there are too few slopes for any.
+
+    On a further slope, drawn like those given, the expected number of false zones per 1,000 m², counted up to ``cap``,
+    is at most ``wanted``. Slopes of one survey are alike, so that this holds less well for a slope of another.
+
+    Args:
+        levels: (k,) rising. rates: (slopes, k) zones per 1,000 m² above each level on untouched ground. They are taken
+            as the most above that level or any higher one, since zones grow together at low levels.
+    """
+    most = np.maximum.accumulate(rates[:, ::-1], axis=1)[:, ::-1]
+    bound = (np.minimum(most, cap).sum(axis=0) + cap) / (len(rates) + 1)
+    accepted = np.flatnonzero(bound <= wanted)
+    return float(levels[accepted[0]]) if len(accepted) else float("nan")
+
+
 def _level_in_tail(levels: Float, rates: Float, area: float, wanted: float) -> float:
     counts = rates * area / PER_M2
     peak = int(counts.argmax())  # below it zones run into one another

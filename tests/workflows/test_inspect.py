@@ -238,6 +238,10 @@ def test_one_epoch_is_screened_and_nothing_else(survey, tmp_path):
         "epoch_ground", "report", "run",
     }  # fmt: skip
     assert all(path.is_file() for path in outputs.values())
+    sentence = json.loads(outputs["run"].read_text())["detectable"]
+    needed = metrics["screened_smallest_hazard_m"]["3"]["median"]
+    assert f"a hazard 3 m wide must stand {needed:.2f} m out" in sentence
+    assert sentence in outputs["report"].read_text(encoding="utf-8")
     zones = geopandas.read_file(outputs["screened_zones"], layer="zones")
     assert len(zones) == metrics["screened_zone_count"] > 0
     assert "confirmed" not in zones
