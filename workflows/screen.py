@@ -98,8 +98,7 @@ def screen_step(
                 tested = self_test(source, screening, hazards, parameters, run.progress)
         with run.step("products", 0.85, 0.92, "writing zones and rasters"):
             facts = screening_facts(source, screening, tested)
-            note = facts.get("not_shown", "")
-            shown = Pictured(source.picture(), digest, date_in_name(source.path), source.path.stem, note)
+            shown = Pictured(source.picture(), digest, date_in_name(cloud), cloud.stem, facts.get("not_shown", ""))
             write_products(targets, place, hazards, shown, run.reviews)
         with run.step("labels", 0.92, 1.0, "writing the labelled cloud"):
             output = place(targets["labelled"])
