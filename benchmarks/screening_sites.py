@@ -143,7 +143,8 @@ def budget_levels(results: Sequence[PlaceResult], name: str = "filter, even t") 
     simulated slopes on which something can be seen; and what is then false on a survey that took no part.
     """
     used = [one for one in results if one.place.kind != ELEVATION and one.needed <= SEEN_M]
-    levels = np.linspace(*np.quantile(common_levels([one.scores[name] for one in used]), (0.0, 1.0)), 400)
+    tail = common_levels([one.scores[name] for one in used])
+    levels = np.linspace(float(tail[0]), float(tail[-1]), 400)
     rates = np.array([PER_M2 * zone_counts(one.scores[name], levels) / one.area for one in used])
     area = np.array([one.area for one in used])
     groups = np.array([one.place.group for one in used])

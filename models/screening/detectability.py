@@ -17,7 +17,7 @@ USUAL_HAZARD_M = 1.0
 """Where no hazard of this height can be found, nothing that screening is made for can be."""
 DOUBTFUL_SHARE = 0.45
 """Part of the slope on which a hazard of ``USUAL_HAZARD_M`` is not found beyond which zones come with a warning. On
-places of which 46 to 98 % was blind the filter found 12 to 25 % of hazards of 1.2 m, on those up to 41 % 38 to 100 %."""
+places of which 46 to 98 % was blind the filter found 12 to 25 % of hazards of 1.2 m, on those up to 41 %, 38 to 100."""
 MAX_BLIND_SHARE = {"filter": DOUBTFUL_SHARE}
 MAX_BLIND_SHARE_ELSE = 0.85
 """Beyond it no zones are shown. Other methods may see more than the filter where hazards and structures themselves make
