@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
+from slopewatch.benchmarks import screening_ground
 from slopewatch.models.preparation.even_scores import LEVELS, even_scores, level_for
 from slopewatch.models.preparation.inserted_hazards import insert_hazards, smooth_hazard, thinned
-from slopewatch.models.preparation.raster_zones import zone_counts
-from slopewatch.models.preparation.relief_raster import relief_raster
+from slopewatch.models.preparation.raster_zones import Scores, zone_counts
+from slopewatch.models.preparation.relief_raster import ReliefRaster, relief_raster
+from slopewatch.models.preparation.smallest_hazard import filter_scores
 
 
 def ground(seed: int, *, side: float = 80.0, density: float = 30.0, rough: float = 0.06) -> np.ndarray:
@@ -63,3 +68,19 @@ def test_fewer_false_zones_need_a_higher_level() -> None:
 def test_nothing_is_known_where_nothing_could_be_fitted() -> None:
     scores = even_scores(relief_raster(np.random.default_rng(0).uniform(0, 3, (6, 3))))
     assert np.isnan(scores.uplift).all()
+
+
+def test_one_level_holds_on_dense_and_sparse_real_ground(shared_data: Path) -> None:
+    """Gullies of 10 points/m² and forest ground of 1: t as it is has many times as many false zones on the first."""
+    places = [one for one in screening_ground._clouds(extract=False) if one.group in ("santa_cruz", "british_columbia")]
+    rasters = [(one.group, relief_raster(one.flat)) for one in places]
+
+    def false(group: str, scores: Callable[[ReliefRaster], Scores], level: float) -> float:
+        mine = [scores(raster) for name, raster in rasters if name == group]
+        return 1000 * sum(zone_counts(one, np.array([level]))[0] for one in mine) / sum(one.area for one in mine)
+
+    dense, sparse = (false(group, even_scores, level_for(1.0)) for group in ("santa_cruz", "british_columbia"))
+    assert 0.2 <= sparse <= 2.0
+    assert 0.2 <= dense <= 2.0
+    dense, sparse = (false(group, filter_scores, 10.0) for group in ("santa_cruz", "british_columbia"))
+    assert dense > 10 * sparse
