@@ -33,10 +33,7 @@ def even_t(fit: BumpFit, cell: float) -> tuple[Float32, Float]:
 
 def even_scores(raster: ReliefRaster) -> Scores:
     """For either sign the largest even t score of all bumps; NaN where none could be fitted."""
-    stack = np.stack([even_t(fit, raster.cell)[0] for fit in raster.bumps])
-    missing = np.isnan(stack).all(axis=0)
-    up, down = (np.nan_to_num(sign * stack, nan=-np.inf).max(axis=0) for sign in (1.0, -1.0))
-    return Scores(np.where(missing, np.nan, up), np.where(missing, np.nan, down), raster.cell)
+    return Scores.strongest([even_t(fit, raster.cell)[0] for fit in raster.bumps], raster.cell)
 
 
 def level_for(false_zones: float) -> float:

@@ -36,6 +36,14 @@ class Scores:
         """Of a score that is positive on uplift and negative on subsidence."""
         return cls(score, -score, cell)
 
+    @classmethod
+    def strongest(cls, signed: Sequence[NDArray[np.floating]], cell: float) -> Scores:
+        """For either sign the largest of several signed scores (columns, rows); NaN where none has data."""
+        stack = np.stack(list(signed))
+        missing = np.isnan(stack).all(axis=0)
+        up, down = (np.nan_to_num(sign * stack, nan=-np.inf).max(axis=0) for sign in (1.0, -1.0))
+        return cls(np.where(missing, np.nan, up), np.where(missing, np.nan, down), cell)
+
     @property
     def area(self) -> float:
         """Area with data, m²."""

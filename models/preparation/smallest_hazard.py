@@ -56,10 +56,7 @@ class SmallestHazard:
 
 def filter_scores(raster: ReliefRaster) -> Scores:
     """For either sign the largest t score of all bumps; NaN where none could be fitted."""
-    stack = np.stack([fit.t for fit in raster.bumps])
-    missing = np.isnan(stack).all(axis=0)
-    up, down = (np.nan_to_num(sign * stack, nan=-np.inf).max(axis=0) for sign in (1.0, -1.0))
-    return Scores(np.where(missing, np.nan, up), np.where(missing, np.nan, down), raster.cell)
+    return Scores.strongest([fit.t for fit in raster.bumps], raster.cell)
 
 
 def smallest_hazard(raster: ReliefRaster, false_zones: float = 1.0) -> SmallestHazard:
