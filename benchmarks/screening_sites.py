@@ -25,7 +25,8 @@ import numpy as np
 from scipy.stats import binomtest
 
 from ..engine.core.arrays import Float
-from ..models.preparation.raster_zones import PER_M2, common_levels, level_for_rate, zone_counts
+from ..models.preparation.even_scores import LEVELS
+from ..models.preparation.raster_zones import PER_M2, common_levels, conformal_level, level_for_rate, zone_counts
 from .screening_ground import ELEVATION, POINTS, SIMULATED, Place, real_places, simulated_places
 from .screening_trials import (
     DIAMETERS_M,
@@ -135,6 +136,40 @@ def _thresholds(results: Sequence[PlaceResult], name: str) -> list[SiteFigures]:
         at = PER_M2 * zone_counts(result.scores[name], np.array([foreign, own])) / area[k]
         figures.append(SiteFigures(foreign, own, float(at[0]), float(at[1])))
     return figures
+
+
+def budget_levels(results: Sequence[PlaceResult], name: str = "filter, even t") -> list[Row]:
+    """The level of a detector for each number of accepted false zones, by conformal risk control on all clouds and
+    simulated slopes on which something can be seen; and what is then false on a survey that took no part.
+    """
+    used = [one for one in results if one.place.kind != ELEVATION and one.needed <= SEEN_M]
+    tail = common_levels([one.scores[name] for one in used])
+    levels = np.linspace(float(tail[0]), float(tail[-1]), 400)
+    rates = np.array([PER_M2 * zone_counts(one.scores[name], levels) / one.area for one in used])
+    area = np.array([one.area for one in used])
+    groups = np.array([one.place.group for one in used])
+    rows = []
+    for wanted in LEVELS:
+        cap = max(3.0, 2.0 * wanted)
+        level = conformal_level(levels, rates, wanted, cap)
+        false = {}
+        for group in dict.fromkeys(groups):
+            mine = groups == group
+            others = conformal_level(levels, rates[~mine], wanted, cap)
+            if math.isfinite(others):
+                at = np.array([np.interp(others, levels, one) for one in rates[mine]])
+                false[group] = float((at * area[mine]).sum() / area[mine].sum())
+        measured = f"{level:.2f}" if math.isfinite(level) else f"none of {len(used)} places"
+        shown = ", ".join(f"{group} {value:.1f}" for group, value in false.items())
+        rows.append(
+            Row(
+                f"level of {name} for {wanted:g} false zones per 1,000 m²",
+                measured,
+                f"{LEVELS[wanted]:g} in use",
+                shown,
+            )
+        )
+    return rows
 
 
 def share(found: Iterable[bool]) -> tuple[float, float, float, int]:
@@ -267,7 +302,7 @@ def rows(keep: Path | None = None, *, network: bool = False, count: int = COUNT,
     if keep is not None:
         keep.parent.mkdir(parents=True, exist_ok=True)
         keep.with_suffix(".json").write_text(json.dumps(as_json(outcome)), encoding="utf-8")
-    return table(outcome)
+    return [*table(outcome), *budget_levels(outcome.results)]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

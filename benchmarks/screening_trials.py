@@ -17,6 +17,7 @@ from scipy.ndimage import distance_transform_edt
 from ..engine.core.arrays import Float
 from ..engine.geometry.dominant_plane import apply_matrix
 from ..engine.geometry.hazard_shapes import Hazard
+from ..models.preparation.even_scores import even_scores
 from ..models.preparation.inserted_hazards import UPLIFT, Inserted, footprint, insert_hazards, smooth_hazard
 from ..models.preparation.raster_zones import Scores, strength_at
 from ..models.preparation.relief_raster import ReliefRaster, laplacian_score, relief_raster
@@ -64,7 +65,7 @@ class PlaceResult:
 
 def filter_scores(place: Place, raster: ReliefRaster) -> dict[str, Scores]:
     """The detectors that learn nothing: residual, Laplacian of Gaussian over roughness, and the matched filter by
-    heights, by t at one width, and by the strongest t of all widths.
+    heights, by t at one width, by the strongest t of all widths, and by that over its own scatter.
     """
     cell = raster.cell
     laplacians = [laplacian_score(raster, fit.diameter) for fit in raster.bumps]
@@ -75,6 +76,7 @@ def filter_scores(place: Place, raster: ReliefRaster) -> dict[str, Scores]:
         "filter, heights": Scores.signed(three.amplitude, cell),
         "filter, t of one width": Scores.signed(three.t, cell),
         "filter, t": matched_filter(raster),
+        "filter, even t": even_scores(raster),
     }
 
 

@@ -38,8 +38,7 @@ class Reporter(Progress):
         """The command has ended well: these files exist, these are the main figures."""
         width = max((len(name) for name in [*outputs, *metrics]), default=0)
         for name, value in plain(metrics).items():
-            shown = f"{value:.4g}" if isinstance(value, float) and abs(value) < 1e5 else value
-            click.echo(f"{name:<{width}}  {'not available' if shown is None else shown}")
+            click.echo(f"{name:<{width}}  {_shown(value)}")
         for name, path in outputs.items():
             click.echo(f"{name:<{width}}  {path}")
 
@@ -125,3 +124,12 @@ def reporter(kind: str) -> Reporter:
     if kind == "auto":
         kind = "bar" if sys.stderr.isatty() else "none"
     return {"bar": BarReporter, "json": JsonReporter, "none": Reporter}[kind]()
+
+
+def _shown(value: Any) -> Any:
+    """A figure as people read it; one of several in one line."""
+    if isinstance(value, dict):
+        return "; ".join(f"{name}: {_shown(part)}" for name, part in value.items())
+    if value is None:
+        return "not available"
+    return f"{value:.4g}" if isinstance(value, float) and abs(value) < 1e5 else value

@@ -20,8 +20,14 @@ from .options import PATH, ROI, Session, command, path_option
 @path_option(
     "--raster", "Probabilities of a hazard, of uplift and of subsidence, .tif.  [default: NAME_probability.tif]"
 )
+@path_option(
+    "--smallest-hazard",
+    "Heights that hazards 2, 3, 5 and 8 m wide need to be found, .tif.  [default: NAME_smallest_hazard.tif]",
+)
 @path_option("--map", "Picture, .png.  [default: NAME_map.png]", "picture")
-@click.option("--method", type=click.Choice(["network", "residual"]), default=None, help="Same as --screening-method.")
+@click.option(
+    "--method", type=click.Choice(["network", "filter", "residual"]), default=None, help="Same as --screening-method."
+)
 @command(*command_sets.SCREEN)
 def screen(
     session: Session,
@@ -30,6 +36,7 @@ def screen(
     output: Path,
     zones: Path | None,
     raster: Path | None,
+    smallest_hazard: Path | None,
     picture: Path | None,
     method: str | None,
 ) -> RunResult:
@@ -44,5 +51,5 @@ def screen(
     if method is not None:
         session = dataclasses.replace(session, values={**session.values, "screening_method": method})
     settings = gathered(ScreeningSettings, session.parameters)
-    targets = default_targets(output, zones, raster, picture)
+    targets = default_targets(output, zones, raster, picture, smallest_hazard)
     return screen_step(cloud, targets, settings, roi=roi, pdal=session.pdal, progress=session.report)

@@ -155,6 +155,15 @@ SCREENED_PRODUCTS = (
         Appearance(28, visible=False, expanded=False),
         by_default=False,
     ),
+    Product(
+        "SCREENED_SMALLEST_HAZARD",
+        "screened_smallest_hazard",
+        "Smallest hazard (m, screening)",
+        "Raster of the height that a hazard needs to be found by the last survey's shape in 7 of 10 cases; its bands "
+        "are for hazards 2, 3, 5 and 8 m wide.",
+        Appearance(27, visible=False, expanded=False),
+        by_default=False,
+    ),
 )
 
 

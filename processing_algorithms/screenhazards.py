@@ -28,9 +28,25 @@ _PRODUCTS = (
         "Raster whose bands are the probabilities of a hazard, of uplift and of subsidence.",
         Appearance(30, visible=False, expanded=False),
     ),
+    products.Product(
+        "SMALLEST_HAZARD",
+        "smallest_hazard",
+        "Smallest hazard (m)",
+        "Raster of the height that a hazard needs to be found in 7 of 10 cases; its bands are for hazards 2, 3, 5 and "
+        "8 m wide.",
+        Appearance(25, visible=False, expanded=False),
+    ),
 )
-_OPTIONS = {"ZONES": ("--zones", (".gpkg",)), "PROBABILITY": ("--raster", (".tif", ".tiff"))}
-_BASIC = ("screening_method", "ground", "minimum_probability", "minimum_hazard_area", "probability_cell")
+_RASTER = (".tif", ".tiff")
+_OPTIONS = {
+    "ZONES": ("--zones", (".gpkg",)),
+    "PROBABILITY": ("--raster", _RASTER),
+    "SMALLEST_HAZARD": ("--smallest-hazard", _RASTER),
+}
+_BASIC = (
+    "screening_method", "ground", "minimum_probability", "minimum_hazard_area", "probability_cell", "false_zones",
+    "self_test",
+)  # fmt: skip
 
 
 class ScreenHazards(SlopeWatchAlgorithm):

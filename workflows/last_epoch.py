@@ -16,8 +16,9 @@ from ..models.screening.cloud_file import ScreenedFile
 from ..models.screening.network import ScreeningModel
 from ..models.screening.result import Screening
 from ..models.screening.screen import screen_points
+from ..models.screening.self_test import SelfTest, self_test
 from ..models.screening.zones import Hazards, outline_hazards
-from .products.screening import Pictured, default_targets, screening_figures, write_products
+from .products.screening import Pictured, default_targets, screening_facts, screening_figures, write_products
 from .run import Run
 
 _TARGETS = default_targets(Path("screened.laz"))
@@ -27,11 +28,14 @@ _KEYS = {name: path.stem for name, path in _TARGETS.items()}  # screened, screen
 
 @dataclass(frozen=True)
 class EpochScreening:
-    """A screened epoch; ``note`` is the evidence of the change for its zones, empty where there is none."""
+    """A screened epoch; ``tested`` where a self-test was asked for; ``note`` is the evidence of the change for its
+    zones, empty where there is none.
+    """
 
     source: ScreenedFile
     screening: Screening
     hazards: Hazards
+    tested: SelfTest | None
     figures: dict[str, int]
     note: str = ""
 
@@ -64,11 +68,16 @@ def screen_epoch(
     """
     source = ScreenedFile(ground, InputParameters(), ground=parameters.ground, known_as=epoch.path, progress=progress)
     source.refuse_classes(parameters.write_classification)
-    with progress.stage(0.0, 0.9, "screening"):
+    end = 0.3 if parameters.self_test else 0.9
+    with progress.stage(0.0, end, "screening"):
         screening = screen_points(source, parameters, progress)
-    with progress.stage(0.9, 1.0, "outlining screened zones"):
+    with progress.stage(end, end + 0.1, "outlining screened zones"):
         hazards = outline_hazards(screening, source.frame.crs, parameters, run_id=run_id)
-    return EpochScreening(source, screening, hazards, {})
+    tested = None
+    if parameters.self_test:
+        with progress.stage(end + 0.1, 1.0, "self-test"):
+            tested = self_test(source, screening, hazards, parameters, progress)
+    return EpochScreening(source, screening, hazards, tested, {})
 
 
 def confirmed_by(found: EpochScreening, change: Change, epochs: tuple[Epoch, Epoch]) -> EpochScreening:
@@ -88,7 +97,7 @@ def confirmed_by(found: EpochScreening, change: Change, epochs: tuple[Epoch, Epo
 def write_epoch_screening(
     run: Run, found: EpochScreening, picture: PointCloud, epoch: Epoch, digest: str, parameters: LastEpochParameters
 ) -> None:
-    """Write labelled cloud, zones, probabilities and map; ``run`` gets their paths and the main figures.
+    """Write labelled cloud, zones, rasters and map; ``run`` gets their paths and the main figures.
 
     Args:
         picture: the cloud that the map's top view shows, in the frame of the screened one.
@@ -98,12 +107,15 @@ def write_epoch_screening(
     def place(path: Path) -> Path:
         return run.stage.path(path.name)
 
-    shown = Pictured(picture, digest, survey=epoch.date, name=epoch.name, note=found.note)
+    facts = screening_facts(found.source, found.screening, found.tested)
+    note = f"{found.note} {facts.get('not_shown', '')}".strip()
+    shown = Pictured(picture, digest, survey=epoch.date, name=epoch.name, note=note)
     write_products(_TARGETS, place, found.hazards, shown, run.reviews)
     labelled = found.source.write_labelled(
         place(_TARGETS["labelled"]), found.screening, classification=parameters.write_classification
     )
-    figures = screening_figures(found.source, found.screening, found.hazards, labelled)
+    figures = screening_figures(found.source, found.screening, found.hazards, labelled, found.tested)
     figures = {name if name.startswith("screened") else f"screened_{name}": value for name, value in figures.items()}
+    run.facts |= facts
     run.outputs |= {key: run.stage.final(_TARGETS[name].name) for name, key in _KEYS.items()}
     run.figures |= figures | found.figures

@@ -25,13 +25,17 @@ from ..engine.zones.earlier_reviews import NOT_CARRIED
 from ..interface.dates import date_in_name
 from ..models.screening.cloud_file import ScreenedFile
 from ..models.screening.screen import screen_points
+from ..models.screening.self_test import self_test
 from ..models.screening.zones import outline_hazards
-from .products.screening import Pictured, screening_figures, write_products
+from .products.screening import Pictured, screening_facts, screening_figures, write_products
 from .run import Run, record_name_of
 from .settings import ScreeningSettings, groups
 
 _INDEX = "slopewatch_index"
-_ENDINGS = {"labelled": (".laz",), "zones": (".gpkg",), "probability": (".tif", ".tiff"), "map": (".png",)}
+_RASTER = (".tif", ".tiff")
+_ENDINGS = {
+    "labelled": (".laz",), "zones": (".gpkg",), "probability": _RASTER, "smallest_hazard": _RASTER, "map": (".png",),
+}  # fmt: skip
 
 
 def screen_step(
@@ -81,19 +85,26 @@ def screen_step(
             progress=run.progress,
         )
         source.refuse_classes(parameters.write_classification)
-        with run.step("screening", 0.5 if extracting else 0.0, 0.8, "screening") as entry:
+        begin = 0.5 if extracting else 0.0
+        middle = begin + 0.3 * (0.8 - begin) if parameters.self_test else 0.8
+        with run.step("screening", begin, middle, "screening") as entry:
             screening = screen_points(source, parameters, run.progress)
             entry.update(points=source.header.count, ground_points=screening.ground_points, voxels=len(screening.count))
-        with run.step("zones", 0.8, 0.85, "outlining zones"):
+        with run.step("zones", middle, middle + 0.05, "outlining zones"):
             hazards = outline_hazards(screening, source.frame.crs, parameters, run_id=run_id)
+        tested = None
+        if parameters.self_test:
+            with run.step("self_test", middle + 0.05, 0.85, "self-test"):
+                tested = self_test(source, screening, hazards, parameters, run.progress)
         with run.step("products", 0.85, 0.92, "writing zones and rasters"):
-            shown = Pictured(source.picture(), digest, date_in_name(source.path), source.path.stem)
+            facts = screening_facts(source, screening, tested)
+            shown = Pictured(source.picture(), digest, date_in_name(cloud), cloud.stem, facts.get("not_shown", ""))
             write_products(targets, place, hazards, shown, run.reviews)
         with run.step("labels", 0.92, 1.0, "writing the labelled cloud"):
             output = place(targets["labelled"])
             labelled = source.write_labelled(output, screening, classification=parameters.write_classification)
-        run.figures = screening_figures(source, screening, hazards, labelled)
-        run.facts |= {"model": screening.model, "run_id": run_id}
+        run.figures = screening_figures(source, screening, hazards, labelled, tested)
+        run.facts |= {"model": screening.model, "run_id": run_id} | facts
         run.outputs |= {name: path.absolute() for name, path in targets.items()} | {"run": run.record_path}
         run.finish_reviews()
     return run.result()

@@ -92,6 +92,14 @@ def probability_qml() -> str:
     return _ramp_qml([(s, colour, 255 if s else 120, f"{100 * s:.0f} %") for s, colour in LIKELIHOOD])
 
 
+def smallest_hazard_qml() -> str:
+    """Style of the raster of smallest hazards, its 3 m band first to be seen: light where low ones are found.
+
+    The ramp ends at 1 m, beyond which nothing that screening is made for can be found.
+    """
+    return _ramp_qml([(s, colour, 255, f"{s:.2f} m") for s, colour in SEQUENTIAL], "m", band=2)
+
+
 def confirmed_qml(largest: int) -> str:
     """Style of the raster of comparisons in a row that confirm a cell, up to ``largest``: none is transparent."""
     places = np.rint(np.linspace(0, len(SEQUENTIAL) - 1, max(largest, 1) + 1)).astype(int)
@@ -147,9 +155,12 @@ def write_qml_next_to(raster: Path, qml: str) -> Path:
 
 
 def _ramp_qml(
-    stops: Iterable[tuple[float, Colour, int, str]], unit: str = "", shown: tuple[date, date] | None = None
+    stops: Iterable[tuple[float, Colour, int, str]],
+    unit: str = "",
+    shown: tuple[date, date] | None = None,
+    band: int = 1,
 ) -> str:
-    """Style of a raster with ``stops``: value, colour, opacity (0 to 255) and label, values ascending."""
+    """Style of a raster's ``band`` with ``stops``: value, colour, opacity (0 to 255) and label, values ascending."""
     return render(
         _TEMPLATES / "ramp.qml.j2",
         stops=[
@@ -157,6 +168,7 @@ def _ramp_qml(
             for value, colour, alpha, label in stops
         ],
         suffix=f" {unit}" if unit else "",
+        band=band,
         shown=shown and (shown[0] + timedelta(days=1), shown[1]),
     )
 

@@ -14,9 +14,10 @@ class ScreeningParameters(ParameterSet, record_name="screening"):
     screening_method: str = _parameter(
         "network",
         "Screening method",
-        "network: the trained network labels every point. residual: a threshold on the height over the slope's trend, "
-        "without learning.",
-        choices=("network", "residual"),
+        "network: the trained network labels every point. filter: bumps and hollows of 2 to 8 m that stand out of the "
+        "roughness around them, at the accepted false zones, without learning. residual: a threshold on the height "
+        "over the slope's trend, without learning.",
+        choices=("network", "filter", "residual"),
     )
     ground: str = _parameter(
         "auto",
@@ -67,6 +68,13 @@ class ScreeningParameters(ParameterSet, record_name="screening"):
         unit="m",
         bounds=(0.02, 10.0),
     )
+    false_zones: float = _parameter(
+        1.0,
+        "Accepted false zones per 1,000 m²",
+        "How many false zones on 1,000 m² of the slope are accepted. The method filter sets its threshold by it, and "
+        "the map of the smallest hazard refers to it. Larger finds lower hazards, and shows more zones that are none.",
+        bounds=(0.1, 10.0),
+    )
     write_classification: bool = _parameter(
         False,
         "Also write the classification",
@@ -96,6 +104,19 @@ class ScreeningParameters(ParameterSet, record_name="screening"):
         "Only warns where the cloud is sparser or denser than the clouds that the network was trained on. Its labels "
         "are not reliable then.",
         advanced=True,
+    )
+    any_relief: bool = _parameter(
+        False,
+        "Show zones on any relief",
+        "Shows zones even where the ground is so rough or so sparse that on most of it a hazard of 1 m could not be "
+        "found. They say little then.",
+        advanced=True,
+    )
+    self_test: bool = _parameter(
+        False,
+        "Self-test",
+        "Also puts hazards of known size into the ground, screens it in the same way, and reports how many are found. "
+        "Takes three times as long.",
     )
     device: str = _parameter(
         "cpu",

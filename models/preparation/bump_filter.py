@@ -83,10 +83,16 @@ class BumpFit:
         return self.amplitude / self.error
 
 
-def cell_heights(flat: Float, cell: float, origin: Float, shape: tuple[int, int]) -> CellHeights:
+def cell_heights(
+    flat: Float, cell: float, origin: Float, shape: tuple[int, int], number: NDArray[np.number] | None = None
+) -> CellHeights:
     """Average points (n, 3) of the flat frame on ``shape`` cells of ``cell`` m from ``origin`` (2,) on.
 
     Points that lie off the cell's middle are brought there along a plane through the cell and the eight around it.
+
+    Args:
+        number: (n,) how many points of the survey each is the average of; 1 by default. The scatter is then that of the
+            averages.
 
     Raises:
         ValueError: a point lies outside of the lattice.
@@ -96,10 +102,11 @@ def cell_heights(flat: Float, cell: float, origin: Float, shape: tuple[int, int]
         raise ValueError(f"Points reach over {planes.shape} cells of the lattice's {shape}.")
     level = float(np.median(flat[:, 2]))
     z = flat[:, 2] - level
-    count = planes.sum(np.ones(len(z)))
-    _, along, across = planes.fit(z, np.ones(len(z)), 0.0, 0.02)
+    weight = np.ones(len(z)) if number is None else np.asarray(number, dtype=np.float64)
+    count = planes.sum(weight)
+    _, along, across = planes.fit(z, weight, 0.0, 0.02)
     rest = z - along.ravel()[planes.key] * planes.x - across.ravel()[planes.key] * planes.y
-    total, squares = planes.sum(rest), planes.sum(rest**2)
+    total, squares = planes.sum(weight * rest), planes.sum(weight * rest**2)
     with np.errstate(divide="ignore", invalid="ignore"):
         height = np.where(count > 0, total / count + level, np.nan)
         variance = np.maximum(squares - total**2 / count, 0.0) / (count - 1)

@@ -36,6 +36,14 @@ class Scores:
         """Of a score that is positive on uplift and negative on subsidence."""
         return cls(score, -score, cell)
 
+    @classmethod
+    def strongest(cls, signed: Sequence[NDArray[np.floating]], cell: float) -> Scores:
+        """For either sign the largest of several signed scores (columns, rows); NaN where none has data."""
+        stack = np.stack(list(signed))
+        missing = np.isnan(stack).all(axis=0)
+        up, down = (np.nan_to_num(sign * stack, nan=-np.inf).max(axis=0) for sign in (1.0, -1.0))
+        return cls(np.where(missing, np.nan, up), np.where(missing, np.nan, down), cell)
+
     @property
     def area(self) -> float:
         """Area with data, m²."""
@@ -95,6 +103,23 @@ def level_for_rate(levels: Float, rates: Float, area: float, wanted: float = 1.0
     low, high = rates[last], rates[last + 1]
     share = (low - wanted) / (low - high)
     return float(levels[last] + share * (levels[last + 1] - levels[last]))
+
+
+def conformal_level(levels: Float, rates: Float, wanted: float, cap: float) -> float:
+    """The lowest level that conformal risk control accepts for ``wanted`` false zones per 1,000 m² (Angelopoulos et
+    al., arXiv 2208.02814, equation 4; for segmentation arXiv 2504.07611); NaN where there are too few slopes for any.
+
+    On a further slope, drawn like those given, the expected number of false zones per 1,000 m², counted up to ``cap``,
+    is at most ``wanted``. Slopes of one survey are alike, so that this holds less well for a slope of another.
+
+    Args:
+        levels: (k,) rising. rates: (slopes, k) zones per 1,000 m² above each level on untouched ground. They are taken
+            as the most above that level or any higher one, since zones grow together at low levels.
+    """
+    most = np.maximum.accumulate(rates[:, ::-1], axis=1)[:, ::-1]
+    bound = (np.minimum(most, cap).sum(axis=0) + cap) / (len(rates) + 1)
+    accepted = np.flatnonzero(bound <= wanted)
+    return float(levels[accepted[0]]) if len(accepted) else float("nan")
 
 
 def _level_in_tail(levels: Float, rates: Float, area: float, wanted: float) -> float:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, distance_transform_edt, gaussian_filter, gaussian_laplace, map_coordinates
 
 from ...engine.core.arrays import Bool, Float, Float32, Index
@@ -67,11 +68,18 @@ class ReliefRaster:
         return np.clip(place[:, 0], 0, self.shape[0] - 1), np.clip(place[:, 1], 0, self.shape[1] - 1)
 
 
-def relief_raster(flat: Float, diameters: Sequence[float] = DIAMETERS_M, cell: float = CELL_M) -> ReliefRaster:
+def relief_raster(
+    flat: Float,
+    diameters: Sequence[float] = DIAMETERS_M,
+    cell: float = CELL_M,
+    number: NDArray[np.number] | None = None,
+) -> ReliefRaster:
     """Lay ground points out as a raster.
 
     Args:
         flat: (n, 3) points in the slope's flat frame, m (``prepare.flat_frame``).
+        number: (n,) how many points of the survey each is the average of; 1 by default. Averages must lie in parts of
+            the cells, as those in voxels of half of their side do.
         diameters: of the bumps, m.
         cell: side of the raster's cells, m.
 
@@ -89,14 +97,15 @@ def relief_raster(flat: Float, diameters: Sequence[float] = DIAMETERS_M, cell: f
             f"takes too much memory in cells of {cell:g} m; cut out a part of the slope."
         )
     shape = columns, rows
-    fine = cell_heights(flat, cell, origin, shape)
+    fine = cell_heights(flat, cell, origin, shape, number)
     covered = distance_transform_edt(~fine.covered) * cell <= MAX_GAP_M if columns * rows > 1 else fine.covered
     lattices = {1: fine}
     fits = []
     for diameter in diameters:
         step = _COARSENING.get(diameter, max(1, round(diameter / 6 / cell)))
         if step not in lattices:
-            lattices[step] = cell_heights(flat, step * cell, origin, (-(-columns // step), -(-rows // step)))
+            coarse = -(-columns // step), -(-rows // step)
+            lattices[step] = cell_heights(flat, step * cell, origin, coarse, number)
         fits.append(_on_raster(lattices[step], step, diameter, covered))
     sigma = BACKGROUND_REACH_M / cell
     height = fine.height - robust_trend(fine.height, (sigma, sigma))
@@ -106,7 +115,7 @@ def relief_raster(flat: Float, diameters: Sequence[float] = DIAMETERS_M, cell: f
         cell,
         _filled(height, covered),
         np.where(covered, density, np.nan).astype(np.float32),
-        np.where(covered, _local_scatter(height, sigma), np.nan).astype(np.float32),
+        np.where(covered, local_scatter(height, sigma), np.nan).astype(np.float32),
         covered,
         tuple(fits),
     )
@@ -122,7 +131,7 @@ def laplacian_score(raster: ReliefRaster, diameter: float, roughness_reach: floa
     known = np.isfinite(raster.height).astype(np.float64)
     response = -(sigma**2) * gaussian_laplace(np.where(known > 0, raster.height, 0.0).astype(np.float64), sigma)
     response = np.where(known > 0, response, np.nan)
-    score = response / np.maximum(_local_scatter(response, roughness_reach / raster.cell), 0.003)
+    score = response / np.maximum(local_scatter(response, roughness_reach / raster.cell), 0.003)
     return np.where(raster.covered, score, np.nan).astype(np.float32)
 
 
@@ -154,7 +163,7 @@ def _filled(values: Float, covered: Bool) -> Float32:
     return np.where(covered, values[near[0], near[1]], np.nan).astype(np.float32)
 
 
-def _local_scatter(values: Float, sigma: float) -> Float:
+def local_scatter(values: Float, sigma: float) -> Float:
     """Standard deviation of ``values`` about each cell, weighted by a Gaussian of ``sigma`` cells. Values beyond
     twice the scatter are drawn in to it, so that a hazard hardly raises the scatter of its surroundings.
     """

@@ -1,10 +1,10 @@
 """A70: how high a hazard must be so that 70 % of its kind are found, from place to place, by the slope's own ground.
 
-A hazard is found by the matched filter where its height over the bump's standard error passes a level. The standard
-error, robust and from the place's own surroundings, holds density, noise and relief; the level, at which the
-untouched slope shows one false zone per 1,000 m², holds how heavy the tails of its relief are. Their product, times a
-factor for what a zone of 1 m² must reach at hazards that are not quite the bump, is the height at which 70 % were found
-(docs/screening.md; ``benchmarks.screening_sites`` measures it).
+A hazard is found by the matched filter where its even t score (``even_scores``) passes the level for the accepted false
+zones. What a height must be to reach it is the level times the bump's standard error times the scatter of t about the
+place: they hold density, noise and relief. This times a factor for what a zone of 1 m² must reach at hazards that are
+not quite the bump is the height at which 70 % were found (docs/screening.md; ``benchmarks.screening_sites`` measures
+it).
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ from scipy.ndimage import median_filter
 
 from ...engine.core.arrays import Float32
 from .bump_filter import BumpFit
-from .raster_zones import PER_M2, Scores, common_levels, level_for_rate, zone_counts
+from .even_scores import even_t, level_for
+from .raster_zones import Scores
 from .relief_raster import ReliefRaster
 
-FACTORS = {2.0: 3.0, 3.0: 1.3, 5.0: 1.15, 8.0: 1.1}
-"""Height over (level times standard error) at which 70 % of the hazards of a diameter (m) were found; between these
-diameters it is interpolated."""
+FACTORS = {2.0: 3.0, 3.0: 1.25, 5.0: 1.25, 8.0: 1.15}
+"""Height over (level times standard error times scatter) at which 70 % of the hazards of a diameter (m) were found;
+between these diameters it is interpolated."""
 _SMOOTH_CELLS = 5
 """Standard errors are the median of squares of so many cells a side."""
 
@@ -29,7 +30,7 @@ _SMOOTH_CELLS = 5
 @dataclass(frozen=True)
 class SmallestHazard:
     """Heights (m) that hazards of ``diameters`` need to be found at 70 %: ``heights`` (diameters, columns, rows), NaN
-    without data. ``level`` is that of the t score at one false zone per 1,000 m².
+    without data. ``level`` is that of the even t scores.
     """
 
     diameters: tuple[float, ...]
@@ -55,38 +56,21 @@ class SmallestHazard:
 
 def filter_scores(raster: ReliefRaster) -> Scores:
     """For either sign the largest t score of all bumps; NaN where none could be fitted."""
-    stack = np.stack([fit.t for fit in raster.bumps])
-    missing = np.isnan(stack).all(axis=0)
-    up, down = (np.nan_to_num(sign * stack, nan=-np.inf).max(axis=0) for sign in (1.0, -1.0))
-    return Scores(np.where(missing, np.nan, up), np.where(missing, np.nan, down), raster.cell)
+    return Scores.strongest([fit.t for fit in raster.bumps], raster.cell)
 
 
-def own_level(scores: Scores, per_1000_m2: float = 1.0) -> float:
-    """The level of the score above which this ground shows ``per_1000_m2`` zones per 1,000 m²: taken as false, though
-    hazards of its own are among them. NaN without data.
-    """
-    if scores.area == 0:
-        return float("nan")
-    levels = common_levels([scores])
-    return level_for_rate(levels, PER_M2 * zone_counts(scores, levels) / scores.area, scores.area, per_1000_m2)
-
-
-def smallest_hazard(raster: ReliefRaster, level: float | None = None) -> SmallestHazard:
-    """The map of A70 of a slope.
-
-    Args:
-        level: of the t score that screening asks for; the slope's own one at one zone per 1,000 m² by default.
-    """
-    if level is None:
-        level = own_level(filter_scores(raster))
-    heights = np.stack([_needed(fit, level) for fit in raster.bumps])
+def smallest_hazard(raster: ReliefRaster, false_zones: float = 1.0) -> SmallestHazard:
+    """The map of A70 of a slope at the level of even scores for ``false_zones`` false zones per 1,000 m²."""
+    level = level_for(false_zones)
+    heights = np.stack([_needed(fit, level, raster.cell) for fit in raster.bumps])
     return SmallestHazard(tuple(fit.diameter for fit in raster.bumps), heights.astype(np.float32), level)
 
 
-def _needed(fit: BumpFit, level: float) -> Float32:
+def _needed(fit: BumpFit, level: float, cell: float) -> Float32:
     known = np.isfinite(fit.error)
     if not known.any():
         return fit.error
-    filled = np.where(known, fit.error, np.median(fit.error[known]))
+    error = fit.error * even_t(fit, cell)[1]
+    filled = np.where(known, error, np.median(error[known]))
     factor = float(np.interp(fit.diameter, list(FACTORS), list(FACTORS.values())))
     return np.where(known, factor * level * median_filter(filled, _SMOOTH_CELLS), np.nan).astype(np.float32)

@@ -15,6 +15,7 @@ from ..inference.calibration import apply_temperature
 from ..inference.interpolation import VoxelInterpolation
 from ..preparation.suitability import Suitability
 from ..preparation.voxel_sums import SparseVoxels, flat_axis
+from .detectability import Detectability
 from .labels import BACKGROUND, most_probable
 
 _MIN_PROBABILITY = np.float32(1e-6)
@@ -50,8 +51,9 @@ class Screening:
     (m, 3) of background, uplift and subsidence; ``labels`` (m,); ``heights`` (m,) over the trend, m, square to the
     slope's plane. A point has its voxel's probabilities, or those ``between`` the voxels about it; the ``raw`` ones are
     those before they were calibrated with the model's ``temperature``, which changes no label. Hazards less probable
-    than ``least`` are background. ``model`` are facts about what labelled them; ``ground_points`` how many
-    points were screened.
+    than ``least`` are background; above 1 all are. ``model`` are facts about what labelled them; ``ground_points`` how
+    many points were screened. ``detectable`` says what could have been found. Ground between voxels up to ``bridged`` m
+    apart was judged with them.
     """
 
     points: Float
@@ -68,6 +70,13 @@ class Screening:
     suitability: Suitability
     model: dict[str, Any]
     ground_points: int
+    detectable: Detectability
+    bridged: float
+
+    @property
+    def hidden(self) -> bool:
+        """Whether no hazard is shown, because none could be found."""
+        return self.least > 1.0
 
     def at(self, xyz: Float) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """Label and its probability of points (n, 3) in map coordinates; both 0 where nothing was screened."""

@@ -54,6 +54,8 @@ KINDS = ("", "uplift", "subsidence")
 GRADES = ("high", "medium", "low")
 HIGH, MEDIUM = 0.85, 0.65
 """Mean probability of a zone from which its confidence is high, or medium; see ``_confidence``."""
+UNLEARNED = ("residual", "filter")
+"""Methods whose memberships are no probabilities."""
 _MIN_SURE_POINTS, _MIN_SURE_AREA_M2 = 50, 1.0
 _MAX_CELLS = 25_000_000  # about 2 GB while they are worked on
 _BRIDGED_CELLS = 2.0  # cells
@@ -64,7 +66,8 @@ class Hazards:
     """Rasters (rows, columns) on ``grid``, NaN where nothing was screened, and zones.
 
     ``probability`` (3, rows, columns) of background, uplift and subsidence; ``labels`` uint8, background where nothing
-    was screened; ``heights`` over the trend, m. ``frame`` has a row a zone, most certain first, with columns ``FIELDS``
+    was screened; ``heights`` over the trend, m; ``smallest`` by width (m) the height that a hazard needs to be found,
+    NaN also where that is not known. ``frame`` has a row a zone, most certain first, with columns ``FIELDS``
     and a MultiPolygon ``geometry``.
     """
 
@@ -72,6 +75,7 @@ class Hazards:
     probability: NDArray[np.float32]
     labels: NDArray[np.uint8]
     heights: NDArray[np.float32]
+    smallest: dict[float, NDArray[np.float32]]
     frame: gpd.GeoDataFrame
 
 
@@ -80,9 +84,9 @@ def outline_hazards(
 ) -> Hazards:
     """Put the voxels on a grid and join hazard cells of one class into zones.
 
-    A cell has the mean probability of its points. Where voxels are wider than cells, a cell between them has no point
-    and takes after the nearest. Cells of one class that share an edge or a corner are a zone; empty cells
-    between them, up to two in a row, do not divide it.
+    A cell has the mean probability of its points. Where voxels are wider than cells, or farther apart, a cell between
+    them has no point and takes after the nearest. Cells of one class that share an edge or a corner are a zone; empty
+    cells between them, up to two in a row, do not divide it.
 
     Raises:
         InputError: the grid would be too large.
@@ -98,12 +102,16 @@ def outline_hazards(
 
     probability = np.stack([mean(screening.probabilities[:, k]) for k in range(3)])
     heights = mean(screening.heights)
+    needed = screening.detectable.heights
+    # NaN where that of one of its voxels is not known
+    smallest = np.stack([mean(values) for values in needed]) if len(needed) else np.empty((0, *grid.shape))
     known = (count > 0).reshape(grid.shape)
-    for cells, (row, column) in _between(known, math.ceil(screening.voxels.size / grid.cell - 1e-9) - 1):
+    for cells, (row, column) in _between(known, math.ceil(screening.bridged / grid.cell - 1e-9) - 1):
         probability[:, cells], heights[cells] = probability[:, row, column], heights[row, column]
+        smallest[:, cells] = smallest[:, row, column]
         known |= cells
     labels = np.zeros(grid.shape, dtype=np.uint8)
-    labels[known] = most_probable(probability[:, known].T, parameters.minimum_probability)
+    labels[known] = most_probable(probability[:, known].T, screening.least)
     signed = np.where(known, np.where(labels == SUBSIDENCE, -1.0, 1.0), np.nan)
     joined = label_groups(
         signed,
@@ -131,7 +139,8 @@ def outline_hazards(
         geometry=cell_polygons(renumbered[joined], len(order), grid),
         crs=horizontal(crs),
     )
-    return Hazards(grid, probability.astype(np.float32), labels, heights.astype(np.float32), frame)
+    by_width = dict(zip(screening.detectable.diameters, smallest.astype(np.float32), strict=True))
+    return Hazards(grid, probability.astype(np.float32), labels, heights.astype(np.float32), by_width, frame)
 
 
 def _between(known: NDArray[np.bool_], reach: int) -> Iterator[tuple[NDArray[np.bool_], tuple[NDArray, NDArray]]]:
@@ -198,7 +207,7 @@ def _figures(
         "points": np.bincount(zone, weights=points, minlength=count).astype(np.int64),
         "n_cells": cells,
     }
-    rank = _confidence(columns, learned=screening.model.get("name") != "residual")
+    rank = _confidence(columns, learned=screening.model.get("name") not in UNLEARNED)
     if much_stands_out(screening.labels, screening.count):
         rank[:] = GRADES.index("low")
     columns["confidence"] = np.array(GRADES, dtype=object)[rank]

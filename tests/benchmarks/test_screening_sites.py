@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from slopewatch.benchmarks import screening_ground, screening_sites, screening_trials
 from slopewatch.benchmarks.screening_ground import POINTS, Place, patches, place
-from slopewatch.benchmarks.screening_sites import as_json, judge, run_places, share, table
+from slopewatch.benchmarks.screening_sites import as_json, budget_levels, judge, run_places, share, table
 from slopewatch.benchmarks.screening_trials import PlaceResult, Trial, cell_means, filter_scores, network_scores
 from slopewatch.engine.geometry.dominant_plane import apply_matrix
 from slopewatch.models.preparation.raster_zones import Scores, zone_counts
@@ -74,6 +74,19 @@ def test_a_small_run_on_simulated_slopes(capsys: pytest.CaptureFixture[str]) -> 
     rows = table(outcome)
     assert any("x A70" in row.figure for row in rows)
     assert any(row.figure.startswith("simulated shifted 1") for row in rows)
+
+
+def test_the_levels_of_a_budget_are_those_that_other_surveys_give() -> None:
+    """By hand: 40 peaks of each of four surveys; of three, two false zones may be counted on the fourth."""
+    surveys = [scored(f"{k}", f"{k}", list(np.linspace(2, 4, 40) + 0.001 * k), []) for k in range(4)]
+    found = {row.figure: row for row in budget_levels(surveys, "one")}
+    one, ten = (found[f"level of one for {wanted} false zones per 1,000 m²"] for wanted in ("1", "10"))
+    # 4 in 10,000 m² are 0.4; with three counted on a fifth slope (4 x 0.5 + 3) / 5 = 1: at most 5 of 40 are false.
+    assert float(one.value) == pytest.approx(3.77, abs=0.03)
+    # Three surveys allow (3 x 0.33 + 3) / 4: three false zones on the fourth.
+    assert [float(part.split()[1]) for part in one.peer.split(", ")] == pytest.approx([0.3] * 4, abs=0.11)
+    assert float(ten.value) < float(one.value)
+    assert found["level of one for 0.1 false zones per 1,000 m²"].value == "none of 4 places"
 
 
 def test_a_detector_that_knows_the_truth_finds_all(monkeypatch: pytest.MonkeyPatch) -> None:

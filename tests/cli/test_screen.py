@@ -23,7 +23,7 @@ def test_help_shows_every_parameter():
     shown = " ".join(run("screen", "--help").stdout.split())
     for specification in ScreeningParameters.specifications():
         assert f"--{specification.option}" in shown
-    for option in ("--output", "--zones", "--raster", "--map", "--roi", "--method"):
+    for option in ("--output", "--zones", "--raster", "--smallest-hazard", "--map", "--roi", "--method"):
         assert option in shown
 
 

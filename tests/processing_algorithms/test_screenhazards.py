@@ -32,6 +32,7 @@ outputs = {
     "labelled": output,
     "zones": given.get("--zones", stem + "_zones.gpkg"),
     "probability": given.get("--raster", stem + "_probability.tif"),
+    "smallest_hazard": given.get("--smallest-hazard", stem + "_smallest_hazard.tif"),
     "map": given.get("--map", stem + "_map.png"),
     "run": stem + "_run.json",
 }
@@ -39,11 +40,12 @@ for key in ("labelled", "map", "run"):
     open(outputs[key], "w").close()
 srs = osr.SpatialReference()
 srs.ImportFromEPSG(32651)
-data = gdal.GetDriverByName("GTiff").Create(outputs["probability"], 4, 3, 3, gdal.GDT_Float32)
-data.SetGeoTransform((0, 1, 0, 3, 0, -1))
-data.SetProjection(srs.ExportToWkt())
-data.GetRasterBand(1).Fill(0.75)
-data = None
+for key, bands in (("probability", 3), ("smallest_hazard", 4)):
+    data = gdal.GetDriverByName("GTiff").Create(outputs[key], 4, 3, bands, gdal.GDT_Float32)
+    data.SetGeoTransform((0, 1, 0, 3, 0, -1))
+    data.SetProjection(srs.ExportToWkt())
+    data.GetRasterBand(1).Fill(0.75)
+    data = None
 data = ogr.GetDriverByName("GPKG").CreateDataSource(outputs["zones"])
 layer = data.CreateLayer("zones", srs, ogr.wkbPolygon)
 layer.CreateField(ogr.FieldDefn("kind", ogr.OFTString))
@@ -83,6 +85,7 @@ def test_defaults_pass_nothing_and_others_are_passed() -> None:
         OUTPUT="/out/a.laz",
         ZONES="/out/z.gpkg",
         PROBABILITY="/out/p.tif",
+        SMALLEST_HAZARD="/out/s.tif",
         MAP="/out/m.png",
         SCREENING_METHOD="residual",
         GROUND="class_2",
@@ -92,6 +95,7 @@ def test_defaults_pass_nothing_and_others_are_passed() -> None:
     )
     assert given == [
         "screen", CLOUD, "--output", "/out/a.laz", "--zones", "/out/z.gpkg", "--raster", "/out/p.tif",
+        "--smallest-hazard", "/out/s.tif",
         "--map", "/out/m.png", "--screening-method", "residual", "--ground", "class_2",
         "--weights", "/models/own.safetensors", "--minimum-probability", "0.6", "--write-classification",
     ]  # fmt: skip
@@ -111,6 +115,7 @@ def test_results_where_they_were_asked_for(
     assert results["OUTPUT"] == str(tmp_path / "a.laz")
     assert results["ZONES"] == str(zones)
     assert results["PROBABILITY"] == str(tmp_path / "a_probability.tif")
+    assert results["SMALLEST_HAZARD"] == str(tmp_path / "a_smallest_hazard.tif")
     assert results["MAP"] == str(tmp_path / "a_map.png")
     assert results["RUN_RECORD"] == str(tmp_path / "a_run.json")
     assert (results["ZONE_COUNT"], results["ZONE_AREA"], results["DIP"]) == (1, 0.5, 34.5)
@@ -136,7 +141,7 @@ def test_layers_are_loaded_into_a_group_of_the_survey(
     fake_engine(ENGINE)
     parameters: dict[str, Any] = {
         name: QgsProcessingOutputLayerDefinition(QgsProcessing.TEMPORARY_OUTPUT, project)
-        for name in ("ZONES", "PROBABILITY")
+        for name in ("ZONES", "PROBABILITY", "SMALLEST_HAZARD")
     }
     parameters["OUTPUT"] = str(tmp_path / "a.laz")
     _, context = run(project, feedback, **parameters)
@@ -145,6 +150,7 @@ def test_layers_are_loaded_into_a_group_of_the_survey(
     assert [(node.name(), node.itemVisibilityChecked()) for node in group.findLayers()] == [
         ("Hazard zones (screening)", True),
         ("Probability of a hazard", False),
+        ("Smallest hazard (m)", False),
     ]
     assert {Path(layer.source().partition("|")[0]).parent for layer in project.mapLayers().values()} == {tmp_path}
 

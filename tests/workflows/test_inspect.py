@@ -229,13 +229,19 @@ def test_one_epoch_is_screened_and_nothing_else(survey, tmp_path):
     done = inspect_slope([epoch], out, Settings(screening=RESIDUAL), overwrite=True, **given)
     outputs, metrics = done.outputs, done.figures
     assert {p.name for p in out.iterdir()} == {
-        *SCREENING_OUTPUTS, "screened_probability.qml", "run.json", "report.html", "clouds", "zones.gpkg",
+        *SCREENING_OUTPUTS, "screened_probability.qml", "screened_smallest_hazard.qml", "run.json", "report.html",
+        "clouds", "zones.gpkg",
     }  # fmt: skip
     assert [w for w in progress.warnings if w.endswith("outputs of an earlier run: zones.gpkg.")]
     assert set(outputs) == {
-        "screened", "screened_zones", "screened_probability", "screened_map", "epoch_ground", "report", "run",
+        "screened", "screened_zones", "screened_probability", "screened_smallest_hazard", "screened_map",
+        "epoch_ground", "report", "run",
     }  # fmt: skip
     assert all(path.is_file() for path in outputs.values())
+    sentence = json.loads(outputs["run"].read_text())["detectable"]
+    needed = metrics["screened_smallest_hazard_m"]["3"]["median"]
+    assert f"a hazard 3 m wide must stand {needed:.2f} m out" in sentence
+    assert sentence in outputs["report"].read_text(encoding="utf-8")
     zones = geopandas.read_file(outputs["screened_zones"], layer="zones")
     assert len(zones) == metrics["screened_zone_count"] > 0
     assert "confirmed" not in zones

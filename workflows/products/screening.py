@@ -22,17 +22,23 @@ from ...engine.zones.earlier_reviews import EarlierReviews
 from ...models.screening.cloud_file import ScreenedFile
 from ...models.screening.map import write_hazard_map
 from ...models.screening.result import Screening
+from ...models.screening.self_test import SelfTest
 from ...models.screening.zones import FIELDS, Hazards
 
 
 def default_targets(
-    output: Path, zones: Path | None = None, probability: Path | None = None, picture: Path | None = None
+    output: Path,
+    zones: Path | None = None,
+    probability: Path | None = None,
+    picture: Path | None = None,
+    smallest: Path | None = None,
 ) -> dict[str, Path]:
     """Where the outputs go: those not given lie next to the labelled cloud NAME.laz as NAME_zones.gpkg and so on."""
     return {
         "labelled": output,
         "zones": zones or output.with_name(f"{output.stem}_zones.gpkg"),
         "probability": probability or output.with_name(f"{output.stem}_probability.tif"),
+        "smallest_hazard": smallest or output.with_name(f"{output.stem}_smallest_hazard.tif"),
         "map": picture or output.with_name(f"{output.stem}_map.png"),
     }
 
@@ -59,7 +65,7 @@ def write_products(
     shown: Pictured,
     reviews: EarlierReviews | None = None,
 ) -> None:
-    """Write zones, probabilities and map of a screening.
+    """Write zones, probabilities, smallest hazards and map of a screening.
 
     Args:
         targets: as of ``default_targets``; ``place`` gives the path at which the file of a target is to be written now.
@@ -78,12 +84,29 @@ def write_products(
     tags = rasters.raster_tags(epochs=(None, shown.survey), software=f"SlopeWatch {VERSION}", input_sha256=shown.digest)
     rasters.write_bands(path, bands, hazards.grid, shown.cloud.crs, unit="1", tags=tags)
     styles.write_qml_next_to(path, styles.probability_qml())
+    path = place(targets["smallest_hazard"])
+    bands = {f"Height that a hazard {width:g} m wide needs": heights for width, heights in hazards.smallest.items()}
+    rasters.write_bands(path, bands, hazards.grid, shown.cloud.crs, tags=tags)
+    styles.write_qml_next_to(path, styles.smallest_hazard_qml())
     view = top_view(shown.cloud, top_view_grid(hazards.grid, hazards.grid.cell))
     write_hazard_map(place(targets["map"]), hazards, view, name=shown.name, note=shown.note)
 
 
+def screening_facts(source: ScreenedFile, screening: Screening, tested: SelfTest | None) -> dict[str, str]:
+    """Sentences for the record: what can be found on the slope, why no zones are shown where none are, and what the
+    self-test found; the last is reported, too.
+    """
+    facts = {"detectable": screening.detectable.sentence(str(screening.model.get("name", "")))}
+    if screening.hidden:
+        facts["not_shown"] = screening.detectable.hidden_sentence(source.name)
+    if tested is not None:
+        facts["self_test"] = tested.sentence()
+        source.progress.info(facts["self_test"])
+    return facts
+
+
 def screening_figures(
-    source: ScreenedFile, screening: Screening, hazards: Hazards, labelled: dict[str, int]
+    source: ScreenedFile, screening: Screening, hazards: Hazards, labelled: dict[str, int], tested: SelfTest | None
 ) -> dict[str, Any]:
     """The figures that a user reads first; ``labelled`` as ``ScreenedFile.write_labelled`` returns it."""
     frame = hazards.frame
@@ -100,4 +123,6 @@ def screening_figures(
         "dip": screening.suitability.dip,
         "dip_direction": screening.plane.azimuth,
         "density": screening.suitability.density,
+        **screening.detectable.figures(),
+        **({} if tested is None else {"self_test": tested.figures()}),
     }

@@ -30,6 +30,7 @@ from slopewatch.engine.maps.qgis_styles import (
     level_qml,
     probability_qml,
     series_zones_qml,
+    smallest_hazard_qml,
     states_qml,
     write_qml_next_to,
     zones_qml,
@@ -180,6 +181,16 @@ def test_probability_is_a_veil_at_zero_and_has_no_colour() -> None:
     assert 0 < found[0][2] < 128
     assert [alpha for _, _, alpha, _ in found[1:]] == [255] * 4
     assert all(colour[1:3] == colour[3:5] == colour[5:7] for _, colour, _, _ in found)
+
+
+def test_the_smallest_hazard_is_shown_for_3_m_from_light_to_dark() -> None:
+    qml = smallest_hazard_qml()
+    found = stops(qml)
+    assert [value for value, *_ in found] == [0.0, 0.25, 0.5, 0.75, 1.0]
+    lightness = [sum(bytes.fromhex(colour[1:])) for _, colour, *_ in found]
+    assert lightness == sorted(lightness, reverse=True)
+    assert ElementTree.fromstring(qml.partition("\n")[2]).find("pipe/rasterrenderer").get("band") == "2"
+    assert ElementTree.fromstring(level_qml(1.0)).find("pipe/rasterrenderer").get("band") == "1"
 
 
 def outlined(qml: str, zone: MultiPolygon) -> MultiPolygon:

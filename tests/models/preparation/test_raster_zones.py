@@ -6,6 +6,7 @@ from scipy.ndimage import gaussian_filter
 from slopewatch.models.preparation.raster_zones import (
     Scores,
     common_levels,
+    conformal_level,
     level_for_rate,
     strength_at,
     zone_counts,
@@ -56,6 +57,26 @@ def test_on_a_small_ground_the_tail_is_continued() -> None:
         found.append(level_for_rate(own, zone_counts(small, own) / small.area * 1000, small.area))
     # The tail of normal scores is lighter than the one continued.
     assert truth - 0.1 < np.median(found) < 1.25 * truth
+
+
+def test_the_conformal_level_keeps_its_promise_on_new_slopes() -> None:
+    """Slopes whose scores scatter differently, so that the mean rate alone would promise too much."""
+
+    def rates(seed: int, levels: np.ndarray) -> np.ndarray:
+        scale = np.random.default_rng([seed, 1]).lognormal(0.0, 0.25)
+        one = noise(seed, side=100)
+        return zone_counts(Scores(one.uplift * scale, one.subsidence * scale, 0.5), levels) / one.area * 1000
+
+    levels = np.linspace(0.5, 8.0, 76)
+    known, new = (np.array([rates(seed, levels) for seed in seeds]) for seeds in (range(20), range(100, 160)))
+    level = conformal_level(levels, known, 1.0, 3.0)
+    at = int(np.searchsorted(levels, level))
+    assert np.minimum(new[:, at], 3.0).mean() <= 1.0
+    # one level lower the bound is not kept: it is not just any high level
+    below = np.minimum(known[:, at - 1], 3.0)
+    assert (below.sum() + 3.0) / 21 > 1.0
+    assert conformal_level(levels, known, 0.5, 3.0) > level
+    assert np.isnan(conformal_level(levels, known, 0.1, 3.0))
 
 
 def test_the_strength_is_the_highest_level_that_finds_it() -> None:

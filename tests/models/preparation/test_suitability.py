@@ -9,7 +9,8 @@ from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.pointcloud.cloud import PointCloud
 from slopewatch.interface.parameters import ScreeningParameters
-from slopewatch.models.preparation.suitability import Suitability, opposite_share, refuse_unsuitable
+from slopewatch.models.preparation.suitability import Suitability, narrowest, opposite_share, refuse_unsuitable
+from slopewatch.models.preparation.two_planes import two_planes
 from slopewatch.models.screening.much_marked import warn_if_much_stands_out
 from slopewatch.tests.builders.screening_clouds import screen_cloud, slope
 
@@ -42,6 +43,49 @@ def ridge(share: float, dip: float = 40.0, *, valley: bool = False) -> np.ndarra
 @pytest.mark.parametrize("valley", [False, True])
 def test_the_share_of_ground_that_faces_against_the_rest(share, valley):
     assert opposite_share(ridge(share, valley=valley)) == pytest.approx(share, abs=0.05)
+
+
+def corner(turn: float, *, rough: float = 0.05) -> np.ndarray:
+    """40 m of ground where two slopes of 35 degrees meet that face ``turn`` degrees apart."""
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform(-20, 20, (2, 40_000))
+    first, second = (np.sin(np.radians(a)) * x + np.cos(np.radians(a)) * y for a in (0.0, turn))
+    return np.column_stack([x, y, 0.7 * np.maximum(first, second) + rng.normal(0, rough, len(x))])
+
+
+@pytest.mark.parametrize("turn", [45.0, 90.0])
+def test_two_planes_are_found_and_refused(turn):
+    found = two_planes(corner(turn))
+    gradients = [np.array([0.7 * np.sin(a), 0.7 * np.cos(a), -1.0]) for a in (0.0, np.radians(turn))]
+    cosine = gradients[0] @ gradients[1] / (1 + 0.7**2)
+    assert found.angle == pytest.approx(np.degrees(np.arccos(cosine)), abs=1.0)
+    assert found.share == pytest.approx(0.5, abs=0.03)
+    assert found.left < 0.05
+    with pytest.raises(InputError, match=rf"is two slopes \(planes {found.angle:.0f} degrees apart, with 5"):
+        screened(corner(turn))
+
+
+def test_one_slope_is_one_slope():
+    assert two_planes(slope()).left > 0.3
+    bench = corner(0.0)
+    bench[:, 2] -= 2.0 * (bench[:, 1] > 5)
+    assert two_planes(bench).left > 0.3
+    assert two_planes(slope(40)[:30]).left == 1.0
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_a_strip_is_as_wide_as_it_is(turn):
+    rng = np.random.default_rng(3)
+    x, y = rng.uniform(0, 30, 20_000), rng.uniform(0, 3, 20_000)
+    c, s = np.cos(turn), np.sin(turn)
+    assert narrowest(np.column_stack([c * x - s * y, s * x + c * y])) == pytest.approx(3.0, rel=0.02)
+
+
+def test_a_region_too_small_for_a_trend_is_refused():
+    xyz = slope()
+    with pytest.raises(InputError, match=r"is 2\.0 m wide on its slope where screening needs 4 m for the trend"):
+        screened(xyz[np.abs(xyz[:, 0] - xyz[:, 0].mean()) < 1.0])
+    screened(xyz[np.abs(xyz[:, 0] - xyz[:, 0].mean()) < 2.5])
 
 
 def test_a_curved_slope_has_one_face():

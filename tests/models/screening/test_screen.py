@@ -83,7 +83,9 @@ def test_a_bulge_and_a_hollow_are_labelled_where_they_are(cloud, tmp_path):
     record = json.loads(outputs["run"].read_text())
     assert record["metrics"]["zone_count"] == 2
     assert record["parameters"]["screening"]["residual_threshold"] == 0.08
-    assert leftovers(tmp_path) == ["out.laz", "out_map.png", "out_probability.tif", "out_zones.gpkg"]
+    assert leftovers(tmp_path) == [
+        "out.laz", "out_map.png", "out_probability.tif", "out_smallest_hazard.tif", "out_zones.gpkg",
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("point_format", "crs", "unit"), [(7, 6557, 0.3048), (3, 32651, 1.0), (6, 32651, 1.0)])
@@ -172,7 +174,9 @@ def test_ground_is_extracted_first_where_asked(tmp_path):
     stage = json.loads(outputs["run"].read_text())["stages"][0]
     assert stage["extraction"]["ground_points"] == screened.sum()
     assert stage["pipelines"]
-    assert leftovers(tmp_path) == ["out.laz", "out_map.png", "out_probability.tif", "out_zones.gpkg", "raw.laz"]
+    assert leftovers(tmp_path) == [
+        "out.laz", "out_map.png", "out_probability.tif", "out_smallest_hazard.tif", "out_zones.gpkg", "raw.laz",
+    ]  # fmt: skip
 
 
 def test_the_classification_is_written_only_when_asked(cloud, tmp_path):
@@ -194,6 +198,7 @@ def test_the_same_input_gives_the_same_bytes(cloud, tmp_path):
         "out.laz",
         "out_map.png",
         "out_probability.tif",
+        "out_smallest_hazard.tif",
         "out_zones.gpkg",
     ]
     for name in leftovers(tmp_path / "a"):
@@ -318,6 +323,7 @@ def test_outputs_may_lie_in_several_folders(cloud, tmp_path):
     assert all(path.is_file() for path in outputs.values())
     assert {p.name for p in tmp_path.rglob("*") if p.is_file()} == {
         "o.laz", "o_run.json", "o_probability.tif", "o_probability.qml", "z.gpkg", "m.png",
+        "o_smallest_hazard.tif", "o_smallest_hazard.qml",
     }  # fmt: skip
 
 

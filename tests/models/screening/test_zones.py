@@ -16,7 +16,7 @@ STEP = 0.125
 TAN = 0.75  # the slope rises by so much a metre northwards
 
 
-def screening(*patches, tan=TAN, skip=None, name="net", spread=0.0):
+def screening(*patches, tan=TAN, skip=None, name="net", spread=0.0, least=0.0):
     """Voxels every 12.5 cm on 12 x 10 m of a plane; each patch is (west, south, east, north, class, P, height)."""
     x, y = (a.ravel() for a in np.meshgrid(np.arange(0, 12, STEP) + STEP / 2, np.arange(0, 10, STEP) + STEP / 2))
     probabilities = np.tile([0.9, 0.05, 0.05], (len(x), 1)).astype(np.float32)
@@ -36,7 +36,9 @@ def screening(*patches, tan=TAN, skip=None, name="net", spread=0.0):
         heights=heights[kept],
         labels=most_probable(probabilities[kept], 0.0),
         plane=SimpleNamespace(dip=np.degrees(np.arctan(tan))),
-        voxels=SimpleNamespace(size=STEP),
+        bridged=STEP,
+        least=least,
+        detectable=SimpleNamespace(diameters=(), heights=np.empty((0, len(points)))),
         model={"name": name, **({} if name == "residual" else {"sha256": "ab" * 32})},
     )
 
@@ -93,7 +95,8 @@ def test_small_and_improbable_ones_are_left_out():
     found = screening((1, 1, 1.5, 1.5, 1, 0.9, 0.2), (4, 4, 6, 6, 1, 0.7, 0.2))
     assert len(outlined(found, minimum_hazard_area=0.1).frame) == 2
     assert len(outlined(found, minimum_hazard_area=0.5).frame) == 1
-    hazards = outlined(found, minimum_probability=0.8, minimum_hazard_area=0.1)
+    found.least = 0.8
+    hazards = outlined(found, minimum_hazard_area=0.1)
     assert len(hazards.frame) == 1
     assert hazards.labels.sum() == 4
 
@@ -108,9 +111,10 @@ def test_voxels_wider_than_cells_leave_no_holes(voxel, cell):
     raised = np.hypot(x - 5, y - 5) < 3
     found = screening()
     found.points, found.count = np.column_stack([x, y, TAN * y]), np.full(len(x), 3)
+    found.detectable.heights = np.empty((0, len(x)))
     found.probabilities = np.where(raised[:, None], [0.1, 0.9, 0.0], [0.9, 0.1, 0.0]).astype(np.float32)
     found.labels = raised.astype(np.uint8)
-    found.heights, found.voxels.size = np.where(raised, 0.2, 0.0).astype(np.float32), voxel
+    found.heights, found.bridged = np.where(raised, 0.2, 0.0).astype(np.float32), voxel
     hazards = outlined(found, probability_cell=cell)
     zone = hazards.frame.iloc[0]
     assert len(hazards.frame) == 1
@@ -152,6 +156,27 @@ def test_rasters_hold_the_mean_of_a_cells_points_and_nothing_elsewhere():
     assert hazards.labels[::-1][5, 5] == 1
     assert hazards.labels.sum() == 16
     assert hazards.heights[::-1][5, 5] == pytest.approx(0.3)
+
+
+def test_the_smallest_hazard_of_a_cell_is_the_mean_of_its_voxels():
+    found = screening()
+    heights = np.stack([found.points[:, 0], np.where(found.points[:, 1] < 1, np.nan, 2.0)])
+    found.detectable = SimpleNamespace(diameters=(2.0, 3.0), heights=heights)
+    hazards = outlined(found, probability_cell=0.5)
+    assert list(hazards.smallest) == [2.0, 3.0]
+    np.testing.assert_allclose(hazards.smallest[2.0][3, :4], [0.25, 0.75, 1.25, 1.75], atol=1e-6)
+    north_up = hazards.smallest[3.0][::-1]
+    assert np.isnan(north_up[:2]).all()
+    assert (north_up[2:] == 2.0).all()
+
+
+def test_a_slope_on_which_nothing_can_be_found_has_no_zones():
+    patch = (2, 2, 4, 4, 1, 0.99, 0.2)
+    assert len(outlined(screening(patch)).frame) == 1
+    hidden = outlined(screening(patch, least=np.inf))
+    assert len(hidden.frame) == 0
+    assert not hidden.labels.any()
+    assert np.nanmax(hidden.probability[1]) == pytest.approx(0.99)
 
 
 def test_without_hazards_there_are_no_zones():
