@@ -103,6 +103,44 @@ def weights(session: Session, minutes: float, device: str, folder: Path) -> RunR
     return RunResult({"weights": SHIPPED_WEIGHTS}, {"temperature": calibration.temperature, **facts})
 
 
+@main.command("relief")
+@click.option("--ground", type=click.Path(path_type=Path, exists=True, file_okay=False), help="Folder of real ground.")
+@click.option("--leave-out", multiple=True, help="A survey that the network must not see, for tests on it.")
+@click.option("--slopes", type=click.IntRange(min=0), default=60, show_default=True, help="Simulated slopes.")
+@click.option("--steps", type=click.IntRange(min=1), default=3000, show_default=True)
+@click.option("--seed", type=int, default=0, show_default=True)
+@click.option("--minutes", type=float, default=float("inf"), help="Stop after so long; run again to go on.")
+@click.option("--weights", "path", type=click.Path(path_type=Path), required=True, help="The .safetensors to write.")
+@_folder
+@command(profile=False)
+def relief_weights(
+    session: Session,
+    ground: Path | None,
+    leave_out: tuple[str, ...],
+    slopes: int,
+    steps: int,
+    seed: int,
+    minutes: float,
+    path: Path,
+    folder: Path,
+) -> RunResult:
+    """Train the network that reads rasters, on real ground and simulated slopes."""
+    from ..network.unet import save_unet
+    from ..training.sim_on_real import ReliefTraining
+    from .relief_weights import train_relief_weights
+
+    _one_thread()
+    parameters = ReliefTraining(steps=steps, seed=seed)
+    made = train_relief_weights(
+        ground, folder, parameters, left_out=leave_out, slopes=slopes, seconds=60 * minutes, progress=session.report
+    )
+    if made is None:
+        raise InputError(f"The time is over before the training is; run again with --folder {folder} to go on.")
+    network, facts = made
+    save_unet(path, network, facts, {})
+    return RunResult({"weights": path}, {"steps": steps, "processor_seconds": facts["processor_seconds"]})
+
+
 @main.command()
 @click.option("--residual", is_flag=True, help="Score the threshold without learning instead.")
 @click.option("--set", "chosen", multiple=True, type=click.Choice(["published", "realistic", "shifted"]))
