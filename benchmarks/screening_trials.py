@@ -17,8 +17,10 @@ from scipy.ndimage import distance_transform_edt
 from ..engine.core.arrays import Float
 from ..engine.geometry.dominant_plane import apply_matrix
 from ..engine.geometry.hazard_shapes import Hazard
+from ..models.preparation.bump_filter import cell_heights
 from ..models.preparation.inserted_hazards import UPLIFT, Inserted, footprint, insert_hazards, smooth_hazard
 from ..models.preparation.raster_zones import Scores, strength_at
+from ..models.preparation.relief_channels import bump_scores
 from ..models.preparation.relief_raster import ReliefRaster, laplacian_score, relief_raster
 from ..models.preparation.smallest_hazard import SmallestHazard, smallest_hazard
 from ..models.preparation.smallest_hazard import filter_scores as matched_filter
@@ -64,16 +66,18 @@ class PlaceResult:
 
 def filter_scores(place: Place, raster: ReliefRaster) -> dict[str, Scores]:
     """The detectors that learn nothing: residual, Laplacian of Gaussian over roughness, and the matched filter by
-    heights, by t at one width, and by the strongest t of all widths.
+    heights, by t at one width, by the strongest t of all widths of plain least squares, and of robust fits.
     """
     cell = raster.cell
     laplacians = [laplacian_score(raster, fit.diameter) for fit in raster.bumps]
+    cells = cell_heights(place.flat, cell, raster.origin, raster.shape)
     three = min(raster.bumps, key=lambda fit: abs(fit.diameter - (5.0 if place.kind == ELEVATION else 3.0)))
     return {
         "residual 4 m": Scores.signed(raster.height, cell),
         "LoG": strongest(laplacians, cell),
         "filter, heights": Scores.signed(three.amplitude, cell),
         "filter, t of one width": Scores.signed(three.t, cell),
+        "filter, linear t": strongest(bump_scores(cells), cell),
         "filter, t": matched_filter(raster),
     }
 

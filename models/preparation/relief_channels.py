@@ -86,10 +86,8 @@ def relief_channels(cells: CellHeights) -> Relief:
     ]
     unit = scatters[UNIT]
     signed = [np.clip(part / scatter, -_MAX_DEVIATION, _MAX_DEVIATION) for part, scatter in zip(parts, scatters)]
-    full = _everywhere(np.where(cells.covered, height, smooth))
-    for diameter, step in BUMPS.items():
-        score = _widened(linear_scores(_means(full, step), diameter, step * cells.cell), full.shape, step)
-        signed.append(np.arcsinh(score / _LINEAR_SCORE))
+    bumps = _bump_scores(np.where(cells.covered, height, smooth), cells.cell)
+    signed += [np.arcsinh(score / _LINEAR_SCORE) for score in bumps]
     density = gaussian_filter(cells.count / cells.cell**2, _DENSITY_REACH_M / cells.cell, mode="constant")
     others = [
         np.log(unit / _USUAL_SCATTER_M),
@@ -100,6 +98,13 @@ def relief_channels(cells: CellHeights) -> Relief:
     ]
     channels = np.nan_to_num(np.stack([*signed, *others]).astype(np.float32)) * covered
     return Relief(channels, covered, unit.astype(np.float32))
+
+
+def bump_scores(cells: CellHeights) -> Float:
+    """Linear t scores (len(BUMPS), columns, rows) of bumps, of which their channels are made; NaN without data."""
+    height, covered, smooth = _surface(cells)
+    scores = _bump_scores(np.where(cells.covered, height, smooth), cells.cell)
+    return np.where(covered, np.stack(scores), np.nan)
 
 
 def local_unit(cells: CellHeights) -> Float:
@@ -122,6 +127,16 @@ def _surface(cells: CellHeights) -> tuple[Float, Bool, Float]:
     weight = np.where(cells.covered, cells.count / (cells.count + _FULL_WEIGHT_POINTS), 0.0)
     covered = _near_points(cells)
     return height, covered, np.where(covered, _planes(height, weight, SMOOTH_REACH_M / cells.cell), np.nan)
+
+
+def _bump_scores(height: Float, cell: float) -> list[Float]:
+    """Scores everywhere of heights (columns, rows), NaN without data."""
+    near = distance_transform_edt(np.isnan(height), return_distances=False, return_indices=True)
+    full = height[near[0], near[1]]
+    return [
+        _widened(linear_scores(_means(full, step), diameter, step * cell), full.shape, step)
+        for diameter, step in BUMPS.items()
+    ]
 
 
 def _over_plane(height: Float) -> Float:
@@ -157,12 +172,6 @@ def _trend(surface: Float, reach: float, cell: float) -> Float:
     weight, total = _blocks(known.astype(np.float64), step), _blocks(filled, step)
     mean = total / np.maximum(weight, 1e-9)
     return _widened(_planes(mean, weight / step**2, sigma / step), surface.shape, step)
-
-
-def _everywhere(height: Float) -> Float:
-    """The nearest cell's height where there is none."""
-    near = distance_transform_edt(np.isnan(height), return_distances=False, return_indices=True)
-    return np.asarray(height[near[0], near[1]])
 
 
 def _means(values: Float, step: int) -> Float:

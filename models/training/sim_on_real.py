@@ -17,13 +17,14 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import torch
 from torch import Tensor
 from torch.optim.lr_scheduler import OneCycleLR
-from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
+from torch.optim.swa_utils import AveragedModel
 
 from ...engine.core.errors import InputError
 from ...engine.core.progress import Progress
@@ -102,12 +103,14 @@ def train_relief(
     folder.mkdir(parents=True, exist_ok=True)
     torch.manual_seed(parameters.seed)
     network = UNet(configuration)
-    mean = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(parameters.decay), use_buffers=True)
+    mean = AveragedModel(network, avg_fn=partial(_running_mean, parameters.decay), use_buffers=True)
     optimiser = torch.optim.AdamW(
         network.parameters(), lr=parameters.learning_rate, weight_decay=parameters.weight_decay
     )
     cycle = OneCycleLR(optimiser, parameters.learning_rate, total_steps=parameters.steps + 1, pct_start=0.2)
     names = [ground.name for ground in (*real, *simulated)]
+    # Channels that lie together in memory make convolutions on a processor a fifth faster.
+    network.to(memory_format=torch.channels_last)
     checkpoint = _Checkpoint(folder, configuration, parameters, names)
     step = checkpoint.load(network, mean, optimiser, cycle)
     weights = root_inverse_weights(torch.tensor(FREQUENCIES))
@@ -192,8 +195,14 @@ def _ahead(
                 future.cancel()
 
 
+def _running_mean(decay: float, average: Tensor, value: Tensor, count: Tensor | int) -> Tensor:
+    """The plain mean of the first values, an exponential one once there are 1 / (1 - ``decay``) of them."""
+    return average + (value - average) * max(1.0 - decay, 1.0 / (int(count) + 1))
+
+
 def _batch(patches: Sequence[Patch], chosen: Sequence[int]) -> tuple[Tensor, Tensor]:
     values = torch.from_numpy(np.stack([patch.channels for patch in patches])[:, chosen])
+    values = values.contiguous(memory_format=torch.channels_last)
     labels = torch.from_numpy(np.stack([patch.labels for patch in patches])).long()
     return values, labels
 
