@@ -77,7 +77,7 @@ def filter_scores(place: Place, raster: ReliefRaster) -> dict[str, Scores]:
         "LoG": strongest(laplacians, cell),
         "filter, heights": Scores.signed(three.amplitude, cell),
         "filter, t of one width": Scores.signed(three.t, cell),
-        "filter, linear t": strongest(bump_scores(cells), cell),
+        "filter, linear t": strongest(list(bump_scores(cells)), cell),
         "filter, t": matched_filter(raster),
     }
 

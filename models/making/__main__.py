@@ -18,6 +18,7 @@ FIGURES = Path(__file__).resolve().parents[1] / "weights" / "figures"
 _folder = click.option(
     "--folder", type=click.Path(path_type=Path), required=True, help="For checkpoints; a broken run goes on from here."
 )
+_minutes = click.option("--minutes", type=float, default=float("inf"), help="Stop after so long; run again to go on.")
 _device = click.option(
     "--device", type=click.Choice(["auto", "cpu", "gpu"]), default="auto", show_default=True, help="auto: gpu if any."
 )
@@ -65,7 +66,7 @@ def folds(
 
 
 @main.command()
-@click.option("--minutes", type=float, default=float("inf"), help="Stop after so long; run again to go on.")
+@_minutes
 @_device
 @_folder
 @command(profile=False)
@@ -109,7 +110,7 @@ def weights(session: Session, minutes: float, device: str, folder: Path) -> RunR
 @click.option("--slopes", type=click.IntRange(min=0), default=60, show_default=True, help="Simulated slopes.")
 @click.option("--steps", type=click.IntRange(min=1), default=3000, show_default=True)
 @click.option("--seed", type=int, default=0, show_default=True)
-@click.option("--minutes", type=float, default=float("inf"), help="Stop after so long; run again to go on.")
+@_minutes
 @click.option("--weights", "path", type=click.Path(path_type=Path), required=True, help="The .safetensors to write.")
 @_folder
 @command(profile=False)
@@ -127,12 +128,13 @@ def relief_weights(
     """Train the network that reads rasters, on real ground and simulated slopes."""
     from ..network.unet import save_unet
     from ..training.sim_on_real import ReliefTraining
-    from .relief_weights import train_relief_weights
+    from .relief_weights import relief_grounds, train_relief_weights
 
     _one_thread()
     parameters = ReliefTraining(steps=steps, seed=seed)
+    grounds = relief_grounds(ground, leave_out, slopes, session.report)
     made = train_relief_weights(
-        ground, folder, parameters, left_out=leave_out, slopes=slopes, seconds=60 * minutes, progress=session.report
+        grounds, folder, parameters, left_out=leave_out, seconds=60 * minutes, progress=session.report
     )
     if made is None:
         raise InputError(f"The time is over before the training is; run again with --folder {folder} to go on.")

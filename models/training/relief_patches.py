@@ -75,6 +75,22 @@ class Ground:
 
 
 @dataclass(frozen=True)
+class Grounds:
+    """What a network learns from; one of the two may be empty."""
+
+    real: Sequence[Ground] = ()
+    simulated: Sequence[Ground] = ()
+
+    def __post_init__(self) -> None:
+        if not self.names:
+            raise InputError("There is no ground to train on; give real or simulated pieces.")
+
+    @property
+    def names(self) -> list[str]:
+        return [ground.name for ground in (*self.real, *self.simulated)]
+
+
+@dataclass(frozen=True)
 class PatchParameters:
     """How patches are made; lengths in m, ranges are drawn from evenly by their logarithm.
 

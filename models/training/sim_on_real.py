@@ -14,7 +14,7 @@ import math
 import time
 import warnings
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -31,10 +31,11 @@ from ...engine.core.progress import Progress
 from ...engine.core.staged_outputs import atomic_output
 from ..network.unet import UNet, UNetConfiguration
 from .loss import combined, root_inverse_weights
-from .relief_patches import Ground, Patch, PatchParameters, draw_patches
+from .relief_patches import Grounds, Patch, PatchParameters, draw_patches
 
 FREQUENCIES = (0.92, 0.04, 0.04)
 """About the share of the classes' cells on patches with hazards."""
+_AHEAD = 3
 
 
 @dataclass(frozen=True)
@@ -77,88 +78,138 @@ class ReliefState:
 
 def train_relief(
     configuration: UNetConfiguration,
-    real: Sequence[Ground],
-    simulated: Sequence[Ground],
+    grounds: Grounds,
     parameters: ReliefTraining,
     folder: Path,
     *,
     seconds: float = math.inf,
     save_every: float = 60.0,
-    workers: int = 1,
     progress: Progress | None = None,
 ) -> ReliefState:
     """Train until all steps are done or ``seconds`` have passed; go on from the checkpoint in ``folder`` if there is
     one. ``folder/log.csv`` has a row every so many steps: step, loss, learning rate, seconds.
 
     Args:
-        real, simulated: ground to cut patches from; one of the two may be empty.
-        workers: threads that make patches ahead.
+        save_every: seconds between checkpoints.
 
     Raises:
-        InputError: there is no ground, or the checkpoint in ``folder`` is of another training.
+        InputError: the checkpoint in ``folder`` is of another training.
     """
-    if not real and not simulated:
-        raise InputError("There is no ground to train on; give real or simulated pieces.")
     progress = progress or Progress()
     folder.mkdir(parents=True, exist_ok=True)
-    torch.manual_seed(parameters.seed)
-    network = UNet(configuration)
-    mean = AveragedModel(network, avg_fn=partial(_running_mean, parameters.decay), use_buffers=True)
-    optimiser = torch.optim.AdamW(
-        network.parameters(), lr=parameters.learning_rate, weight_decay=parameters.weight_decay
-    )
-    cycle = OneCycleLR(optimiser, parameters.learning_rate, total_steps=parameters.steps + 1, pct_start=0.2)
-    names = [ground.name for ground in (*real, *simulated)]
-    # Channels that lie together in memory make convolutions on a processor a fifth faster.
-    network.to(memory_format=torch.channels_last)
-    checkpoint = _Checkpoint(folder, configuration, parameters, names)
-    step = checkpoint.load(network, mean, optimiser, cycle)
-    weights = root_inverse_weights(torch.tensor(FREQUENCIES))
+    learner = _Learner(configuration, parameters)
+    checkpoint = _Checkpoint(folder, configuration, parameters, grounds.names)
+    step = checkpoint.load(learner)
     begun = saved = time.monotonic()
     losses: list[float] = []
     every = max(1, min(50, parameters.steps // 20))
-    network.train()
-    pool: deque[list[Patch]] = deque(maxlen=parameters.pool)
-    for made, pair in _ahead(real, simulated, parameters, step, workers):
-        pool.append(pair)
-        if made < parameters.first + step:
-            continue
+    for patches in _batches(grounds, parameters, step):
         if time.monotonic() - begun > seconds:
             break
-        values, labels = _batch(_replayed(pool, parameters, step), network.chosen)
-        logits = network(values).permute(0, 2, 3, 1).reshape(-1, 3)
-        loss = combined(logits, labels.reshape(-1), weights, parameters.dice)
-        optimiser.zero_grad(set_to_none=True)
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(network.parameters(), parameters.clip)
-        optimiser.step()
-        cycle.step()
-        mean.update_parameters(network)
+        losses.append(learner.learn(patches))
         step += 1
-        losses.append(float(loss.detach()))
         if not math.isfinite(losses[-1]):
             raise InputError(f"The training's loss is not a number after {step} steps; lower the learning rate.")
         if step % every == 0 or step == parameters.steps:
             average = sum(losses) / len(losses)
-            _log(folder / "log.csv", step, average, float(cycle.get_last_lr()[0]), time.monotonic() - begun)
+            _log(folder / "log.csv", step, average, learner.rate, time.monotonic() - begun)
             progress.update(step / parameters.steps, f"step {step} of {parameters.steps}, loss {average:.3f}")
             losses.clear()
         if time.monotonic() - saved > save_every:
-            checkpoint.save(network, mean, optimiser, step)
+            checkpoint.save(learner, step)
             saved = time.monotonic()
-    checkpoint.save(network, mean, optimiser, step)
-    network.load_state_dict(mean.module.state_dict())
+    checkpoint.save(learner, step)
+    network = learner.network
+    network.load_state_dict(learner.mean.module.state_dict())
     network.eval()
     return ReliefState(network, step, step >= parameters.steps)
 
 
-def new_pair(
-    real: Sequence[Ground], simulated: Sequence[Ground], parameters: ReliefTraining, number: int
-) -> list[Patch]:
+class _Learner:
+    """The network, the running mean of its weights, and what changes them."""
+
+    def __init__(self, configuration: UNetConfiguration, parameters: ReliefTraining) -> None:
+        torch.manual_seed(parameters.seed)
+        self.parameters = parameters
+        self.network = UNet(configuration)
+        self.network.train()
+        self.mean = AveragedModel(self.network, avg_fn=partial(_running_mean, parameters.decay), use_buffers=True)
+        self.optimiser = torch.optim.AdamW(
+            self.network.parameters(), lr=parameters.learning_rate, weight_decay=parameters.weight_decay
+        )
+        self.cycle = OneCycleLR(
+            self.optimiser, parameters.learning_rate, total_steps=parameters.steps + 1, pct_start=0.2
+        )
+        self.weights = root_inverse_weights(torch.tensor(FREQUENCIES))
+
+    @property
+    def rate(self) -> float:
+        """The learning rate of the next step."""
+        return float(self.cycle.get_last_lr()[0])
+
+    def learn(self, patches: Sequence[Patch]) -> float:
+        """One step; its loss."""
+        values, labels = _batch(patches, self.network.chosen)
+        logits = self.network(values).permute(0, 2, 3, 1).reshape(-1, 3)
+        loss = combined(logits, labels.reshape(-1), self.weights, self.parameters.dice)
+        self.optimiser.zero_grad(set_to_none=True)
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(self.network.parameters(), self.parameters.clip)
+        self.optimiser.step()
+        self.cycle.step()
+        self.mean.update_parameters(self.network)
+        return float(loss.detach())
+
+    def tensors(self) -> dict[str, Tensor]:
+        """All that the next step depends on but for its number."""
+        found = {f"network.{name}": t for name, t in self.network.state_dict().items()}
+        found |= {f"mean.{name}": t for name, t in self.mean.state_dict().items()}
+        for index, values in self.optimiser.state_dict()["state"].items():
+            found |= {f"optimiser.{index}.{name}": torch.as_tensor(value) for name, value in values.items()}
+        return found
+
+    def restore(self, tensors: Mapping[str, Tensor], step: int) -> None:
+        for prefix, module in (("network.", self.network), ("mean.", self.mean)):
+            module.load_state_dict({n.removeprefix(prefix): t for n, t in tensors.items() if n.startswith(prefix)})
+        moments: dict[int, dict[str, Tensor]] = {}
+        for name, tensor in tensors.items():
+            if name.startswith("optimiser."):
+                _, index, key = name.split(".", 2)
+                moments.setdefault(int(index), {})[key] = tensor
+        known = self.optimiser.state_dict()
+        known["state"] = moments
+        self.optimiser.load_state_dict(known)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Detected call of `lr_scheduler.step", UserWarning)
+            for _ in range(step):
+                self.cycle.step()
+
+
+def new_pair(grounds: Grounds, parameters: ReliefTraining, number: int) -> list[Patch]:
     """The pair of that ``number``, with hazards and without; the same number always the same."""
     rng = np.random.default_rng([parameters.seed, number])
-    of_simulated = rng.random() < parameters.simulated if real and simulated else bool(simulated)
-    return draw_patches(simulated if of_simulated else real, parameters.patch, rng)
+    both = bool(grounds.real) and bool(grounds.simulated)
+    of_simulated = rng.random() < parameters.simulated if both else bool(grounds.simulated)
+    return draw_patches(grounds.simulated if of_simulated else grounds.real, parameters.patch, rng)
+
+
+def _batches(grounds: Grounds, parameters: ReliefTraining, step: int) -> Iterator[list[Patch]]:
+    """The patches of each step from ``step`` on, made a few steps ahead in a thread of their own."""
+    begin = max(0, parameters.first + step + 1 - parameters.pool)
+    pool: deque[list[Patch]] = deque(maxlen=parameters.pool)
+    waiting: deque[Future[list[Patch]]] = deque()
+    end = parameters.first + parameters.steps
+    with ThreadPoolExecutor(1) as thread:
+        try:
+            for number in range(begin, end):
+                for ahead in range(number + len(waiting), min(number + _AHEAD, end)):
+                    waiting.append(thread.submit(new_pair, grounds, parameters, ahead))
+                pool.append(waiting.popleft().result())
+                if number >= parameters.first + step:
+                    yield _replayed(pool, parameters, number - parameters.first)
+        finally:
+            for future in waiting:
+                future.cancel()
 
 
 def _replayed(pool: Sequence[list[Patch]], parameters: ReliefTraining, step: int) -> list[Patch]:
@@ -172,29 +223,6 @@ def _replayed(pool: Sequence[list[Patch]], parameters: ReliefTraining, step: int
     return found
 
 
-def _ahead(
-    real: Sequence[Ground], simulated: Sequence[Ground], parameters: ReliefTraining, step: int, workers: int
-) -> Iterator[tuple[int, list[Patch]]]:
-    """Numbered pairs, from the first that the pool of ``step`` holds, made in threads a few ahead."""
-    begin = max(0, parameters.first + step + 1 - parameters.pool)
-    numbers = iter(range(begin, parameters.first + parameters.steps))
-    with ThreadPoolExecutor(workers) as threads:
-        waiting: deque[tuple[int, Future[list[Patch]]]] = deque()
-        try:
-            while True:
-                for number in numbers:
-                    waiting.append((number, threads.submit(new_pair, real, simulated, parameters, number)))
-                    if len(waiting) > workers + 1:
-                        break
-                if not waiting:
-                    return
-                number, future = waiting.popleft()
-                yield number, future.result()
-        finally:
-            for _, future in waiting:
-                future.cancel()
-
-
 def _running_mean(decay: float, average: Tensor, value: Tensor, count: Tensor | int) -> Tensor:
     """The plain mean of the first values, an exponential one once there are 1 / (1 - ``decay``) of them."""
     return average + (value - average) * max(1.0 - decay, 1.0 / (int(count) + 1))
@@ -202,6 +230,7 @@ def _running_mean(decay: float, average: Tensor, value: Tensor, count: Tensor | 
 
 def _batch(patches: Sequence[Patch], chosen: Sequence[int]) -> tuple[Tensor, Tensor]:
     values = torch.from_numpy(np.stack([patch.channels for patch in patches])[:, chosen])
+    # Channels that lie together in memory make convolutions on a processor a fifth faster.
     values = values.contiguous(memory_format=torch.channels_last)
     labels = torch.from_numpy(np.stack([patch.labels for patch in patches])).long()
     return values, labels
@@ -217,7 +246,7 @@ def _log(path: Path, step: int, loss: float, rate: float, seconds: float) -> Non
 
 
 class _Checkpoint:
-    """Network, its running mean, moments of the optimiser and step as safetensors, what the training is as JSON."""
+    """All that a training depends on as safetensors, what it is as JSON."""
 
     def __init__(
         self, folder: Path, configuration: UNetConfiguration, parameters: ReliefTraining, grounds: Sequence[str]
@@ -227,20 +256,16 @@ class _Checkpoint:
         what = {"configuration": asdict(configuration), "training": asdict(parameters), "grounds": list(grounds)}
         self.identity = json.loads(json.dumps(what))
 
-    def save(self, network: UNet, mean: AveragedModel, optimiser: torch.optim.Optimizer, step: int) -> None:
+    def save(self, learner: _Learner, step: int) -> None:
         from safetensors.torch import save_file
 
-        tensors = {f"network.{name}": t for name, t in network.state_dict().items()}
-        tensors |= {f"mean.{name}": t for name, t in mean.state_dict().items()}
-        for index, values in optimiser.state_dict()["state"].items():
-            tensors |= {f"optimiser.{index}.{name}": torch.as_tensor(value) for name, value in values.items()}
-        tensors["step"] = torch.tensor(step)
-        with atomic_output(self.tensors) as partial:
-            save_file({name: t.detach().clone().contiguous() for name, t in tensors.items()}, str(partial))
-        with atomic_output(self.state) as partial:
-            partial.write_text(json.dumps(self.identity, indent=2), encoding="utf-8")
+        tensors = {**learner.tensors(), "step": torch.tensor(step)}
+        with atomic_output(self.tensors) as partial_file:
+            save_file({name: t.detach().clone().contiguous() for name, t in tensors.items()}, str(partial_file))
+        with atomic_output(self.state) as partial_file:
+            partial_file.write_text(json.dumps(self.identity, indent=2), encoding="utf-8")
 
-    def load(self, network: UNet, mean: AveragedModel, optimiser: torch.optim.Optimizer, cycle: OneCycleLR) -> int:
+    def load(self, learner: _Learner) -> int:
         """Take over the checkpoint, if there is one; the number of steps that were done."""
         if not (self.tensors.is_file() and self.state.is_file()):
             return 0
@@ -251,19 +276,6 @@ class _Checkpoint:
                 f"{self.state} is the checkpoint of a training with other settings; choose another folder or remove it."
             )
         tensors = load_file(str(self.tensors))
-        for prefix, module in (("network.", network), ("mean.", mean)):
-            module.load_state_dict({n.removeprefix(prefix): t for n, t in tensors.items() if n.startswith(prefix)})
-        moments: dict[int, dict[str, Tensor]] = {}
-        for name, tensor in tensors.items():
-            if name.startswith("optimiser."):
-                _, index, key = name.split(".", 2)
-                moments.setdefault(int(index), {})[key] = tensor
-        known = optimiser.state_dict()
-        known["state"] = moments
-        optimiser.load_state_dict(known)
         step = int(tensors["step"])
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Detected call of `lr_scheduler.step", UserWarning)
-            for _ in range(step):
-                cycle.step()
+        learner.restore(tensors, step)
         return step

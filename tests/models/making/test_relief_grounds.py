@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import rasterio
 from slopewatch.engine.core.errors import InputError
+from slopewatch.engine.core.progress import Progress
 from slopewatch.models.making.relief_grounds import SITES, real_grounds, simulated_grounds
 
 
@@ -55,15 +56,16 @@ def test_simulated_slopes_have_no_hazards_and_are_the_same_again() -> None:
 
 
 def test_weights_name_what_they_were_trained_on(torch, folder: Path, tmp_path: Path) -> None:
-    from slopewatch.models.making.relief_weights import train_relief_weights
+    from slopewatch.models.making.relief_weights import relief_grounds, train_relief_weights
     from slopewatch.models.training.relief_patches import PatchParameters
     from slopewatch.models.training.sim_on_real import ReliefTraining
 
     parameters = ReliefTraining(steps=1, pairs=1, first=1, patch=PatchParameters(side=32))
-    made = train_relief_weights(folder, tmp_path / "run", parameters, left_out=["chablais"], slopes=0)
+    grounds = relief_grounds(folder, ["chablais"], 0, Progress())
+    made = train_relief_weights(grounds, tmp_path / "run", parameters, left_out=["chablais"])
     assert made is not None
     network, facts = made
     assert facts["real_ground"] == ["slovenia_1m"]
     assert (facts["left_out"], facts["steps"], facts["simulated_slopes"]) == (["chablais"], 1, 0)
     assert network.parameter_count > 2e5
-    assert train_relief_weights(folder, tmp_path / "late", parameters, slopes=0, seconds=0.0) is None
+    assert train_relief_weights(grounds, tmp_path / "late", parameters, seconds=-1.0) is None

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from slopewatch.engine.core.errors import InputError
 from slopewatch.models.preparation.relief_channels import CHANNELS
-from slopewatch.models.training.relief_patches import Ground, PatchParameters
+from slopewatch.models.training.relief_patches import Ground, Grounds, PatchParameters
 
 
 @pytest.fixture
@@ -35,13 +35,13 @@ def test_it_learns_where_hazards_are(small, ground, tmp_path, torch):
 
     configuration, parameters = small
     parameters = replace(parameters, steps=70, pairs=4, decay=0.9, learning_rate=0.015)
-    state = train_relief(configuration, [ground], [], parameters, tmp_path)
+    state = train_relief(configuration, Grounds([ground]), parameters, tmp_path)
     assert state.finished
     assert not state.network.training
     right = known = 0
     background = []
     for step in range(100, 106):  # patches that no step saw
-        for patch in new_pair([ground], [], parameters, step):
+        for patch in new_pair(Grounds([ground]), parameters, step):
             found = raster_logits(state.network, patch.channels).argmax(axis=0)
             hit = (patch.labels == 1) | (patch.labels == 2)
             right += np.count_nonzero(found[hit] == patch.labels[hit])
@@ -55,8 +55,8 @@ def test_an_interrupted_training_gives_the_same_weights(small, ground, tmp_path,
     from slopewatch.models.training.sim_on_real import train_relief
 
     configuration, parameters = small
-    simulated = [replace(ground, name="simulated")]
-    whole = train_relief(configuration, [ground], simulated, parameters, tmp_path / "whole")
+    grounds = Grounds([ground], [replace(ground, name="simulated")])
+    whole = train_relief(configuration, grounds, parameters, tmp_path / "whole")
     assert whole.finished
     from slopewatch.models.training import sim_on_real
 
@@ -65,7 +65,7 @@ def test_an_interrupted_training_gives_the_same_weights(small, ground, tmp_path,
     monkeypatch.setattr(sim_on_real.time, "monotonic", lambda: next(clock))
     while state is None or not state.finished:
         # Each look at the clock is a second: some steps are done each time.
-        state = train_relief(configuration, [ground], simulated, parameters, tmp_path / "parts", seconds=4.0)
+        state = train_relief(configuration, grounds, parameters, tmp_path / "parts", seconds=4.0)
         parts += 1
         assert parts < 8
     assert parts > 1
@@ -80,14 +80,18 @@ def test_steps_depend_on_the_seed_and_draw_from_both_halves(small, ground):
     from slopewatch.models.training.sim_on_real import new_pair
 
     parameters = small[1]
-    again, first, other = (new_pair([ground], [], replace(parameters, seed=seed), 3)[0].channels for seed in (0, 0, 1))
+    again, first, other = (
+        new_pair(Grounds([ground]), replace(parameters, seed=seed), 3)[0].channels for seed in (0, 0, 1)
+    )
     np.testing.assert_array_equal(again, first)
     assert np.abs(other - first).max() > 0.1
     noisy = ground.points.copy()
     noisy[:, 2] += np.random.default_rng(2).normal(0, 1.0, len(noisy))
     rough = Ground("rough", noisy, 5.5)
     unit = CHANNELS.index("log scatter 3 m")
-    units = [np.median(new_pair([ground], [rough], parameters, number)[1].channels[unit]) for number in range(12)]
+    units = [
+        np.median(new_pair(Grounds([ground], [rough]), parameters, number)[1].channels[unit]) for number in range(12)
+    ]
     assert 0.2 < np.mean(np.array(units) > 0.5) < 0.8
 
 
@@ -96,9 +100,9 @@ def test_without_ground_or_with_another_checkpoint_it_is_refused(small, ground, 
 
     configuration, parameters = small
     with pytest.raises(InputError, match="no ground to train on"):
-        train_relief(configuration, [], [], parameters, tmp_path)
-    train_relief(configuration, [ground], [], replace(parameters, steps=1), tmp_path)
+        Grounds()
+    train_relief(configuration, Grounds([ground]), replace(parameters, steps=1), tmp_path)
     with pytest.raises(InputError, match="other settings"):
-        train_relief(configuration, [ground], [], replace(parameters, steps=1, seed=4), tmp_path)
+        train_relief(configuration, Grounds([ground]), replace(parameters, steps=1, seed=4), tmp_path)
     with pytest.raises(InputError, match="not more to begin with"):
         ReliefTraining(first=30, pool=20)
