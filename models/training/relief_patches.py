@@ -44,7 +44,6 @@ _NEED = 0.45
 """A hazard of 1 m width is near its limit at this height over the local scatter of relief over 3 m; the height grows
 with the width to the power of ``_NEED_GROWTH``."""
 _NEED_GROWTH = 0.6
-_MAX_HAZARDS = 30
 _EXCHANGED = np.arange(256, dtype=np.uint8)
 _EXCHANGED[[UPLIFT, SUBSIDENCE]] = SUBSIDENCE, UPLIFT
 
@@ -98,8 +97,10 @@ class PatchParameters:
     stretch. ``noise`` of heights on ``smooth`` ground. ``turned``: share of patches turned to any side; the others keep
     y up the slope within ``tilt_deg``. ``offset``: standard deviation of the height between strips, on ``strips`` of
     the patches; ``holes``: share of the patches with gaps.
-    Hazards cover up to ``filled`` of a patch; ``diameters``; their heights are ``needs`` times what is needed at their
-    place or, in half of the cases, ``heights``; ``varied`` is the share of forms with irregular outline.
+    Hazards cover ``filled`` of the ground on average and come independently of each other, as many on each patch as
+    chance has it: if some patches had many and others none, a network would learn that hazards keep company, and one
+    real hazard would raise false ones around it. ``diameters``; their heights are ``needs`` times what is needed at
+    their place or, in half of the cases, ``heights``; ``varied`` is the share of forms with irregular outline.
     """
 
     side: int = 96
@@ -111,7 +112,7 @@ class PatchParameters:
     offset: float = 0.05
     strips: float = 0.15
     holes: float = 0.3
-    filled: float = 0.3
+    filled: float = 0.12
     diameters: tuple[float, float] = (1.3, 9.0)
     needs: tuple[float, float] = (0.8, 5.0)
     heights: tuple[float, float] = (0.12, 1.5)
@@ -139,8 +140,8 @@ class Patch:
         return Patch(channels, labels)
 
 
-def draw_patches(grounds: Sequence[Ground], parameters: PatchParameters, rng: np.random.Generator) -> list[Patch]:
-    """A patch with hazards and the same without; the same generator state gives the same patches."""
+def draw_patch(grounds: Sequence[Ground], parameters: PatchParameters, rng: np.random.Generator) -> Patch:
+    """A patch with hazards; the same generator state gives the same patch."""
     weights = np.array([ground.weight for ground in grounds])
     for _ in range(_TRIES):
         ground = grounds[int(rng.choice(len(grounds), p=weights / weights.sum()))]
@@ -151,9 +152,8 @@ def draw_patches(grounds: Sequence[Ground], parameters: PatchParameters, rng: np
         raise InputError("No patch with enough points was found on the ground to train on; give larger pieces.")
     size = parameters.side + 2 * MARGIN_CELLS
     cells = cell_heights(flat, CELL_M, np.zeros(2), (size, size))
-    moved, labels = insert_on_cells(cells, _wanted(cells, parameters, rng), flat, rng)
-    changed = replace(cells, height=cells.height + moved)
-    return [_patch(changed, labels), _patch(cells, np.full_like(labels, BACKGROUND))]
+    moved, labels = insert_on_cells(cells, wanted_hazards(cells, parameters, rng), flat, rng)
+    return _patch(replace(cells, height=cells.height + moved), labels)
 
 
 def cut(ground: Ground, parameters: PatchParameters, rng: np.random.Generator) -> Float | None:
@@ -208,11 +208,14 @@ def insert_on_cells(
     return total, labels
 
 
-def _wanted(cells: CellHeights, parameters: PatchParameters, rng: np.random.Generator) -> list[Hazard]:
+def wanted_hazards(cells: CellHeights, parameters: PatchParameters, rng: np.random.Generator) -> list[Hazard]:
+    """Hazards of all sizes for the ground of a patch, high enough to be near what can be found there or above it."""
     unit = float(np.median(local_unit(cells)[cells.covered]))
-    room = rng.uniform(0.1, 1.0) * parameters.filled * np.count_nonzero(cells.covered) * cells.cell**2
+    narrow, wide = parameters.diameters
+    usual_area = math.pi / 8 * (wide**2 - narrow**2) / math.log(wide / narrow)
+    count = rng.poisson(parameters.filled * np.count_nonzero(cells.covered) * cells.cell**2 / usual_area)
     found: list[Hazard] = []
-    while room > 0 and len(found) < _MAX_HAZARDS:
+    for _ in range(count):
         diameter = _log_uniform(parameters.diameters, rng)
         need = _NEED * unit * diameter**_NEED_GROWTH
         if rng.random() < 0.5:
@@ -221,7 +224,6 @@ def _wanted(cells: CellHeights, parameters: PatchParameters, rng: np.random.Gene
             height = max(_log_uniform(parameters.heights, rng), need * parameters.needs[0])
         form = varied_hazard if rng.random() < parameters.varied else smooth_hazard
         found.append(form(height * rng.choice((-1.0, 1.0)), diameter, rng))
-        room -= math.pi / 4 * diameter**2
     return found
 
 

@@ -1,9 +1,8 @@
 """Training of the raster network: hazards put into real and simulated ground anew at every step.
 
-Half of the patches are of real ground, half of simulated; each comes twice, with and without its hazards, so that the
-network learns what a hazard adds rather than what the ground around it is. Each step has one new pair and several of
-the last made, mirrored anew: making a patch takes as long as a step with it. All that is random depends on the seed
-and the step alone: a training that was interrupted gives the same weights as one that was not.
+Half of the patches are of real ground, half of simulated. Each step has one new patch and several of the last made,
+mirrored anew: making a patch takes as long as a step with it. All that is random depends on the seed and the step
+alone: a training that was interrupted gives the same weights as one that was not.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from ...engine.core.progress import Progress
 from ...engine.core.staged_outputs import atomic_output
 from ..network.unet import UNet, UNetConfiguration
 from .loss import combined, root_inverse_weights
-from .relief_patches import Grounds, Patch, PatchParameters, draw_patches
+from .relief_patches import Grounds, Patch, PatchParameters, draw_patch
 
 FREQUENCIES = (0.92, 0.04, 0.04)
 """About the share of the classes' cells on patches with hazards."""
@@ -40,14 +39,14 @@ _AHEAD = 3
 
 @dataclass(frozen=True)
 class ReliefTraining:
-    """How the raster network is trained: ``steps`` of ``pairs`` patches with and without hazards each, one of which is
-    new; the others are drawn from the ``pool`` last made, which begins with ``first``. A part ``simulated`` of the
-    patches is of simulated ground. AdamW, ``learning_rate`` at the peak of one cycle, ``dice`` times Dice's loss next
-    to cross-entropy; ``decay`` of the running mean of the weights.
+    """How the raster network is trained: ``steps`` of ``patches`` each, one of which is new; the others are drawn from
+    the ``pool`` last made, which begins with ``first``. A part ``simulated`` of the patches is of simulated ground.
+    AdamW, ``learning_rate`` at the peak of one cycle, ``dice`` times Dice's loss next to cross-entropy; ``decay`` of
+    the running mean of the weights.
     """
 
     steps: int = 3000
-    pairs: int = 3
+    patches: int = 5
     pool: int = 200
     first: int = 20
     simulated: float = 0.5
@@ -60,10 +59,10 @@ class ReliefTraining:
     patch: PatchParameters = field(default_factory=PatchParameters)
 
     def __post_init__(self) -> None:
-        if min(self.steps, self.pairs, self.first) < 1 or self.pool < self.first:
+        if min(self.steps, self.patches, self.first) < 1 or self.pool < self.first:
             raise InputError(
-                f"Training has {self.steps} steps of {self.pairs} pairs from a pool that begins with {self.first} of "
-                f"{self.pool}; give at least 1 of each, and not more to begin with than the pool holds."
+                f"Training has {self.steps} steps of {self.patches} patches from a pool that begins with {self.first} "
+                f"of {self.pool}; give at least 1 of each, and not more to begin with than the pool holds."
             )
 
 
@@ -185,25 +184,25 @@ class _Learner:
                 self.cycle.step()
 
 
-def new_pair(grounds: Grounds, parameters: ReliefTraining, number: int) -> list[Patch]:
-    """The pair of that ``number``, with hazards and without; the same number always the same."""
+def new_patch(grounds: Grounds, parameters: ReliefTraining, number: int) -> Patch:
+    """The patch of that ``number``; the same number always the same."""
     rng = np.random.default_rng([parameters.seed, number])
     both = bool(grounds.real) and bool(grounds.simulated)
     of_simulated = rng.random() < parameters.simulated if both else bool(grounds.simulated)
-    return draw_patches(grounds.simulated if of_simulated else grounds.real, parameters.patch, rng)
+    return draw_patch(grounds.simulated if of_simulated else grounds.real, parameters.patch, rng)
 
 
 def _batches(grounds: Grounds, parameters: ReliefTraining, step: int) -> Iterator[list[Patch]]:
     """The patches of each step from ``step`` on, made a few steps ahead in a thread of their own."""
     begin = max(0, parameters.first + step + 1 - parameters.pool)
-    pool: deque[list[Patch]] = deque(maxlen=parameters.pool)
-    waiting: deque[Future[list[Patch]]] = deque()
+    pool: deque[Patch] = deque(maxlen=parameters.pool)
+    waiting: deque[Future[Patch]] = deque()
     end = parameters.first + parameters.steps
     with ThreadPoolExecutor(1) as thread:
         try:
             for number in range(begin, end):
                 for ahead in range(number + len(waiting), min(number + _AHEAD, end)):
-                    waiting.append(thread.submit(new_pair, grounds, parameters, ahead))
+                    waiting.append(thread.submit(new_patch, grounds, parameters, ahead))
                 pool.append(waiting.popleft().result())
                 if number >= parameters.first + step:
                     yield _replayed(pool, parameters, number - parameters.first)
@@ -212,14 +211,14 @@ def _batches(grounds: Grounds, parameters: ReliefTraining, step: int) -> Iterato
                 future.cancel()
 
 
-def _replayed(pool: Sequence[list[Patch]], parameters: ReliefTraining, step: int) -> list[Patch]:
-    """The newest pair and others of the pool, some mirrored along x, some upside down."""
+def _replayed(pool: Sequence[Patch], parameters: ReliefTraining, step: int) -> list[Patch]:
+    """The newest patch and others of the pool, some mirrored along x, some upside down."""
     rng = np.random.default_rng([parameters.seed, step, 1])
-    chosen = [len(pool) - 1, *rng.integers(0, len(pool), parameters.pairs - 1)]
+    chosen = [len(pool) - 1, *rng.integers(0, len(pool), parameters.patches - 1)]
     found = []
     for number in chosen:
         along, inverse = rng.random(2) < 0.5
-        found += [patch.mirrored(along=bool(along), upside_down=bool(inverse)) for patch in pool[number]]
+        found.append(pool[number].mirrored(along=bool(along), upside_down=bool(inverse)))
     return found
 
 

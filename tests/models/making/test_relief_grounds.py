@@ -60,7 +60,7 @@ def test_weights_name_what_they_were_trained_on(torch, folder: Path, tmp_path: P
     from slopewatch.models.training.relief_patches import PatchParameters
     from slopewatch.models.training.sim_on_real import ReliefTraining
 
-    parameters = ReliefTraining(steps=1, pairs=1, first=1, patch=PatchParameters(side=32))
+    parameters = ReliefTraining(steps=1, patches=1, first=1, patch=PatchParameters(side=32))
     grounds = relief_grounds(folder, ["chablais"], 0, Progress())
     made = train_relief_weights(grounds, tmp_path / "run", parameters, left_out=["chablais"])
     assert made is not None

@@ -26,27 +26,27 @@ def small(torch):
 
     torch.set_num_threads(1)
     patch = PatchParameters(side=32, needs=(3.0, 8.0), diameters=(2.0, 6.0))
-    return UNetConfiguration(widths=(6, 8)), ReliefTraining(steps=6, pairs=2, pool=4, first=3, decay=0.5, patch=patch)
+    return UNetConfiguration(widths=(6, 8)), ReliefTraining(steps=6, patches=3, pool=4, first=3, decay=0.5, patch=patch)
 
 
 def test_it_learns_where_hazards_are(small, ground, tmp_path, torch):
     from slopewatch.models.network.unet import raster_logits
-    from slopewatch.models.training.sim_on_real import new_pair, train_relief
+    from slopewatch.models.training.sim_on_real import new_patch, train_relief
 
     configuration, parameters = small
-    parameters = replace(parameters, steps=70, pairs=4, decay=0.9, learning_rate=0.015)
+    parameters = replace(parameters, steps=70, patches=8, decay=0.9, learning_rate=0.015)
     state = train_relief(configuration, Grounds([ground]), parameters, tmp_path)
     assert state.finished
     assert not state.network.training
     right = known = 0
     background = []
     for step in range(100, 106):  # patches that no step saw
-        for patch in new_pair(Grounds([ground]), parameters, step):
-            found = raster_logits(state.network, patch.channels).argmax(axis=0)
-            hit = (patch.labels == 1) | (patch.labels == 2)
-            right += np.count_nonzero(found[hit] == patch.labels[hit])
-            known += np.count_nonzero(hit)
-            background.append(np.mean(found[patch.labels == 0] == 0))
+        patch = new_patch(Grounds([ground]), parameters, step)
+        found = raster_logits(state.network, patch.channels).argmax(axis=0)
+        hit = (patch.labels == 1) | (patch.labels == 2)
+        right += np.count_nonzero(found[hit] == patch.labels[hit])
+        known += np.count_nonzero(hit)
+        background.append(np.mean(found[patch.labels == 0] == 0))
     assert right / known > 0.75
     assert np.mean(background) > 0.8
 
@@ -77,11 +77,11 @@ def test_an_interrupted_training_gives_the_same_weights(small, ground, tmp_path,
 
 
 def test_steps_depend_on_the_seed_and_draw_from_both_halves(small, ground):
-    from slopewatch.models.training.sim_on_real import new_pair
+    from slopewatch.models.training.sim_on_real import new_patch
 
     parameters = small[1]
     again, first, other = (
-        new_pair(Grounds([ground]), replace(parameters, seed=seed), 3)[0].channels for seed in (0, 0, 1)
+        new_patch(Grounds([ground]), replace(parameters, seed=seed), 3).channels for seed in (0, 0, 1)
     )
     np.testing.assert_array_equal(again, first)
     assert np.abs(other - first).max() > 0.1
@@ -90,7 +90,7 @@ def test_steps_depend_on_the_seed_and_draw_from_both_halves(small, ground):
     rough = Ground("rough", noisy, 5.5)
     unit = CHANNELS.index("log scatter 3 m")
     units = [
-        np.median(new_pair(Grounds([ground], [rough]), parameters, number)[1].channels[unit]) for number in range(12)
+        np.median(new_patch(Grounds([ground], [rough]), parameters, number).channels[unit]) for number in range(12)
     ]
     assert 0.2 < np.mean(np.array(units) > 0.5) < 0.8
 
