@@ -7,7 +7,8 @@ the other surveys of the same kind (clouds, elevation models, simulated slopes) 
 Ground on which not even a hazard of 1 m can be found (``SEEN_M``), where screening is to refuse, has its results in the
 table but no part in thresholds. A zone is a group of connected cells of 0.5 m above the threshold, at least 1 m² large;
 a hazard is found if a zone of its sign covers a quarter of it or 1 m² of it. For diagnosis the same is measured with
-the threshold of the untouched ground of the place itself.
+the threshold of the untouched ground of the place itself. Among the hazards are places where nothing is put in: what is
+found there is found by chance, or because a detector takes true hazards for a sign of others.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ from .screening_ground import ELEVATION, POINTS, SIMULATED, Place, real_places, 
 from .screening_trials import (
     DIAMETERS_M,
     HEIGHTS_M,
+    NOTHING_M,
     Detector,
     PlaceResult,
     Trial,
@@ -159,6 +161,10 @@ def table(outcome: Outcome) -> list[Row]:
         mine = [one for one in outcome.judged if one.place.kind == kind]
         if not mine:
             continue
+        nothing = [one for one in mine if abs(one.trial.height) <= NOTHING_M]
+        if nothing:
+            rows.append(_row(f"{title}: places with nothing put in found", nothing, names))
+        mine = [one for one in mine if abs(one.trial.height) > NOTHING_M]
         for height in HEIGHTS_M:
             chosen = [one for one in mine if abs(abs(one.trial.height) - height) < 1e-9]
             rows.append(_row(f"{title}: hazards of {height:g} m found", chosen, names))

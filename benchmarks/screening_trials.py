@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,11 @@ from .screening_ground import ELEVATION, Place
 HEIGHTS_M = (0.15, 0.3, 0.5, 0.8, 1.2)
 DIAMETERS_M = (2.0, 3.0, 5.0, 8.0)
 ELEVATION_DIAMETERS_M = (5.0, 8.0)
+NOTHING_M = 1e-6
+"""Height of places that are named like hazards but hold nothing: how many are found says what the finds are worth among
+true hazards, where a detector may see more than on untouched ground."""
+_NOTHING_AS_M = 0.3
+"""Their footprint is that of a hazard of this height."""
 FILLED = 0.12
 """Share of the ground that is displaced at a time: more would be the ground rather than lie on it."""
 _MAX_LOOKS = 60
@@ -158,7 +163,7 @@ def _wanted(place: Place, count: int, rng: np.random.Generator) -> list[Hazard]:
     drawn = [
         smooth_hazard((-1) ** k * height, diameter, rng)
         for k in range(count)
-        for height in HEIGHTS_M
+        for height in (NOTHING_M, *HEIGHTS_M)
         for diameter in diameters
     ]
     return [drawn[k] for k in rng.permutation(len(drawn))]
@@ -179,13 +184,15 @@ def _trials(
     scores = _scores(changed, raster, detectors)
     found = []
     for one in scene.hazards:
-        up, down = footprint(one.shape, raster.origin, raster.cell, raster.shape)
+        height, diameter = wanted[one.number].height, round(one.diameter, 3)
+        nothing = abs(height) <= NOTHING_M
+        shape = replace(one.shape, height=math.copysign(_NOTHING_AS_M, height)) if nothing else one.shape
+        up, down = footprint(shape, raster.origin, raster.cell, raster.shape)
         mine = (up if one.label == UPLIFT else down) & raster.covered
         strengths = {
             name: strength_at(score.uplift if one.label == UPLIFT else score.subsidence, mine, raster.cell)
             for name, score in scores.items()
         }
-        height, diameter = wanted[one.number].height, round(one.diameter, 3)
         i, j = raster.index(np.array([[one.shape.u, one.shape.w]]))
         here = needed.at(int(i[0]), int(j[0]), diameter)
         found.append(Trial(place.name, height, diameter, (one.shape.u, one.shape.w), here, strengths))

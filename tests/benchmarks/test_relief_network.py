@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from slopewatch.benchmarks.screening_ground import POINTS, Place
 from slopewatch.benchmarks.screening_sites import RELIEF, relief_network
-from slopewatch.models.preparation.relief_raster import relief_raster
+from slopewatch.benchmarks.screening_trials import NOTHING_M, try_place
+from slopewatch.models.preparation.raster_zones import Scores
+from slopewatch.models.preparation.relief_raster import ReliefRaster, relief_raster
 from slopewatch.tests.builders.networks import torch
 
 __all__ = ["torch"]
@@ -41,3 +43,22 @@ def test_a_survey_is_judged_by_weights_that_never_saw_it(weights) -> None:
     # Several that never saw a survey answer together.
     assert np.nanmax(np.abs(scores(both, "b") - scores(alone[0], "b"))) > 0.001
     np.testing.assert_array_equal(np.isfinite(scores(both, "b")), raster.covered)
+
+
+def test_places_with_nothing_put_in_are_found_by_what_sees_hazards_everywhere() -> None:
+    rng = np.random.default_rng(2)
+    flat = np.column_stack([rng.uniform(0, 40, (12000, 2)), rng.normal(0, 0.02, 12000)])
+    where = Place("one", "one", POINTS, flat, np.eye(4))
+
+    def detector(place: Place, raster: ReliefRaster) -> dict[str, Scores]:
+        touched = float(np.abs(place.flat[:, 2]).max() > 0.2)
+        everywhere = np.where(raster.covered, touched, np.nan)
+        return {"height": Scores.signed(raster.height, 0.5), "any": Scores(everywhere, everywhere, 0.5)}
+
+    trials = try_place(where, [detector], 2).trials
+    nothing = [one for one in trials if abs(one.height) <= NOTHING_M]
+    hazards = [one for one in trials if abs(one.height) >= 0.5]
+    assert len(nothing) == 8
+    assert all(one.strength["height"] < 0.1 for one in nothing)
+    assert np.mean([one.strength["height"] > 0.1 for one in hazards]) > 0.9
+    assert np.mean([one.strength["any"] == 1.0 for one in nothing]) > 0.8
