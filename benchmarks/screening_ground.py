@@ -13,12 +13,12 @@ from pathlib import Path
 
 import laspy
 import numpy as np
-import rasterio
 
 from ..engine.core.arrays import Float
 from ..engine.geometry.dominant_plane import apply_matrix
 from ..engine.ground.extraction import extract_ground
 from ..models.configuration import ModelConfiguration
+from ..models.making.relief_grounds import elevation_points
 from ..models.preparation.inserted_hazards import thinned
 from ..models.preparation.prepare import flat_frame
 from ..simulation.hazard_scenes.scenes import build_scene
@@ -142,7 +142,7 @@ def _elevation_models() -> Iterator[Place]:
     ):
         if not path.is_file():
             continue
-        for number, xyz in enumerate(_steepest(patches(_model_points(path), MODEL_PATCH_M, 1000), most), 1):
+        for number, xyz in enumerate(_steepest(patches(elevation_points(path), MODEL_PATCH_M, 1000), most), 1):
             yield place(f"{group} {number}", group, ELEVATION, xyz)
 
 
@@ -163,12 +163,3 @@ def _all_points(path: Path) -> Float:
 def _extracted(path: Path) -> Float:
     with tempfile.TemporaryDirectory() as folder:
         return _all_points(extract_ground(path, Path(folder) / "ground.laz").ground)
-
-
-def _model_points(path: Path) -> Float:
-    """Cells (n, 3) of an elevation model with data, in metres about its corner."""
-    with rasterio.open(path) as source:
-        height = source.read(1, masked=True).astype(np.float64).filled(np.nan)
-        side = float(source.res[0])
-    row, column = np.nonzero(np.isfinite(height))
-    return np.column_stack([(column + 0.5) * side, -(row + 0.5) * side, height[row, column]])

@@ -1,12 +1,14 @@
 """Screening where it counts: hazards put into real and simulated ground, found at one false zone per 1,000 m².
 
 ``python -m slopewatch.benchmarks screening_sites`` prints the table; ``python -m slopewatch.benchmarks.screening_sites
---network`` adds the shipped network, ``--results FOLDER`` keeps every trial as JSON. The threshold of each detector is
-the level at which untouched ground of the other surveys of the same kind (clouds, elevation models, simulated slopes)
-shows one false zone per 1,000 m². Ground on which not even a hazard of 1 m can be found (``SEEN_M``), where screening
-is to refuse, has its results in the table but no part in thresholds. A zone is a group of connected cells of 0.5 m
-above the threshold, at least 1 m² large; a hazard is found if a zone of its sign covers a quarter of it or 1 m² of it.
-For diagnosis the same is measured with the threshold of the untouched ground of the place itself.
+--network`` adds the shipped network, ``--relief FILES`` the raster network by weights that left surveys out,
+``--results FOLDER`` keeps every trial as JSON. The threshold of each detector is the level at which untouched ground of
+the other surveys of the same kind (clouds, elevation models, simulated slopes) shows one false zone per 1,000 m².
+Ground on which not even a hazard of 1 m can be found (``SEEN_M``), where screening is to refuse, has its results in the
+table but no part in thresholds. A zone is a group of connected cells of 0.5 m above the threshold, at least 1 m² large;
+a hazard is found if a zone of its sign covers a quarter of it or 1 m² of it. For diagnosis the same is measured with
+the threshold of the untouched ground of the place itself. Among the hazards are places where nothing is put in: what is
+found there is found by chance, or because a detector takes true hazards for a sign of others.
 """
 
 from __future__ import annotations
@@ -25,12 +27,23 @@ import numpy as np
 from scipy.stats import binomtest
 
 from ..engine.core.arrays import Float
+from ..models.preparation.bump_filter import cell_heights
 from ..models.preparation.even_scores import LEVELS
-from ..models.preparation.raster_zones import PER_M2, common_levels, conformal_level, level_for_rate, zone_counts
+from ..models.preparation.raster_zones import (
+    PER_M2,
+    Scores,
+    common_levels,
+    conformal_level,
+    level_for_rate,
+    zone_counts,
+)
+from ..models.preparation.relief_channels import relief_channels
+from ..models.preparation.relief_raster import ReliefRaster
 from .screening_ground import ELEVATION, POINTS, SIMULATED, Place, real_places, simulated_places
 from .screening_trials import (
     DIAMETERS_M,
     HEIGHTS_M,
+    NOTHING_M,
     Detector,
     PlaceResult,
     Trial,
@@ -44,6 +57,7 @@ COUNT = 12
 """Hazards of each height and diameter at a place; large surveys have several places."""
 NEEDED_EDGES = (0.5, 1.0, 1.5, 2.5, math.inf)
 """Bounds of the bins of a hazard's height over the height that its place needs."""
+RELIEF = "U-Net on relief"
 SEEN_M = 1.0
 """A70 of the most easily found width beyond which a place sets no threshold."""
 MIN_DENSITY = 3.0
@@ -189,6 +203,10 @@ def table(outcome: Outcome) -> list[Row]:
         mine = [one for one in outcome.judged if one.place.kind == kind]
         if not mine:
             continue
+        nothing = [one for one in mine if abs(one.trial.height) <= NOTHING_M]
+        if nothing:
+            rows.append(_row(f"{title}: places with nothing put in found", nothing, names))
+        mine = [one for one in mine if abs(one.trial.height) > NOTHING_M]
         for height in HEIGHTS_M:
             chosen = [one for one in mine if abs(abs(one.trial.height) - height) < 1e-9]
             rows.append(_row(f"{title}: hazards of {height:g} m found", chosen, names))
@@ -295,10 +313,50 @@ def shipped_network() -> Detector:
     return network_scores(probabilities)
 
 
-def rows(keep: Path | None = None, *, network: bool = False, count: int = COUNT, extract: bool = True) -> list[Row]:
-    """The table; ``keep`` with the suffix .json is written with every trial."""
+def relief_network(weights: Sequence[Path]) -> tuple[Detector, set[str]]:
+    """The raster network, at each place with weights that were trained without its survey, and these surveys.
+
+    Raises:
+        InputError: weights cannot be read.
+    """
+    from ..models.network.unet import load_unet, log_odds, raster_logits
+
+    networks = []
+    unseen: dict[str, list[int]] = {}
+    for number, path in enumerate(weights):
+        network, description = load_unet(path)
+        networks.append(network)
+        for survey in description["training"]["left_out"]:
+            unseen.setdefault(survey, []).append(number)
+
+    def scores(place: Place, raster: ReliefRaster) -> dict[str, Scores]:
+        relief = relief_channels(cell_heights(place.flat, raster.cell, raster.origin, raster.shape))
+        chosen = unseen.get(place.group, range(len(networks)))
+        logits = np.mean([raster_logits(networks[k], relief.channels) for k in chosen], axis=0)
+        up, down = (np.where(raster.covered, odds, np.nan) for odds in log_odds(logits))
+        return {RELIEF: Scores(up, down, raster.cell)}
+
+    return scores, set(unseen)
+
+
+def rows(
+    keep: Path | None = None,
+    *,
+    network: bool = False,
+    relief: Sequence[Path] = (),
+    count: int = COUNT,
+    extract: bool = True,
+) -> list[Row]:
+    """The table; ``keep`` with the suffix .json is written with every trial. With weights ``relief`` of the raster
+    network real ground is judged only where one of them was trained without it.
+    """
     detectors = [filter_scores, *([shipped_network()] if network else [])]
-    outcome = judge(run_places([*real_places(extract=extract), *simulated_places()], detectors, count))
+    places = [*real_places(extract=extract), *simulated_places()]
+    if relief:
+        detector, unseen = relief_network(relief)
+        detectors.append(detector)
+        places = [place for place in places if place.kind == SIMULATED or place.group in unseen]
+    outcome = judge(run_places(places, detectors, count))
     if keep is not None:
         keep.parent.mkdir(parents=True, exist_ok=True)
         keep.with_suffix(".json").write_text(json.dumps(as_json(outcome)), encoding="utf-8")
@@ -309,13 +367,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--network", action="store_true", help="the shipped weights, too")
+    parser.add_argument("--relief", type=Path, nargs="*", default=(), help="weights of the raster network")
     parser.add_argument("--count", type=int, default=COUNT, help="hazards of each height and width at a place")
     parser.add_argument("--no-extraction", action="store_true", help="leave out clouds without classified ground")
     parser.add_argument("--results", type=Path, help="folder for screening_sites.json")
     options = parser.parse_args(arguments)
     keep = options.results / "screening_sites.json" if options.results else None
     print(heading())
-    found = rows(keep, network=options.network, count=options.count, extract=not options.no_extraction)
+    found = rows(
+        keep, network=options.network, relief=options.relief, count=options.count, extract=not options.no_extraction
+    )
     print(markdown("Screening of hazards put into real ground", found))
     return int(any(row.met is False for row in found))
 

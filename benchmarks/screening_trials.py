@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,11 @@ from scipy.ndimage import distance_transform_edt
 from ..engine.core.arrays import Float
 from ..engine.geometry.dominant_plane import apply_matrix
 from ..engine.geometry.hazard_shapes import Hazard
+from ..models.preparation.bump_filter import cell_heights
 from ..models.preparation.even_scores import even_scores
 from ..models.preparation.inserted_hazards import UPLIFT, Inserted, footprint, insert_hazards, smooth_hazard
 from ..models.preparation.raster_zones import Scores, strength_at
+from ..models.preparation.relief_channels import bump_scores
 from ..models.preparation.relief_raster import ReliefRaster, laplacian_score, relief_raster
 from ..models.preparation.smallest_hazard import SmallestHazard, smallest_hazard
 from ..models.preparation.smallest_hazard import filter_scores as matched_filter
@@ -28,6 +30,11 @@ from .screening_ground import ELEVATION, Place
 HEIGHTS_M = (0.15, 0.3, 0.5, 0.8, 1.2)
 DIAMETERS_M = (2.0, 3.0, 5.0, 8.0)
 ELEVATION_DIAMETERS_M = (5.0, 8.0)
+NOTHING_M = 1e-6
+"""Height of places that are named like hazards but hold nothing: how many are found says what the finds are worth among
+true hazards, where a detector may see more than on untouched ground."""
+_NOTHING_AS_M = 0.3
+"""Their footprint is that of a hazard of this height."""
 FILLED = 0.12
 """Share of the ground that is displaced at a time: more would be the ground rather than lie on it."""
 _MAX_LOOKS = 60
@@ -65,27 +72,21 @@ class PlaceResult:
 
 def filter_scores(place: Place, raster: ReliefRaster) -> dict[str, Scores]:
     """The detectors that learn nothing: residual, Laplacian of Gaussian over roughness, and the matched filter by
-    heights, by t at one width, by the strongest t of all widths, and by that over its own scatter.
+    heights, by t at one width, by the strongest t of plain least squares, of robust fits, and by that over its scatter.
     """
     cell = raster.cell
     laplacians = [laplacian_score(raster, fit.diameter) for fit in raster.bumps]
+    cells = cell_heights(place.flat, cell, raster.origin, raster.shape)
     three = min(raster.bumps, key=lambda fit: abs(fit.diameter - (5.0 if place.kind == ELEVATION else 3.0)))
     return {
         "residual 4 m": Scores.signed(raster.height, cell),
-        "LoG": strongest(laplacians, cell),
+        "LoG": Scores.strongest(laplacians, cell),
         "filter, heights": Scores.signed(three.amplitude, cell),
         "filter, t of one width": Scores.signed(three.t, cell),
+        "filter, linear t": Scores.strongest(list(bump_scores(cells)), cell),
         "filter, t": matched_filter(raster),
         "filter, even t": even_scores(raster),
     }
-
-
-def strongest(signed: Sequence[NDArray[np.floating]], cell: float) -> Scores:
-    """For either sign the largest of several signed scores (columns, rows); NaN where none has data."""
-    stack = np.stack(list(signed))
-    missing = np.isnan(stack).all(axis=0)
-    up, down = np.nan_to_num(stack, nan=-np.inf).max(axis=0), np.nan_to_num(-stack, nan=-np.inf).max(axis=0)
-    return Scores(np.where(missing, np.nan, up), np.where(missing, np.nan, down), cell)
 
 
 def network_scores(predict: Callable[[Float], NDArray[np.floating]]) -> Detector:
@@ -156,7 +157,7 @@ def _wanted(place: Place, count: int, rng: np.random.Generator) -> list[Hazard]:
     drawn = [
         smooth_hazard((-1) ** k * height, diameter, rng)
         for k in range(count)
-        for height in HEIGHTS_M
+        for height in (NOTHING_M, *HEIGHTS_M)
         for diameter in diameters
     ]
     return [drawn[k] for k in rng.permutation(len(drawn))]
@@ -177,13 +178,15 @@ def _trials(
     scores = _scores(changed, raster, detectors)
     found = []
     for one in scene.hazards:
-        up, down = footprint(one.shape, raster.origin, raster.cell, raster.shape)
+        height, diameter = wanted[one.number].height, round(one.diameter, 3)
+        nothing = abs(height) <= NOTHING_M
+        shape = replace(one.shape, height=math.copysign(_NOTHING_AS_M, height)) if nothing else one.shape
+        up, down = footprint(shape, raster.origin, raster.cell, raster.shape)
         mine = (up if one.label == UPLIFT else down) & raster.covered
         strengths = {
             name: strength_at(score.uplift if one.label == UPLIFT else score.subsidence, mine, raster.cell)
             for name, score in scores.items()
         }
-        height, diameter = wanted[one.number].height, round(one.diameter, 3)
         i, j = raster.index(np.array([[one.shape.u, one.shape.w]]))
         here = needed.at(int(i[0]), int(j[0]), diameter)
         found.append(Trial(place.name, height, diameter, (one.shape.u, one.shape.w), here, strengths))

@@ -18,6 +18,7 @@ FIGURES = Path(__file__).resolve().parents[1] / "weights" / "figures"
 _folder = click.option(
     "--folder", type=click.Path(path_type=Path), required=True, help="For checkpoints; a broken run goes on from here."
 )
+_minutes = click.option("--minutes", type=float, default=float("inf"), help="Stop after so long; run again to go on.")
 _device = click.option(
     "--device", type=click.Choice(["auto", "cpu", "gpu"]), default="auto", show_default=True, help="auto: gpu if any."
 )
@@ -65,7 +66,7 @@ def folds(
 
 
 @main.command()
-@click.option("--minutes", type=float, default=float("inf"), help="Stop after so long; run again to go on.")
+@_minutes
 @_device
 @_folder
 @command(profile=False)
@@ -101,6 +102,45 @@ def weights(session: Session, minutes: float, device: str, folder: Path) -> RunR
     with atomic_output(SHIPPED_WEIGHTS.with_name("training_log.csv")) as partial:
         partial.write_text((folder / "log.csv").read_text(encoding="utf-8"), encoding="utf-8")
     return RunResult({"weights": SHIPPED_WEIGHTS}, {"temperature": calibration.temperature, **facts})
+
+
+@main.command("relief")
+@click.option("--ground", type=click.Path(path_type=Path, exists=True, file_okay=False), help="Folder of real ground.")
+@click.option("--leave-out", multiple=True, help="A survey that the network must not see, for tests on it.")
+@click.option("--slopes", type=click.IntRange(min=0), default=60, show_default=True, help="Simulated slopes.")
+@click.option("--steps", type=click.IntRange(min=1), default=3000, show_default=True)
+@click.option("--seed", type=int, default=0, show_default=True)
+@_minutes
+@click.option("--weights", "path", type=click.Path(path_type=Path), required=True, help="The .safetensors to write.")
+@_folder
+@command(profile=False)
+def relief_weights(
+    session: Session,
+    ground: Path | None,
+    leave_out: tuple[str, ...],
+    slopes: int,
+    steps: int,
+    seed: int,
+    minutes: float,
+    path: Path,
+    folder: Path,
+) -> RunResult:
+    """Train the network that reads rasters, on real ground and simulated slopes."""
+    from ..network.unet import save_unet
+    from ..training.sim_on_real import ReliefTraining
+    from .relief_weights import relief_grounds, train_relief_weights
+
+    _one_thread()
+    parameters = ReliefTraining(steps=steps, seed=seed)
+    grounds = relief_grounds(ground, leave_out, slopes, session.report)
+    made = train_relief_weights(
+        grounds, folder, parameters, left_out=leave_out, seconds=60 * minutes, progress=session.report
+    )
+    if made is None:
+        raise InputError(f"The time is over before the training is; run again with --folder {folder} to go on.")
+    network, facts = made
+    save_unet(path, network, facts, {})
+    return RunResult({"weights": path}, {"steps": steps, "processor_seconds": facts["processor_seconds"]})
 
 
 @main.command()

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
+
+from torch import Tensor
 
 from ...engine.core import checksums
 from ...engine.core.errors import InputError
@@ -45,25 +48,32 @@ def save_model(
     Raises:
         InputError: the folder does not exist or cannot be written, or the name does not end in .safetensors.
     """
-    from safetensors.torch import save_file
-
-    if path.suffix != ".safetensors":
-        raise InputError(f"The weights' name {path.name} does not end in .safetensors; give one that does.")
-    tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in network.state_dict().items()}
-    with atomic_output(path) as partial:
-        save_file(tensors, str(partial))
-    digest = checksums.sha256(path)
-    description = {
-        "format": FORMAT,
-        "sha256": digest,
+    facts = {
         "configuration": asdict(network.configuration),
         "parameters": network.parameter_count,
         "simulator_version": simulator_version,
         "training": training,
         "metrics": metrics,
     }
+    return save_tensors(path, network.state_dict(), facts)
+
+
+def save_tensors(path: Path, tensors: Mapping[str, Tensor], facts: dict[str, Any]) -> str:
+    """Write tensors and, next to them, a JSON file of facts with their checksum, which is returned.
+
+    Raises:
+        InputError: as ``save_model``.
+    """
+    from safetensors.torch import save_file
+
+    if path.suffix != ".safetensors":
+        raise InputError(f"The weights' name {path.name} does not end in .safetensors; give one that does.")
+    with atomic_output(path) as partial:
+        save_file({name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}, str(partial))
+    digest = checksums.sha256(path)
     with atomic_output(path.with_suffix(".json")) as partial:
-        partial.write_text(json.dumps(description, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+        text = json.dumps({"format": FORMAT, "sha256": digest, **facts}, indent=2, ensure_ascii=False)
+        partial.write_text(text + "\n", encoding="utf-8")
     return digest
 
 
@@ -77,6 +87,22 @@ def load_model(path: Path, sha256: str | None = None) -> ModelFile:
     Raises:
         InputError: a file is missing, pickled, tampered with or not made for this version.
     """
+    description, tensors, found = load_tensors(path, sha256)
+    configuration = ModelConfiguration.from_mapping(description["configuration"])
+    network = RandLANet(configuration)
+    try:
+        network.load_state_dict(tensors)
+    except RuntimeError as error:
+        raise InputError(f"The weights {path} do not fit their description; take both from one source.") from error
+    network.eval()
+    return ModelFile(network, configuration, description, found)
+
+
+def load_tensors(path: Path, sha256: str | None = None) -> tuple[dict[str, Any], dict[str, Tensor], str]:
+    """The description, the tensors and the checksum of weights, both files checked as by ``load_model``."""
+    from safetensors import SafetensorError
+    from safetensors.torch import load_file
+
     path = Path(path)
     if not path.is_file():
         raise InputError(f"The weights {path} do not exist; give a .safetensors file.")
@@ -86,17 +112,10 @@ def load_model(path: Path, sha256: str | None = None) -> ModelFile:
     for expected in (sha256, description["sha256"]):
         if expected is not None and found != expected:
             raise InputError(f"The weights {path} are not those their checksum names; download or train them again.")
-    configuration = ModelConfiguration.from_mapping(description["configuration"])
-    from safetensors import SafetensorError
-    from safetensors.torch import load_file
-
-    network = RandLANet(configuration)
     try:
-        network.load_state_dict(load_file(str(path)))
-    except (SafetensorError, RuntimeError) as error:
+        return description, load_file(str(path)), found
+    except SafetensorError as error:
         raise InputError(f"The weights {path} do not fit their description; take both from one source.") from error
-    network.eval()
-    return ModelFile(network, configuration, description, found)
 
 
 def _refuse_pickle(path: Path) -> None:

@@ -43,7 +43,7 @@ lie too one-sidedly."""
 _MIN_SCATTER_M = 0.003
 _CHUNK_VALUES = 200_000
 """Values of windows that are worked on at a time: what a processor's cache holds."""
-_UNKNOWNS = 7
+UNKNOWNS = 7
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ def bump(distance: Float, diameter: float) -> Float:
 
 def fit_bumps(cells: CellHeights, diameter: float, where: Bool) -> BumpFit:
     """Fit a bump of ``diameter`` m about each cell of ``where`` (columns, rows)."""
-    design = _Design.of(diameter, cells.cell)
+    design = BumpDesign.of(diameter, cells.cell)
     margin = design.margin
     known = np.pad(cells.covered, margin)
     height = np.where(known, np.pad(np.nan_to_num(cells.height), margin), 0.0).astype(np.float32)
@@ -144,7 +144,7 @@ def fit_bumps(cells: CellHeights, diameter: float, where: Bool) -> BumpFit:
 
 
 @dataclass(frozen=True)
-class _Design:
+class BumpDesign:
     """What all windows share: cells (k,) by their offsets, the columns (k, 7) of the model, the bump last, and the
     products (k, 28) of any two of them. ``bump_cells`` (k,) is 1 on the bump, 0 elsewhere; ``inflation`` is how many
     times the background makes the variance of the bump's height in a full window.
@@ -162,7 +162,7 @@ class _Design:
         return int(np.abs(self.di).max())
 
     @classmethod
-    def of(cls, diameter: float, cell: float) -> _Design:
+    def of(cls, diameter: float, cell: float) -> BumpDesign:
         radius = BACKGROUND_DIAMETERS * diameter / 2
         reach = math.floor(radius / cell)
         axis = np.arange(-reach, reach + 1)
@@ -174,7 +174,7 @@ class _Design:
         a, b = (part.ravel() for part in np.meshgrid(within, within))
         mean = bump(np.hypot(di[:, None] + a, dj[:, None] + b) * cell, diameter).mean(axis=1)
         columns = np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y, mean])
-        first, second = np.triu_indices(_UNKNOWNS)
+        first, second = np.triu_indices(UNKNOWNS)
         normal = columns.T @ columns
         return cls(
             di,
@@ -186,7 +186,7 @@ class _Design:
         )
 
 
-def _fit_windows(z: Float32, weight: Float32, design: _Design) -> tuple[Float, Float]:
+def _fit_windows(z: Float32, weight: Float32, design: BumpDesign) -> tuple[Float, Float]:
     """Heights and standard errors (n,) of the bumps in windows (n, k) of heights (m) and weights, 0 without points."""
     total = weight.sum(axis=1)
     # Heights about the window's mean keep the digits of single precision.
@@ -228,19 +228,19 @@ def _solve(products: NDArray[np.floating], right: NDArray[np.floating]) -> tuple
     unknown, 1 over its variance in units of the scatter's square. Cholesky's decomposition of all rows at once.
     """
     n = len(products)
-    first, second = np.triu_indices(_UNKNOWNS)
-    matrix = np.empty((_UNKNOWNS, _UNKNOWNS, n))
+    first, second = np.triu_indices(UNKNOWNS)
+    matrix = np.empty((UNKNOWNS, UNKNOWNS, n))
     matrix[second, first] = products.T
     ridge = 1e-6 * matrix[0, 0] + 1e-12
     lower = np.zeros_like(matrix)
-    half = np.empty((_UNKNOWNS, n))
-    for j in range(_UNKNOWNS):
+    half = np.empty((UNKNOWNS, n))
+    for j in range(UNKNOWNS):
         pivot = matrix[j, j] + ridge - (lower[j, :j] ** 2).sum(axis=0)
         lower[j, j] = np.sqrt(np.maximum(pivot, ridge))
-        for i in range(j + 1, _UNKNOWNS):
+        for i in range(j + 1, UNKNOWNS):
             lower[i, j] = (matrix[i, j] - (lower[i, :j] * lower[j, :j]).sum(axis=0)) / lower[j, j]
         half[j] = (right[:, j] - (lower[j, :j] * half[:j]).sum(axis=0)) / lower[j, j]
-    solution = np.empty((_UNKNOWNS, n))
-    for j in reversed(range(_UNKNOWNS)):
+    solution = np.empty((UNKNOWNS, n))
+    for j in reversed(range(UNKNOWNS)):
         solution[j] = (half[j] - (lower[j + 1 :, j] * solution[j + 1 :]).sum(axis=0)) / lower[j, j]
     return solution.T, lower[-1, -1] ** 2

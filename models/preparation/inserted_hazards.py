@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates
 
-from ...engine.core.arrays import Bool, Float
+from ...engine.core.arrays import Bool, Float, Index
 from ...engine.core.errors import InputError
 from ...engine.geometry.hazard_shapes import Hazard, displacement_at, reach
 
@@ -78,7 +78,7 @@ class Room:
         shape = tuple(int(n) + 2 for n in cell.max(axis=0))
         count = np.bincount(cell[:, 0] * shape[1] + cell[:, 1], minlength=shape[0] * shape[1]).reshape(shape)
         # A Gaussian over about six points levels out the lattice of elevation models and scan lines.
-        sigma = max(1.0, math.sqrt(6.0 / (4 * math.pi * _density(xy))) / NODE_M)
+        sigma = max(1.0, math.sqrt(6.0 / (4 * math.pi * ground_density(xy))) / NODE_M)
         density = gaussian_filter(count.astype(np.float64), sigma, mode="constant") / NODE_M**2
         usual = float(np.median(density[count > 0]))
         least = 0.5 * usual if minimum_density is None else minimum_density
@@ -128,8 +128,8 @@ def insert_hazards(
     label = np.zeros(len(flat), dtype=np.uint8)
     placed: list[Placed] = []
     # Large ones first: they find no room later.
-    for number in sorted(range(len(wanted)), key=lambda k: -_radius(wanted[k])):
-        place = room.take(_radius(wanted[number]), rng, separation)
+    for number in sorted(range(len(wanted)), key=lambda k: -outer_radius(wanted[k])):
+        place = room.take(outer_radius(wanted[number]), rng, separation)
         if place is None:
             continue
         hazard = replace(wanted[number], u=place[0], w=place[1])
@@ -139,7 +139,7 @@ def insert_hazards(
         )
         u, w = flat[near, 0], flat[near, 1]
         moved = displacement_at(hazard, u, w, folds=_folds(hazard, u, w) if hazard.wobble else None)
-        limit = max(LABEL_LIMIT_M, 0.1 * abs(hazard.height))
+        limit = label_limit(hazard)
         displacement[near] += moved
         identity[near[moved != 0]] = number
         label[near] = np.where(moved > limit, UPLIFT, np.where(moved < -limit, SUBSIDENCE, label[near]))
@@ -264,31 +264,47 @@ def strip_offset(flat: Float, offset: float, rng: np.random.Generator, overlap: 
     return result
 
 
+def displacement_on_cells(
+    hazard: Hazard, origin: Float, cell: float, shape: tuple[int, int]
+) -> tuple[Index, Index, Float]:
+    """Columns, rows and displacement (n,) m of the cells' middles within the bounds of a hazard, on a raster of
+    ``shape`` cells of ``cell`` m from ``origin`` (2,) on.
+    """
+    u0, w0, u1, w1 = hazard.bounds
+    low = np.maximum(np.floor((np.array([u0, w0]) - origin) / cell), 0).astype(int)
+    high = np.minimum(np.ceil((np.array([u1, w1]) - origin) / cell), shape).astype(int)
+    i, j = (part.ravel() for part in np.meshgrid(*(np.arange(a, b) for a, b in zip(low, high)), indexing="ij"))
+    if not len(i):
+        return i, j, np.zeros(0)
+    u, w = origin[0] + (i + 0.5) * cell, origin[1] + (j + 0.5) * cell
+    return i, j, displacement_at(hazard, u, w, folds=_folds(hazard, u, w) if hazard.wobble else None)
+
+
+def label_limit(hazard: Hazard) -> float:
+    """Displacement (m) beyond which ground belongs to a hazard."""
+    return max(LABEL_LIMIT_M, 0.1 * abs(hazard.height))
+
+
 def footprint(hazard: Hazard, origin: Float, cell: float, shape: tuple[int, int]) -> tuple[Bool, Bool]:
     """Cells (columns, rows) of a raster from ``origin`` (2,) on in which a hazard lifts the ground beyond the limit of
     labels, and those in which it lowers it.
     """
     up, down = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
-    u0, w0, u1, w1 = hazard.bounds
-    low = np.maximum(np.floor((np.array([u0, w0]) - origin) / cell), 0).astype(int)
-    high = np.minimum(np.ceil((np.array([u1, w1]) - origin) / cell), shape).astype(int)
-    i, j = (part.ravel() for part in np.meshgrid(*(np.arange(a, b) for a, b in zip(low, high)), indexing="ij"))
-    if len(i):
-        u, w = origin[0] + (i + 0.5) * cell, origin[1] + (j + 0.5) * cell
-        moved = displacement_at(hazard, u, w, folds=_folds(hazard, u, w) if hazard.wobble else None)
-        limit = max(LABEL_LIMIT_M, 0.1 * abs(hazard.height))
-        up[i, j], down[i, j] = moved > limit, moved < -limit
+    i, j, moved = displacement_on_cells(hazard, origin, cell, shape)
+    limit = label_limit(hazard)
+    up[i, j], down[i, j] = moved > limit, moved < -limit
     return up, down
 
 
-def _density(xy: Float) -> float:
+def ground_density(xy: Float) -> float:
     """Points/m² of the median occupied square of ``_DENSITY_SQUARE_M``."""
     square = np.floor((xy - xy.min(axis=0)) / _DENSITY_SQUARE_M).astype(np.int64)
     counts = np.bincount(square[:, 0] * (square[:, 1].max() + 1) + square[:, 1])
     return float(np.median(counts[counts > 0])) / _DENSITY_SQUARE_M**2
 
 
-def _radius(hazard: Hazard) -> float:
+def outer_radius(hazard: Hazard) -> float:
+    """Radius (m) of a circle about the hazard's middle that holds its irregular outline."""
     return reach(hazard) * (1.2 if hazard.wobble else 1.0)
 
 

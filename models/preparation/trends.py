@@ -55,7 +55,7 @@ def robust_trend(height: Float, sigma: tuple[float, float]) -> Float:
     weight = known.astype(np.float64)
     trend = np.zeros_like(z)
     for turn in range(TURNS):
-        trend = _local_planes(z, weight, sigma)
+        trend = local_planes(z, weight, sigma)
         if turn == TURNS - 1:
             break
         residual = z - trend
@@ -65,7 +65,7 @@ def robust_trend(height: Float, sigma: tuple[float, float]) -> Float:
     return trend
 
 
-def _local_planes(z: Float, weight: Float, sigma: tuple[float, float]) -> Float:
+def local_planes(z: Float, weight: Float, sigma: tuple[float, float]) -> Float:
     """Height at each cell of the plane that weighted least squares fit about it."""
     kernels = []
     for deviation in sigma:

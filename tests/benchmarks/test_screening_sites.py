@@ -103,7 +103,10 @@ def test_a_detector_that_knows_the_truth_finds_all(monkeypatch: pytest.MonkeyPat
     assert len(result.trials) >= 6
     [name] = result.scores
     assert zone_counts(result.scores[name], np.array([0.01])).tolist() == [0.0]
-    assert all(trial.strength[name] > 0.3 for trial in result.trials)
+    empty = [trial for trial in result.trials if abs(trial.height) <= screening_trials.NOTHING_M]
+    assert empty
+    assert not any(trial.strength[name] > 0.01 for trial in empty)
+    assert all(trial.strength[name] > 0.3 for trial in result.trials if trial not in empty)
 
 
 def test_cell_means_fill_small_gaps_only() -> None:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from slopewatch.models.preparation.trends import TURNS, _local_planes, residual_heights, robust_trend
+from slopewatch.models.preparation.trends import TURNS, local_planes, residual_heights, robust_trend
 
 
 def test_the_local_plane_is_weighted_least_squares():
     rng = np.random.default_rng(1)
     z, weight = rng.standard_normal((30, 40)), rng.uniform(0.1, 1.0, (30, 40))
     weight[rng.random((30, 40)) < 0.2] = 0.0
-    fast = _local_planes(z * (weight > 0), weight, (3.0, 2.0))
+    fast = local_planes(z * (weight > 0), weight, (3.0, 2.0))
     i, j = np.meshgrid(np.arange(30), np.arange(40), indexing="ij")
     for row, column in [(15, 20), (0, 0), (29, 7), (12, 39)]:
         a, b = (i - row) / 3.0, (j - column) / 2.0

@@ -1,0 +1,264 @@
+"""Patches of ground with hazards put in anew each time, for the network that reads rasters.
+
+A patch is cut out of a piece of ground at a random place, laid flat, turned, mirrored, stretched or shrunk, thinned and
+made noisy, then averaged on cells; hazards are added to the heights of the cells. That equals adding them to the points
+up to the curvature within a cell. Natural relief looks alike at many scales: an elevation model of 1 m shrunk to a
+quarter is ground of 16 points/m² with real gullies and ridges, if smaller ones.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...engine.core.arrays import Float, Float32
+from ...engine.core.errors import InputError
+from ...engine.geometry.hazard_shapes import Hazard
+from ..preparation.bump_filter import CellHeights, cell_heights
+from ..preparation.inserted_hazards import (
+    BACKGROUND,
+    SUBSIDENCE,
+    UPLIFT,
+    Room,
+    displacement_on_cells,
+    label_limit,
+    outer_radius,
+    smooth_hazard,
+    strip_offset,
+    varied_hazard,
+)
+from ..preparation.prepare import UNKNOWN
+from ..preparation.relief_channels import local_unit, relief_channels
+from ..preparation.relief_channels import upside_down as inverted
+from ..preparation.relief_raster import CELL_M
+
+MARGIN_CELLS = 8
+"""Cells around a patch from which its channels are computed, too."""
+_MIN_POINTS = 400
+_TRIES = 20
+_NEED = 0.45
+"""A hazard of 1 m width is near its limit at this height over the local scatter of relief over 3 m; the height grows
+with the width to the power of ``_NEED_GROWTH``."""
+_NEED_GROWTH = 0.6
+_EXCHANGED = np.arange(256, dtype=np.uint8)
+_EXCHANGED[[UPLIFT, SUBSIDENCE]] = SUBSIDENCE, UPLIFT
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A piece of ground without (known) hazards to cut patches from.
+
+    ``points`` (n, 3) m, any frame with z upwards, ``density`` in points/m². ``scales``: by how much it may be
+    stretched. ``smooth``: free of noise, as elevation models are. ``weight``: how often it is drawn, compared with
+    others of its half.
+    """
+
+    name: str
+    points: Float
+    density: float
+    scales: tuple[float, float] = (0.7, 1.4)
+    smooth: bool = False
+    weight: float = 1.0
+
+    def __post_init__(self) -> None:
+        if len(self.points) < _MIN_POINTS:
+            raise InputError(
+                f"The ground {self.name} has {len(self.points)} points; at least {_MIN_POINTS} are needed."
+            )
+        if (np.diff(self.points[:, 0]) < 0).any():
+            object.__setattr__(self, "points", self.points[np.argsort(self.points[:, 0])])
+
+
+@dataclass(frozen=True)
+class Grounds:
+    """What a network learns from; one of the two may be empty."""
+
+    real: Sequence[Ground] = ()
+    simulated: Sequence[Ground] = ()
+
+    def __post_init__(self) -> None:
+        if not self.names:
+            raise InputError("There is no ground to train on; give real or simulated pieces.")
+
+    @property
+    def names(self) -> list[str]:
+        return [ground.name for ground in (*self.real, *self.simulated)]
+
+
+@dataclass(frozen=True)
+class PatchParameters:
+    """How patches are made; lengths in m, ranges are drawn from evenly by their logarithm.
+
+    ``side`` in cells. ``densities``: points/m² that ground is thinned to. ``steepening``: of heights, beyond the
+    stretch. ``noise`` of heights on ``smooth`` ground. ``turned``: share of patches turned to any side; the others keep
+    y up the slope within ``tilt_deg``. ``offset``: standard deviation of the height between strips, on ``strips`` of
+    the patches; ``holes``: share of the patches with gaps.
+    Hazards cover ``filled`` of the ground on average and come independently of each other, as many on each patch as
+    chance has it: if some patches had many and others none, a network would learn that hazards keep company, and one
+    real hazard would raise false ones around it. ``diameters``; their heights are ``needs`` times what is needed at
+    their place or, in half of the cases, ``heights``; ``varied`` is the share of forms with irregular outline.
+    """
+
+    side: int = 96
+    densities: tuple[float, float] = (1.5, 60.0)
+    steepening: tuple[float, float] = (0.6, 1.6)
+    noise: tuple[float, float] = (0.008, 0.06)
+    turned: float = 0.3
+    tilt_deg: float = 15.0
+    offset: float = 0.05
+    strips: float = 0.15
+    holes: float = 0.3
+    filled: float = 0.12
+    diameters: tuple[float, float] = (1.3, 9.0)
+    needs: tuple[float, float] = (0.8, 5.0)
+    heights: tuple[float, float] = (0.12, 1.5)
+    varied: float = 0.35
+
+    def __post_init__(self) -> None:
+        if self.side < 16 or self.side % 16:
+            raise InputError(f"Patches have {self.side} cells a side; give a multiple of 16.")
+
+
+@dataclass(frozen=True)
+class Patch:
+    """``channels`` (k, side, side) and ``labels`` (side, side): class, 255 without ground."""
+
+    channels: Float32
+    labels: NDArray[np.uint8]
+
+    def mirrored(self, *, along: bool = False, upside_down: bool = False) -> Patch:
+        """The patch with x mirrored, and with heights mirrored, whose classes change places."""
+        channels, labels = self.channels, self.labels
+        if upside_down:
+            channels, labels = inverted(channels), _EXCHANGED[labels]
+        if along:
+            channels, labels = channels[:, ::-1], labels[::-1]
+        return Patch(channels, labels)
+
+
+def draw_patch(grounds: Sequence[Ground], parameters: PatchParameters, rng: np.random.Generator) -> Patch:
+    """A patch with hazards; the same generator state gives the same patch."""
+    weights = np.array([ground.weight for ground in grounds])
+    for _ in range(_TRIES):
+        ground = grounds[int(rng.choice(len(grounds), p=weights / weights.sum()))]
+        flat = cut(ground, parameters, rng)
+        if flat is not None:
+            break
+    else:
+        raise InputError("No patch with enough points was found on the ground to train on; give larger pieces.")
+    size = parameters.side + 2 * MARGIN_CELLS
+    cells = cell_heights(flat, CELL_M, np.zeros(2), (size, size))
+    moved, labels = insert_on_cells(cells, wanted_hazards(cells, parameters, rng), flat, rng)
+    return _patch(replace(cells, height=cells.height + moved), labels)
+
+
+def cut(ground: Ground, parameters: PatchParameters, rng: np.random.Generator) -> Float | None:
+    """Points (n, 3) of a random place in the flat frame of the patch, from 0 to its side with margins in x and y; None
+    where there are too few.
+    """
+    scale = _log_uniform(ground.scales, rng)
+    width = (parameters.side + 2 * MARGIN_CELLS) * CELL_M
+    points = ground.points
+    middle = points[int(rng.integers(len(points))), :2] + rng.uniform(-0.25, 0.25, 2) * width / scale
+    reach = 0.75 * width / scale
+    part = points[slice(*np.searchsorted(points[:, 0], (middle[0] - reach, middle[0] + reach)))]
+    part = part[np.abs(part[:, 1] - middle[1]) < reach]
+    wanted = _log_uniform(parameters.densities, rng) * scale**2
+    if wanted < ground.density:
+        part = part[rng.random(len(part)) < wanted / ground.density]
+    if len(part) < _MIN_POINTS:
+        return None
+    angle = rng.uniform(0.0, 2 * math.pi) if rng.random() < parameters.turned else None
+    level = np.median(part[np.argpartition(((part[:, :2] - middle) ** 2).sum(axis=1), 20)[:20], 2])
+    flat = _laid_flat(part - [*middle, level], angle, math.radians(rng.normal(0.0, parameters.tilt_deg)))
+    flat *= [scale, scale, scale * _log_uniform(parameters.steepening, rng)]
+    flat[:, :2] += width / 2
+    flat = flat[((flat[:, :2] >= 0) & (flat[:, :2] < width)).all(axis=1)]
+    if rng.random() < parameters.holes:
+        flat = _with_holes(flat, width, rng)
+    if len(flat) < _MIN_POINTS:
+        return None
+    if ground.smooth:
+        flat[:, 2] += rng.normal(0.0, _log_uniform(parameters.noise, rng), len(flat))
+    if rng.random() < parameters.strips:
+        flat = strip_offset(flat, rng.normal(0.0, parameters.offset), rng)
+    return flat
+
+
+def insert_on_cells(
+    cells: CellHeights, wanted: Sequence[Hazard], flat: Float, rng: np.random.Generator
+) -> tuple[Float, NDArray[np.uint8]]:
+    """Displacement (columns, rows) m by hazards at random places on ground with points ``flat``, and classes."""
+    room = Room(flat[:, :2])
+    shape = cells.count.shape[0], cells.count.shape[1]
+    total = np.zeros(shape)
+    labels = np.full(shape, BACKGROUND, dtype=np.uint8)
+    for hazard in sorted(wanted, key=outer_radius, reverse=True):
+        place = room.take(outer_radius(hazard), rng, 1.0)
+        if place is None:
+            continue
+        i, j, moved = displacement_on_cells(replace(hazard, u=place[0], w=place[1]), cells.origin, cells.cell, shape)
+        total[i, j] += moved
+        limit = label_limit(hazard)
+        labels[i, j] = np.where(moved > limit, UPLIFT, np.where(moved < -limit, SUBSIDENCE, labels[i, j]))
+    return total, labels
+
+
+def wanted_hazards(cells: CellHeights, parameters: PatchParameters, rng: np.random.Generator) -> list[Hazard]:
+    """Hazards of all sizes for the ground of a patch, high enough to be near what can be found there or above it."""
+    unit = float(np.median(local_unit(cells)[cells.covered]))
+    narrow, wide = parameters.diameters
+    usual_area = math.pi / 8 * (wide**2 - narrow**2) / math.log(wide / narrow)
+    count = rng.poisson(parameters.filled * np.count_nonzero(cells.covered) * cells.cell**2 / usual_area)
+    found: list[Hazard] = []
+    for _ in range(count):
+        diameter = _log_uniform(parameters.diameters, rng)
+        need = _NEED * unit * diameter**_NEED_GROWTH
+        if rng.random() < 0.5:
+            height = need * _log_uniform(parameters.needs, rng)
+        else:
+            height = max(_log_uniform(parameters.heights, rng), need * parameters.needs[0])
+        form = varied_hazard if rng.random() < parameters.varied else smooth_hazard
+        found.append(form(height * rng.choice((-1.0, 1.0)), diameter, rng))
+    return found
+
+
+def _patch(cells: CellHeights, labels: NDArray[np.uint8]) -> Patch:
+    relief = relief_channels(cells)
+    inner = slice(MARGIN_CELLS, -MARGIN_CELLS)
+    labels = np.where(relief.covered, labels, UNKNOWN).astype(np.uint8)
+    return Patch(np.ascontiguousarray(relief.channels[:, inner, inner]), labels[inner, inner])
+
+
+def _laid_flat(points: Float, angle: float | None, tilt: float) -> Float:
+    """Points about the origin on their own plane, turned by ``angle``, or y up the slope but for ``tilt`` (rad)."""
+    middle = points.mean(axis=0)
+    offsets = points - middle
+    normal = np.linalg.eigh(offsets.T @ offsets)[1][:, 0]
+    normal = normal if normal[2] > 0 else -normal
+    up = np.array([0.0, 0.0, 1.0]) - normal * normal[2]
+    if np.linalg.norm(up) < 0.05 or angle is not None:
+        side = np.array([math.cos(angle or 0.0), math.sin(angle or 0.0), 0.0])
+        up = side - normal * (side @ normal)
+    up /= np.linalg.norm(up)
+    right = np.cross(up, normal)
+    up, right = math.cos(tilt) * up + math.sin(tilt) * right, math.cos(tilt) * right - math.sin(tilt) * up
+    # The place in question stays at the origin of the flat frame, not the points' mean.
+    return np.asarray(points @ np.column_stack([right, up, normal]))
+
+
+def _with_holes(flat: Float, width: float, rng: np.random.Generator) -> Float:
+    places = rng.uniform(0.0, width, (int(rng.integers(3, 40)), 2))
+    radii = np.exp(rng.uniform(math.log(0.4), math.log(3.0), len(places)))
+    kept = np.ones(len(flat), dtype=bool)
+    for place, radius in zip(places, radii, strict=True):
+        kept &= (flat[:, 0] - place[0]) ** 2 + (flat[:, 1] - place[1]) ** 2 > radius**2
+    return flat[kept]
+
+
+def _log_uniform(limits: tuple[float, float], rng: np.random.Generator) -> float:
+    return float(math.exp(rng.uniform(math.log(limits[0]), math.log(limits[1]))))
