@@ -55,6 +55,7 @@ def test_the_layers_are_on_the_map(session: dict[str, Any]) -> None:
     assert seen == [
         ("Hazard zones (screening)", "categorizedSymbol", True),
         ("Probability of a hazard", "singlebandpseudocolor", False),
+        ("Smallest hazard (m)", "singlebandpseudocolor", False),
     ]
     for layer in session["layers"]:
         assert layer["valid"]
