@@ -16,10 +16,10 @@ from scipy.ndimage import distance_transform_edt
 
 from ..engine.core.arrays import Float
 from ..engine.geometry.dominant_plane import apply_matrix
-from ..engine.geometry.hazard_shapes import Hazard
+from ..engine.geometry.hazard_shapes import Hazard, smooth_hazard
 from ..models.preparation.bump_filter import cell_heights
 from ..models.preparation.even_scores import even_scores
-from ..models.preparation.inserted_hazards import UPLIFT, Inserted, footprint, insert_hazards, smooth_hazard
+from ..models.preparation.inserted_hazards import UPLIFT, Inserted, footprint, insert_hazards
 from ..models.preparation.raster_zones import Scores, strength_at
 from ..models.preparation.relief_channels import bump_scores
 from ..models.preparation.relief_raster import ReliefRaster, laplacian_score, relief_raster

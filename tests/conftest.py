@@ -1,4 +1,4 @@
-"""For all tests: the package `slopewatch` is this checkout, and real clouds lie beside it where there are any."""
+"""For all tests: the package `slopewatch` is this checkout, and real clouds lie next to it where there are any."""
 
 from __future__ import annotations
 
@@ -38,5 +38,5 @@ def root() -> Path:
 def shared_data() -> Path:
     """The folder with real point clouds from public projects; a test that needs it is skipped without it."""
     if not DATA.is_dir():
-        pytest.skip(f"real point clouds are not beside the checkout ({DATA})")
+        pytest.skip(f"real point clouds are not next to the checkout ({DATA})")
     return DATA

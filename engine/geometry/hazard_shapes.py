@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.arrays import Float, Float32
+from ..core.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -216,3 +217,31 @@ def _normalised(hazard: Hazard, u: Float, w: Float) -> tuple[Float, Float]:
     c, s = math.cos(hazard.turn), math.sin(hazard.turn)
     du, dw = u - hazard.u, w - hazard.w
     return (du * c + dw * s) / hazard.half_u, (dw * c - du * s) / hazard.half_w
+
+
+def smooth_hazard(height: float, diameter: float, rng: np.random.Generator) -> Hazard:
+    """A bulge, or a bowl where ``height`` (m) is negative, of ``diameter`` m with its peak in its middle, a little
+    longer than wide, in any direction: the forms of hazards of known place in ``simulation``.
+
+    Raises:
+        InputError: height or diameter is none.
+    """
+    if not (math.isfinite(height) and height != 0 and math.isfinite(diameter) and diameter > 0):
+        raise InputError(
+            f"A hazard of {height} m height and {diameter} m diameter cannot be put in; give a height other than 0 "
+            "and a diameter above 0."
+        )
+    stretch = math.sqrt(math.exp(rng.uniform(math.log(0.75), math.log(1 / 0.75))))
+    return Hazard(
+        "bulge" if height > 0 else "bowl",
+        0.0,
+        0.0,
+        diameter / 2 * stretch,
+        diameter / 2 / stretch,
+        height,
+        turn=rng.uniform(-math.pi / 2, math.pi / 2),
+        exponent=rng.uniform(1.8, 3.0),
+        flatness=rng.uniform(2.0, 4.0),
+        fall=rng.uniform(1.0, 1.5),
+        wobble=0.0,
+    )

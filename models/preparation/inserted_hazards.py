@@ -152,34 +152,6 @@ def insert_hazards(
     return Inserted(result, label, identity, displacement, tuple(placed))
 
 
-def smooth_hazard(height: float, diameter: float, rng: np.random.Generator) -> Hazard:
-    """A bulge, or a bowl where ``height`` (m) is negative, of ``diameter`` m with its peak in its middle, a little
-    longer than wide, in any direction: the forms of hazards of known place in ``simulation``.
-
-    Raises:
-        InputError: height or diameter is none.
-    """
-    if not (math.isfinite(height) and height != 0 and math.isfinite(diameter) and diameter > 0):
-        raise InputError(
-            f"A hazard of {height} m height and {diameter} m diameter cannot be put in; give a height other than 0 "
-            "and a diameter above 0."
-        )
-    stretch = math.sqrt(math.exp(rng.uniform(math.log(0.75), math.log(1 / 0.75))))
-    return Hazard(
-        "bulge" if height > 0 else "bowl",
-        0.0,
-        0.0,
-        diameter / 2 * stretch,
-        diameter / 2 / stretch,
-        height,
-        turn=rng.uniform(-math.pi / 2, math.pi / 2),
-        exponent=rng.uniform(1.8, 3.0),
-        flatness=rng.uniform(2.0, 4.0),
-        fall=rng.uniform(1.0, 1.5),
-        wobble=0.0,
-    )
-
-
 def varied_hazard(height: float, diameter: float, rng: np.random.Generator) -> Hazard:
     """One of the kinds of simulated scenes with an irregular outline: bulges, cracked ones, bowls, slumps with the mass
     at their toe, troughs, scarps above bulges, blocks. ``height`` (m, signed) is that of the main part.

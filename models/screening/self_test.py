@@ -18,9 +18,9 @@ from scipy.spatial import cKDTree
 from ...engine.core.arrays import Bool, Float
 from ...engine.core.progress import Progress
 from ...engine.geometry.dominant_plane import apply_matrix
-from ...engine.geometry.hazard_shapes import Hazard, displacement_at
+from ...engine.geometry.hazard_shapes import Hazard, displacement_at, smooth_hazard
 from ...interface.parameters import ScreeningParameters
-from ..preparation.inserted_hazards import Placed, footprint, insert_hazards, smooth_hazard
+from ..preparation.inserted_hazards import Placed, footprint, insert_hazards
 from ..preparation.raster_zones import MIN_AREA_M2, PER_M2
 from ..preparation.relief_raster import CELL_M, DIAMETERS_M
 from .cloud_file import ScreenedFile

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...engine.core.arrays import Float, Float32
 from ...engine.core.errors import InputError
-from ...engine.geometry.hazard_shapes import Hazard
+from ...engine.geometry.hazard_shapes import Hazard, smooth_hazard
 from ..preparation.bump_filter import CellHeights, cell_heights
 from ..preparation.inserted_hazards import (
     BACKGROUND,
@@ -27,7 +27,6 @@ from ..preparation.inserted_hazards import (
     displacement_on_cells,
     label_limit,
     outer_radius,
-    smooth_hazard,
     strip_offset,
     varied_hazard,
 )

@@ -7,7 +7,6 @@ alone: a training that was interrupted gives the same weights as one that was no
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 import time
@@ -31,6 +30,7 @@ from ...engine.core.staged_outputs import atomic_output
 from ..network.unet import UNet, UNetConfiguration
 from .loss import combined, root_inverse_weights
 from .relief_patches import Grounds, Patch, PatchParameters, draw_patch
+from .step_log import append_step
 
 FREQUENCIES = (0.92, 0.04, 0.04)
 """About the share of the classes' cells on patches with hazards."""
@@ -111,7 +111,7 @@ def train_relief(
             raise InputError(f"The training's loss is not a number after {step} steps; lower the learning rate.")
         if step % every == 0 or step == parameters.steps:
             average = sum(losses) / len(losses)
-            _log(folder / "log.csv", step, average, learner.rate, time.monotonic() - begun)
+            append_step(folder / "log.csv", step, average, learner.rate, time.monotonic() - begun)
             progress.update(step / parameters.steps, f"step {step} of {parameters.steps}, loss {average:.3f}")
             losses.clear()
         if time.monotonic() - saved > save_every:
@@ -233,15 +233,6 @@ def _batch(patches: Sequence[Patch], chosen: Sequence[int]) -> tuple[Tensor, Ten
     values = values.contiguous(memory_format=torch.channels_last)
     labels = torch.from_numpy(np.stack([patch.labels for patch in patches])).long()
     return values, labels
-
-
-def _log(path: Path, step: int, loss: float, rate: float, seconds: float) -> None:
-    new = not path.exists()
-    with path.open("a", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        if new:
-            writer.writerow(["step", "loss", "learning_rate", "seconds"])
-        writer.writerow([step, f"{loss:.5f}", f"{rate:.6f}", f"{seconds:.1f}"])
 
 
 class _Checkpoint:

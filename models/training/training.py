@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 import time
@@ -23,6 +22,7 @@ from ..network.batches import NO_AUGMENTATION, Augmentation, Batch, ResidentBloc
 from ..network.randlanet import RandLANet
 from ..preparation.prepare import UNKNOWN, Block
 from .loss import combined, published_weights, root_inverse_weights
+from .step_log import append_step
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ def train(
             raise InputError(f"The training's loss is not a number after {step} steps; lower the learning rate.")
         if step % every == 0 or step == parameters.steps:
             mean = sum(losses) / len(losses)
-            _log(folder / "log.csv", step, mean, rate, time.monotonic() - begun)
+            append_step(folder / "log.csv", step, mean, rate, time.monotonic() - begun)
             progress.update(step / parameters.steps, f"training: step {step} of {parameters.steps}, loss {mean:.3f}")
             losses.clear()
         if time.monotonic() - saved > save_every:
@@ -203,15 +203,6 @@ def _step(
     torch.nn.utils.clip_grad_norm_(network.parameters(), parameters.clip)
     optimiser.step()
     return float(loss.detach())
-
-
-def _log(path: Path, step: int, loss: float, rate: float, seconds: float) -> None:
-    new = not path.exists()
-    with path.open("a", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        if new:
-            writer.writerow(["step", "loss", "learning_rate", "seconds"])
-        writer.writerow([step, f"{loss:.5f}", f"{rate:.6f}", f"{seconds:.1f}"])
 
 
 class _Checkpoint:

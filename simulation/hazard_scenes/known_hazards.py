@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from ...engine.core.arrays import Bool, Float
 from ...engine.core.errors import InputError
 from ...engine.geometry.dominant_plane import apply_matrix, fit_plane, flattening_matrix
-from ...engine.geometry.hazard_shapes import Hazard, displacement_at, reach
+from ...engine.geometry.hazard_shapes import Hazard, displacement_at, reach, smooth_hazard
 from .scenes import BACKGROUND, HAZARD_FIELDS, SUBSIDENCE, UPLIFT
 from .styles import THRESHOLD
 
@@ -103,7 +103,7 @@ def put_hazards(
     matrix = flattening_matrix(fit_plane(xyz, PLANE_DISTANCE, PLANE_ITERATIONS, 0))
     flat = apply_matrix(matrix, xyz)
     ground = _Ground(flat[:, :2], site)
-    drawn = [_draw(height, diameter, rng) for height, diameter in wanted]
+    drawn = [smooth_hazard(height, diameter, rng) for height, diameter in wanted]
     placed: list[tuple[int, Hazard]] = []
     # Large ones first: they find no room later.
     for number in sorted(range(len(drawn)), key=lambda i: -reach(drawn[i])):
@@ -168,24 +168,6 @@ class _Ground:
         left = np.hypot(*(self.nodes - place).T) - radius
         np.minimum(self.room, left - max(0.0, self.site.gap - MARGIN_M), out=self.room)
         return float(place[0]), float(place[1])
-
-
-def _draw(height: float, diameter: float, rng: np.random.Generator) -> Hazard:
-    """A smooth bulge or bowl, not yet placed, with its peak in its middle."""
-    stretch = math.sqrt(math.exp(rng.uniform(math.log(0.75), math.log(1 / 0.75))))
-    return Hazard(
-        "bulge" if height > 0 else "bowl",
-        0.0,
-        0.0,
-        diameter / 2 * stretch,
-        diameter / 2 / stretch,
-        height,
-        turn=rng.uniform(-math.pi / 2, math.pi / 2),
-        exponent=rng.uniform(1.8, 3.0),
-        flatness=rng.uniform(2.0, 4.0),
-        fall=rng.uniform(1.0, 1.5),
-        wobble=0.0,
-    )
 
 
 def _table(shapes: Sequence[Hazard], flat: Float, points: NDArray[np.intp], limit: float) -> NDArray[np.void]:

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 from slopewatch.benchmarks import screening_ground
+from slopewatch.engine.geometry.hazard_shapes import smooth_hazard
 from slopewatch.models.preparation.even_scores import LEVELS, even_scores, level_for
-from slopewatch.models.preparation.inserted_hazards import insert_hazards, smooth_hazard, thinned
+from slopewatch.models.preparation.inserted_hazards import insert_hazards, thinned
 from slopewatch.models.preparation.raster_zones import Scores, zone_counts
 from slopewatch.models.preparation.relief_raster import ReliefRaster, relief_raster
 from slopewatch.models.preparation.smallest_hazard import filter_scores

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from slopewatch.engine.core.errors import InputError
-from slopewatch.engine.geometry.hazard_shapes import displacement_at, reach
+from slopewatch.engine.geometry.hazard_shapes import displacement_at, reach, smooth_hazard
 from slopewatch.models.preparation.inserted_hazards import (
     SUBSIDENCE,
     UPLIFT,
@@ -11,7 +11,6 @@ from slopewatch.models.preparation.inserted_hazards import (
     footprint,
     insert_hazards,
     mirrored,
-    smooth_hazard,
     strip_offset,
     thinned,
     varied_hazard,

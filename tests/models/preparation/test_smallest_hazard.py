@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from slopewatch.engine.geometry.hazard_shapes import smooth_hazard
 from slopewatch.models.preparation.even_scores import even_scores
-from slopewatch.models.preparation.inserted_hazards import UPLIFT, footprint, insert_hazards, smooth_hazard
+from slopewatch.models.preparation.inserted_hazards import UPLIFT, footprint, insert_hazards
 from slopewatch.models.preparation.raster_zones import strength_at
 from slopewatch.models.preparation.relief_raster import relief_raster
 from slopewatch.models.preparation.smallest_hazard import smallest_hazard

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from slopewatch.engine.core.errors import InputError
-from slopewatch.engine.geometry.hazard_shapes import displacement_at
+from slopewatch.engine.geometry.hazard_shapes import displacement_at, smooth_hazard
 from slopewatch.models.preparation.bump_filter import cell_heights
-from slopewatch.models.preparation.inserted_hazards import displacement_on_cells, footprint, smooth_hazard
+from slopewatch.models.preparation.inserted_hazards import displacement_on_cells, footprint
 from slopewatch.models.training.relief_patches import (
     Ground,
     PatchParameters,
