@@ -7,12 +7,10 @@ alone: a training that was interrupted gives the same weights as one that was no
 
 from __future__ import annotations
 
-import json
 import math
 import time
-import warnings
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -26,8 +24,8 @@ from torch.optim.swa_utils import AveragedModel
 
 from ...engine.core.errors import InputError
 from ...engine.core.progress import Progress
-from ...engine.core.staged_outputs import atomic_output
 from ..network.unet import UNet, UNetConfiguration
+from .checkpoint import Checkpoint, advance, module_tensors, moments, restore_module, restore_moments
 from .loss import combined, root_inverse_weights
 from .relief_patches import Grounds, Patch, PatchParameters, draw_patch
 from .step_log import append_step
@@ -97,8 +95,9 @@ def train_relief(
     progress = progress or Progress()
     folder.mkdir(parents=True, exist_ok=True)
     learner = _Learner(configuration, parameters)
-    checkpoint = _Checkpoint(folder, configuration, parameters, grounds.names)
-    step = checkpoint.load(learner)
+    what = {"configuration": asdict(configuration), "training": asdict(parameters), "grounds": grounds.names}
+    checkpoint = Checkpoint(folder, what)
+    step = learner.restore(checkpoint)
     begun = saved = time.monotonic()
     losses: list[float] = []
     every = max(1, min(50, parameters.steps // 20))
@@ -115,9 +114,9 @@ def train_relief(
             progress.update(step / parameters.steps, f"step {step} of {parameters.steps}, loss {average:.3f}")
             losses.clear()
         if time.monotonic() - saved > save_every:
-            checkpoint.save(learner, step)
+            checkpoint.save(learner.tensors(), step)
             saved = time.monotonic()
-    checkpoint.save(learner, step)
+    checkpoint.save(learner.tensors(), step)
     network = learner.network
     network.load_state_dict(learner.mean.module.state_dict())
     network.eval()
@@ -161,27 +160,20 @@ class _Learner:
 
     def tensors(self) -> dict[str, Tensor]:
         """All that the next step depends on but for its number."""
-        found = {f"network.{name}": t for name, t in self.network.state_dict().items()}
-        found |= {f"mean.{name}": t for name, t in self.mean.state_dict().items()}
-        for index, values in self.optimiser.state_dict()["state"].items():
-            found |= {f"optimiser.{index}.{name}": torch.as_tensor(value) for name, value in values.items()}
-        return found
+        networks = module_tensors(self.network, "network") | module_tensors(self.mean, "mean")
+        return {**networks, **moments(self.optimiser)}
 
-    def restore(self, tensors: Mapping[str, Tensor], step: int) -> None:
-        for prefix, module in (("network.", self.network), ("mean.", self.mean)):
-            module.load_state_dict({n.removeprefix(prefix): t for n, t in tensors.items() if n.startswith(prefix)})
-        moments: dict[int, dict[str, Tensor]] = {}
-        for name, tensor in tensors.items():
-            if name.startswith("optimiser."):
-                _, index, key = name.split(".", 2)
-                moments.setdefault(int(index), {})[key] = tensor
-        known = self.optimiser.state_dict()
-        known["state"] = moments
-        self.optimiser.load_state_dict(known)
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Detected call of `lr_scheduler.step", UserWarning)
-            for _ in range(step):
-                self.cycle.step()
+    def restore(self, checkpoint: Checkpoint) -> int:
+        """Take over the checkpoint, if there is one; the number of steps that were done."""
+        found = checkpoint.load()
+        if found is None:
+            return 0
+        tensors, step = found
+        restore_module(self.network, "network", tensors)
+        restore_module(self.mean, "mean", tensors)
+        advance(self.cycle, step)
+        restore_moments(self.optimiser, tensors)
+        return step
 
 
 def new_patch(grounds: Grounds, parameters: ReliefTraining, number: int) -> Patch:
@@ -233,39 +225,3 @@ def _batch(patches: Sequence[Patch], chosen: Sequence[int]) -> tuple[Tensor, Ten
     values = values.contiguous(memory_format=torch.channels_last)
     labels = torch.from_numpy(np.stack([patch.labels for patch in patches])).long()
     return values, labels
-
-
-class _Checkpoint:
-    """All that a training depends on as safetensors, what it is as JSON."""
-
-    def __init__(
-        self, folder: Path, configuration: UNetConfiguration, parameters: ReliefTraining, grounds: Sequence[str]
-    ) -> None:
-        self.tensors = folder / "checkpoint.safetensors"
-        self.state = folder / "checkpoint.json"
-        what = {"configuration": asdict(configuration), "training": asdict(parameters), "grounds": list(grounds)}
-        self.identity = json.loads(json.dumps(what))
-
-    def save(self, learner: _Learner, step: int) -> None:
-        from safetensors.torch import save_file
-
-        tensors = {**learner.tensors(), "step": torch.tensor(step)}
-        with atomic_output(self.tensors) as partial_file:
-            save_file({name: t.detach().clone().contiguous() for name, t in tensors.items()}, str(partial_file))
-        with atomic_output(self.state) as partial_file:
-            partial_file.write_text(json.dumps(self.identity, indent=2), encoding="utf-8")
-
-    def load(self, learner: _Learner) -> int:
-        """Take over the checkpoint, if there is one; the number of steps that were done."""
-        if not (self.tensors.is_file() and self.state.is_file()):
-            return 0
-        from safetensors.torch import load_file
-
-        if json.loads(self.state.read_text(encoding="utf-8")) != self.identity:
-            raise InputError(
-                f"{self.state} is the checkpoint of a training with other settings; choose another folder or remove it."
-            )
-        tensors = load_file(str(self.tensors))
-        step = int(tensors["step"])
-        learner.restore(tensors, step)
-        return step

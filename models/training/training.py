@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
+from torch.optim.lr_scheduler import CosineAnnealingLR, LinearLR, SequentialLR
 
 from ...engine.core.errors import InputError
 from ...engine.core.progress import Progress
-from ...engine.core.staged_outputs import atomic_output
 from ..configuration import ModelConfiguration
 from ..network.batches import NO_AUGMENTATION, Augmentation, Batch, ResidentBlocks, make_batch, network_inputs
 from ..network.randlanet import RandLANet
 from ..preparation.prepare import UNKNOWN, Block
+from .checkpoint import Checkpoint, advance, module_tensors, moments, restore_module, restore_moments
 from .loss import combined, published_weights, root_inverse_weights
 from .step_log import append_step
 
@@ -140,8 +139,9 @@ def train(
     optimiser = torch.optim.AdamW(
         network.parameters(), lr=parameters.learning_rate, weight_decay=parameters.weight_decay
     )
-    checkpoint = _Checkpoint(folder, configuration, parameters)
-    step = checkpoint.load(network, optimiser, device)
+    schedule = learning_rates(optimiser, parameters)
+    checkpoint = Checkpoint(folder, {"configuration": asdict(configuration), "training": asdict(parameters)})
+    step = _restored(checkpoint, network, optimiser, schedule, device)
     if parameters.weighting == "published":
         weights = published_weights(frequencies, parameters.eps, parameters.w_max)
     else:
@@ -152,10 +152,9 @@ def train(
     every = max(1, parameters.steps // 200)
     network.train()
     while step < parameters.steps and time.monotonic() - begun < seconds:
-        rate = learning_rate(step, parameters)
-        for group in optimiser.param_groups:
-            group["lr"] = rate
+        rate = float(schedule.get_last_lr()[0])
         losses.append(_step(network, optimiser, provider(step), weights, parameters, step))
+        schedule.step()
         step += 1
         if not math.isfinite(losses[-1]):
             raise InputError(f"The training's loss is not a number after {step} steps; lower the learning rate.")
@@ -165,20 +164,41 @@ def train(
             progress.update(step / parameters.steps, f"training: step {step} of {parameters.steps}, loss {mean:.3f}")
             losses.clear()
         if time.monotonic() - saved > save_every:
-            checkpoint.save(network, optimiser, step)
+            checkpoint.save(_tensors(network, optimiser), step)
             saved = time.monotonic()
-    checkpoint.save(network, optimiser, step)
+    checkpoint.save(_tensors(network, optimiser), step)
     network.eval()
     return TrainingState(network, step, step >= parameters.steps)
 
 
-def learning_rate(step: int, parameters: TrainingParameters) -> float:
+def learning_rates(optimiser: torch.optim.Optimizer, parameters: TrainingParameters) -> SequentialLR:
     """Linear warm-up over the first 5 % of the steps, then half a cosine to 0."""
     warm = max(1, round(0.05 * parameters.steps))
-    if step < warm:
-        return parameters.learning_rate * (step + 1) / warm
-    part = (step - warm) / max(1, parameters.steps - warm)
-    return parameters.learning_rate * 0.5 * (1.0 + math.cos(math.pi * part))
+    rising = LinearLR(optimiser, start_factor=1.0 / warm, total_iters=warm - 1)
+    falling = CosineAnnealingLR(optimiser, T_max=max(1, parameters.steps - warm))
+    return SequentialLR(optimiser, [rising, falling], milestones=[warm])
+
+
+def _tensors(network: RandLANet, optimiser: torch.optim.Optimizer) -> dict[str, Tensor]:
+    return {**module_tensors(network, "network"), **moments(optimiser)}
+
+
+def _restored(
+    checkpoint: Checkpoint,
+    network: RandLANet,
+    optimiser: torch.optim.Optimizer,
+    schedule: SequentialLR,
+    device: torch.device,
+) -> int:
+    """Take over the checkpoint, if there is one; the number of steps that were done."""
+    found = checkpoint.load(device)
+    if found is None:
+        return 0
+    tensors, step = found
+    restore_module(network, "network", tensors)
+    advance(schedule, step)
+    restore_moments(optimiser, tensors)
+    return step
 
 
 def _step(
@@ -203,53 +223,3 @@ def _step(
     torch.nn.utils.clip_grad_norm_(network.parameters(), parameters.clip)
     optimiser.step()
     return float(loss.detach())
-
-
-class _Checkpoint:
-    """Network, moments of the optimiser and step as safetensors with a JSON file next to it; nothing is pickled."""
-
-    def __init__(self, folder: Path, configuration: ModelConfiguration, parameters: TrainingParameters) -> None:
-        self.tensors = folder / "checkpoint.safetensors"
-        self.state = folder / "checkpoint.json"
-        self.identity: dict[str, Any] = json.loads(
-            json.dumps({"configuration": asdict(configuration), "training": asdict(parameters)})
-        )
-
-    def save(self, network: RandLANet, optimiser: torch.optim.Optimizer, step: int) -> None:
-        from safetensors.torch import save_file
-
-        tensors = {f"network.{name}": t.detach().cpu().contiguous() for name, t in network.state_dict().items()}
-        for index, values in optimiser.state_dict()["state"].items():
-            for name, value in values.items():
-                tensors[f"optimiser.{index}.{name}"] = torch.as_tensor(value).detach().cpu().contiguous()
-        # The step is in the tensors' file too, so that the two files cannot be of different steps unnoticed.
-        tensors["step"] = torch.tensor(step)
-        with atomic_output(self.tensors) as partial:
-            save_file(tensors, str(partial))
-        with atomic_output(self.state) as partial:
-            partial.write_text(json.dumps({"step": step, **self.identity}, indent=2), encoding="utf-8")
-
-    def load(self, network: RandLANet, optimiser: torch.optim.Optimizer, device: torch.device) -> int:
-        """Take over the checkpoint, if there is one; the number of steps that were done."""
-        if not (self.tensors.is_file() and self.state.is_file()):
-            return 0
-        from safetensors.torch import load_file
-
-        state = json.loads(self.state.read_text(encoding="utf-8"))
-        if {name: state.get(name) for name in self.identity} != self.identity:
-            raise InputError(
-                f"{self.state} is the checkpoint of a training with other settings; choose another folder or remove it."
-            )
-        tensors = load_file(str(self.tensors), device=str(device))
-        network.load_state_dict(
-            {name.removeprefix("network."): t for name, t in tensors.items() if name.startswith("network.")}
-        )
-        moments: dict[int, dict[str, Tensor]] = {}
-        for name, tensor in tensors.items():
-            if name.startswith("optimiser."):
-                _, index, key = name.split(".", 2)
-                moments.setdefault(int(index), {})[key] = tensor.cpu() if key == "step" else tensor
-        known = optimiser.state_dict()
-        known["state"] = moments
-        optimiser.load_state_dict(known)
-        return int(tensors["step"])

@@ -113,10 +113,15 @@ def test_every_block_is_used_once_before_any_again(torch, tiny_blocks):
 
 
 def test_the_learning_rate_warms_up_and_falls_to_zero(torch):
-    from slopewatch.models.training.training import TrainingParameters, learning_rate
+    from slopewatch.models.training.training import TrainingParameters, learning_rates
 
-    parameters = TrainingParameters(steps=100, learning_rate=0.02)
-    rates = [learning_rate(step, parameters) for step in range(101)]
+    optimiser = torch.optim.SGD([torch.zeros(1, requires_grad=True)], lr=0.02)
+    schedule = learning_rates(optimiser, TrainingParameters(steps=100, learning_rate=0.02))
+    rates = []
+    for _ in range(101):
+        rates.append(optimiser.param_groups[0]["lr"])
+        optimiser.step()
+        schedule.step()
     assert rates[0] == pytest.approx(0.02 / 5)
     assert max(rates) == pytest.approx(0.02)
     assert rates.index(max(rates)) in (4, 5)
