@@ -219,9 +219,18 @@ def _normalised(hazard: Hazard, u: Float, w: Float) -> tuple[Float, Float]:
     return (du * c + dw * s) / hazard.half_u, (dw * c - du * s) / hazard.half_w
 
 
-def smooth_hazard(height: float, diameter: float, rng: np.random.Generator) -> Hazard:
+def smooth_hazard(
+    height: float,
+    diameter: float,
+    rng: np.random.Generator,
+    *,
+    elongations: tuple[float, float] = (0.75, 1 / 0.75),
+) -> Hazard:
     """A bulge, or a bowl where ``height`` (m) is negative, of ``diameter`` m with its peak in its middle, a little
     longer than wide, in any direction: the forms of hazards of known place in ``simulation``.
+
+    Args:
+        elongations: range of the ratio of its axes, whose product stays.
 
     Raises:
         InputError: height or diameter is none.
@@ -231,7 +240,7 @@ def smooth_hazard(height: float, diameter: float, rng: np.random.Generator) -> H
             f"A hazard of {height} m height and {diameter} m diameter cannot be put in; give a height other than 0 "
             "and a diameter above 0."
         )
-    stretch = math.sqrt(math.exp(rng.uniform(math.log(0.75), math.log(1 / 0.75))))
+    stretch = math.sqrt(math.exp(rng.uniform(math.log(elongations[0]), math.log(elongations[1]))))
     return Hazard(
         "bulge" if height > 0 else "bowl",
         0.0,

@@ -32,6 +32,8 @@ VARIED = {
 """Weights of the kinds of ``varied_hazard``."""
 _RAISES = {"bulge", "toe_bulge", "cracked_bulge", "cone", "block", "scarp_and_bulge"}
 _LOWERS = {"bowl", "slump", "trough", "sinkhole", "scarp_and_bulge"}
+_ELONGATIONS = (0.6, 1.7)
+_LONG = {"slump", "trough", "scarp_and_bulge"}
 _FOLD_WAVES = 12
 _DENSITY_SQUARE_M = 4.0
 
@@ -152,15 +154,19 @@ def insert_hazards(
     return Inserted(result, label, identity, displacement, tuple(placed))
 
 
-def varied_hazard(height: float, diameter: float, rng: np.random.Generator) -> Hazard:
+def varied_hazard(
+    height: float, diameter: float, rng: np.random.Generator, *, elongations: tuple[float, float] = _ELONGATIONS
+) -> Hazard:
     """One of the kinds of simulated scenes with an irregular outline: bulges, cracked ones, bowls, slumps with the mass
-    at their toe, troughs, scarps above bulges, blocks. ``height`` (m, signed) is that of the main part.
+    at their toe, troughs, scarps above bulges, blocks. ``height`` (m, signed) is that of the main part, ``elongations``
+    the range of the width across the dip over the length along it; kinds that are long by themselves have their own.
     """
     fitting = _RAISES if height > 0 else _LOWERS
     kinds = [kind for kind in VARIED if kind in fitting]
     weights = np.array([VARIED[kind] for kind in kinds])
     kind = str(rng.choice(kinds, p=weights / weights.sum()))
-    stretch = math.sqrt(math.exp(rng.uniform(math.log(0.6), math.log(1.7))))
+    limits = _ELONGATIONS if kind in _LONG else elongations
+    stretch = math.sqrt(math.exp(rng.uniform(math.log(limits[0]), math.log(limits[1]))))
     base = Hazard(
         kind,
         0.0,

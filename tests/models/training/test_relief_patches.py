@@ -20,7 +20,14 @@ from slopewatch.models.training.relief_patches import (
 )
 
 PLAIN = PatchParameters(
-    side=48, densities=(1000.0, 1000.1), steepening=(1.0, 1.0001), turned=0.0, tilt_deg=0.0, strips=0.0, holes=0.0
+    side=48,
+    densities=(1000.0, 1000.1),
+    steepening=(1.0, 1.0001),
+    turned=0.0,
+    tilt_deg=0.0,
+    strips=0.0,
+    holes=0.0,
+    structures=0.0,
 )
 
 
@@ -121,7 +128,8 @@ def test_hazards_come_independently_of_each_other() -> None:
     parameters = PatchParameters(side=48, filled=0.5)
     counts = [len(wanted_hazards(cells, parameters, np.random.default_rng(k))) for k in range(60)]
     area = np.count_nonzero(cells.covered) * 0.25
-    assert np.mean(counts) == pytest.approx(0.5 * area / 16.1, rel=0.1)
+    drawn = np.exp(np.linspace(*np.log(parameters.diameters), 10001))
+    assert np.mean(counts) == pytest.approx(0.5 * area / np.mean(np.pi / 4 * drawn**2), rel=0.1)
     assert 0.6 < np.var(counts) / np.mean(counts) < 1.6
 
 
