@@ -4,7 +4,8 @@ The ground is averaged on cells of 0.5 m (``bump_filter.cell_heights``). About e
 Gaussians of several reaches (normalised convolution, Knutsson and Westin 1993, doi:10.1109/CVPR.1993.341081): heights
 between two of these surfaces are relief of one scale. Each is divided by its own scatter in the surroundings, so that a
 hazard counts by how far it stands out of its place; the scatters themselves, density and the points' scatter within
-cells are channels of their own. Everything is linear in the heights apart from these units: a slope upside down has
+cells are channels of their own. Trends that reach far along the slope and little up it, and the other way round, show
+what is longer than a hazard. Everything is linear in the heights apart from these units: a slope upside down has
 the same channels with the signs of ``SIGNED`` changed, and a tilt or a shift changes nothing.
 
 Training and inference call the same function; wide surfaces are fitted on coarser lattices, so that a raster of 112
@@ -33,13 +34,17 @@ SCATTER_REACHES_M = (4.0, 6.0, 8.0, 12.0, 20.0)
 """Reach within which the scatter of the points' own relief and of that over each of the trends is measured."""
 BUMPS = {2.0: 1, 3.0: 1, 5.0: 2, 8.0: 3}
 """Diameters (m) of bumps that are fitted, and cells along a side of the squares on which they are."""
+BANDS_M = ((10.0, 0.6), (0.6, 10.0))
+"""Reaches along x and y of trends that follow what runs along the slope (benches, berms) and down it (drains,
+gullies)."""
 SIGNED = (
     "points",
     *(f"relief {reach:g} m" for reach in TREND_REACHES_M),
     *(f"bump {diameter:g} m" for diameter in BUMPS),
+    *(f"relief {along:g} x {up:g} m" for along, up in BANDS_M),
 )
-"""Channels that change their sign with the heights: over the smooth surface, of it over each trend, and scores of
-bumps, which grow as the logarithm beyond ``_LINEAR_SCORE``."""
+"""Channels that change their sign with the heights: over the smooth surface, of it over each trend, scores of bumps,
+which grow as the logarithm beyond ``_LINEAR_SCORE``, and of the smooth surface over trends along and down the slope."""
 CHANNELS = (
     *SIGNED,
     "log scatter 3 m",
@@ -88,6 +93,10 @@ def relief_channels(cells: CellHeights) -> Relief:
     signed = [np.clip(part / scatter, -_MAX_DEVIATION, _MAX_DEVIATION) for part, scatter in zip(parts, scatters)]
     bumps = _bump_scores(np.where(cells.covered, height, smooth), cells.cell)
     signed += [np.arcsinh(score / _LINEAR_SCORE) for score in bumps]
+    weight = covered.astype(np.float64)
+    for along, up in BANDS_M:
+        part = smooth - _planes(np.nan_to_num(smooth), weight, along / cells.cell, up / cells.cell)
+        signed.append(np.clip(part / unit, -_MAX_DEVIATION, _MAX_DEVIATION))
     density = gaussian_filter(cells.count / cells.cell**2, _DENSITY_REACH_M / cells.cell, mode="constant")
     others = [
         np.log(unit / _USUAL_SCATTER_M),
@@ -155,8 +164,9 @@ def _near_points(cells: CellHeights) -> Bool:
     return np.asarray(distance_transform_edt(~cells.covered) * cells.cell <= MAX_GAP_M)
 
 
-def _planes(height: Float, weight: Float, sigma: float) -> Float:
-    return local_planes(np.where(weight > 0, height, 0.0), weight, (sigma, sigma))
+def _planes(height: Float, weight: Float, sigma: float, up: float | None = None) -> Float:
+    """Planes under a Gaussian of ``sigma`` cells, ``up`` cells along y if that is another."""
+    return local_planes(np.where(weight > 0, height, 0.0), weight, (sigma, up or sigma))
 
 
 def _trend(surface: Float, reach: float, cell: float) -> Float:

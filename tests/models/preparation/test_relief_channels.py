@@ -72,6 +72,21 @@ def test_a_bump_stands_out_over_trends_wider_than_it(number: int) -> None:
     assert relief[40, 40] > 1.5 * np.abs(relief[5:25, 5:-5]).max()
 
 
+@pytest.mark.parametrize(("name", "across"), [("relief 10 x 0.6 m", 1), ("relief 0.6 x 10 m", 0)])
+def test_a_band_follows_what_runs_along_it_and_not_a_bump(name: str, across: int) -> None:
+    """A ridge of 2 m width along the whole ground, and a bump as wide and high on a place of its own."""
+    points = rolling()
+    points[:, 2] = np.random.default_rng(3).normal(0, 0.03, len(points))
+    off = points[:, :2] - (20.25, 20.25)
+    ridge, single = points.copy(), points.copy()
+    ridge[:, 2] += 0.5 * bump(np.abs(off[:, across]), 1.0)
+    single[:, 2] += 0.5 * bump(np.hypot(*off.T), 1.0)
+    number = CHANNELS.index(name)
+    of_ridge, of_bump = (relief_channels(lattice(p)).channels[number, 38:43, 38:43].mean() for p in (ridge, single))
+    assert of_bump > 2.0
+    assert abs(of_ridge) < 0.25 * of_bump
+
+
 def test_channels_are_named_and_zero_without_data() -> None:
     points = rolling()
     points = points[np.hypot(points[:, 0] - 20, points[:, 1] - 20) > 6]
