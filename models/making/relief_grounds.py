@@ -18,10 +18,12 @@ from ...engine.core.arrays import Float
 from ...engine.core.errors import InputError
 from ...engine.core.progress import Progress
 from ...simulation.hazard_scenes.scenes import build_scene
-from ...simulation.hazard_scenes.styles import log_uniform
+from ...simulation.hazard_scenes.styles import SceneSpec, log_uniform
+from ...simulation.hazard_scenes.terrain import build_terrain
 from ..preparation.inserted_hazards import ground_density, thinned
 from ..training.relief_patches import Ground
-from .rough_ground import natural
+from .left_by_plants import left_by_plants
+from .rough_ground import natural, textured, with_relief
 from .shipping import training_scenes
 
 GROUND_CLASS = 2
@@ -30,6 +32,11 @@ DENSEST = 60.0
 SIMULATED_DENSITY = (4.0, 60.0)
 FIRST_SIMULATED = 500_000
 """Number of the first simulated slope: the shipped weights' scenes have lower, their held-out ones higher numbers."""
+HILLSIDE_SHARE, ENGINEERED_SHARE = 0.4, 0.27
+"""Benches repeat every 10 m or so and outweigh any relief; most real ground to train on has none. With both shares and
+what ``natural`` draws, 60 % of the slopes have natural relief."""
+PLANTED_SHARE = 0.5
+_TRIES, _TRIES_APART = 20, 15_000
 
 
 @dataclass(frozen=True)
@@ -87,16 +94,40 @@ def real_grounds(folder: Path, left_out: Collection[str] = ()) -> list[Ground]:
 
 
 def simulated_grounds(count: int, progress: Progress | None = None) -> list[Ground]:
-    """``count`` simulated slopes with all their structures and natural relief but without hazards."""
+    """``count`` simulated slopes with all their structures and natural relief but without hazards, as extracted among
+    plants on ``PLANTED_SHARE`` of them. ``HILLSIDE_SHARE`` are hillsides, not benched and with natural relief;
+    ``ENGINEERED_SHARE`` have none of it, at most textures; the others are as ``natural`` draws them.
+    """
     progress = progress or Progress()
     found = []
-    for number, spec in enumerate(training_scenes(count, FIRST_SIMULATED)):
-        density = log_uniform(SIMULATED_DENSITY, np.random.default_rng([spec.seed, 4]))
-        scene = build_scene(replace(spec, uplift=0.0, subsidence=0.0, density=density))
-        rough = natural(scene, np.random.default_rng([spec.seed, 3]))
-        found.append(Ground(f"simulated {spec.seed}", rough.xyz, ground_density(rough.xyz[:, :2])))
+    for number in range(count):
+        drawn = np.random.default_rng([FIRST_SIMULATED, number]).random()
+        hillside, engineered = drawn < HILLSIDE_SHARE, drawn >= 1.0 - ENGINEERED_SHARE
+        spec = _not_benched(number) if hillside else _specification(number)
+        rougher_ground = with_relief if hillside else textured if engineered else natural
+        xyz = rougher_ground(build_scene(spec), np.random.default_rng([spec.seed, 3])).xyz
+        rng = np.random.default_rng([spec.seed, 5])
+        if rng.random() < PLANTED_SHARE:
+            xyz = left_by_plants(xyz, rng)
+        found.append(Ground(f"simulated {spec.seed}", xyz, ground_density(xyz[:, :2])))
         progress.update((number + 1) / count, f"slope {number + 1} of {count}")
     return found
+
+
+def _specification(number: int) -> SceneSpec:
+    """Of a slope without hazards, of a density that real ground has."""
+    spec = next(training_scenes(1, FIRST_SIMULATED + number))
+    density = log_uniform(SIMULATED_DENSITY, np.random.default_rng([spec.seed, 4]))
+    return replace(spec, uplift=0.0, subsidence=0.0, density=density)
+
+
+def _not_benched(number: int) -> SceneSpec:
+    """The first of several specifications whose slope has no benches; each number has its own."""
+    for k in range(_TRIES):
+        spec = _specification(number + k * _TRIES_APART)
+        if not build_terrain(spec, spec.generator(1)).benches:
+            break
+    return spec
 
 
 def _ground(site: Site, path: Path) -> Ground:

@@ -2,6 +2,7 @@
 
 The texture is white noise under a Gaussian, which is not how the scenes' own roughness is made. Broken ground is made
 of flat pieces with edges, as rock, treads and dumped soil have them; unlike the scenes' landforms none of it repeats.
+``natural_relief`` has what both lack: waves of all lengths in the proportions of real ground.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from scipy.spatial import cKDTree
 from ...engine.core.arrays import Float
 from ...simulation.hazard_scenes.scenes import SimulatedScene
 from ...simulation.hazard_scenes.styles import log_uniform
+from .natural_relief import ReliefLaw, draw_law, relief_heights
 
 STEP = 0.1
 REACH = (0.15, 1.0)
@@ -35,7 +37,13 @@ BROKEN_GRADE, MAX_BROKEN_M, BROKEN_PATCH = (0.02, 0.15), 0.12, 6.0
 of its patches (m).
 """
 LEFT_ALONE = 0.25
-"""Share of the scenes that stay as they are."""
+"""Share of the scenes that get no texture."""
+RELIEF_SHARE = 0.665
+"""Of the scenes that are rougher, rolling or broken: 60 % of all then have natural relief, the others stay as smooth
+as they are built or have the textures alone.
+"""
+TEXTURE_KEPT = 0.3
+"""Share of the scenes with natural relief that keep the textures, too."""
 
 
 def rougher(scene: SimulatedScene, rng: np.random.Generator) -> SimulatedScene:
@@ -59,6 +67,26 @@ def rougher(scene: SimulatedScene, rng: np.random.Generator) -> SimulatedScene:
 
 
 def natural(scene: SimulatedScene, rng: np.random.Generator) -> SimulatedScene:
+    """The scene as built, ``textured`` or, on ``RELIEF_SHARE`` of those that would be, with ``natural_relief``."""
+    rough = textured(scene, rng)
+    if rough is scene or rng.random() >= RELIEF_SHARE:
+        return rough
+    return with_relief(rough if rng.random() < TEXTURE_KEPT else scene, rng)
+
+
+def with_relief(scene: SimulatedScene, rng: np.random.Generator, law: ReliefLaw | None = None) -> SimulatedScene:
+    """The scene with relief of ``law``, drawn from the measured ranges by default, along the normal of its mean plane.
+
+    Points whose displacement is less than twice what the relief's short waves add at their place are not trained on.
+    """
+    plane = scene.to_plane(scene.xyz)[:, :2]
+    added = relief_heights(plane, law or draw_law(float(np.ptp(plane, axis=0).max()), rng), rng)
+    hidden = (scene.label > 0) & (np.abs(scene.displacement) < 2.0 * added.hiding)
+    moved = scene.xyz + added.height[:, None] * scene_normal(scene)
+    return replace(scene, xyz=moved, ignore=scene.ignore | hidden)
+
+
+def textured(scene: SimulatedScene, rng: np.random.Generator) -> SimulatedScene:
     """``rougher``, and in addition ``ROLLING_SHARE`` of the scenes roll and ``BROKEN_SHARE`` are broken in pieces, as
     natural ground is; neither is a hazard.
     """

@@ -37,13 +37,28 @@ class Cover:
 def grow_cover(surface: Surface, style: Style, rng: np.random.Generator) -> Cover:
     """Patches of plants: less ground is seen under them, none at their densest, and spikes stand there."""
     shape = [int(nodes * surface.step / SPACING) + 3 for nodes in surface.shape]
-    patches = power_law_field((shape[0], shape[1]), SPACING, 2.2, 0.6, 6.0, rng)
-    share = rng.uniform(*style.vegetation)
-    dense = np.clip((patches - np.quantile(patches, 1 - share)) / 0.8, 0.0, 1.3) if share > 0 else np.zeros(shape)
+    dense = plant_density((shape[0], shape[1]), style.vegetation, rng)
     passes = np.clip(1.0 - dense, 0.0, 1.0)
     spikes = 0.2 + np.minimum(dense, 1.0) * 3.0
     spikes /= (spikes * passes).sum() / passes.sum()
     return Cover(surface.low, passes.astype(np.float32), (spikes * rng.uniform(*style.spikes)).astype(np.float32))
+
+
+def plant_density(
+    shape: tuple[int, int],
+    shares: tuple[float, float],
+    rng: np.random.Generator,
+    waves: tuple[float, float] = (0.6, 6.0),
+) -> Float:
+    """Density of plants at nodes ``SPACING`` apart: 0 outside of patches, above 1 where no ground is seen.
+
+    The patches cover one of the ``shares`` of the ground; they come of a random field of wavelengths ``waves`` (m).
+    """
+    patches = power_law_field(shape, SPACING, 2.2, *waves, rng)
+    share = rng.uniform(*shares)
+    if share <= 0:
+        return np.zeros(shape)
+    return np.asarray(np.clip((patches - np.quantile(patches, 1 - share)) / 0.8, 0.0, 1.3))
 
 
 def clipped_crests(surface: Surface, rng: np.random.Generator) -> tuple[NDArray[np.bool_], int]:

@@ -10,7 +10,9 @@ import pytest
 import rasterio
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.progress import Progress
+from slopewatch.models.making import relief_grounds as module
 from slopewatch.models.making.relief_grounds import SITES, real_grounds, simulated_grounds
+from slopewatch.simulation.hazard_scenes.terrain import build_terrain
 
 
 @pytest.fixture
@@ -53,6 +55,34 @@ def test_simulated_slopes_have_no_hazards_and_are_the_same_again() -> None:
     first, again = simulated_grounds(1)[0], simulated_grounds(1)[0]
     np.testing.assert_array_equal(first.points, again.points)
     assert 2 < first.density < 90
+
+
+def test_a_share_of_slopes_are_hillsides_without_benches_and_a_share_is_planted(monkeypatch) -> None:
+    """Only what is drawn: benches of the specifications that are built, and which mending each slope gets."""
+    built, mended, planted = [], [], []
+
+    class Slope:
+        xyz = np.random.default_rng(0).uniform(0, 20, (500, 3))
+
+    def mending(name):
+        return lambda slope, rng: mended.append(name) or slope
+
+    monkeypatch.setattr(module, "build_scene", lambda spec: built.append(spec) or Slope())
+    for name in ("natural", "textured", "with_relief"):
+        monkeypatch.setattr(module, name, mending(name))
+    monkeypatch.setattr(module, "left_by_plants", lambda xyz, rng: planted.append(len(built)) or xyz)
+    monkeypatch.setattr(module, "SIMULATED_DENSITY", (1.0, 1.1))
+    simulated_grounds(30)
+    assert len({spec.seed for spec in built}) == 30
+    benched = [len(build_terrain(spec, spec.generator(1)).benches) for spec in built]
+    hillsides = [number for number, name in zip(benched, mended, strict=True) if name == "with_relief"]
+    assert not any(hillsides)
+    assert 6 <= len(hillsides) <= 18
+    assert any(benched)
+    assert 3 <= mended.count("textured") <= 14
+    assert mended.count("natural") >= 4
+    assert 8 <= len(planted) <= 22
+    assert not any(spec.uplift or spec.subsidence for spec in built)
 
 
 def test_weights_name_what_they_were_trained_on(torch, folder: Path, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 from slopewatch.models.configuration import SMOKE
+from slopewatch.models.making.natural_relief import ReliefLaw
 from slopewatch.models.making.rough_ground import (
     MAX_ROLLING_M,
     ROLLING_GRADE,
@@ -16,6 +17,8 @@ from slopewatch.models.making.rough_ground import (
     rougher,
     scene_normal,
     texture,
+    textured,
+    with_relief,
 )
 from slopewatch.models.preparation.prepare import NORMAL_30, USUAL_ROUGHNESS, prepare_cloud, roughness
 from slopewatch.simulation.hazard_scenes.scenes import scene
@@ -76,7 +79,7 @@ def test_rolling_ground_rises_with_its_reach_and_keeps_its_labels(monkeypatch):
     apart = np.hypot(*(plane[pairs[:, 0], :2] - plane[pairs[:, 1], :2]).T)
     deviations, grades = [], []
     for k in range(40):
-        moved = natural(wide, np.random.default_rng(k))
+        moved = textured(wide, np.random.default_rng(k))
         np.testing.assert_array_equal(moved.label, wide.label)
         np.testing.assert_array_equal(moved.ignore, wide.ignore)
         shift = moved.xyz - wide.xyz
@@ -133,7 +136,7 @@ def test_hazards_lower_than_broken_ground_is_high_are_not_trained_on(monkeypatch
     wide = scene(1_000_012, "realistic", area=3000.0, density=6.0)
     normal, found = scene_normal(wide), 0
     for seed in range(4):
-        moved = natural(wide, np.random.default_rng(seed))
+        moved = textured(wide, np.random.default_rng(seed))
         np.testing.assert_array_equal(moved.label, wide.label)
         shift = (moved.xyz - wide.xyz) @ normal
         newly = moved.ignore & ~wide.ignore
@@ -143,3 +146,38 @@ def test_hazards_lower_than_broken_ground_is_high_are_not_trained_on(monkeypatch
         assert np.abs(wide.displacement[left]).min() >= 2 * shift.std() - 1e-6
         found += newly.sum()
     assert found > 0
+
+
+def test_sixty_per_cent_have_natural_relief_and_smooth_scenes_stay():
+    plain = scene(1_000_012, "realistic", area=100.0, density=6.0)
+    alike = relief = same = 0
+    count = 150
+    for seed in range(count):
+        former = textured(plain, np.random.default_rng(seed))
+        moved = natural(plain, np.random.default_rng(seed))
+        same += former is plain
+        alike += moved is plain
+        np.testing.assert_array_equal(moved.label, plain.label)
+        relief += not np.array_equal(moved.xyz, former.xyz)
+    assert alike == same
+    assert same / count == pytest.approx(0.0975, abs=0.06)
+    assert relief / count == pytest.approx(0.6, abs=0.1)
+
+
+def test_relief_moves_points_along_the_normal_and_hides_low_hazards(small_scene):
+    low, high = (
+        with_relief(small_scene, np.random.default_rng(3), ReliefLaw(4.0, amount, 20.0, 0.3)) for amount in (0.02, 0.2)
+    )
+    shift = high.xyz - small_scene.xyz
+    along = shift @ scene_normal(small_scene)
+    np.testing.assert_allclose(shift, along[:, None] * scene_normal(small_scene), atol=1e-8)
+    # The same generator gives the same relief, as high as asked for.
+    np.testing.assert_allclose(high.xyz - small_scene.xyz, 10 * (low.xyz - small_scene.xyz), atol=1e-8)
+    newly = [moved.ignore & ~small_scene.ignore for moved in (low, high)]
+    assert 0 < newly[0].sum() < newly[1].sum()
+    for moved, hidden in zip((low, high), newly, strict=True):
+        assert (small_scene.label[hidden] > 0).all()
+        np.testing.assert_array_equal(moved.label, small_scene.label)
+    size = np.abs(small_scene.displacement)
+    labelled = (small_scene.label > 0) & ~small_scene.ignore
+    assert size[newly[1]].mean() < 0.8 * size[labelled & ~newly[1]].mean()

@@ -19,6 +19,7 @@ from slopewatch.simulation.hazard_scenes.scenes import build_scene, scene
 from slopewatch.simulation.hazard_scenes.sets import (
     FIRST_TRAINING_SEED,
     PUBLISHED_SHARES,
+    SETS,
     published_set,
     realistic_set,
     shifted_set,
@@ -215,3 +216,35 @@ def test_an_unknown_kind_and_a_negative_seed_are_refused():
         scene(1, "lunar")
     with pytest.raises(InputError, match="seed"):
         scene(-1)
+
+
+PINNED_SETS = {
+    "published": (
+        (659648.4115735879, 20.933442546207793, 20.186444071432305),
+        7355, [3835, 2090, 1430], [675675.2781759351, 4304546.749666886, 140.72385248130516], 14.996063662308673, 7507,
+    ),
+    "realistic": (
+        (227570.7402387758, 0.923945659690954, 0.9009078570044972),
+        6383, [5892, 187, 304], [433634.4559249552, 2933151.3575586714, 387.0616265079119], 15.874923733050133, 10660,
+    ),
+    "shifted": (
+        (169750.92860970352, 0.9941924543866095, 0.9353585970634933),
+        7018, [6463, 296, 259], [301592.1826641487, 2902322.2189813363, 747.6829481333737], 14.655663406164399, 56191,
+    ),
+}  # fmt: skip
+"""Sums of the specifications' areas and shares; of a small scene: points, labels, mean, scatter, negatives."""
+
+
+@pytest.mark.parametrize("name", PINNED_SETS)
+def test_the_sets_are_those_that_scores_were_published_on(name):
+    """Another scene of the same seed needs another SIMULATOR_VERSION, and new scores of all models."""
+    sums, count, labels, mean, scatter, negative = PINNED_SETS[name]
+    specs = SETS[name]().specs
+    found = [sum(getattr(spec, field) for spec in specs) for field in ("area", "uplift", "subsidence")]
+    np.testing.assert_allclose(found, sums, rtol=1e-12)
+    small = build_scene(replace(specs[1], area=500.0, density=16.0))
+    assert len(small) == count
+    assert np.bincount(small.label).tolist() == labels
+    np.testing.assert_allclose(small.xyz.mean(axis=0), mean, rtol=0, atol=1e-6)
+    assert small.xyz.std(axis=0).sum() == pytest.approx(scatter, abs=1e-6)
+    assert small.negative.sum() == negative
