@@ -29,7 +29,7 @@ AMOUNT = (0.025, 0.16)
 LONGEST_M = 20.0
 """The longest wave is log-uniform from here to the slope's length."""
 SHORTEST_M = 0.6
-CONTRAST = (0.25, 0.7)
+CONTRAST = (0.4, 0.75)
 """Standard deviation of the logarithm of an octave's amplification by the next longer one; uniform."""
 HIDING_WAVE_M = 3.0
 """Waves up to this length hide hazards of their size; longer ones are ground that the hazards lie on."""
