@@ -1,7 +1,7 @@
 """What ground extraction leaves of low plants: ground that is too high in patches, holes, and returns above the ground.
 
-On real grass, ferns and forest the extracted ground lies 2 to 15 cm over the true one where plants are dense, and up to
-some decimetres in places (docs/ground.md). None of it is a hazard.
+On real grass, ferns and forest the extracted ground lies centimetres over the true one where plants are dense, some
+decimetres in places (docs/ground.md). None of it is a hazard. How wide and how frequent such places are is assumed.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """Relief as natural ground has it: a power law of the wavelength up to the slope's length, rough in places.
 
 Measured on the clouds and elevation models of ``relief_grounds.SITES`` (squares of 36 m on their own plane, Hann's
-window): the two-dimensional power spectrum falls as k^-3 to k^-3.5 between wavelengths of 1.2 and 5 m and as k^-4 to
-k^-4.5 between 5 and 18 m, that along a line as k^-2 to k^-2.8 and k^-3. The roughness of the scenes ends at 8 m.
-Waves of up to 7 m have a standard deviation of 2 to 10 cm. Their amplitude changes from place to place: a
+window), 11 of them with enough ground: the two-dimensional power spectrum falls as k^-3.3 (median) between wavelengths
+of 1.2 and 5 m and as k^-4.2 between 5 and 18 m, along a line as k^-2.3 and k^-3.3. The roughness of the scenes ends at
+8 m.
+Waves of 1.2 to 7 m have a standard deviation of 2 to 10 cm on most. Their amplitude changes from place to place: a
 multiplicative cascade (Schertzer and Lovejoy 1987, doi:10.1029/JD092iD08p09693), in which each octave inherits the
 amplification of the longer ones, gives the heavy tails that real relief has at every scale.
 """
@@ -29,14 +30,14 @@ AMOUNT = (0.025, 0.16)
 LONGEST_M = 20.0
 """The longest wave is log-uniform from here to the slope's length."""
 SHORTEST_M = 0.6
-CONTRAST = (0.25, 0.7)
+CONTRAST = (0.4, 0.75)
 """Standard deviation of the logarithm of an octave's amplification by the next longer one; uniform."""
 HIDING_WAVE_M = 3.0
 """Waves up to this length hide hazards of their size; longer ones are ground that the hazards lie on."""
 _STEP_M = 0.15
 _NODES_A_WAVE = 8.0
 _OCTAVE_PART = 1.2
-"""Half-power limits of an octave as the synthesis takes them: its soft ends overlap with its neighbours'."""
+"""By which an octave's limits are moved outwards, so that its soft ends meet its neighbours'."""
 
 
 @dataclass(frozen=True)
