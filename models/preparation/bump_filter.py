@@ -13,12 +13,15 @@ product, and each window still has weights of its own.
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from ...engine.core.arrays import Bool, Float, Float32, Index
+from ...engine.core.processors import processors
 from ...engine.geometry.plane_cells import Planes
 from ...engine.statistics.robust import NORMALISED
 
@@ -43,6 +46,7 @@ lie too one-sidedly."""
 _MIN_SCATTER_M = 0.003
 _CHUNK_VALUES = 200_000
 """Values of windows that are worked on at a time: what a processor's cache holds."""
+_MAX_THREADS = 4  # beyond that they wait for memory
 UNKNOWNS = 7
 
 
@@ -147,11 +151,16 @@ def fit_bumps(cells: CellHeights, diameter: float, where: Bool) -> BumpFit:
     offsets = design.di * height.shape[1] + design.dj
     amplitude, error = (np.full(where.shape, np.nan, dtype=np.float32) for _ in range(2))
     step = max(1, _CHUNK_VALUES // len(offsets))
-    for start in range(0, len(middle), step):
-        here = slice(start, start + step)
+
+    def fit(here: slice) -> tuple[Float, Float]:
         window = middle[here, None] + offsets
-        found = _fit_windows(height.ravel()[window], weight.ravel()[window], design)
-        amplitude[i[here], j[here]], error[i[here], j[here]] = found
+        return _fit_windows(height.ravel()[window], weight.ravel()[window], design)
+
+    chunks = [slice(start, start + step) for start in range(0, len(middle), step)]
+    # Chunks are worked on side by side: the threads of a BLAS only wait for each other on products as small as these.
+    with threadpool_limits(1, "blas"), ThreadPoolExecutor(min(processors(), _MAX_THREADS)) as pool:
+        for here, found in zip(chunks, pool.map(fit, chunks), strict=True):
+            amplitude[i[here], j[here]], error[i[here], j[here]] = found
     return BumpFit(diameter, amplitude, error)
 
 

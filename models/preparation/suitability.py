@@ -143,7 +143,7 @@ def refuse_unsuitable(
     if density is not None and not density[0] <= found.density <= density[1]:
         sparse, method = found.density < density[0], parameters.screening_method
         sentence = (
-            f"{name} has {found.density:.{0 if found.density >= 10 else 1}f} points a m² where the method {method} was "
+            f"{name} has {found.density:.{0 if found.density >= 2 else 1}f} points a m² where the method {method} was "
             f"made for {density[0]:g} to {density[1]:g}"
         )
         if not parameters.any_density:

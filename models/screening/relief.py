@@ -18,13 +18,14 @@ from scipy.special import softmax
 
 from ...engine.core.arrays import Float32
 from ...engine.core.errors import InputError
+from ...engine.core.processors import processors
 from ...engine.core.progress import Progress
 from ...interface.parameters import ScreeningParameters, given
 from ..preparation.bump_filter import CellHeights
 from ..preparation.raster_zones import Scores
 from ..preparation.relative_scores import relative_scores
 from ..preparation.relief_channels import relief_channels
-from .network import MAX_THREADS, memory_reported, one_torch_thread, processors
+from .network import MAX_THREADS, memory_reported, one_torch_thread
 
 RELIEF_DENSITY = (0.8, 450.0)
 """Ground points/m² that the network is made for."""

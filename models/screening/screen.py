@@ -73,7 +73,7 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
         with progress.stage(0.0, 0.15, "reading"):
             sample = sample_parts(ground.parts, ground.name)
         with progress.stage(0.15, 0.2, "checking the slope"):
-            suitability, plane = _measured(sample.xyz, sample.points / len(sample.xyz), configuration)
+            suitability, frame = _measured(sample.xyz, sample.points / len(sample.xyz), configuration)
             refuse_unsuitable(
                 suitability,
                 parameters,
@@ -84,7 +84,7 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
                 progress=progress,
             )
         with progress.stage(0.2, 0.35, "averaging in voxels"):
-            cloud, voxels = prepare_parts(ground.parts, sample, configuration, spread=method == "relief")
+            cloud, voxels = prepare_parts(ground.parts, sample, configuration, spread=method == "relief", frame=frame)
         with progress.stage(0.35, 0.4, "measuring what can be found"):
             raster = (
                 relief_raster(cloud.voxels.points, number=cloud.voxels.count)
@@ -119,7 +119,7 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
             voxels=voxels,
             between=_interpolation(cloud.voxels.points, configuration) if method == "network" else None,
             decision=decision,
-            plane=plane,
+            plane=cloud.plane,
             suitability=suitability,
             method=method,
             model=found.facts,
@@ -200,8 +200,8 @@ def _interpolation(points: Float, configuration: ModelConfiguration) -> VoxelInt
     return VoxelInterpolation(points, configuration.voxel, configuration.interpolation)
 
 
-def _measured(xyz: Float, thinned: float, configuration: ModelConfiguration) -> tuple[Suitability, Plane]:
+def _measured(xyz: Float, thinned: float, configuration: ModelConfiguration) -> tuple[Suitability, tuple[Plane, Float]]:
     from ..preparation.prepare import flat_frame
 
     plane, matrix = flat_frame(xyz, configuration)
-    return measure(xyz, apply_matrix(matrix, xyz), plane, thinned), plane
+    return measure(xyz, apply_matrix(matrix, xyz), plane, thinned), (plane, matrix)
