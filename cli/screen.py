@@ -8,8 +8,10 @@ from pathlib import Path
 import click
 
 from ..engine.core.run_result import RunResult
-from ..interface.parameters import command_sets
+from ..interface.parameters import ScreeningParameters, command_sets
 from .options import PATH, ROI, Session, command, path_option
+
+_METHODS = next(s.choices for s in ScreeningParameters.specifications() if s.name == "screening_method")
 
 
 @click.command()
@@ -25,9 +27,7 @@ from .options import PATH, ROI, Session, command, path_option
     "Heights that hazards 2, 3, 5 and 8 m wide need to be found, .tif.  [default: NAME_smallest_hazard.tif]",
 )
 @path_option("--map", "Picture, .png.  [default: NAME_map.png]", "picture")
-@click.option(
-    "--method", type=click.Choice(["network", "filter", "residual"]), default=None, help="Same as --screening-method."
-)
+@click.option("--method", type=click.Choice(_METHODS), default=None, help="Same as --screening-method.")
 @command(*command_sets.SCREEN)
 def screen(
     session: Session,

@@ -12,7 +12,7 @@ from typing import Any
 from ..engine.core.errors import InputError
 from ..engine.core.run_record import versions
 from ..engine.pointcloud.pdal_program import find_pdal
-from ..models.network.shipped import SHIPPED_SHA256, SHIPPED_WEIGHTS
+from ..models.network.shipped import RELIEF_SHA256, RELIEF_WEIGHTS, SHIPPED_SHA256, SHIPPED_WEIGHTS
 
 
 def check_environment(pdal: Path | None = None) -> dict[str, Any]:
@@ -32,6 +32,7 @@ def check_environment(pdal: Path | None = None) -> dict[str, Any]:
     except importlib.metadata.PackageNotFoundError:
         found["torch"] = "not installed"
     found["screening_weights"] = SHIPPED_SHA256[:12] if SHIPPED_WEIGHTS.is_file() else "not there"
+    found["relief_weights"] = RELIEF_SHA256[:12] if RELIEF_WEIGHTS.is_file() else "not there"
     program = find_pdal(pdal)
     found["pdal"] = program.version
     found["pdal_path"] = program.path

@@ -13,7 +13,7 @@ from ..engine.pointcloud.cloud import PointCloud
 from ..engine.zones.confirmation import VERDICTS, confirm_zones
 from ..interface.parameters import InputParameters, LastEpochParameters
 from ..models.screening.cloud_file import ScreenedFile
-from ..models.screening.network import ScreeningModel
+from ..models.screening.method import learned_model
 from ..models.screening.result import Screening
 from ..models.screening.screen import screen_points
 from ..models.screening.self_test import SelfTest, self_test
@@ -46,10 +46,8 @@ def obstacle(parameters: LastEpochParameters) -> str | None:
     Raises:
         InputError: what was asked for by name, weights or a graphics card, cannot be used.
     """
-    if parameters.screening_method != "network":
-        return None
     try:
-        ScreeningModel(parameters)
+        learned_model(parameters)
     except InputError as error:
         if parameters.weights or parameters.device == "gpu":
             raise
@@ -116,6 +114,6 @@ def write_epoch_screening(
     )
     figures = screening_figures(found.source, found.screening, found.hazards, labelled, found.tested)
     figures = {name if name.startswith("screened") else f"screened_{name}": value for name, value in figures.items()}
-    run.facts |= facts
+    run.facts |= {"screening_method": found.screening.method} | facts
     run.outputs |= {key: run.stage.final(_TARGETS[name].name) for name, key in _KEYS.items()}
     run.figures |= figures | found.figures

@@ -104,7 +104,7 @@ def screen_step(
             output = place(targets["labelled"])
             labelled = source.write_labelled(output, screening, classification=parameters.write_classification)
         run.figures = screening_figures(source, screening, hazards, labelled, tested)
-        run.facts |= {"model": screening.model, "run_id": run_id} | facts
+        run.facts |= {"method": screening.method, "model": screening.model, "run_id": run_id} | facts
         run.outputs |= {name: path.absolute() for name, path in targets.items()} | {"run": run.record_path}
         run.finish_reviews()
     return run.result()

@@ -26,11 +26,21 @@ class Planes:
         self.key = index[:, 0] * self.shape[1] + index[:, 1]
         self.x, self.y = (xy - index - 0.5).T
 
-    def fit(self, z: Float, weight: Float, prior_height: float, prior_slope: float) -> tuple[Float, Float, Float]:
-        """Height and inclinations of each cell's plane; the priors pull it towards 0 and towards level."""
+    def fit(
+        self, z: Float, weight: Float, prior_height: float, prior_slope: float, spread: Float | None = None
+    ) -> tuple[Float, Float, Float]:
+        """Height and inclinations of each cell's plane; the priors pull it towards 0 and towards level.
+
+        Args:
+            spread: (n, 5) where points are averages of ``weight`` others: sums over these of xx, xy, yy, xz, yz about
+                the average. The planes are then those of the others.
+        """
         x, y = self.x, self.y
         wx, wy, wz = weight * x, weight * y, weight * z
         sums = [self.sum(v) for v in (weight, wx, wy, wx * x, wx * y, wy * y, wz, wz * x, wz * y)]
+        if spread is not None:
+            for k, column in zip((3, 4, 5, 7, 8), spread.T):
+                sums[k] = sums[k] + self.sum(column)
         w, sx, sy, sxx, sxy, syy, sz, sxz, syz = self._pool(sums)
         w = w + prior_height + 1e-9
         sxx, syy = sxx + prior_slope * w, syy + prior_slope * w

@@ -12,12 +12,14 @@ class ScreeningParameters(ParameterSet, record_name="screening"):
     """Screening of one survey: which ground looks raised or lowered against the slope around it."""
 
     screening_method: str = _parameter(
-        "network",
+        AUTO,
         "Screening method",
-        "network: the trained network labels every point. filter: bumps and hollows of 2 to 8 m that stand out of the "
-        "roughness around them, at the accepted false zones, without learning. residual: a threshold on the height "
-        "over the slope's trend, without learning.",
-        choices=("network", "filter", "residual"),
+        "auto: what the weights given are for, relief without any. relief: a network trained on real ground looks at "
+        "a raster of the slope's relief, and zones that stand out of it are shown at the accepted false zones. "
+        "network: a network trained on simulated slopes labels every point. filter: bumps and hollows of 2 to 8 m that "
+        "stand out of the roughness around them, at the accepted false zones, without learning. residual: a threshold "
+        "on the height over the slope's trend, without learning.",
+        choices=(AUTO, "relief", "network", "filter", "residual"),
     )
     ground: str = _parameter(
         "auto",
@@ -29,14 +31,15 @@ class ScreeningParameters(ParameterSet, record_name="screening"):
     weights: str = _parameter(
         "",
         "Weights",
-        "The network's weights, a .safetensors file with its .json next to it. Empty: those shipped with SlopeWatch.",
+        "Weights of relief or network, a .safetensors file with its .json next to it, which says of which. Empty: "
+        "those shipped with SlopeWatch.",
         advanced=True,
     )
     rotations: int = _parameter(
         1,
         "Rotations",
-        "The network sees each place mirrored and rotated in this many ways, and the results are averaged. Larger "
-        "takes proportionally longer; in trials it gave no measurable gain.",
+        "The method network sees each place mirrored and rotated in this many ways, and the results are averaged. "
+        "Larger takes proportionally longer; in trials it gave no measurable gain.",
         bounds=(1, 16),
         advanced=True,
     )
@@ -51,7 +54,8 @@ class ScreeningParameters(ParameterSet, record_name="screening"):
     minimum_probability: float = _parameter(
         0.0,
         "Minimum probability of a hazard",
-        "Points and cells below it are background. Larger labels less, and more reliably. 0: the most probable class.",
+        "Points and cells below it are background with network and residual; with relief and filter a zone that "
+        "nowhere reaches it is left out. Larger labels less, and more reliably. 0 takes nothing away.",
         bounds=(0.0, 0.999),
     )
     minimum_hazard_area: float = _parameter(
@@ -71,8 +75,9 @@ class ScreeningParameters(ParameterSet, record_name="screening"):
     false_zones: float = _parameter(
         1.0,
         "Accepted false zones per 1,000 m²",
-        "How many false zones on 1,000 m² of the slope are accepted. The method filter sets its threshold by it, and "
-        "the map of the smallest hazard refers to it. Larger finds lower hazards, and shows more zones that are none.",
+        "How many false zones on 1,000 m² of the slope are accepted. The methods relief and filter set "
+        "their threshold by it, and the map of the smallest hazard refers to it. Larger finds lower hazards, and shows "
+        "more zones that are none.",
         bounds=(0.1, 10.0),
     )
     write_classification: bool = _parameter(
@@ -101,7 +106,7 @@ class ScreeningParameters(ParameterSet, record_name="screening"):
     any_density: bool = _parameter(
         False,
         "Screen at any density",
-        "Only warns where the cloud is sparser or denser than the clouds that the network was trained on. Its labels "
+        "Only warns where the cloud is sparser or denser than the clouds that the method was made for. Its labels "
         "are not reliable then.",
         advanced=True,
     )
@@ -128,8 +133,8 @@ class ScreeningParameters(ParameterSet, record_name="screening"):
     threads: int | str = _parameter(
         AUTO,
         "Threads",
-        "Windows that are processed at the same time. Larger is faster and takes more memory. auto: one per processor "
-        "core, at most 8.",
+        "Windows or tiles that are processed at the same time. Larger is faster and takes more memory. auto: one per "
+        "processor core, at most 8.",
         kind=int,
         bounds=(1, 256),
         advanced=True,

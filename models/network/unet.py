@@ -7,6 +7,8 @@ parameters and sees some 30 m of 0.5 m cells.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -18,12 +20,15 @@ from torch.nn import functional
 
 from ...engine.core.arrays import Float32
 from ...engine.core.errors import InputError
+from ...engine.core.progress import Progress
 from ..configuration import CLASSES
 from ..preparation.relief_channels import CHANNELS, upside_down
 from ..preparation.relief_raster import CELL_M
+from .description import RELIEF as KIND
 from .weights import load_tensors, save_tensors
 
-KIND = "relief U-Net"
+TILE_CELLS = 384
+"""Side of what is worked on at a time, without its margin: with the usual widths it takes 0.2 GB."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +45,15 @@ class UNetConfiguration:
     def multiple(self) -> int:
         """Sides of a raster must be multiples of so many cells."""
         return int(2 ** (len(self.widths) - 1))
+
+    @property
+    def margin(self) -> int:
+        """Cells about a place beyond which nothing changes its answer, as a multiple of ``multiple``.
+
+        With m cells of the finest level along one of the coarsest, convolutions reach 2 (2 m - 1) cells on the way down
+        and 2 (m - 1) on the way up, maxima m - 1 and bilinear steps 2 (m - 1): 9 m - 7 together.
+        """
+        return 9 * self.multiple
 
 
 class UNet(nn.Module):
@@ -72,25 +86,79 @@ class UNet(nn.Module):
         return sum(parameter.numel() for parameter in self.parameters())
 
 
-def raster_logits(network: UNet, channels: Float32, *, mirrored: bool = True) -> Float32:
+def raster_logits(
+    network: UNet,
+    channels: Float32,
+    *,
+    mirrored: bool = True,
+    tile: int = TILE_CELLS,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> Float32:
     """Logits (3, columns, rows) of all ``CHANNELS`` (k, columns, rows) of a raster of any size.
 
     Args:
+        network: in evaluation mode; the raster goes to the device that it is on.
         mirrored: the mean of four looks: as it is, with x mirrored, and both upside down with the classes exchanged.
+        tile: larger rasters are cut in tiles of at most about so many cells a side, with margins in which all lies
+            that changes an answer.
+        threads: looks at tiles that are worked on at the same time; the result does not depend on it.
     """
-    looks = [channels]
-    if mirrored:
-        looks = [look for one in (channels, channels[:, ::-1]) for look in (one, upside_down(one))]
+    progress = progress or Progress()
     columns, rows = channels.shape[1:]
     multiple = network.configuration.multiple
-    rim = (0, -rows % multiple, 0, -columns % multiple)
+    padded = np.pad(channels, ((0, 0), (0, -columns % multiple), (0, -rows % multiple)))
+    result = np.zeros((len(CLASSES), *padded.shape[1:]), dtype=np.float32)
+    looks = [(x, z) for x in (False, True) for z in (False, True)] if mirrored else [(False, False)]
+    jobs = [(window, look) for window in _tiles(padded.shape[1:], network.configuration, tile) for look in looks]
+    with ThreadPoolExecutor(threads) as pool:
+        waiting = [pool.submit(_look, network, padded[window.outer], look) for window, look in jobs]
+        try:
+            for done, ((window, _), future) in enumerate(zip(jobs, waiting, strict=True)):
+                progress.update(done / len(jobs))
+                result[window.inner] += future.result()[window.within]
+        finally:
+            for future in waiting:
+                future.cancel()
+    return np.asarray(result[:, :columns, :rows] / len(looks), dtype=np.float32)
+
+
+@dataclass(frozen=True)
+class _Tile:
+    """All channels, the columns and the rows of a tile: with its margin, without, and the latter within the former."""
+
+    outer: tuple[slice, slice, slice]
+    inner: tuple[slice, slice, slice]
+    within: tuple[slice, slice, slice]
+
+
+def _tiles(shape: tuple[int, ...], configuration: UNetConfiguration, side: int) -> Iterator[_Tile]:
+    """Tiles that cover a raster whose sides are multiples of ``configuration.multiple``."""
+    multiple, margin = configuration.multiple, configuration.margin
+    axes = []
+    for size in shape:
+        step = max(1, round(size / max(1, -(-size // side)) / multiple)) * multiple
+        cuts = []
+        for start in range(0, size, step):
+            end, low = min(start + step, size), max(0, start - margin)
+            outer = slice(low, min(end + margin, size))
+            cuts.append((outer, slice(start, end), slice(start - low, end - low)))
+        axes.append(cuts)
+    for along in axes[0]:
+        for across in axes[1]:
+            yield _Tile(*((slice(None), *both) for both in zip(along, across, strict=True)))
+
+
+def _look(network: UNet, channels: Float32, look: tuple[bool, bool]) -> Float32:
+    """Logits of a tile by one look: with x mirrored or not, and upside down or not, and put back as the tile lies."""
+    mirrored, inverse = look
+    seen = upside_down(channels) if inverse else channels
+    seen = np.ascontiguousarray((seen[:, ::-1] if mirrored else seen)[network.chosen])
     with torch.inference_mode():
-        values = functional.pad(torch.from_numpy(np.stack(looks)[:, network.chosen]), rim)
-        found = network(values)[:, :, :columns, :rows].numpy()
-    if not mirrored:
-        return np.asarray(found[0], dtype=np.float32)
-    swapped = found[:, [0, 2, 1]]
-    return np.asarray((found[0] + swapped[1] + found[2][:, ::-1] + swapped[3][:, ::-1]) / 4, dtype=np.float32)
+        values = torch.from_numpy(seen)[None].to(network.head.weight.device)
+        found = network(values)[0].cpu().numpy()
+    found = found[[0, 2, 1]] if inverse else found
+    return np.asarray(found[:, ::-1] if mirrored else found, dtype=np.float32)
 
 
 def log_odds(logits: Float32) -> tuple[Float32, Float32]:

@@ -14,9 +14,8 @@ from ...engine.core import checksums
 from ...engine.core.errors import InputError
 from ...engine.core.staged_outputs import atomic_output
 from ..configuration import ModelConfiguration
+from .description import FORMAT, read_description
 from .randlanet import RandLANet
-
-FORMAT = 1
 
 
 @dataclass(frozen=True)
@@ -107,7 +106,7 @@ def load_tensors(path: Path, sha256: str | None = None) -> tuple[dict[str, Any],
     if not path.is_file():
         raise InputError(f"The weights {path} do not exist; give a .safetensors file.")
     _refuse_pickle(path)
-    description = _read_description(path)
+    description = read_description(path)
     found = checksums.sha256(path)
     for expected in (sha256, description["sha256"]):
         if expected is not None and found != expected:
@@ -126,21 +125,3 @@ def _refuse_pickle(path: Path) -> None:
         raise InputError(
             f"The weights {path} are no safetensors file; pickled models are not opened, convert them first."
         )
-
-
-def _read_description(path: Path) -> dict[str, Any]:
-    source = path.with_suffix(".json")
-    try:
-        description = json.loads(source.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"The description {source} of the weights is missing; keep both files together.") from None
-    except (ValueError, OSError) as error:
-        raise InputError(f"The description {source} of the weights cannot be read ({error}); restore it.") from error
-    if not isinstance(description, dict) or description.get("format") != FORMAT:
-        raise InputError(
-            f"The description {source} of the weights is of another version; take weights made for this one."
-        )
-    missing = {"sha256", "configuration"} - set(description)
-    if missing:
-        raise InputError(f"The description {source} of the weights lacks {', '.join(sorted(missing))}; restore it.")
-    return description

@@ -13,12 +13,15 @@ product, and each window still has weights of its own.
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from ...engine.core.arrays import Bool, Float, Float32, Index
+from ...engine.core.processors import processors
 from ...engine.geometry.plane_cells import Planes
 from ...engine.statistics.robust import NORMALISED
 
@@ -43,6 +46,7 @@ lie too one-sidedly."""
 _MIN_SCATTER_M = 0.003
 _CHUNK_VALUES = 200_000
 """Values of windows that are worked on at a time: what a processor's cache holds."""
+_MAX_THREADS = 4  # beyond that they wait for memory
 UNKNOWNS = 7
 
 
@@ -84,15 +88,22 @@ class BumpFit:
 
 
 def cell_heights(
-    flat: Float, cell: float, origin: Float, shape: tuple[int, int], number: NDArray[np.number] | None = None
+    flat: Float,
+    cell: float,
+    origin: Float,
+    shape: tuple[int, int],
+    number: NDArray[np.number] | None = None,
+    spread: Float | None = None,
 ) -> CellHeights:
     """Average points (n, 3) of the flat frame on ``shape`` cells of ``cell`` m from ``origin`` (2,) on.
 
     Points that lie off the cell's middle are brought there along a plane through the cell and the eight around it.
 
     Args:
-        number: (n,) how many points of the survey each is the average of; 1 by default. The scatter is then that of the
-            averages.
+        number: (n,) how many points of the survey each is the average of; 1 by default.
+        spread: (n, 6) sums of the products xx, xy, xz, yy, yz, zz of these points about their average, m²
+            (``voxel_sums.SparseVoxels``). With them the cells are those of the survey's points; without them heights
+            are so but for a millimetre's fraction, and the scatter is that of the averages.
 
     Raises:
         ValueError: a point lies outside of the lattice.
@@ -104,9 +115,14 @@ def cell_heights(
     z = flat[:, 2] - level
     weight = np.ones(len(z)) if number is None else np.asarray(number, dtype=np.float64)
     count = planes.sum(weight)
-    _, along, across = planes.fit(z, weight, 0.0, 0.02)
-    rest = z - along.ravel()[planes.key] * planes.x - across.ravel()[planes.key] * planes.y
+    within = None if spread is None else spread / np.array([cell**2, cell**2, cell, cell**2, cell, 1.0])
+    _, along, across = planes.fit(z, weight, 0.0, 0.02, None if within is None else within[:, [0, 1, 3, 2, 4]])
+    a, b = along.ravel()[planes.key], across.ravel()[planes.key]
+    rest = z - a * planes.x - b * planes.y
     total, squares = planes.sum(weight * rest), planes.sum(weight * rest**2)
+    if within is not None:
+        xx, xy, xz, yy, yz, zz = within.T
+        squares += planes.sum(zz - 2 * (a * xz + b * yz) + a * a * xx + 2 * a * b * xy + b * b * yy)
     with np.errstate(divide="ignore", invalid="ignore"):
         height = np.where(count > 0, total / count + level, np.nan)
         variance = np.maximum(squares - total**2 / count, 0.0) / (count - 1)
@@ -135,11 +151,16 @@ def fit_bumps(cells: CellHeights, diameter: float, where: Bool) -> BumpFit:
     offsets = design.di * height.shape[1] + design.dj
     amplitude, error = (np.full(where.shape, np.nan, dtype=np.float32) for _ in range(2))
     step = max(1, _CHUNK_VALUES // len(offsets))
-    for start in range(0, len(middle), step):
-        here = slice(start, start + step)
+
+    def fit(here: slice) -> tuple[Float, Float]:
         window = middle[here, None] + offsets
-        found = _fit_windows(height.ravel()[window], weight.ravel()[window], design)
-        amplitude[i[here], j[here]], error[i[here], j[here]] = found
+        return _fit_windows(height.ravel()[window], weight.ravel()[window], design)
+
+    chunks = [slice(start, start + step) for start in range(0, len(middle), step)]
+    # Chunks are worked on side by side: the threads of a BLAS only wait for each other on products as small as these.
+    with threadpool_limits(1, "blas"), ThreadPoolExecutor(min(processors(), _MAX_THREADS)) as pool:
+        for here, found in zip(chunks, pool.map(fit, chunks), strict=True):
+            amplitude[i[here], j[here]], error[i[here], j[here]] = found
     return BumpFit(diameter, amplitude, error)
 
 

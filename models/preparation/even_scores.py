@@ -13,7 +13,7 @@ import numpy as np
 
 from ...engine.core.arrays import Float, Float32
 from .bump_filter import BumpFit
-from .raster_zones import Scores
+from .raster_zones import Scores, level_between
 from .relief_raster import ReliefRaster, local_scatter
 
 SCATTER_REACH_M = 12.0
@@ -38,4 +38,4 @@ def even_scores(raster: ReliefRaster) -> Scores:
 
 def level_for(false_zones: float) -> float:
     """The level of even scores for accepted false zones per 1,000 m² (0.1 to 10)."""
-    return float(np.interp(np.log(false_zones), np.log(list(LEVELS)), list(LEVELS.values())))
+    return level_between(LEVELS, false_zones)

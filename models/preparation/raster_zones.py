@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -120,6 +120,13 @@ def conformal_level(levels: Float, rates: Float, wanted: float, cap: float) -> f
     bound = (np.minimum(most, cap).sum(axis=0) + cap) / (len(rates) + 1)
     accepted = np.flatnonzero(bound <= wanted)
     return float(levels[accepted[0]]) if len(accepted) else float("nan")
+
+
+def level_between(levels: Mapping[float, float], false_zones: float) -> float:
+    """The level for accepted false zones per 1,000 m² from a table of both: linear in their logarithm between its rows,
+    that of the nearest row beyond them.
+    """
+    return float(np.interp(np.log(false_zones), np.log(list(levels)), list(levels.values())))
 
 
 def _level_in_tail(levels: Float, rates: Float, area: float, wanted: float) -> float:

@@ -9,6 +9,7 @@ it).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,8 @@ from .relief_raster import ReliefRaster
 FACTORS = {2.0: 3.0, 3.0: 1.25, 5.0: 1.25, 8.0: 1.15}
 """Height over (level times standard error times scatter) at which 70 % of the hazards of a diameter (m) were found;
 between these diameters it is interpolated."""
+RELIEF_FACTORS = {2.0: 1.0, 3.0: 1.0, 5.0: 1.0, 8.0: 1.0}
+"""The same of the network on rasters of relief, as parts of the filter's."""
 _SMOOTH_CELLS = 5
 """Standard errors are the median of squares of so many cells a side."""
 
@@ -59,10 +62,16 @@ def filter_scores(raster: ReliefRaster) -> Scores:
     return Scores.strongest([fit.t for fit in raster.bumps], raster.cell)
 
 
-def smallest_hazard(raster: ReliefRaster, false_zones: float = 1.0) -> SmallestHazard:
-    """The map of A70 of a slope at the level of even scores for ``false_zones`` false zones per 1,000 m²."""
+def smallest_hazard(
+    raster: ReliefRaster, false_zones: float = 1.0, parts: Mapping[float, float] | None = None
+) -> SmallestHazard:
+    """The map of A70 of a slope at the level of even scores for ``false_zones`` false zones per 1,000 m².
+
+    Args:
+        parts: by diameter (m), what another method needs as a part of what the filter does; linear in between.
+    """
     level = level_for(false_zones)
-    heights = np.stack([_needed(fit, level, raster.cell) for fit in raster.bumps])
+    heights = np.stack([_needed(fit, level, raster.cell) * _between(parts, fit.diameter) for fit in raster.bumps])
     return SmallestHazard(tuple(fit.diameter for fit in raster.bumps), heights.astype(np.float32), level)
 
 
@@ -72,5 +81,10 @@ def _needed(fit: BumpFit, level: float, cell: float) -> Float32:
         return fit.error
     error = fit.error * even_t(fit, cell)[1]
     filled = np.where(known, error, np.median(error[known]))
-    factor = float(np.interp(fit.diameter, list(FACTORS), list(FACTORS.values())))
-    return np.where(known, factor * level * median_filter(filled, _SMOOTH_CELLS), np.nan).astype(np.float32)
+    return np.where(
+        known, _between(FACTORS, fit.diameter) * level * median_filter(filled, _SMOOTH_CELLS), np.nan
+    ).astype(np.float32)
+
+
+def _between(factors: Mapping[float, float] | None, diameter: float) -> float:
+    return 1.0 if factors is None else float(np.interp(diameter, list(factors), list(factors.values())))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...engine.core.arrays import Float
 from ...engine.core.errors import InputError
+from ...engine.geometry.dominant_plane import Plane
 from ..configuration import ModelConfiguration
 from .prepare import PreparedCloud, flat_frame, prepared
 from .thinning import Thinning
@@ -55,15 +56,25 @@ def sample_parts(parts: Parts, name: str = "The cloud") -> Sample:
 
 
 def prepare_parts(
-    parts: Parts, sample: Sample, configuration: ModelConfiguration, seed: int = 0
+    parts: Parts,
+    sample: Sample,
+    configuration: ModelConfiguration,
+    seed: int = 0,
+    *,
+    spread: bool = False,
+    frame: tuple[Plane, Float] | None = None,
 ) -> tuple[PreparedCloud, SparseVoxels]:
     """The prepared cloud, without ``inverse``, and where each point's voxel is.
+
+    Args:
+        spread: also how the points of a voxel spread about their average.
+        frame: plane and matrix as ``flat_frame`` found them on the sample, if it was asked already.
 
     Raises:
         InputError: the plane cannot be found, or the cloud is too wide for its trends' rasters or for numbered voxels.
     """
-    plane, matrix = flat_frame(sample.xyz, configuration, seed)
-    voxels = sum_parts(parts, matrix, configuration.voxel)
+    plane, matrix = frame or flat_frame(sample.xyz, configuration, seed)
+    voxels = sum_parts(parts, matrix, configuration.voxel, spread=spread)
     _refuse_wide(voxels.grid.points, configuration)
     return prepared(plane, matrix, voxels.grid, configuration), voxels
 
@@ -78,9 +89,9 @@ def _refuse_wide(points: Float, configuration: ModelConfiguration) -> None:
         )
 
 
-def sum_parts(parts: Parts, matrix: Float, size: float) -> SparseVoxels:
+def sum_parts(parts: Parts, matrix: Float, size: float, *, spread: bool = False) -> SparseVoxels:
     """The voxels of a cloud in the frame that ``matrix`` leads to."""
-    sums = VoxelSums(matrix, size)
+    sums = VoxelSums(matrix, size, spread=spread)
     for xyz in parts():
         sums.add(xyz)
     return sums.finish()

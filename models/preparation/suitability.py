@@ -31,6 +31,11 @@ _MAX_BARE_SCATTER_M = 0.15
 """Scatter (m) about a plane within 1 m² beyond which it is not bare ground; see docs/adr/0005."""
 _MAX_ROUGH_SHARE = 0.15
 _MIN_CELL_POINTS = 6
+_SPARSE, _SPARSE_CELL_M = 4.0, 3.0
+"""Below so many points in the middle one of the square metres that have any, those without any count, too: the density
+is then measured on squares of this side (m)."""
+_SPARSER = {"network": "relief", "relief": "filter"}
+"""Method that takes sparser ground than another."""
 MIN_WIDTH_M = 4.0
 """The reach of the trend: in a narrower strip a hazard is most of the ground that its own height is measured from."""
 
@@ -39,8 +44,8 @@ MIN_WIDTH_M = 4.0
 class Suitability:
     """What is measured before screening.
 
-    ``dip`` (degrees) of the dominant plane; ``density``: points in the middle one of the slope's square metres that
-    have any; ``opposite_share``: part of the dipping ground that faces against the rest (0 to 0.5); ``rough_share``:
+    ``dip`` (degrees) of the dominant plane; ``density``: points a m², those of the middle one of the slope's squares;
+    ``opposite_share``: part of the dipping ground that faces against the rest (0 to 0.5); ``rough_share``:
     part of the square metres whose points scatter too much for bare ground; ``width`` (m) of the region on the slope,
     where it is narrowest; the two ``planes`` that describe it best.
     """
@@ -66,12 +71,22 @@ def measure(xyz: Float, flat: Float, plane: Plane, thinned: float = 1.0) -> Suit
     rough = np.sqrt(cells.variance[judged]) > _MAX_BARE_SCATTER_M
     return Suitability(
         dip=plane.dip,
-        density=float(np.median(cells.points)) * thinned,
+        density=_density(flat, cells.points) * thinned,
         opposite_share=opposite_share(xyz),
         rough_share=float(rough.mean()) if judged.any() else 0.0,
         width=narrowest(flat),
         planes=two_planes(xyz),
     )
+
+
+def _density(flat: Float, points: NDArray[np.integer]) -> float:
+    """Points a m² of a slope (n, 3) in its flat frame, ``points`` (k,) of whose square metres are known."""
+    density = float(np.median(points))
+    if density >= _SPARSE:
+        return density
+    place = np.floor((flat[:, :2] - flat[:, :2].min(axis=0)) / _SPARSE_CELL_M).astype(np.int64)
+    number = np.unique(place, axis=0, return_counts=True)[1]
+    return float(np.median(number)) / _SPARSE_CELL_M**2
 
 
 def refuse_unsuitable(
@@ -126,15 +141,14 @@ def refuse_unsuitable(
             f"give --ground extract to extract the ground first, {ready}or --ground as_is if it is rough ground."
         )
     if density is not None and not density[0] <= found.density <= density[1]:
-        sparse = found.density < density[0]
+        sparse, method = found.density < density[0], parameters.screening_method
         sentence = (
-            f"{name} has {found.density:.0f} points a m² where the {parameters.screening_method} was made for "
-            f"{density[0]:g} to {density[1]:g}"
+            f"{name} has {found.density:.{0 if found.density >= 2 else 1}f} points a m² where the method {method} was "
+            f"made for {density[0]:g} to {density[1]:g}"
         )
         if not parameters.any_density:
-            by_network = parameters.screening_method == "network"
-            remedy = f"--screening-method {'filter' if by_network else 'residual'}" if sparse else "a thinned cloud"
-            remedy += ", other weights" if by_network else ""
+            remedy = f"--screening-method {_SPARSER.get(method, 'residual')}" if sparse else "a thinned cloud"
+            remedy += ", other weights" if method == "network" else ""
             raise InputError(f"{sentence}; give {remedy}, or any_density to screen it all the same.")
         progress.warning(f"{sentence}, so its labels are not to be relied on.")
 

@@ -18,6 +18,7 @@ _UNIT = 1e-6
 """Metres of the whole numbers that are added up."""
 _BITS = 21
 _HALF = 1 << (_BITS - 1)
+_PRODUCTS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 _WAITING = 200_000
 """Rows that wait at least before they are merged."""
 
@@ -26,7 +27,9 @@ _WAITING = 200_000
 class SparseVoxels:
     """``grid`` without ``inverse``: the points in the order of ``voxels.voxel_grid``; and how to find a point's voxel.
 
-    ``keys`` (m,) rise; ``place`` (m,) is where the voxel of each key is in ``grid.points``.
+    ``keys`` (m,) rise; ``place`` (m,) is where the voxel of each key is in ``grid.points``. ``spread``, where it was
+    asked for, has a row (6,) for each of ``grid.points``: the products xx, xy, xz, yy, yz, zz of its points about their
+    average, added up, m².
     """
 
     grid: VoxelGrid
@@ -34,6 +37,7 @@ class SparseVoxels:
     size: float
     keys: Index
     place: Index
+    spread: Float | None = None
 
     def lookup(self, xyz: Float) -> Index:
         """The voxel of each of (n, 3) points in the cloud's coordinates; -1 where no point of the cloud was."""
@@ -46,11 +50,16 @@ class SparseVoxels:
 
 
 class VoxelSums:
-    """Adds up points, part by part, in voxels of side ``size`` m in the frame that ``matrix`` (4, 4) leads to."""
+    """Adds up points, part by part, in voxels of side ``size`` m in the frame that ``matrix`` (4, 4) leads to.
 
-    def __init__(self, matrix: Float, size: float) -> None:
+    Args:
+        spread: also how the points of a voxel spread about their average.
+    """
+
+    def __init__(self, matrix: Float, size: float, *, spread: bool = False) -> None:
         self.matrix, self.size = matrix, size
-        self._merged = _Sums.empty()
+        self._products = _PRODUCTS if spread else ()
+        self._merged = _Sums.empty(len(self._products))
         self._waiting: list[_Sums] = []
 
     def add(self, xyz: Float) -> None:
@@ -62,7 +71,10 @@ class VoxelSums:
         if not len(xyz):
             return
         key, within = _keys(self.matrix, self.size, xyz)
-        self._waiting.append(_Sums(key, within, np.ones(len(key), dtype=np.int64)).combined())
+        products = np.empty((len(key), len(self._products)), dtype=np.int64)
+        for column, (a, b) in enumerate(self._products):
+            np.multiply(within[:, a], within[:, b], out=products[:, column])
+        self._waiting.append(_Sums(key, within, products, np.ones(len(key), dtype=np.int64)).combined())
         # Merging only what has grown as large as all before keeps the work linear.
         if sum(len(part.keys) for part in self._waiting) > max(len(self._merged.keys), _WAITING):
             self._merge()
@@ -85,7 +97,8 @@ class VoxelSums:
         place = np.empty(len(order), dtype=np.int64)
         place[order] = np.arange(len(order))
         grid = VoxelGrid(mean[order], np.empty(0, dtype=np.int64), sums.count[order])
-        return SparseVoxels(grid, self.matrix, self.size, sums.keys, place)
+        spread = sums.spread(self._products)[order] if self._products else None
+        return SparseVoxels(grid, self.matrix, self.size, sums.keys, place, spread)
 
     def _merge(self) -> None:
         if self._waiting:
@@ -95,21 +108,26 @@ class VoxelSums:
 
 @dataclass(frozen=True)
 class _Sums:
-    """``keys`` (n,), the points' places ``within`` (n, 3) their voxels in micrometres, added up, and ``count``."""
+    """``keys`` (n,), the points' places ``within`` (n, 3) their voxels in micrometres, added up, the ``products``
+    (n, k) of any two coordinates of these, added up, and ``count``.
+    """
 
     keys: Index
     within: Index
+    products: Index
     count: Index
 
     @classmethod
-    def empty(cls) -> _Sums:
-        return cls(np.empty(0, dtype=np.int64), np.empty((0, 3), dtype=np.int64), np.empty(0, dtype=np.int64))
+    def empty(cls, products: int) -> _Sums:
+        none = np.empty(0, dtype=np.int64)
+        return cls(none, np.empty((0, 3), dtype=np.int64), np.empty((0, products), dtype=np.int64), none)
 
     @classmethod
     def of(cls, parts: list[_Sums]) -> _Sums:
         return cls(
             np.concatenate([part.keys for part in parts]),
             np.concatenate([part.within for part in parts]),
+            np.concatenate([part.products for part in parts]),
             np.concatenate([part.count for part in parts]),
         )
 
@@ -120,8 +138,23 @@ class _Sums:
         order = np.argsort(self.keys, kind="stable")
         keys = self.keys[order]
         starts = np.flatnonzero(np.concatenate([[True], keys[1:] != keys[:-1]]))
-        within = np.stack([np.add.reduceat(self.within[order, axis], starts) for axis in range(3)], axis=1)
-        return _Sums(keys[starts], within, np.add.reduceat(self.count[order], starts))
+        count = np.add.reduceat(self.count[order], starts)
+        return _Sums(keys[starts], _added(self.within, order, starts), _added(self.products, order, starts), count)
+
+    def spread(self, products: tuple[tuple[int, int], ...]) -> Float:
+        """``SparseVoxels.spread`` in the order of the keys."""
+        result = self.products.astype(np.float64)
+        for column, (a, b) in enumerate(products):
+            result[:, column] -= self.within[:, a].astype(np.float64) * self.within[:, b] / self.count
+        return result * _UNIT**2
+
+
+def _added(values: Index, order: Index, starts: Index) -> Index:
+    """Columns of ``values`` (n, k), put in ``order`` and added up from each of ``starts`` to the next."""
+    result = np.empty((len(starts), values.shape[1]), dtype=np.int64)
+    for column in range(values.shape[1]):
+        result[:, column] = np.add.reduceat(values[order, column], starts)
+    return result
 
 
 def flat_axis(matrix: Float, xyz: Float, axis: int) -> Float:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...engine.core.arrays import Float, Float32
 from ..preparation.relief_raster import CELL_M, ReliefRaster, relief_raster
-from ..preparation.smallest_hazard import smallest_hazard
+from ..preparation.smallest_hazard import RELIEF_FACTORS, smallest_hazard
 from ..preparation.streaming import sum_parts
 
 USUAL_HAZARD_M = 1.0
@@ -18,9 +18,10 @@ USUAL_HAZARD_M = 1.0
 DOUBTFUL_SHARE = 0.45
 """Part of the slope on which a hazard of ``USUAL_HAZARD_M`` is not found beyond which zones come with a warning. On
 places of which 46 to 98 % was blind the filter found 12 to 25 % of hazards of 1.2 m, on those up to 41 %, 38 to 100."""
-MAX_BLIND_SHARE = {"filter": DOUBTFUL_SHARE}
-MAX_BLIND_SHARE_ELSE = 0.85
-"""Beyond it no zones are shown. Other methods may see more than the filter where hazards and structures themselves make
+PARTS: dict[str, dict[float, float] | None] = {"filter": None, "relief": RELIEF_FACTORS}
+"""Methods for which was measured what they find, and what they need as parts of what the filter does."""
+MAX_BLIND_SHARE = {"filter": DOUBTFUL_SHARE, "relief": 0.85, "network": 0.85, "residual": 0.85}
+"""Beyond it a method shows no zones. Others than the filter may see more where hazards and structures themselves make
 the ground rough: on a simulated slope blind by 79 % the network showed 34 zones, 2 of them false. On real ground blind
 by 89 and 98 % nothing found anything."""
 PART_M = CELL_M / 2
@@ -30,8 +31,8 @@ SENTENCE_WIDTH_M = 3.0
 
 @dataclass(frozen=True)
 class Detectability:
-    """Heights (m) that hazards of ``diameters`` (m) need to be found at 70 % by the matched filter, at ``false_zones``
-    false zones per 1,000 m².
+    """Heights (m) that hazards of ``diameters`` (m) need to be found at 70 % by ``method``, or by the matched filter
+    where that is not one of ``PARTS``, at ``false_zones`` false zones per 1,000 m².
 
     ``heights`` (diameters, m) are those at the voxels, NaN where nothing can be said. Over the cells of the slope:
     ``medians`` (diameters,), NaN where nothing is known; ``short_shares`` (diameters,), the part on which
@@ -45,10 +46,17 @@ class Detectability:
     medians: Float
     short_shares: Float
     blind_share: float
+    method: str
 
-    def shown(self, method: str) -> bool:
-        """Whether a method's zones say anything on this slope."""
-        return not self.blind_share > MAX_BLIND_SHARE.get(method, MAX_BLIND_SHARE_ELSE)
+    @property
+    def shown(self) -> bool:
+        """Whether the method's zones say anything on this slope."""
+        return not self.blind_share > MAX_BLIND_SHARE[self.method]
+
+    @property
+    def finder(self) -> str:
+        """Whose figures these are."""
+        return "screening" if self.method in PARTS else "a matched filter"
 
     @property
     def doubtful(self) -> bool:
@@ -63,11 +71,10 @@ class Detectability:
         }
         return {"smallest_hazard_m": by_width, "blind_share": self.blind_share}
 
-    def sentence(self, method: str) -> str:
-        """What can be found, in one sentence; other methods than the filter find no more, as a rule."""
+    def sentence(self) -> str:
+        """What can be found, in one sentence; methods that were not measured find no more, as a rule."""
         by_width = dict(zip(self.diameters, self.medians.tolist(), strict=True))
         main = by_width.pop(SENTENCE_WIDTH_M, np.nan)
-        finder = "screening" if method == "filter" else "a matched filter"
         if not np.isfinite(main):
             return (
                 "How high a hazard must be to be found cannot be said here: too little ground lies around each place."
@@ -75,7 +82,7 @@ class Detectability:
         others = "; ".join(f"{width:g} m: {_metres(value)}" for width, value in by_width.items() if np.isfinite(value))
         return (
             f"On half of this slope a hazard {SENTENCE_WIDTH_M:g} m wide must stand {_metres(main)} out of or below "
-            f"the ground around it to be found by {finder}{f' ({others})' if others else ''}; on "
+            f"the ground around it to be found by {self.finder}{f' ({others})' if others else ''}; on "
             f"{100 * self.blind_share:.0f} % even {USUAL_HAZARD_M:g} m is not enough."
         )
 
@@ -92,14 +99,14 @@ class Detectability:
 
     def _blind(self) -> str:
         return (
-            f"its ground is so rough or so sparse that on {100 * self.blind_share:.0f} % of it a matched filter would "
+            f"its ground is so rough or so sparse that on {100 * self.blind_share:.0f} % of it {self.finder} would "
             f"not even find a hazard of {USUAL_HAZARD_M:g} m"
         )
 
 
-def detectability(raster: ReliefRaster, voxels: Float, false_zones: float) -> Detectability:
-    """What can be found on a slope's ground, at voxels (m, 3) of its flat frame too."""
-    needed = smallest_hazard(raster, false_zones)
+def detectability(raster: ReliefRaster, voxels: Float, false_zones: float, method: str = "filter") -> Detectability:
+    """What a method can find on a slope's ground, at voxels (m, 3) of its flat frame too."""
+    needed = smallest_hazard(raster, false_zones, PARTS.get(method))
     known = np.isfinite(needed.heights)
     anywhere = known.any(axis=0)
     i, j = raster.index(voxels)
@@ -111,6 +118,7 @@ def detectability(raster: ReliefRaster, voxels: Float, false_zones: float) -> De
         np.array([np.median(one[have]) if have.any() else np.nan for one, have in zip(needed.heights, known)]),
         np.array([1.0 - needed.share_below(USUAL_HAZARD_M, diameter) for diameter in needed.diameters]),
         float(np.mean(lowest > USUAL_HAZARD_M)) if len(lowest) else float("nan"),
+        method,
     )
 
 

@@ -31,7 +31,9 @@ def hazard_picture(hazards: Hazards, view: TopView) -> Heatmap:
     own = np.take_along_axis(hazards.probability, hazards.labels[np.newaxis].astype(np.int64), axis=0)[0]
     shown = hazards.labels != BACKGROUND
     signed = np.where(hazards.labels == SUBSIDENCE, -own, own)
-    level = np.full(hazards.grid.shape, _MIN_PROBABILITY)
+    # hazards by zones may be improbable ones: the legend then has no least
+    least = _MIN_PROBABILITY if (own[shown] >= _MIN_PROBABILITY).all() else np.nan
+    level = np.full(hazards.grid.shape, least)
     picture = make_heatmap(signed, shown, level, hazards.grid, view, HeatmapParameters(), limit=_MAX_PROBABILITY)
     return replace(picture, words=replace(_WORDS, notes=_notes(hazards)))
 

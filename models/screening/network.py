@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...engine.core.errors import EngineError
+from ...engine.core.processors import processors
 from ...engine.core.progress import Progress
 from ...interface.parameters import ScreeningParameters, given
 
@@ -24,7 +24,7 @@ _OUT_OF_MEMORY = ("not enough memory", "can't allocate memory", "out of memory")
 """What torch says where it raises a plain RuntimeError."""
 
 
-_MAX_THREADS = 8
+MAX_THREADS = 8
 """By default: each works on a window of its own, which takes memory, and preparing these takes a third of the time."""
 
 
@@ -39,7 +39,7 @@ class ScreeningModel:
     def __init__(self, parameters: ScreeningParameters) -> None:
         from ..network.availability import chosen_device, require_libraries
 
-        require_libraries("Screening with the network", "or use --screening-method residual")
+        require_libraries("Screening with the network", "or use --screening-method filter")
         from ..inference.calibration import temperature_of
         from ..network.randlanet import fold_normalisation
         from ..network.shipped import shipped_model
@@ -54,7 +54,7 @@ class ScreeningModel:
         self.network = fold_normalisation(self.file.network).to(self.device)
         self.temperature = temperature_of(self.file.metadata)
         self.rotations = parameters.rotations
-        self.threads = int(given(parameters.threads) or min(processors(), _MAX_THREADS))
+        self.threads = int(given(parameters.threads) or min(processors(), MAX_THREADS))
 
     @property
     def configuration(self) -> ModelConfiguration:
@@ -81,33 +81,31 @@ class ScreeningModel:
         Raises:
             EngineError: memory ran out.
         """
-        import torch
-
         from ..inference.prediction import predict_voxels
 
-        before = torch.get_num_threads()
-        # windows are what is worked on side by side: within one, sums would depend on the number of threads
-        torch.set_num_threads(1)
-        try:
-            with memory_reported():
-                found, _ = predict_voxels(
-                    self.network,
-                    cloud,
-                    rotations=self.rotations,
-                    threads=self.threads,
-                    device=self.device,
-                    progress=progress,
-                )
-        finally:
-            torch.set_num_threads(before)
+        with one_torch_thread(), memory_reported():
+            found, _ = predict_voxels(
+                self.network,
+                cloud,
+                rotations=self.rotations,
+                threads=self.threads,
+                device=self.device,
+                progress=progress,
+            )
         return found
 
 
-def processors() -> int:
-    """Processor cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+@contextmanager
+def one_torch_thread() -> Iterator[None]:
+    """Windows are what is worked on side by side: within one, sums would depend on the number of threads."""
+    import torch
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 @contextmanager

@@ -16,7 +16,7 @@ from ..inference.interpolation import VoxelInterpolation
 from ..preparation.suitability import Suitability
 from ..preparation.voxel_sums import SparseVoxels, flat_axis
 from .detectability import Detectability
-from .labels import BACKGROUND, most_probable
+from .labels import BACKGROUND, Decision
 
 _MIN_PROBABILITY = np.float32(1e-6)
 """Of a point that was screened: 0 says that it was not."""
@@ -50,10 +50,10 @@ class Screening:
     ``points`` (m, 3) are the voxels' averages in map coordinates, m, and ``count`` (m,) their points; ``probabilities``
     (m, 3) of background, uplift and subsidence; ``labels`` (m,); ``heights`` (m,) over the trend, m, square to the
     slope's plane. A point has its voxel's probabilities, or those ``between`` the voxels about it; the ``raw`` ones are
-    those before they were calibrated with the model's ``temperature``, which changes no label. Hazards less probable
-    than ``least`` are background; above 1 all are. ``model`` are facts about what labelled them; ``ground_points`` how
-    many points were screened. ``detectable`` says what could have been found. Ground between voxels up to ``bridged`` m
-    apart was judged with them.
+    those before they were calibrated with the model's ``temperature``, which changes no label. ``decision`` tells the
+    classes of voxels, points and cells; ``labels`` (m,) are the voxels'. ``method`` labelled them, and ``model`` are
+    facts about it; ``ground_points`` is how many points were screened. ``detectable`` says what could have been found.
+    Ground between voxels up to ``bridged`` m apart was judged with them.
     """
 
     points: Float
@@ -65,9 +65,10 @@ class Screening:
     heights: NDArray[np.float32]
     voxels: SparseVoxels
     between: VoxelInterpolation | None
-    least: float
+    decision: Decision
     plane: Plane
     suitability: Suitability
+    method: str
     model: dict[str, Any]
     ground_points: int
     detectable: Detectability
@@ -76,7 +77,7 @@ class Screening:
     @property
     def hidden(self) -> bool:
         """Whether no hazard is shown, because none could be found."""
-        return self.least > 1.0
+        return self.decision.hidden
 
     def at(self, xyz: Float) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """Label and its probability of points (n, 3) in map coordinates; both 0 where nothing was screened."""
@@ -87,7 +88,7 @@ class Screening:
             flat = np.stack([flat_axis(self.voxels.matrix, xyz, axis) for axis in range(3)], axis=1)
             probabilities = self.between.at(flat, self.raw, self.model.get("threads", 1))
         probabilities = calibrated(probabilities, self.temperature)
-        labels = most_probable(probabilities, self.least)
+        labels = self.decision.of_points(place, probabilities)
         own = np.take_along_axis(probabilities, labels[:, np.newaxis].astype(np.int64), axis=1)[:, 0]
         own = np.maximum(own, _MIN_PROBABILITY)
         labels[place < 0], own[place < 0] = BACKGROUND, 0.0

@@ -1,13 +1,13 @@
 """Screening of one survey: which ground is raised or lowered against the slope around it.
 
-The cloud is averaged in voxels, which is all that is held of it (see ``preparation.streaming``); the network, or a
-threshold without learning, gives each voxel its probabilities, and a point has those of its voxel or of the few about
-it.
+The cloud is averaged in voxels, which is all that is held of it (see ``preparation.streaming``); a network, or a
+method without learning, gives each voxel its probabilities, and a point has those of its voxel or of the few about it.
+Methods on the slope's raster decide by zones, others by the most probable class (``labels.Decision``).
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,22 +17,29 @@ from ...engine.core.arrays import Float
 from ...engine.core.progress import Progress
 from ...engine.geometry.dominant_plane import Plane, apply_matrix
 from ...engine.ground.pdal_pipelines import GROUND, NOISE
-from ...interface.parameters import ScreeningParameters
+from ...interface.parameters import AUTO, ScreeningParameters
 from ..inference.baseline import TREND, residual_configuration, residual_memberships
-from ..preparation.even_scores import level_for
+from ..preparation import even_scores, relative_scores
+from ..preparation.bump_filter import cell_heights
 from ..preparation.relief_raster import MAX_GAP_M, ReliefRaster, relief_raster
 from ..preparation.suitability import Suitability, measure, refuse_unsuitable
 from .detectability import PART_M, Detectability, detectability, parts_raster
 from .filter import FILTER_DENSITY, filter_memberships
-from .labels import most_probable
+from .labels import Decision, zone_labels
+from .method import learned_model, with_method
 from .much_marked import warn_if_much_stands_out
 from .network import ScreeningModel, memory_reported
+from .relief import RELIEF_DENSITY, ReliefModel
 from .result import GroundPoints, Screening, calibrated
+
+BY_RASTER = ("relief", "filter")
+"""Methods that screen the slope's raster, made of the same averages that are labelled."""
 
 if TYPE_CHECKING:
     from ..configuration import ModelConfiguration
     from ..inference.interpolation import VoxelInterpolation
     from ..preparation.prepare import PreparedCloud
+    from ..preparation.voxel_sums import SparseVoxels
 
 
 def chosen_by_class(labels: NDArray[np.uint8], ground: str) -> NDArray[np.bool_]:
@@ -56,14 +63,17 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
     from ..preparation.trends import residual_heights
 
     progress = progress or Progress()
+    asked, parameters = parameters.screening_method, with_method(parameters)
     method = parameters.screening_method
-    model = ScreeningModel(parameters) if method == "network" else None
-    configuration = _configuration(method) if model is None else model.configuration
+    if asked == AUTO:
+        progress.info(f"Screening by the method {method}.")
+    model = learned_model(parameters)
+    configuration = model.configuration if isinstance(model, ScreeningModel) else _configuration(method)
     with memory_reported():
         with progress.stage(0.0, 0.15, "reading"):
             sample = sample_parts(ground.parts, ground.name)
         with progress.stage(0.15, 0.2, "checking the slope"):
-            suitability, plane = _measured(sample.xyz, sample.points / len(sample.xyz), configuration)
+            suitability, frame = _measured(sample.xyz, sample.points / len(sample.xyz), configuration)
             refuse_unsuitable(
                 suitability,
                 parameters,
@@ -74,83 +84,108 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
                 progress=progress,
             )
         with progress.stage(0.2, 0.35, "averaging in voxels"):
-            cloud, voxels = prepare_parts(ground.parts, sample, configuration)
+            cloud, voxels = prepare_parts(ground.parts, sample, configuration, spread=method == "relief", frame=frame)
         with progress.stage(0.35, 0.4, "measuring what can be found"):
-            # what the filter labels are the same averages
             raster = (
                 relief_raster(cloud.voxels.points, number=cloud.voxels.count)
-                if method == "filter"
+                if method in BY_RASTER
                 else parts_raster(ground.parts, cloud.matrix)
             )
-            detectable = detectability(raster, cloud.voxels.points, parameters.false_zones)
+            detectable = detectability(raster, cloud.voxels.points, parameters.false_zones, method)
         least = _least_probability(detectable, parameters, ground.name, progress)
         if TREND in configuration.trends and not configuration.own_roughness:
             heights = cloud.residuals[:, configuration.trends.index(TREND)]
         else:
             heights = residual_heights(cloud.voxels.points, *TREND).astype(np.float32)
         with progress.stage(0.4, 1.0, "screening"):
-            raw, temperature, facts = _memberships(model, cloud, heights, raster, parameters, progress)
-        probabilities = calibrated(raw, temperature)
-        labels = most_probable(probabilities, least)
+            if method in BY_RASTER:
+                found = _by_raster(model, cloud, voxels, raster, parameters, progress)
+            elif isinstance(model, ScreeningModel):
+                found = _Found(model.probabilities(cloud, progress), model.facts(), model.temperature)
+            else:
+                found = _Found(residual_memberships(heights, parameters.residual_threshold), {"name": method})
+        probabilities = calibrated(found.raw, found.temperature)
+        decision = Decision(least, found.zones)
+        labels = decision.of_voxels(probabilities)
         warn_if_much_stands_out(labels, cloud.voxels.count, progress)
         return Screening(
             points=apply_matrix(np.asarray(np.linalg.inv(cloud.matrix), dtype=np.float64), cloud.voxels.points),
             count=cloud.voxels.count,
             probabilities=probabilities,
-            raw=raw,
-            temperature=temperature,
+            raw=found.raw,
+            temperature=found.temperature,
             labels=labels,
             heights=heights,
             voxels=voxels,
-            between=None if model is None else _interpolation(cloud.voxels.points, configuration),
-            least=least,
-            plane=plane,
+            between=_interpolation(cloud.voxels.points, configuration) if method == "network" else None,
+            decision=decision,
+            plane=cloud.plane,
             suitability=suitability,
-            model=facts,
+            method=method,
+            model=found.facts,
             ground_points=sample.points,
             detectable=detectable,
-            bridged=MAX_GAP_M if method == "filter" else configuration.voxel,
+            bridged=MAX_GAP_M if method in BY_RASTER else configuration.voxel,
         )
 
 
+@dataclass(frozen=True)
+class _Found:
+    """What a method says of the voxels: probabilities ``raw`` (m, 3) before ``temperature``, and their ``zones`` (m,)
+    where it decides by such; ``facts`` about what said it.
+    """
+
+    raw: NDArray[np.float32]
+    facts: dict[str, Any]
+    temperature: float = 1.0
+    zones: NDArray[np.uint8] | None = None
+
+
 def _configuration(method: str) -> ModelConfiguration:
-    """How a cloud is prepared for a method that has learnt nothing."""
-    if method == "filter":
-        return replace(residual_configuration(PART_M), name="filter")
+    """How a cloud is prepared for all methods but the network on points."""
+    if method in BY_RASTER:
+        return replace(residual_configuration(PART_M), name=method)
     return residual_configuration()
 
 
 def _densities(method: str, configuration: ModelConfiguration) -> tuple[float, float] | None:
     """Least and most points a m² that a method is made for; None: any."""
-    return {"network": configuration.density, "filter": FILTER_DENSITY}.get(method)
+    made_for = {"network": configuration.density, "relief": RELIEF_DENSITY, "filter": FILTER_DENSITY}
+    return made_for.get(method)
 
 
-def _memberships(
-    model: ScreeningModel | None,
+def _by_raster(
+    model: ScreeningModel | ReliefModel | None,
     cloud: PreparedCloud,
-    heights: NDArray[np.float32],
+    voxels: SparseVoxels,
     raster: ReliefRaster,
     parameters: ScreeningParameters,
     progress: Progress,
-) -> tuple[NDArray[np.float32], float, dict[str, Any]]:
-    """(m, 3) of the voxels by the chosen method, their temperature, and facts about what gave them."""
-    if model is not None:
-        return model.probabilities(cloud, progress), model.temperature, model.facts()
-    if parameters.screening_method == "filter":
-        level = level_for(parameters.false_zones)
-        found = filter_memberships(raster, level, cloud.voxels.points)
-        return found, 1.0, {"name": "filter", "level": level}
-    return residual_memberships(heights, parameters.residual_threshold), 1.0, {"name": "residual"}
+) -> _Found:
+    """What the network on relief, if that is the model, or the filter says of the slope's raster."""
+    if isinstance(model, ReliefModel):
+        points, count = cloud.voxels.points, cloud.voxels.count
+        cells = cell_heights(points, raster.cell, raster.origin, raster.shape, count, voxels.spread)
+        relief = model.found(cells, progress)
+        scores, probabilities = relief.scores, relief.probabilities
+        level, facts = relative_scores.level_for(parameters.false_zones), model.facts()
+    else:
+        level, facts = even_scores.level_for(parameters.false_zones), {"name": "filter"}
+        scores = even_scores.even_scores(raster)
+        probabilities = filter_memberships(scores, level)
+    zones = zone_labels(scores, level, probabilities, parameters.minimum_probability)
+    i, j = raster.index(cloud.voxels.points)
+    return _Found(probabilities[:, i, j].T, facts | {"level": level}, zones=zones[i, j])
 
 
 def _least_probability(
     detectable: Detectability, parameters: ScreeningParameters, name: str, progress: Progress
 ) -> float:
     """What a hazard's probability must reach to be shown; nothing does where nothing can be found. Says what can be."""
-    if detectable.shown(parameters.screening_method) or parameters.any_relief:
+    if detectable.shown or parameters.any_relief:
         if detectable.doubtful:
             progress.warning(detectable.doubt_sentence(name))
-        progress.info(detectable.sentence(parameters.screening_method))
+        progress.info(detectable.sentence())
         return parameters.minimum_probability
     progress.warning(detectable.hidden_sentence(name))
     return float("inf")
@@ -165,8 +200,8 @@ def _interpolation(points: Float, configuration: ModelConfiguration) -> VoxelInt
     return VoxelInterpolation(points, configuration.voxel, configuration.interpolation)
 
 
-def _measured(xyz: Float, thinned: float, configuration: ModelConfiguration) -> tuple[Suitability, Plane]:
+def _measured(xyz: Float, thinned: float, configuration: ModelConfiguration) -> tuple[Suitability, tuple[Plane, Float]]:
     from ..preparation.prepare import flat_frame
 
     plane, matrix = flat_frame(xyz, configuration)
-    return measure(xyz, apply_matrix(matrix, xyz), plane, thinned), plane
+    return measure(xyz, apply_matrix(matrix, xyz), plane, thinned), (plane, matrix)

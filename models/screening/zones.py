@@ -21,7 +21,7 @@ from ...engine.vector.cell_polygons import cell_polygons, inclination, table_col
 from ...engine.vector.review_fields import UNREVIEWED
 from ...engine.zones.groups import label_groups
 from ...interface.parameters import ScreeningParameters, ZoneParameters
-from .labels import SUBSIDENCE, most_probable
+from .labels import SUBSIDENCE
 from .much_marked import much_stands_out
 from .result import Screening
 
@@ -105,13 +105,12 @@ def outline_hazards(
     needed = screening.detectable.heights
     # NaN where that of one of its voxels is not known
     smallest = np.stack([mean(values) for values in needed]) if len(needed) else np.empty((0, *grid.shape))
+    labels = screening.decision.of_cells(index, screening.count, probability.reshape(3, -1).T).reshape(grid.shape)
     known = (count > 0).reshape(grid.shape)
     for cells, (row, column) in _between(known, math.ceil(screening.bridged / grid.cell - 1e-9) - 1):
         probability[:, cells], heights[cells] = probability[:, row, column], heights[row, column]
-        smallest[:, cells] = smallest[:, row, column]
+        smallest[:, cells], labels[cells] = smallest[:, row, column], labels[row, column]
         known |= cells
-    labels = np.zeros(grid.shape, dtype=np.uint8)
-    labels[known] = most_probable(probability[:, known].T, screening.least)
     signed = np.where(known, np.where(labels == SUBSIDENCE, -1.0, 1.0), np.nan)
     joined = label_groups(
         signed,
@@ -207,7 +206,7 @@ def _figures(
         "points": np.bincount(zone, weights=points, minlength=count).astype(np.int64),
         "n_cells": cells,
     }
-    rank = _confidence(columns, learned=screening.model.get("name") not in UNLEARNED)
+    rank = _confidence(columns, learned=screening.method not in UNLEARNED)
     if much_stands_out(screening.labels, screening.count):
         rank[:] = GRADES.index("low")
     columns["confidence"] = np.array(GRADES, dtype=object)[rank]
@@ -256,4 +255,4 @@ def _surface(screening: Screening, index: NDArray[np.int64], grid: Grid) -> Floa
 def _method(screening: Screening) -> str:
     name = str(screening.model.get("name", ""))
     digest = str(screening.model.get("sha256", ""))
-    return f"network {name} {digest[:12]}" if digest else name
+    return " ".join(dict.fromkeys(word for word in (screening.method, name, digest[:12]) if word))

@@ -96,7 +96,7 @@ def screening_facts(source: ScreenedFile, screening: Screening, tested: SelfTest
     """Sentences for the record: what can be found on the slope, why no zones are shown where none are, and what the
     self-test found; the last is reported, too.
     """
-    facts = {"detectable": screening.detectable.sentence(str(screening.model.get("name", "")))}
+    facts = {"detectable": screening.detectable.sentence()}
     if screening.hidden:
         facts["not_shown"] = screening.detectable.hidden_sentence(source.name)
     if tested is not None:

@@ -48,6 +48,51 @@ def test_mirrored_looks_make_the_answer_symmetric(network):
     assert np.abs(raster_logits(network, channels, mirrored=False) - found).max() > 1e-3
 
 
+@pytest.mark.parametrize("threads", [1, 3])
+def test_tiles_give_what_the_whole_raster_gives(network, threads):
+    from slopewatch.engine.core.progress import Progress
+    from slopewatch.models.network.unet import raster_logits
+
+    class Listener(Progress):
+        def emit(self, percent, _message):
+            seen.append(percent)
+
+    seen = []
+    channels = some_channels(150, 91)
+    whole = raster_logits(network, channels)
+    tiled = raster_logits(network, channels, tile=24, threads=threads, progress=Listener())
+    np.testing.assert_allclose(tiled, whole, atol=1e-5)
+    assert len(seen) > 50
+    assert seen == sorted(seen)
+
+
+def test_nothing_beyond_the_margin_changes_an_answer(network):
+    from slopewatch.models.network.unet import raster_logits
+
+    margin = network.configuration.margin
+    channels = some_channels(3 * margin, 8)
+    before = raster_logits(network, channels, mirrored=False)
+    for place in range(margin, margin + network.configuration.multiple):
+        changed = channels.copy()
+        changed[:, place] += 100.0
+        moved = np.flatnonzero(np.abs(raster_logits(network, changed, mirrored=False) - before).max(axis=(0, 2)) > 0)
+        assert place - margin <= moved.min() < place - margin / 2
+        assert place + margin / 2 < moved.max() <= place + margin
+
+
+def test_a_stop_ends_the_work_on_tiles(network):
+    from slopewatch.engine.core.progress import Progress
+    from slopewatch.models.network.unet import raster_logits
+
+    class Stopped(Progress):
+        def emit(self, percent, _message):
+            if percent > 10:
+                raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        raster_logits(network, some_channels(64, 64), tile=8, progress=Stopped())
+
+
 def test_log_odds_are_those_of_the_probabilities(network, torch):
     from slopewatch.models.network.unet import log_odds, raster_logits
 

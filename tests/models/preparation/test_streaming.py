@@ -9,11 +9,16 @@ import pytest
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.geometry.dominant_plane import apply_matrix
 from slopewatch.models.configuration import SMOKE
+from slopewatch.models.inference.baseline import residual_configuration
+from slopewatch.models.preparation.bump_filter import cell_heights
 from slopewatch.models.preparation.prepare import prepare_cloud
+from slopewatch.models.preparation.relief_channels import CHANNELS, relief_channels
+from slopewatch.models.preparation.relief_raster import CELL_M
 from slopewatch.models.preparation.streaming import prepare_parts, prepared_in_voxels, sample_parts
 from slopewatch.models.preparation.thinning import Thinning
 from slopewatch.models.preparation.voxel_sums import VoxelSums
 from slopewatch.models.preparation.voxels import voxel_grid
+from slopewatch.models.screening.detectability import PART_M
 
 
 def in_parts(xyz, sizes):
@@ -105,3 +110,44 @@ def test_a_cloud_with_a_far_outlier_is_refused_rather_than_filling_the_memory(sm
     parts = in_parts(np.concatenate([small_scene.xyz, far[np.newaxis]]), [100])
     with pytest.raises(InputError, match="remove its outliers"):
         prepare_parts(parts, sample_parts(parts), SMOKE)
+
+
+@pytest.mark.parametrize("density", [3.0, 60.0])
+def test_cells_and_channels_of_parts_are_those_of_all_points_at_once(density):
+    """Scatter within cells too, though only averages of quarters of the cells are held."""
+    rng = np.random.default_rng(8)
+    flat = np.column_stack([rng.uniform(0, 30, (round(900 * density), 2)), rng.normal(0, 0.05, round(900 * density))])
+    flat[:, 2] += 0.2 * np.sin(flat[:, 0]) + np.where(flat[:, 0] > 15, 2.0 * (flat[:, 0] - 15), 0.0)
+    turn = np.array([[1, 0, 0], [0, 0.8, -0.6], [0, 0.6, 0.8]])
+    parts = in_parts(flat @ turn.T + (5e5, 3.5e6, 100.0), [100, 1, 1500])
+    cloud, voxels = prepare_parts(parts, sample_parts(parts), residual_configuration(PART_M), spread=True)
+    points = apply_matrix(cloud.matrix, np.concatenate(list(parts())))
+    origin = np.floor(points[:, :2].min(axis=0) / CELL_M) * CELL_M
+    shape = tuple(int(n) + 1 for n in np.floor((points[:, :2].max(axis=0) - origin) / CELL_M))
+    whole = cell_heights(points, CELL_M, origin, shape)
+    found = cell_heights(cloud.voxels.points, CELL_M, origin, shape, cloud.voxels.count, voxels.spread)
+    np.testing.assert_array_equal(found.count, whole.count)
+    np.testing.assert_allclose(found.height, whole.height, atol=2e-6)
+    np.testing.assert_allclose(found.scatter, whole.scatter, atol=2e-6)
+    np.testing.assert_allclose(relief_channels(found).channels, relief_channels(whole).channels, atol=1e-3)
+    averages = cell_heights(cloud.voxels.points, CELL_M, origin, shape, cloud.voxels.count)
+    number = CHANNELS.index("log scatter in cells")
+    off = relief_channels(averages).channels[number] - relief_channels(whole).channels[number]
+    assert density < 10 or np.abs(off).max() > 0.2, "the test would not see averages of parts taken for points"
+
+
+def test_the_spread_within_voxels_is_that_of_their_points():
+    rng = np.random.default_rng(9)
+    xyz = rng.uniform(0, 2, (500, 3))
+    sums = VoxelSums(np.eye(4), 0.5, spread=True)
+    for part in np.array_split(xyz, 7):
+        sums.add(part)
+    found = sums.finish()
+    place = found.lookup(xyz)
+    for voxel in range(len(found.grid.points)):
+        own = xyz[place == voxel] - xyz[place == voxel].mean(axis=0)
+        expected = (own.T @ own)[np.triu_indices(3)]
+        np.testing.assert_allclose(found.spread[voxel], expected, atol=1e-5)
+    without = VoxelSums(np.eye(4), 0.5)
+    without.add(xyz)
+    assert without.finish().spread is None

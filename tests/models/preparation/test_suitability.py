@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from pyproj import CRS
@@ -9,7 +11,7 @@ from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.pointcloud.cloud import PointCloud
 from slopewatch.interface.parameters import ScreeningParameters
-from slopewatch.models.preparation.suitability import Suitability, narrowest, opposite_share, refuse_unsuitable
+from slopewatch.models.preparation.suitability import Suitability, measure, narrowest, opposite_share, refuse_unsuitable
 from slopewatch.models.preparation.two_planes import two_planes
 from slopewatch.models.screening.much_marked import warn_if_much_stands_out
 from slopewatch.tests.builders.screening_clouds import screen_cloud, slope
@@ -143,13 +145,24 @@ def test_plants_are_told_from_ground_and_the_remedy_named():
 
 
 def test_density_outside_the_models_range_is_refused_or_warned_of():
-    with pytest.raises(InputError, match="has 8 points a m² where the network was made for 20 to 450"):
-        judge(density=8.0)
+    points = ScreeningParameters(screening_method="network")
+    with pytest.raises(InputError, match=r"has 8 points a m² where the method network was made for 20 to 450.* relief"):
+        judge(points, density=8.0)
+    with pytest.raises(InputError, match=r"has 0\.4 points a m² where the method relief .*--screening-method filter,"):
+        judge(ScreeningParameters(screening_method="relief"), density=0.4)
     with pytest.raises(InputError, match="thinned"):
         judge(density=900.0)
     warned = judge(ScreeningParameters(any_density=True), density=8.0)
     assert "not to be relied on" in warned.warnings[0]
     assert judge(density=21.0).warnings == []
+
+
+@pytest.mark.parametrize("density", [0.4, 1.0, 2.5, 30.0])
+def test_the_density_of_sparse_ground_counts_the_empty_places(density):
+    rng = np.random.default_rng(2)
+    flat = np.column_stack([rng.uniform(0, 60, (round(3600 * density), 2)), np.zeros(round(3600 * density))])
+    found = measure(flat, flat, SimpleNamespace(dip=30.0))
+    assert found.density == pytest.approx(density, rel=0.15)
 
 
 def test_known_ground_may_be_rough():

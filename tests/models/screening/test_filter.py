@@ -11,12 +11,14 @@ import pytest
 from pyproj import CRS
 from rasterio import open as open_raster
 from slopewatch.engine.core.progress import Progress
+from slopewatch.engine.geometry.dominant_plane import apply_matrix
 from slopewatch.engine.pointcloud.cloud import PointCloud
+from slopewatch.engine.pointcloud.reading import read_cloud
 from slopewatch.interface.parameters import ScreeningParameters
 from slopewatch.models.preparation.even_scores import even_scores
-from slopewatch.models.preparation.raster_zones import zones_above
+from slopewatch.models.preparation.raster_zones import Scores, zones_above
 from slopewatch.models.preparation.relief_raster import relief_raster
-from slopewatch.models.screening.detectability import Detectability, detectability
+from slopewatch.models.screening.detectability import PARTS, Detectability, detectability
 from slopewatch.models.screening.filter import filter_memberships
 from slopewatch.tests.builders.screening_clouds import BULGE, HOLLOW, SOUTH, WEST, screen, screen_cloud, slope, write
 
@@ -77,25 +79,31 @@ def test_fewer_accepted_false_zones_need_a_higher_level_and_higher_hazards(cloud
     assert heights[0] > 2 * heights[1]
 
 
-def test_a_membership_is_above_a_half_just_in_zones():
-    rng = np.random.default_rng(0)
-    flat = np.column_stack([rng.uniform(0, 30, (9000, 2)), rng.normal(0, 0.05, 9000)])
-    flat[:, 2] += 0.5 * np.clip(1 - np.hypot(flat[:, 0] - 15, flat[:, 1] - 15) ** 2 / 4, 0, None)
-    raster = relief_raster(flat)
-    i, j = np.meshgrid(*(np.arange(n) for n in raster.shape), indexing="ij")
-    places = raster.origin + (np.column_stack([i.ravel(), j.ravel()]) + 0.5) * raster.cell
+def test_memberships_say_how_far_the_score_passes_the_level():
     level = 1.8
-    found = filter_memberships(raster, level, places)
-    assert found.sum(axis=1) == pytest.approx(1.0, abs=1e-6)
+    score = level * np.array([[0.0, 0.5, 1.0, 1.5, 2.0, np.nan]])
+    up, down = (filter_memberships(Scores(*both, 0.5), level) for both in ((score, -score), (-score, score)))
+    assert up.sum(axis=0) == pytest.approx(1.0, abs=1e-6)
+    np.testing.assert_allclose(up[1, 0], [0.018, 0.119, 0.5, 0.881, 0.982, 0.0], atol=1e-3)
+    np.testing.assert_array_equal(down[[0, 2, 1]], up)
+    assert up[0, 0, -1] == 1
+
+
+def test_labels_are_the_zones_of_the_scores(cloud):
+    """Neither a membership nor the grid of the map takes a cell into a zone or out of it."""
+    points = read_cloud(cloud)
+    screening, _ = screen_cloud(points, ScreeningParameters(screening_method="filter", false_zones=10.0))
+    flat = apply_matrix(screening.voxels.matrix, screening.points)
+    raster = relief_raster(flat, number=screening.count)
     scores = even_scores(raster)
-    lone = 0
-    for column, score in ((1, scores.uplift), (2, scores.subsidence)):
-        inside = zones_above(score, level, raster.cell)[0].ravel() > 0
-        mine = found.argmax(axis=1) == column
-        assert mine[inside].mean() > 0.95  # a place may be in a zone of either sign
-        assert not mine[~inside].any()
-        lone += int((np.nan_to_num(score.ravel(), nan=-9) > level).sum() - inside.sum())
-    assert lone > 0
+    i, j = raster.index(flat)
+    level = screening.model["level"]
+    up, down = (zones_above(score, level, raster.cell)[0][i, j] > 0 for score in (scores.uplift, scores.subsidence))
+    assert up.any()
+    assert down.any()
+    np.testing.assert_array_equal(screening.labels > 0, up | down)
+    labels, _ = screening.at(points.xyz)
+    np.testing.assert_array_equal(labels, screening.labels[screening.voxels.lookup(points.xyz)])
 
 
 def test_the_raster_of_smallest_hazards_is_what_the_sentence_says(cloud, tmp_path):
@@ -156,17 +164,34 @@ def test_the_same_hazards_are_needed_whether_points_come_whole_or_in_voxels():
     assert screening.detectable.medians == pytest.approx(whole.medians, rel=0.15)
 
 
+def made(*figures, method="filter") -> Detectability:
+    width = len(figures[0])
+    return Detectability((2.0, 3.0)[-width:], np.ones((width, 4), np.float32), 1.0, *figures, method)
+
+
 def test_what_cannot_be_said_is_not_said():
-    nothing = Detectability((2.0, 3.0), np.full((2, 4), np.nan, np.float32), 1.0, *np.full((2, 2), np.nan), np.nan)
-    assert nothing.shown("filter")
+    nothing = made(*np.full((2, 2), np.nan), np.nan)
+    assert nothing.shown
     assert not nothing.doubtful
-    assert "cannot be said" in nothing.sentence("filter")
-    figures = np.array([0.9, 0.3]), np.array([0.4, 0.1]), 0.12
-    half = Detectability((3.0,), np.ones((1, 4), np.float32), 1.0, np.array([1.1]), np.array([0.6]), 0.6)
-    assert half.doubtful
-    assert (half.shown("filter"), half.shown("network")) == (False, True)
-    some = Detectability((2.0, 3.0), np.ones((2, 4), np.float32), 1.0, *figures)
-    assert some.sentence("network") == (
+    assert "cannot be said" in nothing.sentence()
+    half = [made(np.array([1.1]), np.array([0.6]), 0.6, method=name) for name in ("filter", "network", "relief")]
+    assert all(one.doubtful for one in half)
+    assert [one.shown for one in half] == [False, True, True]
+    some = np.array([0.9, 0.3]), np.array([0.4, 0.1]), 0.12
+    assert made(*some, method="network").sentence() == (
         "On half of this slope a hazard 3 m wide must stand 0.30 m out of or below the ground around it to be found by "
         "a matched filter (2 m: 0.90 m); on 12 % even 1 m is not enough."
     )
+    assert "to be found by screening (2 m" in made(*some, method="relief").sentence()
+
+
+def test_a_method_of_its_own_needs_its_own_heights(monkeypatch):
+    monkeypatch.setitem(PARTS, "relief", {2.0: 0.5, 8.0: 2.0})
+    rng = np.random.default_rng(5)
+    flat = np.column_stack([rng.uniform(0, 30, (9000, 2)), rng.normal(0, 0.05, 9000)])
+    raster = relief_raster(flat)
+    plain, own = (detectability(raster, flat, 1.0, method) for method in ("filter", "relief"))
+    np.testing.assert_allclose(own.medians / plain.medians, [0.5, 0.75, 1.25, 2.0], rtol=1e-5)
+    known = np.isfinite(plain.heights[3])
+    np.testing.assert_allclose(own.heights[3][known], 2 * plain.heights[3][known], rtol=1e-5)
+    np.testing.assert_array_equal(detectability(raster, flat, 1.0, "residual").medians, plain.medians)

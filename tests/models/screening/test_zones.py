@@ -9,7 +9,8 @@ import pytest
 from pyproj import CRS
 from slopewatch.engine.core.errors import InputError
 from slopewatch.interface.parameters import ScreeningParameters
-from slopewatch.models.screening.labels import most_probable
+from slopewatch.models.preparation.raster_zones import Scores
+from slopewatch.models.screening.labels import Decision, zone_labels
 from slopewatch.models.screening.zones import FIELDS, Hazards, outline_hazards
 
 STEP = 0.125
@@ -34,10 +35,11 @@ def screening(*patches, tan=TAN, skip=None, name="net", spread=0.0, least=0.0):
         count=np.full(len(points), 3),
         probabilities=probabilities[kept],
         heights=heights[kept],
-        labels=most_probable(probabilities[kept], 0.0),
+        labels=Decision().of_voxels(probabilities[kept]),
         plane=SimpleNamespace(dip=np.degrees(np.arctan(tan))),
         bridged=STEP,
-        least=least,
+        decision=Decision(least),
+        method=name if name == "residual" else "network",
         detectable=SimpleNamespace(diameters=(), heights=np.empty((0, len(points)))),
         model={"name": name, **({} if name == "residual" else {"sha256": "ab" * 32})},
     )
@@ -95,7 +97,7 @@ def test_small_and_improbable_ones_are_left_out():
     found = screening((1, 1, 1.5, 1.5, 1, 0.9, 0.2), (4, 4, 6, 6, 1, 0.7, 0.2))
     assert len(outlined(found, minimum_hazard_area=0.1).frame) == 2
     assert len(outlined(found, minimum_hazard_area=0.5).frame) == 1
-    found.least = 0.8
+    found.decision = Decision(0.8)
     hazards = outlined(found, minimum_hazard_area=0.1)
     assert len(hazards.frame) == 1
     assert hazards.labels.sum() == 4
@@ -199,7 +201,51 @@ def test_a_raster_beyond_all_measure_is_refused():
         outlined(found)
 
 
+def test_zones_of_the_slopes_raster_are_the_maps_zones_whatever_their_probability():
+    found = screening((2, 2, 4, 4, 0, 0.8, 0.2), (6, 2, 8, 4, 1, 0.9, 0.2))
+    x, y = found.points[:, :2].T
+    zones = np.where((x > 2) & (x < 4.0) & (y > 2) & (y < 4), 2, 0).astype(np.uint8)
+    found.decision = Decision(0.0, zones)
+    found.labels = found.decision.of_voxels(found.probabilities)
+    hazards = outlined(found)
+    assert hazards.frame["kind"].tolist() == ["subsidence"]
+    assert hazards.frame["plan_m2"].iloc[0] == pytest.approx(4.0)
+    assert hazards.frame["probability"].iloc[0] == pytest.approx(0.1, abs=1e-6)
+    assert hazards.frame["confidence"].iloc[0] == "low"
+    found.decision = Decision(np.inf, zones)
+    assert len(outlined(found).frame) == 0
+
+
+def test_a_cell_is_of_the_class_of_most_of_its_points_by_zones():
+    decision = Decision(0.0, np.array([1, 2, 2, 0, 0], dtype=np.uint8))
+    index, count = np.array([0, 0, 0, 2, 2]), np.array([5, 2, 2, 1, 9])
+    probabilities = np.array([[0.9, 0.1, 0.0], [np.nan] * 3, [0.1, 0.9, 0.0]])
+    assert decision.of_cells(index, count, probabilities).tolist() == [1, 0, 0]
+    assert Decision(0.0).of_cells(index, count, probabilities).tolist() == [0, 0, 1]
+    assert decision.of_points(np.array([2, 0, 3]), np.zeros((3, 3))).tolist() == [2, 1, 0]
+
+
 def test_the_least_probability_counts_for_hazards_only():
     probabilities = np.array([[0.4, 0.3, 0.3], [0.2, 0.5, 0.3], [0.1, 0.0, 0.9]])
-    assert most_probable(probabilities, 0.0).tolist() == [0, 1, 2]
-    assert most_probable(probabilities, 0.6).tolist() == [0, 0, 2]
+    assert Decision(0.0).of_voxels(probabilities).tolist() == [0, 1, 2]
+    assert Decision(0.6).of_voxels(probabilities).tolist() == [0, 0, 2]
+    assert not Decision(np.inf).of_voxels(probabilities).any()
+    assert Decision(np.inf).hidden
+
+
+def test_an_improbable_zone_is_left_out_as_a_whole_and_the_larger_score_has_the_cell():
+    up, down, probability = np.zeros((8, 20)), np.zeros((8, 20)), np.zeros((3, 8, 20))
+    up[2:6, 2:6] = up[2:6, 12:16] = 5.0
+    down[4:8, 2:6] = 4.0
+    down[4, 2:6] = 6.0
+    up[0, 8:11] = 9.0  # too small for a zone
+    probability[1, 2, 2], probability[1, 2:6, 12:16], probability[2, 7, 5] = 0.3, 0.2, 0.4
+    scores = Scores(up, down, 0.5)
+    found = zone_labels(scores, 3.0, probability, 0.0)
+    expected = np.zeros((8, 20))
+    expected[2:6, 2:6] = expected[2:6, 12:16] = 1
+    expected[4, 2:6] = expected[6:8, 2:6] = 2
+    np.testing.assert_array_equal(found, expected)
+    expected[2:6, 12:16] = 0
+    np.testing.assert_array_equal(zone_labels(scores, 3.0, probability, 0.3), expected)
+    assert not zone_labels(scores, 3.0, probability, np.inf).any()
