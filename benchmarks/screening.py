@@ -118,22 +118,23 @@ def _speed() -> list[Row]:
         cloud, output = Path(name) / "ground.laz", Path(name) / "screened.laz"
         write_scene(cloud, ground)
         seconds, memory = {}, 0
-        for method in ("network", "residual"):
+        for method in ("relief", "network", "residual"):
             seconds[method], peak = run_watched(
                 ["screen", str(cloud), "--output", str(output), "--method", method, "--progress", "none"]
             )
             memory = max(memory, peak)
             output = output.with_name("again.laz")
-    rate = len(ground) / seconds["network"]
+    rates = {method: len(ground) / taken for method, taken in seconds.items()}
     title = f"screening {len(ground) / 1e6:.2f} M ground points, LAZ to labelled LAZ"
     return [
         *result,
+        Row(title, f"{rates['relief']:,.0f} points/s", "at least 80,000 points/s", "", rates["relief"] >= 80_000),
         Row(
-            title,
-            f"{rate:,.0f} points/s",
+            f"{title}, by the network on points",
+            f"{rates['network']:,.0f} points/s",
             "at least 60,000 points/s",
-            f"threshold without learning {len(ground) / seconds['residual']:,.0f} points/s",
-            rate >= 60_000,
+            f"threshold without learning {rates['residual']:,.0f} points/s",
+            rates["network"] >= 60_000,
         ),
         Row("its peak memory", f"{memory / 1e9:.2f} GB", "at most 3 GB", "", memory <= 3e9),
     ]

@@ -19,7 +19,7 @@ import json
 import math
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,8 +27,8 @@ import numpy as np
 from scipy.stats import binomtest
 
 from ..engine.core.arrays import Float
+from ..models.preparation import even_scores, relative_scores
 from ..models.preparation.bump_filter import cell_heights
-from ..models.preparation.even_scores import LEVELS
 from ..models.preparation.raster_zones import (
     PER_M2,
     Scores,
@@ -58,6 +58,7 @@ COUNT = 12
 NEEDED_EDGES = (0.5, 1.0, 1.5, 2.5, math.inf)
 """Bounds of the bins of a hazard's height over the height that its place needs."""
 RELIEF = "U-Net on relief"
+EVEN = "filter, even t"
 SEEN_M = 1.0
 """A70 of the most easily found width beyond which a place sets no threshold."""
 MIN_DENSITY = 3.0
@@ -152,9 +153,12 @@ def _thresholds(results: Sequence[PlaceResult], name: str) -> list[SiteFigures]:
     return figures
 
 
-def budget_levels(results: Sequence[PlaceResult], name: str = "filter, even t") -> list[Row]:
-    """The level of a detector for each number of accepted false zones, by conformal risk control on all clouds and
-    simulated slopes on which something can be seen; and what is then false on a survey that took no part.
+def budget_levels(
+    results: Sequence[PlaceResult], name: str = EVEN, in_use: Mapping[float, float] = even_scores.LEVELS
+) -> list[Row]:
+    """The level of a detector for each number of accepted false zones, next to the one ``in_use``, by conformal risk
+    control on all clouds and simulated slopes on which something can be seen; and what is then false on a survey that
+    took no part.
     """
     used = [one for one in results if one.place.kind != ELEVATION and one.needed <= SEEN_M]
     tail = common_levels([one.scores[name] for one in used])
@@ -163,7 +167,7 @@ def budget_levels(results: Sequence[PlaceResult], name: str = "filter, even t") 
     area = np.array([one.area for one in used])
     groups = np.array([one.place.group for one in used])
     rows = []
-    for wanted in LEVELS:
+    for wanted, used_level in in_use.items():
         cap = max(3.0, 2.0 * wanted)
         level = conformal_level(levels, rates, wanted, cap)
         false = {}
@@ -179,7 +183,7 @@ def budget_levels(results: Sequence[PlaceResult], name: str = "filter, even t") 
             Row(
                 f"level of {name} for {wanted:g} false zones per 1,000 m²",
                 measured,
-                f"{LEVELS[wanted]:g} in use",
+                f"{used_level:g} in use",
                 shown,
             )
         )
@@ -334,7 +338,7 @@ def relief_network(weights: Sequence[Path]) -> tuple[Detector, set[str]]:
         chosen = unseen.get(place.group, range(len(networks)))
         logits = np.mean([raster_logits(networks[k], relief.channels) for k in chosen], axis=0)
         up, down = (np.where(raster.covered, odds, np.nan) for odds in log_odds(logits))
-        return {RELIEF: Scores(up, down, raster.cell)}
+        return {RELIEF: relative_scores.relative_scores(up, down, raster.cell)}
 
     return scores, set(unseen)
 
@@ -360,7 +364,10 @@ def rows(
     if keep is not None:
         keep.parent.mkdir(parents=True, exist_ok=True)
         keep.with_suffix(".json").write_text(json.dumps(as_json(outcome)), encoding="utf-8")
-    return [*table(outcome), *budget_levels(outcome.results)]
+    levels = budget_levels(outcome.results)
+    if relief:
+        levels += budget_levels(outcome.results, RELIEF, relative_scores.LEVELS)
+    return [*table(outcome), *levels]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -14,11 +14,11 @@ class ScreeningParameters(ParameterSet, record_name="screening"):
     screening_method: str = _parameter(
         AUTO,
         "Screening method",
-        "auto: what the weights given are for, relief without any. relief: a network trained on real ground looks at "
-        "a raster of the slope's relief, and zones that stand out of it are shown at the accepted false zones. "
-        "network: a network trained on simulated slopes labels every point. filter: bumps and hollows of 2 to 8 m that "
-        "stand out of the roughness around them, at the accepted false zones, without learning. residual: a threshold "
-        "on the height over the slope's trend, without learning.",
+        "auto: what the weights given are for, relief without any. relief: a network trained on real and simulated "
+        "ground looks at a raster of the slope's relief, and zones that stand out of it are shown at the accepted "
+        "false zones. network: a network trained on simulated slopes labels every point. filter: bumps and hollows of "
+        "2 to 8 m that stand out of the roughness around them, at the accepted false zones, without learning. "
+        "residual: a threshold on the height over the slope's trend, without learning.",
         choices=(AUTO, "relief", "network", "filter", "residual"),
     )
     ground: str = _parameter(

@@ -56,17 +56,14 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
 
     Raises:
         InputError: too few points; coordinates that are not numbers; not one slope, or not its bare ground, or of
-            another density than the network was made for; torch or the weights are missing.
+            another density than the method was made for; torch or the weights are missing.
         EngineError: memory ran out.
     """
     from ..preparation.streaming import prepare_parts, sample_parts
-    from ..preparation.trends import residual_heights
 
     progress = progress or Progress()
-    asked, parameters = parameters.screening_method, with_method(parameters)
+    parameters = _settled(parameters, progress)
     method = parameters.screening_method
-    if asked == AUTO:
-        progress.info(f"Screening by the method {method}.")
     model = learned_model(parameters)
     configuration = model.configuration if isinstance(model, ScreeningModel) else _configuration(method)
     with memory_reported():
@@ -86,22 +83,15 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
         with progress.stage(0.2, 0.35, "averaging in voxels"):
             cloud, voxels = prepare_parts(ground.parts, sample, configuration, spread=method == "relief", frame=frame)
         with progress.stage(0.35, 0.4, "measuring what can be found"):
-            raster = (
-                relief_raster(cloud.voxels.points, number=cloud.voxels.count)
-                if method in BY_RASTER
-                else parts_raster(ground.parts, cloud.matrix)
-            )
+            raster = _raster(ground, cloud, method)
             detectable = detectability(raster, cloud.voxels.points, parameters.false_zones, method)
         least = _least_probability(detectable, parameters, ground.name, progress)
-        if TREND in configuration.trends and not configuration.own_roughness:
-            heights = cloud.residuals[:, configuration.trends.index(TREND)]
-        else:
-            heights = residual_heights(cloud.voxels.points, *TREND).astype(np.float32)
+        heights = _heights(cloud, configuration)
         with progress.stage(0.4, 1.0, "screening"):
-            if method in BY_RASTER:
-                found = _by_raster(model, cloud, voxels, raster, parameters, progress)
-            elif isinstance(model, ScreeningModel):
+            if isinstance(model, ScreeningModel):
                 found = _Found(model.probabilities(cloud, progress), model.facts(), model.temperature)
+            elif method in BY_RASTER:
+                found = _by_raster(model, cloud, voxels, raster, parameters, progress)
             else:
                 found = _Found(residual_memberships(heights, parameters.residual_threshold), {"name": method})
         probabilities = calibrated(found.raw, found.temperature)
@@ -127,6 +117,30 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
             detectable=detectable,
             bridged=MAX_GAP_M if method in BY_RASTER else configuration.voxel,
         )
+
+
+def _settled(parameters: ScreeningParameters, progress: Progress) -> ScreeningParameters:
+    """The parameters with a method; says which, where it was left open."""
+    settled = with_method(parameters)
+    if parameters.screening_method == AUTO:
+        progress.info(f"Screening by the method {settled.screening_method}.")
+    return settled
+
+
+def _raster(ground: GroundPoints, cloud: PreparedCloud, method: str) -> ReliefRaster:
+    """The slope's raster, of the averages that are labelled where these are fine enough."""
+    if method in BY_RASTER:
+        return relief_raster(cloud.voxels.points, number=cloud.voxels.count)
+    return parts_raster(ground.parts, cloud.matrix)
+
+
+def _heights(cloud: PreparedCloud, configuration: ModelConfiguration) -> NDArray[np.float32]:
+    """Heights (m,) of the voxels over the trend, m."""
+    from ..preparation.trends import residual_heights
+
+    if TREND in configuration.trends and not configuration.own_roughness:
+        return cloud.residuals[:, configuration.trends.index(TREND)]
+    return residual_heights(cloud.voxels.points, *TREND).astype(np.float32)
 
 
 @dataclass(frozen=True)

@@ -52,9 +52,11 @@ def test_no_weights(cloud, weights, tmp_path):
     refused(tmp_path, cloud, "do not exist", weights=str(tmp_path / "none.safetensors"))
 
 
-def test_no_torch(cloud, tmp_path, monkeypatch):
+@pytest.mark.parametrize("method", ["auto", "relief", "network"])
+def test_no_torch(cloud, tmp_path, monkeypatch, method):
     monkeypatch.setitem(sys.modules, "torch", None)
-    refused(tmp_path, cloud, r"needs the Python library torch.*slopewatch\[screening\].*--screening-method residual")
+    sentence = r"needs the Python library torch.*slopewatch\[screening\].*--screening-method filter"
+    refused(tmp_path, cloud, sentence, method=method)
     # without learning it is not needed
     screen(cloud, tmp_path / "residual.laz")
 
@@ -70,7 +72,8 @@ def test_no_graphics_card(cloud, weights, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("kind", ["memory", "processor", "card"])
-def test_memory_runs_out(cloud, weights, tmp_path, monkeypatch, kind):
+@pytest.mark.parametrize("method", ["network", "relief"])
+def test_memory_runs_out(cloud, weights, tmp_path, monkeypatch, kind, method):
     import torch
 
     failure = {
@@ -83,7 +86,9 @@ def test_memory_runs_out(cloud, weights, tmp_path, monkeypatch, kind):
         raise failure
 
     monkeypatch.setattr("slopewatch.models.network.randlanet.RandLANet.forward", forward)
-    refused(tmp_path, cloud, "Memory ran out while screening", EngineError, weights=str(weights))
+    monkeypatch.setattr("slopewatch.models.network.unet.UNet.forward", forward)
+    own = {"weights": str(weights)} if method == "network" else {}
+    refused(tmp_path, cloud, "Memory ran out while screening", EngineError, method=method, **own)
 
 
 def test_other_failures_keep_their_words(cloud, weights, tmp_path, monkeypatch):
@@ -125,7 +130,15 @@ def test_too_few_points(tmp_path):
     refused(tmp_path, write(tmp_path / "few.laz", slope(20)), "20 ground points", method="residual")
 
 
-def test_without_shipped_weights_the_remedy_is_named(cloud, tmp_path, monkeypatch):
+@pytest.mark.parametrize(("method", "name"), [("network", "SHIPPED_WEIGHTS"), ("auto", "RELIEF_WEIGHTS")])
+def test_without_shipped_weights_the_remedy_is_named(cloud, tmp_path, monkeypatch, method, name):
     pytest.importorskip("torch", reason="torch is not installed; install slopewatch[screening]")
-    monkeypatch.setattr("slopewatch.models.network.shipped.SHIPPED_WEIGHTS", tmp_path / "slopewatch.safetensors")
-    refused(tmp_path, cloud, r"missing from this copy of SlopeWatch; .* --screening-method residual")
+    monkeypatch.setattr(f"slopewatch.models.network.shipped.{name}", tmp_path / "slopewatch.safetensors")
+    sentence = r"missing from this copy of SlopeWatch; .* --screening-method filter"
+    refused(tmp_path, cloud, sentence, method=method)
+
+
+def test_relief_weights_that_are_not_those_shipped(cloud, tmp_path, monkeypatch):
+    pytest.importorskip("torch", reason="torch is not installed; install slopewatch[screening]")
+    monkeypatch.setattr("slopewatch.models.network.shipped.RELIEF_SHA256", "0" * 64)
+    refused(tmp_path, cloud, "not those their checksum names", method="relief")

@@ -280,12 +280,17 @@ def test_what_this_machine_lacks_is_known_before_any_work(survey, tmp_path, monk
     def missing(*_):
         raise InputError("No torch here.")
 
-    monkeypatch.setattr(last_epoch, "ScreeningModel", missing)
+    monkeypatch.setattr("slopewatch.models.screening.method.ReliefModel", missing)
     assert last_epoch.obstacle(LastEpochParameters()) == "No torch here."
     assert last_epoch.obstacle(RESIDUAL) is None
-    for own in ({"weights": "mine.safetensors"}, {"device": "gpu"}):
-        with pytest.raises(InputError, match="No torch"):
-            last_epoch.obstacle(LastEpochParameters(**own))
+    with pytest.raises(InputError, match="No torch"):
+        last_epoch.obstacle(LastEpochParameters(device="gpu"))
+    with pytest.raises(InputError, match="do not exist"):
+        last_epoch.obstacle(LastEpochParameters(weights="mine.safetensors"))
+    monkeypatch.setattr("slopewatch.models.screening.method.kind_of", lambda _: "relief U-Net")
+    (tmp_path / "mine.safetensors").touch()
+    with pytest.raises(InputError, match="No torch"):
+        last_epoch.obstacle(LastEpochParameters(weights=str(tmp_path / "mine.safetensors")))
     with pytest.raises(InputError, match="No torch"):
         inspect_slope(epochs(survey[1])[:1], tmp_path / "one", Settings())
     off = LastEpochParameters(screen_last_epoch=False)

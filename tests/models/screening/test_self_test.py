@@ -42,7 +42,7 @@ class Listener(Progress):
         self.messages.append(message)
 
 
-@pytest.mark.parametrize("method", ["filter", "residual"])
+@pytest.mark.parametrize("method", ["filter", "residual", "relief"])
 def test_hazards_far_above_the_noise_are_found_and_others_not(cloud, tmp_path, method):
     progress = Listener()
     done = screen(cloud, tmp_path / "out.laz", method=method, self_test=True, progress=progress)
