@@ -14,6 +14,7 @@ from slopewatch.engine.core.errors import InputError
 from slopewatch.models.preparation.raster_zones import Scores
 from slopewatch.models.preparation.relief_raster import ReliefRaster, relief_raster
 from slopewatch.tests.builders.networks import torch
+from slopewatch.tests.builders.screening_places import somewhere
 
 __all__ = ["torch"]
 
@@ -31,12 +32,6 @@ def saved(torch, tmp_path):
         return path
 
     return save
-
-
-def somewhere(group: str, kind: str = POINTS) -> Place:
-    rng = np.random.default_rng(1)
-    flat = np.column_stack([rng.uniform(0, 20, (3000, 2)), rng.normal(0, 0.05, 3000)])
-    return Place(group, group, kind, flat, np.eye(4))
 
 
 def test_a_survey_is_judged_by_weights_that_never_saw_it(saved) -> None:

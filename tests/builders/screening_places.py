@@ -46,3 +46,10 @@ def scored(
     lattice = Lattice(np.zeros(2), CELL, np.ones((SIDE, SIDE), dtype=bool))
     where = Place(name, group, kind, flat, np.eye(4))
     return PlaceResult(where, lattice, needed, 1, trials, {"one": np.stack([peaked(peaks), scene])}, name)
+
+
+def somewhere(group: str, kind: str = POINTS) -> Place:
+    """A flat place of 20 m a side."""
+    rng = np.random.default_rng(1)
+    flat = np.column_stack([rng.uniform(0, 20, (3000, 2)), rng.normal(0, 0.05, 3000)])
+    return Place(group, group, kind, flat, np.eye(4))
