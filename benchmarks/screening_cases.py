@@ -17,7 +17,7 @@ from .screening_levels import Measured
 from .screening_trials import PlaceResult
 
 LEVELS = ("others", "own", "changed_others", "changed_own")
-RESAMPLES = 300
+RESAMPLES = 200
 TOLD_SHARE = 0.7
 """Of the hazards at A70 that are to be found."""
 

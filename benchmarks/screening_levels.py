@@ -94,16 +94,21 @@ def _pool(results: Sequence[PlaceResult], answers: Sequence[Float32]) -> dict[st
     cells = [one.lattice.cell for one in results]
     far_area = np.array([float(mask.sum()) * cell**2 for mask, cell in zip(far, cells, strict=True)])
     most = max(far_area.sum() / PER_M2, 20.0)
-    far_counts = np.array([far_zones(s, f, levels, c, most) for s, f, c in zip(scenes, far, cells, strict=True)])
+    masked = [
+        Scores(np.where(mask, both[:, 0], np.nan), np.where(mask, both[:, 1], np.nan), cell)
+        for both, mask, cell in zip(scenes, far, cells, strict=True)
+    ]
+    far_levels = common_levels(masked) if far_area.sum() > 0 else levels
+    far_counts = np.array([far_zones(s, f, far_levels, c, most) for s, f, c in zip(scenes, far, cells, strict=True)])
     groups = np.array([one.place.group for one in results])
     seen = np.array([one.needed <= SEEN_M for one in results])
     found = {}
     for k, one in enumerate(results):
         others = seen & (groups != groups[k])
         mine = np.arange(len(results)) == k
-        own, changed_own = _level(levels, counts, area, mine), _level(levels, far_counts, far_area, mine)
+        own, changed_own = _level(levels, counts, area, mine), _level(far_levels, far_counts, far_area, mine)
         foreign = _level(levels, counts, area, others) if others.any() else own
-        changed = _level(levels, far_counts, far_area, others) if far_area[others].sum() > 0 else changed_own
+        changed = _level(far_levels, far_counts, far_area, others) if far_area[others].sum() > 0 else changed_own
         false = PER_M2 * zone_counts(untouched[k], np.array([foreign, own])) / area[k]
         near = far_zones(scenes[k], far[k], np.array([foreign]), cells[k])[0] if far_area[k] else np.nan
         found[one.place.name] = SiteFigures(

@@ -47,7 +47,7 @@ from .screening_networks import (
     shipped_network,
 )
 from .screening_store import kept_place
-from .screening_table import AIMS, KINDS, MIN_DENSITY, Judged, per_area, sections, text
+from .screening_table import AIMS, KINDS, MIN_DENSITY, Judged, Section, per_area, sections, text
 from .screening_trials import DIAMETERS_M, FILTERS, HEIGHTS_M, Detector, PlaceResult
 from .table import Row, heading
 
@@ -216,11 +216,11 @@ def _calibrated(
     return found
 
 
-def as_json(judged: Judged) -> dict[str, object]:
-    """All hazards, levels and figures, for pictures and other tables."""
+def as_json(judged: Judged, made: Sequence[Section]) -> dict[str, object]:
+    """All hazards, levels and figures and the tables ``made`` of them, for pictures and other tables."""
     names = list(judged.measured)
     return {
-        "tables": [vars(one) for one in sections(judged)],
+        "tables": [vars(one) for one in made],
         "calibration": {
             name: {"kinds": [asdict(one) for one in kinds], "scale": fit.scale, "shift": fit.shift}
             for name, (kinds, fit) in judged.calibration.items()
@@ -304,15 +304,15 @@ def rows(keep: Path | None = None, options: Options | None = None) -> list[Row]:
     """The main rows; tables and all hazards are written beside ``keep``."""
     judged = run(options or Options())
     if keep is not None:
-        write(judged, keep.parent)
+        write(judged, sections(judged), keep.parent)
     return main_rows(judged)
 
 
-def write(judged: Judged, folder: Path) -> None:
+def write(judged: Judged, made: Sequence[Section], folder: Path) -> None:
     """``screening_sites.md`` and ``screening_sites.json`` in a folder."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "screening_sites.md").write_text(text(sections(judged), heading), encoding="utf-8")
-    (folder / "screening_sites.json").write_text(json.dumps(as_json(judged)), encoding="utf-8")
+    (folder / "screening_sites.md").write_text(text(made, heading), encoding="utf-8")
+    (folder / "screening_sites.json").write_text(json.dumps(as_json(judged, made)), encoding="utf-8")
 
 
 def _say(message: str, started: float | None = None) -> None:
@@ -339,13 +339,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except InputError as error:
         print(error, file=sys.stderr)
         return 2
-    print(text(sections(judged), heading))
-    for row in main_rows(judged):
+    made, summary = sections(judged), main_rows(judged)
+    print(text(made, heading))
+    for row in summary:
         if row.figure.startswith("level of"):
             print(f"- {row.figure}: {row.value} ({row.target}); on surveys left out {row.peer}")
     if options.results:
-        write(judged, options.results)
-    return int(any(row.met is False for row in main_rows(judged)))
+        write(judged, made, options.results)
+    return int(any(row.met is False for row in summary))
 
 
 if __name__ == "__main__":

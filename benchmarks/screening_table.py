@@ -126,13 +126,9 @@ def _surveys(judged: Judged) -> Section:
         a70 = ", ".join(_median(told.needed[where & (np.abs(told.diameter - d) < 1e-6)]) for d in DIAMETERS_M)
         cells = []
         for column in _shown(judged):
-            shares = [
-                told.found[column]["others"][:, where & (np.abs(told.height - height) < 1e-9)].mean(axis=1)
-                for height in SURVEY_HEIGHTS_M
-            ]
-            cells.append(
-                ", ".join(f"{100 * one.mean():.0f}" if one.size and np.isfinite(one).all() else "-" for one in shares)
-            )
+            found = told.found[column]["others"]
+            shares = [share(found[:, where & (np.abs(told.height - height) < 1e-9)]) for height in SURVEY_HEIGHTS_M]
+            cells.append(", ".join(f"{100 * one.value:.0f}" if one.number else "-" for one in shares))
         lines.append([f"{group}, {area:,.0f} m², {density:.0f}/m²; A70 {a70}", *cells])
     heights = ", ".join(f"{height:g}" for height in SURVEY_HEIGHTS_M)
     note = f"Shares in % of hazards of {heights} m; A70 in m of hazards of 2, 3, 5 and 8 m; ground points/m²."

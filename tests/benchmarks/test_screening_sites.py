@@ -97,7 +97,7 @@ def test_a_small_run_on_simulated_slopes(tmp_path, capsys: pytest.CaptureFixture
     assert high > low + 0.3
     for trial in (trial for one in results for trial in one.trials):
         assert 0.02 < trial.needed < 5
-    kept = json.loads(json.dumps(as_json(judged)))
+    kept = json.loads(json.dumps(as_json(judged, [])))
     assert sum(len(one["hazards"]) for one in kept["places"]) == len(told.height)
     assert kept["places"][0]["detectors"].keys() == judged.measured.keys()
     shown = text(sections(judged), lambda: "")
@@ -107,7 +107,7 @@ def test_a_small_run_on_simulated_slopes(tmp_path, capsys: pytest.CaptureFixture
     # What is kept is read again instead of made again, and gives the same.
     again = judge([kept_place(tmp_path, one, {}, 1) for one in places], {})
     assert "hazards and filters" not in capsys.readouterr().err
-    assert as_json(again)["places"] == as_json(judged)["places"]
+    assert as_json(again, [])["places"] == as_json(judged, [])["places"]
 
 
 def test_the_levels_of_a_budget_are_those_that_other_surveys_give() -> None:
