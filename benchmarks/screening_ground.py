@@ -6,8 +6,9 @@ is judged by a threshold from its neighbours.
 
 from __future__ import annotations
 
+import functools
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import laspy
 import numpy as np
 
 from ..engine.core.arrays import Float
+from ..engine.core.errors import InputError
 from ..engine.geometry.dominant_plane import apply_matrix
 from ..engine.ground.extraction import extract_ground
 from ..models.configuration import ModelConfiguration
@@ -32,6 +34,7 @@ MODEL_PATCH_M = 120.0
 FIRST_SEED = 880_000
 """Of simulated slopes: neither training nor a benchmark set has them."""
 _MIN_AREA_M2 = 150.0
+_OWN_PATCHES = 3
 _DENSE = 100.0
 """Clouds denser than this are thinned to it, points/m²."""
 
@@ -64,13 +67,37 @@ def place(name: str, group: str, kind: str, xyz: Float) -> Place:
     return Place(name, group, kind, apply_matrix(matrix, xyz), matrix)
 
 
-def real_places(*, extract: bool = True) -> list[Place]:
+def real_places(*, extract: bool = True, keep: Path | None = None) -> list[Place]:
     """What lies next to the checkout.
 
     Args:
         extract: whether clouds without a class for ground take part, by the project's own extraction (takes minutes).
+        keep: folder for the ground that is extracted, so that a later run need not do it again.
     """
-    return [*_clouds(extract), *_elevation_models()]
+    return [*_clouds(extract, keep), *_elevation_models()]
+
+
+def own_places(paths: Iterable[Path]) -> list[Place]:
+    """Places of files of one's own: LAS or LAZ clouds (class 2, or all points where there is none) and GeoTIFF
+    elevation models in metres. Each file is a survey with its name, up to ``_OWN_PATCHES`` places large.
+
+    Raises:
+        InputError: a file is missing or no such file, or it holds too little ground.
+    """
+    found = []
+    for path in paths:
+        suffix = path.suffix.lower()
+        if not path.is_file() or suffix not in {".las", ".laz", ".tif", ".tiff"}:
+            raise InputError(f"The ground {path} is no LAS, LAZ or GeoTIFF file; give one that exists.")
+        if suffix in {".las", ".laz"}:
+            mine = _cloud_places(path.stem, _class_2_or_all(path), _OWN_PATCHES)
+        else:
+            squares = _steepest(patches(elevation_points(path), MODEL_PATCH_M, 1000), _OWN_PATCHES)
+            mine = [place(f"{path.stem} {number}", path.stem, ELEVATION, xyz) for number, xyz in enumerate(squares, 1)]
+        if not mine:
+            raise InputError(f"The ground {path} covers less than {_MIN_AREA_M2:g} m²; give a larger one.")
+        found.extend(mine)
+    return found
 
 
 def simulated_places(count: int = 3, *, area: float = 3600.0) -> list[Place]:
@@ -106,7 +133,7 @@ def patches(xyz: Float, side: float, most: int) -> Iterator[Float]:
         yield xyz[key == number]
 
 
-def _clouds(extract: bool) -> Iterator[Place]:
+def _clouds(extract: bool, keep: Path | None = None) -> Iterator[Place]:
     terrain, tiles = SHARED / "terrain", SHARED / "real" / "ign_tiles"
     listed: list[tuple[str, Path, Callable[[Path], Float], int]] = [
         ("santa_cruz", terrain / "santa_cruz_gullies.laz", _class_2, 6),
@@ -120,16 +147,23 @@ def _clouds(extract: bool) -> Iterator[Place]:
         ("lone-star", SHARED / "real" / "lone-star.copc.laz", _all_points, 1),
     ]
     if extract:
-        listed.append(("La Reunion", tiles / "sample_lareunion_epsg2975.laz", _extracted, 1))
+        extracted = functools.partial(_extracted, keep=keep)
+        listed.append(("La Reunion", tiles / "sample_lareunion_epsg2975.laz", extracted, 1))
     for group, path, read, most in listed:
-        if not path.is_file():
-            continue
-        for number, xyz in enumerate(patches(read(path), PATCH_M, most), 1):
-            one = place(f"{group} {number}" if most > 1 else group, group, POINTS, xyz)
-            if one.density > _DENSE:
-                one = replace(one, flat=one.flat[thinned(one.flat, _DENSE, np.random.default_rng(0))])
-            if len(np.unique(np.floor(one.flat[:, :2]), axis=0)) >= _MIN_AREA_M2:
-                yield one
+        if path.is_file():
+            yield from _cloud_places(group, read(path), most)
+
+
+def _cloud_places(group: str, points: Float, most: int) -> list[Place]:
+    """Up to ``most`` places of a cloud (n, 3) that are large enough."""
+    found = []
+    for number, xyz in enumerate(patches(points, PATCH_M, most), 1):
+        one = place(f"{group} {number}" if most > 1 else group, group, POINTS, xyz)
+        if one.density > _DENSE:
+            one = replace(one, flat=one.flat[thinned(one.flat, _DENSE, np.random.default_rng(0))])
+        if len(np.unique(np.floor(one.flat[:, :2]), axis=0)) >= _MIN_AREA_M2:
+            found.append(one)
+    return found
 
 
 def _elevation_models() -> Iterator[Place]:
@@ -160,6 +194,17 @@ def _all_points(path: Path) -> Float:
     return np.array(laspy.read(path).xyz)
 
 
-def _extracted(path: Path) -> Float:
-    with tempfile.TemporaryDirectory() as folder:
-        return _all_points(extract_ground(path, Path(folder) / "ground.laz").ground)
+def _class_2_or_all(path: Path) -> Float:
+    ground = _class_2(path)
+    return ground if len(ground) else _all_points(path)
+
+
+def _extracted(path: Path, keep: Path | None = None) -> Float:
+    if keep is None:
+        with tempfile.TemporaryDirectory() as folder:
+            return _extracted(path, Path(folder))
+    ground = keep / f"{path.stem}_ground.laz"
+    if not ground.is_file():
+        keep.mkdir(parents=True, exist_ok=True)
+        extract_ground(path, ground)
+    return _all_points(ground)

@@ -1,20 +1,22 @@
 """Hazards put into the ground of a place, and how strongly each detector answers at them and at untouched ground.
 
-For each hazard the highest level at which it is found is kept, and for untouched ground the number of zones above each
-of many levels, so that recall and false zones at any threshold follow without another run.
+The scores of untouched and of changed ground are kept, so that recall and false zones at any threshold, and scores made
+of several detectors' follow without another run.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
+from scipy.special import logit
 
-from ..engine.core.arrays import Float
+from ..engine.core.arrays import Bool, Float, Float32, Index
 from ..engine.geometry.dominant_plane import apply_matrix
 from ..engine.geometry.hazard_shapes import Hazard, smooth_hazard
 from ..models.preparation.bump_filter import cell_heights
@@ -38,36 +40,96 @@ _NOTHING_AS_M = 0.3
 FILLED = 0.12
 """Share of the ground that is displaced at a time: more would be the ground rather than lie on it."""
 _MAX_LOOKS = 60
+FILTERS = {
+    "residual": "residual 4 m",
+    "LoG": "LoG",
+    "filter, heights": "filter, heights",
+    "filter, t": "filter, t",
+    "filter, even t": "filter, even t",
+}
+"""Columns of the detectors that learn nothing, and their names among the answers."""
 
-Detector = Callable[[Place, ReliefRaster], dict[str, Scores]]
-"""From ground points and their raster to score rasters of uplift and subsidence on the raster's cells, by name."""
+
+class Cells(Protocol):
+    """What detectors need of a raster: where its cells lie and which have ground."""
+
+    @property
+    def origin(self) -> Float: ...
+    @property
+    def cell(self) -> float: ...
+    @property
+    def covered(self) -> Bool: ...
+    @property
+    def shape(self) -> tuple[int, int]: ...
+    def index(self, flat: Float) -> tuple[Index, Index]: ...
+
+
+Detector = Callable[[Place, Cells], dict[str, Scores]]
+"""From ground points and their cells to score rasters of uplift and subsidence on these cells, by name."""
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Cells (columns, rows) of ``cell`` m from ``origin`` (2,) on, and which of them are ``covered`` by ground. Hazards
+    move points square to the slope, so that ground with and without them has the same cells.
+    """
+
+    origin: Float
+    cell: float
+    covered: Bool
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.covered.shape[0], self.covered.shape[1]
+
+    def index(self, flat: Float) -> tuple[Index, Index]:
+        """Column and row (n,) of points (n, 2 or 3); at the rim for points beyond it."""
+        place = np.floor((flat[:, :2] - self.origin) / self.cell).astype(np.int64)
+        return np.clip(place[:, 0], 0, self.shape[0] - 1), np.clip(place[:, 1], 0, self.shape[1] - 1)
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A hazard put in: height (m, signed), nominal diameter (m), where (m, flat frame), the A70 (m) of the place as the
-    untouched ground predicts it, and the highest level at which each detector finds it.
+    """A hazard put in: height (m, signed), nominal diameter (m), where (m, flat frame), and the A70 (m) of the place as
+    the untouched ground predicts it. It lies in ``scene`` (from 0 on) as ``label`` (1 uplift, 2 subsidence) on
+    ``cells``, numbers in the raster row by row.
     """
 
-    place: str
     height: float
     diameter: float
     where: tuple[float, float]
     needed: float
-    strength: dict[str, float]
+    scene: int
+    label: int
+    cells: NDArray[np.int64]
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing was put in."""
+        return abs(self.height) <= NOTHING_M
 
 
 @dataclass(frozen=True)
 class PlaceResult:
-    """Untouched scores by detector and the trials of one place; ``area`` in m². ``needed`` (m) is the median A70 of the
-    place at the width that is found most easily.
+    """The trials of one place and what detectors answer there. ``needed`` (m) is the median A70 of the place at the
+    width that is found most easily; ``scenes`` is how many times hazards were put in.
+
+    ``answers`` has for each detector scores (1 + scenes, 2, columns, rows): of the untouched ground and of each scene,
+    of uplift and of subsidence. ``key`` names the place and all that made its scenes.
     """
 
     place: Place
-    area: float
+    lattice: Lattice
     needed: float
-    scores: dict[str, Scores]
-    trials: list[Trial] = field(default_factory=list)
+    scenes: int
+    trials: list[Trial]
+    answers: Mapping[str, Float32]
+    key: str = ""
+
+    @property
+    def area(self) -> float:
+        """Area with ground, m²."""
+        return float(np.count_nonzero(self.lattice.covered)) * self.lattice.cell**2
 
 
 def filter_scores(place: Place, raster: ReliefRaster) -> dict[str, Scores]:
@@ -89,19 +151,22 @@ def filter_scores(place: Place, raster: ReliefRaster) -> dict[str, Scores]:
     }
 
 
-def network_scores(predict: Callable[[Float], NDArray[np.floating]]) -> Detector:
-    """A network's probabilities (n, 3) of the points in map coordinates, averaged in the cells of the raster."""
+def network_scores(predict: Callable[[Float], NDArray[np.floating]], name: str) -> Detector:
+    """Log odds of a network's probabilities (n, 3) of the points in map coordinates, averaged in the cells of a raster.
 
-    def scores(place: Place, raster: ReliefRaster) -> dict[str, Scores]:
+    Their order is that of the probabilities.
+    """
+
+    def scores(place: Place, raster: Cells) -> dict[str, Scores]:
         xyz = apply_matrix(np.asarray(np.linalg.inv(place.matrix), dtype=np.float64), place.flat)
         probability = predict(xyz)
-        up, down = (cell_means(place.flat, probability[:, k], raster) for k in (1, 2))
-        return {"RandLA-Net, shipped": Scores(up, down, raster.cell)}
+        up, down = (logit(np.clip(cell_means(place.flat, probability[:, k], raster), 1e-7, 1 - 1e-7)) for k in (1, 2))
+        return {name: Scores(up, down, raster.cell)}
 
     return scores
 
 
-def cell_means(flat: Float, values: NDArray[np.floating], raster: ReliefRaster) -> Float:
+def cell_means(flat: Float, values: NDArray[np.floating], raster: Cells) -> Float:
     """Means (columns, rows) of values (n,) of the points in each cell; empty cells take the nearest one's within the
     covered ground, NaN beyond.
     """
@@ -116,27 +181,63 @@ def cell_means(flat: Float, values: NDArray[np.floating], raster: ReliefRaster) 
 
 
 def try_place(place: Place, detectors: Sequence[Detector], count: int, seed: int = 0) -> PlaceResult:
-    """Put ``count`` hazards of each height and diameter into a place, some at a time, half of them bulges, and let the
-    detectors score untouched and changed ground.
+    """Put ``count`` hazards of each height and diameter into a place, some at a time, half of them bulges, and let
+    ``detectors`` and those of ``filter_scores`` score untouched and changed ground.
     """
     raster = relief_raster(place.flat)
     needed = smallest_hazard(raster)
-    result = PlaceResult(place, raster.area, easiest(needed), _scores(place, raster, detectors))
+    lattice = Lattice(raster.origin, raster.cell, raster.covered)
+    answers: dict[str, list[Float32]] = {}
+    _add(answers, filter_scores(place, raster))
+    trials: list[Trial] = []
+    number = -1
+    for number, (wanted, scene) in enumerate(looks(place, raster.area, count, seed)):
+        changed = replace(place, flat=scene.flat)
+        _add(answers, filter_scores(changed, relief_raster(scene.flat)))
+        trials.extend(_trials(scene, wanted, number, lattice, needed))
+    result = PlaceResult(place, lattice, easiest(needed), number + 1, trials, _stacked(answers))
+    for detector in detectors:
+        result = replace(result, answers={**result.answers, **answer(result, detector, count, seed)})
+    return result
+
+
+def answer(result: PlaceResult, detector: Detector, count: int, seed: int = 0) -> dict[str, Float32]:
+    """What a further detector says to the same ground, untouched and in each scene (see ``PlaceResult.answers``)."""
+    answers: dict[str, list[Float32]] = {}
+    _add(answers, detector(result.place, result.lattice))
+    for _, scene in looks(result.place, result.area, count, seed):
+        _add(answers, detector(replace(result.place, flat=scene.flat), result.lattice))
+    return _stacked(answers)
+
+
+def looks(place: Place, area: float, count: int, seed: int = 0) -> Iterator[tuple[list[Hazard], Inserted]]:
+    """The hazards that are wanted and the ground with those that found room, until all of them have been in; the same
+    each time.
+    """
     rng = np.random.default_rng([seed, len(place.flat)])
     waiting = _wanted(place, count, rng)
     for _ in range(_MAX_LOOKS):
         if not waiting:
             break
-        now, rest = _that_fit(waiting, FILLED * raster.area)
+        now, rest = _that_fit(waiting, FILLED * area)
         scene = insert_hazards(place.flat, now, rng)
         if not scene.hazards:
             break
-        result.trials.extend(_trials(place, scene, now, needed, detectors))
+        yield now, scene
         taken = {one.number for one in scene.hazards}
         left = [hazard for number, hazard in enumerate(now) if number not in taken]
         # Those that found no room wait for the next look, behind the others.
         waiting = rest + left
-    return result
+
+
+def strengths(trials: Sequence[Trial], answers: Float32, cell: float) -> Float:
+    """(trials,) highest level at which each is found in the scores (1 + scenes, 2, columns, rows)."""
+    found = []
+    for one in trials:
+        mine = np.zeros(answers.shape[2:], dtype=bool)
+        mine.ravel()[one.cells] = True
+        found.append(strength_at(answers[1 + one.scene, one.label - 1], mine, cell))
+    return np.array(found, dtype=np.float64)
 
 
 def easiest(needed: SmallestHazard) -> float:
@@ -145,11 +246,14 @@ def easiest(needed: SmallestHazard) -> float:
     return min((float(np.median(values)) for values in known if len(values)), default=math.inf)
 
 
-def _scores(place: Place, raster: ReliefRaster, detectors: Sequence[Detector]) -> dict[str, Scores]:
-    found: dict[str, Scores] = {}
-    for detector in detectors:
-        found |= detector(place, raster)
-    return found
+def _add(answers: dict[str, list[Float32]], found: Mapping[str, Scores]) -> None:
+    for name, scores in found.items():
+        both = np.stack([scores.uplift, scores.subsidence]).astype(np.float32)
+        answers.setdefault(name, []).append(both)
+
+
+def _stacked(answers: Mapping[str, Sequence[Float32]]) -> dict[str, Float32]:
+    return {name: np.stack(list(values)) for name, values in answers.items()}
 
 
 def _wanted(place: Place, count: int, rng: np.random.Generator) -> list[Hazard]:
@@ -171,23 +275,17 @@ def _that_fit(waiting: list[Hazard], area: float) -> tuple[list[Hazard], list[Ha
 
 
 def _trials(
-    place: Place, scene: Inserted, wanted: list[Hazard], needed: SmallestHazard, detectors: Sequence[Detector]
+    scene: Inserted, wanted: Sequence[Hazard], number: int, lattice: Lattice, needed: SmallestHazard
 ) -> list[Trial]:
-    changed = Place(place.name, place.group, place.kind, scene.flat, place.matrix)
-    raster = relief_raster(scene.flat)
-    scores = _scores(changed, raster, detectors)
     found = []
     for one in scene.hazards:
         height, diameter = wanted[one.number].height, round(one.diameter, 3)
         nothing = abs(height) <= NOTHING_M
         shape = replace(one.shape, height=math.copysign(_NOTHING_AS_M, height)) if nothing else one.shape
-        up, down = footprint(shape, raster.origin, raster.cell, raster.shape)
-        mine = (up if one.label == UPLIFT else down) & raster.covered
-        strengths = {
-            name: strength_at(score.uplift if one.label == UPLIFT else score.subsidence, mine, raster.cell)
-            for name, score in scores.items()
-        }
-        i, j = raster.index(np.array([[one.shape.u, one.shape.w]]))
+        up, down = footprint(shape, lattice.origin, lattice.cell, lattice.shape)
+        mine = (up if one.label == UPLIFT else down) & lattice.covered
+        i, j = lattice.index(np.array([[one.shape.u, one.shape.w]]))
         here = needed.at(int(i[0]), int(j[0]), diameter)
-        found.append(Trial(place.name, height, diameter, (one.shape.u, one.shape.w), here, strengths))
+        where = one.shape.u, one.shape.w
+        found.append(Trial(height, diameter, where, here, number, one.label, np.flatnonzero(mine)))
     return found

@@ -15,6 +15,7 @@ cells a side takes some 25 ms.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,21 +35,28 @@ SCATTER_REACHES_M = (4.0, 6.0, 8.0, 12.0, 20.0)
 """Reach within which the scatter of the points' own relief and of that over each of the trends is measured."""
 BUMPS = {2.0: 1, 3.0: 1, 5.0: 2, 8.0: 3}
 """Diameters (m) of bumps that are fitted, and cells along a side of the squares on which they are."""
-BANDS_M = ((10.0, 0.6), (0.6, 10.0))
+BANDS_M = ((10.0, 0.35), (0.35, 10.0))
 """Reaches along x and y of trends that follow what runs along the slope (benches, berms) and down it (drains,
 gullies)."""
+BAND_SCATTER_REACH_M = 8.0
+"""Reach within which the scatter of relief over these is measured: benches would hide all else in that of others."""
+OFF_BENCHES_M = (3.0, 5.0)
+"""Diameters of the bumps that are also fitted to heights over the first of them."""
 SIGNED = (
     "points",
     *(f"relief {reach:g} m" for reach in TREND_REACHES_M),
     *(f"bump {diameter:g} m" for diameter in BUMPS),
     *(f"relief {along:g} x {up:g} m" for along, up in BANDS_M),
+    *(f"bump {diameter:g} m off benches" for diameter in OFF_BENCHES_M),
 )
 """Channels that change their sign with the heights: over the smooth surface, of it over each trend, scores of bumps,
-which grow as the logarithm beyond ``_LINEAR_SCORE``, and of the smooth surface over trends along and down the slope."""
+which grow as the logarithm beyond ``_LINEAR_SCORE``, of the smooth surface over trends along and down the slope, and
+scores of bumps over the trend along it."""
 CHANNELS = (
     *SIGNED,
     "log scatter 3 m",
     *(f"log scatter of {name} over it" for name in ("points", "1.5 m", "6 m", "12 m")),
+    *(f"log scatter of {along:g} x {up:g} m over it" for along, up in BANDS_M),
     "log density",
     "log scatter in cells",
     "points in cell",
@@ -91,16 +99,19 @@ def relief_channels(cells: CellHeights) -> Relief:
     ]
     unit = scatters[UNIT]
     signed = [np.clip(part / scatter, -_MAX_DEVIATION, _MAX_DEVIATION) for part, scatter in zip(parts, scatters)]
-    bumps = _bump_scores(np.where(cells.covered, height, smooth), cells.cell)
-    signed += [np.arcsinh(score / _LINEAR_SCORE) for score in bumps]
+    full = np.where(cells.covered, height, smooth)
     weight = covered.astype(np.float64)
-    for along, up in BANDS_M:
-        part = smooth - _planes(np.nan_to_num(smooth), weight, along / cells.cell, up / cells.cell)
-        signed.append(np.clip(part / unit, -_MAX_DEVIATION, _MAX_DEVIATION))
+    trends = [_planes(np.nan_to_num(smooth), weight, along / cells.cell, up / cells.cell) for along, up in BANDS_M]
+    bands = [smooth - trend for trend in trends]
+    of_bands = [np.maximum(_scatter(band, BAND_SCATTER_REACH_M / cells.cell), _MIN_SCATTER_M) for band in bands]
+    signed += [np.arcsinh(score / _LINEAR_SCORE) for score in _bump_scores(full, cells.cell, BUMPS)]
+    signed += [np.clip(band / scatter, -_MAX_DEVIATION, _MAX_DEVIATION) for band, scatter in zip(bands, of_bands)]
+    signed += [np.arcsinh(score / _LINEAR_SCORE) for score in _bump_scores(full - trends[0], cells.cell, OFF_BENCHES_M)]
     density = gaussian_filter(cells.count / cells.cell**2, _DENSITY_REACH_M / cells.cell, mode="constant")
     others = [
         np.log(unit / _USUAL_SCATTER_M),
         *(np.log(scatter / unit) for number, scatter in enumerate(scatters) if number != UNIT),
+        *(np.log(scatter / unit) for scatter in of_bands),
         np.log((np.minimum(density, _MAX_DENSITY) + 0.1) / _USUAL_DENSITY),
         np.log(_within(cells, sigma) / unit),
         np.minimum(np.log1p(cells.count), 3.0),
@@ -112,15 +123,23 @@ def relief_channels(cells: CellHeights) -> Relief:
 def bump_scores(cells: CellHeights) -> Float:
     """Linear t scores (len(BUMPS), columns, rows) of bumps, of which their channels are made; NaN without data."""
     height, covered, smooth = _surface(cells)
-    scores = _bump_scores(np.where(cells.covered, height, smooth), cells.cell)
+    scores = _bump_scores(np.where(cells.covered, height, smooth), cells.cell, BUMPS)
     return np.where(covered, np.stack(scores), np.nan)
 
 
-def local_unit(cells: CellHeights) -> Float:
-    """``Relief.unit`` alone, (columns, rows) m, for a third of the work; of no meaning far from points."""
-    smooth = _surface(cells)[2]
+def hiding_scatter(cells: CellHeights) -> Float:
+    """Scatter (columns, rows) of relief about which a hazard must stand out, m: ``Relief.unit``, or that over the trend
+    along the slope where it is less, as on benches. Of no meaning far from points.
+    """
+    _, covered, smooth = _surface(cells)
     part = smooth - _trend(smooth, TREND_REACHES_M[UNIT - 1], cells.cell)
-    return np.maximum(_scatter(part, SCATTER_REACHES_M[UNIT] / cells.cell), _MIN_SCATTER_M)
+    along, up = (reach / cells.cell for reach in BANDS_M[0])
+    band = smooth - _planes(np.nan_to_num(smooth), covered.astype(np.float64), along, up)
+    scatters = [
+        _scatter(part, SCATTER_REACHES_M[UNIT] / cells.cell),
+        _scatter(band, BAND_SCATTER_REACH_M / cells.cell),
+    ]
+    return np.maximum(np.minimum(*scatters), _MIN_SCATTER_M)
 
 
 def upside_down(channels: Float32) -> Float32:
@@ -138,13 +157,12 @@ def _surface(cells: CellHeights) -> tuple[Float, Bool, Float]:
     return height, covered, np.where(covered, _planes(height, weight, SMOOTH_REACH_M / cells.cell), np.nan)
 
 
-def _bump_scores(height: Float, cell: float) -> list[Float]:
-    """Scores everywhere of heights (columns, rows), NaN without data."""
+def _bump_scores(height: Float, cell: float, diameters: Iterable[float]) -> list[Float]:
+    """Scores everywhere of heights (columns, rows), NaN without data, of bumps of the ``diameters`` (m)."""
     near = distance_transform_edt(np.isnan(height), return_distances=False, return_indices=True)
     full = height[near[0], near[1]]
     return [
-        _widened(linear_scores(_means(full, step), diameter, step * cell), full.shape, step)
-        for diameter, step in BUMPS.items()
+        _widened(linear_scores(_means(full, BUMPS[d]), d, BUMPS[d] * cell), full.shape, BUMPS[d]) for d in diameters
     ]
 
 

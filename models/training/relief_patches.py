@@ -31,7 +31,7 @@ from ..preparation.inserted_hazards import (
     varied_hazard,
 )
 from ..preparation.prepare import UNKNOWN
-from ..preparation.relief_channels import local_unit, relief_channels
+from ..preparation.relief_channels import hiding_scatter, relief_channels
 from ..preparation.relief_channels import upside_down as inverted
 from ..preparation.relief_raster import CELL_M
 from .relief_structures import drawn_structures, structures
@@ -220,7 +220,7 @@ def insert_on_cells(
 
 def wanted_hazards(cells: CellHeights, parameters: PatchParameters, rng: np.random.Generator) -> list[Hazard]:
     """Hazards of all sizes for the ground of a patch, high enough to be near what can be found there or above it."""
-    unit = float(np.median(local_unit(cells)[cells.covered]))
+    unit = float(np.median(hiding_scatter(cells)[cells.covered]))
     narrow, wide = parameters.diameters
     usual_area = math.pi / 8 * (wide**2 - narrow**2) / math.log(wide / narrow)
     count = rng.poisson(parameters.filled * np.count_nonzero(cells.covered) * cells.cell**2 / usual_area)

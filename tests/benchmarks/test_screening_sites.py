@@ -1,4 +1,4 @@
-"""The benchmark of screening by sites: its thresholds, what counts as found, and a small run on simulated ground."""
+"""The benchmark of screening by sites: its levels, what counts as found, and a small run on simulated ground."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import logit
 from slopewatch.benchmarks import screening_ground, screening_sites, screening_trials
-from slopewatch.benchmarks.screening_ground import POINTS, Place, patches, place
-from slopewatch.benchmarks.screening_sites import as_json, budget_levels, judge, run_places, share, table
-from slopewatch.benchmarks.screening_trials import PlaceResult, Trial, cell_means, filter_scores, network_scores
+from slopewatch.benchmarks.screening_budget import budget_levels
+from slopewatch.benchmarks.screening_cases import cases, share
+from slopewatch.benchmarks.screening_ground import ELEVATION, POINTS, SIMULATED, patches, place
+from slopewatch.benchmarks.screening_levels import measure
+from slopewatch.benchmarks.screening_sites import as_json, judge, main_rows
+from slopewatch.benchmarks.screening_store import kept_place
+from slopewatch.benchmarks.screening_table import sections, text
+from slopewatch.benchmarks.screening_trials import cell_means, network_scores, strengths
 from slopewatch.engine.geometry.dominant_plane import apply_matrix
 from slopewatch.models.preparation.raster_zones import Scores, zone_counts
 from slopewatch.models.preparation.relief_raster import relief_raster
+from slopewatch.tests.builders.screening_places import scored
 
 
-def scored(name: str, group: str, peaks: list[float], strengths: list[float], needed: float = 0.4) -> PlaceResult:
-    """10,000 m² on which zones of 1 m² have the given scores, and a trial for each strength."""
-    score = np.zeros((200, 200))
-    for k, peak in enumerate(peaks):
-        i, j = divmod(k, 20)
-        score[i * 9 : i * 9 + 2, j * 9 : j * 9 + 2] = peak * (-1) ** k
-    flat = np.column_stack([np.random.default_rng(0).uniform(0, 100, (500, 2)), np.zeros(500)])
-    trials = [Trial(name, 0.5, 3.0, (0.0, 0.0), 0.4, {"one": value}) for value in strengths]
-    where = Place(name, group, POINTS, flat, np.eye(4))
-    return PlaceResult(where, 10_000.0, needed, {"one": Scores.signed(score, 0.5)}, trials)
+def heights(ground, raster):
+    mean = cell_means(ground.flat, ground.flat[:, 2], raster)
+    return {"heights": Scores.signed(mean, raster.cell)}
 
 
 def test_the_threshold_is_the_other_surveys_own() -> None:
@@ -33,47 +33,81 @@ def test_the_threshold_is_the_other_surveys_own() -> None:
     rough = [scored(f"rough {k}", "rough", list(np.linspace(20, 40, 40)), [15.0, 25.0, 50.0]) for k in (1, 2)]
     smooth = [scored("smooth", "smooth", list(np.linspace(2, 4, 40)), [3.0, 15.0, 50.0])]
     hopeless = scored("hopeless", "hopeless", list(np.linspace(200, 400, 40)), [50.0], needed=1.4)
-    outcome = judge([*rough, *smooth, hopeless])
+    results = [*rough, *smooth, hopeless]
+    found = measure(results, [one.answers["one"] for one in results])
     for one in rough:
-        figures = outcome.sites[one.place.name]["one"]
+        figures = found.figures[one.place.name]
         # Ten of forty peaks are above 3.5.
         assert figures.others == pytest.approx(3.5, abs=0.15)
         assert figures.own == pytest.approx(35.0, abs=1.5)
         assert figures.false_others == 4.0
         assert figures.false_own == pytest.approx(1.0, abs=0.15)
-    assert outcome.sites["smooth"]["one"].others == pytest.approx(35.0, abs=1.5)
-    assert outcome.sites["smooth"]["one"].false_others == 0.0
-    assert [one.others["one"] for one in outcome.judged] == [True, True, True] * 2 + [False, False, True, True]
-    assert [one.own["one"] for one in outcome.judged] == [False, False, True] * 2 + [False, True, True, False]
+        assert found.found(one.place.name).tolist() == [True, True, True]
+        assert found.found(one.place.name, "own").tolist() == [False, False, True]
+    assert found.figures["smooth"].others == pytest.approx(35.0, abs=1.5)
+    assert found.figures["smooth"].false_others == 0.0
+    assert found.found("smooth").tolist() == [False, False, True]
+    assert found.found("smooth", "own").tolist() == [False, True, True]
+    assert found.found("hopeless").tolist() == [True]
+    assert found.found("hopeless", "own").tolist() == [False]
+
+
+def test_clouds_and_simulated_slopes_have_one_level_and_elevation_models_their_own() -> None:
+    """Ten false zones are allowed on the 10,000 m² of one other survey, twenty on two."""
+    cloud, slope = (
+        scored(name, name, list(np.linspace(low, low + 20, 40)), [low + 12.0], kind=kind)
+        for name, low, kind in (("cloud", 20.0, POINTS), ("slope", 40.0, SIMULATED))
+    )
+    models = [scored(f"m{k}", f"m{k}", list(np.linspace(80, 100, 40)), [], kind=ELEVATION) for k in (1, 2)]
+    results = [cloud, slope, *models]
+    figures = measure(results, [one.answers["one"] for one in results]).figures
+    assert figures["cloud"].others == pytest.approx(55.0, abs=1.0)
+    assert figures["slope"].others == pytest.approx(35.0, abs=1.0)
+    assert figures["m1"].others == pytest.approx(95.0, abs=1.0)
+    third = scored("third", "third", [], [])
+    # 20 zones on the two others together: of 80 peaks from 20 to 60 the 20 highest.
+    figures = measure([cloud, slope, third], [one.answers["one"] for one in (cloud, slope, third)]).figures
+    assert figures["third"].others == pytest.approx(50.0, abs=1.0)
 
 
 def test_shares_have_wilsons_interval() -> None:
-    found, low, high, count = share([True] * 7 + [False] * 3)
-    assert (found, count) == (0.7, 10)
+    found = share(np.array([[True] * 7 + [False] * 3]))
+    assert (found.value, found.number) == (0.7, 10)
     # Newcombe 1998, method 3.
-    assert (low, high) == pytest.approx((0.3968, 0.8922), abs=1e-4)
-    assert share([])[3] == 0
+    assert (found.low, found.high) == pytest.approx((0.3968, 0.8922), abs=1e-4)
+    assert str(share(np.zeros((1, 0), dtype=bool))) == "-"
+    # Seeds do not make hazards more: the mean of 9 and 5 of 10 has the interval of 7 of 10.
+    seeds = share(np.array([[True] * 9 + [False], [True] * 5 + [False] * 5]))
+    assert (seeds.value, seeds.least, seeds.most) == (0.7, 0.5, 0.9)
+    assert str(seeds) == "70 % (40 to 89; 50 to 90)"
 
 
-def test_a_small_run_on_simulated_slopes(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_small_run_on_simulated_slopes(tmp_path, capsys: pytest.CaptureFixture[str]) -> None:
     places = screening_ground.simulated_places(1, area=900.0)
-    outcome = judge(run_places(places, [filter_scores], 1))
-    assert "hazards" in capsys.readouterr().err
-    assert {one.place.name for one in outcome.judged} == {one.name for one in places}
+    results = [kept_place(tmp_path, one, {}, 1) for one in places]
+    judged = judge(results, {}, keep=tmp_path)
+    said = capsys.readouterr().err
+    assert said.count("hazards and filters") == 3
     # High ones are found more often than low ones by the matched filter.
+    told = cases(results, judged.measured)
     low, high = (
-        np.mean([one.own["filter, t"] for one in outcome.judged if low <= abs(one.trial.height) <= high])
+        told.found["filter, t"]["own"][0, (told.height >= low) & (told.height <= high)].mean()
         for low, high in ((0.1, 0.2), (0.8, 1.2))
     )
     assert high > low + 0.3
-    for trial in (one.trial for one in outcome.judged):
+    for trial in (trial for one in results for trial in one.trials):
         assert 0.02 < trial.needed < 5
-    kept = json.loads(json.dumps(as_json(outcome)))
-    assert len(kept["hazards"]) == len(outcome.judged)
-    assert kept["places"][0]["detectors"].keys() == outcome.results[0].scores.keys()
-    rows = table(outcome)
-    assert any("x A70" in row.figure for row in rows)
-    assert any(row.figure.startswith("simulated shifted 1") for row in rows)
+    kept = json.loads(json.dumps(as_json(judged, [])))
+    assert sum(len(one["hazards"]) for one in kept["places"]) == len(told.height)
+    assert kept["places"][0]["detectors"].keys() == judged.measured.keys()
+    shown = text(sections(judged), lambda: "")
+    assert "Hazards found on simulated slopes" in shown
+    assert "| simulated shifted 1" in shown
+    assert any("x A70" in row.figure for row in main_rows(judged))
+    # What is kept is read again instead of made again, and gives the same.
+    again = judge([kept_place(tmp_path, one, {}, 1) for one in places], {})
+    assert "hazards and filters" not in capsys.readouterr().err
+    assert as_json(again, [])["places"] == as_json(judged, [])["places"]
 
 
 def test_the_levels_of_a_budget_are_those_that_other_surveys_give() -> None:
@@ -99,14 +133,29 @@ def test_a_detector_that_knows_the_truth_finds_all(monkeypatch: pytest.MonkeyPat
         return np.column_stack([np.abs(moved) <= 0.03, moved > 0.03, moved < -0.03]).astype(float)
 
     monkeypatch.setattr(screening_trials, "HEIGHTS_M", (0.5,))
-    result = screening_trials.try_place(ground, [network_scores(oracle)], 2)
+    result = screening_trials.try_place(ground, [network_scores(oracle, "oracle")], 2)
     assert len(result.trials) >= 6
-    [name] = result.scores
-    assert zone_counts(result.scores[name], np.array([0.01])).tolist() == [0.0]
-    empty = [trial for trial in result.trials if abs(trial.height) <= screening_trials.NOTHING_M]
-    assert empty
-    assert not any(trial.strength[name] > 0.01 for trial in empty)
-    assert all(trial.strength[name] > 0.3 for trial in result.trials if trial not in empty)
+    answers = result.answers["oracle"]
+    # Log odds: the shares of points of a cell that rise or sink are above these.
+    seldom, often = logit(0.01), logit(0.3)
+    assert zone_counts(Scores(*answers[0], result.lattice.cell), np.array([seldom])).tolist() == [0.0]
+    found = strengths(result.trials, answers, result.lattice.cell)
+    empty = np.array([trial.empty for trial in result.trials])
+    assert empty.any()
+    assert (found[empty] <= seldom).all()
+    assert (found[~empty] > often).all()
+
+
+def test_a_further_detector_sees_the_same_scenes() -> None:
+    [ground] = screening_ground.simulated_places(1, area=600.0)[:1]
+    together = screening_trials.try_place(ground, [heights], 1)
+    later = screening_trials.answer(screening_trials.try_place(ground, [], 1), heights, 1)
+    np.testing.assert_array_equal(later["heights"], together.answers["heights"])
+    assert together.scenes == len(later["heights"]) - 1 >= 1
+    # The mean height rises where a bulge was put in.
+    [highest] = sorted((one for one in together.trials if one.label == 1), key=lambda one: one.height)[-1:]
+    change = later["heights"][1 + highest.scene, 0] - later["heights"][0, 0]
+    assert change.ravel()[highest.cells].max() == pytest.approx(highest.height, rel=0.2)
 
 
 def test_cell_means_fill_small_gaps_only() -> None:

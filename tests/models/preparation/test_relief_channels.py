@@ -9,7 +9,7 @@ from slopewatch.models.preparation.relief_channels import (
     CHANNELS,
     SIGNED,
     TREND_REACHES_M,
-    local_unit,
+    hiding_scatter,
     relief_channels,
     upside_down,
 )
@@ -72,7 +72,7 @@ def test_a_bump_stands_out_over_trends_wider_than_it(number: int) -> None:
     assert relief[40, 40] > 1.5 * np.abs(relief[5:25, 5:-5]).max()
 
 
-@pytest.mark.parametrize(("name", "across"), [("relief 10 x 0.6 m", 1), ("relief 0.6 x 10 m", 0)])
+@pytest.mark.parametrize(("name", "across"), [("relief 10 x 0.35 m", 1), ("relief 0.35 x 10 m", 0)])
 def test_a_band_follows_what_runs_along_it_and_not_a_bump(name: str, across: int) -> None:
     """A ridge of 2 m width along the whole ground, and a bump as wide and high on a place of its own."""
     points = rolling()
@@ -84,7 +84,7 @@ def test_a_band_follows_what_runs_along_it_and_not_a_bump(name: str, across: int
     number = CHANNELS.index(name)
     of_ridge, of_bump = (relief_channels(lattice(p)).channels[number, 38:43, 38:43].mean() for p in (ridge, single))
     assert of_bump > 2.0
-    assert abs(of_ridge) < 0.25 * of_bump
+    assert abs(of_ridge) < 0.5 * of_bump
 
 
 def test_channels_are_named_and_zero_without_data() -> None:
@@ -106,4 +106,19 @@ def test_rough_ground_has_a_larger_unit_only_where_it_is_rough() -> None:
     cells = lattice(points)
     unit = relief_channels(cells).unit
     assert np.median(unit[60:]) > 3 * np.median(unit[:20])
-    np.testing.assert_allclose(local_unit(cells), unit, rtol=1e-4)
+    hiding = hiding_scatter(cells)
+    assert (hiding <= unit * 1.0001).all()
+    assert np.median(hiding[60:]) > 3 * np.median(hiding[:20])
+
+
+def test_benches_hide_no_hazard_that_is_shorter_than_they_are() -> None:
+    """Steps of half a metre all along the slope, and a bump of 30 cm on one of them."""
+    points = rolling()
+    points[:, 2] = np.random.default_rng(5).normal(0, 0.02, len(points)) + 0.5 * np.sin(points[:, 1] * 2 * np.pi / 8.0)
+    cells = lattice(points)
+    assert np.median(hiding_scatter(cells)) < 0.2 * np.median(relief_channels(cells).unit)
+    points[:, 2] += 0.3 * bump(np.hypot(*(points[:, :2] - (20.25, 20.25)).T), 1.5)
+    channels = relief_channels(lattice(points)).channels
+    for name in ("relief 10 x 0.35 m", "bump 3 m off benches"):
+        channel = np.abs(channels[CHANNELS.index(name)])
+        assert channel[39:42, 39:42].max() > 1.3 * np.quantile(channel[5:30, 5:-5], 0.99)

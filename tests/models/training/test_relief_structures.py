@@ -234,7 +234,7 @@ def test_structures_are_no_sign_of_hazards(ground: Ground, monkeypatch: pytest.M
     def counted(cells: CellHeights, parameters: PatchParameters, rng: np.random.Generator) -> list:
         area = np.count_nonzero(cells.covered)
         # The unit of heights takes most of the time and has no part in the number.
-        monkeypatch.setattr(relief_patches, "local_unit", lambda cells: np.ones(cells.count.shape))
+        monkeypatch.setattr(relief_patches, "hiding_scatter", lambda cells: np.ones(cells.count.shape))
         wanted = wanted_hazards(cells, replace(parameters, filled=4.0 * 1024 / area), rng)
         seen.append((len(wanted), len(found[-1])))
         return []
