@@ -23,7 +23,8 @@ from slopewatch.engine.core.progress import Progress
 from slopewatch.interface.parameters import FineTuneParameters, InputParameters
 from slopewatch.models.configuration import SMOKE
 from slopewatch.models.inference.calibration import fit_temperature, temperature_of
-from slopewatch.models.training import fine_tuning
+from slopewatch.models.training import tuning
+from slopewatch.models.training.tuning import Tuning
 from slopewatch.simulation.hazard_scenes.scenes import build_scene, scene
 from slopewatch.simulation.hazard_scenes.styles import SceneSpec
 from slopewatch.simulation.hazard_scenes.write import write_scene
@@ -243,12 +244,12 @@ def test_one_file_trains_and_says_that_it_cannot_be_scored(tiny_clouds, tmp_path
 def test_more_files_than_folds_share_folds_and_minutes_choose_the_steps(tiny_clouds, tmp_path, monkeypatch):
     """On a machine where the timed steps take 0.2 s together, and scoring the smallest cloud as long."""
     clock = itertools.count(0.0, 0.2)
-    monkeypatch.setattr(fine_tuning, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+    monkeypatch.setattr(tuning, "time", SimpleNamespace(monotonic=lambda: next(clock)))
     parameters = replace(TINY, folds=2, minutes=0.08, steps=9)
     done = step(tiny_clouds, tmp_path / "out", parameters)
     outputs, metrics = done.outputs, done.figures
     assert metrics["folds"] == 2
-    trainings, step_s = 2 + 1, 0.2 / fine_tuning._TIMED_STEPS
+    trainings, step_s = 2 + 1, 0.2 / Tuning.timed_steps
     assert 0.5 * 60 * 0.08 < metrics["steps"] * trainings * step_s < 60 * 0.08
     tests = [fold["test"] for fold in json.loads(outputs["description"].read_text())["training"]["folds"]]
     assert sorted(map(len, tests)) == [1, 2]
