@@ -123,7 +123,7 @@ def trained_method(parameters: FineTuneParameters) -> str:
     if parameters.start in SHIPPED_OR_NONE:
         return DEFAULT if wanted == AUTO else wanted
     path = Path(parameters.start)
-    if path.suffix != ".safetensors" or not path.is_file():
+    if path.suffix != ".safetensors" or not path.with_suffix(".json").is_file():
         return POINTS_METHOD if wanted == AUTO else wanted  # reading it says what is wrong
     kind = kind_of(path)
     fitting = [name for name, read in KINDS.items() if read == kind]

@@ -14,8 +14,8 @@ class FineTuneParameters(ParameterSet, record_name="training"):
     start: str = _parameter(
         "shipped",
         "Start from",
-        "shipped: the weights that come with SlopeWatch, of the network chosen. none: from nothing, which needs many more files and steps. "
-        "Or a .safetensors file.",
+        "shipped: the weights that come with SlopeWatch, of the network chosen. none: from nothing, which needs many "
+        "more files and steps. Or a .safetensors file.",
     )
     dimension: str = _parameter(
         "slopewatch_class",

@@ -291,6 +291,30 @@ def test_start_weights_that_cannot_be_used(tiny_clouds, tmp_path, torch):
     assert not (tmp_path / "out").exists()
 
 
+def test_the_weights_given_say_which_network_is_trained(tmp_path, torch):
+    from slopewatch.models.network.randlanet import RandLANet
+    from slopewatch.models.network.shipped import RELIEF_WEIGHTS
+    from slopewatch.models.network.weights import save_model
+
+    points = tmp_path / "points.safetensors"
+    save_model(points, RandLANet(SMOKE), {}, {})
+    for start, network, method in (
+        ("shipped", "auto", "relief"),
+        ("none", "auto", "relief"),
+        ("shipped", "standard", "network"),
+        ("none", "smoke", "network"),
+        (str(points), "auto", "network"),
+        (str(points), "standard", "network"),
+        (str(RELIEF_WEIGHTS), "auto", "relief"),
+        (str(RELIEF_WEIGHTS), "relief", "relief"),
+    ):
+        assert train.trained_method(FineTuneParameters(start=start, network=network)) == method
+    for start, network in ((points, "relief"), (RELIEF_WEIGHTS, "standard")):
+        with pytest.raises(InputError, match=f"which --network {network} is not; give --network auto"):
+            train.trained_method(FineTuneParameters(start=str(start), network=network))
+    assert train.start_weights(FineTuneParameters()).path == RELIEF_WEIGHTS
+
+
 def test_start_weights_with_other_classes_and_outputs_over_inputs(tiny_clouds, tmp_path, torch):
     from slopewatch.models.network.randlanet import RandLANet
     from slopewatch.models.network.weights import save_model
@@ -342,7 +366,9 @@ def test_bad_labels_leave_nothing(tiny_clouds, tmp_path):
 def test_without_shipped_weights_the_sentence_says_what_to_do(tiny_clouds, tmp_path, monkeypatch):
     from slopewatch.models.network import shipped
 
-    monkeypatch.setattr(shipped, "SHIPPED_WEIGHTS", tmp_path / "none.safetensors")
-    with pytest.raises(InputError, match=r"comes without weights; .*--start none"):
-        step(tiny_clouds, tmp_path / "out", FineTuneParameters(dimension="truth_class"))
+    for name, network in (("RELIEF_WEIGHTS", "auto"), ("SHIPPED_WEIGHTS", "standard")):
+        monkeypatch.setattr(shipped, name, tmp_path / "none.safetensors")
+        with pytest.raises(InputError, match=r"comes without weights; .*--start none"):
+            step(tiny_clouds, tmp_path / "out", FineTuneParameters(dimension="truth_class", network=network))
+        monkeypatch.undo()
     assert not (tmp_path / "out").exists()

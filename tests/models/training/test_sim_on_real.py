@@ -94,7 +94,7 @@ def test_training_from_weights_begins_with_them_and_goes_on_exactly(small, groun
     apart = {}
     for name, tensor in start.named_parameters():
         torch.testing.assert_close(tensor.detach(), kept[name], rtol=0, atol=0)
-        apart[name] = float((whole.network.state_dict()[name] - tensor).abs().max())
+        apart[name] = float((whole.network.state_dict()[name] - tensor.detach()).abs().max())
     # AdamW moves a weight by about the rate a step, whatever it is.
     assert 0 < max(apart.values()) < 5 * 4 * 1e-4
     clock = iter(np.arange(0.0, 1000.0, 1.0))
