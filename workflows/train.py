@@ -14,6 +14,8 @@ from ..interface.parameters import AUTO, FineTuneParameters, InputParameters, gi
 from ..models.configuration import CLASSES
 from ..models.network.availability import chosen_device, require_libraries
 from ..models.network.description import kind_of
+from ..models.preparation.inserted_hazards import BACKGROUND
+from ..models.preparation.relative_scores import UPPER
 from ..models.screening.method import DEFAULT, KINDS
 from ..models.screening.relief import RELIEF_DENSITY
 from ..models.training.own_data import OwnCloud, read_own_clouds
@@ -83,6 +85,8 @@ def train_step(
         labels_hash = run.hash_inputs()[-1]
     areas = None if polygons is None else {"name": polygons.name, "sha256": labels_hash}
     _warn(clouds, start, progress)
+    if tune is fine_tune_relief:
+        _warn_of_many_hazards(clouds, progress)
     with run.writing(output_dir) as stage:
         with run.step("train", 0.04, 0.98):
             model = start.model if start else None
@@ -184,6 +188,18 @@ def _warn(clouds: Sequence[OwnCloud], start: Start | None, progress: Progress) -
             progress.warning(
                 f"{cloud.name} has {cloud.density:.0f} points a m² where the weights that training starts from were "
                 f"made for {low:g} to {high:g}."
+            )
+
+
+def _warn_of_many_hazards(clouds: Sequence[OwnCloud], progress: Progress) -> None:
+    """Scores on relief are measured against the bulk of a slope, which must be background (see ``relative_scores``)."""
+    for cloud in clouds:
+        share = float((cloud.labels[cloud.known] != BACKGROUND).mean())
+        if share > 1.0 - UPPER:
+            progress.warning(
+                f"{cloud.name} is labelled as hazard on {100 * share:.0f} % of its known points. Screening by relief "
+                "tells hazards from the rest of the slope and finds few where they cover more than "
+                f"{100 * (1.0 - UPPER):.0f} %; give larger parts of the slope, or train with --network standard."
             )
 
 

@@ -24,6 +24,7 @@ from slopewatch.interface.parameters import FineTuneParameters, InputParameters
 from slopewatch.models.configuration import SMOKE
 from slopewatch.models.inference.calibration import fit_temperature, temperature_of
 from slopewatch.models.training import tuning
+from slopewatch.models.training.own_data import OwnCloud
 from slopewatch.models.training.tuning import Tuning
 from slopewatch.simulation.hazard_scenes.scenes import build_scene, scene
 from slopewatch.simulation.hazard_scenes.styles import SceneSpec
@@ -313,6 +314,19 @@ def test_the_weights_given_say_which_network_is_trained(tmp_path, torch):
         with pytest.raises(InputError, match=f"which --network {network} is not; give --network auto"):
             train.trained_method(FineTuneParameters(start=str(start), network=network))
     assert train.start_weights(FineTuneParameters()).path == RELIEF_WEIGHTS
+
+
+def test_slopes_that_are_hazards_for_the_most_part_are_warned_of():
+    progress = Progress()
+    labels = np.repeat(np.array([0, 1, 2, 255], dtype=np.uint8), (80, 12, 8, 100))
+    few, many = (
+        OwnCloud(Path(name), np.zeros((200, 3)), kept, name, 5.0)
+        for name, kept in (("few.laz", np.where(labels == 2, 0, labels)), ("many.laz", labels))
+    )
+    train._warn_of_many_hazards([few, many], progress)
+    (warning,) = progress.warnings
+    assert "many.laz is labelled as hazard on 20 % of its known points" in warning
+    assert "more than 15 %" in warning
 
 
 def test_start_weights_with_other_classes_and_outputs_over_inputs(tiny_clouds, tmp_path, torch):
