@@ -23,7 +23,17 @@ class TrainModel(SlopeWatchAlgorithm):
     TITLE = "Train a model"
     GROUP = "tools"
     SUMMARY = "Trains a screening model on your own labelled clouds and scores it on slopes it was not trained on."
-    TAGS = ("training", "fine-tuning", "labels", "network", "RandLA-Net", "calibration", "cross-validation")
+    TAGS = (
+        "training",
+        "fine-tuning",
+        "labels",
+        "network",
+        "relief",
+        "U-Net",
+        "RandLA-Net",
+        "calibration",
+        "cross-validation",
+    )
     PARAMETER_GROUPS = command_sets.TRAIN
     FILES: ClassVar = {
         "WEIGHTS": ("weights", "Weights"),
@@ -40,7 +50,13 @@ class TrainModel(SlopeWatchAlgorithm):
         "MEAN_IOU": ("mean_iou", "Mean IoU on held-out points (0 to 1)"),
         "MAJORITY_ACCURACY": ("majority_accuracy", "Accuracy of the most frequent class everywhere (0 to 1)"),
         "START_MEAN_IOU": ("start_mean_iou", "Mean IoU of the weights it started from (0 to 1)"),
-        "TEMPERATURE": ("temperature", "Temperature of the calibration"),
+        "HAZARD_RECALL": ("hazard_recall", "Held-out hazards that were found (0 to 1)"),
+        "START_HAZARD_RECALL": ("start_hazard_recall", "Those that the weights it started from find (0 to 1)"),
+        "FALSE_ZONES_RATE": ("false_zones_per_1000_m2", "False zones on 1,000 m² of held-out ground"),
+        "START_FALSE_ZONES_RATE": ("start_false_zones_per_1000_m2", "Those of the weights it started from"),
+        "CALIBRATION_SCALE": ("calibration_scale", "Scale of the calibration"),
+        "CALIBRATION_SHIFT": ("calibration_shift", "Shift of the calibration"),
+        "TEMPERATURE": ("temperature", "Temperature of the calibration of a network on points"),
     }
 
     def inputs(self) -> None:

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..engine.core.errors import InputError
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
-from ..interface.parameters import FineTuneParameters, InputParameters, given
+from ..interface.parameters import AUTO, FineTuneParameters, InputParameters, given
+from ..models.configuration import CLASSES
 from ..models.network.availability import chosen_device, require_libraries
+from ..models.network.description import kind_of
+from ..models.preparation.inserted_hazards import BACKGROUND
+from ..models.preparation.relative_scores import UPPER
+from ..models.screening.method import DEFAULT, KINDS
+from ..models.screening.relief import RELIEF_DENSITY
 from ..models.training.own_data import OwnCloud, read_own_clouds
 from ..models.training.report import training_report
 from .run import Run
@@ -19,6 +25,7 @@ from .run import Run
 if TYPE_CHECKING:
     from ..models.network.weights import ModelFile
     from ..models.training.fine_tuning import FineTuned
+    from ..models.training.relief_tuning import ReliefStart, ReliefTuned
 
 NAMES = {
     "weights": "model.safetensors",
@@ -27,6 +34,8 @@ NAMES = {
     "report": "report.md",
     "run": "run.json",
 }
+SHIPPED_OR_NONE = ("shipped", "none")
+POINTS_METHOD = "network"
 WORK = "training"
 """Folder in the output folder that checkpoints and the folds' scores are kept in."""
 
@@ -56,8 +65,9 @@ def train_step(
     require_libraries("Training")
     import torch
 
-    from ..models.network.weights import save_model
-    from ..models.training.fine_tuning import collect_log, fine_tune
+    from ..models.training.fine_tuning import fine_tune
+    from ..models.training.relief_tuning import fine_tune_relief
+    from ..models.training.tuning import collect_log
 
     output_dir = Path(output_dir)
     device = chosen_device(parameters.device)
@@ -65,25 +75,28 @@ def train_step(
     if threads:
         torch.set_num_threads(int(threads))
     start = start_weights(parameters)
+    tune: Any = fine_tune_relief if trained_method(parameters) == "relief" else fine_tune
     files = [*(("cloud", path) for path in paths), ("polygons", polygons)]
     run = Run("train", {p.record_name: p for p in (inputs, parameters)}, files, progress)
-    first = start_path(parameters)
+    first = start.path if start else None
     run.refuse_folder(output_dir, [*NAMES.values()], overwrite=overwrite, also=[first] if first else [])
     with run.step("read", 0.0, 0.04):
         clouds = read_own_clouds(paths, parameters, inputs, polygons, progress)
         labels_hash = run.hash_inputs()[-1]
     areas = None if polygons is None else {"name": polygons.name, "sha256": labels_hash}
     _warn(clouds, start, progress)
+    if tune is fine_tune_relief:
+        _warn_of_many_hazards(clouds, progress)
     with run.writing(output_dir) as stage:
         with run.step("train", 0.04, 0.98):
-            tuned = fine_tune(clouds, start, parameters, output_dir / WORK, device=device, progress=progress)
+            model = start.model if start else None
+            tuned = tune(clouds, model, parameters, output_dir / WORK, device=device, progress=progress)
         metrics = {
             "cross_validation": tuned.scores,
             "calibration": tuned.calibration.summary() if tuned.calibration else None,
         }
         facts = training_facts(clouds, start, parameters, tuned, areas, torch.__version__)
-        simulator = start.metadata.get("simulator_version") if start else None
-        digest = save_model(stage.path(NAMES["weights"]), tuned.network, facts, metrics, simulator_version=simulator)
+        digest = tuned.save(stage.path(NAMES["weights"]), facts, metrics)
         collect_log(output_dir / WORK, tuned.folds, stage.path(NAMES["log"]))
         report = training_report(facts, metrics, digest, progress.warnings)
         stage.path(NAMES["report"]).write_text(report, encoding="utf-8")
@@ -93,51 +106,75 @@ def train_step(
     return run.result()
 
 
-def start_path(parameters: FineTuneParameters) -> Path | None:
-    """The file of weights to start from; None where training starts from nothing.
+@dataclass(frozen=True)
+class Start:
+    """Weights to start from: their file and name, what was read, and the points a m² that they were made for."""
+
+    path: Path
+    name: str
+    model: ModelFile | ReliefStart
+    density: tuple[float, float]
+
+
+def trained_method(parameters: FineTuneParameters) -> str:
+    """The method of screening whose network is trained, by the rule of screening: what the weights given are for, or
+    the default without any.
 
     Raises:
-        InputError: there are no shipped weights.
+        InputError: the weights are missing or undescribed, or of another network than the one asked for.
     """
-    if parameters.start == "none":
-        return None
-    if parameters.start == "shipped":
-        return _shipped()[0]
-    return Path(parameters.start)
+    wanted = {"relief": "relief", "standard": "network", "smoke": "network"}.get(parameters.network, AUTO)
+    if parameters.start in SHIPPED_OR_NONE:
+        return DEFAULT if wanted == AUTO else wanted
+    path = Path(parameters.start)
+    if path.suffix != ".safetensors" or not path.with_suffix(".json").is_file():
+        return POINTS_METHOD if wanted == AUTO else wanted  # reading it says what is wrong
+    kind = kind_of(path)
+    fitting = [name for name, read in KINDS.items() if read == kind]
+    if not fitting or wanted not in (*fitting, AUTO):
+        raise InputError(
+            f"The weights {path} are those of a {kind}, which --network {parameters.network} is not; give --network "
+            "auto, or other weights."
+        )
+    return fitting[0]
 
 
-def start_weights(parameters: FineTuneParameters) -> ModelFile | None:
+def start_weights(parameters: FineTuneParameters) -> Start | None:
     """The weights to start from, checked.
 
     Raises:
-        InputError: missing, pickled, tampered with, of another version, or with other classes.
+        InputError: missing, pickled, tampered with, of another version or network, or with other classes.
     """
-    from ..models.configuration import CLASSES
     from ..models.network.weights import load_model
+    from ..models.training.relief_tuning import ReliefStart
 
+    method = trained_method(parameters)
     if parameters.start == "none":
         return None
-    model = load_model(*_shipped()) if parameters.start == "shipped" else load_model(Path(parameters.start))
+    path, pin = _shipped(method) if parameters.start == "shipped" else (Path(parameters.start), None)
+    if method == "relief":
+        return Start(path, path.stem, ReliefStart.read(path, pin), RELIEF_DENSITY)
+    model = load_model(path, pin)
     if model.configuration.classes != CLASSES:
         raise InputError(
             f"The weights {parameters.start} know the classes {', '.join(model.configuration.classes)} where training "
             f"needs {', '.join(CLASSES)}; start from other weights."
         )
-    return model
+    return Start(path, model.configuration.name, model, model.configuration.density)
 
 
-def _shipped() -> tuple[Path, str]:
-    from ..models.network.shipped import shipped_model
+def _shipped(method: str) -> tuple[Path, str]:
+    from ..models.network.shipped import shipped_model, shipped_relief
 
     try:
-        return shipped_model()
+        return shipped_relief() if method == "relief" else shipped_model()
     except InputError as error:
         raise InputError(
             "This copy of SlopeWatch comes without weights; install it again, or give --start FILE or --start none."
         ) from error
 
 
-def _warn(clouds: Sequence[OwnCloud], start: ModelFile | None, progress: Progress) -> None:
+def _warn(clouds: Sequence[OwnCloud], start: Start | None, progress: Progress) -> None:
     if len(clouds) == 1:
         progress.warning(
             "With one file no honest score is possible: there is nothing to score on that was not trained on; give two "
@@ -145,7 +182,7 @@ def _warn(clouds: Sequence[OwnCloud], start: ModelFile | None, progress: Progres
         )
     if start is None:
         return
-    low, high = start.configuration.density
+    low, high = start.density
     for cloud in clouds:
         if not low <= cloud.density <= high:
             progress.warning(
@@ -154,18 +191,31 @@ def _warn(clouds: Sequence[OwnCloud], start: ModelFile | None, progress: Progres
             )
 
 
+def _warn_of_many_hazards(clouds: Sequence[OwnCloud], progress: Progress) -> None:
+    """Scores on relief are measured against the bulk of a slope, which must be background (see ``relative_scores``)."""
+    for cloud in clouds:
+        share = float((cloud.labels[cloud.known] != BACKGROUND).mean())
+        if share > 1.0 - UPPER:
+            progress.warning(
+                f"{cloud.name} is labelled as hazard on {100 * share:.0f} % of its known points. Screening by relief "
+                "tells hazards from the rest of the slope and finds few where they cover more than "
+                f"{100 * (1.0 - UPPER):.0f} %; give larger parts of the slope, or train with --network standard."
+            )
+
+
 def training_facts(
     clouds: Sequence[OwnCloud],
-    start: ModelFile | None,
+    start: Start | None,
     parameters: FineTuneParameters,
-    tuned: FineTuned,
+    tuned: FineTuned | ReliefTuned,
     polygons: dict[str, str] | None,
     torch_version: str,
 ) -> dict[str, Any]:
     """What the model's description states of its training; ``polygons`` are name and SHA-256 of the file of labels."""
     names = [cloud.name for cloud in clouds]
     return {
-        "start": None if start is None else {"name": start.configuration.name, "sha256": start.sha256},
+        "start": None if start is None else {"name": start.name, "sha256": start.model.sha256},
+        "network": trained_method(parameters),
         "parameters": asdict(parameters),
         "steps": tuned.steps,
         "files": [
@@ -186,7 +236,7 @@ def training_facts(
     }
 
 
-def _figures(clouds: Sequence[OwnCloud], tuned: FineTuned) -> dict[str, Any]:
+def _figures(clouds: Sequence[OwnCloud], tuned: FineTuned | ReliefTuned) -> dict[str, Any]:
     scores = tuned.scores or {}
     figures: dict[str, Any] = {
         "files": len(clouds),
@@ -196,5 +246,4 @@ def _figures(clouds: Sequence[OwnCloud], tuned: FineTuned) -> dict[str, Any]:
     }
     for name in ("overall_accuracy", "mean_iou", "majority_accuracy", "start_overall_accuracy", "start_mean_iou"):
         figures[name] = scores.get(name)
-    figures["temperature"] = tuned.calibration.temperature if tuned.calibration else None
-    return figures
+    return figures | tuned.figures()

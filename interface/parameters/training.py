@@ -14,8 +14,8 @@ class FineTuneParameters(ParameterSet, record_name="training"):
     start: str = _parameter(
         "shipped",
         "Start from",
-        "shipped: the weights that come with SlopeWatch. none: from nothing, which needs many more files and steps. "
-        "Or a .safetensors file.",
+        "shipped: the weights that come with SlopeWatch, of the network chosen. none: from nothing, which needs many "
+        "more files and steps. Or a .safetensors file.",
     )
     dimension: str = _parameter(
         "slopewatch_class",
@@ -64,25 +64,28 @@ class FineTuneParameters(ParameterSet, record_name="training"):
     learning_rate: float | str = _parameter(
         AUTO,
         "Learning rate",
-        "Largest step size. Larger adapts faster and forgets more. auto: 0.002 from weights, 0.01 from nothing.",
+        "Largest step size. Larger adapts faster and forgets more. auto: from weights 0.0005 on relief and 0.002 on "
+        "points, from nothing 0.004 and 0.01.",
         kind=float,
         bounds=(0.00001, 1.0),
         advanced=True,
     )
-    batch: int = _parameter(
-        2,
-        "Windows in a step",
-        "Larger is more stable and takes more memory and time.",
+    batch: int | str = _parameter(
+        AUTO,
+        "Places in a step",
+        "Patches of relief or windows of points. Larger is more stable and takes more memory and time. auto: 5 "
+        "patches, 2 windows.",
+        kind=int,
         bounds=(1, 256),
         advanced=True,
     )
     network: str = _parameter(
-        "standard",
+        AUTO,
         "Network",
-        "Used where training starts from nothing. standard: the size of the shipped one. smoke: a tiny one that learns "
-        "within a minute, for trials.",
-        choices=("standard", "smoke"),
-        advanced=True,
+        "auto: that of the weights given, relief where none are. relief: the network on relief, which screening uses "
+        "by default; more hazards are put into the background at every step. standard: the network on points. smoke: "
+        "a tiny one on points that learns within a minute, for trials from nothing.",
+        choices=(AUTO, "relief", "standard", "smoke"),
     )
     seed: int = _parameter(
         0,

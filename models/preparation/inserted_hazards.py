@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates
+from scipy.ndimage import binary_erosion, distance_transform_edt, gaussian_filter, map_coordinates
 
 from ...engine.core.arrays import Bool, Float, Index
 from ...engine.core.errors import InputError
@@ -89,6 +89,19 @@ class Room:
     def free(self, radius: float) -> Bool:
         """(nodes, nodes) places about which a circle of ``radius`` m lies on ground that is not taken."""
         return np.asarray(self.rooms > radius, dtype=np.bool_)
+
+    def keep_off(self, places: Float) -> None:
+        """Leave no room for a circle that any of ``places`` (n, 2), m, lies in."""
+        if not len(places):
+            return
+        node = np.floor((places - self.low) / NODE_M).astype(np.int64)
+        node = node[((node >= 0) & (node < self.rooms.shape)).all(axis=1)]
+        far = np.ones(self.rooms.shape, dtype=bool)
+        far[node[:, 0], node[:, 1]] = False
+        # Places and middles of circles lie anywhere in their nodes: those next to a place's node are as near.
+        far = binary_erosion(far, np.ones((3, 3), dtype=bool), border_value=1)
+        if not far.all():
+            np.minimum(self.rooms, distance_transform_edt(far) * NODE_M, out=self.rooms)
 
     def take(self, radius: float, rng: np.random.Generator, separation: float) -> tuple[float, float] | None:
         """A random place for a circle of ``radius`` m, which is taken then; None where there is no room."""

@@ -17,7 +17,7 @@ def training_report(facts: dict[str, Any], metrics: dict[str, Any], digest: str,
 
     Args:
         facts: as ``workflows.train`` makes them.
-        metrics: ``cross_validation`` (``fine_tuning.pooled_scores``) and ``calibration``, None where there is none.
+        metrics: ``cross_validation`` (``tuning.pooled_scores``) and ``calibration``, None where there is none.
         digest: SHA-256 of the weights.
     """
     return render(

@@ -2,11 +2,13 @@
 
 Half of the patches are of real ground, half of simulated. Each step has one new patch and several of the last made,
 mirrored anew: making a patch takes as long as a step with it. All that is random depends on the seed and the step
-alone: a training that was interrupted gives the same weights as one that was not.
+alone: a training that was interrupted gives the same weights as one that was not. Training may start from weights; the
+same machinery then fits them to labelled ground.
 """
 
 from __future__ import annotations
 
+import hashlib
 import math
 import time
 from collections import deque
@@ -32,6 +34,8 @@ from .step_log import append_step
 
 FREQUENCIES = (0.92, 0.04, 0.04)
 """About the share of the classes' cells on patches with hazards."""
+SAVE_EVERY_S = 30.0
+"""Between checkpoints."""
 _AHEAD = 3
 
 
@@ -79,23 +83,28 @@ def train_relief(
     parameters: ReliefTraining,
     folder: Path,
     *,
+    start: UNet | None = None,
     seconds: float = math.inf,
-    save_every: float = 60.0,
     progress: Progress | None = None,
 ) -> ReliefState:
     """Train until all steps are done or ``seconds`` have passed; go on from the checkpoint in ``folder`` if there is
     one. ``folder/log.csv`` has a row every so many steps: step, loss, learning rate, seconds.
 
     Args:
-        save_every: seconds between checkpoints.
+        start: what training starts from, on the device that it is on; without, a new network on the processor.
 
     Raises:
-        InputError: the checkpoint in ``folder`` is of another training.
+        InputError: the checkpoint in ``folder`` is of another training; ``start`` has another configuration.
     """
     progress = progress or Progress()
     folder.mkdir(parents=True, exist_ok=True)
-    learner = _Learner(configuration, parameters)
-    what = {"configuration": asdict(configuration), "training": asdict(parameters), "grounds": grounds.names}
+    learner = _Learner(configuration, parameters, start)
+    what = {
+        "configuration": asdict(configuration),
+        "training": asdict(parameters),
+        "grounds": grounds.names,
+        "start": None if start is None else state_sha256(start),
+    }
     checkpoint = Checkpoint(folder, what)
     step = learner.restore(checkpoint)
     begun = saved = time.monotonic()
@@ -113,7 +122,7 @@ def train_relief(
             append_step(folder / "log.csv", step, average, learner.rate, time.monotonic() - begun)
             progress.update(step / parameters.steps, f"step {step} of {parameters.steps}, loss {average:.3f}")
             losses.clear()
-        if time.monotonic() - saved > save_every:
+        if time.monotonic() - saved > SAVE_EVERY_S:
             checkpoint.save(learner.tensors(), step)
             saved = time.monotonic()
     checkpoint.save(learner.tensors(), step)
@@ -126,19 +135,27 @@ def train_relief(
 class _Learner:
     """The network, the running mean of its weights, and what changes them."""
 
-    def __init__(self, configuration: UNetConfiguration, parameters: ReliefTraining) -> None:
+    def __init__(self, configuration: UNetConfiguration, parameters: ReliefTraining, start: UNet | None) -> None:
         torch.manual_seed(parameters.seed)
         self.parameters = parameters
         self.network = UNet(configuration)
+        if start is not None:
+            if start.configuration != configuration:
+                raise InputError("The network to start from has other channels or widths; give one of the same.")
+            self.network.load_state_dict(start.state_dict())
+            self.network.to(start.head.weight.device)
+        self.device = self.network.head.weight.device
         self.network.train()
         self.mean = AveragedModel(self.network, avg_fn=partial(_running_mean, parameters.decay), use_buffers=True)
         self.optimiser = torch.optim.AdamW(
             self.network.parameters(), lr=parameters.learning_rate, weight_decay=parameters.weight_decay
         )
+        # Torch's cycle needs more than one step on the way up.
+        rise = 0.2 if parameters.steps > 4 else 0.6
         self.cycle = OneCycleLR(
-            self.optimiser, parameters.learning_rate, total_steps=parameters.steps + 1, pct_start=0.2
+            self.optimiser, parameters.learning_rate, total_steps=parameters.steps + 1, pct_start=rise
         )
-        self.weights = root_inverse_weights(torch.tensor(FREQUENCIES))
+        self.weights = root_inverse_weights(torch.tensor(FREQUENCIES)).to(self.device)
 
     @property
     def rate(self) -> float:
@@ -148,7 +165,8 @@ class _Learner:
     def learn(self, patches: Sequence[Patch]) -> float:
         """One step; its loss."""
         values, labels = _batch(patches, self.network.chosen)
-        logits = self.network(values).permute(0, 2, 3, 1).reshape(-1, 3)
+        labels = labels.to(self.device)
+        logits = self.network(values.to(self.device)).permute(0, 2, 3, 1).reshape(-1, 3)
         loss = combined(logits, labels.reshape(-1), self.weights, self.parameters.dice)
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()
@@ -165,7 +183,7 @@ class _Learner:
 
     def restore(self, checkpoint: Checkpoint) -> int:
         """Take over the checkpoint, if there is one; the number of steps that were done."""
-        found = checkpoint.load()
+        found = checkpoint.load(self.device)
         if found is None:
             return 0
         tensors, step = found
@@ -174,6 +192,15 @@ class _Learner:
         advance(self.cycle, step)
         restore_moments(self.optimiser, tensors)
         return step
+
+
+def state_sha256(network: UNet) -> str:
+    """SHA-256 of all weights of a network."""
+    found = hashlib.sha256()
+    for name, tensor in network.state_dict().items():
+        found.update(name.encode())
+        found.update(tensor.detach().cpu().numpy().tobytes())
+    return found.hexdigest()
 
 
 def new_patch(grounds: Grounds, parameters: ReliefTraining, number: int) -> Patch:

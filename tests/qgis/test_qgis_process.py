@@ -322,7 +322,10 @@ class TestRuns:
         )  # fmt: skip
         assert done.returncode == 0, done.stderr[-3000:]
         results = json.loads(done.stdout)["results"]
-        assert set(TrainModel.NUMBERS) - {"START_MEAN_IOU"} | set(TrainModel.FILES) <= set(results)
+        of_relief = {
+            name for name in TrainModel.NUMBERS if "HAZARD" in name or "ZONES" in name or "CALIBRATION" in name
+        }
+        assert set(TrainModel.NUMBERS) - of_relief - {"START_MEAN_IOU"} | set(TrainModel.FILES) <= set(results)
         description = json.loads(Path(results["DESCRIPTION"]).read_text())
         assert [file["name"] for file in description["training"]["files"]] == [Path(cloud).name for cloud in clouds]
         assert results["MEAN_IOU"] == pytest.approx(description["metrics"]["cross_validation"]["mean_iou"])

@@ -23,7 +23,9 @@ from slopewatch.engine.core.progress import Progress
 from slopewatch.interface.parameters import FineTuneParameters, InputParameters
 from slopewatch.models.configuration import SMOKE
 from slopewatch.models.inference.calibration import fit_temperature, temperature_of
-from slopewatch.models.training import fine_tuning
+from slopewatch.models.training import tuning
+from slopewatch.models.training.own_data import OwnCloud
+from slopewatch.models.training.tuning import Tuning
 from slopewatch.simulation.hazard_scenes.scenes import build_scene, scene
 from slopewatch.simulation.hazard_scenes.styles import SceneSpec
 from slopewatch.simulation.hazard_scenes.write import write_scene
@@ -243,12 +245,12 @@ def test_one_file_trains_and_says_that_it_cannot_be_scored(tiny_clouds, tmp_path
 def test_more_files_than_folds_share_folds_and_minutes_choose_the_steps(tiny_clouds, tmp_path, monkeypatch):
     """On a machine where the timed steps take 0.2 s together, and scoring the smallest cloud as long."""
     clock = itertools.count(0.0, 0.2)
-    monkeypatch.setattr(fine_tuning, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+    monkeypatch.setattr(tuning, "time", SimpleNamespace(monotonic=lambda: next(clock)))
     parameters = replace(TINY, folds=2, minutes=0.08, steps=9)
     done = step(tiny_clouds, tmp_path / "out", parameters)
     outputs, metrics = done.outputs, done.figures
     assert metrics["folds"] == 2
-    trainings, step_s = 2 + 1, 0.2 / fine_tuning._TIMED_STEPS
+    trainings, step_s = 2 + 1, 0.2 / Tuning.timed_steps
     assert 0.5 * 60 * 0.08 < metrics["steps"] * trainings * step_s < 60 * 0.08
     tests = [fold["test"] for fold in json.loads(outputs["description"].read_text())["training"]["folds"]]
     assert sorted(map(len, tests)) == [1, 2]
@@ -288,6 +290,43 @@ def test_start_weights_that_cannot_be_used(tiny_clouds, tmp_path, torch):
     with pytest.raises(InputError, match=r"gone\.safetensors do not exist"):
         step(tiny_clouds, tmp_path / "out", replace(TINY, start=str(tmp_path / "gone.safetensors")))
     assert not (tmp_path / "out").exists()
+
+
+def test_the_weights_given_say_which_network_is_trained(tmp_path, torch):
+    from slopewatch.models.network.randlanet import RandLANet
+    from slopewatch.models.network.shipped import RELIEF_WEIGHTS
+    from slopewatch.models.network.weights import save_model
+
+    points = tmp_path / "points.safetensors"
+    save_model(points, RandLANet(SMOKE), {}, {})
+    for start, network, method in (
+        ("shipped", "auto", "relief"),
+        ("none", "auto", "relief"),
+        ("shipped", "standard", "network"),
+        ("none", "smoke", "network"),
+        (str(points), "auto", "network"),
+        (str(points), "standard", "network"),
+        (str(RELIEF_WEIGHTS), "auto", "relief"),
+        (str(RELIEF_WEIGHTS), "relief", "relief"),
+    ):
+        assert train.trained_method(FineTuneParameters(start=start, network=network)) == method
+    for start, network in ((points, "relief"), (RELIEF_WEIGHTS, "standard")):
+        with pytest.raises(InputError, match=f"which --network {network} is not; give --network auto"):
+            train.trained_method(FineTuneParameters(start=str(start), network=network))
+    assert train.start_weights(FineTuneParameters()).path == RELIEF_WEIGHTS
+
+
+def test_slopes_that_are_hazards_for_the_most_part_are_warned_of():
+    progress = Progress()
+    labels = np.repeat(np.array([0, 1, 2, 255], dtype=np.uint8), (80, 12, 8, 100))
+    few, many = (
+        OwnCloud(Path(name), np.zeros((200, 3)), kept, name, 5.0)
+        for name, kept in (("few.laz", np.where(labels == 2, 0, labels)), ("many.laz", labels))
+    )
+    train._warn_of_many_hazards([few, many], progress)
+    (warning,) = progress.warnings
+    assert "many.laz is labelled as hazard on 20 % of its known points" in warning
+    assert "more than 15 %" in warning
 
 
 def test_start_weights_with_other_classes_and_outputs_over_inputs(tiny_clouds, tmp_path, torch):
@@ -341,7 +380,9 @@ def test_bad_labels_leave_nothing(tiny_clouds, tmp_path):
 def test_without_shipped_weights_the_sentence_says_what_to_do(tiny_clouds, tmp_path, monkeypatch):
     from slopewatch.models.network import shipped
 
-    monkeypatch.setattr(shipped, "SHIPPED_WEIGHTS", tmp_path / "none.safetensors")
-    with pytest.raises(InputError, match=r"comes without weights; .*--start none"):
-        step(tiny_clouds, tmp_path / "out", FineTuneParameters(dimension="truth_class"))
+    for name, network in (("RELIEF_WEIGHTS", "auto"), ("SHIPPED_WEIGHTS", "standard")):
+        monkeypatch.setattr(shipped, name, tmp_path / "none.safetensors")
+        with pytest.raises(InputError, match=r"comes without weights; .*--start none"):
+            step(tiny_clouds, tmp_path / "out", FineTuneParameters(dimension="truth_class", network=network))
+        monkeypatch.undo()
     assert not (tmp_path / "out").exists()

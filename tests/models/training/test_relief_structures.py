@@ -231,7 +231,7 @@ def test_structures_are_no_sign_of_hazards(ground: Ground, monkeypatch: pytest.M
         found.append(drawn_structures(share, rng))
         return found[-1]
 
-    def counted(cells: CellHeights, parameters: PatchParameters, rng: np.random.Generator) -> list:
+    def counted(cells: CellHeights, parameters: PatchParameters, rng: np.random.Generator, own=None) -> list:
         area = np.count_nonzero(cells.covered)
         # The unit of heights takes most of the time and has no part in the number.
         monkeypatch.setattr(relief_patches, "hiding_scatter", lambda cells: np.ones(cells.count.shape))

@@ -79,6 +79,53 @@ def test_an_interrupted_training_gives_the_same_weights(small, ground, tmp_path,
     assert len(rows) == 7
 
 
+def test_training_from_weights_begins_with_them_and_goes_on_exactly(small, ground, tmp_path, monkeypatch, torch):
+    from slopewatch.models.network.unet import UNet, UNetConfiguration
+    from slopewatch.models.training import sim_on_real
+    from slopewatch.models.training.sim_on_real import train_relief
+
+    configuration, parameters = small
+    parameters = replace(parameters, steps=4, learning_rate=1e-4)
+    own = Grounds([replace(ground, labels=(ground.points[:, 0] > 30).astype(np.uint8))])
+    torch.manual_seed(9)
+    start = UNet(configuration)
+    kept = {name: tensor.clone() for name, tensor in start.state_dict().items()}
+    whole = train_relief(configuration, own, parameters, tmp_path / "whole", start=start)
+    apart = {}
+    for name, tensor in start.named_parameters():
+        torch.testing.assert_close(tensor.detach(), kept[name], rtol=0, atol=0)
+        apart[name] = float((whole.network.state_dict()[name] - tensor.detach()).abs().max())
+    # AdamW moves a weight by about the rate a step, whatever it is.
+    assert 0 < max(apart.values()) < 5 * 4 * 1e-4
+    clock = iter(np.arange(0.0, 1000.0, 1.0))
+    monkeypatch.setattr(sim_on_real.time, "monotonic", lambda: next(clock))
+    first = train_relief(configuration, own, parameters, tmp_path / "parts", start=start, seconds=4.0)
+    assert not first.finished
+    second = train_relief(configuration, own, parameters, tmp_path / "parts", start=start)
+    assert second.finished
+    for name, tensor in whole.network.state_dict().items():
+        np.testing.assert_array_equal(second.network.state_dict()[name], tensor, err_msg=name)
+    for other in (None, UNet(configuration)):
+        with pytest.raises(InputError, match="other settings"):
+            train_relief(configuration, own, parameters, tmp_path / "parts", start=other)
+    with pytest.raises(InputError, match="other channels or widths"):
+        train_relief(UNetConfiguration(widths=(6, 10)), own, parameters, tmp_path / "wide", start=start)
+
+
+def test_ground_of_unknown_class_teaches_nothing(small, ground, tmp_path, torch):
+    from slopewatch.models.network.unet import UNet
+    from slopewatch.models.training.sim_on_real import train_relief
+
+    configuration, parameters = small
+    torch.manual_seed(9)
+    start = UNet(configuration)
+    unknown = replace(ground, labels=np.full(len(ground.points), 255, dtype=np.uint8))
+    parameters = replace(parameters, steps=2, weight_decay=0.0)
+    state = train_relief(configuration, Grounds([unknown]), parameters, tmp_path, start=start)
+    for name, tensor in start.named_parameters():
+        np.testing.assert_array_equal(state.network.state_dict()[name], tensor.detach(), err_msg=name)
+
+
 def test_steps_depend_on_the_seed_and_draw_from_both_halves(small, ground):
     from slopewatch.models.training.sim_on_real import new_patch
 
