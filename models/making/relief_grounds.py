@@ -21,6 +21,7 @@ from ...simulation.hazard_scenes.scenes import build_scene
 from ...simulation.hazard_scenes.styles import SceneSpec, log_uniform
 from ...simulation.hazard_scenes.terrain import build_terrain
 from ..preparation.inserted_hazards import ground_density, thinned
+from ..preparation.prepare import UNKNOWN
 from ..training.relief_patches import Ground
 from .left_by_plants import left_by_plants
 from .rough_ground import natural, textured, with_relief
@@ -37,6 +38,9 @@ HILLSIDE_SHARE, ENGINEERED_SHARE = 0.2, 0.45
 other half of what a network learns from, so that most simulated slopes stay engineered: with both shares and what
 ``natural`` draws, 40 % of them have natural relief."""
 PLANTED_SHARE = 0.5
+OWN_HAZARDS_SHARE, OWN_HAZARDS_COVER = 0.5, 0.05
+"""Of slopes that keep the scene's own hazards, labelled: their forms are those of failures on cut slopes, which those
+put in later are not; and the largest share of the slope that either class then covers."""
 _TRIES, _TRIES_APART = 20, 15_000
 
 
@@ -95,9 +99,10 @@ def real_grounds(folder: Path, left_out: Collection[str] = ()) -> list[Ground]:
 
 
 def simulated_grounds(count: int, progress: Progress | None = None) -> list[Ground]:
-    """``count`` simulated slopes with all their structures and natural relief but without hazards, as extracted among
-    plants on ``PLANTED_SHARE`` of them. ``HILLSIDE_SHARE`` are hillsides, not benched and with natural relief;
-    ``ENGINEERED_SHARE`` have none of it, at most textures; the others are as ``natural`` draws them.
+    """``count`` simulated slopes with all their structures and natural relief. ``OWN_HAZARDS_SHARE`` of them have
+    hazards, labelled; the others have none, and ``PLANTED_SHARE`` of these are as extracted among plants.
+    ``HILLSIDE_SHARE`` are hillsides, not benched and with natural relief; ``ENGINEERED_SHARE`` have none of it, at most
+    textures; the others are as ``natural`` draws them.
     """
     progress = progress or Progress()
     found = []
@@ -106,20 +111,26 @@ def simulated_grounds(count: int, progress: Progress | None = None) -> list[Grou
         hillside, engineered = drawn < HILLSIDE_SHARE, drawn >= 1.0 - ENGINEERED_SHARE
         spec = _not_benched(number) if hillside else _specification(number)
         rougher_ground = with_relief if hillside else textured if engineered else natural
-        xyz = rougher_ground(build_scene(spec), np.random.default_rng([spec.seed, 3])).xyz
         rng = np.random.default_rng([spec.seed, 5])
-        if rng.random() < PLANTED_SHARE:
+        labelled = rng.random() < OWN_HAZARDS_SHARE
+        spec = spec if labelled else replace(spec, uplift=0.0, subsidence=0.0)
+        scene = rougher_ground(build_scene(spec), np.random.default_rng([spec.seed, 3]))
+        xyz, labels = scene.xyz, None
+        if labelled:
+            labels = np.where(scene.ignore, UNKNOWN, scene.label).astype(np.uint8)
+        elif rng.random() < PLANTED_SHARE:
             xyz = left_by_plants(xyz, rng)
-        found.append(Ground(f"simulated {spec.seed}", xyz, ground_density(xyz[:, :2])))
+        found.append(Ground(f"simulated {spec.seed}", xyz, ground_density(xyz[:, :2]), labels=labels))
         progress.update((number + 1) / count, f"slope {number + 1} of {count}")
     return found
 
 
 def _specification(number: int) -> SceneSpec:
-    """Of a slope without hazards, of a density that real ground has."""
+    """Of a slope with few hazards, of a density that real ground has."""
     spec = next(training_scenes(1, FIRST_SIMULATED + number))
     density = log_uniform(SIMULATED_DENSITY, np.random.default_rng([spec.seed, 4]))
-    return replace(spec, uplift=0.0, subsidence=0.0, density=density)
+    up, down = (min(2.0 * share, OWN_HAZARDS_COVER) for share in (spec.uplift, spec.subsidence))
+    return replace(spec, uplift=up, subsidence=down, density=density)
 
 
 def _not_benched(number: int) -> SceneSpec:
