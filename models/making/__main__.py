@@ -195,7 +195,8 @@ def ablation(session: Session, seconds: float, folder: Path) -> RunResult:
 @command(profile=False)
 def card(session: Session, folders: tuple[tuple[str, Path], ...]) -> RunResult:
     """Write the model card from the weights' description and the figures next to them."""
-    from ..network.shipped import shipped_model
+    from ..network.shipped import shipped_model, shipped_relief
+    from ..network.unet import load_unet
     from ..network.weights import load_model
     from .model_card import model_card, read_figures, read_seconds
 
@@ -204,7 +205,8 @@ def card(session: Session, folders: tuple[tuple[str, Path], ...]) -> RunResult:
     seconds.update({recipe: read_seconds(folder) for recipe, folder in folders})
     _keep(times.name, seconds)
     path = FIGURES.parent / "README.md"
-    text = model_card(load_model(*shipped_model()).metadata, read_figures(FIGURES), seconds)
+    relief = load_unet(*shipped_relief())[1]
+    text = model_card(load_model(*shipped_model()).metadata, read_figures(FIGURES), seconds, relief)
     with atomic_output(path) as partial:
         partial.write_text(text, encoding="utf-8")
     return RunResult({"card": path}, {})

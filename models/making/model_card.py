@@ -24,19 +24,26 @@ def read_figures(folder: Path) -> dict[str, Any]:
     return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.json"))}
 
 
-def model_card(description: dict[str, Any], figures: dict[str, Any], seconds: dict[str, Sequence[float]]) -> str:
+def model_card(
+    description: dict[str, Any],
+    figures: dict[str, Any],
+    seconds: dict[str, Sequence[float]],
+    relief: dict[str, Any] | None = None,
+) -> str:
     """The card as Markdown.
 
     Args:
         description: of the weights (``weights.ModelFile.metadata``).
         figures: as ``read_figures`` gives them; a table is left out where its scores are not there.
         seconds: by recipe, the processor's seconds that a fold was trained in, on average, and scored in.
+        relief: description of the weights of the network on relief, whose part is left out without.
     """
     shipped = {name: figures[f"{name}_slopewatch"] for name in SETS if f"{name}_slopewatch" in figures}
     return render(
         _TEMPLATE,
         classes=CLASSES,
         description=description,
+        relief=relief,
         folds=[
             (name, figures[f"folds_{recipe}"], seconds.get(recipe))
             for recipe, name in RECIPES.items()

@@ -35,10 +35,13 @@ def description(torch, tmp_path):
 
 def test_the_shipped_card_is_that_of_the_shipped_scores(torch):
     from slopewatch.models.making.model_card import model_card, read_figures
+    from slopewatch.models.network.shipped import shipped_relief
+    from slopewatch.models.network.unet import load_unet
 
     figures = SHIPPED_WEIGHTS.parent / "figures"
     seconds = json.loads((figures / "seconds.json").read_text(encoding="utf-8"))
-    text = model_card(load_model(*shipped_model()).metadata, read_figures(figures), seconds)
+    relief = load_unet(*shipped_relief())[1]
+    text = model_card(load_model(*shipped_model()).metadata, read_figures(figures), seconds, relief)
     assert text == (figures.parent / "README.md").read_text(encoding="utf-8")
 
 
@@ -59,6 +62,30 @@ def test_a_card_without_scores_still_says_what_the_weights_are(description):
     assert "none of which is a hazard by 75.0 % are none |" in model_card(description, {}, {})
     assert "five folds" not in text
     assert "weights on the benchmark sets" not in text
+
+
+def test_a_card_with_the_network_on_relief_has_its_figures(description):
+    from slopewatch.models.making.model_card import model_card
+
+    relief = {
+        "parameters": 4321,
+        "sha256": "ab" * 32,
+        "configuration": {"cell": 0.5, "channels": ["a", "b"]},
+        "training": {"steps": 1200, "simulated_slopes": 7, "real_ground": ["hill", "ravine"]},
+        "calibration": {"scale": 1.25, "shift": -2.5},
+        "metrics": {
+            "date": "2026-01-02",
+            "hazard_share": 0.03,
+            "found": {"0.5": [0.61, 0.4, 0.1, 0.7, 0.6, 0.5]},
+            "false_zones": {"hill": 0.94, "ravine": 1.06},
+        },
+    }
+    text = model_card(description, {}, {}, relief)
+    assert "| 0.5 m | 61 | 40 | 10 | 70 | 60 | 50 |" in text
+    for expected in ("4,321", "ab" * 32, "hill, ravine", "hill 0.9, ravine 1.1", "scale 1.25, shift -2.50", "3.0 %"):
+        assert expected in text
+    assert "## The network on points" in text
+    assert "## The network on" not in model_card(description, {}, {})
 
 
 def test_the_scores_of_a_scene_are_told(description, small_scene, tmp_path):
