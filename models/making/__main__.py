@@ -111,6 +111,8 @@ def weights(session: Session, minutes: float, device: str, folder: Path) -> RunR
 @click.option("--steps", type=click.IntRange(min=1), default=3000, show_default=True)
 @click.option("--seed", type=int, default=0, show_default=True)
 @_minutes
+@click.option("--rate", type=float, default=4e-3, show_default=True, help="Learning rate at its peak.")
+@click.option("--start", type=click.Path(path_type=Path, exists=True), help="Weights to start from.")
 @click.option("--weights", "path", type=click.Path(path_type=Path), required=True, help="The .safetensors to write.")
 @_folder
 @command(profile=False)
@@ -121,20 +123,28 @@ def relief_weights(
     slopes: int,
     steps: int,
     seed: int,
+    rate: float,
+    start: Path | None,
     minutes: float,
     path: Path,
     folder: Path,
 ) -> RunResult:
     """Train the network that reads rasters, on real ground and simulated slopes."""
-    from ..network.unet import save_unet
+    from ..network.unet import load_unet, save_unet
     from ..training.sim_on_real import ReliefTraining
     from .relief_weights import relief_grounds, train_relief_weights
 
     _one_thread()
-    parameters = ReliefTraining(steps=steps, seed=seed)
+    parameters = ReliefTraining(steps=steps, seed=seed, learning_rate=rate)
     grounds = relief_grounds(ground, leave_out, slopes, session.report)
     made = train_relief_weights(
-        grounds, folder, parameters, left_out=leave_out, seconds=60 * minutes, progress=session.report
+        grounds,
+        folder,
+        parameters,
+        left_out=leave_out,
+        start=load_unet(start)[0] if start else None,
+        seconds=60 * minutes,
+        progress=session.report,
     )
     if made is None:
         raise InputError(f"The time is over before the training is; run again with --folder {folder} to go on.")

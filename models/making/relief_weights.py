@@ -31,6 +31,7 @@ def train_relief_weights(
     parameters: ReliefTraining,
     *,
     left_out: Sequence[str] = (),
+    start: UNet | None = None,
     seconds: float = math.inf,
     progress: Progress | None = None,
 ) -> tuple[UNet, dict[str, Any]] | None:
@@ -38,6 +39,7 @@ def train_relief_weights(
 
     Args:
         left_out: surveys that are not in ``grounds``, for the record.
+        start: what training starts from; a new network without.
 
     Returns:
         The network and facts about its training; None where ``seconds`` did not suffice: run again to go on.
@@ -45,7 +47,9 @@ def train_relief_weights(
     progress = progress or Progress()
     begun = time.process_time()
     with progress.stage(0.1, 1.0, "training"):
-        state = train_relief(UNetConfiguration(), grounds, parameters, folder, seconds=seconds, progress=progress)
+        state = train_relief(
+            UNetConfiguration(), grounds, parameters, folder, start=start, seconds=seconds, progress=progress
+        )
     if not state.finished:
         return None
     facts = {
