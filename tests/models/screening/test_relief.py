@@ -90,7 +90,8 @@ def test_what_is_a_zone_does_not_depend_on_the_calibration(cloud, weights):
         parameters = ScreeningParameters(weights=stated(weights, **facts), threads=1)
         return screen_cloud(points, parameters)[0]
 
-    plain, doubtful = screened(), screened(calibration={"scale": 0.5, "shift": -12.0})
+    plain = screened(calibration={"scale": 1.0, "shift": 0.0})
+    doubtful = screened(calibration={"scale": 0.5, "shift": -12.0})
     np.testing.assert_array_equal(plain.labels, doubtful.labels)
     assert (plain.labels > 0).any()
     odds = [np.log(one.probabilities[:, 1] / one.probabilities[:, 0]) for one in (plain, doubtful)]
@@ -110,15 +111,16 @@ def test_labels_do_not_depend_on_the_threads(cloud):
     np.testing.assert_array_equal(found[0].probabilities, found[1].probabilities)
 
 
-def test_improbable_zones_are_left_out_as_a_whole(cloud):
+def test_improbable_zones_are_left_out_as_a_whole(cloud, weights):
     points = read_cloud(cloud)
-    every, hazards = screen_cloud(points, ScreeningParameters())
+    soft = stated(weights, calibration={"scale": 0.2, "shift": -1.0})
+    every, hazards = screen_cloud(points, ScreeningParameters(weights=soft))
     kinds = hazards.frame.set_index("kind")
     highest = {kind: every.probabilities[every.labels == kind, kind].max() for kind in (1, 2)}
     between = (highest[1] + highest[2]) / 2
     kept = max(highest, key=lambda kind: highest[kind])
     assert highest[3 - kept] < between < highest[kept]
-    some, hazards = screen_cloud(points, ScreeningParameters(minimum_probability=float(between)))
+    some, hazards = screen_cloud(points, ScreeningParameters(weights=soft, minimum_probability=float(between)))
     np.testing.assert_array_equal(some.labels, np.where(every.labels == kept, kept, 0))
     name = ("", "uplift", "subsidence")[kept]
     assert hazards.frame["kind"].tolist() == [name]
