@@ -25,8 +25,8 @@ FACTORS = {2.0: 3.0, 3.0: 1.25, 5.0: 1.25, 8.0: 1.15}
 """Height over (level times standard error times scatter) at which 70 % of the hazards of a diameter (m) were found;
 between these diameters it is interpolated."""
 RELIEF_FACTORS = {2.0: 0.87, 3.0: 1.12, 5.0: 0.75, 8.0: 0.53}
-"""The same of the network on rasters of relief, as parts of the filter's: where a logistic fit of what was found over the
-height finds 70 % (``benchmarks.screening_sites``, 42 places of real clouds and simulated slopes)."""
+"""The same of the network on rasters of relief, as parts of the filter's: where a logistic fit of what was found over
+the height finds 70 % (``benchmarks.screening_sites``, 42 places of real clouds and simulated slopes)."""
 _SMOOTH_CELLS = 5
 """Standard errors are the median of squares of so many cells a side."""
 
