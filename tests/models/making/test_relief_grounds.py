@@ -11,7 +11,7 @@ import rasterio
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.progress import Progress
 from slopewatch.models.making import relief_grounds as module
-from slopewatch.models.making.relief_grounds import SITES, real_grounds, simulated_grounds
+from slopewatch.models.making.relief_grounds import OWN_HAZARDS_COVER, SITES, real_grounds, simulated_grounds
 from slopewatch.simulation.hazard_scenes.terrain import build_terrain
 
 
@@ -51,7 +51,7 @@ def test_unknown_surveys_and_empty_folders_are_refused(folder: Path, tmp_path: P
         real_grounds(folder, [site.survey for site in SITES])
 
 
-def test_simulated_slopes_have_no_hazards_and_are_the_same_again() -> None:
+def test_simulated_slopes_are_the_same_again() -> None:
     first, again = simulated_grounds(1)[0], simulated_grounds(1)[0]
     np.testing.assert_array_equal(first.points, again.points)
     assert 2 < first.density < 90
@@ -63,6 +63,8 @@ def test_a_share_of_slopes_are_hillsides_without_benches_and_a_share_is_planted(
 
     class Slope:
         xyz = np.random.default_rng(0).uniform(0, 20, (500, 3))
+        label = np.arange(500) % 3
+        ignore = np.arange(500) == 7
 
     def mending(name):
         return lambda slope, rng: mended.append(name) or slope
@@ -72,7 +74,7 @@ def test_a_share_of_slopes_are_hillsides_without_benches_and_a_share_is_planted(
         monkeypatch.setattr(module, name, mending(name))
     monkeypatch.setattr(module, "left_by_plants", lambda xyz, rng: planted.append(len(built)) or xyz)
     monkeypatch.setattr(module, "SIMULATED_DENSITY", (1.0, 1.1))
-    simulated_grounds(60)
+    grounds = simulated_grounds(60)
     assert len({spec.seed for spec in built}) == 60
     benched = [len(build_terrain(spec, spec.generator(1)).benches) for spec in built]
     hillsides = [number for number, name in zip(benched, mended, strict=True) if name == "with_relief"]
@@ -81,8 +83,16 @@ def test_a_share_of_slopes_are_hillsides_without_benches_and_a_share_is_planted(
     assert any(benched)
     assert 15 <= mended.count("textured") <= 39
     assert mended.count("natural") >= 8
-    assert 18 <= len(planted) <= 42
-    assert not any(spec.uplift or spec.subsidence for spec in built)
+    labelled = [ground.labels is not None for ground in grounds]
+    assert 18 <= sum(labelled) <= 42
+    assert 6 <= len(planted) <= 60 - sum(labelled)
+    for spec, own in zip(built, labelled, strict=True):
+        assert own or not (spec.uplift or spec.subsidence)
+        assert max(spec.uplift, spec.subsidence) <= OWN_HAZARDS_COVER
+    # Points are sorted by x, and their labels with them; what nobody could recognise is unknown.
+    one = next(ground for ground in grounds if ground.labels is not None)
+    order = np.argsort(Slope.xyz[:, 0])
+    np.testing.assert_array_equal(one.labels, np.where(Slope.ignore, 255, Slope.label)[order])
 
 
 def test_weights_name_what_they_were_trained_on(torch, folder: Path, tmp_path: Path) -> None:

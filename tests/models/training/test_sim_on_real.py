@@ -34,15 +34,15 @@ def test_it_learns_where_hazards_are(small, ground, tmp_path, torch):
     from slopewatch.models.training.sim_on_real import new_patch, train_relief
 
     configuration, parameters = small
-    # Seventy steps of a tiny network are too few to tell structures from hazards.
-    patch = replace(parameters.patch, structures=0.0)
-    parameters = replace(parameters, steps=70, patches=8, decay=0.9, learning_rate=0.015, patch=patch)
+    # So few steps of a tiny network are too few to tell structures from hazards.
+    patch = replace(parameters.patch, structures=0.0, needs=(5.0, 12.0))
+    parameters = replace(parameters, steps=150, patches=8, decay=0.9, learning_rate=0.01, patch=patch)
     state = train_relief(configuration, Grounds([ground]), parameters, tmp_path)
     assert state.finished
     assert not state.network.training
     right = known = 0
     background = []
-    for step in range(100, 106):  # patches that no step saw
+    for step in range(200, 212):  # patches that no step saw
         patch = new_patch(Grounds([ground]), parameters, step)
         found = raster_logits(state.network, patch.channels).argmax(axis=0)
         hit = (patch.labels == 1) | (patch.labels == 2)
