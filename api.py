@@ -271,7 +271,7 @@ def screen(
     """Label every point of one survey's ground background, uplift or subsidence, as ``slopewatch screen``.
 
     ``output`` is the labelled cloud (.laz); zones, probabilities and map are written next to it. Needs torch unless
-    ``screening_method="residual"``.
+    ``screening_method`` is ``"filter"`` or ``"residual"``.
     """
     values = _Values(parameters, command_sets.SCREEN)
     return screen_step(

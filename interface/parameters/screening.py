@@ -19,7 +19,8 @@ class ScreeningParameters(ParameterSet, record_name="screening"):
         "false zones. network: a network trained on simulated slopes labels every point. filter: bumps and hollows of "
         "2 to 8 m that stand out of the roughness around them, at the accepted false zones, without learning. "
         "residual: a threshold on the height over the slope's trend, without learning.",
-        choices=(AUTO, "relief", "network", "filter", "residual"),
+        # QGIS stores the place of a choice: new ones go to the end.
+        choices=("network", "filter", "residual", "relief", AUTO),
     )
     ground: str = _parameter(
         "auto",

@@ -85,7 +85,8 @@ class FineTuneParameters(ParameterSet, record_name="training"):
         "auto: that of the weights given, relief where none are. relief: the network on relief, which screening uses "
         "by default; more hazards are put into the background at every step. standard: the network on points. smoke: "
         "a tiny one on points that learns within a minute, for trials from nothing.",
-        choices=(AUTO, "relief", "standard", "smoke"),
+        # QGIS stores the place of a choice: new ones go to the end.
+        choices=("standard", "smoke", "relief", AUTO),
     )
     seed: int = _parameter(
         0,

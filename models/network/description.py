@@ -18,8 +18,12 @@ def kind_of(path: Path) -> str:
     """The kind of the network whose weights ``path`` holds.
 
     Raises:
-        InputError: see ``read_description``; the weights themselves are not looked at.
+        InputError: the file is no safetensors file, or see ``read_description``; the weights are not looked at.
     """
+    if path.suffix != ".safetensors":
+        raise InputError(
+            f"The weights {path} are no safetensors file; pickled models are not opened, convert them first."
+        )
     return str(read_description(path).get("kind", POINTS))
 
 

@@ -143,7 +143,7 @@ def refuse_unsuitable(
     if density is not None and not density[0] <= found.density <= density[1]:
         sparse, method = found.density < density[0], parameters.screening_method
         sentence = (
-            f"{name} has {found.density:.{0 if found.density >= 2 else 1}f} points a m² where the method {method} was "
+            f"{name} has {_density_text(found.density)} points a m² where the method {method} was "
             f"made for {density[0]:g} to {density[1]:g}"
         )
         if not parameters.any_density:
@@ -198,3 +198,8 @@ def _gradients(xyz: Float) -> tuple[Float, Float]:
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = np.stack(rise, axis=1) / determinant[:, None]
     return slope[sound], count[sound].astype(np.float64)
+
+
+def _density_text(density: float) -> str:
+    """As many decimals as tell a density from a limit that it just passes."""
+    return f"{density:.{1 if density >= 2 else 2}f}".rstrip("0").rstrip(".")

@@ -57,8 +57,9 @@ class ReliefStart:
 
     @classmethod
     def read(cls, path: Path, sha256: str | None = None) -> ReliefStart:
-        """Raises InputError as ``unet.load_unet``."""
+        """Raises InputError as ``unet.load_unet``, or where the description's calibration is none."""
         network, description = load_unet(path, sha256)
+        calibration_of(description)
         return cls(network, path, description)
 
     @property
