@@ -71,7 +71,7 @@ def measure(xyz: Float, flat: Float, plane: Plane, thinned: float = 1.0) -> Suit
     rough = np.sqrt(cells.variance[judged]) > _MAX_BARE_SCATTER_M
     return Suitability(
         dip=plane.dip,
-        density=_density(flat, cells.points) * thinned,
+        density=_density(flat, cells.points, thinned),
         opposite_share=opposite_share(xyz),
         rough_share=float(rough.mean()) if judged.any() else 0.0,
         width=narrowest(flat),
@@ -79,14 +79,16 @@ def measure(xyz: Float, flat: Float, plane: Plane, thinned: float = 1.0) -> Suit
     )
 
 
-def _density(flat: Float, points: NDArray[np.integer]) -> float:
-    """Points a m² of a slope (n, 3) in its flat frame, ``points`` (k,) of whose square metres are known."""
-    density = float(np.median(points))
+def _density(flat: Float, points: NDArray[np.integer], thinned: float) -> float:
+    """Points a m² of the cloud of a sample (n, 3) in its flat frame, ``points`` (k,) of whose square metres are known,
+    and each of which stands for ``thinned``.
+    """
+    density = float(np.median(points)) * thinned
     if density >= _SPARSE:
         return density
     place = np.floor((flat[:, :2] - flat[:, :2].min(axis=0)) / _SPARSE_CELL_M).astype(np.int64)
     number = np.unique(place, axis=0, return_counts=True)[1]
-    return float(np.median(number)) / _SPARSE_CELL_M**2
+    return float(np.median(number)) * thinned / _SPARSE_CELL_M**2
 
 
 def refuse_unsuitable(

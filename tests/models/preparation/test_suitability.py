@@ -165,6 +165,17 @@ def test_the_density_of_sparse_ground_counts_the_empty_places(density):
     assert found.density == pytest.approx(density, rel=0.15)
 
 
+def test_ground_with_holes_has_the_same_density_by_a_part_of_its_points():
+    """Half of the square metres are bare of points: they count in neither, as the cloud is dense."""
+    rng = np.random.default_rng(3)
+    flat = np.column_stack([rng.uniform(0, 60, (70_000, 2)), np.zeros(70_000)])
+    flat = flat[np.floor(flat[:, :2]).sum(axis=1) % 2 == 0]
+    part = flat[rng.random(len(flat)) < 0.1]
+    whole = measure(flat, flat, SimpleNamespace(dip=30.0)).density
+    assert whole == pytest.approx(19.4, rel=0.1)
+    assert measure(part, part, SimpleNamespace(dip=30.0), thinned=10.0).density == pytest.approx(whole, rel=0.15)
+
+
 def test_known_ground_may_be_rough():
     judge(rough_share=0.6, bare=True)
     judge(ScreeningParameters(ground="as_is"), rough_share=0.6)

@@ -187,7 +187,9 @@ def test_what_is_no_calibration_is_refused(wrong):
 
 def test_ground_sparser_than_the_network_is_made_for_is_refused(tmp_path):
     sparse = write(tmp_path / "sparse.laz", slope(280))
-    with pytest.raises(InputError, match=r"has 0\.[45]\d? points a m² where the method relief was made for 0\.8 to 450"):
+    with pytest.raises(
+        InputError, match=r"has 0\.[45]\d? points a m² where the method relief was made for 0\.8 to 450"
+    ):
         screen(sparse, tmp_path / "out.laz", method="relief")
 
 
