@@ -27,6 +27,8 @@ from .screening_trials import Cells, Detector, network_scores
 if TYPE_CHECKING:
     from ..models.network.unet import UNet
 
+UNET = "U-Net"
+"""What names of the runs of the network on relief begin with."""
 RAW = "U-Net, raw"
 RELATIVE = "U-Net, relative"
 SHIPPED = "RandLA-Net, shipped"
@@ -61,7 +63,7 @@ def load_weights(paths: Sequence[Path]) -> list[Weights]:
     for path in paths:
         network, description = load_unet(path)
         training = description["training"]
-        name = f"U-Net {str(description['sha256'])[:16]}"
+        name = f"{UNET} {str(description['sha256'])[:16]}"
         left_out, ground = (frozenset(training.get(field, ())) for field in ("left_out", "real_ground"))
         one = Weights(name, network, left_out, ground, int(training.get("seed", 0)))
         if any((one.left_out, one.seed) == (other.left_out, other.seed) for other in found):

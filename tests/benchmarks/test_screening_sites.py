@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.special import logit
 from slopewatch.benchmarks import screening_ground, screening_sites, screening_trials
-from slopewatch.benchmarks.screening_budget import budget_levels
+from slopewatch.benchmarks.screening_budget import budget_levels, detector_levels
 from slopewatch.benchmarks.screening_cases import cases, share
 from slopewatch.benchmarks.screening_ground import ELEVATION, POINTS, SIMULATED, patches, place
 from slopewatch.benchmarks.screening_levels import measure
@@ -18,6 +18,7 @@ from slopewatch.benchmarks.screening_store import kept_place
 from slopewatch.benchmarks.screening_table import sections, text
 from slopewatch.benchmarks.screening_trials import cell_means, network_scores, strengths
 from slopewatch.engine.geometry.dominant_plane import apply_matrix
+from slopewatch.models.preparation import even_scores, relative_scores
 from slopewatch.models.preparation.raster_zones import Scores, zone_counts
 from slopewatch.models.preparation.relief_raster import relief_raster
 from slopewatch.tests.builders.screening_places import scored
@@ -113,7 +114,8 @@ def test_a_small_run_on_simulated_slopes(tmp_path, capsys: pytest.CaptureFixture
 def test_the_levels_of_a_budget_are_those_that_other_surveys_give() -> None:
     """By hand: 40 peaks of each of four surveys; of three, two false zones may be counted on the fourth."""
     surveys = [scored(f"{k}", f"{k}", list(np.linspace(2, 4, 40) + 0.001 * k), []) for k in range(4)]
-    found = {row.figure: row for row in budget_levels(surveys, "one")}
+    rows = detector_levels(surveys, "one", lambda survey: survey.answers["one"][0], even_scores.LEVELS)
+    found = {row.figure: row for row in rows}
     one, ten = (found[f"level of one for {wanted} false zones per 1,000 m²"] for wanted in ("1", "10"))
     # 4 in 10,000 m² are 0.4; with three counted on a fifth slope (4 x 0.5 + 3) / 5 = 1: at most 5 of 40 are false.
     assert float(one.value) == pytest.approx(3.77, abs=0.03)
@@ -121,6 +123,17 @@ def test_the_levels_of_a_budget_are_those_that_other_surveys_give() -> None:
     assert [float(part.split()[1]) for part in one.peer.split(", ")] == pytest.approx([0.3] * 4, abs=0.11)
     assert float(ten.value) < float(one.value)
     assert found["level of one for 0.1 false zones per 1,000 m²"].value == "none of 4 places"
+
+
+def test_the_filter_has_levels_and_the_network_on_relief_where_it_took_part() -> None:
+    surveys = [scored(f"{k}", f"{k}", list(np.linspace(2, 4, 40) + 0.001 * k), []) for k in range(4)]
+    of_filter = [replace(one, answers={"filter, even t": one.answers["one"]}) for one in surveys]
+    assert {row.figure.split(" for ")[0] for row in budget_levels(of_filter)} == {"level of filter, even t"}
+    both = [replace(one, answers={**one.answers, "U-Net 12ab": next(iter(one.answers.values()))}) for one in of_filter]
+    rows = budget_levels(both)
+    assert len(rows) == len(even_scores.LEVELS) + len(relative_scores.LEVELS)
+    assert {row.figure.split(" for ")[0] for row in rows[-3:]} == {"level of U-Net, relative"}
+    assert f"{relative_scores.LEVELS[10.0]:g} in use" in rows[-1].target
 
 
 def test_a_detector_that_knows_the_truth_finds_all(monkeypatch: pytest.MonkeyPatch) -> None:
