@@ -21,6 +21,7 @@ PINNED = {
     "py4dgeo": ("py4dgeo==1.2.0",),
     "open3d": ("open3d==0.19.0",),
     "fastgc": ("fastgc==0.2.0",),
+    "small_gicp": ("small_gicp==1.0.1", "numpy==2.2.6"),
 }
 FOLDER = Path(__file__).resolve().parents[1] / "build" / "peers"
 

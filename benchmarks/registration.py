@@ -99,9 +99,22 @@ found = o3d.pipelines.registration.registration_icp(
 taken = time.perf_counter() - started, time.process_time() - cpu
 print(json.dumps({"matrix": found.transformation.tolist(), "seconds": taken[0], "cpu": taken[1]}))
 """
+SMALL_GICP = """
+import json, sys, time
+import numpy as np, small_gicp
+folder = sys.argv[1]
+reference, moving = (np.load(f"{folder}/{name}.npy") for name in ("reference", "moving"))
+started, cpu = time.perf_counter(), time.process_time()
+found = small_gicp.align(
+    reference, moving, registration_type="GICP", downsampling_resolution=0.1, max_correspondence_distance=0.5,
+    num_threads=2, max_iterations=100)
+taken = time.perf_counter() - started, time.process_time() - cpu
+print(json.dumps({"matrix": found.T_target_source.tolist(), "seconds": taken[0], "cpu": taken[1]}))
+"""
 PEERS = {
     "py4dgeo": ("its ICP with stable areas", PY4DGEO),
     "open3d": ("its point-to-plane ICP with Tukey's loss of 0.1 m", OPEN3D),
+    "small_gicp": ("its generalised ICP on points thinned to 0.1 m", SMALL_GICP),
 }
 PEER_SHARE = 0.25  # of py4dgeo's time
 
