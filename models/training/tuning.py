@@ -182,7 +182,8 @@ def identity(
 ) -> dict[str, Any]:
     """What makes a training another one: clouds, labels, the weights that it starts from and settings."""
     values = asdict(parameters)
-    for name in ("device", "threads", "start"):
+    # What network is trained is stated by ``configuration``: auto and the name of what it stands for are the same.
+    for name in ("device", "threads", "start", "network"):
         values.pop(name)
     return {
         "clouds": [[cloud.sha256, cloud.labels_sha256] for cloud in clouds],

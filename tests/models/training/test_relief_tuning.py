@@ -67,7 +67,8 @@ def test_done_again_nothing_is_trained_and_another_start_is_refused(tuned):
     found, folder, start = tuned
     begun = {path: path.stat().st_mtime_ns for path in (folder / "work").glob("fold_*/scores.json")}
     clouds = [labelled(1), labelled(2)]
-    again = fine_tune_relief(clouds, start, PARAMETERS, folder / "work", patch=PATCH)
+    named = replace(PARAMETERS, network="relief")  # what auto stands for
+    again = fine_tune_relief(clouds, start, named, folder / "work", patch=PATCH)
     assert begun == {path: path.stat().st_mtime_ns for path in begun}
     for name, tensor in found.network.state_dict().items():
         np.testing.assert_array_equal(again.network.state_dict()[name], tensor, err_msg=name)
