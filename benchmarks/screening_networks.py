@@ -29,9 +29,13 @@ if TYPE_CHECKING:
 
 UNET = "U-Net"
 """What names of the runs of the network on relief begin with."""
+RANDLA = "RandLA-Net"
+"""What the name of the network on points begins with."""
 RAW = "U-Net, raw"
 RELATIVE = "U-Net, relative"
 SHIPPED = "RandLA-Net, shipped"
+POINT_ZONES = "RandLA-Net, zones"
+"""Its zones as screening shows them; the others are of its odds, and of these relative to the slope, at a level."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +108,7 @@ def shipped_network() -> tuple[str, Detector]:
     def probabilities(xyz: Float) -> Float:
         return np.asarray(predict(network, xyz).probabilities, dtype=np.float64)
 
-    name = f"RandLA-Net {sha256[:16]}"
+    name = f"{RANDLA} {sha256[:16]}"
     return name, network_scores(probabilities, name)
 
 
