@@ -35,9 +35,9 @@ class Scores:
     outline: float = np.inf
 
     @classmethod
-    def signed(cls, score: NDArray[np.floating], cell: float) -> Scores:
+    def signed(cls, score: NDArray[np.floating], cell: float, outline: float = np.inf) -> Scores:
         """Of a score that is positive on uplift and negative on subsidence."""
-        return cls(score, -score, cell)
+        return cls(score, -score, cell, outline)
 
     @classmethod
     def strongest(cls, signed: Sequence[NDArray[np.floating]], cell: float) -> Scores:
