@@ -34,7 +34,7 @@ def budget_levels(results: Sequence[PlaceResult]) -> list[Row]:
         rows += detector_levels(
             results,
             POINT_ZONES,
-            lambda one, name=name: relative(one.answers[name], one.lattice.cell)[0],  # type: ignore[misc]
+            lambda one, name=name: relative(one.answers[name][:1], one.lattice.cell, point_scores.odds_scores)[0],  # type: ignore[misc]
             point_scores.LEVELS,
             point_scores.OUTLINE,
         )

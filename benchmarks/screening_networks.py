@@ -90,9 +90,9 @@ def runs_of(place: Place, weights: Sequence[Weights]) -> list[Weights]:
     return [by_seed.get(seed, mine[0]) for seed in sorted({one.seed for one in weights})]
 
 
-def relative(answers: Float32, cell: float) -> Float32:
+def relative(answers: Float32, cell: float, scores: Callable[..., Scores] = relative_scores) -> Float32:
     """Log odds (1 + scenes, 2, columns, rows) over those of most of the slope, each raster by itself."""
-    found = [relative_scores(up, down, cell) for up, down in answers]
+    found = [scores(up, down, cell) for up, down in answers]
     return np.stack([np.stack([one.uplift, one.subsidence]) for one in found]).astype(np.float32)
 
 

@@ -31,6 +31,8 @@ import numpy as np
 from ..engine.core.arrays import Float32
 from ..engine.core.errors import InputError
 from ..models.preparation import point_scores
+from ..models.preparation.raster_zones import Scores
+from ..models.preparation.relative_scores import relative_scores
 from .screening_budget import budget_levels
 from .screening_calibration import KindCalibration, Platt, calibrate, counted
 from .screening_cases import cases, share
@@ -131,7 +133,7 @@ def judge(
     if shipped is not None:
         add(SHIPPED, 0, lambda k: results[k].answers[shipped])
         points = add("RandLA-Net, relative", 0, lambda k: _relative(results[k], shipped))
-        add(POINT_ZONES, 0, lambda k: _relative(results[k], shipped), point_scores.OUTLINE)
+        add(POINT_ZONES, 0, lambda k: _relative(results[k], shipped, point_scores.odds_scores), point_scores.OUTLINE)
     seeds = len(next(iter(runs.values()), []))
     ways: dict[str, list[Measured]] = {}
     for number in range(seeds):
@@ -176,8 +178,8 @@ def _joined(
     return {**sums, LARGER: larger_of}
 
 
-def _relative(result: PlaceResult, name: str) -> Float32:
-    return relative(result.answers[name], result.lattice.cell)
+def _relative(result: PlaceResult, name: str, scores: Callable[..., Scores] = relative_scores) -> Float32:
+    return relative(result.answers[name], result.lattice.cell, scores)
 
 
 def _names(results: Sequence[PlaceResult], runs: Mapping[str, Sequence[Weights]], number: int) -> list[str]:

@@ -78,8 +78,8 @@ class ScreeningParameters(ParameterSet, record_name="screening"):
         1.0,
         "Accepted false zones per 1,000 m²",
         "How many false zones on 1,000 m² of the slope are accepted. The methods relief, network and "
-        "filter set their threshold by it, and the map of the smallest hazard refers to it. Larger finds lower hazards, and shows "
-        "more zones that are none.",
+        "filter set their threshold by it, and the map of the smallest hazard refers to it. Larger finds lower "
+        "hazards, and shows more zones that are none.",
         bounds=(0.1, 10.0),
     )
     write_classification: bool = _parameter(

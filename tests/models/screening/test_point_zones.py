@@ -78,7 +78,7 @@ def test_labels_are_those_of_cells_whose_mean_odds_pass_the_level(cloud):
     down &= ~up | (scores.subsidence > scores.uplift)[place]
     expected = np.where(down, 2, np.where(up, 1, 0))
     assert {0, 1, 2} == set(expected)
-    # Averages of 25 cm stand for the points, which decides where the score is about the outline's, and seldom elsewhere.
+    # Averages of 25 cm stand for the points, which decides about the outline and seldom elsewhere.
     higher = np.maximum(scores.uplift, scores.subsidence)[place]
     clear = np.abs(higher - point_scores.OUTLINE) > 0.4
     assert clear.mean() > 0.95
