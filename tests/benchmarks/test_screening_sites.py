@@ -139,7 +139,7 @@ def test_the_filter_has_levels_and_the_network_on_relief_where_it_took_part() ->
 
 
 def test_the_network_on_points_has_levels_of_its_zones_as_they_are_shown() -> None:
-    """Its 40 peaks each stand on a plateau above the outline that joins two of them: half as many zones."""
+    """Two peaks of one sign each stand on a plateau above the outline: half as many zones pass a level."""
     surveys = [scored(f"{k}", f"{k}", list(np.linspace(5, 9, 40) + 0.001 * k), []) for k in range(4)]
     names = {"filter, even t": "one", f"{RANDLA} 12ab": "one"}
     took_part = [replace(one, answers={name: one.answers[of] for name, of in names.items()}) for one in surveys]
@@ -151,15 +151,17 @@ def test_the_network_on_points_has_levels_of_its_zones_as_they_are_shown() -> No
         return float(found[0].value)
 
     joined = [replace(one, answers={"one": plateau(one.answers["one"])}) for one in surveys]
-    assert ones(2.0) < ones(np.inf) - 0.3
+    # 5 zones of 40 may be false, or 5 of 20.
+    assert ones(np.inf) == pytest.approx(8.51, abs=0.05)
+    assert ones(2.0) == pytest.approx(8.0, abs=0.1)
 
 
 def plateau(answers: np.ndarray) -> np.ndarray:
-    """Scores in which each pair of neighbouring places for a peak lies on ground of 3."""
+    """Scores in which ground of 3 joins the peaks 0 and 2, and 1 and 3, of every four."""
     raised = answers.copy()
-    for number in range(0, 400, 2):
+    for number in (n for n in range(40) if n % 4 < 2):
         i, j = np.divmod(square(number), answers.shape[2])
-        ground = raised[:, :, i.min() : i.max() + 1, j.min() : j.min() + 11]
+        ground = raised[:, :, i.min() : i.max() + 1, j.min() : j.min() + 20]
         np.maximum(ground, 3.0, out=ground)
     return raised
 
