@@ -8,11 +8,11 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from ..engine.core.arrays import Float32
-from ..models.preparation import even_scores, relative_scores
+from ..models.preparation import even_scores, point_scores, relative_scores
 from ..models.preparation.raster_zones import PER_M2, Scores, common_levels, conformal_level, zone_counts
 from .screening_ground import ELEVATION
 from .screening_levels import SEEN_M
-from .screening_networks import RELATIVE, UNET, relative
+from .screening_networks import POINT_ZONES, RANDLA, RELATIVE, UNET, relative
 from .screening_trials import PlaceResult
 from .table import Row
 
@@ -20,7 +20,7 @@ EVEN = "filter, even t"
 
 
 def budget_levels(results: Sequence[PlaceResult]) -> list[Row]:
-    """Levels of the filter and, where its weights took part, of the network on relief."""
+    """Levels of the filter and, where they took part, of the network on relief and of that on points."""
     rows = detector_levels(results, EVEN, lambda one: one.answers[EVEN][0], even_scores.LEVELS)
     if all(weights_of(one) for one in results):
         rows += detector_levels(
@@ -28,6 +28,15 @@ def budget_levels(results: Sequence[PlaceResult]) -> list[Row]:
             RELATIVE,
             lambda one: relative(one.answers[weights_of(one)[0]], one.lattice.cell)[0],
             relative_scores.LEVELS,
+        )
+    shipped = [name for name in results[0].answers if name.startswith(f"{RANDLA} ")] if results else []
+    for name in shipped[:1]:
+        rows += detector_levels(
+            results,
+            POINT_ZONES,
+            lambda one, name=name: relative(one.answers[name][:1], one.lattice.cell, point_scores.odds_scores)[0],  # type: ignore[misc]
+            point_scores.LEVELS,
+            point_scores.OUTLINE,
         )
     return rows
 
@@ -38,7 +47,11 @@ def weights_of(result: PlaceResult) -> list[str]:
 
 
 def detector_levels(
-    results: Sequence[PlaceResult], name: str, answer: Callable[[PlaceResult], Float32], in_use: Mapping[float, float]
+    results: Sequence[PlaceResult],
+    name: str,
+    answer: Callable[[PlaceResult], Float32],
+    in_use: Mapping[float, float],
+    outline: float = np.inf,
 ) -> list[Row]:
     """The level of a detector for each number of accepted false zones, by conformal risk control on all clouds and
     simulated slopes on which something can be seen; and what is then false on a survey that took no part.
@@ -47,7 +60,7 @@ def detector_levels(
     if not used:
         return []
     answers = [answer(one) for one in used]
-    scores = [Scores(both[0], both[1], one.lattice.cell) for one, both in zip(used, answers, strict=True)]
+    scores = [Scores(both[0], both[1], one.lattice.cell, outline) for one, both in zip(used, answers, strict=True)]
     tail = common_levels(scores)
     levels = np.linspace(float(tail[0]), float(tail[-1]), 400)
     area = np.array([one.area for one in used])

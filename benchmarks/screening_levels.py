@@ -12,16 +12,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, label
+from scipy.ndimage import distance_transform_edt
 
 from ..engine.core.arrays import Bool, Float, Float32
 from ..models.preparation.raster_zones import (
-    MIN_AREA_M2,
     PER_M2,
     Scores,
     common_levels,
     level_for_rate,
     zone_counts,
+    zones_above,
 )
 from .screening_ground import ELEVATION
 from .screening_trials import PlaceResult, strengths
@@ -30,7 +30,6 @@ SEEN_M = 1.0
 """A70 of the most easily found width beyond which a place sets no threshold."""
 NEAR_M = 2.0
 """Zones of changed ground that come as near to a hazard's footprint are not counted as false."""
-_EIGHT = np.ones((3, 3), dtype=bool)
 
 
 @dataclass(frozen=True)
@@ -63,28 +62,30 @@ class Measured:
         return np.asarray(self.strength[place] > getattr(self.figures[place], level), dtype=np.bool_)
 
 
-def measure(results: Sequence[PlaceResult], answers: Sequence[Float32]) -> Measured:
+def measure(results: Sequence[PlaceResult], answers: Sequence[Float32], outline: float = np.inf) -> Measured:
     """Levels, false zones and strengths of a detector.
 
     Args:
         answers: its scores (1 + scenes, 2, columns, rows) at each of the places.
+        outline: of its zones, see ``raster_zones.Scores``.
     """
     figures: dict[str, SiteFigures] = {}
     for elevation in (False, True):
         mine = [k for k, one in enumerate(results) if (one.place.kind == ELEVATION) is elevation]
         if mine:
-            figures |= _pool([results[k] for k in mine], [answers[k] for k in mine])
+            figures |= _pool([results[k] for k in mine], [answers[k] for k in mine], outline)
     found = {
-        one.place.name: strengths(one.trials, scores, one.lattice.cell)
+        one.place.name: strengths(one.trials, scores, one.lattice.cell, outline)
         for one, scores in zip(results, answers, strict=True)
     }
     return Measured(figures, found)
 
 
-def _pool(results: Sequence[PlaceResult], answers: Sequence[Float32]) -> dict[str, SiteFigures]:
+def _pool(results: Sequence[PlaceResult], answers: Sequence[Float32], outline: float) -> dict[str, SiteFigures]:
     """Figures of places whose levels are set together."""
     untouched = [
-        Scores(scores[0, 0], scores[0, 1], one.lattice.cell) for one, scores in zip(results, answers, strict=True)
+        Scores(scores[0, 0], scores[0, 1], one.lattice.cell, outline)
+        for one, scores in zip(results, answers, strict=True)
     ]
     levels = common_levels(untouched)
     area = np.array([max(scores.area, 1e-9) for scores in untouched])
@@ -99,7 +100,9 @@ def _pool(results: Sequence[PlaceResult], answers: Sequence[Float32]) -> dict[st
         for both, mask, cell in zip(scenes, far, cells, strict=True)
     ]
     far_levels = common_levels(masked) if far_area.sum() > 0 else levels
-    far_counts = np.array([far_zones(s, f, far_levels, c, most) for s, f, c in zip(scenes, far, cells, strict=True)])
+    far_counts = np.array(
+        [far_zones(s, f, far_levels, c, most, outline) for s, f, c in zip(scenes, far, cells, strict=True)]
+    )
     groups = np.array([one.place.group for one in results])
     seen = np.array([one.needed <= SEEN_M for one in results])
     found = {}
@@ -110,7 +113,8 @@ def _pool(results: Sequence[PlaceResult], answers: Sequence[Float32]) -> dict[st
         foreign = _level(levels, counts, area, others) if others.any() else own
         changed = _level(far_levels, far_counts, far_area, others) if far_area[others].sum() > 0 else changed_own
         false = PER_M2 * zone_counts(untouched[k], np.array([foreign, own])) / area[k]
-        near = far_zones(scenes[k], far[k], np.array([foreign]), cells[k])[0] if far_area[k] else np.nan
+        at = np.array([foreign])
+        near = far_zones(scenes[k], far[k], at, cells[k], outline=outline)[0] if far_area[k] else np.nan
         found[one.place.name] = SiteFigures(
             foreign,
             own,
@@ -149,23 +153,20 @@ def far_from_hazards(result: PlaceResult) -> Bool:
     return far
 
 
-def far_zones(scenes: Float32, far: Bool, levels: Float, cell: float, most: float = np.inf) -> Float:
+def far_zones(
+    scenes: Float32, far: Bool, levels: Float, cell: float, most: float = np.inf, outline: float = np.inf
+) -> Float:
     """(k,) zones of both signs above each of the rising ``levels`` (k,) in all scenes (scenes, 2, columns, rows) all of
-    whose cells are ``far`` (scenes, columns, rows).
+    whose cells are ``far`` (scenes, columns, rows). ``outline`` is that of ``zones_above``.
 
     Below the first level from above at which there are more than ``most`` their number is not counted on: it stays.
     """
     counts = np.zeros(len(levels))
-    least = MIN_AREA_M2 / cell**2 - 1e-9
     for k in range(len(levels) - 1, -1, -1):
         for both, allowed in zip(scenes, far, strict=True):
             for score in both:
-                zones, number = label(score > levels[k], _EIGHT)
-                if number:
-                    large = np.bincount(zones.ravel(), minlength=number + 1) >= least
-                    large[0] = False
-                    large[zones[~allowed]] = False
-                    counts[k] += np.count_nonzero(large)
+                zones, number = zones_above(score, levels[k], cell, outline)
+                counts[k] += number - len(np.setdiff1d(zones[~allowed], [0]))
         if counts[k] > most:
             counts[:k] = counts[k]
             break

@@ -29,9 +29,13 @@ if TYPE_CHECKING:
 
 UNET = "U-Net"
 """What names of the runs of the network on relief begin with."""
+RANDLA = "RandLA-Net"
+"""What the name of the network on points begins with."""
 RAW = "U-Net, raw"
 RELATIVE = "U-Net, relative"
 SHIPPED = "RandLA-Net, shipped"
+POINT_ZONES = "RandLA-Net, zones"
+"""Its zones as screening shows them; the others are of its odds, and of these relative to the slope, at a level."""
 
 
 @dataclass(frozen=True)
@@ -86,9 +90,9 @@ def runs_of(place: Place, weights: Sequence[Weights]) -> list[Weights]:
     return [by_seed.get(seed, mine[0]) for seed in sorted({one.seed for one in weights})]
 
 
-def relative(answers: Float32, cell: float) -> Float32:
+def relative(answers: Float32, cell: float, scores: Callable[..., Scores] = relative_scores) -> Float32:
     """Log odds (1 + scenes, 2, columns, rows) over those of most of the slope, each raster by itself."""
-    found = [relative_scores(up, down, cell) for up, down in answers]
+    found = [scores(up, down, cell) for up, down in answers]
     return np.stack([np.stack([one.uplift, one.subsidence]) for one in found]).astype(np.float32)
 
 
@@ -104,7 +108,7 @@ def shipped_network() -> tuple[str, Detector]:
     def probabilities(xyz: Float) -> Float:
         return np.asarray(predict(network, xyz).probabilities, dtype=np.float64)
 
-    name = f"RandLA-Net {sha256[:16]}"
+    name = f"{RANDLA} {sha256[:16]}"
     return name, network_scores(probabilities, name)
 
 

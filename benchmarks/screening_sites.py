@@ -30,6 +30,9 @@ import numpy as np
 
 from ..engine.core.arrays import Float32
 from ..engine.core.errors import InputError
+from ..models.preparation import point_scores
+from ..models.preparation.raster_zones import Scores
+from ..models.preparation.relative_scores import relative_scores
 from .screening_budget import budget_levels
 from .screening_calibration import KindCalibration, Platt, calibrate, counted
 from .screening_cases import cases, share
@@ -37,6 +40,7 @@ from .screening_combined import COMBINED, LARGER, WEIGHTS, added, chosen_ways, c
 from .screening_ground import POINTS, own_places, real_places, simulated_places
 from .screening_levels import Measured, SiteFigures, measure
 from .screening_networks import (
+    POINT_ZONES,
     RAW,
     RELATIVE,
     SHIPPED,
@@ -117,8 +121,9 @@ def judge(
     """
     measured: dict[str, list[Measured]] = {}
 
-    def add(column: str, number: int, answers: Answers) -> Measured:
-        one = _measured(results, answers, f"{column} {number} {_names(results, runs, number)} {shipped}", keep)
+    def add(column: str, number: int, answers: Answers, outline: float = np.inf) -> Measured:
+        key = f"{column} {number} {_names(results, runs, number)} {shipped}"
+        one = _measured(results, answers, key, keep, outline)
         measured.setdefault(column, []).append(one)
         return one
 
@@ -128,6 +133,7 @@ def judge(
     if shipped is not None:
         add(SHIPPED, 0, lambda k: results[k].answers[shipped])
         points = add("RandLA-Net, relative", 0, lambda k: _relative(results[k], shipped))
+        add(POINT_ZONES, 0, lambda k: _relative(results[k], shipped, point_scores.odds_scores), point_scores.OUTLINE)
     seeds = len(next(iter(runs.values()), []))
     ways: dict[str, list[Measured]] = {}
     for number in range(seeds):
@@ -172,8 +178,8 @@ def _joined(
     return {**sums, LARGER: larger_of}
 
 
-def _relative(result: PlaceResult, name: str) -> Float32:
-    return relative(result.answers[name], result.lattice.cell)
+def _relative(result: PlaceResult, name: str, scores: Callable[..., Scores] = relative_scores) -> Float32:
+    return relative(result.answers[name], result.lattice.cell, scores)
 
 
 def _names(results: Sequence[PlaceResult], runs: Mapping[str, Sequence[Weights]], number: int) -> list[str]:
@@ -181,16 +187,19 @@ def _names(results: Sequence[PlaceResult], runs: Mapping[str, Sequence[Weights]]
     return [one[number].name for one in mine if len(one) > number]
 
 
-def _measured(results: Sequence[PlaceResult], answers: Answers, key: str, keep: Path | None) -> Measured:
+def _measured(
+    results: Sequence[PlaceResult], answers: Answers, key: str, keep: Path | None, outline: float
+) -> Measured:
     """One run measured, or read where it was measured before."""
-    made = hashlib.sha256("\n".join([key, *(one.key for one in results)]).encode()).hexdigest()[:16]
+    how = [key] if np.isinf(outline) else [key, f"outline {outline:g}"]
+    made = hashlib.sha256("\n".join([*how, *(one.key for one in results)]).encode()).hexdigest()[:16]
     path = keep / f"measured-{made}.json" if keep else None
     if path is not None and path.is_file():
         kept = json.loads(path.read_text(encoding="utf-8"))
         figures = {name: SiteFigures(**one) for name, one in kept["figures"].items()}
         return Measured(figures, {name: np.array(one) for name, one in kept["strength"].items()})
     started = time.perf_counter()
-    one = measure(results, [answers(k) for k in range(len(results))])
+    one = measure(results, [answers(k) for k in range(len(results))], outline)
     _say(f"measured {key.split(' [')[0]}", started)
     if path is not None:
         listed = {"figures": {name: asdict(figures) for name, figures in one.figures.items()}}

@@ -18,7 +18,7 @@ from .screening_cases import Cases, Share, a70_factor, share
 from .screening_combined import COMBINED
 from .screening_ground import ELEVATION, POINTS, SIMULATED
 from .screening_levels import NEAR_M, Measured
-from .screening_networks import RAW, RELATIVE, SHIPPED
+from .screening_networks import POINT_ZONES, RAW, RELATIVE, SHIPPED
 from .screening_trials import DIAMETERS_M, FILTERS, HEIGHTS_M, PlaceResult
 
 KINDS = {POINTS: "real clouds", ELEVATION: "elevation models", SIMULATED: "simulated slopes"}
@@ -31,7 +31,7 @@ AIMS = {1.5: 0.60, 2.5: 0.80}
 SURVEY_HEIGHTS_M = (0.3, 0.5, 0.8)
 MAX_FACTOR = 10.0
 """Of A70 that is told: a larger one says only that the detector hardly finds more where hazards are higher."""
-SHOWN = (*FILTERS, SHIPPED, RAW, RELATIVE, COMBINED)
+SHOWN = (*FILTERS, SHIPPED, POINT_ZONES, RAW, RELATIVE, COMBINED)
 """Columns; what else is measured is in the JSON and in the table of the ways of joining."""
 
 

@@ -13,8 +13,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
-from scipy.special import logit
 
 from ..engine.core.arrays import Bool, Float, Float32, Index
 from ..engine.geometry.dominant_plane import apply_matrix
@@ -22,6 +20,7 @@ from ..engine.geometry.hazard_shapes import Hazard, smooth_hazard
 from ..models.preparation.bump_filter import cell_heights
 from ..models.preparation.even_scores import even_scores
 from ..models.preparation.inserted_hazards import UPLIFT, Inserted, footprint, insert_hazards
+from ..models.preparation.point_scores import cell_means, point_odds
 from ..models.preparation.raster_zones import Scores, strength_at
 from ..models.preparation.relief_channels import bump_scores
 from ..models.preparation.relief_raster import ReliefRaster, laplacian_score, relief_raster
@@ -159,25 +158,11 @@ def network_scores(predict: Callable[[Float], NDArray[np.floating]], name: str) 
 
     def scores(place: Place, raster: Cells) -> dict[str, Scores]:
         xyz = apply_matrix(np.asarray(np.linalg.inv(place.matrix), dtype=np.float64), place.flat)
-        probability = predict(xyz)
-        up, down = (logit(np.clip(cell_means(place.flat, probability[:, k], raster), 1e-7, 1 - 1e-7)) for k in (1, 2))
+        mean = cell_means(predict(xyz), raster.index(place.flat), np.ones(len(xyz)), raster.covered)
+        up, down = point_odds(mean)
         return {name: Scores(up, down, raster.cell)}
 
     return scores
-
-
-def cell_means(flat: Float, values: NDArray[np.floating], raster: Cells) -> Float:
-    """Means (columns, rows) of values (n,) of the points in each cell; empty cells take the nearest one's within the
-    covered ground, NaN beyond.
-    """
-    i, j = raster.index(flat)
-    key = i * raster.shape[1] + j
-    cells = raster.shape[0] * raster.shape[1]
-    count = np.bincount(key, minlength=cells).reshape(raster.shape)
-    total = np.bincount(key, weights=values, minlength=cells).reshape(raster.shape)
-    near = distance_transform_edt(count == 0, return_distances=False, return_indices=True)
-    mean = (total / np.maximum(count, 1))[near[0], near[1]]
-    return np.where(raster.covered, mean, np.nan)
 
 
 def try_place(place: Place, detectors: Sequence[Detector], count: int, seed: int = 0) -> PlaceResult:
@@ -230,13 +215,15 @@ def looks(place: Place, area: float, count: int, seed: int = 0) -> Iterator[tupl
         waiting = rest + left
 
 
-def strengths(trials: Sequence[Trial], answers: Float32, cell: float) -> Float:
-    """(trials,) highest level at which each is found in the scores (1 + scenes, 2, columns, rows)."""
+def strengths(trials: Sequence[Trial], answers: Float32, cell: float, outline: float = np.inf) -> Float:
+    """(trials,) highest level at which each is found in the scores (1 + scenes, 2, columns, rows); ``outline`` as of
+    ``raster_zones.zones_above``.
+    """
     found = []
     for one in trials:
         mine = np.zeros(answers.shape[2:], dtype=bool)
         mine.ravel()[one.cells] = True
-        found.append(strength_at(answers[1 + one.scene, one.label - 1], mine, cell))
+        found.append(strength_at(answers[1 + one.scene, one.label - 1], mine, cell, outline))
     return np.array(found, dtype=np.float64)
 
 

@@ -14,7 +14,9 @@ from ..engine.core.errors import InputError
 CLASSES = ("background", "uplift", "subsidence")
 FEATURES = ("x", "y", "z", "residuals")
 SAMPLINGS = ("grid", "random")
-_LATER: dict[str, Any] = {"sampling": "random", "thinnings": 1, "least_peak": 0.0}
+ZONES, MOST_PROBABLE = "zones", "most_probable"
+DECISIONS = (ZONES, MOST_PROBABLE)
+_LATER: dict[str, Any] = {"sampling": "random", "thinnings": 1, "least_peak": 0.0, "decision": MOST_PROBABLE}
 """Settings that models of earlier versions do not name, and what held for them."""
 
 
@@ -35,7 +37,9 @@ class ModelConfiguration:
     the one whose middle is nearer counts more. Each window is looked at ``thinnings`` times, its points thinned anew
     from level to level, and the probabilities are averaged. A point's probabilities lie between those of the
     ``interpolation`` voxels nearest to it; with 1 it has its own voxel's. Neighbouring voxels of one hazard class are
-    background if none of them has a probability of ``least_peak`` (see ``groups``).
+    background if none of them has a probability of ``least_peak`` (see ``groups``). ``decision`` is how screening
+    tells classes: by ``zones`` above the level of the accepted false zones (see ``point_scores``), or by the
+    ``most_probable`` class (published).
 
     Network: ``stem`` channels, encoder blocks of ``widths`` (half their output), ``neighbours`` and ``decimation``: one
     in so many points goes on to the next level, drawn ``random`` (published) or spread evenly (``grid``) by
@@ -63,6 +67,7 @@ class ModelConfiguration:
     interpolation: int = 4
     thinnings: int = 1
     least_peak: float = 0.0
+    decision: str = ZONES
     stem: int = 8
     widths: tuple[int, ...] = (16, 64, 128, 256)
     neighbours: int = 16
@@ -80,6 +85,8 @@ class ModelConfiguration:
             )
         if self.sampling not in SAMPLINGS:
             raise InputError(f"The model's sampling is {self.sampling!r}; give {' or '.join(SAMPLINGS)}.")
+        if self.decision not in DECISIONS:
+            raise InputError(f"The model's decision is {self.decision!r}; give {' or '.join(DECISIONS)}.")
         for name in ("voxel", "xy_scale", "z_scale", "residual_scale", "window", "step"):
             if not getattr(self, name) > 0:
                 raise InputError(f"The model's {name} is {getattr(self, name)}; give a number above 0.")
@@ -145,6 +152,7 @@ PAPER = ModelConfiguration(
     block_points=131_072,
     centre_weighting=False,
     interpolation=1,
+    decision=MOST_PROBABLE,
     sampling="random",
 )
 """The published pipeline: 20 m windows every 18 m, divided by half their size, 131,072 points each."""

@@ -16,8 +16,9 @@ class ScreeningParameters(ParameterSet, record_name="screening"):
         "Screening method",
         "auto: what the weights given are for, relief without any. relief: a network trained on real and simulated "
         "ground looks at a raster of the slope's relief, and zones that stand out of it are shown at the accepted "
-        "false zones. network: a network trained on simulated slopes labels every point. filter: bumps and hollows of "
-        "2 to 8 m that stand out of the roughness around them, at the accepted false zones, without learning. "
+        "false zones. network: a network on points, trained on simulated slopes, whose zones are shown at the accepted "
+        "false zones, too. filter: bumps and hollows of 2 to 8 m that stand out of the roughness around them, at the "
+        "accepted false zones, without learning. "
         "residual: a threshold on the height over the slope's trend, without learning.",
         # QGIS stores the place of a choice: new ones go to the end.
         choices=("network", "filter", "residual", "relief", AUTO),
@@ -55,8 +56,8 @@ class ScreeningParameters(ParameterSet, record_name="screening"):
     minimum_probability: float = _parameter(
         0.0,
         "Minimum probability of a hazard",
-        "Points and cells below it are background with network and residual; with relief and filter a zone that "
-        "nowhere reaches it is left out. Larger labels less, and more reliably. 0 takes nothing away.",
+        "Points and cells below it are background with residual; with the other methods a zone that nowhere reaches "
+        "it is left out. Larger labels less, and more reliably. 0 takes nothing away.",
         bounds=(0.0, 0.999),
     )
     minimum_hazard_area: float = _parameter(
@@ -76,9 +77,9 @@ class ScreeningParameters(ParameterSet, record_name="screening"):
     false_zones: float = _parameter(
         1.0,
         "Accepted false zones per 1,000 m²",
-        "How many false zones on 1,000 m² of the slope are accepted. The methods relief and filter set "
-        "their threshold by it, and the map of the smallest hazard refers to it. Larger finds lower hazards, and shows "
-        "more zones that are none.",
+        "How many false zones on 1,000 m² of the slope are accepted. The methods relief, network and "
+        "filter set their threshold by it, and the map of the smallest hazard refers to it. Larger finds lower "
+        "hazards, and shows more zones that are none.",
         bounds=(0.1, 10.0),
     )
     write_classification: bool = _parameter(

@@ -25,16 +25,19 @@ _EIGHT = np.ones((3, 3), dtype=bool)
 
 @dataclass(frozen=True)
 class Scores:
-    """How much each cell (columns, rows) looks like uplift and like subsidence; NaN without data. ``cell`` in m."""
+    """How much each cell (columns, rows) looks like uplift and like subsidence; NaN without data. ``cell`` in m. Zones
+    reach as far as the score is above ``outline``, where that is lower than the level that they must pass.
+    """
 
     uplift: NDArray[np.floating]
     subsidence: NDArray[np.floating]
     cell: float
+    outline: float = np.inf
 
     @classmethod
-    def signed(cls, score: NDArray[np.floating], cell: float) -> Scores:
+    def signed(cls, score: NDArray[np.floating], cell: float, outline: float = np.inf) -> Scores:
         """Of a score that is positive on uplift and negative on subsidence."""
-        return cls(score, -score, cell)
+        return cls(score, -score, cell, outline)
 
     @classmethod
     def strongest(cls, signed: Sequence[NDArray[np.floating]], cell: float) -> Scores:
@@ -50,12 +53,17 @@ class Scores:
         return float(np.count_nonzero(np.isfinite(self.uplift))) * self.cell**2
 
 
-def zones_above(score: NDArray[np.floating], level: float, cell: float) -> tuple[NDArray[np.int32], int]:
+def zones_above(
+    score: NDArray[np.floating], level: float, cell: float, outline: float = np.inf
+) -> tuple[NDArray[np.int32], int]:
     """Zones (columns, rows), numbered from 1, and their number: connected cells (eight neighbours) above ``level`` with
     at least ``MIN_AREA_M2``; 0 elsewhere.
+
+    With an ``outline`` below the level a zone is connected cells above that, of which at least ``MIN_AREA_M2`` are
+    above the level (hysteresis, Canny 1986, doi:10.1109/TPAMI.1986.4767851, section on streaking).
     """
-    groups, count = label(score > level, _EIGHT)
-    kept = np.bincount(groups.ravel(), minlength=count + 1) * cell**2 >= MIN_AREA_M2 - 1e-9
+    groups, count = label(score > min(level, outline), _EIGHT)
+    kept = np.bincount(groups[score > level], minlength=count + 1) * cell**2 >= MIN_AREA_M2 - 1e-9
     kept[0] = False
     number = np.where(kept, np.cumsum(kept), 0).astype(np.int32)
     return number[groups], int(kept.sum())
@@ -65,7 +73,10 @@ def zone_counts(scores: Scores, levels: Float) -> Float:
     """(k,) zones of both signs above each of ``levels`` (k,)."""
     return np.array(
         [
-            sum(zones_above(score, level, scores.cell)[1] for score in (scores.uplift, scores.subsidence))
+            sum(
+                zones_above(score, level, scores.cell, scores.outline)[1]
+                for score in (scores.uplift, scores.subsidence)
+            )
             for level in levels
         ],
         dtype=np.float64,
@@ -140,15 +151,18 @@ def _level_in_tail(levels: Float, rates: Float, area: float, wanted: float) -> f
     return float(max((np.log(wanted) - start) / slope, levels[use[0]]))
 
 
-def strength_at(score: NDArray[np.floating], footprint: Bool, cell: float) -> float:
+def strength_at(score: NDArray[np.floating], footprint: Bool, cell: float, outline: float = np.inf) -> float:
     """The highest level at which a zone overlaps a quarter of ``footprint`` (columns, rows) or 1 m² of it; -inf where
-    none does at any level.
+    none does at any level. ``outline`` is that of ``zones_above``.
 
     It is found with that level as threshold, and with any lower one.
     """
     i, j = np.nonzero(footprint)
     if not len(i):
         return -np.inf
+    grown = _grown_strength(score, footprint, cell, outline)
+    if grown > outline:
+        return grown
     margin = round(3.0 / cell)
     part = np.s_[max(i.min() - margin, 0) : i.max() + margin + 1, max(j.min() - margin, 0) : j.max() + margin + 1]
     near, inside = score[part], footprint[part]
@@ -164,3 +178,13 @@ def strength_at(score: NDArray[np.floating], footprint: Bool, cell: float) -> fl
         else:
             low = middle + 1
     return float(candidates[low]) if low < len(candidates) else -np.inf
+
+
+def _grown_strength(score: NDArray[np.floating], footprint: Bool, cell: float, outline: float) -> float:
+    """``strength_at`` among levels above the ``outline``; -inf where that is not passed."""
+    zones, count = zones_above(score, outline, cell)
+    overlap = np.bincount(zones[footprint], minlength=count + 1) * cell**2
+    need = min(MIN_AREA_M2, 0.25 * np.count_nonzero(footprint) * cell**2)
+    least = int(np.ceil(MIN_AREA_M2 / cell**2 - 1e-9))
+    mine = np.flatnonzero(overlap[1:] >= need - 1e-9) + 1
+    return max((float(np.sort(score[zones == zone])[-least]) for zone in mine), default=-np.inf)

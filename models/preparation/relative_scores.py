@@ -24,17 +24,26 @@ LEVELS = {0.1: 7.8, 0.2: 6.67, 0.3: 5.33, 0.5: 4.8, 1.0: 4.14, 2.0: 3.6, 3.0: 3.
 6 real surveys and 6 simulated slopes, by networks that had not seen the real ones; below 0.2 it is continued."""
 
 
-def relative_scores(uplift: NDArray[np.floating], subsidence: NDArray[np.floating], cell: float) -> Scores:
+def relative_scores(
+    uplift: NDArray[np.floating],
+    subsidence: NDArray[np.floating],
+    cell: float,
+    *,
+    centred: float = 1.0,
+    power: float = SPREAD_POWER,
+) -> Scores:
     """Log odds (columns, rows) of uplift and of subsidence over those of most of the slope; NaN without data stays.
 
     Args:
         cell: side of the cells, m.
+        centred: share of the slope's median that is taken off. power: of its spread by which they are divided.
     """
     known = np.concatenate([odds[np.isfinite(odds)] for odds in (uplift, subsidence)])
     if not len(known):
         return Scores(uplift, subsidence, cell)
     middle, upper = np.quantile(known, (MIDDLE, UPPER))
-    spread = max(float(upper - middle), _MIN_SPREAD) ** SPREAD_POWER
+    spread = max(float(upper - middle), _MIN_SPREAD) ** power
+    middle *= centred
     return Scores((uplift - middle) / spread, (subsidence - middle) / spread, cell)
 
 

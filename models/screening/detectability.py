@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ...engine.core.arrays import Float, Float32
-from ..preparation.relief_raster import CELL_M, ReliefRaster, relief_raster
+from ..preparation.relief_raster import CELL_M, ReliefRaster
 from ..preparation.smallest_hazard import RELIEF_FACTORS, smallest_hazard
-from ..preparation.streaming import sum_parts
 
 USUAL_HAZARD_M = 1.0
 """Where no hazard of this height can be found, nothing that screening is made for can be."""
@@ -120,16 +118,6 @@ def detectability(raster: ReliefRaster, voxels: Float, false_zones: float, metho
         float(np.mean(lowest > USUAL_HAZARD_M)) if len(lowest) else float("nan"),
         method,
     )
-
-
-def parts_raster(parts: Callable[[], Iterable[Float]], matrix: Float) -> ReliefRaster:
-    """The raster of a cloud that is read in parts; ``matrix`` (4, 4) leads to its flat frame.
-
-    Raises:
-        InputError: see ``relief_raster`` and ``sum_parts``.
-    """
-    grid = sum_parts(parts, matrix, PART_M).grid
-    return relief_raster(grid.points, number=grid.count)
 
 
 def _metres(value: float) -> str:

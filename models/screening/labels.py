@@ -74,7 +74,7 @@ def zone_labels(
     """
     shown = []
     for kind, score in ((UPLIFT, scores.uplift), (SUBSIDENCE, scores.subsidence)):
-        zones, count = zones_above(score, level, scores.cell)
+        zones, count = zones_above(score, level, scores.cell, scores.outline)
         highest = ndimage.maximum(probabilities[kind], zones, np.arange(1, count + 1))
         shown.append(np.concatenate([[False], np.asarray(highest) >= least])[zones])
     up, down = shown

@@ -18,12 +18,14 @@ from ...engine.core.progress import Progress
 from ...engine.geometry.dominant_plane import Plane, apply_matrix
 from ...engine.ground.pdal_pipelines import GROUND, NOISE
 from ...interface.parameters import AUTO, ScreeningParameters
+from ..configuration import ZONES
 from ..inference.baseline import TREND, residual_configuration, residual_memberships
-from ..preparation import even_scores, relative_scores
+from ..inference.interpolation import VoxelInterpolation
+from ..preparation import even_scores, point_scores, relative_scores
 from ..preparation.bump_filter import cell_heights
 from ..preparation.relief_raster import MAX_GAP_M, ReliefRaster, relief_raster
 from ..preparation.suitability import Suitability, measure, refuse_unsuitable
-from .detectability import PART_M, Detectability, detectability, parts_raster
+from .detectability import PART_M, Detectability, detectability
 from .filter import FILTER_DENSITY, filter_memberships
 from .labels import Decision, zone_labels
 from .method import learned_model, with_method
@@ -37,7 +39,6 @@ BY_RASTER = ("relief", "filter")
 
 if TYPE_CHECKING:
     from ..configuration import ModelConfiguration
-    from ..inference.interpolation import VoxelInterpolation
     from ..preparation.prepare import PreparedCloud
     from ..preparation.voxel_sums import SparseVoxels
 
@@ -59,13 +60,13 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
             another density than the method was made for; torch or the weights are missing.
         EngineError: memory ran out.
     """
-    from ..preparation.streaming import prepare_parts, sample_parts
+    from ..preparation.streaming import prepare_parts, sample_parts, sum_parts
 
-    progress = progress or Progress()
-    parameters = _settled(parameters, progress)
+    parameters = _settled(parameters, progress := progress or Progress())
     method = parameters.screening_method
     model = learned_model(parameters)
     configuration = model.configuration if isinstance(model, ScreeningModel) else _configuration(method)
+    by_zones = method in BY_RASTER or (method == "network" and configuration.decision == ZONES)
     with memory_reported():
         with progress.stage(0.0, 0.15, "reading"):
             sample = sample_parts(ground.parts, ground.name)
@@ -83,31 +84,32 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
         with progress.stage(0.2, 0.35, "averaging in voxels"):
             cloud, voxels = prepare_parts(ground.parts, sample, configuration, spread=method == "relief", frame=frame)
         with progress.stage(0.35, 0.4, "measuring what can be found"):
-            raster = _raster(ground, cloud, method)
-            detectable = detectability(raster, cloud.voxels.points, parameters.false_zones, method)
+            parts = voxels if method in BY_RASTER else sum_parts(ground.parts, cloud.matrix, PART_M)
+            raster = relief_raster(parts.grid.points, number=parts.grid.count)
+            held = parts if by_zones else voxels
+            detectable = detectability(raster, held.grid.points, parameters.false_zones, method)
         least = _least_probability(detectable, parameters, ground.name, progress)
-        heights = _heights(cloud, configuration)
+        heights = _heights(held.grid.points, cloud, configuration)
         with progress.stage(0.4, 1.0, "screening"):
             if isinstance(model, ScreeningModel):
-                found = _Found(model.probabilities(cloud, progress), model.facts(), model.temperature)
+                found = _by_points(model, cloud, held if by_zones else None, raster, parameters, progress)
             elif method in BY_RASTER:
                 found = _by_raster(model, cloud, voxels, raster, parameters, progress)
             else:
                 found = _Found(residual_memberships(heights, parameters.residual_threshold), {"name": method})
         probabilities = calibrated(found.raw, found.temperature)
-        decision = Decision(least, found.zones)
-        labels = decision.of_voxels(probabilities)
-        warn_if_much_stands_out(labels, cloud.voxels.count, progress)
+        labels = (decision := Decision(least, found.zones)).of_voxels(probabilities)
+        warn_if_much_stands_out(labels, held.grid.count, progress)
         return Screening(
-            points=apply_matrix(np.asarray(np.linalg.inv(cloud.matrix), dtype=np.float64), cloud.voxels.points),
-            count=cloud.voxels.count,
+            points=apply_matrix(np.asarray(np.linalg.inv(cloud.matrix), dtype=np.float64), held.grid.points),
+            count=held.grid.count,
             probabilities=probabilities,
             raw=found.raw,
             temperature=found.temperature,
             labels=labels,
             heights=heights,
-            voxels=voxels,
-            between=_interpolation(cloud.voxels.points, configuration) if method == "network" else None,
+            voxels=held,
+            between=_interpolation(cloud, configuration) if method == "network" and not by_zones else None,
             decision=decision,
             plane=cloud.plane,
             suitability=suitability,
@@ -115,7 +117,7 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
             model=found.facts,
             ground_points=sample.points,
             detectable=detectable,
-            bridged=MAX_GAP_M if method in BY_RASTER else configuration.voxel,
+            bridged=MAX_GAP_M if by_zones else configuration.voxel,
         )
 
 
@@ -127,20 +129,13 @@ def _settled(parameters: ScreeningParameters, progress: Progress) -> ScreeningPa
     return settled
 
 
-def _raster(ground: GroundPoints, cloud: PreparedCloud, method: str) -> ReliefRaster:
-    """The slope's raster, of the averages that are labelled where these are fine enough."""
-    if method in BY_RASTER:
-        return relief_raster(cloud.voxels.points, number=cloud.voxels.count)
-    return parts_raster(ground.parts, cloud.matrix)
-
-
-def _heights(cloud: PreparedCloud, configuration: ModelConfiguration) -> NDArray[np.float32]:
-    """Heights (m,) of the voxels over the trend, m."""
+def _heights(points: Float, cloud: PreparedCloud, configuration: ModelConfiguration) -> NDArray[np.float32]:
+    """Heights (m,) of points (m, 3) in the flat frame over the trend, m."""
     from ..preparation.trends import residual_heights
 
-    if TREND in configuration.trends and not configuration.own_roughness:
+    if points is cloud.voxels.points and TREND in configuration.trends and not configuration.own_roughness:
         return cloud.residuals[:, configuration.trends.index(TREND)]
-    return residual_heights(cloud.voxels.points, *TREND).astype(np.float32)
+    return residual_heights(points, *TREND).astype(np.float32)
 
 
 @dataclass(frozen=True)
@@ -192,6 +187,32 @@ def _by_raster(
     return _Found(probabilities[:, i, j].T, facts | {"level": level}, zones=zones[i, j])
 
 
+def _by_points(
+    model: ScreeningModel,
+    cloud: PreparedCloud,
+    parts: SparseVoxels | None,
+    raster: ReliefRaster,
+    parameters: ScreeningParameters,
+    progress: Progress,
+) -> _Found:
+    """What the network on points says: of its own voxels, or of the ``parts`` of the raster's cells by zones."""
+    raw, facts = model.probabilities(cloud, progress), model.facts()
+    if parts is None:
+        return _Found(raw, facts, model.temperature)
+    between = _interpolation(cloud, model.configuration) or VoxelInterpolation(cloud.voxels.points, 1.0, 1)
+    raw = between.at(parts.grid.points, raw, model.threads)
+    place = raster.index(parts.grid.points)
+
+    def in_cells(values: NDArray[np.floating]) -> Float:
+        return point_scores.cell_means(values, place, parts.grid.count, raster.covered)
+
+    level = point_scores.level_for(parameters.false_zones)
+    scores = point_scores.point_scores(in_cells(raw), raster.cell)
+    told = in_cells(calibrated(raw, model.temperature))
+    zones = zone_labels(scores, level, told, parameters.minimum_probability)
+    return _Found(raw, facts | {"level": level}, model.temperature, zones[place])
+
+
 def _least_probability(
     detectable: Detectability, parameters: ScreeningParameters, name: str, progress: Progress
 ) -> float:
@@ -205,13 +226,11 @@ def _least_probability(
     return float("inf")
 
 
-def _interpolation(points: Float, configuration: ModelConfiguration) -> VoxelInterpolation | None:
+def _interpolation(cloud: PreparedCloud, configuration: ModelConfiguration) -> VoxelInterpolation | None:
     """As ``inference.prediction.predict`` does it."""
-    from ..inference.interpolation import VoxelInterpolation
-
     if configuration.interpolation <= 1:
         return None
-    return VoxelInterpolation(points, configuration.voxel, configuration.interpolation)
+    return VoxelInterpolation(cloud.voxels.points, configuration.voxel, configuration.interpolation)
 
 
 def _measured(xyz: Float, thinned: float, configuration: ModelConfiguration) -> tuple[Suitability, tuple[Plane, Float]]:

@@ -13,19 +13,21 @@ from slopewatch.benchmarks.screening_budget import budget_levels, detector_level
 from slopewatch.benchmarks.screening_cases import cases, share
 from slopewatch.benchmarks.screening_ground import ELEVATION, POINTS, SIMULATED, patches, place
 from slopewatch.benchmarks.screening_levels import measure
+from slopewatch.benchmarks.screening_networks import POINT_ZONES, RANDLA
 from slopewatch.benchmarks.screening_sites import as_json, judge, main_rows
 from slopewatch.benchmarks.screening_store import kept_place
 from slopewatch.benchmarks.screening_table import sections, text
-from slopewatch.benchmarks.screening_trials import cell_means, network_scores, strengths
+from slopewatch.benchmarks.screening_trials import network_scores, strengths
 from slopewatch.engine.geometry.dominant_plane import apply_matrix
-from slopewatch.models.preparation import even_scores, relative_scores
+from slopewatch.models.preparation import even_scores, point_scores, relative_scores
 from slopewatch.models.preparation.raster_zones import Scores, zone_counts
-from slopewatch.models.preparation.relief_raster import relief_raster
-from slopewatch.tests.builders.screening_places import scored
+from slopewatch.tests.builders.screening_places import scored, square
 
 
 def heights(ground, raster):
-    mean = cell_means(ground.flat, ground.flat[:, 2], raster)
+    (mean,) = point_scores.cell_means(
+        ground.flat[:, 2:], raster.index(ground.flat), np.ones(len(ground.flat)), raster.covered
+    )
     return {"heights": Scores.signed(mean, raster.cell)}
 
 
@@ -136,6 +138,34 @@ def test_the_filter_has_levels_and_the_network_on_relief_where_it_took_part() ->
     assert f"{relative_scores.LEVELS[10.0]:g} in use" in rows[-1].target
 
 
+def test_the_network_on_points_has_levels_of_its_zones_as_they_are_shown() -> None:
+    """Two peaks of one sign each stand on a plateau above the outline: half as many zones pass a level."""
+    surveys = [scored(f"{k}", f"{k}", list(np.linspace(5, 9, 40) + 0.001 * k), []) for k in range(4)]
+    names = {"filter, even t": "one", f"{RANDLA} 12ab": "one"}
+    took_part = [replace(one, answers={name: one.answers[of] for name, of in names.items()}) for one in surveys]
+    rows = [row for row in budget_levels(took_part) if row.figure.startswith(f"level of {POINT_ZONES} ")]
+    assert [row.target for row in rows] == [f"{level:g} in use" for level in point_scores.LEVELS.values()]
+
+    def ones(outline: float) -> float:
+        found = detector_levels(joined, "x", lambda one: one.answers["one"][0], {1.0: 0.0}, outline)
+        return float(found[0].value)
+
+    joined = [replace(one, answers={"one": plateau(one.answers["one"])}) for one in surveys]
+    # 5 zones of 40 may be false, or 5 of 20.
+    assert ones(np.inf) == pytest.approx(8.51, abs=0.05)
+    assert ones(2.0) == pytest.approx(8.0, abs=0.1)
+
+
+def plateau(answers: np.ndarray) -> np.ndarray:
+    """Scores in which ground of 3 joins the peaks 0 and 2, and 1 and 3, of every four."""
+    raised = answers.copy()
+    for number in (n for n in range(40) if n % 4 < 2):
+        i, j = np.divmod(square(number), answers.shape[2])
+        ground = raised[:, :, i.min() : i.max() + 1, j.min() : j.min() + 20]
+        np.maximum(ground, 3.0, out=ground)
+    return raised
+
+
 def test_a_detector_that_knows_the_truth_finds_all(monkeypatch: pytest.MonkeyPatch) -> None:
     """Strengths come from the changed ground, false zones from the untouched one."""
     [ground] = screening_ground.simulated_places(1, area=600.0)[:1]
@@ -169,18 +199,6 @@ def test_a_further_detector_sees_the_same_scenes() -> None:
     [highest] = sorted((one for one in together.trials if one.label == 1), key=lambda one: one.height)[-1:]
     change = later["heights"][1 + highest.scene, 0] - later["heights"][0, 0]
     assert change.ravel()[highest.cells].max() == pytest.approx(highest.height, rel=0.2)
-
-
-def test_cell_means_fill_small_gaps_only() -> None:
-    rng = np.random.default_rng(1)
-    flat = np.column_stack([rng.uniform(0, 20, (1500, 2)), rng.normal(0, 0.02, 1500)])
-    flat = flat[np.hypot(flat[:, 0] - 10, flat[:, 1] - 10) > 4]
-    raster = relief_raster(flat)
-    mean = cell_means(flat, flat[:, 0], raster)
-    assert np.isnan(mean[20, 20])
-    middle = raster.origin[0] + (np.arange(raster.shape[0]) + 0.5) * raster.cell
-    assert np.nanmax(np.abs(mean - middle[:, None])) < 1.3
-    np.testing.assert_array_equal(np.isfinite(mean), raster.covered)
 
 
 def test_patches_are_full_squares_of_the_cloud() -> None:

@@ -61,7 +61,7 @@ def write(path: Path, xyz: np.ndarray, *, point_format: int = 7, crs: int | None
     return path
 
 
-def small_weights(path: Path) -> Path:
+def small_weights(path: Path, decision: str = "zones") -> Path:
     """Weights of a small network that has learnt nothing: its answers vary from place to place."""
     torch = pytest.importorskip("torch", reason="torch is not installed; install slopewatch[screening]")
     from slopewatch.models.configuration import SMOKE
@@ -70,7 +70,7 @@ def small_weights(path: Path) -> Path:
 
     torch.set_num_threads(1)
     torch.manual_seed(5)
-    save_model(path, RandLANet(replace(SMOKE, window=12.0, step=8.0)).eval(), {}, {})
+    save_model(path, RandLANet(replace(SMOKE, window=12.0, step=8.0, decision=decision)).eval(), {}, {})
     return path
 
 

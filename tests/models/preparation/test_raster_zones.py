@@ -92,3 +92,51 @@ def test_the_strength_is_the_highest_level_that_finds_it() -> None:
     far[30:36, 30:36] = True
     assert strength_at(np.where(score > 0, score, np.nan), far, 0.5) == -np.inf
     assert strength_at(score, np.zeros((40, 40), dtype=bool), 0.5) == -np.inf
+
+
+def hilly(seed: int) -> np.ndarray:
+    """Scores with hills of some metres, so that zones of one level run together at a lower one."""
+    field = gaussian_filter(np.random.default_rng(seed).normal(size=(60, 60)), 1.5)
+    return field / field.std()
+
+
+def test_with_an_outline_a_zone_is_as_wide_as_that_and_must_still_pass_the_level() -> None:
+    """Against a flood fill by hand."""
+    score = hilly(3)
+    zones, count = zones_above(score, 2.0, 0.5, 1.0)
+    kept = np.zeros(score.shape, dtype=bool)
+    number = 0
+    left = {(int(i), int(j)) for i, j in np.argwhere(score > 1.0)}
+    while left:
+        wave = [left.pop()]
+        group = set(wave)
+        while wave:
+            i, j = wave.pop()
+            near = {(i + a, j + b) for a in (-1, 0, 1) for b in (-1, 0, 1)} & left
+            left -= near
+            group |= near
+            wave += near
+        if sum(score[place] > 2.0 for place in group) * 0.25 >= 1.0:
+            number += 1
+            kept[tuple(np.array(list(group)).T)] = True
+    assert count == number > 2
+    np.testing.assert_array_equal(zones > 0, kept)
+    assert number <= zones_above(score, 2.0, 0.5)[1]
+    # An outline above the level changes nothing.
+    np.testing.assert_array_equal(zones_above(score, 2.0, 0.5, 2.5)[0], zones_above(score, 2.0, 0.5)[0])
+    both = Scores.signed(score, 0.5, 1.0)
+    assert zone_counts(both, np.array([2.0])).tolist() == [count + zones_above(-score, 2.0, 0.5, 1.0)[1]]
+
+
+def test_the_strength_with_an_outline_is_the_highest_level_that_finds_it() -> None:
+    found = []
+    for seed in range(6):
+        score, footprint = hilly(seed), np.zeros((60, 60), dtype=bool)
+        footprint[20:24, 30:36] = True
+        strength = strength_at(score, footprint, 0.5, 0.8)
+        for level in (strength - 1e-9, strength + 1e-9):
+            zones, count = zones_above(score, level, 0.5, 0.8)
+            overlap = np.bincount(zones[footprint], minlength=count + 1)[1:].max(initial=0)
+            found.append((overlap >= 4) == (level < strength))
+        assert strength >= strength_at(score, footprint, 0.5)
+    assert all(found)

@@ -48,7 +48,8 @@ def cloud(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def weights(tmp_path) -> Path:
-    return small_weights(tmp_path / "model.safetensors")
+    """Of a model that decides by the most probable class, voxel by voxel."""
+    return small_weights(tmp_path / "model.safetensors", "most_probable")
 
 
 def test_a_bulge_and_a_hollow_are_labelled_where_they_are(cloud, tmp_path):
