@@ -59,7 +59,7 @@ def test_a_card_without_scores_still_says_what_the_weights_are(description):
     assert "thinned at random" in model_card(description, {}, {})
     assert "| groups |" not in again
     description["configuration"]["least_peak"] = 0.75
-    assert "none of which is a hazard by 75.0 % are none |" in model_card(description, {}, {})
+    assert "none of which is a hazard by 75.0 % are background before |" in model_card(description, {}, {})
     assert "five folds" not in text
     assert "weights on the benchmark sets" not in text
 
