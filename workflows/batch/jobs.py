@@ -6,7 +6,7 @@ Jobs and outcomes travel to other processes and machines as JSON; they hold path
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -58,29 +58,33 @@ class Corridor:
 class Job:
     """One slope to be worked on.
 
-    ``task`` stands for all that its results depend on; ``arguments`` are those of ``slopewatch``'s command line, and
-    ``folder`` the place of the results.
+    ``task`` stands for all that its results depend on. ``epochs`` are days and clouds, ``files`` the other inputs by
+    their role (roi, stable, alerts), ``options`` the settings that differ from the profile's, ``folder`` the place of
+    the results.
     """
 
     task: str
     slope: str
     command: str
-    arguments: tuple[str, ...]
+    epochs: tuple[tuple[str, str], ...]
+    files: Mapping[str, str]
+    profile: str
+    options: Mapping[str, Any]
     folder: str
+    pdal: str = ""
 
     def as_json(self) -> dict[str, Any]:
-        return {
-            "task": self.task,
-            "slope": self.slope,
-            "command": self.command,
-            "arguments": list(self.arguments),
-            "folder": self.folder,
-        }
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        return (
+            values
+            | {"epochs": [list(e) for e in self.epochs], "files": dict(self.files)}
+            | {"options": dict(self.options)}
+        )
 
     @staticmethod
     def from_json(values: Mapping[str, Any]) -> Job:
-        arguments = tuple(map(str, values["arguments"]))
-        return Job(values["task"], values["slope"], values["command"], arguments, values["folder"])
+        epochs = tuple((str(day), str(cloud)) for day, cloud in values["epochs"])
+        return Job(**{**values, "epochs": epochs})
 
 
 @dataclass(frozen=True)
