@@ -41,6 +41,7 @@ SERIES: Sets = (
     SeriesParameters, GroundParameters, RegistrationParameters, GridChangeParameters, ZoneParameters, *_FOLDER,
 )  # fmt: skip
 BATCH: Sets = (
-    BatchParameters, SeriesParameters, GroundParameters, RegistrationParameters, *_CHANGE, LastEpochParameters, *_FOLDER,
+    BatchParameters, SeriesParameters, GroundParameters, RegistrationParameters, *_CHANGE, LastEpochParameters,
+    *_FOLDER,
 )  # fmt: skip
 """The batch's own, and all that ``inspect`` and ``series`` take."""

@@ -89,7 +89,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a job ended. ``sentence`` says why it failed, empty where it did not; ``again`` is KILLED, MEMORY or empty."""
+    """How a job ended. ``sentence`` says why it failed, ``again`` is KILLED or MEMORY; empty where it did not."""
 
     sentence: str = ""
     again: str = ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from dataclasses import asdict
 from functools import lru_cache
@@ -41,10 +42,8 @@ def read_option(name: str, text: str) -> Any:
     if specification.kind is bool:
         value = _WORDS.get(value.lower(), value)
     elif specification.kind in (int, float):
-        try:
+        with contextlib.suppress(ValueError):  # the check says what it must be
             value = specification.kind(value)
-        except ValueError:
-            pass  # the check says what it must be
     try:
         return specification.check(value)
     except ParameterError as error:
