@@ -45,7 +45,9 @@ class Dask(Executor):
                 run_job, job.as_json(), self._program, key=f"{job.task}-{self._number}", resources=resources, retries=0
             )
         except Exception as error:
-            raise EngineError(f"Dask's scheduler takes no more work ({error}); start it, and the batch again.") from error
+            raise EngineError(
+                f"Dask's scheduler takes no more work ({error}); start it, and the batch again."
+            ) from error
         self._futures[future] = job
         future.add_done_callback(self._done)
 

@@ -34,7 +34,7 @@ class Slope:
     alerts: Path | None = None
     centreline: Path | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
-    profile: str = "default"
+    profile: str = ""
 
 
 @dataclass(frozen=True)

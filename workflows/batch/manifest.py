@@ -118,7 +118,7 @@ def _slope(name: str, rows: Sequence[Row], options: Sequence[str], places: Place
         tuple(Survey(day, surveys[day][0]) for day in sorted(surveys)),
         **files,
         options={option: read_option(option, text) for option, text in given.items() if text},
-        profile=_common(rows, "profile") or "default",
+        profile=_common(rows, "profile"),
     )
 
 

@@ -72,10 +72,10 @@ def plan(
                 found.done[slope.name] = result
                 continue
             before = entries.get(slope.name)
-            if before is not None and before.task == job.task and before.state == FAILED:
-                if not common.parameters.retry_failed:
-                    found.problems.append(Problem(slope.name, before.sentence))
-                    continue
+            failed = before is not None and before.task == job.task and before.state == FAILED
+            if before is not None and failed and not common.parameters.retry_failed:
+                found.problems.append(Problem(slope.name, before.sentence))
+                continue
             groups = group_of(job.command, job.options, job.profile)
             found.needs[slope.name] = slope_memory(slope, job.command, groups)
         except InputError as error:
@@ -92,7 +92,7 @@ def _job(slope: Slope, output_dir: Path, common: Common, hashes: FileHashes) -> 
     """
     command = command_of(slope, common.parameters.two_surveys)
     options = options_of(slope, command, common.options)
-    profile = slope.profile if slope.profile != "default" else common.profile
+    profile = slope.profile or common.profile
     alerts = slope.alerts or common.alerts
     files = {"roi": slope.roi, "stable": slope.stable, "alerts": alerts if command == "series" else None}
     given = {role: path for role, path in files.items() if path is not None}
