@@ -11,7 +11,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from xml.sax.saxutils import escape, quoteattr
+from xml.sax.saxutils import escape
 
 import rasterio
 from rasterio.crs import CRS
@@ -95,8 +95,7 @@ def _source(tile: Tile, folder: Path, origin: tuple[float, float], cell: float) 
         '    <ComplexSource resampling="nearest">',
         f'      <SourceFilename relativeToVRT="1">{escape(name)}</SourceFilename>',
         "      <SourceBand>1</SourceBand>",
-        f"      <SourceProperties RasterXSize={quoteattr(str(tile.columns))} RasterYSize={quoteattr(str(tile.rows))}"
-        ' DataType="Float32"/>',
+        f'      <SourceProperties RasterXSize="{tile.columns}" RasterYSize="{tile.rows}" DataType="Float32"/>',
         f'      <SrcRect xOff="0" yOff="0" {size}/>',
         f'      <DstRect xOff="{left:g}" yOff="{top:g}" xSize="{width:g}" ySize="{height:g}"/>',
         f"      <NODATA>{NODATA:g}</NODATA>",
