@@ -26,8 +26,8 @@ def batch(
 
     MANIFEST is a CSV file with the columns slope, date, file and roi (optional: stable, alerts, centreline, profile,
     and settings by their names), a layer of polygons with slope, date and file, or a folder with one folder of dated
-    clouds a slope. One survey is screened, two are compared, more are a series. A slope that fails is a row of the results; a
-    batch that was stopped goes on where it was.
+    clouds a slope. One survey is screened, two are compared, more are a series. A slope that fails is a row of the
+    results; a batch that was stopped goes on where it was.
     """
     from ..workflows.batch.corridor import Given, run_batch
     from ..workflows.batch.planning import Common

@@ -12,6 +12,7 @@ import pandas as pd
 
 from ...engine.vector.cell_polygons import field_kinds, table_column
 from ...engine.zones.matching import match_zones
+from .table_columns import column_of
 
 RAISED, ACKNOWLEDGED, CLOSED = "raised", "acknowledged", "closed"
 FIELDS = field_kinds("""
@@ -144,16 +145,7 @@ def _raised(zone: Mapping[str, Any], day: str, taken: set[str]) -> dict[str, Any
 
 def _frame(rows: list[dict[str, Any]], zones: gpd.GeoDataFrame) -> gpd.GeoDataFrame:
     rows = sorted(rows, key=lambda row: (_is_closed(row["state"]), -int(row["attention"])))
-    columns = {}
-    for name, kind in FIELDS.items():
-        values = [row.get(name) for row in rows]
-        missing = [v is None or (not isinstance(v, str) and bool(pd.isna(v))) for v in values]
-        if kind == "text":
-            columns[name] = pd.Series(["" if m else str(v) for v, m in zip(values, missing, strict=True)], dtype=object)
-        elif kind == "integer":
-            columns[name] = pd.Series([int(v) for v in values], dtype="Int64")
-        else:
-            columns[name] = pd.Series([np.nan if m else float(v) for v, m in zip(values, missing, strict=True)])
+    columns = {name: column_of([row.get(name) for row in rows], kind) for name, kind in FIELDS.items()}
     if not rows:
         columns = {name: table_column(None, kind, 0) for name, kind in FIELDS.items()}
     shapes = np.array([row["geometry"] for row in rows], dtype=object)

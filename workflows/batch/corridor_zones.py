@@ -22,6 +22,7 @@ from ...engine.vector.geopackage import read_layer
 from ...engine.vector.review_fields import REVIEW_FIELDS, UNREVIEWED, in_words, is_entered
 from .chainage import place_along, read_centreline
 from .results import SlopeResult
+from .table_columns import column_of
 
 FIELDS = field_kinds("""
     text: zone_id slope source
@@ -83,7 +84,7 @@ def corridor_zones(
             {name: table_column(None, kind, 0) for name, kind in FIELDS.items()}, geometry=[], crs=crs
         )
     rows = {name: [value for t in tables for value in t[name]] for name in FIELDS}
-    columns = {name: _column(rows[name], kind) for name, kind in FIELDS.items()}
+    columns = {name: column_of(rows[name], kind) for name, kind in FIELDS.items()}
     shapes = np.array([shape for t in tables for shape in t.geometry], dtype=object)
     return gpd.GeoDataFrame(columns, geometry=shapes, crs=crs)
 
@@ -146,15 +147,6 @@ def attention_of(source: str, zone: Mapping[str, Any]) -> int:
     if source == "screening":
         return 1 if grade == _GRADES["high"] and not zone.get("status") else 0
     return grade
-
-
-def _column(values: list[Any], kind: str) -> pd.Series:
-    known = [None if v is None or (not isinstance(v, str) and pd.isna(v)) else v for v in values]
-    if kind == "text":
-        return pd.Series(["" if v is None else str(v) for v in known], dtype=object)
-    if kind == "integer":
-        return pd.Series([pd.NA if v is None else int(v) for v in known], dtype="Int64")
-    return pd.Series([np.nan if v is None else float(v) for v in known], dtype=np.float64)
 
 
 def _multi(shape: Any) -> Any:

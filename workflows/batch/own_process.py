@@ -26,7 +26,11 @@ def work_in_place(job: Job, events: Events) -> None:
     groups = group_of(job.command, job.options, job.profile)
     epochs = [Epoch(Path(cloud), date.fromisoformat(day)) for day, cloud in job.epochs]
     files: dict[str, Any] = {role: Path(path) for role, path in job.files.items()}
-    more = {"pdal": Path(job.pdal) if job.pdal else None, "overwrite": True, "progress": _Reported(events)}
+    more: dict[str, Any] = {
+        "pdal": Path(job.pdal) if job.pdal else None,
+        "overwrite": True,
+        "progress": _Reported(events),
+    }
 
     def group(wanted: type[Any]) -> Any:
         # a bundle may name a group by a class above the command's own, or one that the command does not take

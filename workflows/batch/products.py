@@ -79,7 +79,7 @@ def write_products(run: Run, made: Made, earlier_alerts: gpd.GeoDataFrame | None
         _write_catalogue(run, made.results)
         still = alerts[~alerts["state"].str.strip().str.lower().eq(alert_events.CLOSED)]
         shown = still.drop(columns=still.geometry.name).to_dict("records")
-        facts = {"software": f"SlopeWatch {VERSION}", "manifest": made.manifest.name, "count": len(made.slopes)}
+        facts = {"software": f"SlopeWatch {VERSION}", "manifest": made.manifest.name, "count": run.figures["slopes"]}
         page = corridor_page(ranked, made.failed, shown, facts | {"zones": len(zones)})
         # a name that is no Unicode is written with escapes rather than not at all
         stage.path(PAGE).write_text(page, encoding="utf-8", errors="backslashreplace", newline="\n")
@@ -155,6 +155,9 @@ def _slopes_frame(made: Made, ranked: Sequence[Ranked], crs: Any) -> gpd.GeoData
                 "report": "" if figures is None else figures.report,
             }
         )
+    known_names = {slope.name for slope in known}
+    others = [name for name in failed if name not in known_names]
+    rows += [{"slope": name, "state": "failed", "sentence": failed[name]} for name in others]
     columns = (
         "slope",
         "place",
@@ -169,10 +172,14 @@ def _slopes_frame(made: Made, ranked: Sequence[Ranked], crs: Any) -> gpd.GeoData
     )
     numbers = ("place", "attention", "open_alerts", "zones", "surveys")
     table = {
-        name: pd.Series([row[name] for row in rows], dtype="Int64" if name in numbers else object) for name in columns
+        name: pd.Series(
+            [row.get(name, pd.NA if name in numbers else "") for row in rows],
+            dtype="Int64" if name in numbers else object,
+        )
+        for name in columns
     }
-    shapes = np.array([_region(slope, crs) for slope in known], dtype=object)
-    return gpd.GeoDataFrame(table, geometry=shapes if len(known) else [], crs=crs)
+    shapes = np.array([*(_region(slope, crs) for slope in known), *(None for _ in others)], dtype=object)
+    return gpd.GeoDataFrame(table, geometry=shapes if len(rows) else [], crs=crs)
 
 
 def _region(slope: Slope, crs: Any) -> shapely.MultiPolygon | None:

@@ -40,19 +40,17 @@ def work_through(
     admission = Admission(budget, executor.slots)
     waiting, from_when = dict(needs), dict.fromkeys(jobs, 0.0)
     for name, job in jobs.items():
-        if states.entries.get(name) is None or states.entries[name].task != job.task:
-            states.put(Entry(name, job.task, memory=needs[name]))
-        states.put(replace(states.entries[name], state=PENDING, attempts=0, sentence="", memory=needs[name]))
+        states.put(Entry(name, job.task, memory=needs[name]))
     while waiting or admission.held:
         now = time.monotonic()
         ready = {name: need for name, need in waiting.items() if from_when[name] <= now}
-        name = admission.next(ready)
-        if name is not None:
-            need = waiting.pop(name)
-            admission.take(name, need)
-            entry = states.entries[name]
+        chosen = admission.next(ready)
+        if chosen is not None:
+            need = waiting.pop(chosen)
+            admission.take(chosen, need)
+            entry = states.entries[chosen]
             states.put(replace(entry, state=RUNNING, attempts=entry.attempts + 1))
-            executor.submit(jobs[name], need)
+            executor.submit(jobs[chosen], need)
             continue
         ended = executor.next(_WAKING_S)
         if ended is None:
