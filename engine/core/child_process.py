@@ -96,10 +96,11 @@ def _followed(child: subprocess.Popen[bytes], each_line: Callable[[bytes], None]
     reader = threading.Thread(target=lambda stream: complaints.append(stream.read()), args=(child.stderr,), daemon=True)
     reader.start()
     lines = []
-    for line in child.stdout:
-        lines.append(line)
-        each_line(line)
-    reader.join()
+    with child.stdout, child.stderr:
+        for line in child.stdout:
+            lines.append(line)
+            each_line(line)
+        reader.join()
     child.wait()
     return b"".join(lines), b"".join(complaints)
 
