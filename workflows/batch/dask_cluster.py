@@ -134,9 +134,9 @@ def _local(distributed: Any, workers: int, dashboard: str) -> Any:
 
 
 def _queued(queue: Queue, wanted: Wanted, distributed: Any, stack: ExitStack) -> Cluster:
-    module = importlib.import_module("dask_jobqueue.local") if queue.kind == LOCAL else required("dask_jobqueue")
-    if queue.kind == LOCAL:
-        required("dask_jobqueue")
+    module = required("dask_jobqueue")
+    if queue.kind == LOCAL:  # its stand-in for a batch system, which runs the jobs here
+        module = importlib.import_module("dask_jobqueue.local")
     make = getattr(module, _QUEUES[queue.kind])
     options = dict(queue.options)
     options["scheduler_options"] = {
@@ -144,7 +144,7 @@ def _queued(queue: Queue, wanted: Wanted, distributed: Any, stack: ExitStack) ->
         **dict(options.get("scheduler_options") or {}),
     }
     try:
-        memory = distributed.utils.parse_bytes(str(options["memory"]))
+        memory = required("dask.utils").parse_bytes(str(options["memory"]))
         cores = int(options["cores"])
     except (ValueError, TypeError) as error:
         raise InputError(f"The cluster file {shown(wanted.scheduler)}: {error}; correct cores or memory.") from error

@@ -23,7 +23,7 @@ from .settings import INSPECT
 
 # Measured peaks of whole trees of processes (benchmarks/corridor.py prints the peak of its slopes).
 _BYTES_TO_START = {INSPECT: 900_000_000, "series": 550_000_000}  # libraries; those of the network for `inspect`
-_BYTES_A_POINT = 250  # of each survey whose ground is extracted at the same time
+_BYTES_A_POINT = 330  # of each survey whose ground is extracted at the same time
 _SURVEYS_AT_ONCE = 2
 _SHARE_OF_MACHINE = 0.5
 
