@@ -1,4 +1,4 @@
-"""A corridor of two slopes through the real engine: killed and gone on with, in each executor, and with a new survey."""
+"""A corridor of two slopes through the real engine: killed and gone on with, in each executor, with a new survey."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ import signal
 import sqlite3
 import subprocess
 import time
-from collections.abc import Iterator
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,6 +25,7 @@ from slopewatch.interface.parameters import BatchParameters
 from slopewatch.tests.builders.limits import PATIENCE_S
 from slopewatch.tests.builders.program import COMMAND
 from slopewatch.tests.builders.series_clouds import plane
+from slopewatch.tests.builders.zone_layers import opened
 from slopewatch.workflows.batch.corridor import Given, run_batch
 from slopewatch.workflows.batch.planning import Common
 
@@ -89,7 +88,7 @@ def at_work(out: Path) -> list[int]:
 
 
 @pytest.fixture(scope="module")
-def finished(corridor: Path) -> Iterator[tuple[Path, RunResult, Progress]]:
+def finished(corridor: Path) -> tuple[Path, RunResult, Progress]:
     """A batch that was killed as soon as it had begun, and then gone on with."""
     out = corridor / "out"
     arguments = ["batch", corridor / "corridor.csv", "--output-dir", out, "--centreline", corridor / "road.gpkg"]
@@ -109,7 +108,7 @@ def finished(corridor: Path) -> Iterator[tuple[Path, RunResult, Progress]]:
     assert {s["state"] for s in states(out).values()} >= {"running"}
     assert not (out / "run.json").exists()
     progress = Progress()
-    yield out, batch(corridor, out, progress, workers=2), progress
+    return out, batch(corridor, out, progress, workers=2), progress
 
 
 def test_a_killed_batch_goes_on_and_failures_are_rows(finished: tuple[Path, RunResult, Progress]) -> None:
@@ -200,7 +199,7 @@ def test_a_new_survey_computes_its_slope_only_and_keeps_what_people_entered(
 ) -> None:
     out = tmp_path / "out"
     subprocess.run(["cp", "-a", str(finished[0]), str(out)], check=True)
-    with closing(sqlite3.connect(out / "corridor.gpkg")) as database, database:
+    with opened(out / "corridor.gpkg") as database:
         database.execute("UPDATE alerts SET state = 'acknowledged', state_reason = 'seen', reviewer = 'A. Sato'")
         database.execute("UPDATE zones SET review_status = 'confirmed', chain_from = 12.5 WHERE slope = '<b>A'")
         with pytest.raises(sqlite3.IntegrityError, match="cannot be edited"):
