@@ -111,7 +111,7 @@ def read_queue(path: Path) -> Queue:
         raise InputError(f"The cluster file {name} is no JSON in UTF-8; correct it.") from error
     document = document if isinstance(document, dict) else {}
     kind, jobs, options = (document.get(key) for key in ("cluster", "jobs", "options"))
-    if kind not in _QUEUES:
+    if not isinstance(kind, str) or kind not in _QUEUES:
         raise InputError(f"The cluster file {name}: cluster is {kind!r}; give one of {', '.join(_QUEUES)}.")
     if not isinstance(jobs, int) or isinstance(jobs, bool) or not 1 <= jobs <= 100_000:
         raise InputError(f"The cluster file {name}: jobs is {jobs!r}; give a whole number from 1 to 100000.")

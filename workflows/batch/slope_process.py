@@ -94,7 +94,7 @@ class Events:
                 self.warnings.append(str(event["message"]))
             elif name == ERROR:
                 self.error = str(event["message"])
-        except (ValueError, KeyError, TypeError, AttributeError):
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             return  # not of the protocol: a library that prints
 
 

@@ -101,6 +101,6 @@ def _entry(line: str, kinds: dict[str, type]) -> Entry | None:
     try:
         values: dict[str, Any] = json.loads(line)
         entry = Entry(str(values["slope"]), str(values["task"]), **{n: kind(values[n]) for n, kind in kinds.items()})
-    except (ValueError, KeyError, TypeError, OverflowError):
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
         return None
     return entry if entry.state in STATES else None

@@ -28,7 +28,7 @@ class FileHashes:
         self._path = path
         self._known: dict[str, list[Any]] = {}
         self._new = False
-        with contextlib.suppress(OSError, ValueError):
+        with contextlib.suppress(OSError, ValueError, RecursionError):
             document = json.loads(path.read_text(encoding="utf-8"))
             if isinstance(document, dict):
                 self._known = {k: v for k, v in document.items() if isinstance(v, list) and len(v) == 3}
