@@ -20,13 +20,14 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ..interface.parameters import SurveyParameters
 from ..simulation.surveys.series import Creep, simulate_series, survey_days, write_series
 from .table import Row, heading, markdown, say
 
 _SLOPES, _SURVEYS, _KILL_EVERY_S = 12, 3, 30.0
-_SMALL = {"points": 12_000, "length": 14.0, "height": 6.0, "vegetation": 0.2, "offset": 0.05}
+_SMALL: dict[str, Any] = {"points": 12_000, "length": 14.0, "height": 6.0, "vegetation": 0.2, "offset": 0.05}
 _COMPARED = (".tif", ".gpkg", ".csv", ".vpc", ".html", ".vrt")
 _OWN_TIMES = ("report.html", "run.json")  # they hold the moment and the seconds of their run
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import importlib.util
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from ...engine.core.run_result import RunResult
 from ...engine.core.version import VERSION
 from ...interface.parameters import given
 from ..run import Run
+from .corridor_zones import SOURCES
 from .dask_cluster import Wanted
 from .dask_executor import Dask
 from .estimate import default_budget
@@ -27,9 +29,10 @@ from .jobs import Corridor
 from .manifest import read_manifest
 from .own_process import work_in_place
 from .planning import Common, Plan, plan
-from .products import BATCH_OUTPUTS, Made, read_alerts, write_products
+from .products import BATCH_OUTPUTS, GEOPACKAGE, Made, read_alerts, write_products
 from .results import SlopeResult, result_of
 from .scheduling import Board, work_through
+from .settings import INSPECT
 from .slope_process import PROGRAM
 from .state import FAILED, Entry, StateFile
 from .task_ids import FileHashes
@@ -88,6 +91,11 @@ def _locked_batch(run: Run, what: Given, common: Common, corridor: Corridor) -> 
     progress.info(
         f"{len(corridor.slopes)} slopes: {len(found.done)} have their results, {len(found.needs)} are to be worked on."
     )
+    here = not common.parameters.scheduler
+    if here and any(
+        found.jobs[n].command == INSPECT or not found.jobs[n].options.get("ground_ready") for n in found.needs
+    ):
+        run.find_pdal(common.pdal)  # without it every slope would fail
     with states.open(slope.name for slope in corridor.slopes), run.step("slopes", 0.05, 0.9) as entry:
         for name in found.done:
             if states.entries.get(name) is None or states.entries[name].task != found.jobs[name].task:
@@ -145,12 +153,12 @@ def _conclude(run: Run, what: Given, common: Common, corridor: Corridor, found: 
             results.append(result)
         elif slope.name in found.needs:
             failed.add((slope.name, states.entries[slope.name].sentence or "Its results are gone."))
-    signature = _signature(what, common, [(r.slope, r.record["task"]) for r in results], sorted(failed))
+    signature = _signature(what, common, results, sorted(failed))
     known = _unchanged(folder, signature)
     if known is not None:
         run.progress.info("Nothing has changed since the last run; its results stay as they are.")
         return RunResult(*known, tuple(run.progress.warnings))
-    run.read_reviews(folder, ["corridor.gpkg"])
+    run.read_reviews(folder, [GEOPACKAGE])
     alerts = read_alerts(folder)
     made = Made(
         corridor.slopes, results, sorted(failed), what.manifest, what.centreline, common.parameters.chainage_start
@@ -165,6 +173,7 @@ def _conclude(run: Run, what: Given, common: Common, corridor: Corridor, found: 
         write_products(run, made, alerts)
         run.facts |= {
             "made_of": signature,
+            "tables_stamp": _stamp(run.stage.path(GEOPACKAGE)),  # renaming keeps it
             "settings": dict(common.options),
             "profile": common.profile,
             "failed": [{"slope": slope, "sentence": sentence} for slope, sentence in sorted(failed)],
@@ -173,19 +182,36 @@ def _conclude(run: Run, what: Given, common: Common, corridor: Corridor, found: 
     return run.result()
 
 
-def _signature(what: Given, common: Common, tasks: list[tuple[str, str]], failed: list[tuple[str, str]]) -> str:
-    """What the products depend on, as a hash."""
-    line = what.centreline
-    stamp = None if line is None else (str(line), line.stat().st_mtime_ns if line.exists() else 0)
-    parts = {"version": VERSION, "tasks": tasks, "failed": failed, "line": stamp, "name": what.manifest.name}
-    text = json.dumps(parts | {"start": common.parameters.chainage_start}, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:32]
+def _signature(what: Given, common: Common, results: Sequence[SlopeResult], failed: Sequence[tuple[str, str]]) -> str:
+    """What the products depend on, as a hash; the tables of zones by their time of change, for reviews in them."""
+    keys = [key for key, _ in SOURCES]
+    parts = {
+        "version": VERSION,
+        "tasks": [(r.slope, r.record["task"], [_stamp(r.outputs[k]) for k in keys if k in r.outputs]) for r in results],
+        "failed": list(failed),
+        "centreline": None if what.centreline is None else [str(what.centreline), *_stamp(what.centreline)],
+        "manifest": what.manifest.name,
+        "start": common.parameters.chainage_start,
+        "parquet": importlib.util.find_spec("pyarrow") is not None,
+    }
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:32]
+
+
+def _stamp(path: Path) -> list[int]:
+    """Size and time of change of a file; empty where it is not there."""
+    try:
+        status = path.stat()
+    except OSError:
+        return []
+    return [status.st_size, status.st_mtime_ns]
 
 
 def _unchanged(folder: Path, signature: str) -> tuple[dict[str, Path], dict[str, Any]] | None:
     """Outputs and figures of the last run, if they are there and made of the same."""
     record = _record(folder)
     if record is None or record.get("made_of") != signature:
+        return None
+    if record.get("tables_stamp") != _stamp(folder / GEOPACKAGE):  # people entered something, which the page shows
         return None
     outputs = {str(name): folder / str(path) for name, path in dict(record.get("outputs") or {}).items()}
     if not outputs or not all(path.is_file() for path in outputs.values()):

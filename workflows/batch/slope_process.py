@@ -15,7 +15,7 @@ from typing import Any
 
 from ...engine.core.child_process import ChildResult, run_child
 from ...engine.core.errors import EngineError, InputError, SlopeWatchError
-from ...interface.protocol import CANCELLED, ERROR, LOG, PROGRESS, TASK_VARIABLE
+from ...interface.protocol import CANCELLED, ERROR, INTERNAL_FAILURE, LOG, PROGRESS, TASK_VARIABLE
 from .folder_lock import locked
 from .jobs import KILLED, MEMORY, Job, Outcome
 from .results import result_of
@@ -151,7 +151,10 @@ def work_here(job: Job, work: Callable[[Job, Events], None], listen: Listener | 
             return error.exit_code
         except MemoryError:
             events.error = "Memory ran out; clip the cloud to the slope or use a larger cell."
-            return 1
+            return INTERNAL_FAILURE
+        except Exception as unexpected:  # a child process would have ended with it; the other slopes go on here too
+            events.error = f"Internal failure: {type(unexpected).__name__}: {unexpected}"
+            return INTERNAL_FAILURE
         finally:
             os.environ.pop(TASK_VARIABLE)
             if before is not None:

@@ -225,6 +225,24 @@ def test_a_new_survey_computes_its_slope_only_and_keeps_what_people_entered(
     assert first["state_reason"].startswith("seen")
 
 
+def test_the_page_shows_what_people_entered_without_any_slope_computed(
+    finished: tuple[Path, RunResult, Progress], corridor: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    subprocess.run(["cp", "-a", str(finished[0]), str(out)], check=True)
+    assert ">raised<" in (out / "corridor.html").read_text(encoding="utf-8")
+    with opened(out / "corridor.gpkg") as database:
+        database.execute("UPDATE alerts SET state = 'acknowledged', reviewer = '<i>Sato'")
+    done = batch(corridor, out)
+    page = (out / "corridor.html").read_text(encoding="utf-8")
+    assert done.figures["slopes_computed"] == 0
+    assert ">acknowledged<" in page
+    assert "&lt;i&gt;Sato" in page
+    (row,) = pyogrio.read_dataframe(out / "corridor.gpkg", layer="alerts").to_dict("records")
+    assert (row["state"], row["reviewer"]) == ("acknowledged", "<i>Sato")
+    assert not (out / "reviews_not_carried.gpkg").exists()
+
+
 def test_settings_make_other_tasks_and_failed_slopes_can_wait(
     finished: tuple[Path, RunResult, Progress], corridor: Path
 ) -> None:
@@ -273,7 +291,7 @@ def test_the_command_refuses_what_it_cannot_use(corridor: Path, tmp_path: Path) 
 
     for given, words in (
         (("gone.csv",), "gone.csv' does not exist; give a CSV file"),
-        ((corridor / "corridor.csv", "--workers=-1"), "workers"),
+        ((corridor / "corridor.csv", "--workers=-1"), "workers is -1; give a whole number from 0 to 1024."),
         ((corridor / "corridor.csv", "--scheduler=gone.json"), "The cluster file 'gone.json' cannot be read"),
     ):
         done = run("batch", *given, "--ground-ready", "--output-dir", tmp_path / "out", env={**os.environ})
