@@ -2,7 +2,7 @@
 
 ``done`` writes the record of a run. ``refused SENTENCE`` and ``failed SENTENCE`` end with codes 2 and 1 and that
 sentence, ``crashed`` with a segmentation fault. ``killed N``, ``memory N`` do so the first N times and are done then;
-``slow`` is done after a second. Each start is a line of the file ``starts`` next to the cloud.
+``slow`` is done after a second, a real cloud at once. Each start is a line of the file ``starts`` next to the cloud.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def main(arguments: list[str]) -> int:
     with Path(f"{cloud}.starts").open("a", encoding="utf-8") as file:
         file.write(f"{os.getpid()}\n")
     count = len(Path(f"{cloud}.starts").read_text(encoding="utf-8").splitlines())
-    what, _, rest = cloud.read_text(encoding="utf-8").partition(" ")
+    what, _, rest = cloud.read_bytes()[:200].decode("utf-8", "replace").partition(" ")
     say(event="progress", percent=50.0, message="half")
     say(event="log", level="warning", message="odd")
     print("a library prints", flush=True)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
 import os
+import random
 import signal
 import subprocess
 import sys
@@ -17,6 +19,7 @@ import pytest
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.progress import Progress
 from slopewatch.tests.builders.batch_program import PROGRAM, job, starts
+from slopewatch.tests.builders.clouds import LasFile, las_file
 from slopewatch.tests.builders.limits import PATIENCE_S
 from slopewatch.workflows.batch.admission import Admission
 from slopewatch.workflows.batch.executors import Executor, Processes
@@ -27,6 +30,7 @@ from slopewatch.workflows.batch.scheduling import Board, work_through
 from slopewatch.workflows.batch.slope_process import Events, run_job, work_on
 from slopewatch.workflows.batch.state import Entry, StateFile
 
+__all__ = ["las_file"]
 GB = 1_000_000_000
 
 
@@ -229,6 +233,52 @@ def test_a_dask_worker_that_is_killed_loses_nothing(tmp_path: Path) -> None:
         killer.join()
     assert {e.state for e in entries.values()} == {"done"}
     assert all(result_of(j) is not None for j in jobs.values())
+
+
+SLOPES, KILLS = 6, 8
+
+
+def run_in_a_process(folder: str) -> None:
+    """A batch with the program of the tests, which takes its time for each slope."""
+    from slopewatch.interface.parameters import BatchParameters
+    from slopewatch.workflows.batch.corridor import Given, run_batch
+    from slopewatch.workflows.batch.planning import Common
+
+    given = Given(Path(folder) / "corridor.csv", Path(folder) / "out", program=PROGRAM)
+    run_batch(given, Common({}, "default", None, None, BatchParameters(workers=2)))
+
+
+@pytest.mark.slow
+def test_a_batch_killed_at_random_moments_loses_nothing_and_repeats_little(las_file: LasFile, tmp_path: Path) -> None:
+    """Each kill costs at most the two slopes that were at work."""
+    lines = ["slope,date,file,roi"]
+    for number in range(SLOPES):
+        las_file(tmp_path / f"{number}.laz", points=500, seed=number)
+        lines.append(f"S{number},2024-05-01,{number}.laz,")
+    (tmp_path / "corridor.csv").write_text("\n".join(lines))
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["slopewatch.workflows.batch.corridor"])
+    chance = random.Random(5)
+    done_before: set[str] = set()
+    for _ in range(KILLS):
+        process = context.Process(target=run_in_a_process, args=(str(tmp_path),))
+        process.start()
+        process.join(chance.uniform(0.2, 1.5))
+        process.kill()
+        process.join(PATIENCE_S)
+        entries = StateFile(tmp_path / "out" / "slopes.jsonl").entries
+        done = {name for name, entry in entries.items() if entry.state == "done"}
+        assert done >= done_before
+        done_before = done
+    last = context.Process(target=run_in_a_process, args=(str(tmp_path),))
+    last.start()
+    last.join(PATIENCE_S)
+    assert last.exitcode == 0
+    assert {e.state for e in StateFile(tmp_path / "out" / "slopes.jsonl").entries.values()} == {"done"}
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["metrics"]["slopes_done"] == SLOPES
+    started = sum(len(p.read_text().splitlines()) for p in tmp_path.glob("*.starts"))
+    assert SLOPES <= started <= SLOPES + 2 * KILLS
+    assert not list((tmp_path / "out").rglob(".slopewatch-part-*"))
 
 
 def test_a_job_travels_as_json_and_is_not_done_twice(tmp_path: Path) -> None:
