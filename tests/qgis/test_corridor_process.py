@@ -51,7 +51,11 @@ def test_figures_and_layers(results: dict[str, Any]) -> None:
     assert (results["SLOPE_COUNT"], results["SLOPES_DONE"], results["SLOPES_FAILED"]) == (2, 1, 1)
     assert results["OPEN_ALERTS"] == 1
     zones = QgsVectorLayer(f"{results['ZONES']}|layername=zones", "zones", "ogr")
-    assert [f["slope"] for f in zones.getFeatures()] == ["S1"]
+    (zone,) = zones.getFeatures()
+    assert zone["slope"] == "S1"
+    assert zones.loadDefaultStyle()[1]
+    assert "attention" in zones.renderer().classAttribute()
+    assert zones.renderer().categoryIndexForValue(zone["attention"]) == zone["attention"] > 0
     slopes = QgsVectorLayer(f"{results['SLOPES']}|layername=slopes", "slopes", "ogr")
     assert {f["slope"]: f["state"] for f in slopes.getFeatures()} == {"S1": "done", "S2": "failed"}
     for name in ("PAGE", "CORRIDOR", "CLOUDS", "MOSAIC", "RUN_RECORD"):
@@ -62,6 +66,11 @@ def test_alerts_are_edited_in_qgis(results: dict[str, Any]) -> None:
     alerts = QgsVectorLayer(f"{results['ALERTS']}|layername=alerts", "alerts", "ogr")
     (alert,) = alerts.getFeatures()
     assert alert["state"] == "raised"
+    assert alerts.loadDefaultStyle()[1]
+    assert alerts.renderer().categoryIndexForValue("raised") == 0
+    assert alerts.editorWidgetSetup(alerts.fields().indexOf("state")).type() == "ValueMap"
+    assert not alerts.editFormConfig().readOnly(alerts.fields().indexOf("state_reason"))
+    assert alerts.editFormConfig().readOnly(alerts.fields().indexOf("reason"))
     state, attention = (alerts.fields().indexOf(name) for name in ("state", "attention"))
     assert alerts.startEditing()
     assert alerts.changeAttributeValue(alert.id(), state, "closed")

@@ -14,7 +14,7 @@ from ...engine.vector.cell_polygons import field_kinds, table_column
 from ...engine.zones.matching import match_zones
 from .table_columns import column_of
 
-RAISED, ACKNOWLEDGED, CLOSED = "raised", "acknowledged", "closed"
+RAISED, ACKNOWLEDGED, CLOSED = STATES = ("raised", "acknowledged", "closed")
 FIELDS = field_kinds("""
     text: alert_id slope zone_id kind source
     integer: attention
@@ -23,8 +23,8 @@ FIELDS = field_kinds("""
     text: state state_reason reviewer remarks
 """)
 OWN = ("state", "state_reason")
-"""Fields that people fill in, with reviewer and remarks."""
-_KEPT = (*OWN, "reviewer", "remarks")
+ENTERED = (*OWN, "reviewer", "remarks")
+"""Fields that people fill in; ``OWN`` are those that other tables do not have."""
 
 
 def follow_alerts(

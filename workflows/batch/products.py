@@ -20,6 +20,7 @@ from ...engine.core.errors import InputError
 from ...engine.core.gdal_names import readable
 from ...engine.core.json_values import plain
 from ...engine.core.version import VERSION
+from ...engine.maps import qgis_styles
 from ...engine.report.corridor import corridor_page
 from ...engine.vector.area import read_roi
 from ...engine.vector.geopackage import Layer, read_layer, write_layers
@@ -122,11 +123,13 @@ def read_alerts(folder: Path) -> gpd.GeoDataFrame | None:
 def _write_tables(
     run: Run, made: Made, zones: gpd.GeoDataFrame, alerts: gpd.GeoDataFrame, ranked: Sequence[Ranked]
 ) -> None:
+    zone_style = qgis_styles.corridor_zones_qml(corridor_zones.FIELDS)
+    alert_style = qgis_styles.corridor_alerts_qml(alert_events.FIELDS, alert_events.STATES, alert_events.ENTERED)
     write_layers(
         run.stage.path(GEOPACKAGE),
         [
-            Layer(zones, "zones", "", "MultiPolygon", own_columns(zones, corridor_zones.FIELDS), guarded=True),
-            Layer(alerts, "alerts", "", "MultiPolygon", alert_events.OWN, guarded=True),
+            Layer(zones, "zones", zone_style, "MultiPolygon", own_columns(zones, corridor_zones.FIELDS), guarded=True),
+            Layer(alerts, "alerts", alert_style, "MultiPolygon", alert_events.OWN, guarded=True),
             Layer(_slopes_frame(made, ranked, zones.crs), "slopes", "", "MultiPolygon"),
         ],
     )
