@@ -181,12 +181,21 @@ def test_a_finished_batch_computes_nothing(finished: tuple[Path, RunResult, Prog
 
 
 @pytest.mark.filterwarnings("default")  # those of Dask are its own
-@pytest.mark.parametrize("how", [{"workers": 0}, {"workers": 4}, {"workers": 2, "scheduler": "local"}], ids=str)
+@pytest.mark.parametrize(
+    "how",
+    [{"workers": 0}, {"workers": 4}, {"workers": 2, "scheduler": "local"}, {"scheduler": "cluster.json"}],
+    ids=["own process", "4 processes", "Dask", "dask-jobqueue"],
+)
 def test_every_executor_gives_the_same_bytes(
     how: dict[str, Any], finished: tuple[Path, RunResult, Progress], corridor: Path, tmp_path: Path
 ) -> None:
     if "scheduler" in how:
-        pytest.importorskip("distributed", reason="Dask is not installed; install slopewatch[cluster]")
+        pytest.importorskip("dask_jobqueue", reason="Dask is not installed; install slopewatch[cluster]")
+    if how.get("scheduler") == "cluster.json":
+        options = {"cores": 1, "processes": 1, "memory": "2GB", "local_directory": str(tmp_path)}
+        path = tmp_path / "cluster.json"
+        path.write_text(json.dumps({"cluster": "local", "jobs": 2, "options": options}))
+        how = {"scheduler": str(path)}
     batch(corridor, tmp_path / "out", **how)
     expected, found = results(finished[0]), results(tmp_path / "out")
     assert len(found) > 20

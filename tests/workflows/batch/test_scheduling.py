@@ -216,6 +216,29 @@ def test_every_executor_ends_jobs_alike(kind: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("default")
+def test_a_scheduler_that_runs_already_says_how_much_it_has(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed; install slopewatch[cluster]")
+    from slopewatch.workflows.batch.dask_cluster import Wanted
+    from slopewatch.workflows.batch.dask_executor import Dask
+
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=2, memory_limit=3 * GB, resources={"memory": 2e9}, dashboard_address=None
+    ) as cluster:
+        watched = Progress()
+        executor = Dask(Wanted(cluster.scheduler_address, 1, "127.0.0.1:0"), watched, PROGRAM)
+        assert (executor.slots, executor.memory) == (4, 3 * GB)
+        assert any("is where it was started" in sentence for sentence in watched.warnings)
+        jobs = {name: job(tmp_path, name, "slow") for name in "abcd"}
+        # each takes most of what a worker has declared, so that two never share one; one more than any has
+        needs = dict.fromkeys(jobs, int(1.5 * GB)) | {"d": 5 * GB}
+        started = time.monotonic()
+        entries, _ = through(jobs, executor, tmp_path, needs=needs, budget=100 * GB)
+        assert time.monotonic() - started > 2.0, "four slopes of a second on two workers"
+        assert {e.state for e in entries.values()} == {"done"}
+        executor.close()
+
+
+@pytest.mark.filterwarnings("default")
 def test_a_dask_worker_that_is_killed_loses_nothing(tmp_path: Path) -> None:
     jobs = {name: job(tmp_path, name, "slow") for name in "abcd"}
     with executor_of("dask", tmp_path) as executor:
