@@ -108,3 +108,10 @@ def test_it_is_stac_by_its_own_library(catalogue: tuple[Path, list[str]]) -> Non
         assert cloud.schemas[0].properties == {"name": "X", "size": 8, "type": "floating"}
         assert item.datetime.isoformat() in ("2024-05-01T00:00:00+00:00", "2025-05-01T00:00:00+00:00")
         assert item.bbox[0] < item.bbox[3]
+        # what the schemas of the extensions ask for (pointcloud 1.0, projection 1.1), which are not at hand offline
+        assert {"pc:count", "pc:type", "pc:encoding", "pc:schemas"} <= item.properties.keys()
+        assert {s.properties["type"] for s in cloud.schemas} <= {"floating", "unsigned", "signed"}
+        assert all(isinstance(s.properties["size"], int) for s in cloud.schemas)
+        assert len(item.properties["proj:bbox"]) == 6
+        item.stac_extensions = []
+        assert item.validate(), "the schema of an item, which pystac holds"
