@@ -295,6 +295,13 @@ def test_other_results_are_refused_and_two_batches_do_not_share_a_folder(corrido
         )
 
 
+def test_without_pdal_no_slope_is_begun(corridor: Path, tmp_path: Path) -> None:
+    common = Common({}, "default", None, tmp_path / "no pdal", BatchParameters())
+    with pytest.raises(InputError, match="no pdal"):
+        run_batch(Given(corridor / "corridor.csv", tmp_path / "out"), common)
+    assert not (tmp_path / "out" / "slopes.jsonl").exists()
+
+
 def test_the_command_refuses_what_it_cannot_use(corridor: Path, tmp_path: Path) -> None:
     from slopewatch.tests.builders.program import run
 

@@ -22,7 +22,7 @@ from slopewatch.tests.builders.batch_program import PROGRAM, job, starts
 from slopewatch.tests.builders.clouds import LasFile, las_file
 from slopewatch.tests.builders.limits import PATIENCE_S
 from slopewatch.workflows.batch.admission import Admission
-from slopewatch.workflows.batch.executors import Executor, Processes
+from slopewatch.workflows.batch.executors import Executor, InPlace, Processes
 from slopewatch.workflows.batch.folder_lock import locked
 from slopewatch.workflows.batch.jobs import KILLED, MEMORY, Job, Outcome
 from slopewatch.workflows.batch.results import result_of
@@ -341,6 +341,33 @@ def test_what_a_child_says_is_heard_at_once(tmp_path: Path) -> None:
     outcome = work_on(job(tmp_path, "a", "done"), PROGRAM, lambda *words: heard.append(words))
     assert heard == [("a", 50.0, "half")]
     assert outcome.warnings == ("odd",)
+
+
+@pytest.mark.parametrize(
+    ("raised", "again", "words"),
+    [
+        (InputError("No cloud."), "", "No cloud."),
+        (MemoryError(), MEMORY, "Memory ran out"),
+        (ZeroDivisionError("x"), "", "Internal failure: ZeroDivisionError: x"),
+    ],
+)
+def test_a_slope_that_fails_in_the_own_process_stops_no_other(
+    raised: Exception, again: str, words: str, tmp_path: Path
+) -> None:
+    seen: list[str] = []
+
+    def work(made: Job, events: Events) -> None:
+        seen.append(os.environ["SLOPEWATCH_TASK"])
+        raise raised
+
+    executor = InPlace(work)
+    executor.submit(job(tmp_path, "a", ""), GB)
+    ended = executor.next(0.0)
+    assert ended is not None
+    assert ended[1].sentence.startswith(words)
+    assert ended[1].again == again
+    assert seen == ["task of a"]
+    assert "SLOPEWATCH_TASK" not in os.environ
 
 
 @pytest.mark.parametrize("line", [b"[]", b"\xff", b'{"event": 1}', b'{"event": "progress"}', b"null", b"[" * 99_999])
