@@ -11,6 +11,7 @@ from typing import Any
 import geopandas as gpd
 import pandas as pd
 import pyogrio
+import shapely
 from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
@@ -97,7 +98,7 @@ def _layer_rows(source: Path) -> Table:
         with readable(source) as plain:
             layer = _polygon_layer(plain, source)
             frame = pyogrio.read_dataframe(plain, layer=layer, force_2d=True)
-    except (OSError, RuntimeError, ValueError, sqlite3.Error) as error:
+    except (OSError, RuntimeError, ValueError, sqlite3.Error, shapely.errors.ShapelyError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(

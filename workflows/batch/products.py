@@ -105,13 +105,13 @@ def read_alerts(folder: Path) -> gpd.GeoDataFrame | None:
     try:
         with readable(path) as plain_path:
             layers = [str(name) for name, _ in pyogrio.list_layers(plain_path)]
-    except (pyogrio.errors.DataSourceError, OSError) as error:
+        if "alerts" not in layers:
+            return None
+        frame = read_layer(path, "alerts")
+    except (RuntimeError, OSError, ValueError, shapely.errors.ShapelyError) as error:
         raise InputError(
             f"{path} cannot be read, so its alerts would be lost; repair it, or move it elsewhere."
         ) from error
-    if "alerts" not in layers:
-        return None
-    frame = read_layer(path, "alerts")
     for name, kind in alert_events.FIELDS.items():
         if name not in frame:
             frame[name] = "" if kind == "text" else np.nan

@@ -141,6 +141,16 @@ def test_polygons_of_a_layer_are_the_regions(folder: Path) -> None:
     assert found.slopes[0].roi.stat().st_mtime_ns == before, "a task's id would not be found again as quickly"
 
 
+def test_a_ring_that_is_not_closed(folder: Path) -> None:
+    ring = "[[0,0],[1,0],[1,1],[0,0.5]]"
+    shape = f'{{"type": "Polygon", "coordinates": [{ring}]}}'
+    values = '{"slope": "A", "date": "2024-05-01", "file": "a1.laz"}'
+    feature = f'{{"type": "Feature", "properties": {values}, "geometry": {shape}}}'
+    (folder / "m.geojson").write_text(f'{{"type": "FeatureCollection", "features": [{feature}]}}')
+    with pytest.raises(InputError, match="cannot be read as a vector file"):
+        read_manifest(folder / "m.geojson", folder / "regions")
+
+
 def test_a_line_is_no_region(folder: Path) -> None:
     line = shapely.LineString([(0, 0), (1, 1)])
     columns = {"slope": ["A"], "date": ["2024-05-01"], "file": ["a1.laz"]}
