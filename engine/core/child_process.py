@@ -97,10 +97,15 @@ def _followed(child: subprocess.Popen[bytes], each_line: Callable[[bytes], None]
     reader.start()
     lines = []
     with child.stdout, child.stderr:
-        for line in child.stdout:
-            lines.append(line)
-            each_line(line)
-        reader.join()
+        try:
+            for line in child.stdout:
+                lines.append(line)
+                each_line(line)
+        except BaseException:
+            _end(child)  # else closing its standard error waits for the thread that reads it
+            raise
+        finally:
+            reader.join()
     child.wait()
     return b"".join(lines), b"".join(complaints)
 
