@@ -295,8 +295,9 @@ def test_other_results_are_refused_and_two_batches_do_not_share_a_folder(corrido
         )
 
 
-def test_without_pdal_no_slope_is_begun(corridor: Path, tmp_path: Path) -> None:
-    common = Common({}, "default", None, tmp_path / "no pdal", BatchParameters())
+def test_without_pdal_no_slope_is_begun(corridor: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SLOPEWATCH_PDAL", str(tmp_path / "no pdal"))
+    common = Common({}, "default", None, None, BatchParameters())
     with pytest.raises(InputError, match="no pdal"):
         run_batch(Given(corridor / "corridor.csv", tmp_path / "out"), common)
     assert not (tmp_path / "out" / "slopes.jsonl").exists()
