@@ -35,6 +35,7 @@ NAMES = {
     "whole_flow": "The whole flow",
     "seasons": "Grass grown and mown: what is reported where nothing moved",
     "series": "More than two surveys",
+    "corridor": "A corridor of slopes",
     "screening": "Screening",
     "known_places": "What a screening could find by height",
     "real_screening": "Screening of real slopes with known hazards put in",

@@ -9,6 +9,7 @@ import click
 
 from ..engine.core.errors import InputError
 from ..engine.core.version import VERSION
+from .batch import batch
 from .commands import change, check, ground, info, inspect, register
 from .m3c2 import m3c2
 from .report import report
@@ -41,5 +42,19 @@ def cli() -> None:
     """
 
 
-for subcommand in (inspect, ground, register, change, m3c2, screen, series, report, info, train, simulate, check):
+for subcommand in (
+    inspect,
+    ground,
+    register,
+    change,
+    m3c2,
+    screen,
+    series,
+    batch,
+    report,
+    info,
+    train,
+    simulate,
+    check,
+):
     cli.add_command(subcommand)

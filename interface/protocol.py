@@ -14,3 +14,6 @@ INTERNAL_FAILURE = 1
 INPUT_REFUSED = 2
 """Something given cannot be used; the message says what, and the remedy."""
 CANCELLED = 130
+
+TASK_VARIABLE = "SLOPEWATCH_TASK"
+"""Environment variable: the id under which a batch started this run; it becomes ``task`` in the run record."""

@@ -1,6 +1,7 @@
 """The toolbox: one algorithm a file; each only declares its parameters and calls the engine."""
 
 from .checkenvironment import CheckEnvironment
+from .corridorbatch import CorridorBatch
 from .elevationchange import ElevationChange
 from .extractground import ExtractGround
 from .inspectseries import InspectSeries
@@ -17,6 +18,7 @@ from .writereport import WriteReport
 ALGORITHMS = (
     InspectSlope,
     InspectSeries,
+    CorridorBatch,
     ScreenHazards,
     ExtractGround,
     RegisterEpochs,

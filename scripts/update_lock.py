@@ -61,8 +61,11 @@ def merge(old: dict[str, tuple[str, str]], new: dict[str, tuple[str, str]]) -> l
                 )
                 if name in packages
             ]
+        own = [marker for (_, marker), _ in sides]
         for (version, marker), condition in sides:
-            conditions = (marker,) if "python_full_version" in marker else (condition, marker)
+            # a marker of Python's own says enough, unless it holds on both sides of 3.11
+            implied = "python_full_version" in marker and own.count(marker) == 1
+            conditions = (marker,) if implied else (condition, marker)
             markers = " and ".join(f"({part})" if " or " in part else part for part in conditions if part)
             lines.append(f"{name}=={version}" + (f" ; {markers}" if markers else ""))
     return lines

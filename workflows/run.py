@@ -17,6 +17,7 @@ takes the files and options of its command by name; that is why it may have more
 from __future__ import annotations
 
 import contextlib
+import os
 import uuid
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -32,6 +33,7 @@ from ..engine.pointcloud.pdal_program import Pdal, find_pdal
 from ..engine.report.compose import REPORT, write_report
 from ..engine.zones.earlier_reviews import NOT_CARRIED, EarlierReviews
 from ..interface.parameters import ParameterSet
+from ..interface.protocol import TASK_VARIABLE
 
 
 class Run:
@@ -56,6 +58,8 @@ class Run:
         self.progress = progress or Progress()
         self.record = RunRecord(command, dict(parameters))
         self.facts = self.record.facts
+        if os.environ.get(TASK_VARIABLE):
+            self.facts["task"] = os.environ[TASK_VARIABLE]
         self.inputs = tuple(inputs)
         self.outputs: dict[str, Path] = {}
         self.figures: dict[str, Any] = {}

@@ -8,8 +8,9 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,6 +37,7 @@ def run_child(
     memory_limit: int | None = None,
     environment: Mapping[str, str] | None = None,
     directory: Path | None = None,
+    each_line: Callable[[bytes], None] | None = None,
 ) -> ChildResult:
     """Run a program to its end; cancelling the command ends it.
 
@@ -45,6 +47,7 @@ def run_child(
         memory_limit: bytes of address space it may take (POSIX only).
         environment: its whole environment; the own one by default.
         directory: where it runs; the own one by default.
+        each_line: called with each line of its standard output, as soon as that is there.
 
     Raises:
         Cancelled: the command is being cancelled.
@@ -74,7 +77,7 @@ def run_child(
             raise EngineError(f"{os.fspath(arguments[0])} cannot be started ({error.strerror})") from error
         _children.add(child)
     try:
-        out, err = child.communicate()
+        out, err = child.communicate() if each_line is None else _followed(child, each_line)
     finally:
         with _lock:
             _children.discard(child)
@@ -83,6 +86,28 @@ def run_child(
     if _cancelled.is_set():
         raise Cancelled("cancelled")
     return ChildResult(child.returncode, out, err, time.monotonic() - started)
+
+
+def _followed(child: subprocess.Popen[bytes], each_line: Callable[[bytes], None]) -> tuple[bytes, bytes]:
+    """What a child writes until it ends; a thread empties standard error, which would else fill up and stop it."""
+    assert child.stdout is not None
+    assert child.stderr is not None
+    complaints: list[bytes] = []
+    reader = threading.Thread(target=lambda stream: complaints.append(stream.read()), args=(child.stderr,), daemon=True)
+    reader.start()
+    lines = []
+    with child.stdout, child.stderr:
+        try:
+            for line in child.stdout:
+                lines.append(line)
+                each_line(line)
+        except BaseException:
+            _end(child)  # else closing its standard error waits for the thread that reads it
+            raise
+        finally:
+            reader.join()
+    child.wait()
+    return b"".join(lines), b"".join(complaints)
 
 
 def _launched(arguments: list[str], memory_limit: int | None, environment: Mapping[str, str] | None) -> list[str]:

@@ -36,6 +36,10 @@ _LOOKS = tuple(
     for place, alpha, width in ((4, 150, 0.4), (3, 110, 0.3), (2, 80, 0.2), (1, 40, 0.1))
 )
 """Of the grades from the highest on: colours of lowering and raising, opacity, width of the line (mm)."""
+_ATTENTION: tuple[Colour, ...] = (
+    (130, 130, 130), (242, 206, 75), (240, 150, 50), (214, 48, 42), (141, 20, 16),
+)  # fmt: skip
+"""Colours of a corridor's zones by their attention, 0 to 4 and more."""
 _STATES = ("lowered", "raised", "below its level", "not measured")
 
 
@@ -146,6 +150,30 @@ def states_qml() -> str:
     return _polygons_qml("series_states", SERIES_FIELDS, categories)
 
 
+def corridor_zones_qml(fields: Iterable[str]) -> str:
+    """Style of the zones of a corridor by their attention; ``fields`` of the layer."""
+    last = len(_ATTENTION) - 1
+    labels = ["No attention", *(f"Attention {n}" for n in range(1, last)), f"Attention {last} and more"]
+    categories = [
+        _outlined(str(n), label, colour, 30 if n == 0 else 90)
+        for n, (label, colour) in enumerate(zip(labels, _ATTENTION, strict=True))
+    ]
+    return _polygons_qml("corridor_zones", _fields(fields), categories)
+
+
+def corridor_alerts_qml(fields: Iterable[str], states: Sequence[str], entered: Sequence[str]) -> str:
+    """Style of the alerts of a corridor by their state.
+
+    Args:
+        fields: of the layer.
+        states: raised, acknowledged and closed, as they are written.
+        entered: fields that people fill in.
+    """
+    looks = ((_ATTENTION[-2], 120), (_ATTENTION[2], 90), (_ATTENTION[0], 20))
+    categories = [_outlined(state, state.capitalize(), *look) for state, look in zip(states, looks, strict=True)]
+    return _polygons_qml("corridor_alerts", _fields(fields), categories, states=states, entered=entered)
+
+
 def write_qml_next_to(raster: Path, qml: str) -> Path:
     """Write ``qml`` where QGIS finds it when it loads ``raster``: same folder, same stem. Returns that path."""
     path = Path(raster).with_suffix(".qml")
@@ -173,15 +201,14 @@ def _ramp_qml(
     )
 
 
-def _polygons_qml(template: str, fields: Mapping[str, Any], categories: Sequence[dict[str, Any]], **more: str) -> str:
+def _polygons_qml(template: str, fields: Mapping[str, Any], categories: Sequence[dict[str, Any]], **more: Any) -> str:
     return render(
         _TEMPLATES / f"{template}.qml.j2",
         fields=fields,
         categories=categories,
         hidden=PLACE_FIELDS,
-        entered=REVIEW_FIELDS,
         review_states=STATES,
-        **more,
+        **({"entered": REVIEW_FIELDS} | more),
     )
 
 

@@ -10,6 +10,7 @@ ground extraction, registration and gridding.
 from __future__ import annotations
 
 from . import command_sets
+from .batch import BatchParameters
 from .change import ChangeParameters, GridChangeParameters
 from .dates import DateParameters
 from .distances import DistanceParameters
@@ -31,6 +32,7 @@ from .zones import ZoneParameters
 __all__ = [
     "AUTO",
     "PROFILES",
+    "BatchParameters",
     "ChangeParameters",
     "CreepParameters",
     "DateParameters",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .batch import BatchParameters
 from .change import ChangeParameters, GridChangeParameters
 from .dates import DateParameters
 from .distances import DistanceParameters
@@ -39,3 +40,8 @@ INSPECT: Sets = (GroundParameters, RegistrationParameters, *_CHANGE, LastEpochPa
 SERIES: Sets = (
     SeriesParameters, GroundParameters, RegistrationParameters, GridChangeParameters, ZoneParameters, *_FOLDER,
 )  # fmt: skip
+BATCH: Sets = (
+    BatchParameters, SeriesParameters, GroundParameters, RegistrationParameters, *_CHANGE, LastEpochParameters,
+    *_FOLDER,
+)  # fmt: skip
+"""The batch's own, and all that ``inspect`` and ``series`` take."""

@@ -38,7 +38,7 @@ def test_help_shows_every_parameter_with_its_unit_and_default():
 
 
 @pytest.mark.parametrize(
-    "command", ["inspect", "ground", "register", "change", "m3c2", "screen", "info", "check", "simulate"]
+    "command", ["inspect", "ground", "register", "change", "m3c2", "screen", "batch", "info", "check", "simulate"]
 )
 def test_every_command_has_help(command):
     done = run(command, "--help")

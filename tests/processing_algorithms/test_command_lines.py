@@ -24,6 +24,7 @@ from qgis.core import (
 from qgis.PyQt.QtCore import QDate
 from slopewatch.interface.parameters import GroundParameters
 from slopewatch.processing_algorithms.checkenvironment import CheckEnvironment
+from slopewatch.processing_algorithms.corridorbatch import CorridorBatch
 from slopewatch.processing_algorithms.elevationchange import ElevationChange
 from slopewatch.processing_algorithms.extractground import ExtractGround
 from slopewatch.processing_algorithms.inspectslope import InspectSlope
@@ -371,3 +372,20 @@ def test_lines_of_profiles_reach_the_engine_as_a_file(tmp_path: Path) -> None:
         assert extent(arguments[arguments.index("--profiles") + 1]) == (500000, 500030)
     with pytest.raises(QgsProcessingException, match="INPUT is empty"):
         command(WriteReport, INPUT="")
+
+
+def test_a_corridor(tmp_path: Path) -> None:
+    out = str(tmp_path / "out")
+    assert command(CorridorBatch, MANIFEST="/data/corridor.csv", OUTPUT_FOLDER=out) == [
+        "batch", "/data/corridor.csv", "--output-dir", out,
+    ]  # fmt: skip
+    given: dict[str, Any] = {"CENTRELINE": "/data/road.gpkg", "ALERT_TABLE": "/data/a.csv", "WORKERS": 4, "CELL": 0.5}
+    more = command(CorridorBatch, INPUT=str(tmp_path), OUTPUT_FOLDER=out, MEMORY_BUDGET=8, SCHEDULER="local", **given)
+    assert more[:2] == ["batch", str(tmp_path)]
+    assert shlex.join(more[2:]) == (
+        f"--centreline /data/road.gpkg --alerts /data/a.csv --output-dir {out} --workers 4 --memory-budget 8.0 "
+        "--scheduler local --cell 0.5"
+    )
+    for wrong in ({}, {"MANIFEST": "/data/corridor.csv", "INPUT": str(tmp_path)}):
+        with pytest.raises(QgsProcessingException, match="not both"):
+            command(CorridorBatch, OUTPUT_FOLDER=out, **wrong)

@@ -57,6 +57,14 @@ FROZEN_PARAMETERS = {
         "LOAD_RASTERS", *GROUND, *REGISTRATION, *ONE_SIZE, *ZONES, *INPUT, *OUTPUT,
         "OUTPUT_FOLDER", "ZONES", "SERIES", "VELOCITY", "VELOCITY_ERROR", "EPOCHS_CONFIRMED",
     ],
+    "corridorbatch": [
+        "MANIFEST", "INPUT", "CENTRELINE", "ALERT_TABLE", "PROFILE", "WORKERS", "MEMORY_BUDGET", "TWO_SURVEYS",
+        "RETRIES", "RETRY_FAILED", "CHAINAGE_START", "SCHEDULER", "DASHBOARD", "DASHBOARD_ADDRESS", "GROUND_READY",
+        "RASTERS_EACH_SURVEY", *GROUND, *REGISTRATION, *CHANGE, *ZONES, *HEATMAP,
+        *(name for name in REPORT if name != "PROFILES"), "SCREEN_LAST_EPOCH",
+        *(name for name in SCREENING if name != "GROUND"), *INPUT, *OUTPUT,
+        "OUTPUT_FOLDER", "ZONES", "ALERTS", "SLOPES",
+    ],
     "screenhazards": [
         "INPUT", "ROI", "PROFILE", *SCREENING, *GROUND, *INPUT, "OUTPUT", "ZONES", "PROBABILITY",
         "SMALLEST_HAZARD", "MAP",
@@ -93,6 +101,7 @@ FROZEN_PARAMETERS = {
 FROZEN_GROUPS = {
     "inspectslope": "inspection",
     "inspectseries": "inspection",
+    "corridorbatch": "inspection",
     "screenhazards": "inspection",
     "extractground": "steps",
     "registerepochs": "steps",
@@ -120,6 +129,11 @@ FROZEN_OUTPUTS = {
         "EPOCH_COUNT", "ZONE_COUNT", "CONFIRMED_ZONES", "HIGHEST_ALERT", "ALERTED_ZONES", "FASTEST_RATE",
         "DETECTABLE_RATE", "LEVEL_MEDIAN", "REPORT", "TABLE", "PICTURE", "ALERTS_USED", "RUN_RECORD", "CUMULATIVE",
         "INCREMENTAL", "OUTPUT_FOLDER", "ZONES", "SERIES", "VELOCITY", "VELOCITY_ERROR", "EPOCHS_CONFIRMED",
+    ],
+    "corridorbatch": [
+        "SLOPE_COUNT", "SLOPES_DONE", "SLOPES_COMPUTED", "SLOPES_FAILED", "ZONE_COUNT", "OPEN_ALERTS",
+        "HIGHEST_ATTENTION", "PAGE", "CORRIDOR", "PARQUET", "MOSAIC", "CLOUDS", "RUN_RECORD", "OUTPUT_FOLDER",
+        "ZONES", "ALERTS", "SLOPES",
     ],
     "screenhazards": [
         "ZONE_COUNT", "ZONE_AREA", "UPLIFT_ZONES", "SUBSIDENCE_ZONES", "GROUND_POINTS", "DENSITY", "DIP", "RUN_RECORD",
@@ -156,6 +170,7 @@ FROZEN_OUTPUTS = {
 COMMANDS = {
     "inspectslope": ["inspect"],
     "inspectseries": ["series"],
+    "corridorbatch": ["batch"],
     "screenhazards": ["screen"],
     "extractground": ["ground"],
     "registerepochs": ["register"],
@@ -247,6 +262,7 @@ def test_the_dialog_has_the_engines_parameters(algorithm: SlopeWatchAlgorithm) -
         if algorithm.name() not in (
             "inspectslope",
             "inspectseries",
+            "corridorbatch",
             "screenhazards",
             "simulatesurvey",
             "simulateseries",

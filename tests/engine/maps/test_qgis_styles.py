@@ -25,6 +25,8 @@ from slopewatch.engine.maps.qgis_styles import (
     cell_size_qml,
     change_qml,
     confirmed_qml,
+    corridor_alerts_qml,
+    corridor_zones_qml,
     footprints_qml,
     hazards_qml,
     level_qml,
@@ -44,6 +46,7 @@ from slopewatch.engine.zones.fields import FIELDS, KINDS, SEVERITIES
 from slopewatch.interface.parameters import ZoneParameters
 from slopewatch.models.screening import zones
 from slopewatch.tests.builders.change_zones import zones_of
+from slopewatch.workflows.batch import alert_events, corridor_zones
 from slopewatch.workflows.products.zones import write_zones
 
 ALERT = AlertLevel(3, "alarm", "#b40426", 2, 1.0, None, None, None, "close the road")
@@ -116,6 +119,18 @@ def test_footprints_have_a_symbol_for_every_kind_and_names_for_their_own_fields(
     count = none.astype(int)
     found = zones_of(none, none > 0, none + 1, none + 1, count, GRID, CRS(32651), ZoneParameters())
     assert list(footprint_frame(found, GRID).columns.drop("geometry")) == list(FOOTPRINT_FIELDS)
+
+
+def test_a_corridors_zones_and_alerts_have_symbols_and_names() -> None:
+    root = ElementTree.fromstring(corridor_zones_qml(corridor_zones.FIELDS).partition("\n")[2])
+    assert [c.get("value") for c in root.iter("category")] == ["0", "1", "2", "3", "4"]
+    assert names_of(root) == set(corridor_zones.FIELDS)
+    states, entered = ("raised", "acknowledged", "closed"), ("state", "state_reason", "reviewer", "remarks")
+    root = ElementTree.fromstring(corridor_alerts_qml(alert_events.FIELDS, states, entered).partition("\n")[2])
+    assert tuple(c.get("value") for c in root.iter("category")) == states
+    offered = root.iterfind("fieldConfiguration/field[@name='state']//Option[@type='QString']")
+    assert tuple(option.get("value") for option in offered) == states
+    assert {f.get("name") for f in root.iterfind("editable/field")} == set(alert_events.FIELDS) - set(entered)
 
 
 def test_screened_zones_that_a_change_was_asked_about_show_its_answer() -> None:

@@ -1,0 +1,105 @@
+"""The memory that a slope will need, from the headers of its clouds and its extent, before any work."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from shapely.geometry import box
+
+from ...engine.core.errors import InputError
+from ...engine.grid.chosen_cell import CELL_SIDES_M
+from ...engine.grid.common_grid import memory_needed
+from ...engine.pointcloud.header import CloudHeader
+from ...engine.pointcloud.reading import open_cloud
+from ...engine.vector.area import read_roi
+from ...interface.parameters import AUTO, ChangeParameters, GridChangeParameters, InputParameters, ParameterSet
+from .jobs import Slope
+from .settings import INSPECT
+
+# Measured peaks of whole trees of processes (benchmarks/corridor.py prints the peak of its slopes).
+_BYTES_TO_START = {INSPECT: 900_000_000, "series": 550_000_000}  # libraries; those of the network for `inspect`
+_BYTES_A_POINT = 330  # of each survey whose ground is extracted at the same time
+_SURVEYS_AT_ONCE = 2
+_SHARE_OF_MACHINE = 0.5
+
+
+def slope_memory(slope: Slope, command: str, groups: Mapping[type[ParameterSet], ParameterSet]) -> int:
+    """Bytes that a slope's process and its children are estimated to need together.
+
+    The clouds' points, all of them, and the grid over what the region leaves of their extents; a cell that is left to
+    the clouds is taken to be their mean spacing.
+
+    Raises:
+        InputError: a cloud or the region cannot be read.
+    """
+    inputs = next(g for g in groups.values() if isinstance(g, InputParameters))
+    change = next(g for g in groups.values() if isinstance(g, GridChangeParameters))
+    headers = [open_cloud(survey.cloud, inputs) for survey in slope.surveys]
+    counts = sorted((header.count for header, _ in headers), reverse=True)
+    points = sum(counts[:_SURVEYS_AT_ONCE])
+    grid = 0.0
+    if len(headers) > 1 and all(header.bounds_trusted for header, _ in headers):
+        frame = headers[0][1]
+        low, high = _extent([header for header, _ in headers], frame.horizontal_factor)
+        area = float(np.prod(high - low))
+        spacing = math.sqrt(area / max(1, counts[-1]))
+        region = box(*low, *high)
+        if slope.roi is not None:
+            region = read_roi(slope.roi, frame.crs, unit=frame.horizontal_factor).geometry.intersection(region)
+        if not region.is_empty and region.area > 0:
+            west, south, east, north = region.bounds
+            sized = _sized(change, spacing)
+            grid = memory_needed((west, south, east, north), region.area, sized, plants=True)
+            grid = min(grid, change.memory_limit * 1e9)  # more is refused
+    return int(_BYTES_TO_START[command] + _BYTES_A_POINT * points + grid)
+
+
+def _extent(headers: list[CloudHeader], factor: float) -> tuple[np.ndarray, np.ndarray]:
+    low = np.min([header.bounds_low[:2] for header in headers], axis=0) * factor
+    high = np.max([header.bounds_high[:2] for header in headers], axis=0) * factor
+    return low, np.maximum(high, low)
+
+
+def _sized(change: GridChangeParameters, spacing: float) -> GridChangeParameters:
+    """The parameters with a cell: the given one, or about the spacing where that is left to the clouds."""
+    if change.cell != AUTO:
+        return change
+    cell = next((side for side in CELL_SIDES_M if side >= spacing), CELL_SIDES_M[-1])
+    kind = ChangeParameters if isinstance(change, ChangeParameters) else GridChangeParameters
+    return replace(kind(**change.__dict__), cell=cell)
+
+
+def machine_memory() -> int:
+    """Bytes of memory that this machine, or the container of this process, has."""
+    try:
+        found = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError) as error:
+        found = _windows_memory()
+        if not found:
+            raise InputError("The machine does not say how much memory it has; give memory_budget.") from error
+    for name in ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"):
+        try:
+            found = min(found, int(Path(name).read_text()))
+        except (OSError, ValueError):  # no such limit
+            continue
+    return found
+
+
+def _windows_memory() -> int:
+    if os.name != "nt":
+        return 0
+    import ctypes
+
+    kilobytes = ctypes.c_ulonglong()
+    found = ctypes.windll.kernel32.GetPhysicallyInstalledSystemMemory(ctypes.byref(kilobytes))  # type: ignore[attr-defined,unused-ignore]
+    return kilobytes.value * 1024 if found else 0
+
+
+def default_budget(memory: int | None) -> int:
+    """Bytes of the budget: ``memory`` of a cluster as it says itself, else half of this machine's."""
+    return memory if memory is not None else int(_SHARE_OF_MACHINE * machine_memory())
