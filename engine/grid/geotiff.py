@@ -170,7 +170,7 @@ def read_raster(path: Path, band: int = 1) -> Raster:
     """
     try:
         with rasterio.Env(**_ENVIRONMENT), rasterio.open(path) as source:
-            values = source.read(band).astype(np.float32)
+            values = source.read(band).astype(np.float32, copy=False)
             # other programs leave our -9999 behind where they declare NaN, or nothing
             values[(source.read_masks(band) == 0) | (values == NODATA)] = np.nan
             return Raster(

@@ -178,7 +178,7 @@ def density(count: NDArray[np.signedinteger[Any]], grid: Grid, layout: Layout | 
     }
 
 
-def points_a_square_metre(count: Float, grid: Grid, block: float = 1.0) -> Float:
+def points_a_square_metre(count: NDArray[Any], grid: Grid, block: float = 1.0) -> Float:
     """Density in blocks of as many whole cells as make at least ``block`` metres."""
     side = block_cells(grid, block)
     rows, columns = np.arange(0, count.shape[0], side), np.arange(0, count.shape[1], side)
