@@ -69,9 +69,10 @@ def change_step(
             method=method_name(settings.change, change.direction),
             run_id=run.run_id(hashes),
         )
+        del first, second
         with run.step("products", 0.5, 0.99, "writing outputs"):
             write_products(run, change, picture, context, settings, lines)
-        del first, second, picture, change  # the report reads the files
+        del picture, change  # the report reads the files
         run.outputs["run"] = run.record_path
         run.facts["run_id"] = context.run_id
         run.finish_reviews()

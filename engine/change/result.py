@@ -89,7 +89,7 @@ class Change:
         if layout.listed is None:
             return self
         values = {f.name: getattr(self, f.name) for f in fields(self)}
-        arrays = {name: layout.on_grid(v) for name, v in values.items() if isinstance(v, np.ndarray)}
+        arrays: dict[str, Any] = {n: layout.on_grid(v) for n, v in values.items() if isinstance(v, np.ndarray)}
         own, plants = self.own_points, self.plants
         return replace(
             self,

@@ -157,7 +157,8 @@ class TiledPoints:
 
     def counts(self, within: NDArray[np.bool_]) -> Counted:
         """Cells of the grid within the frame that have points, and how many; of ``within`` (frame's rows, columns)."""
-        cells, counts = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int32)]
+        cells: list[NDArray[np.int64]] = [np.zeros(0, dtype=np.int64)]
+        counts: list[NDArray[np.int32]] = [np.zeros(0, dtype=np.int32)]
         rows, columns = self.frame.shape
         for tile in range(self.tiles.count):
             here = self.of_tile(tile)
@@ -173,9 +174,9 @@ class TiledPoints:
             i, j = np.divmod(found, width)
             cells.append((i + corner[0]) * columns + j + corner[1])
             counts.append(count[found].astype(np.int32))
-        cell, count = np.concatenate(cells), np.concatenate(counts)
+        cell, number = np.concatenate(cells), np.concatenate(counts)
         order = np.argsort(cell, kind="stable")
-        return cell[order], count[order]
+        return cell[order], number[order]
 
     def inside(self, window: Window) -> NDArray[np.integer]:
         """Points in a window of the frame, those of each cell in the cloud's order."""

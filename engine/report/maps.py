@@ -139,7 +139,7 @@ def closed(heights: NDArray[np.floating], cell: float, gap: float, *, every: int
     row, column = np.nonzero(np.isfinite(heights))
     known = heights[row, column].astype(np.float64)
     design = np.column_stack([column * cell, row * cell, np.ones(known.size)])
-    plane = np.linalg.lstsq(design, known, rcond=None)[0]
+    plane: Float = np.linalg.lstsq(design, known, rcond=None)[0].astype(np.float64)
     reach = math.ceil(max(gap / cell, _SIGMAS_CELLS[-1] * _TRUNCATE)) + 1
     wanted = range(every // 2, heights.shape[0], every), range(every // 2, heights.shape[1], every)
     filled = np.full((len(wanted[0]), len(wanted[1])), np.nan)
@@ -160,13 +160,15 @@ def closed(heights: NDArray[np.floating], cell: float, gap: float, *, every: int
 def _closed(heights: Float, corner: tuple[int, int], plane: Float, cell: float, gap: float) -> Float:
     """As ``closed``, of a part that begins at ``corner`` (row, column), by the plane through all."""
     rows, columns = heights.shape
-    y, x = (np.arange(n)[s] for n, s in ((rows, np.s_[:, None]), (columns, np.s_[None, :])))
-    y, x = (y + corner[0]) * cell, (x + corner[1]) * cell
+    y, x = (np.arange(rows)[:, None] + corner[0]) * cell, (np.arange(columns) + corner[1]) * cell
     known = np.isfinite(heights)
     trend = plane[0] * x + plane[1] * y + plane[2]
     rest = np.where(known, heights - trend, 0.0)
     near = ndimage.distance_transform_edt(~known) * cell <= gap / 2
-    outside = ndimage.distance_transform_edt(near) * cell <= gap / 2
+    # where all is near something known, there is no outside to be near to
+    outside = np.zeros(near.shape, dtype=bool)
+    if not near.all():
+        outside = ndimage.distance_transform_edt(near) * cell <= gap / 2
     wanted = near & (~outside | known)
     filled = np.where(known, heights, np.nan)
     # from fine to coarse: a small gap shall not be smoothed as a large one

@@ -178,7 +178,7 @@ def test_the_memory_that_growing_cells_take_counts():
     first = epoch(1)
     wide = np.vstack([first, first + [400.0, 400.0, 0.0]])
     common_grid(wide, wide, ChangeParameters(adaptive=True, memory_limit=4.0, cell=0.1))
-    for adaptive, limit in ((False, 4.0), (True, 2.0)):
+    for adaptive, limit in ((False, 4.0), (True, 0.65)):
         with pytest.raises(InputError, match="cell of at least") as refusal:
             common_grid(wide, wide, ChangeParameters(adaptive=adaptive, memory_limit=limit, cell=0.1))
         fits = float(str(refusal.value).split("at least ")[1].split(" m")[0])
