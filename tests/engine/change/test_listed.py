@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 from datetime import date
 from pathlib import Path
 
+import laspy
 import numpy as np
 import pytest
 from pyproj import CRS
@@ -121,16 +122,40 @@ def test_parts_of_the_slope_leave_no_seam(both, monkeypatch):
         np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name), err_msg=name)
 
 
-def test_memory_follows_the_slope_and_not_the_rectangle():
-    """Three times the length is nine times the rectangle."""
+@pytest.mark.parametrize("lay_out", [False, True], ids=["listed", "rectangle"])
+def test_memory_follows_the_slope_and_not_the_rectangle(monkeypatch, lay_out):
+    """Three times the length is nine times the rectangle; on the rectangle the memory a cell of the slope grows."""
+    monkeypatch.setattr(tiled_points, "_AT_ONCE", 1)
+    monkeypatch.setattr(tiled_points, "_TILE", 64)
+    monkeypatch.setattr(variogram, "_MAX_LATTICE_CELLS", 1 << 12)
+    if lay_out:
+        monkeypatch.setattr(module, "adaptive_cells", lambda *a, **options: laid_out(adaptive_cells(*a, **options)))
     peaks = []
-    for length in (80.0, 240.0):
+    for length in (60.0, 180.0):
         (first, cover), (second, later) = turned_slope(length, density=8.0)
         tracemalloc.start()
         try:
             change = listed_difference(first, second, PARAMETERS, plants=(cover, later))
             change_zones(change)
-            peaks.append(tracemalloc.get_traced_memory()[1] / change.layout.listed.size)
+            peaks.append(tracemalloc.get_traced_memory()[1] / int(change.valid.sum()))
         finally:
             tracemalloc.stop()
-    assert peaks[1] < 1.5 * peaks[0]
+    assert (peaks[1] > 1.5 * peaks[0]) == lay_out
+
+
+def test_two_real_tiles_that_touch_are_compared_without_a_seam(shared_data, monkeypatch):
+    """Every second ground point against the others, over both tiles: in parts of 32 cells as in one piece."""
+    files = [shared_data / f"real/ign_tiles/test_data_77050_{tile}_LA93_IGN69.laz" for tile in ("627755", "627760")]
+    clouds = [laspy.read(path) for path in files]
+    ground = [cloud.xyz[np.asarray(cloud.classification) == 2] for cloud in clouds]
+    together = np.vstack(ground)
+    parameters = ChangeParameters(cell=0.5)
+    whole = difference(together[::2], together[1::2], parameters)
+    monkeypatch.setattr(tiled_points, "_AT_ONCE", 1)
+    monkeypatch.setattr(tiled_points, "_TILE", 32)
+    parts = difference(together[::2], together[1::2], parameters)
+    assert whole.valid.mean() > 0.3
+    assert np.array_equal(parts.partition.block, whole.partition.block)
+    for name in ("dz", "error", "level"):
+        np.testing.assert_allclose(getattr(parts, name), getattr(whole, name), rtol=1e-9, atol=1e-9, err_msg=name)
+    assert np.array_equal(parts.significant, whole.significant)
