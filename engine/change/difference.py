@@ -271,7 +271,7 @@ def _judged(
     stable: BaseGeometry | None,
 ) -> Change:
     """The change with its calibrated errors, levels and what they decide."""
-    measured = cells.measured
+    measured, layout = cells.measured, cells.measured.partition.layout
     parameters = with_direction(parameters, measured.slope)
     valid = np.isfinite(measured.dz)
     here = np.flatnonzero(valid)
@@ -288,11 +288,9 @@ def _judged(
         parameters,
         registration_error=registration_error,
         uniform=uniform is not None,
-        given=None if stable is None else measured.partition.layout.of(cells_inside(stable, grid)),
+        given=None if stable is None else layout.of(cells_inside(stable, grid)),
     )
-    season, plant_like = judge_season(
-        measured.plants, found.dz, found.decision.level, grid.cell, measured.partition.layout
-    )
+    season, plant_like = judge_season(measured.plants, found.dz, found.decision.level, grid.cell, layout)
     explained = None if plant_like is None else plant_like & found.decision.significant
     significant = found.decision.significant if explained is None else found.decision.significant & ~explained
     return Change(

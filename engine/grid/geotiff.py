@@ -21,7 +21,7 @@ from rasterio.windows import Window
 
 from ..core.errors import EngineError, InputError
 from ..core.staged_outputs import atomic_output
-from ..statistics.layout import Layout
+from ..statistics.layout import Laid, laid
 from .grid import Grid
 
 NODATA = -9999.0
@@ -81,48 +81,46 @@ def raster_tags(
 
 def write_raster(
     path: Path,
-    array: NDArray[np.floating],
+    array: NDArray[np.floating] | Laid,
     grid: Grid,
     crs: CRS | None,
     *,
     description: str,
     unit: str = "m",
     tags: Mapping[str, str] | None = None,
-    layout: Layout | None = None,
 ) -> None:
     """Write ``array`` (NaN for no data) as a Float32 cloud-optimised GeoTIFF with nodata -9999.
 
     Args:
-        array: (rows, columns), or as ``layout`` holds it.
+        array: (rows, columns), or a list of cells.
 
     Raises:
         EngineError: the array does not fit the grid or is infinite somewhere, or the file read back differs.
         InputError: the folder is missing or not writable.
     """
-    write_bands(path, {description: array}, grid, crs, unit=unit, tags=tags, layout=layout)
+    write_bands(path, {description: array}, grid, crs, unit=unit, tags=tags)
 
 
 def write_bands(
     path: Path,
-    bands: Mapping[str, NDArray[np.floating]],
+    bands: Mapping[str, NDArray[np.floating] | Laid],
     grid: Grid,
     crs: CRS | None,
     *,
     unit: str = "m",
     tags: Mapping[str, str] | None = None,
-    layout: Layout | None = None,
 ) -> None:
     """Like ``write_raster`` with several bands, by their descriptions."""
-    name, layout = Path(path).name, layout or Layout(grid.shape)
-    for array in bands.values():
-        if array.shape != layout.array_shape or layout.shape != grid.shape:
-            raise EngineError(f"{name}: an array of {array.shape} does not fit a grid of {grid.shape}")
-        if np.isinf(array).any():
+    name, held = Path(path).name, [laid(band) for band in bands.values()]
+    for band in held:
+        if band.layout.shape != grid.shape or band.values.shape != band.layout.array_shape:
+            raise EngineError(f"{name}: an array of {band.values.shape} does not fit a grid of {grid.shape}")
+        if np.isinf(band.values).any():
             raise EngineError(f"{name}: the raster has infinite values")
     profile = {"count": len(bands), "dtype": "float32", "nodata": NODATA}
 
     def lines(rows: slice) -> NDArray[np.float32]:
-        found = np.stack([layout.lines(array, rows).astype(np.float32) for array in bands.values()])
+        found = np.stack([band.layout.lines(band.values, rows).astype(np.float32) for band in held])
         found[np.isnan(found)] = NODATA
         return found
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...interface.parameters import HeatmapParameters, given
 from ..grid.grid import Grid
-from ..statistics.layout import Layout, layout_of
+from ..statistics.layout import Laid, laid
 from .palette import colour_limit, diverging_colours, veiled
 from .top_view import TopView
 
@@ -57,7 +57,7 @@ class Heatmap:
 
 
 def make_heatmap(
-    dz: NDArray[np.floating],
+    dz: NDArray[np.floating] | Laid,
     significant: NDArray[np.bool_],
     lod: NDArray[np.floating],
     grid: Grid,
@@ -65,7 +65,6 @@ def make_heatmap(
     parameters: HeatmapParameters | None = None,
     *,
     limit: float | None = None,
-    layout: Layout | None = None,
 ) -> Heatmap:
     """Lay significant change in colour, other measured cells in a grey veil, over the top view.
 
@@ -74,12 +73,12 @@ def make_heatmap(
     transparent.
 
     Args:
-        dz, lod: change and level of detection on ``grid``, metres; NaN for no data.
+        dz, lod: change and level of detection on ``grid``, metres; NaN for no data. All three are (rows, columns), or
+            lists of the same cells where the change is one.
         view: the top view, on a grid of its own.
         limit: end of the legend, metres; from the data and ``parameters`` if not given.
-        layout: of the change; all cells (rows, columns) by default.
     """
-    layout = layout or layout_of(dz)
+    dz, layout = laid(dz).values, laid(dz).layout
     parameters = parameters or HeatmapParameters()
     level = float(np.median(lod[np.isfinite(lod)])) if np.isfinite(lod).any() else float("nan")
     shown = significant & np.isfinite(dz)

@@ -102,6 +102,19 @@ def bands(shape: tuple[int, int], cells: int = _BAND_CELLS) -> list[slice]:
     return [slice(top, min(top + height, shape[0])) for top in range(0, shape[0], height)]
 
 
+@dataclass(frozen=True)
+class Laid:
+    """Values with the layout that they are held in."""
+
+    values: NDArray[Any]
+    layout: Layout
+
+
+def laid(values: NDArray[Any] | Laid) -> Laid:
+    """With their layout; an array holds all cells (rows, columns)."""
+    return values if isinstance(values, Laid) else Laid(values, layout_of(values))
+
+
 def layout_of(whole: NDArray[Any]) -> Layout:
     """That of an array of all cells (rows, columns)."""
     return Layout((whole.shape[0], whole.shape[1]))

@@ -24,6 +24,7 @@ from ...engine.maps.heatmap import write_heatmap_png
 from ...engine.maps.heatmap_image import make_heatmap
 from ...engine.pointcloud.cloud import PointCloud
 from ...engine.report.facts import change_facts, error_terms
+from ...engine.statistics.layout import Laid
 from ...engine.statistics.normal import Z95
 from ...engine.statistics.robust import nmad
 from ...engine.zones import extraction, fields, gcd_table
@@ -170,8 +171,8 @@ def _write_pictures(
     stage = run.stage
     view = top_view.top_view(picture, top_view.top_view_grid(change.grid, parameters.top_view_pixel))
     geotiff.write_rgba(stage.path("top_view.tif"), view.rgba, view.grid, context.crs, tags=tags)
-    shown = change.dz, change.significant, change.level
-    heatmap = make_heatmap(*shown, change.grid, view, parameters, limit=limit, layout=change.layout)
+    shown = Laid(change.dz, change.layout), change.significant, change.level
+    heatmap = make_heatmap(*shown, change.grid, view, parameters, limit=limit)
     names = context.first.name, context.second.name
     write_heatmap_png(stage.path("heatmap.png"), heatmap, zones=found.frame, epochs=names)
     geotiff.write_rgba(stage.path("heatmap.tif"), heatmap.rgba, heatmap.grid, context.crs, tags=tags)
@@ -286,9 +287,8 @@ def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float,
     for name, array, description, qml in layers:
         path = stage.path(f"{name}.tif")
         unit = "1" if name == "change_probability" else "m"
-        geotiff.write_raster(
-            path, array, change.grid, crs, description=description, unit=unit, tags=tags, layout=change.layout
-        )
+        held = Laid(array, change.layout)
+        geotiff.write_raster(path, held, change.grid, crs, description=description, unit=unit, tags=tags)
         qgis_styles.write_qml_next_to(path, qml)
         outputs[name] = stage.final(path.name)
     epochs = ("earlier", "later")
@@ -298,7 +298,8 @@ def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float,
     }
     for name, (description, unit, arrays) in bands.items():
         path = stage.path(f"{name}.tif")
-        named = {description.format(e): np.asarray(a) for e, a in zip(epochs, arrays, strict=True)}
-        geotiff.write_bands(path, named, change.grid, crs, unit=unit, tags=tags, layout=change.layout)
+        held = [Laid(np.asarray(array), change.layout) for array in arrays]
+        named = {description.format(epoch): band for epoch, band in zip(epochs, held, strict=True)}
+        geotiff.write_bands(path, named, change.grid, crs, unit=unit, tags=tags)
         outputs[name] = stage.final(path.name)
     return outputs
