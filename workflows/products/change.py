@@ -298,8 +298,8 @@ def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float,
     }
     for name, (description, unit, arrays) in bands.items():
         path = stage.path(f"{name}.tif")
-        held = [Laid(np.asarray(array), change.layout) for array in arrays]
-        named = {description.format(epoch): band for epoch, band in zip(epochs, held, strict=True)}
+        pair = [Laid(np.asarray(array), change.layout) for array in arrays]
+        named = {description.format(epoch): band for epoch, band in zip(epochs, pair, strict=True)}
         geotiff.write_bands(path, named, change.grid, crs, unit=unit, tags=tags)
         outputs[name] = stage.final(path.name)
     return outputs
