@@ -19,6 +19,7 @@ from ..engine.pointcloud.reading import open_cloud, read_cloud
 from ..engine.zones.profile_lines import given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from ..interface.parameters import AUTO
+from .early_memory import refuse_grid_early
 from .pair import compare_pair, dated_pair, ground_of, stable_area
 from .products.change import CHANGE_OUTPUTS, ON_REQUEST, Context, method_name, write_products
 from .run import Run
@@ -52,6 +53,8 @@ def change_step(
     check_days(epochs, trusted=settings.dates.trust_dates, progress=progress)
     require_comparable(reference, moving, settings.inputs)
     refuse_raw((reference, moving), settings.surface.ground, settings.inputs)
+    if transform is None and settings.surface.ground != "class_2":
+        refuse_grid_early((reference, moving), settings.inputs, settings.change, None)
     crs = open_cloud(reference, settings.inputs)[1].crs
     lines = given_lines(profiles, crs, settings.report.profile_field, progress)
     with run.writing(output_dir, report=True):
@@ -66,9 +69,10 @@ def change_step(
             method=method_name(settings.change, change.direction),
             run_id=run.run_id(hashes),
         )
+        del first, second
         with run.step("products", 0.5, 0.99, "writing outputs"):
             write_products(run, change, picture, context, settings, lines)
-        del first, second, picture, change  # the report reads the files
+        del picture, change  # the report reads the files
         run.outputs["run"] = run.record_path
         run.facts["run_id"] = context.run_id
         run.finish_reviews()

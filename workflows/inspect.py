@@ -223,7 +223,9 @@ def _change_of_two(task: _Inspection, grounds: list[GroundResult], screened: boo
     registration = _registered(task, first, second)
     moved = replace(second, xyz=registration.transform.apply(second.xyz))
     change = _difference(task, first, moved, registration)
-    later = _write_clouds(task, grounds[1], replace(moved, crs=first.crs), registration)
+    crs = first.crs
+    later = _write_clouds(task, grounds[1], replace(moved, crs=crs), registration)
+    del first, second, moved
     found = _screened_and_confirmed(task, later, change) if screened else None
     with run.step("products", 0.88, 0.99, "writing outputs"):
         picture = read_cloud(grounds[1].clipped, colours=True)
@@ -231,7 +233,7 @@ def _change_of_two(task: _Inspection, grounds: list[GroundResult], screened: boo
         context = Context(
             first=task.epochs[0],
             second=task.epochs[1],
-            crs=first.crs,
+            crs=crs,
             transform=registration.transform,
             input_hashes=task.hashes,
             method=f"{method_name(settings.change, change.direction)}, {registration.method} registration",

@@ -9,7 +9,7 @@ from pyproj import CRS
 from shapely.affinity import translate
 from shapely.geometry.base import BaseGeometry
 
-from ..engine.change.difference import Areas, difference
+from ..engine.change.difference import Areas, listed_difference
 from ..engine.change.doubts import warn_of_doubtful_change
 from ..engine.change.result import Change
 from ..engine.core.progress import Progress
@@ -82,8 +82,8 @@ def compare_pair(
     registration_error: float,
     progress: Progress,
 ) -> Change:
-    """The difference of two clouds in one frame (see ``change.difference``); warns of what makes it doubtful."""
-    change = difference(
+    """The difference of two clouds in one frame (see ``change.listed_difference``); warns of what makes it doubtful."""
+    change = listed_difference(
         first.xyz,
         second.xyz,
         parameters,

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from ..grid.cell_slope import Counts
 from .result import Change
 
 _MIN_COMMON_SHARE = 0.8
@@ -17,7 +16,7 @@ def common_rate_at(change: Change, multiple: int) -> float:
     """Share of common cells, were the cells ``multiple`` times as large."""
     least = max(int(change.minimum_points), 1)
     common, either = (
-        combine(*(_blocks(count, multiple) >= least for count in change.points))
+        combine(*(change.layout.block_sums(count, multiple) >= least for count in change.points))
         for combine in (np.logical_and, np.logical_or)
     )
     return float(common.sum() / max(either.sum(), 1))
@@ -36,14 +35,6 @@ def cell_that_compares(change: Change) -> float | None:
 def compared_share(change: Change, *, both: bool = False) -> float:
     """Area of the common cells over the area that either epoch, or ``both``, reached, in blocks of a metre or more."""
     multiple = max(1, math.ceil(_BLOCK_M / change.grid.cell - 1e-9))
-    first, second = (_blocks(count, multiple) > 0 for count in change.points)
+    first, second = (change.layout.block_sums(count, multiple) > 0 for count in change.points)
     reached = first & second if both else first | second
     return min(1.0, float(change.valid.sum() / max(int(reached.sum()) * multiple**2, 1)))
-
-
-def _blocks(count: Counts, multiple: int) -> Counts:
-    """Points in blocks of ``multiple`` by ``multiple`` cells."""
-    rows = np.arange(0, count.shape[0], multiple)
-    columns = np.arange(0, count.shape[1], multiple)
-    blocks: Counts = np.add.reduceat(np.add.reduceat(count, rows, axis=0), columns, axis=1)
-    return blocks

@@ -63,6 +63,28 @@ def difference(
     plants: tuple[PlantCover | None, PlantCover | None] = (None, None),
     progress: Progress | None = None,
 ) -> Change:
+    """As ``listed_difference``, with arrays (rows, columns) of the whole grid."""
+    return listed_difference(
+        reference,
+        moving,
+        parameters,
+        registration_error=registration_error,
+        areas=areas,
+        plants=plants,
+        progress=progress,
+    ).whole()
+
+
+def listed_difference(
+    reference: Float,
+    moving: Float,
+    parameters: GridChangeParameters,
+    *,
+    registration_error: float = 0.0,
+    areas: Areas | None = None,
+    plants: tuple[PlantCover | None, PlantCover | None] = (None, None),
+    progress: Progress | None = None,
+) -> Change:
     """Grid both clouds and subtract: change, standard error and level of detection of each cell.
 
     The error of a cell's height is its points' variance times the leverage (1/n for a mean); the difference adds
@@ -70,6 +92,8 @@ def difference(
     the registration error and, where it is known, the error that plants cause in either epoch (Lague et al. 2013,
     doi:10.1016/j.isprsjprs.2013.04.009, eq. 1, with the registration error as a standard error). The level is the
     two-sided normal quantile times that, unless another threshold is asked for.
+
+    Where cells grow, the change lists the cells of the slope; else its arrays are of the whole grid.
 
     Args:
         reference: (n, 3) points of the first epoch, metres.
@@ -247,7 +271,7 @@ def _judged(
     stable: BaseGeometry | None,
 ) -> Change:
     """The change with its calibrated errors, levels and what they decide."""
-    measured = cells.measured
+    measured, layout = cells.measured, cells.measured.partition.layout
     parameters = with_direction(parameters, measured.slope)
     valid = np.isfinite(measured.dz)
     here = np.flatnonzero(valid)
@@ -264,9 +288,9 @@ def _judged(
         parameters,
         registration_error=registration_error,
         uniform=uniform is not None,
-        given=None if stable is None else cells_inside(stable, grid),
+        given=None if stable is None else layout.of(cells_inside(stable, grid)),
     )
-    season, plant_like = judge_season(measured.plants, found.dz, found.decision.level, grid.cell)
+    season, plant_like = judge_season(measured.plants, found.dz, found.decision.level, grid.cell, layout)
     explained = None if plant_like is None else plant_like & found.decision.significant
     significant = found.decision.significant if explained is None else found.decision.significant & ~explained
     return Change(

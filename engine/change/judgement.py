@@ -22,7 +22,7 @@ from .thresholds import Decision, decide
 
 @dataclass(frozen=True)
 class Judgement:
-    """A difference with its errors; arrays (rows, columns), metres, NaN where not compared.
+    """A difference with its errors; arrays as in ``Measured``, metres, NaN where not compared.
 
     ``dz`` is along the direction asked for, and so are ``error`` and its parts: ``sampling``, that of the points after
     calibration, ``plants``, and ``registration_error``, which all cells share. ``plants_factor`` is the factor
@@ -84,7 +84,7 @@ def judge(
     here = np.flatnonzero(np.isfinite(dz))
     scaled = on_grid(here, model.factor(slope.ravel()[here]) * measured.sampling.ravel()[here], dz.shape)
     if plants is not None and parameters.calibrate and not uniform and ground.settled:
-        factor = plants_factor(dz, scaled, plants.error, stable, squares_of(dz.shape, partition.cell), **known)
+        factor = plants_factor(dz, scaled, plants.error, stable, squares_of(partition.layout, partition.cell), **known)
         plants = plants.scaled(factor)
     error = np.hypot(scaled, registration_error)
     if plants is not None:
@@ -103,13 +103,13 @@ class _Known(TypedDict):
 def _calibrated(measured: Measured, stable: NDArray[np.bool_], known: _Known) -> ErrorModel:
     """The factor by slope, of one cell of each part."""
     here = np.flatnonzero(measured.partition.one_each(np.isfinite(measured.dz)))
-    half, plants = patch_halves(measured.dz.shape), measured.by_plants
+    half, plants = patch_halves(measured.partition.layout, here), measured.by_plants
     samples = Samples(
         measured.dz.ravel()[here],
         measured.sampling.ravel()[here],
         measured.slope.ravel()[here],
         stable.ravel()[here],
         plants=None if plants is None else plants.ravel()[here],
-        half=half.ravel()[here],
+        half=half,
     )
     return calibrate(samples, **known)

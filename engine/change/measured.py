@@ -13,7 +13,8 @@ from ..grid.plant_cells import PlantCells
 
 @dataclass(frozen=True)
 class Measured:
-    """A difference; arrays (rows, columns), metres, NaN where not compared.
+    """A difference; arrays (rows, columns), or (n,) of the cells that ``partition`` lists; metres, NaN where not
+    compared.
 
     Attributes:
         dz: change.

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.arrays import Float
+from ..statistics.layout import Layout, layout_of
 from ..statistics.normal import quantile
 from ..statistics.quantiles import sample_quantile
 
@@ -60,14 +61,25 @@ def plants_factor(
     return float(np.clip(math.sqrt(max(sample_quantile(needed, surer), 0.0)), MIN_FACTOR, 1.0))
 
 
-def squares_of(shape: tuple[int, int], cell: float) -> NDArray[np.int64]:
-    """Number of the square of ``PATCH_M`` that each cell of a grid (rows, columns) is in; ``cell`` metres a side."""
+def squares_of(layout: Layout, cell: float) -> NDArray[np.int64]:
+    """Number of the square of ``PATCH_M`` that each cell of a grid is in, in its layout; ``cell`` metres a side."""
     width = max(round(PATCH_M / cell), 1)
-    row, column = (np.arange(n, dtype=np.int64) // width for n in shape)
-    return row[:, None] * (int(column[-1]) + 1) + column
+    across = (layout.shape[1] - 1) // width + 1
+    if layout.listed is None:
+        row, column = (np.arange(n, dtype=np.int64) // width for n in layout.shape)
+        return row[:, None] * across + column
+    row, column = np.divmod(layout.listed, layout.shape[1])
+    return row // width * across + column // width
 
 
-def common_share(dz: Float, sampling: Float, plants: Float, stable: NDArray[np.bool_], cell: float) -> float:
+def common_share(
+    dz: Float,
+    sampling: Float,
+    plants: Float,
+    stable: NDArray[np.bool_],
+    cell: float,
+    layout: Layout | None = None,
+) -> float:
     """Share (0 to 1) of the error by plants that is the same all over the slope.
 
     A season lifts or lowers all of it alike; what stands in one place and not in another does not. On stable ground
@@ -79,10 +91,12 @@ def common_share(dz: Float, sampling: Float, plants: Float, stable: NDArray[np.b
         dz, sampling, plants: as in ``plants_factor``, ``plants`` after that factor.
         stable: cells of stable ground, one of each grown cell.
         cell: side of a cell, metres.
+        layout: of the arrays; all cells (rows, columns) by default.
     """
     with np.errstate(invalid="ignore"):
         under_plants = stable & np.isfinite(dz) & (plants > sampling)
-    _, patch = np.unique(squares_of(dz.shape, cell)[under_plants], return_inverse=True)
+    layout = layout or layout_of(dz)
+    _, patch = np.unique(squares_of(layout, cell)[under_plants], return_inverse=True)
     count = np.bincount(patch)
     if len(count) < MIN_PATCHES:
         return 1.0
@@ -90,7 +104,7 @@ def common_share(dz: Float, sampling: Float, plants: Float, stable: NDArray[np.b
     return min(math.hypot(float(means.mean()), float(means.std(ddof=1)) / math.sqrt(len(means))), 1.0)
 
 
-def sum_by_plants(weighted: Float, cell: float, share: float) -> float:
+def sum_by_plants(weighted: Float, cell: float, share: float, layout: Layout | None = None) -> float:
     """Standard error of a sum of changes, by plants, of whose error a ``share`` is common to all.
 
     All of it is alike within squares of 2 m, whose errors are independent except for the share.
@@ -99,6 +113,7 @@ def sum_by_plants(weighted: Float, cell: float, share: float) -> float:
         weighted: each cell's weight times its error by plants (rows, columns), not negative; of cells that are one,
             their sum in one of them.
         cell: side of a cell, metres.
+        layout: of the weights; all cells (rows, columns) by default.
     """
-    sums = np.bincount(squares_of(weighted.shape, cell).ravel(), weighted.ravel())
+    sums = np.bincount(squares_of(layout or layout_of(weighted), cell).ravel(), weighted.ravel())
     return min(math.hypot(share * float(sums.sum()), float(np.sqrt(np.sum(sums**2)))), float(sums.sum()))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -13,13 +13,17 @@ from ..grid.chosen_cell import CellChoice
 from ..grid.grid import Grid
 from ..grid.partition import Partition
 from ..grid.plant_cells import PlantCells
+from ..statistics.layout import Layout
 from .season import Season
 from .slope_calibration import ErrorModel, uncalibrated
 
 
 @dataclass(frozen=True)
 class Change:
-    """Elevation change B minus A; arrays of shape ``grid.shape``, NaN where a cell is not valid in both epochs.
+    """Elevation change B minus A; NaN where a cell is not valid in both epochs.
+
+    Arrays are (rows, columns) of ``grid``, or (n,) of the cells that ``partition`` lists (see ``Layout``); ``whole``
+    gives the former.
 
     ``error`` is the standard error of ``dz``; ``level`` the level of detection at ``confidence``, both in metres.
     ``common_cell_rate`` is the share of cells with enough points of both epochs among those with enough of either, also
@@ -75,6 +79,27 @@ class Change:
     choice: CellChoice | None = None
 
     @property
+    def layout(self) -> Layout:
+        """How the arrays hold the cells."""
+        return self.partition.layout
+
+    def whole(self) -> Change:
+        """The change with arrays (rows, columns)."""
+        layout = self.layout
+        if layout.listed is None:
+            return self
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        arrays: dict[str, Any] = {n: layout.on_grid(v) for n, v in values.items() if isinstance(v, np.ndarray)}
+        own, plants = self.own_points, self.plants
+        return replace(
+            self,
+            **arrays,
+            partition=self.partition.whole(),
+            own_points=None if own is None else (layout.on_grid(own[0]), layout.on_grid(own[1])),
+            plants=None if plants is None else plants.laid_out(layout.on_grid),
+        )
+
+    @property
     def points(self) -> tuple[NDArray[np.signedinteger[Any]], NDArray[np.signedinteger[Any]]]:
         """Points of each cell itself in either epoch."""
         return self.own_points or (self.count_from, self.count_to)
@@ -85,7 +110,7 @@ class Change:
         flat = self.grid.cell**2
         if self.direction == "normal":
             return flat / np.cos(np.radians(self.slope))
-        return np.broadcast_to(np.float64(flat), self.grid.shape)  # one number, read only
+        return np.broadcast_to(np.float64(flat), self.dz.shape)  # one number, read only
 
     @property
     def measure(self) -> str:

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from ..core.arrays import Float
 from ..core.number_text import fixed
 from ..grid.plant_cells import PlantCells
+from ..statistics.layout import Layout, layout_of
+from ..statistics.window_sums import Windows
 
 MIN_PLANT_HEIGHT_M = 0.05
 """Metres: ground over which returns lie so high at the median has plants."""
@@ -106,47 +107,52 @@ class Season:
 
 
 def judge_season(
-    plants: PlantCells | None, dz: Float, level: Float, cell: float
+    plants: PlantCells | None, dz: Float, level: Float, cell: float, layout: Layout | None = None
 ) -> tuple[Season | None, NDArray[np.bool_] | None]:
-    """How the plants of a change differ, and which cells (rows, columns) they explain; None where that is not known.
+    """How the plants of a change differ, and which cells they explain; None where that is not known.
 
     Args:
-        dz, level: change and its level of detection (rows, columns), metres.
+        dz, level: change and its level of detection, metres.
         cell: side of a cell, metres.
+        layout: of the arrays; all cells (rows, columns) by default.
     """
     if plants is None or plants.height_from is None or plants.height_to is None:
         return None, None
     heights = plants.height_from, plants.height_to
     season = compare_seasons(*heights, dz)
-    near = around(*heights, cell, 0.0 if season is not None and season.differs else MIN_COVERED_SHARE)
+    least = 0.0 if season is not None and season.differs else MIN_COVERED_SHARE
+    near = around(*heights, cell, least, layout)
     return season, explained_by_plants(dz, level, *heights) | explained_by_plants(dz, level, *near)
 
 
-def around(height_from: Float, height_to: Float, cell: float, least_share: float = 0.0) -> tuple[Float, Float]:
-    """Mean heights (rows, columns) of both surveys over the cells with plants within ``MARGIN_M``.
+def around(
+    height_from: Float, height_to: Float, cell: float, least_share: float = 0.0, layout: Layout | None = None
+) -> tuple[Float, Float]:
+    """Mean heights of both surveys over the cells with plants within ``MARGIN_M``.
 
     Where grass thins out, its lowest returns scatter as those of bare ground do: the ground comes out within the plants
     and these as nothing. The plants around show better how they have changed. NaN where no plants stand, or on less
     than ``least_share`` of the known ground.
 
     Args:
-        height_from, height_to: heights of the plants in each cell, metres (rows, columns), NaN where not known.
+        height_from, height_to: heights of the plants in each cell, metres, NaN where not known.
         cell: side of a cell, metres.
+        layout: of the arrays; all cells (rows, columns) by default.
     """
+    layout = layout or layout_of(height_from)
     known = np.isfinite(height_from + height_to)
     with np.errstate(invalid="ignore"):
         grown = known & (np.maximum(height_from, height_to) >= MIN_PLANT_HEIGHT_M)
-    width = 2 * round(MARGIN_M / cell) + 1
-
-    def pooled(values: Float, of: NDArray[np.bool_] = grown) -> Float:
-        return np.asarray(ndimage.uniform_filter(np.where(of, values, 0.0), width, mode="constant"))
-
-    each = np.ones(grown.shape)
-    share = pooled(each)
-    few = share < least_share * pooled(each, known) - 1e-9
-    # less than a cell is what is left of rounding
-    share[few | (share < 0.5 / width**2)] = np.nan
-    return pooled(height_from) / share, pooled(height_to) / share
+    every = layout.flat(np.arange(grown.size))
+    windows = Windows(every, layout.shape, round(MARGIN_M / cell))
+    of_plants, of_known = np.flatnonzero(grown), np.flatnonzero(known)
+    (ground,) = windows.totals(every[of_known], np.ones(of_known.size, dtype=np.int32))
+    heights = (height.ravel()[of_plants] for height in (height_from, height_to))
+    number, *sums = windows.totals(every[of_plants], np.ones(of_plants.size, dtype=np.int32), *heights)
+    enough = (number > 0) & (number >= least_share * ground - 1e-9)
+    count = np.where(enough, number, np.nan)
+    first, second = ((total / count).reshape(grown.shape) for total in sums)
+    return first, second
 
 
 def compare_seasons(height_from: Float, height_to: Float, dz: Float | None = None) -> Season | None:

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.arrays import Float
+from ..core.arrays import Float, Index
 from ..grid.cell_slope import class_of_slope
+from ..statistics.layout import Layout
 from ..statistics.normal import quantile
 from ..statistics.quantiles import sample_quantile
 from ..statistics.robust import NORMALISED
@@ -236,11 +237,14 @@ def _widened(why: str, cells: int, share: float) -> ErrorModel:
     )
 
 
-def patch_halves(shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """The squares of one colour of a chessboard over the grid (rows, columns); see ``_SQUARES_ALONG_LONGER_SIDE``."""
-    side = max(-(-max(shape) // _SQUARES_ALONG_LONGER_SIDE), 1)
-    row, column = (np.arange(n) // side for n in shape)
-    return np.asarray((row[:, None] + column) % 2 == 0)
+def patch_halves(layout: Layout, here: Index) -> NDArray[np.bool_]:
+    """Which of the cells at the places ``here`` (n,) are in the squares of one colour of a chessboard over the grid.
+
+    See ``_SQUARES_ALONG_LONGER_SIDE``.
+    """
+    side = max(-(-max(layout.shape) // _SQUARES_ALONG_LONGER_SIDE), 1)
+    row, column = layout.row_and_column(here)
+    return np.asarray((row // side + column // side) % 2 == 0)
 
 
 def _factor(

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from ..core.arrays import Float, Index
 from ..grid.cell_slope import class_of_slope
 from ..grid.part_windows import MIN_WINDOW_CELLS, PartWindows
 from ..grid.partition import Partition
+from ..statistics.layout import Layout, layout_of
 from ..statistics.quantiles import sample_quantile
 from ..statistics.robust import NORMALISED
+from ..statistics.window_sums import Windows
 
 _REACH_M = 0.5  # metres around a cell over which a change is looked for as a whole
 _MAX_LOCAL_DEVIATIONS = 5.0  # robust standard deviations of the local means, beyond which a place has moved
@@ -26,7 +27,7 @@ _MIN_DIFFERENCES = 200  # differences of neighbours in a class of slope
 def find_stable(
     dz: Float, error: Float, slope: Float, partition: Partition, alike: Float | None = None
 ) -> NDArray[np.bool_]:
-    """Cells (rows, columns) that are not part of a coherent change, nor adjacent to one.
+    """Cells that are not part of a coherent change, nor adjacent to one.
 
     Noise differs from cell to cell, a change is alike in many. So the mean of dz / error over the cells within half a
     metre, times the square root of their number, is small on stable ground and large where it moved. How large is
@@ -37,14 +38,14 @@ def find_stable(
     touches.
 
     Where cells grew, each part counts as one and is stable as a whole or not at all, and the windows hold it and its
-    neighbours.
+    neighbours. Arrays are (rows, columns), or (n,) of the cells that ``partition`` lists.
 
     Args:
         dz: change, metres, one for all cells of a part; NaN where unknown.
         error: its standard error before calibration, metres.
         slope: degrees; NaN where unknown.
         partition: which cells are one.
-        alike: (rows, columns) a further error that neighbours share, metres: it does not average out in a mean.
+        alike: a further error that neighbours share, metres: it does not average out in a mean.
     """
     known = partition.within(np.isfinite(dz) & np.isfinite(error) & (error > 0))
     here = np.flatnonzero(known)
@@ -86,8 +87,8 @@ def _width(cell: float) -> int:
     return 2 * round(_REACH_M / cell) + 1
 
 
-def changed_cells(dz: Float, error: Float, cell: float) -> NDArray[np.bool_]:
-    """Cells (rows, columns) around which the ground has changed as a whole, decided without any other ground.
+def changed_cells(dz: Float, error: Float, cell: float, layout: Layout | None = None) -> NDArray[np.bool_]:
+    """Cells around which the ground has changed as a whole, decided without any other ground.
 
     There the mean of dz / error over the cells within half a metre, single outliers clipped, is twice the level
     of one cell. Independent errors do not make that; such as neighbours share would have to be four times as large as
@@ -98,14 +99,18 @@ def changed_cells(dz: Float, error: Float, cell: float) -> NDArray[np.bool_]:
         dz: change, metres; NaN where unknown.
         error: its whole standard error before calibration, metres, that of the registration and the plants included.
         cell: side of a cell, metres.
+        layout: of the arrays; all cells (rows, columns) by default.
     """
+    layout = layout or layout_of(dz)
     known = np.isfinite(dz) & np.isfinite(error) & (error > 0)
-    z = np.zeros(dz.shape)
-    z[known] = np.clip(dz[known] / error[known], -2.0 * _MAX_MEAN_DEVIATIONS, 2.0 * _MAX_MEAN_DEVIATIONS)
-    size = max(_width(cell), MIN_WINDOW_CELLS)
-    number = ndimage.uniform_filter(known.astype(np.float64), size, mode="constant")
-    mean = ndimage.uniform_filter(z, size, mode="constant") / np.maximum(number, 1e-9)
-    return np.asarray(known & (np.abs(mean) > _MAX_MEAN_DEVIATIONS))
+    place = np.flatnonzero(known)
+    here = layout.flat(place)
+    z = np.clip(dz[known] / error[known], -2.0 * _MAX_MEAN_DEVIATIONS, 2.0 * _MAX_MEAN_DEVIATIONS)
+    windows = Windows(here, layout.shape, max(_width(cell), MIN_WINDOW_CELLS) // 2)
+    total, number = windows.totals(here, z, np.ones(here.size, dtype=np.int32))
+    found = np.zeros(dz.shape, dtype=bool)
+    found.ravel()[place] = np.abs(total / np.maximum(number, 1)) > _MAX_MEAN_DEVIATIONS
+    return found
 
 
 def with_alike(z: Float, ratio: Float) -> tuple[Float, Float]:
@@ -129,18 +134,17 @@ def clipped(z: Float, shared: Float | float) -> Float:
 
 
 def adjacent_scatter(z: Float, here: Index, slope: Float, partition: Partition) -> Float:
-    """Scatter from cell to cell of ``z`` (n,) at the cells ``here`` (n,), by ``slope`` (rows, columns); (n,).
+    """Scatter from cell to cell of ``z`` (n,) at the cells ``here`` (n,), by ``slope`` of all cells; (n,).
 
     It is the 90 % quantile of adjacent cells' differences, over the normal's. Cells of one part are not compared.
     """
-    columns = slope.shape[1]
-    number = np.full(slope.size + columns, -1)
-    number[here] = np.arange(here.size)
     at = slope.ravel().take(here)
+    flat, columns = partition.layout.flat(here), partition.shape[1]
     found, where = [], []
-    for step, last in ((columns, None), (1, columns - 1)):
-        other = number.take(here + step)
-        pair = np.flatnonzero(other >= 0 if last is None else (other >= 0) & (here % columns != last))
+    for step in (columns, 1):
+        other = np.minimum(np.searchsorted(flat, flat + step), max(flat.size - 1, 0))
+        pair = flat[other] == flat + step
+        pair = np.flatnonzero(pair if step == columns else pair & (flat % columns != columns - 1))
         other = other[pair]
         apart = partition.apart(here, pair, other)
         pair, other = pair[apart], other[apart]

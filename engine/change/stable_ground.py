@@ -22,7 +22,7 @@ _MAX_SLOPE_EXTRAPOLATION_DEG = 5.0
 
 @dataclass(frozen=True)
 class StableGround:
-    """The cells (rows, columns) taken as ``stable``, and the notes on the rest.
+    """The cells taken as ``stable``, an array as in ``Measured``, and the notes on the rest.
 
     ``changed_share`` of the compared cells have changed as a whole (0 where stable ground is given), ``looks_stable``
     is the share found stable. Not ``settled``: too much has changed for the rest to be known as stable.
@@ -46,21 +46,23 @@ def stable_ground(
     Args:
         registration_error: metres.
         uniform: the whole overlap has moved alike, so that there is no stable ground in it.
-        given: cells (rows, columns) known to be stable; of slopes beyond theirs, stable cells found count, too.
+        given: cells known to be stable; of slopes beyond theirs, stable cells found count, too.
     """
     dz, sampling, slope, plants = measured.dz, measured.sampling, measured.slope, measured.by_plants
+    partition = measured.partition
     valid = np.isfinite(dz)
     number = max(int(valid.sum()), 1)
     found = np.zeros(dz.shape, dtype=bool)
     if not uniform:
-        found = find_stable(dz, sampling, slope, measured.partition, plants)
+        found = find_stable(dz, sampling, slope, partition, plants)
     looks_stable = float(found.sum()) / number
     if given is not None:
         return StableGround(_with_other_slopes(given & valid, found, slope), 0.0, looks_stable, settled=True)
     if uniform:
         return StableGround(found, 0.0, looks_stable, settled=True)
     stated = np.hypot(sampling, registration_error)
-    changed = changed_cells(dz, stated if plants is None else np.hypot(stated, plants), measured.partition.cell)
+    whole = stated if plants is None else np.hypot(stated, plants)
+    changed = changed_cells(dz, whole, partition.cell, partition.layout)
     share = float(changed.sum()) / number
     if share > MAX_CHANGED_SHARE or looks_stable < MIN_STABLE_SHARE:
         return StableGround(found & ~changed, share, looks_stable, settled=False)

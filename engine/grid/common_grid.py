@@ -8,18 +8,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...interface.parameters import GridChangeParameters
+from ...interface.parameters import GridChangeParameters, given
 from ..core.arrays import Float
 from ..core.errors import InputError
+from ..core.machine_memory import machine_memory
 from .chosen_cell import CELL_SIDES_M, CellChoice
 from .grid import Grid, snapped_grid
 
-# Measured peaks of change.difference() and the zones after it.
+# Measured peaks of change.listed_difference(), the zones and the pictures after it, the points aside.
 _BYTES_A_CELL = 280.0  # of the grid, cells of one size
-_BYTES_A_GROWING_CELL = 140.0  # of the grid, cells that grow
-_BYTES_ON_THE_SLOPE = 110.0  # more for each cell that lies on the slope
-_BYTES_AT_ONCE, _CELLS_AT_ONCE = 620.0, 1_000_000  # for so many cells, which are worked on as a whole
 _BYTES_OF_PLANTS = 60.0  # more, where the clouds record plants
+_BYTES_A_GROWING_CELL = 20.0  # of the grid, cells that grow: marks, labels and pictures
+_BYTES_ON_THE_SLOPE = 300.0  # more for each cell that lies on the slope
+_BYTES_OF_A_PART = 0.3e9  # worked on at a time
+_BYTES_AT_ONCE, _CELLS_AT_ONCE = 620.0, 1_000_000  # for so many cells, which are worked on as a whole
 _SQUARE_CELLS = 16.0  # cells, and at least _MIN_SQUARE_M metres: squares with points are on the slope
 _MIN_SQUARE_M = 4.0
 
@@ -33,23 +35,29 @@ def common_grid(reference: Float, moving: Float, parameters: GridChangeParameter
         plants: whether the cells also hold a cloud's plants.
 
     Raises:
-        InputError: the extents do not meet (both are named), or the grid needs more than ``memory_limit``.
+        InputError: the extents do not meet (both are named), or the grid needs more than ``allowed``.
     """
     union = _union(reference, moving)
     refuse_too_large(union, slope_area((reference, moving), parameters.cell_side), parameters, plants=plants)
     return snapped_grid(union, parameters.cell_side)
 
 
+def allowed(parameters: GridChangeParameters) -> float:
+    """Bytes that the grid may take: ``memory_limit``, or half of the machine's memory."""
+    limit = given(parameters.memory_limit)
+    return limit * 1e9 if limit is not None else machine_memory() / 2
+
+
 def refuse_too_large(bounds: Bounds, area: float, parameters: GridChangeParameters, *, plants: bool) -> None:
-    """Raise InputError where the grid over ``bounds``, of which ``area`` m² are slope, needs more than allowed."""
-    limit = parameters.memory_limit * 1e9
+    """Raise InputError where the grid over ``bounds``, of which ``area`` m² are slope, needs more than ``allowed``."""
+    limit = allowed(parameters)
     needed = memory_needed(bounds, area, parameters, plants=plants)
     if needed <= limit:
         return
     rows, columns = snapped_grid(bounds, parameters.cell_side).shape
     raise InputError(
         f"A grid of {rows} by {columns} cells needs {needed / 1e9:.3g} GB, more than the "
-        f"{parameters.memory_limit:g} GB allowed; clip to the slope, use a cell of at least "
+        f"{limit / 1e9:.3g} GB allowed; clip to the slope, use a cell of at least "
         f"{_cell_that_fits(bounds, area, parameters, plants=plants):g} m, or raise memory_limit."
     )
 
@@ -57,13 +65,13 @@ def refuse_too_large(bounds: Bounds, area: float, parameters: GridChangeParamete
 def affordable(
     choice: CellChoice, clouds: Sequence[Float], parameters: GridChangeParameters, *, plants: bool = False
 ) -> CellChoice:
-    """The cell that the clouds chose, or the next of ``CELL_SIDES_M`` whose grid needs no more than ``memory_limit``.
+    """The cell that the clouds chose, or the next of ``CELL_SIDES_M`` whose grid needs no more than ``allowed``.
 
     A cell that was given stays what it is.
     """
     if not choice.automatic:
         return choice
-    bounds, limit = _union(clouds[0], clouds[-1]), parameters.memory_limit * 1e9
+    bounds, limit = _union(clouds[0], clouds[-1]), allowed(parameters)
 
     def needed(cell: float) -> float:
         sized = replace(parameters, cell=cell)
@@ -77,7 +85,7 @@ def affordable(
     cell = cell or _cell_that_fits(bounds, slope_area(clouds, choice.cell), sized, plants=plants)
     sentence = (
         f"Cells of {cell:g} m, because cells of {choice.cell:g} m, which would suit the points, need "
-        f"{wanted / 1e9:.3g} GB of the {parameters.memory_limit:g} GB allowed; raise memory_limit, or clip to the "
+        f"{wanted / 1e9:.3g} GB of the {limit / 1e9:.3g} GB allowed; raise memory_limit, or clip to the "
         "slope, for smaller ones."
     )
     return CellChoice(cell, True, sentence)
@@ -86,12 +94,13 @@ def affordable(
 def memory_needed(bounds: Bounds, area: float, parameters: GridChangeParameters, *, plants: bool) -> float:
     """Bytes for the grid over ``bounds`` (west, south, east, north), of which ``area`` m² are slope."""
     cells = math.prod(snapped_grid(bounds, parameters.cell_side).shape)
-    more = _BYTES_OF_PLANTS * cells if plants else 0.0
     if not parameters.grows:
-        return cells * _BYTES_A_CELL + more
+        return cells * (_BYTES_A_CELL + (_BYTES_OF_PLANTS if plants else 0.0))
     on_slope = min(area / parameters.cell_side**2, cells)
     whole = _BYTES_AT_ONCE * min(cells, _CELLS_AT_ONCE)
-    return max(cells * _BYTES_A_GROWING_CELL + on_slope * _BYTES_ON_THE_SLOPE, whole) + more
+    if cells <= _CELLS_AT_ONCE:
+        return whole
+    return max(cells * _BYTES_A_GROWING_CELL + on_slope * _BYTES_ON_THE_SLOPE + _BYTES_OF_A_PART, whole)
 
 
 def slope_area(clouds: Sequence[Float], cell: float) -> float:
@@ -125,7 +134,7 @@ def _union(reference: Float, moving: Float) -> Bounds:
 
 def _cell_that_fits(bounds: Bounds, area: float, parameters: GridChangeParameters, *, plants: bool) -> float:
     """The smallest cell of two significant digits, in steps of a tenth, whose grid fits."""
-    cell, limit = parameters.cell_side, parameters.memory_limit * 1e9
+    cell, limit = parameters.cell_side, allowed(parameters)
     while memory_needed(bounds, area, replace(parameters, cell=cell), plants=plants) > limit and cell < 100.0:
         larger = cell * 1.1
         unit = 10.0 ** (math.floor(math.log10(larger)) - 1)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rasterio
@@ -16,16 +17,26 @@ from pyproj import CRS
 from rasterio.enums import ColorInterp
 from rasterio.errors import RasterioError
 from rasterio.io import DatasetReader, DatasetWriter, MemoryFile
+from rasterio.windows import Window
 
 from ..core.errors import EngineError, InputError
 from ..core.staged_outputs import atomic_output
+from ..statistics.layout import Laid, laid
 from .grid import Grid
 
 NODATA = -9999.0
 
+_CACHE_BYTES = 128 * 2**20  # of blocks that GDAL keeps, in place of a twentieth of the machine's memory
 # One thread: the bytes must not depend on the machine. No .aux.xml: everything is inside the file.
-_ENVIRONMENT = {"GDAL_PAM_ENABLED": "NO", "GDAL_NUM_THREADS": "1"}
-_LAYOUT = {"COMPRESS": "DEFLATE", "BLOCKSIZE": "512", "BIGTIFF": "IF_SAFER", "OVERVIEW_RESAMPLING": "AVERAGE"}
+_ENVIRONMENT = {"GDAL_PAM_ENABLED": "NO", "GDAL_NUM_THREADS": "1", "GDAL_CACHEMAX": _CACHE_BYTES}
+_TILE = 512  # pixels along the side of a tile
+_PLAIN = {"tiled": True, "blockxsize": _TILE, "blockysize": _TILE, "SPARSE_OK": "TRUE"}
+_LAYOUT = {
+    "COMPRESS": "DEFLATE",
+    "BLOCKSIZE": str(_TILE),
+    "BIGTIFF": "IF_SAFER",
+    "OVERVIEW_RESAMPLING": "AVERAGE",
+}
 
 
 @dataclass(frozen=True)
@@ -70,7 +81,7 @@ def raster_tags(
 
 def write_raster(
     path: Path,
-    array: NDArray[np.floating],
+    array: NDArray[np.floating] | Laid,
     grid: Grid,
     crs: CRS | None,
     *,
@@ -78,7 +89,10 @@ def write_raster(
     unit: str = "m",
     tags: Mapping[str, str] | None = None,
 ) -> None:
-    """Write ``array`` (rows, columns; NaN for no data) as a Float32 cloud-optimised GeoTIFF with nodata -9999.
+    """Write ``array`` (NaN for no data) as a Float32 cloud-optimised GeoTIFF with nodata -9999.
+
+    Args:
+        array: (rows, columns), or a list of cells.
 
     Raises:
         EngineError: the array does not fit the grid or is infinite somewhere, or the file read back differs.
@@ -89,7 +103,7 @@ def write_raster(
 
 def write_bands(
     path: Path,
-    bands: Mapping[str, NDArray[np.floating]],
+    bands: Mapping[str, NDArray[np.floating] | Laid],
     grid: Grid,
     crs: CRS | None,
     *,
@@ -97,23 +111,25 @@ def write_bands(
     tags: Mapping[str, str] | None = None,
 ) -> None:
     """Like ``write_raster`` with several bands, by their descriptions."""
-    name = Path(path).name
-    stack = np.empty((len(bands), *grid.shape), dtype=np.float32)
-    for number, array in enumerate(bands.values()):
-        if array.shape != grid.shape:
-            raise EngineError(f"{name}: an array of {array.shape} does not fit a grid of {grid.shape}")
-        if np.isinf(array).any():
+    name, held = Path(path).name, [laid(band) for band in bands.values()]
+    for band in held:
+        if band.layout.shape != grid.shape or band.values.shape != band.layout.array_shape:
+            raise EngineError(f"{name}: an array of {band.values.shape} does not fit a grid of {grid.shape}")
+        if np.isinf(band.values).any():
             raise EngineError(f"{name}: the raster has infinite values")
-        stack[number] = np.where(np.isnan(array), NODATA, array)
     profile = {"count": len(bands), "dtype": "float32", "nodata": NODATA}
 
-    def fill(target: DatasetWriter) -> None:
-        target.write(stack)
+    def lines(rows: slice) -> NDArray[np.float32]:
+        found = np.stack([band.layout.lines(band.values, rows).astype(np.float32) for band in held])
+        found[np.isnan(found)] = NODATA
+        return found
+
+    def describe(target: DatasetWriter) -> None:
         for number, description in enumerate(bands, 1):
             target.set_band_description(number, description)
         target.units = (unit,) * len(bands)
 
-    _write(Path(path), grid, crs, profile, tags, fill, stack)
+    _write(Path(path), grid, crs, profile, tags, describe, lines)
 
 
 def write_rgba(
@@ -133,14 +149,15 @@ def write_rgba(
     """
     if rgba.shape != (*grid.shape, 4) or rgba.dtype != np.uint8:
         raise EngineError(f"{Path(path).name}: a picture of {rgba.shape} does not fit a grid of {grid.shape}")
-    bands = np.ascontiguousarray(np.moveaxis(rgba, -1, 0))
     profile = {"count": 4, "dtype": "uint8", "photometric": "RGB", "alpha": "unspecified"}
 
-    def fill(target: DatasetWriter) -> None:
-        target.colorinterp = (ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.alpha)
-        target.write(bands)
+    def lines(rows: slice) -> NDArray[np.uint8]:
+        return np.ascontiguousarray(np.moveaxis(rgba[rows], -1, 0))
 
-    _write(Path(path), grid, crs, profile, {"DESCRIPTION": description, **(tags or {})}, fill, bands)
+    def describe(target: DatasetWriter) -> None:
+        target.colorinterp = (ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.alpha)
+
+    _write(Path(path), grid, crs, profile, {"DESCRIPTION": description, **(tags or {})}, describe, lines)
 
 
 def read_raster(path: Path, band: int = 1) -> Raster:
@@ -151,7 +168,7 @@ def read_raster(path: Path, band: int = 1) -> Raster:
     """
     try:
         with rasterio.Env(**_ENVIRONMENT), rasterio.open(path) as source:
-            values = source.read(band).astype(np.float32)
+            values = source.read(band).astype(np.float32, copy=False)
             # other programs leave our -9999 behind where they declare NaN, or nothing
             values[(source.read_masks(band) == 0) | (values == NODATA)] = np.nan
             return Raster(
@@ -179,35 +196,52 @@ def _write(
     crs: CRS | None,
     profile: dict[str, object],
     tags: Mapping[str, str] | None,
-    fill: Callable[[DatasetWriter], None],
-    expected: NDArray[np.generic],
+    describe: Callable[[DatasetWriter], None],
+    lines: Callable[[slice], NDArray[Any]],
 ) -> None:
-    """A plain GeoTIFF in memory, then a copy in the cloud-optimised layout (that driver can only copy)."""
+    """A plain GeoTIFF in memory, then a copy in the cloud-optimised layout (that driver can only copy).
+
+    Rows are made as they are needed; of the plain one, tiles without data take no memory.
+
+    Args:
+        lines: all bands (bands, rows, columns) of some rows.
+    """
     wkt = rasterio.crs.CRS.from_wkt(crs.to_wkt()) if crs is not None else None
     options = {**profile, "height": grid.rows, "width": grid.columns, "transform": Affine(*grid.affine), "crs": wkt}
 
     def check(written: Path) -> None:
-        _check(written, grid, wkt, expected)
+        _check(written, grid, wkt, lines)
 
     try:
         with rasterio.Env(**_ENVIRONMENT), atomic_output(path, check) as partial, MemoryFile() as memory:
-            with memory.open(driver="GTiff", BIGTIFF="IF_SAFER", **options) as target:
-                fill(target)
+            with memory.open(driver="GTiff", BIGTIFF="IF_SAFER", **_PLAIN, **options) as target:
+                describe(target)
+                for rows in _rows(grid):
+                    target.write(lines(rows), window=_window(rows, grid))
                 target.update_tags(**{name: str(value) for name, value in (tags or {}).items() if value != ""})
             with memory.open() as source:
-                predictor = "3" if expected.dtype.kind == "f" else "2"
+                predictor = "3" if profile["dtype"] == "float32" else "2"
                 rasterio.shutil.copy(source, partial, driver="COG", PREDICTOR=predictor, **_LAYOUT)
     except RasterioError as error:
         raise EngineError(f"{path.name} could not be written: {error}") from error
 
 
-def _check(written: Path, grid: Grid, crs: rasterio.crs.CRS | None, expected: NDArray[np.generic]) -> None:
+def _rows(grid: Grid) -> list[slice]:
+    """The rows that are written at a time: a row of tiles."""
+    return [slice(top, min(top + _TILE, grid.rows)) for top in range(0, grid.rows, _TILE)]
+
+
+def _window(rows: slice, grid: Grid) -> Window:
+    return Window(0, rows.start, grid.columns, rows.stop - rows.start)
+
+
+def _check(written: Path, grid: Grid, crs: rasterio.crs.CRS | None, lines: Callable[[slice], NDArray[Any]]) -> None:
     with rasterio.open(written) as source:
         sound = (
             source.shape == grid.shape
             and source.transform.almost_equals(Affine(*grid.affine), precision=1e-6)
             and (source.crs is None) == (crs is None)
-            and np.array_equal(source.read(), expected)
+            and all(np.array_equal(source.read(window=_window(rows, grid)), lines(rows)) for rows in _rows(grid))
         )
     if not sound:
         raise EngineError(f"{written.name} read back differs from what was written")

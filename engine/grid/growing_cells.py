@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,18 +16,17 @@ from ..core.progress import Progress
 from ..pointcloud.plant_cover import PlantCover
 from .block_moments import cell_moments
 from .chosen_cell import largest_step, level_step
-from .grid import Grid, cell_index
-from .grown_cells import COLUMNS, PRIOR_RADIUS_BLOCKS, Grown, Growth, grow
+from .grid import Grid
+from .grown_cells import COLUMNS, Grown, Growth, grow
 from .partition import Partition
 from .plant_cells import PlantCells, together
-
-_AT_ONCE = 1_000_000  # cells of a grid that is worked on as a whole
-_TILE = 384  # cells along the side of a part of a larger one
+from .tiled_points import Counted, Frame, TiledPoints, Tiles, Window
 
 
 @dataclass(frozen=True)
 class AdaptiveCells:
-    """Change in blocks of cells; arrays of the grid's shape, in which all cells of a block have its values.
+    """Change in blocks of cells; arrays (n,) of the cells that ``partition`` lists, in which all cells of a block have
+    its values. Listed are the cells with points of either epoch and those in a block.
 
     Attributes:
         dz: change, m; NaN where no block is.
@@ -98,14 +97,17 @@ def adaptive_cells(
     growth = Growth(grid.cell, steps, level_step(grid.cell, parameters), registration_error, parameters)
     heights = np.concatenate([c[:: max(1, len(c) // 10_000), 2] for c in (reference, moving)])
     level = float(np.median(heights)) if heights.size else 0.0
-    frame = _Frame.around(grid, 2**steps)
-    epochs = tuple(_Points.on(cloud, frame, cover) for cloud, cover in zip((reference, moving), plants, strict=True))
+    frame = Frame.around(grid, 2**steps)
+    tiles = Tiles.of(frame.grid.shape, 2**steps)
+    surveys = zip((reference, moving), plants, strict=True)
+    epochs = [TiledPoints.on(cloud, frame, tiles, cover) for cloud, cover in surveys]
     within = np.ones(frame.grid.shape, dtype=bool) if inside is None else frame.padded(inside, False)
-    points = epochs[0].counts(frame, within), epochs[1].counts(frame, within)
+    points = [epoch.counts(within) for epoch in epochs]
     outlines = [_surveyed_cells(epoch, within, 2**steps) for epoch in epochs]
     within &= outlines[0] & outlines[1]
+    del outlines
     parts = []
-    windows = list(_windows(frame.grid.shape, 2**steps, epochs, within))
+    windows = list(tiles.windows(epochs, within))
     for number, (outer, inner) in enumerate(windows):
         progress.update(0.1 + 0.9 * number / len(windows), f"cells of {grid.cell:g} to {grid.cell * 2**steps:g} m")
         part = frame.part(outer)
@@ -141,122 +143,14 @@ def _closed(cells: NDArray[np.bool_], reach: int, rim: int = 0) -> NDArray[np.bo
         wide = ndimage.maximum_filter1d(wide, 2 * margin + 1, axis=axis, mode="constant")
     for axis in (0, 1):
         wide = ndimage.minimum_filter1d(wide, 2 * reach + 1, axis=axis, mode="constant", cval=1)
-    return wide[margin:-margin, margin:-margin] > 0
+    return wide[margin : margin + cells.shape[0], margin : margin + cells.shape[1]] > 0
 
 
-@dataclass(frozen=True)
-class _Frame:
-    """A grid whose edges are multiples of the largest block, and where the given one lies in it."""
-
-    grid: Grid
-    top: int
-    left: int
-    shape: tuple[int, int]
-
-    @classmethod
-    def around(cls, grid: Grid, multiple: int) -> _Frame:
-        first = round(grid.west / grid.cell) % multiple
-        above = -round(grid.north / grid.cell) % multiple
-        rows, columns = (-(-(a + b) // multiple) * multiple for a, b in ((above, grid.rows), (first, grid.columns)))
-        west, north = grid.west - first * grid.cell, grid.north + above * grid.cell
-        return cls(Grid(west, north, grid.cell, rows, columns), above, first, grid.shape)
-
-    def cut(self, array: NDArray) -> NDArray:
-        return array[self.top : self.top + self.shape[0], self.left : self.left + self.shape[1]]
-
-    def padded(self, array: NDArray, fill: object) -> NDArray:
-        whole = np.full(self.grid.shape, fill, dtype=array.dtype)
-        self.cut(whole)[:] = array
-        return whole
-
-    def part(self, window: Window) -> Grid:
-        """The grid of a window of the frame."""
-        rows, columns = window
-        return Grid(
-            self.grid.west + columns.start * self.grid.cell,
-            self.grid.north - rows.start * self.grid.cell,
-            self.grid.cell,
-            rows.stop - rows.start,
-            columns.stop - columns.start,
-        )
-
-
-Window = tuple[slice, slice]
-
-
-@dataclass(frozen=True)
-class _Points:
-    """A survey's points within the frame, their rows and columns there, and what else is known of each."""
-
-    xyz: Float
-    row: NDArray[np.int32]
-    column: NDArray[np.int32]
-    more: list[NDArray[np.floating]]
-
-    @classmethod
-    def on(cls, cloud: Float, frame: _Frame, cover: PlantCover | None) -> _Points:
-        more = [] if cover is None else [cover.error] if cover.height is None else [cover.error, cover.height]
-        index = cell_index(cloud, frame.grid)
-        if index.size and index.min() < 0:
-            known = index >= 0
-            index, cloud, more = index[known], cloud[known], [values[known] for values in more]
-        row, column = (place.astype(np.int32) for place in np.divmod(index, frame.grid.columns))
-        return cls(cloud, row, column, list(more))
-
-    def counts(self, frame: _Frame, within: NDArray[np.bool_]) -> NDArray[np.int32]:
-        """Points of each cell of the grid within the frame; of ``within`` (frame's rows, columns) only."""
-        row, column = self.row - frame.top, self.column - frame.left
-        rows, columns = frame.shape
-        here = (row >= 0) & (row < rows) & (column >= 0) & (column < columns) & within[self.row, self.column]
-        index = row[here].astype(np.int64) * columns + column[here]
-        return np.bincount(index, minlength=rows * columns).astype(np.int32).reshape(frame.shape)
-
-    def inside(self, window: Window) -> NDArray[np.bool_]:
-        """Points in a window of the frame."""
-        rows, columns = window
-        return (
-            (self.row >= rows.start)
-            & (self.row < rows.stop)
-            & (self.column >= columns.start)
-            & (self.column < columns.stop)
-        )
-
-
-def _surveyed_cells(epoch: _Points, within: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+def _surveyed_cells(epoch: TiledPoints, within: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     hit = np.zeros(within.shape, dtype=bool)
     chosen = within[epoch.row, epoch.column]
     hit[epoch.row[chosen], epoch.column[chosen]] = True
     return surveyed(hit, int(chosen.sum()), reach)
-
-
-def _windows(
-    shape: tuple[int, int], multiple: int, epochs: tuple[_Points, ...], within: NDArray[np.bool_]
-) -> Iterator[tuple[Window, Window]]:
-    """Windows of the frame to work on, and the part of each that counts; only those in which both surveys have points.
-
-    Their edges are multiples of the largest block. The margin holds the blocks around a block, from which its error
-    is estimated.
-    """
-    rows, columns = shape
-    if rows * columns <= _AT_ONCE:
-        whole = slice(0, rows), slice(0, columns)
-        yield whole, whole
-        return
-    side, margin = multiple * max(1, _TILE // multiple), multiple * (PRIOR_RADIUS_BLOCKS + 1)
-    reached = []
-    for epoch in epochs:
-        tiles = np.zeros((-(-rows // side), -(-columns // side)), dtype=bool)
-        chosen = within[epoch.row, epoch.column]
-        tiles[epoch.row[chosen] // side, epoch.column[chosen] // side] = True
-        # points in the margin fill blocks of the neighbour only
-        reached.append(tiles)
-    for i, j in zip(*np.nonzero(reached[0] & reached[1]), strict=True):
-        inner = slice(i * side, min((i + 1) * side, rows)), slice(j * side, min((j + 1) * side, columns))
-        outer = tuple(
-            slice(max(part.start - margin, 0), min(part.stop + margin, end))
-            for part, end in zip(inner, shape, strict=True)
-        )
-        yield (outer[0], outer[1]), inner
 
 
 @dataclass(frozen=True)
@@ -281,9 +175,7 @@ class _Part:
         return cls(cell, used[number], grown.height[own][row, column], grown.figures[:, kept])
 
 
-def _together(
-    parts: list[_Part], frame: _Frame, points: tuple[NDArray[np.int32], NDArray[np.int32]], known: list[int]
-) -> AdaptiveCells:
+def _together(parts: list[_Part], frame: Frame, points: Sequence[Counted], known: list[int]) -> AdaptiveCells:
     """Args: known: how many values of plants each epoch has."""
     figures = np.concatenate([part.figures for part in parts] or [np.zeros((len(COLUMNS), 0))], axis=1)
     nothing = np.zeros(0, dtype=np.int64)
@@ -306,24 +198,29 @@ def _together(
     rank = np.empty(len(found), dtype=np.int64)
     rank[by_first] = np.arange(len(found))
     number = rank[number.ravel()]
+    listed = np.union1d(np.union1d(points[0][0], points[1][0]), cell)
+    place = np.searchsorted(listed, cell)
+    by_name = dict(zip(COLUMNS, figures, strict=True))
 
     def of_cells(values: NDArray, empty: NDArray | float | np.integer = np.nan) -> NDArray:
-        array = np.array(np.broadcast_to(empty, frame.shape))
-        array.ravel()[cell] = values
+        array = np.array(np.broadcast_to(empty, listed.shape))
+        array[place] = values
         return array
-
-    by_name = dict(zip(COLUMNS, figures, strict=True))
-    dz = by_name["dz"][number]
 
     def of_plants(name: str, epoch: str, at: int) -> Float | None:
         """``at``: how many values the epoch has at least, where this is known."""
         return of_cells(by_name[f"{name}_{epoch}"][number]) if known[epoch == "to"] > at else None
 
+    own = [np.zeros(listed.size, dtype=np.int32) for _ in points]
+    for count, (with_points, values) in zip(own, points, strict=True):
+        count[np.searchsorted(listed, with_points)] = values
+    dz = by_name["dz"][number]
     plants = [(of_plants("error", epoch, 0), of_plants("height", epoch, 1)) for epoch in ("from", "to")]
     count_from, count_to = (
-        of_cells(by_name[f"count_{epoch}"].astype(np.int32)[number], own)
-        for epoch, own in zip(("from", "to"), points, strict=True)
+        of_cells(by_name[f"count_{epoch}"].astype(np.int32)[number], counted)
+        for epoch, counted in zip(("from", "to"), own, strict=True)
     )
+    blocks = of_cells(number.astype(np.int32), np.int32(-1))
     return AdaptiveCells(
         dz=of_cells(dz),
         sampling=of_cells(by_name["sampling"][number]),
@@ -332,9 +229,7 @@ def _together(
         slope=of_cells(by_name["slope"][number]),
         count_from=count_from,
         count_to=count_to,
-        points=points,
-        partition=Partition.of_blocks(
-            of_cells(number.astype(np.int32), np.int32(-1)), frame.grid.cell, by_name["side"]
-        ),
+        points=(own[0], own[1]),
+        partition=Partition(frame.shape, frame.grid.cell, blocks, by_name["side"], listed),
         plants=together(*plants),
     )

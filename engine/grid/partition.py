@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -10,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.arrays import Bool, Float, Index
+from ..statistics.layout import Layout, Window
 
 Parts = NDArray[np.signedinteger[Any]]
 """Number of each cell's part (rows, columns) from 0; -1: in none."""
-Window = tuple[slice, ...]
 
 
 @dataclass(frozen=True)
@@ -23,15 +24,20 @@ class Partition:
     A part has one value, whatever number of cells it holds, and one common error. Where nothing has grown, every cell
     is a part. No array is made of that: what methods give back is then what they were given, a view or a slice.
 
+    Where cells are ``listed``, arrays of cells are (n,) instead of (rows, columns), and indices of cells are places in
+    the list (see ``Layout``).
+
     Attributes:
         block: the part of each cell; a cell in none has no value. None: nothing has grown.
         side: (parts,) metres: of the square that each part was made from, all of which need not be its own.
+        listed: (n,) flat indices of the cells that arrays hold; None: all.
     """
 
     shape: tuple[int, int]
     cell: float
     block: Parts | None = None
     side: Float | None = None
+    listed: Index | None = None
 
     @classmethod
     def of_blocks(cls, block: Parts, cell: float, side: Float | None = None) -> Partition:
@@ -44,20 +50,30 @@ class Partition:
         return self.block is not None
 
     @property
+    def layout(self) -> Layout:
+        """How arrays hold the cells."""
+        return Layout(self.shape, self.listed)
+
+    def whole(self) -> Partition:
+        """It with arrays (rows, columns)."""
+        block = None if self.block is None else self.layout.on_grid(self.block, -1)
+        return Partition(self.shape, self.cell, block, self.side)
+
+    @property
     def count(self) -> int:
         """How many parts there are; in a window of a grid, those of the whole."""
-        return self.shape[0] * self.shape[1] if self.block is None else self._count(self.block)
+        return math.prod(self.layout.array_shape) if self.block is None else self._count(self.block)
 
     @property
     def number(self) -> Parts:
         """The part of each cell (rows, columns), -1 for none."""
-        return np.arange(self.count).reshape(self.shape) if self.block is None else self.block
+        return np.arange(self.count).reshape(self.layout.array_shape) if self.block is None else self.block
 
     @property
     def sizes(self) -> Float:
         """``side`` of each cell's part (rows, columns); NaN for none. Read only."""
         if self.side is None:
-            return np.broadcast_to(np.float64(self.cell), self.shape)
+            return np.broadcast_to(np.float64(self.cell), self.layout.array_shape)
         return self.of_cells(self.side)
 
     @property
@@ -76,8 +92,8 @@ class Partition:
     def of_cells(self, values: NDArray[Any], empty: Any = np.nan) -> NDArray[Any]:
         """``values`` (parts,) on the cells (rows, columns); ``empty`` where there is no part."""
         if self.block is None:
-            return values.reshape(self.shape)
-        full = np.full(self.shape, empty, dtype=np.result_type(values, type(empty)))
+            return values.reshape(self.layout.array_shape)
+        full = np.full(self.block.shape, empty, dtype=np.result_type(values, type(empty)))
         inside = self.block >= 0
         full[inside] = values[self.block[inside]]
         return full
@@ -95,7 +111,7 @@ class Partition:
         return cells if self.block is None else self._only(self.middle, cells)
 
     def first_among(self, here: Index) -> Bool | slice:
-        """Which of the cells ``here`` (n,), flat indices in parts, come first of their part; a slice for all."""
+        """Which of the cells ``here`` (n,), indices in parts, come first of their part; a slice for all."""
         if self.block is None:
             return slice(None)
         first = np.zeros(here.size, dtype=bool)
@@ -139,19 +155,19 @@ class Partition:
     def window(self, window: Window) -> Partition:
         """Some rows and columns of it; parts keep their numbers."""
         rows, columns = (len(range(*part.indices(size))) for part, size in zip(window, self.shape, strict=True))
-        block = None if self.block is None else self.block[window]
+        block = None if self.block is None else self.layout.window(self.block, window, -1)
         return Partition((rows, columns), self.cell, block, self.side)
 
     @cached_property
     def middle(self) -> Index:
-        """(parts,) flat index of the cell of each that is nearest to the middle of its cells, of equals the first; -1
+        """(parts,) index of the cell of each that is nearest to the middle of its cells, of equals the first; -1
         for a part without a cell.
         """
         if self.block is None:
             return np.arange(self.count)
         inside = np.flatnonzero(self.block.ravel() >= 0)
         number = self.block.ravel()[inside]
-        row, column = np.divmod(inside, self.shape[1])
+        row, column = self.layout.row_and_column(inside)
         cells = np.maximum(self._cells, 1)
         means = [np.bincount(number, place, minlength=self.count) / cells for place in (row, column)]
         away = np.hypot(row - means[0][number], column - means[1][number])
@@ -161,7 +177,7 @@ class Partition:
 
     @cached_property
     def _first(self) -> Index:
-        """(parts,) flat index of the first cell of each."""
+        """(parts,) index of the first cell of each."""
         assert self.block is not None
         inside = np.flatnonzero(self.block.ravel() >= 0)[::-1]
         # of a part's cells, that which is written last stays
@@ -186,6 +202,6 @@ class Partition:
 
     def _only(self, of_parts: Index, cells: Bool) -> Bool:
         chosen = of_parts[of_parts >= 0]
-        only = np.zeros(self.shape, dtype=bool)
+        only = np.zeros(cells.shape, dtype=bool)
         only.ravel()[chosen] = cells.ravel()[chosen]
         return only

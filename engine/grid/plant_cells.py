@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +22,7 @@ for metres around: at 95 % one patch of grass in twenty is beyond its level as a
 
 @dataclass(frozen=True)
 class PlantCells:
-    """Plants in the cells of a change; arrays (rows, columns), metres, NaN where a cell has no points.
+    """Plants in the cells of a change; arrays (rows, columns) or (cells,), metres, NaN where a cell has no points.
 
     ``error_from`` and ``error_to`` are the cells' mean errors by plants, along the direction of the change; an epoch of
     which nothing is known has zeros. ``height_from`` and ``height_to`` are the plants' heights; None where they are not
@@ -36,6 +38,11 @@ class PlantCells:
     def error(self) -> Float:
         """Of the change: both epochs' together."""
         return np.hypot(self.error_from, self.error_to)
+
+    def laid_out(self, way: Callable[[NDArray[Any]], NDArray[Any]]) -> PlantCells:
+        """With each array as ``way`` lays it out."""
+        heights = (None if h is None else way(h) for h in (self.height_from, self.height_to))
+        return PlantCells(way(self.error_from), way(self.error_to), *heights)
 
     def scaled(self, factor: Float | float) -> PlantCells:
         """With errors ``factor`` (rows, columns; or one for all) times as large."""

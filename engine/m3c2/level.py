@@ -21,6 +21,7 @@ from ..core.arrays import Bool, Float, Index
 from ..core.progress import Progress
 from ..grid.partition import Partition
 from ..grid.plant_cells import PlantCells
+from ..statistics.layout import Layout
 from ..statistics.normal import quantile
 from .distances import Cylinders, Distances, level_of_detection, squared_errors
 from .lattice import dominant_frame
@@ -157,7 +158,7 @@ class _Places:
     @property
     def half(self) -> Bool:
         """(m,) those on the squares of one colour of a chessboard."""
-        return patch_halves(self.shape).ravel()[self.cell]
+        return patch_halves(Layout(self.shape), self.cell)
 
     def means(self, values: Float) -> Float:
         """Mean of the core points' values (m,) in each cell of the grid; NaN without any."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ...interface.parameters import HeatmapParameters, given
 from ..grid.grid import Grid
+from ..statistics.layout import Laid, laid
 from .palette import colour_limit, diverging_colours, veiled
 from .top_view import TopView
 
@@ -56,7 +57,7 @@ class Heatmap:
 
 
 def make_heatmap(
-    dz: NDArray[np.floating],
+    dz: NDArray[np.floating] | Laid,
     significant: NDArray[np.bool_],
     lod: NDArray[np.floating],
     grid: Grid,
@@ -72,10 +73,12 @@ def make_heatmap(
     transparent.
 
     Args:
-        dz, lod: change and level of detection (rows, columns) on ``grid``, metres; NaN for no data.
+        dz, lod: change and level of detection on ``grid``, metres; NaN for no data. All three are (rows, columns), or
+            lists of the same cells where the change is one.
         view: the top view, on a grid of its own.
         limit: end of the legend, metres; from the data and ``parameters`` if not given.
     """
+    dz, layout = laid(dz).values, laid(dz).layout
     parameters = parameters or HeatmapParameters()
     level = float(np.median(lod[np.isfinite(lod)])) if np.isfinite(lod).any() else float("nan")
     shown = significant & np.isfinite(dz)
@@ -89,9 +92,11 @@ def make_heatmap(
     lines = max(1, _AT_ONCE // max(view.grid.columns, 1))
     for top in range(0, view.grid.rows, lines):
         part = slice(top, top + lines)
-        window = np.ix_(row[part], column)
-        found = np.where(inside[part], dz[window], np.nan)
-        rgba[part], grey = _laid_over(view.rgba[part], found, shown[window], limit, parameters.opacity)
+        first, last = int(row[part].min()), int(row[part].max())
+        window = np.ix_(row[part] - first, column)
+        change, coloured = (layout.lines(values, slice(first, last + 1))[window] for values in (dz, shown))
+        found = np.where(inside[part], change, np.nan)
+        rgba[part], grey = _laid_over(view.rgba[part], found, coloured, limit, parameters.opacity)
         greys.append(grey)
     grey = np.concatenate(greys)
     backdrop = float(grey.mean()) if grey.size else 255.0

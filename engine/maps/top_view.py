@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ..core.arrays import Bool, Float
+from ..core.arrays import Bool, Float, Index
 from ..grid.grid import Grid, cell_index
 from ..pointcloud.cloud import PointCloud
+from ..statistics.layout import bands
 from .relief import shaded_relief
 
 FILL_DISTANCE = 2
@@ -59,41 +60,69 @@ def project(
     Args:
         xyz: (n, 3) points in metres; those outside the grid are left out.
     """
-    index = cell_index(xyz, grid)
-    pixels = grid.rows * grid.columns
-    inside = index >= 0
-    heights = np.full(pixels, -np.inf)
-    if inside.all():
-        np.maximum.at(heights, index, xyz[:, 2])
-        highest = np.flatnonzero(xyz[:, 2] == heights[index])
-    else:
-        np.maximum.at(heights, index[inside], xyz[inside, 2])
-        highest = np.flatnonzero(inside & (xyz[:, 2] == heights[index]))
-    where = index[highest]
-    filled = np.isfinite(heights).reshape(grid.shape)
-    picture = np.zeros((pixels, 3), dtype=np.float32)
+    pixel, point, every = _highest(xyz, grid)
     if rgb is not None and rgb.any():
-        source = "rgb"
-        picture[where] = rgb[highest]
+        source, shown = "rgb", rgb[point].astype(np.float32)
     elif intensity is not None and intensity.size and intensity.min() < intensity.max():
-        source = "intensity"
-        picture[where] = _stretched(intensity[highest].astype(np.float32))[:, np.newaxis]
+        source, shown = "intensity", _stretched(intensity[point].astype(np.float32), intensity[every])[:, np.newaxis]
     else:
-        source = "height"
-        picture[:, 0] = np.where(filled.ravel(), heights, 0.0)
-    colours = picture.reshape(*grid.shape, 3)
-    known = _fill_gaps(colours, filled, fill_distance)
-    if source == "height":
-        colours = shaded_relief(np.where(known, colours[..., 0], np.nan), grid.cell)
+        source, shown = "height", xyz[point, 2:3].astype(np.float32)
     rgba = np.zeros((*grid.shape, 4), dtype=np.uint8)
-    rgba[..., :3] = np.clip(np.rint(colours), 0, 255)
-    rgba[..., 3] = np.where(known, 255, 0)
-    rgba[~known] = 0
+    heights = np.full(grid.shape, np.nan, dtype=np.float32) if source == "height" else None
+    margin = 4 * fill_distance + 1  # pixels from which a gap's colour can come
+    for rows in bands(grid.shape):
+        first, last = max(rows.start - margin, 0), min(rows.stop + margin, grid.rows)
+        here = slice(*np.searchsorted(pixel, (first * grid.columns, last * grid.columns)).tolist())
+        picture = np.zeros(((last - first) * grid.columns, shown.shape[1]), dtype=np.float32)
+        filled = np.zeros(len(picture), dtype=bool)
+        picture[pixel[here] - first * grid.columns] = shown[here]
+        filled[pixel[here] - first * grid.columns] = True
+        shape = last - first, grid.columns
+        colours = picture.reshape(*shape, shown.shape[1])
+        known = _fill_gaps(colours, filled.reshape(shape), fill_distance)
+        own = slice(rows.start - first, rows.stop - first)
+        if heights is not None:
+            heights[rows] = np.where(known[own], colours[own, :, 0], np.nan)
+        else:
+            rgba[rows, :, :3] = np.clip(np.rint(colours[own]), 0, 255)
+        rgba[rows, :, 3] = np.where(known[own], 255, 0)
+    if heights is not None:
+        rgba[..., :3] = np.clip(np.rint(shaded_relief(heights, grid.cell)), 0, 255)
+    rgba[rgba[..., 3] == 0] = 0
     return TopView(rgba=rgba, grid=grid, source=source)
 
 
-def _stretched(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    low, high = np.percentile(values, (2, 98)) if values.size else (0.0, 1.0)
+def _highest(xyz: Float, grid: Grid) -> tuple[Index, Index, Index]:
+    """The pixels with points (k,), flat and ascending, the highest point of each (the last of equally high ones), and
+    all that are as high as these (m,).
+
+    Band by band of the grid, so that no array of all its pixels is made.
+    """
+    index = cell_index(xyz, grid)
+    parts = bands(grid.shape)
+    # numbers of 16 bits are sorted without comparing them
+    band = (index // (grid.columns * (parts[0].stop - parts[0].start))).astype(np.int16 if len(parts) < 2**15 else int)
+    order = np.argsort(band, kind="stable")
+    start = np.searchsorted(band[order], np.arange(len(parts) + 1))
+    pixels, points, every = ([np.zeros(0, dtype=np.int64)] for _ in range(3))
+    for number, rows in enumerate(parts):
+        here = order[start[number] : start[number + 1]]
+        place, z = index[here] - rows.start * grid.columns, xyz[here, 2]
+        heights = np.full((rows.stop - rows.start) * grid.columns, -np.inf)
+        np.maximum.at(heights, place, z)
+        highest = np.flatnonzero(z == heights[place])
+        last = np.full(heights.size, -1, dtype=np.int64)
+        last[place[highest]] = here[highest]
+        filled = np.flatnonzero(last >= 0)
+        pixels.append(filled + rows.start * grid.columns)
+        points.append(last[filled])
+        every.append(here[highest])
+    return np.concatenate(pixels), np.concatenate(points), np.concatenate(every)
+
+
+def _stretched(values: NDArray[np.float32], of: NDArray[np.integer]) -> NDArray[np.float32]:
+    """Between the 2nd and 98th percentile ``of`` some values, 0 to 255."""
+    low, high = np.percentile(of.astype(np.float32), (2, 98)) if of.size else (0.0, 1.0)
     return (np.clip((values - low) / max(high - low, 1e-6), 0.0, 1.0) * 255.0).astype(np.float32)
 
 

@@ -21,6 +21,7 @@ from ..core.arrays import Float
 from ..epochs.epoch import Epoch
 from ..grid.grid import Grid
 from ..maps.palette import rounded_up
+from ..statistics.layout import Layout, layout_of
 from ..statistics.robust import nmad
 
 _HALF_BINS = 60
@@ -55,7 +56,7 @@ def change_facts(
         "level": level_facts(change),
         "distribution": distribution(change, limit),
         "stable_ground": stable_ground(change),
-        "density": [density(count, change.grid) for count in change.points],
+        "density": [density(count, change.grid, change.layout) for count in change.points],
         "rates": None if days is None else rates(change, days),
         "zones": zone_rows(frame),
     }
@@ -162,9 +163,10 @@ def cell_sizes(change: Change) -> list[dict[str, Any]]:
     return rows
 
 
-def density(count: NDArray[np.signedinteger[Any]], grid: Grid) -> dict[str, Any]:
+def density(count: NDArray[np.signedinteger[Any]], grid: Grid, layout: Layout | None = None) -> dict[str, Any]:
     """Ground points of one epoch a square metre of the map, over the blocks (of a metre at least) that it reached."""
-    blocks = points_a_square_metre(count.astype(np.float64), grid)
+    side = block_cells(grid)
+    blocks = (layout or layout_of(count)).block_sums(count, side) / (side * grid.cell) ** 2
     reached = blocks[blocks > 0]
     p05, median, p95 = (float(v) for v in np.percentile(reached, (5, 50, 95)))
     return {
@@ -176,7 +178,7 @@ def density(count: NDArray[np.signedinteger[Any]], grid: Grid) -> dict[str, Any]
     }
 
 
-def points_a_square_metre(count: Float, grid: Grid, block: float = 1.0) -> Float:
+def points_a_square_metre(count: NDArray[Any], grid: Grid, block: float = 1.0) -> Float:
     """Density in blocks of as many whole cells as make at least ``block`` metres."""
     side = block_cells(grid, block)
     rows, columns = np.arange(0, count.shape[0], side), np.arange(0, count.shape[1], side)

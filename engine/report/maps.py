@@ -21,6 +21,7 @@ from ..maps.map_parts import INK, Sheet, draw_colour_bar, draw_image, draw_key, 
 from ..maps.palette import SEQUENTIAL, Colour, colours_at, hexadecimal, sequential_steps
 from ..maps.relief import shaded_relief
 from ..maps.top_view import TopView, top_view_grid
+from ..statistics.layout import bands
 from ..vector.geopackage import read_layer
 from .embedding import Picture, map_picture
 from .facts import block_cells, points_a_square_metre
@@ -28,6 +29,8 @@ from .facts import block_cells, points_a_square_metre
 GAP = 1.0  # metres within which the surface of a hillshade is closed
 _MAP_PIXELS, _PANEL_PIXELS = 1400, 900  # longest sides of what is drawn
 _PANEL_INCHES = 4.9  # inches
+_SIGMAS_CELLS, _TRUNCATE = (1.0, 2.0, 4.0, 8.0), 3.0  # of the Gauss curves that close gaps
+_CELLS_AT_ONCE = 2_000_000  # of a surface whose gaps are closed
 
 
 def change_map(folder: Path, limit: float, epochs: tuple[str, str]) -> Picture:
@@ -86,7 +89,7 @@ def densities(folder: Path) -> tuple[Picture | None, Picture | None]:
     if not path.is_file():
         return None, None
     counts = [read_raster(path, band) for band in (1, 2)]
-    blocks = [points_a_square_metre(np.nan_to_num(c.array).astype(np.float64), c.grid) for c in counts]
+    blocks = [points_a_square_metre(np.nan_to_num(c.array).astype(np.int32), c.grid) for c in counts]
     reached = np.concatenate([b[b > 0] for b in blocks])
     limit = float(np.percentile(reached, 98)) if reached.size else 1.0
     first, second = (
@@ -115,41 +118,66 @@ def cell_sizes(folder: Path) -> Picture | None:
 
 def _relief(raster: Raster) -> Float:
     """Shaded relief (rows, columns, 3), 0 to 255, NaN where the surface is unknown."""
-    heights = raster.array.astype(np.float64)
-    if not np.isfinite(heights).any():
-        return np.full((*heights.shape, 3), np.nan)
-    heights = closed(heights, raster.grid.cell, GAP)
-    factor = max(1, math.ceil(max(heights.shape) / _PANEL_PIXELS))
-    heights = heights[factor // 2 :: factor, factor // 2 :: factor]
+    if not np.isfinite(raster.array).any():
+        return np.full((*raster.array.shape, 3), np.nan)
+    factor = max(1, math.ceil(max(raster.array.shape) / _PANEL_PIXELS))
+    heights = closed(raster.array, raster.grid.cell, GAP, every=factor)
     relief = shaded_relief(heights, raster.grid.cell * factor).astype(np.float64)
     relief[~np.isfinite(heights)] = np.nan
     return relief
 
 
-def closed(heights: Float, cell: float, gap: float) -> Float:
+def closed(heights: NDArray[np.floating], cell: float, gap: float, *, every: int = 1) -> Float:
     """Heights with gaps up to ``gap`` metres wide filled, for a picture.
 
     Cells take the mean of the known ones around, weighted by a Gauss curve, of what is left over a plane: without that,
-    the mean on a slope leans to the side where more is known.
+    the mean on a slope leans to the side where more is known. Large arrays are worked on in bands.
+
+    Args:
+        every: of the result, from the middle of the first so many rows and columns on, every so many-th is given.
     """
+    row, column = np.nonzero(np.isfinite(heights))
+    known = heights[row, column].astype(np.float64)
+    design = np.column_stack([column * cell, row * cell, np.ones(known.size)])
+    plane: Float = np.linalg.lstsq(design, known, rcond=None)[0].astype(np.float64)
+    reach = math.ceil(max(gap / cell, _SIGMAS_CELLS[-1] * _TRUNCATE)) + 1
+    wanted = range(every // 2, heights.shape[0], every), range(every // 2, heights.shape[1], every)
+    filled = np.full((len(wanted[0]), len(wanted[1])), np.nan)
+    for rows in bands(heights.shape, _CELLS_AT_ONCE):
+        first, last = max(rows.start - reach, 0), min(rows.stop + reach, heights.shape[0])
+        near = column[slice(*np.searchsorted(row, (first, last)).tolist())]
+        if not near.size:
+            continue
+        left, right = max(int(near.min()) - reach, 0), min(int(near.max()) + reach + 1, heights.shape[1])
+        part = _closed(heights[first:last, left:right].astype(np.float64), (first, left), plane, cell, gap)
+        lines = [i for i, line in enumerate(wanted[0]) if rows.start <= line < rows.stop]
+        places = [j for j, place in enumerate(wanted[1]) if left <= place < right]
+        picked = np.ix_([wanted[0][i] - first for i in lines], [wanted[1][j] - left for j in places])
+        filled[np.ix_(lines, places)] = part[picked]
+    return filled
+
+
+def _closed(heights: Float, corner: tuple[int, int], plane: Float, cell: float, gap: float) -> Float:
+    """As ``closed``, of a part that begins at ``corner`` (row, column), by the plane through all."""
     rows, columns = heights.shape
-    y, x = np.mgrid[0:rows, 0:columns] * cell
+    y, x = (np.arange(rows)[:, None] + corner[0]) * cell, (np.arange(columns) + corner[1]) * cell
     known = np.isfinite(heights)
-    design = np.column_stack([x[known], y[known], np.ones(known.sum())])
-    plane = np.linalg.lstsq(design, heights[known], rcond=None)[0]
     trend = plane[0] * x + plane[1] * y + plane[2]
     rest = np.where(known, heights - trend, 0.0)
     near = ndimage.distance_transform_edt(~known) * cell <= gap / 2
-    outside = ndimage.distance_transform_edt(near) * cell <= gap / 2
+    # where all is near something known, there is no outside to be near to
+    outside = np.zeros(near.shape, dtype=bool)
+    if not near.all():
+        outside = ndimage.distance_transform_edt(near) * cell <= gap / 2
     wanted = near & (~outside | known)
     filled = np.where(known, heights, np.nan)
     # from fine to coarse: a small gap shall not be smoothed as a large one
-    for sigma in (1.0, 2.0, 4.0, 8.0):
+    for sigma in _SIGMAS_CELLS:
         missing = wanted & ~np.isfinite(filled)
         if not missing.any():
             break
-        weight = ndimage.gaussian_filter(known.astype(np.float64), sigma, truncate=3.0)
-        total = ndimage.gaussian_filter(rest, sigma, truncate=3.0)
+        weight = ndimage.gaussian_filter(known.astype(np.float64), sigma, truncate=_TRUNCATE)
+        total = ndimage.gaussian_filter(rest, sigma, truncate=_TRUNCATE)
         ready = missing & (weight > 0.02)
         filled[ready] = (trend + total / np.maximum(weight, 1e-9))[ready]
     return np.asarray(filled)

@@ -174,7 +174,7 @@ def _zone_row(zone: ZoneSeries, last_change: Float, heights: Float, about: About
         "vol_net_m3": change * area,
         "vol_err_m3": error * area,
         "lod95_m": Z95 * error,
-        "slope_deg": float(inclination(owner, zone.cells, 1, heights, about.grid)[0]),
+        "slope_deg": float(inclination(owner, zone.cells, 1, heights.ravel()[zone.cells], about.grid)[0]),
         "review_status": UNREVIEWED,
         "method": about.method,
         "run_id": about.run_id,

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from scipy import fft
 from scipy.optimize import nnls
 
-from ..core.arrays import Float
+from ..core.arrays import Float, Index
+from .layout import Layout, layout_of
 from .robust import nmad
 
 MIN_CELLS = 500
@@ -27,6 +28,7 @@ MIN_LAGS = 3
 _MAX_LATTICE_CELLS = 1 << 20  # cells; larger grids are thinned for the longer lags
 _MAX_NEAR_LAG_CELLS = 6  # cells: lags below are measured on the grid as it is
 _MAX_SIDE_CELLS = 128  # cells a side, beyond which sums are taken over blocks of cells
+_BAND_ROWS = 128  # rows of a grid in which near pairs are looked for at a time
 _MAX_DEVIATIONS = 5.0  # robust standard deviations
 
 
@@ -89,7 +91,7 @@ def spherical(distance: Float, reach: float) -> Float:
     return 1.0 - 1.5 * share + 0.5 * share**3
 
 
-def empirical_variogram(values: Float, cell: float) -> EmpiricalVariogram:
+def empirical_variogram(values: Float, cell: float, layout: Layout | None = None) -> EmpiricalVariogram:
     """Matheron's estimator over all pairs of cells, up to half of the grid's shorter side.
 
     All pairs at once by Fourier transform (Marcotte 1996, doi:10.1016/S0098-3004(96)00026-X). Long lags leave out the
@@ -99,7 +101,8 @@ def empirical_variogram(values: Float, cell: float) -> EmpiricalVariogram:
     cells every k-th row and column serve for the lags from six cells on.
 
     Args:
-        values: (rows, columns), NaN where there is none (or where the surface is not stable).
+        values: NaN where there is none (or where the surface is not stable).
+        layout: of the values; all cells (rows, columns) by default.
 
     Raises:
         ValueError: fewer than ``MIN_CELLS`` values.
@@ -108,20 +111,18 @@ def empirical_variogram(values: Float, cell: float) -> EmpiricalVariogram:
     cells = int(known.sum())
     if cells < MIN_CELLS:
         raise ValueError(f"{cells} values are too few for a variogram")
-    values, known = _bounding_box(values, known)
     drawn_in = values[known]
     middle = float(np.median(drawn_in))
     spread = nmad(drawn_in, middle)
     limit = _MAX_DEVIATIONS * spread if spread > 0 else np.inf
     drawn_in = np.clip(drawn_in - middle, -limit, limit)
-    z = np.zeros(known.shape)
-    z[known] = drawn_in - drawn_in.mean()
-    step = max(1, int(np.ceil(np.sqrt(z.size / _MAX_LATTICE_CELLS))))
-    largest = max(min(z.shape) / 2.0, 2.0)
-    thinned = _thinned(known, step)
-    parts = [_pairs_by_fourier(z[thinned], known[thinned], largest / step, step)]
+    z = drawn_in - drawn_in.mean()
+    row, column, shape = _boxed(np.flatnonzero(known), layout or layout_of(values))
+    step = max(1, int(np.ceil(np.sqrt(shape[0] * shape[1] / _MAX_LATTICE_CELLS))))
+    largest = max(min(shape) / 2.0, 2.0)
+    parts = [_pairs_by_fourier(*_thinned(z, row, column, shape, step), largest / step, step)]
     if step > 1:
-        parts = [parts[0][:, parts[0][0] > _MAX_NEAR_LAG_CELLS], _near_pairs(z, known)]
+        parts = [parts[0][:, parts[0][0] > _MAX_NEAR_LAG_CELLS], _near_pairs(z, row, column)]
     distance, squares, products, pairs = np.concatenate(parts, axis=1)
     which = np.digitize(distance, _class_edges(float(distance.max(initial=0.0))))
     # where cells grew, near ones have no pairs
@@ -129,7 +130,7 @@ def empirical_variogram(values: Float, cell: float) -> EmpiricalVariogram:
     count, apart, square, product = (
         np.bincount(which, part)[filled].astype(np.float64) for part in (pairs, distance * pairs, squares, products)
     )
-    variance = float(z[known].var())
+    variance = float(z.var())
     return EmpiricalVariogram(
         lag=apart / count * cell,
         semivariance=variance * (1.0 - product / np.where(square > 0, square, 1.0)),
@@ -167,24 +168,22 @@ def fit_variogram(empirical: EmpiricalVariogram) -> VariogramModel:
     return VariogramModel(float(parts[0]), tuple(s for s, _ in kept), tuple(r for _, r in kept))
 
 
-def sum_variance(weights: Float, cell: float, model: VariogramModel) -> float:
+def sum_variance(weights: Float, cell: float, model: VariogramModel, layout: Layout | None = None) -> float:
     """Variance of the sum of ``weights`` times values that follow ``model``: the double sum over all pairs of cells.
 
     Exact up to 128 by 128 cells. Larger grids are summed over square blocks of cells, between which the mean
     covariance counts; the nugget stays with the cells.
 
     Args:
-        weights: (rows, columns), 0 outside; with standard errors in metres the result is in m².
+        weights: 0 outside; with standard errors in metres the result is in m².
+        layout: of the weights; all cells (rows, columns) by default.
     """
     variance = model.nugget * float(np.sum(weights * weights))
     if not model.sills or not weights.any():
         return variance
-    weights, _ = _bounding_box(weights, weights != 0)
-    block = -(-max(weights.shape) // _MAX_SIDE_CELLS)
+    squares = float(np.sum(weights * weights))
+    weights, block = _in_blocks(weights, layout or layout_of(weights))
     if block > 1:
-        squares = float(np.sum(weights * weights))
-        rows, columns = (np.arange(0, n, block) for n in weights.shape)
-        weights = np.add.reduceat(np.add.reduceat(weights, rows, axis=0), columns, axis=1)
         # with uneven weights a cell counts more with itself than the mean over its block states
         own, others = model.variance - model.nugget, _mean_in_block(block, cell, model)
         variance += (squares - float(np.sum(weights * weights)) / block**2) * (own - others)
@@ -199,31 +198,58 @@ def sum_variance(weights: Float, cell: float, model: VariogramModel) -> float:
     return variance + float(np.sum(power * spectrum * twice)) / (shape[0] * shape[1])
 
 
-def effective_samples(weights: Float, cell: float, model: VariogramModel) -> float:
+def effective_samples(weights: Float, cell: float, model: VariogramModel, layout: Layout | None = None) -> float:
     """How many independent cells have a sum as uncertain as these (``weights`` as in ``sum_variance``).
 
     That is (sum w)² variance / variance of the sum: n for independent cells, 1 for fully correlated ones (Hugonnet et
     al. 2022, eq. 18, with errors that differ from cell to cell).
     """
-    variance = sum_variance(weights, cell, model)
+    variance = sum_variance(weights, cell, model, layout)
     return float(np.sum(weights)) ** 2 * model.variance / variance if variance > 0 else float(np.count_nonzero(weights))
 
 
-def _bounding_box(values: Float, inside: NDArray[np.bool_]) -> tuple[Float, NDArray[np.bool_]]:
-    rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
-    box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-    return values[box], inside[box]
+def _boxed(place: Index, layout: Layout) -> tuple[Index, Index, tuple[int, int]]:
+    """Row and column (n,) of the values at ``place`` (n,) within their bounding box, and its shape."""
+    row, column = layout.row_and_column(place)
+    row, column = row - row.min(), column - column.min()
+    return row, column, (int(row.max()) + 1, int(column.max()) + 1)
 
 
-def _thinned(known: NDArray[np.bool_], step: int) -> tuple[slice, slice]:
-    """Every ``step``-th row and column from the first, or from where more than twice as many values lie.
+def _in_blocks(weights: Float, layout: Layout) -> tuple[Float, int]:
+    """The weights in their bounding box, summed over square blocks where that is larger, and the blocks' side.
+
+    Block by block, so that no array of the whole box is made.
+    """
+    place = np.flatnonzero(weights)
+    values = weights.ravel()[place]
+    row, column, shape = _boxed(place, layout)
+    block = -(-max(shape) // _MAX_SIDE_CELLS)
+    lines = []
+    for top in range(0, shape[0], block):
+        here = slice(*np.searchsorted(row, (top, top + block)).tolist())
+        part = np.zeros((min(block, shape[0] - top), shape[1]))
+        part[row[here] - top, column[here]] = values[here]
+        lines.append(np.add.reduceat(part.sum(axis=0), np.arange(0, shape[1], block)))
+    return np.stack(lines), block
+
+
+def _thinned(z: Float, row: Index, column: Index, shape: tuple[int, int], step: int) -> tuple[Float, NDArray[np.bool_]]:
+    """Every ``step``-th row and column from the first, or from where more than twice as many values lie: the values, 0
+    where there is none, and where there is one.
 
     The values of grown cells lie at multiples of their size; a thinning out of step with these would miss them all.
     """
-    offsets = [(slice(i, None, step), slice(j, None, step)) for i in range(step) for j in range(step)]
-    counts = [int(np.count_nonzero(known[offset])) for offset in offsets]
+    offset = row % step * step + column % step
+    counts = np.bincount(offset, minlength=step**2)
     best = int(np.argmax(counts))
-    return offsets[best] if counts[best] > 2 * counts[0] else offsets[0]
+    best = best if counts[best] > 2 * counts[0] else 0
+    here = np.flatnonzero(offset == best)
+    i, j = divmod(best, step)
+    lattice = -(-(shape[0] - i) // step), -(-(shape[1] - j) // step)
+    thinned, known = np.zeros(lattice), np.zeros(lattice, dtype=bool)
+    place = row[here] // step, column[here] // step
+    thinned[place], known[place] = z[here], True
+    return thinned, known
 
 
 def _pairs_by_fourier(z: Float, known: NDArray[np.bool_], largest: float, step: int) -> Float:
@@ -244,22 +270,38 @@ def _pairs_by_fourier(z: Float, known: NDArray[np.bool_], largest: float, step: 
     return np.stack([distance[half] * step, *(part[half] for part in found)])
 
 
-def _near_pairs(z: Float, known: NDArray[np.bool_]) -> Float:
-    """As ``_pairs_by_fourier`` for the lags up to ``_MAX_NEAR_LAG_CELLS`` cells, by shifting the grid."""
-    found = []
-    for row in range(-_MAX_NEAR_LAG_CELLS, _MAX_NEAR_LAG_CELLS + 1):
-        for column in range(_MAX_NEAR_LAG_CELLS + 1):
-            distance = float(np.hypot(row, column))
-            if distance > _MAX_NEAR_LAG_CELLS or (column == 0 and row <= 0):
+def _near_pairs(z: Float, row: Index, column: Index) -> Float:
+    """As ``_pairs_by_fourier`` for the lags up to ``_MAX_NEAR_LAG_CELLS`` cells, by shifting bands of the grid.
+
+    Args:
+        z: (n,) values, in the order of the grid; ``row`` and ``column`` are where they lie.
+    """
+    reach = _MAX_NEAR_LAG_CELLS
+    steps = [(i, j) for i in range(-reach, reach + 1) for j in range(reach + 1) if np.hypot(i, j) <= reach]
+    steps = [(i, j) for i, j in steps if j > 0 or i > 0]
+    sums = np.zeros((len(steps), 3))
+    for top in range(0, int(row[-1]) + 1, _BAND_ROWS):
+        # with so many rows more as a lag reaches down; the upper cell of a pair is in the band
+        here = slice(*np.searchsorted(row, (top, top + _BAND_ROWS + reach)).tolist())
+        if here.start == here.stop:
+            continue
+        i, j = row[here] - top, column[here] - int(column[here].min())
+        values, known = np.zeros((2, _BAND_ROWS + reach, int(j.max()) + 1))
+        values[i, j], known[i, j] = z[here], 1.0
+        square = values * values
+        for number, (down, right) in enumerate(steps):
+            width = values.shape[1] - right
+            if width <= 0:
                 continue
-            a = slice(max(row, 0), z.shape[0] + min(row, 0)), slice(column, None)
-            b = slice(max(-row, 0), z.shape[0] + min(-row, 0)), slice(None, z.shape[1] - column)
-            both = known[a] & known[b]
-            if not both.any():
-                continue
-            one, other = z[a][both], z[b][both]
-            squares = float(one @ one + other @ other) / 2.0
-            found.append((distance, squares, float(one @ other), float(both.sum())))
+            upper, lower = slice(0, _BAND_ROWS), slice(abs(down), abs(down) + _BAND_ROWS)
+            a = lower if down >= 0 else upper, slice(right, None)
+            b = upper if down >= 0 else lower, slice(0, width)
+            sums[number] += (
+                (np.sum(square[a] * known[b]) + np.sum(square[b] * known[a])) / 2.0,
+                np.sum(values[a] * values[b]),
+                np.sum(known[a] * known[b]),
+            )
+    found = [(float(np.hypot(*step)), *of) for step, of in zip(steps, sums.tolist(), strict=True) if of[2] > 0]
     return np.array(found).reshape(-1, 4).T
 
 

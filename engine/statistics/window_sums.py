@@ -61,21 +61,45 @@ class Windows:
 
     def totals(self, cell: Cells, *fields: NDArray[Any]) -> list[NDArray[Any]]:
         """Sum over the windows, (n,), of each of ``fields``, values (k,) at the cells ``cell`` (k,)."""
-        padded = self.padded(cell, *fields)
         totals = [np.empty(self.cell.size, dtype=field.dtype) for field in fields]
         for here, part, row, column in self.parts():
             line = part[1].stop - part[1].start
             corner = row * line + column
-            for total, field in zip(totals, padded, strict=True):
-                total[here] = slide(slide(field[part].ravel(), self.size), self.size, line).take(corner)
+            within, place = self._places_in(part, cell)
+            for total, field in zip(totals, fields, strict=True):
+                grid = np.zeros((part[0].stop - part[0].start) * line, dtype=field.dtype)
+                grid[place] = field[within]
+                total[here] = slide(slide(grid, self.size), self.size, line).take(corner)
         return totals
 
     def any(self, cell: Cells) -> NDArray[np.bool_]:
         """Whether any of the cells ``cell`` (k,) is in the windows, (n,)."""
-        (grid,) = self.padded(cell, np.ones(cell.size, dtype=bool))
-        begin = self.cell + (self.cell // self.shape[1]) * (2 * self.radius)
-        along = slide(grid.ravel(), self.size, join=np.logical_or)
-        return slide(along, self.size, grid.shape[1], np.logical_or).take(begin)
+        found = np.zeros(self.cell.size, dtype=bool)
+        for here, part, row, column in self.parts():
+            line = part[1].stop - part[1].start
+            _, place = self._places_in(part, cell)
+            if not place.size:
+                continue
+            grid = np.zeros((part[0].stop - part[0].start) * line, dtype=bool)
+            grid[place] = True
+            along = slide(grid, self.size, join=np.logical_or)
+            found[here] = slide(along, self.size, line, np.logical_or).take(row * line + column)
+        return found
+
+    def _places_in(self, part: tuple[slice, slice], cell: Cells) -> tuple[Cells, Cells]:
+        """Which of the cells ``cell`` (k,) are in a part of the padded grid, and their places in it, flattened.
+
+        The padded grid as a whole is never made: it would take the memory of the rectangle around the cells.
+        """
+        columns = self.shape[1]
+        rows = max(part[0].start - self.radius, 0), max(part[0].stop - self.radius, 0)
+        first, last = np.searchsorted(cell, (rows[0] * columns, rows[1] * columns)).tolist()
+        near = cell[first:last]
+        row = near // columns
+        column = near - row * columns + self.radius - part[1].start
+        line = part[1].stop - part[1].start
+        inside = np.flatnonzero((column >= 0) & (column < line))
+        return first + inside, (row[inside] + self.radius - part[0].start) * line + column[inside]
 
     def parts(self) -> Iterator[tuple[slice, tuple[slice, slice], Cells, Cells]]:
         """Which of the cells have windows in one part of the padded grid, that part, and its row and column where each

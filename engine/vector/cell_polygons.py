@@ -40,8 +40,14 @@ def cell_polygons(labels: NDArray[np.int32], count: int, grid: Grid) -> NDArray[
 def inclination(
     zone: NDArray[np.int64], inside: NDArray[np.int64], count: int, heights: NDArray[np.floating], grid: Grid
 ) -> Float:
-    """Degrees to the horizontal of the least-squares plane through each zone's heights; NaN where there is none."""
-    z = heights.ravel()[inside].astype(np.float64)
+    """Degrees to the horizontal of the least-squares plane through each zone's heights; NaN where there is none.
+
+    Args:
+        zone: (n,) zone of each cell, from 0.
+        inside: (n,) flat index of each cell in the grid.
+        heights: (n,) metres, NaN where unknown.
+    """
+    z = heights.astype(np.float64)
     known = np.isfinite(z)
     zone, z = zone[known], z[known]
     row, column = np.divmod(inside[known], grid.columns)

@@ -84,7 +84,7 @@ def confidence_after_selection(
 
 @dataclass(frozen=True)
 class SureGroups:
-    """Groups that are sure enough, numbered 1 to n in ``labels`` (rows, columns), and what was taken of them.
+    """Groups that are sure enough, numbered 1 to n in ``labels`` of the cells, and what was taken of them.
 
     Attributes:
         confidence: (n,) see ``confidence_after_selection``.
@@ -123,12 +123,19 @@ def sure_groups(
     dropped = 0
     while True:
         footprints = outline_footprints(cells, labels, count, gap=gap, registration_error=registration_error)
-        still = outside(footprints, known, cells.cell)
+        still = outside(footprints, known, cells.cell, cells.layout)
         correlation = fit_correlation(cells, still if stable is None else still & stable, registration_error)
         number = cells.partition.parts_in_groups(labels, count)
         confidence = np.array(
             [
-                _confidence(footprint, cells, found.count_min, correlation, int(n), compared)
+                _confidence(
+                    footprint,
+                    cells,
+                    found.count_min,
+                    correlation,
+                    int(n),
+                    compared,
+                )
                 for footprint, n in zip(footprints, number, strict=True)
             ],
             dtype=np.float64,
@@ -151,7 +158,7 @@ def _confidence(
     near = in_window(cells, footprint.window)
     own = footprint.own / footprint.own.sum()
     return confidence_after_selection(
-        mean_that_counts(near.dz, near.error, count_min[footprint.window], own),
+        mean_that_counts(near.dz, near.error, cells.layout.window(count_min, footprint.window), own),
         correlation.own_error(own, near),
         correlation.common_error(own, near),
         samples=correlation.samples(own, near),

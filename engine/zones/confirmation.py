@@ -105,10 +105,10 @@ def weigh(geometry: BaseGeometry, sign: float, change: Change, *, outline_cell: 
     A cell counts with the part of it that lies inside.
     """
     window, weights = _inside(geometry, change.grid, outline_cell)
-    dz = change.dz[window]
+    dz = change.partition.layout.window(change.dz, window)
     weights = np.where(np.isfinite(dz), weights, 0.0)
     cells = float(weights.sum())
-    significant = np.where(change.significant[window], weights, 0.0)
+    significant = np.where(change.partition.layout.window(change.significant, window), weights, 0.0)
     moved = float(significant.sum())
     with np.errstate(invalid="ignore"):
         matching = float(significant[dz * sign > 0].sum())

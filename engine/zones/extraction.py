@@ -101,6 +101,7 @@ def extract_zones(
     labels, footprints, correlation = sure.labels, sure.footprints, sure.correlation
     count, first_cells = len(footprints), first_of_each(labels)
     inside = np.flatnonzero(labels)
+    layout = cells.layout
     zone = labels.ravel()[inside].astype(np.int64) - 1
 
     def of_cells(values: NDArray[np.floating]) -> Float:
@@ -118,7 +119,7 @@ def extract_zones(
     values.update(_volume_columns(volumes))
     values["n_cells"] = cells.partition.parts_in_groups(labels, count)
     if found.heights is not None:
-        values["slope_deg"] = inclination(zone, inside, count, found.heights, grid)
+        values["slope_deg"] = inclination(zone, layout.flat(inside), count, of_cells(found.heights), grid)
     values["confidence"] = sure.confidence
     values["severity"] = _severity(values["dz_p95_m"], sure.confidence, parameters)
     _add_rates(values, volumes.mean_error, origin.epochs)
@@ -126,7 +127,7 @@ def extract_zones(
     values["n_epochs_confirmed"] = np.ones(count, dtype=np.int64)
 
     order = _most_severe_first(values, first_cells)
-    labels = _renumbered(labels, order)
+    labels = layout.on_grid(_renumbered(labels, order))
     values = {name: column[order] for name, column in values.items()}
     values["zone_id"] = np.array([f"Z{i:03d}" for i in range(1, count + 1)], dtype=object)
     return Zones(

@@ -12,6 +12,7 @@ from scipy import ndimage
 
 from ..core.arrays import Float
 from ..grid.partition import Partition
+from ..statistics.layout import Layout
 
 _MAX_RINGS = 8  # at most, around a zone
 _MARGIN_CELLS = 2  # cells around a zone that always belong to its footprint
@@ -20,7 +21,9 @@ _EDGE_RADIUS_M = 1.0  # m, radius of a disc that does not get into a survey's ga
 
 @dataclass(frozen=True)
 class Cells:
-    """The change of every cell; arrays (rows, columns), NaN where nothing was compared.
+    """The change of every cell; NaN where nothing was compared.
+
+    Arrays are (rows, columns), or (n,) of the cells that ``partition`` lists.
 
     Attributes:
         dz, error: change and its standard error, m.
@@ -42,10 +45,15 @@ class Cells:
         """Side of a cell, m."""
         return self.partition.cell
 
+    @property
+    def layout(self) -> Layout:
+        """How the arrays hold the cells."""
+        return self.partition.layout
+
 
 @dataclass(frozen=True)
 class Detected:
-    """Judgement of the cells; arrays (rows, columns).
+    """Judgement of the cells; arrays as in ``Cells``.
 
     Attributes:
         significant: cells beyond their level of detection.
@@ -108,8 +116,10 @@ def outline_footprints(
     what lies outside of the survey's edge, are left out.
 
     Args:
-        labels: (rows, columns), 0 or 1 to ``count``.
+        labels: of each cell, 0 or 1 to ``count``.
     """
+    layout = cells.layout
+    labels = layout.on_grid(labels)
     taken = np.zeros(labels.shape, dtype=bool)
     reach = max(1, round(gap / cells.cell))
     found = []
@@ -212,7 +222,8 @@ def _around(values: Float, kernel: Float) -> Float:
 
 def in_window(cells: Cells, window: tuple[slice, ...]) -> Cells:
     """The part of ``cells`` in some rows and columns."""
-    plants = None if cells.plants is None else cells.plants[window]
-    plant_like = None if cells.plant_like is None else cells.plant_like[window]
-    partition = cells.partition.window(window)
-    return Cells(cells.dz[window], cells.error[window], cells.area[window], partition, plants, plant_like)
+    layout = cells.layout
+    plants = None if cells.plants is None else layout.window(cells.plants, window)
+    plant_like = None if cells.plant_like is None else layout.window(cells.plant_like, window)
+    dz, error, area = (layout.window(values, window) for values in (cells.dz, cells.error, cells.area))
+    return Cells(dz, error, area, cells.partition.window(window), plants, plant_like)

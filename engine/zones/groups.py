@@ -26,7 +26,7 @@ def label_groups(
     plants: Float | None = None,
     sigma: NDArray[np.floating] | None = None,
 ) -> NDArray[np.int32]:
-    """Labels 1..n (rows, columns) of the groups that are large enough; 0 outside of them.
+    """Labels 1..n of the groups that are large enough, in the layout of ``partition``; 0 outside of them.
 
     The least area is asked of a group with the gaps without data that it encloses: where every second cell was
     measured, change over 1 m² shows in half as many cells.
@@ -40,22 +40,23 @@ def label_groups(
         sigma: standard error of each cell's change, metres: a grown cell far beyond it counts for more than one
             (``cells_worth``).
     """
-    cell = partition.cell
-    labels = np.zeros(partition.shape, dtype=np.int32)
+    cell, layout = partition.cell, partition.layout
+    labels = np.zeros(dz.shape, dtype=np.int32)
     found = 0
     gaps = np.zeros(1, dtype=np.int64)
-    unknown = np.isnan(dz)
+    unknown = layout.on_grid(np.isnan(dz), True)
     reach = int(parameters.bridged_gap / (2.0 * cell) + 1e-6)  # cells from either side of a gap
     for sign in (-1.0, 1.0):
         with np.errstate(invalid="ignore"):
-            cells = significant & (dz * sign > 0)
+            own = significant & (dz * sign > 0)
+        cells = layout.on_grid(own)
         joined = between = cells
         if reach and cells.any():
             square = np.ones((2 * reach + 1,) * 2, dtype=bool)
             joined = cells | (ndimage.maximum_filter(cells, size=2 * reach + 1) & unknown)
             between = ndimage.binary_closing(cells, square) & unknown
         part, number = ndimage.label(joined, structure=_EIGHT_NEIGHBOURS)
-        labels[cells] = part[cells] + found
+        labels[own] = layout.of(part)[own] + found
         gaps = np.concatenate([gaps, np.bincount(part[between & ~cells], minlength=number + 1)[1:]])
         found += number
     sizes = np.bincount(labels.ravel(), minlength=found + 1)
@@ -74,13 +75,13 @@ def label_groups(
 
 
 def first_of_each(labels: NDArray[np.int32]) -> NDArray[np.int64]:
-    """Flat index of the first cell of each group 1 to n of ``labels`` (rows, columns), (n,)."""
+    """Index of the first cell of each group 1 to n of ``labels`` (of any shape), flattened, (n,)."""
     inside = np.flatnonzero(labels)
     return inside[np.unique(labels.ravel()[inside], return_index=True)[1]]
 
 
 def without(labels: NDArray[np.int32], kept: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """The groups 1 to n of ``labels`` (rows, columns) that are ``kept`` (n,), numbered anew in their order."""
+    """The groups 1 to n of ``labels`` (of any shape) that are ``kept`` (n,), numbered anew in their order."""
     renumber = np.zeros(len(kept) + 1, dtype=np.int32)
     renumber[1:][kept] = np.arange(1, int(kept.sum()) + 1)
     return renumber[labels]

@@ -24,6 +24,7 @@ from ..core.messages import shown
 from ..core.progress import Progress
 from ..crs.reprojection import reprojected
 from ..grid.grid import Grid
+from ..statistics.layout import Layout, layout_of
 
 GIVEN, STEEPEST = "given", "steepest"
 _NAMES = ("name", "label", "profile", "id")  # fields that name a line, where none is asked for
@@ -97,7 +98,12 @@ def given_lines(path: Path | None, crs: CRS, field: str, progress: Progress) -> 
 
 
 def steepest_lines(
-    zones: gpd.GeoDataFrame, heights: NDArray[np.floating], dz: NDArray[np.floating], grid: Grid, count: int
+    zones: gpd.GeoDataFrame,
+    heights: NDArray[np.floating],
+    dz: NDArray[np.floating],
+    grid: Grid,
+    count: int,
+    layout: Layout | None = None,
 ) -> tuple[ProfileLine, ...]:
     """The steepest line through each of the first ``count`` zones, from the top down.
 
@@ -106,16 +112,20 @@ def steepest_lines(
 
     Args:
         zones: as of ``extraction.extract_zones``, the most severe first, in the grid's horizontal reference system.
-        heights, dz: surface and change (rows, columns), metres, NaN where unknown.
+        heights, dz: surface and change, metres, NaN where unknown.
+        layout: of these; all cells (rows, columns) by default.
     """
+    layout = layout or layout_of(dz)
     lines = []
     for zone_id, geometry in zip(zones["zone_id"].iloc[:count], zones.geometry.iloc[:count], strict=True):
-        line = _steepest(geometry, heights, dz, grid)
+        line = _steepest(geometry, heights, dz, grid, layout)
         lines.append(ProfileLine(f"Steepest line through {zone_id}", line, STEEPEST, str(zone_id)))
     return tuple(lines)
 
 
-def _steepest(zone: BaseGeometry, heights: NDArray[np.floating], dz: NDArray[np.floating], grid: Grid) -> LineString:
+def _steepest(
+    zone: BaseGeometry, heights: NDArray[np.floating], dz: NDArray[np.floating], grid: Grid, layout: Layout
+) -> LineString:
     west, south, east, north = zone.bounds
     margin = max(_MIN_MARGIN_M, 4.0 * grid.cell)
     rows = _span((grid.north - north - margin) / grid.cell, (grid.north - south + margin) / grid.cell, grid.rows)
@@ -125,13 +135,15 @@ def _steepest(zone: BaseGeometry, heights: NDArray[np.floating], dz: NDArray[np.
     x, y = (a.ravel() for a in np.meshgrid(x, y))
     corner = Affine(*grid.affine) * Affine.translation(columns.start, rows.start)
     shape = rows.stop - rows.start, columns.stop - columns.start
-    weight = np.where(geometry_mask([zone], shape, corner, invert=True), np.abs(dz[rows, columns]), 0.0)
+    weight = np.where(
+        geometry_mask([zone], shape, corner, invert=True), np.abs(layout.window(dz, (rows, columns))), 0.0
+    )
     weight = np.nan_to_num(weight).ravel()
     point = zone.representative_point()
     middle = np.array([point.x, point.y])
     if weight.sum() > 0:
         middle = np.array([np.average(x, weights=weight), np.average(y, weights=weight)])
-    down = _downhill(x - middle[0], y - middle[1], heights[rows, columns].ravel())
+    down = _downhill(x - middle[0], y - middle[1], layout.window(heights, (rows, columns)).ravel())
     if down is None:
         down = _long_axis(zone)
     along = (shapely.get_coordinates(zone.convex_hull) - middle) @ down

@@ -16,12 +16,13 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from ..core.arrays import Float32
+from ..core.arrays import Float32, Index
 from ..core.errors import EngineError, InputError
 from ..core.number_text import fixed
 from ..core.staged_outputs import Stage, atomic_output
 from ..crs.working_frame import horizontal
 from ..grid.grid import Grid
+from ..statistics.layout import Layout, layout_of
 from ..vector.geopackage import write_layer
 from .profile_lines import GIVEN, ProfileLine
 
@@ -31,7 +32,10 @@ _COLUMNS = ("distance_m", "x", "y", "height_from_m", "height_to_m", "dz_m", "lev
 
 @dataclass(frozen=True)
 class Layers:
-    """What profiles are taken from: arrays (rows, columns) on ``grid``, metres, NaN where unknown."""
+    """What profiles are taken from: arrays on ``grid``, metres, NaN where unknown.
+
+    They are (rows, columns), or as ``layout`` holds them.
+    """
 
     grid: Grid
     height_from: NDArray[np.floating]
@@ -39,6 +43,11 @@ class Layers:
     dz: NDArray[np.floating]
     level: NDArray[np.floating]
     significant: NDArray[np.bool_]
+    layout: Layout | None = None
+
+    def at(self, values: NDArray[Any], row: Index, column: Index) -> NDArray[Any]:
+        """Of the cells in the rows and columns (n,)."""
+        return (self.layout or layout_of(values)).at(values, row, column)
 
 
 @dataclass(frozen=True)
@@ -102,7 +111,7 @@ def take_profile(line: ProfileLine, layers: Layers) -> Profile:
     row, column = row[order], column[order]
 
     def along(array: NDArray[np.floating]) -> Float32:
-        return np.asarray(array[row, column], dtype=np.float32)
+        return np.asarray(layers.at(array, row, column), dtype=np.float32)
 
     return Profile(
         line=line,
@@ -113,7 +122,7 @@ def take_profile(line: ProfileLine, layers: Layers) -> Profile:
         height_to=along(layers.height_to),
         dz=along(layers.dz),
         level=along(layers.level),
-        significant=np.asarray(layers.significant[row, column] & np.isfinite(layers.dz[row, column])),
+        significant=layers.at(layers.significant, row, column) & np.isfinite(layers.at(layers.dz, row, column)),
     )
 
 

@@ -13,6 +13,7 @@ from scipy import ndimage
 
 from ..change.plant_calibration import common_share, sum_by_plants
 from ..core.arrays import Float
+from ..statistics.layout import Layout, layout_of
 from ..statistics.variogram import (
     MIN_CELLS,
     MIN_LAGS,
@@ -79,7 +80,7 @@ class CorrelationModel:
         if cells.plants is not None:
             weighted = np.abs(weights) * np.nan_to_num(cells.plants)
             weighted = cells.partition.gathered(weighted, weighted != 0)
-            by_plants = sum_by_plants(weighted, cells.cell, self.plants_in_common)
+            by_plants = sum_by_plants(weighted, cells.cell, self.plants_in_common, cells.layout)
         by_registration = self.registration_error * float(weights.sum())
         return math.hypot(self.own_error(weights, cells), by_registration, by_plants)
 
@@ -87,7 +88,7 @@ class CorrelationModel:
         """The part of ``sum_error`` that the sampling errors make, which differ from place to place."""
         if self.variogram is None:
             return float(np.abs(self._weighted(weights, cells)).sum())
-        return math.sqrt(sum_variance(self._weighted(weights, cells), cells.cell, self.variogram))
+        return math.sqrt(sum_variance(self._weighted(weights, cells), cells.cell, self.variogram, cells.layout))
 
     def common_error(self, weights: Float, cells: Cells) -> float:
         """The part of ``sum_error`` that all cells share: the registration's and the plants'."""
@@ -97,7 +98,7 @@ class CorrelationModel:
         """Effective number of samples of a sum (see ``variogram.effective_samples``)."""
         if self.variogram is None:
             return 1.0
-        return effective_samples(self._weighted(weights, cells), cells.cell, self.variogram)
+        return effective_samples(self._weighted(weights, cells), cells.cell, self.variogram, cells.layout)
 
     def _weighted(self, weights: Float, cells: Cells) -> Float:
         """Weights times sampling errors; those of cells that are one are summed up in the first of them."""
@@ -106,6 +107,16 @@ class CorrelationModel:
         plants = None if cells.plants is None else cells.plants[used]
         weighted[used] = weights[used] * self.sampling_error(cells.error[used], plants)
         return cells.partition.gathered(weighted, used)
+
+
+def _add(to: Float, layout: Layout, window: tuple[slice, ...], weights: Float) -> None:
+    """Add ``weights`` of a window of the grid, 0 where no cell is held, to those of all cells."""
+    if layout.listed is None:
+        to[window] += weights
+        return
+    row, column = np.nonzero(weights)
+    flat = (row + window[0].start) * layout.shape[1] + column + window[1].start
+    to[np.searchsorted(layout.listed, flat)] += weights[row, column]
 
 
 def shared_error(weights: Float, error: Float | None) -> float:
@@ -144,7 +155,7 @@ class ZoneVolumes:
 
 
 def fit_correlation(cells: Cells, stable: NDArray[np.bool_], registration_error: float) -> CorrelationModel:
-    """The variogram of change over error on ``stable`` cells (rows, columns).
+    """The variogram of change over error on ``stable`` cells.
 
     Too little stable ground, or too few distances in it, leave the model without a variogram.
 
@@ -172,7 +183,7 @@ def fit_correlation(cells: Cells, stable: NDArray[np.bool_], registration_error:
         return replace(model, cells=count)
     standardised = np.full(cells.dz.shape, np.nan)
     standardised[usable] = cells.dz[usable] / sampling[usable]
-    empirical = empirical_variogram(standardised, cells.cell)
+    empirical = empirical_variogram(standardised, cells.cell, cells.layout)
     if len(empirical.lag) < MIN_LAGS:
         return replace(model, cells=count, without="too few distances between stable cells")
     return replace(model, cells=count, variogram=fit_variogram(empirical))
@@ -186,24 +197,29 @@ def _in_common(cells: Cells, stable: NDArray[np.bool_], registration_error: floa
     calibrating = stable if cells.plant_like is None else stable | cells.plant_like
     calibrating = cells.partition.one_each(calibrating)
     sampling = CorrelationModel(registration_error, None).sampling_error(cells.error, cells.plants)
-    return common_share(cells.dz, sampling, cells.plants, calibrating, cells.cell)
+    return common_share(cells.dz, sampling, cells.plants, calibrating, cells.cell, cells.layout)
 
 
-def outside(footprints: Sequence[Footprint], valid: NDArray[np.bool_], cell: float) -> NDArray[np.bool_]:
+def outside(
+    footprints: Sequence[Footprint], valid: NDArray[np.bool_], cell: float, layout: Layout | None = None
+) -> NDArray[np.bool_]:
     """Cells of ``valid`` farther than half a metre, and at least two cells, from every footprint.
 
     Single cells beyond their level stay in: they are the noise's own, and without them it would look too small.
     """
-    moved = np.zeros(valid.shape, dtype=bool)
+    layout = layout or layout_of(valid)
+    moved = np.zeros(layout.shape, dtype=bool)
     for footprint in footprints:
         moved[footprint.window] |= footprint.inside
-    return valid & ~ndimage.maximum_filter(moved, size=2 * max(2, round(_STABLE_MARGIN_M / cell)) + 1)
+    near = ndimage.maximum_filter(moved, size=2 * max(2, round(_STABLE_MARGIN_M / cell)) + 1)
+    return valid & ~layout.of(near)
 
 
 def zone_volumes(footprints: Sequence[Footprint], cells: Cells, model: CorrelationModel) -> ZoneVolumes:
     """Volume of each zone over its footprint, with its standard error."""
     figures = np.zeros((len(footprints), 6))
-    sides = np.zeros((2, *cells.dz.shape)) if footprints else np.zeros((2, 1, 1))  # weights of all that sank, that rose
+    # weights of all that sank, that rose
+    sides = np.zeros((2, *cells.dz.shape)) if footprints else np.zeros((2, *(1 for _ in cells.dz.shape)))
     scatters = np.zeros(2)
     for row, footprint in zip(figures, footprints, strict=True):
         near = in_window(cells, footprint.window)
@@ -217,7 +233,7 @@ def zone_volumes(footprints: Sequence[Footprint], cells: Cells, model: Correlati
             model.samples(weights, near),
             model.sum_error(footprint.own / footprint.own.sum(), near),
         )
-        sides[int(volume > 0)][footprint.window] += weights
+        _add(sides[int(volume > 0)], cells.layout, footprint.window, weights)
         scatters[int(volume > 0)] += footprint.scatter**2
 
     def together(volumes: Float, weights: Float, scatter: float) -> tuple[float, float]:

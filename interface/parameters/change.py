@@ -99,10 +99,12 @@ class GridChangeParameters(ParameterSet, record_name="change"):
         bounds=(0.0, 10.0),
         advanced=True,
     )
-    memory_limit: float = _parameter(
-        4.0,
+    memory_limit: float | str = _parameter(
+        AUTO,
         "Memory for the grid",
-        "A grid that needs more is refused; the message gives its size and a cell size that fits.",
+        "A grid that needs more is refused, before any work where the cell is given; the message gives its size and a "
+        "cell size that fits. Larger allows smaller cells on a larger slope. auto: half of the machine's memory.",
+        kind=float,
         unit="GB",
         bounds=(0.05, 1024.0),
         advanced=True,

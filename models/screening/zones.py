@@ -190,7 +190,7 @@ def _figures(
     mean = np.bincount(zone, weights=own * points, minlength=count) / np.bincount(zone, points, minlength=count)
     sign = np.where(kind == SUBSIDENCE, -1.0, 1.0)
     median, extreme = _heights(joined, count, sign, screening, index)
-    slope = inclination(zone, inside, count, _surface(screening, index, grid), grid)
+    slope = inclination(zone, inside, count, _surface(screening, index, grid).ravel()[inside], grid)
     # a zone of cells in one line has no plane of its own
     slope = np.where(np.isfinite(slope), slope, screening.plane.dip)
     plan = cells * grid.cell**2

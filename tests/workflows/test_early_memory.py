@@ -12,9 +12,11 @@ import pytest
 import shapely
 from pyproj import CRS
 from slopewatch.engine.core.errors import InputError
+from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.epochs.epoch import Epoch
 from slopewatch.interface.dates import date_in_name
-from slopewatch.interface.parameters import ChangeParameters, InputParameters
+from slopewatch.interface.parameters import ChangeParameters, InputParameters, SurfaceParameters
+from slopewatch.workflows.change import change_step
 from slopewatch.workflows.early_memory import refuse_grid_early
 from slopewatch.workflows.inspect import inspect_slope
 from slopewatch.workflows.settings import Settings
@@ -83,3 +85,26 @@ def test_the_whole_flow_refuses_before_it_extracts(
     with pytest.raises(InputError, match=r"more than the 0\.1 GB allowed"):
         inspect_slope(epochs, tmp_path / "out", settings)
     assert not list((tmp_path / "out").glob("*"))
+
+
+def test_a_change_is_refused_before_the_clouds_are_read(
+    clouds: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError("a cloud was read")
+
+    monkeypatch.setattr("slopewatch.workflows.change.read_cloud", never)
+    settings = Settings(surface=SurfaceParameters(ground="as_is"), change=ChangeParameters(cell=0.02, memory_limit=0.1))
+    with pytest.raises(InputError, match=r"more than the 0\.1 GB allowed"):
+        change_step(*clouds, tmp_path / "out", settings, dates=(None, None), transform_path=None, progress=Progress())
+    assert not list((tmp_path / "out").glob("*"))
+
+
+def test_half_of_the_machines_memory_is_allowed_unless_a_limit_is_given(
+    clouds: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("slopewatch.engine.grid.common_grid.machine_memory", lambda: 400_000_000)
+    with pytest.raises(InputError, match=r"more than the 0\.2 GB allowed"):
+        early(clouds, cell=0.05)
+    early(clouds, cell=0.3)
+    early(clouds, cell=0.05, memory_limit=4.0)

@@ -24,6 +24,7 @@ from ...engine.maps.heatmap import write_heatmap_png
 from ...engine.maps.heatmap_image import make_heatmap
 from ...engine.pointcloud.cloud import PointCloud
 from ...engine.report.facts import change_facts, error_terms
+from ...engine.statistics.layout import Laid
 from ...engine.statistics.normal import Z95
 from ...engine.statistics.robust import nmad
 from ...engine.zones import extraction, fields, gcd_table
@@ -115,7 +116,13 @@ def write_products(
     if change.season is not None:
         facts["season"] = change.season.facts()
     layers = Layers(
-        change.grid, change.height_from, change.height_to, change.dz, change.level, change.significant & change.valid
+        change.grid,
+        change.height_from,
+        change.height_to,
+        change.dz,
+        change.level,
+        change.significant & change.valid,
+        change.layout,
     )
     files, facts["profiles"] = profile_products(
         layers, found.frame, lines, settings.report.zone_profiles, context.crs, context.second.date, run.stage
@@ -164,7 +171,8 @@ def _write_pictures(
     stage = run.stage
     view = top_view.top_view(picture, top_view.top_view_grid(change.grid, parameters.top_view_pixel))
     geotiff.write_rgba(stage.path("top_view.tif"), view.rgba, view.grid, context.crs, tags=tags)
-    heatmap = make_heatmap(change.dz, change.significant, change.level, change.grid, view, parameters, limit=limit)
+    shown = Laid(change.dz, change.layout), change.significant, change.level
+    heatmap = make_heatmap(*shown, change.grid, view, parameters, limit=limit)
     names = context.first.name, context.second.name
     write_heatmap_png(stage.path("heatmap.png"), heatmap, zones=found.frame, epochs=names)
     geotiff.write_rgba(stage.path("heatmap.tif"), heatmap.rgba, heatmap.grid, context.crs, tags=tags)
@@ -182,7 +190,7 @@ def profile_products(
     stage: Stage,
 ) -> tuple[dict[str, Path], list[dict[str, Any]]]:
     """Profiles along ``lines`` and down the first ``count`` zones: files (none without a line) and their figures."""
-    every = (*lines, *steepest_lines(zone_frame, layers.height_to, layers.dz, layers.grid, count))
+    every = (*lines, *steepest_lines(zone_frame, layers.height_to, layers.dz, layers.grid, count, layers.layout))
     if not every:
         return {}, []
     profiles = [take_profile(line, layers) for line in every]
@@ -279,7 +287,8 @@ def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float,
     for name, array, description, qml in layers:
         path = stage.path(f"{name}.tif")
         unit = "1" if name == "change_probability" else "m"
-        geotiff.write_raster(path, array, change.grid, crs, description=description, unit=unit, tags=tags)
+        held = Laid(array, change.layout)
+        geotiff.write_raster(path, held, change.grid, crs, description=description, unit=unit, tags=tags)
         qgis_styles.write_qml_next_to(path, qml)
         outputs[name] = stage.final(path.name)
     epochs = ("earlier", "later")
@@ -289,7 +298,8 @@ def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float,
     }
     for name, (description, unit, arrays) in bands.items():
         path = stage.path(f"{name}.tif")
-        named = {description.format(e): np.asarray(a, np.float64) for e, a in zip(epochs, arrays, strict=True)}
+        pair = [Laid(np.asarray(array), change.layout) for array in arrays]
+        named = {description.format(epoch): band for epoch, band in zip(epochs, pair, strict=True)}
         geotiff.write_bands(path, named, change.grid, crs, unit=unit, tags=tags)
         outputs[name] = stage.final(path.name)
     return outputs

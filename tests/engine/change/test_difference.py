@@ -100,7 +100,7 @@ def test_too_large_a_grid_is_refused_with_a_cell_that_fits():
 
 
 def test_a_slope_turned_against_north_needs_what_it_covers_and_little_for_the_rectangle():
-    """The same area along an axis and turned: the rectangle is 16 times as large, what is needed three times."""
+    """The same area along an axis and turned: the rectangle is 12 times as large, what is needed not even twice."""
     rng = np.random.default_rng(0)
     u, v = rng.uniform(0, 700, 20_000), rng.uniform(0, 30, 20_000)
     straight = np.column_stack([u, v, 0 * u])
@@ -112,8 +112,8 @@ def test_a_slope_turned_against_north_needs_what_it_covers_and_little_for_the_re
     for cloud, area in zip((straight, turned), areas, strict=True):
         west, south, east, north = *cloud[:, :2].min(axis=0), *cloud[:, :2].max(axis=0)
         needed.append(memory_needed((west, south, east, north), area, parameters, plants=False))
-    assert needed[0] < 0.8e9
-    assert needed[1] < 4e9
+    assert needed[0] < 1.1e9
+    assert needed[1] < 2e9
 
 
 def test_a_cell_left_to_the_clouds_becomes_as_large_as_the_memory_needs():

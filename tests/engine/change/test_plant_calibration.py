@@ -17,6 +17,7 @@ from slopewatch.engine.change.plant_calibration import (
 )
 from slopewatch.engine.grid.partition import Partition
 from slopewatch.engine.grid.plant_cells import PlantCells
+from slopewatch.engine.statistics.layout import layout_of
 from slopewatch.engine.statistics.variogram import VariogramModel
 from slopewatch.engine.zones.footprints import Cells
 from slopewatch.engine.zones.volumes import CorrelationModel, fit_correlation
@@ -39,7 +40,7 @@ def told(dz: np.ndarray, stable: np.ndarray | None = None, stated: float = PLANT
     arguments = {"registration_error": 0.0, "confidence": 0.95} | options
     sampling, plants = np.full(dz.shape, SAMPLING), np.full(dz.shape, stated)
     return plants_factor(
-        dz, sampling, plants, every if stable is None else stable, squares_of(dz.shape, CELL), **arguments
+        dz, sampling, plants, every if stable is None else stable, squares_of(layout_of(dz), CELL), **arguments
     )
 
 
@@ -73,7 +74,7 @@ def test_only_cells_count_in_which_plants_decide():
     plants[:, 120:] = 0.009
     every, sampling = np.ones(SHAPE, dtype=bool), np.full(SHAPE, SAMPLING)
     found = plants_factor(
-        dz, sampling, plants, every, squares_of(dz.shape, CELL), registration_error=0.0, confidence=0.95
+        dz, sampling, plants, every, squares_of(layout_of(dz), CELL), registration_error=0.0, confidence=0.95
     )
     assert found == pytest.approx(0.53, abs=0.06)
 

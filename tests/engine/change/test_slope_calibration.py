@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from slopewatch.engine.change.slope_calibration import Samples, calibrate, patch_halves, uncalibrated
+from slopewatch.engine.statistics.layout import Layout
 
 SHAPE = (200, 300)
 EVERYWHERE = np.ones(SHAPE, dtype=bool)
@@ -112,7 +113,7 @@ def test_an_unknown_slope_gets_the_typical_factor():
 def test_errors_are_made_smaller_only_where_both_halves_of_the_ground_say_so():
     """Half of the patches have the errors that their points say, the others half of them."""
     random = np.random.default_rng(5)
-    half = patch_halves((100, 100))
+    half = patch_halves(Layout((100, 100)), np.arange(10_000)).reshape(100, 100)
     assert 0.4 < half.mean() < 0.6
     one, slope = np.ones(half.shape), np.full(half.shape, 20.0)
     common = {"registration_error": 0.0, "confidence": 0.95}

@@ -15,6 +15,7 @@ from slopewatch.engine.core.version import VERSION
 from slopewatch.engine.grid import geotiff
 from slopewatch.engine.grid.geotiff import raster_tags, read_raster, write_raster, write_rgba
 from slopewatch.engine.grid.grid import Grid
+from slopewatch.engine.statistics.layout import Laid, Layout
 
 GRID = Grid(west=500000.4, north=4000012.6, cell=0.2, rows=30, columns=45)
 UTM = CRS("EPSG:32651")
@@ -161,3 +162,23 @@ def test_reading_what_is_no_raster(tmp_path: Path) -> None:
         pass
     with pytest.raises(InputError, match="square cells"):
         read_raster(tmp_path / "oblong.tif")
+
+
+def test_a_list_of_cells_makes_the_file_of_the_whole_array(tmp_path: Path) -> None:
+    """Of a raster of several rows of tiles, most of which hold nothing."""
+    grid = Grid(west=500000.0, north=4000000.0, cell=0.5, rows=600, columns=1100)
+    row = np.repeat(np.arange(grid.rows), 40)
+    column = (row * 1.2).astype(int) % (grid.columns - 40) + np.tile(np.arange(40), grid.rows)
+    listed = Layout(grid.shape, np.unique(row * grid.columns + column))
+    values = np.random.default_rng(2).normal(size=listed.array_shape)
+    counts = np.arange(values.size) % 9
+    for name, held in (("heights", values), ("counts", counts)):
+        write_raster(tmp_path / "listed.tif", Laid(held, listed), grid, UTM, description=name)
+        write_raster(tmp_path / "whole.tif", listed.on_grid(held), grid, UTM, description=name)
+        assert (tmp_path / "listed.tif").read_bytes() == (tmp_path / "whole.tif").read_bytes()
+        with rasterio.open(tmp_path / "listed.tif") as found:
+            expected = np.zeros(grid.shape) if name == "counts" else np.full(grid.shape, geotiff.NODATA)
+            expected.ravel()[listed.listed] = held
+            assert np.array_equal(found.read(1), expected.astype(np.float32))
+    with pytest.raises(EngineError, match="does not fit"):
+        write_raster(tmp_path / "listed.tif", Laid(values[1:], listed), grid, UTM, description="one too few")

@@ -91,7 +91,8 @@ def test_cells_outside_of_the_clipped_area_stay_empty_and_lend_no_points():
     assert change.valid[inside].mean() > 0.95
     kept = [c[inside.ravel()[cell_index(c, change.grid)]] for c in clouds]
     alone = adaptive_cells(*kept, change.grid, GROWING, inside=inside)
-    assert np.allclose(alone.dz[inside], change.dz[inside], equal_nan=True)
+    alone_dz = alone.partition.layout.on_grid(alone.dz)
+    assert np.allclose(alone_dz[inside], change.dz[inside], equal_nan=True)
 
 
 def test_cells_do_not_grow_out_of_the_survey():
@@ -177,7 +178,7 @@ def test_the_memory_that_growing_cells_take_counts():
     first = epoch(1)
     wide = np.vstack([first, first + [400.0, 400.0, 0.0]])
     common_grid(wide, wide, ChangeParameters(adaptive=True, memory_limit=4.0, cell=0.1))
-    for adaptive, limit in ((False, 4.0), (True, 2.0)):
+    for adaptive, limit in ((False, 4.0), (True, 0.65)):
         with pytest.raises(InputError, match="cell of at least") as refusal:
             common_grid(wide, wide, ChangeParameters(adaptive=adaptive, memory_limit=limit, cell=0.1))
         fits = float(str(refusal.value).split("at least ")[1].split(" m")[0])
@@ -257,8 +258,8 @@ def test_work_in_parts_is_that_on_the_whole(monkeypatch):
     area = shapely.box(*grid.bounds).buffer(-1.0)
     options = {"plants": (cover, None), "inside": cells_inside(area, grid)}
     whole = adaptive_cells(*clouds, grid, GROWING, **options)
-    monkeypatch.setattr("slopewatch.engine.grid.growing_cells._AT_ONCE", 1)
-    monkeypatch.setattr("slopewatch.engine.grid.growing_cells._TILE", 64)
+    monkeypatch.setattr("slopewatch.engine.grid.tiled_points._AT_ONCE", 1)
+    monkeypatch.setattr("slopewatch.engine.grid.tiled_points._TILE", 64)
     grown: list[tuple[int, int]] = []
 
     def grow(moments, *others):
@@ -267,6 +268,7 @@ def test_work_in_parts_is_that_on_the_whole(monkeypatch):
 
     monkeypatch.setattr("slopewatch.engine.grid.growing_cells.grow", grow)
     parts = adaptive_cells(*clouds, grid, GROWING, **options)
+    assert np.array_equal(parts.partition.listed, whole.partition.listed)
     assert np.array_equal(parts.partition.block, whole.partition.block)
     assert whole.partition.block.max() > 1000
     for name in ("dz", "sampling", "height_from", "height_to", "slope", "partition.sizes", "count_from", "count_to"):

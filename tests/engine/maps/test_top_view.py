@@ -7,6 +7,7 @@ import pytest
 from slopewatch.engine.grid.grid import Grid
 from slopewatch.engine.maps.relief import shaded_relief
 from slopewatch.engine.maps.top_view import project, top_view_grid
+from slopewatch.engine.statistics.layout import bands
 
 GRID = Grid(west=100.0, north=210.0, cell=0.5, rows=20, columns=24)
 
@@ -137,3 +138,16 @@ def test_relief_in_lines_is_that_of_the_whole(monkeypatch: pytest.MonkeyPatch) -
     whole = shaded_relief(heights, 0.1)
     monkeypatch.setattr("slopewatch.engine.maps.relief._AT_ONCE", 7 * 40)
     assert np.array_equal(shaded_relief(heights, 0.1), whole)
+
+
+@pytest.mark.parametrize("source", ["rgb", "intensity", "height"])
+def test_in_bands_the_picture_is_the_same(source: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bands of three lines, from which gaps of four pixels reach on."""
+    xyz, rgb = cloud(250, seed=3)
+    xyz[:40, 2] = 60.0  # equally high ones
+    given = {"rgb": rgb} if source == "rgb" else {"intensity": rgb[:, 0]} if source == "intensity" else {}
+    whole = project(xyz, GRID, **given)
+    assert whole.source == source
+    assert 0.3 < (whole.rgba[..., 3] > 0).mean() < 0.95
+    monkeypatch.setattr("slopewatch.engine.maps.top_view.bands", lambda shape: bands(shape, 3 * GRID.columns))
+    assert np.array_equal(project(xyz, GRID, **given).rgba, whole.rgba)

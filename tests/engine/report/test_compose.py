@@ -396,3 +396,16 @@ def test_gaps_are_closed_on_the_slope_and_the_outside_is_not() -> None:
     np.testing.assert_allclose(filled[inside], slope[inside], atol=1e-9)
     assert np.isnan(filled[:5]).all()
     assert np.isnan(filled[:, 95:]).all()
+
+
+def test_gaps_are_closed_alike_in_bands(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A surface in bands of 40 lines with what reaches into them, and every third line and column of it."""
+    rng = np.random.default_rng(1)
+    rows, columns = np.mgrid[0:400, 0:300]
+    heights = 3.0 + 0.08 * columns - 0.05 * rows + rng.normal(0, 0.02, rows.shape)
+    heights[(rng.uniform(size=rows.shape) < 0.5) | (np.abs(columns - 0.5 * rows - 50) > 30)] = np.nan
+    heights[180:230] = np.nan
+    whole = closed(heights, 0.1, 1.0)
+    monkeypatch.setattr("slopewatch.engine.report.maps._CELLS_AT_ONCE", 40 * 300)
+    np.testing.assert_array_equal(closed(heights, 0.1, 1.0), whole)
+    np.testing.assert_array_equal(closed(heights, 0.1, 1.0, every=3), whole[1::3, 1::3])
