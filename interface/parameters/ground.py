@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .specification import ParameterSet, _parameter
+from .specification import AUTO, ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
@@ -104,6 +104,16 @@ class GroundParameters(ParameterSet, record_name="ground"):
         "Largest group of outliers",
         "Isolated groups of at most this many points are outliers. Larger removes more.",
         bounds=(1, 100000),
+        advanced=True,
+    )
+    ground_memory: float | str = _parameter(
+        AUTO,
+        "Memory for the ground",
+        "A cloud whose ground takes more is worked on in tiles, which gives the same ground but for a few points at "
+        "the tiles' edges and takes longer. Larger makes fewer tiles. auto: half of the machine's memory.",
+        kind=float,
+        unit="GB",
+        bounds=(0.46, 1024.0),
         advanced=True,
     )
     minimum_ground_ratio: float = _parameter(

@@ -12,15 +12,17 @@ import pytest
 from slopewatch.engine.core.json_values import plain
 from slopewatch.engine.ground.cover import (
     CLASSES,
-    COARSEST_SQUARE_M,
-    FINEST_SQUARE_M,
-    MIN_QUARTERED_RETURNS,
     GroundCover,
-    cover_cells,
     cover_facts,
     cover_sentence,
     cover_table,
     cover_warnings,
+)
+from slopewatch.engine.ground.cover_squares import (
+    COARSEST_SQUARE_M,
+    FINEST_SQUARE_M,
+    MIN_QUARTERED_RETURNS,
+    cover_cells,
 )
 
 WEST, SOUTH = 500_000.0, 3_500_000.0
