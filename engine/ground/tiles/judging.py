@@ -35,7 +35,7 @@ from ..layered_ground import (
     windows_for,
 )
 from ..metrics import MIN_VEGETATION_HEIGHT_M, crown_cell, crown_heights
-from ..tally import Tally, square_keys, square_places
+from ..tally import Tally, metre_squares, square_keys, square_places
 from .layout import JUDGED_HALO_M
 from .spool import FOUND, POINT, SURFACE, Around, Spool
 from .surfaces import Surfaces, near_cloth
@@ -67,27 +67,33 @@ class Counts:
 
 def windows_of(spool: Spool, surfaces: Surfaces, parameters: GroundParameters) -> Windows:
     """The windows of the whole cloud, from its returns near the triangles."""
-    side = window_side(surfaces.squares)
-    bare_ground = BARE_SCATTER_M
-    if len(surfaces.squares) and side <= MAX_CLOSER_WINDOW_M:
-        bare_ground = bare_scatter(_middle_returns(spool, surfaces), side) or BARE_SCATTER_M
+    squares = Tally()
+    for tile in range(len(spool.tiles)):
+        squares.add(metre_squares(_low_returns(spool, tile) - [*surfaces.low_corner, 0.0, 0.0]))
+    counts = squares.counts()
+    side, bare_ground = window_side(counts.astype(np.int64)), BARE_SCATTER_M
+    if len(counts) and side <= MAX_CLOSER_WINDOW_M:
+        places = square_places(squares.found()[0])
+        middle = np.array([_median(places[:, axis], counts) for axis in (0, 1)]) + 0.5 + surfaces.low_corner
+        bare_ground = bare_scatter(_returns_about(spool, middle), side) or BARE_SCATTER_M
     return windows_for(side, bare_ground, parameters.class_threshold, surfaces.strays)
 
 
-def _middle_returns(spool: Spool, surfaces: Surfaces) -> Float:
-    """(n, 4) as of ``bare_scatter``, of the returns in the square about the middle of all."""
-    places = square_places(surfaces.keys)
-    middle = np.array([_median(places[:, axis], surfaces.squares) for axis in (0, 1)]) + 0.5
+def _low_returns(spool: Spool, tile: int) -> Float:
+    """(n, 4) x, y, z and the height over the triangles of a tile's returns that take part in the windows."""
+    points, surface = spool.load(tile, "points", POINT), spool.load(tile, "surface", SURFACE)
+    chosen = of_lowest_layers(surface["height"], surface["left"])
+    return np.column_stack([*(points[field][chosen] for field in "xyz"), surface["height"][chosen]])
+
+
+def _returns_about(spool: Spool, middle: Float) -> Float:
+    """(n, 4) as of ``_low_returns``, those in the square about ``middle`` (2,) that ``bare_scatter`` looks at."""
     found = [np.zeros((0, 4))]
     for tile in range(len(spool.tiles)):
-        corner = spool.tiles.corner(tile) - surfaces.whole.origin
-        if (np.abs(corner + spool.tiles.side / 2 - middle) > (spool.tiles.side + SAMPLE_SIDE_M) / 2).any():
-            continue
-        points, surface = spool.load(tile, "points", POINT), spool.load(tile, "surface", SURFACE)
-        xy = np.column_stack([points["x"], points["y"]]) - surfaces.whole.origin
-        chosen = of_lowest_layers(surface["height"], surface["left"])
-        chosen &= (np.abs(xy - middle) <= SAMPLE_SIDE_M / 2).all(axis=1)
-        found.append(np.column_stack([xy[chosen], points["z"][chosen], surface["height"][chosen]]))
+        away = np.abs(spool.tiles.corner(tile) + spool.tiles.side / 2 - middle)
+        if (away <= (spool.tiles.side + SAMPLE_SIDE_M) / 2).all():
+            low = _low_returns(spool, tile)
+            found.append(low[(np.abs(low[:, :2] - middle) <= SAMPLE_SIDE_M / 2).all(axis=1)])
     return np.vstack(found)
 
 

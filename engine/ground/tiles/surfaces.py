@@ -15,7 +15,6 @@ from ..filtering import cloth_threshold
 from ..layered_ground import of_lowest_layers
 from ..lowest_layer import HIGHEST_M, LOWEST_M
 from ..surface_heights import Whole, surface_heights
-from ..tally import Tally, square_keys
 from .layout import HALO_M
 from .spool import SURFACE, Around, Spool
 
@@ -45,14 +44,13 @@ class Seams:
 class Surfaces:
     """What the first round over the tiles found; each tile's heights are saved as ``SURFACE`` records.
 
-    ``strays`` is the share of stray returns that were left out; ``squares`` (k,) are numbers of those that take part in
-    the windows, by squares of a metre, and ``keys`` (k,) these squares' numbers from ``Whole.origin`` on.
+    ``strays`` is the share of stray returns that were left out; ``low_corner`` (2,) m the least coordinates of those
+    that take part in the windows, infinite without any.
     """
 
     whole: Whole
     strays: float
-    keys: Index
-    squares: Index
+    low_corner: Float
     seams: Seams
 
 
@@ -68,11 +66,11 @@ def near_cloth(around: Around, plane: Plane, parameters: GroundParameters) -> Bo
 
 @dataclass(frozen=True)
 class _Laid:
-    """What a tile's surface adds to those of all; ``low`` are squares as of ``Surfaces.keys`` and their counts."""
+    """What a tile's surface adds to those of all."""
 
     slope_strays: bool
     stray_rounds: int
-    low: tuple[Index, Index]
+    low_corner: Float
     taken: int
     left: int
     strip: tuple[Index, Index, Float]
@@ -92,18 +90,17 @@ def lay_surfaces(
     first = np.median([laid.slope_strays for laid in tried.values()]) > 0.5
     rounds = int(np.median([laid.stray_rounds for laid in tried.values()]))
     whole = replace(whole, slope_strays=bool(first), stray_rounds=rounds)
-    squares, taken, left = Tally(), 0, 0
+    corner, taken, left = np.full(2, np.inf), 0, 0
     strips = []
     for tile in range(len(spool.tiles)):
         laid = tried.get(tile)
         if laid is None or (laid.slope_strays, laid.stray_rounds) != (first, rounds):
             laid = _lay(spool, tile, plane, parameters, whole)
-        squares.add_sums(laid.low[0], laid.low[1][None].astype(np.float64))
+        corner = np.minimum(corner, laid.low_corner)
         taken, left = taken + laid.taken, left + laid.left
         strips.append(laid.strip)
         done(tile + 1)
-    keys, counts = squares.found()[0], squares.counts().astype(np.int64)
-    return Surfaces(whole, 1.0 - left / max(taken, 1), keys, counts, _seams(spool, strips))
+    return Surfaces(whole, 1.0 - left / max(taken, 1), corner, _seams(spool, strips))
 
 
 def _pilots(spool: Spool) -> list[int]:
@@ -124,9 +121,7 @@ def _lay(spool: Spool, tile: int, plane: Plane, parameters: GroundParameters, wh
     return _Laid(
         found.slope_strays,
         found.stray_rounds,
-        np.unique(
-            square_keys(np.floor(around.flat[core][low, :2] - whole.origin).astype(np.int64)), return_counts=True
-        ),
+        around.flat[core][low, :2].min(axis=0, initial=np.inf),
         int(np.count_nonzero(around.taken[core])),
         int(np.count_nonzero(found.left[core])),
         _strip(spool, tile, around, found.height),
