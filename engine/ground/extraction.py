@@ -43,7 +43,7 @@ from .outliers import outliers
 from .result import HEIGHT_OVER_GROUND, GroundResult
 from .survey import Clipped, Source, read_points
 from .tiles.extraction import Job, extract_in_tiles
-from .tiles.memory import fits_in_one_piece, refuse_full_disk, refuse_too_dense
+from .tiles.memory import fits_by_squares, fits_in_one_piece, refuse_full_disk, refuse_too_dense
 
 _BASE_MEMORY_BYTES = 4_000_000_000
 _MEMORY_PER_POINT_BYTES = 1_000
@@ -221,15 +221,14 @@ class _Extraction:
                 f"{shown(self.cloud)} holds waveforms (point format {header.point_format}), which PDAL does not "
                 "read; export it without them."
             )
-        large = not fits_in_one_piece(header.count, self.parameters)
+        large = not fits_in_one_piece(header.count, header.count, self.parameters)
         region = None if roi is None else read_roi(roi, frame.crs, unit=frame.horizontal_factor)
         raw = file_coverage(header, frame, (None if region is None else region.geometry) if large else Polygon())
         if region is not None:
             for note in region.notes:
                 self._warn(note)
             refuse_outside(region, raw.bounds, self.cloud)
-        if large:
-            large = not fits_in_one_piece(raw.points, self.parameters)
+        large = large and not fits_by_squares(raw.places, raw.counts, self.parameters)
         if large:
             refuse_too_dense(self.cloud, raw.places, raw.counts, self.parameters)
             refuse_full_disk(header, raw.points, self.output.absolute().parent)

@@ -106,6 +106,13 @@ class GroundParameters(ParameterSet, record_name="ground"):
         bounds=(1, 100000),
         advanced=True,
     )
+    minimum_ground_ratio: float = _parameter(
+        0.001,
+        "Minimum plausible share of ground",
+        "Below this share of the clipped points the extraction fails with an error. Larger is stricter.",
+        bounds=(0.0, 1.0),
+        advanced=True,
+    )
     ground_memory: float | str = _parameter(
         AUTO,
         "Memory for the ground",
@@ -113,13 +120,6 @@ class GroundParameters(ParameterSet, record_name="ground"):
         "the tiles' edges and takes longer. Larger makes fewer tiles. auto: half of the machine's memory.",
         kind=float,
         unit="GB",
-        bounds=(0.46, 1024.0),
-        advanced=True,
-    )
-    minimum_ground_ratio: float = _parameter(
-        0.001,
-        "Minimum plausible share of ground",
-        "Below this share of the clipped points the extraction fails with an error. Larger is stricter.",
-        bounds=(0.0, 1.0),
+        bounds=(0.35, 1024.0),
         advanced=True,
     )

@@ -26,7 +26,7 @@ from ..result import TilesUsed
 from ..surface_heights import Whole
 from .judging import Counts, doubt_facts, judge, label_by_cloth, windows_of
 from .layout import HALO_M, Tiles, counted, largest_tiles
-from .memory import free_for_tile, memory_limit, refuse_too_dense
+from .memory import free_for_tile, memory_limit, refuse_too_dense, refuse_too_wide
 from .merging import fill, merge, write_clouds
 from .spool import Spool
 from .surfaces import MAX_SEAM_DIFFERENCE_M, SEAM_M, Seams, lay_surfaces
@@ -111,6 +111,7 @@ def extract_in_tiles(job: Job) -> Outcome:
 
 
 def _tiles(job: Job, kept: Kept) -> Tiles:
+    refuse_too_wide(job.cloud, kept.places)
     refuse_too_dense(job.cloud, kept.places, kept.points, job.parameters)
     free = free_for_tile(kept.count, len(kept.places), job.parameters)
     tiles = largest_tiles(counted(kept.places, kept.points), free, job.parameters)

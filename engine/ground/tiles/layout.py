@@ -20,8 +20,11 @@ HALO_M, JUDGED_HALO_M = 25, 20
 18 m (a margin of 9 m, and the ground of windows up to 6 m away)."""
 MIN_SIDE_M = 25
 """Smaller tiles would mostly be halo."""
-POINT_BYTES, PARTICLE_BYTES = 320, 600
-"""Memory of a point of a tile with its halo, and of a particle of its cloth; measured, see docs/large_ground.md."""
+SURFACE_BYTES, PARTICLE_BYTES, JUDGED_BYTES = 270, 600, 135
+"""Memory of a point of a tile with its halo while its surface is laid, of a particle of its cloth, and of a point while
+the ground is judged; measured, see docs/large_ground.md."""
+WINDOWS_BYTES, WINDOWS_WIDTH_M = 610, 90
+"""While the ground is judged, more for each point of a square so wide: ``layered_ground`` takes as much at once."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,13 @@ class Counted:
     low: Float
     counts: Float
 
+    def fullest(self, width: int) -> int:
+        """Most points in any square of so many metres, a multiple of COARSE_M."""
+        reach = width // COARSE_M
+        total = np.pad(self.counts, (reach, reach)).cumsum(axis=0).cumsum(axis=1)
+        total = total[reach:] - total[:-reach]
+        return int((total[:, reach:] - total[:, :-reach]).max())
+
 
 def counted(places: Index, counts: Float) -> Counted:
     """Squares of COARSE_M from squares of a metre: their columns and rows (m, 2) and points (m,)."""
@@ -116,7 +126,9 @@ def tile_bytes(found: Counted, side: int, points: int, parameters: GroundParamet
     particles = (width / parameters.cloth_resolution + 4) * (depth / parameters.cloth_resolution + 4)
     if particles > MAX_CLOTH_PARTICLES:
         return math.inf
-    return POINT_BYTES * points + PARTICLE_BYTES * particles
+    at_once = min(points, found.fullest(WINDOWS_WIDTH_M))
+    judged = JUDGED_BYTES * points + WINDOWS_BYTES * at_once
+    return max(SURFACE_BYTES * points + PARTICLE_BYTES * particles, judged)
 
 
 def tiles_of(found: Counted, side: int) -> Tiles:

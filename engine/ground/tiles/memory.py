@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +15,25 @@ from ...core.errors import InputError
 from ...core.machine_memory import machine_memory
 from ...core.messages import shown
 from ...pointcloud.header import CloudHeader
-from .layout import COARSE_M, HALO_M, MIN_SIDE_M, counted, largest_tiles, tile_bytes, tiles_of
+from .layout import (
+    COARSE_M,
+    HALO_M,
+    MIN_SIDE_M,
+    WINDOWS_BYTES,
+    WINDOWS_WIDTH_M,
+    counted,
+    largest_tiles,
+    tile_bytes,
+    tiles_of,
+)
 from .spool import FOUND, POINT, SURFACE
 
-BASE_BYTES = 450_000_000
+MIN_MEMORY_GB = 0.35
+"""Least limit that a cloud can be given."""
+BASE_BYTES = 320_000_000
 """Memory of the program and its child processes without points."""
-ONE_PIECE_POINT_BYTES = 260
-"""Memory that a point takes where the cloud is extracted in one piece."""
+ONE_PIECE_POINT_BYTES = 170
+"""Memory that a point takes where the cloud is extracted in one piece, without that of WINDOWS_BYTES."""
 _MASK_BYTES, _AREA_BYTES = 3, 700
 """Memory of a point and of a square metre of the slope, whatever the tiles."""
 _SPOOL_BYTES = POINT.itemsize + SURFACE.itemsize + 3 * FOUND.itemsize + 4
@@ -36,9 +49,28 @@ def memory_limit(parameters: GroundParameters) -> float:
     return machine_memory() / 2 if limit is None else 1e9 * limit
 
 
-def fits_in_one_piece(points: int, parameters: GroundParameters) -> bool:
-    """Whether so many points within the region may be worked on at once."""
-    return BASE_BYTES + ONE_PIECE_POINT_BYTES * points <= memory_limit(parameters)
+def shared_memory(parameters: GroundParameters, clouds: int) -> GroundParameters:
+    """Parameters of one of several clouds whose ground is found at the same time within the limit."""
+    share = memory_limit(parameters) / clouds / 1e9
+    return replace(parameters, ground_memory=max(share, MIN_MEMORY_GB))
+
+
+def fits_in_one_piece(points: int, at_once: int, parameters: GroundParameters) -> bool:
+    """Whether so many points within the region may be worked on at once.
+
+    Args:
+        at_once: most points in a square of WINDOWS_WIDTH_M.
+    """
+    needed = BASE_BYTES + ONE_PIECE_POINT_BYTES * points + WINDOWS_BYTES * at_once
+    return needed <= memory_limit(parameters)
+
+
+def fits_by_squares(places: Index, counts: Float, parameters: GroundParameters) -> bool:
+    """``fits_in_one_piece`` for points counted in squares of a metre, see ``refuse_too_dense``."""
+    if not len(counts) or _too_wide(places):
+        return False
+    at_once = counted(places, counts).fullest(WINDOWS_WIDTH_M)
+    return fits_in_one_piece(int(counts.sum()), at_once, parameters)
 
 
 def free_for_tile(points: int, area: float, parameters: GroundParameters) -> float:
@@ -49,16 +81,14 @@ def free_for_tile(points: int, area: float, parameters: GroundParameters) -> flo
 def refuse_too_dense(cloud: Path, places: Index, counts: Float, parameters: GroundParameters) -> None:
     """Raise InputError if even the smallest tile with its halo takes more memory than the limit allows.
 
+    What spans too much is judged once outliers are left out, see ``refuse_too_wide``.
+
     Args:
         places, counts: (m, 2) and (m,) squares of a metre that hold points within the region, seen from above or in the
             slope's frame, where they are never fuller, and their points.
     """
-    extent = np.ptp(places, axis=0) // COARSE_M + 1
-    if float(np.prod(extent.astype(np.float64))) > _MAX_SQUARES:
-        raise InputError(
-            f"{shown(cloud)} spans {' x '.join(f'{COARSE_M * n:.0f}' for n in extent)} m, too much for its ground in "
-            "tiles; remove stray points far away, or give a region of interest."
-        )
+    if not len(counts) or _too_wide(places):
+        return
     found, points = counted(places, counts), int(counts.sum())
     free = free_for_tile(points, len(places), parameters)
     if largest_tiles(found, free, parameters) is not None:
@@ -73,6 +103,19 @@ def refuse_too_dense(cloud: Path, places: Index, counts: Float, parameters: Grou
     )
 
 
+def refuse_too_wide(cloud: Path, places: Index) -> None:
+    """Raise InputError if squares of a metre (m, 2) that hold points of the slope are spread too widely for tiles."""
+    if _too_wide(places):
+        raise InputError(
+            f"{shown(cloud)} spans {' x '.join(str(n) for n in np.ptp(places, axis=0) + 1)} m, too much for its ground "
+            "in tiles; remove stray points far away, or give a region of interest."
+        )
+
+
+def _too_wide(places: Index) -> bool:
+    return float(np.prod(np.ptp(places, axis=0) / COARSE_M + 1.0)) > _MAX_SQUARES
+
+
 def refuse_full_disk(cloud: CloudHeader, points: int, folder: Path) -> None:
     """Raise InputError if the files of the tiles and the outputs do not fit into ``folder``.
 
@@ -84,6 +127,6 @@ def refuse_full_disk(cloud: CloudHeader, points: int, folder: Path) -> None:
     free = shutil.disk_usage(folder).free
     if needed > free:
         raise InputError(
-            f"The ground of {shown(cloud.path)} in tiles needs {needed / 1e9:.1f} GB on the disk of {folder} while it "
-            f"is found, and {free / 1e9:.1f} GB are free; free some space or choose another output folder."
+            f"The ground of {shown(cloud.path)} in tiles needs {needed / 1e9:.2g} GB on the disk of {folder} while it "
+            f"is found, and {free / 1e9:.2g} GB are free; free some space or choose another output folder."
         )
