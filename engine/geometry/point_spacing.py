@@ -24,7 +24,7 @@ def point_spacing(xy: Float) -> float:
         cell *= 2.0
 
 
-def spacing_of_squares(places: Index, counts: Index) -> float:
+def spacing_of_squares(places: Index, counts: Float) -> float:
     """``point_spacing`` of points of which only the numbers (n,) in squares of a metre are known.
 
     Args:

@@ -132,7 +132,7 @@ def facts_of_squares(cells: CoverCells, sums: Float, heights: HeightCounts) -> G
         kinds[higher > _MAX_HIGHER_SHARE * known] = kind
     kinds[2 * known < returns] = len(CLASS_HEIGHTS_M) + 1
     area = cells.area
-    noise = _noise(*sums[7:10], on_ground)
+    noise = _noise(sums[7], sums[8], sums[9], on_ground)
     classes = []
     for kind, name in enumerate(CLASSES):
         chosen = kinds == kind

@@ -69,7 +69,7 @@ def square_sums(index: Index, count: int, over: OverGround) -> Float:
         if values is None:
             return np.zeros(count), np.zeros(count)
         known = np.isfinite(values)
-        return number(known), np.bincount(index[known], values[known], count)
+        return number(known), np.bincount(index[known], values[known], count).astype(np.float64)
 
     known = np.isfinite(over.height)
     chosen = over.ground & known

@@ -81,7 +81,8 @@ def ground_doubts(name: str, found: Found, lost: float) -> tuple[str, ...]:
     if found.height is not None and found.plant_error is not None:
         error = found.plant_error[np.isfinite(found.plant_error)]
         bare = (float(np.mean(error == 0)), float(np.median(error))) if len(error) else (math.nan, math.nan)
-        facts = replace(facts, bare_share=bare[0], error=bare[1], **_below(found, found.height))
+        deep, depth = _below(found, found.height)
+        facts = replace(facts, bare_share=bare[0], error=bare[1], deep_share=deep, depth=depth)
     return doubt_sentences(name, facts)
 
 
@@ -151,13 +152,13 @@ def depth_below(threshold: float) -> float:
     return max(BELOW_M, BELOW_THRESHOLDS * threshold)
 
 
-def _below(found: Found, height: Float) -> dict[str, float]:
+def _below(found: Found, height: Float) -> tuple[float, float]:
     known = np.isfinite(height) & found.taken
     depth = depth_below(found.threshold)
     ground = found.flat[found.ground]
     deep = int(np.count_nonzero(height[known] < -depth)) + removed_below(found.removed, ground, depth)
     total = int(np.count_nonzero(known)) + len(found.removed)
-    return {"deep_share": deep / max(total, 1), "depth": depth}
+    return deep / max(total, 1), depth
 
 
 def removed_below(removed: Float, ground: Float, depth: float) -> int:

@@ -43,7 +43,7 @@ class Tally:
     def _merge(self) -> None:
         numbers, place = np.unique(np.concatenate(self._numbers), return_inverse=True)
         together = np.hstack(self._sums)
-        sums = np.vstack([np.bincount(place.ravel(), row, len(numbers)) for row in together])
+        sums = np.asarray([np.bincount(place.ravel(), row, len(numbers)) for row in together], dtype=np.float64)
         self._numbers, self._sums, self._pending = [numbers], [sums], 0
 
 

@@ -159,8 +159,9 @@ class _CoverCounter:
         if self._heights is None:
             return None
         keys, finest = self._squares.found()
-        cells = squares_of(*square_places(keys).T, finest[0])
-        sums = np.vstack([np.bincount(cells.index, row, len(cells.side)) for row in finest])
+        columns, rows = square_places(keys).T
+        cells = squares_of(columns, rows, finest[0])
+        sums = np.asarray([np.bincount(cells.index, row, len(cells.side)) for row in finest], dtype=np.float64)
         return facts_of_squares(cells, sums, self._heights)
 
 

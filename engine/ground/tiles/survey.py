@@ -94,7 +94,7 @@ def parts(header: CloudHeader, flags_in_class: bool) -> Iterator[Part]:
             coordinates(records, header),
             np.array(records["return_number"], dtype=np.uint8),
             np.array(records["number_of_returns"], dtype=np.uint8),
-            labels & 0x1F if flags_in_class else labels,
+            np.asarray(labels & 0x1F if flags_in_class else labels, dtype=np.uint8),
         )
 
 

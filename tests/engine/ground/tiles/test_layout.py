@@ -82,8 +82,8 @@ def test_the_largest_tiles_that_fit_are_taken(points):
     assert tile_bytes(found, int(tiles.side), tiles.points, parameters) <= 1.2 * needed
     larger = tiles_of(found, int(tiles.side) + 60)
     assert tile_bytes(found, int(tiles.side) + 60, larger.points, parameters) > 1.2 * needed
-    # a cloth of that many particles would not be laid
-    assert largest_tiles(found, 1e15, GroundParameters(cloth_resolution=0.02)) is None
+    # a cloth of that many particles would not be laid, whatever the memory
+    assert len(largest_tiles(found, 1e15, GroundParameters(cloth_resolution=0.02))) > 1
 
 
 def test_points_come_back_from_their_files_with_those_around(points, tmp_path):
