@@ -29,7 +29,7 @@ from .layout import HALO_M, Tiles, counted, largest_tiles
 from .memory import free_for_tile, memory_limit, refuse_too_dense, refuse_too_wide
 from .merging import fill, merge, write_clouds
 from .spool import Spool
-from .surfaces import MAX_SEAM_DIFFERENCE_M, SEAM_M, Seams, lay_surfaces
+from .surfaces import MAX_SEAM_DIFFERENCE_M, SEAM_M, Cloth, Seams, lay_surfaces
 from .survey import Kept, Survey, look_at_kept, look_through
 
 Step = Callable[[str, float, float, str], AbstractContextManager[None]]
@@ -77,7 +77,7 @@ def extract_in_tiles(job: Job) -> Outcome:
     parameters = job.parameters
     with job.step("denoise", 0.25, 0.4, "removing outliers"):
         survey = look_through(job.plain, parameters, flags_in_class=job.flags_in_class)
-        kept = look_at_kept(survey)
+        kept = look_at_kept(survey, parameters)
         require_points(f"{job.name} without its outliers", kept.count)
         for sentence in (
             spacing_warning(job.name, kept.spacing, parameters),
@@ -124,15 +124,17 @@ def _ground(job: Job, spool: Spool, survey: Survey, kept: Kept) -> _Found:
     """The ground of all tiles, which is saved."""
     parameters, plane, number = job.parameters, survey.plane, len(spool.tiles)
 
+    cloth = Cloth(plane, parameters, kept.cloth_low)
+
     def told(tile: int) -> None:
         job.progress.update(tile / number, f"tile {tile} of {number}")
 
     if not parameters.refine:
         with job.step("cloth", 0.4, 0.85, "laying the cloth"):
-            return _Found(label_by_cloth(spool, plane, parameters, kept, told), None, Seams(0, 0.0, 0.0, 0.0))
+            return _Found(label_by_cloth(spool, cloth, kept, told), None, Seams(0, 0.0, 0.0, 0.0))
     whole = Whole(kept.flat_low, seed_window_of(float(kept.flat_size.min())))
     with job.step("cloth", 0.4, 0.6, "laying the cloth"):
-        surfaces = lay_surfaces(spool, plane, parameters, whole, told)
+        surfaces = lay_surfaces(spool, cloth, whole, told)
     with job.step("refine", 0.6, 0.85, "refining the ground"):
         windows = windows_of(spool, surfaces, parameters)
         return _Found(judge(spool, surfaces, windows, plane, kept, told), windows, surfaces.seams)

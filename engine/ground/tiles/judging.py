@@ -38,7 +38,7 @@ from ..metrics import MIN_VEGETATION_HEIGHT_M, crown_cell, crown_heights
 from ..tally import Tally, metre_squares, square_keys, square_places
 from .layout import JUDGED_HALO_M
 from .spool import FOUND, POINT, SURFACE, Around, Spool
-from .surfaces import Surfaces, near_cloth
+from .surfaces import Cloth, Surfaces, near_cloth
 from .survey import Kept
 
 MAX_AREA_SQUARES = 4_000_000
@@ -121,18 +121,16 @@ def judge(
     return counts
 
 
-def label_by_cloth(
-    spool: Spool, plane: Plane, parameters: GroundParameters, kept: Kept, done: Callable[[int], None]
-) -> Counts:
+def label_by_cloth(spool: Spool, cloth: Cloth, kept: Kept, done: Callable[[int], None]) -> Counts:
     """The ground of every tile where the cloth alone decides, saved as ``FOUND`` records without heights."""
     counts = Counts()
     for tile in range(len(spool.tiles)):
         (around,) = spool.read(tile, JUDGED_HALO_M)
-        ground = near_cloth(around, plane, parameters) & around.taken
+        ground = near_cloth(around, cloth) & around.taken
         records = np.zeros(around.core, FOUND)
         records["ground"] = ground[: around.core]
         spool.save(tile, records, "found")
-        _count(counts, spool, tile, around, ground, plane, kept)
+        _count(counts, spool, tile, around, ground, cloth.plane, kept)
         done(tile + 1)
     return counts
 

@@ -20,7 +20,7 @@ HALO_M, JUDGED_HALO_M = 25, 20
 18 m (a margin of 9 m, and the ground of windows up to 6 m away)."""
 MIN_SIDE_M = 25
 """Smaller tiles would mostly be halo."""
-SURFACE_BYTES, PARTICLE_BYTES, JUDGED_BYTES = 270, 600, 135
+SURFACE_BYTES, PARTICLE_BYTES, JUDGED_BYTES = 270, 400, 135
 """Memory of a point of a tile with its halo while its surface is laid, of a particle of its cloth, and of a point while
 the ground is judged; measured, see docs/large_ground.md."""
 WINDOWS_BYTES, WINDOWS_WIDTH_M = 610, 90

@@ -54,13 +54,24 @@ class Surfaces:
     seams: Seams
 
 
-def near_cloth(around: Around, plane: Plane, parameters: GroundParameters) -> Bool:
+@dataclass(frozen=True)
+class Cloth:
+    """How a cloth is laid over a part of a cloud: by which plane and parameters; ``low`` see ``Kept.cloth_low``."""
+
+    plane: Plane
+    parameters: GroundParameters
+    low: Float
+
+
+def near_cloth(around: Around, cloth: Cloth) -> Bool:
     """(n,) points of a tile and its halo near a cloth of their own."""
+    parameters = cloth.parameters
     near = np.zeros(len(around.flat), dtype=bool)
     points = around.flat[around.taken]
     if not parameters.slope_aligned:
-        points = apply_matrix(unflattening_matrix(plane), points)
-    near[around.taken] = cloth_ground(points, parameters, threshold=cloth_threshold(parameters))
+        points = apply_matrix(unflattening_matrix(cloth.plane), points)
+    threshold = cloth_threshold(parameters)
+    near[around.taken] = cloth_ground(points, parameters, threshold=threshold, origin=cloth.low)
     return near
 
 
@@ -76,16 +87,14 @@ class _Laid:
     strip: tuple[Index, Index, Float]
 
 
-def lay_surfaces(
-    spool: Spool, plane: Plane, parameters: GroundParameters, whole: Whole, done: Callable[[int], None]
-) -> Surfaces:
+def lay_surfaces(spool: Spool, cloth: Cloth, whole: Whole, done: Callable[[int], None]) -> Surfaces:
     """Heights over the triangles in every tile.
 
     Args:
         whole: of which strays are not decided yet.
         done: called after each tile with their number so far.
     """
-    tried = {tile: _lay(spool, tile, plane, parameters, whole) for tile in _pilots(spool)}
+    tried = {tile: _lay(spool, tile, cloth, whole) for tile in _pilots(spool)}
     # most of some tiles decide for all, by their own shares of strays
     first = np.median([laid.slope_strays for laid in tried.values()]) > 0.5
     rounds = int(np.median([laid.stray_rounds for laid in tried.values()]))
@@ -95,7 +104,7 @@ def lay_surfaces(
     for tile in range(len(spool.tiles)):
         laid = tried.get(tile)
         if laid is None or (laid.slope_strays, laid.stray_rounds) != (first, rounds):
-            laid = _lay(spool, tile, plane, parameters, whole)
+            laid = _lay(spool, tile, cloth, whole)
         corner = np.minimum(corner, laid.low_corner)
         taken, left = taken + laid.taken, left + laid.left
         strips.append(laid.strip)
@@ -109,10 +118,10 @@ def _pilots(spool: Spool) -> list[int]:
     return [int(full[i]) for i in np.unique(np.linspace(0, len(full) - 1, PILOTS).round().astype(np.int64))]
 
 
-def _lay(spool: Spool, tile: int, plane: Plane, parameters: GroundParameters, whole: Whole) -> _Laid:
+def _lay(spool: Spool, tile: int, cloth: Cloth, whole: Whole) -> _Laid:
     """Heights in one tile, which are saved."""
     (around,) = spool.read(tile, HALO_M)
-    found = surface_heights(around.flat, near_cloth(around, plane, parameters), around.taken, whole)
+    found = surface_heights(around.flat, near_cloth(around, cloth), around.taken, whole)
     core = slice(0, around.core)
     records = np.empty(around.core, SURFACE)
     records["height"], records["left"] = found.height[core], found.left[core]

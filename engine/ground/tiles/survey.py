@@ -133,7 +133,8 @@ class Kept:
     ``count`` of them; ``removed`` (m, 3) are the outliers in the slope's frame. ``places`` (k, 2) and ``points`` (k,)
     are the squares of a metre of the slope's frame that hold points, and these. ``spacing`` is seen from above,
     ``flat_spacing`` in the slope's frame; ``area`` (m²) that of squares of a metre seen from above. ``low`` (2,) and
-    ``flat_low`` (2,) are the least coordinates, ``flat_size`` (2,) the extent in the slope's frame.
+    ``flat_low`` (2,) are the least coordinates, ``flat_size`` (2,) the extent in the slope's frame. ``cloth_low`` (2,)
+    are the least coordinates of the points that take part, in the frame in which the cloth is laid.
     """
 
     count: int
@@ -146,18 +147,21 @@ class Kept:
     low: Float
     flat_low: Float
     flat_size: Float
+    cloth_low: Float
 
 
-def look_at_kept(survey: Survey) -> Kept:
+def look_at_kept(survey: Survey, parameters: GroundParameters) -> Kept:
     """What the points without outliers cover; the file is read once."""
     squares, above = Tally(), Tally()
     low, flat_low, flat_high = np.full(2, np.inf), np.full(2, np.inf), np.full(2, -np.inf)
-    removed, count = [np.zeros((0, 3))], 0
+    removed, count, cloth_low = [np.zeros((0, 3))], 0, np.full(2, np.inf)
     for part in survey.parts():
         flat = survey.flat(part.xyz)
         out = survey.denoising.outliers(flat, part.labels)
         removed.append(flat[out])
-        flat, xyz = flat[~out], part.xyz[~out]
+        flat, xyz, taken = flat[~out], part.xyz[~out], survey.taken(part, parameters)[~out]
+        laid = (flat if parameters.slope_aligned else xyz)[taken]
+        cloth_low = np.minimum(cloth_low, laid[:, :2].min(axis=0, initial=np.inf))
         if not len(flat):
             continue
         count += len(flat)
@@ -177,6 +181,7 @@ def look_at_kept(survey: Survey) -> Kept:
         low,
         flat_low,
         flat_high - flat_low,
+        cloth_low,
     )
 
 

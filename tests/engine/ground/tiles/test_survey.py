@@ -46,7 +46,7 @@ def test_plane_and_outliers_are_those_of_all_points(cloud):
     labels = np.asarray(las.classification)
     assert np.array_equal(found.denoising.outliers(flat, labels), expected)
     assert expected.sum() > 5
-    kept = look_at_kept(found)
+    kept = look_at_kept(found, parameters)
     assert (kept.count, len(kept.removed)) == (np.count_nonzero(~expected), np.count_nonzero(expected))
     assert kept.area == coverage(xyz[~expected])
     assert kept.spacing == pytest.approx(point_spacing(xyz[~expected]), rel=0.02)
