@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,10 +75,14 @@ class Tiles:
 
 @dataclass(frozen=True)
 class Counted:
-    """``counts`` (columns, rows) points in squares of COARSE_M from ``low`` (2,) on, m."""
+    """``counts`` (columns, rows) points in squares of COARSE_M from ``low`` (2,) on, m.
+
+    ``at_once`` is the most in any square of WINDOWS_WIDTH_M.
+    """
 
     low: Float
     counts: Float
+    at_once: int = 0
 
     def fullest(self, width: int) -> int:
         """Most points in any square of so many metres, a multiple of COARSE_M."""
@@ -94,7 +98,8 @@ def counted(places: Index, counts: Float) -> Counted:
     first = coarse.min(axis=0)
     shape = coarse.max(axis=0) - first + 1
     key = (coarse[:, 0] - first[0]) * int(shape[1]) + coarse[:, 1] - first[1]
-    return Counted(first * float(COARSE_M), np.bincount(key, counts, int(shape.prod())).reshape(shape))
+    found = Counted(first * float(COARSE_M), np.bincount(key, counts, int(shape.prod())).reshape(shape))
+    return replace(found, at_once=found.fullest(WINDOWS_WIDTH_M))
 
 
 def largest_tiles(found: Counted, free: float, parameters: GroundParameters) -> Tiles | None:
@@ -126,8 +131,7 @@ def tile_bytes(found: Counted, side: int, points: int, parameters: GroundParamet
     particles = (width / parameters.cloth_resolution + 4) * (depth / parameters.cloth_resolution + 4)
     if particles > MAX_CLOTH_PARTICLES:
         return math.inf
-    at_once = min(points, found.fullest(WINDOWS_WIDTH_M))
-    judged = JUDGED_BYTES * points + WINDOWS_BYTES * at_once
+    judged = JUDGED_BYTES * points + WINDOWS_BYTES * min(points, found.at_once)
     return max(SURFACE_BYTES * points + PARTICLE_BYTES * particles, judged)
 
 

@@ -20,7 +20,6 @@ from .layout import (
     HALO_M,
     MIN_SIDE_M,
     WINDOWS_BYTES,
-    WINDOWS_WIDTH_M,
     counted,
     largest_tiles,
     tile_bytes,
@@ -69,8 +68,7 @@ def fits_by_squares(places: Index, counts: Float, parameters: GroundParameters) 
     """``fits_in_one_piece`` for points counted in squares of a metre, see ``refuse_too_dense``."""
     if not len(counts) or _too_wide(places):
         return False
-    at_once = counted(places, counts).fullest(WINDOWS_WIDTH_M)
-    return fits_in_one_piece(int(counts.sum()), at_once, parameters)
+    return fits_in_one_piece(int(counts.sum()), counted(places, counts).at_once, parameters)
 
 
 def free_for_tile(points: int, area: float, parameters: GroundParameters) -> float:
