@@ -19,6 +19,7 @@ from ..engine.epochs.epoch import Epoch, check_pair
 from ..engine.ground.cover import cover_sentence
 from ..engine.ground.extraction import extract_ground
 from ..engine.ground.result import GroundResult
+from ..engine.ground.tiles.memory import shared_memory
 from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.pdal_program import Pdal
 from ..engine.pointcloud.reading import open_cloud, read_cloud
@@ -34,6 +35,7 @@ from .products.change import CHANGE_OUTPUTS, ON_REQUEST, Context, method_name, w
 from .run import Run
 from .settings import Settings, groups
 
+_AT_ONCE = 2  # surveys whose ground is found at the same time
 _EVERY_OUTPUT = (*CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS, *SCREENING_OUTPUTS)
 _RECORDED = ("inputs", "dates", "ground", "registration", "change", "zones", "heatmap", "screening", "report")
 
@@ -175,13 +177,14 @@ def _warn_of_older_outputs(run: Run, folder: Path) -> None:
 def _grounds(task: _Inspection) -> list[GroundResult]:
     """All epochs at the same time: the work is in child processes of one thread each."""
     run, stage = task.run, task.run.stage
+    parameters = shared_memory(task.settings.ground, min(_AT_ONCE, len(task.epochs)))
 
     def ground(epoch: Epoch, share: Progress) -> GroundResult:
         return extract_ground(
             epoch.path,
             stage.path(f"clouds/{epoch.name}_ground.laz"),
             roi=task.roi,
-            parameters=task.settings.ground,
+            parameters=parameters,
             inputs=task.settings.inputs,
             pdal=task.program,
             final=stage.final("clouds"),
@@ -190,7 +193,7 @@ def _grounds(task: _Inspection) -> list[GroundResult]:
 
     with run.step("ground", 0.0, 0.6, "extracting the ground") as entry:
         shares = run.progress.split([e.name for e in task.epochs])
-        with ThreadPoolExecutor(max_workers=2) as pool:
+        with ThreadPoolExecutor(max_workers=_AT_ONCE) as pool:
             grounds = list(pool.map(ground, task.epochs, shares))
         entry["epochs"] = {e.name: plain(g) for e, g in zip(task.epochs, grounds, strict=True)}
     for epoch, found in zip(task.epochs, grounds, strict=True):

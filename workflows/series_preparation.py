@@ -26,14 +26,18 @@ from ..engine.grid.common_grid import affordable, common_grid
 from ..engine.grid.grid import Grid
 from ..engine.ground.cover import cover_sentence
 from ..engine.ground.extraction import extract_ground
+from ..engine.ground.tiles.memory import shared_memory
 from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.pdal_program import Pdal
 from ..engine.pointcloud.reading import read_cloud
 from ..engine.series.analysis import GriddedEpoch
 from ..engine.vector.area import read_roi
+from ..interface.parameters import GroundParameters
 from .pair import common_area, register_pair
 from .series_store import Entry, Store, key_of, load_cells, save_cells
 from .settings import SeriesSettings
+
+_AT_ONCE = 2  # surveys whose ground is found at the same time
 
 
 @dataclass(frozen=True)
@@ -83,13 +87,15 @@ def _grounds(task: Task, store: Store, shares: list[Progress]) -> list[Entry | N
     if task.settings.series.ground_ready:
         return [None] * len(task.epochs)
 
+    parameters = shared_memory(task.settings.ground, min(_AT_ONCE, len(task.epochs)))
+
     def ground(number: int) -> Entry:
         def make(path: Path) -> dict[str, Any]:
             result = extract_ground(
                 task.epochs[number].path,
                 path,
                 roi=task.roi,
-                parameters=task.settings.ground,
+                parameters=parameters,
                 inputs=task.settings.inputs,
                 pdal=task.program,
                 final=task.stage.final(path.parent.name),
@@ -103,7 +109,7 @@ def _grounds(task: Task, store: Store, shares: list[Progress]) -> list[Entry | N
 
         return store.entry("ground.laz", _ground_key(task, number), make, shares[number])
 
-    with ThreadPoolExecutor(max_workers=2) as pool:
+    with ThreadPoolExecutor(max_workers=_AT_ONCE) as pool:
         return list(pool.map(ground, range(len(task.epochs))))
 
 
@@ -113,9 +119,14 @@ def _ground_key(task: Task, number: int) -> str:
         cloud=task.hashes[number],
         roi=task.roi_hash,
         inputs=asdict(settings.inputs),
-        ground=None if settings.series.ground_ready else asdict(settings.ground),
+        ground=None if settings.series.ground_ready else _deciding(settings.ground),
         pdal=None if program is None else program.version,
     )
+
+
+def _deciding(parameters: GroundParameters) -> dict[str, Any]:
+    """The parameters on which the ground depends; in tiles it is the same but for a few points at their edges."""
+    return {name: value for name, value in asdict(parameters).items() if name != "ground_memory"}
 
 
 def _ground_cloud(task: Task, number: int, ground: Entry | None, progress: Progress) -> PointCloud:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ..core.arrays import Float
+from ..core.arrays import Float, Index
 
 
 def point_spacing(xy: Float) -> float:
@@ -22,3 +22,21 @@ def point_spacing(xy: Float) -> float:
         if density >= 8 or cell >= extent:
             return cell / math.sqrt(density)
         cell *= 2.0
+
+
+def spacing_of_squares(places: Index, counts: Float) -> float:
+    """``point_spacing`` of points of which only the numbers (n,) in squares of a metre are known.
+
+    Args:
+        places: (n, 2) column and row of each square that holds points, from any origin.
+    """
+    extent = float(np.ptp(places, axis=0).max()) + 1.0
+    cell = 1
+    while True:
+        keys = places // cell
+        keys = keys - keys.min(axis=0)
+        _, square = np.unique(keys[:, 0] * (int(keys[:, 1].max()) + 1) + keys[:, 1], return_inverse=True)
+        density = float(np.median(np.bincount(square.ravel(), counts)))
+        if density >= 8 or cell >= extent:
+            return cell / math.sqrt(density)
+        cell *= 2

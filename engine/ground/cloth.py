@@ -27,7 +27,11 @@ _BYTES_PER_PARTICLE, _BYTES_PER_POINT, _BYTES_FOR_ITSELF = 1_000, 200, 1_500_000
 
 
 def cloth_ground(
-    xyz: NDArray[np.float64], parameters: GroundParameters, *, threshold: float | None = None
+    xyz: NDArray[np.float64],
+    parameters: GroundParameters,
+    *,
+    threshold: float | None = None,
+    origin: NDArray[np.float64] | None = None,
 ) -> NDArray[np.bool_]:
     """Points within ``threshold`` of the settled cloth.
 
@@ -35,6 +39,8 @@ def cloth_ground(
         xyz: (n, 3) finite coordinates in metres.
         parameters: resolution, rigidness, time step, iterations and smoothing of the cloth.
         threshold: distance (m) to the cloth; ``parameters.class_threshold`` by default.
+        origin: (2,) m, least coordinates of the cloud of which these points are a part: its particles lie as those of
+            the whole cloud's cloth.
 
     Returns:
         (n,) bool. The same points give the same answer: the library runs on one thread.
@@ -54,7 +60,10 @@ def cloth_ground(
     with tempfile.TemporaryDirectory(prefix="slopewatch-csf-") as name, cancellation.temporary(Path(name)) as folder:
         # small coordinates keep the cloth's digits
         points = xyz - low
-        np.save(folder / "points.npy", np.vstack([points, filling(points, parameters.cloth_resolution)]))
+        added = [filling(points, parameters.cloth_resolution)]
+        if origin is not None:
+            added.append(_anchor(points, (origin - low[:2]) / parameters.cloth_resolution, parameters.cloth_resolution))
+        np.save(folder / "points.npy", np.vstack([points, *added]))
         options = {
             "slope_smoothing": parameters.slope_smoothing,
             "cloth_resolution": parameters.cloth_resolution,
@@ -77,6 +86,17 @@ def cloth_ground(
                 f"the cloth simulation failed (exit code {result.returncode}{', ' if reason else ''}{''.join(reason)})"
             )
         return np.asarray(np.load(folder / "ground.npy")[: len(xyz)], dtype=np.bool_)
+
+
+def _anchor(points: NDArray[np.float64], steps: NDArray[np.float64], resolution: float) -> NDArray[np.float64]:
+    """(1, 3) a point at the corner of points (n, 3), from where the library counts particles, as high as the nearest.
+
+    Args:
+        steps: (2,) where the whole cloud's particles begin, in particles from the points' lowest.
+    """
+    place = resolution * (steps - np.ceil(steps))
+    nearest = np.argmin(np.abs(points[:, :2] - place).sum(axis=1))
+    return np.array([[*place, points[nearest, 2]]])
 
 
 def refuse_large_cloth(xyz: NDArray[np.float64], resolution: float) -> int:

@@ -1,25 +1,18 @@
 """What covers the ground: bare, grass, shrubs, trees; and how well the ground below is known.
 
-Squares seen from above are classified by the heights of their returns over the extracted ground. Squares of 4 m are
-quartered down to 0.5 m as long as they hold ``MIN_QUARTERED_RETURNS`` returns for each quarter that holds any, so
-that no class rests on a handful; or where all returns lie in one half, as at the edge of a survey. Corners are whole
-multiples of the side, so two surveys of one slope have the same places.
+Squares seen from above (``cover_squares``) are classified by the heights of their returns over the extracted ground.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..core.arrays import Bool, Float, Index
+from ..core.arrays import Bool, Float
+from .cover_squares import CLASS_HEIGHTS_M, CoverCells, OverGround, cover_cells, square_sums
 
-FINEST_SQUARE_M = 0.5
-_LEVELS = 3
-COARSEST_SQUARE_M = FINEST_SQUARE_M * 2**_LEVELS
-MIN_QUARTERED_RETURNS = 8
-"""Returns that a square must hold for each of its quarters that holds any, to be quartered."""
 BARE, LOW, SHRUBS, TREES, UNKNOWN = "bare", "low_plants", "shrubs", "trees", "unknown"
 CLASSES = {
     BARE: "bare ground",
@@ -28,30 +21,12 @@ CLASSES = {
     TREES: "trees",
     UNKNOWN: "no ground known",
 }
-CLASS_HEIGHTS_M = (0.1, 1.0, 2.5)
-"""Heights (m) over the ground above which returns are low plants, shrubs, trees."""
 _MAX_HIGHER_SHARE = 0.05  # share of a square's returns that may lie above a limit: a wire or a bird makes no tree
 _MAX_BARE_ERROR_M = 0.01  # largest plant error (m) of bare ground: short closed grass has no return above 0.1 m
 _MIN_WARNED_ERROR_M = 0.005  # plant errors (m) below it cause no warning
 _MIN_WARNED_SHARE = 0.25
 _MIN_DIP_COSINE = 0.1  # least cosine of the dip
-_HALVES = ((0, 1, 2, 3), (0, 2, 1, 3))  # quarters west and east, south and north; numbered from the south-west
 _BIN_M, _LOWEST_M, _BINS = 0.05, -0.5, 70
-
-
-@dataclass(frozen=True)
-class CoverCells:
-    """``index`` (n,) the square of each point; of the m squares, ``side`` (m,) metres and the south-west corner.
-
-    ``column`` and ``row`` (m,) count steps of ``FINEST_SQUARE_M`` from the coordinates' zero. Every square has a point.
-    ``area`` (m,) m² of the quarters that hold any: squares reach beyond the survey's edge.
-    """
-
-    index: Index
-    side: Float
-    area: Float
-    column: Index
-    row: Index
 
 
 @dataclass(frozen=True)
@@ -140,22 +115,24 @@ def cover_facts(
     """
     upright = height * max(math.cos(math.radians(dip)), _MIN_DIP_COSINE)
     cells = cover_cells(xyz)
-    count = len(cells.side)
+    over = OverGround(ground, height, upright, plant_error, plant_height)
+    sums = square_sums(cells.index, len(cells.side), over)
+    return facts_of_squares(cells, sums, height_counts(height, ground))
 
-    def counted(chosen: Bool) -> Index:
-        return np.bincount(cells.index[chosen], minlength=count)
 
-    returns, on_ground = np.bincount(cells.index, minlength=count), counted(ground)
-    error, plants = (_cell_means(cells, values) for values in (plant_error, plant_height))
-    known = counted(np.isfinite(height))
+def facts_of_squares(cells: CoverCells, sums: Float, heights: HeightCounts) -> GroundCover:
+    """``cover_facts`` from sums (SUMS, m) over the points of each square."""
+    returns, on_ground, known, *plant_sums = sums[:7]
+    error, plants = (_means(number, total) for number, total in (plant_sums[:2], plant_sums[2:]))
+    count = int(returns.sum())
     # the highest class last: it takes what the lower ones took
-    kinds = np.zeros(count, dtype=np.int64)
+    kinds = np.zeros(len(cells.side), dtype=np.int64)
     kinds[error > _MAX_BARE_ERROR_M] = 1
-    for kind, limit in enumerate(CLASS_HEIGHTS_M, 1):
-        kinds[counted(upright > limit) > _MAX_HIGHER_SHARE * known] = kind
+    for kind, higher in enumerate(sums[10:], 1):
+        kinds[higher > _MAX_HIGHER_SHARE * known] = kind
     kinds[2 * known < returns] = len(CLASS_HEIGHTS_M) + 1
     area = cells.area
-    noise = _noise(cells, ground, height, on_ground)
+    noise = _noise(sums[7], sums[8], sums[9], on_ground)
     classes = []
     for kind, name in enumerate(CLASSES):
         chosen = kinds == kind
@@ -175,46 +152,18 @@ def cover_facts(
     compared = np.where(np.isfinite(noise), noise, 0.0 if math.isnan(middle) else middle)
     beyond = error > np.maximum(compared, _MIN_WARNED_ERROR_M)
     return GroundCover(
-        returns=len(xyz),
+        returns=count,
         area_m2=float(area.sum()),
         finest_m=float(cells.side.min()),
         coarsest_m=float(cells.side.max()),
-        ground_share=float(on_ground.sum() / len(xyz)),
+        ground_share=float(on_ground.sum() / count),
         without_ground_share=float(area[on_ground == 0].sum() / area.sum()),
         error_m=_median(error, area),
         noise_m=middle,
         error_beyond_noise_share=float(area[beyond].sum() / area.sum()),
         classes=tuple(classes),
-        heights=_height_counts(height, ground),
+        heights=heights,
     )
-
-
-def cover_cells(xyz: Float) -> CoverCells:
-    """Squares of points (n, 2 or 3), n > 0: of 4 m, quartered down to 0.5 m while they hold enough returns."""
-    step = [np.floor(xyz[:, axis] / FINEST_SQUARE_M).astype(np.int64) for axis in (0, 1)]
-    index, column, row = _blocks(*(axis >> _LEVELS for axis in step))
-    column, row = column << _LEVELS, row << _LEVELS
-    size = np.full(len(column), 1 << _LEVELS)
-    area = np.zeros(len(size))
-    for level in range(_LEVELS - 1, -1, -1):
-        quarter = 2 * ((step[0] >> level) & 1) + ((step[1] >> level) & 1)
-        counts = np.bincount(4 * index + quarter, minlength=4 * len(size)).reshape(-1, 4)
-        some, now = counts > 0, size == 2 << level
-        held = np.count_nonzero(some, axis=1)
-        both_sides = [(some[:, a] | some[:, b]) & (some[:, c] | some[:, d]) for a, b, c, d in _HALVES]
-        full = ((counts.sum(axis=1) >= MIN_QUARTERED_RETURNS * held) | ~(both_sides[0] & both_sides[1])) & now
-        area = np.where(now, held * (FINEST_SQUARE_M * (1 << level)) ** 2, area)
-        parts = np.where(full, 4, 1)
-        start = np.cumsum(parts) - parts
-        index = start[index] + np.where(full[index], quarter, 0)
-        which = np.arange(parts.sum()) - np.repeat(start, parts)
-        area = np.repeat(area, parts)
-        size = np.repeat(np.where(full, size >> 1, size), parts)
-        column = np.repeat(column, parts) + (which >> 1) * size
-        row = np.repeat(row, parts) + (which & 1) * size
-    area[size == 1] = FINEST_SQUARE_M**2
-    kept = np.bincount(index, minlength=len(size)) > 0
-    return CoverCells((np.cumsum(kept) - 1)[index], FINEST_SQUARE_M * size[kept], area[kept], column[kept], row[kept])
 
 
 def cover_sentence(cover: GroundCover) -> str:
@@ -272,45 +221,20 @@ def percent(share: float) -> str:
     return f"{100 * share:.{1 if 0 < share < 0.0995 else 0}f} %"
 
 
-def _blocks(column: Index, row: Index) -> tuple[Index, Index, Index]:
-    """(n,) number of each point's block, and the blocks' columns and rows."""
-    west, south = int(column.min()), int(row.min())
-    width = int(row.max()) - south + 1
-    key = (column - west) * width + (row - south)
-    extent = (int(column.max()) - west + 1) * width
-    if extent <= 4 * len(key) + 1_000_000:
-        held = np.bincount(key, minlength=extent) > 0
-        keys, index = np.flatnonzero(held), (np.cumsum(held) - 1)[key]
-    else:
-        # few points far apart: a full grid would not fit in memory
-        keys, index = np.unique(key, return_inverse=True)
-    return index, keys // width + west, keys % width + south
-
-
-def _cell_means(cells: CoverCells, values: Float | None) -> Float:
+def _means(number: Float, total: Float) -> Float:
     """(m,) mean of the points' known values in each square; NaN without any."""
-    count = len(cells.side)
-    if values is None:
-        return np.full(count, np.nan)
-    known = np.isfinite(values)
-    number = np.bincount(cells.index[known], minlength=count)
-    total = np.bincount(cells.index[known], values[known], minlength=count)
     return np.where(number > 0, total / np.maximum(number, 1), np.nan)
 
 
-def _noise(cells: CoverCells, ground: Bool, height: Float, on_ground: Index) -> Float:
+def _noise(number: Float, total: Float, squares: Float, on_ground: Float) -> Float:
     """(m,) standard error of the mean height of each square's ground returns; NaN for fewer than three."""
-    chosen = np.flatnonzero(ground & np.isfinite(height))
-    index, values, count = cells.index[chosen], height[chosen], len(cells.side)
-    number = np.bincount(index, minlength=count)
-    total = np.bincount(index, values, minlength=count)
-    squares = np.bincount(index, values**2, minlength=count)
     enough = np.maximum(number, 2)
     variance = np.maximum(squares - total**2 / enough, 0.0) / (enough - 1)
     return np.where((number >= 3) & (on_ground >= 3), np.sqrt(variance / enough), np.nan)
 
 
-def _height_counts(height: Float, ground: Bool) -> HeightCounts:
+def height_counts(height: Float, ground: Bool) -> HeightCounts:
+    """Points (n,) by their height over the ground, m, all and those of the ground."""
     # bins that are whole numbers, because a comparison with edges takes much longer
     place = np.floor((height - _LOWEST_M) / _BIN_M)
     known = np.isfinite(height)
@@ -327,6 +251,16 @@ def _height_counts(height: Float, ground: Bool) -> HeightCounts:
         above=int(np.count_nonzero(known & (place >= _BINS))),
         unknown=int(np.count_nonzero(~known)),
     )
+
+
+def with_more(counts: HeightCounts, more: HeightCounts) -> HeightCounts:
+    """The counts of both."""
+    returns, ground = (
+        tuple(a + b for a, b in zip(getattr(counts, name), getattr(more, name), strict=True))
+        for name in ("returns", "ground")
+    )
+    below, above, unknown = (getattr(counts, name) + getattr(more, name) for name in ("below", "above", "unknown"))
+    return replace(counts, returns=returns, ground=ground, below=below, above=above, unknown=unknown)
 
 
 def _median(values: Float, weight: Float) -> float:

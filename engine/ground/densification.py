@@ -51,15 +51,15 @@ CONTINUED_ROUNDS = 8
 _EDGE_M, _EDGE_POINTS = 5.0, 20
 
 
-def lowest_of_cells(xyz: Float, cell: float) -> Index:
-    """Index of the lowest point (n, 3) of each square cell of side ``cell`` that has points."""
+def lowest_of_cells(xyz: Float, cell: float, origin: Float | None = None) -> Index:
+    """Index of the lowest point (n, 3) of each square cell of side ``cell`` that has points; see ``square_numbers``."""
     if not len(xyz):
         return np.zeros(0, dtype=np.int64)
-    key = square_numbers(xyz, cell)
+    key = square_numbers(xyz, cell, origin)
     return _lowest(xyz, key, np.lexsort((xyz[:, 2], key)))
 
 
-def lowest_supported(xyz: Float, cell: float = CANDIDATE_CELL_M) -> Index:
+def lowest_supported(xyz: Float, cell: float = CANDIDATE_CELL_M, origin: Float | None = None) -> Index:
     """Index of each cell's lowest point that SUPPORT_SHARE of the cell's points follow within SUPPORT_DEPTH_M.
 
     Single returns below the ground (multipath) have nothing right above them; where returns are few, every point has
@@ -67,7 +67,7 @@ def lowest_supported(xyz: Float, cell: float = CANDIDATE_CELL_M) -> Index:
     """
     if not len(xyz):
         return np.zeros(0, dtype=np.int64)
-    key = square_numbers(xyz, cell)
+    key = square_numbers(xyz, cell, origin)
     z = xyz[:, 2] - xyz[:, 2].min()
     order = np.lexsort((z, key))
     z = z[order]
@@ -79,12 +79,18 @@ def lowest_supported(xyz: Float, cell: float = CANDIDATE_CELL_M) -> Index:
     return _lowest(xyz, key, order[supported])
 
 
-def densified(points: Float, anchored: Bool | None = None) -> Bool:
+def seed_window_of(extent: float) -> float:
+    """Side (m) of the windows from which seeds are taken, of a cloud whose shorter side is ``extent`` m long."""
+    return min(SEED_WINDOW_M, max(MIN_WINDOW_M, extent / MIN_SEED_WINDOWS))
+
+
+def densified(points: Float, anchored: Bool | None = None, window: float | None = None) -> Bool:
     """Which of the candidates (n, 3), at most one a cell, lie on the ground.
 
     Args:
         points: (n, 3) metres, in a frame in which the slope lies flat.
         anchored: (n,) candidates that the cloth found, from which the seeds are taken; all by default.
+        window: side (m) of the windows from which seeds are taken, where the points are a part of a cloud.
 
     Returns:
         (n,) bool.
@@ -93,7 +99,7 @@ def densified(points: Float, anchored: Bool | None = None) -> Bool:
     if len(points) == 0:
         return ground
     usable = ~_pits(points)
-    window = min(SEED_WINDOW_M, max(MIN_WINDOW_M, float(np.ptp(points[:, :2], axis=0).min()) / MIN_SEED_WINDOWS))
+    window = seed_window_of(float(np.ptp(points[:, :2], axis=0).min())) if window is None else window
     ground[_all_seeds(points, usable, anchored, window)] = True
     _densify(points, ground, usable, window)
     for _ in range(CONTINUED_ROUNDS):

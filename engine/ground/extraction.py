@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from shapely import Polygon
 
 from ...interface.parameters import GroundParameters, InputParameters
 from ..core import cancellation
@@ -36,13 +37,14 @@ from .cloth import cloth_ground, filling, refuse_large_cloth
 from .cover import GroundCover, cover_facts, cover_warnings
 from .doubts import Found, ground_doubts
 from .filtering import Filtered, cloth_threshold, dominant_plane, refined, require_points, vertical
+from .findings import Outcome, refuse_implausible, returns_warning, spacing_warning
 from .metrics import coverage, file_coverage, vegetation_cover
 from .outliers import outliers
-from .result import GroundResult
+from .result import HEIGHT_OVER_GROUND, GroundResult
 from .survey import Clipped, Source, read_points
+from .tiles.extraction import Job, extract_in_tiles
+from .tiles.memory import fits_by_squares, fits_in_one_piece, refuse_full_disk, refuse_too_dense
 
-HEIGHT_OVER_GROUND = "height_over_ground"
-"""Name of the dimension in the classified cloud, metres."""
 _BASE_MEMORY_BYTES = 4_000_000_000
 _MEMORY_PER_POINT_BYTES = 1_000
 
@@ -127,32 +129,61 @@ class _Extraction:
         with cancellation.temporary(self._file("clip.las")) as plain:
             with self._step("clip", 0.1, 0.3, "clipping"):
                 self._clip(source, plain)
-                points = self._read_clipped(plain, roi, source.flags_in_class)
-            with self._step("denoise", 0.3, 0.45, "removing outliers"):
-                survey = self._without_outliers(*points)
-                del points
-            with self._step("cloth", 0.45, 0.8, "laying the cloth"):
-                taken = self._taking_part(survey.returns)
-                near, method = self._cloth(plain, survey, taken)
-            with self._step("refine", 0.8, 0.9, "refining the ground"):
-                found = refined(survey.flat, near, taken, self.parameters)
-                self._judge(found, survey, taken)
-                dimensions = _dimensions(found, survey.plane.dip)
-                cover = self._cover(survey, found.ground, dimensions)
-            with self._step("write", 0.9, 1.0, "writing the ground"):
-                wanted = [Copy(self.clipped, survey.keep), *self._labelled(survey.keep, found, dimensions)]
-                copies(plain, wanted, flags_in_class=source.flags_in_class)
-                header = preflight(self.classified)
-                self._keep("select", pdal_pipelines.select_pipeline(self.classified, self.output, header))
-        return self._result(source, survey, found, method, cover)
+                self._require_clipped(plain, roi)
+            found = self._in_tiles(source, plain) if source.in_tiles else self._in_one_piece(source, plain)
+            header = preflight(self.classified)
+            self._keep("select", pdal_pipelines.select_pipeline(self.classified, self.output, header))
+        return self._result(source, found)
 
-    def _result(
-        self, source: Source, survey: Clipped, found: Filtered, method: str, cover: GroundCover | None
-    ) -> GroundResult:
-        raw_points, roi_points = source.header.count, len(survey.keep)
-        ground_points = int(np.count_nonzero(found.ground))
-        roi_area = coverage(survey.xyz) if source.region is None else source.region.area
-        plane = survey.plane
+    def _in_one_piece(self, source: Source, plain: Path) -> Outcome:
+        with self._step("denoise", 0.3, 0.45, "removing outliers"):
+            survey = self._without_outliers(*read_points(plain, flags_in_class=source.flags_in_class))
+        with self._step("cloth", 0.45, 0.8, "laying the cloth"):
+            taken = self._taking_part(survey.returns)
+            near, method = self._cloth(plain, survey, taken)
+        with self._step("refine", 0.8, 0.9, "refining the ground"):
+            found = refined(survey.flat, near, taken, self.parameters)
+            self._judge(found, survey, taken)
+            dimensions = _dimensions(found, survey.plane.dip)
+            cover = self._cover(survey, found.ground, dimensions)
+        with self._step("write", 0.9, 1.0, "writing the ground"):
+            wanted = [Copy(self.clipped, survey.keep), *self._labelled(survey.keep, found, dimensions)]
+            copies(plain, wanted, flags_in_class=source.flags_in_class)
+        return Outcome(
+            points=len(survey.keep),
+            area=coverage(survey.xyz),
+            ground_points=int(np.count_nonzero(found.ground)),
+            outliers=len(survey.removed),
+            vegetation_cover=vegetation_cover(survey.xyz, survey.flat, found.ground, survey.plane.dip),
+            spacing=survey.spacing,
+            plane=survey.plane,
+            scatter=found.scatter,
+            threshold=found.threshold,
+            method=method,
+            cover=cover,
+        )
+
+    def _in_tiles(self, source: Source, plain: Path) -> Outcome:
+        folder = self._named("tiles")
+        with cancellation.temporary(folder):
+            folder.mkdir()
+            job = Job(
+                cloud=self.cloud,
+                name=shown(self.cloud),
+                plain=plain,
+                folder=folder,
+                outputs=(self.clipped, self.classified, self.output),
+                parameters=self.parameters,
+                flags_in_class=source.flags_in_class,
+                progress=self.progress,
+                step=self._step,
+                warn=self._warn,
+            )
+            return extract_in_tiles(job)
+
+    def _result(self, source: Source, found: Outcome) -> GroundResult:
+        raw_points, plane = source.header.count, found.plane
+        roi_area = found.area if source.region is None else source.region.area
         return GroundResult(
             ground=self.output,
             clipped=self.clipped,
@@ -161,24 +192,25 @@ class _Extraction:
             raw_points=raw_points,
             raw_area=source.area,
             raw_density=raw_points / source.area,
-            roi_points=roi_points,
+            roi_points=found.points,
             roi_area=roi_area,
-            roi_density=roi_points / roi_area,
-            ground_points=ground_points,
-            ground_ratio=ground_points / roi_points,
-            vegetation_cover=vegetation_cover(survey.xyz, survey.flat, found.ground, plane.dip),
-            outliers=len(survey.removed),
-            spacing=survey.spacing,
+            roi_density=found.points / roi_area,
+            ground_points=found.ground_points,
+            ground_ratio=found.ground_points / found.points,
+            vegetation_cover=found.vegetation_cover,
+            outliers=found.outliers,
+            spacing=found.spacing,
             plane_normal=(float(plane.normal[0]), float(plane.normal[1]), float(plane.normal[2])),
             plane_dip=plane.dip,
             plane_azimuth=plane.azimuth,
             plane_share=plane.inlier_share,
             scatter=found.scatter,
             threshold=found.threshold,
-            filter=method,
+            filter=found.method,
             warnings=tuple(self.warnings),
             seconds=self.seconds,
-            cover=cover,
+            cover=found.cover,
+            tiles=found.tiles,
         )
 
     def _open(self, roi: Path | None) -> Source:
@@ -189,14 +221,18 @@ class _Extraction:
                 f"{shown(self.cloud)} holds waveforms (point format {header.point_format}), which PDAL does not "
                 "read; export it without them."
             )
-        raw = file_coverage(header, frame)
-        region = None
-        if roi is not None:
-            region = read_roi(roi, frame.crs, unit=frame.horizontal_factor)
+        large = not fits_in_one_piece(header.count, header.count, self.parameters)
+        region = None if roi is None else read_roi(roi, frame.crs, unit=frame.horizontal_factor)
+        raw = file_coverage(header, frame, (None if region is None else region.geometry) if large else Polygon())
+        if region is not None:
             for note in region.notes:
                 self._warn(note)
             refuse_outside(region, raw.bounds, self.cloud)
-        return Source(header, frame, region, raw.area, raw.largest_class > pdal_pipelines.MAX_PDAL_CLASS)
+        large = large and not fits_by_squares(raw.places, raw.counts, self.parameters)
+        if large:
+            refuse_too_dense(self.cloud, raw.places, raw.counts, self.parameters)
+            refuse_full_disk(header, raw.points, self.output.absolute().parent)
+        return Source(header, frame, region, raw.area, raw.largest_class > pdal_pipelines.MAX_PDAL_CLASS, large)
 
     def _clip(self, source: Source, plain: Path) -> None:
         """Write the points within the region to ``plain``; the pipeline is kept as one that writes ``clipped``."""
@@ -208,16 +244,13 @@ class _Extraction:
         self._run(ran, source.header.count)
         self._keep("clip", kept)
 
-    def _read_clipped(
-        self, plain: Path, roi: Path | None, flags_in_class: bool
-    ) -> tuple[Float, Returns, NDArray[np.uint8]]:
+    def _require_clipped(self, plain: Path, roi: Path | None) -> None:
         try:
-            xyz, returns, labels = read_points(plain, flags_in_class=flags_in_class)
+            count = preflight(plain).count
         except EmptyCloud:
             place = f" inside the region {shown(roi)}" if roi else ""
             raise InputError(f"{shown(self.cloud)} has no point{place}; check both.") from None
-        require_points(f"{shown(self.cloud)}{' within the region' if roi else ''}", len(xyz))
-        return xyz, returns, labels
+        require_points(f"{shown(self.cloud)}{' within the region' if roi else ''}", count)
 
     def _without_outliers(self, xyz: Float, returns: Returns, labels: NDArray[np.uint8]) -> Clipped:
         plane = dominant_plane(xyz)
@@ -234,19 +267,14 @@ class _Extraction:
 
     def _spacing(self, xyz: Float) -> float:
         spacing = point_spacing(xyz)
-        if spacing > self.parameters.cloth_resolution:
-            self._warn(
-                f"The points of {shown(self.cloud)} are {spacing:.2f} m apart, farther than the cloth's particles "
-                f"({self.parameters.cloth_resolution:g} m); give a cloth_resolution of about {2 * spacing:.1f} m."
-            )
+        self._warn(spacing_warning(shown(self.cloud), spacing, self.parameters))
         return spacing
 
     def _taking_part(self, returns: Returns) -> Bool:
         """(n,) the points that may be ground."""
         if not self.parameters.last_returns:
             return np.ones(len(returns.last), dtype=bool)
-        if not returns.usable:
-            self._warn(f"All returns of {shown(self.cloud)} take part in the ground filter: {returns.note}.")
+        self._warn(returns_warning(shown(self.cloud), returns, self.parameters))
         return returns.last
 
     def _cloth(self, plain: Path, survey: Clipped, taken: Bool) -> tuple[Bool, str]:
@@ -300,18 +328,8 @@ class _Extraction:
 
     def _judge(self, filtered: Filtered, survey: Clipped, taken: Bool) -> None:
         """Refuse what cannot be the ground, and warn of what may not be."""
-        count, found = len(survey.flat), int(np.count_nonzero(filtered.ground))
-        if found == 0:
-            raise InputError(
-                f"No ground was found in {shown(self.cloud)}; check the units of its heights and its region, or give a "
-                "larger class_threshold."
-            )
-        if found < self.parameters.minimum_ground_ratio * count:
-            raise InputError(
-                f"Only {found} of {count} points of {shown(self.cloud)} came out as ground "
-                f"({100 * found / count:.2f} %), too few to be true; check the units of its heights and its outliers, "
-                "or lower minimum_ground_ratio."
-            )
+        found = int(np.count_nonzero(filtered.ground))
+        refuse_implausible(shown(self.cloud), found, len(survey.flat), self.parameters)
         height, error = filtered.height, filtered.plant_error
         doubted = Found(survey.flat, filtered.ground, taken, height, error, survey.removed, filtered.threshold)
         for sentence in ground_doubts(shown(self.cloud), doubted, survey.returns.lost):
@@ -344,6 +362,8 @@ class _Extraction:
         return self.made[-1]
 
     def _warn(self, sentence: str) -> None:
+        if not sentence:
+            return
         self.warnings.append(sentence)
         self.progress.warning(sentence)
 

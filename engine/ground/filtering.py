@@ -18,7 +18,7 @@ from .outliers import outliers
 
 PLANE_CELL, PLANE_TRIES, PLANE_SEED = 1.0, 500, 1
 PLANE_DISTANCES = (0.3, 0.6, 1.2, 2.4, 4.8)
-MIN_PLANE_SHARE = 0.5
+MIN_PLANE_SHARE, MIN_PLANE_POINTS = 0.5, 30
 MIN_POINTS = 10
 MIN_DIP_COSINE = 0.1
 
@@ -105,7 +105,11 @@ def dominant_plane(xyz: Float) -> Plane:
     A rough or curved slope has no plane that many points lie on closely, so the distance widens until half of them do.
     """
     low = lowest_points(xyz, PLANE_CELL)
-    points = low if len(low) >= 30 else xyz
+    return plane_through(low if len(low) >= MIN_PLANE_POINTS else xyz)
+
+
+def plane_through(points: Float) -> Plane:
+    """The slope's plane through points (n, 3) that are mostly ground, see ``dominant_plane``."""
     for distance in PLANE_DISTANCES:
         plane = fit_plane(points, distance, PLANE_TRIES, PLANE_SEED)
         if plane.inlier_share >= MIN_PLANE_SHARE:

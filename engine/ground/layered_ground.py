@@ -21,18 +21,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ..core.arrays import Bool, Float
+from ..core.arrays import Bool, Float, Index
 from ..geometry.plane_cells import Planes
 from ..geometry.square_tiles import in_tiles
 from .bare_scatter import bare_scatter
 from .closer_look import looked_closer
-from .densification import Triangles, densified, lowest_supported
 from .lowest_layer import HIGHEST_M, LOWEST_M, MIN_BELOW_SHARE, Layers, histograms, lowest_layers, separate_layers
 from .narrow_windows import narrow_windows
-from .squares import square_numbers
-from .stray_low import MIN_REPORTED_SHARE, stray_below
+from .squares import lowest_corner, square_numbers
+from .surface_heights import surface_heights
 
-SURFACE_CELL_M = 0.25
 WINDOW_RETURNS, MIN_WINDOW_RETURNS = 150.0, 60.0
 """Returns that a window is made for, and below which the windows around it help."""
 MIN_WINDOW_M, MAX_WINDOW_M = 0.5, 1.5
@@ -68,8 +66,6 @@ MAX_PLANT_ERROR_M = 0.25
 """Where plants make a larger error, no ground is known."""
 MAX_DISTANCE_CELLS = 4.0
 """Cells from the nearest known ground up to which a return's height over it is known."""
-SLICE_M, CLOSE_SLICE_M, STRAY_ROUNDS = 0.1, 0.05, 3
-"""Slices in which strays are looked for: of the slope, and of heights over the triangles, in so many rounds."""
 STRAYS_LEFT = 0.5
 """Strays close below the ground that no slice distinguishes from it, as a share of those found: with less, the ground
 under grass comes out too low where 5 % of the returns are strays."""
@@ -96,7 +92,7 @@ class LayeredGround:
 
 
 @dataclass(frozen=True)
-class _Windows:
+class Windows:
     """Side of the windows, largest scatter of bare ground in them and threshold, metres.
 
     ``wider`` is how much more returns scatter there than in small windows; ``least_below`` see ``lowest_layers``.
@@ -124,29 +120,70 @@ def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) ->
     """
     if not taken.any():
         return _nothing(len(xyz), BARE_SCATTER_M, threshold)
-    height, taken, strays = _above_strays(xyz, anchored, taken)
-    index = np.flatnonzero(taken & (height > LOWEST_M) & (height < HIGHEST_M))
-    side = _window_side(xyz[index])
+    surface = surface_heights(xyz, anchored, taken)
+    height = surface.height
+    index = np.flatnonzero(of_lowest_layers(height, surface.left))
+    side = window_side(returns_by_square(xyz[index]))
     level = xyz[index, 2] - np.median(xyz[:, 2])
     low = np.column_stack([xyz[index, :2] - xyz[:, :2].min(axis=0), height[index], level])
     bare_ground = BARE_SCATTER_M
     if len(index) and side <= MAX_CLOSER_WINDOW_M:
         bare_ground = bare_scatter(low[:, [0, 1, 3, 2]], side) or BARE_SCATTER_M
+    windows = windows_for(side, bare_ground, threshold, surface.strays)
+    if not len(index):
+        return _nothing(len(xyz), windows.scatter, windows.threshold)
+    return _ground_of(xyz, height, index, low, windows)
+
+
+def layered_part(xyz: Float, height: Float, left: Bool, windows: Windows, origin: Float) -> LayeredGround:
+    """The same as ``layered_ground`` for a part of a cloud (n, 3), of which everything else is known.
+
+    Args:
+        height, left: (n,) as ``surface_heights`` gave them.
+        windows: as for the whole cloud.
+        origin: (2,) where the windows of the whole cloud begin, m; no point lies before it.
+    """
+    index = np.flatnonzero(of_lowest_layers(height, left))
+    if not len(index):
+        return _nothing(len(xyz), windows.scatter, windows.threshold)
+    side = windows.side
+    corner = origin + side * np.floor((xyz[:, :2].min(axis=0) - origin) / side)
+    places = np.column_stack([xyz[:, :2] - corner, xyz[:, 2]])
+    low = np.column_stack([places[index, :2], height[index], xyz[index, 2]])
+    return _ground_of(places, height, index, low, windows, corner=np.zeros(2))
+
+
+def of_lowest_layers(height: Float, left: Bool) -> Bool:
+    """(n,) returns so near the triangles that they take part in the windows; arrays as of ``surface_heights``."""
+    return left & (height > LOWEST_M) & (height < HIGHEST_M)
+
+
+def windows_for(side: float, bare_ground: float, threshold: float, strays: float) -> Windows:
+    """The windows of a cloud, of ``side`` m, whose bare ground scatters by ``bare_ground`` m.
+
+    Args:
+        threshold: least distance (m) from the surface within which a point of bare ground is ground.
+        strays: share of stray returns that were left out.
+    """
     scatter = math.hypot(bare_ground, ROUGHNESS * max(2.0 * side - 1.0, 0.0))
     threshold = max(
         threshold, MIN_THRESHOLD_SCATTERS * scatter, SPARSE_THRESHOLD_M if side > MAX_CLOSER_WINDOW_M else 0.0
     )
-    windows = _Windows(side, scatter, threshold, scatter / bare_ground, MIN_BELOW_SHARE + STRAYS_LEFT * strays)
-    if not len(index):
-        return _nothing(len(xyz), scatter, windows.threshold)
-    judged = in_tiles(low, partial(_judged, windows=windows), TILE_M, MARGIN_M, side)
+    return Windows(side, scatter, threshold, scatter / bare_ground, MIN_BELOW_SHARE + STRAYS_LEFT * strays)
+
+
+def _ground_of(
+    xyz: Float, height: Float, index: Index, low: Float, windows: Windows, corner: Float | None = None
+) -> LayeredGround:
+    """The ground among points (n, 3), of which those at ``index`` take part as ``low`` (m, 4)."""
+    judged = in_tiles(low, partial(_judged, windows=windows), TILE_M, MARGIN_M, windows.side)
     ground, bare = (np.zeros(len(xyz), dtype=bool) for _ in range(2))
     ground[index], bare[index] = judged[:, 1] > 0, judged[:, 2] > 0
     known = np.column_stack([height[index] - judged[:, 0], judged[:, 3:]])
-    offset, error, plants = _everywhere(xyz, index, known, side).T
+    offset, error, plants = _everywhere(xyz, index, known, windows.side, corner).T
     over = height - offset
     over[index] = judged[:, 0]
-    return LayeredGround(over, ground, bare, error, plants, scatter, windows.threshold)
+    return LayeredGround(over, ground, bare, error, plants, windows.scatter, windows.threshold)
 
 
 def _nothing(count: int, scatter: float, threshold: float) -> LayeredGround:
@@ -154,34 +191,9 @@ def _nothing(count: int, scatter: float, threshold: float) -> LayeredGround:
     return LayeredGround(nowhere, none, none, nowhere, nowhere, scatter, threshold)
 
 
-def _above_strays(xyz: Float, anchored: Bool, taken: Bool) -> tuple[Float, Bool, float]:
-    """Height (n,) over triangles, the points (n,) left to take part, and the share of strays that were left out."""
-    everything = max(int(np.count_nonzero(taken)), 1)
-    left = _without_strays(xyz, taken, SLICE_M)
-    height = _over_triangles(xyz, anchored, left)
-    for _ in range(STRAY_ROUNDS):
-        # over the triangles the ground is level, so that what is not shows better
-        level = _without_strays(np.column_stack([xyz[:, :2], height]), left & np.isfinite(height), CLOSE_SLICE_M)
-        if np.count_nonzero(level) > (1.0 - MIN_REPORTED_SHARE) * np.count_nonzero(left):
-            break
-        left = level
-        height = _over_triangles(xyz, anchored, left)
-    return height, left, 1.0 - int(np.count_nonzero(left)) / everything
-
-
-def _without_strays(xyz: Float, taken: Bool, slice_m: float) -> Bool:
-    """(n,) those ``taken`` without stray returns below the ground, where the cloud has a noteworthy share of them."""
-    index = np.flatnonzero(taken)
-    stray = stray_below(xyz[index], slice_m)
-    left = taken.copy()
-    if np.count_nonzero(stray) >= MIN_REPORTED_SHARE * len(index):
-        left[index[stray]] = False
-    return left
-
-
-def _everywhere(xyz: Float, index: NDArray[np.int64], known: Float, side: float) -> Float:
+def _everywhere(xyz: Float, index: Index, known: Float, side: float, corner: Float | None = None) -> Float:
     """(n, k) values at all points from those ``known`` (m, k) at ``index``: mean of the cell, else of the nearest."""
-    cells = np.floor((xyz[:, :2] - xyz[:, :2].min(axis=0)) / side).astype(np.int64)
+    cells = np.floor((xyz[:, :2] - lowest_corner(xyz, corner)) / side).astype(np.int64)
     shape = tuple(int(n) + 1 for n in cells.max(axis=0))
     key = cells[:, 0] * shape[1] + cells[:, 1]
     finite = np.isfinite(known).all(axis=1)
@@ -209,7 +221,7 @@ def plant_error(layers: Layers, wider: float) -> Float:
     return PLANT_ERROR_M * wider**3 * np.sqrt(1.0 + ENOUGH_GROUND * plants / taken)
 
 
-def _judged(points: Float, windows: _Windows) -> Float:
+def _judged(points: Float, windows: Windows) -> Float:
     """(n, 5) height over the ground, ground, bare, plant error and plant height of points (n, 3).
 
     ``points`` are x, y, the height over the triangles and that in the frame.
@@ -267,37 +279,26 @@ def _stretch(surface: Float, planes: Planes, side: float) -> Float:
     return np.asarray(stretch.ravel()[planes.key], dtype=np.float64)
 
 
-def _over_triangles(xyz: Float, anchored: Bool, taken: Bool) -> Float:
-    """(n,) height over triangles through the ground's candidates, by a grid of SURFACE_CELL_M."""
-    usable = np.flatnonzero(taken)
-    if not len(usable):
-        return np.full(len(xyz), np.inf)
-    candidates = usable[lowest_supported(xyz[usable])]
-    vertices = candidates[densified(xyz[candidates], anchored[candidates])]
-    if len(vertices) < 3:
-        return np.full(len(xyz), np.inf)
-    low = xyz[:, :2].min(axis=0)
-    place = (xyz[:, :2] - low) / SURFACE_CELL_M
-    node = np.floor(place).astype(np.int64)
-    # a slope that lies across the axes fills little of the grid, and only nodes about its points are looked up
-    needed = np.zeros(node.max(axis=0) + 2, dtype=bool)
-    for right, up in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        needed[node[:, 0] + right, node[:, 1] + up] = True
-    surface = np.zeros(needed.shape)
-    surface[needed] = Triangles(xyz[vertices]).height(low + SURFACE_CELL_M * np.argwhere(needed))
-    return np.asarray(xyz[:, 2] - ndimage.map_coordinates(surface, place.T, order=1, mode="nearest"), dtype=np.float64)
-
-
-def _window_side(xyz: Float) -> float:
-    """Side (m) of windows so that those pooled hold WINDOW_RETURNS returns of the lowest layers."""
+def returns_by_square(xyz: Float) -> Index:
+    """Numbers of points (n, 2+), m, in the squares of a metre that hold any."""
     if len(xyz) == 0:
+        return np.zeros(0, dtype=np.int64)
+    return np.unique(square_numbers(xyz, 1.0), return_counts=True)[1]
+
+
+def window_side(counts: Index) -> float:
+    """Side (m) of windows so that those pooled hold WINDOW_RETURNS returns of the lowest layers.
+
+    Args:
+        counts: returns of these in squares of a metre, see ``returns_by_square``.
+    """
+    if len(counts) == 0:
         return MAX_WINDOW_M
-    _, counts = np.unique(square_numbers(xyz, 1.0), return_counts=True)
     side = math.sqrt(WINDOW_RETURNS / 4.0 / float(np.median(counts)))
     return min(max(side, MIN_WINDOW_M), MAX_WINDOW_M)
 
 
-def _pooled_layers(over: Float, planes: Planes, sigma: float, windows: _Windows) -> Layers:
+def _pooled_layers(over: Float, planes: Planes, sigma: float, windows: Windows) -> Layers:
     """The layers of windows, each with (half of) the windows around it; of more windows where returns are few."""
     counts = histograms(over, planes.key, planes.shape[0] * planes.shape[1]).reshape(*planes.shape, -1)
     asked = sigma, windows.threshold, windows.tolerance, windows.least_below

@@ -5,17 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from laspy import DecompressionSelection
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from shapely.geometry.base import BaseGeometry
 
-from ..core.arrays import Float
+from ..core.arrays import Bool, Float, Index
 from ..crs.working_frame import WorkingFrame
 from ..geometry.point_spacing import point_spacing
 from ..pointcloud.extent import CheckedRecords, square_metres
 from ..pointcloud.header import CloudHeader
 from ..pointcloud.records import PLACES, coordinates
 from .squares import first_of_runs, square_numbers
+from .tally import Tally, metre_squares, square_places
 
 MIN_VEGETATION_HEIGHT_M = 0.3
 """Least height (m) above the ground of what counts as vegetation."""
@@ -26,12 +29,20 @@ _CROWN_CELL = 0.1
 class FileCoverage:
     """What the points of a file cover: ``area`` (m²) of occupied squares of a metre; west, south, east and north, m.
 
-    ``largest_class`` is that of the points as their bytes are: before LAS 1.4 these hold flags, too.
+    ``largest_class`` is that of the points as their bytes are: before LAS 1.4 these hold flags, too. ``places`` (m, 2)
+    and ``counts`` (m,) are squares of a metre with the points that were counted, and these.
     """
 
     area: float
     bounds: tuple[float, float, float, float]
     largest_class: int
+    places: Index
+    counts: Float
+
+    @property
+    def points(self) -> int:
+        """How many points were counted."""
+        return int(self.counts.sum())
 
 
 def coverage(xyz: Float) -> float:
@@ -39,8 +50,11 @@ def coverage(xyz: Float) -> float:
     return float(len(square_metres(xyz)))
 
 
-def file_coverage(header: CloudHeader, frame: WorkingFrame) -> FileCoverage:
+def file_coverage(header: CloudHeader, frame: WorkingFrame, counted: BaseGeometry | None = None) -> FileCoverage:
     """What the points of a file cover in metres of ``frame``.
+
+    Args:
+        counted: points within this polygon are counted; all by default, none for an empty one.
 
     Raises:
         InputError: the points are damaged.
@@ -48,10 +62,19 @@ def file_coverage(header: CloudHeader, frame: WorkingFrame) -> FileCoverage:
     covered, largest = np.empty(0, dtype=np.int64), 0
     class_byte = "classification" if header.point_format > 5 else "raw_classification"
     checked = CheckedRecords(header, PLACES | DecompressionSelection.CLASSIFICATION)
+    squares = Tally()
+    if counted is not None:
+        shapely.prepare(counted)
     for records in checked:
         largest = max(largest, int(records[class_byte].max()))
-        covered = np.union1d(covered, square_metres(coordinates(records, header, frame.factors)))
-    return FileCoverage(float(len(covered)), checked.extent(frame).bounds, largest)
+        xyz = coordinates(records, header, frame.factors)
+        covered = np.union1d(covered, square_metres(xyz))
+        if counted is None:
+            squares.add(metre_squares(xyz))
+        elif not counted.is_empty:
+            squares.add(metre_squares(xyz[shapely.contains_xy(counted, xyz[:, 0], xyz[:, 1])]))
+    places = square_places(squares.found()[0])
+    return FileCoverage(float(len(covered)), checked.extent(frame).bounds, largest, places, squares.counts())
 
 
 def vegetation_cover(xyz: Float, flat: Float, ground: NDArray[np.bool_], dip: float) -> float:
@@ -68,11 +91,37 @@ def vegetation_cover(xyz: Float, flat: Float, ground: NDArray[np.bool_], dip: fl
     """
     if not ground.any():
         return 0.0
-    cell = max(_CROWN_CELL, 2.0 * point_spacing(xyz[:, :2]))
-    key = square_numbers(xyz, cell)
+    heights = crown_heights(xyz, flat, ground, dip, crown_cell(point_spacing(xyz[:, :2])))
+    return float(np.mean(heights > MIN_VEGETATION_HEIGHT_M))
+
+
+def crown_cell(spacing: float) -> float:
+    """Side (m) of the cells of ``vegetation_cover`` for points that are ``spacing`` m apart, seen from above."""
+    return max(_CROWN_CELL, 2.0 * spacing)
+
+
+def crown_heights(
+    xyz: Float,
+    flat: Float,
+    ground: Bool,
+    dip: float,
+    cell: float,
+    *,
+    origin: Float | None = None,
+    counted: Bool | None = None,
+) -> Float:
+    """Heights (m) over the nearest ground of each cell's highest point; arguments as of ``vegetation_cover``.
+
+    Args:
+        origin: (2,) where the cells begin, see ``square_numbers``.
+        counted: (n,) cells with another highest point are left out.
+    """
+    key = square_numbers(xyz, cell, origin)
     order = np.lexsort((xyz[:, 2], key))[::-1]
-    highest = flat[order[first_of_runs(key[order])]]
+    top = order[first_of_runs(key[order])]
+    highest = flat[top if counted is None else top[counted[top]]]
     base = flat[ground]
+    if not len(base) or not len(highest):
+        return np.zeros(len(highest))
     _, nearest = cKDTree(base[:, :2]).query(highest[:, :2])
-    height = (highest[:, 2] - base[nearest, 2]) / max(np.cos(np.radians(dip)), 0.1)
-    return float(np.mean(height > MIN_VEGETATION_HEIGHT_M))
+    return np.asarray((highest[:, 2] - base[nearest, 2]) / max(np.cos(np.radians(dip)), 0.1), dtype=np.float64)

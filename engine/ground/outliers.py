@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from ..core.arrays import Bool, Float, Index
 from ..geometry.point_spacing import point_spacing
 
 BOX_WIDTH_RADII, BOX_HEIGHT_RADII = 2.5, 0.5
@@ -20,6 +21,9 @@ BOX_WIDTH_RADII, BOX_HEIGHT_RADII = 2.5, 0.5
 MIN_RADIUS_SPACINGS = 3.0
 """The radius is at least so many times the points' spacing."""
 _MAX_BOX = 1 << 20
+_STRIDES = np.array([1 << 42, 1 << 21, 1], dtype=np.int64)
+_MIDDLE_BOX = int(_MAX_BOX * _STRIDES.sum())
+"""Number of the box in the middle, where points too far away for a number of their own are counted."""
 _NEIGHBOUR_STEPS = [(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) > (0, 0, 0)]
 
 
@@ -38,16 +42,40 @@ def outliers(xyz: NDArray[np.float64], radius: float, group: int) -> NDArray[np.
         return np.zeros(0, dtype=bool)
     middle = np.median(xyz, axis=0)
     # far strays must not make the cloud look sparse
-    core = np.abs(xyz - middle).max(axis=1) <= 20.0 * float(np.median(np.abs(xyz - middle).max(axis=1))) + 1e-9
+    core = np.abs(xyz - middle).max(axis=1) <= core_reach(xyz, middle)
     radius = max(radius, MIN_RADIUS_SPACINGS * point_spacing(xyz[core, :2]))
+    key = box_numbers(xyz, middle, radius)
+    far = key < 0
+    occupied, box, counts = np.unique(np.where(far, _MIDDLE_BOX, key), return_inverse=True, return_counts=True)
+    return np.asarray(small_groups(occupied, counts, group)[box.ravel()] | far, dtype=np.bool_)
+
+
+def core_reach(xyz: Float, middle: Float) -> float:
+    """Distance (m) along an axis from the middle (3,) of points (n, 3), within which all but far strays lie."""
+    return 20.0 * float(np.median(np.abs(xyz - middle).max(axis=1))) + 1e-9
+
+
+def box_numbers(xyz: Float, middle: Float, radius: float) -> Index:
+    """(n,) number of the box of each point (n, 3); -1 for points that are too far from the middle (3,) to be counted.
+
+    Args:
+        radius: distance (m) across the slope beyond which points are apart.
+    """
     boxes = np.floor((xyz - middle) / (np.array([BOX_WIDTH_RADII, BOX_WIDTH_RADII, BOX_HEIGHT_RADII]) * radius))
     far = np.abs(boxes).max(axis=1) >= _MAX_BOX - 1
     index = np.where(far[:, None], 0, boxes).astype(np.int64) + _MAX_BOX
-    strides = np.array([1 << 42, 1 << 21, 1], dtype=np.int64)
-    occupied, box, counts = np.unique(index @ strides, return_inverse=True, return_counts=True)
+    return np.where(far, -1, index @ _STRIDES)
+
+
+def small_groups(occupied: Index, counts: Index, group: int) -> Bool:
+    """Which of the boxes (m,), ascending, belong to groups of at most ``group`` points that nothing else touches.
+
+    Args:
+        occupied, counts: (m,) the boxes' numbers, see ``box_numbers``, and their points.
+    """
     first, second = [], []
     for step in _NEIGHBOUR_STEPS:
-        neighbours = occupied + int(np.dot(step, strides))
+        neighbours = occupied + int(np.dot(step, _STRIDES))
         place = np.minimum(np.searchsorted(occupied, neighbours), len(occupied) - 1)
         touching = np.flatnonzero(occupied[place] == neighbours)
         first.append(touching)
@@ -58,4 +86,4 @@ def outliers(xyz: NDArray[np.float64], radius: float, group: int) -> NDArray[np.
     points = np.bincount(label, weights=counts, minlength=number)
     # in a cloud of few points, the largest group is the cloud
     small = (points <= group) & (points < points.max())
-    return np.asarray(small[label][box.ravel()] | far, dtype=np.bool_)
+    return np.asarray(small[label], dtype=np.bool_)

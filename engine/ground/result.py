@@ -8,6 +8,33 @@ from typing import Any
 
 from .cover import GroundCover
 
+HEIGHT_OVER_GROUND = "height_over_ground"
+"""Name of the dimension in the classified cloud, metres."""
+
+
+@dataclass(frozen=True)
+class TilesUsed:
+    """Tiles of an extraction that did not fit into memory in one piece, and how they agree where they meet.
+
+    ``count`` tiles of ``side_m``, which begin at ``west_m`` and ``south_m`` in the slope's frame (the dominant plane
+    laid flat about its centroid, axes as the map's), with ``halo_m`` around each. The heights over the triangles of
+    two tiles were compared at ``seam_points`` points within ``seam_width_m`` beyond their edges:
+    ``seam_share_beyond`` of them differ by more than ``seam_limit_m``; median and 99 % of the difference, metres.
+    """
+
+    count: int
+    side_m: float
+    halo_m: float
+    west_m: float
+    south_m: float
+    memory_limit_gb: float
+    seam_width_m: float
+    seam_points: int
+    seam_limit_m: float
+    seam_share_beyond: float
+    seam_median_m: float
+    seam_p99_m: float
+
 
 @dataclass(frozen=True)
 class GroundResult:
@@ -18,7 +45,8 @@ class GroundResult:
     ``pipelines`` the PDAL pipelines that make them. ``vegetation_cover`` is C_v, see ``metrics.vegetation_cover``.
     ``raw_area`` and ``roi_area`` without a region are those of occupied cells of 1 m². ``plane_*`` describe the
     dominant plane; ``scatter`` and ``threshold`` come from the refinement (0 and the parameter without it). ``cover``
-    describes what covers the ground and how well it is known below, None where that was not asked.
+    describes what covers the ground and how well it is known below, None where that was not asked. ``tiles`` is None
+    for a cloud that was extracted in one piece.
     """
 
     ground: Path
@@ -46,6 +74,7 @@ class GroundResult:
     warnings: tuple[str, ...]
     seconds: dict[str, float]
     cover: GroundCover | None = None
+    tiles: TilesUsed | None = None
 
     def figures(self) -> dict[str, Any]:
         """The numbers by name."""

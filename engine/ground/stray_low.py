@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.arrays import Bool, Float, Index
-from .squares import first_of_runs
+from .squares import first_of_runs, lowest_corner
 
 SQUARE_M, REACH_SQUARES = 0.5, 2
 """Side of the squares, and how many on each side are counted together: 2.5 m, in which few hits of ground add up."""
@@ -25,18 +25,18 @@ MIN_REPORTED_SHARE = 0.003
 """Share of stray returns in the cloud from which they are taken out."""
 
 
-def stray_below(xyz: Float, slice_m: float) -> Bool:
+def stray_below(xyz: Float, slice_m: float, origin: Float | None = None) -> Bool:
     """Which returns (n,) lie below the ground, in slices far emptier than one above.
 
     Args:
         xyz: (n, 3) metres, in a frame in which the slope lies flat.
         slice_m: thickness of the slices; two count together.
+        origin: (2+,) where the squares begin, see ``square_numbers``.
     """
     if len(xyz) == 0:
         return np.zeros(0, dtype=bool)
-    low = xyz.min(axis=0)
-    column = np.floor((xyz[:, :2] - low[:2]) / SQUARE_M).astype(np.int64) + REACH_SQUARES
-    level = np.floor((xyz[:, 2] - low[2]) / slice_m).astype(np.int64)
+    column = np.floor((xyz[:, :2] - lowest_corner(xyz, origin)) / SQUARE_M).astype(np.int64) + REACH_SQUARES
+    level = np.floor((xyz[:, 2] - xyz[:, 2].min()) / slice_m).astype(np.int64)
     levels, width = int(level.max()) + 2, int(column[:, 1].max()) + REACH_SQUARES + 1
     key, voxel, counts = np.unique(
         (column[:, 0] * width + column[:, 1]) * levels + level, return_inverse=True, return_counts=True

@@ -20,13 +20,17 @@ from ..vector.area import Roi
 
 @dataclass(frozen=True)
 class Source:
-    """A sound cloud, the ``area`` (m²) that it covers, and whether its classes are more than PDAL compresses."""
+    """A sound cloud, the ``area`` (m²) that it covers, and whether its classes are more than PDAL compresses.
+
+    ``in_tiles``: its points within the region do not fit into memory in one piece.
+    """
 
     header: CloudHeader
     frame: WorkingFrame
     region: Roi | None
     area: float
     odd_classes: bool
+    in_tiles: bool = False
 
     @property
     def flags_in_class(self) -> bool:

@@ -147,14 +147,20 @@ def _target(header: CloudHeader, frame: WorkingFrame, copy: Copy, flags_in_class
         if xyz is not None:
             _set_coordinates(array, xyz[part], scales, offsets)
         if flags_in_class:
-            array["classification_flags"] |= array["classification"] >> 5
-            array["classification"] &= 0x1F
+            put_flags_apart(records)
         if classification is not None:
             records["classification"] = np.asarray(classification)[part]
         for dimension, values in new.items():
             array[dimension.field] = values[part]
 
     return Target(copy.path, frame.crs, scales, offsets, change, tuple(new), keep)
+
+
+def put_flags_apart(records: PackedPointRecord) -> None:
+    """Flags in the upper three bits of the classes, as before point format 6, are put where they belong, in place."""
+    array = records.array
+    array["classification_flags"] |= array["classification"] >> 5
+    array["classification"] &= 0x1F
 
 
 @dataclass(frozen=True)

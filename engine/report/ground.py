@@ -15,7 +15,8 @@ from laspy import DecompressionSelection
 
 from ..core.arrays import Float, Index
 from ..grid.grid import Grid
-from ..ground.cover import CLASSES, FINEST_SQUARE_M, CoverCells, cover_cells
+from ..ground.cover import CLASSES
+from ..ground.cover_squares import FINEST_SQUARE_M, CoverCells, cover_cells
 from ..ground.pdal_pipelines import GROUND
 from ..maps.map_parts import INK, SMALL, Sheet, fonts
 from ..maps.palette import SEQUENTIAL, Colour, colours_at

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .specification import ParameterSet, _parameter
+from .specification import AUTO, ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
@@ -111,5 +111,15 @@ class GroundParameters(ParameterSet, record_name="ground"):
         "Minimum plausible share of ground",
         "Below this share of the clipped points the extraction fails with an error. Larger is stricter.",
         bounds=(0.0, 1.0),
+        advanced=True,
+    )
+    ground_memory: float | str = _parameter(
+        AUTO,
+        "Memory for the ground",
+        "A cloud whose ground takes more is worked on in tiles, which gives the same ground but for a few points at "
+        "the tiles' edges and takes longer. Larger makes fewer tiles. auto: half of the machine's memory.",
+        kind=float,
+        unit="GB",
+        bounds=(0.35, 1024.0),
         advanced=True,
     )

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from shapely.geometry import box
 
-from ...engine.core.errors import InputError
+from ...engine.core.machine_memory import machine_memory
 from ...engine.grid.chosen_cell import CELL_SIDES_M
-from ...engine.grid.common_grid import memory_needed
+from ...engine.grid.common_grid import allowed, memory_needed
 from ...engine.pointcloud.header import CloudHeader
 from ...engine.pointcloud.reading import open_cloud
 from ...engine.vector.area import read_roi
@@ -55,7 +53,7 @@ def slope_memory(slope: Slope, command: str, groups: Mapping[type[ParameterSet],
             west, south, east, north = region.bounds
             sized = _sized(change, spacing)
             grid = memory_needed((west, south, east, north), region.area, sized, plants=True)
-            grid = min(grid, change.memory_limit * 1e9)  # more is refused
+            grid = min(grid, allowed(change))  # more is refused
     return int(_BYTES_TO_START[command] + _BYTES_A_POINT * points + grid)
 
 
@@ -72,32 +70,6 @@ def _sized(change: GridChangeParameters, spacing: float) -> GridChangeParameters
     cell = next((side for side in CELL_SIDES_M if side >= spacing), CELL_SIDES_M[-1])
     kind = ChangeParameters if isinstance(change, ChangeParameters) else GridChangeParameters
     return replace(kind(**change.__dict__), cell=cell)
-
-
-def machine_memory() -> int:
-    """Bytes of memory that this machine, or the container of this process, has."""
-    try:
-        found = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, OSError, ValueError) as error:
-        found = _windows_memory()
-        if not found:
-            raise InputError("The machine does not say how much memory it has; give memory_budget.") from error
-    for name in ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"):
-        try:
-            found = min(found, int(Path(name).read_text()))
-        except (OSError, ValueError):  # no such limit
-            continue
-    return found
-
-
-def _windows_memory() -> int:
-    if os.name != "nt":
-        return 0
-    import ctypes
-
-    kilobytes = ctypes.c_ulonglong()
-    found = ctypes.windll.kernel32.GetPhysicallyInstalledSystemMemory(ctypes.byref(kilobytes))  # type: ignore[attr-defined,unused-ignore]
-    return kilobytes.value * 1024 if found else 0
 
 
 def default_budget(memory: int | None) -> int:

@@ -12,16 +12,26 @@ import pytest
 from slopewatch.engine.core.json_values import plain
 from slopewatch.engine.ground.cover import (
     CLASSES,
-    COARSEST_SQUARE_M,
-    FINEST_SQUARE_M,
-    MIN_QUARTERED_RETURNS,
     GroundCover,
-    cover_cells,
     cover_facts,
     cover_sentence,
     cover_table,
     cover_warnings,
+    facts_of_squares,
+    height_counts,
+    with_more,
 )
+from slopewatch.engine.ground.cover_squares import (
+    COARSEST_SQUARE_M,
+    FINEST_SQUARE_M,
+    MIN_QUARTERED_RETURNS,
+    OverGround,
+    cover_cells,
+    finest_squares,
+    square_sums,
+    squares_of,
+)
+from slopewatch.engine.ground.tally import square_keys, square_places
 
 WEST, SOUTH = 500_000.0, 3_500_000.0
 
@@ -203,3 +213,30 @@ def test_a_million_returns_take_less_than_a_second_of_the_processor():
         cover_facts(xyz, xyz[:, 2] < 0.03, xyz[:, 2], np.abs(xyz[:, 2]))
         seconds.append(time.thread_time() - start)
     assert min(seconds) < 1.0
+
+
+def test_cover_from_the_sums_of_the_finest_squares_is_that_of_the_points():
+    rng = np.random.default_rng(8)
+    count = 30_000
+    xyz = np.column_stack([rng.uniform(-40, 40, count), rng.uniform(-25, 35, count) ** 3 / 1000, np.zeros(count)])
+    height = np.where(rng.random(count) < 0.3, rng.uniform(0, 4, count), rng.normal(0, 0.02, count))
+    height[rng.random(count) < 0.05] = np.nan
+    ground = np.abs(height) < 0.04
+    error, plants = np.abs(rng.normal(0, 0.02, count)), rng.uniform(0, 1, count)
+    expected = cover_facts(xyz, ground, height, error, plants, dip=30.0)
+    upright = height * math.cos(math.radians(30.0))
+    keys, index = np.unique(square_keys(np.column_stack(finest_squares(xyz))), return_inverse=True)
+    finest = square_sums(index.ravel(), len(keys), OverGround(ground, height, upright, error, plants))
+    cells = squares_of(*square_places(keys).T, finest[0])
+    sums = np.vstack([np.bincount(cells.index, row, len(cells.side)) for row in finest])
+    parts = [height_counts(height[part], ground[part]) for part in (slice(0, 10_000), slice(10_000, None))]
+    found = facts_of_squares(cells, sums, with_more(*parts))
+    assert found.heights == expected.heights
+    assert found.returns == count
+    for name in ("area_m2", "ground_share", "without_ground_share", "error_m", "noise_m", "error_beyond_noise_share"):
+        assert getattr(found, name) == pytest.approx(getattr(expected, name), rel=1e-9)
+    for a, b in zip(found.classes, expected.classes, strict=True):
+        assert (a.name, a.returns) == (b.name, b.returns)
+        assert a.area_share == pytest.approx(b.area_share, rel=1e-9)
+        assert a.plant_height_m == pytest.approx(b.plant_height_m, rel=1e-9, nan_ok=True)
+    assert min(c.area_share for c in expected.classes[:4]) > 0

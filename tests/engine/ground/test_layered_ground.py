@@ -16,6 +16,7 @@ from slopewatch.engine.ground.cloth import cloth_ground
 from slopewatch.engine.ground.filtering import cloth_threshold, dominant_plane, ground_mask, known_ground, refined
 from slopewatch.engine.ground.layered_ground import LayeredGround, layered_ground, plant_error
 from slopewatch.engine.ground.lowest_layer import BINS, lowest_layers
+from slopewatch.engine.ground.surface_heights import surface_heights
 from slopewatch.interface.parameters import GroundParameters
 from slopewatch.simulation.surveys.plot import grass_plot
 from slopewatch.tests.builders.ground_shapes import NOISE, field, shares, with_plants
@@ -196,7 +197,7 @@ def test_a_strip_across_the_axes_takes_no_memory_by_its_bounding_box():
     strip = np.column_stack([(along - across), (along + across), rng.normal(0, NOISE, 20_000)])
     tracemalloc.start()
     try:
-        height = module._over_triangles(strip, np.ones(20_000, dtype=bool), np.ones(20_000, dtype=bool))
+        height = surface_heights(strip, np.ones(20_000, dtype=bool), np.ones(20_000, dtype=bool)).height
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()

@@ -15,7 +15,8 @@ import pytest
 from pyproj import CRS
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.json_values import plain
-from slopewatch.engine.ground.cover import COARSEST_SQUARE_M, GroundCover, cover_cells, cover_facts
+from slopewatch.engine.ground.cover import GroundCover, cover_facts
+from slopewatch.engine.ground.cover_squares import COARSEST_SQUARE_M, cover_cells
 from slopewatch.engine.pointcloud.cloud import PointCloud
 from slopewatch.engine.pointcloud.writing import write_cloud
 from slopewatch.engine.report import ground as report_ground

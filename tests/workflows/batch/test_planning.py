@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from slopewatch.cli.program import cli
 from slopewatch.engine.core.errors import InputError
+from slopewatch.engine.core.machine_memory import machine_memory
 from slopewatch.engine.grid.common_grid import memory_needed
 from slopewatch.interface.parameters import ChangeParameters
 from slopewatch.tests.builders.clouds import LasFile, las_file
-from slopewatch.workflows.batch.estimate import default_budget, machine_memory, slope_memory
+from slopewatch.workflows.batch.estimate import default_budget, slope_memory
 from slopewatch.workflows.batch.jobs import Job, Slope, Survey
 from slopewatch.workflows.batch.settings import (
     arguments_of,

@@ -1,0 +1,112 @@
+"""Heights of points over triangles through the ground's candidates, without stray returns below the ground.
+
+A large cloud is worked on in tiles (``tiles``). What a tile must not decide for itself stands in ``Whole``: how
+squares lie, how wide the seeds' windows are, and whether strays are looked for, which is a matter of their share.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from ..core.arrays import Bool, Float
+from .densification import CANDIDATE_CELL_M, Triangles, densified, lowest_supported
+from .squares import lowest_corner
+from .stray_low import MIN_REPORTED_SHARE, stray_below
+
+SURFACE_CELL_M = 0.25
+SLICE_M, CLOSE_SLICE_M, STRAY_ROUNDS = 0.1, 0.05, 3
+"""Slices in which strays are looked for: of the slope, and of heights over the triangles, in so many rounds."""
+
+
+@dataclass(frozen=True)
+class Whole:
+    """What parts of one cloud have in common.
+
+    ``origin`` (2,) m is where all squares begin, ``window`` (m) the side of the seeds' windows; ``slope_strays`` says
+    whether strays are taken out in slices of the slope, ``stray_rounds`` how often over the triangles. Where these two
+    are None, the points at hand decide by their share of strays.
+    """
+
+    origin: Float
+    window: float
+    slope_strays: bool | None = None
+    stray_rounds: int | None = None
+
+
+@dataclass(frozen=True)
+class Heights:
+    """``height`` (n,) m over triangles, ``left`` (n,) the points that still take part, and the share of strays.
+
+    ``slope_strays`` and ``stray_rounds`` say how strays were taken out, see ``Whole``.
+    """
+
+    height: Float
+    left: Bool
+    strays: float
+    slope_strays: bool
+    stray_rounds: int
+
+
+def surface_heights(xyz: Float, anchored: Bool, taken: Bool, whole: Whole | None = None) -> Heights:
+    """Heights of points (n, 3), in a frame in which the slope lies flat, over triangles through the ground.
+
+    Args:
+        anchored: (n,) points near the settled cloth.
+        taken: (n,) points that may be ground.
+        whole: what is decided for the cloud of which these points are a part.
+    """
+    everything = max(int(np.count_nonzero(taken)), 1)
+    given = None if whole is None else whole.slope_strays
+    rounds = None if whole is None else whole.stray_rounds
+    left = taken if given is False else _without_strays(xyz, taken, SLICE_M, whole, always=given is True)
+    first = int(np.count_nonzero(left)) < int(np.count_nonzero(taken))
+    height = _over_triangles(xyz, anchored, left, whole)
+    done = 0
+    for _ in range(STRAY_ROUNDS if rounds is None else rounds):
+        # over the triangles the ground is level, so that what is not shows better
+        over = np.column_stack([xyz[:, :2], height])
+        level = _without_strays(over, left & np.isfinite(height), CLOSE_SLICE_M, whole, always=rounds is not None)
+        if rounds is None and np.count_nonzero(level) > (1.0 - MIN_REPORTED_SHARE) * np.count_nonzero(left):
+            break
+        left = level
+        height = _over_triangles(xyz, anchored, left, whole)
+        done += 1
+    return Heights(height, left, 1.0 - int(np.count_nonzero(left)) / everything, first, done)
+
+
+def _without_strays(xyz: Float, taken: Bool, slice_m: float, whole: Whole | None, *, always: bool) -> Bool:
+    """(n,) those ``taken`` without stray returns below the ground, where the cloud has a noteworthy share of them."""
+    index = np.flatnonzero(taken)
+    stray = stray_below(xyz[index], slice_m, None if whole is None else whole.origin)
+    left = taken.copy()
+    if always or np.count_nonzero(stray) >= MIN_REPORTED_SHARE * len(index):
+        left[index[stray]] = False
+    return left
+
+
+def _over_triangles(xyz: Float, anchored: Bool, taken: Bool, whole: Whole | None) -> Float:
+    """(n,) height over triangles through the ground's candidates, by a grid of SURFACE_CELL_M."""
+    usable = np.flatnonzero(taken)
+    if not len(usable):
+        return np.full(len(xyz), np.inf)
+    origin, window = (None, None) if whole is None else (whole.origin, whole.window)
+    candidates = usable[lowest_supported(xyz[usable], CANDIDATE_CELL_M, origin)]
+    vertices = candidates[densified(xyz[candidates], anchored[candidates], window)]
+    if len(vertices) < 3:
+        return np.full(len(xyz), np.inf)
+    low = lowest_corner(xyz, origin)
+    if origin is not None:
+        # a part of the cloud needs no nodes before its own
+        low = low + SURFACE_CELL_M * np.floor((xyz[:, :2].min(axis=0) - low) / SURFACE_CELL_M)
+    place = (xyz[:, :2] - low) / SURFACE_CELL_M
+    node = np.floor(place).astype(np.int64)
+    # a slope that lies across the axes fills little of the grid, and only nodes about its points are looked up
+    needed = np.zeros(node.max(axis=0) + 2, dtype=bool)
+    for right, up in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        needed[node[:, 0] + right, node[:, 1] + up] = True
+    surface = np.zeros(needed.shape)
+    surface[needed] = Triangles(xyz[vertices]).height(low + SURFACE_CELL_M * np.argwhere(needed))
+    return np.asarray(xyz[:, 2] - ndimage.map_coordinates(surface, place.T, order=1, mode="nearest"), dtype=np.float64)

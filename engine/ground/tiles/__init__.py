@@ -1,0 +1,1 @@
+"""Ground of clouds that are larger than memory, in tiles with a halo."""
