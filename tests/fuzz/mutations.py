@@ -39,16 +39,22 @@ def changed_bytes(data: bytes, rng: random.Random) -> bytes:
         size = len(result)
         if not size:
             break
-        place = min(rng.randrange(size), rng.randrange(size), rng.randrange(size)) if rng.random() < 0.6 else rng.randrange(size)
+        place = (
+            min(rng.randrange(size), rng.randrange(size), rng.randrange(size))
+            if rng.random() < 0.6
+            else rng.randrange(size)
+        )
         kind = rng.randrange(8)
         if kind <= 1:
             result[place] ^= 1 << rng.randrange(8)
         elif kind == 2:
             result[place] = rng.choice((0, 1, 0x7F, 0x80, 0xFF))
         elif kind == 3:
-            layout = rng.choice("<H <I <Q <d >H >I".split())
+            layout = rng.choice(["<H", "<I", "<Q", "<d", ">H", ">I"])
             numbers = (0, 1, 2**15, 2**16 - 1, 2**31 - 1, 2**31, 2**32 - 1, 2**63, 2**64 - 1)
-            value: Any = rng.choice((0.0, float("nan"), float("inf"), 1e300, -1.0)) if layout == "<d" else rng.choice(numbers)
+            value: Any = (
+                rng.choice((0.0, float("nan"), float("inf"), 1e300, -1.0)) if layout == "<d" else rng.choice(numbers)
+            )
             packed = struct.pack(layout, value if layout == "<d" else value % 2 ** (8 * struct.calcsize(layout)))
             result[place : place + len(packed)] = packed
         elif kind == 4:
@@ -93,7 +99,9 @@ def changed_value(document: Any, rng: random.Random) -> Any:
     elif kind == 2 and isinstance(old, (int, float)) and not isinstance(old, bool):
         parent[key] = rng.choice((-old, old * 1e30, old * 1e-30, old + 1, str(old), [old], float(old), 10**9))
     elif kind == 3 and isinstance(old, (list, str)):
-        parent[key] = rng.choice((old[:0], old[:1], old[1:], old + old, old[::-1], old * 1000 if len(old) < 200 else old))
+        parent[key] = rng.choice(
+            (old[:0], old[:1], old[1:], old + old, old[::-1], old * 1000 if len(old) < 200 else old)
+        )
     elif kind == 4 and isinstance(old, str):
         parent[key] = rng.choice(NASTY_CELLS) + rng.choice(("", old))
     elif kind == 5:

@@ -110,10 +110,10 @@ def _transforms(folder: Path, clouds: list[Path], change: list[str]) -> list[Tar
     sound(rigid, "register", first, second, "--output", str(folder / "aligned.laz"), "--transform", str(rigid))
     document = json.loads(rigid.read_text(encoding="utf-8"))
     corner = np.array(document["centre"][:2]) - 10
-    nodes = {"west": corner[0], "south": corner[1], "spacing_m": 10.0}
+    nodes = {"west": corner[0], "south": corner[1], "spacing": 10.0}
     document["pieces"] = {
         "order": "after the matrix: add to z the bilinear interpolation of heights at x and y (rows from south to north)",
-        **nodes, "heights_m": np.full((3, 3), 0.01).tolist(), "heights_sd_m": np.full((3, 3), 0.002).tolist(),
+        **nodes, "heights": np.full((3, 3), 0.01).tolist(), "standard_errors": np.full((3, 3), 0.002).tolist(),
     }  # fmt: skip
     bent.write_text(json.dumps(document), encoding="utf-8")
     apply = ("register", first, second, "--apply", "FILE", "--output", "OUT/moved.laz")
