@@ -20,6 +20,7 @@ from .record_shape import inside, run_record
 from .reviews import zone_reviews
 
 REPORT = "report.html"
+_NO_RECORD = "{path} is no run record that can be read ({why}); give the output folder of a run, or make it again."
 _TEMPLATES = Path(__file__).resolve().parent / "templates"
 _REPORTED = {*command_sets.SERIES, *command_sets.CHANGE, *command_sets.INSPECT} - {
     GridChangeParameters
@@ -85,10 +86,7 @@ def read_record(folder: Path) -> dict[str, Any]:
         InputError: there is none, or it is damaged.
     """
     try:
-        sentence = (
-            "{path} is no run record that can be read ({why}); give the output folder of a run, or make it again."
-        )
-        return dict(read_json(folder / "run.json", run_record, sentence))
+        return dict(read_json(folder / "run.json", run_record, _NO_RECORD))
     except FileNotFoundError as error:
         raise InputError(f"{shown(folder)} holds no run.json; give the output folder of a run.") from error
 

@@ -13,23 +13,19 @@ FORMAT = 1
 POINTS = "RandLA-Net"
 """Kind of the network on points, whose descriptions need not name it."""
 RELIEF = "relief U-Net"
-_SENTENCE = (
-    "The description {path} of the weights cannot be read ({why}); restore it, or take weights made for this version."
-)
+_SENTENCE = "The description {path} of the weights cannot be read ({why}); restore it, or take other weights."
 _LARGEST_FACTOR = 1000.0
+_FACTOR, _SHIFT = number(0.0, _LARGEST_FACTOR, above=True), number(-_LARGEST_FACTOR, _LARGEST_FACTOR)
 _DESCRIPTION = fields(
-    {"format": number(whole=True), "sha256": text("[0-9a-f]{64}", "a SHA-256"), "configuration": fields({})},
+    {
+        "format": number(whole=True),
+        "sha256": text("[0-9a-f]{64}", "a SHA-256"),
+        "configuration": fields({}),
+    },
     {
         "kind": text("[ -~]{1,60}", "a name"),
-        "calibration": maybe(
-            fields(
-                {},
-                {"scale": number(0.0, _LARGEST_FACTOR, above=True), "shift": number(-_LARGEST_FACTOR, _LARGEST_FACTOR)},
-            )
-        ),
-        "metrics": maybe(
-            fields({}, {"calibration": maybe(fields({}, {"temperature": number(0.0, _LARGEST_FACTOR, above=True)}))})
-        ),
+        "calibration": maybe(fields({}, {"scale": _FACTOR, "shift": _SHIFT})),
+        "metrics": maybe(fields({}, {"calibration": maybe(fields({}, {"temperature": _FACTOR}))})),
         "parameters": maybe(number(0, whole=True)),
     },
 )

@@ -1,6 +1,6 @@
-"""Files changed as damage, other programs and attackers change them: bytes, JSON values, cells of CSV, tables of SQLite.
+"""Files changed as damage, other programs and attackers change them: bytes, JSON, cells of CSV, tables of SQLite.
 
-Each function takes the sound file's bytes and a ``random.Random`` and returns other bytes; the same seed gives the same.
+Each function takes the sound file's bytes and a ``random.Random``; the same seed gives the same changed bytes.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ NASTY_CELLS = (
 
 
 def changed_bytes(data: bytes, rng: random.Random) -> bytes:
-    """Bits turned, bytes overwritten, parts cut, doubled or moved; mostly near the start, where files describe themselves."""
+    """Bits turned, bytes overwritten, parts cut, doubled or moved; mostly near the start, where a file's header is."""
     result = bytearray(data)
     for _ in range(rng.choice((1, 1, 1, 2, 4))):
         size = len(result)
@@ -168,12 +168,14 @@ def changed_database(data: bytes, rng: random.Random) -> bytes:
         path.write_bytes(data)
         try:
             with closing(sqlite3.connect(path)) as base, base:
-                names = "SELECT name, type FROM sqlite_master WHERE type IN ('table', 'trigger') AND name NOT LIKE 'sqlite%'"
+                names = "SELECT name, type FROM sqlite_master WHERE type IN ('table', 'trigger')"
                 tables = base.execute(names).fetchall()
                 for name, kind in tables:
                     if kind == "trigger":
                         base.execute(f'DROP TRIGGER "{name}"')
-                table = rng.choice([name for name, kind in tables if kind == "table" and not name.startswith("rtree")])
+                table = rng.choice(
+                    [name for name, kind in tables if kind == "table" and not name.startswith(("rtree", "sqlite"))]
+                )
                 if rng.random() < 0.1:
                     base.execute(f'DROP TABLE "{table}"')
                 else:

@@ -1,4 +1,4 @@
-"""What is fuzzed: sound files of every kind that a command reads, how each is changed, and the command that reads it."""
+"""What is fuzzed: sound files of every kind, how each is changed, and the command that reads it."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def _transforms(folder: Path, clouds: list[Path], change: list[str]) -> list[Tar
     corner = np.array(document["centre"][:2]) - 10
     nodes = {"west": corner[0], "south": corner[1], "spacing": 10.0}
     document["pieces"] = {
-        "order": "after the matrix: add to z the bilinear interpolation of heights at x and y (rows from south to north)",
+        "order": "after the matrix",
         **nodes, "heights": np.full((3, 3), 0.01).tolist(), "standard_errors": np.full((3, 3), 0.002).tolist(),
     }  # fmt: skip
     bent.write_text(json.dumps(document), encoding="utf-8")
