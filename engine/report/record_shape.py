@@ -88,8 +88,8 @@ _CHANGE = fields(
 )
 _COURSE = fields({"epoch": day}, dict.fromkeys(("dz_mean_m", "dz_err_m", "vol_net_m3", "vol_err_m3"), _NUMBER))
 _SERIES = fields(
-    {"zones": maybe(rows(fields({"zone_id": text()}, {"kind": text()}))), "dates": rows(day, 2, 10_000)},
-    {"course": maybe(table(rows(_COURSE))), "limits": maybe(_TEXTS)},
+    {"zones": maybe(rows(fields({"zone_id": text()}, {"kind": text()})))},
+    {"course": maybe(table(rows(_COURSE))), "limits": maybe(_TEXTS), "dates": rows(day, 2, 10_000)},
 )
 
 
@@ -124,10 +124,11 @@ def _change_fits(record: dict[str, Any]) -> None:
 
 
 def _series_fits(record: dict[str, Any]) -> None:
-    dates = record["dates"]
+    dates, course = record.get("dates") or [], record.get("course")
+    if course and not dates:
+        raise MisfitError("dates", "there, though course is")
     if any(before >= after for before, after in itertools.pairwise(dates)):
         raise MisfitError("dates", "in order")
-    course = record.get("course")
     for zone in (record["zones"] or ()) if course else ():
         if zone["zone_id"] not in course:
             raise MisfitError("course", f"there for the zone {zone['zone_id'][:40]!a}")

@@ -18,6 +18,7 @@ from pyproj import CRS
 
 from ..core.arrays import Float32
 from ..core.errors import EngineError, InputError
+from ..core.json_shapes import LARGEST
 from ..core.number_text import fixed
 from ..core.staged_outputs import Stage, atomic_output
 from ..crs.working_frame import horizontal
@@ -154,8 +155,10 @@ def read_profiles(path: Path) -> dict[str, dict[str, NDArray[np.float64]]]:
         with Path(path).open(encoding="utf-8", newline="") as file:
             for row in csv.DictReader(file):
                 values = [float(row[column]) if row[column] else np.nan for column in _COLUMNS]
+                if not np.abs(np.nan_to_num(values, nan=0.0)).max() < LARGEST or not row["profile"]:
+                    raise ValueError
                 found.setdefault(row["profile"], []).append(values)
-    except (OSError, ValueError, KeyError, csv.Error) as error:
+    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
         raise InputError(f"{path} is no table of profiles; make the change again.") from error
     return {name: dict(zip(_COLUMNS, np.array(rows).T, strict=True)) for name, rows in found.items()}
 
