@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Sequence
 from datetime import date
 from itertools import pairwise
@@ -17,6 +18,9 @@ from .epoch import Epoch, parse_date
 
 CLOUD_ENDINGS = (".las", ".laz")
 COLUMNS = ("date", "path")
+_NO_TEXT = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ufffe\uffff]")
+"""Characters that no text holds, and that XML, such as QGIS's styles, cannot hold."""
+_MAX_TABLE_B = 50_000_000
 
 
 def epochs_of(source: Path) -> tuple[Epoch, ...]:
@@ -99,8 +103,10 @@ def read_table(path: Path, what: str) -> list[tuple[int, list[str]]]:
         InputError: it cannot be read as text in UTF-8.
     """
     try:
+        if not path.is_file() or path.stat().st_size > _MAX_TABLE_B:
+            raise InputError(f"The {what} {shown(path)} is no file of a table's size; give a CSV file.")
         text = path.read_text(encoding="utf-8-sig")
-        if "\0" in text:
+        if _NO_TEXT.search(text):
             raise ValueError
     except OSError as error:
         raise InputError(f"The {what} {shown(path)} cannot be read ({error.strerror}); check the path.") from error

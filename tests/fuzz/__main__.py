@@ -32,7 +32,7 @@ def trial(target: Target, seed: int, kept: Path) -> tuple[str, str]:
         file, words = target.prepare(folder, random.Random(f"{target.name} {seed}"))
         before = file.read_bytes()
         done = run_apart(words)
-        wrong = fault(done, file, folder / "out")
+        wrong = fault(done, folder / "out", (file.name, str(file.parent), *target.named))
         if wrong:
             place = kept / f"{target.name}-{seed}"
             place.mkdir(parents=True, exist_ok=True)

@@ -24,12 +24,13 @@ COARSE = ("--cell", "0.5", "--zone-profiles", "0")
 
 @dataclass(frozen=True)
 class Target:
-    """``seeds`` are sound files with the command that reads a changed copy.
+    """``seed`` is a sound file, ``command`` reads a changed copy of it.
 
     Args:
         command: words in which FILE stands for the changed file, FOLDER for a copy of ``beside`` that holds it in
             the place of ``seed``, and OUT for a folder for outputs.
         beside: folder that is copied for each trial; None where the file stands alone.
+        named: words one of which a refusal must hold; the file's own name and folder always count.
         pinned: JSON file in FOLDER whose ``sha256`` is put right for the changed file.
     """
 
@@ -39,6 +40,7 @@ class Target:
     command: tuple[str, ...]
     beside: Path | None = None
     pinned: str = ""
+    named: tuple[str, ...] = ()
 
     def prepare(self, folder: Path, rng: random.Random) -> tuple[Path, list[str]]:
         """The changed file, in ``folder``, and the words of the command."""
@@ -68,7 +70,11 @@ def all_targets(folder: Path) -> list[Target]:
         RuntimeError: a command fails on a sound file.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    clouds = [epoch_pairs.write(folder / f"{2023 + n}-05-01.laz", epoch_pairs.slope(n, 4000)) for n in (1, 2)]
+    clouds = []
+    for n, sunk in ((1, 0.0), (2, 0.3)):
+        xyz = epoch_pairs.slope(n, 4000)
+        xyz[xyz[:, 0] < epoch_pairs.X + 4, 2] -= sunk
+        clouds.append(epoch_pairs.write(folder / f"{2023 + n}-05-01.laz", xyz))
     plain = epoch_pairs.write(folder / "plain.las", epoch_pairs.slope(3, 500))
     change = ["change", *map(str, clouds), *COARSE]
     return [
@@ -99,7 +105,13 @@ def _series(folder: Path, clouds: list[Path]) -> list[Target]:
     series = ("--ground-ready", "--no-rasters-each-survey", "--cell", "0.5", "--method", "none")
     given = ("series", str(manifest), "--alerts", "FILE", *series, "--output-dir", "OUT/s")
     return [
-        Target("manifest", manifest, mutations.changed_table, ("series", "FILE", *series, "--output-dir", "OUT/s")),
+        Target(
+            "manifest",
+            manifest,
+            mutations.changed_table,
+            ("series", "FILE", *series, "--output-dir", "OUT/s"),
+            named=("survey",),
+        ),
         Target("alerts", DEFAULT_TABLE, mutations.changed_table, given),
     ]
 

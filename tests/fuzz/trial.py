@@ -78,10 +78,11 @@ def _child(words: list[str], environment: dict[str, str], out: int, error: int) 
     os._exit(0)
 
 
-def fault(done: Done, file: Path, out: Path) -> str:
-    """What is wrong about how a command ended that was given ``file``; nothing where all is as promised.
+def fault(done: Done, out: Path, named: tuple[str, ...]) -> str:
+    """What is wrong about how a command ended; nothing where all is as promised.
 
     Args:
+        named: words of which a refusal must hold one, such as the file's name.
         out: folder for its outputs, empty before.
     """
     if done.code == -signal.SIGALRM:
@@ -95,7 +96,7 @@ def fault(done: Done, file: Path, out: Path) -> str:
     hidden = [p.name for p in out.rglob(".*")]
     if hidden:
         return f"left behind: {hidden}"
-    return _refusal_fault(done, file, out) if done.code == 2 else _result_fault(out)
+    return _refusal_fault(done, out, named) if done.code == 2 else _result_fault(out)
 
 
 def _last(text: bytes) -> str:
@@ -103,7 +104,7 @@ def _last(text: bytes) -> str:
     return lines[-1][:500] if lines else "nothing said"
 
 
-def _refusal_fault(done: Done, file: Path, out: Path) -> str:
+def _refusal_fault(done: Done, out: Path, named: tuple[str, ...]) -> str:
     lines = done.error.decode("utf-8", "replace").strip().splitlines()
     sentences = [line for line in lines if line.startswith("Error: ")]
     if len(sentences) != 1 or lines[-1] != sentences[0]:
@@ -115,7 +116,7 @@ def _refusal_fault(done: Done, file: Path, out: Path) -> str:
         return f"{len(sentence)} characters: {sentence[:300]}"
     if not sentence.isprintable():
         return f"characters that do not print: {sentence!r}"
-    if file.name not in sentence and file.parent.name not in sentence:
+    if not any(word in sentence for word in named):
         return f"names no file: {sentence[:500]}"
     left = [str(p.relative_to(out)) for p in out.rglob("*")]
     return f"refused and wrote {left}" if left else ""
