@@ -18,7 +18,7 @@ from ..engine.core import cancellation
 from ..engine.core.errors import EngineError, InputError, SlopeWatchError
 from ..engine.core.run_result import RunResult
 from ..interface.parameters import AUTO, PROFILES, OutputParameters, ParameterError, ParameterSet, Specification
-from .reporting import Reporter, reporter
+from .reporting import Reporter, reporter, say_of_formats
 
 Command = Callable[..., Any]
 PATH = click.Path(path_type=Path)
@@ -115,6 +115,7 @@ def command(*groups: type[ParameterSet], profile: bool = True) -> Callable[[Comm
             values = {name: arguments.pop(name) for name in names}
             report = reporter(progress)
             cancellation.install(report.cancelled, watch_parent=watch_parent)
+            say_of_formats(report)
             session = Session(report, pdal, arguments.pop("profile", "default"), values)
             sys.exit(_run(report, debug, lambda: function(session, **arguments)))
 

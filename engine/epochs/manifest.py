@@ -103,8 +103,8 @@ def read_table(path: Path, what: str) -> list[tuple[int, list[str]]]:
         InputError: it cannot be read as text in UTF-8.
     """
     try:
-        if not path.is_file() or path.stat().st_size > _MAX_TABLE_B:
-            raise InputError(f"The {what} {shown(path)} is no file of a table's size; give a CSV file.")
+        if path.exists() and (not path.is_file() or path.stat().st_size > _MAX_TABLE_B):
+            raise InputError(f"The {what} {shown(path)} cannot be read (it is no file of a table's size); give CSV.")
         text = path.read_text(encoding="utf-8-sig")
         if _NO_TEXT.search(text):
             raise ValueError

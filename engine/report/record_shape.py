@@ -124,12 +124,12 @@ def _change_fits(record: dict[str, Any]) -> None:
 
 
 def _series_fits(record: dict[str, Any]) -> None:
-    dates, course = record.get("dates") or [], record.get("course")
+    dates, course = record.get("dates") or [], record.get("course") or {}
     if course and not dates:
         raise MisfitError("dates", "there, though course is")
     if any(before >= after for before, after in itertools.pairwise(dates)):
         raise MisfitError("dates", "in order")
-    for zone in (record["zones"] or ()) if course else ():
+    for zone in record["zones"] or () if course else ():
         if zone["zone_id"] not in course:
             raise MisfitError("course", f"there for the zone {zone['zone_id'][:40]!a}")
 

@@ -17,6 +17,9 @@ MEMORY_LIMIT_B = 5 << 30
 MOST_MEMORY_MB = 1500.0
 """Of what it really takes. The sound files of the targets take at most 500."""
 LONGEST_S = 60
+"""Of processor time; the sound files of the targets take at most 5."""
+LONGEST_WAIT_S = 600
+"""Of time by the clock: on a machine that does much else a sound file may take a minute."""
 _WRONG = re.compile(rb"Traceback|Internal failure|RuntimeWarning|Segmentation|panicked", re.IGNORECASE)
 _NO_NUMBER = re.compile(r"(?<![\w.])(nan|inf|infinity)(?![\w])", re.IGNORECASE)
 
@@ -62,7 +65,8 @@ def _child(words: list[str], environment: dict[str, str], out: int, error: int) 
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         # ends the process, whatever it waits for
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
-        signal.alarm(LONGEST_S)
+        signal.alarm(LONGEST_WAIT_S)
+        resource.setrlimit(resource.RLIMIT_CPU, (LONGEST_S, LONGEST_S))
         os.environ.update(environment)
         sys.argv = ["slopewatch", *words]
         from slopewatch.cli import main
@@ -85,8 +89,8 @@ def fault(done: Done, out: Path, named: tuple[str, ...]) -> str:
         named: words of which a refusal must hold one, such as the file's name.
         out: folder for its outputs, empty before.
     """
-    if done.code == -signal.SIGALRM:
-        return f"no end within {LONGEST_S} s"
+    if done.code in (-signal.SIGALRM, -signal.SIGXCPU, -signal.SIGKILL):
+        return f"no end within {LONGEST_S} s of processor time or {LONGEST_WAIT_S} s of waiting"
     if done.peak_mb > MOST_MEMORY_MB:
         return f"{done.peak_mb:.0f} MB of memory"
     if done.code not in (0, 2):
