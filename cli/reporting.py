@@ -43,7 +43,7 @@ class Reporter(Progress):
         for name, value in plain(metrics).items():
             click.echo(f"{name:<{width}}  {_shown(value)}")
         for name, path in outputs.items():
-            click.echo(f"{name:<{width}}  {path}")
+            click.echo(f"{name:<{width}}  {one_line(str(path))}")
 
     def error(self, error: SlopeWatchError) -> None:
         click.echo(f"Error: {one_line(str(error))}", err=True)
@@ -158,6 +158,10 @@ def _shown(value: Any) -> Any:
     """A figure as people read it; one of several in one line."""
     if isinstance(value, dict):
         return "; ".join(f"{name}: {_shown(part)}" for name, part in value.items())
+    if isinstance(value, list):
+        return f"[{', '.join(str(_shown(part)) for part in value)}]"
     if value is None:
         return "not available"
+    if isinstance(value, str):
+        return _printable(value)
     return f"{value:.4g}" if isinstance(value, float) and abs(value) < 1e5 else value

@@ -15,6 +15,7 @@ from .errors import Cancelled, EngineError, InputError
 
 _SIDECARS = ("-wal", "-shm", "-journal")
 """Of a GeoPackage that a program has open: they belong to the file that is replaced, and would damage the new one."""
+_NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _MIN_FREE_BYTES = 100_000_000  # bytes; a run that fails with less left than this most likely failed for that
 
 
@@ -39,6 +40,11 @@ def atomic_output(path: Path, check: Callable[[Path], None] | None = None) -> It
             yield partial
         except PermissionError as error:
             raise InputError(f"{path} cannot be written ({error.strerror}); choose another output folder.") from error
+        except OSError as error:
+            if error.errno in _NO_SPACE:
+                sentence = f"{path} cannot be written ({error.strerror}); free some space or choose another folder."
+                raise InputError(sentence) from error
+            raise
         if not partial.is_file() or partial.stat().st_size == 0:
             raise EngineError(f"{path.name} was not written")
         if check is not None:
@@ -160,7 +166,7 @@ def _blame_full_disk(directory: Path, error: Exception) -> None:
     except OSError:
         return
     reason = f"{type(error).__name__}: {next(iter(str(error).splitlines()), 'no text')}"
-    if free < _MIN_FREE_BYTES or (isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)):
+    if free < _MIN_FREE_BYTES or (isinstance(error, OSError) and error.errno in _NO_SPACE):
         raise InputError(
             f"Writing to {directory} failed, and its disk has {free / 1e6:.1f} MB left; free some space or choose "
             f"another output folder ({reason})."
