@@ -12,6 +12,7 @@ from pathlib import Path
 
 from . import cancellation
 from .errors import Cancelled, EngineError, InputError
+from .part_folders import OWNER, part_folder
 
 _SIDECARS = ("-wal", "-shm", "-journal")
 """Of a GeoPackage that a program has open: they belong to the file that is replaced, and would damage the new one."""
@@ -82,7 +83,7 @@ def staged_outputs(directory: Path, *, last: str = "run.json") -> Iterator[Stage
     A folder that this made is removed again when the block fails.
 
     Raises:
-        InputError: the folder cannot be made or written.
+        InputError: the folder cannot be made or written, or another run is at work that will write ``last`` there.
     """
     directory = Path(directory).absolute()
     made = [p for p in (directory, *directory.parents) if not p.exists()]
@@ -91,7 +92,7 @@ def staged_outputs(directory: Path, *, last: str = "run.json") -> Iterator[Stage
         with cancellation.uninterrupted():
             try:
                 directory.mkdir(parents=True, exist_ok=True)
-                folder = Path(tempfile.mkdtemp(prefix=".slopewatch-part-", dir=directory))
+                folder = stack.enter_context(part_folder(directory, last))
             except OSError as error:
                 raise InputError(
                     f"The output folder {directory} cannot be written ({error.strerror}); choose another one."
@@ -116,7 +117,7 @@ def _move_all(folder: Path, directory: Path, last: str, discarded: Iterable[str]
     Args:
         discarded: names of files in ``directory`` that are to go.
     """
-    files = sorted((p for p in folder.rglob("*") if p.is_file()), key=lambda p: (p.name == last, p))
+    files = sorted((p for p in folder.rglob("*") if p.is_file() and p.name != OWNER), key=lambda p: (p.name == last, p))
     targets = [directory / path.relative_to(folder) for path in files]
     for target in targets:
         if target.is_dir():

@@ -168,7 +168,7 @@ def read_raster(path: Path, band: int = 1) -> Raster:
                 unit=source.units[band - 1] or "",
                 tags={k: v for k, v in source.tags().items() if k != "AREA_OR_POINT"},
             )
-    except (RasterioError, CRSError) as error:
+    except (RasterioError, CRSError, ValueError) as error:
         raise InputError(f"{path} cannot be read as a raster; give a GeoTIFF.") from error
 
 
