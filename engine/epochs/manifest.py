@@ -20,6 +20,7 @@ CLOUD_ENDINGS = (".las", ".laz")
 COLUMNS = ("date", "path")
 _NO_TEXT = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ufffe\uffff]")
 """Characters that no text holds, and that XML, such as QGIS's styles, cannot hold."""
+_SHOWN = 300  # characters of a name
 _MAX_TABLE_B = 50_000_000
 
 
@@ -88,12 +89,19 @@ def read_manifest(path: Path) -> tuple[Epoch, ...]:
         except InputError as error:
             raise InputError(f"Line {number} of the manifest {name}: {error}") from None
         cloud = path.parent / file
-        if not cloud.is_file():
+        if not _is_file(cloud):
             raise InputError(
-                f"Line {number} of the manifest {name} names {shown(cloud)}, which does not exist; correct the path."
+                f"Line {number} of the manifest {name} names {shown(cloud.as_posix()[:_SHOWN])}, which does not exist; correct the path."
             )
         epochs.append(Epoch(cloud, when))
     return tuple(epochs)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a name that no file can have
+        return False
 
 
 def read_table(path: Path, what: str) -> list[tuple[int, list[str]]]:

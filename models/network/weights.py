@@ -89,10 +89,7 @@ def load_model(path: Path, sha256: str | None = None) -> ModelFile:
         InputError: a file is missing, pickled, tampered with or not made for this version.
     """
     description, tensors, found = load_tensors(path, sha256)
-    try:
-        configuration = ModelConfiguration.from_mapping(description["configuration"])
-    except InputError as error:
-        raise InputError(f"The description of the weights {shown(path)} cannot be used: {error}") from error
+    configuration = configuration_of(path, description)
     network = RandLANet(configuration)
     try:
         network.load_state_dict(tensors)
@@ -100,6 +97,18 @@ def load_model(path: Path, sha256: str | None = None) -> ModelFile:
         raise InputError(f"The weights {path} do not fit their description; take both from one source.") from error
     network.eval()
     return ModelFile(network, configuration, description, found)
+
+
+def configuration_of(path: Path, description: Mapping[str, Any]) -> ModelConfiguration:
+    """The configuration that the description of the weights ``path`` states.
+
+    Raises:
+        InputError: it is none of this version.
+    """
+    try:
+        return ModelConfiguration.from_mapping(description["configuration"])
+    except InputError as error:
+        raise InputError(f"The description of the weights {shown(path)} cannot be used: {error}") from error
 
 
 def load_tensors(path: Path, sha256: str | None = None) -> tuple[dict[str, Any], dict[str, Tensor], str]:
