@@ -196,7 +196,7 @@ def _about_files(failed: OSError, debug: bool) -> SlopeWatchError:
     if debug:
         traceback.print_exc()
     return InputError(
-        f"{shown(name[:_SHOWN])} cannot be used ({failed.strerror}); check the path, its permissions and the space left."
+        f"{shown(name[:_SHOWN])} cannot be used ({failed.strerror}); check its path, permissions and the space left."
     )
 
 

@@ -127,9 +127,10 @@ def finish(words: list[str], out: Path) -> tuple[int, str, float]:
 def killed(words: list[str], folder: Path, kills: int, rng: random.Random) -> Faults:
     """Kill ``kills`` runs into one folder and let the last one end."""
     whole, out, faults = folder / "whole", folder / "out", []
-    code, error, seconds = finish(words, whole)
+    code, error, seconds = finish(words, out)
     if code:
         return [f"the undisturbed run ended with {code}: {error}"]
+    out.rename(whole)  # made under the other name, because some files of a result name its folder
     expected = content(whole)
     for number in range(kills):
         moment = rng.uniform(0.05, 1.0) * seconds

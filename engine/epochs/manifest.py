@@ -91,7 +91,8 @@ def read_manifest(path: Path) -> tuple[Epoch, ...]:
         cloud = path.parent / file
         if not _is_file(cloud):
             raise InputError(
-                f"Line {number} of the manifest {name} names {shown(cloud.as_posix()[:_SHOWN])}, which does not exist; correct the path."
+                f"Line {number} of the manifest {name} names {shown(cloud.as_posix()[:_SHOWN])}, which does not exist; "
+                "correct the path."
             )
         epochs.append(Epoch(cloud, when))
     return tuple(epochs)

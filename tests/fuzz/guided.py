@@ -36,7 +36,12 @@ def main() -> None:
                 return bytes(atheris.Mutate(data, size))
             try:
                 return change(data if rng.random() < 0.7 else sound, rng)[:size]
-            except (ValueError, IndexError):  # what it was changed to is no longer of that structure
+            except (
+                ValueError,
+                IndexError,
+                TypeError,
+                RecursionError,
+            ):  # what it was changed to is no longer of that structure
                 return change(sound, rng)[:size]
 
         def one(data: bytes) -> None:
