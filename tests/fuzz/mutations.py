@@ -96,7 +96,7 @@ def changed_value(document: Any, rng: random.Random) -> Any:
         del parent[key]
     elif kind == 1 and isinstance(parent, dict):
         parent[rng.choice(("", "x", "0", "zone_id", str(key).upper()))] = parent.pop(key)
-    elif kind == 2 and isinstance(old, (int, float)) and not isinstance(old, bool):
+    elif kind == 2 and isinstance(old, (int, float)) and not isinstance(old, bool) and abs(old) < 1e300:
         parent[key] = rng.choice((-old, old * 1e30, old * 1e-30, old + 1, str(old), [old], float(old), 10**9))
     elif kind == 3 and isinstance(old, (list, str)):
         parent[key] = rng.choice(

@@ -109,7 +109,7 @@ def test_a_name_that_leads_out_of_the_folder(tmp_path: Path, name: str) -> None:
     [
         ("matrix", [[float("nan")] * 4] * 4), ("matrix", [[1e308] * 4] * 4), ("matrix", [1, 2]), ("matrix", "x"),
         ("centre", [0, 0]), ("centre", {"x": 1}), ("rotation", [[1]]), ("translation", None), ("pieces", []),
-        ("pieces", {"west": 0, "south": 0, "spacing": 1, "heights": [[0, 0], [0]], "standard_errors": [[0, 0], [0, 0]]}),
+        ("pieces", {"west": 0, "south": 0, "spacing": 1, "heights": [[0, 0], [0]], "standard_errors": [[0, 0]] * 2}),
         ("registration", [1]), ("registration", {"unobservable": 3}),
     ],
 )  # fmt: skip
