@@ -49,7 +49,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
         "series", "--epoch", "2024-05-01=GOOD", "--epoch", "2025-05-01=BAD", "--ground-ready", "--cell", "0.5",
         "--output-dir", "OUT/s",
     ),
-    "train": ("train", "GOOD", "BAD", "--output-dir", "OUT/t"),
+    "train": ("train", "BAD", "GOOD", "--output-dir", "OUT/t"),
 }  # fmt: skip
 NO_OTHER = ("info", "ground", "screen")
 """Commands that take one cloud."""
