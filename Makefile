@@ -1,12 +1,12 @@
 # SlopeWatch: `make demo` and `make test` each do everything on a fresh Debian 12 or 13, as root or with sudo.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-engine test-plugin check lint format bench model package install uninstall clean
+.PHONY: help setup demo test test-engine test-plugin check fuzz kills lint format bench model package install uninstall clean
 
 PYTHON := .venv/bin/python
 QGIS_PYTHON := .venv-qgis/bin/python
 ENGINE_TESTS := $(wildcard tests/architecture tests/interface tests/api tests/engine tests/models tests/simulation tests/workflows tests/cli \
-	tests/refusals tests/accuracy tests/scripts tests/benchmarks)
+	tests/refusals tests/trust tests/accuracy tests/scripts tests/benchmarks)
 PLUGIN_TESTS := $(wildcard tests/plugin tests/processing_algorithms tests/qgis)
 TYPED := interface engine models simulation workflows cli benchmarks
 FAST_TESTS := $(wildcard tests/architecture tests/interface tests/engine/core tests/engine/statistics tests/engine/geometry tests/engine/crs \
@@ -38,6 +38,12 @@ test-plugin: setup  ## Plugin and toolbox, in QGIS's own Python and through qgis
 
 check: lint  ## lint and the fast tests, without QGIS
 	$(ONE_THREAD) $(PYTHON) -m pytest -n auto --dist loadfile $(FAST_TESTS) $(PYTEST)  # short files: no cloud is made twice
+
+fuzz: setup  ## Damaged files of every kind through the commands, for 20 minutes (FUZZ="--minutes 5 --seed 2")
+	$(ONE_THREAD) OMP_NUM_THREADS=1 nice -n 10 $(PYTHON) -m slopewatch.tests.fuzz --minutes 20 $(FUZZ)
+
+kills: setup  ## Commands killed at random moments, full disks, removed folders, two runs at once
+	$(ONE_THREAD) OMP_NUM_THREADS=1 $(PYTHON) scripts/kills.py $(KILLS)
 
 lint: setup  ## ruff, mypy and the layers of the packages
 	$(PYTHON) -m ruff check .

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import functools
 import os
 import sys
@@ -16,11 +17,17 @@ import click
 
 from ..engine.core import cancellation
 from ..engine.core.errors import EngineError, InputError, SlopeWatchError
+from ..engine.core.messages import shown
 from ..engine.core.run_result import RunResult
 from ..interface.parameters import AUTO, PROFILES, OutputParameters, ParameterError, ParameterSet, Specification
-from .reporting import Reporter, reporter
+from .reporting import Reporter, reporter, say_of_formats
 
 Command = Callable[..., Any]
+_SHOWN = 300  # characters of a name
+_OF_FILES = (
+    errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT,
+    errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO,
+)  # fmt: skip
 PATH = click.Path(path_type=Path)
 
 
@@ -115,6 +122,7 @@ def command(*groups: type[ParameterSet], profile: bool = True) -> Callable[[Comm
             values = {name: arguments.pop(name) for name in names}
             report = reporter(progress)
             cancellation.install(report.cancelled, watch_parent=watch_parent)
+            say_of_formats(report)
             session = Session(report, pdal, arguments.pop("profile", "default"), values)
             sys.exit(_run(report, debug, lambda: function(session, **arguments)))
 
@@ -168,20 +176,38 @@ def _run(report: Reporter, debug: bool, work: Callable[[], RunResult]) -> int:
         error = EngineError(
             "The reader of the progress, or a program that this run had started, ended early; nothing was written."
         )
+    except OSError as failed:
+        error = _about_files(failed, debug)
     except MemoryError:
         error = EngineError("Memory ran out; clip the cloud to the slope or use a larger cell.")
     except Exception as unexpected:  # the last resort: an internal failure in one sentence
-        if debug:
-            traceback.print_exc()
-        place = traceback.extract_tb(unexpected.__traceback__)[-1]
-        error = EngineError(
-            f"Internal failure: {type(unexpected).__name__}: {unexpected} "
-            f"({Path(place.filename).name}, line {place.lineno}); run again with --debug for details."
-        )
+        error = _internal(unexpected, debug)
     with contextlib.suppress(BrokenPipeError):
         report.error(error)
     _flush_or_drop()
     return error.exit_code
+
+
+def _about_files(failed: OSError, debug: bool) -> SlopeWatchError:
+    """What the system says of a file or folder of the user's is no failure of the program."""
+    name = os.fsdecode(failed.filename) if isinstance(failed.filename, (str, bytes)) else ""
+    if failed.errno not in _OF_FILES or not name or Path(name).is_relative_to(Path(__file__).parents[1]):
+        return _internal(failed, debug)
+    if debug:
+        traceback.print_exc()
+    return InputError(
+        f"{shown(name[:_SHOWN])} cannot be used ({failed.strerror}); check its path, permissions and the space left."
+    )
+
+
+def _internal(unexpected: Exception, debug: bool) -> EngineError:
+    if debug:
+        traceback.print_exc()
+    place = traceback.extract_tb(unexpected.__traceback__)[-1]
+    return EngineError(
+        f"Internal failure: {type(unexpected).__name__}: {unexpected} "
+        f"({Path(place.filename).name}, line {place.lineno}); run again with --debug for details."
+    )
 
 
 def _flush_or_drop() -> None:

@@ -7,9 +7,10 @@ import json
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import click
 from rich.console import Console
@@ -18,6 +19,7 @@ from rich.progress import Progress as RichProgress
 
 from ..engine.core.errors import SlopeWatchError
 from ..engine.core.json_values import plain
+from ..engine.core.messages import one_line
 from ..engine.core.progress import Progress
 from ..interface.protocol import ERROR, LOG, PROGRESS, RESULT
 
@@ -32,6 +34,7 @@ class Reporter(Progress):
         pass
 
     def show(self, level: str, message: str) -> None:
+        message = _printable(message)
         click.echo(f"Warning: {message}" if level == "warning" else message, err=True)
 
     def result(self, outputs: Mapping[str, Path], metrics: Mapping[str, Any]) -> None:
@@ -40,10 +43,10 @@ class Reporter(Progress):
         for name, value in plain(metrics).items():
             click.echo(f"{name:<{width}}  {_shown(value)}")
         for name, path in outputs.items():
-            click.echo(f"{name:<{width}}  {path}")
+            click.echo(f"{name:<{width}}  {one_line(str(path))}")
 
     def error(self, error: SlopeWatchError) -> None:
-        click.echo(f"Error: {error}", err=True)
+        click.echo(f"Error: {one_line(str(error))}", err=True)
 
     def cancelled(self) -> None:
         click.echo("Cancelled; nothing half-written is left.", err=True)
@@ -76,7 +79,7 @@ class BarReporter(Reporter):
 
     def show(self, level: str, message: str) -> None:
         style = "yellow" if level == "warning" else None
-        text = f"Warning: {message}" if level == "warning" else message
+        text = _printable(f"Warning: {message}" if level == "warning" else message)
         self._bar.console.print(text, style=style, markup=False, highlight=False)
 
 
@@ -116,7 +119,7 @@ class JsonReporter(Reporter):
 
 def error_event(error: SlopeWatchError) -> str:
     """The JSON line that reports a failure to a program."""
-    return json.dumps({"event": ERROR, "message": str(error), "code": error.exit_code})
+    return json.dumps({"event": ERROR, "message": one_line(str(error)), "code": error.exit_code})
 
 
 def reporter(kind: str) -> Reporter:
@@ -126,10 +129,39 @@ def reporter(kind: str) -> Reporter:
     return {"bar": BarReporter, "json": JsonReporter, "none": Reporter}[kind]()
 
 
+def _printable(message: str) -> str:
+    """Lines of a message without commands to the terminal."""
+    return "\n".join(one_line(line) for line in message.split("\n"))
+
+
+def say_of_formats(report: Progress) -> None:
+    """Have what GDAL warns of a file told as a warning of the run, and not as a line of its Python binding."""
+    told = warnings.showwarning
+
+    def show(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
+        if {"pyogrio", "rasterio"} & set(Path(filename).parts):
+            report.warning(f"GDAL says of a file: {one_line(str(message)).rstrip('.')}.")
+        else:
+            told(message, category, filename, lineno, file, line)
+
+    warnings.showwarning = show
+
+
 def _shown(value: Any) -> Any:
     """A figure as people read it; one of several in one line."""
     if isinstance(value, dict):
         return "; ".join(f"{name}: {_shown(part)}" for name, part in value.items())
+    if isinstance(value, list):
+        return f"[{', '.join(str(_shown(part)) for part in value)}]"
     if value is None:
         return "not available"
+    if isinstance(value, str):
+        return _printable(value)
     return f"{value:.4g}" if isinstance(value, float) and abs(value) < 1e5 else value

@@ -10,6 +10,8 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from ..engine.core.errors import InputError
+from ..engine.core.json_shapes import MisfitError, number, rows, text, truth
+from ..engine.core.json_shapes import fields as having
 
 CLASSES = ("background", "uplift", "subsidence")
 FEATURES = ("x", "y", "z", "residuals")
@@ -18,6 +20,34 @@ ZONES, MOST_PROBABLE = "zones", "most_probable"
 DECISIONS = (ZONES, MOST_PROBABLE)
 _LATER: dict[str, Any] = {"sampling": "random", "thinnings": 1, "least_peak": 0.0, "decision": MOST_PROBABLE}
 """Settings that models of earlier versions do not name, and what held for them."""
+
+_MAX_CHANNELS, _MAX_LEVELS = 1024, 8
+_LENGTH_M, _SCALE = number(0.1, 10_000.0), number(1e-3, 1e6)
+CONFIGURATION = having(
+    {},
+    {
+        "name": text(),
+        "voxel": number(0.005, 10.0),
+        "plane_distance": number(0.001, 100.0),
+        "plane_iterations": number(1, 100_000, whole=True),
+        "features": rows(text(), 1, len(FEATURES)),
+        "trends": rows(rows(_LENGTH_M, 2, 2), most=32),
+        "residual_scale": _SCALE, "xy_scale": _SCALE, "z_scale": _SCALE,
+        "window": number(1.0, 10_000.0), "step": number(0.5, 10_000.0),
+        "minimum_points": number(0, 10_000_000, whole=True), "block_points": number(0, 10_000_000, whole=True),
+        "interpolation": number(1, 64, whole=True), "thinnings": number(1, 64, whole=True),
+        "least_peak": number(0.0, 1.0),
+        "stem": number(1, _MAX_CHANNELS, whole=True),
+        "widths": rows(number(2, _MAX_CHANNELS, whole=True), 1, _MAX_LEVELS),
+        "neighbours": number(2, 256, whole=True), "decimation": number(2, 64, whole=True),
+        "sampling": text(),
+        "dropout": number(0.0, 1.0),
+        "classes": rows(text(), len(CLASSES), len(CLASSES)),
+        "density": rows(number(0.0), 2, 2),
+        **dict.fromkeys(("align", "own_roughness", "level_scaling", "centre_weighting"), truth),
+    },
+)  # fmt: skip
+"""Shape of a configuration in a file: it decides how much memory and time a network takes, so all of it has bounds."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +113,10 @@ class ModelConfiguration:
             raise InputError(
                 f"The model's features {self.features} are not all of {', '.join(FEATURES)}; correct them."
             )
+        if self.inputs < 1 or tuple(self.classes) != CLASSES:
+            raise InputError(f"The model reads no channel, or its classes are not {', '.join(CLASSES)}; correct that.")
+        if any(width % 2 for width in self.widths) or self.density[0] > self.density[1]:
+            raise InputError("The model's widths are not all even, or its densities not in order; correct them.")
         if self.sampling not in SAMPLINGS:
             raise InputError(f"The model's sampling is {self.sampling!r}; give {' or '.join(SAMPLINGS)}.")
         if self.decision not in DECISIONS:
@@ -123,6 +157,10 @@ class ModelConfiguration:
         Raises:
             InputError: a name is missing or not known, or a value cannot be used.
         """
+        try:
+            CONFIGURATION(values, "configuration")
+        except MisfitError as error:
+            raise InputError(f"The model's settings cannot be used ({error}); take weights made for it.") from error
         known = {f.name for f in fields(cls)}
         values = {**_LATER, **values}
         if set(values) != known:

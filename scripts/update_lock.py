@@ -2,7 +2,8 @@
 
 Needs `uv` on PATH. Python 3.10 is resolved by itself, all newer ones together, so that every supported machine with
 Python 3.11 or newer runs the same versions. The packages that PyTorch's CUDA build asks for are left out: the set-up
-takes the CPU build, and a version that is not installed needs no pin.
+takes the CPU build, and a version that is not installed needs no pin. Each version has the SHA-256 of all its files on
+PyPI, so that the set-up installs these files and no others.
 """
 
 from __future__ import annotations
@@ -46,6 +47,16 @@ def resolve(python: str) -> dict[str, tuple[str, str]]:
     return found
 
 
+def with_hashes(lines: list[str]) -> str:
+    """The lock's text: ``lines``, each with the hashes of all files of its version."""
+    with tempfile.TemporaryDirectory() as folder:
+        pins = Path(folder) / "pins.in"
+        pins.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        command = ["uv", "pip", "compile", "--quiet", "--universal", "--no-deps", "--generate-hashes"]
+        command += ["--python-version", "3.10", "--no-header", "--no-annotate", str(pins)]
+        return subprocess.run(command, check=True, text=True, stdout=subprocess.PIPE).stdout
+
+
 def merge(old: dict[str, tuple[str, str]], new: dict[str, tuple[str, str]]) -> list[str]:
     """Lines of the lock: one a package where both resolutions agree, else one for each side of Python 3.11."""
     lines = []
@@ -61,16 +72,13 @@ def merge(old: dict[str, tuple[str, str]], new: dict[str, tuple[str, str]]) -> l
                 )
                 if name in packages
             ]
-        own = [marker for (_, marker), _ in sides]
         for (version, marker), condition in sides:
-            # a marker of Python's own says enough, unless it holds on both sides of 3.11
-            implied = "python_full_version" in marker and own.count(marker) == 1
-            conditions = (marker,) if implied else (condition, marker)
+            conditions = dict.fromkeys((condition, marker))  # the same twice says no more
             markers = " and ".join(f"({part})" if " or " in part else part for part in conditions if part)
             lines.append(f"{name}=={version}" + (f" ; {markers}" if markers else ""))
     return lines
 
 
 if __name__ == "__main__":
-    LOCK.write_text(HEADER + "\n".join(merge(resolve("3.10"), resolve("3.11"))) + "\n", encoding="utf-8")
+    LOCK.write_text(HEADER + with_hashes(merge(resolve("3.10"), resolve("3.11"))), encoding="utf-8")
     sys.stdout.write(f"wrote {LOCK}\n")

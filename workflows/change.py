@@ -112,7 +112,7 @@ def _difference(
 ) -> Change:
     with run.step("change", 0.3, 0.5, "differencing"):
         error = registration_error(transform_path)
-        areas = Areas(stable=stable_area(stable, clouds[0].crs))
+        areas = Areas(stable=stable_area(stable, clouds[0].crs, run.progress))
         change = compare_pair(*clouds, settings.change, areas, error or 0.0, run.progress)
         if error is None and settings.change.registration_error == AUTO:
             run.progress.warning(

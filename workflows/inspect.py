@@ -259,7 +259,8 @@ def _registered(task: _Inspection, first: PointCloud, second: PointCloud) -> Reg
 
 def _difference(task: _Inspection, first: PointCloud, moved: PointCloud, registration: RegistrationResult) -> Change:
     with task.run.step("change", 0.76, 0.82, "differencing"):
-        areas = Areas(common_area(task.roi, first, registration.transform), stable_area(task.stable, first.crs))
+        known = stable_area(task.stable, first.crs, task.run.progress)
+        areas = Areas(common_area(task.roi, first, registration.transform), known)
         error = registration.registration_error
         return compare_pair(first, moved, task.settings.change, areas, error, task.run.progress)
 

@@ -123,7 +123,7 @@ def m3c2_step(
         scales = _scales(run, clouds, parameters, cores_given=core is not None)
         with run.step("distances", 0.35, 0.85, "measuring") as entry:
             cores = _cores(clouds, reference, core, scales.core_spacing, settings.inputs, progress)
-            known = _Known(toward, error, stable_area(stable, clouds[0].crs))
+            known = _Known(toward, error, stable_area(stable, clouds[0].crs, run.progress))
             found = _measure(run, clouds, cores, scales, settings, known)
             entry["core_points"] = len(cores.xyz)
         run.facts["level_of_detection"] = level_facts(found, calibrate=parameters.calibrate)

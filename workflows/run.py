@@ -19,7 +19,7 @@ from __future__ import annotations
 import contextlib
 import os
 import uuid
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +65,7 @@ class Run:
         self.figures: dict[str, Any] = {}
         self.reviews: EarlierReviews | None = None
         self._stages: dict[Path, Stage] = {}
+        self._refused_again: dict[Path, Callable[[], None]] = {}
         self._record_name = "run.json"
 
     # before anything is written
@@ -77,6 +78,7 @@ class Run:
         """``refuse_outputs`` of files in ``folder``; InputError, too, if it holds one that is not to be overwritten."""
         self.refuse_outputs([folder / name for name in names], also=also)
         refuse_results(folder, names, overwrite=overwrite)
+        self._refused_again[folder.resolve()] = lambda: refuse_results(folder, names, overwrite=overwrite)
 
     def read_reviews(self, folder: Path, files: Sequence[str], not_carried: str = NOT_CARRIED) -> None:
         """Read what people entered in the zones of an earlier run, which ``finish_reviews`` does not let get lost.
@@ -145,6 +147,8 @@ class Run:
             for place in (folder, *others):
                 if place.resolve() not in self._stages:
                     self._stages[place.resolve()] = stack.enter_context(staged_outputs(place, last=record_name))
+                # another run may have ended there since that was looked at
+                self._refused_again.get(place.resolve(), _nothing)()
             yield self.stage
             self._write_record(report)
 
@@ -185,6 +189,10 @@ class Run:
     def result(self) -> RunResult:
         """What the run wrote and measured."""
         return RunResult(self.outputs, self.figures, tuple(self.progress.warnings))
+
+
+def _nothing() -> None:
+    pass
 
 
 def record_name_of(output: Path) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from ..engine.core import cancellation
 from ..engine.core.errors import InputError
 from ..engine.core.messages import shown as named
+from ..engine.core.part_folders import part_folder
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
 from ..engine.core.staged_outputs import refuse_unwritable
@@ -128,8 +128,8 @@ def _extracted(
     """
     with run.step("ground", 0.0, 0.5, "extracting the ground") as entry:
         count = preflight(cloud).count
-        folder = Path(tempfile.mkdtemp(prefix=".slopewatch-part-", dir=output.absolute().parent))
-        with cancellation.temporary(folder):
+        place = output.absolute().parent
+        with part_folder(place, f"ground of {output.name}") as folder, cancellation.temporary(folder):
             numbered = folder / f"{cloud.stem}.laz"
             copy_with(cloud, numbered, settings.inputs, dimensions={_INDEX: np.arange(count, dtype=np.uint32)})
             try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterable
 from pathlib import Path
@@ -10,8 +9,15 @@ from typing import Any
 
 from ...interface.parameters import AUTO
 from .errors import InputError
+from .json_shapes import anything, fields, parse_json, rows, table, text
 from .json_values import plain
 from .run_record import RunRecord
+
+_SERIES = fields(
+    {"command": text(), "inputs": rows(fields({"role": text()}, {"sha256": text()}))},
+    {"parameters": table(table(anything))},
+)
+"""What is read of an earlier run's record."""
 
 
 def refuse_results(folder: Path, names: Iterable[str], *, overwrite: bool = False) -> None:
@@ -33,11 +39,11 @@ def refuse_results(folder: Path, names: Iterable[str], *, overwrite: bool = Fals
 def earlier_series(folder: Path) -> dict[str, Any] | None:
     """The run record of the series that ``folder`` holds; None if it holds none."""
     try:
-        record = json.loads((Path(folder) / "run.json").read_text(encoding="utf-8"))
+        record = parse_json((Path(folder) / "run.json").read_bytes())
+        _SERIES(record, "")
     except (OSError, ValueError):
         return None
-    known = isinstance(record, dict) and record.get("command") == "series"
-    return record if known and isinstance(record.get("inputs"), list) else None
+    return dict(record) if record["command"] == "series" else None
 
 
 def refuse_another_series(folder: Path, earlier: dict[str, Any], record: RunRecord) -> None:

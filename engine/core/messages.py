@@ -1,4 +1,4 @@
-"""How files are named in messages."""
+"""How files are named in messages, and what keeps these in one line."""
 
 from __future__ import annotations
 
@@ -7,5 +7,9 @@ from pathlib import Path
 
 def shown(path: Path | str) -> str:
     """The name for a message of one line: control characters escaped, in quotes."""
-    text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(path))
-    return f"'{text}'"
+    return f"'{one_line(str(path))}'"
+
+
+def one_line(text: str) -> str:
+    """``text`` with what does not print escaped: a name may hold line ends, and commands to the terminal."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

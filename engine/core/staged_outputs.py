@@ -12,9 +12,11 @@ from pathlib import Path
 
 from . import cancellation
 from .errors import Cancelled, EngineError, InputError
+from .part_folders import OWNER, part_folder
 
 _SIDECARS = ("-wal", "-shm", "-journal")
 """Of a GeoPackage that a program has open: they belong to the file that is replaced, and would damage the new one."""
+_NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _MIN_FREE_BYTES = 100_000_000  # bytes; a run that fails with less left than this most likely failed for that
 
 
@@ -39,6 +41,11 @@ def atomic_output(path: Path, check: Callable[[Path], None] | None = None) -> It
             yield partial
         except PermissionError as error:
             raise InputError(f"{path} cannot be written ({error.strerror}); choose another output folder.") from error
+        except OSError as error:
+            if error.errno in _NO_SPACE:
+                sentence = f"{path} cannot be written ({error.strerror}); free some space or choose another folder."
+                raise InputError(sentence) from error
+            raise
         if not partial.is_file() or partial.stat().st_size == 0:
             raise EngineError(f"{path.name} was not written")
         if check is not None:
@@ -76,7 +83,7 @@ def staged_outputs(directory: Path, *, last: str = "run.json") -> Iterator[Stage
     A folder that this made is removed again when the block fails.
 
     Raises:
-        InputError: the folder cannot be made or written.
+        InputError: the folder cannot be made or written, or another run is at work that will write ``last`` there.
     """
     directory = Path(directory).absolute()
     made = [p for p in (directory, *directory.parents) if not p.exists()]
@@ -85,7 +92,7 @@ def staged_outputs(directory: Path, *, last: str = "run.json") -> Iterator[Stage
         with cancellation.uninterrupted():
             try:
                 directory.mkdir(parents=True, exist_ok=True)
-                folder = Path(tempfile.mkdtemp(prefix=".slopewatch-part-", dir=directory))
+                folder = stack.enter_context(part_folder(directory, last))
             except OSError as error:
                 raise InputError(
                     f"The output folder {directory} cannot be written ({error.strerror}); choose another one."
@@ -110,7 +117,7 @@ def _move_all(folder: Path, directory: Path, last: str, discarded: Iterable[str]
     Args:
         discarded: names of files in ``directory`` that are to go.
     """
-    files = sorted((p for p in folder.rglob("*") if p.is_file()), key=lambda p: (p.name == last, p))
+    files = sorted((p for p in folder.rglob("*") if p.is_file() and p.name != OWNER), key=lambda p: (p.name == last, p))
     targets = [directory / path.relative_to(folder) for path in files]
     for target in targets:
         if target.is_dir():
@@ -160,7 +167,7 @@ def _blame_full_disk(directory: Path, error: Exception) -> None:
     except OSError:
         return
     reason = f"{type(error).__name__}: {next(iter(str(error).splitlines()), 'no text')}"
-    if free < _MIN_FREE_BYTES or (isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)):
+    if free < _MIN_FREE_BYTES or (isinstance(error, OSError) and error.errno in _NO_SPACE):
         raise InputError(
             f"Writing to {directory} failed, and its disk has {free / 1e6:.1f} MB left; free some space or choose "
             f"another output folder ({reason})."

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
 from ..core.checksums import sha256
 from ..core.errors import InputError
+from ..core.messages import shown
+
+YEARS = range(1900, 2200)
+_WRITTEN = re.compile(r"([0-9]{4})-([0-9]{2})-([0-9]{2})")
+_SHOWN = 40  # characters of what is no date
 
 
 @dataclass(frozen=True)
@@ -23,15 +29,22 @@ class Epoch:
 
 
 def parse_date(text: str) -> date:
-    """A date written as YYYY-MM-DD.
+    """A date of a survey, written as YYYY-MM-DD.
 
     Raises:
-        InputError: it is not one.
+        InputError: it is not one, or of a year that no survey by UAV can be of: days are counted on from it.
     """
+    # other writings that Python knows depend on its version, and its digits are not only 0 to 9
+    written = _WRITTEN.fullmatch(text)
     try:
-        return date.fromisoformat(text)
+        day = date(*(int(part) for part in written.groups())) if written else None
     except ValueError:
-        raise InputError(f"{text!r} is not a date; write it as YYYY-MM-DD.") from None
+        day = None
+    if day is None:
+        raise InputError(f"{shown(text[:_SHOWN])} is not a date; write it as YYYY-MM-DD.")
+    if day.year not in YEARS:
+        raise InputError(f"{shown(text)} is no day of a survey; give a year from {YEARS[0]} to {YEARS[-1]}.")
+    return day
 
 
 def parse_epoch(text: str) -> Epoch:
@@ -42,7 +55,7 @@ def parse_epoch(text: str) -> Epoch:
     """
     day, separator, path = text.partition("=")
     if not separator or not path:
-        raise InputError(f"--epoch {text!r} is not understood; write it as YYYY-MM-DD=CLOUD.")
+        raise InputError(f"--epoch {shown(text)} is not understood; write it as YYYY-MM-DD=CLOUD.")
     return Epoch(Path(path), parse_date(day))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Sequence
 from datetime import date
 from itertools import pairwise
@@ -17,6 +18,10 @@ from .epoch import Epoch, parse_date
 
 CLOUD_ENDINGS = (".las", ".laz")
 COLUMNS = ("date", "path")
+_NO_TEXT = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ufffe\uffff]")
+"""Characters that no text holds, and that XML, such as QGIS's styles, cannot hold."""
+_SHOWN = 300  # characters of a name
+_MAX_TABLE_B = 50_000_000
 
 
 def epochs_of(source: Path) -> tuple[Epoch, ...]:
@@ -84,12 +89,20 @@ def read_manifest(path: Path) -> tuple[Epoch, ...]:
         except InputError as error:
             raise InputError(f"Line {number} of the manifest {name}: {error}") from None
         cloud = path.parent / file
-        if not cloud.is_file():
+        if not _is_file(cloud):
             raise InputError(
-                f"Line {number} of the manifest {name} names {shown(cloud)}, which does not exist; correct the path."
+                f"Line {number} of the manifest {name} names {shown(cloud.as_posix()[:_SHOWN])}, which does not exist; "
+                "correct the path."
             )
         epochs.append(Epoch(cloud, when))
     return tuple(epochs)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a name that no file can have
+        return False
 
 
 def read_table(path: Path, what: str) -> list[tuple[int, list[str]]]:
@@ -99,8 +112,10 @@ def read_table(path: Path, what: str) -> list[tuple[int, list[str]]]:
         InputError: it cannot be read as text in UTF-8.
     """
     try:
+        if path.exists() and (not path.is_file() or path.stat().st_size > _MAX_TABLE_B):
+            raise InputError(f"The {what} {shown(path)} cannot be read (it is no file of a table's size); give CSV.")
         text = path.read_text(encoding="utf-8-sig")
-        if "\0" in text:
+        if _NO_TEXT.search(text):
             raise ValueError
     except OSError as error:
         raise InputError(f"The {what} {shown(path)} cannot be read ({error.strerror}); check the path.") from error

@@ -104,8 +104,10 @@ class HeightCorrection:
         """The inverse of ``facts``.
 
         Raises:
-            ValueError, KeyError, TypeError: something is missing or makes no sense.
+            ValueError: something makes no sense.
         """
+        if len({len(row) for row in (*facts["heights"], *facts["standard_errors"])}) > 1:
+            raise ValueError("its pieces are not two tables of the same size")
         heights, sd = (np.array(facts[name], dtype=np.float64) for name in ("heights", "standard_errors"))
         if heights.ndim != 2 or min(heights.shape) < 2 or sd.shape != heights.shape:
             raise ValueError("its pieces are not two tables of the same size")

@@ -17,11 +17,35 @@ from pyproj import CRS
 
 from ..core.arrays import Float
 from ..core.errors import InputError
+from ..core.json_shapes import fields, maybe, number, read_json, rows, text
+from ..core.messages import shown
 from ..core.staged_outputs import atomic_output
 from .height_correction import HeightCorrection
 
 _AFTER = "after the matrix: add to z the bilinear interpolation of heights at x and y (rows from south to north)"
 _BEFORE = "before the matrix: take from z the bilinear interpolation of heights at x and y (rows from south to north)"
+_SENTENCE = (
+    "{path} holds no usable transform ({why}); give a transform.json that SlopeWatch wrote, or one with a rigid 4 by 4 "
+    "matrix."
+)
+_VECTOR = rows(number(), 3, 3)
+_HEIGHTS = rows(rows(number(), 2), 2)
+_SHAPE = fields(
+    {"matrix": rows(rows(number(), 4, 4), 4, 4)},
+    {
+        "centre": maybe(_VECTOR),
+        "translation": _VECTOR,
+        "rotation": rows(_VECTOR, 3, 3),
+        "pieces": fields(
+            {
+                "west": number(), "south": number(), "spacing": number(0.0, above=True), "heights": _HEIGHTS,
+                "standard_errors": _HEIGHTS,
+            },
+            {"order": text()},
+        ),
+        "registration": maybe(fields({}, {"unobservable": maybe(rows(text())), "registration_method": maybe(text())})),
+    },
+)  # fmt: skip
 _MAX_ROUNDING = 1e-6  # largest deviation of R R' from the identity that is rounding and not a scale
 
 
@@ -109,9 +133,8 @@ class RigidTransform:
         Raises:
             InputError: missing, not JSON, or not a rigid motion.
         """
-        remedy = "give a transform.json that SlopeWatch wrote, or one with a rigid 4 by 4 matrix"
+        document = _read(Path(path))
         try:
-            document = json.loads(Path(path).read_text(encoding="utf-8"))
             centre = document.get("centre")
             loaded = RigidTransform.from_matrix(np.array(document["matrix"], dtype=np.float64), centre)
             if centre is not None and "rotation" in document and "translation" in document:
@@ -128,10 +151,8 @@ class RigidTransform:
                 bent = BentTransform(loaded.rotation, loaded.translation, loaded.centre, correction)
                 return bent.backwards() if document["pieces"].get("order") == _BEFORE else bent
             return loaded
-        except OSError as error:
-            raise InputError(f"{path} cannot be read ({error.strerror}); {remedy}.") from error
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            raise InputError(f"{path} holds no usable transform ({error}); {remedy}.") from error
+        except ValueError as error:
+            raise InputError(_SENTENCE.format(path=shown(path), why=error)) from error
 
 
 @dataclass(frozen=True)
@@ -177,6 +198,16 @@ def registration_error(transform_path: Path | None) -> float | None:
 
 
 def registration_facts(transform_path: Path) -> dict[str, Any]:
-    """What the transform's file records of the registration that found it."""
-    facts = json.loads(transform_path.read_text(encoding="utf-8")).get("registration")
-    return facts if isinstance(facts, dict) else {}
+    """What the transform's file records of the registration that found it.
+
+    Raises:
+        InputError: the file is missing or no transform.
+    """
+    return dict(_read(transform_path).get("registration") or {})
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return dict(read_json(path, _SHAPE, _SENTENCE))
+    except FileNotFoundError as error:
+        raise InputError(_SENTENCE.format(path=shown(path), why="it does not exist")) from error

@@ -15,7 +15,7 @@ from affine import Affine
 from numpy.typing import ArrayLike, NDArray
 from pyproj import CRS
 from rasterio.enums import ColorInterp
-from rasterio.errors import RasterioError
+from rasterio.errors import CRSError, RasterioError
 from rasterio.io import DatasetReader, DatasetWriter, MemoryFile
 from rasterio.windows import Window
 
@@ -25,6 +25,10 @@ from ..statistics.layout import Laid, laid
 from .grid import Grid
 
 NODATA = -9999.0
+_MAX_DECODED_RATIO = 1100
+"""Bytes that one of a file may stand for: DEFLATE makes at most 1032 of one."""
+_MIN_SIZE_B = 10_000
+"""Below it nothing is too large to be read."""
 
 _CACHE_BYTES = 128 * 2**20  # of blocks that GDAL keeps, in place of a twentieth of the machine's memory
 # One thread: the bytes must not depend on the machine. No .aux.xml: everything is inside the file.
@@ -164,10 +168,12 @@ def read_raster(path: Path, band: int = 1) -> Raster:
     """Read one band with NaN where there is no data: what the file declares as such, NaN, and -9999 in any case.
 
     Raises:
-        InputError: not a raster, or not north-up with square cells.
+        InputError: not a GeoTIFF, not north-up with square cells, without that band, or larger than its bytes can be.
     """
     try:
-        with rasterio.Env(**_ENVIRONMENT), rasterio.open(path) as source:
+        # no other format: some refer to files elsewhere
+        with rasterio.Env(**_ENVIRONMENT), rasterio.open(path, driver="GTiff") as source:
+            _refuse_senseless(source, Path(path), band)
             values = source.read(band).astype(np.float32, copy=False)
             # other programs leave our -9999 behind where they declare NaN, or nothing
             values[(source.read_masks(band) == 0) | (values == NODATA)] = np.nan
@@ -179,8 +185,22 @@ def read_raster(path: Path, band: int = 1) -> Raster:
                 unit=source.units[band - 1] or "",
                 tags={k: v for k, v in source.tags().items() if k != "AREA_OR_POINT"},
             )
-    except RasterioError as error:
+    except (RasterioError, CRSError, ValueError) as error:
         raise InputError(f"{path} cannot be read as a raster; give a GeoTIFF.") from error
+
+
+def _refuse_senseless(source: DatasetReader, path: Path, band: int) -> None:
+    """Raise InputError for a band that is not there, and for sizes that no bytes of the file stand behind."""
+    if source.count < band:
+        raise InputError(f"{path} has {source.count} bands where {band} are needed; give the raster of a run.")
+    decoded = source.height * source.width * np.dtype(source.dtypes[band - 1]).itemsize
+    if decoded > _MAX_DECODED_RATIO * max(path.stat().st_size, _MIN_SIZE_B):
+        raise InputError(
+            f"{path} declares {source.width} by {source.height} cells, more than its bytes can hold; it is damaged, so "
+            "make it again."
+        )
+    if not np.isfinite(tuple(source.transform)).all():
+        raise InputError(f"{path} has a place that is no number; it is damaged, so make it again.")
 
 
 def _grid_of(source: DatasetReader, path: Path) -> Grid:

@@ -63,7 +63,7 @@ def signed_colours(share: float) -> tuple[Colour, Colour]:
 
 def diverging_colours(values: NDArray[np.floating], limit: float) -> NDArray[np.uint8]:
     """RGB (..., 3) of ``values`` in metres on the ramp from -limit to +limit, clipped to it; NaN is black."""
-    index = np.nan_to_num(np.rint((np.clip(values / limit, -1.0, 1.0) + 1.0) * 510.0)).astype(np.int64)
+    index = np.nan_to_num(np.rint((np.clip(values, -limit, limit) / limit + 1.0) * 510.0)).astype(np.int64)
     rgb = colours_at(_SIGNED, np.linspace(-1, 1, 1021))[index]
     rgb[np.isnan(values)] = 0
     return rgb

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import laspy
+import lazrs
 import numpy as np
 from laspy import PackedPointRecord
 from laspy.point.dims import DimensionInfo, DimensionKind
@@ -19,7 +20,7 @@ from pyproj.exceptions import CRSError
 from ...interface.parameters import InputParameters
 from ..core.arrays import Bool, Float
 from ..core.errors import EngineError, InputError
-from ..core.messages import shown
+from ..core.messages import one_line, shown
 from ..core.staged_outputs import atomic_output
 from ..core.version import VERSION
 from ..crs.working_frame import WorkingFrame
@@ -247,7 +248,7 @@ def laz_writer(
 
     Raises:
         EngineError: what was written does not hold ``count`` points.
-        InputError: the folder cannot be written.
+        InputError: the folder cannot be written, or is full.
     """
     header = laspy.LasHeader(version="1.4", point_format=layout.point_format)
     header.scales, header.offsets = np.array(layout.scales), np.array(layout.offsets)
@@ -268,8 +269,13 @@ def laz_writer(
     with atomic_output(path, lambda p: _check(p, count)) as temporary, temporary.open("w+b") as stream:
         writer = laspy.LasWriter(stream, header, compress, laz_backend=backend, closefd=False)
         plain = header.point_format.dtype()  # names of our fields are none of a buffer's
-        yield lambda records: writer.write_points(PackedPointRecord(records.view(plain), header.point_format))
-        writer.close()
+        try:
+            yield lambda records: writer.write_points(PackedPointRecord(records.view(plain), header.point_format))
+            writer.close()
+        except lazrs.LazrsError as error:  # says nothing of a disk that is full, which is what stops it
+            raise InputError(
+                f"{shown(path)} cannot be written ({one_line(str(error))}); free some space or choose another folder."
+            ) from error
         stream.seek(_CREATION_OFFSET_BYTES)
         stream.write(struct.pack("<HH", *(source.created if source else (0, 0))))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -11,13 +10,17 @@ from markupsafe import Markup
 
 from ...interface.parameters import GridChangeParameters, Specification, command_sets
 from ..core.errors import EngineError, InputError
+from ..core.json_shapes import read_json
+from ..core.messages import shown
 from ..core.staged_outputs import atomic_output
 from ..core.templates import render
 from ..zones.confirmation import VERDICTS
 from .figures import Figures, number
+from .record_shape import inside, run_record
 from .reviews import zone_reviews
 
 REPORT = "report.html"
+_NO_RECORD = "{path} is no run record that can be read ({why}); give the output folder of a run, or make it again."
 _TEMPLATES = Path(__file__).resolve().parent / "templates"
 _REPORTED = {*command_sets.SERIES, *command_sets.CHANGE, *command_sets.INSPECT} - {
     GridChangeParameters
@@ -71,7 +74,7 @@ def compose(record: dict[str, Any], folder: Path, profiles: Path | None = None) 
         template, more = "screening.html.j2", _screening_context(record, folder)
     else:
         raise InputError(
-            f"{folder / 'run.json'} is no record of a change or a screening; give the folder of such a run."
+            f"{shown(folder / 'run.json')} is no record of a change or a screening; give the folder of such a run."
         )
     return render(_TEMPLATES / template, **context, **more)
 
@@ -82,18 +85,10 @@ def read_record(folder: Path) -> dict[str, Any]:
     Raises:
         InputError: there is none, or it is damaged.
     """
-    path = folder / "run.json"
     try:
-        record = json.loads(path.read_text(encoding="utf-8"))
+        return dict(read_json(folder / "run.json", run_record, _NO_RECORD))
     except FileNotFoundError as error:
-        raise InputError(f"{folder} holds no run.json; give the output folder of a run.") from error
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} cannot be read; make the run again.") from error
-    parts = ("software", "command", "started", "parameters", "inputs", "metrics", "warnings", "outputs", "versions")
-    missing = [name for name in parts if name not in record] if isinstance(record, dict) else list(parts)
-    if missing:
-        raise InputError(f"{path} is no run record (it lacks {missing[0]}); give the output folder of a run.")
-    return dict(record)
+        raise InputError(f"{shown(folder)} holds no run.json; give the output folder of a run.") from error
 
 
 def _write(path: Path, text: str) -> None:
@@ -209,9 +204,10 @@ def _screening_context(record: dict[str, Any], folder: Path) -> dict[str, Any]:
 def _screening_picture(record: dict[str, Any], folder: Path) -> Any:
     from .embedding import photograph
 
-    if "screened_map" not in record["outputs"]:
+    picture = inside(folder, record["outputs"].get("screened_map", ""))
+    if picture is None:
         return None
-    return photograph(folder / record["outputs"]["screened_map"], "Map of the screened zones, seen from above", 1000)
+    return photograph(picture, "Map of the screened zones, seen from above", 1000)
 
 
 def _verdicts() -> list[tuple[str, str, str]]:

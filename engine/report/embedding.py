@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import io
+import struct
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,8 +14,12 @@ import matplotlib
 from matplotlib.figure import Figure
 from PIL import Image
 
+from ..core.errors import InputError
+
 _DPI = 160
 _CSS_DPI = 96
+_MAX_PIXELS = 100_000_000
+"""Of a picture: some ten times what a run draws."""
 # no clock and no random ids in a picture, else its bytes differ each time
 _SVG: dict[Any, Any] = {
     "svg.hashsalt": "slopewatch",
@@ -51,13 +57,22 @@ def map_picture(figure: Figure, text: str) -> Picture:
 
 
 def photograph(path: Path, text: str, width: int, *, quality: int = 88) -> Picture | None:
-    """A picture file as JPEG, because views of plants and rocks are several times larger as PNG; None without it."""
+    """A picture file as JPEG, because views of plants and rocks are several times larger as PNG; None without it.
+
+    Raises:
+        InputError: it is no PNG that can be read.
+    """
     if not path.is_file():
         return None
-    with Image.open(path) as source:
-        image = Image.new("RGB", source.size, "white")
-        rgba = source.convert("RGBA")
-        image.paste(rgba, mask=rgba.getchannel("A"))
+    try:
+        with Image.open(path, formats=["PNG"]) as source:
+            if source.width * source.height > _MAX_PIXELS:
+                raise ValueError("too large")
+            image = Image.new("RGB", source.size, "white")
+            rgba = source.convert("RGBA")
+            image.paste(rgba, mask=rgba.getchannel("A"))
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError, struct.error, zlib.error) as error:
+        raise InputError(f"{path} cannot be read as a picture; make the run again.") from error
     stream = io.BytesIO()
     image.save(stream, "JPEG", quality=quality, subsampling=0)
     return Picture(_uri("image/jpeg", stream.getvalue()), text, width, round(width * image.height / image.width))

@@ -25,6 +25,7 @@ from ..pointcloud.records import read_records
 from .charts import finish
 from .embedding import Picture, drawing
 from .maps import panel
+from .record_shape import inside
 
 NO_GROUND: Colour = (0xA0, 0x3A, 0x8C)
 _MAX_PIXELS = 1200
@@ -157,9 +158,9 @@ def _of_survey(facts: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """The cover's figures, and the classified cloud where it is kept."""
     name = facts.get("classified")
     # a run at work has what it keeps from earlier ones in the folder around its own
-    places = [place / name for place in (folder, folder.parent)] if name else []
+    places = [inside(place, name) for place in (folder, folder.parent)] if name else []
     cover = facts.get("cover")
-    return {"cover": cover or None, "cloud": next((path for path in places if path.is_file()), None)}
+    return {"cover": cover or None, "cloud": next((path for path in places if path and path.is_file()), None)}
 
 
 def _squares(cloud: Path) -> tuple[CoverCells, Index]:

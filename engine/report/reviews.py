@@ -37,7 +37,9 @@ def zone_reviews(path: Path) -> dict[str, Review]:
     try:
         with readable(path) as plain:
             table = pyogrio.read_dataframe(plain, layer="zones", read_geometry=False)
-    except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError) as error:
+        if "zone_id" not in table:
+            raise ValueError("no field zone_id")
+    except (OSError, RuntimeError, ValueError) as error:
         raise InputError(f"{path} cannot be read; make the run again.") from error
     found = {}
     for row in table.to_dict("records"):

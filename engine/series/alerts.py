@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
 from ..core.errors import InputError
 from ..core.messages import shown
+from ..core.table_text import cell, text_of
 from ..epochs.manifest import read_table
 
 DEFAULT_TABLE = Path(__file__).with_name("alerts.csv")
@@ -98,6 +102,22 @@ def read_alerts(path: Path | None) -> tuple[AlertLevel, ...]:
     return tuple(levels)
 
 
+def alerts_csv(levels: Sequence[AlertLevel]) -> str:
+    """The table as CSV text that ``read_alerts`` reads."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for row in levels:
+        values = (getattr(row, column) for column in COLUMNS)
+        writer.writerow(
+            [
+                "" if v is None else f"{v:g}" if isinstance(v, float) else cell(v) if isinstance(v, str) else v
+                for v in values
+            ]
+        )
+    return text.getvalue()
+
+
 def _level(values: dict[str, str], place: str) -> AlertLevel:
     def number(column: str, *, low: float = 0.0, high: float = math.inf, whole: bool = False) -> float | None:
         text = values[column]
@@ -107,7 +127,7 @@ def _level(values: dict[str, str], place: str) -> AlertLevel:
             value = float(text)
             if not (math.isfinite(value) and low <= value <= high and (not whole or value == int(value))):
                 raise ValueError
-        except ValueError:
+        except (ValueError, OverflowError):
             kind = "a whole number" if whole else "a number"
             bounds = f" from {low:g} to {high:g}" if high < math.inf else f" of at least {low:g}"
             raise InputError(f"{place}: {column} is {text!r}; give {kind}{bounds}, or nothing.") from None
@@ -123,14 +143,14 @@ def _level(values: dict[str, str], place: str) -> AlertLevel:
         raise InputError(f"{place}: colour is {values['colour']!r}; give it as #rrggbb.")
     return AlertLevel(
         level=int(level),
-        name=values["name"],
+        name=text_of(values["name"]),
         colour=values["colour"].lower(),
         epochs_confirmed=None if confirmed is None else int(confirmed),
         rate_mm_day=number("rate_mm_day"),
         tangent_angle_deg=number("tangent_angle_deg", high=90),
         failure_within_days=number("failure_within_days"),
         single_volume_m3=number("single_volume_m3"),
-        action=values["action"],
+        action=text_of(values["action"]),
     )
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from ..core.arrays import Float
+from ..core.table_text import cell
 from ..crs.working_frame import horizontal
 from ..grid.grid import Grid
 from ..statistics.normal import Z95
@@ -108,9 +109,15 @@ def series_csv(frame: gpd.GeoDataFrame) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(SERIES_FIELDS)
     for row in frame[list(SERIES_FIELDS)].itertuples(index=False):
-        # + 0.0: no minus zero
-        writer.writerow(["" if pd.isna(v) else v + 0.0 if isinstance(v, float) else v for v in row])
+        writer.writerow([_in_cell(value) for value in row])
     return text.getvalue()
+
+
+def _in_cell(value: Any) -> Any:
+    if isinstance(value, str):
+        return cell(value)
+    # + 0.0: no minus zero
+    return "" if pd.isna(value) else value + 0.0 if isinstance(value, float) else value
 
 
 def zone_polygon(cells: NDArray[np.int64], grid: Grid) -> Any:

@@ -13,6 +13,8 @@ from pathlib import Path
 import geopandas as gpd
 import pandas as pd
 import pyogrio
+import shapely
+from pyproj.exceptions import CRSError
 
 from ..core.errors import EngineError, InputError
 from ..core.gdal_names import readable, writable
@@ -131,7 +133,7 @@ def read_layer(path: Path, layer: str | None = None) -> gpd.GeoDataFrame:
     try:
         with readable(Path(path)) as plain:
             return pyogrio.read_dataframe(plain, layer=layer)
-    except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError) as error:
+    except (OSError, RuntimeError, ValueError, CRSError, shapely.errors.GEOSException) as error:
         wanted = f" with a layer {layer}" if layer else ""
         raise InputError(f"{path} cannot be read as a vector file{wanted}; give a GeoPackage.") from error
 

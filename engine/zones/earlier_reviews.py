@@ -13,6 +13,7 @@ import geopandas as gpd
 import pandas as pd
 import pyogrio
 import shapely
+from pyproj.exceptions import CRSError
 
 from ..core.errors import InputError
 from ..core.gdal_names import readable
@@ -137,7 +138,7 @@ class EarlierReviews:
                 frame = pyogrio.read_dataframe(plain, layer=layer)
                 with closing(sqlite3.connect(f"{plain.absolute().as_uri()}?mode=ro", uri=True)) as database:
                     measured = guarded_columns(database, layer)
-        except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, sqlite3.Error) as error:
+        except (OSError, RuntimeError, ValueError, CRSError, shapely.errors.GEOSException, sqlite3.Error) as error:
             raise InputError(
                 f"{path} cannot be read, so what was entered in it would be lost; repair it, or move it elsewhere."
             ) from error

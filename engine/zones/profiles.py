@@ -18,8 +18,10 @@ from pyproj import CRS
 
 from ..core.arrays import Float32, Index
 from ..core.errors import EngineError, InputError
+from ..core.json_shapes import LARGEST
 from ..core.number_text import fixed
 from ..core.staged_outputs import Stage, atomic_output
+from ..core.table_text import cell, text_of
 from ..crs.working_frame import horizontal
 from ..grid.grid import Grid
 from ..statistics.layout import Layout, layout_of
@@ -163,8 +165,10 @@ def read_profiles(path: Path) -> dict[str, dict[str, NDArray[np.float64]]]:
         with Path(path).open(encoding="utf-8", newline="") as file:
             for row in csv.DictReader(file):
                 values = [float(row[column]) if row[column] else np.nan for column in _COLUMNS]
-                found.setdefault(row["profile"], []).append(values)
-    except (OSError, ValueError, KeyError, csv.Error) as error:
+                if not np.abs(np.nan_to_num(values, nan=0.0)).max() < LARGEST or not row["profile"]:
+                    raise ValueError
+                found.setdefault(text_of(row["profile"]), []).append(values)
+    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
         raise InputError(f"{path} is no table of profiles; make the change again.") from error
     return {name: dict(zip(_COLUMNS, np.array(rows).T, strict=True)) for name, rows in found.items()}
 
@@ -190,7 +194,8 @@ def _csv(profiles: Sequence[Profile]) -> str:
         columns = [_texts(v, 3) for v in (p.distance, p.x, p.y)]
         columns += [_texts(v, 4) for v in (p.height_from, p.height_to, p.dz, p.level)]
         columns.append(["1" if s else "0" for s in p.significant])
-        writer.writerows([p.line.name, p.line.kind, p.line.zone_id, *values] for values in zip(*columns, strict=True))
+        texts = [cell(text) for text in (p.line.name, p.line.kind, p.line.zone_id)]
+        writer.writerows([*texts, *values] for values in zip(*columns, strict=True))
     return text.getvalue()
 
 

@@ -2,16 +2,41 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from ...engine.core.errors import InputError
+from ...engine.core.json_shapes import fields, maybe, number, read_json, rows, text
+from ...engine.core.messages import shown
 
 FORMAT = 1
 POINTS = "RandLA-Net"
 """Kind of the network on points, whose descriptions need not name it."""
 RELIEF = "relief U-Net"
+_SENTENCE = "The description {path} of the weights cannot be read ({why}); restore it, or take other weights."
+_LARGEST_FACTOR = 1000.0
+_FACTOR, _SHIFT = number(0.0, _LARGEST_FACTOR, above=True), number(-_LARGEST_FACTOR, _LARGEST_FACTOR)
+_DESCRIPTION = fields(
+    {
+        "format": number(whole=True),
+        "sha256": text("[0-9a-f]{64}", "a SHA-256"),
+        "configuration": fields({}),
+    },
+    {
+        "kind": text("[ -~]{1,60}", "a name"),
+        "calibration": maybe(fields({}, {"scale": _FACTOR, "shift": _SHIFT})),
+        "metrics": maybe(fields({}, {"calibration": maybe(fields({}, {"temperature": _FACTOR}))})),
+        "parameters": maybe(number(0, whole=True)),
+    },
+)
+RELIEF_CONFIGURATION = fields(
+    {
+        "channels": rows(text(), 1, 64),
+        "widths": rows(number(1, 1024, whole=True), 1, 8),
+        "cell": number(0.0, above=True),
+    }
+)
+"""Shape of the configuration of a network on relief; that on points has ``configuration.CONFIGURATION``."""
 
 
 def kind_of(path: Path) -> str:
@@ -35,16 +60,13 @@ def read_description(path: Path) -> dict[str, Any]:
     """
     source = path.with_suffix(".json")
     try:
-        description = json.loads(source.read_text(encoding="utf-8"))
+        description = dict(read_json(source, _DESCRIPTION, _SENTENCE))
     except FileNotFoundError:
-        raise InputError(f"The description {source} of the weights is missing; keep both files together.") from None
-    except (ValueError, OSError) as error:
-        raise InputError(f"The description {source} of the weights cannot be read ({error}); restore it.") from error
-    if not isinstance(description, dict) or description.get("format") != FORMAT:
         raise InputError(
-            f"The description {source} of the weights is of another version; take weights made for this one."
+            f"The description {shown(source)} of the weights is missing; keep both files together."
+        ) from None
+    if description["format"] != FORMAT:
+        raise InputError(
+            f"The description {shown(source)} of the weights is of another version; take weights made for this one."
         )
-    missing = {"sha256", "configuration"} - set(description)
-    if missing:
-        raise InputError(f"The description {source} of the weights lacks {', '.join(sorted(missing))}; restore it.")
     return description

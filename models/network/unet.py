@@ -20,11 +20,13 @@ from torch.nn import functional
 
 from ...engine.core.arrays import Float32
 from ...engine.core.errors import InputError
+from ...engine.core.json_shapes import MisfitError
 from ...engine.core.progress import Progress
 from ..configuration import CLASSES
 from ..preparation.relief_channels import CHANNELS, upside_down
 from ..preparation.relief_raster import CELL_M
 from .description import RELIEF as KIND
+from .description import RELIEF_CONFIGURATION
 from .weights import load_tensors, save_tensors
 
 TILE_CELLS = 384
@@ -189,15 +191,19 @@ def load_unet(path: Path, sha256: str | None = None) -> tuple[UNet, dict[str, An
     if description.get("kind") != KIND:
         raise InputError(f"The weights {path} are not those of a {KIND}; give the file that belongs here.")
     stated = description["configuration"]
+    sentence = f"The weights {path} do not fit their description; take both from one source."
     try:
-        configuration = UNetConfiguration(tuple(stated["channels"]), tuple(stated["widths"]), float(stated["cell"]))
-        network = UNet(configuration)
-        network.load_state_dict(tensors)
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise InputError(f"The weights {path} do not fit their description; take both from one source.") from error
-    unknown = set(configuration.channels) - set(CHANNELS)
-    if unknown or configuration.cell != CELL_M:
+        RELIEF_CONFIGURATION(stated, "configuration")
+    except MisfitError as error:
+        raise InputError(sentence) from error
+    configuration = UNetConfiguration(tuple(stated["channels"]), tuple(stated["widths"]), float(stated["cell"]))
+    if set(configuration.channels) - set(CHANNELS) or configuration.cell != CELL_M:
         raise InputError(f"The weights {path} read other channels or cells than this version makes; train them again.")
+    network = UNet(configuration)
+    try:
+        network.load_state_dict(tensors)
+    except RuntimeError as error:
+        raise InputError(sentence) from error
     network.eval()
     return network, description
 

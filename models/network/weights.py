@@ -8,10 +8,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import torch
 from torch import Tensor
 
 from ...engine.core import checksums
 from ...engine.core.errors import InputError
+from ...engine.core.messages import shown
 from ...engine.core.staged_outputs import atomic_output
 from ..configuration import ModelConfiguration
 from .description import FORMAT, read_description
@@ -87,7 +89,7 @@ def load_model(path: Path, sha256: str | None = None) -> ModelFile:
         InputError: a file is missing, pickled, tampered with or not made for this version.
     """
     description, tensors, found = load_tensors(path, sha256)
-    configuration = ModelConfiguration.from_mapping(description["configuration"])
+    configuration = configuration_of(path, description)
     network = RandLANet(configuration)
     try:
         network.load_state_dict(tensors)
@@ -95,6 +97,18 @@ def load_model(path: Path, sha256: str | None = None) -> ModelFile:
         raise InputError(f"The weights {path} do not fit their description; take both from one source.") from error
     network.eval()
     return ModelFile(network, configuration, description, found)
+
+
+def configuration_of(path: Path, description: Mapping[str, Any]) -> ModelConfiguration:
+    """The configuration that the description of the weights ``path`` states.
+
+    Raises:
+        InputError: it is none of this version.
+    """
+    try:
+        return ModelConfiguration.from_mapping(description["configuration"])
+    except InputError as error:
+        raise InputError(f"The description of the weights {shown(path)} cannot be used: {error}") from error
 
 
 def load_tensors(path: Path, sha256: str | None = None) -> tuple[dict[str, Any], dict[str, Tensor], str]:
@@ -112,9 +126,13 @@ def load_tensors(path: Path, sha256: str | None = None) -> tuple[dict[str, Any],
         if expected is not None and found != expected:
             raise InputError(f"The weights {path} are not those their checksum names; download or train them again.")
     try:
-        return description, load_file(str(path)), found
-    except SafetensorError as error:
+        tensors = load_file(str(path))
+        sound = all(bool(torch.isfinite(tensor).all()) for tensor in tensors.values() if tensor.is_floating_point())
+    except (SafetensorError, RuntimeError, ValueError, KeyError) as error:
         raise InputError(f"The weights {path} do not fit their description; take both from one source.") from error
+    if not sound:
+        raise InputError(f"The weights {path} hold what is no number; download or train them again.")
+    return description, tensors, found
 
 
 def _refuse_pickle(path: Path) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...engine.core.errors import EngineError
+from ...engine.core.errors import EngineError, InputError
 from ...engine.core.processors import processors
 from ...engine.core.progress import Progress
 from ...interface.parameters import ScreeningParameters, given
@@ -80,6 +80,7 @@ class ScreeningModel:
 
         Raises:
             EngineError: memory ran out.
+            InputError: the network's answers are no numbers.
         """
         from ..inference.prediction import predict_voxels
 
@@ -92,7 +93,14 @@ class ScreeningModel:
                 device=self.device,
                 progress=progress,
             )
+        refuse_senseless(found, self.path)
         return found
+
+
+def refuse_senseless(answers: NDArray[np.floating], weights: Path) -> None:
+    """Raise InputError if a network's answers are no numbers: each of its weights may be one, and yet all too large."""
+    if not np.isfinite(answers).all():
+        raise InputError(f"The weights {weights} give answers that are no numbers; download or train them again.")
 
 
 @contextmanager

@@ -25,7 +25,7 @@ from ..preparation.bump_filter import CellHeights
 from ..preparation.raster_zones import Scores
 from ..preparation.relative_scores import relative_scores
 from ..preparation.relief_channels import relief_channels
-from .network import MAX_THREADS, memory_reported, one_torch_thread
+from .network import MAX_THREADS, memory_reported, one_torch_thread, refuse_senseless
 
 RELIEF_DENSITY = (0.8, 450.0)
 """Ground points/m² that the network is made for."""
@@ -56,8 +56,8 @@ class ReliefModel:
         from ..network.unet import load_unet
 
         self.device = chosen_device(parameters.device)
-        path, pin = (Path(parameters.weights), None) if parameters.weights else shipped_relief()
-        network, self.description = load_unet(path, pin)
+        self.path, pin = (Path(parameters.weights), None) if parameters.weights else shipped_relief()
+        network, self.description = load_unet(self.path, pin)
         self.network = network.to(self.device)
         self.scale, self.shift = calibration_of(self.description)
         self.threads = int(given(parameters.threads) or min(processors(), MAX_THREADS))
@@ -82,6 +82,7 @@ class ReliefModel:
 
         Raises:
             EngineError: memory ran out.
+            InputError: the network's answers are no numbers.
         """
         from ..network.unet import log_odds, raster_logits
 
@@ -89,6 +90,7 @@ class ReliefModel:
             relief = relief_channels(cells)
             with one_torch_thread():
                 logits = raster_logits(self.network, relief.channels, threads=self.threads, progress=progress)
+        refuse_senseless(logits, self.path)
         up, down = (np.where(relief.covered, odds, np.nan) for odds in log_odds(logits))
         probabilities = calibrated_logits(logits, self.scale, self.shift)
         nothing = np.array([1.0, 0.0, 0.0], dtype=np.float32)[:, None, None]

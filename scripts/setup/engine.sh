@@ -63,17 +63,41 @@ fresh_environment() {
     : >"$venv/.unfinished"
 }
 
-# The authors' library of the cloth filter has no ready build for every Python; then a compiler is needed.
+# locked [--but] NAME...: the lock's lines of these packages, or of all but these, each with its hashes.
+locked() {
+    local but=no
+    [[ $1 == --but ]] && but=yes && shift
+    awk -v but="$but" -v names=" $* " '/^[^ #]/ { split($0, part, "=="); there = index(names, " " part[1] " ") > 0; take = but == "yes" ? !there : there }
+        /^[^#]/ && take' "$LOCK"
+}
+
+# install_locked VENV [--but] NAME... [-- pip options]: exactly the locked versions, each file checked by its SHA-256 before it is
+# used. Without looking for dependencies: the lock names all of them, and one that it does not name must not slip in.
+install_locked() {
+    local venv=$1 names=() list
+    shift
+    while (($#)) && [[ $1 != -- ]]; do
+        names+=("$1")
+        shift
+    done
+    (($#)) && shift
+    mkdir -p "$STATE"
+    list=$STATE/locked.txt
+    locked "${names[@]}" >"$list"
+    pip_in "$venv" install -qq --require-hashes --no-deps "$@" -r "$list"
+}
+
+# The authors' library of the cloth filter has no ready build for every Python; then a compiler is needed. It is built with
+# the packages that are there already, so that nothing unchecked is fetched for it.
 install_cloth_filter() {
-    local requirement
-    requirement=$(grep -m 1 '^cloth-simulation-filter==' "$LOCK")
-    pip_in "$ENGINE_VENV" install -qq -c "$LOCK" --only-binary=cloth-simulation-filter "$requirement" 2>/dev/null && return
+    local requirement=cloth-simulation-filter
+    install_locked "$ENGINE_VENV" "$requirement" -- --only-binary=:all: 2>/dev/null && return
     say "  $requirement has no ready build for Python $(python_version "$ENGINE_VENV/bin/python"): compiling it"
     if ! command -v c++ >/dev/null || ! has_python_headers "$ENGINE_VENV/bin/python"; then
         is_debian_like || die "compiling $requirement needs a C++ compiler and Python's headers: install them, or use Python 3.12 or older"
         apt_install "compiling $requirement" g++ python3-dev
     fi
-    pip_in "$ENGINE_VENV" install -qq -c "$LOCK" "$requirement" || die "compiling $requirement failed (the message is above)"
+    install_locked "$ENGINE_VENV" "$requirement" -- --no-build-isolation || die "compiling $requirement failed (the message is above)"
 }
 has_python_headers() { "$1" -c 'import os, sysconfig, sys; sys.exit(not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")))'; }
 
@@ -95,9 +119,11 @@ setup_engine() {
     say "engine: its own Python environment in .venv, from $PYTHON ($(python_version "$PYTHON"))"
     fresh_environment "$ENGINE_VENV" "$PYTHON"
     say "  installing the pinned packages"
-    pip_in "$ENGINE_VENV" install -qq -c "$LOCK" setuptools wheel || die "pip could not install setuptools (its message is above)"
+    # pyarrow stays out: pandas holds text in another way where it is there; GeoParquet asks for it by name
+    install_locked "$ENGINE_VENV" --but torch pytest-qgis cloth-simulation-filter pyarrow ||
+        die "pip could not install the engine's packages; a hash that differs means a file that is not the one that was tested (its message is above)"
     install_cloth_filter
-    pip_in "$ENGINE_VENV" install -qq -c "$LOCK" --no-build-isolation -e "$ROOT[dev]" || die "pip could not install the engine's packages (its message is above)"
+    pip_in "$ENGINE_VENV" install -qq --no-deps --no-build-isolation -e "$ROOT" || die "pip could not install the engine (its message is above)"
     # mypy does not follow editable installs; it finds the package through this link.
     mkdir -p "$STATE/package"
     ln -sfn "$ROOT" "$STATE/package/slopewatch"
@@ -110,7 +136,8 @@ setup_engine() {
 }
 
 # PyTorch serves the screening of single surveys only, so the set-up goes on without it. The CPU build is asked for by its
-# full name: the plain name would bring gigabytes of CUDA libraries on Linux.
+# full name: the plain name would bring gigabytes of CUDA libraries on Linux. PyPI has no such build, so the lock has no hash of
+# it: pip checks it by the hash that its index states, which is as good as the index. Its dependencies are locked.
 setup_torch() {
     local key wanted=torch==$TORCH_VERSION+cpu
     [[ $(uname -s) == Linux ]] || wanted=torch==$TORCH_VERSION
@@ -122,9 +149,9 @@ setup_torch() {
     rm -f "$STATE/torch.missing"
     if "$ENGINE_VENV/bin/python" -c "import safetensors, torch, sys; sys.exit(torch.__version__.split('+')[0] != '$TORCH_VERSION')" 2>/dev/null; then
         say "PyTorch: $TORCH_VERSION is there, used as it is"
-    elif pip_in "$ENGINE_VENV" install -qq -c "$LOCK" --timeout 60 --retries 1 "$wanted" safetensors 2>/dev/null; then
+    elif pip_in "$ENGINE_VENV" install -qq --no-deps --timeout 60 --retries 1 "$wanted" 2>/dev/null; then
         say "PyTorch: $wanted installed"
-    elif pip_in "$ENGINE_VENV" install -qq -c "$LOCK" --timeout 20 --retries 1 --extra-index-url "$TORCH_CPU_INDEX" "$wanted" safetensors 2>/dev/null; then
+    elif pip_in "$ENGINE_VENV" install -qq --no-deps --timeout 20 --retries 1 --index-url "$TORCH_CPU_INDEX" "$wanted" 2>/dev/null; then
         say "PyTorch: $wanted installed from $TORCH_CPU_INDEX"
     else
         : >"$STATE/torch.missing"

@@ -91,7 +91,8 @@ setup_qgis_tests() {
     say "plugin tests: pytest for QGIS's interpreter in .venv-qgis"
     can_make_environments "$QGIS_PYTHON" || apt_install "a virtual environment" python3-venv
     fresh_environment "$QGIS_VENV" "$QGIS_PYTHON" --system-site-packages
-    pip_in "$QGIS_VENV" install -qq -c "$LOCK" pytest pytest-qgis pytest-xdist || die "pip could not install pytest-qgis and pytest-xdist (its message is above)"
+    install_locked "$QGIS_VENV" pytest pytest-qgis pytest-xdist execnet iniconfig packaging pluggy pygments colorama exceptiongroup tomli \
+        typing-extensions || die "pip could not install pytest-qgis and pytest-xdist (its message is above)"
     "$QGIS_VENV/bin/python" -c 'import pytest, pytest_qgis, qgis.core, xdist' || die "pytest-qgis does not import in $QGIS_VENV"
     rm -f "$QGIS_VENV/.unfinished"
     stamp qgis-tests "$key"

@@ -24,8 +24,15 @@ LOADED = [
 ]
 
 
-def run(*arguments: object, env: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
-    """Run ``slopewatch ARGUMENTS`` to its end, in this environment or in ``env``."""
+def run(
+    *arguments: object, env: dict[str, str] | None = None, limits: dict[str, int] | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run ``slopewatch ARGUMENTS`` to its end, in this environment or in ``env``.
+
+    Args:
+        limits: of the process where the system knows them: ``AS`` bytes beyond what is loaded, ``CPU`` seconds,
+            ``FSIZE`` bytes of a file.
+    """
     words = [str(argument) for argument in arguments]
     environment = dict(os.environ if env is None else env)
     if "forkserver" not in multiprocessing.get_all_start_methods():
@@ -37,7 +44,7 @@ def run(*arguments: object, env: dict[str, str] | None = None) -> subprocess.Com
     context.set_forkserver_preload(LOADED)
     with tempfile.TemporaryDirectory() as folder:
         streams = [Path(folder) / name for name in ("out", "err")]
-        process = context.Process(target=_command, args=(words, environment, os.getcwd(), *map(str, streams)))
+        process = context.Process(target=_command, args=(words, environment, os.getcwd(), *map(str, streams), limits))
         process.start()
         process.join(LONGEST_RUN_S)
         if process.is_alive():
@@ -48,7 +55,9 @@ def run(*arguments: object, env: dict[str, str] | None = None) -> subprocess.Com
     return subprocess.CompletedProcess(words, process.exitcode, out, err)
 
 
-def _command(words: list[str], environment: dict[str, str], folder: str, out: str, err: str) -> None:
+def _command(
+    words: list[str], environment: dict[str, str], folder: str, out: str, err: str, limits: dict[str, int] | None
+) -> None:
     """What the forked process does: the streams, environment and folder of a program that was just started."""
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     for number, path in ((1, out), (2, err)):
@@ -59,7 +68,20 @@ def _command(words: list[str], environment: dict[str, str], folder: str, out: st
     os.chdir(folder)
     os.environ.clear()
     os.environ.update(environment)
+    _limit(limits or {})
     sys.argv = ["slopewatch", *words]
     from slopewatch.cli import main
 
     main()
+
+
+def _limit(limits: dict[str, int]) -> None:
+    if not limits or not sys.platform.startswith("linux"):
+        return
+    import resource
+
+    with open("/proc/self/statm", encoding="ascii") as file:
+        loaded = int(file.read().split()[0]) * resource.getpagesize()
+    for name, value in limits.items():
+        most = value + loaded if name == "AS" else value
+        resource.setrlimit(getattr(resource, f"RLIMIT_{name}"), (most, most))

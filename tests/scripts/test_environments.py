@@ -102,7 +102,7 @@ def test_every_dependency_is_pinned_and_in_the_conda_file(root):
     tomllib = pytest.importorskip("tomllib", reason="Python 3.10 has no tomllib")
     project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     lock = (root / "scripts" / "setup" / "requirements.lock").read_text(encoding="utf-8")
-    pinned = {line.partition("==")[0] for line in lock.splitlines() if not line.startswith("#")}
+    pinned = {line.partition("==")[0] for line in lock.splitlines() if not line.startswith(("#", " "))}
     conda = (root / "environment.yml").read_text(encoding="utf-8")
     names = {name(text) for text in project["dependencies"]}
     extras = {name(text) for group in project["optional-dependencies"].values() for text in group}

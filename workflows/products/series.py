@@ -18,7 +18,7 @@ from ...engine.core.version import VERSION
 from ...engine.grid import geotiff
 from ...engine.maps import palette, qgis_styles
 from ...engine.maps.series_picture import write_series_picture
-from ...engine.series.alerts import COLUMNS, AlertLevel
+from ...engine.series.alerts import AlertLevel, alerts_csv
 from ...engine.series.analysis import Analysis
 from ...engine.series.tables import ZONE_FIELDS, About, series_csv, series_frame, zone_frame
 from ...engine.series.velocity import CellVelocity
@@ -164,22 +164,11 @@ def write_tables(
         stamp=about.dates[-1],
     )
     stage.path("series.csv").write_text(series_csv(series), encoding="utf-8")
-    lines = [",".join(COLUMNS)]
-    for row in alerts:
-        values = (getattr(row, column) for column in COLUMNS)
-        lines.append(
-            ",".join("" if v is None else _quoted(f"{v:g}" if isinstance(v, float) else str(v)) for v in values)
-        )
-    stage.path("alerts_used.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    stage.path("alerts_used.csv").write_text(alerts_csv(alerts), encoding="utf-8")
     write_series_picture(stage.path("series.png"), zones, velocity, about, footer)
     names = {"series_zones": "series.gpkg", "series_table": "series.csv", "series_picture": "series.png"}
     run.outputs |= {key: stage.final(name) for key, name in {**names, "alerts_used": "alerts_used.csv"}.items()}
     return table, series
-
-
-def _quoted(text: str) -> str:
-    doubled = text.replace('"', '""')
-    return f'"{doubled}"' if any(c in text for c in ',;"\n') else text
 
 
 def series_figures(

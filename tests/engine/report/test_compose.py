@@ -343,7 +343,11 @@ def test_it_says_what_is_missing(tmp_path: Path) -> None:
 def test_a_folder_without_a_run_is_refused(made: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"holds no run\.json"):
         write_report(tmp_path)
-    for text, words in (("{", "cannot be read"), ("[1]", "is no run record"), ('{"command": "x"}', "lacks software")):
+    for text, words in (
+        ("{", "is no JSON"),
+        ("[1]", "is no run record"),
+        ('{"command": "x"}', "software is not there"),
+    ):
         (tmp_path / "run.json").write_text(text)
         with pytest.raises(InputError, match=words):
             write_report(tmp_path)
