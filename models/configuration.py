@@ -113,8 +113,13 @@ class ModelConfiguration:
             raise InputError(
                 f"The model's features {self.features} are not all of {', '.join(FEATURES)}; correct them."
             )
-        if self.inputs < 1 or tuple(self.classes) != CLASSES:
-            raise InputError(f"The model reads no channel, or its classes are not {', '.join(CLASSES)}; correct that.")
+        if self.inputs < 1:
+            raise InputError("The model reads no channel; name features or trends.")
+        if tuple(self.classes) != CLASSES:
+            raise InputError(
+                f"The model knows the classes {', '.join(map(str, self.classes))} where {', '.join(CLASSES)} are "
+                "needed; take other weights."
+            )
         if any(width % 2 for width in self.widths) or self.density[0] > self.density[1]:
             raise InputError("The model's widths are not all even, or its densities not in order; correct them.")
         if self.sampling not in SAMPLINGS:

@@ -11,7 +11,6 @@ from ..engine.core.errors import InputError
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
 from ..interface.parameters import AUTO, FineTuneParameters, InputParameters, given
-from ..models.configuration import CLASSES
 from ..models.network.availability import chosen_device, require_libraries
 from ..models.network.description import kind_of
 from ..models.preparation.inserted_hazards import BACKGROUND
@@ -155,11 +154,6 @@ def start_weights(parameters: FineTuneParameters) -> Start | None:
     if method == "relief":
         return Start(path, path.stem, ReliefStart.read(path, pin), RELIEF_DENSITY)
     model = load_model(path, pin)
-    if model.configuration.classes != CLASSES:
-        raise InputError(
-            f"The weights {parameters.start} know the classes {', '.join(model.configuration.classes)} where training "
-            f"needs {', '.join(CLASSES)}; start from other weights."
-        )
     return Start(path, model.configuration.name, model, model.configuration.density)
 
 

@@ -333,10 +333,14 @@ def test_start_weights_with_other_classes_and_outputs_over_inputs(tiny_clouds, t
     from slopewatch.models.network.randlanet import RandLANet
     from slopewatch.models.network.weights import save_model
 
-    other = RandLANet(replace(SMOKE, classes=("soil", "crack")))
-    save_model(tmp_path / "model.safetensors", other, {}, {})
+    save_model(tmp_path / "model.safetensors", RandLANet(SMOKE), {}, {})
+    described = json.loads((tmp_path / "model.json").read_text())
+    described["configuration"]["classes"] = ["soil", "crack", "rock"]
+    (tmp_path / "model.json").write_text(json.dumps(described))
     parameters = replace(TINY, start=str(tmp_path / "model.safetensors"))
-    with pytest.raises(InputError, match="know the classes soil, crack where training needs background, uplift"):
+    with pytest.raises(
+        InputError, match="knows the classes soil, crack, rock where background, uplift, subsidence are needed"
+    ):
         step(tiny_clouds, tmp_path / "out", parameters)
     save_model(tmp_path / "model.safetensors", RandLANet(SMOKE), {}, {})
     with pytest.raises(InputError, match=r"model\.safetensors is also an input"):

@@ -204,7 +204,7 @@ def test_the_direction_of_the_normal_takes_the_plants_along():
 
 def test_the_memory_that_plants_take_is_asked_for():
     first, second = flat(12, points=2000, side=27.4), flat(13, points=2000, side=27.4)
-    parameters = ChangeParameters(cell=0.1, memory_limit=0.05)
+    parameters = ChangeParameters(cell=0.05, memory_limit=0.09, adaptive=False)
     common_grid(first, second, parameters)
     with pytest.raises(InputError, match="more than the"):
         common_grid(first, second, parameters, plants=True)

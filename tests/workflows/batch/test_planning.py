@@ -123,7 +123,8 @@ def test_the_estimate_grows_with_points_and_with_the_grid(las_file: LasFile, tmp
     small, large = las_file(tmp_path / "a.laz", points=2000), las_file(tmp_path / "b.laz", points=42_000)
 
     def need(*clouds: Path, cell: float = 0.5) -> int:
-        return slope_memory(slope(*clouds), "inspect", group_of("inspect", {"cell": cell}, "default"))
+        options = {"cell": cell, "memory_limit": 4.0}
+        return slope_memory(slope(*clouds), "inspect", group_of("inspect", options, "default"))
 
     assert need(small, large) - need(small, small) == pytest.approx(40_000 * 330, rel=0.01)
     extent = (500_000.0, 3_500_000.0, 500_030.0, 3_500_020.0)
