@@ -152,6 +152,13 @@ def say_of_formats(report: Progress) -> None:
             told(message, category, filename, lineno, file, line)
 
     warnings.showwarning = show
+    sys.unraisablehook = _lost
+
+
+def _lost(lost: sys.UnraisableHookArgs) -> None:
+    """Pass over what rasterio loses of GDAL's words that are not UTF-8: the error itself reaches the reader."""
+    if not (isinstance(lost.exc_value, UnicodeDecodeError) and "rasterio" in str(lost.object)):
+        sys.__unraisablehook__(lost)
 
 
 def _shown(value: Any) -> Any:

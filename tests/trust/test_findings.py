@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import json
 import struct
+import sys
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +15,11 @@ import numpy as np
 import pytest
 import rasterio
 from PIL import Image
+from rasterio.transform import from_origin
+from slopewatch.cli.reporting import say_of_formats
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.json_shapes import LARGEST, MisfitError, fields, number, parse_json, rows
+from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.epochs.epoch import parse_date
 from slopewatch.engine.epochs.manifest import read_manifest
 from slopewatch.engine.geometry.rigid_transform import RigidTransform
@@ -252,3 +258,27 @@ def test_pictures_and_tables_of_an_output_folder(tmp_path: Path) -> None:
     layer.write_bytes(b"SQLite format 3\0" + bytes(500))
     with pytest.raises(InputError, match=r"zones\.gpkg cannot be read"):
         zone_reviews(layer)
+
+
+def test_what_gdal_says_in_no_utf_8_is_no_traceback(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)
+    path = tmp_path / "heights.tif"
+    size = {"width": 4, "height": 4, "count": 1, "dtype": "float32"}
+    with rasterio.open(path, "w", driver="GTiff", transform=from_origin(0.0, 4.0, 1.0, 1.0), **size) as target:
+        target.update_tags(EPOCH_FROM="2024-05-01")
+    data = path.read_bytes()
+    assert data.count(b'name="EPOCH_FROM"') == 1
+    path.write_bytes(data.replace(b'name="EPOCH_FROM"', b'\xc2a e="EPOCH_FROM"'))  # an attribute without its sign
+    words: list[str] = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda lost: words.append(str(lost.exc_value)))
+    with contextlib.suppress(InputError):
+        read_raster(path)
+    assert any("utf-8" in one for one in words), "GDAL's sentence holds the byte"
+    monkeypatch.setattr(sys, "unraisablehook", sys.__unraisablehook__)
+    say_of_formats(Progress())
+    capfd.readouterr()
+    with contextlib.suppress(InputError):
+        read_raster(path)
+    assert "Traceback" not in capfd.readouterr().err
