@@ -12,6 +12,7 @@ from typing import Any
 from ..engine.core.errors import InputError
 from ..engine.core.json_shapes import MisfitError, number, rows, text, truth
 from ..engine.core.json_shapes import fields as having
+from ..engine.core.messages import quoted
 
 CLASSES = ("background", "uplift", "subsidence")
 FEATURES = ("x", "y", "z", "residuals")
@@ -123,9 +124,9 @@ class ModelConfiguration:
         if any(width % 2 for width in self.widths) or self.density[0] > self.density[1]:
             raise InputError("The model's widths are not all even, or its densities not in order; correct them.")
         if self.sampling not in SAMPLINGS:
-            raise InputError(f"The model's sampling is {self.sampling!r}; give {' or '.join(SAMPLINGS)}.")
+            raise InputError(f"The model's sampling is {quoted(self.sampling)}; give {' or '.join(SAMPLINGS)}.")
         if self.decision not in DECISIONS:
-            raise InputError(f"The model's decision is {self.decision!r}; give {' or '.join(DECISIONS)}.")
+            raise InputError(f"The model's decision is {quoted(self.decision)}; give {' or '.join(DECISIONS)}.")
         for name in ("voxel", "xy_scale", "z_scale", "residual_scale", "window", "step"):
             if not getattr(self, name) > 0:
                 raise InputError(f"The model's {name} is {getattr(self, name)}; give a number above 0.")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+_MAX_VALUE_CHARACTERS = 80
+
 
 def shown(path: Path | str) -> str:
     """The name for a message of one line: control characters escaped, in quotes."""
@@ -13,3 +15,9 @@ def shown(path: Path | str) -> str:
 def one_line(text: str) -> str:
     """``text`` with what does not print escaped: a name may hold line ends, and commands to the terminal."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def quoted(value: object) -> str:
+    """A value of a file for a message: as Python writes it, cut where it is longer than anyone reads."""
+    text = repr(value)
+    return text if len(text) <= _MAX_VALUE_CHARACTERS else f"{text[:_MAX_VALUE_CHARACTERS]}..."

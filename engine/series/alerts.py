@@ -12,7 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from ..core.errors import InputError
-from ..core.messages import shown
+from ..core.messages import quoted, shown
 from ..core.table_text import cell, text_of
 from ..epochs.manifest import read_table
 
@@ -90,7 +90,7 @@ def read_alerts(path: Path | None) -> tuple[AlertLevel, ...]:
             raise InputError(f"{name}: the column {column} {how}; its columns are {', '.join(COLUMNS)}.")
     unknown = [column for column in head if column not in COLUMNS]
     if unknown:
-        raise InputError(f"{name}: the column {unknown[0]!r} is not known; its columns are {', '.join(COLUMNS)}.")
+        raise InputError(f"{name}: the column {quoted(unknown[0])} is not known; its columns are {', '.join(COLUMNS)}.")
     levels = []
     for number, cells in rows[1:]:
         if len(cells) != len(head):
@@ -130,7 +130,7 @@ def _level(values: dict[str, str], place: str) -> AlertLevel:
         except (ValueError, OverflowError):
             kind = "a whole number" if whole else "a number"
             bounds = f" from {low:g} to {high:g}" if high < math.inf else f" of at least {low:g}"
-            raise InputError(f"{place}: {column} is {text!r}; give {kind}{bounds}, or nothing.") from None
+            raise InputError(f"{place}: {column} is {quoted(text)}; give {kind}{bounds}, or nothing.") from None
         return value
 
     level = number("level", high=99, whole=True)
@@ -140,7 +140,7 @@ def _level(values: dict[str, str], place: str) -> AlertLevel:
     if not values["name"]:
         raise InputError(f"{place}: name is empty; give the level a name.")
     if not _COLOUR.fullmatch(values["colour"]):
-        raise InputError(f"{place}: colour is {values['colour']!r}; give it as #rrggbb.")
+        raise InputError(f"{place}: colour is {quoted(values['colour'])}; give it as #rrggbb.")
     return AlertLevel(
         level=int(level),
         name=text_of(values["name"]),

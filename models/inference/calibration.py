@@ -17,6 +17,7 @@ from scipy.optimize import minimize_scalar
 
 from ...engine.core.arrays import Float
 from ...engine.core.errors import InputError
+from ...engine.core.messages import quoted
 from .calibration_bins import calibration_bins, calibration_error
 
 _MIN_PROBABILITY = 1e-6
@@ -94,5 +95,5 @@ def temperature_of(description: Mapping[str, Any]) -> float:
     calibration = metrics.get("calibration") if isinstance(metrics, Mapping) else None
     value = calibration.get("temperature", 1.0) if isinstance(calibration, Mapping) else 1.0
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not (math.isfinite(value) and value > 0):
-        raise InputError(f"The weights' description has the temperature {value!r}; restore it, or train again.")
+        raise InputError(f"The weights' description has the temperature {quoted(value)}; restore it, or train again.")
     return float(value)

@@ -18,6 +18,7 @@ from scipy.special import softmax
 
 from ...engine.core.arrays import Float32
 from ...engine.core.errors import InputError
+from ...engine.core.messages import quoted
 from ...engine.core.processors import processors
 from ...engine.core.progress import Progress
 from ...interface.parameters import ScreeningParameters, given
@@ -118,5 +119,5 @@ def calibration_of(description: Mapping[str, Any]) -> tuple[float, float]:
     if any(isinstance(v, bool) or not isinstance(v, (int, float)) or not math.isfinite(v) for v in values) or (
         values[0] <= 0
     ):
-        raise InputError(f"The weights' description has the calibration {stated!r}; restore it, or train again.")
+        raise InputError(f"The weights' description has the calibration {quoted(stated)}; restore it, or train again.")
     return float(values[0]), float(values[1])

@@ -156,6 +156,17 @@ def test_names_that_no_file_can_have(tmp_path: Path) -> None:
         assert len(done.stderr) < 6000
 
 
+def test_a_value_of_endless_length_is_cut_in_the_message(tmp_path: Path) -> None:
+    table = DEFAULT_TABLE.read_text(encoding="utf-8").splitlines()
+    cells = table[1].split(",")
+    cells[table[0].split(",").index("single_volume_m3")] = "a" * 70_000
+    path = tmp_path / "alerts.csv"
+    path.write_text("\n".join([table[0], ",".join(cells)]) + "\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"single_volume_m3 is 'aaa.*; give") as refused:
+        read_alerts(path)
+    assert len(str(refused.value)) < 500
+
+
 def test_an_endless_number_in_the_alert_table(tmp_path: Path) -> None:
     table = tmp_path / "a.csv"
     table.write_text(DEFAULT_TABLE.read_text(encoding="utf-8").replace("\n1,", "\n1e400,"), encoding="utf-8")

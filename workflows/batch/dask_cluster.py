@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ...engine.core.errors import EngineError, InputError
-from ...engine.core.messages import shown
+from ...engine.core.messages import quoted, shown
 from ...engine.core.progress import Progress
 
 LOCAL = "local"
@@ -112,9 +112,9 @@ def read_queue(path: Path) -> Queue:
     document = document if isinstance(document, dict) else {}
     kind, jobs, options = (document.get(key) for key in ("cluster", "jobs", "options"))
     if not isinstance(kind, str) or kind not in _QUEUES:
-        raise InputError(f"The cluster file {name}: cluster is {kind!r}; give one of {', '.join(_QUEUES)}.")
+        raise InputError(f"The cluster file {name}: cluster is {quoted(kind)}; give one of {', '.join(_QUEUES)}.")
     if not isinstance(jobs, int) or isinstance(jobs, bool) or not 1 <= jobs <= 100_000:
-        raise InputError(f"The cluster file {name}: jobs is {jobs!r}; give a whole number from 1 to 100000.")
+        raise InputError(f"The cluster file {name}: jobs is {quoted(jobs)}; give a whole number from 1 to 100000.")
     if not isinstance(options, dict) or not {"cores", "memory"} <= options.keys():
         raise InputError(f"The cluster file {name}: options must name cores and memory of a job, such as 1 and 8GB.")
     return Queue(kind, jobs, options)

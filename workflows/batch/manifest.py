@@ -12,7 +12,7 @@ from typing import TypeVar
 import shapely
 
 from ...engine.core.errors import InputError
-from ...engine.core.messages import shown
+from ...engine.core.messages import quoted, shown
 from ...engine.epochs.epoch import parse_date
 from .jobs import Corridor, Problem, Slope, Survey
 from .manifest_rows import Row, rows_of
@@ -147,7 +147,8 @@ def _common(rows: Sequence[Row], column: str) -> str:
     if len(said) > 1:
         first, other = list(said)[:2]
         raise InputError(
-            f"{said[other].place}: {column} is {other!r}, and {first!r} on {said[first].place}; give a slope one."
+            f"{said[other].place}: {column} is {quoted(other)}, and {quoted(first)} on {said[first].place}; give a slope "
+            "one."
         )
     return next(iter(said), "")
 
@@ -164,7 +165,7 @@ def _file(rows: Sequence[Row], role: str, folder: Path) -> Path | None:
 
 def _resolved(folder: Path, text: str) -> Path:
     if "\0" in text:
-        raise InputError(f"{text!r} is no path; correct it.")
+        raise InputError(f"{quoted(text)} is no path; correct it.")
     return (folder / text).absolute()
 
 

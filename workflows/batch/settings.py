@@ -9,6 +9,7 @@ from functools import lru_cache
 from typing import Any
 
 from ...engine.core.errors import InputError
+from ...engine.core.messages import quoted
 from ...interface.parameters import PROFILES, ParameterError, ParameterSet, Specification, command_sets
 from .jobs import Job, Slope
 
@@ -63,7 +64,7 @@ def group_of(command: str, options: Mapping[str, Any], profile: str) -> dict[typ
         InputError: settings that do not go together, or an unknown profile.
     """
     if profile not in PROFILES:
-        raise InputError(f"profile is {profile!r}; give one of {', '.join(PROFILES)}.")
+        raise InputError(f"profile is {quoted(profile)}; give one of {', '.join(PROFILES)}.")
     try:
         return {group: group.build({**options, "overwrite": True}, profile) for group in _SETS[command]}
     except ParameterError as error:
