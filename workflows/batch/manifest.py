@@ -147,8 +147,8 @@ def _common(rows: Sequence[Row], column: str) -> str:
     if len(said) > 1:
         first, other = list(said)[:2]
         raise InputError(
-            f"{said[other].place}: {column} is {quoted(other)}, and {quoted(first)} on {said[first].place}; give a slope "
-            "one."
+            f"{said[other].place}: {column} is {quoted(other)}, and {quoted(first)} on {said[first].place}; give a "
+            "slope one."
         )
     return next(iter(said), "")
 
