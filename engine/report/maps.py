@@ -31,6 +31,7 @@ _MAP_PIXELS, _PANEL_PIXELS = 1400, 900  # longest sides of what is drawn
 _PANEL_INCHES = 4.9  # inches
 _SIGMAS_CELLS, _TRUNCATE = (1.0, 2.0, 4.0, 8.0), 3.0  # of the Gauss curves that close gaps
 _CELLS_AT_ONCE = 2_000_000  # of a surface whose gaps are closed
+_MAX_POINTS = 100_000_000  # in a cell: a damaged file may state any number
 
 
 def change_map(folder: Path, limit: float, epochs: tuple[str, str]) -> Picture:
@@ -89,7 +90,8 @@ def densities(folder: Path) -> tuple[Picture | None, Picture | None]:
     if not path.is_file():
         return None, None
     counts = [read_raster(path, band) for band in (1, 2)]
-    blocks = [points_a_square_metre(np.nan_to_num(c.array).astype(np.int32), c.grid) for c in counts]
+    whole = [np.clip(np.nan_to_num(c.array), 0, _MAX_POINTS).astype(np.int32) for c in counts]
+    blocks = [points_a_square_metre(number, c.grid) for number, c in zip(whole, counts, strict=True)]
     reached = np.concatenate([b[b > 0] for b in blocks])
     limit = float(np.percentile(reached, 98)) if reached.size else 1.0
     first, second = (

@@ -19,6 +19,9 @@ from ..crs.reprojection import reprojected
 
 Bounds = tuple[float, float, float, float]
 
+_MAX_COORDINATE = 1e9
+"""In any unit: more is no place on the earth, and overflows when areas are computed."""
+
 
 @dataclass(frozen=True)
 class Roi:
@@ -110,8 +113,9 @@ def _polygons(wkb: np.ndarray, name: str, notes: list[str]) -> list[Polygon]:
         raise InputError(f"The area {name} holds no polygons ({kinds}); draw a polygon around the area of interest.")
     if len(polygons) < len(parts):
         notes.append(f"The area {name} has {len(parts) - len(polygons)} lines or points, which are left out.")
-    if not np.isfinite(shapely.get_coordinates(polygons)).all():
-        raise InputError(f"The area {name} has a corner that is not a number; draw it again.")
+    with np.errstate(invalid="ignore"):
+        if not (np.abs(shapely.get_coordinates(polygons)) <= _MAX_COORDINATE).all():
+            raise InputError(f"The area {name} has a corner that is not a number, or lies nowhere; draw it again.")
     return polygons
 
 

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import rasterio
 from PIL import Image
+from pyproj import CRS
 from rasterio.transform import from_origin
 from slopewatch.cli.reporting import say_of_formats
 from slopewatch.engine.core.errors import InputError
@@ -25,9 +26,11 @@ from slopewatch.engine.epochs.manifest import read_manifest
 from slopewatch.engine.geometry.rigid_transform import RigidTransform
 from slopewatch.engine.grid.geotiff import read_raster
 from slopewatch.engine.report.embedding import photograph
+from slopewatch.engine.report.maps import densities
 from slopewatch.engine.report.record_shape import inside, run_record
 from slopewatch.engine.report.reviews import zone_reviews
 from slopewatch.engine.series.alerts import DEFAULT_TABLE, read_alerts
+from slopewatch.engine.vector.area import read_roi
 from slopewatch.engine.zones.profiles import read_profiles
 from slopewatch.models.configuration import SMOKE, ModelConfiguration
 from slopewatch.tests.builders.program import run
@@ -293,3 +296,22 @@ def test_what_gdal_says_in_no_utf_8_is_no_traceback(
     with contextlib.suppress(InputError):
         read_raster(path)
     assert "Traceback" not in capfd.readouterr().err
+
+
+def test_a_corner_beyond_the_earth(tmp_path: Path) -> None:
+    ring = [[0.0, 0.0], [1e300, 0.0], [1e300, 1e300], [0.0, 0.0]]
+    feature = {"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": [ring]}}
+    path = tmp_path / "stable.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}), encoding="utf-8")
+    with pytest.raises(InputError, match=r"stable\.geojson' has a corner that is not a number, or lies nowhere"):
+        read_roi(path, CRS("EPSG:32651"))
+
+
+@pytest.mark.parametrize("count", [1e20, -5.0, np.inf])
+def test_counts_that_no_cell_has(tmp_path: Path, count: float) -> None:
+    with rasterio.open(
+        tmp_path / "point_counts.tif", "w", driver="GTiff", height=4, width=4, count=2, dtype="float32",
+        crs="EPSG:32651", transform=rasterio.Affine(1, 0, 5e5, 0, -1, 3.5e6),
+    ) as target:  # fmt: skip
+        target.write(np.full((2, 4, 4), count, np.float32))
+    assert len(densities(tmp_path)) == 2  # warnings are errors here
