@@ -15,6 +15,7 @@ from typing import Any
 
 from ...engine.core.child_process import ChildResult, run_child
 from ...engine.core.errors import EngineError, InputError, SlopeWatchError
+from ...engine.core.part_folders import PREFIX
 from ...interface.protocol import CANCELLED, ERROR, INTERNAL_FAILURE, LOG, PROGRESS, TASK_VARIABLE
 from .folder_lock import locked
 from .jobs import KILLED, MEMORY, Job, Outcome
@@ -25,7 +26,6 @@ PROGRAM = (sys.executable, "-m", "slopewatch.cli")
 """What runs a slope; a test may give another program that speaks the engine's protocol."""
 Listener = Callable[[str, float, str], None]
 """Takes the slope, the percentage that is done, and what is being done."""
-_LEFT_BEHIND = ".slopewatch-part-*"  # hidden folders of runs that were killed
 _OUT_OF_MEMORY = ("Memory ran out", "MemoryError", "bad_alloc", "Cannot allocate memory", "Unable to allocate")
 _KILLS = {-getattr(signal, name) for name in ("SIGKILL", "SIGTERM", "SIGHUP", "SIGINT") if hasattr(signal, name)}
 # one thread a slope: the budget counts slopes, and the bytes must not depend on the machine
@@ -119,7 +119,7 @@ def _own(folder: Path) -> Iterator[None]:
     """Hold the folder of a slope, without what killed runs left in it."""
     try:
         with locked(folder / ".lock", f"Another process is at work in {folder}; wait until it has ended."):
-            for left in folder.glob(_LEFT_BEHIND):
+            for left in folder.glob(f"{PREFIX}*"):
                 shutil.rmtree(left, ignore_errors=True)
             yield
     except OSError as error:
