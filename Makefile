@@ -1,7 +1,7 @@
 # SlopeWatch: `make demo` and `make test` each do everything on a fresh Debian 12 or 13, as root or with sudo.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-engine test-plugin check fuzz kills lint format bench model package install uninstall clean
+.PHONY: help setup demo test test-engine test-plugin check fuzz kills lint format bench model model-relief package install uninstall clean
 
 PYTHON := .venv/bin/python
 QGIS_PYTHON := .venv-qgis/bin/python
@@ -66,6 +66,14 @@ model: setup  ## The shipped screening weights, their figures and card, from not
 		$(PYTHON) -m slopewatch.models.making folds --recipe $$recipe --folder build/model/$$recipe || exit 1; done
 	$(PYTHON) -m slopewatch.models.making ablation --folder build/model/ablation
 	$(PYTHON) -m slopewatch.models.making card --folds slopewatch build/model/slopewatch --folds paper build/model/paper
+
+# The weights of the network on relief in two stages, the second at half the rate; both go on where they were broken off.
+model-relief: setup  ## The same for the network on relief: make model-relief GROUND=folder of real ground (2 hours)
+	$(if $(GROUND),,$(error name the folder of real ground: make model-relief GROUND=FOLDER))
+	$(PYTHON) -m slopewatch.models relief --ground $(GROUND) --slopes 200 --steps 4000 \
+		--weights build/model/relief_first.safetensors --folder build/model/relief_first
+	$(PYTHON) -m slopewatch.models relief --ground $(GROUND) --slopes 140 --steps 1200 --seed 10 --rate 0.002 \
+		--start build/model/relief_first.safetensors --weights build/model/relief.safetensors --folder build/model/relief
 
 package:  ## The plugin as a zip for QGIS, from the last commit: dist/slopewatch-VERSION.zip
 	@scripts/package.sh

@@ -96,7 +96,7 @@ class CorridorBatch(SlopeWatchAlgorithm):
                 "Thresholds of the alert levels of all series. Not set: those that come with SlopeWatch.",
                 declare.CSV_FILTER,
             ),
-            declare.profile_parameter(),
+            declare.profile_parameter(self.PARAMETER_GROUPS),
         )
         self.declare_groups(basic=_BASIC, prefixes={**PREFIXES, "batch": "Batch", "series": "Series"})
         products.declare_folder(

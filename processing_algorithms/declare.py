@@ -19,7 +19,7 @@ from qgis.core import (
     QgsProviderRegistry,
 )
 
-from ..interface.parameters import PROFILES, ParameterSet, Specification
+from ..interface.parameters import AUTO, PROFILES, PUBLISHED_WORKFLOW_ID, ParameterSet, Specification, profile_values
 from ..plugin.bridge.compat import ADVANCED, DATE, DOUBLE, FILE, FOLDER, INTEGER, LINE, POLYGON
 
 CLOUD_FILTER = "Point clouds (*.las *.LAS *.laz *.LAZ);;All files (*)"
@@ -59,7 +59,7 @@ def from_specification(
         )
     elif s.kind in (int, float):
         number = INTEGER if s.kind is int else DOUBLE
-        parameter = QgsProcessingParameterNumber(s.qgis_name, label, number, s.field_default)
+        parameter = QgsProcessingParameterNumber(s.qgis_name, label, number, s.field_default, optional=s.automatic)
         if s.field_minimum is not None:
             parameter.setMinimum(s.field_minimum)
         if s.maximum is not None:
@@ -68,7 +68,8 @@ def from_specification(
             parameter.setMetadata({"widget_wrapper": {"decimals": _decimals(s)}})
     else:
         parameter = QgsProcessingParameterString(s.qgis_name, label, s.default, optional=not s.default)
-    return with_help(parameter, s.help, advanced=s.advanced if advanced is None else advanced)
+    text = s.help.replace(f"{AUTO}:", "Not set:") if s.automatic else s.help
+    return with_help(parameter, text, advanced=s.advanced if advanced is None else advanced)
 
 
 def _decimals(specification: Specification) -> int:
@@ -78,13 +79,29 @@ def _decimals(specification: Specification) -> int:
     return max(2, *(len(t) for t in texts))
 
 
-def profile_parameter() -> QgsProcessingParameterDefinition:
+def profile_parameter(groups: Groups) -> QgsProcessingParameterDefinition:
+    """The named sets of values; in a dialog, choosing one fills its values in."""
+    parameter = QgsProcessingParameterEnum(
+        "PROFILE", "Profile", list(PROFILES), defaultValue="default", usesStaticStrings=True
+    )
+    named = {name for profile in PROFILES.values() for values in profile.values() for name in values}
+    filled = {
+        profile: {
+            s.qgis_name: None if s.automatic and values[s.name] == AUTO else values[s.name]
+            for s in specifications(groups)
+            if s.name in named
+        }
+        for profile in PROFILES
+        for values in [profile_values(groups, profile)]
+    }
+    parameter.setMetadata(
+        {"widget_wrapper": {"class": f"{__package__}.profile_widget.ProfileWidget", "filled": filled}}
+    )
     return with_help(
-        QgsProcessingParameterEnum(
-            "PROFILE", "Profile", list(PROFILES), defaultValue="default", usesStaticStrings=True
-        ),
-        "default: the settings that performed best. paper: the published settings. The profile decides a value left at "
-        "its default; any other value overrides it.",
+        parameter,
+        "default: the settings that performed best. paper: the settings of the published workflow "
+        f"({PUBLISHED_WORKFLOW_ID}). Choosing one fills its values in below, where each can be changed. In scripts it "
+        "decides the values that are not given.",
     )
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from qgis.core import QgsProcessingAlgorithm, QgsProcessingParameterDefinition
 
+from ..interface.parameters import AUTO
 from .declare import Groups, specifications
 
 # Options of every command that no dialog has.
@@ -15,6 +16,9 @@ _ELSEWHERE = {"pdal": "“PDAL program” under Settings > Options > SlopeWatch"
 _OPTION = re.compile(r"(?<![\w/\\.-])--([a-z][a-z0-9-]*)(?: (EPSG:[A-Za-z0-9+]+|[A-Za-z0-9_]+))?(?![\w/\\])")
 # A parameter as Python calls it: a name with an underscore, or one that begins the sentence.
 _NAME = re.compile(r"(?<![\w/\\.-])[a-z][a-z0-9]*(?:_[a-z0-9]+)+(?![\w/\\-]|\.\w)|^[a-z][a-z0-9]*(?= is )")
+
+# What a number is given for AUTO, at the end of a parameter's bounds.
+_AUTO = re.compile(rf", or {AUTO}(?=[.;]|$)")
 
 
 def in_dialog_words(algorithm: QgsProcessingAlgorithm, groups: Groups, sentence: str) -> str:
@@ -39,7 +43,7 @@ def in_dialog_words(algorithm: QgsProcessingAlgorithm, groups: Groups, sentence:
         definition = _definition(algorithm, found[0]) if found[0] in names else None
         return found[0] if definition is None else _quoted(definition)
 
-    return _NAME.sub(parameter, _OPTION.sub(option, sentence))
+    return _AUTO.sub(", or leave it empty", _NAME.sub(parameter, _OPTION.sub(option, sentence)))
 
 
 def _definition(algorithm: QgsProcessingAlgorithm, name: str) -> QgsProcessingParameterDefinition | None:

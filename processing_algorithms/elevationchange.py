@@ -52,7 +52,7 @@ class ElevationChange(SlopeWatchAlgorithm):
             declare.transform_parameter(),
             declare.polygon_parameter("STABLE", "Stable ground", STABLE_HELP, advanced=True),
             declare.profiles_parameter(),
-            declare.profile_parameter(),
+            declare.profile_parameter(self.PARAMETER_GROUPS),
         )
         self.declare_groups()
         products.declare_folder(self, products.CHANGE_FOLDER)

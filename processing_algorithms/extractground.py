@@ -35,7 +35,7 @@ class ExtractGround(SlopeWatchAlgorithm):
         self.add(
             declare.cloud_parameter("INPUT", "Survey", "Raw point cloud of the slope, LAS or LAZ."),
             declare.roi_parameter("the whole cloud"),
-            declare.profile_parameter(),
+            declare.profile_parameter(self.PARAMETER_GROUPS),
         )
         self.declare_groups()
         self.add(declare.cloud_destination("OUTPUT", "Ground", "LAZ file of the ground points."))

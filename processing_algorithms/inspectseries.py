@@ -113,7 +113,7 @@ class InspectSeries(SlopeWatchAlgorithm):
                 "alerts_used.csv; edit a copy of it.",
                 declare.CSV_FILTER,
             ),
-            declare.profile_parameter(),
+            declare.profile_parameter(self.PARAMETER_GROUPS),
         )
         self.declare_groups(basic=_BASIC, prefixes=PREFIXES)
         self.add(

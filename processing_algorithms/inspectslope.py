@@ -53,7 +53,7 @@ class InspectSlope(SlopeWatchAlgorithm):
                 " Not set: the first survey is screened, and no change is reported.",
             ),
             declare.roi_parameter("the whole clouds"),
-            declare.profile_parameter(),
+            declare.profile_parameter(self.PARAMETER_GROUPS),
         )
         self.declare_groups(basic=_BASIC, prefixes=PREFIXES)
         self.add(

@@ -42,7 +42,7 @@ class RegisterEpochs(SlopeWatchAlgorithm):
             declare.cloud_parameter("REFERENCE", "Reference", "Ground cloud of the first survey; it stays in place."),
             declare.cloud_parameter("CLOUD", "Later survey", "Ground cloud of the later survey; it is moved."),
             declare.polygon_parameter("STABLE", "Stable ground", STABLE_HELP),
-            declare.profile_parameter(),
+            declare.profile_parameter(self.PARAMETER_GROUPS),
         )
         self.declare_groups()
         self.add(

@@ -75,7 +75,7 @@ class ScreenHazards(SlopeWatchAlgorithm):
                 "Ground points of one survey, LAS or LAZ; or a raw survey with Ground points: extract.",
             ),
             declare.roi_parameter("all are", "Points outside are not screened"),
-            declare.profile_parameter(),
+            declare.profile_parameter(self.PARAMETER_GROUPS),
         )
         self.declare_groups(basic=_BASIC, prefixes={"ground": "Extraction"})
         self.add(

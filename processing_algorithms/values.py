@@ -11,9 +11,11 @@ from typing import Any
 from qgis.core import QgsProcessingAlgorithm, QgsProcessingContext, QgsProcessingException, QgsProcessingFeedback
 
 from ..interface.dates import date_in_name
-from ..interface.parameters import AUTO, ParameterError, Specification
+from ..interface.parameters import AUTO, ParameterError, Specification, profile_values
 from .declare import Groups
 
+_AUTOMATIC = (None, "", AUTO)
+"""What a field that is left to the data or the machine holds."""
 _VECTOR_FORMATS = ["gpkg", "shp", "geojson", "json", "kml", "gml", "fgb"]
 
 
@@ -90,14 +92,16 @@ class Values:
         return day.isoformat() if day else ""
 
     def settings(self, groups: Groups) -> list[str]:
-        """Options of the profile and of the parameters that differ from their defaults."""
+        """Options of the profile and of the parameters that are given and differ from the profile's."""
         arguments: list[str] = []
+        profile = "default"
         if self.algorithm.parameterDefinition("PROFILE") is not None:
-            profile = self._choice("PROFILE")
-            arguments += ["--profile", profile] if profile not in ("", "default") else []
+            profile = self._choice("PROFILE") or profile
+            arguments += ["--profile", profile] if profile != "default" else []
+        used = profile_values(groups, profile)
         for s in (s for group in groups for s in group.specifications()):
             value = self._read(s)
-            if _same(value, s.default):
+            if value is None or _same(value, used[s.name]):
                 continue
             if s.kind is bool:
                 arguments.append(f"--{s.option}" if value else f"--no-{s.option}")
@@ -109,6 +113,12 @@ class Values:
         return str(self.algorithm.parameterAsEnumString(worded(self.algorithm, self.parameters), name, self.context))
 
     def _read(self, s: Specification) -> Any:
+        """The value of a parameter, AUTO for an emptied field; None where it is not given."""
+        raw = self.parameters.get(s.qgis_name)
+        if s.automatic and s.qgis_name in self.parameters and raw in _AUTOMATIC:
+            return AUTO
+        if raw is None:
+            return None
         given = self.parameters, s.qgis_name, self.context
         if s.name == "crs":
             crs = self.algorithm.parameterAsCrs(*given)
@@ -138,16 +148,26 @@ def problem(groups: Groups, parameters: Any) -> str | None:
     """The sentence for the first value that is out of bounds, in the engine's words; None if there is none."""
     for s in (s for group in groups for s in group.specifications()):
         raw = parameters.get(s.qgis_name)
-        if raw is None or not (isinstance(raw, str) or type(raw) in (int, float)) or s.kind not in (int, float):
+        if s.kind not in (int, float) or not (isinstance(raw, str) or type(raw) in (int, float)):
+            continue
+        if s.automatic and raw in _AUTOMATIC:
             continue
         try:
-            s.check(float(raw))
-        except ValueError as error:
-            return f"{error}." if isinstance(error, ParameterError) else None
+            s.check(_number(raw))
+        except ParameterError as error:
+            return f"{error}."
     return None
 
 
-def _same(value: Any, default: Any) -> bool:
-    if isinstance(default, float):
-        return math.isclose(value, default, rel_tol=1e-9, abs_tol=1e-12)
-    return bool(value == default)
+def _number(raw: Any) -> Any:
+    """A number; what is none as it is, for the sentence that says so: QGIS takes any text for an optional number."""
+    try:
+        return float(raw)
+    except ValueError:
+        return raw
+
+
+def _same(value: Any, other: Any) -> bool:
+    if isinstance(other, float) and not isinstance(value, str):
+        return math.isclose(value, other, rel_tol=1e-9, abs_tol=1e-12)
+    return bool(value == other)

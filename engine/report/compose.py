@@ -8,7 +8,13 @@ from typing import Any
 
 from markupsafe import Markup
 
-from ...interface.parameters import GridChangeParameters, Specification, command_sets
+from ...interface.parameters import (
+    PUBLISHED_WORKFLOW,
+    PUBLISHED_WORKFLOW_ID,
+    GridChangeParameters,
+    Specification,
+    command_sets,
+)
 from ..core.errors import EngineError, InputError
 from ..core.json_shapes import read_json
 from ..core.messages import shown
@@ -65,6 +71,7 @@ def compose(record: dict[str, Any], folder: Path, profiles: Path | None = None) 
         "fig": Figures(record),
         "css": Markup((_TEMPLATES / "report.css").read_text(encoding="utf-8")),
         "settings": _settings(record["parameters"]),
+        "published": {"title": PUBLISHED_WORKFLOW, "id": PUBLISHED_WORKFLOW_ID},
     }
     if record.get("epochs"):
         template, more = "change.html.j2", _change_context(record, folder, profiles or folder / "profiles.csv")

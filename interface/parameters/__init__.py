@@ -18,13 +18,13 @@ from .ground import GroundParameters
 from .inputs import InputParameters
 from .maps import HeatmapParameters
 from .outputs import OutputParameters
-from .profiles import PROFILES
+from .profiles import PROFILES, PUBLISHED_WORKFLOW, PUBLISHED_WORKFLOW_ID
 from .registration import RegistrationParameters
 from .report import ReportParameters
 from .screening import LastEpochParameters, ScreeningParameters
 from .series import SeriesParameters
 from .simulation import CreepParameters, ScenesParameters, SurveyParameters
-from .specification import AUTO, ParameterError, ParameterSet, Specification, given
+from .specification import AUTO, ParameterError, ParameterSet, Specification, given, profile_values
 from .surface import SurfaceParameters
 from .training import FineTuneParameters
 from .zones import ZoneParameters
@@ -32,6 +32,8 @@ from .zones import ZoneParameters
 __all__ = [
     "AUTO",
     "PROFILES",
+    "PUBLISHED_WORKFLOW",
+    "PUBLISHED_WORKFLOW_ID",
     "BatchParameters",
     "ChangeParameters",
     "CreepParameters",
@@ -57,4 +59,5 @@ __all__ = [
     "ZoneParameters",
     "command_sets",
     "given",
+    "profile_values",
 ]

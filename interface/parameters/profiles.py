@@ -4,6 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+PUBLISHED_WORKFLOW = (
+    "A UAV-Based Multi-Modal Vision System for Automated Sideslope Deformation Monitoring and Hazard Detection (2026)"
+)
+PUBLISHED_WORKFLOW_ID = "arXiv:2606.20681"
+"""Title and number of the work whose flow SlopeWatch follows and whose settings the profile ``paper`` has."""
+
 PROFILES: dict[str, dict[str, dict[str, Any]]] = {
     "default": {},
     "paper": {

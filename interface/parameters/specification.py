@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, TypeVar
 
@@ -46,24 +46,23 @@ class Specification:
 
     @property
     def auto_number(self) -> float | None:
-        """The number that stands for AUTO in a field that holds only numbers, and did in earlier versions' records."""
+        """The number that stood for AUTO in earlier versions' dialogs, models and records, and still does."""
         return None if not self.automatic else 0 if self.minimum else -1
 
     @property
     def field_default(self) -> Any:
-        """The default in a field that holds only numbers."""
-        return self.auto_number if self.automatic else self.default
+        """The default in a field that holds only numbers: an empty one stands for AUTO."""
+        return None if self.automatic else self.default
 
     @property
     def field_minimum(self) -> float | None:
-        """The least number of such a field."""
+        """The least number of such a field, with the one that models of earlier versions hold."""
         return self.auto_number if self.automatic else self.minimum
 
     @property
     def field_label(self) -> str:
         """The label of such a field, with the unit."""
-        label = f"{self.label}, {self.auto_number:g} for {AUTO}" if self.automatic else self.label
-        return f"{label} ({self.unit})" if self.unit else label
+        return f"{self.label} ({self.unit})" if self.unit else self.label
 
     @property
     def option(self) -> str:
@@ -186,3 +185,13 @@ class ParameterSet:
         merged.update({k: v for k, v in (values or {}).items() if v is not None})
         names = {f.name for f in fields(cls)}
         return cls(**{name: value for name, value in merged.items() if name in names})
+
+
+def profile_values(groups: Iterable[type[ParameterSet]], profile: str) -> dict[str, Any]:
+    """The values of all parameters of some sets with a profile, by name.
+
+    Raises:
+        ParameterError: an unknown profile.
+    """
+    made = [group.build(profile=profile) for group in groups]
+    return {s.name: getattr(one, s.name) for one in made for s in one.specifications()}

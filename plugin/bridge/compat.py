@@ -27,6 +27,7 @@ _NAMES: dict[str, tuple[str, str, type, str, str]] = {
     "INTEGER": ("ProcessingNumberParameterType", "Integer", QgsProcessingParameterNumber, "Type", "Integer"),
     "DOUBLE": ("ProcessingNumberParameterType", "Double", QgsProcessingParameterNumber, "Type", "Double"),
     "ADVANCED": ("ProcessingParameterFlag", "Advanced", QgsProcessingParameterDefinition, "Flag", "FlagAdvanced"),
+    "OPTIONAL": ("ProcessingParameterFlag", "Optional", QgsProcessingParameterDefinition, "Flag", "FlagOptional"),
     "POLYGON": ("ProcessingSourceType", "VectorPolygon", QgsProcessing, "SourceType", "TypeVectorPolygon"),
     "LINE": ("ProcessingSourceType", "VectorLine", QgsProcessing, "SourceType", "TypeVectorLine"),
     "FILE": ("ProcessingFileParameterBehavior", "File", QgsProcessingParameterFile, "Behavior", "File"),
@@ -38,6 +39,7 @@ _NAMES: dict[str, tuple[str, str, type, str, str]] = {
 INTEGER = _member(*_NAMES["INTEGER"])
 DOUBLE = _member(*_NAMES["DOUBLE"])
 ADVANCED = _member(*_NAMES["ADVANCED"])
+OPTIONAL = _member(*_NAMES["OPTIONAL"])
 POLYGON = _member(*_NAMES["POLYGON"])
 LINE = _member(*_NAMES["LINE"])
 FILE = _member(*_NAMES["FILE"])

@@ -125,16 +125,31 @@ def test_values_that_differ_are_passed() -> None:
         CRS=QgsCoordinateReferenceSystem("EPSG:6557"),
     )
     assert arguments == [
-        "ground", FIRST, "--output", "/out/ground.laz", "--profile", "paper", "--no-slope-aligned",
-        "--cloth-resolution", "0.35", "--rigidness", "2", "--slope-smoothing", "--crs", "EPSG:6557",
+        "ground", FIRST, "--output", "/out/ground.laz", "--profile", "paper",
+        "--cloth-resolution", "0.35", "--rigidness", "2", "--class-threshold", "0.06", "--slope-smoothing",
+        "--crs", "EPSG:6557",
         "--height-unit", "us-survey-foot",
     ]  # fmt: skip
+
+
+def test_a_value_overrides_the_profile_also_where_it_equals_the_default() -> None:
+    given = {"INPUT": FIRST, "OUTPUT": "/out/g.laz", "PROFILE": "paper"}
+    assert command(ExtractGround, **given)[4:] == ["--profile", "paper"]
+    default, published = GroundParameters(), GroundParameters.build(profile="paper")
+    assert default.cloth_resolution != published.cloth_resolution
+    assert command(ExtractGround, **given, CLOTH_RESOLUTION=published.cloth_resolution)[4:] == ["--profile", "paper"]
+    overridden = command(ExtractGround, **given, CLOTH_RESOLUTION=default.cloth_resolution, REFINE=True)
+    assert overridden[4:] == ["--profile", "paper", "--cloth-resolution", str(default.cloth_resolution), "--refine"]
+    change = {"REFERENCE": FIRST, "CLOUD": LATER, "OUTPUT_FOLDER": "/out", "PROFILE": "paper"}
+    assert command(ElevationChange, **change, CELL=None)[-4:] == ["--profile", "paper", "--cell", "auto"], "emptied"
 
 
 def test_numbers_that_stand_for_auto_pass_nothing() -> None:
     """Those of models and batches that were saved with 0 and -1, and what an emptied field gives."""
     given = {"REFERENCE": "/a.laz", "CLOUD": "/b.laz", "OUTPUT": "/o/a.laz", "OUTPUT_FOLDER": "/o"}
     left = {"CELL": 0, "LARGEST_CELL": "0", "REGISTRATION_ERROR": -1, "COLOUR_RANGE": 0.0, "NORMAL_SCALE": None}
+    words = {"CELL": "", "REGISTRATION_ERROR": "auto"}
+    assert command(ElevationChange, **given, **words)[3:] == ["--output-dir", "/o"]
     assert command(ElevationChange, **given, **left)[3:] == ["--output-dir", "/o"]
     assert command(M3C2Distances, **given, REGISTRATION_ERROR="-1", NORMAL_SCALE=0)[3:] == ["--output", "/o/a.laz"]
     stated = command(ElevationChange, **given, CELL=0.2, REGISTRATION_ERROR=0)
@@ -147,10 +162,10 @@ def test_numbers_that_stand_for_auto_pass_nothing() -> None:
 def test_values_as_qgis_process_gives_them() -> None:
     arguments = command(
         InspectSlope, REFERENCE=FIRST, CLOUD=LATER, OUTPUT_FOLDER="/out", PROFILE="1", CELL="0.25",
-        SLOPE_ALIGNED="false", METHOD="icp", MINIMUM_POINTS="3",
+        SLOPE_ALIGNED="true", METHOD="icp", MINIMUM_POINTS="3",
     )  # fmt: skip
     assert arguments[arguments.index("/out") + 1 :] == [
-        "--profile", "paper", "--no-slope-aligned", "--method", "icp", "--cell", "0.25", "--minimum-points", "3",
+        "--profile", "paper", "--slope-aligned", "--cell", "0.25", "--minimum-points", "3",
     ]  # fmt: skip
 
 
@@ -261,8 +276,8 @@ def test_values_out_of_bounds_are_refused_with_the_dialogs_name_and_the_engines_
     for value in (0.001, -1.5, "0.004"):
         ok, sentence = made.checkParameterValues({**given, "CELL": value}, context)
         assert not ok
-        assert sentence.startswith("“Cell size, 0 for auto (m)” is ")
-        assert sentence.endswith("give a number from 0.005 to 100 m, or auto.")
+        assert sentence.startswith("“Cell size (m)” is ")
+        assert sentence.endswith("give a number from 0.005 to 100 m, or leave it empty.")
     assert made.checkParameterValues({**given, "PROFILE": "1", "METHOD": "icp"}, context)[0]
     assert not made.checkParameterValues({**given, "PROFILE": "2"}, context)[0]
     assert not made.checkParameterValues({**given, "CELL": "wide"}, context)[0]

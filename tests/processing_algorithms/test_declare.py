@@ -10,7 +10,7 @@ import pytest
 from qgis.core import QgsApplication, QgsProcessingProvider
 from slopewatch.interface.parameters import Specification
 from slopewatch.plugin.bridge import resources
-from slopewatch.plugin.bridge.compat import ADVANCED
+from slopewatch.plugin.bridge.compat import ADVANCED, OPTIONAL
 from slopewatch.processing_algorithms import ALGORITHMS
 from slopewatch.processing_algorithms.base import SlopeWatchAlgorithm
 from slopewatch.tests.builders.qgis import engine_python
@@ -240,7 +240,7 @@ def test_the_dialog_has_the_engines_parameters(algorithm: SlopeWatchAlgorithm) -
     for s in _specifications(algorithm):
         parameter: Any = algorithm.parameterDefinition(s.qgis_name)
         assert parameter is not None, s.name
-        assert parameter.help() == s.help
+        assert parameter.help() == (s.help.replace("auto:", "Not set:") if s.automatic else s.help)
         if s.unit:
             assert f"({s.unit})" in parameter.description()
         assert parameter.description().lower().endswith(s.field_label.lower())
@@ -259,7 +259,9 @@ def test_the_dialog_has_the_engines_parameters(algorithm: SlopeWatchAlgorithm) -
             if s.maximum is not None:
                 assert parameter.maximum() == s.maximum
             decimals = parameter.metadata().get("widget_wrapper", {}).get("decimals", 0)
-            assert round(s.field_default, decimals) == s.field_default, f"{s.name}: the field would round the default"
+            assert bool(parameter.flags() & OPTIONAL) == s.automatic, f"{s.name}: empty where it is left to the data"
+            if not s.automatic:
+                assert round(s.default, decimals) == s.default, f"{s.name}: the field would round the default"
         if algorithm.name() not in (
             "inspectslope",
             "inspectseries",

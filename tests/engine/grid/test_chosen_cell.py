@@ -44,8 +44,6 @@ def test_the_word_for_what_is_left_to_the_data() -> None:
     for value in (0.004, -0.1, "automatic"):
         with pytest.raises(ParameterError, match=r"a number from 0\.005 to 100 m, or auto"):
             ChangeParameters(cell=value)
-    label = next(s for s in ChangeParameters.specifications() if s.name == "cell").field_label
-    assert label == "Cell size, 0 for auto (m)"
 
 
 def test_the_choice_is_told_and_is_part_of_the_result() -> None:

@@ -23,7 +23,12 @@ from slopewatch.engine.report.compose import check_report, write_report
 from slopewatch.engine.report.figures import Figures, number
 from slopewatch.engine.report.maps import closed
 from slopewatch.engine.zones.profiles import read_profiles
-from slopewatch.interface.parameters import ChangeParameters, ReportParameters
+from slopewatch.interface.parameters import (
+    PUBLISHED_WORKFLOW,
+    PUBLISHED_WORKFLOW_ID,
+    ChangeParameters,
+    ReportParameters,
+)
 from slopewatch.workflows.change import change_step
 from slopewatch.workflows.report import report_step
 from slopewatch.workflows.settings import Settings
@@ -284,6 +289,11 @@ def test_the_words_are_those_of_the_trade(page: Page) -> None:
     assert "What this cannot tell you" in page.words
     for limit in ("not compared", "Slip along the surface", "mm/day", "Vegetation", "no statement on stability"):
         assert limit in page.words
+
+
+def test_the_published_workflow_is_cited(made: Path) -> None:
+    cited = (made / "report.html").read_text(encoding="utf-8")
+    assert f"<cite>{PUBLISHED_WORKFLOW}</cite>, {PUBLISHED_WORKFLOW_ID}" in cited
 
 
 def test_the_same_folder_gives_the_same_bytes(made: Path, tmp_path: Path) -> None:

@@ -85,12 +85,12 @@ AUTOMATIC = [(g, s) for g, s in SPECIFICATIONS if s.automatic]
 
 
 @pytest.mark.parametrize(("group", "specification"), AUTOMATIC, ids=lambda v: getattr(v, "name", ""))
-def test_what_is_left_to_the_data_is_a_word_and_the_number_of_dialogs_stands_for_it(group, specification):
+def test_what_is_left_to_the_data_is_a_word_an_empty_field_and_the_number_of_earlier_dialogs(group, specification):
     s = specification
     assert s.default == getattr(group(), s.name) == AUTO
     assert s.auto_number == (-1 if s.minimum == 0 else 0)
-    assert (s.field_default, s.field_minimum) == (s.auto_number, s.auto_number)
-    assert f", {s.auto_number:g} for auto" in s.field_label
+    assert (s.field_default, s.field_minimum) == (None, s.auto_number)
+    assert s.field_label == (f"{s.label} ({s.unit})" if s.unit else s.label)
     for value in (AUTO, s.auto_number, float(s.auto_number)):
         assert getattr(group(**{s.name: value}), s.name) == AUTO
     assert given(getattr(group(**{s.name: s.minimum}), s.name)) == s.minimum

@@ -1,0 +1,44 @@
+"""The field of the profile in a dialog: choosing one fills in the values that it uses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from processing.gui.wrappers import DIALOG_MODELER, WidgetWrapper
+from qgis.core import QgsProcessingContext
+from qgis.PyQt.QtWidgets import QComboBox
+
+
+class ProfileWidget(WidgetWrapper):  # type: ignore[misc]
+    """A list of the profiles. What no profile names stays as it is when another is chosen."""
+
+    def createWidget(self, filled: Mapping[str, Mapping[str, Any]]) -> QComboBox:
+        """The list; ``filled`` are the values of each profile by the parameters' names, None for an empty field."""
+        self._filled = filled
+        box = QComboBox()
+        box.addItems(self.parameterDefinition().options())
+        return box
+
+    def setValue(self, value: Any) -> None:
+        """Choose a profile by its name or, as qgis_process may, by its number."""
+        options = self.parameterDefinition().options()
+        word = str(value)
+        self.widget.setCurrentText(options[int(word)] if word.isdecimal() and int(word) < len(options) else word)
+
+    def value(self) -> str:
+        return str(self.widget.currentText())
+
+    def postInitialize(self, wrappers: Sequence[Any]) -> None:
+        """Fill the other fields whenever a profile is chosen; in a model they hold sources of values, not values."""
+        if self.dialogType == DIALOG_MODELER:
+            return
+        fields = {one.parameterDefinition().name(): one for one in wrappers}
+        context = QgsProcessingContext()
+
+        def fill(profile: str) -> None:
+            for name, value in self._filled[profile].items():
+                fields[name].setParameterValue(value, context)
+            self.widgetValueHasChanged.emit(self)
+
+        self.widget.currentTextChanged.connect(fill)
