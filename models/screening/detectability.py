@@ -9,14 +9,14 @@ import numpy as np
 
 from ...engine.core.arrays import Float, Float32
 from ..preparation.relief_raster import CELL_M, ReliefRaster
-from ..preparation.smallest_hazard import RELIEF_FACTORS, smallest_hazard
+from ..preparation.smallest_hazard import NETWORK_FACTORS, RELIEF_FACTORS, smallest_hazard
 
 USUAL_HAZARD_M = 1.0
 """Where no hazard of this height can be found, nothing that screening is made for can be."""
 DOUBTFUL_SHARE = 0.45
 """Part of the slope on which a hazard of ``USUAL_HAZARD_M`` is not found beyond which zones come with a warning. On
 places of which 46 to 98 % was blind the filter found 12 to 25 % of hazards of 1.2 m, on those up to 41 %, 38 to 100."""
-PARTS: dict[str, dict[float, float] | None] = {"filter": None, "relief": RELIEF_FACTORS}
+PARTS: dict[str, dict[float, float] | None] = {"filter": None, "relief": RELIEF_FACTORS, "network": NETWORK_FACTORS}
 """Methods for which was measured what they find, and what they need as parts of what the filter does."""
 MAX_BLIND_SHARE = {"filter": DOUBTFUL_SHARE, "relief": 0.85, "network": 0.85, "residual": 0.85}
 """Beyond it a method shows no zones. Others than the filter may see more where hazards and structures themselves make
