@@ -11,6 +11,7 @@ from typing import Any
 
 from ..engine.core.errors import InputError
 from ..engine.core.run_record import versions
+from ..engine.pointcloud.clipping import CLIPPED_BY
 from ..engine.pointcloud.pdal_program import find_pdal
 from ..models.network.shipped import RELIEF_SHA256, RELIEF_WEIGHTS, SHIPPED_SHA256, SHIPPED_WEIGHTS
 
@@ -19,7 +20,7 @@ def check_environment(pdal: Path | None = None) -> dict[str, Any]:
     """Versions and places of what the engine uses.
 
     Raises:
-        InputError: a library or PDAL is missing or does not start.
+        InputError: a library is missing, or the PDAL that was asked for does not start.
     """
     found: dict[str, Any] = {**versions(), "interpreter": sys.executable}
     for name in ("rasterio", "geopandas", "laspy", "lazrs", "CSF"):
@@ -34,7 +35,7 @@ def check_environment(pdal: Path | None = None) -> dict[str, Any]:
     found["screening_weights"] = SHIPPED_SHA256[:12] if SHIPPED_WEIGHTS.is_file() else "not there"
     found["relief_weights"] = RELIEF_SHA256[:12] if RELIEF_WEIGHTS.is_file() else "not there"
     program = find_pdal(pdal)
-    found["pdal"] = program.version
+    found["pdal"] = program.version or f"none; {CLIPPED_BY} clip clouds instead"
     found["pdal_path"] = program.path
     found["pdal_found_by"] = program.how
     found["qgis_process"] = shutil.which("qgis_process") or "not on PATH"

@@ -29,6 +29,7 @@ from ..engine.core.progress import Progress
 from ..engine.core.run_record import RunRecord
 from ..engine.core.run_result import RunResult
 from ..engine.core.staged_outputs import Stage, refuse_inputs_as_outputs, staged_outputs
+from ..engine.pointcloud.clipping import CLIPPED_BY
 from ..engine.pointcloud.pdal_program import Pdal, find_pdal
 from ..engine.report.compose import REPORT, write_report
 from ..engine.zones.earlier_reviews import NOT_CARRIED, EarlierReviews
@@ -89,13 +90,15 @@ class Run:
         self.reviews = EarlierReviews(folder, files, not_carried)
 
     def find_pdal(self, given: Path | None) -> Pdal:
-        """The pdal program, named in the record.
+        """The pdal program, or that there is none, and what clips instead, named in the record.
 
         Raises:
-            InputError: there is none that works.
+            InputError: the one that was asked for does not work.
         """
         program = find_pdal(given)
         self.facts["pdal"] = {"version": program.version, "path": program.path, "found": program.how}
+        if not program.is_there:
+            self.facts["pdal"]["instead"] = CLIPPED_BY
         return program
 
     def hash_inputs(self) -> tuple[str, ...]:

@@ -26,6 +26,7 @@ from ..core.progress import Progress
 from ..geometry.dominant_plane import apply_matrix, flattening_matrix
 from ..geometry.point_spacing import point_spacing
 from ..pointcloud import plant_cover
+from ..pointcloud.clipping import clip
 from ..pointcloud.header import EmptyCloud, preflight
 from ..pointcloud.pdal_program import Pdal, find_pdal, keep_pipeline
 from ..pointcloud.reading import open_cloud
@@ -128,8 +129,7 @@ class _Extraction:
             source = self._open(roi)
         with cancellation.temporary(self._file("clip.las")) as plain:
             with self._step("clip", 0.1, 0.3, "clipping"):
-                self._clip(source, plain)
-                self._require_clipped(plain, roi)
+                self._require_clipped(self._clip(source, plain), roi)
             found = self._in_tiles(source, plain) if source.in_tiles else self._in_one_piece(source, plain)
             header = preflight(self.classified)
             self._keep("select", pdal_pipelines.select_pipeline(self.classified, self.output, header))
@@ -218,8 +218,8 @@ class _Extraction:
         self.warnings += frame.notes
         if header.point_format in pdal_pipelines.WAVEFORM_FORMATS:
             raise InputError(
-                f"{shown(self.cloud)} holds waveforms (point format {header.point_format}), which PDAL does not "
-                "read; export it without them."
+                f"{shown(self.cloud)} holds waveforms (point format {header.point_format}), which are not read; export "
+                "it without them."
             )
         large = not fits_in_one_piece(header.count, header.count, self.parameters)
         region = None if roi is None else read_roi(roi, frame.crs, unit=frame.horizontal_factor)
@@ -234,22 +234,29 @@ class _Extraction:
             refuse_full_disk(header, raw.points, self.output.absolute().parent)
         return Source(header, frame, region, raw.area, raw.largest_class > pdal_pipelines.MAX_PDAL_CLASS, large)
 
-    def _clip(self, source: Source, plain: Path) -> None:
-        """Write the points within the region to ``plain``; the pipeline is kept as one that writes ``clipped``."""
+    def _clip(self, source: Source, plain: Path) -> int:
+        """Write the points within the region to ``plain``; how many there are.
+
+        The pipeline is kept as one that writes ``clipped``.
+        """
         area = None if source.region is None else source.region.geometry
         ran, kept = (
             pdal_pipelines.clip_pipeline(self.cloud, output, source.header, source.frame, area)
             for output in (plain, plain if source.odd_classes else self.clipped)
         )
-        self._run(ran, source.header.count)
         self._keep("clip", kept)
-
-    def _require_clipped(self, plain: Path, roi: Path | None) -> None:
+        if not self.pdal.is_there:
+            return clip(source.header, source.frame, area, plain)
+        self._run(ran, source.header.count)
         try:
-            count = preflight(plain).count
+            return preflight(plain).count
         except EmptyCloud:
+            return 0
+
+    def _require_clipped(self, count: int, roi: Path | None) -> None:
+        if not count:
             place = f" inside the region {shown(roi)}" if roi else ""
-            raise InputError(f"{shown(self.cloud)} has no point{place}; check both.") from None
+            raise InputError(f"{shown(self.cloud)} has no point{place}; check both.")
         require_points(f"{shown(self.cloud)}{' within the region' if roi else ''}", count)
 
     def _without_outliers(self, xyz: Float, returns: Returns, labels: NDArray[np.uint8]) -> Clipped:

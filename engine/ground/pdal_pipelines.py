@@ -14,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from ...interface.parameters import GroundParameters
 from ..crs.working_frame import WorkingFrame
 from ..geometry.dominant_plane import Plane, flattening_matrix, unflattening_matrix
+from ..pointcloud.clipping import MODERN_FORMAT
 from ..pointcloud.header import CloudHeader
 from ..pointcloud.records import extra_dimensions
 from ..pointcloud.writing import wkt_of
@@ -29,7 +30,6 @@ MAX_PDAL_CLASS = 31
 before 6 keep in the same byte for such classes, too."""
 _SCALED = 0b11000
 """Options of an extra dimension with a scale or an offset, which PDAL applies."""
-_MODERN_FORMAT = {0: 6, 1: 6, 2: 7, 3: 7, 6: 6, 7: 7, 8: 8}
 
 
 def clip_pipeline(
@@ -126,7 +126,7 @@ def _writer(path: Path, header: CloudHeader) -> Stage:
         "filename": str(path),
         "forward": "header,scale,offset",
         "minor_version": 4,
-        "dataformat_id": _MODERN_FORMAT[header.point_format],
+        "dataformat_id": MODERN_FORMAT[header.point_format],
     }
     if path.suffix.lower() == ".laz":
         stage["compression"] = "laszip"

@@ -27,6 +27,8 @@ from ..core.messages import shown
 from ..core.staged_outputs import atomic_output
 
 VARIABLE = "SLOPEWATCH_PDAL"
+NONE = "none"
+"""The variable's value for doing without PDAL."""
 CSF_SINCE = (2, 3)
 """PDAL 2.2's filters.csf fails on every cloud (https://github.com/PDAL/PDAL/issues/3463)."""
 PRIVATE = Path(__file__).resolve().parents[2] / ".pdal" / "bin" / "pdal"
@@ -37,11 +39,18 @@ Stage = dict[str, Any]
 
 @dataclass(frozen=True)
 class Pdal:
-    """A PDAL that starts. ``path`` is the program, None for the Python package; ``how`` says where it was found."""
+    """A PDAL that starts. ``path`` is the program, None for the Python package; ``how`` says where it was found.
+
+    ``NO_PDAL``, without a version, stands for none.
+    """
 
     path: Path | None
     version: str
     how: str
+
+    @property
+    def is_there(self) -> bool:
+        return bool(self.version)
 
     @property
     def release(self) -> tuple[int, ...]:
@@ -76,6 +85,9 @@ class Pdal:
                 raise _failure(result, pipeline, self.version)
 
 
+NO_PDAL = Pdal(None, "", "none was found")
+
+
 def keep_pipeline(pipeline: list[Stage], path: Path, final: Path | None = None) -> None:
     """Write a pipeline as JSON for ``pdal pipeline``: absolute names, with wildcards escaped as PDAL wants it.
 
@@ -101,16 +113,19 @@ def keep_pipeline(pipeline: list[Stage], path: Path, final: Path | None = None) 
 def find_pdal(setting: Path | str | None = None) -> Pdal:
     """The PDAL to use: SLOPEWATCH_PDAL, then ``setting``, then the Python package, then PATH or the private prefix.
 
-    Of the one on PATH and the private one the newer is taken.
+    Of the one on PATH and the private one the newer is taken. ``NO_PDAL`` where there is none, or where the
+    variable says ``NONE``.
 
     Raises:
-        InputError: the one asked for does not start, or there is none.
+        InputError: the one asked for does not start.
     """
     return _find(os.environ.get(VARIABLE, ""), str(setting or ""), os.environ.get("PATH", ""))
 
 
 @functools.lru_cache(maxsize=8)
 def _find(variable: str, setting: str, search_path: str) -> Pdal:
+    if variable == NONE:
+        return Pdal(None, "", f"environment variable {VARIABLE}")
     for given, how, remedy in (
         (variable, f"environment variable {VARIABLE}", f"correct or unset {VARIABLE}"),
         (setting, "setting", "correct the setting (--pdal)"),
@@ -131,11 +146,7 @@ def _find(variable: str, setting: str, search_path: str) -> Pdal:
         version = _version_of([candidate, "--version"]) if candidate else None
         if candidate and version is not None:
             found.append(Pdal(Path(candidate), version, how))
-    if not found:
-        raise InputError(
-            f"PDAL was not found; run `make setup`, install PDAL, or name its program in {VARIABLE} or with --pdal."
-        )
-    return max(found, key=lambda p: p.release)  # the first of equals: the one on PATH
+    return max(found, key=lambda p: p.release, default=NO_PDAL)  # the first of equals: the one on PATH
 
 
 def _version_of(arguments: list[str]) -> str | None:

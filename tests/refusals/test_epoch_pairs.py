@@ -40,7 +40,6 @@ from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.epochs.epoch import Epoch
 from slopewatch.engine.grid.geotiff import read_raster
 from slopewatch.engine.ground import extraction
-from slopewatch.engine.pointcloud.pdal_program import find_pdal
 from slopewatch.engine.pointcloud.reading import read_cloud
 from slopewatch.interface.parameters import (
     GroundParameters,
@@ -114,15 +113,7 @@ def test_33_dates_reversed_or_equal(first, days, word):
     refused(folder, lambda: monitor_series(epochs, folder / "out"), word, "2024-05-01")
 
 
-def any_pdal() -> None:
-    try:
-        find_pdal()
-    except InputError as error:
-        pytest.skip(f"no PDAL: {error}")
-
-
 def test_34_a_region_outside_of_the_clouds(first):
-    any_pdal()
     other = write(first.with_name("2025-05-01.laz"), slope(2))
     area = region(first.with_name("roi.gpkg"), shapely.box(X + 500, Y, X + 520, Y + 20))
     pair = Epoch(first, date(2024, 5, 1)), Epoch(other, date(2025, 5, 1))
@@ -152,7 +143,6 @@ def test_36_a_region_in_another_system_is_transformed(watched):
 
 def test_37_no_ground_found(tmp_path, monkeypatch):
     """A closed crown over a dozen points; then a surface of which the refinement leaves nothing."""
-    any_pdal()
     crown = slope(1) + [0, 0, 15]
     crown[:, 2] += np.random.default_rng(0).uniform(0, 8, len(crown))
     cloud = write(tmp_path / "crown.laz", np.vstack([crown, slope(2, 5)]))

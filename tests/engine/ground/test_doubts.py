@@ -182,10 +182,7 @@ def test_classes_that_contradict_themselves():
 
 
 def test_the_extraction_says_what_it_doubts(tmp_path):
-    try:
-        pdal = find_pdal()
-    except InputError as error:
-        pytest.skip(f"no PDAL: {error}")
+    pdal = find_pdal()
     xyz = lowered(meadow(), 0.02)
     header = laspy.LasHeader(point_format=6, version="1.4")
     header.scales, header.offsets = [0.001] * 3, [500_000, 3_500_000, 0]

@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 import shapely
 from pyproj import CRS
+from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.ground import extraction as module
 from slopewatch.engine.ground.extraction import extract_ground
 from slopewatch.engine.ground.filtering import ground_mask
 from slopewatch.engine.pointcloud.header import preflight
-from slopewatch.engine.pointcloud.pdal_program import Pdal
+from slopewatch.engine.pointcloud.pdal_program import NO_PDAL, Pdal
 from slopewatch.interface.parameters import GroundParameters
 from slopewatch.tests.builders.extracted_ground import any_pdal, old_pdal, rows, write
 
@@ -160,6 +161,22 @@ def test_an_epoch_is_decoded_twice_and_encoded_once_into_each_file(pair, inputs,
     assert sum(spy.decoded) == 2 * found.raw_points
     kept = found.roi_points - found.outliers
     assert sorted(spy.encoded) == sorted([kept, kept, found.ground_points])
+
+
+def test_without_pdal_the_ground_is_the_same(inputs, tmp_path):
+    for folder, pdal in (("own", NO_PDAL), ("other", old_pdal())):
+        (tmp_path / folder).mkdir()
+        extract_ground(inputs[0], tmp_path / folder / "a_ground.laz", roi=inputs[1], pdal=pdal)
+    for name in ("a_ground.laz", "a_clipped.laz", "a_classified.laz"):
+        own, other = (laspy.read(tmp_path / folder / name) for folder in ("own", "other"))
+        for dimension in own.point_format.dimension_names:
+            np.testing.assert_array_equal(np.asarray(own[dimension]), np.asarray(other[dimension]), err_msg=dimension)
+    hole = tmp_path / "hole.gpkg"  # within the cloud's bounds, but none of its points
+    gap = shapely.Point(laspy.read(inputs[0]).xyz[0, :2] + 0.0004).buffer(0.0001)
+    geopandas.GeoDataFrame(geometry=[gap], crs=geopandas.read_file(inputs[1]).crs).to_file(hole)
+    for pdal in (NO_PDAL, any_pdal()):
+        with pytest.raises(InputError, match=r"has no point inside the region .*hole\.gpkg'; check both"):
+            extract_ground(inputs[0], tmp_path / "b_ground.laz", roi=hole, pdal=pdal)
 
 
 def test_arrays_and_files_give_the_same_ground(result):

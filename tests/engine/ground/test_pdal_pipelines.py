@@ -11,23 +11,20 @@ import numpy as np
 import pytest
 import shapely
 from pyproj import CRS
-from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.geometry.dominant_plane import Plane
 from slopewatch.engine.ground.pdal_pipelines import clip_pipeline, cloth_pipeline, matrix_text, select_pipeline
 from slopewatch.engine.pointcloud.header import preflight
-from slopewatch.engine.pointcloud.pdal_program import Pdal, find_pdal
+from slopewatch.engine.pointcloud.pdal_program import Pdal
 from slopewatch.engine.pointcloud.reading import open_cloud
 from slopewatch.interface.parameters import GroundParameters, InputParameters
+from slopewatch.tests.builders.extracted_ground import any_pdal
 
 FOOT = 0.3048
 
 
 @pytest.fixture(scope="session")
 def pdal() -> Pdal:
-    try:
-        return find_pdal()
-    except InputError as error:
-        pytest.skip(f"no PDAL to run pipelines with: {error}")
+    return any_pdal()
 
 
 def clip(pdal: Pdal, source: Path, output: Path, area=None, inputs: InputParameters | None = None) -> laspy.LasData:

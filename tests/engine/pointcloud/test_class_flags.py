@@ -10,14 +10,13 @@ import laspy
 import numpy as np
 import pytest
 from pyproj import CRS
-from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.epochs.epoch import Epoch
 from slopewatch.engine.ground.extraction import extract_ground
 from slopewatch.engine.ground.result import GroundResult
-from slopewatch.engine.pointcloud.pdal_program import find_pdal
 from slopewatch.engine.pointcloud.writing import Copy, copies
 from slopewatch.interface.parameters import ChangeParameters, LastEpochParameters, ReportParameters
 from slopewatch.tests.builders.epoch_pairs import slope
+from slopewatch.tests.builders.extracted_ground import any_pdal
 from slopewatch.workflows.inspect import inspect_slope
 from slopewatch.workflows.settings import Settings
 
@@ -28,10 +27,7 @@ CLASSES = {1: (2, 12), 3: (2, 31), 6: (2, 12, 64, 200), 7: (2, 31, 130)}
 
 @pytest.fixture(autouse=True, scope="module")
 def _pdal() -> None:
-    try:
-        find_pdal()
-    except InputError as error:
-        pytest.skip(f"no PDAL to run pipelines with: {error}")
+    any_pdal()
 
 
 def write(path: Path, point_format: int, classes: tuple[int, ...], flags: tuple[str, ...], seed: int = 1) -> Path:

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from slopewatch.engine.core.errors import EngineError, InputError
 from slopewatch.engine.pointcloud import pdal_program as module
-from slopewatch.engine.pointcloud.pdal_program import Pdal, find_pdal, keep_pipeline
+from slopewatch.engine.pointcloud.pdal_program import NO_PDAL, Pdal, find_pdal, keep_pipeline
+from slopewatch.tests.builders.extracted_ground import any_pdal
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="the programs that stand in for PDAL are shell scripts")
 
@@ -40,10 +41,7 @@ def bare(tmp_path, monkeypatch) -> Path:
 
 @pytest.fixture(scope="session")
 def real_pdal() -> Pdal:
-    try:
-        return find_pdal()
-    except InputError as error:
-        pytest.skip(f"no PDAL to run pipelines with: {error}")
+    return any_pdal()
 
 
 def test_the_variable_comes_before_the_setting_and_the_setting_before_the_rest(bare, monkeypatch):
@@ -87,9 +85,16 @@ def test_an_explicit_one_that_does_not_start_is_an_error_that_names_it(bare, mon
         find_pdal(broken)
 
 
-def test_without_any_the_error_tells_what_to_do(bare):
-    with pytest.raises(InputError, match="make setup"):
-        find_pdal()
+def test_there_may_be_none_and_one_may_do_without(bare, monkeypatch):
+    assert find_pdal() == NO_PDAL
+    assert not NO_PDAL.is_there
+    assert not NO_PDAL.has_csf
+    program(bare / "bin" / "pdal", "2.9.0")
+    module._find.cache_clear()
+    assert find_pdal().is_there
+    monkeypatch.setenv("SLOPEWATCH_PDAL", "none")
+    assert not find_pdal().is_there
+    assert "SLOPEWATCH_PDAL" in find_pdal().how
 
 
 @pytest.mark.parametrize(("version", "works"), [("2.2.0", False), ("2.3.0", True), ("2.9.3", True), ("2.10.1", True)])
