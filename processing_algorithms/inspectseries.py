@@ -12,6 +12,7 @@ from qgis.core import (
 
 from ..interface.parameters import command_sets
 from ..plugin.bridge.engine_client import EngineResult
+from ..plugin.bridge.project_time import project_time
 from ..plugin.bridge.styling import Appearance, load_on_completion
 from . import declare, products
 from .base import PREFIXES, SlopeWatchAlgorithm
@@ -149,10 +150,11 @@ class InspectSeries(SlopeWatchAlgorithm):
         for name, kind, label, order in _KINDS:
             paths = [p for key, p in sorted(result.outputs.items()) if key.startswith(f"{kind}_change_")]
             lists[name] = paths
+            after = project_time()
             for number, path in enumerate(paths if shown else ()):
-                # the last survey on top, so that without the temporal controller the whole change is seen
-                last = number == len(paths) - 1
-                appearance = Appearance(order * 1000 + number, visible=kind == "cumulative", expanded=last)
-                day = path.rpartition(".")[0][-10:]
-                load_on_completion(values.context, path, appearance, f"{label}: {day}", f"{group}, {label.lower()}")
+                # the last survey alone: earlier ones would show where it has no data
+                last = kind == "cumulative" and number == len(paths) - 1
+                appearance = Appearance(order * 1000 + number, visible=last, expanded=last, after=after)
+                name = f"{path.rpartition('.')[0][-10:]} {label[:1].lower()}{label[1:]}"
+                load_on_completion(values.context, path, appearance, name, f"{group}, {label.lower()}")
         return {"OUTPUT_FOLDER": values.output_folder(), **lists, **delivered}

@@ -19,6 +19,7 @@ from qgis.core import (
 )
 
 from ..plugin.bridge.compat import POLYGON
+from ..plugin.bridge.elevation_layers import surfaces
 from ..plugin.bridge.engine_client import EngineResult
 from ..plugin.bridge.styling import Appearance, copy_raster, copy_vector, style_on_completion
 from .declare import with_help
@@ -49,18 +50,26 @@ CHANGE_PRODUCTS = (
         layer="zones",
     ),
     Product(
+        "FOOTPRINTS",
+        "zones",
+        "Footprints of the volumes",
+        "Polygons over which the zones' volumes are taken, which reach beyond the significant cells.",
+        Appearance(45, visible=False, expanded=False),
+        layer="footprints",
+    ),
+    Product(
         "SIGNIFICANT_CHANGE",
         "significant_change",
         "Significant change (m)",
         "Elevation change where it is above the level of detection; no data elsewhere.",
-        Appearance(40, visible=False, expanded=False),
+        Appearance(40),
     ),
     Product(
         "ELEVATION_CHANGE",
         "elevation_change",
         "Elevation change (m)",
-        "Height of the later survey minus that of the reference in each cell.",
-        Appearance(30),
+        "Height of the later survey minus that of the reference in each cell, also where it is within its error.",
+        Appearance(30, visible=False, expanded=False),
     ),
     Product(
         "LEVEL_OF_DETECTION",
@@ -123,9 +132,14 @@ CHANGE_PRODUCTS = (
         "SURFACE_HEIGHTS",
         "surface_heights",
         "Heights of both surfaces (m)",
-        "Height of the ground in each cell: the first band is the earlier survey, the second the later one.",
-        Appearance(8, visible=False, expanded=False),
-        by_default=False,
+        "Height of the ground in each cell: the first band is the earlier survey, the second the later one. Loaded as "
+        "two elevation layers, for elevation profiles and 3D views.",
+        Appearance(
+            8,
+            visible=False,
+            expanded=False,
+            after=surfaces(("Ground heights, earlier survey (m)", "Ground heights, later survey (m)")),
+        ),
     ),
     Product(
         "POINT_COUNTS",

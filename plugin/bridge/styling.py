@@ -7,6 +7,7 @@ that they are there for qgis_process and other programs too.
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -22,11 +23,15 @@ from qgis.core import (
 
 @dataclass(frozen=True)
 class Appearance:
-    """How a result sits in the layer tree: ``order`` (larger is higher), shown at first, legend unfolded."""
+    """How a result sits in the layer tree: ``order`` (larger is higher), shown at first, legend unfolded.
+
+    ``after`` is called with the styled layer and its project, in QGIS's main thread.
+    """
 
     order: int
     visible: bool = True
     expanded: bool = True
+    after: Callable[[Any, QgsProject], None] | None = None
 
 
 class StylePostProcessor(QgsProcessingLayerPostProcessorInterface):
@@ -57,6 +62,8 @@ class StylePostProcessor(QgsProcessingLayerPostProcessorInterface):
         if node is not None:
             node.setItemVisibilityChecked(self._appearance.visible)
             node.setExpanded(self._appearance.expanded)
+        if self._appearance.after is not None:
+            self._appearance.after(layer, project)
 
 
 def style_on_completion(

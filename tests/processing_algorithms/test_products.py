@@ -38,12 +38,13 @@ os.makedirs(folder, exist_ok=True)
 srs = osr.SpatialReference()
 srs.ImportFromEPSG(32651)
 outputs = {}
-def raster(key, name, number):
+def raster(key, name, *numbers):
     path = os.path.join(folder, name)
-    data = gdal.GetDriverByName("GTiff").Create(path, 4, 3, 1, gdal.GDT_Float32)
+    data = gdal.GetDriverByName("GTiff").Create(path, 4, 3, len(numbers), gdal.GDT_Float32)
     data.SetGeoTransform((0, 1, 0, 3, 0, -1))
     data.SetProjection(srs.ExportToWkt())
-    data.GetRasterBand(1).Fill(number)
+    for band, number in enumerate(numbers, 1):
+        data.GetRasterBand(band).Fill(number)
     data = None
     with open(path[:-4] + ".qml", "w") as qml:
         qml.write('<!DOCTYPE qgis><qgis version="3.34.0"><pipe><rasterrenderer type="singlebandpseudocolor" band="1" '
@@ -59,9 +60,10 @@ raster("significant_change", "significant_change.tif", 0.5)
 raster("heatmap_raster", "heatmap.tif", 1)
 raster("top_view", "top_view.tif", 2)
 for number, key in enumerate(
-    ("change_probability", "cell_size", "plant_error", "plant_change", "surface_heights", "point_counts"), 3
+    ("change_probability", "cell_size", "plant_error", "plant_change", "point_counts"), 3
 ):
     raster(key, key + ".tif", number)
+raster("surface_heights", "surface_heights.tif", 7, 8)
 outputs["zones"] = os.path.join(folder, "zones.gpkg")
 data = ogr.GetDriverByName("GPKG").CreateDataSource(outputs["zones"])
 layer = data.CreateLayer("zones", srs, ogr.wkbPolygon)
@@ -71,6 +73,7 @@ for number, kind in enumerate(("uplift", "subsidence", "uplift")):
     feature["kind"] = kind
     feature.SetGeometry(ogr.CreateGeometryFromWkt(f"POLYGON(({number} 0,{number} 1,{number + 1} 1,{number} 0))"))
     layer.CreateFeature(feature)
+data.CreateLayer("footprints", srs, ogr.wkbPolygon)
 layer = data = None
 import sqlite3
 database = sqlite3.connect(outputs["zones"])
@@ -192,8 +195,9 @@ class TestLoading:
         group = project.layerTreeRoot().findGroup("SlopeWatch 2024-05-01 to 2025-05-01")
         assert [(node.name(), node.itemVisibilityChecked()) for node in group.findLayers()] == [
             ("Hazard zones", True),
-            ("Significant change (m)", False),
-            ("Elevation change (m)", True),
+            ("Footprints of the volumes", False),
+            ("Significant change (m)", True),
+            ("Elevation change (m)", False),
             ("Level of detection (m)", False),
             ("Probability of change", False),
             ("Size of the cells (m)", False),
@@ -201,9 +205,16 @@ class TestLoading:
             ("Change that plants explain (m)", False),
             ("Heatmap", False),
             ("Top view", True),
-            ("Heights of both surfaces (m)", False),
+            ("Ground heights, later survey (m)", False),
+            ("Ground heights, earlier survey (m)", False),
             ("Ground points in each cell", False),
         ]
+        for name, band in (("earlier", 1), ("later", 2)):
+            surface = project.mapLayersByName(f"Ground heights, {name} survey (m)")[0]
+            assert Path(surface.source()) == tmp_path / "out" / "surface_heights.tif"
+            elevation = surface.elevationProperties()
+            assert (elevation.isEnabled(), elevation.bandNumber()) == (True, band)
+            assert (surface.renderer().type(), surface.renderer().usesBands()) == ("hillshade", [band])
         change = project.mapLayersByName("Elevation change (m)")[0]
         assert change.renderer().type() == "singlebandpseudocolor"
         assert Path(change.source()).parent == tmp_path / "out"

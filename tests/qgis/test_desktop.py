@@ -66,17 +66,21 @@ def test_the_run_from_the_dialog_succeeded(session: dict[str, Any]) -> None:
 def test_the_styled_layers_are_on_the_map(session: dict[str, Any]) -> None:
     layers = {layer["name"]: layer for layer in session["layers"]}
     assert list(layers) == [
-        "Hazard zones", "Screened zones", "Significant change (m)", "Elevation change (m)", "Top view",
+        "Hazard zones", "Screened zones", "Footprints of the volumes", "Significant change (m)", "Elevation change (m)",
+        "Top view", "Ground heights, later survey (m)", "Ground heights, earlier survey (m)",
     ]  # fmt: skip
     assert {name: layer["renderer"] for name, layer in layers.items()} == {
         "Hazard zones": "categorizedSymbol",
         "Screened zones": "categorizedSymbol",
+        "Footprints of the volumes": "categorizedSymbol",
         "Significant change (m)": "singlebandpseudocolor",
         "Elevation change (m)": "singlebandpseudocolor",
         "Top view": "multibandcolor",
+        "Ground heights, later survey (m)": "hillshade",
+        "Ground heights, earlier survey (m)": "hillshade",
     }
-    hidden = {"Screened zones", "Significant change (m)"}
-    assert {name for name, layer in layers.items() if layer["visible"]} == set(layers) - hidden
+    shown = {name for name, layer in layers.items() if layer["visible"]}
+    assert shown == {"Hazard zones", "Significant change (m)", "Top view"}, "what is within its error is not coloured"
     for layer in layers.values():
         assert layer["valid"]
         assert layer["group"] == "SlopeWatch 2024-05-01 to 2025-05-01"

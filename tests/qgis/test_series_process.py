@@ -15,6 +15,7 @@ from qgis.core import (
     QgsProcessingOutputLayerDefinition,
     QgsProject,
     QgsRasterLayer,
+    QgsUnitTypes,
     QgsVectorLayer,
 )
 from qgis.PyQt.QtCore import QDateTime, Qt
@@ -147,7 +148,7 @@ def test_the_dialog_loads_every_survey_with_its_days(
     ]
     layers = {layer.name(): layer for layer in project.mapLayers().values()}
     assert len(layers) == 3 + 6
-    last = layers["Change since the first survey: 2024-04-01"]
+    last = layers["2024-04-01 change since the first survey"]
     assert last.temporalProperties().fixedTemporalRange().end().date().toString("yyyy-MM-dd") == "2024-04-01"
     assert layers["Zones survey by survey"].temporalProperties().isActive()
     root = project.layerTreeRoot()
@@ -156,5 +157,15 @@ def test_the_dialog_loads_every_survey_with_its_days(
         "SlopeWatch series, change since the first survey",
         "SlopeWatch series, change since the survey before",
     }
-    assert root.findLayer(last.id()).itemVisibilityChecked()
+    shown = {node.name() for node in root.findLayers() if node.itemVisibilityChecked()}
+    assert {name for name in shown if "change" in name} == {last.name()}
+    times = [
+        layer.temporalProperties().fixedTemporalRange()
+        for name, layer in layers.items()
+        if name.endswith("change since the first survey")
+    ]
+    time, first = project.timeSettings(), min(one.begin() for one in times)
+    assert (time.temporalRange().begin(), time.temporalRange().end()) == (first, max(one.end() for one in times))
+    assert time.timeStepUnit() == QgsUnitTypes.TemporalUnit.TemporalDays
+    assert 1 <= time.timeStep() <= first.daysTo(time.temporalRange().end())
     project.clear()
