@@ -52,6 +52,8 @@ from .run import Run
 from .settings import Settings, groups
 
 _AT_ONCE = 2  # surveys whose ground is found at the same time
+MAX_POINTS_AT_ONCE = 8_000_000
+"""Points of raw surveys up to which their ground is found at the same time."""
 _EVERY_OUTPUT = (*CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS, *SCREENING_OUTPUTS)
 _RECORDED = ("inputs", "dates", "ground", "registration", "change", "zones", "heatmap", "screening", "report")
 
@@ -191,9 +193,10 @@ def _warn_of_older_outputs(run: Run, folder: Path) -> None:
 
 
 def _grounds(task: _Inspection) -> list[GroundResult]:
-    """All epochs at the same time: the work is in child processes of one thread each."""
+    """All epochs at the same time, as the work is in child processes of one thread each; large ones one by one."""
     run, stage = task.run, task.run.stage
-    parameters = shared_memory(task.settings.ground, min(_AT_ONCE, len(task.epochs)))
+    at_once = surveys_at_once([epoch.path for epoch in task.epochs])
+    parameters = shared_memory(task.settings.ground, at_once)
 
     def ground(epoch: Epoch, share: Progress) -> GroundResult:
         return extract_ground(
@@ -209,13 +212,18 @@ def _grounds(task: _Inspection) -> list[GroundResult]:
 
     with run.step("ground", 0.0, 0.6, "extracting the ground") as entry:
         shares = run.progress.split([e.name for e in task.epochs])
-        with ThreadPoolExecutor(max_workers=_AT_ONCE) as pool:
+        with ThreadPoolExecutor(max_workers=at_once) as pool:
             grounds = list(pool.map(ground, task.epochs, shares))
         entry["epochs"] = {e.name: plain(g) for e, g in zip(task.epochs, grounds, strict=True)}
     for epoch, found in zip(task.epochs, grounds, strict=True):
         if found.cover is not None:
             run.progress.info(f"{epoch.name}: {cover_sentence(found.cover)}")
     return grounds
+
+
+def surveys_at_once(clouds: Sequence[Path]) -> int:
+    """How many surveys' ground is found at the same time: of large ones one, which then has all of the memory."""
+    return 1 if sum(preflight(path).count for path in clouds) > MAX_POINTS_AT_ONCE else min(_AT_ONCE, len(clouds))
 
 
 def _screening_of_one(task: _Inspection, ground: GroundResult) -> None:

@@ -99,7 +99,7 @@ class CloudFile:
 
 
 def _single(dimension: ExtraDimension | None, records: object) -> NDArray[np.float32] | None:
-    return None if dimension is None else dimension.values(records).astype(np.float32)  # type: ignore[arg-type]
+    return None if dimension is None else dimension.values(records).astype(np.float32)
 
 
 @dataclass(frozen=True)
@@ -221,8 +221,8 @@ def spool(
     needed, free = 2 * header.count * point_dtype(stored).itemsize, shutil.disk_usage(file.parent).free
     if needed > free:
         raise InputError(
-            f"The points of {shown(path)} need {needed / 1e9:.2g} GB on the disk of {file.parent} while they are in use, "
-            f"and {free / 1e9:.2g} GB are free; free some space or choose another output folder."
+            f"The points of {shown(path)} need {needed / 1e9:.2g} GB on the disk of {file.parent} while they are in "
+            f"use, and {free / 1e9:.2g} GB are free; free some space or choose another output folder."
         )
     cloud, dtype, count = CloudFile.of(path, inputs, classification=label is not None), point_dtype(stored), 0
     with file.open("wb") as stream:

@@ -16,6 +16,7 @@ from slopewatch.engine.geometry.rigid_transform import RigidTransform
 from slopewatch.engine.maps import highest_points
 from slopewatch.engine.pointcloud import in_parts
 from slopewatch.engine.pointcloud.cloud import PointCloud
+from slopewatch.engine.pointcloud.header import preflight
 from slopewatch.engine.pointcloud.plant_cover import ERROR, HEIGHT
 from slopewatch.engine.pointcloud.writing import write_cloud
 from slopewatch.engine.registration import surveys
@@ -71,6 +72,7 @@ def on_disk(monkeypatch):
     def begin() -> None:
         monkeypatch.setattr(pair, "MAX_HELD_POINTS", 0)
         monkeypatch.setattr(inspect, "MAX_HELD_POINTS", 0)
+        monkeypatch.setattr(inspect, "MAX_POINTS_AT_ONCE", 0)
         monkeypatch.setattr(in_parts, "_PART_POINTS", 1300)
         monkeypatch.setattr(highest_points, "_PART_POINTS", 2000)
 
@@ -124,7 +126,7 @@ def test_no_point_of_class_2_on_the_disk(files, tmp_path, on_disk):
     xyz = turned_slope(10.0)[0][0]
     write_cloud(path, PointCloud(xyz, CRS.from_epsg(32651), path))
     settings = Settings(surface=SurfaceParameters(ground="class_2"))
-    with pytest.raises(InputError, match=r"plain\.laz has no points of class 2; extract its ground"):
+    with pytest.raises(InputError, match=r"plain\.laz' has no points of class 2; extract its ground"):
         change_step(
             path, files["second"], tmp_path / "out", settings, dates=("2024-05-01", "2025-05-01"),
             transform_path=None, progress=Progress(),
@@ -178,3 +180,13 @@ def test_many_points_are_registered_by_some_of_them(files, tmp_path, on_disk, mo
     stages = json.loads((tmp_path / "moved_run.json").read_text())["stages"]
     registered = next(stage for stage in stages if "registered_points" in json.dumps(stage))
     assert max(registered["registered_points"]) <= 6000
+
+
+def test_the_ground_of_large_surveys_is_found_one_by_one(files, monkeypatch):
+    points = sum(preflight(files[name]).count for name in ("first", "second"))
+    clouds = [files["first"], files["second"]]
+    monkeypatch.setattr(inspect, "MAX_POINTS_AT_ONCE", points)
+    assert inspect.surveys_at_once(clouds) == 2
+    assert inspect.surveys_at_once(clouds[:1]) == 1
+    monkeypatch.setattr(inspect, "MAX_POINTS_AT_ONCE", points - 1)
+    assert inspect.surveys_at_once(clouds) == 1

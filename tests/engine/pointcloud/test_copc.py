@@ -72,7 +72,7 @@ def test_pdal_clips_them_to_the_same_points(copc, tmp_path):
     assert chosen.count < 0.5 * header.count
     for name, given in (("near", chosen), ("whole", header)):
         pipeline = pdal_pipelines.clip_pipeline(given.path, tmp_path / f"{name}_clip.las", given, frame, CORNER)
-        any_pdal().run(pipeline, memory_limit=8e9)
+        any_pdal().run(pipeline, memory_limit=8_000_000_000)
     one, other = (records_of(tmp_path / f"{name}_clip.las") for name in ("near", "whole"))
     assert len(one) > 5_000
     assert np.array_equal(one, other)
