@@ -14,6 +14,8 @@ from slopewatch.engine.change.difference import listed_difference
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.geometry.rigid_transform import RigidTransform
 from slopewatch.engine.grid import stored_tiles, tiled_points
+from slopewatch.engine.ground import classified_ground
+from slopewatch.engine.ground.classified_ground import contradicting_share
 from slopewatch.engine.pointcloud import in_parts
 from slopewatch.engine.pointcloud.cloud import PointCloud
 from slopewatch.engine.pointcloud.in_parts import spool
@@ -115,6 +117,21 @@ def test_median_height(files, tmp_path, count):
 
 def test_a_full_disk_is_refused_before_the_points_are_read(files, tmp_path, monkeypatch):
     monkeypatch.setattr(shutil, "disk_usage", lambda folder: SimpleNamespace(free=1000))
-    with pytest.raises(InputError, match=r"The points of .*0\.laz need .* GB on the disk .* and 1e-06 GB are free"):
+    with pytest.raises(InputError, match=r"The points of .*0\.laz' need .* GB on the disk .* and 1e-06 GB are free"):
         spool(files[0], None, tmp_path / "points")
     assert not (tmp_path / "points").exists()
+
+
+@pytest.mark.parametrize("most", [2_000_000, 4_000], ids=["all", "some squares"])
+def test_classes_are_checked_as_in_memory(files, tmp_path, monkeypatch, most):
+    """A tenth of the points lies half a metre above the others."""
+    cloud = read_cloud(files[0])
+    lifted = cloud.xyz + np.outer(np.random.default_rng(4).random(len(cloud.xyz)) < 0.1, [0.0, 0.0, 0.5])
+    path = tmp_path / "lifted.laz"
+    write_cloud(path, PointCloud(lifted, cloud.crs, path))
+    stored = spool(path, None, tmp_path / "points")
+    monkeypatch.setattr(classified_ground, "MAX_POINTS", most)
+    monkeypatch.setattr(in_parts, "_PART_POINTS", 1700)
+    held = contradicting_share(read_cloud(path).xyz)
+    assert 0.03 < held < 0.3
+    assert contradicting_share(stored) == held
