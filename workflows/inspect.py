@@ -231,8 +231,9 @@ def _screening_of_one(task: _Inspection, ground: GroundResult) -> None:
     with run.step("screening", 0.6, 0.95, "screening"):
         found = _screened(task, ground.ground)
     with run.step("products", 0.95, 0.99, "writing outputs"):
-        picture = read_cloud(ground.clipped, colours=True)
-        write_epoch_screening(run, found, picture, task.epochs[0], task.hashes[0], task.settings.screening)
+        write_epoch_screening(
+            run, found, _picture(ground.clipped), task.epochs[0], task.hashes[0], task.settings.screening
+        )
 
 
 def _screened(task: _Inspection, ground: Path) -> EpochScreening:
@@ -288,12 +289,12 @@ def _moved(cloud: Cloud, transform: RigidTransform) -> Cloud:
     return cloud.moved(transform)
 
 
-def _picture(cloud: Path, transform: RigidTransform) -> PointCloud | CloudFile:
+def _picture(cloud: Path, transform: RigidTransform | None = None) -> PointCloud | CloudFile:
     """What the top view shows: a cloud in the first epoch's frame."""
     if preflight(cloud).count > MAX_HELD_POINTS // 2:
         return CloudFile.of(cloud, transform=transform, colours=True)
     picture = read_cloud(cloud, colours=True)
-    return replace(picture, xyz=transform.apply(picture.xyz))
+    return picture if transform is None else replace(picture, xyz=transform.apply(picture.xyz))
 
 
 def _registered(task: _Inspection, first: Cloud, second: Cloud) -> RegistrationResult:
