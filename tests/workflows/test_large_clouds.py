@@ -154,7 +154,7 @@ def test_registration_of_clouds_on_the_disk(files, tmp_path, on_disk):
 
 def test_inspection_of_clouds_on_the_disk(tmp_path, on_disk, monkeypatch):
     """By some of its points only where there are many: the record says by how many."""
-    made = simulate_pair(SurveyParameters(points=40_000, length=12.0, height=8.0, seed=3))
+    made = simulate_pair(SurveyParameters(points=60_000, length=16.0, height=9.0, seed=3))
     paths = write_pair(made, tmp_path / "survey")
     epochs = Epoch(paths["first"], date(2024, 5, 1)), Epoch(paths["second"], date(2025, 5, 1))
     settings = Settings(change=ChangeParameters(cell=0.5), screening=LastEpochParameters(screen_last_epoch=False))
