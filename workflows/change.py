@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ..engine.change.difference import Areas
 from ..engine.change.result import Change
+from ..engine.core import cancellation
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
 from ..engine.epochs.comparability import refuse_other_heights, require_comparable
@@ -15,12 +16,14 @@ from ..engine.epochs.epoch import check_pair
 from ..engine.geometry.rigid_transform import RigidTransform, registration_error, registration_facts
 from ..engine.ground.raw_survey import refuse_raw
 from ..engine.pointcloud.cloud import PointCloud
+from ..engine.pointcloud.header import preflight
+from ..engine.pointcloud.in_parts import CloudFile
 from ..engine.pointcloud.reading import open_cloud, read_cloud
 from ..engine.zones.profile_lines import given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from ..interface.parameters import AUTO
 from .early_memory import refuse_grid_early
-from .pair import compare_pair, dated_pair, ground_of, stable_area
+from .pair import SPOOL, Cloud, compare_pair, dated_pair, ground_of, ground_on_disk, is_large, stable_area
 from .products.change import CHANGE_OUTPUTS, ON_REQUEST, Context, method_name, write_products
 from .run import Run
 from .settings import Settings, groups
@@ -58,8 +61,9 @@ def change_step(
     crs = open_cloud(reference, settings.inputs)[1].crs
     lines = given_lines(profiles, crs, settings.report.profile_field, progress)
     with run.writing(output_dir, report=True):
-        first, second, picture = _read(run, (reference, moving), transform, settings)
-        change = _difference(run, (first, second), settings, transform_path, stable)
+        with cancellation.temporary(run.stage.folder / SPOOL) as spool:
+            first, second, picture = _read(run, (reference, moving), transform, settings, spool)
+            change = _difference(run, (first, second), settings, transform_path, stable)
         context = Context(
             first=epochs[0],
             second=epochs[1],
@@ -89,23 +93,33 @@ def _loaded(run: Run, path: Path | None) -> RigidTransform | None:
 
 
 def _read(
-    run: Run, paths: tuple[Path, Path], transform: RigidTransform | None, settings: Settings
-) -> tuple[PointCloud, PointCloud, PointCloud]:
-    """The ground of both clouds in one frame, and the whole later cloud with its colours."""
+    run: Run, paths: tuple[Path, Path], transform: RigidTransform | None, settings: Settings, spool: Path
+) -> tuple[Cloud, Cloud, PointCloud | CloudFile]:
+    """The ground of both clouds in one frame, and the whole later cloud with its colours.
+
+    Large clouds stay on the disk, in the folder ``spool``; cells of one size hold them.
+    """
     with run.step("read", 0.0, 0.3, "reading") as entry:
+        if is_large(paths) and settings.change.grows:
+            ground, inputs = settings.surface.ground, settings.inputs
+            a, b = (ground_on_disk(path, spool, ground, inputs, run.progress) for path in paths)
+            entry["points"] = [preflight(path).count for path in paths]
+            b = b if transform is None else b.moved(transform)
+            refuse_other_heights(a, b)
+            return a, b, CloudFile.of(paths[1], inputs, transform=transform, colours=True)
         first = read_cloud(paths[0], settings.inputs, progress=run.progress)
         second = read_cloud(paths[1], settings.inputs, colours=True, progress=run.progress)
         entry["points"] = [len(first.xyz), len(second.xyz)]
         if transform is not None:
             second = replace(second, xyz=transform.apply(second.xyz))
-        a, b = (ground_of(cloud, settings.surface.ground, run.progress) for cloud in (first, second))
-        refuse_other_heights(a, b)
-    return a, b, second
+        held = [ground_of(cloud, settings.surface.ground, run.progress) for cloud in (first, second)]
+        refuse_other_heights(held[0], held[1])
+    return held[0], held[1], second
 
 
 def _difference(
     run: Run,
-    clouds: tuple[PointCloud, PointCloud],
+    clouds: tuple[Cloud, Cloud],
     settings: Settings,
     transform_path: Path | None,
     stable: Path | None,

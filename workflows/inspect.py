@@ -7,8 +7,11 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from pyproj import CRS
+
 from ..engine.change.difference import Areas
 from ..engine.change.result import Change
+from ..engine.core import cancellation
 from ..engine.core.errors import EngineError, InputError
 from ..engine.core.json_values import plain
 from ..engine.core.progress import Progress
@@ -16,26 +19,41 @@ from ..engine.core.run_result import RunResult
 from ..engine.epochs.comparability import refuse_other_raw_heights, require_comparable
 from ..engine.epochs.dating import check_days
 from ..engine.epochs.epoch import Epoch, check_pair
+from ..engine.geometry.rigid_transform import RigidTransform
 from ..engine.ground.cover import cover_sentence
 from ..engine.ground.extraction import extract_ground
 from ..engine.ground.result import GroundResult
 from ..engine.ground.tiles.memory import shared_memory
 from ..engine.pointcloud.cloud import PointCloud
+from ..engine.pointcloud.header import preflight
+from ..engine.pointcloud.in_parts import CloudFile
+from ..engine.pointcloud.moving import copy_moved
 from ..engine.pointcloud.pdal_program import Pdal
 from ..engine.pointcloud.reading import open_cloud, read_cloud
-from ..engine.pointcloud.writing import copy_with
 from ..engine.registration.result import RegistrationResult
 from ..engine.report.compose import REPORT
 from ..engine.zones.profile_lines import ProfileLine, given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from .early_memory import refuse_grid_early
 from .last_epoch import SCREENING_OUTPUTS, EpochScreening, confirmed_by, obstacle, screen_epoch, write_epoch_screening
-from .pair import common_area, compare_pair, register_pair, stable_area
+from .pair import (
+    MAX_HELD_POINTS,
+    SPOOL,
+    Cloud,
+    common_area,
+    compare_pair,
+    ground_on_disk,
+    is_large,
+    register_pair,
+    stable_area,
+)
 from .products.change import CHANGE_OUTPUTS, ON_REQUEST, Context, method_name, write_products
 from .run import Run
 from .settings import Settings, groups
 
 _AT_ONCE = 2  # surveys whose ground is found at the same time
+MAX_POINTS_AT_ONCE = 8_000_000
+"""Points of raw surveys up to which their ground is found at the same time."""
 _EVERY_OUTPUT = (*CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS, *SCREENING_OUTPUTS)
 _RECORDED = ("inputs", "dates", "ground", "registration", "change", "zones", "heatmap", "screening", "report")
 
@@ -175,9 +193,10 @@ def _warn_of_older_outputs(run: Run, folder: Path) -> None:
 
 
 def _grounds(task: _Inspection) -> list[GroundResult]:
-    """All epochs at the same time: the work is in child processes of one thread each."""
+    """All epochs at the same time, as the work is in child processes of one thread each; large ones one by one."""
     run, stage = task.run, task.run.stage
-    parameters = shared_memory(task.settings.ground, min(_AT_ONCE, len(task.epochs)))
+    at_once = surveys_at_once([epoch.path for epoch in task.epochs])
+    parameters = shared_memory(task.settings.ground, at_once)
 
     def ground(epoch: Epoch, share: Progress) -> GroundResult:
         return extract_ground(
@@ -193,7 +212,7 @@ def _grounds(task: _Inspection) -> list[GroundResult]:
 
     with run.step("ground", 0.0, 0.6, "extracting the ground") as entry:
         shares = run.progress.split([e.name for e in task.epochs])
-        with ThreadPoolExecutor(max_workers=_AT_ONCE) as pool:
+        with ThreadPoolExecutor(max_workers=at_once) as pool:
             grounds = list(pool.map(ground, task.epochs, shares))
         entry["epochs"] = {e.name: plain(g) for e, g in zip(task.epochs, grounds, strict=True)}
     for epoch, found in zip(task.epochs, grounds, strict=True):
@@ -202,13 +221,19 @@ def _grounds(task: _Inspection) -> list[GroundResult]:
     return grounds
 
 
+def surveys_at_once(clouds: Sequence[Path]) -> int:
+    """How many surveys' ground is found at the same time: of large ones one, which then has all of the memory."""
+    return 1 if sum(preflight(path).count for path in clouds) > MAX_POINTS_AT_ONCE else min(_AT_ONCE, len(clouds))
+
+
 def _screening_of_one(task: _Inspection, ground: GroundResult) -> None:
     run = task.run
     with run.step("screening", 0.6, 0.95, "screening"):
         found = _screened(task, ground.ground)
     with run.step("products", 0.95, 0.99, "writing outputs"):
-        picture = read_cloud(ground.clipped, colours=True)
-        write_epoch_screening(run, found, picture, task.epochs[0], task.hashes[0], task.settings.screening)
+        write_epoch_screening(
+            run, found, _picture(ground.clipped), task.epochs[0], task.hashes[0], task.settings.screening
+        )
 
 
 def _screened(task: _Inspection, ground: Path) -> EpochScreening:
@@ -222,17 +247,17 @@ def _screened(task: _Inspection, ground: Path) -> EpochScreening:
 
 def _change_of_two(task: _Inspection, grounds: list[GroundResult], screened: bool) -> None:
     run, settings = task.run, task.settings
-    first, second = (read_cloud(g.ground) for g in grounds)
-    registration = _registered(task, first, second)
-    moved = replace(second, xyz=registration.transform.apply(second.xyz))
-    change = _difference(task, first, moved, registration)
-    crs = first.crs
-    later = _write_clouds(task, grounds[1], replace(moved, crs=crs), registration)
-    del first, second, moved
+    with cancellation.temporary(run.stage.folder / SPOOL) as spool:
+        first, second = _ground_clouds(task, grounds, spool)
+        registration = _registered(task, first, second)
+        moved = _moved(second, registration.transform)
+        change = _difference(task, first, moved, registration)
+        crs = first.crs
+        del first, second, moved
+    later = _write_clouds(task, grounds[1], registration, crs)
     found = _screened_and_confirmed(task, later, change) if screened else None
     with run.step("products", 0.88, 0.99, "writing outputs"):
-        picture = read_cloud(grounds[1].clipped, colours=True)
-        picture = replace(picture, xyz=registration.transform.apply(picture.xyz))
+        picture = _picture(grounds[1].clipped, registration.transform)
         context = Context(
             first=task.epochs[0],
             second=task.epochs[1],
@@ -249,7 +274,30 @@ def _change_of_two(task: _Inspection, grounds: list[GroundResult], screened: boo
             write_epoch_screening(run, found, picture, task.epochs[1], task.hashes[1], settings.screening)
 
 
-def _registered(task: _Inspection, first: PointCloud, second: PointCloud) -> RegistrationResult:
+def _ground_clouds(task: _Inspection, grounds: list[GroundResult], spool: Path) -> tuple[Cloud, Cloud]:
+    """The ground of both epochs; where it is large and cells grow, it stays on the disk."""
+    paths = grounds[0].ground, grounds[1].ground
+    if is_large(paths) and task.settings.change.grows:
+        first, second = (ground_on_disk(path, spool, "as_is", None, Progress()) for path in paths)
+        return first, second
+    return read_cloud(paths[0]), read_cloud(paths[1])
+
+
+def _moved(cloud: Cloud, transform: RigidTransform) -> Cloud:
+    if isinstance(cloud, PointCloud):
+        return replace(cloud, xyz=transform.apply(cloud.xyz))
+    return cloud.moved(transform)
+
+
+def _picture(cloud: Path, transform: RigidTransform | None = None) -> PointCloud | CloudFile:
+    """What the top view shows: a cloud in the first epoch's frame."""
+    if preflight(cloud).count > MAX_HELD_POINTS // 2:
+        return CloudFile.of(cloud, transform=transform, colours=True)
+    picture = read_cloud(cloud, colours=True)
+    return picture if transform is None else replace(picture, xyz=transform.apply(picture.xyz))
+
+
+def _registered(task: _Inspection, first: Cloud, second: Cloud) -> RegistrationResult:
     with task.run.step("registration", 0.6, 0.76, "registering") as entry:
         found = register_pair(first, second, task.settings.registration, task.stable, task.run.progress)
         entry.update(plain(found.summary()))
@@ -257,7 +305,7 @@ def _registered(task: _Inspection, first: PointCloud, second: PointCloud) -> Reg
     return found
 
 
-def _difference(task: _Inspection, first: PointCloud, moved: PointCloud, registration: RegistrationResult) -> Change:
+def _difference(task: _Inspection, first: Cloud, moved: Cloud, registration: RegistrationResult) -> Change:
     with task.run.step("change", 0.76, 0.82, "differencing"):
         known = stable_area(task.stable, first.crs, task.run.progress)
         areas = Areas(common_area(task.roi, first, registration.transform), known)
@@ -265,12 +313,12 @@ def _difference(task: _Inspection, first: PointCloud, moved: PointCloud, registr
         return compare_pair(first, moved, task.settings.change, areas, error, task.run.progress)
 
 
-def _write_clouds(task: _Inspection, ground: GroundResult, moved: PointCloud, registration: RegistrationResult) -> Path:
+def _write_clouds(task: _Inspection, ground: GroundResult, registration: RegistrationResult, crs: CRS) -> Path:
     """Write the transform, and the later ground in the earlier one's frame; returns where that lies until the end."""
     stage = task.run.stage
-    registration.transform.save(stage.path("transform.json"), moved.crs, facts=registration.figures())
+    registration.transform.save(stage.path("transform.json"), crs, facts=registration.figures())
     name = f"clouds/{task.epochs[1].name}_aligned.laz"
-    copy_with(ground.ground, stage.path(name), xyz=moved.xyz)
+    copy_moved(ground.ground, stage.path(name), registration.transform)
     task.run.outputs |= {"transform": stage.final("transform.json"), "aligned": stage.final(name)}
     return stage.path(name)
 

@@ -10,6 +10,7 @@ from ..engine.core.errors import InputError
 from ..engine.core.progress import Progress
 from ..engine.epochs.epoch import Epoch
 from ..engine.pointcloud.cloud import PointCloud
+from ..engine.pointcloud.in_parts import CloudFile
 from ..engine.zones.confirmation import VERDICTS, confirm_zones
 from ..interface.parameters import InputParameters, LastEpochParameters
 from ..models.screening.cloud_file import ScreenedFile
@@ -93,7 +94,12 @@ def confirmed_by(found: EpochScreening, change: Change, epochs: tuple[Epoch, Epo
 
 
 def write_epoch_screening(
-    run: Run, found: EpochScreening, picture: PointCloud, epoch: Epoch, digest: str, parameters: LastEpochParameters
+    run: Run,
+    found: EpochScreening,
+    picture: PointCloud | CloudFile,
+    epoch: Epoch,
+    digest: str,
+    parameters: LastEpochParameters,
 ) -> None:
     """Write labelled cloud, zones, rasters and map; ``run`` gets their paths and the main figures.
 

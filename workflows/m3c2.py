@@ -35,6 +35,7 @@ from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.reading import open_cloud, read_cloud, read_dimension
 from ..engine.pointcloud.writing import copy_with
 from ..interface.parameters import AUTO, DistanceParameters, InputParameters, given
+from .early_memory import refuse_points_early
 from .pair import dated_pair, ground_of, stable_area
 from .products.m3c2 import RASTERS, dimensions, main_figures, median_level_95, write_rasters
 from .run import Run, record_name_of
@@ -144,6 +145,8 @@ def _refuse_clouds(run: Run, epochs: tuple[Epoch, Epoch], core: Path | None, set
     for other in (moving, core):
         if other is not None:
             require_comparable(reference, other, settings.inputs)
+    if settings.surface.ground != "class_2":  # of which the headers do not tell how many there are
+        refuse_points_early((reference, moving))
     check_days(epochs, trusted=settings.dates.trust_dates, progress=run.progress)
     refuse_raw((reference, moving), settings.surface.ground, settings.inputs)
 

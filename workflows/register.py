@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ..engine.core import cancellation
 from ..engine.core.errors import InputError
 from ..engine.core.json_values import plain
 from ..engine.core.progress import Progress
@@ -13,9 +14,11 @@ from ..engine.epochs.comparability import require_comparable, require_two_clouds
 from ..engine.geometry.rigid_transform import RigidTransform
 from ..engine.ground.raw_survey import refuse_raw
 from ..engine.pointcloud.cloud import PointCloud
-from ..engine.pointcloud.reading import read_cloud
-from ..engine.pointcloud.writing import copy_with
-from .pair import ground_of, register_pair
+from ..engine.pointcloud.header import preflight
+from ..engine.pointcloud.in_parts import CloudFile
+from ..engine.pointcloud.moving import copy_moved
+from ..engine.pointcloud.reading import open_cloud, read_cloud
+from .pair import SPOOL, Cloud, ground_of, ground_on_disk, is_large, register_pair
 from .run import Run, record_name_of
 from .settings import Settings, groups
 
@@ -50,30 +53,47 @@ def register_step(
     run.hash_inputs()
     others = [transform_path.absolute().parent] if transform_path else []
     with run.writing(output.absolute().parent, record_name=record_name_of(output), others=others) as stage:
-        with run.step("read", 0.0, 0.2, "reading") as entry:
-            first = read_cloud(reference, settings.inputs, progress=progress)
-            second = read_cloud(moving, settings.inputs, progress=progress)
-            entry["points"] = [len(first.xyz), len(second.xyz)]
-        if transform is not None:
-            transform = transform.inverse() if invert else transform
-        else:
-            transform = _registered(run, (first, second), settings, stable)
+        with cancellation.temporary(stage.folder / SPOOL) as spool:
+            if transform is not None:
+                _look_through(run, (reference, moving), settings)
+                transform = transform.inverse() if invert else transform
+            else:
+                transform = _registered(run, (reference, moving), settings, stable, spool)
         with run.step("write", 0.8, 1.0, "writing"):
-            copy_with(moving, stage.path(output.name), settings.inputs, xyz=transform.apply(second.xyz))
+            copy_moved(moving, stage.path(output.name), transform, settings.inputs)
         run.facts["transform"] = transform.matrix
         run.outputs |= {"aligned": stage.final(output.name), "run": run.record_path}
         if transform_path is not None:
             directory = run.stage_in(transform_path.absolute().parent)
-            transform.save(directory.path(transform_path.name), first.crs, facts=run.figures)
+            crs = open_cloud(reference, settings.inputs)[1].crs
+            transform.save(directory.path(transform_path.name), crs, facts=run.figures)
             run.outputs["transform"] = directory.final(transform_path.name)
     return run.result()
 
 
+def _look_through(run: Run, paths: tuple[Path, Path], settings: Settings) -> None:
+    """Read both clouds for what is wrong with them."""
+    with run.step("read", 0.0, 0.2, "reading") as entry:
+        entry["points"] = [
+            sum(len(part) for part in CloudFile.of(path, settings.inputs).parts(run.progress)) for path in paths
+        ]
+
+
 def _registered(
-    run: Run, clouds: tuple[PointCloud, PointCloud], settings: Settings, stable: Path | None
+    run: Run, paths: tuple[Path, Path], settings: Settings, stable: Path | None, spool: Path
 ) -> RigidTransform:
+    ground = settings.surface.ground
+    clouds: list[Cloud]
+    with run.step("read", 0.0, 0.2, "reading") as entry:
+        if is_large(paths):
+            clouds = [ground_on_disk(path, spool, ground, settings.inputs, run.progress) for path in paths]
+        else:
+            clouds = [read_cloud(path, settings.inputs, progress=run.progress) for path in paths]
+        entry["points"] = [preflight(path).count for path in paths]
     with run.step("registration", 0.2, 0.8, "registering") as entry:
-        first, second = (ground_of(cloud, settings.surface.ground, run.progress) for cloud in clouds)
+        first, second = (
+            ground_of(cloud, ground, run.progress) if isinstance(cloud, PointCloud) else cloud for cloud in clouds
+        )
         result = register_pair(first, second, settings.registration, stable, run.progress)
         entry.update(plain(result.summary()))
     run.figures = result.figures()

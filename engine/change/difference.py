@@ -25,6 +25,7 @@ from ..grid.growing_cells import AdaptiveCells, adaptive_cells
 from ..grid.partition import Partition
 from ..grid.plant_cells import cell_means, together
 from ..grid.pooled_variance import pooled_variance
+from ..pointcloud.in_parts import Points, SpooledCloud
 from ..pointcloud.plant_cover import PlantCover
 from ..statistics.normal import quantile
 from ..statistics.quantiles import sample_quantile
@@ -76,8 +77,8 @@ def difference(
 
 
 def listed_difference(
-    reference: Float,
-    moving: Float,
+    reference: Points,
+    moving: Points,
     parameters: GridChangeParameters,
     *,
     registration_error: float = 0.0,
@@ -96,7 +97,7 @@ def listed_difference(
     Where cells grow, the change lists the cells of the slope; else its arrays are of the whole grid.
 
     Args:
-        reference: (n, 3) points of the first epoch, metres.
+        reference: (n, 3) points of the first epoch, metres; on the disk where cells grow.
         moving: (m, 3) points of the second epoch, registered to the first.
         registration_error: standard error of the registration in height, metres; ``parameters.registration_error``
             overrides it unless negative.
@@ -107,7 +108,8 @@ def listed_difference(
             constant and propagated have no need, and the errors are those that they state.
     """
     progress, areas = progress or Progress(), areas or Areas()
-    with_plants = any(cover is not None for cover in plants)
+    stored = [points for points in (reference, moving) if isinstance(points, SpooledCloud)]
+    with_plants = any(cover is not None for cover in plants) or any(points.values for points in stored)
     choice = affordable(
         choose_cell((reference, moving), parameters), (reference, moving), parameters, plants=with_plants
     )
@@ -133,6 +135,8 @@ def listed_difference(
         return _with_choice(change, parameters, choice, progress)
     if isinstance(parameters, ChangeParameters) and parameters.adaptive:
         progress.info(parameters.why_one_size)
+    assert not isinstance(reference, SpooledCloud)
+    assert not isinstance(moving, SpooledCloud)
     progress.update(0.05, "gridding the first epoch")
     first = epoch_cells(reference, grid, parameters, plants[0])
     progress.update(0.35, "gridding the second epoch")

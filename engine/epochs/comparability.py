@@ -8,9 +8,10 @@ from pathlib import Path
 from ...interface.parameters import InputParameters, RegistrationParameters
 from ..core.errors import InputError
 from ..pointcloud.cloud import PointCloud
+from ..pointcloud.in_parts import SpooledCloud, every_of
 from ..pointcloud.reading import open_cloud, sample_cloud
 from .epoch import same_content
-from .height_systems import compare_clouds, disagreement
+from .height_systems import MAX_POINTS, compare_clouds, disagreement
 
 _MAX_PLANT_DROP_M = 5.0  # m that the lowest points of a cell can fall all over a slope by cutting what grows there
 _MAX_OFFSET_RATIO = 3.0  # times the largest expected offset: so far away the robust method finds its way back
@@ -44,9 +45,15 @@ def require_two_clouds(reference: Path, moving: Path, *, contents: bool = True) 
         raise InputError(f"{reference} and {moving} are the same cloud; give two different epochs.")
 
 
-def refuse_other_heights(first: PointCloud, second: PointCloud, limit: float = math.inf) -> None:
+def refuse_other_heights(
+    first: PointCloud | SpooledCloud, second: PointCloud | SpooledCloud, limit: float = math.inf
+) -> None:
     """Raise InputError where the epochs' heights differ by a unit, or all alike by more than ``limit`` metres."""
-    wrong = disagreement(compare_clouds(first.xyz, second.xyz), first.path.name, second.path.name, limit)
+    samples = [
+        every_of(cloud, max(1, len(cloud) // MAX_POINTS)) if isinstance(cloud, SpooledCloud) else cloud.xyz
+        for cloud in (first, second)
+    ]
+    wrong = disagreement(compare_clouds(*samples), first.path.name, second.path.name, limit)
     if wrong is not None:
         raise InputError(wrong)
 

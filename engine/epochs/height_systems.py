@@ -14,7 +14,8 @@ from ..statistics.robust import nmad
 
 FOOT_M = 0.3048
 _CELL_COUNT = 900  # that the shared extent is cut into
-_MAX_POINTS = 400_000  # of a cloud, evenly taken, are enough for the heights of so many cells
+MAX_POINTS = 400_000
+"""Points of a cloud, evenly taken, that are enough for the heights of so many cells."""
 _MIN_CELLS = 30  # common cells; with fewer the whole overlap is not judged
 # a shift is that of all heights where so many cells are within so small a share of it
 _MAX_SPREAD_RATIO, _SPREAD_QUANTILE = 0.1, 0.9
@@ -50,7 +51,7 @@ def compare_clouds(reference: Float, moving: Float, *, lowest: bool = False) -> 
     """
     if min(len(reference), len(moving)) < _MIN_CELLS:
         return None
-    reference, moving = (xyz[:: max(1, len(xyz) // _MAX_POINTS)] for xyz in (reference, moving))
+    reference, moving = (xyz[:: max(1, len(xyz) // MAX_POINTS)] for xyz in (reference, moving))
     low = np.maximum(reference[:, :2].min(axis=0), moving[:, :2].min(axis=0))
     high = np.minimum(reference[:, :2].max(axis=0), moving[:, :2].max(axis=0))
     side = float(np.sqrt(max((high - low).prod(), 0.0) / _CELL_COUNT)) if (high > low).all() else 0.0

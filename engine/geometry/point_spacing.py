@@ -24,6 +24,23 @@ def point_spacing(xy: Float) -> float:
         cell *= 2.0
 
 
+def spacing_from_counts(places: Index, counts: Index, extent: float) -> float:
+    """``point_spacing`` of points counted in squares of a metre that begin at their lowest coordinates.
+
+    Args:
+        places: (n, 2) column and row of each square that holds points.
+        extent: of the points, the longer side, metres.
+    """
+    cell = 1
+    while True:
+        keys = places // cell
+        _, square = np.unique(keys[:, 0] * (int(keys[:, 1].max()) + 1) + keys[:, 1], return_inverse=True)
+        density = float(np.median(np.bincount(square.ravel(), counts)))
+        if density >= 8 or cell >= extent:
+            return cell / math.sqrt(density)
+        cell *= 2
+
+
 def spacing_of_squares(places: Index, counts: Float) -> float:
     """``point_spacing`` of points of which only the numbers (n,) in squares of a metre are known.
 

@@ -10,8 +10,10 @@ from typing import TypeVar
 import numpy as np
 
 from ...interface.parameters import AUTO, ChangeParameters, GridChangeParameters, given
-from ..core.arrays import Float
-from ..geometry.point_spacing import point_spacing
+from ..core.arrays import Float, Index
+from ..geometry.point_spacing import point_spacing, spacing_from_counts
+from ..geometry.square_counts import counted, counted_squares
+from ..pointcloud.in_parts import Points, SpooledCloud, bounds_of, parts_of
 
 CELL_SIDES_M = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 """Sides of a cell that are chosen from, metres."""
@@ -38,7 +40,7 @@ class CellChoice:
         return {"cell_m": self.cell, "chosen": "auto" if self.automatic else "given", "sentence": self.sentence}
 
 
-def choose_cell(clouds: Sequence[Float], parameters: GridChangeParameters) -> CellChoice:
+def choose_cell(clouds: Sequence[Points], parameters: GridChangeParameters) -> CellChoice:
     """The cell as given, or that of ``CELL_SIDES_M`` which is nearest to how far the sparser survey's points lie apart.
 
     With one point in a cell at the median, smaller cells would show nothing finer, and larger ones would blur what the
@@ -50,7 +52,7 @@ def choose_cell(clouds: Sequence[Float], parameters: GridChangeParameters) -> Ce
     side = given(parameters.cell)
     if side is not None:
         return CellChoice(side, False, f"Cells of {side:g} m, as given.")
-    spacing = max(point_spacing(cloud[:, :2]) for cloud in clouds)
+    spacing = max(_spacing(cloud) for cloud in clouds)
     cell = min(CELL_SIDES_M, key=lambda side: abs(math.log(side / spacing)))
     whose = "the sparser survey" if len(clouds) > 1 else "the first survey"
     sentence = (
@@ -58,6 +60,14 @@ def choose_cell(clouds: Sequence[Float], parameters: GridChangeParameters) -> Ce
         "size."
     )
     return CellChoice(cell, True, sentence)
+
+
+def _spacing(cloud: Points) -> float:
+    if not isinstance(cloud, SpooledCloud):
+        return point_spacing(cloud[:, :2])
+    low, high = (corner[:2] for corner in cloud.bounds)
+    squares = counted_squares(np.floor(xyz[:, :2] - low).astype(np.int64) for xyz in parts_of(cloud))
+    return spacing_from_counts(*squares, float((high - low).max()))
 
 
 def with_cell(parameters: Parameters, choice: CellChoice) -> Parameters:
@@ -75,7 +85,7 @@ def level_step(cell: float, parameters: ChangeParameters) -> int:
     return max(0, math.floor(ratio + 1e-9) if largest else math.ceil(ratio - 1e-9))
 
 
-def largest_step(first: Float, second: Float, cell: float, parameters: ChangeParameters) -> int:
+def largest_step(first: Points, second: Points, cell: float, parameters: ChangeParameters) -> int:
     """How often ``cell`` (m) may double its side.
 
     That is ``level_step``, and where the largest cell is left to the clouds, more until nine tenths of the squares in
@@ -87,8 +97,7 @@ def largest_step(first: Float, second: Float, cell: float, parameters: ChangePar
     step = level_step(cell, parameters)
     if parameters.largest_cell != AUTO or not len(first) or not len(second):
         return step
-    low = np.minimum(first[:, :2].min(axis=0), second[:, :2].min(axis=0))
-    high = np.maximum(first[:, :2].max(axis=0), second[:, :2].max(axis=0))
+    low, high = (end(a, b)[:2] for end, a, b in zip((np.minimum, np.maximum), bounds_of(first), bounds_of(second)))
     for more in range(_MAX_STEPS):
         side = cell * 2 ** (step + more)
         if side > float((high - low).max()) or _served(first, second, low, high, side) >= _MIN_SERVED_SHARE:
@@ -96,14 +105,16 @@ def largest_step(first: Float, second: Float, cell: float, parameters: ChangePar
     return step + _MAX_STEPS
 
 
-def _served(first: Float, second: Float, low: Float, high: Float, side: float) -> float:
+def _served(first: Points, second: Points, low: Float, high: Float, side: float) -> float:
     """Share of the squares with points of both surveys that have enough of both; 0 without such squares."""
     origin = np.floor(low / side)
     columns = int(np.floor(high[0] / side) - origin[0]) + 1
-    counts = []
-    for cloud in (first, second):
-        place = (np.floor(cloud[:, :2] / side) - origin).astype(np.int64)
-        counts.append(np.unique(place[:, 1] * columns + place[:, 0], return_counts=True))
+
+    def squares(xyz: Float) -> Index:
+        place = (np.floor(xyz[:, :2] / side) - origin).astype(np.int64)
+        return np.asarray(place[:, 1] * columns + place[:, 0])
+
+    counts = [counted(squares(xyz) for xyz in parts_of(cloud)) for cloud in (first, second)]
     _, a, b = np.intersect1d(counts[0][0], counts[1][0], assume_unique=True, return_indices=True)
     fewest = np.minimum(counts[0][1][a], counts[1][1][b])
     return float(np.mean(fewest >= MIN_POINTS)) if fewest.size else 0.0

@@ -12,6 +12,7 @@ from ...interface.parameters import GridChangeParameters, given
 from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.machine_memory import machine_memory
+from ..pointcloud.in_parts import Points, bounds_of, parts_of
 from .chosen_cell import CELL_SIDES_M, CellChoice
 from .grid import Grid, snapped_grid
 
@@ -28,7 +29,7 @@ _MIN_SQUARE_M = 4.0
 Bounds = tuple[float, float, float, float]
 
 
-def common_grid(reference: Float, moving: Float, parameters: GridChangeParameters, *, plants: bool = False) -> Grid:
+def common_grid(reference: Points, moving: Points, parameters: GridChangeParameters, *, plants: bool = False) -> Grid:
     """The snapped grid that covers both clouds ((n, 3) and (m, 3)) where their extents meet.
 
     Args:
@@ -63,7 +64,7 @@ def refuse_too_large(bounds: Bounds, area: float, parameters: GridChangeParamete
 
 
 def affordable(
-    choice: CellChoice, clouds: Sequence[Float], parameters: GridChangeParameters, *, plants: bool = False
+    choice: CellChoice, clouds: Sequence[Points], parameters: GridChangeParameters, *, plants: bool = False
 ) -> CellChoice:
     """The cell that the clouds chose, or the next of ``CELL_SIDES_M`` whose grid needs no more than ``allowed``.
 
@@ -103,25 +104,34 @@ def memory_needed(bounds: Bounds, area: float, parameters: GridChangeParameters,
     return max(cells * _BYTES_A_GROWING_CELL + on_slope * _BYTES_ON_THE_SLOPE + _BYTES_OF_A_PART, whole)
 
 
-def slope_area(clouds: Sequence[Float], cell: float) -> float:
+def slope_area(clouds: Sequence[Points], cell: float) -> float:
     """Area (m²) of the squares in which the clouds ((n, 3) each) have points."""
     side = max(_SQUARE_CELLS * cell, _MIN_SQUARE_M)
-    places = [np.floor(cloud[:, :2] / side).astype(np.int64) for cloud in clouds if len(cloud)]
-    if not places:
+    clouds = [cloud for cloud in clouds if len(cloud)]
+    if not clouds:
         return 0.0
-    low = np.min([p.min(axis=0) for p in places], axis=0)
-    columns = int(max(p[:, 0].max() for p in places) - low[0]) + 1
-    squares = [np.unique((p[:, 1] - low[1]) * columns + p[:, 0] - low[0]) for p in places]
+    low, high = (np.floor(end / side).astype(np.int64)[:2] for end in _ends(clouds))
+    columns = int(high[0] - low[0]) + 1
+    squares = []
+    for part in (xyz for cloud in clouds for xyz in parts_of(cloud)):
+        place = np.floor(part[:, :2] / side).astype(np.int64) - low
+        squares.append(np.unique(place[:, 1] * columns + place[:, 0]))
     return float(np.unique(np.concatenate(squares)).size) * side**2
 
 
-def _union(reference: Float, moving: Float) -> Bounds:
+def _ends(clouds: Sequence[Points]) -> tuple[Float, Float]:
+    """Lowest and highest coordinates of all clouds together, (3,) each."""
+    lows, highs = zip(*(bounds_of(cloud) for cloud in clouds), strict=True)
+    return np.min(lows, axis=0), np.max(highs, axis=0)
+
+
+def _union(reference: Points, moving: Points) -> Bounds:
     """Bounds of both clouds.
 
     Raises:
         InputError: they do not meet.
     """
-    extents = [tuple(float(end(c[:, k])) for end in (np.min, np.max) for k in (0, 1)) for c in (reference, moving)]
+    extents = [tuple(float(end[k]) for end in bounds_of(c) for k in (0, 1)) for c in (reference, moving)]
     a, b = extents
     meet = (max(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), min(a[3], b[3]))
     if meet[0] > meet[2] or meet[1] > meet[3]:

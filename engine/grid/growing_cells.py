@@ -13,14 +13,16 @@ from scipy import ndimage
 from ...interface.parameters import ChangeParameters
 from ..core.arrays import Float
 from ..core.progress import Progress
+from ..pointcloud.in_parts import Points, SpooledCloud, every_of
 from ..pointcloud.plant_cover import PlantCover
-from .block_moments import cell_moments
+from .block_moments import Moments, cell_moments
 from .chosen_cell import largest_step, level_step
 from .grid import Grid
 from .grown_cells import COLUMNS, Grown, Growth, grow
 from .partition import Partition
 from .plant_cells import PlantCells, together
-from .tiled_points import Counted, Frame, TiledPoints, Tiles, Window
+from .stored_tiles import StoredTiles
+from .tiled_points import Counted, Frame, Tiled, TiledPoints, Tiles, Window
 
 
 @dataclass(frozen=True)
@@ -52,8 +54,8 @@ class AdaptiveCells:
 
 
 def adaptive_cells(
-    reference: Float,
-    moving: Float,
+    reference: Points,
+    moving: Points,
     grid: Grid,
     parameters: ChangeParameters,
     *,
@@ -89,18 +91,17 @@ def adaptive_cells(
         moving: (m, 3) points of the second epoch, registered to the first.
         registration_error: standard error of the registration in height, metres.
         inside: cells (rows, columns) that may be compared; the points of others are left out.
-        plants: of each epoch's points, where known.
+        plants: of each epoch's points, where known; those on the disk have their own.
     """
     progress = progress or Progress()
     progress.update(0.0, "gridding both epochs")
     steps = largest_step(reference, moving, grid.cell, parameters)
     growth = Growth(grid.cell, steps, level_step(grid.cell, parameters), registration_error, parameters)
-    heights = np.concatenate([c[:: max(1, len(c) // 10_000), 2] for c in (reference, moving)])
+    heights = np.concatenate([every_of(c, max(1, len(c) // 10_000))[:, 2] for c in (reference, moving)])
     level = float(np.median(heights)) if heights.size else 0.0
     frame = Frame.around(grid, 2**steps)
     tiles = Tiles.of(frame.grid.shape, 2**steps)
-    surveys = zip((reference, moving), plants, strict=True)
-    epochs = [TiledPoints.on(cloud, frame, tiles, cover) for cloud, cover in surveys]
+    epochs = [_tiled(cloud, frame, tiles, cover) for cloud, cover in zip((reference, moving), plants, strict=True)]
     within = np.ones(frame.grid.shape, dtype=bool) if inside is None else frame.padded(inside, False)
     points = [epoch.counts(within) for epoch in epochs]
     outlines = [_surveyed_cells(epoch, within, 2**steps) for epoch in epochs]
@@ -112,14 +113,12 @@ def adaptive_cells(
         progress.update(0.1 + 0.9 * number / len(windows), f"cells of {grid.cell:g} to {grid.cell * 2**steps:g} m")
         part = frame.part(outer)
         of_part = within[outer]
-        moments = []
-        for epoch in epochs:
-            chosen = epoch.inside(outer)
-            moments.append(cell_moments(epoch.xyz[chosen], part, level, [v[chosen] for v in epoch.more]))
-            moments[-1].sums[:, ~of_part] = 0.0
+        moments = [_moments(epoch, outer, part, level) for epoch in epochs]
+        for epoch_moments in moments:
+            epoch_moments.sums[:, ~of_part] = 0.0
         parts.append(_Part.of(grow(moments, of_part, growth, level), outer, inner, frame.grid.columns))
     progress.update(1.0, "cells grown")
-    return _together(parts, frame, points, [len(epoch.more) for epoch in epochs])
+    return _together(parts, frame, points, [epoch.known for epoch in epochs])
 
 
 def surveyed(hit: NDArray[np.bool_], points: int, reach: int) -> NDArray[np.bool_]:
@@ -146,11 +145,26 @@ def _closed(cells: NDArray[np.bool_], reach: int, rim: int = 0) -> NDArray[np.bo
     return wide[margin : margin + cells.shape[0], margin : margin + cells.shape[1]] > 0
 
 
-def _surveyed_cells(epoch: TiledPoints, within: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
-    hit = np.zeros(within.shape, dtype=bool)
-    chosen = within[epoch.row, epoch.column]
-    hit[epoch.row[chosen], epoch.column[chosen]] = True
-    return surveyed(hit, int(chosen.sum()), reach)
+def _tiled(cloud: Points, frame: Frame, tiles: Tiles, cover: PlantCover | None) -> Tiled:
+    if isinstance(cloud, SpooledCloud):
+        return StoredTiles.on(cloud, frame, tiles)
+    return TiledPoints.on(cloud, frame, tiles, cover)
+
+
+def _surveyed_cells(epoch: Tiled, within: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+    return surveyed(*epoch.hit(within), reach)
+
+
+def _moments(epoch: Tiled, window: Window, grid: Grid, level: float) -> Moments:
+    """Of the survey's points in the cells of a window of the frame, whose grid is ``grid``."""
+    found: Moments | None = None
+    for xyz, more in epoch.inside(window):
+        of_part = cell_moments(xyz, grid, level, more)
+        if found is None:
+            found = of_part
+        else:
+            found.sums[:] += of_part.sums
+    return found or cell_moments(np.zeros((0, 3)), grid, level, [np.zeros(0)] * epoch.known)
 
 
 @dataclass(frozen=True)

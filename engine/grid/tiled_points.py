@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,7 +97,7 @@ class Tiles:
             for j in range(first[1] // self.side[1], last[1] // self.side[1] + 1):
                 yield i * self.across + j
 
-    def windows(self, epochs: Sequence[TiledPoints], within: NDArray[np.bool_]) -> Iterator[tuple[Window, Window]]:
+    def windows(self, epochs: Sequence[Tiled], within: NDArray[np.bool_]) -> Iterator[tuple[Window, Window]]:
         """Windows of the frame to work on, and the part of each that counts; only those in which both surveys have
         points, as points in the margin fill blocks of the neighbour only.
         """
@@ -114,6 +115,28 @@ class Tiles:
                 for part, end in zip(inner, self.shape, strict=True)
             )
             yield (outer[0], outer[1]), inner
+
+
+class Tiled(Protocol):
+    """A survey's points by tiles of a frame."""
+
+    @property
+    def known(self) -> int:
+        """How many more values each point has."""
+
+    def reaches(self, tile: int, within: NDArray[np.bool_]) -> bool:
+        """Whether a point of the tile is ``within`` (frame's rows, columns)."""
+
+    def counts(self, within: NDArray[np.bool_]) -> Counted:
+        """Cells of the grid within the frame that have points, and how many; of ``within`` (frame's rows, columns)."""
+
+    def hit(self, within: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], int]:
+        """Cells (rows, columns) of ``within`` that have points, and how many points these are."""
+
+    def inside(self, window: Window) -> Iterator[tuple[Float, list[NDArray[np.floating]]]]:
+        """Points (n, 3) in a window of the frame, and what else is known of each, those of each cell in the cloud's
+        order; in parts where there are many.
+        """
 
 
 @dataclass(frozen=True)
@@ -146,6 +169,11 @@ class TiledPoints:
         start = np.concatenate([[0], np.cumsum(np.bincount(tile, minlength=tiles.count))])
         return cls(cloud, row, column, list(more), frame, tiles, order, start)
 
+    @property
+    def known(self) -> int:
+        """How many more values each point has."""
+        return len(self.more)
+
     def of_tile(self, number: int) -> NDArray[np.integer]:
         """The points of a tile."""
         return self.order[self.start[number] : self.start[number + 1]]
@@ -157,32 +185,59 @@ class TiledPoints:
 
     def counts(self, within: NDArray[np.bool_]) -> Counted:
         """Cells of the grid within the frame that have points, and how many; of ``within`` (frame's rows, columns)."""
-        cells: list[NDArray[np.int64]] = [np.zeros(0, dtype=np.int64)]
-        counts: list[NDArray[np.int32]] = [np.zeros(0, dtype=np.int32)]
-        rows, columns = self.frame.shape
+        return counted_cells(self._places(), self.frame, within)
+
+    def _places(self) -> Iterator[tuple[NDArray[np.int32], NDArray[np.int32]]]:
+        """Rows and columns of the points of each tile."""
         for tile in range(self.tiles.count):
             here = self.of_tile(tile)
-            row, column = self.row[here], self.column[here]
-            row, column = row[chosen := within[row, column]] - self.frame.top, column[chosen] - self.frame.left
-            inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-            row, column = row[inside], column[inside]
-            if not row.size:
-                continue
-            corner, width = (int(row.min()), int(column.min())), int(np.ptp(column)) + 1
-            count = np.bincount((row - corner[0]).astype(np.int64) * width + column - corner[1])
-            found = np.flatnonzero(count)
-            i, j = np.divmod(found, width)
-            cells.append((i + corner[0]) * columns + j + corner[1])
-            counts.append(count[found].astype(np.int32))
-        cell, number = np.concatenate(cells), np.concatenate(counts)
-        order = np.argsort(cell, kind="stable")
-        return cell[order], number[order]
+            yield self.row[here], self.column[here]
 
-    def inside(self, window: Window) -> NDArray[np.integer]:
+    def hit(self, within: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], int]:
+        """Cells (rows, columns) of ``within`` that have points, and how many points these are."""
+        cells = np.zeros(within.shape, dtype=bool)
+        chosen = within[self.row, self.column]
+        cells[self.row[chosen], self.column[chosen]] = True
+        return cells, int(chosen.sum())
+
+    def inside(self, window: Window) -> Iterator[tuple[Float, list[NDArray[np.floating]]]]:
+        """See ``Tiled.inside``; in one part."""
+        here = self._inside(window)
+        yield self.xyz[here], [values[here] for values in self.more]
+
+    def _inside(self, window: Window) -> NDArray[np.integer]:
         """Points in a window of the frame, those of each cell in the cloud's order."""
         if self.tiles.count == 1:
             return np.arange(len(self.row))
         near = np.concatenate([self.of_tile(number) for number in self.tiles.near(window)])
-        rows, columns = window
-        row, column = self.row[near], self.column[near]
-        return near[(row >= rows.start) & (row < rows.stop) & (column >= columns.start) & (column < columns.stop)]
+        return near[in_window(self.row[near], self.column[near], window)]
+
+
+def in_window(row: NDArray[np.int32], column: NDArray[np.int32], window: Window) -> NDArray[np.bool_]:
+    """Which of the cells (n,) of the frame lie in a window of it."""
+    rows, columns = window
+    return (row >= rows.start) & (row < rows.stop) & (column >= columns.start) & (column < columns.stop)
+
+
+def counted_cells(
+    places: Iterable[tuple[NDArray[np.int32], NDArray[np.int32]]], frame: Frame, within: NDArray[np.bool_]
+) -> Counted:
+    """See ``Tiled.counts``; ``places`` are rows and columns in the frame, those of a cell all in one part."""
+    cells: list[NDArray[np.int64]] = [np.zeros(0, dtype=np.int64)]
+    counts: list[NDArray[np.int32]] = [np.zeros(0, dtype=np.int32)]
+    rows, columns = frame.shape
+    for row, column in places:
+        row, column = row[chosen := within[row, column]] - frame.top, column[chosen] - frame.left
+        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        row, column = row[inside], column[inside]
+        if not row.size:
+            continue
+        corner, width = (int(row.min()), int(column.min())), int(np.ptp(column)) + 1
+        count = np.bincount((row - corner[0]).astype(np.int64) * width + column - corner[1])
+        found = np.flatnonzero(count)
+        i, j = np.divmod(found, width)
+        cells.append((i + corner[0]) * columns + j + corner[1])
+        counts.append(count[found].astype(np.int32))
+    cell, number = np.concatenate(cells), np.concatenate(counts)
+    order = np.argsort(cell, kind="stable")
+    return cell[order], number[order]

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..core.arrays import Float
+from ..core.arrays import Float, Index
 from ..core.errors import InputError
 from ..core.messages import shown
 from ..core.progress import Progress
 from ..geometry.dominant_plane import apply_matrix, flattening_matrix
+from ..pointcloud.in_parts import Points, bounds_of, every_of, parts_of
 from .cover import percent
 from .filtering import dominant_plane
-from .squares import square_numbers
 
 CLOSE_DISTANCE_M, MIN_CLOSE_POINTS, MAX_STEP_M = 0.5, 3, 0.3
 """A point that has so many others so close contradicts them if half of them lie farther above or below it than the
@@ -28,7 +28,7 @@ MAX_SAMPLED_POINTS, MIN_SAMPLED_POINTS, MAX_POINTS, SQUARE_SIDE_M = 20_000, 100,
 """Points that are looked at, and least that must have a close neighbour; a larger cloud is looked at in squares."""
 
 
-def warn_of_classes(path: Path, xyz: Float, progress: Progress) -> None:
+def warn_of_classes(path: Path, xyz: Points, progress: Progress) -> None:
     """Warn if points (n, 3), m, of class 2 contradict each other.
 
     Raises:
@@ -48,7 +48,7 @@ def warn_of_classes(path: Path, xyz: Float, progress: Progress) -> None:
     )
 
 
-def contradicting_share(xyz: Float, *, seed: int = 0) -> float:
+def contradicting_share(xyz: Points, *, seed: int = 0) -> float:
     """Share of points (n, 3), m, far above or below those close to them, 0 to 1.
 
     Points without close ones are not judged and not counted; 0 where nearly all are such.
@@ -56,9 +56,7 @@ def contradicting_share(xyz: Float, *, seed: int = 0) -> float:
     if len(xyz) < max(MIN_SAMPLED_POINTS, FITTED_NEIGHBOURS):
         return 0.0
     rng = np.random.default_rng(seed)
-    if len(xyz) > MAX_POINTS:
-        number = square_numbers(xyz, SQUARE_SIDE_M)
-        xyz = xyz[(rng.random(int(number.max()) + 1) < MAX_POINTS / len(xyz))[number]]
+    xyz = _in_some_squares(xyz, rng)
     flat = apply_matrix(flattening_matrix(dominant_plane(xyz)), xyz)
     sample = flat[rng.permutation(len(flat))[:MAX_SAMPLED_POINTS]]
     distance, index = cKDTree(flat[:, :2]).query(sample[:, :2], k=FITTED_NEIGHBOURS)
@@ -69,6 +67,22 @@ def contradicting_share(xyz: Float, *, seed: int = 0) -> float:
     if np.count_nonzero(counted) < MIN_SAMPLED_POINTS:
         return 0.0
     return float(np.mean(np.abs(np.nanmedian(rise[counted], axis=1)) > MAX_STEP_M))
+
+
+def _in_some_squares(xyz: Points, rng: np.random.Generator) -> Float:
+    """The points (n, 3) of so many squares as hold about ``MAX_POINTS``; all where they are no more."""
+    if len(xyz) <= MAX_POINTS:
+        return every_of(xyz, 1)
+    low, high = bounds_of(xyz)
+    rows = int(np.floor((high[1] - low[1]) / SQUARE_SIDE_M)) + 1
+
+    def squares(part: Float) -> Index:
+        place = np.floor((part[:, :2] - low[:2]) / SQUARE_SIDE_M).astype(np.int64)
+        return np.asarray(place[:, 0] * rows + place[:, 1])
+
+    last = max(int(squares(part).max()) for part in parts_of(xyz))
+    chosen = rng.random(last + 1) < MAX_POINTS / len(xyz)
+    return np.concatenate([part[chosen[squares(part)]] for part in parts_of(xyz)])
 
 
 def _inclined(offset: Float) -> Float:

@@ -42,7 +42,7 @@ from .findings import Outcome, refuse_implausible, returns_warning, spacing_warn
 from .metrics import coverage, file_coverage, vegetation_cover
 from .outliers import outliers
 from .result import HEIGHT_OVER_GROUND, GroundResult
-from .survey import Clipped, Source, read_points
+from .survey import Clipped, Source, read_near, read_points
 from .tiles.extraction import Job, extract_in_tiles
 from .tiles.memory import fits_by_squares, fits_in_one_piece, refuse_full_disk, refuse_too_dense
 
@@ -240,14 +240,15 @@ class _Extraction:
         The pipeline is kept as one that writes ``clipped``.
         """
         area = None if source.region is None else source.region.geometry
-        ran, kept = (
-            pdal_pipelines.clip_pipeline(self.cloud, output, source.header, source.frame, area)
-            for output in (plain, plain if source.odd_classes else self.clipped)
+        kept = pdal_pipelines.clip_pipeline(
+            self.cloud, plain if source.odd_classes else self.clipped, source.header, source.frame, area
         )
         self._keep("clip", kept)
-        if not self.pdal.is_there:
-            return clip(source.header, source.frame, area, plain)
-        self._run(ran, source.header.count)
+        with cancellation.temporary(self._file("near.las")) as near:
+            header = read_near(source, near)
+            if not self.pdal.is_there:
+                return clip(header, source.frame, area, plain)
+            self._run(pdal_pipelines.clip_pipeline(header.path, plain, header, source.frame, area), source.header.count)
         try:
             return preflight(plain).count
         except EmptyCloud:

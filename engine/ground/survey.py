@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..core.arrays import Bool, Float
 from ..crs.working_frame import WorkingFrame
 from ..geometry.dominant_plane import Plane
+from ..pointcloud.copc import chunks_near, write_near
 from ..pointcloud.header import CloudHeader, preflight
 from ..pointcloud.records import PLACES, coordinates, read_records
 from ..pointcloud.returns import Returns, last_returns
@@ -53,6 +54,22 @@ class Clipped:
     returns: Returns
     plane: Plane
     spacing: float
+
+
+def read_near(source: Source, near: Path) -> CloudHeader:
+    """The file to clip: of a COPC the chunks near the region, which are written to ``near``; else the cloud itself.
+
+    Raises:
+        InputError: as ``copc.write_near``.
+    """
+    if source.region is None:
+        return source.header
+    bounds = np.array(source.region.geometry.bounds).reshape(2, 2) / source.frame.horizontal_factor
+    chunks = chunks_near(source.header, *bounds)
+    if chunks is None:
+        return source.header
+    write_near(source.header, source.frame, chunks, near)
+    return preflight(near)
 
 
 def read_points(path: Path, *, flags_in_class: bool = False) -> tuple[Float, Returns, NDArray[np.uint8]]:

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ..core.arrays import Bool, Float, Index
-from ..grid.grid import Grid, cell_index
+from ..core.arrays import Bool, Float
+from ..grid.grid import Grid
 from ..pointcloud.cloud import PointCloud
+from ..pointcloud.in_parts import CloudFile
 from ..statistics.layout import bands
+from .highest_points import highest, highest_points
 from .relief import shaded_relief
 
 FILL_DISTANCE = 2
@@ -38,8 +40,10 @@ def top_view_grid(grid: Grid, pixel: float) -> Grid:
     return Grid(west=grid.west, north=grid.north, cell=pixel, rows=count(grid.rows), columns=count(grid.columns))
 
 
-def top_view(cloud: PointCloud, grid: Grid) -> TopView:
+def top_view(cloud: PointCloud | CloudFile, grid: Grid) -> TopView:
     """The top view of a cloud in its colours, else its intensity, else its relief; see ``project``."""
+    if isinstance(cloud, CloudFile):
+        cloud = highest_points(cloud, grid)
     return project(cloud.xyz, grid, rgb=cloud.rgb, intensity=cloud.intensity)
 
 
@@ -60,7 +64,7 @@ def project(
     Args:
         xyz: (n, 3) points in metres; those outside the grid are left out.
     """
-    pixel, point, every = _highest(xyz, grid)
+    pixel, point, every = highest(xyz, grid)
     if rgb is not None and rgb.any():
         source, shown = "rgb", rgb[point].astype(np.float32)
     elif intensity is not None and intensity.size and intensity.min() < intensity.max():
@@ -90,34 +94,6 @@ def project(
         rgba[..., :3] = np.clip(np.rint(shaded_relief(heights, grid.cell)), 0, 255)
     rgba[rgba[..., 3] == 0] = 0
     return TopView(rgba=rgba, grid=grid, source=source)
-
-
-def _highest(xyz: Float, grid: Grid) -> tuple[Index, Index, Index]:
-    """The pixels with points (k,), flat and ascending, the highest point of each (the last of equally high ones), and
-    all that are as high as these (m,).
-
-    Band by band of the grid, so that no array of all its pixels is made.
-    """
-    index = cell_index(xyz, grid)
-    parts = bands(grid.shape)
-    # numbers of 16 bits are sorted without comparing them
-    band = (index // (grid.columns * (parts[0].stop - parts[0].start))).astype(np.int16 if len(parts) < 2**15 else int)
-    order = np.argsort(band, kind="stable")
-    start = np.searchsorted(band[order], np.arange(len(parts) + 1))
-    pixels, points, every = ([np.zeros(0, dtype=np.int64)] for _ in range(3))
-    for number, rows in enumerate(parts):
-        here = order[start[number] : start[number + 1]]
-        place, z = index[here] - rows.start * grid.columns, xyz[here, 2]
-        heights = np.full((rows.stop - rows.start) * grid.columns, -np.inf)
-        np.maximum.at(heights, place, z)
-        highest = np.flatnonzero(z == heights[place])
-        last = np.full(heights.size, -1, dtype=np.int64)
-        last[place[highest]] = here[highest]
-        filled = np.flatnonzero(last >= 0)
-        pixels.append(filled + rows.start * grid.columns)
-        points.append(last[filled])
-        every.append(here[highest])
-    return np.concatenate(pixels), np.concatenate(points), np.concatenate(every)
 
 
 def _stretched(values: NDArray[np.float32], of: NDArray[np.integer]) -> NDArray[np.float32]:

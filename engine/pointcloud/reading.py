@@ -147,8 +147,12 @@ def read_dimension(path: Path | str, name: str) -> NDArray[np.generic]:
     return np.concatenate([chosen.values(records).copy() for records in read_records(header)])
 
 
-def eight_bits(rgb: NDArray[np.uint16]) -> NDArray[np.uint8]:
-    """Colours of 16 bits in 8; values that never exceed 255 are of 8 bits already, as many writers leave them."""
-    if rgb.size and int(rgb.max()) > 255:
+def eight_bits(rgb: NDArray[np.uint16], largest: int | None = None) -> NDArray[np.uint8]:
+    """Colours of 16 bits in 8; values that never exceed 255 are of 8 bits already, as many writers leave them.
+
+    Args:
+        largest: value of the cloud, where these are only some of its colours.
+    """
+    if rgb.size and (int(rgb.max()) if largest is None else largest) > 255:
         return (rgb >> 8).astype(np.uint8)
     return rgb.astype(np.uint8)

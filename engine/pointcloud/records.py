@@ -5,7 +5,7 @@ laspy's own reader is not used: it parses all records of variable length, howeve
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import BinaryIO
@@ -112,6 +112,7 @@ def read_records(
     selection: DecompressionSelection | None = None,
     warnings: list[str] | None = None,
     stretches: int | None = None,
+    starts: Collection[int] | None = None,
 ) -> Iterator[PackedPointRecord]:
     """The records in the order of the file, in groups of at most about 8 MB (one chunk where chunks are larger).
 
@@ -119,6 +120,7 @@ def read_records(
         selection: what is needed; the rest may be zero. None: all.
         warnings: takes sentences about a file that contradicts its header.
         stretches: only so many chunks (50,000 points of a file without chunks), evenly over the file, one a group.
+        starts: only the chunks that begin at these bytes of the file.
 
     Raises:
         InputError: the compressed points are damaged, or the file changed or ends while it is read.
@@ -133,6 +135,8 @@ def read_records(
             chunks = _pieces(header, limit) if layout is None else _chunks(stream, header, warnings)
             places = np.cumsum([header.offset_to_points + 8 * header.compressed, *(size for _, size in chunks)])
             groups = _groups(chunks, limit) if stretches is None else _evenly(len(chunks), stretches)
+            if starts is not None:
+                groups = _those_at(chunks, places, starts, limit)
             for first, last in groups:
                 group = chunks[first:last]
                 stream.seek(int(places[first]))
@@ -187,6 +191,22 @@ def _groups(chunks: list[tuple[int, int]], limit: int) -> Iterator[tuple[int, in
             held = 0
         held += points
     return pairwise([*firsts, len(chunks)])
+
+
+def _those_at(
+    chunks: list[tuple[int, int]], places: NDArray[np.integer], starts: Collection[int], limit: int
+) -> Iterator[tuple[int, int]]:
+    """As ``_groups``, of the chunks that begin at the places ``starts``."""
+    first, held = -1, 0
+    for number, (points, _) in enumerate(chunks):
+        taken = int(places[number]) in starts
+        if first >= 0 and (not taken or held + points > limit):
+            yield first, number
+            first = -1
+        if taken:
+            first, held = (number, points) if first < 0 else (first, held + points)
+    if first >= 0:
+        yield first, len(chunks)
 
 
 def _evenly(count: int, wanted: int) -> Iterator[tuple[int, int]]:

@@ -59,13 +59,13 @@ def write_cloud(
     new = _checked(path, count, dimensions, rgb=cloud.rgb, intensity=cloud.intensity, classification=labels)
     if labels is not None and count and not 0 <= int(labels.min()) <= int(labels.max()) <= 255:
         raise EngineError("classes are not all from 0 to 255")
-    scales, offsets = _scales_and_offsets(path, cloud.xyz, np.full(3, _DEFAULT_SCALE))
+    scales, offsets = scales_and_offsets(path, cloud.xyz, np.full(3, _DEFAULT_SCALE))
     layout = Layout(6 if cloud.rgb is None else 7, tuple(new), scales, offsets, cloud.crs)
     with laz_writer(path, layout, count) as write:
         for start in range(0, count, _GROUP_POINTS):
             part = slice(start, min(start + _GROUP_POINTS, count))
             records = np.zeros(part.stop - start, layout.dtype)
-            _set_coordinates(records, cloud.xyz[part], scales, offsets)
+            set_coordinates(records, cloud.xyz[part], scales, offsets)
             records["bit_fields"] = 0x11  # return 1 of 1
             if labels is not None:
                 records["classification"] = labels[part]
@@ -141,12 +141,12 @@ def _target(header: CloudHeader, frame: WorkingFrame, copy: Copy, flags_in_class
     # Another unit is another scale: the integers of an unmoved point stay what they are.
     scales, offsets = (np.array(each) * frame.factors for each in (header.scales, header.offsets))
     if xyz is not None:
-        scales, offsets = _scales_and_offsets(copy.path, xyz, scales)
+        scales, offsets = scales_and_offsets(copy.path, xyz, scales)
 
     def change(records: PackedPointRecord, part: slice) -> None:
         array = records.array
         if xyz is not None:
-            _set_coordinates(array, xyz[part], scales, offsets)
+            set_coordinates(array, xyz[part], scales, offsets)
         if flags_in_class:
             put_flags_apart(records)
         if classification is not None:
@@ -312,7 +312,7 @@ def _checked(
     return {new_dimension(name, array.dtype): array for name, array in values.items()}
 
 
-def _scales_and_offsets(path: Path, xyz: Float, wanted: Float) -> tuple[Float, Float]:
+def scales_and_offsets(path: Path, xyz: Float, wanted: Float) -> tuple[Float, Float]:
     """Scales at most 1 mm and offsets near the middle, so that 32 bits hold the coordinates; finer where that fits."""
     low, high = xyz.min(axis=0), xyz.max(axis=0)
     if not (np.isfinite(low).all() and np.isfinite(high).all()):
@@ -331,6 +331,6 @@ def _scales_and_offsets(path: Path, xyz: Float, wanted: Float) -> tuple[Float, F
     return scales, offsets
 
 
-def _set_coordinates(records: NDArray[np.void], xyz: Float, scales: Float, offsets: Float) -> None:
+def set_coordinates(records: NDArray[np.void], xyz: Float, scales: Float, offsets: Float) -> None:
     for axis, field in enumerate("XYZ"):
         records[field] = np.rint((xyz[:, axis] - offsets[axis]) / scales[axis]).astype(np.int32)

@@ -61,6 +61,7 @@ class RegistrationResult:
         registration_error: standard error of a height after registration, for the level of detection.
         warnings: sentences for the user.
         plants: None where the clouds record no plants.
+        registered_points: of either survey, where not all were taken.
     """
 
     transform: RigidTransform
@@ -82,6 +83,7 @@ class RegistrationResult:
     registration_error: float
     warnings: tuple[str, ...]
     plants: PlantsInRegistration | None = None
+    registered_points: tuple[int, int] | None = None
 
     @property
     def improvement(self) -> float:
@@ -129,5 +131,6 @@ class RegistrationResult:
             "bend_before_m": None if self.bend is None else self.bend.before,
             "bend_after_m": None if self.bend is None else self.bend.after,
             **({} if self.plants is None else self.plants.facts()),
+            **({} if self.registered_points is None else {"registered_points": list(self.registered_points)}),
             "pieces": self.transform.correction.facts() if isinstance(self.transform, BentTransform) else None,
         }

@@ -23,6 +23,7 @@ from ...engine.maps import palette, qgis_styles, top_view
 from ...engine.maps.heatmap import write_heatmap_png
 from ...engine.maps.heatmap_image import make_heatmap
 from ...engine.pointcloud.cloud import PointCloud
+from ...engine.pointcloud.in_parts import CloudFile
 from ...engine.report.facts import change_facts, error_terms
 from ...engine.statistics.layout import Laid
 from ...engine.statistics.normal import Z95
@@ -79,7 +80,7 @@ def method_name(parameters: ChangeParameters, direction: str) -> str:
 def write_products(
     run: Run,
     change: Change,
-    picture: PointCloud,
+    picture: PointCloud | CloudFile,
     context: Context,
     settings: Settings,
     lines: Sequence[ProfileLine] = (),
@@ -161,7 +162,7 @@ def _write_pictures(
     run: Run,
     change: Change,
     found: extraction.Zones,
-    picture: PointCloud,
+    picture: PointCloud | CloudFile,
     context: Context,
     parameters: HeatmapParameters,
     look: tuple[float, dict[str, str]],

@@ -15,6 +15,7 @@ from ...engine.grid import geotiff as rasters
 from ...engine.maps import qgis_styles as styles
 from ...engine.maps.top_view import top_view, top_view_grid
 from ...engine.pointcloud.cloud import PointCloud
+from ...engine.pointcloud.in_parts import CloudFile
 from ...engine.vector import geopackage as vectors
 from ...engine.vector.review_fields import own_columns
 from ...engine.zones.confirmation import FIELDS as CONFIRMATION_FIELDS
@@ -51,7 +52,7 @@ class Pictured:
     ``name`` the survey's on the map, ``note`` a sentence more below the map.
     """
 
-    cloud: PointCloud
+    cloud: PointCloud | CloudFile
     digest: str
     survey: date | None
     name: str

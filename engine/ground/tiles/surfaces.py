@@ -151,7 +151,8 @@ def _seams(spool: Spool, strips: list[tuple[Index, Index, Float]]) -> Seams:
     difference = np.zeros(len(own))
     for tile in np.unique(own).tolist():
         chosen = own == tile
-        theirs = spool.load(tile, "surface", SURFACE)["height"][place[chosen]]
+        # far from all candidates a height is infinite, which has no quantiles
+        theirs = np.clip(spool.load(tile, "surface", SURFACE)["height"][place[chosen]], LOWEST_M, HIGHEST_M)
         difference[chosen] = np.abs(height[chosen] - theirs)
     if not len(difference):
         return Seams(0, 0.0, 0.0, 0.0)
