@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from ..core.arrays import Float, Index
+from .numbered import counts_of_each
 
 
 def point_spacing(xy: Float) -> float:
@@ -16,7 +17,7 @@ def point_spacing(xy: Float) -> float:
     cell = 1.0
     while True:
         keys = np.floor((xy - low) / cell).astype(np.int64)
-        _, counts = np.unique(keys[:, 0] * (int(keys[:, 1].max()) + 1) + keys[:, 1], return_counts=True)
+        counts = counts_of_each(keys[:, 0] * (int(keys[:, 1].max()) + 1) + keys[:, 1])
         density = float(np.median(counts))
         # cells of a point or two do not show the gaps between them
         if density >= 8 or cell >= extent:

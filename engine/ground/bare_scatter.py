@@ -48,9 +48,8 @@ def bare_scatter(points: Float, side: float) -> float | None:
     return None
 
 
-def _gathered(planes: Planes, values: Float) -> Float:
+def _gathered(planes: Planes, total: Float) -> Float:
     """Sums over the windows some metres around: the kurtosis of a few hundred returns alone is too uncertain."""
-    total = planes.sum(values)
     for _ in range(GATHERED):
         total = planes.pooled(total)
     return total
@@ -63,8 +62,7 @@ def _share_of_bare(height: Float, over: Float, planes: Planes, tried: float) -> 
         residual = height - planes.at_points(*planes.fit(height, weight, 0.0, 0.02))
         weight = (np.abs(residual) < 3.0 * REACH_SCATTERS * tried) / (1.0 + (residual / tried) ** 2)
     near = np.abs(residual) < REACH_SCATTERS * tried
-    value = np.where(near, residual, 0.0)
-    number, *sums = (_gathered(planes, near * value**power) for power in range(5))
+    number, *sums = (_gathered(planes, total) for total in planes.power_sums(residual, near))
     with np.errstate(invalid="ignore", divide="ignore"):
         mean, square, cube, fourth = (total / number for total in sums)
         variance = square - mean**2

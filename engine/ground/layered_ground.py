@@ -22,11 +22,21 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ..core.arrays import Bool, Float, Index
+from ..geometry.numbered import counts_of_each
 from ..geometry.plane_cells import Planes
 from ..geometry.square_tiles import in_tiles
 from .bare_scatter import bare_scatter
 from .closer_look import looked_closer
-from .lowest_layer import HIGHEST_M, LOWEST_M, MIN_BELOW_SHARE, Layers, histograms, lowest_layers, separate_layers
+from .lowest_layer import (
+    HIGHEST_M,
+    LOWEST_M,
+    MIN_BELOW_SHARE,
+    Layers,
+    counts_around,
+    histograms,
+    lowest_layers,
+    separate_layers,
+)
 from .narrow_windows import narrow_windows
 from .squares import lowest_corner, square_numbers
 from .surface_heights import surface_heights
@@ -283,7 +293,7 @@ def returns_by_square(xyz: Float) -> Index:
     """Numbers of points (n, 2+), m, in the squares of a metre that hold any."""
     if len(xyz) == 0:
         return np.zeros(0, dtype=np.int64)
-    return np.unique(square_numbers(xyz, 1.0), return_counts=True)[1]
+    return counts_of_each(square_numbers(xyz, 1.0))
 
 
 def window_side(counts: Index) -> float:
@@ -307,9 +317,7 @@ def _pooled_layers(over: Float, planes: Planes, sigma: float, windows: Windows) 
         few = (layers.returns < MIN_WINDOW_RETURNS) & (layers.returns > 0)
         if not few.any():
             break
-        width = 2 * reach + 1
-        wider = ndimage.uniform_filter(counts, (width, width, 1), mode="constant") * width**2
-        layers = layers.where(few, lowest_layers(wider[few], *asked))
+        layers = layers.where(few, lowest_layers(counts_around(counts, *np.nonzero(few), reach), *asked))
     return layers
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.arrays import Bool, Float, Index
+from ..geometry.numbered import distinct
 from .squares import first_of_runs, lowest_corner
 
 SQUARE_M, REACH_SQUARES = 0.5, 2
@@ -38,9 +39,7 @@ def stray_below(xyz: Float, slice_m: float, origin: Float | None = None) -> Bool
     column = np.floor((xyz[:, :2] - lowest_corner(xyz, origin)) / SQUARE_M).astype(np.int64) + REACH_SQUARES
     level = np.floor((xyz[:, 2] - xyz[:, 2].min()) / slice_m).astype(np.int64)
     levels, width = int(level.max()) + 2, int(column[:, 1].max()) + REACH_SQUARES + 1
-    key, voxel, counts = np.unique(
-        (column[:, 0] * width + column[:, 1]) * levels + level, return_inverse=True, return_counts=True
-    )
+    key, voxel, counts = distinct((column[:, 0] * width + column[:, 1]) * levels + level)
     total = np.concatenate([[0], np.cumsum(counts)])
     pooled = np.zeros(len(key))
     for across in range(-REACH_SQUARES, REACH_SQUARES + 1):
@@ -53,7 +52,7 @@ def stray_below(xyz: Float, slice_m: float, origin: Float | None = None) -> Bool
     rank = np.cumsum(np.concatenate([[0], np.diff(place) != 0]))
     # below a wall or a crown there is ground; below strays there is nothing
     nothing_below = _running_maximum((~empty).astype(np.float64), rank) == 0
-    return np.asarray((empty & nothing_below)[voxel.ravel()], dtype=np.bool_)
+    return np.asarray((empty & nothing_below)[voxel], dtype=np.bool_)
 
 
 def _fullest_above(place: Index, height: Index, pooled: Float, width: int) -> Float:
