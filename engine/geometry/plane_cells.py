@@ -6,6 +6,7 @@ import numpy as np
 from scipy import ndimage
 
 from ..core.arrays import Bool, Float
+from .columns import greatest
 from .plane_kernels import moved_sums, plane_heights, power_sums, product_sums
 
 
@@ -23,7 +24,7 @@ class Planes:
     def __init__(self, xy: Float, pool: tuple[float, float, float] = AROUND) -> None:
         self.pool = pool
         index = np.floor(xy).astype(np.int64)
-        self.shape = tuple(int(v) + 1 for v in index.max(axis=0))
+        self.shape = tuple(int(v) + 1 for v in greatest(index))
         self.key = index[:, 0] * self.shape[1] + index[:, 1]
         self.x, self.y = np.ascontiguousarray((xy - index - 0.5).T)
 

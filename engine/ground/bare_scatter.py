@@ -10,6 +10,7 @@ import numpy as np
 from scipy import ndimage
 
 from ..core.arrays import Float
+from ..geometry.columns import largest_sizes, least
 from ..geometry.plane_cells import Planes
 from ..statistics.nearest_known import nearest_known
 
@@ -37,13 +38,13 @@ def bare_scatter(points: Float, side: float) -> float | None:
         side: of the windows, m.
     """
     middle = np.median(points[:, :2], axis=0)
-    points = points[(np.abs(points[:, :2] - middle) <= SAMPLE_SIDE_M / 2).all(axis=1)]
+    points = points[largest_sizes(points[:, :2] - middle) <= SAMPLE_SIDE_M / 2]
     if len(points) < MIN_WINDOW_RETURNS:
         return None
-    planes = Planes((points[:, :2] - points[:, :2].min(axis=0)) / side)
+    planes = Planes((points[:, :2] - least(points[:, :2])) / side)
     for tried in TRIED_SCATTERS_M:
-        least = MIN_BARE_SHARE if tried == TRIED_SCATTERS_M[0] else MIN_NOISY_BARE_SHARE
-        if _share_of_bare(points[:, 2], points[:, 3], planes, tried) >= least:
+        enough = MIN_BARE_SHARE if tried == TRIED_SCATTERS_M[0] else MIN_NOISY_BARE_SHARE
+        if _share_of_bare(points[:, 2], points[:, 3], planes, tried) >= enough:
             return tried
     return None
 

@@ -19,6 +19,7 @@ from scipy.spatial import Delaunay, cKDTree
 from threadpoolctl import threadpool_limits
 
 from ..core.arrays import Bool, Float, Index
+from ..geometry.columns import greatest, least, spans
 from ..geometry.numbered import distinct, lowest_heights
 from ..geometry.plane_gradient import gradient_parts
 from .squares import first_of_runs, square_numbers
@@ -106,7 +107,7 @@ def densified(points: Float, anchored: Bool | None = None, window: float | None 
     if len(points) == 0:
         return ground
     usable = ~_pits(points)
-    window = seed_window_of(float(np.ptp(points[:, :2], axis=0).min())) if window is None else window
+    window = seed_window_of(float(spans(points[:, :2]).min())) if window is None else window
     ground[_all_seeds(points, usable, anchored, window)] = True
     _densify(points, ground, usable, window)
     for _ in range(CONTINUED_ROUNDS):
@@ -285,7 +286,7 @@ def _pits(points: Float) -> Bool:
 
 def _rim(points: Float) -> Float:
     """(m, 2) places around the points, so that every point lies within a triangle."""
-    low, high = points[:, :2].min(axis=0) - _EDGE_M, points[:, :2].max(axis=0) + _EDGE_M
+    low, high = least(points[:, :2]) - _EDGE_M, greatest(points[:, :2]) + _EDGE_M
     step = np.linspace(0.0, 1.0, _EDGE_POINTS, endpoint=False)
     corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
     sides = [a + step[:, None] * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0))]

@@ -16,6 +16,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from ..core.arrays import Bool, Float, Index
+from ..geometry.columns import largest_sizes
 from ..geometry.numbered import MAX_EXTENT_POINTS, MAX_SMALL_EXTENT, distinct
 from ..geometry.point_spacing import point_spacing
 
@@ -45,7 +46,7 @@ def outliers(xyz: NDArray[np.float64], radius: float, group: int) -> NDArray[np.
         return np.zeros(0, dtype=bool)
     middle = np.median(xyz, axis=0)
     # far strays must not make the cloud look sparse
-    core = np.abs(xyz - middle).max(axis=1) <= core_reach(xyz, middle)
+    core = largest_sizes(xyz - middle) <= core_reach(xyz, middle)
     radius = max(radius, MIN_RADIUS_SPACINGS * point_spacing(xyz[core, :2]))
     key = box_numbers(xyz, middle, radius)
     far = key < 0
@@ -68,7 +69,7 @@ def _boxes(key: Index) -> tuple[Index, Index, Index]:
 
 def core_reach(xyz: Float, middle: Float) -> float:
     """Distance (m) along an axis from the middle (3,) of points (n, 3), within which all but far strays lie."""
-    return 20.0 * float(np.median(np.abs(xyz - middle).max(axis=1))) + 1e-9
+    return 20.0 * float(np.median(largest_sizes(xyz - middle))) + 1e-9
 
 
 def box_numbers(xyz: Float, middle: Float, radius: float) -> Index:
@@ -78,7 +79,7 @@ def box_numbers(xyz: Float, middle: Float, radius: float) -> Index:
         radius: distance (m) across the slope beyond which points are apart.
     """
     boxes = np.floor((xyz - middle) / (np.array([BOX_WIDTH_RADII, BOX_WIDTH_RADII, BOX_HEIGHT_RADII]) * radius))
-    far = np.abs(boxes).max(axis=1) >= _MAX_BOX - 1
+    far = largest_sizes(boxes) >= _MAX_BOX - 1
     index = np.where(far[:, None], 0, boxes).astype(np.int64) + _MAX_BOX
     return np.where(far, -1, index @ _STRIDES)
 
