@@ -77,11 +77,11 @@ def _moved_sums_by_numpy(sums: Float, pool: Pool) -> Float:
         for total, part in zip(pooled, parts, strict=True):
             total[to] += before * part
     sums, pooled = pooled, centre * pooled
-    for v, to, of in ((-1.0, np.s_[:, 1:], np.s_[:, :-1]), (1.0, np.s_[:, :-1], np.s_[:, 1:])):
-        w, sx, sy, sxx, sxy, syy, sz, sxz, syz = (s[of] for s in sums)
+    for v, right, left in ((-1.0, np.s_[:, 1:], np.s_[:, :-1]), (1.0, np.s_[:, :-1], np.s_[:, 1:])):
+        w, sx, sy, sxx, sxy, syy, sz, sxz, syz = (s[left] for s in sums)
         parts = (w, sx, sy + v * w, sxx, sxy + v * sx, syy + 2 * v * sy + w, sz, sxz, syz + v * sz)
         for total, part in zip(pooled, parts, strict=True):
-            total[to] += behind * part
+            total[right] += behind * part
     return pooled
 
 
