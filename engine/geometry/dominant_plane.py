@@ -13,6 +13,8 @@ import numpy as np
 
 from ..core.arrays import Float
 from ..core.errors import InputError
+from .columns import least
+from .numbered import lowest_of_each
 
 _MAX_VOTERS = 4000  # points that vote in RANSAC; the analysis uses all
 
@@ -45,12 +47,9 @@ class Plane:
 
 def lowest_points(xyz: Float, cell: float) -> Float:
     """The lowest point of each occupied cell of a square grid of ``cell`` metres: mostly ground."""
-    keys = np.floor((xyz[:, :2] - xyz[:, :2].min(axis=0)) / cell).astype(np.int64)
+    keys = np.floor((xyz[:, :2] - least(xyz[:, :2])) / cell).astype(np.int64)
     key = keys[:, 0] * (int(keys[:, 1].max()) + 1) + keys[:, 1]
-    order = np.lexsort((xyz[:, 2], key))
-    first = np.ones(len(order), dtype=bool)
-    first[1:] = key[order][1:] != key[order][:-1]
-    return xyz[order[first]]
+    return xyz[lowest_of_each(key, xyz[:, 2])]
 
 
 def fit_plane(xyz: Float, distance: float, iterations: int, seed: int) -> Plane:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from ..core.arrays import Float
+from ..core.arrays import Bool, Float
+from .columns import greatest
+from .plane_kernels import moved_sums, plane_heights, power_sums, product_sums
 
 
 class Planes:
@@ -22,9 +24,9 @@ class Planes:
     def __init__(self, xy: Float, pool: tuple[float, float, float] = AROUND) -> None:
         self.pool = pool
         index = np.floor(xy).astype(np.int64)
-        self.shape = tuple(int(v) + 1 for v in index.max(axis=0))
+        self.shape = tuple(int(v) + 1 for v in greatest(index))
         self.key = index[:, 0] * self.shape[1] + index[:, 1]
-        self.x, self.y = (xy - index - 0.5).T
+        self.x, self.y = np.ascontiguousarray((xy - index - 0.5).T)
 
     def fit(
         self, z: Float, weight: Float, prior_height: float, prior_slope: float, spread: Float | None = None
@@ -35,13 +37,13 @@ class Planes:
             spread: (n, 5) where points are averages of ``weight`` others: sums over these of xx, xy, yy, xz, yz about
                 the average. The planes are then those of the others.
         """
-        x, y = self.x, self.y
-        wx, wy, wz = weight * x, weight * y, weight * z
-        sums = [self.sum(v) for v in (weight, wx, wy, wx * x, wx * y, wy * y, wz, wz * x, wz * y)]
+        count = self.shape[0] * self.shape[1]
+        z, weight = (np.ascontiguousarray(values, dtype=np.float64) for values in (z, weight))
+        sums = product_sums(self.key, self.x, self.y, z, weight, count).reshape(9, *self.shape)
         if spread is not None:
             for k, column in zip((3, 4, 5, 7, 8), spread.T):
                 sums[k] = sums[k] + self.sum(column)
-        w, sx, sy, sxx, sxy, syy, sz, sxz, syz = self._pool(sums)
+        w, sx, sy, sxx, sxy, syy, sz, sxz, syz = moved_sums(sums, self.pool)
         w = w + prior_height + 1e-9
         sxx, syy = sxx + prior_slope * w, syy + prior_slope * w
         # cofactors of the symmetric 3 x 3 normal matrix
@@ -55,39 +57,22 @@ class Planes:
 
     def at_points(self, height: Float, along: Float, across: Float) -> Float:
         """(n,) height of the cells' planes at the points."""
-        key = self.key
-        return np.asarray(
-            height.ravel()[key] + along.ravel()[key] * self.x + across.ravel()[key] * self.y, dtype=np.float64
-        )
+        planes = (np.ascontiguousarray(values, dtype=np.float64).ravel() for values in (height, along, across))
+        return plane_heights(self.key, self.x, self.y, *planes)
 
     def sum(self, values: Float) -> Float:
         """Sum of the points' values in each cell."""
         sums = np.bincount(self.key, values, self.shape[0] * self.shape[1])
         return np.asarray(sums, dtype=np.float64).reshape(self.shape)
 
+    def power_sums(self, values: Float, chosen: Bool) -> Float:
+        """(5, rows, columns) number and sums of the first to fourth powers of the ``chosen`` values (n,) of a cell."""
+        return power_sums(self.key, np.ascontiguousarray(values), chosen, self.shape[0] * self.shape[1]).reshape(
+            5, *self.shape
+        )
+
     def pooled(self, values: Float) -> Float:
         """Values of cells with (weighted) those of the cells around added."""
         for axis in (0, 1):
             values = ndimage.correlate1d(values, self.pool, axis=axis, mode="constant")
         return np.asarray(values, dtype=np.float64)
-
-    def _pool(self, sums: list[Float]) -> list[Float]:
-        """Sums over the cells around, moved to each cell's middle: first along the rows' axis, then across."""
-        rows, columns = self.shape
-        centre = self.pool[1]
-        pooled = [centre * s for s in sums]
-        for u, to, of in ((-1.0, np.s_[1:], np.s_[: rows - 1]), (1.0, np.s_[: rows - 1], np.s_[1:])):
-            w, sx, sy, sxx, sxy, syy, sz, sxz, syz = (s[of] for s in sums)
-            parts = (w, sx + u * w, sy, sxx + 2 * u * sx + w, sxy + u * sy, syy, sz, sxz + u * sz, syz)
-            for total, part in zip(pooled, parts, strict=True):
-                total[to] += self.pool[0] * part
-        sums, pooled = pooled, [centre * s for s in pooled]
-        for v, right, left in (
-            (-1.0, np.s_[:, 1:], np.s_[:, : columns - 1]),
-            (1.0, np.s_[:, : columns - 1], np.s_[:, 1:]),
-        ):
-            w, sx, sy, sxx, sxy, syy, sz, sxz, syz = (s[left] for s in sums)
-            parts = (w, sx, sy + v * w, sxx, sxy + v * sx, syy + 2 * v * sy + w, sz, sxz, syz + v * sz)
-            for total, part in zip(pooled, parts, strict=True):
-                total[right] += self.pool[2] * part
-        return pooled

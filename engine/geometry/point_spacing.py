@@ -7,16 +7,17 @@ import math
 import numpy as np
 
 from ..core.arrays import Float, Index
+from .columns import least, spans
+from .numbered import counts_of_each
 
 
 def point_spacing(xy: Float) -> float:
     """Mean spacing (m) of points (n, 2) seen from above: the root of the median area a point has in occupied cells."""
-    low = xy.min(axis=0)
-    extent = float(np.ptp(xy, axis=0).max())
+    low, extent = least(xy), float(spans(xy).max())
     cell = 1.0
     while True:
-        keys = np.floor((xy - low) / cell).astype(np.int64)
-        _, counts = np.unique(keys[:, 0] * (int(keys[:, 1].max()) + 1) + keys[:, 1], return_counts=True)
+        column, row = (np.floor((xy[:, axis] - low[axis]) / cell).astype(np.int64) for axis in (0, 1))
+        counts = counts_of_each(column * (int(row.max()) + 1) + row)
         density = float(np.median(counts))
         # cells of a point or two do not show the gaps between them
         if density >= 8 or cell >= extent:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.arrays import Float
+from .columns import least, spans
 
 
 def in_tiles(
@@ -22,8 +23,8 @@ def in_tiles(
         margin: width around a tile from which points come along, m.
         step: the tiles' corners are multiples of it from the lowest point, m, so that grids of this cell fall together.
     """
-    low = points[:, :2].min(axis=0)
-    if np.ptp(points[:, :2], axis=0).max() <= 1.5 * side:
+    low = least(points[:, :2])
+    if spans(points[:, :2]).max() <= 1.5 * side:
         return work(points)
     side = max(round(side / step), 1) * step
     margin = max(round(margin / step), 1) * step

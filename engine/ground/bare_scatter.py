@@ -10,6 +10,7 @@ import numpy as np
 from scipy import ndimage
 
 from ..core.arrays import Float
+from ..geometry.columns import largest_sizes, least
 from ..geometry.plane_cells import Planes
 from ..statistics.nearest_known import nearest_known
 
@@ -37,20 +38,19 @@ def bare_scatter(points: Float, side: float) -> float | None:
         side: of the windows, m.
     """
     middle = np.median(points[:, :2], axis=0)
-    points = points[(np.abs(points[:, :2] - middle) <= SAMPLE_SIDE_M / 2).all(axis=1)]
+    points = points[largest_sizes(points[:, :2] - middle) <= SAMPLE_SIDE_M / 2]
     if len(points) < MIN_WINDOW_RETURNS:
         return None
-    planes = Planes((points[:, :2] - points[:, :2].min(axis=0)) / side)
+    planes = Planes((points[:, :2] - least(points[:, :2])) / side)
     for tried in TRIED_SCATTERS_M:
-        least = MIN_BARE_SHARE if tried == TRIED_SCATTERS_M[0] else MIN_NOISY_BARE_SHARE
-        if _share_of_bare(points[:, 2], points[:, 3], planes, tried) >= least:
+        enough = MIN_BARE_SHARE if tried == TRIED_SCATTERS_M[0] else MIN_NOISY_BARE_SHARE
+        if _share_of_bare(points[:, 2], points[:, 3], planes, tried) >= enough:
             return tried
     return None
 
 
-def _gathered(planes: Planes, values: Float) -> Float:
+def _gathered(planes: Planes, total: Float) -> Float:
     """Sums over the windows some metres around: the kurtosis of a few hundred returns alone is too uncertain."""
-    total = planes.sum(values)
     for _ in range(GATHERED):
         total = planes.pooled(total)
     return total
@@ -63,8 +63,7 @@ def _share_of_bare(height: Float, over: Float, planes: Planes, tried: float) -> 
         residual = height - planes.at_points(*planes.fit(height, weight, 0.0, 0.02))
         weight = (np.abs(residual) < 3.0 * REACH_SCATTERS * tried) / (1.0 + (residual / tried) ** 2)
     near = np.abs(residual) < REACH_SCATTERS * tried
-    value = np.where(near, residual, 0.0)
-    number, *sums = (_gathered(planes, near * value**power) for power in range(5))
+    number, *sums = (_gathered(planes, total) for total in planes.power_sums(residual, near))
     with np.errstate(invalid="ignore", divide="ignore"):
         mean, square, cube, fourth = (total / number for total in sums)
         variance = square - mean**2

@@ -16,6 +16,7 @@ from scipy import ndimage
 from ...interface.parameters import GroundParameters
 from ..core import cancellation, child_process
 from ..core.errors import EngineError, InputError
+from ..geometry.columns import greatest, least, spans
 
 MAX_CLOTH_PARTICLES = 16_000_000
 """Particles: more would take over 8 GB."""
@@ -52,9 +53,9 @@ def cloth_ground(
     """
     if len(xyz) == 0:
         return np.zeros(0, dtype=bool)
-    low = xyz.min(axis=0)
+    low = least(xyz)
     # a coordinate that is not a number crashes the library
-    if not np.isfinite(low).all() or not np.isfinite(xyz.max(axis=0)).all():
+    if not np.isfinite(low).all() or not np.isfinite(greatest(xyz)).all():
         raise InputError("The cloud has coordinates that are not finite numbers; remove them before the ground filter.")
     particles = refuse_large_cloth(xyz, parameters.cloth_resolution)
     with tempfile.TemporaryDirectory(prefix="slopewatch-csf-") as name, cancellation.temporary(Path(name)) as folder:
@@ -105,7 +106,7 @@ def refuse_large_cloth(xyz: NDArray[np.float64], resolution: float) -> int:
     Raises:
         InputError: more than MAX_CLOTH_PARTICLES, with a resolution that fits.
     """
-    width, depth = np.ptp(xyz[:, :2], axis=0).tolist()
+    width, depth = spans(xyz[:, :2]).tolist()
     particles = math.floor(width / resolution + 4) * math.floor(depth / resolution + 4)
     if particles > MAX_CLOTH_PARTICLES:
         fits = math.ceil(100.0 * math.sqrt(width * depth / MAX_CLOTH_PARTICLES) * 1.05 + 1) / 100.0
@@ -123,8 +124,8 @@ def filling(xyz: NDArray[np.float64], resolution: float) -> NDArray[np.float64]:
     directions where both are empty, which takes hours on such a cloth. Particles far from any point get one, as low as
     the lowest at the nearest particle that has some. Empty for an ordinary cloud.
     """
-    index = np.floor((xyz[:, :2] - xyz[:, :2].min(axis=0)) / resolution + 0.5).astype(np.int64)
-    shape = tuple(int(n) + 1 for n in index.max(axis=0))
+    index = np.floor((xyz[:, :2] - least(xyz[:, :2])) / resolution + 0.5).astype(np.int64)
+    shape = tuple(int(n) + 1 for n in greatest(index))
     bare = math.prod(n - len(np.unique(index[:, axis])) for axis, n in enumerate(shape))
     if bare <= MAX_BARE_PARTICLES and math.prod(shape) * max(shape) <= MAX_SEARCH_STEPS:
         return np.empty((0, 3))
@@ -134,5 +135,5 @@ def filling(xyz: NDArray[np.float64], resolution: float) -> NDArray[np.float64]:
     far = np.nonzero(distance > _MAX_DISTANCE_CELLS)
     if bare <= MAX_BARE_PARTICLES and len(far[0]) * max(shape) <= MAX_SEARCH_STEPS:
         return np.empty((0, 3))
-    place = xyz[:, :2].min(axis=0) + resolution * np.column_stack(far)
+    place = least(xyz[:, :2]) + resolution * np.column_stack(far)
     return np.column_stack([place, lowest[i[far], j[far]]])

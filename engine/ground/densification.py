@@ -19,6 +19,8 @@ from scipy.spatial import Delaunay, cKDTree
 from threadpoolctl import threadpool_limits
 
 from ..core.arrays import Bool, Float, Index
+from ..geometry.columns import greatest, least, spans
+from ..geometry.numbered import distinct, lowest_heights
 from ..geometry.plane_gradient import gradient_parts
 from .squares import first_of_runs, square_numbers
 
@@ -55,8 +57,7 @@ def lowest_of_cells(xyz: Float, cell: float, origin: Float | None = None) -> Ind
     """Index of the lowest point (n, 3) of each square cell of side ``cell`` that has points; see ``square_numbers``."""
     if not len(xyz):
         return np.zeros(0, dtype=np.int64)
-    key = square_numbers(xyz, cell, origin)
-    return _lowest(xyz, key, np.lexsort((xyz[:, 2], key)))
+    return _lowest(xyz, square_numbers(xyz, cell, origin))
 
 
 def lowest_supported(xyz: Float, cell: float = CANDIDATE_CELL_M, origin: Float | None = None) -> Index:
@@ -68,15 +69,22 @@ def lowest_supported(xyz: Float, cell: float = CANDIDATE_CELL_M, origin: Float |
     if not len(xyz):
         return np.zeros(0, dtype=np.int64)
     key = square_numbers(xyz, cell, origin)
+    _, number, counts = distinct(key)
     z = xyz[:, 2] - xyz[:, 2].min()
-    order = np.lexsort((z, key))
-    z = z[order]
-    height = float(z.max()) + 1.0 + SUPPORT_DEPTH_M
-    rank = np.cumsum(first_of_runs(key[order])) - 1
-    place = rank * height + z
-    above = np.searchsorted(place, place + SUPPORT_DEPTH_M, side="right") - np.arange(len(place))
-    supported = above >= np.maximum(1.0, SUPPORT_SHARE * np.bincount(rank)[rank])
-    return _lowest(xyz, key, order[supported])
+    place = number * (float(z.max()) + 1.0 + SUPPORT_DEPTH_M) + z
+    least = np.maximum(1.0, SUPPORT_SHARE * counts)
+    lowest = lowest_heights(number, place, len(counts))
+    own = lowest[number]
+    supported = place == own
+    near, tied = (np.bincount(number[some], None, len(counts)) for some in (place <= own + SUPPORT_DEPTH_M, supported))
+    # only where the lowest point is not believed the others are looked at, from below
+    doubted = np.flatnonzero((near - tied + 1 < least)[number])
+    if len(doubted):
+        order = doubted[np.argsort(place[doubted], kind="stable")]
+        above = np.searchsorted(place[order], place[order] + SUPPORT_DEPTH_M, side="right") - np.arange(len(order))
+        supported[order] = above >= least[number[order]]
+    chosen = np.flatnonzero(supported)
+    return np.asarray(chosen[_lowest(xyz[chosen], key[chosen])], dtype=np.int64)
 
 
 def seed_window_of(extent: float) -> float:
@@ -99,7 +107,7 @@ def densified(points: Float, anchored: Bool | None = None, window: float | None 
     if len(points) == 0:
         return ground
     usable = ~_pits(points)
-    window = seed_window_of(float(np.ptp(points[:, :2], axis=0).min())) if window is None else window
+    window = seed_window_of(float(spans(points[:, :2]).min())) if window is None else window
     ground[_all_seeds(points, usable, anchored, window)] = True
     _densify(points, ground, usable, window)
     for _ in range(CONTINUED_ROUNDS):
@@ -278,20 +286,19 @@ def _pits(points: Float) -> Bool:
 
 def _rim(points: Float) -> Float:
     """(m, 2) places around the points, so that every point lies within a triangle."""
-    low, high = points[:, :2].min(axis=0) - _EDGE_M, points[:, :2].max(axis=0) + _EDGE_M
+    low, high = least(points[:, :2]) - _EDGE_M, greatest(points[:, :2]) + _EDGE_M
     step = np.linspace(0.0, 1.0, _EDGE_POINTS, endpoint=False)
     corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
     sides = [a + step[:, None] * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0))]
     return np.vstack(sides)
 
 
-def _lowest(xyz: Float, key: Index, order: Index) -> Index:
-    """Of points in ``order`` of their cells' ``key`` and height, the lowest of each cell.
+def _lowest(xyz: Float, key: Index) -> Index:
+    """Index of the lowest of the points (n, 3) of each ``key`` (n,), these ascending.
 
     Among those at one height it is the one with the least coordinates, whatever the order in the file.
     """
-    first = first_of_runs(key[order])
-    height = xyz[order, 2]
-    tied = order[height == height[first][np.cumsum(first) - 1]]
-    tied = tied[np.lexsort((xyz[tied, 1], xyz[tied, 0], key[tied]))]
-    return np.asarray(tied[first_of_runs(key[tied])], dtype=np.int64)
+    found, place, _ = distinct(key)
+    tied = np.flatnonzero(xyz[:, 2] == lowest_heights(place, xyz[:, 2], len(found))[place])
+    tied = tied[np.lexsort((xyz[tied, 1], xyz[tied, 0], place[tied]))]
+    return np.asarray(tied[first_of_runs(place[tied])], dtype=np.int64)

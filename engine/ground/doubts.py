@@ -10,6 +10,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from ..core.arrays import Bool, Float
+from ..geometry.columns import greatest, least
 from ..geometry.point_spacing import point_spacing
 from .cover import percent
 
@@ -76,8 +77,9 @@ def ground_doubts(name: str, found: Found, lost: float) -> tuple[str, ...]:
     Args:
         lost: share of the pulses whose last return is missing.
     """
-    counts = square_counts(found.flat, SQUARE_POINTS * point_spacing(found.flat[:, :2]))
-    facts = DoubtFacts(lost, evenness(*even_sums(counts)), *_thin_area(found))
+    spacing = point_spacing(found.flat[:, :2])
+    counts = square_counts(found.flat, SQUARE_POINTS * spacing)
+    facts = DoubtFacts(lost, evenness(*even_sums(counts)), *_thin_area(found, spacing))
     if found.height is not None and found.plant_error is not None:
         error = found.plant_error[np.isfinite(found.plant_error)]
         bare = (float(np.mean(error == 0)), float(np.median(error))) if len(error) else (math.nan, math.nan)
@@ -194,9 +196,9 @@ def thin_side(spacing: float) -> float:
     return max(1.0, math.sqrt(MIN_MEDIAN_POINTS) * spacing)
 
 
-def _thin_area(found: Found) -> tuple[float, int]:
-    side = thin_side(point_spacing(found.flat[:, :2]))
-    low = found.flat[:, :2].min(axis=0)
+def _thin_area(found: Found, spacing: float) -> tuple[float, int]:
+    side = thin_side(spacing)
+    low = least(found.flat[:, :2])
     counts, ground = (
         square_counts(found.flat, side, low),
         square_counts(found.flat[found.ground], side, low, found.flat),
@@ -227,8 +229,8 @@ def square_counts(points: Float, side: float, low: Float | None = None, extent: 
     The grid begins at ``low`` and covers ``extent`` (m, 2+), by default the points'.
     """
     extent = points if extent is None else extent
-    low = extent[:, :2].min(axis=0) if low is None else low
-    shape = np.floor((extent[:, :2].max(axis=0) - low) / side).astype(np.int64) + 1
-    index = np.floor((points[:, :2] - low) / side).astype(np.int64)
-    found = np.bincount(index[:, 0] * shape[1] + index[:, 1], minlength=int(shape.prod()))
+    low = least(extent[:, :2]) if low is None else low
+    shape = np.floor((greatest(extent[:, :2]) - low) / side).astype(np.int64) + 1
+    column, row = (np.floor((points[:, axis] - low[axis]) / side).astype(np.int64) for axis in (0, 1))
+    found = np.bincount(column * shape[1] + row, minlength=int(shape.prod()))
     return np.asarray(found, dtype=np.float64).reshape(shape)

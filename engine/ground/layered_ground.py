@@ -22,11 +22,22 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ..core.arrays import Bool, Float, Index
+from ..geometry.columns import greatest, least
+from ..geometry.numbered import counts_of_each
 from ..geometry.plane_cells import Planes
 from ..geometry.square_tiles import in_tiles
 from .bare_scatter import bare_scatter
 from .closer_look import looked_closer
-from .lowest_layer import HIGHEST_M, LOWEST_M, MIN_BELOW_SHARE, Layers, histograms, lowest_layers, separate_layers
+from .lowest_layer import (
+    HIGHEST_M,
+    LOWEST_M,
+    MIN_BELOW_SHARE,
+    Layers,
+    counts_around,
+    histograms,
+    lowest_layers,
+    separate_layers,
+)
 from .narrow_windows import narrow_windows
 from .squares import lowest_corner, square_numbers
 from .surface_heights import surface_heights
@@ -125,7 +136,7 @@ def layered_ground(xyz: Float, anchored: Bool, taken: Bool, threshold: float) ->
     index = np.flatnonzero(of_lowest_layers(height, surface.left))
     side = window_side(returns_by_square(xyz[index]))
     level = xyz[index, 2] - np.median(xyz[:, 2])
-    low = np.column_stack([xyz[index, :2] - xyz[:, :2].min(axis=0), height[index], level])
+    low = np.column_stack([xyz[index, :2] - least(xyz[:, :2]), height[index], level])
     bare_ground = BARE_SCATTER_M
     if len(index) and side <= MAX_CLOSER_WINDOW_M:
         bare_ground = bare_scatter(low[:, [0, 1, 3, 2]], side) or BARE_SCATTER_M
@@ -147,7 +158,7 @@ def layered_part(xyz: Float, height: Float, left: Bool, windows: Windows, origin
     if not len(index):
         return _nothing(len(xyz), windows.scatter, windows.threshold)
     side = windows.side
-    corner = origin + side * np.floor((xyz[:, :2].min(axis=0) - origin) / side)
+    corner = origin + side * np.floor((least(xyz[:, :2]) - origin) / side)
     places = np.column_stack([xyz[:, :2] - corner, xyz[:, 2]])
     low = np.column_stack([places[index, :2], height[index], xyz[index, 2]])
     return _ground_of(places, height, index, low, windows, corner=np.zeros(2))
@@ -194,7 +205,7 @@ def _nothing(count: int, scatter: float, threshold: float) -> LayeredGround:
 def _everywhere(xyz: Float, index: Index, known: Float, side: float, corner: Float | None = None) -> Float:
     """(n, k) values at all points from those ``known`` (m, k) at ``index``: mean of the cell, else of the nearest."""
     cells = np.floor((xyz[:, :2] - lowest_corner(xyz, corner)) / side).astype(np.int64)
-    shape = tuple(int(n) + 1 for n in cells.max(axis=0))
+    shape = tuple(int(n) + 1 for n in greatest(cells))
     key = cells[:, 0] * shape[1] + cells[:, 1]
     finite = np.isfinite(known).all(axis=1)
     place, values = key[index[finite]], known[finite]
@@ -226,7 +237,7 @@ def _judged(points: Float, windows: Windows) -> Float:
 
     ``points`` are x, y, the height over the triangles and that in the frame.
     """
-    low = np.floor(points[:, :2].min(axis=0) / windows.side) * windows.side
+    low = np.floor(least(points[:, :2]) / windows.side) * windows.side
     planes = Planes((points[:, :2] - low) / windows.side)
     stretch = _stretch(points[:, 3] - points[:, 2], planes, windows.side)
     over, sigma = points[:, 2] / stretch, PLANT_SCATTER * windows.scatter
@@ -283,7 +294,7 @@ def returns_by_square(xyz: Float) -> Index:
     """Numbers of points (n, 2+), m, in the squares of a metre that hold any."""
     if len(xyz) == 0:
         return np.zeros(0, dtype=np.int64)
-    return np.unique(square_numbers(xyz, 1.0), return_counts=True)[1]
+    return counts_of_each(square_numbers(xyz, 1.0))
 
 
 def window_side(counts: Index) -> float:
@@ -307,9 +318,7 @@ def _pooled_layers(over: Float, planes: Planes, sigma: float, windows: Windows) 
         few = (layers.returns < MIN_WINDOW_RETURNS) & (layers.returns > 0)
         if not few.any():
             break
-        width = 2 * reach + 1
-        wider = ndimage.uniform_filter(counts, (width, width, 1), mode="constant") * width**2
-        layers = layers.where(few, lowest_layers(wider[few], *asked))
+        layers = layers.where(few, lowest_layers(counts_around(counts, *np.nonzero(few), reach), *asked))
     return layers
 
 

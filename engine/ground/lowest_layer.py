@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ..core.arrays import Bool, Float
+from ..core.arrays import Bool, Float, Index
+from ..core.compiled import compiled
 
 BIN_M = 0.005
 LOWEST_M, HIGHEST_M = -0.3, 0.7
@@ -81,37 +82,10 @@ def lowest_layers(
         tolerance: height (m) over the ground that the mean of what is taken may have.
         least_below: share of the returns that must lie below the ground.
     """
-    returns = counts.sum(axis=-1)
-    number, moment = np.cumsum(counts, axis=-1), np.cumsum(counts * _MIDDLES, axis=-1)
     # farther below lie single returns (multipath), which would make a layer seem deep
     few = max(round(MAX_BELOW_SIGMAS * sigma / BIN_M), 1)
-    number_below, moment_below = number.copy(), moment.copy()
-    number_below[..., few:] -= number[..., :-few]
-    moment_below[..., few:] -= moment[..., :-few]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        depth = EDGES[1:] - moment_below / number_below
-    least = np.maximum(MIN_BELOW_POINTS, least_below * returns)[..., None]
-    reached = (depth >= HALF_NORMAL_MEAN * sigma) & (number_below >= least)
-    unknown = ~reached.any(axis=-1)
-    ground = EDGES[1:][np.argmax(reached, axis=-1)]
-    for _ in range(2):
-        # bare ground that scatters less than sigma: the middle of what lies around
-        low, high = _at(number, ground - 3.0 * sigma), _at(number, ground + 3.0 * sigma)
-        middle = EDGES[1:][np.argmax(number >= ((low + high) / 2)[..., None], axis=-1)] - BIN_M / 2
-        ground = np.minimum(ground, middle)
-    lowest = ground - threshold
-    number_from = number - _at(number, lowest)[..., None]
-    moment_from = moment - _at(moment, lowest)[..., None]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = moment_from / number_from
-    upper = EDGES[1:]
-    within = (upper >= ground[..., None]) & (upper <= (ground + threshold)[..., None] + 1e-9)
-    fits = within & (mean <= (ground + tolerance)[..., None])
-    top = np.where(fits.any(axis=-1), upper[BINS - 1 - np.argmax(fits[..., ::-1], axis=-1)], ground)
-    median = EDGES[1:][np.argmax(number >= returns[..., None] / 2, axis=-1)] - ground
-    taken = _at(number, top) - _at(number, lowest)
-    ground = np.where(unknown, np.nan, ground)
-    return Layers(ground, top, taken, returns, median)
+    rows = np.ascontiguousarray(counts, dtype=np.float64).reshape(-1, BINS)
+    return Layers(*layer_rows(rows, sigma, few, threshold, tolerance, least_below).reshape(5, *counts.shape[:-1]))
 
 
 def separate_layers(counts: Float, ground: Float) -> tuple[Bool, Float, Float]:
@@ -149,3 +123,124 @@ def _at(cumulated: Float, height: Float) -> Float:
     index = np.floor((height - LOWEST_M) / BIN_M + 1e-6).astype(np.int64) - 1
     found = np.take_along_axis(cumulated, np.clip(index, 0, BINS - 1)[..., None], axis=-1)[..., 0]
     return np.where(index < 0, 0.0, found)
+
+
+def _layer_rows_by_numpy(
+    counts: Float, sigma: float, few: int, threshold: float, tolerance: float, least_below: float
+) -> Float:
+    returns = counts.sum(axis=-1)
+    number, moment = np.cumsum(counts, axis=-1), np.cumsum(counts * _MIDDLES, axis=-1)
+    number_below, moment_below = number.copy(), moment.copy()
+    number_below[..., few:] -= number[..., :-few]
+    moment_below[..., few:] -= moment[..., :-few]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        depth = EDGES[1:] - moment_below / number_below
+    least = np.maximum(MIN_BELOW_POINTS, least_below * returns)[..., None]
+    reached = (depth >= HALF_NORMAL_MEAN * sigma) & (number_below >= least)
+    unknown = ~reached.any(axis=-1)
+    ground = EDGES[1:][np.argmax(reached, axis=-1)]
+    for _ in range(2):
+        # bare ground that scatters less than sigma: the middle of what lies around
+        low, high = _at(number, ground - 3.0 * sigma), _at(number, ground + 3.0 * sigma)
+        middle = EDGES[1:][np.argmax(number >= ((low + high) / 2)[..., None], axis=-1)] - BIN_M / 2
+        ground = np.minimum(ground, middle)
+    lowest = ground - threshold
+    number_from = number - _at(number, lowest)[..., None]
+    moment_from = moment - _at(moment, lowest)[..., None]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = moment_from / number_from
+    upper = EDGES[1:]
+    within = (upper >= ground[..., None]) & (upper <= (ground + threshold)[..., None] + 1e-9)
+    fits = within & (mean <= (ground + tolerance)[..., None])
+    top = np.where(fits.any(axis=-1), upper[BINS - 1 - np.argmax(fits[..., ::-1], axis=-1)], ground)
+    median = EDGES[1:][np.argmax(number >= returns[..., None] / 2, axis=-1)] - ground
+    taken = _at(number, top) - _at(number, lowest)
+    ground = np.where(unknown, np.nan, ground)
+    return np.stack([ground, top, taken, returns, median])
+
+
+@compiled(_layer_rows_by_numpy)
+def layer_rows(counts: Float, sigma: float, few: int, threshold: float, tolerance: float, least_below: float) -> Float:
+    """(5, m) the fields of ``Layers`` of windows with ``counts`` (m, BINS), see ``lowest_layers``.
+
+    Returns more than ``few`` bins below a height are no evidence for the ground there.
+    """
+    windows, bins = counts.shape
+    found = np.empty((5, windows))
+    number, moment = np.empty(bins), np.empty(bins)
+    for row in range(windows):
+        returns = 0.0
+        weighted = 0.0
+        for b in range(bins):
+            returns += counts[row, b]
+            weighted += counts[row, b] * _MIDDLES[b]
+            number[b], moment[b] = returns, weighted
+        least = max(MIN_BELOW_POINTS, least_below * returns)
+        ground = np.nan
+        for b in range(bins):
+            below = number[b] - (number[b - few] if b >= few else 0.0)
+            if below >= least:
+                lower = moment[b] - (moment[b - few] if b >= few else 0.0)
+                if EDGES[b + 1] - lower / below >= HALF_NORMAL_MEAN * sigma:
+                    ground = EDGES[b + 1]
+                    break
+        unknown = np.isnan(ground)
+        if unknown:
+            ground = EDGES[1]
+        for _ in range(2):
+            half = 0.0
+            for side in (-3.0, 3.0):
+                place = int(np.floor((ground + side * sigma - LOWEST_M) / BIN_M + 1e-6)) - 1
+                if place >= 0:
+                    half += number[min(place, bins - 1)]
+            half /= 2
+            b = 0
+            while b < bins - 1 and number[b] < half:
+                b += 1
+            ground = min(ground, EDGES[b + 1] - BIN_M / 2)
+        place = min(int(np.floor((ground - threshold - LOWEST_M) / BIN_M + 1e-6)) - 1, bins - 1)
+        fewer, lighter = (number[place], moment[place]) if place >= 0 else (0.0, 0.0)
+        top = ground
+        for b in range(bins - 1, -1, -1):
+            upper = EDGES[b + 1]
+            if upper < ground:
+                break
+            taken = number[b] - fewer
+            if upper <= ground + threshold + 1e-9 and (moment[b] - lighter) / taken <= ground + tolerance:
+                top = upper
+                break
+        place = min(int(np.floor((top - LOWEST_M) / BIN_M + 1e-6)) - 1, bins - 1)
+        b = 0
+        while b < bins - 1 and number[b] < returns / 2:
+            b += 1
+        found[0, row] = np.nan if unknown else ground
+        found[1, row] = top
+        found[2, row] = (number[place] if place >= 0 else 0.0) - fewer
+        found[3, row] = returns
+        found[4, row] = EDGES[b + 1] - ground
+    return found
+
+
+def _counts_around_by_numpy(counts: Float, row: Index, column: Index, reach: int) -> Float:
+    padded = np.pad(counts, ((reach, reach), (reach, reach), (0, 0)))
+    total = np.zeros((len(row), counts.shape[2]))
+    for i in range(2 * reach + 1):
+        for j in range(2 * reach + 1):
+            total += padded[row + i, column + j]
+    return total
+
+
+@compiled(_counts_around_by_numpy)
+def counts_around(counts: Float, row: Index, column: Index, reach: int) -> Float:
+    """(m, BINS) sums of ``counts`` (rows, columns, BINS) over squares of 2 ``reach`` + 1 windows a side around some.
+
+    ``row`` and ``column`` (m,) are those in the middle.
+    """
+    rows, columns, bins = counts.shape
+    total = np.zeros((len(row), bins))
+    for k in range(len(row)):
+        for i in range(max(row[k] - reach, 0), min(row[k] + reach + 1, rows)):
+            for j in range(max(column[k] - reach, 0), min(column[k] + reach + 1, columns)):
+                for b in range(bins):
+                    total[k, b] += counts[i, j, b]
+    return total

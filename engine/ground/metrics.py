@@ -13,11 +13,12 @@ from shapely.geometry.base import BaseGeometry
 
 from ..core.arrays import Bool, Float, Index
 from ..crs.working_frame import WorkingFrame
+from ..geometry.numbered import lowest_of_each
 from ..geometry.point_spacing import point_spacing
 from ..pointcloud.extent import CheckedRecords, square_metres
 from ..pointcloud.header import CloudHeader
 from ..pointcloud.records import PLACES, coordinates
-from .squares import first_of_runs, square_numbers
+from .squares import square_numbers
 from .tally import Tally, metre_squares, square_places
 
 MIN_VEGETATION_HEIGHT_M = 0.3
@@ -117,8 +118,8 @@ def crown_heights(
         counted: (n,) cells with another highest point are left out.
     """
     key = square_numbers(xyz, cell, origin)
-    order = np.lexsort((xyz[:, 2], key))[::-1]
-    top = order[first_of_runs(key[order])]
+    # of equally high points the last
+    top = len(key) - 1 - lowest_of_each(key[::-1], -xyz[::-1, 2])
     highest = flat[top if counted is None else top[counted[top]]]
     base = flat[ground]
     if not len(base) or not len(highest):

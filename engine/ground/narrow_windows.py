@@ -29,8 +29,7 @@ def narrow_windows(height: Float, planes: Planes, scatter: float, median: bool =
         median: whether the windows around decide too.
     """
     near = np.abs(height) < max(JUDGED_M, JUDGED_SCATTERS * scatter)
-    value = np.where(near, height, 0.0)
-    number, *sums = (planes.pooled(planes.pooled(planes.sum(near * value**power))) for power in range(5))
+    number, *sums = (planes.pooled(planes.pooled(total)) for total in planes.power_sums(height, near))
     with np.errstate(invalid="ignore", divide="ignore"):
         mean, square, cube, fourth = (total / number for total in sums)
         variance = np.maximum(square - mean**2, 0.0)

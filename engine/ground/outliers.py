@@ -8,12 +8,16 @@ connected sideways; a stray echo under it has nothing next to it.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from ..core.arrays import Bool, Float, Index
+from ..geometry.columns import largest_sizes
+from ..geometry.numbered import MAX_EXTENT_POINTS, MAX_SMALL_EXTENT, distinct
 from ..geometry.point_spacing import point_spacing
 
 BOX_WIDTH_RADII, BOX_HEIGHT_RADII = 2.5, 0.5
@@ -42,17 +46,30 @@ def outliers(xyz: NDArray[np.float64], radius: float, group: int) -> NDArray[np.
         return np.zeros(0, dtype=bool)
     middle = np.median(xyz, axis=0)
     # far strays must not make the cloud look sparse
-    core = np.abs(xyz - middle).max(axis=1) <= core_reach(xyz, middle)
+    core = largest_sizes(xyz - middle) <= core_reach(xyz, middle)
     radius = max(radius, MIN_RADIUS_SPACINGS * point_spacing(xyz[core, :2]))
     key = box_numbers(xyz, middle, radius)
     far = key < 0
-    occupied, box, counts = np.unique(np.where(far, _MIDDLE_BOX, key), return_inverse=True, return_counts=True)
-    return np.asarray(small_groups(occupied, counts, group)[box.ravel()] | far, dtype=np.bool_)
+    occupied, box, counts = _boxes(np.where(far, _MIDDLE_BOX, key))
+    return np.asarray(small_groups(occupied, counts, group)[box] | far, dtype=np.bool_)
+
+
+def _boxes(key: Index) -> tuple[Index, Index, Index]:
+    """``distinct`` of the numbers (n,) of boxes, which are far apart from one row of boxes to the next."""
+    axes = [(key // stride) % (2 * _MAX_BOX) for stride in _STRIDES.tolist()]
+    lows, sizes = zip(*((int(axis.min()), int(np.ptp(axis)) + 1) for axis in axes), strict=True)
+    if math.prod(sizes) > MAX_EXTENT_POINTS * len(key) + MAX_SMALL_EXTENT:
+        found, place, counts = np.unique(key, return_inverse=True, return_counts=True)
+        return found, place.ravel(), counts
+    shape = tuple(sizes)
+    found, place, counts = distinct(np.ravel_multi_index([a - low for a, low in zip(axes, lows, strict=True)], shape))
+    places = np.column_stack(np.unravel_index(found, shape)) + np.array(lows)
+    return places @ _STRIDES, place, counts
 
 
 def core_reach(xyz: Float, middle: Float) -> float:
     """Distance (m) along an axis from the middle (3,) of points (n, 3), within which all but far strays lie."""
-    return 20.0 * float(np.median(np.abs(xyz - middle).max(axis=1))) + 1e-9
+    return 20.0 * float(np.median(largest_sizes(xyz - middle))) + 1e-9
 
 
 def box_numbers(xyz: Float, middle: Float, radius: float) -> Index:
@@ -62,7 +79,7 @@ def box_numbers(xyz: Float, middle: Float, radius: float) -> Index:
         radius: distance (m) across the slope beyond which points are apart.
     """
     boxes = np.floor((xyz - middle) / (np.array([BOX_WIDTH_RADII, BOX_WIDTH_RADII, BOX_HEIGHT_RADII]) * radius))
-    far = np.abs(boxes).max(axis=1) >= _MAX_BOX - 1
+    far = largest_sizes(boxes) >= _MAX_BOX - 1
     index = np.where(far[:, None], 0, boxes).astype(np.int64) + _MAX_BOX
     return np.where(far, -1, index @ _STRIDES)
 

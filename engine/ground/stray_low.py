@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.arrays import Bool, Float, Index
+from ..core.compiled import compiled
+from ..geometry.numbered import distinct
 from .squares import first_of_runs, lowest_corner
 
 SQUARE_M, REACH_SQUARES = 0.5, 2
@@ -38,22 +40,15 @@ def stray_below(xyz: Float, slice_m: float, origin: Float | None = None) -> Bool
     column = np.floor((xyz[:, :2] - lowest_corner(xyz, origin)) / SQUARE_M).astype(np.int64) + REACH_SQUARES
     level = np.floor((xyz[:, 2] - xyz[:, 2].min()) / slice_m).astype(np.int64)
     levels, width = int(level.max()) + 2, int(column[:, 1].max()) + REACH_SQUARES + 1
-    key, voxel, counts = np.unique(
-        (column[:, 0] * width + column[:, 1]) * levels + level, return_inverse=True, return_counts=True
-    )
-    total = np.concatenate([[0], np.cumsum(counts)])
-    pooled = np.zeros(len(key))
-    for across in range(-REACH_SQUARES, REACH_SQUARES + 1):
-        for along in range(-REACH_SQUARES, REACH_SQUARES + 1):
-            start = key + (across * width + along) * levels
-            pooled += total[np.searchsorted(key, start + 2)] - total[np.searchsorted(key, start)]
+    key, voxel, counts = distinct((column[:, 0] * width + column[:, 1]) * levels + level)
+    pooled = pooled_counts(key, counts, width, levels)
     place, height = key // levels, key % levels
     fullest = _fullest_above(place, height, pooled, width)
     empty = (pooled < MAX_STRAY_SHARE * fullest) & (fullest >= MIN_RETURNS_ABOVE)
     rank = np.cumsum(np.concatenate([[0], np.diff(place) != 0]))
     # below a wall or a crown there is ground; below strays there is nothing
     nothing_below = _running_maximum((~empty).astype(np.float64), rank) == 0
-    return np.asarray((empty & nothing_below)[voxel.ravel()], dtype=np.bool_)
+    return np.asarray((empty & nothing_below)[voxel], dtype=np.bool_)
 
 
 def _fullest_above(place: Index, height: Index, pooled: Float, width: int) -> Float:
@@ -84,3 +79,40 @@ def _running_maximum(values: Float, group: NDArray[np.int64]) -> Float:
     # each group is lifted over those before, so that the maximum starts anew with it
     lift = (float(values.max()) + 1.0) * group
     return np.asarray(np.maximum.accumulate(values + lift) - lift, dtype=np.float64)
+
+
+def _pooled_counts_by_numpy(key: Index, counts: Index, width: int, levels: int) -> Float:
+    total = np.concatenate([[0], np.cumsum(counts)])
+    pooled = np.zeros(len(key))
+    for across in range(-REACH_SQUARES, REACH_SQUARES + 1):
+        for along in range(-REACH_SQUARES, REACH_SQUARES + 1):
+            start = key + (across * width + along) * levels
+            pooled += total[np.searchsorted(key, start + 2)] - total[np.searchsorted(key, start)]
+    return pooled
+
+
+@compiled(_pooled_counts_by_numpy)
+def pooled_counts(key: Index, counts: Index, width: int, levels: int) -> Float:
+    """(v,) returns in each voxel, the one above it, and those of the columns within REACH_SQUARES.
+
+    Args:
+        key: (v,) numbers of the voxels with returns, ascending: column by column upwards, ``levels`` in each column,
+            ``width`` columns in a row.
+        counts: (v,) returns in each voxel.
+    """
+    pooled = np.zeros(len(key))
+    for across in range(-REACH_SQUARES, REACH_SQUARES + 1):
+        for along in range(-REACH_SQUARES, REACH_SQUARES + 1):
+            shift = (across * width + along) * levels
+            # both ends of what is summed only move on, as the voxels are in order
+            first, end, held = 0, 0, 0
+            for i in range(len(key)):
+                start = key[i] + shift
+                while end < len(key) and key[end] < start + 2:
+                    held += counts[end]
+                    end += 1
+                while first < end and key[first] < start:
+                    held -= counts[first]
+                    first += 1
+                pooled[i] += held
+    return pooled

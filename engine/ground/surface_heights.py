@@ -12,6 +12,7 @@ import numpy as np
 from scipy import ndimage
 
 from ..core.arrays import Bool, Float
+from ..geometry.columns import greatest, least
 from .densification import CANDIDATE_CELL_M, Triangles, densified, lowest_supported
 from .squares import lowest_corner
 from .stray_low import MIN_REPORTED_SHARE, stray_below
@@ -100,11 +101,11 @@ def _over_triangles(xyz: Float, anchored: Bool, taken: Bool, whole: Whole | None
     low = lowest_corner(xyz, origin)
     if origin is not None:
         # a part of the cloud needs no nodes before its own
-        low = low + SURFACE_CELL_M * np.floor((xyz[:, :2].min(axis=0) - low) / SURFACE_CELL_M)
+        low = low + SURFACE_CELL_M * np.floor((least(xyz[:, :2]) - low) / SURFACE_CELL_M)
     place = (xyz[:, :2] - low) / SURFACE_CELL_M
     node = np.floor(place).astype(np.int64)
     # a slope that lies across the axes fills little of the grid, and only nodes about its points are looked up
-    needed = np.zeros(node.max(axis=0) + 2, dtype=bool)
+    needed = np.zeros(greatest(node) + 2, dtype=bool)
     for right, up in ((0, 0), (0, 1), (1, 0), (1, 1)):
         needed[node[:, 0] + right, node[:, 1] + up] = True
     surface = np.zeros(needed.shape)

@@ -210,7 +210,7 @@ def _taker(source: CloudHeader, target: Target) -> Iterator[Callable[[PackedPoin
 
     def take(group: PackedPointRecord, part: slice) -> None:
         nonlocal written
-        chosen = group.array if target.keep is None else group.array[target.keep[part]]
+        chosen = group.array if target.keep is None else np.compress(target.keep[part], group.array)
         records = np.zeros(len(chosen), dtype)
         for field in carried:
             records[field] = chosen[field]
