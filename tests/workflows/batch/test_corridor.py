@@ -255,6 +255,7 @@ def test_the_page_shows_what_people_entered_without_any_slope_computed(
 def test_settings_make_other_tasks_and_failed_slopes_can_wait(
     finished: tuple[Path, RunResult, Progress], corridor: Path
 ) -> None:
+    from slopewatch.workflows.batch.estimate import memory_needs
     from slopewatch.workflows.batch.manifest import read_manifest
     from slopewatch.workflows.batch.planning import plan
     from slopewatch.workflows.batch.state import StateFile
@@ -269,18 +270,21 @@ def test_settings_make_other_tasks_and_failed_slopes_can_wait(
         return plan(slopes, out, given, FileHashes(out / "hashes.json"), entries, Progress())
 
     same = planned(common)
-    assert (set(same.done), dict(same.needs)) == ({"<b>A", "B"}, {})
+    assert (set(same.done), same.waiting) == ({"<b>A", "B"}, [])
     assert [p.slope for p in same.problems] == ["C"]
     other = planned(replace(common, options={**OPTIONS, "cell": 0.4}))
-    assert set(other.needs) == {"<b>A", "B"}
+    assert [slope.name for slope in other.waiting] == ["<b>A", "B", "C"]
+    needs = memory_needs(other, Progress())
+    assert set(needs) == {"<b>A", "B"}
+    assert [p.slope for p in other.problems] == ["C"], "its cloud cannot be read"
     assert all(other.jobs[name].task != same.jobs[name].task for name in other.jobs)
-    assert all(need > 500_000_000 for need in other.needs.values())
+    assert all(need > 500_000_000 for need in needs.values())
     pair = planned(replace(common, parameters=BatchParameters(two_surveys="inspect")))
-    assert set(pair.needs) == {"B"}, "a series of three stays one"
+    assert [slope.name for slope in pair.waiting] == ["B"], "a series of three stays one"
 
 
 def test_other_results_are_refused_and_two_batches_do_not_share_a_folder(corridor: Path, tmp_path: Path) -> None:
-    from slopewatch.workflows.batch.folder_lock import locked
+    from slopewatch.engine.core.file_lock import locked
 
     (tmp_path / "run.json").write_text('{"command": "inspect"}')
     with pytest.raises(InputError, match="holds results already"):

@@ -17,13 +17,13 @@ from pathlib import Path
 
 import pytest
 from slopewatch.engine.core.errors import InputError
+from slopewatch.engine.core.file_lock import locked
 from slopewatch.engine.core.progress import Progress
 from slopewatch.tests.builders.batch_program import PROGRAM, job, starts
 from slopewatch.tests.builders.clouds import LasFile, las_file
 from slopewatch.tests.builders.limits import PATIENCE_S
 from slopewatch.workflows.batch.admission import Admission
 from slopewatch.workflows.batch.executors import Executor, InPlace, Processes
-from slopewatch.workflows.batch.folder_lock import locked
 from slopewatch.workflows.batch.jobs import KILLED, MEMORY, Job, Outcome
 from slopewatch.workflows.batch.results import result_of
 from slopewatch.workflows.batch.scheduling import Board, work_through
@@ -393,7 +393,7 @@ def test_what_a_killed_run_left_behind_is_removed_and_two_do_not_share_a_folder(
 
 def test_a_lock_ends_with_its_process(tmp_path: Path) -> None:
     code = (
-        "import sys, time\nfrom pathlib import Path\nfrom slopewatch.workflows.batch.folder_lock import locked\n"
+        "import sys, time\nfrom pathlib import Path\nfrom slopewatch.engine.core.file_lock import locked\n"
         "with locked(Path(sys.argv[1]), ''):\n    print('held', flush=True)\n    time.sleep(600)\n"
     )
     with subprocess.Popen([sys.executable, "-c", code, tmp_path / "lock"], stdout=subprocess.PIPE) as holder:
