@@ -1,7 +1,7 @@
 """The ground that ``inspect`` found for a slope, put where its series looks: the third survey makes a series of a pair.
 
-A series finds what it keeps by a key of all that it depends on (``ground_key``). So nothing is compared here: the ground
-is put there under the key of what it was made of, and is used only where the series would make the same.
+A series finds what it keeps by a key of all that it depends on (``ground_key``). So nothing is compared here: the
+ground is put there under the key of what it was made of, and is used only where the series would make the same.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ import os
 import signal
 import sqlite3
 import subprocess
+import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -280,7 +281,35 @@ def test_settings_make_other_tasks_and_failed_slopes_can_wait(
     assert all(other.jobs[name].task != same.jobs[name].task for name in other.jobs)
     assert all(need > 500_000_000 for need in needs.values())
     pair = planned(replace(common, parameters=BatchParameters(two_surveys="inspect")))
-    assert [slope.name for slope in pair.waiting] == ["B"], "a series of three stays one"
+    assert set(memory_needs(pair, Progress())) == {"B"}, "a series of three stays one"
+
+
+LIBRARIES = ("geopandas", "laspy", "matplotlib", "pandas", "pyogrio", "pyproj", "rasterio", "scipy", "shapely")
+LOOK_AGAIN = f"""
+import sys
+from slopewatch.cli.program import cli
+try:
+    cli(sys.argv[1:])
+except SystemExit as end:
+    print(sorted(set({LIBRARIES}) & set(sys.modules)), end.code)
+"""
+
+
+def test_that_nothing_is_to_be_done_is_found_without_the_libraries_of_clouds(
+    finished: tuple[Path, RunResult, Progress], corridor: Path
+) -> None:
+    """They take ten times as long to load as a corridor of hundreds of slopes to look at."""
+    out = finished[0]
+    before = {name: (out / name).stat().st_mtime_ns for name in ("corridor.gpkg", "corridor.html", "run.json")}
+    words = ["batch", corridor / "corridor.csv", "--output-dir", out, "--centreline", corridor / "road.gpkg"]
+    words += ["--two-surveys=series", "--ground-ready", "--method=none", "--cell=0.5", "--rasters-each-survey"]
+    done = subprocess.run(
+        [sys.executable, "-c", LOOK_AGAIN, *map(str, words), "--no-retry-failed"],
+        capture_output=True, text=True, timeout=PATIENCE_S, check=False,
+    )  # fmt: skip
+    assert done.stdout.splitlines()[-1:] == ["[] 0"], done.stderr
+    assert "Nothing has changed" in done.stderr
+    assert {name: (out / name).stat().st_mtime_ns for name in before} == before
 
 
 def test_other_results_are_refused_and_two_batches_do_not_share_a_folder(corridor: Path, tmp_path: Path) -> None:

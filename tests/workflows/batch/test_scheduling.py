@@ -280,7 +280,7 @@ def test_a_batch_killed_at_random_moments_loses_nothing_and_repeats_little(las_f
         lines.append(f"S{number},2024-05-01,{number}.laz,")
     (tmp_path / "corridor.csv").write_text("\n".join(lines))
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["slopewatch.workflows.batch.corridor"])
+    context.set_forkserver_preload(["slopewatch.workflows.batch.corridor_work"])
     chance = random.Random(5)
     done_before: set[str] = set()
     for _ in range(KILLS):
