@@ -8,7 +8,7 @@ from ...engine.core.run_record import RunRecord
 from ...engine.core.run_result import RunResult
 from ...interface.parameters import given
 from ..run import Run
-from .corridor import Given, Planned, failures, in_order, signature, stamp, unchanged
+from .corridor_plan import Given, Planned, failures, in_order, signature, stamp, unchanged
 from .dask_cluster import Wanted
 from .dask_executor import Dask
 from .estimate import default_budget, memory_needs

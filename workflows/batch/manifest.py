@@ -13,7 +13,8 @@ from ...engine.core.errors import InputError
 from ...engine.core.messages import quoted, shown
 from ...engine.epochs.epoch import parse_date
 from .jobs import Corridor, Problem, Slope, Survey
-from .manifest_rows import Row, Table, rows_of
+from .manifest_rows import rows_of
+from .manifest_table import Row, Table
 from .settings import read_option, specifications
 
 FILES = ("roi", "stable", "alerts", "centreline")

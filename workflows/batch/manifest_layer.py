@@ -17,7 +17,7 @@ from shapely.geometry.base import BaseGeometry
 from ...engine.core.errors import InputError
 from ...engine.core.gdal_names import readable
 from ...engine.core.messages import shown
-from .manifest_rows import Row, Table
+from .manifest_table import Row, Table
 from .regions import write_region
 
 

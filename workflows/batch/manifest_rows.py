@@ -2,52 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ...engine.core.errors import InputError
 from ...engine.core.messages import shown
 from ...engine.epochs.manifest import CLOUD_ENDINGS, read_table
 from ...interface.dates import date_in_name
-
-if TYPE_CHECKING:
-    from pyproj import CRS
-    from shapely.geometry.base import BaseGeometry
+from .manifest_table import Row, Table
 
 NEEDED = ("slope", "date", "file")
 _ROI_ENDINGS = (".gpkg", ".geojson", ".shp", ".kml")
 _VECTORS = (".gpkg", ".geojson", ".json", ".shp", ".fgb")
-
-
-@dataclass(frozen=True)
-class Row:
-    """``place`` names the row in messages; ``values`` are stripped texts by column in small letters.
-
-    ``polygon`` is the slope's region in ``crs`` where the manifest is a layer, ``path`` the cloud where its name
-    need not be text. ``problem`` says what is wrong with it already.
-    """
-
-    place: str
-    values: Mapping[str, str]
-    polygon: BaseGeometry | None = None
-    crs: CRS | None = None
-    path: Path | None = None
-    problem: str = ""
-
-
-@dataclass(frozen=True)
-class Table:
-    """``folder`` is where relative paths start.
-
-    ``write_region`` writes the polygons of a slope's rows into a folder, where the manifest is a layer.
-    """
-
-    columns: tuple[str, ...]
-    rows: tuple[Row, ...]
-    folder: Path
-    write_region: Callable[[Path, str, Sequence[Row]], Path | None] | None = None
 
 
 def rows_of(source: Path) -> Table:

@@ -27,7 +27,8 @@ from slopewatch.tests.builders.limits import PATIENCE_S
 from slopewatch.tests.builders.program import COMMAND
 from slopewatch.tests.builders.series_clouds import plane
 from slopewatch.tests.builders.zone_layers import opened
-from slopewatch.workflows.batch.corridor import Given, run_batch
+from slopewatch.workflows.batch.corridor import run_batch
+from slopewatch.workflows.batch.corridor_plan import Given
 from slopewatch.workflows.batch.planning import Common
 
 WEST, SOUTH = 500_000.0, 3_500_000.0

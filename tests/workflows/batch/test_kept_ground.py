@@ -12,7 +12,8 @@ import pytest
 from slopewatch.engine.core.run_result import RunResult
 from slopewatch.interface.parameters import BatchParameters
 from slopewatch.tests.builders import epoch_pairs
-from slopewatch.workflows.batch.corridor import Given, run_batch
+from slopewatch.workflows.batch.corridor import run_batch
+from slopewatch.workflows.batch.corridor_plan import Given
 from slopewatch.workflows.batch.kept_ground import keep_ground
 from slopewatch.workflows.batch.planning import Common
 

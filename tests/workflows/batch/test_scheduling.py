@@ -264,7 +264,8 @@ SLOPES, KILLS = 6, 8
 def run_in_a_process(folder: str) -> None:
     """A batch with the program of the tests, which takes its time for each slope."""
     from slopewatch.interface.parameters import BatchParameters
-    from slopewatch.workflows.batch.corridor import Given, run_batch
+    from slopewatch.workflows.batch.corridor import run_batch
+    from slopewatch.workflows.batch.corridor_plan import Given
     from slopewatch.workflows.batch.planning import Common
 
     given = Given(Path(folder) / "corridor.csv", Path(folder) / "out", program=PROGRAM)
