@@ -152,6 +152,7 @@ def killed(words: list[str], folder: Path, kills: int, rng: random.Random, *, ea
             found += finished_well(words, out, whole)
             shutil.rmtree(out, ignore_errors=True)
         faults += [f"kill {number} after {moment:.2f} of {seconds:.2f} s: {fault}" for fault in found]
+        print(f"  kill {number} after {moment:.2f} of {seconds:.2f} s: {len(found)} faults", flush=True)
     print(f"  {kills} kills within {seconds:.1f} s; {children} child processes were at work then", flush=True)
     return faults
 
