@@ -42,7 +42,7 @@ def keep_ground(inspected: Path, series: Path) -> int:
 
 def _grounds(record: dict[str, Any]) -> dict[str, dict[str, Any]]:
     """Facts of the extraction by survey."""
-    stage = next(stage for stage in record["stages"] if stage["stage"] == "ground")
+    (stage,) = (stage for stage in record["stages"] if stage["stage"] == "ground")
     return {str(day): dict(facts) for day, facts in stage["epochs"].items()}
 
 
