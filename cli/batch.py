@@ -29,7 +29,8 @@ def batch(
     clouds a slope. One survey is screened, two are compared, more are a series. A slope that fails is a row of the
     results; a batch that was stopped goes on where it was.
     """
-    from ..workflows.batch.corridor import Given, run_batch
+    from ..workflows.batch.corridor import run_batch
+    from ..workflows.batch.corridor_plan import Given
     from ..workflows.batch.planning import Common
     from ..workflows.batch.settings import specifications
 

@@ -3,9 +3,10 @@
 
 Each kill is SIGKILL to the program alone, at a random share of the time that it takes undisturbed. Then no process that
 it started may live on for long, and no file may look like a result unless the result is whole. The next run starts in
-the same folder, over what the killed one left; the last runs to its end, must give what an undisturbed one gives, and
-leave nothing else behind. Also tried: a disk that is full, a folder that is removed during the run, and two runs into
-one folder. The exit code is 1 if anything was found.
+the same folder, over what the killed one left; the last (with ``--finish-each`` one after every kill) ends by itself,
+must give what an undisturbed one gives, and leave nothing else behind. Also tried: a disk that is full, a folder that
+is removed during the run, and two runs into one folder. The exit code is 1 if anything was found; files of a result
+that differ are kept under ``build/kills`` beside those of the undisturbed run.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import uuid
 from collections.abc import Callable
 from pathlib import Path
 
@@ -30,6 +32,9 @@ COMMAND = [sys.executable, "-m", "slopewatch.cli"]
 ORPHANS_S = 10.0
 """That a child may live on: it ends when it finds its parent gone."""
 FULL_DISK_B = 400_000
+KEPT = ROOT / "build" / "kills"
+MARK = f"SLOPEWATCH_KILLS={uuid.uuid4().hex}"
+"""In the environment of all that is started: children lead sessions of their own, and have no parent afterwards."""
 LATER = ("run.json", "report.html", "log.csv", "report.md")
 """Files of a result that hold times, and so differ from run to run."""
 
@@ -61,26 +66,29 @@ def commands(folder: Path) -> dict[str, list[str]]:
 
 def start(words: list[str], out: Path) -> subprocess.Popen[bytes]:
     line = [*COMMAND, *words, "--output-dir", str(out), "--overwrite", "--progress", "none"]
-    return subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True)
+    name, _, value = MARK.partition("=")
+    return subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=os.environ | {name: value})
 
 
-def of_session(leader: int) -> list[int]:
-    """Living processes of the session that the program led."""
+def started() -> list[int]:
+    """Living processes that a program of this run has started, whatever their parent and session."""
     found = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             try:
-                parts = (entry / "stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
+                ended = (entry / "stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()[0]
+                marked = MARK.encode() in (entry / "environ").read_bytes().split(b"\0")
             except OSError:
                 continue
-            if parts[0] != "Z" and int(parts[3]) == leader:
+            if marked and ended not in "ZX":
                 found.append(int(entry.name))
     return found
 
 
-def orphans(leader: int) -> Faults:
+def orphans() -> Faults:
+    """What lives on after its program has ended; to be asked where nothing else of this run is at work."""
     end = time.monotonic() + ORPHANS_S
-    while (left := of_session(leader)) and time.monotonic() < end:
+    while (left := started()) and time.monotonic() < end:
         time.sleep(0.1)
     for process in left:
         os.kill(process, signal.SIGKILL)
@@ -124,30 +132,46 @@ def finish(words: list[str], out: Path) -> tuple[int, str, float]:
     return program.returncode, error.decode(errors="replace").strip()[-300:], time.monotonic() - began
 
 
-def killed(words: list[str], folder: Path, kills: int, rng: random.Random) -> Faults:
-    """Kill ``kills`` runs into one folder and let the last one end."""
+def killed(words: list[str], folder: Path, kills: int, rng: random.Random, *, each: bool) -> Faults:
+    """Kill ``kills`` runs into one folder; let one run after them, or after each of them, come to its end."""
     whole, out, faults = folder / "whole", folder / "out", []
     code, error, seconds = finish(words, out)
     if code:
         return [f"the undisturbed run ended with {code}: {error}"]
     out.rename(whole)  # made under the other name, because some files of a result name its folder
-    expected = content(whole)
+    known, children = set(content(whole)), 0
     for number in range(kills):
         moment = rng.uniform(0.05, 1.0) * seconds
         with start(words, out) as program:
             time.sleep(moment)
+            children += len(set(started()) - {program.pid})
             program.kill()
             program.communicate()
-        found = [*orphans(program.pid), *half_results(out, set(expected))]
+        found = [*orphans(), *half_results(out, known)]
+        if each or number == kills - 1:
+            found += finished_well(words, out, whole)
+            shutil.rmtree(out, ignore_errors=True)
         faults += [f"kill {number} after {moment:.2f} of {seconds:.2f} s: {fault}" for fault in found]
+        print(f"  kill {number} after {moment:.2f} of {seconds:.2f} s: {len(found)} faults", flush=True)
+    print(f"  {kills} kills within {seconds:.1f} s; {children} child processes were at work then", flush=True)
+    return faults
+
+
+def finished_well(words: list[str], out: Path, whole: Path) -> Faults:
+    """The run after a kill: it must end well, give what ``whole`` is, and leave nothing else."""
     code, error, _ = finish(words, out)
-    if code:
-        faults.append(f"the run after the kills ended with {code}: {error}")
+    faults = [f"the next run ended with {code}: {error}"] if code else []
     left = [p.name for p in out.iterdir() if p.name.startswith(".")]
-    if left:
-        faults.append(f"left behind: {left}")
-    if content(out) != expected:
-        faults.append("the run after the kills gave another result")
+    faults += [f"left behind: {left}"] if left else []
+    expected, made = content(whole), content(out)
+    differing = sorted(name for name in expected.keys() | made.keys() if expected.get(name) != made.get(name))
+    if differing:
+        place = KEPT / f"{out.parent.name}-{uuid.uuid4().hex[:6]}"
+        for source, kind in ((whole, "undisturbed"), (out, "after")):
+            for name in (n for n in differing if (source / n).exists()):
+                (place / kind / name).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(source / name, place / kind / name)
+        faults.append(f"the next run gave another result: {differing[:8]}, kept in {place}")
     return faults
 
 
@@ -203,6 +227,8 @@ def main() -> int:
     parser.add_argument("commands", nargs="*", help="inspect, series, train; all by default")
     parser.add_argument("--kills", type=int, default=20, help="of each command")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--finish-each", action="store_true", help="a whole run after every kill, not only the last")
+    parser.add_argument("--only-kills", action="store_true", help="without the other troubles")
     given = parser.parse_args()
     runpy.run_path(str(ROOT / "tests" / "conftest.py"))
     found = 0
@@ -214,14 +240,18 @@ def main() -> int:
             own = folder / command
             own.mkdir()
             tries: list[Callable[[], Faults]] = [
-                lambda w=words, f=own, c=command: killed(w, f, given.kills, random.Random(f"{c} {given.seed}")),
+                lambda w=words, f=own, c=command: killed(
+                    w, f, given.kills, random.Random(f"{c} {given.seed}"), each=given.finish_each
+                ),
                 lambda w=words, f=own: full_disk(w, f),
                 lambda w=words, f=own: removed_folder(w, f, 4.0),
                 lambda w=words, f=own: two_at_once(w, f),
             ]
+            tries = tries[:1] if given.only_kills else tries
             faults = [fault for attempt in tries for fault in attempt()]
+            others = f"{len(tries) - 1} other troubles"
             print(
-                f"{command}: {given.kills} kills, seed {given.seed}, and 3 other troubles: {len(faults)} faults",
+                f"{command}: {given.kills} kills, seed {given.seed}, {others}: {len(faults)} faults",
                 flush=True,
             )
             for fault in faults:

@@ -12,6 +12,7 @@ from pyproj import CRS
 from ..engine.change.difference import Areas
 from ..engine.change.result import Change
 from ..engine.core import cancellation
+from ..engine.core.checksums import sha256
 from ..engine.core.errors import EngineError, InputError
 from ..engine.core.json_values import plain
 from ..engine.core.progress import Progress
@@ -214,7 +215,11 @@ def _grounds(task: _Inspection) -> list[GroundResult]:
         shares = run.progress.split([e.name for e in task.epochs])
         with ThreadPoolExecutor(max_workers=at_once) as pool:
             grounds = list(pool.map(ground, task.epochs, shares))
-        entry["epochs"] = {e.name: plain(g) for e, g in zip(task.epochs, grounds, strict=True)}
+        # figures and checksum: a series that goes on from here takes the ground as it is
+        entry["epochs"] = {
+            e.name: plain(g) | {"figures": plain(g.figures()), "sha256": sha256(g.ground)}
+            for e, g in zip(task.epochs, grounds, strict=True)
+        }
     for epoch, found in zip(task.epochs, grounds, strict=True):
         if found.cover is not None:
             run.progress.info(f"{epoch.name}: {cover_sentence(found.cover)}")

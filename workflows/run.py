@@ -47,6 +47,7 @@ class Run:
         command: name of the command, for the record.
         parameters: groups by name, for the record.
         inputs: role and path of each input file; None where it was not given.
+        record: one that was begun before, instead of a new one.
     """
 
     def __init__(
@@ -55,9 +56,10 @@ class Run:
         parameters: Mapping[str, ParameterSet],
         inputs: Iterable[tuple[str, Path | None]] = (),
         progress: Progress | None = None,
+        record: RunRecord | None = None,
     ) -> None:
         self.progress = progress or Progress()
-        self.record = RunRecord(command, dict(parameters))
+        self.record = record or RunRecord(command, dict(parameters))
         self.facts = self.record.facts
         if os.environ.get(TASK_VARIABLE):
             self.facts["task"] = os.environ[TASK_VARIABLE]

@@ -32,11 +32,11 @@ from ..engine.pointcloud.pdal_program import Pdal
 from ..engine.pointcloud.reading import read_cloud
 from ..engine.series.analysis import GriddedEpoch
 from ..engine.vector.area import read_roi
-from ..interface.parameters import GroundParameters
 from .pair import common_area, register_pair
 from .series_store import Entry, Store, key_of, load_cells, save_cells
 from .settings import SeriesSettings
 
+GROUND = "ground.laz"
 _AT_ONCE = 2  # surveys whose ground is found at the same time
 
 
@@ -103,30 +103,47 @@ def _grounds(task: Task, store: Store, shares: list[Progress]) -> list[Entry | N
             )
             if result.cover is not None:
                 shares[number].info(cover_sentence(result.cover))
-            classified = f"{path.parent.name}/{result.classified.name}"
-            more = {"warnings": list(result.warnings), "cover": result.cover, "classified": classified}
-            return result.figures() | more
+            return ground_facts(result.figures(), plain(result), f"{path.parent.name}/{result.classified.name}")
 
-        return store.entry("ground.laz", _ground_key(task, number), make, shares[number])
+        return store.entry(GROUND, _ground_key(task, number), make, shares[number])
 
     with ThreadPoolExecutor(max_workers=_AT_ONCE) as pool:
         return list(pool.map(ground, range(len(task.epochs))))
 
 
+def ground_facts(figures: dict[str, Any], result: dict[str, Any], classified: str) -> dict[str, Any]:
+    """What is kept with the ground of a survey.
+
+    Args:
+        figures: of the extraction, by name.
+        result: the extraction as plain values.
+        classified: name of the classified cloud.
+    """
+    return figures | {"warnings": result["warnings"], "cover": result["cover"], "classified": classified}
+
+
 def _ground_key(task: Task, number: int) -> str:
     settings, program = task.settings, task.program
-    return key_of(
-        cloud=task.hashes[number],
-        roi=task.roi_hash,
-        inputs=asdict(settings.inputs),
-        ground=None if settings.series.ground_ready else _deciding(settings.ground),
-        pdal=None if program is None else program.version,
+    return ground_key(
+        task.hashes[number],
+        task.roi_hash,
+        asdict(settings.inputs),
+        None if settings.series.ground_ready else asdict(settings.ground),
+        None if program is None else program.version,
     )
 
 
-def _deciding(parameters: GroundParameters) -> dict[str, Any]:
-    """The parameters on which the ground depends; in tiles it is the same but for a few points at their edges."""
-    return {name: value for name, value in asdict(parameters).items() if name != "ground_memory"}
+def ground_key(cloud: str, roi: str, inputs: dict[str, Any], ground: dict[str, Any] | None, pdal: str | None) -> str:
+    """What the ground of a survey depends on: hashes of cloud and region, all parameters, and the version of PDAL.
+
+    In tiles the ground is the same but for a few points at their edges, so the memory that it may take is no part.
+
+    Args:
+        ground: None where the cloud is the ground.
+    """
+    if ground is not None:
+        ground = {name: value for name, value in ground.items() if name != "ground_memory"}
+    return key_of(cloud=cloud, roi=roi, inputs=inputs, ground=ground, pdal=pdal)
 
 
 def _ground_cloud(task: Task, number: int, ground: Entry | None, progress: Progress) -> PointCloud:

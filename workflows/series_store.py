@@ -48,9 +48,7 @@ class Store:
 
         The facts' ``warnings`` are repeated when the entry is reused.
         """
-        stem, dot, ending = name.partition(".")
-        file = f"{FOLDER}/{key}_{stem}{dot}{ending}"
-        sidecar = f"{FOLDER}/{key}_{stem}.facts.json"
+        file, sidecar = (f"{FOLDER}/{name}" for name in names_of(name, key))
         known = _known(self._stage.final(file), self._stage.final(sidecar), progress)
         if known is not None:
             for sentence in known.get("warnings", ()):
@@ -58,10 +56,19 @@ class Store:
             return Entry(self._stage.final(file), known, True)
         path = self._stage.path(file)
         facts: dict[str, Any] = plain(make(path))
-        document = {"sha256": sha256(path), "facts": facts}
-        text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
-        self._stage.path(sidecar).write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
+        write_facts(self._stage.path(sidecar), sha256(path), facts)
         return Entry(path, facts, False)
+
+
+def names_of(name: str, key: str) -> tuple[str, str]:
+    """Names of an entry's file and of that with its facts, in ``FOLDER``."""
+    return f"{key}_{name}", f"{key}_{name.partition('.')[0]}.facts.json"
+
+
+def write_facts(path: Path, digest: str, facts: dict[str, Any]) -> None:
+    """Write what is known of an entry, plain values, with the SHA-256 of its file."""
+    text = json.dumps({"sha256": digest, "facts": facts}, indent=1, ensure_ascii=False, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
 
 
 def _known(file: Path, sidecar: Path, progress: Progress) -> dict[str, Any] | None:

@@ -2,6 +2,9 @@
 
 The system lets go of a lock when its process ends, however it ends. So what a killed run left behind is known to be
 nobody's and is removed by the next run there; and of two runs that would write the same record, one is refused.
+
+A folder is claimed by its file ``OWNER``: made, locked, and only then filled with the record's name. A file that is
+filled and not locked is that of a dead run. Nothing is renamed, which Windows refuses for a file that is open.
 """
 
 from __future__ import annotations
@@ -15,57 +18,50 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from .errors import InputError
-
-try:
-    import fcntl
-except ImportError:  # Windows: nothing is known of other runs
-    fcntl = None  # type: ignore[assignment]
+from .file_lock import Lock, try_lock
 
 PREFIX = ".slopewatch-part-"
 OWNER = ".owner"
-_NEW = ".owner-new"
 _ROUNDS, _WAIT_S = 20, 0.05
 _MAX_UNCLAIMED_S = 60.0
-"""A folder without an owner's file for so long was left by a run killed as it began, or by an older version."""
+"""A folder without an owner for so long was left by a run killed as it began, or by an older version."""
 
 
 @contextlib.contextmanager
 def part_folder(directory: Path, record: str) -> Iterator[Path]:
-    """A new hidden folder in ``directory``, claimed for the run that will write ``record`` there; not removed here.
+    """A new hidden folder in ``directory``, claimed for the run that will write ``record`` there.
 
-    Folders of runs that no longer live are removed.
+    At the end it is removed if it is empty; what it holds is the caller's to move or remove. Folders of runs that no
+    longer live are removed.
 
     Raises:
         InputError: another run that is still at work will write the same record there.
         OSError: the folder cannot be made.
     """
     folder = Path(tempfile.mkdtemp(prefix=PREFIX, dir=directory))
-    if fcntl is None:
-        yield folder
-        return
-    with (folder / _NEW).open("w", encoding="utf-8") as own:
-        own.write(record)
-        own.flush()
-        lockable = _locked(own.fileno())
-        # under its name only once it is locked, so that nobody takes it for that of a dead run
-        os.replace(folder / _NEW, folder / OWNER)
-        try:
-            if lockable:
-                _look_at_others(directory, folder, record)
-        except InputError:
-            shutil.rmtree(folder, ignore_errors=True)
-            raise
-        yield folder
-        (folder / OWNER).unlink(missing_ok=True)
-
-
-def _locked(descriptor: int) -> bool:
-    """Whether the lock was free and is held now; some network file systems have none."""
+    owner = folder / OWNER
+    descriptor = os.open(owner, os.O_RDWR | os.O_CREAT, 0o644)
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
+        lockable = _claimed(descriptor)
+        os.write(descriptor, record.encode())
+        if lockable:
+            _look_at_others(directory, folder, record)
+        yield folder
+    finally:
+        os.close(descriptor)  # before the file goes: on Windows nothing that is open can be removed
+        owner.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # outputs are in it, or it is gone
+            folder.rmdir()
+
+
+def _claimed(descriptor: int) -> bool:
+    """Lock the file of a new folder; False where the file system has no locks."""
+    for _ in range(_ROUNDS):
+        lock = try_lock(descriptor)
+        if lock is not Lock.BUSY:
+            return lock is Lock.HELD
+        time.sleep(_WAIT_S)  # another run holds it for the moment in which it looks whether this one lives
+    return False
 
 
 def _look_at_others(directory: Path, own: Path, record: str) -> None:
@@ -93,14 +89,25 @@ def _age_key(folder: Path) -> tuple[int, str]:
 def _record_of_living(folder: Path) -> str | None:
     """The record that the folder's run will write, empty where that is not known yet; None if its run has ended."""
     for _ in range(_ROUNDS):
-        if (folder / OWNER).exists() or not _is_young(folder):
+        if _claim(folder) or not _is_young(folder):
             break
         time.sleep(_WAIT_S)  # its run is between making the folder and claiming it
     try:
-        with (folder / OWNER).open(encoding="utf-8") as owner:
-            return None if _locked(owner.fileno()) else owner.read()
+        with (folder / OWNER).open("r+", encoding="utf-8") as owner:
+            record = owner.read()
+            if not record:
+                return "" if _is_young(folder) else None
+            return None if try_lock(owner.fileno()) is Lock.HELD else record
     except FileNotFoundError:
         return "" if _is_young(folder) else None
+    except (OSError, ValueError):
+        return ""
+
+
+def _claim(folder: Path) -> str:
+    """The record that a folder is claimed for; empty before that."""
+    try:
+        return (folder / OWNER).read_text(encoding="utf-8")
     except (OSError, ValueError):
         return ""
 

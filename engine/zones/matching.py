@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import geopandas as gpd
 import numpy as np
+import shapely
 from affine import Affine
 from numpy.typing import NDArray
 from rasterio.features import rasterize
@@ -79,19 +80,30 @@ def match_zones(old: gpd.GeoDataFrame, new: gpd.GeoDataFrame, *, persistent_ids:
 
 
 def _common(old: Sequence[_Outline], new: Sequence[_Outline]) -> tuple[Index, Index, Index]:
-    """Pairs of outlines that have pixels in common: which, and how many."""
+    """Pairs of outlines that have pixels in common: which, in the order of the earlier ones, and how many."""
     windows = np.array([o.window for o in old]).reshape(-1, 4), np.array([o.window for o in new]).reshape(-1, 4)
-    low = np.maximum(windows[0][:, None, :2], windows[1][None, :, :2])
-    high = np.minimum(windows[0][:, None, 2:], windows[1][None, :, 2:])
-    first, second = np.nonzero((high > low).all(axis=2))
+    first, second = _meeting(*windows)
+    low = np.maximum(windows[0][first, :2], windows[1][second, :2])
+    high = np.minimum(windows[0][first, 2:], windows[1][second, 2:])
     count = np.array(
         [
-            np.count_nonzero(old[i].part(low[i, j], high[i, j]) & new[j].part(low[i, j], high[i, j]))
-            for i, j in zip(first.tolist(), second.tolist(), strict=True)
+            np.count_nonzero(old[i].part(start, end) & new[j].part(start, end))
+            for i, j, start, end in zip(first.tolist(), second.tolist(), low, high, strict=True)
         ],
         dtype=np.int64,
     )
     return first, second, count
+
+
+def _meeting(old: Index, new: Index) -> tuple[Index, Index]:
+    """Pairs of windows (rows of top, left, bottom and right) that overlap, found by a tree: most lie far apart."""
+    boxes = [shapely.box(w[:, 0], w[:, 1], w[:, 2], w[:, 3]) for w in (old, new)]
+    first, second = shapely.STRtree(boxes[1]).query(boxes[0])
+    low = np.maximum(old[first, :2], new[second, :2])
+    overlap = (np.minimum(old[first, 2:], new[second, 2:]) > low).all(axis=1)  # windows may touch, or hold nothing
+    first, second = first[overlap], second[overlap]
+    order = np.lexsort((second, first))
+    return first[order], second[order]
 
 
 @dataclass(frozen=True)

@@ -62,7 +62,8 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
     """
     from ..preparation.streaming import prepare_parts, sample_parts, sum_parts
 
-    parameters = _settled(parameters, progress := progress or Progress())
+    progress = progress or Progress()
+    parameters = _settled(parameters, progress)
     method = parameters.screening_method
     model = learned_model(parameters)
     configuration = model.configuration if isinstance(model, ScreeningModel) else _configuration(method)
@@ -98,7 +99,8 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
             else:
                 found = _Found(residual_memberships(heights, parameters.residual_threshold), {"name": method})
         probabilities = calibrated(found.raw, found.temperature)
-        labels = (decision := Decision(least, found.zones)).of_voxels(probabilities)
+        decision = Decision(least, found.zones)
+        labels = decision.of_voxels(probabilities)
         warn_if_much_stands_out(labels, held.grid.count, progress)
         return Screening(
             points=apply_matrix(np.asarray(np.linalg.inv(cloud.matrix), dtype=np.float64), held.grid.points),

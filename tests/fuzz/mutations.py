@@ -188,10 +188,10 @@ def changed_database(data: bytes, rng: random.Random) -> bytes:
 def _change_column(base: sqlite3.Connection, table: str, rng: random.Random) -> None:
     columns = base.execute(f'PRAGMA table_info("{table}")').fetchall()
     column = rng.choice(columns)[1]
-    rowid = base.execute(f'SELECT rowid, "{column}" FROM "{table}" ORDER BY random() LIMIT 1').fetchone()
-    if rowid is None:
+    rows = base.execute(f'SELECT rowid, "{column}" FROM "{table}" ORDER BY rowid').fetchall()
+    if not rows:
         return
-    number, old = rowid
+    number, old = rng.choice(rows)
     if isinstance(old, bytes):
         new: Any = changed_bytes(old, rng)
     else:

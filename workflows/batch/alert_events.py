@@ -68,10 +68,10 @@ def follow_alerts(
 def _heirs(earlier: gpd.GeoDataFrame, zones: gpd.GeoDataFrame) -> list[int | None]:
     """The zone (row number) that continues each event's, of the same slope."""
     found: list[int | None] = [None] * len(earlier)
-    for slope in sorted({str(s) for s in earlier["slope"]}):
-        old = np.flatnonzero(earlier["slope"].to_numpy() == slope)
-        new = np.flatnonzero(zones["slope"].to_numpy() == slope)
-        if not len(new):
+    before, now = (frame.groupby("slope", sort=True).indices for frame in (earlier, zones))
+    for slope, old in before.items():
+        new = now.get(slope)
+        if new is None:
             continue
         matches = match_zones(earlier.iloc[old], zones.iloc[new], persistent_ids=True)
         for place, heirs in zip(old, matches.heirs, strict=True):

@@ -21,6 +21,7 @@ from ...engine.vector.cell_polygons import field_kinds, table_column
 from ...engine.vector.geopackage import read_layer
 from ...engine.vector.review_fields import REVIEW_FIELDS, UNREVIEWED, in_words, is_entered
 from .chainage import place_along, read_centreline
+from .product_names import SOURCES
 from .results import SlopeResult
 from .table_columns import column_of
 
@@ -43,8 +44,6 @@ FIELDS = field_kinds("""
 """Name and kind of each field. ``chainage_from`` to ``road_distance_m`` are computed, ``slope_id`` to ``side`` entered
 by people, as in the zones of a slope; ``slope_review`` is what people entered there.
 """
-SOURCES = (("zones", "change"), ("series_zones", "series"), ("screened_zones", "screening"))
-"""Key of an output of a slope with a layer of zones, and the word for it."""
 _GRADES = {"high": 2, "moderate": 1, "medium": 1}
 
 

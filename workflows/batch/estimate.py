@@ -9,15 +9,18 @@ from dataclasses import replace
 import numpy as np
 from shapely.geometry import box
 
+from ...engine.core.errors import InputError
 from ...engine.core.machine_memory import machine_memory
+from ...engine.core.progress import Progress
 from ...engine.grid.chosen_cell import CELL_SIDES_M
 from ...engine.grid.common_grid import allowed, memory_needed
 from ...engine.pointcloud.header import CloudHeader
 from ...engine.pointcloud.reading import open_cloud
 from ...engine.vector.area import read_roi
 from ...interface.parameters import AUTO, ChangeParameters, GridChangeParameters, InputParameters, ParameterSet
-from .jobs import Slope
-from .settings import INSPECT
+from .jobs import Problem, Slope
+from .planning import Plan
+from .settings import INSPECT, group_of
 
 # Measured peaks of whole trees of processes (benchmarks/corridor.py prints the peak of its slopes).
 _BYTES_TO_START = {INSPECT: 900_000_000, "series": 550_000_000}  # libraries; those of the network for `inspect`
@@ -55,6 +58,20 @@ def slope_memory(slope: Slope, command: str, groups: Mapping[type[ParameterSet],
             grid = memory_needed((west, south, east, north), region.area, sized, plants=True)
             grid = min(grid, allowed(change))  # more is refused
     return int(_BYTES_TO_START[command] + _BYTES_A_POINT * points + grid)
+
+
+def memory_needs(found: Plan, progress: Progress) -> dict[str, int]:
+    """``slope_memory`` of the slopes that are to be worked on, by name; what cannot be read is one more problem."""
+    needs = {}
+    for number, slope in enumerate(found.waiting):
+        progress.update(number / len(found.waiting), f"reading the headers of {slope.name}")
+        job = found.jobs[slope.name]
+        try:
+            groups = group_of(job.command, job.options, job.profile)
+            needs[slope.name] = slope_memory(slope, job.command, groups)
+        except InputError as error:
+            found.problems.append(Problem(slope.name, str(error)))
+    return needs
 
 
 def _extent(headers: list[CloudHeader], factor: float) -> tuple[np.ndarray, np.ndarray]:

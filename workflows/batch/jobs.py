@@ -44,6 +44,11 @@ class Problem:
     slope: str
     sentence: str
 
+    @property
+    def text(self) -> str:
+        """For the log."""
+        return f"{self.slope}: {self.sentence}" if self.slope else self.sentence
+
 
 @dataclass(frozen=True)
 class Corridor:

@@ -9,14 +9,12 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-import shapely
-
 from ...engine.core.errors import InputError
 from ...engine.core.messages import quoted, shown
 from ...engine.epochs.epoch import parse_date
 from .jobs import Corridor, Problem, Slope, Survey
-from .manifest_rows import Row, rows_of
-from .regions import write_region
+from .manifest_rows import rows_of
+from .manifest_table import Row, Table
 from .settings import read_option, specifications
 
 FILES = ("roi", "stable", "alerts", "centreline")
@@ -61,7 +59,7 @@ def read_manifest(source: Path, regions: Path) -> Corridor:
         try:
             if twin != name:
                 raise InputError(f"{rows[0].place}: the slope differs from {twin} in capitals only; rename one.")
-            slopes.append(_slope(name, rows, options, Places(table.folder, regions), notes))
+            slopes.append(_slope(name, rows, options, Places(table, regions), notes))
         except InputError as error:
             problems.append(Problem(name, str(error)))
     return Corridor(tuple(slopes), tuple(problems), tuple(notes))
@@ -69,10 +67,15 @@ def read_manifest(source: Path, regions: Path) -> Corridor:
 
 @dataclass(frozen=True)
 class Places:
-    """``folder``: where relative paths start; ``regions``: where polygons of a layer are written to."""
+    """``table``: what the rows are of; ``regions``: where polygons of a layer are written to."""
 
-    folder: Path
+    table: Table
     regions: Path
+
+    @property
+    def folder(self) -> Path:
+        """Where relative paths start."""
+        return self.table.folder
 
 
 def _wrong_name(name: str) -> str:
@@ -109,10 +112,8 @@ def _slope(name: str, rows: Sequence[Row], options: Sequence[str], places: Place
                 _on_row(row, partial(read_option, option, row.values[option]))
     given = {option: _common(rows, option) for option in options}
     files: dict[str, Path | None] = {role: _file(rows, role, places.folder) for role in FILES}
-    if files["roi"] is None:
-        shapes = [row.polygon for row in rows if row.polygon is not None]
-        if shapes:
-            files["roi"] = write_region(places.regions, name, shapely.union_all(shapes), rows[0].crs)
+    if files["roi"] is None and places.table.write_region is not None:
+        files["roi"] = places.table.write_region(places.regions, name, rows)
     return Slope(
         name,
         tuple(Survey(day, surveys[day][0]) for day in sorted(surveys)),

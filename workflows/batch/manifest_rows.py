@@ -2,53 +2,17 @@
 
 from __future__ import annotations
 
-import sqlite3
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import geopandas as gpd
-import pandas as pd
-import pyogrio
-import shapely
-from pyproj import CRS
-from shapely.geometry.base import BaseGeometry
 
 from ...engine.core.errors import InputError
-from ...engine.core.gdal_names import readable
 from ...engine.core.messages import shown
 from ...engine.epochs.manifest import CLOUD_ENDINGS, read_table
 from ...interface.dates import date_in_name
+from .manifest_table import Row, Table
 
 NEEDED = ("slope", "date", "file")
 _ROI_ENDINGS = (".gpkg", ".geojson", ".shp", ".kml")
 _VECTORS = (".gpkg", ".geojson", ".json", ".shp", ".fgb")
-
-
-@dataclass(frozen=True)
-class Row:
-    """``place`` names the row in messages; ``values`` are stripped texts by column in small letters.
-
-    ``polygon`` is the slope's region in ``crs`` where the manifest is a layer, ``path`` the cloud where its name
-    need not be text. ``problem`` says what is wrong with it already.
-    """
-
-    place: str
-    values: Mapping[str, str]
-    polygon: BaseGeometry | None = None
-    crs: CRS | None = None
-    path: Path | None = None
-    problem: str = ""
-
-
-@dataclass(frozen=True)
-class Table:
-    """``folder`` is where relative paths start."""
-
-    columns: tuple[str, ...]
-    rows: tuple[Row, ...]
-    folder: Path
 
 
 def rows_of(source: Path) -> Table:
@@ -65,7 +29,9 @@ def rows_of(source: Path) -> Table:
     elif source.suffix.lower() in CLOUD_ENDINGS:
         raise InputError(f"{name} is a cloud; give a manifest of the slopes (CSV, GeoPackage or a folder of folders).")
     elif source.suffix.lower() in _VECTORS:
-        table = _layer_rows(source)
+        from .manifest_layer import layer_rows  # its libraries take longer to load than a finished corridor to look at
+
+        table = layer_rows(source)
     else:
         table = _csv_rows(source)
     missing = [column for column in NEEDED if column not in table.columns]
@@ -91,62 +57,6 @@ def _csv_rows(source: Path) -> Table:
         problem = f"it has {len(cells)} values for {len(head)} columns; quote texts with commas." if more else ""
         rows.append(Row(f"Line {number}", values, problem=problem))
     return Table(tuple(column for column in head if column), tuple(rows), source.parent)
-
-
-def _layer_rows(source: Path) -> Table:
-    try:
-        with readable(source) as plain:
-            layer = _polygon_layer(plain, source)
-            frame = pyogrio.read_dataframe(plain, layer=layer, force_2d=True)
-    except (OSError, RuntimeError, ValueError, sqlite3.Error, shapely.errors.ShapelyError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(
-            f"The manifest {shown(source)} cannot be read as a vector file; give polygons with slope, date and file."
-        ) from error
-    if not isinstance(frame, gpd.GeoDataFrame):
-        frame = gpd.GeoDataFrame(frame, geometry=[None] * len(frame))
-    named = {str(c): str(c).strip().lower() for c in frame.columns if c != frame.geometry.name}
-    crs = None if frame.crs is None else CRS.from_user_input(frame.crs)
-    rows = []
-    for number, (record, shape) in enumerate(
-        zip(frame[list(named)].to_dict("records"), frame.geometry, strict=True), 1
-    ):
-        values = {named[str(column)]: _text(value) for column, value in record.items()}
-        rows.append(_layer_row(f"Feature {number}", values, shape, crs))
-    return Table(tuple(named.values()), tuple(rows), source.parent)
-
-
-def _layer_row(place: str, values: dict[str, str], shape: BaseGeometry | None, crs: CRS | None) -> Row:
-    if shape is None or shape.is_empty:
-        return Row(place, values)
-    if shape.geom_type not in ("Polygon", "MultiPolygon"):
-        return Row(place, values, problem=f"its shape is a {shape.geom_type}; draw the slope as a polygon.")
-    shape = shape if shape.is_valid else shape.buffer(0)
-    if shape.is_empty:
-        return Row(place, values, problem="its polygon has no extent; draw it again.")
-    return Row(place, values, shape, crs)
-
-
-def _polygon_layer(plain: Path, source: Path) -> str:
-    """The first layer of polygons, or the first table where there is none."""
-    layers = [(str(layer), str(kind)) for layer, kind in pyogrio.list_layers(plain)]
-    for layer, kind in layers:
-        if "Polygon" in kind or "Surface" in kind:
-            return layer
-    if not layers:
-        raise InputError(f"The manifest {shown(source)} holds no layer; give polygons with slope, date and file.")
-    return layers[0][0]
-
-
-def _text(value: Any) -> str:
-    if value is None or (not isinstance(value, str) and bool(pd.isna(value))):
-        return ""
-    if hasattr(value, "isoformat"):
-        return str(value.isoformat())[:10]
-    if isinstance(value, float) and value.is_integer():
-        return str(int(value))  # whole numbers of a column with gaps
-    return str(value).strip()
 
 
 def _folder_rows(source: Path) -> Table:

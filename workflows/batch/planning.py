@@ -1,4 +1,4 @@
-"""From slopes to jobs: their tasks' ids, their folders, the memory they need; and which need no work."""
+"""From slopes to jobs: their tasks' ids and folders; and which need no work."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from ...engine.core.progress import Progress
 from ...engine.epochs.epoch import Epoch
 from ...engine.epochs.manifest import check_series
 from ...interface.parameters import BatchParameters
-from .estimate import slope_memory
+from .folder_names import folder_name
 from .jobs import Job, Problem, Slope
-from .regions import folder_name
 from .results import SlopeResult, result_of
-from .settings import command_of, effective, group_of, options_of
+from .settings import command_of, effective, options_of
 from .state import FAILED, Entry
 from .task_ids import FileHashes, task_id
 
@@ -26,13 +25,13 @@ SLOPES = "slopes"
 
 @dataclass
 class Plan:
-    """``jobs`` (by slope) are all slopes that can be worked on, ``needs`` the bytes of those that are to be.
+    """``jobs`` (by slope) are all slopes that can be worked on, ``waiting`` those that are to be.
 
     ``done`` have their results already; ``problems`` are why others cannot be worked on.
     """
 
     jobs: dict[str, Job] = field(default_factory=dict)
-    needs: dict[str, int] = field(default_factory=dict)
+    waiting: list[Slope] = field(default_factory=list)
     done: dict[str, SlopeResult] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
 
@@ -62,10 +61,11 @@ def plan(
         entries: the states of an earlier run.
     """
     found = Plan()
+    settings = _EffectiveSettings()
     for number, slope in enumerate(slopes):
         progress.update(number / len(slopes), f"reading {slope.name}")
         try:
-            job = _job(slope, output_dir, common, hashes)
+            job = _job(slope, output_dir, common, hashes, settings)
             found.jobs[slope.name] = job
             result = result_of(job)
             if result is not None:
@@ -76,15 +76,28 @@ def plan(
             if before is not None and failed and not common.parameters.retry_failed:
                 found.problems.append(Problem(slope.name, before.sentence))
                 continue
-            groups = group_of(job.command, job.options, job.profile)
-            found.needs[slope.name] = slope_memory(slope, job.command, groups)
+            found.waiting.append(slope)
         except InputError as error:
             found.problems.append(Problem(slope.name, str(error)))
     hashes.save()
     return found
 
 
-def _job(slope: Slope, output_dir: Path, common: Common, hashes: FileHashes) -> Job:
+class _EffectiveSettings:
+    """Every setting of a command with its value; most slopes of a corridor have the same, which are built once."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, dict[str, Any]] = {}
+
+    def of(self, command: str, options: Mapping[str, Any], profile: str) -> dict[str, Any]:
+        """See ``effective``."""
+        key = repr((command, sorted(options.items()), profile))  # 1, 1.0 and True are not the same
+        if key not in self._known:
+            self._known[key] = effective(command, options, profile)
+        return self._known[key]
+
+
+def _job(slope: Slope, output_dir: Path, common: Common, hashes: FileHashes, settings: _EffectiveSettings) -> Job:
     """The job of a slope.
 
     Raises:
@@ -100,7 +113,7 @@ def _job(slope: Slope, output_dir: Path, common: Common, hashes: FileHashes) -> 
         check_series([Epoch(survey.cloud, survey.day) for survey in slope.surveys])
     clouds = [(survey.day.isoformat(), hashes.of(survey.cloud)) for survey in slope.surveys]
     task = task_id(
-        command, clouds, {role: hashes.of(path) for role, path in given.items()}, effective(command, options, profile)
+        command, clouds, {role: hashes.of(path) for role, path in given.items()}, settings.of(command, options, profile)
     )
     return Job(
         task,

@@ -30,17 +30,10 @@ from . import alert_events, corridor_zones
 from .catalogue import MadeCloud, item_collection
 from .jobs import Slope
 from .mosaic import mosaic, read_tile
+from .product_names import CATALOGUE, GEOPACKAGE, MOSAIC, PAGE, PARQUET
 from .ranking import Ranked, rank
 from .results import SlopeResult
 
-GEOPACKAGE, PARQUET, MOSAIC, CATALOGUE, PAGE = (
-    "corridor.gpkg",
-    "corridor.parquet",
-    "elevation_change.vrt",
-    "clouds.vpc",
-    "corridor.html",
-)
-BATCH_OUTPUTS = (GEOPACKAGE, PARQUET, MOSAIC, CATALOGUE, PAGE, "run.json")
 _NO_PARQUET = "GeoParquet is written only with pyarrow; install it with: pip install 'slopewatch[parquet]'"
 _CLOUDS = {"aligned": "aligned ground", "epoch_ground": "ground", "reference_ground": "ground"}
 _SCREENED = {"screened": "screened ground"}

@@ -1,9 +1,8 @@
-"""Folders and files of slopes: names that are safe on every system, and the polygons of a layer as files."""
+"""The polygons of a layer as files, one a slope."""
 
 from __future__ import annotations
 
 import hashlib
-import re
 from pathlib import Path
 
 import geopandas as gpd
@@ -12,17 +11,7 @@ from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
 from ...engine.vector.geopackage import write_layer
-
-_RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
-_LONGEST = 48  # letters: a result's path must fit where paths are short
-
-
-def folder_name(slope: str) -> str:
-    """A folder's name for a slope: its own where every system takes that, else a likeness with part of its hash."""
-    plain = re.sub(r"[^A-Za-z0-9._-]+", "_", slope).strip("._-")[:_LONGEST]
-    if plain == slope and not _RESERVED.fullmatch(plain):
-        return plain
-    return f"{plain or 'slope'}-{hashlib.sha256(slope.encode()).hexdigest()[:8]}"
+from .folder_names import folder_name
 
 
 def write_region(folder: Path, slope: str, shape: BaseGeometry, crs: CRS | None) -> Path:

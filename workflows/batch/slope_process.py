@@ -15,12 +15,12 @@ from typing import Any
 
 from ...engine.core.child_process import ChildResult, run_child
 from ...engine.core.errors import EngineError, InputError, SlopeWatchError
+from ...engine.core.file_lock import locked
 from ...engine.core.part_folders import PREFIX
 from ...interface.protocol import CANCELLED, ERROR, INTERNAL_FAILURE, LOG, PROGRESS, TASK_VARIABLE
-from .folder_lock import locked
 from .jobs import KILLED, MEMORY, Job, Outcome
 from .results import result_of
-from .settings import arguments_of
+from .settings import INSPECT, SERIES, arguments_of
 
 PROGRAM = (sys.executable, "-m", "slopewatch.cli")
 """What runs a slope; a test may give another program that speaks the engine's protocol."""
@@ -62,14 +62,30 @@ def attempt(job: Job, work: Callable[[Events], int], listen: Listener | None) ->
     folder = Path(job.folder)
     try:
         with _own(folder):
-            code = 0 if result_of(job) is not None else work(events)
             made = result_of(job) is not None
+            if made:
+                code = 0
+            else:
+                _go_on_from_pair(job)
+                code = work(events)
+                made = result_of(job) is not None
     except InputError as error:  # another process is at work there, or the folder cannot be made
         return Outcome(str(error), KILLED, time.monotonic() - started)
     except EngineError as error:
         return Outcome(str(error), "", time.monotonic() - started)
     sentence, again = verdict(code, events, made=made)
     return Outcome(sentence, again, round(time.monotonic() - started, 3), tuple(events.warnings))
+
+
+def _go_on_from_pair(job: Job) -> None:
+    """Have a series use the ground of the surveys that the slope's earlier results hold."""
+    folder = Path(job.folder)
+    if job.command != SERIES or job.options.get("ground_ready") or not (folder.parent / INSPECT / "run.json").is_file():
+        return
+    # not at the top: a worker of a cluster need not load what works on clouds, nor a batch that finds nothing to do
+    from .kept_ground import keep_ground
+
+    keep_ground(folder.parent / INSPECT, folder)
 
 
 class Events:

@@ -7,6 +7,7 @@ import os
 import signal
 import sqlite3
 import subprocess
+import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -26,7 +27,8 @@ from slopewatch.tests.builders.limits import PATIENCE_S
 from slopewatch.tests.builders.program import COMMAND
 from slopewatch.tests.builders.series_clouds import plane
 from slopewatch.tests.builders.zone_layers import opened
-from slopewatch.workflows.batch.corridor import Given, run_batch
+from slopewatch.workflows.batch.corridor import run_batch
+from slopewatch.workflows.batch.corridor_plan import Given
 from slopewatch.workflows.batch.planning import Common
 
 WEST, SOUTH = 500_000.0, 3_500_000.0
@@ -255,6 +257,7 @@ def test_the_page_shows_what_people_entered_without_any_slope_computed(
 def test_settings_make_other_tasks_and_failed_slopes_can_wait(
     finished: tuple[Path, RunResult, Progress], corridor: Path
 ) -> None:
+    from slopewatch.workflows.batch.estimate import memory_needs
     from slopewatch.workflows.batch.manifest import read_manifest
     from slopewatch.workflows.batch.planning import plan
     from slopewatch.workflows.batch.state import StateFile
@@ -269,18 +272,49 @@ def test_settings_make_other_tasks_and_failed_slopes_can_wait(
         return plan(slopes, out, given, FileHashes(out / "hashes.json"), entries, Progress())
 
     same = planned(common)
-    assert (set(same.done), dict(same.needs)) == ({"<b>A", "B"}, {})
+    assert (set(same.done), same.waiting) == ({"<b>A", "B"}, [])
     assert [p.slope for p in same.problems] == ["C"]
     other = planned(replace(common, options={**OPTIONS, "cell": 0.4}))
-    assert set(other.needs) == {"<b>A", "B"}
+    assert [slope.name for slope in other.waiting] == ["<b>A", "B", "C"]
+    needs = memory_needs(other, Progress())
+    assert set(needs) == {"<b>A", "B"}
+    assert [p.slope for p in other.problems] == ["C"], "its cloud cannot be read"
     assert all(other.jobs[name].task != same.jobs[name].task for name in other.jobs)
-    assert all(need > 500_000_000 for need in other.needs.values())
+    assert all(need > 500_000_000 for need in needs.values())
     pair = planned(replace(common, parameters=BatchParameters(two_surveys="inspect")))
-    assert set(pair.needs) == {"B"}, "a series of three stays one"
+    assert set(memory_needs(pair, Progress())) == {"B"}, "a series of three stays one"
+
+
+LIBRARIES = ("geopandas", "laspy", "matplotlib", "pandas", "pyogrio", "pyproj", "rasterio", "scipy", "shapely")
+LOOK_AGAIN = f"""
+import sys
+from slopewatch.cli.program import cli
+try:
+    cli(sys.argv[1:])
+except SystemExit as end:
+    print(sorted(set({LIBRARIES}) & set(sys.modules)), end.code)
+"""
+
+
+def test_that_nothing_is_to_be_done_is_found_without_the_libraries_of_clouds(
+    finished: tuple[Path, RunResult, Progress], corridor: Path
+) -> None:
+    """They take ten times as long to load as a corridor of hundreds of slopes to look at."""
+    out = finished[0]
+    before = {name: (out / name).stat().st_mtime_ns for name in ("corridor.gpkg", "corridor.html", "run.json")}
+    words = ["batch", corridor / "corridor.csv", "--output-dir", out, "--centreline", corridor / "road.gpkg"]
+    words += ["--two-surveys=series", "--ground-ready", "--method=none", "--cell=0.5", "--rasters-each-survey"]
+    done = subprocess.run(
+        [sys.executable, "-c", LOOK_AGAIN, *map(str, words), "--no-retry-failed"],
+        capture_output=True, text=True, timeout=PATIENCE_S, check=False,
+    )  # fmt: skip
+    assert done.stdout.splitlines()[-1:] == ["[] 0"], done.stderr
+    assert "Nothing has changed" in done.stderr
+    assert {name: (out / name).stat().st_mtime_ns for name in before} == before
 
 
 def test_other_results_are_refused_and_two_batches_do_not_share_a_folder(corridor: Path, tmp_path: Path) -> None:
-    from slopewatch.workflows.batch.folder_lock import locked
+    from slopewatch.engine.core.file_lock import locked
 
     (tmp_path / "run.json").write_text('{"command": "inspect"}')
     with pytest.raises(InputError, match="holds results already"):

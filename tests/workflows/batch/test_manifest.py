@@ -11,9 +11,9 @@ import pytest
 import shapely
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.vector.area import read_roi
+from slopewatch.workflows.batch.folder_names import folder_name
 from slopewatch.workflows.batch.jobs import Corridor
 from slopewatch.workflows.batch.manifest import read_manifest
-from slopewatch.workflows.batch.regions import folder_name
 
 
 @pytest.fixture

@@ -17,13 +17,13 @@ from pathlib import Path
 
 import pytest
 from slopewatch.engine.core.errors import InputError
+from slopewatch.engine.core.file_lock import locked
 from slopewatch.engine.core.progress import Progress
 from slopewatch.tests.builders.batch_program import PROGRAM, job, starts
 from slopewatch.tests.builders.clouds import LasFile, las_file
 from slopewatch.tests.builders.limits import PATIENCE_S
 from slopewatch.workflows.batch.admission import Admission
 from slopewatch.workflows.batch.executors import Executor, InPlace, Processes
-from slopewatch.workflows.batch.folder_lock import locked
 from slopewatch.workflows.batch.jobs import KILLED, MEMORY, Job, Outcome
 from slopewatch.workflows.batch.results import result_of
 from slopewatch.workflows.batch.scheduling import Board, work_through
@@ -264,7 +264,8 @@ SLOPES, KILLS = 6, 8
 def run_in_a_process(folder: str) -> None:
     """A batch with the program of the tests, which takes its time for each slope."""
     from slopewatch.interface.parameters import BatchParameters
-    from slopewatch.workflows.batch.corridor import Given, run_batch
+    from slopewatch.workflows.batch.corridor import run_batch
+    from slopewatch.workflows.batch.corridor_plan import Given
     from slopewatch.workflows.batch.planning import Common
 
     given = Given(Path(folder) / "corridor.csv", Path(folder) / "out", program=PROGRAM)
@@ -280,7 +281,7 @@ def test_a_batch_killed_at_random_moments_loses_nothing_and_repeats_little(las_f
         lines.append(f"S{number},2024-05-01,{number}.laz,")
     (tmp_path / "corridor.csv").write_text("\n".join(lines))
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["slopewatch.workflows.batch.corridor"])
+    context.set_forkserver_preload(["slopewatch.workflows.batch.corridor_work"])
     chance = random.Random(5)
     done_before: set[str] = set()
     for _ in range(KILLS):
@@ -393,7 +394,7 @@ def test_what_a_killed_run_left_behind_is_removed_and_two_do_not_share_a_folder(
 
 def test_a_lock_ends_with_its_process(tmp_path: Path) -> None:
     code = (
-        "import sys, time\nfrom pathlib import Path\nfrom slopewatch.workflows.batch.folder_lock import locked\n"
+        "import sys, time\nfrom pathlib import Path\nfrom slopewatch.engine.core.file_lock import locked\n"
         "with locked(Path(sys.argv[1]), ''):\n    print('held', flush=True)\n    time.sleep(600)\n"
     )
     with subprocess.Popen([sys.executable, "-c", code, tmp_path / "lock"], stdout=subprocess.PIPE) as holder:

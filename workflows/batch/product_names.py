@@ -1,0 +1,14 @@
+"""Names of what a batch writes of all slopes together, and of the slopes' tables that it is made of."""
+
+from __future__ import annotations
+
+GEOPACKAGE, PARQUET, MOSAIC, CATALOGUE, PAGE = (
+    "corridor.gpkg",
+    "corridor.parquet",
+    "elevation_change.vrt",
+    "clouds.vpc",
+    "corridor.html",
+)
+BATCH_OUTPUTS = (GEOPACKAGE, PARQUET, MOSAIC, CATALOGUE, PAGE, "run.json")
+SOURCES = (("zones", "change"), ("series_zones", "series"), ("screened_zones", "screening"))
+"""Key of an output of a slope with a layer of zones, and the word for it."""
