@@ -28,7 +28,7 @@ from .growth_law import LEAST_SIZES, Law, fitted
 from .growth_report import Series, draw, report
 from .growth_store import Key, Measured, append, read
 from .long_slopes import DATES, LENGTH_M, OFFSET_M, RUN_M, frame_of, write_long, write_long_region, write_piece
-from .measured_child import ONE_THREAD, measured
+from .measured_child import alone, measured
 from .table import heading, machine, say
 
 MILLIONS = (1, 3, 10, 30, 100)
@@ -97,7 +97,7 @@ def measure(key: Key, clouds: Path, known: Mapping[Key, Measured], deadline: flo
         return replace(stamp, reason=f"not run{takes}")
     command, points = _prepared(key, clouds)
     left = max(deadline - time.monotonic(), 1.0)
-    spent = measured(command, environment=ONE_THREAD, limit_bytes=KILL_GB * 1e9, limit_s=left)
+    spent = measured(command, environment=alone(), limit_bytes=KILL_GB * 1e9, limit_s=left)
     error = None
     if stage == "register" and not spent.reason:
         found = RigidTransform.load(_place(clouds, azimuth, millions) / "transform.json")
@@ -162,7 +162,7 @@ def _piece(clouds: Path, azimuth: float) -> Path:
     for day in DATES:
         say(f"ground of the piece, {day}")
         words = [folder / f"{day}.laz", "--roi", folder / "roi.gpkg", "--output", folder / f"ground_{day}.laz"]
-        spent = measured([sys.executable, "-m", "slopewatch.cli", "ground", *words], environment=ONE_THREAD)
+        spent = measured([sys.executable, "-m", "slopewatch.cli", "ground", *words], environment=alone())
         if spent.reason:
             raise RuntimeError(f"the ground of the piece {spent.reason}")
     (folder / "ready").touch()

@@ -15,6 +15,11 @@ LAUNCHER = Path(__file__).with_name("child_launcher.py")
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
 
 
+def alone() -> dict[str, str]:
+    """This process's variables, with one thread for libraries that would take as many as there are cores."""
+    return {**os.environ, **ONE_THREAD}
+
+
 @dataclass(frozen=True)
 class Spent:
     """What a command took, all the processes that it started and waited for included.
@@ -55,7 +60,7 @@ def measured(
     """Run a command to its end, or to a limit, in an empty folder that is removed after.
 
     Args:
-        environment: variables added to this process's.
+        environment: its variables; this process's by default.
         limit_bytes: it is killed once its processes together hold more.
         limit_s: it is killed after so many seconds by the clock.
     """
@@ -65,7 +70,7 @@ def measured(
         work.mkdir()
         asked = {
             "command": [str(word) for word in command],
-            "environment": {**os.environ, **(environment or {})},
+            "environment": dict(os.environ if environment is None else environment),
             "cwd": str(work),
             "log": str(log),
             "limit_bytes": limit_bytes,

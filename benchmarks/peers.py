@@ -22,6 +22,8 @@ PINNED = {
     "open3d": ("open3d==0.19.0",),
     "fastgc": ("fastgc==0.2.0",),
     "small_gicp": ("small_gicp==1.0.1", "numpy==2.2.6"),
+    "xdem": ("xdem==0.2.3",),
+    "torch_points3d": ("torch-points3d==1.3.0",),
 }
 FOLDER = Path(__file__).resolve().parents[1] / "build" / "peers"
 
