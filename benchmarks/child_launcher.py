@@ -4,7 +4,7 @@ Linux carries the peak memory of the process that starts a program into the prog
 clouds would so be measured with every child; this small process in between is not.
 
 ``python -I -S child_launcher.py`` reads one JSON object from standard input: command, environment, cwd, log,
-limit_bytes and limit_s (either may be null); and prints one.
+limit_bytes and limit_s (either may be null); and prints one. Standard output goes to log, errors to log + ".errors".
 """
 
 import contextlib
@@ -22,7 +22,7 @@ PAGE = os.sysconf("SC_PAGE_SIZE")
 def main() -> None:
     """Measure the command that standard input names."""
     asked = json.load(sys.stdin)
-    with open(asked["log"], "wb") as log:
+    with open(asked["log"], "wb") as log, open(asked["log"] + ".errors", "wb") as errors:
         started = time.monotonic()
         child = subprocess.Popen(
             asked["command"],
@@ -30,7 +30,7 @@ def main() -> None:
             cwd=asked["cwd"],
             stdin=subprocess.DEVNULL,
             stdout=log,
-            stderr=subprocess.STDOUT,
+            stderr=errors,
         )
         together, stopped = 0, ""
         while True:

@@ -31,7 +31,7 @@ from .long_slopes import DATES, LENGTH_M, OFFSET_M, RUN_M, frame_of, write_long,
 from .measured_child import alone, measured
 from .table import heading, machine, say
 
-MILLIONS = (1, 3, 10, 30, 100)
+MILLIONS = (1.0, 3.0, 10.0, 30.0, 100.0)
 STAGES = ("ground", "register", "change")
 MEMORY_GB = 4.0
 """What the commands are told to hold to, where they can be told."""
@@ -46,7 +46,7 @@ def main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m slopewatch.benchmarks growth", description=__doc__)
     parser.add_argument("--results", type=Path, required=True, metavar="FOLDER", help="kept, to go on from")
     parser.add_argument("--minutes", type=float, default=600.0, help="by the clock, for all (default 600)")
-    parser.add_argument("--sizes", type=int, nargs="+", default=MILLIONS, metavar="N", help="million points a survey")
+    parser.add_argument("--sizes", type=float, nargs="+", default=MILLIONS, metavar="N", help="million points a survey")
     parser.add_argument("--stages", nargs="+", choices=STAGES, default=STAGES)
     parser.add_argument("--azimuth", type=float, default=180.0, help="the way the slope faces (180: along the axes)")
     options = parser.parse_args(arguments)
@@ -62,7 +62,7 @@ def main(arguments: Sequence[str]) -> int:
             row = measure(key, folder / "clouds", known, deadline)
             known[key] = row
             append(folder / "growth.jsonl", row)
-            say(f"{stage}, {millions} million: {row.reason or f'{row.cpu:.0f} s, {row.together / 1e9:.2f} GB'}")
+            say(f"{stage}, {millions:g} million: {row.reason or f'{row.cpu:.0f} s, {row.together / 1e9:.2f} GB'}")
             shutil.rmtree(_place(folder / "clouds", options.azimuth, millions), ignore_errors=True)
     laws = write_results(folder, [row for row in known.values() if row.azimuth == options.azimuth])
     return int(any(law.exponent > WORST_EXPONENT for law in laws.values()))
@@ -169,11 +169,11 @@ def _piece(clouds: Path, azimuth: float) -> Path:
     return folder
 
 
-def _place(clouds: Path, azimuth: float, millions: int) -> Path:
-    return clouds / f"{azimuth:g}" / str(millions)
+def _place(clouds: Path, azimuth: float, millions: float) -> Path:
+    return clouds / f"{azimuth:g}" / f"{millions:g}"
 
 
-def registration_mm(transform: RigidTransform, millions: int, azimuth: float) -> float:
+def registration_mm(transform: RigidTransform, millions: float, azimuth: float) -> float:
     """Root mean square error of a motion over ends, toe and crest of the slope, mm."""
     places = [(u, v, 0.8 * v) for u in np.linspace(0, millions * LENGTH_M, 11) for v in (0.0, RUN_M)]
     at = frame_of(azimuth).to_world(np.array(places))

@@ -29,7 +29,7 @@ def report(rows: Sequence[Measured], laws: Mapping[str, Law], memory: Mapping[st
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for row in sorted(rows, key=lambda row: (row.stage, row.millions)):
-        start = f"| {row.stage} | {row.millions} M | "
+        start = f"| {row.stage} | {row.millions:g} M | "
         if row.reason:
             lines.append(f"{start}| {row.reason} | | | | | |")
             continue

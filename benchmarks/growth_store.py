@@ -6,7 +6,7 @@ import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-Key = tuple[int, str, float]
+Key = tuple[float, str, float]
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Measured:
     are no figures. ``code`` names the state of the program.
     """
 
-    millions: int
+    millions: float
     stage: str
     azimuth: float
     points: int = 0

@@ -54,10 +54,11 @@ def write_piece(folder: Path, azimuth: float, parameters: SurveyParameters = PIE
     return held
 
 
-def write_long(piece: Path, target: Path, count: int, frame: Frame, moved: bool, length: float = LENGTH_M) -> int:
+def write_long(piece: Path, target: Path, count: float, frame: Frame, moved: bool, length: float = LENGTH_M) -> int:
     """Write ``count`` copies of a piece's cloud end to end, every second one mirrored; the points written.
 
     Args:
+        count: of the last copy the part behind the point is written, as long as it.
         moved: whether the copies are moved by minus OFFSET_M, as a survey that must be registered.
         length: of the piece, m along u, from 0.
     """
@@ -67,15 +68,18 @@ def write_long(piece: Path, target: Path, count: int, frame: Frame, moved: bool,
     header.scales, header.global_encoding = las.header.scales, las.header.global_encoding
     header.offsets, header.vlrs = las.header.offsets, las.header.vlrs
     header.creation_date = las.header.creation_date
+    written = 0
     with laspy.open(target, mode="w", header=header) as writer:
-        for number in range(count):
-            xyz = frame.to_world(placed(local, number, length)) - moved * OFFSET_M
+        for number in range(math.ceil(count)):
+            copy = placed(local, number, length)
+            kept = copy[:, 0] <= count * length
             points = laspy.ScaleAwarePointRecord(
-                las.points.array.copy(), las.points.point_format, header.scales, header.offsets
+                las.points.array[kept], las.points.point_format, header.scales, header.offsets
             )
-            points["x"], points["y"], points["z"] = xyz.T
+            points["x"], points["y"], points["z"] = (frame.to_world(copy[kept]) - moved * OFFSET_M).T
             writer.write_points(points)
-    return count * len(las.points)
+            written += len(points)
+    return written
 
 
 def placed(local: Float, number: int, length: float) -> Float:
@@ -85,7 +89,7 @@ def placed(local: Float, number: int, length: float) -> Float:
     return copy
 
 
-def write_long_region(path: Path, count: int, frame: Frame) -> None:
+def write_long_region(path: Path, count: float, frame: Frame) -> None:
     """Write the region of ``count`` pieces, from toe to crest."""
     ring = rectangle((0.0, 0.0, count * LENGTH_M, RUN_M), frame)
     write_region(path, ring, CRS.from_user_input(SYSTEM), date.fromisoformat(DATES[0]))

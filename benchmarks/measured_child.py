@@ -26,7 +26,7 @@ class Spent:
 
     ``seconds`` by the clock, ``cpu`` of all processors, ``peak`` bytes of its largest process, ``together`` bytes of
     all of them at one time (looked at four times a second). ``code`` is its exit code, ``stopped`` why it was ended
-    ("memory", "time" or nothing), ``said`` all that it printed.
+    ("memory", "time" or nothing), ``said`` and ``complained`` all that it wrote on standard output and error.
     """
 
     seconds: float
@@ -36,6 +36,7 @@ class Spent:
     code: int
     stopped: str
     said: str
+    complained: str = ""
 
     @property
     def reason(self) -> str:
@@ -45,7 +46,7 @@ class Spent:
         if self.stopped == "time":
             return f"ended after {self.seconds:.0f} s"
         if self.code:
-            lines = self.said.strip().splitlines() or ["without a word"]
+            lines = (self.complained.strip() or self.said.strip() or "without a word").splitlines()
             return f"failed ({self.code}): {lines[-1]}"
         return ""
 
@@ -79,4 +80,5 @@ def measured(
         done = subprocess.run(
             [sys.executable, "-I", "-S", LAUNCHER], input=json.dumps(asked), capture_output=True, text=True, check=True
         )
-        return Spent(**json.loads(done.stdout), said=log.read_text(encoding="utf-8", errors="replace"))
+        written = (path.read_text(encoding="utf-8", errors="replace") for path in (log, Path(f"{log}.errors")))
+        return Spent(**json.loads(done.stdout), **dict(zip(("said", "complained"), written, strict=True)))

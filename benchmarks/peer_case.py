@@ -87,15 +87,27 @@ class Outcome:
 
 @dataclass
 class Tries:
-    """The runs of one tool: the smallest processor time with its clock, the largest memory, the first judgement."""
+    """The runs of one tool: smallest times with and without the work, largest memory, the first judgement."""
 
-    cpu: float = float("inf")
-    seconds: float = 0.0
+    spent: list[tuple[float, float]] = field(default_factory=list)
+    base: list[tuple[float, float]] = field(default_factory=list)
     peak: int = 0
     judged: Judged | None = None
-    runs: int = 0
     reason: str = ""
-    printed: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def cpu(self) -> float:
+        """Seconds of the processor, the smallest of all runs less the smallest without the work."""
+        return self._least(0)
+
+    @property
+    def seconds(self) -> float:
+        """The same by the clock."""
+        return self._least(1)
+
+    def _least(self, kind: int) -> float:
+        base = min((times[kind] for times in self.base), default=0.0)
+        return min(times[kind] for times in self.spent) - base
 
 
 def script_tool(name: str, peer: str, version: str, script: str) -> Tool:
@@ -123,13 +135,13 @@ def attempt(case: Case, tool: Tool, folder: Path, truth: Any, tries: Tries) -> N
     tries.reason = spent.reason or (base.reason if base else "")
     if tries.reason:
         return
-    printed = {} if base else json.loads(spent.said.strip().splitlines()[-1])
-    cpu = spent.cpu - base.cpu if base else float(printed["cpu"])
-    tries.runs += 1
     tries.peak = max(tries.peak, spent.peak)
-    if cpu < tries.cpu:
-        tries.cpu = cpu
-        tries.seconds = spent.seconds - base.seconds if base else float(printed["seconds"])
+    printed = {} if base else json.loads(spent.said.strip().splitlines()[-1])
+    if base:
+        tries.base.append((base.cpu, base.seconds))
+        tries.spent.append((spent.cpu, spent.seconds))
+    else:
+        tries.spent.append((float(printed["cpu"]), float(printed["seconds"])))
     if tries.judged is None:
         tries.judged = case.judge(truth, found, printed)
 

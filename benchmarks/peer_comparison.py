@@ -72,7 +72,7 @@ def compare(case: Case, repeats: int, known: dict[Key, Outcome]) -> list[Outcome
 
 
 def _outcome(start: Outcome, tried: Tries) -> Outcome:
-    if tried.judged is None:
+    if tried.judged is None or tried.reason:
         return replace(start, reason=tried.reason)
     judged = tried.judged
     return replace(
@@ -82,7 +82,7 @@ def _outcome(start: Outcome, tried: Tries) -> Outcome:
         cpu=tried.cpu,
         seconds=tried.seconds,
         peak=tried.peak,
-        runs=tried.runs,
+        runs=len(tried.spent),
     )
 
 

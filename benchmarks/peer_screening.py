@@ -1,6 +1,6 @@
 """Screening of one survey: SlopeWatch's methods on labelled hazards, and the published networks that were asked for.
 
-A published RandLA-Net needs a framework that installs beside this Python; where it does not, its row says how it failed.
+A published RandLA-Net needs a framework that installs beside this Python; where none does, its row says how it failed.
 """
 
 from __future__ import annotations
