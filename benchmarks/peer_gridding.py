@@ -24,7 +24,7 @@ from .peer_case import Case, Judged, Tool, own_tool
 from .peers import PeerMissingError
 from .strips import FILE
 
-AREA_M, SLOPE, NOISE_M = (60.0, 40.0), 0.8, 0.03
+AREA_M, SLOPES, NOISE_M = (60.0, 40.0), (0.3, 0.8), 0.03
 POINTS, QUICK_POINTS = 2_000_000, 200_000
 CELL_M, REAL_CELL_M = 0.1, 1.0
 HEAD = """
@@ -60,7 +60,7 @@ edges = north - cell * np.arange(rows, -1, -1), west + cell * np.arange(columns 
 started, cpu = time.perf_counter(), time.process_time()
 place = None
 for kind in ("mean", "std", "count"):
-    found = binned_statistic_dd(xyz[:, 1::-1], xyz[:, 2], kind, bins=edges, binned_result=place)
+    found = binned_statistic_dd(xyz[:, 1::-1], xyz[:, 2], kind, bins=edges, binned_statistic_result=place)
     place = place or found
     height = found.statistic if kind == "mean" else height
 taken = time.perf_counter() - started, time.process_time() - cpu
@@ -92,7 +92,9 @@ def cases(quick: bool) -> list[Case]:
 def _plane(folder: Path, count: int) -> Grid:
     rng = np.random.default_rng(1)
     x, y = (rng.integers(0, int(side * 1000), count) / 1000 for side in AREA_M)
-    xyz = np.column_stack([500_000 + x, 3_500_000 + y, 50 + SLOPE * y + rng.normal(0, NOISE_M, count)])
+    xyz = np.column_stack(
+        [500_000 + x, 3_500_000 + y, 50 + SLOPES[0] * x + SLOPES[1] * y + rng.normal(0, NOISE_M, count)]
+    )
     return _write(folder, xyz, CELL_M if count > QUICK_POINTS else 4 * CELL_M)
 
 
@@ -146,6 +148,7 @@ def _pdal() -> Tool:
             "type": "writers.gdal",
             "filename": str(folder / "found" / "grid.tif"),
             "resolution": grid.cell,
+            "radius": grid.cell / np.sqrt(2),  # else its circles reach twice as far
             "origin_x": grid.west,
             "origin_y": grid.north - grid.rows * grid.cell,
             "width": grid.columns,
@@ -196,7 +199,8 @@ def heights(grid: Grid, found: Path) -> Float:
 def _judge_plane(truth: Grid, found: Path, printed: Mapping[str, Any]) -> Judged:
     height = heights(truth, found)
     y = truth.north - (np.arange(truth.rows) + 0.5) * truth.cell - 3_500_000
-    return _judged(height - (50 + SLOPE * y)[:, None], "cells")
+    x = truth.west + (np.arange(truth.columns) + 0.5) * truth.cell - 500_000
+    return _judged(height - (50 + SLOPES[0] * x + SLOPES[1] * y[:, None]), "cells")
 
 
 def _judge_held(truth: tuple[Grid, Float], found: Path, printed: Mapping[str, Any]) -> Judged:
