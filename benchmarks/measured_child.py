@@ -80,5 +80,7 @@ def measured(
         done = subprocess.run(
             [sys.executable, "-I", "-S", LAUNCHER], input=json.dumps(asked), capture_output=True, text=True, check=True
         )
-        written = (path.read_text(encoding="utf-8", errors="replace") for path in (log, Path(f"{log}.errors")))
-        return Spent(**json.loads(done.stdout), **dict(zip(("said", "complained"), written, strict=True)))
+        said, complained = (
+            path.read_text(encoding="utf-8", errors="replace") for path in (log, Path(f"{log}.errors"))
+        )
+        return Spent(**json.loads(done.stdout), said=said, complained=complained)
