@@ -15,7 +15,7 @@ import subprocess
 import sys
 import time
 
-INTERVAL_S = 0.25
+LOOK_S, SAMPLE_S = 0.02, 0.5
 PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
@@ -32,20 +32,21 @@ def main() -> None:
             stdout=log,
             stderr=errors,
         )
-        together, stopped = 0, ""
+        together, stopped, due = 0, "", 0.0
         while True:
             done, status, used = os.wait4(child.pid, os.WNOHANG)
             if done:
                 break
-            family = descendants(child.pid)
-            held = sum(resident(pid) for pid in family)
-            together = max(together, held)
-            if not stopped:
-                stopped = reason(asked, held, time.monotonic() - started)
-                if stopped:
-                    for pid in family:
-                        end(pid)
-            time.sleep(INTERVAL_S)
+            # looking through all processes takes milliseconds, so it is done seldom
+            if time.monotonic() >= due:
+                due = time.monotonic() + SAMPLE_S
+                family = descendants(child.pid)
+                held = sum(resident(pid) for pid in family)
+                together = max(together, held)
+                stopped = stopped or reason(asked, held, time.monotonic() - started)
+                for pid in family if stopped else ():
+                    end(pid)
+            time.sleep(LOOK_S)
         seconds = time.monotonic() - started
     print(
         json.dumps(

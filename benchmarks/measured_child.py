@@ -25,7 +25,7 @@ class Spent:
     """What a command took, all the processes that it started and waited for included.
 
     ``seconds`` by the clock, ``cpu`` of all processors, ``peak`` bytes of its largest process, ``together`` bytes of
-    all of them at one time (looked at four times a second). ``code`` is its exit code, ``stopped`` why it was ended
+    all of them at one time (looked at twice a second). ``code`` is its exit code, ``stopped`` why it was ended
     ("memory", "time" or nothing), ``said`` and ``complained`` all that it wrote on standard output and error.
     """
 
@@ -80,7 +80,5 @@ def measured(
         done = subprocess.run(
             [sys.executable, "-I", "-S", LAUNCHER], input=json.dumps(asked), capture_output=True, text=True, check=True
         )
-        said, complained = (
-            path.read_text(encoding="utf-8", errors="replace") for path in (log, Path(f"{log}.errors"))
-        )
+        said, complained = (path.read_text(encoding="utf-8", errors="replace") for path in (log, Path(f"{log}.errors")))
         return Spent(**json.loads(done.stdout), said=said, complained=complained)

@@ -11,7 +11,7 @@ import argparse
 import importlib
 import json
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, replace
 from datetime import date
 from pathlib import Path
@@ -39,8 +39,7 @@ def main(arguments: Sequence[str]) -> int:
     repeats = options.repeats or (1 if options.quick else REPEATS)
     for stage in options.stages:
         for case in importlib.import_module(f"{__package__}.peer_{stage}").cases(options.quick):
-            for outcome in compare(case, repeats, known):
-                append(store, outcome)
+            for outcome in compare(case, repeats, known, lambda row: append(store, row)):
                 known[outcome.key] = outcome
     text = heading() + "\n" + table(known.values())
     (folder / store.with_suffix(".md").name).write_text(text, encoding="utf-8")
@@ -50,8 +49,14 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def compare(case: Case, repeats: int, known: dict[Key, Outcome]) -> list[Outcome]:
-    """The tools of a case that have no outcome yet, all of them if one has none: they take turns on the same files."""
+def compare(
+    case: Case, repeats: int, known: dict[Key, Outcome], keep: Callable[[Outcome], None] = lambda _: None
+) -> list[Outcome]:
+    """Outcomes of the tools of a case, which take turns on the same files; none if all are known.
+
+    Args:
+        keep: called with each tool's outcome once its last run is done.
+    """
     blank = [
         Outcome(case.stage, case.data, tool.name, tool.version, tool.own, day=date.today().isoformat())
         for tool in case.tools
@@ -63,11 +68,13 @@ def compare(case: Case, repeats: int, known: dict[Key, Outcome]) -> list[Outcome
         folder = Path(name)
         (folder / "found").mkdir()
         truth = case.prepare(folder)
-        for _ in range(repeats):
-            for tool, tried in zip(case.tools, tries, strict=True):
+        for turn in range(repeats):
+            for tool, tried, start in zip(case.tools, tries, blank, strict=True):
                 if not tried.reason:
                     attempt(case, tool, folder, truth, tried)
                     say(f"{case.stage}, {case.data}, {tool.name}: {tried.reason or f'{tried.cpu:.2f} s'}")
+                if turn == repeats - 1:
+                    keep(_outcome(start, tried))
     return [_outcome(start, tried) for start, tried in zip(blank, tries, strict=True)]
 
 
