@@ -192,8 +192,22 @@ def heights(grid: Grid, found: Path) -> Float:
         return np.load(found / "height.npy").reshape(grid.shape)
     with rasterio.open(found / "grid.tif") as raster:
         height = raster.read(1, masked=True).filled(np.nan).astype(np.float64)
-        # gdal_grid begins with the row that -tye names first only in newer releases
-        return height[::-1] if raster.transform.e > 0 else height
+        place = raster.transform
+    if place.e > 0:
+        height, north = height[::-1], place.f + height.shape[0] * place.e
+    else:
+        north = place.f
+    return on(grid, height, north, place.c)
+
+
+def on(grid: Grid, height: Float, north: float, west: float) -> Float:
+    """A raster (rows, columns) with its north-western corner on a grid: PDAL's can lie a row beside the one asked for."""
+    row, column = round((grid.north - north) / grid.cell), round((west - grid.west) / grid.cell)
+    found = np.full(grid.shape, np.nan)
+    rows = slice(max(row, 0), min(row + height.shape[0], grid.rows))
+    columns = slice(max(column, 0), min(column + height.shape[1], grid.columns))
+    found[rows, columns] = height[rows.start - row : rows.stop - row, columns.start - column : columns.stop - column]
+    return found
 
 
 def _judge_plane(truth: Grid, found: Path, printed: Mapping[str, Any]) -> Judged:

@@ -12,8 +12,10 @@ import pytest
 from slopewatch.benchmarks import peer_comparison, peers
 from slopewatch.benchmarks.peer_case import Case, Judged, Outcome, Tool, Tries, own_tool, script_tool
 from slopewatch.benchmarks.peer_difference import judged
+from slopewatch.benchmarks.peer_gridding import on
 from slopewatch.benchmarks.peer_screening import iou, with_hazards
 from slopewatch.benchmarks.peers import PeerMissingError
+from slopewatch.engine.grid.grid import Grid
 
 ADDS = """
 import json, sys
@@ -55,7 +57,10 @@ def case() -> Case:
 
 
 def test_each_tool_is_judged_on_the_same_files_and_reasons_take_the_place_of_figures(case):
-    own, other, gone, failed = peer_comparison.compare(case, 2, {})
+    kept = []
+    found = peer_comparison.compare(case, 2, {}, kept.append)
+    assert kept == found
+    own, other, gone, failed = found
     assert (own.own, own.error, own.accuracy, own.cpu, own.seconds, own.runs) == (True, 0.0, "0.0 off", 0.5, 1.0, 2)
     assert (other.own, other.error, other.cpu) == (False, 0.5, 2.0)
     assert 5e6 < own.peak < 1e9
@@ -131,6 +136,19 @@ def test_hazards_put_in_move_the_points_that_are_labelled():
     assert (off[label == 1] > 0).all()
     assert (off[label == 2] < 0).all()
     assert np.abs(off[label == 0]).max() < 0.15
+
+
+def test_a_raster_beside_the_grid_is_laid_where_its_corner_says():
+    grid = Grid(100.0, 50.0, 2.0, 3, 2)
+    height = np.arange(6.0).reshape(3, 2)
+    np.testing.assert_array_equal(on(grid, height, 50.0, 100.0), height)
+    south = on(grid, height, 48.0, 100.0)
+    assert np.isnan(south[0]).all()
+    np.testing.assert_array_equal(south[1:], height[:2])
+    west = on(grid, height, 52.0, 98.0)
+    np.testing.assert_array_equal(west[:2, 0], height[1:, 1])
+    assert np.isnan(west[:, 1]).all()
+    assert np.isnan(west[2]).all()
 
 
 def test_intersection_over_union():
