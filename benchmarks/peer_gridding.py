@@ -201,7 +201,7 @@ def heights(grid: Grid, found: Path) -> Float:
 
 
 def on(grid: Grid, height: Float, north: float, west: float) -> Float:
-    """A raster (rows, columns) with its north-western corner on a grid: PDAL's can lie a row beside the one asked for."""
+    """A raster (rows, columns) on a grid, by its north-western corner: PDAL's can lie a row beside the grid."""
     row, column = round((grid.north - north) / grid.cell), round((west - grid.west) / grid.cell)
     found = np.full(grid.shape, np.nan)
     rows = slice(max(row, 0), min(row + height.shape[0], grid.rows))
