@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from .growth_law import Law
 from .growth_store import Measured
@@ -72,6 +73,11 @@ def draw(path: Path, series: Series, laws: Mapping[str, Law], memory: Mapping[st
     right.axhline(TARGET_GB, color="grey", linestyle="--", linewidth=1, label=f"{TARGET_GB:g} GB")
     for axes, title in ((left, "Processor time, s"), (right, "Memory of all processes, GB")):
         axes.set(xscale="log", yscale="log", xlabel="points read, million", title=title)
+        for axis in (axes.xaxis, axes.yaxis):
+            # the labels of logarithms overlap where an axis spans one decade
+            axis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+            axis.set_major_formatter("{x:g}")
+            axis.set_minor_formatter(NullFormatter())
         axes.grid(visible=True, which="both", linewidth=0.3)
         axes.legend(fontsize=8)
     path.parent.mkdir(parents=True, exist_ok=True)
