@@ -2,6 +2,8 @@
 
 ``--results`` keeps what became of each single case as FOLDER/NAME.csv (.jsonl, .json), for the benchmarks
 that can (``KEPT``).
+
+``peers --help`` and ``growth --help``: stage by stage against other programs, and with the size of the slope.
 """
 
 from __future__ import annotations
@@ -48,8 +50,15 @@ KEPT = {"detection", "real_ground", "unseen_surveys", "screening_sites"}
 """Benchmarks that can keep their single results."""
 
 
+COMMANDS = {"peers": "peer_comparison", "growth": "growth"}
+"""Benchmarks with options of their own, which run for longer and keep what they measured; by their modules."""
+
+
 def main(arguments: list[str]) -> int:
     """Print one table after the other; 1 if a target was missed."""
+    if arguments and arguments[0] in COMMANDS:
+        module = importlib.import_module(f"{__package__}.{COMMANDS[arguments[0]]}")
+        return int(module.main(arguments[1:]))
     parser = argparse.ArgumentParser(prog="python -m slopewatch.benchmarks")
     parser.add_argument("names", nargs="*", metavar="NAME")
     parser.add_argument(

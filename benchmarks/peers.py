@@ -22,7 +22,11 @@ PINNED = {
     "open3d": ("open3d==0.19.0",),
     "fastgc": ("fastgc==0.2.0",),
     "small_gicp": ("small_gicp==1.0.1", "numpy==2.2.6"),
+    "xdem": ("xdem==0.2.3", "scikit-gstat==1.0.26"),
+    "torch_points3d": ("torch-points3d==1.3.0",),
 }
+_FAILED: dict[str, str] = {}
+"""Why peers could not be installed, so that a run tries each once."""
 FOLDER = Path(__file__).resolve().parents[1] / "build" / "peers"
 
 
@@ -47,6 +51,8 @@ def peer_python(peer: str) -> Path:
     wanted = "\n".join([sys.version, *PINNED[peer]])
     if ready.is_file() and ready.read_text(encoding="utf-8") == wanted:
         return python
+    if peer in _FAILED:
+        raise PeerMissingError(_FAILED[peer])
     shutil.rmtree(folder, ignore_errors=True)
     _call(peer, [sys.executable, "-m", "venv", str(folder)])
     _call(peer, [str(python), "-m", "pip", "install", "--quiet", "--only-binary=:all:", *PINNED[peer]])
@@ -108,4 +114,5 @@ def _call(peer: str, command: list[str]) -> None:
     if done.returncode:
         lines = [line for line in (done.stderr or done.stdout).strip().splitlines() if line.startswith("ERROR")]
         reason = lines[-1].removeprefix("ERROR: ") if lines else f"{command[-1]} failed"
-        raise PeerMissingError(f"{PINNED[peer][0]} cannot be installed: {reason}")
+        _FAILED[peer] = f"{PINNED[peer][0]} cannot be installed: {reason}"
+        raise PeerMissingError(_FAILED[peer])

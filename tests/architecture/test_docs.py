@@ -10,7 +10,8 @@ from pathlib import Path
 
 import click
 import pytest
-from slopewatch.benchmarks.__main__ import NAMES as BENCHMARKS
+from slopewatch.benchmarks.__main__ import COMMANDS as BENCHMARKS_WITH_OPTIONS
+from slopewatch.benchmarks.__main__ import NAMES
 from slopewatch.cli.program import cli
 from slopewatch.engine.series.tables import SERIES_FIELDS, ZONE_FIELDS
 from slopewatch.engine.zones import confirmation, fields
@@ -129,7 +130,7 @@ def unknown_modules(piece: str) -> list[str]:
         if spec is None or (package and importlib.util.find_spec(f"{module}.__main__") is None):
             wrong.append(module)
         elif module == "slopewatch.benchmarks":
-            wrong += [name for name in rest.split() if name not in BENCHMARKS]
+            wrong += [name for name in rest.split() if name not in (*NAMES, *BENCHMARKS_WITH_OPTIONS)]
     return wrong
 
 
