@@ -23,6 +23,7 @@ _BYTES_ON_THE_SLOPE = 300.0  # more for each cell that lies on the slope
 _BYTES_OF_A_PART = 0.3e9  # worked on at a time
 _BYTES_AT_ONCE, _CELLS_AT_ONCE = 620.0, 1_000_000  # for so many cells, which are worked on as a whole
 _SQUARE_CELLS = 16.0  # cells, and at least _MIN_SQUARE_M metres: squares with points are on the slope
+_MOST_SQUARES = 10_000_000  # of the extent, up to which those with points are marked rather than sorted
 _MIN_SQUARE_M = 4.0
 
 Bounds = tuple[float, float, float, float]
@@ -38,7 +39,9 @@ def common_grid(reference: Float, moving: Float, parameters: GridChangeParameter
         InputError: the extents do not meet (both are named), or the grid needs more than ``allowed``.
     """
     union = _union(reference, moving)
-    refuse_too_large(union, slope_area((reference, moving), parameters.cell_side), parameters, plants=plants)
+    # cells of one size are all held, wherever the slope is
+    area = slope_area((reference, moving), parameters.cell_side) if parameters.grows else 0.0
+    refuse_too_large(union, area, parameters, plants=plants)
     return snapped_grid(union, parameters.cell_side)
 
 
@@ -75,7 +78,7 @@ def affordable(
 
     def needed(cell: float) -> float:
         sized = replace(parameters, cell=cell)
-        return memory_needed(bounds, slope_area(clouds, cell), sized, plants=plants)
+        return memory_needed(bounds, slope_area(clouds, cell) if sized.grows else 0.0, sized, plants=plants)
 
     wanted = needed(choice.cell)
     if wanted <= limit:
@@ -106,13 +109,18 @@ def memory_needed(bounds: Bounds, area: float, parameters: GridChangeParameters,
 def slope_area(clouds: Sequence[Float], cell: float) -> float:
     """Area (m²) of the squares in which the clouds ((n, 3) each) have points."""
     side = max(_SQUARE_CELLS * cell, _MIN_SQUARE_M)
-    places = [np.floor(cloud[:, :2] / side).astype(np.int64) for cloud in clouds if len(cloud)]
+    places = [[np.floor(cloud[:, k] / side).astype(np.int64) for k in (0, 1)] for cloud in clouds if len(cloud)]
     if not places:
         return 0.0
-    low = np.min([p.min(axis=0) for p in places], axis=0)
-    columns = int(max(p[:, 0].max() for p in places) - low[0]) + 1
-    squares = [np.unique((p[:, 1] - low[1]) * columns + p[:, 0] - low[0]) for p in places]
-    return float(np.unique(np.concatenate(squares)).size) * side**2
+    low = [min(int(place[k].min()) for place in places) for k in (0, 1)]
+    columns, rows = (max(int(place[k].max()) for place in places) - low[k] + 1 for k in (0, 1))
+    squares = [(y - low[1]) * columns + (x - low[0]) for x, y in places]
+    if columns * rows > _MOST_SQUARES:
+        return float(np.unique(np.concatenate([np.unique(numbers) for numbers in squares])).size) * side**2
+    reached = np.zeros(columns * rows, dtype=bool)
+    for numbers in squares:
+        reached[numbers] = True
+    return float(np.count_nonzero(reached)) * side**2
 
 
 def _union(reference: Float, moving: Float) -> Bounds:
