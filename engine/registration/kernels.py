@@ -91,7 +91,11 @@ def kept_neighbours(
         for rank in range(1 if keeps else near.shape[1]):
             other = near[own, rank]
             if other < none:
-                x, y, z = places[i, 0] - points[other, 0], places[i, 1] - points[other, 1], places[i, 2] - points[other, 2]
+                x, y, z = (
+                    places[i, 0] - points[other, 0],
+                    places[i, 1] - points[other, 1],
+                    places[i, 2] - points[other, 2],
+                )
                 away = np.sqrt((x * x + z * z) + y * y)
                 if away < best:
                     best, chosen = away, other

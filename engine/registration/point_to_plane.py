@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from ..core.arrays import Bool, Float, Index
-from ..geometry.pose import Pose, turned
+from ..geometry.pose import Pose
 from ..geometry.voxels import block_numbers
 from .kernels import plane_pairs
 from .surface import Surface
