@@ -35,6 +35,7 @@ NAMES = {
     "unseen_surveys": "Surveys that nothing was chosen on",
     "near_level": "Zones near their level of detection",
     "whole_flow": "The whole flow",
+    "profile": "Where the processor time goes",
     "seasons": "Grass grown and mown: what is reported where nothing moved",
     "series": "More than two surveys",
     "corridor": "A corridor of slopes",

@@ -40,7 +40,8 @@ _LIBRARIES = (
 class RunRecord:
     """Collects the facts of one run; ``write`` puts them into a file.
 
-    ``stages`` holds one entry for each step: seconds, peak memory and the counts it reported.
+    ``stages`` holds one entry for each step: seconds by the clock and of all processors, peak memory and the counts it
+    reported.
     """
 
     def __init__(self, command: str, parameters: dict[str, ParameterSet]) -> None:
@@ -75,9 +76,10 @@ class RunRecord:
         """Time a step and its peak memory; the block may add numbers to the entry."""
         entry: dict[str, Any] = {"stage": name}
         child_process.reset_peak_memory()
-        start = time.monotonic()
+        start, worked = time.monotonic(), processor_seconds()
         yield entry
         entry["seconds"] = round(time.monotonic() - start, 3)
+        entry["processor_seconds"] = round(processor_seconds() - worked, 3)
         entry["peak_memory_mb"] = round(child_process.peak_memory() / 1e6, 1)
         self.stages.append(entry)
 
@@ -104,6 +106,12 @@ class RunRecord:
         text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
         # a file name that is no Unicode is written with escapes rather than not at all
         path.write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
+
+
+def processor_seconds() -> float:
+    """Seconds that processors have worked for this process and for its children that have ended."""
+    spent = os.times()
+    return spent.user + spent.system + spent.children_user + spent.children_system
 
 
 def _without(prefix: str, value: Any) -> Any:

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...interface.parameters import GridChangeParameters, given
-from ..core.arrays import Float
+from ..core.arrays import Float, Index
 from ..core.errors import InputError
 from ..core.machine_memory import machine_memory
 from ..pointcloud.in_parts import Points, bounds_of, parts_of
@@ -24,6 +24,7 @@ _BYTES_ON_THE_SLOPE = 300.0  # more for each cell that lies on the slope
 _BYTES_OF_A_PART = 0.3e9  # worked on at a time
 _BYTES_AT_ONCE, _CELLS_AT_ONCE = 620.0, 1_000_000  # for so many cells, which are worked on as a whole
 _SQUARE_CELLS = 16.0  # cells, and at least _MIN_SQUARE_M metres: squares with points are on the slope
+_MOST_SQUARES = 10_000_000  # of the extent, up to which those with points are marked rather than sorted
 _MIN_SQUARE_M = 4.0
 
 Bounds = tuple[float, float, float, float]
@@ -39,7 +40,9 @@ def common_grid(reference: Points, moving: Points, parameters: GridChangeParamet
         InputError: the extents do not meet (both are named), or the grid needs more than ``allowed``.
     """
     union = _union(reference, moving)
-    refuse_too_large(union, slope_area((reference, moving), parameters.cell_side), parameters, plants=plants)
+    # cells of one size are all held, wherever the slope is
+    area = slope_area((reference, moving), parameters.cell_side) if parameters.grows else 0.0
+    refuse_too_large(union, area, parameters, plants=plants)
     return snapped_grid(union, parameters.cell_side)
 
 
@@ -76,7 +79,7 @@ def affordable(
 
     def needed(cell: float) -> float:
         sized = replace(parameters, cell=cell)
-        return memory_needed(bounds, slope_area(clouds, cell), sized, plants=plants)
+        return memory_needed(bounds, slope_area(clouds, cell) if sized.grows else 0.0, sized, plants=plants)
 
     wanted = needed(choice.cell)
     if wanted <= limit:
@@ -111,12 +114,21 @@ def slope_area(clouds: Sequence[Points], cell: float) -> float:
     if not clouds:
         return 0.0
     low, high = (np.floor(end / side).astype(np.int64)[:2] for end in _ends(clouds))
-    columns = int(high[0] - low[0]) + 1
-    squares = []
-    for part in (xyz for cloud in clouds for xyz in parts_of(cloud)):
-        place = np.floor(part[:, :2] / side).astype(np.int64) - low
-        squares.append(np.unique(place[:, 1] * columns + place[:, 0]))
-    return float(np.unique(np.concatenate(squares)).size) * side**2
+    columns, rows = (high - low + 1).tolist()
+    parts = (xyz for cloud in clouds for xyz in parts_of(cloud))
+    squares = (_squares(part, side, low, columns) for part in parts)
+    if columns * rows > _MOST_SQUARES:
+        return float(np.unique(np.concatenate([np.unique(numbers) for numbers in squares])).size) * side**2
+    reached = np.zeros(columns * rows, dtype=bool)
+    for numbers in squares:
+        reached[numbers] = True
+    return float(np.count_nonzero(reached)) * side**2
+
+
+def _squares(xyz: Float, side: float, low: Index, columns: int) -> Index:
+    """Number (n,) of the square of each point."""
+    column, row = (np.floor(xyz[:, axis] / side).astype(np.int64) - low[axis] for axis in (0, 1))
+    return np.asarray(row * columns + column)
 
 
 def _ends(clouds: Sequence[Points]) -> tuple[Float, Float]:

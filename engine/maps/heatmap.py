@@ -28,7 +28,9 @@ def write_heatmap_png(
     """
     # matplotlib takes half a second to import; nothing else of the engine should wait for it
     from .figure import DPI, check_png, make_figure
+    from .map_parts import PNG_OPTIONS
 
     with atomic_output(Path(path), check_png) as partial:
         figure = make_figure(heatmap, zones=zones, epochs=epochs, name=name)
-        figure.savefig(partial, format="png", dpi=DPI, metadata={"Software": "SlopeWatch"})
+        options = {"metadata": {"Software": "SlopeWatch"}, "pil_kwargs": PNG_OPTIONS}
+        figure.savefig(partial, format="png", dpi=DPI, **options)

@@ -17,8 +17,9 @@ from functools import cached_property
 import numpy as np
 
 from ..core.arrays import Bool, Float, Index
-from ..geometry.pose import Pose, turned
+from ..geometry.pose import Pose
 from ..geometry.voxels import block_numbers
+from .kernels import plane_pairs
 from .surface import Surface
 from .tracked_neighbours import TrackedNeighbours
 
@@ -150,15 +151,6 @@ class _Placed:
     surface: Surface
     pose: Pose | None = None
 
-    def at(self, points: Float, numbers: Index) -> Float:
-        """Those of the surface's ``points`` or ``centroids`` (m, 3), (n, 3)."""
-        found = np.take(points, numbers, axis=0)
-        return found if self.pose is None else self.pose.apply(found)
-
-    def normals(self, numbers: Index) -> Float:
-        found = np.take(self.surface.normals, numbers, axis=0)
-        return found if self.pose is None else turned(found, self.pose.rotation)
-
 
 def _pairs(
     points: _Placed, planes: _Placed, sources: Index, near: tuple[Float, Index], among: Bool | None, agreement: float
@@ -176,25 +168,16 @@ def _pairs(
     sources, number = sources[found], number[found]
     planes.surface.fit(number)
     points.surface.fit(sources)
-    normal, keep = _mean_normals(planes.normals(number), points.normals(sources), agreement)
-    keep &= planes.surface.planar[number] & points.surface.planar[sources]
-    kept = np.flatnonzero(keep)
-    sources, number, normal = sources[kept], number[kept], np.take(normal, kept, axis=0)
-    place = points.at(points.surface.points, sources)
-    plane = planes.at(planes.surface.centroids, number)
-    around = (place + points.at(points.surface.centroids, sources)) / 2
-    return Pairs(place, normal, _along(place - plane, normal), _along(around - plane, normal), sources)
-
-
-def _mean_normals(own: Float, other: Float, agreement: float) -> tuple[Float, Bool]:
-    """Unit vectors halfway between two unit vectors (n, 3) each, on the side of the first, and where these agree."""
-    cosine = _along(own, other)
-    both = own + np.where(cosine < 0, -1.0, 1.0)[:, None] * other
-    return both / np.sqrt(_along(both, both))[:, None], np.abs(cosine) > agreement
-
-
-def _along(offset: Float, normal: Float) -> Float:
-    return np.asarray(np.einsum("ij,ij->i", offset, normal))
+    motion = points.pose or planes.pose or Pose.identity()
+    found_pairs = plane_pairs(
+        sources,
+        number,
+        (points.surface.planes, planes.surface.planes),
+        (motion.rotation, motion.translation),
+        points.pose is not None,
+        agreement,
+    )
+    return Pairs(*found_pairs)
 
 
 def tukey_weights(residual: Float, scale: float) -> Float:

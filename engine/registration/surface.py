@@ -11,6 +11,7 @@ from ..core.arrays import Bool, Float, Index
 from ..geometry.principal_axes import thinnest
 from ..geometry.voxels import voxel_average
 from ..statistics.robust import robust_scale
+from .kernels import Planes, as_planes, neighbourhood_moments
 
 NOISE_FLOOR = 1e-3  # metres; no scanner is better, and a scale of zero has no weights
 NEIGHBOURS = 12  # of a plane; fewer follow finer relief, more average more noise
@@ -32,13 +33,19 @@ class Surface:
         self.plants = None if plants is None else np.ascontiguousarray(means[:, 3])
         # the default build sorts and shrinks at a cost that so few queries do not return
         self.tree = cKDTree(self.points, balanced_tree=False, compact_nodes=False, leafsize=_LEAF_POINTS)
-        self._axes = np.ascontiguousarray(self.points.T)
         self.neighbours = min(NEIGHBOURS, len(self.points))
         self.centroids = np.zeros_like(self.points)
         self.normals = np.zeros_like(self.points)
         self.planar: Bool = np.zeros(len(self.points), dtype=bool)
         self._fitted: Bool = np.zeros(len(self.points), dtype=bool)
+        # largest error by plants of the points around, where a plane was fitted
+        self._most_plants = np.zeros(0 if plants is None else len(self.points))
         self.spacing = self._spacing()
+
+    @property
+    def planes(self) -> Planes:
+        """The surface as ``kernels`` take it."""
+        return as_planes(self.points, self.centroids, self.normals, self.planar)
 
     def sample(self, limit: int, eligible: Bool | None = None) -> Index:
         """Numbers of at most ``limit`` points, evenly spread, always the same; of the ``eligible`` (m,) only."""
@@ -57,14 +64,14 @@ class Surface:
         missing = np.flatnonzero(asked & ~self._fitted)
         for start in range(0, len(missing), _CHUNK_POINTS):
             chosen = missing[start : start + _CHUNK_POINTS]
-            _, near = self.tree.query(self.points[chosen], k=list(range(1, self.neighbours + 1)), workers=-1)
-            own = self.points[chosen].T
-            x, y, z = (np.take(axis, near.T) - middle for axis, middle in zip(self._axes, own, strict=True))
-            mean = [axis.mean(axis=0) for axis in (x, y, z)]
-            x, y, z = (axis - middle for axis, middle in zip((x, y, z), mean, strict=True))
-            moments = (np.einsum("kn,kn->n", *pair) for pair in ((x, x), (y, y), (z, z), (x, y), (x, z), (y, z)))
-            thin, wide, normal = thinnest(*moments)
-            self.centroids[chosen] = (own + mean).T
+            near = np.asarray(
+                self.tree.query(self.points[chosen], k=list(range(1, self.neighbours + 1)), workers=-1)[1]
+            )
+            if self.plants is not None:
+                self._most_plants[chosen] = self.plants[near].max(axis=1)
+            moments = neighbourhood_moments(self.points, chosen, near)
+            thin, wide, normal = thinnest(*moments[3:])
+            self.centroids[chosen] = moments[:3].T
             self.normals[chosen] = normal * np.where(normal[:, 2:] < 0, -1.0, 1.0)
             self.planar[chosen] = thin < _MAX_THICKNESS_RATIO**2 * wide
         self._fitted[missing] = True
@@ -74,7 +81,8 @@ class Surface:
         if self.plants is None:
             return np.ones(len(self.points), dtype=bool)
         bare: Bool = self.plants <= limit
-        some = np.flatnonzero(bare)
+        bare[self._fitted] &= self._most_plants[self._fitted] <= limit
+        some = np.flatnonzero(bare & ~self._fitted)
         for start in range(0, len(some), _CHUNK_POINTS):
             chosen = some[start : start + _CHUNK_POINTS]
             near = np.asarray(

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from ..core.errors import InputError
+from ..maps.map_parts import PNG_OPTIONS
 
 _DPI = 160
 _CSS_DPI = 96
@@ -51,7 +52,7 @@ def drawing(figure: Figure, text: str) -> Picture:
 def map_picture(figure: Figure, text: str) -> Picture:
     """A map as PNG."""
     stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=_DPI, metadata={"Software": "SlopeWatch"})
+    figure.savefig(stream, format="png", dpi=_DPI, metadata={"Software": "SlopeWatch"}, pil_kwargs=PNG_OPTIONS)
     width, height = figure.get_size_inches() * _CSS_DPI
     return Picture(_uri("image/png", stream.getvalue()), text, round(width), round(height))
 

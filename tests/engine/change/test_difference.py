@@ -10,6 +10,7 @@ import shapely
 import shapely.affinity
 from slopewatch.engine.change.difference import Areas, difference, uniform_shift
 from slopewatch.engine.core.errors import InputError
+from slopewatch.engine.grid import common_grid as grids
 from slopewatch.engine.grid.common_grid import common_grid, memory_needed, slope_area
 from slopewatch.interface.parameters import ChangeParameters
 
@@ -99,7 +100,7 @@ def test_too_large_a_grid_is_refused_with_a_cell_that_fits():
     common_grid(first, outlier, ChangeParameters(cell=fits * 1.05, memory_limit=0.1))
 
 
-def test_a_slope_turned_against_north_needs_what_it_covers_and_little_for_the_rectangle():
+def test_a_slope_turned_against_north_needs_what_it_covers_and_little_for_the_rectangle(monkeypatch):
     """The same area along an axis and turned: the rectangle is 12 times as large, what is needed not even twice."""
     rng = np.random.default_rng(0)
     u, v = rng.uniform(0, 700, 20_000), rng.uniform(0, 30, 20_000)
@@ -108,6 +109,8 @@ def test_a_slope_turned_against_north_needs_what_it_covers_and_little_for_the_re
     parameters = ChangeParameters(cell=0.1)
     areas = [slope_area((cloud, cloud), 0.1) for cloud in (straight, turned)]
     assert areas == pytest.approx([21_000, 21_000], rel=0.3)
+    monkeypatch.setattr(grids, "_MOST_SQUARES", 0)
+    assert [slope_area((cloud, cloud), 0.1) for cloud in (straight, turned)] == areas  # sorted, not marked
     needed = []
     for cloud, area in zip((straight, turned), areas, strict=True):
         west, south, east, north = *cloud[:, :2].min(axis=0), *cloud[:, :2].max(axis=0)

@@ -5,6 +5,9 @@ from __future__ import annotations
 import hashlib
 import importlib.metadata
 import json
+import subprocess
+import sys
+import time
 
 import pytest
 from slopewatch.engine.core import run_record
@@ -30,6 +33,17 @@ def test_paths_are_told_from_the_folder_of_the_record(tmp_path):
     told = document["stages"][0]["epochs"][0]
     assert told["ground"].replace("\\", "/") == "clouds/a.laz"
     assert told["source"] == str(tmp_path / "a.laz")
+
+
+def test_a_stage_tells_what_processors_worked_children_included():
+    record = RunRecord("x", {})
+    with record.stage("idle"):
+        time.sleep(0.1)
+    with record.stage("busy"):
+        subprocess.run([sys.executable, "-c", "while __import__('time').process_time() < 0.3: pass"], check=True)
+    idle, busy = record.stages
+    assert idle["seconds"] >= 0.1 > 0.05 > idle["processor_seconds"]
+    assert 0.3 <= busy["processor_seconds"] < 5.0
 
 
 def test_inputs_are_hashed_folders_too(tmp_path):

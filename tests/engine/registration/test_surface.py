@@ -62,3 +62,17 @@ def test_a_sample_is_always_the_same_and_within_what_is_eligible():
 def test_a_smaller_sample_is_part_of_a_larger_one():
     surface = Surface(bumpy(), 0.1)
     assert np.isin(surface.sample(50), surface.sample(200)).all()
+
+
+def test_ground_is_as_bare_after_its_planes_were_fitted_as_before():
+    xyz = bumpy()
+    plants = np.where(xyz[:, 0] < 2.5, 0.0, 0.05)
+    asked, fitted = (Surface(xyz, 0.1, plants) for _ in range(2))
+    fitted.fit(np.arange(0, len(fitted.points), 2))
+    before = len(fitted.points)
+    expected = asked.bare(0.01)
+    for number in range(0, before, 7):
+        distance = np.linalg.norm(asked.points - asked.points[number], axis=1)
+        assert expected[number] == (asked.plants[np.argsort(distance)[:NEIGHBOURS]] <= 0.01).all()
+    assert 0.3 < expected.mean() < 0.5
+    assert np.array_equal(fitted.bare(0.01), expected)

@@ -53,3 +53,20 @@ def test_points_that_hardly_move_are_not_searched_again():
     assert tree.asked == len(places)
     tracked.nearest(every, places + [1e-4, 0.0, -1e-4], 0.05)
     assert tree.asked < 1.05 * len(places)
+
+
+def test_points_that_go_back_and_forth_have_another_candidate_rather_than_a_search():
+    rng = np.random.default_rng(0)
+    tree = CountingTree(rng.uniform(0, 1, (2000, 3)))
+    places = rng.uniform(0, 1, (3000, 3))
+    tracked = TrackedNeighbours(tree, len(places))
+    every = np.arange(len(places))
+    tracked.nearest(every, places, 0.2)
+    changed = 0
+    for step in (0.01, -0.01, 0.01, -0.01):
+        _, number = tracked.nearest(every, places + [step, 0.0, 0.0], 0.2)
+        _, before = tree.tree.query(places)
+        changed += np.count_nonzero(number != before)
+        assert np.array_equal(number, tree.tree.query(places + [step, 0.0, 0.0])[1])
+    assert changed > 300  # keeping the first one for as long as it is sure would search most points each time
+    assert tree.asked < 1.5 * len(places)
