@@ -40,6 +40,7 @@ BY_RASTER = ("relief", "filter")
 if TYPE_CHECKING:
     from ..configuration import ModelConfiguration
     from ..preparation.prepare import PreparedCloud
+    from ..preparation.streaming import Sample
     from ..preparation.voxel_sums import SparseVoxels
 
 
@@ -72,16 +73,7 @@ def screen_points(ground: GroundPoints, parameters: ScreeningParameters, progres
         with progress.stage(0.0, 0.15, "reading"):
             sample = sample_parts(ground.parts, ground.name)
         with progress.stage(0.15, 0.2, "checking the slope"):
-            suitability, frame = _measured(sample.xyz, sample.points / len(sample.xyz), configuration)
-            refuse_unsuitable(
-                suitability,
-                parameters,
-                ground.name,
-                density=_densities(method, configuration),
-                classified=ground.classified,
-                bare=ground.bare,
-                progress=progress,
-            )
+            suitability, frame = _suitable(ground, sample, parameters, configuration, progress)
         with progress.stage(0.2, 0.35, "averaging in voxels"):
             cloud, voxels = prepare_parts(ground.parts, sample, configuration, spread=method == "relief", frame=frame)
         with progress.stage(0.35, 0.4, "measuring what can be found"):
@@ -233,6 +225,27 @@ def _interpolation(cloud: PreparedCloud, configuration: ModelConfiguration) -> V
     if configuration.interpolation <= 1:
         return None
     return VoxelInterpolation(cloud.voxels.points, configuration.voxel, configuration.interpolation)
+
+
+def _suitable(
+    ground: GroundPoints,
+    sample: Sample,
+    parameters: ScreeningParameters,
+    configuration: ModelConfiguration,
+    progress: Progress,
+) -> tuple[Suitability, tuple[Plane, Float]]:
+    """What was measured of the slope, and its frame; InputError where it cannot be screened."""
+    suitability, frame = _measured(sample.xyz, sample.points / len(sample.xyz), configuration)
+    refuse_unsuitable(
+        suitability,
+        parameters,
+        ground.name,
+        density=_densities(parameters.screening_method, configuration),
+        classified=ground.classified,
+        bare=ground.bare,
+        progress=progress,
+    )
+    return suitability, frame
 
 
 def _measured(xyz: Float, thinned: float, configuration: ModelConfiguration) -> tuple[Suitability, tuple[Plane, Float]]:
