@@ -122,7 +122,7 @@ def state() -> str:
     return f"{VERSION} {done.stdout.strip()}".strip()
 
 
-def _prepared(key: tuple[int, str, float], clouds: Path) -> tuple[list[str], int]:
+def _prepared(key: Key, clouds: Path) -> tuple[list[str], int]:
     """The command of a stage, and how many points it reads; its clouds are written into a new folder."""
     millions, stage, azimuth = key
     piece, place, frame = _piece(clouds, azimuth), _place(clouds, azimuth, millions), frame_of(azimuth)
@@ -161,7 +161,13 @@ def _piece(clouds: Path, azimuth: float) -> Path:
     write_piece(folder, azimuth)
     for day in DATES:
         say(f"ground of the piece, {day}")
-        words = [folder / f"{day}.laz", "--roi", folder / "roi.gpkg", "--output", folder / f"ground_{day}.laz"]
+        words: list[str | Path] = [
+            folder / f"{day}.laz",
+            "--roi",
+            folder / "roi.gpkg",
+            "--output",
+            folder / f"ground_{day}.laz",
+        ]
         spent = measured([sys.executable, "-m", "slopewatch.cli", "ground", *words], environment=alone())
         if spent.reason:
             raise RuntimeError(f"the ground of the piece {spent.reason}")

@@ -178,7 +178,7 @@ def _gdal_grid() -> Tool:
         size = (grid.columns, grid.rows) if whole else (1, 1)
         east, south = grid.west + grid.columns * grid.cell, grid.north - grid.rows * grid.cell
         radius = grid.cell / np.sqrt(2)
-        words = [program, "-q", "-l", "points", "-ot", "Float64", "-of", "GTiff"]
+        words: list[object] = [program, "-q", "-l", "points", "-ot", "Float64", "-of", "GTiff"]
         words += ["-a", f"average:radius1={radius:.6f}:radius2={radius:.6f}:nodata=-9999"]
         words += ["-txe", grid.west, east, "-tye", grid.north, south, "-outsize", *size]
         return [str(word) for word in (*words, folder / "points.vrt", folder / "found" / "grid.tif")]

@@ -64,7 +64,7 @@ def _prepared(make: Callable[[], tuple[Cloud, ...]], quick: bool) -> Callable[[P
         if quick:
             corner = np.median(cloud.seen.xyz[:, :2], axis=0) - QUICK_SIDE_M / 2
             offset = cloud.seen.xyz[:, :2] - corner
-            cloud = cloud.part(((offset >= 0) & (offset < QUICK_SIDE_M)).all(axis=1))
+            cloud = cloud.part(np.asarray(((offset >= 0) & (offset < QUICK_SIDE_M)).all(axis=1)))
         write_las(folder / "given.las", cloud.seen)
         return cloud
 

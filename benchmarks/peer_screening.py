@@ -98,7 +98,7 @@ def with_hazards(xyz: Float, seed: int) -> tuple[Float, NDArray[np.uint8]]:
     _, matrix = flat_frame(xyz, FRAME)
     wanted = [smooth_hazard(height, size, rng) for height in HEIGHTS_M for size in DIAMETERS_M] * ROUNDS
     made = insert_hazards(apply_matrix(matrix, xyz), wanted, rng)
-    return apply_matrix(np.linalg.inv(matrix), made.flat), made.label
+    return apply_matrix(np.asarray(np.linalg.inv(matrix), dtype=np.float64), made.flat), made.label
 
 
 def _judge(truth: NDArray[np.uint8], found: Path, printed: Mapping[str, Any]) -> Judged:

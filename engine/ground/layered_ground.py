@@ -318,7 +318,8 @@ def _pooled_layers(over: Float, planes: Planes, sigma: float, windows: Windows) 
         few = (layers.returns < MIN_WINDOW_RETURNS) & (layers.returns > 0)
         if not few.any():
             break
-        layers = layers.where(few, lowest_layers(counts_around(counts, *np.nonzero(few), reach), *asked))
+        row, column = np.nonzero(few)
+        layers = layers.where(few, lowest_layers(counts_around(counts, row, column, reach), *asked))
     return layers
 
 

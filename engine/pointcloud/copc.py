@@ -75,7 +75,8 @@ def write_near(header: CloudHeader, frame: WorkingFrame, near: NearChunks, outpu
 
 def _nodes(stream: BinaryIO, file_size: int, offset: int, size: int) -> np.ndarray | None:
     """The nodes with points of all pages of the index; None where it is damaged."""
-    found, pages, seen = [np.zeros(0, _ENTRY)], [(offset, size)], set()
+    found, pages = [np.zeros(0, _ENTRY)], [(offset, size)]
+    seen: set[int] = set()
     while pages:
         offset, size = pages.pop()
         sound = 0 < size <= _MAX_PAGE_BYTES and size % _ENTRY.itemsize == 0 and 0 <= offset <= file_size - size
