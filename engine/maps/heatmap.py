@@ -32,5 +32,5 @@ def write_heatmap_png(
 
     with atomic_output(Path(path), check_png) as partial:
         figure = make_figure(heatmap, zones=zones, epochs=epochs, name=name)
-        options = {"metadata": {"Software": "SlopeWatch"}, "pil_kwargs": PNG_OPTIONS}
-        figure.savefig(partial, format="png", dpi=DPI, **options)
+        software = {"Software": "SlopeWatch"}
+        figure.savefig(partial, format="png", dpi=DPI, metadata=software, pil_kwargs=PNG_OPTIONS)
