@@ -12,7 +12,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -37,29 +37,39 @@ def rows() -> list[Row]:
         size = SurveyParameters(points=SERIES_POINTS, length=30.0, height=14.0)
         series = simulate_series(size, survey_days(SERIES_SURVEYS, _DAYS_APART), (Creep(_CREEP_M_A_DAY),))
         write_series(series, folder / "series")
-        found = profiled("inspect", inspect_command(pair, folder / "inspect"), folder / "inspect" / "run.json")
-        ground = folder / "inspect" / "clouds" / f"{pair['second'].stem}_ground.laz"
+        found = profiled("inspect", lambda out: inspect_command(pair, out), folder / "inspect", "run.json")
         found += profiled(
             f"series of {SERIES_SURVEYS} surveys",
-            ["series", str(folder / "series"), "--output-dir", str(folder / "out")],
-            folder / "out" / "run.json",
+            lambda out: ["series", str(folder / "series"), "--output-dir", str(out)],
+            folder / "out",
+            "run.json",
         )
-        screened = folder / "screened" / "screened.laz"
-        screened.parent.mkdir()
+        ground = folder / "inspect" / "0" / "clouds" / f"{pair['second'].stem}_ground.laz"
         found += profiled(
-            "screen", ["screen", str(ground), "--output", str(screened)], screened.with_name("screened_run.json")
+            "screen",
+            lambda out: ["screen", str(ground), "--output", str(out / "screened.laz")],
+            folder / "screened",
+            "screened_run.json",
         )
     return found
 
 
-def profiled(name: str, arguments: Sequence[str], record: Path) -> list[Row]:
-    """The rows of one command, run ``RUNS`` times; ``record`` is the run record that it writes."""
+def profiled(name: str, arguments: Callable[[Path], Sequence[str]], folder: Path, record: str) -> list[Row]:
+    """The rows of one command, run ``RUNS`` times.
+
+    Each run has an empty folder of its own within ``folder``: a series goes on with what it finds.
+
+    Args:
+        arguments: those of the command that writes into a folder.
+        record: name of the run record that it writes there.
+    """
     runs = []
     for number in range(RUNS):
         say(f"{name}, run {number + 1} of {RUNS}")
-        record.unlink(missing_ok=True)
-        whole = worked(arguments if number == 0 or "--output-dir" not in arguments else [*arguments, "--overwrite"])
-        runs.append(seconds_of_stages(json.loads(record.read_text(encoding="utf-8")), whole))
+        out = folder / str(number)
+        out.mkdir(parents=True)
+        whole = worked(arguments(out))
+        runs.append(seconds_of_stages(json.loads((out / record).read_text(encoding="utf-8")), whole))
     return table(name, least(runs))
 
 

@@ -32,5 +32,5 @@ def write_heatmap_png(
 
     with atomic_output(Path(path), check_png) as partial:
         figure = make_figure(heatmap, zones=zones, epochs=epochs, name=name)
-        said = {"Software": "SlopeWatch"}
-        figure.savefig(partial, format="png", dpi=DPI, metadata=said, pil_kwargs=PNG_OPTIONS)
+        software = {"Software": "SlopeWatch"}
+        figure.savefig(partial, format="png", dpi=DPI, metadata=software, pil_kwargs=PNG_OPTIONS)

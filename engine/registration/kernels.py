@@ -109,10 +109,18 @@ def kept_neighbours(
 def _plain_moments(points: Float, numbers: Index, near: Index) -> Float:
     own = points[numbers].T
     offsets = [np.take(np.ascontiguousarray(points[:, i]), near.T) - own[i] for i in range(3)]
-    mean = [offset.mean(axis=0) for offset in offsets]
+    mean = [_in_order(offset) / near.shape[1] for offset in offsets]
     x, y, z = (offset - middle for offset, middle in zip(offsets, mean, strict=True))
     pairs = ((x, x), (y, y), (z, z), (x, y), (x, z), (y, z))
-    return np.stack([*(own + mean), *(np.einsum("kn,kn->n", *pair) for pair in pairs)])
+    return np.stack([*(own + mean), *(_in_order(one * two) for one, two in pairs)])
+
+
+def _in_order(values: Float) -> Float:
+    """Sums (n,) of (k, n) row by row: numpy's own sum takes another order where n is 1."""
+    total = np.zeros(values.shape[1])
+    for row in values:
+        total += row
+    return total
 
 
 @compiled(_plain_moments)

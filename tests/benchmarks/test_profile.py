@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
-from slopewatch.benchmarks.profile import REST, least, seconds_of_stages, table, worked
+from slopewatch.benchmarks import profile
+from slopewatch.benchmarks.profile import REST, least, profiled, seconds_of_stages, table, worked
 
 
 def test_stages_of_one_name_are_summed_and_the_rest_is_what_no_stage_holds():
@@ -26,3 +29,17 @@ def test_shares_are_of_the_sum():
 def test_a_command_that_fails_is_no_figure():
     with pytest.raises(RuntimeError, match="nowhere"):
         worked(["report", "/nowhere"])
+
+
+def test_each_run_has_an_empty_folder(tmp_path, monkeypatch):
+    seconds = iter([5.0, 4.0, 6.0])
+
+    def run(arguments):
+        out = arguments[0]
+        assert not list(out.iterdir())
+        (out / "run.json").write_text(json.dumps({"stages": [{"stage": "read", "processor_seconds": 1.0}]}))
+        return next(seconds)
+
+    monkeypatch.setattr(profile, "worked", run)
+    found = {row.figure: row.value for row in profiled("x", lambda out: [out], tmp_path, "run.json")}
+    assert found == {"x: read": "1.00 s (25 %)", f"x: {REST}": "3.00 s (75 %)", "x: whole": "4.00 s"}

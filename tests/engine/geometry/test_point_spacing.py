@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from slopewatch.engine.geometry import point_spacing as module
+from slopewatch.engine.geometry import numbered
 from slopewatch.engine.geometry.point_spacing import point_spacing
 
 
@@ -32,5 +32,6 @@ def test_points_at_one_place_have_a_spacing_too():
 def test_sorting_the_squares_of_a_wide_cloud_counts_as_an_array_of_all_does(monkeypatch):
     xy = np.random.default_rng(0).uniform(0, [30.0, 9.0], (4000, 2))
     counted = point_spacing(xy)
-    monkeypatch.setattr(module, "_MOST_SQUARES_A_POINT", 0)
+    monkeypatch.setattr(numbered, "MAX_EXTENT_POINTS", 0)
+    monkeypatch.setattr(numbered, "MAX_SMALL_EXTENT", 0)
     assert point_spacing(xy) == counted

@@ -61,11 +61,12 @@ def test_pairs_are_distances_along_the_mean_normal(first_moves):
     assert np.allclose(gap, np.einsum("ij,ij->i", (points[a] + centres[a]) / 2 - middles[b], normal), atol=1e-12)
 
 
-def test_moments_are_those_of_the_points_around():
+@pytest.mark.parametrize("count", [60, 1])
+def test_moments_are_those_of_the_points_around(count):
     rng = np.random.default_rng(4)
     points = rng.uniform(0, 5, (200, 3)) + [500_000.0, 0.0, 0.0]
-    numbers = rng.permutation(200)[:60]
-    near = rng.integers(0, 200, (60, 12))
+    numbers = rng.permutation(200)[:count]
+    near = rng.integers(0, 200, (count, 12))
     found = both(kernels.neighbourhood_moments, points, numbers, near)
     for i, group in enumerate(near):
         covariance = np.cov(points[group].T, bias=True) * 12

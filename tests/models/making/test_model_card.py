@@ -75,6 +75,7 @@ def test_a_card_with_the_network_on_relief_has_its_figures(description):
         "calibration": {"scale": 1.25, "shift": -2.5},
         "metrics": {
             "date": "2026-01-02",
+            "seeds": 3,
             "hazard_share": 0.03,
             "found": {"0.5": [0.61, 0.4, 0.1, 0.7, 0.6, 0.5]},
             "false_zones": {"hill": 0.94, "ravine": 1.06},

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import pytest
 from slopewatch.engine.ground.tiles import memory as module
 from slopewatch.engine.ground.tiles.memory import fits_in_one_piece, memory_limit, shared_memory
 from slopewatch.interface.parameters import GroundParameters
-from slopewatch.workflows.series_preparation import _deciding
+from slopewatch.workflows.series_preparation import ground_key
 
 
 def test_the_limit_is_as_given_or_half_of_the_machine(monkeypatch):
@@ -26,5 +28,8 @@ def test_surveys_at_once_share_the_limit(monkeypatch):
 
 
 def test_a_series_keeps_its_ground_whatever_the_limit():
-    assert _deciding(GroundParameters(ground_memory=1.0)) == _deciding(GroundParameters())
-    assert _deciding(GroundParameters(cloth_reach=0.4)) != _deciding(GroundParameters())
+    def key(**parameters):
+        return ground_key("cloud", "region", {}, asdict(GroundParameters(**parameters)), "2.9.0")
+
+    assert key(ground_memory=1.0) == key()
+    assert key(cloth_reach=0.4) != key()
