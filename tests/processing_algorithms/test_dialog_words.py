@@ -84,7 +84,7 @@ def test_every_option_that_a_refusal_names_is_in_a_dialog(root: Path) -> None:
                     c.value for c in ast.walk(node) if isinstance(c, ast.Constant) and isinstance(c.value, str)
                 )
                 named.update(dict.fromkeys(re.findall(r"(?<![\w-])--([a-z][a-z-]+)", words), path.name))
-    assert {"crs", "roi", "pdal"} <= set(named)
+    assert {"crs", "roi"} <= set(named)
     made = [algorithm().create() for algorithm in ALGORITHMS]
     offered = {p.name() for algorithm in made for p in algorithm.parameterDefinitions()} | {"PDAL"}
     missing = {o for o in set(named) - NO_DIALOG if o.upper().replace("-", "_") not in offered}

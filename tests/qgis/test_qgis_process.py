@@ -88,7 +88,7 @@ class TestErrors:
         given = {"REFERENCE": "a_2024-05-01.laz", "CLOUD": "b_2025-05-01.laz", "OUTPUT_FOLDER": tmp_path / "out"}
         done = qgis_process.attempt("inspectslope", CELL=-1, **given)
         assert done.returncode == 1
-        assert "give a number from 0.005 to 100 m, or auto." in done.stderr
+        assert "give a number from 0.005 to 100 m, or leave it empty." in done.stderr
         assert list(tmp_path.iterdir()) == []
 
     def test_the_same_survey_twice_and_an_unwritable_folder(
