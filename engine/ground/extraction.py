@@ -71,7 +71,7 @@ def extract_ground(
         cloud: LAS, LAZ or COPC.
         output: LAZ of the ground points, in metres.
         roi: vector file whose polygons bound the region of interest; None for the whole cloud.
-        pdal: as ``find_pdal`` gave it.
+        pdal: as ``find_pdal`` gave it; without one, laspy and shapely clip.
         final: folder in which the outputs will lie in the end, if another than ``output``'s; the pipelines name it.
 
     Raises:
