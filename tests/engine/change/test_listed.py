@@ -23,6 +23,7 @@ from slopewatch.engine.statistics import variogram
 from slopewatch.engine.zones.change_zones import cells_of, change_zones
 from slopewatch.engine.zones.gcd_table import volume_table
 from slopewatch.interface.parameters import ChangeParameters
+from slopewatch.tests.builders.equal_results import same
 from slopewatch.tests.builders.turned_slope import turned_slope
 
 PARAMETERS = ChangeParameters(cell=0.2)
@@ -52,19 +53,6 @@ def both() -> tuple[Change, Change]:
         patch.setattr(module, "adaptive_cells", lambda *given, **options: laid_out(adaptive_cells(*given, **options)))
         rectangle = listed_difference(first, second, PARAMETERS, plants=(cover, later))
     return listed, rectangle
-
-
-def same(one: object, other: object, where: str) -> None:
-    if isinstance(one, np.ndarray):
-        np.testing.assert_array_equal(one, other, err_msg=where)
-    elif hasattr(one, "__dataclass_fields__"):
-        for f in fields(one):
-            same(getattr(one, f.name), getattr(other, f.name), f"{where}.{f.name}")
-    elif isinstance(one, tuple):
-        for number, (a, b) in enumerate(zip(one, other, strict=True)):
-            same(a, b, f"{where}[{number}]")
-    else:
-        assert one == other, where
 
 
 def test_every_cell_is_judged_as_on_the_rectangle(both):

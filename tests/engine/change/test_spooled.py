@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -23,6 +23,7 @@ from slopewatch.engine.pointcloud.plant_cover import ERROR, HEIGHT
 from slopewatch.engine.pointcloud.reading import read_cloud
 from slopewatch.engine.pointcloud.writing import write_cloud
 from slopewatch.interface.parameters import ChangeParameters
+from slopewatch.tests.builders.equal_results import same
 from slopewatch.tests.builders.turned_slope import turned_slope
 
 TURN = RigidTransform(
@@ -42,20 +43,6 @@ def files(tmp_path_factory) -> tuple[Path, Path]:
         write_cloud(path, cloud, dimensions={ERROR: cover.error.astype("f4"), HEIGHT: cover.height.astype("f4")})
         found.append(path)
     return found[0], found[1]
-
-
-def same(one: object, other: object, where: str = "change") -> None:
-    """Equal to the last bit, whatever it is made of."""
-    if isinstance(one, np.ndarray):
-        np.testing.assert_array_equal(one, other, err_msg=where)
-    elif hasattr(one, "__dataclass_fields__"):
-        for f in fields(one):
-            same(getattr(one, f.name), getattr(other, f.name), f"{where}.{f.name}")
-    elif isinstance(one, tuple):
-        for number, (a, b) in enumerate(zip(one, other, strict=True)):
-            same(a, b, f"{where}[{number}]")
-    else:
-        assert one == other, where
 
 
 @pytest.mark.parametrize(
