@@ -13,27 +13,37 @@ Examples
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from datetime import date
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from .engine.core.errors import Cancelled, EngineError, InputError, SlopeWatchError
 from .engine.core.progress import Progress
 from .engine.core.run_result import RunResult
 from .engine.epochs.epoch import Epoch, parse_date
 from .interface.dates import date_in_name
-from .interface.parameters import PROFILES, OutputParameters, ParameterError, ParameterSet, command_sets
+from .interface.parameters import (
+    InputParameters,
+    LabellingParameters,
+    OutputParameters,
+    RegionParameters,
+    TopViewParameters,
+    command_sets,
+)
 from .workflows.change import change_step
+from .workflows.given_values import Values
 from .workflows.ground import ground_step
 from .workflows.inspect import inspect_slope
+from .workflows.labelstudio import export_step, import_step
 from .workflows.m3c2 import m3c2_step
 from .workflows.products.screening import default_targets
 from .workflows.register import register_step
 from .workflows.screen import screen_step
 from .workflows.series import monitor_series
 from .workflows.settings import DistanceSettings, ScreeningSettings, SeriesSettings, Settings, gathered
+from .workflows.suggestroi import suggestroi_step
+from .workflows.topview import topview_step
 
 __all__ = [
     "Cancelled",
@@ -43,42 +53,19 @@ __all__ = [
     "RunResult",
     "SlopeWatchError",
     "change",
+    "export_label_studio",
     "extract_ground",
+    "import_label_studio",
     "inspect",
     "m3c2",
     "monitor",
     "register",
     "screen",
+    "suggest_roi",
+    "top_view",
 ]
 
 PathLike = str | Path
-Group = TypeVar("Group", bound=ParameterSet)
-
-
-class _Values:
-    """The parameters that a caller gave, returned by set."""
-
-    def __init__(self, given: dict[str, Any], sets: command_sets.Sets) -> None:
-        self._profile = given.pop("profile", "default")
-        self._given = given
-        known = {s.name for group in sets for s in group.specifications()}
-        for name in given:
-            if name not in known:
-                near = difflib.get_close_matches(name, known, n=1)
-                meant = f"; did you mean {near[0]}?" if near else "; docs/guide.md lists them."
-                raise InputError(f"{name} is no parameter here{meant}")
-        if self._profile not in PROFILES:
-            raise InputError(f"profile is {self._profile!r}; give one of {', '.join(PROFILES)}.")
-
-    def of(self, group: type[Group]) -> Group:
-        try:
-            return group.build(self._given, self._profile)
-        except ParameterError as wrong:
-            raise InputError(f"{wrong}.") from None
-
-    @property
-    def overwrite(self) -> bool:
-        return self.of(OutputParameters).overwrite
 
 
 def _paths(**paths: PathLike | None) -> dict[str, Any]:
@@ -122,7 +109,8 @@ def inspect(
     progress : Progress, optional
         Receives progress and warnings; a subclass can show them.
     **parameters
-        As of ``slopewatch inspect``; also ``profile`` and ``overwrite``.
+        As of ``slopewatch inspect``; also ``profile``, ``overwrite`` and ``settings``, the path of a former run's
+        ``run.json`` or of a JSON or TOML file, whose values the others override.
 
     Returns
     -------
@@ -135,7 +123,7 @@ def inspect(
     EngineError
         The engine itself failed.
     """
-    values = _Values(parameters, command_sets.INSPECT)
+    values = Values(parameters, command_sets.INSPECT)
     return inspect_slope(
         _epochs(surveys),
         Path(output_dir),
@@ -159,7 +147,7 @@ def extract_ground(
 
     ``output`` is the LAS or LAZ file of the ground; its folder must exist.
     """
-    values = _Values(parameters, command_sets.GROUND)
+    values = Values(parameters, command_sets.GROUND)
     return ground_step(
         Path(cloud),
         Path(output),
@@ -186,7 +174,7 @@ def register(
     ``transform`` is where the motion is written. ``apply`` is a motion to apply instead of registering, ``invert`` its
     inverse.
     """
-    values = _Values(parameters, command_sets.REGISTER)
+    values = Values(parameters, command_sets.REGISTER)
     return register_step(
         Path(reference),
         Path(moving),
@@ -215,7 +203,7 @@ def change(
     ``dates`` are the days of the surveys; what is None comes from the file's name. ``transform`` is applied to
     ``moving`` first.
     """
-    values = _Values(parameters, command_sets.CHANGE)
+    values = Values(parameters, command_sets.CHANGE)
     return change_step(
         Path(reference),
         Path(moving),
@@ -246,7 +234,7 @@ def m3c2(
     ``raster_dir`` is the folder of the rasters, that of ``output`` by default; ``core`` a cloud of the points to
     measure at. ``stable`` are polygons of stable ground, on which the level of detection is calibrated.
     """
-    values = _Values(parameters, (*command_sets.M3C2, OutputParameters))
+    values = Values(parameters, (*command_sets.M3C2, OutputParameters))
     return m3c2_step(
         Path(reference),
         Path(moving),
@@ -270,10 +258,10 @@ def screen(
 ) -> RunResult:
     """Label every point of one survey's ground background, uplift or subsidence, as ``slopewatch screen``.
 
-    ``output`` is the labelled cloud (.laz); zones, probabilities and map are written next to it. Needs torch unless
-    ``screening_method`` is ``"filter"`` or ``"residual"``.
+    ``output`` is the labelled cloud (.laz); zones, probabilities and map are written next to it. Needs torch with
+    ``screening_method="network"`` and on a GPU only.
     """
-    values = _Values(parameters, command_sets.SCREEN)
+    values = Values(parameters, command_sets.SCREEN)
     return screen_step(
         Path(cloud),
         default_targets(Path(output)),
@@ -298,7 +286,7 @@ def monitor(
 
     ``alerts`` is an alert table (CSV) instead of the one that comes with SlopeWatch.
     """
-    values = _Values(parameters, command_sets.SERIES)
+    values = Values(parameters, command_sets.SERIES)
     return monitor_series(
         _epochs(surveys),
         Path(output_dir),
@@ -306,4 +294,76 @@ def monitor(
         **_paths(roi=roi, stable=stable, alerts=alerts, pdal=pdal),
         overwrite=values.overwrite,
         progress=progress or Progress(),
+    )
+
+
+def top_view(
+    cloud: PathLike,
+    output_dir: PathLike,
+    *,
+    roi: PathLike | None = None,
+    progress: Progress | None = None,
+    **parameters: Any,
+) -> RunResult:
+    """A raw survey from above as rasters to draw on, as ``slopewatch topview``; see ``inspect`` for the arguments."""
+    values = Values(parameters, command_sets.TOPVIEW)
+    return topview_step(
+        Path(cloud),
+        Path(output_dir),
+        values.of(TopViewParameters),
+        values.of(InputParameters),
+        **_paths(roi=roi),
+        overwrite=values.overwrite,
+        progress=progress or Progress(),
+    )
+
+
+def suggest_roi(cloud: PathLike, output: PathLike, *, progress: Progress | None = None, **parameters: Any) -> RunResult:
+    """Propose a region of interest, as ``slopewatch suggestroi``; ``output`` is a GeoPackage."""
+    values = Values(parameters, command_sets.SUGGESTROI)
+    return suggestroi_step(
+        Path(cloud),
+        Path(output),
+        values.of(RegionParameters),
+        values.of(InputParameters),
+        overwrite=values.overwrite,
+        progress=progress or Progress(),
+    )
+
+
+def export_label_studio(
+    picture: PathLike,
+    output_dir: PathLike,
+    *,
+    segments: PathLike | None = None,
+    progress: Progress | None = None,
+    **parameters: Any,
+) -> RunResult:
+    """A raster of a top view as pictures and tasks for Label Studio, as ``slopewatch exportlabelstudio``.
+
+    ``segments`` are polygons that are shown on the pictures.
+    """
+    values = Values(parameters, command_sets.EXPORTLABELSTUDIO)
+    return export_step(
+        Path(picture),
+        Path(output_dir),
+        values.of(LabellingParameters),
+        **_paths(segments=segments),
+        overwrite=values.overwrite,
+        progress=progress or Progress(),
+    )
+
+
+def import_label_studio(
+    export: PathLike,
+    tasks: PathLike,
+    output: PathLike,
+    *,
+    progress: Progress | None = None,
+    **parameters: Any,
+) -> RunResult:
+    """A JSON export of Label Studio as a layer in a GeoPackage, as ``slopewatch importlabelstudio``."""
+    values = Values(parameters, command_sets.IMPORTLABELSTUDIO)
+    return import_step(
+        Path(export), Path(tasks), Path(output), overwrite=values.overwrite, progress=progress or Progress()
     )

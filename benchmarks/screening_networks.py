@@ -25,6 +25,7 @@ from .screening_ground import SIMULATED, Place
 from .screening_trials import Cells, Detector, network_scores
 
 if TYPE_CHECKING:
+    from ..models.network.randlanet import RandLANet
     from ..models.network.unet import UNet
 
 UNET = "U-Net"
@@ -34,6 +35,8 @@ RANDLA = "RandLA-Net"
 RAW = "U-Net, raw"
 RELATIVE = "U-Net, relative"
 SHIPPED = "RandLA-Net, shipped"
+FURTHER = "RandLA-Net of "
+"""What columns of further weights of the network on points begin with: their configuration and checksum follow."""
 POINT_ZONES = "RandLA-Net, zones"
 """Its zones as screening shows them; the others are of its odds, and of these relative to the slope, at a level."""
 
@@ -98,22 +101,51 @@ def relative(answers: Float32, cell: float, scores: Callable[..., Scores] = rela
 
 def shipped_network() -> tuple[str, Detector]:
     """The shipped weights by the package's own prediction, and a name that says which they are."""
-    from ..models.inference.prediction import predict
     from ..models.network.shipped import shipped_model
     from ..models.network.weights import load_model
 
     path, sha256 = shipped_model()
-    network = load_model(path, sha256).network
+    name = f"{RANDLA} {sha256[:16]}"
+    return name, _point_scores(name, load_model(path, sha256).network)
+
+
+def further_networks(paths: Sequence[Path]) -> dict[str, tuple[str, Detector]]:
+    """Networks on points from files of weights: column, name that says which they are, and detector.
+
+    Raises:
+        InputError: weights cannot be read, or two are the same.
+    """
+    from ..models.network.weights import load_model
+
+    found: dict[str, tuple[str, Detector]] = {}
+    for path in paths:
+        model = load_model(path)
+        title, sha256 = model.network.configuration.name, str(model.metadata["sha256"])
+        # What it refuses, such as windows of too few points, it does not see.
+        name, column = f"points {sha256[:16]}", f"{FURTHER}{title} {sha256[:6]}"
+        if column in found:
+            raise InputError(f"The weights {path} are given twice; leave one out.")
+        found[column] = name, _point_scores(name, model.network, refusing=True)
+    return found
+
+
+def _point_scores(name: str, network: RandLANet, *, refusing: bool = False) -> Detector:
+    """Scores of the network; a cloud that it is ``refusing`` is background to it."""
+    from ..models.inference.prediction import predict
 
     def probabilities(xyz: Float) -> Float:
-        return np.asarray(predict(network, xyz).probabilities, dtype=np.float64)
+        try:
+            return np.asarray(predict(network, xyz).probabilities, dtype=np.float64)
+        except InputError:
+            if not refusing:
+                raise
+            return np.tile([1.0, 0.0, 0.0], (len(xyz), 1))
 
-    name = f"{RANDLA} {sha256[:16]}"
-    return name, network_scores(probabilities, name)
+    return network_scores(probabilities, name)
 
 
 def _raster_scores(name: str, network: UNet) -> Callable[[Place, Cells], dict[str, Scores]]:
-    from ..models.network.unet import log_odds, raster_logits
+    from ..models.network.relief_looks import log_odds, raster_logits
 
     def scores(place: Place, raster: Cells) -> dict[str, Scores]:
         relief = relief_channels(cell_heights(place.flat, raster.cell, raster.origin, raster.shape))

@@ -2,9 +2,10 @@
 
 ``python -m slopewatch.benchmarks.screening_sites --relief FILES`` prints the tables with the raster network by weights
 that left surveys out (``training.left_out`` of their JSON; several seeds are runs of their own), ``--network`` adds the
-shipped network and both combined, ``--ground FILES`` surveys of one's own. ``--results FOLDER`` keeps scores, so that a
-run that was stopped goes on, and the tables as Markdown and JSON. ``python -m slopewatch.benchmarks screening_sites``
-prints the main rows without networks.
+shipped network and both combined, ``--points FILES`` further weights of the network on points (such as those of a fold
+of the published pipeline) by their odds, ``--ground FILES`` surveys of one's own. ``--results FOLDER`` keeps scores, so
+that a run that was stopped goes on, and the tables as Markdown and JSON. ``python -m slopewatch.benchmarks
+screening_sites`` prints the main rows without networks.
 
 The level of each detector is that at which untouched ground of the other surveys shows one false zone per 1,000 m²: one
 level for real clouds and simulated slopes, one for elevation models. Ground on which not even a hazard of 1 m can be
@@ -45,6 +46,7 @@ from .screening_networks import (
     RELATIVE,
     SHIPPED,
     Weights,
+    further_networks,
     load_weights,
     relative,
     runs_of,
@@ -63,13 +65,15 @@ Answers = Callable[[int], Float32]
 
 @dataclass(frozen=True)
 class Options:
-    """What takes part: weights of the raster network, the shipped network, hazards of each height and width,
+    """What takes part: weights of the raster network, the shipped network and further ``points`` networks, hazards of
+    each height and width,
     ``extract`` for clouds without a class for ground, files of ``ground`` of one's own, and of all surveys only those
     named. ``results`` is the folder that keeps what was made.
     """
 
     relief: Sequence[Path] = ()
     network: bool = False
+    points: Sequence[Path] = ()
     count: int = COUNT
     extract: bool = True
     ground: Sequence[Path] = ()
@@ -98,8 +102,11 @@ def run(options: Options) -> Judged:
     if not places:
         raise InputError("No survey is left to screen; give weights that left some out, or other --surveys.")
     shipped = dict([shipped_network()]) if options.network else {}
-    results = [kept_place(keep, one, _detectors(runs[one.name], shipped), options.count) for one in places]
-    return judge(results, runs, next(iter(shipped), None), keep)
+    further = further_networks(options.points)
+    shipped_and_further = {**shipped, **dict(further.values())}
+    results = [kept_place(keep, one, _detectors(runs[one.name], shipped_and_further), options.count) for one in places]
+    names = {column: name for column, (name, _) in further.items()}
+    return judge(results, runs, next(iter(shipped), None), keep, names)
 
 
 def _detectors(runs: Sequence[Weights], shipped: Mapping[str, Detector]) -> dict[str, Detector]:
@@ -111,6 +118,7 @@ def judge(
     runs: Mapping[str, Sequence[Weights]],
     shipped: str | None = None,
     keep: Path | None = None,
+    further: Mapping[str, str] | None = None,
 ) -> Judged:
     """Levels, what is found and false with them, and calibration, of all detectors.
 
@@ -118,11 +126,12 @@ def judge(
         runs: weights of the raster network by place, one for each seed; none anywhere or everywhere as many.
         shipped: name of the shipped network among the answers.
         keep: folder in which what was measured is kept.
+        further: names among the answers of further networks on points, by column.
     """
     measured: dict[str, list[Measured]] = {}
 
     def add(column: str, number: int, answers: Answers, outline: float = np.inf) -> Measured:
-        key = f"{column} {number} {_names(results, runs, number)} {shipped}"
+        key = f"{column} {number} {_names(results, runs, number)} {(further or {}).get(column, shipped)}"
         one = _measured(results, answers, key, keep, outline)
         measured.setdefault(column, []).append(one)
         return one
@@ -130,6 +139,8 @@ def judge(
     for column, name in FILTERS.items():
         if all(name in one.answers for one in results):
             add(column, 0, lambda k, name=name: results[k].answers[name])  # type: ignore[misc]
+    for column, name in (further or {}).items():
+        add(column, 0, lambda k, name=name: results[k].answers[name])  # type: ignore[misc]
     if shipped is not None:
         add(SHIPPED, 0, lambda k: results[k].answers[shipped])
         points = add("RandLA-Net, relative", 0, lambda k: _relative(results[k], shipped))
@@ -334,6 +345,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--network", action="store_true", help="the shipped weights, too")
     parser.add_argument("--relief", type=Path, nargs="*", default=(), help="weights of the raster network")
+    parser.add_argument("--points", type=Path, nargs="*", default=(), help="further weights of the network on points")
     parser.add_argument("--ground", type=Path, nargs="*", default=(), help="clouds or elevation models of one's own")
     parser.add_argument("--surveys", nargs="*", default=(), help="only these surveys or places")
     parser.add_argument("--count", type=int, default=COUNT, help="hazards of each height and width at a place")
@@ -341,7 +353,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--results", type=Path, help="folder for scores, screening_sites.md and screening_sites.json")
     given = parser.parse_args(arguments)
     options = Options(
-        given.relief, given.network, given.count, not given.no_extraction, given.ground, given.surveys, given.results
+        given.relief,
+        given.network,
+        given.points,
+        given.count,
+        not given.no_extraction,
+        given.ground,
+        given.surveys,
+        given.results,
     )
     try:
         judged = run(options)

@@ -18,7 +18,7 @@ from .screening_cases import Cases, Share, a70_factor, share
 from .screening_combined import COMBINED
 from .screening_ground import ELEVATION, POINTS, SIMULATED
 from .screening_levels import NEAR_M, Measured
-from .screening_networks import POINT_ZONES, RAW, RELATIVE, SHIPPED
+from .screening_networks import FURTHER, POINT_ZONES, RAW, RELATIVE, SHIPPED
 from .screening_trials import DIAMETERS_M, FILTERS, HEIGHTS_M, PlaceResult
 
 KINDS = {POINTS: "real clouds", ELEVATION: "elevation models", SIMULATED: "simulated slopes"}
@@ -208,7 +208,8 @@ def _calibration(judged: Judged) -> Section:
 
 def _ways(judged: Judged) -> Section:
     told = judged.told
-    names = [name for name in told.found if name not in SHOWN or name in (RELATIVE, SHIPPED, COMBINED)]
+    shown = [name for name in _shown(judged) if name not in (RELATIVE, SHIPPED, COMBINED)]
+    names = [name for name in told.found if name not in shown]
     lines = []
     for kind, title in KINDS.items():
         mine = (told.kind == kind) & (told.height > 0)
@@ -233,7 +234,8 @@ def _head(judged: Judged, first: str) -> list[str]:
 
 
 def _shown(judged: Judged) -> list[str]:
-    return [name for name in SHOWN if name in judged.told.found]
+    further = [name for name in judged.told.found if name.startswith(FURTHER)]
+    return [*further, *(name for name in SHOWN if name in judged.told.found)]
 
 
 def _groups(judged: Judged) -> dict[str, list[PlaceResult]]:

@@ -17,9 +17,9 @@ from .options import OUTPUT_DIR, PATH, PROFILES_ALONG, ROI, STABLE, Session, com
     "epochs",
     multiple=True,
     required=True,
-    metavar="DATE=CLOUD",
-    help="A survey: the date it was flown (YYYY-MM-DD) and its LAS or LAZ file. Give two, the earlier first, or one "
-    "that is only screened.",
+    metavar="[DATE=]CLOUD",
+    help="A survey: the date it was flown (YYYY-MM-DD, else from the file's name) and its LAS or LAZ file. Give two, "
+    "the earlier first, or one that is only screened.",
 )
 @ROI
 @STABLE
@@ -150,7 +150,7 @@ def change(
 
 @click.command()
 @click.argument("cloud", type=PATH)
-@command(InputParameters, profile=False)
+@command(*command_sets.INFO, profile=False)
 def info(session: Session, cloud: Path) -> RunResult:
     """What CLOUD holds: header, reference system, extent, density, classes, and what is unusual about it."""
     from ..engine.pointcloud.summary import describe_cloud

@@ -8,7 +8,7 @@ import functools
 import os
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -20,6 +20,10 @@ from ..engine.core.errors import EngineError, InputError, SlopeWatchError
 from ..engine.core.messages import shown
 from ..engine.core.run_result import RunResult
 from ..interface.parameters import AUTO, PROFILES, OutputParameters, ParameterError, ParameterSet, Specification
+from ..interface.settings_file import read_settings
+from ..workflows.conclusions import conclusion
+from .help_pages import RUNNING, command_name, grouped_option
+from .language import LANGUAGE
 from .reporting import Reporter, reporter, say_of_formats
 
 Command = Callable[..., Any]
@@ -92,8 +96,9 @@ class _NumberOrAuto(click.ParamType):
             self.fail(f"{value!r} is neither a number nor {AUTO}.", param, ctx)
 
 
-def _option(specification: Specification) -> Callable[[Command], Command]:
+def _option(specification: Specification, heading: str = "") -> Callable[[Command], Command]:
     s, flag = specification, f"--{specification.option}"
+    option = functools.partial(grouped_option, heading)
     default: Any = ("yes" if s.default else "no") if s.kind is bool else "none" if s.default == "" else s.default
     unit = f" {s.unit}" if s.unit else ""
     bounds = ""
@@ -103,12 +108,68 @@ def _option(specification: Specification) -> Callable[[Command], Command]:
         unit, bounds = "", f"{bounds}{unit}"
     shown = f"{s.help}  [default: {default}{unit}{bounds}]"
     if s.kind is bool:
-        return click.option(f"{flag}/--no-{s.option}", s.name, default=None, help=shown)
+        return option(f"{flag}/--no-{s.option}", s.name, default=None, help=shown)
     if s.choices:
-        return click.option(flag, s.name, type=click.Choice(s.choices), default=None, help=shown)
+        return option(flag, s.name, type=click.Choice(s.choices), default=None, help=shown)
     kind: Any = _NumberOrAuto(s.kind) if s.automatic else s.kind
     metavar = (s.unit or s.kind.__name__).upper()
-    return click.option(flag, s.name, type=kind, default=None, help=shown, metavar=metavar)
+    return option(flag, s.name, type=kind, default=None, help=shown, metavar=metavar)
+
+
+def _running(*names: str, **given: Any) -> Callable[[Command], Command]:
+    return grouped_option(RUNNING, *names, **given)
+
+
+_SETTINGS = (
+    _running(
+        "--settings",
+        type=PATH,
+        default=None,
+        metavar="FILE",
+        help="Settings of a former run (its run.json), or a JSON or TOML file of names and values, such as "
+        '{"cell": 0.2}. What is given on the command line overrides them. Paths are not taken from it.',
+    ),
+    _running(
+        "--profile",
+        type=click.Choice(list(PROFILES)),
+        default=None,
+        help="paper: the published settings. Options and settings that are also given override it.  [default: default]",
+    ),
+)
+_RUNNING = (
+    _running("--language", **LANGUAGE),
+    _running("--debug", is_flag=True, help="Show the traceback of an internal failure."),
+    _running("--pdal", type=PATH, default=None, metavar="FILE", help="The pdal program, if not the one that is found."),
+    _running("--watch-parent", is_flag=True, help="Stop when standard input closes."),
+    _running(
+        "--progress",
+        type=click.Choice(["auto", "bar", "json", "none"]),
+        default="auto",
+        show_default=True,
+        help="How progress is reported. json: one object per line on standard output, the last with all figures.",
+    ),
+)
+
+
+def _with_settings(
+    path: Path | None,
+    groups: Sequence[type[ParameterSet]],
+    values: dict[str, Any],
+    profile: str | None,
+    report: Reporter,
+) -> tuple[dict[str, Any], str]:
+    """The options and the profile of a run: those given, else those of the file, else the profile's values."""
+    if path is None:
+        return values, profile or "default"
+    read = read_settings(path, groups)
+    chosen = profile or read.profile or "default"
+    given = {name: value for name, value in values.items() if value is not None}
+    taken = {name: value for name, value in read.over(groups, chosen).items() if name not in given}
+    words = ", ".join(f"{name} {value}" for name, value in taken.items())
+    report.info(f"Settings of {shown(path)}: {words or 'as they are without it'}.")
+    if read.left_out:
+        report.info(f"Not taken from it, as this command has no such settings: {', '.join(read.left_out)}.")
+    return values | taken, chosen
 
 
 def command(*groups: type[ParameterSet], profile: bool = True) -> Callable[[Command], Command]:
@@ -120,43 +181,29 @@ def command(*groups: type[ParameterSet], profile: bool = True) -> Callable[[Comm
         @functools.wraps(function)
         def run(*, progress: str, watch_parent: bool, pdal: Path | None, debug: bool, **arguments: Any) -> None:
             values = {name: arguments.pop(name) for name in names}
+            profile, settings = arguments.pop("profile", None), arguments.pop("settings", None)
             report = reporter(progress)
             cancellation.install(report.cancelled, watch_parent=watch_parent)
             say_of_formats(report)
-            session = Session(report, pdal, arguments.pop("profile", "default"), values)
-            sys.exit(_run(report, debug, lambda: function(session, **arguments)))
+
+            def work() -> RunResult:
+                used, chosen = _with_settings(settings, groups, values, profile, report)
+                return function(Session(report, pdal, chosen, used), **arguments)
+
+            sys.exit(_run(report, debug, work, name=command_name(click.get_current_context())))
 
         wrapped: Command = run
         for group in reversed(groups):
             for specification in reversed(group.specifications()):
-                wrapped = _option(specification)(wrapped)
-        if profile:
-            wrapped = click.option(
-                "--profile",
-                type=click.Choice(list(PROFILES)),
-                default="default",
-                show_default=True,
-                help="paper: the published settings. Options that are also given override it.",
-            )(wrapped)
-        for shared in (
-            click.option("--debug", is_flag=True, help="Show the traceback of an internal failure."),
-            path_option("--pdal", "The pdal program, if not the one that is found."),
-            click.option("--watch-parent", is_flag=True, help="Stop when standard input closes."),
-            click.option(
-                "--progress",
-                type=click.Choice(["auto", "bar", "json", "none"]),
-                default="auto",
-                show_default=True,
-                help="How progress is reported. json: one object per line on standard output.",
-            ),
-        ):
+                wrapped = _option(specification, group.title)(wrapped)
+        for shared in (*(_SETTINGS[: 1 + profile] if groups else ()), *_RUNNING):
             wrapped = shared(wrapped)
         return wrapped
 
     return decorate
 
 
-def _run(report: Reporter, debug: bool, work: Callable[[], RunResult]) -> int:
+def _run(report: Reporter, debug: bool, work: Callable[[], RunResult], name: str = "") -> int:
     error: SlopeWatchError
     try:
         with report:
@@ -165,7 +212,7 @@ def _run(report: Reporter, debug: bool, work: Callable[[], RunResult]) -> int:
         if missing:
             raise EngineError(f"{missing[0]} was promised but does not exist")
         with contextlib.suppress(BrokenPipeError):  # as by `| head`: everything is written, and the reader has enough
-            report.result(done.outputs, done.figures)
+            report.result(done, conclusion(name, done))
         _flush_or_drop()
         return 0
     except SlopeWatchError as known:

@@ -11,6 +11,9 @@ from ..engine.core.errors import InputError
 from ..engine.core.version import VERSION
 from .batch import batch
 from .commands import change, check, ground, info, inspect, register
+from .drawing import exportlabelstudio, importlabelstudio, suggestroi, topview
+from .help_pages import Program
+from .language import say
 from .m3c2 import m3c2
 from .report import report
 from .reporting import error_event
@@ -20,7 +23,7 @@ from .simulate import simulate
 from .train import train
 
 
-class _Program(click.Group):
+class _Program(Program):
     """Options that cannot be understood are reported as JSON, too, where that is asked for."""
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -29,7 +32,7 @@ class _Program(click.Group):
         except click.UsageError as error:
             if "--progress json" in " ".join(sys.argv).replace("=", " "):
                 click.echo(error_event(InputError(error.format_message())))
-            raise
+            raise click.UsageError(say(error.format_message()), error.ctx) from error
 
 
 @click.group(cls=_Program, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
@@ -52,6 +55,10 @@ for subcommand in (
     series,
     batch,
     report,
+    topview,
+    suggestroi,
+    exportlabelstudio,
+    importlabelstudio,
     info,
     train,
     simulate,

@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Mapping
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -21,7 +21,9 @@ from ..engine.core.errors import SlopeWatchError
 from ..engine.core.json_values import plain
 from ..engine.core.messages import one_line
 from ..engine.core.progress import Progress
+from ..engine.core.run_result import RunResult
 from ..interface.protocol import ERROR, LOG, PROGRESS, RESULT
+from .language import framed, say
 
 
 class Reporter(Progress):
@@ -34,22 +36,22 @@ class Reporter(Progress):
         pass
 
     def show(self, level: str, message: str) -> None:
-        message = _printable(message)
-        click.echo(f"Warning: {message}" if level == "warning" else message, err=True)
+        click.echo(_printable(_of_level(level, message)), err=True)
 
-    def result(self, outputs: Mapping[str, Path], metrics: Mapping[str, Any]) -> None:
-        """The command has ended well: these files exist, these are the main figures."""
-        width = max((len(name) for name in [*outputs, *metrics]), default=0)
-        for name, value in plain(metrics).items():
-            click.echo(f"{name:<{width}}  {_shown(value)}")
-        for name, path in outputs.items():
-            click.echo(f"{name:<{width}}  {one_line(str(path))}")
+    def result(self, done: RunResult, sentences: Sequence[str]) -> None:
+        """The command has ended well: what was found in a few sentences; of a command that writes nothing, figures."""
+        for sentence in sentences:
+            click.echo(_printable(say(sentence)))
+        if not done.outputs:
+            width = max((len(name) for name in done.figures), default=0)
+            for name, value in plain(done.figures).items():
+                click.echo(f"{name:<{width}}  {_shown(value)}")
 
     def error(self, error: SlopeWatchError) -> None:
-        click.echo(f"Error: {one_line(str(error))}", err=True)
+        click.echo(framed("Error: {0}", one_line(str(error))), err=True)
 
     def cancelled(self) -> None:
-        click.echo("Cancelled; nothing half-written is left.", err=True)
+        click.echo(say("Cancelled; nothing half-written is left."), err=True)
 
 
 class BarReporter(Reporter):
@@ -65,7 +67,7 @@ class BarReporter(Reporter):
             console=Console(stderr=True),
             transient=True,
         )
-        self._task = self._bar.add_task("starting", total=100.0)
+        self._task = self._bar.add_task(say("starting"), total=100.0)
 
     def __enter__(self) -> Reporter:
         self._bar.start()
@@ -75,11 +77,11 @@ class BarReporter(Reporter):
         self._bar.stop()
 
     def emit(self, percent: float, message: str) -> None:
-        self._bar.update(self._task, completed=percent, description=message or "working")
+        self._bar.update(self._task, completed=percent, description=say(message or "working"))
 
     def show(self, level: str, message: str) -> None:
         style = "yellow" if level == "warning" else None
-        text = _printable(f"Warning: {message}" if level == "warning" else message)
+        text = _printable(_of_level(level, message))
         self._bar.console.print(text, style=style, markup=False, highlight=False)
 
 
@@ -102,14 +104,19 @@ class JsonReporter(Reporter):
         if message == self._message and now - self._last < 0.1:
             return
         self._message, self._last = message, now
-        self._line(event=PROGRESS, percent=round(self._percent, 1), message=message)
+        self._line(event=PROGRESS, percent=round(self._percent, 1), message=say(message))
 
     def show(self, level: str, message: str) -> None:
-        self._line(event=LOG, level=level, message=message)
+        self._line(event=LOG, level=level, message=say(message))
 
-    def result(self, outputs: Mapping[str, Path], metrics: Mapping[str, Any]) -> None:
-        self._line(event=PROGRESS, percent=100.0, message="done")
-        self._line(event=RESULT, outputs=plain(outputs), metrics=plain(metrics))
+    def result(self, done: RunResult, sentences: Sequence[str]) -> None:
+        self._line(event=PROGRESS, percent=100.0, message=say("done"))
+        self._line(
+            event=RESULT,
+            outputs=plain(done.outputs),
+            metrics=plain(done.figures),
+            conclusion=[say(one) for one in sentences],
+        )
 
     def error(self, error: SlopeWatchError) -> None:
         with self._write_lock, contextlib.suppress(BrokenPipeError):
@@ -119,7 +126,7 @@ class JsonReporter(Reporter):
 
 def error_event(error: SlopeWatchError) -> str:
     """The JSON line that reports a failure to a program."""
-    return json.dumps({"event": ERROR, "message": one_line(str(error)), "code": error.exit_code})
+    return json.dumps({"event": ERROR, "message": say(one_line(str(error))), "code": error.exit_code})
 
 
 def reporter(kind: str) -> Reporter:
@@ -127,6 +134,10 @@ def reporter(kind: str) -> Reporter:
     if kind == "auto":
         kind = "bar" if sys.stderr.isatty() else "none"
     return {"bar": BarReporter, "json": JsonReporter, "none": Reporter}[kind]()
+
+
+def _of_level(level: str, message: str) -> str:
+    return framed("Warning: {0}", message) if level == "warning" else say(message)
 
 
 def _printable(message: str) -> str:
@@ -168,7 +179,7 @@ def _shown(value: Any) -> Any:
     if isinstance(value, list):
         return f"[{', '.join(str(_shown(part)) for part in value)}]"
     if value is None:
-        return "not available"
+        return say("not available")
     if isinstance(value, str):
         return _printable(value)
     return f"{value:.4g}" if isinstance(value, float) and abs(value) < 1e5 else value

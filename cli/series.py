@@ -17,9 +17,9 @@ from .options import OUTPUT_DIR, PATH, ROI, STABLE, Session, command, path_optio
     "--epoch",
     "epochs",
     multiple=True,
-    metavar="DATE=CLOUD",
-    help="A survey: the date it was flown (YYYY-MM-DD) and its LAS or LAZ file. Give each, the earliest first, instead "
-    "of a folder or a manifest.",
+    metavar="[DATE=]CLOUD",
+    help="A survey: the date it was flown (YYYY-MM-DD, else from the file's name) and its LAS or LAZ file. Give each, "
+    "the earliest first, instead of a folder or a manifest.",
 )
 @ROI
 @STABLE

@@ -1,7 +1,8 @@
 """How the engine speaks to the process that started it: one JSON object a line on standard output, and exit codes.
 
 Each object has the key ``event``. ``progress`` has ``percent`` and ``message``; ``log`` has ``level`` and ``message``;
-``result`` has ``outputs`` (name to path) and ``metrics``; ``error`` has ``message`` and ``code``.
+``result`` has ``outputs`` (name to path), ``metrics`` and ``conclusion`` (sentences); ``error`` has ``message`` and
+``code``.
 """
 
 from __future__ import annotations

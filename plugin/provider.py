@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from qgis.core import QgsProcessingProvider
+from qgis.core import QgsApplication, QgsProcessingProvider
 from qgis.PyQt.QtGui import QIcon
 
 from ..processing_algorithms import ALGORITHMS
 from .bridge.resources import icon, icon_path
+from .shipped_model import shipped_models
 
 
 class SlopeWatchProvider(QgsProcessingProvider):
@@ -30,6 +31,10 @@ class SlopeWatchProvider(QgsProcessingProvider):
     def loadAlgorithms(self) -> None:
         for algorithm in ALGORITHMS:
             self.addAlgorithm(algorithm())
+        # A model finds its steps by the registry, which has this provider only after it was loaded once.
+        if QgsApplication.processingRegistry().providerById(self.id()) is not None:
+            for model in shipped_models():
+                self.addAlgorithm(model)
 
     def supportsNonFileBasedOutput(self) -> bool:
         return False

@@ -1,17 +1,23 @@
 """The toolbox: one algorithm a file; each only declares its parameters and calls the engine."""
 
 from .checkenvironment import CheckEnvironment
+from .cloudinfo import CloudInfo
 from .corridorbatch import CorridorBatch
 from .elevationchange import ElevationChange
+from .exportlabelstudio import ExportLabelStudio
 from .extractground import ExtractGround
+from .importlabelstudio import ImportLabelStudio
 from .inspectseries import InspectSeries
 from .inspectslope import InspectSlope
 from .m3c2distances import M3C2Distances
 from .registerepochs import RegisterEpochs
 from .screenhazards import ScreenHazards
+from .setupengine import SetupEngine
 from .simulatescenes import SimulateScenes
 from .simulateseries import SimulateSeries
 from .simulatesurvey import SimulateSurvey
+from .suggestroi import SuggestRoi
+from .topview import TopView
 from .trainmodel import TrainModel
 from .writereport import WriteReport
 
@@ -25,9 +31,15 @@ ALGORITHMS = (
     ElevationChange,
     M3C2Distances,
     WriteReport,
+    TopView,
+    SuggestRoi,
+    ExportLabelStudio,
+    ImportLabelStudio,
     SimulateSurvey,
     SimulateSeries,
     SimulateScenes,
     TrainModel,
+    SetupEngine,
+    CloudInfo,
     CheckEnvironment,
 )

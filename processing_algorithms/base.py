@@ -14,6 +14,7 @@ from qgis.core import (
     QgsProcessingContext,
     QgsProcessingException,
     QgsProcessingFeedback,
+    QgsProcessingOutputDefinition,
     QgsProcessingOutputFile,
     QgsProcessingOutputHtml,
     QgsProcessingOutputNumber,
@@ -23,22 +24,11 @@ from qgis.PyQt.QtGui import QIcon
 
 from ..plugin.bridge import resources
 from ..plugin.bridge.engine_client import EngineError, EngineResult, run_engine
+from ..plugin.bridge.words import tr
 from . import declare
-from .dialog_words import DialogFeedback, in_dialog_words
+from .dialog_words import DialogFeedback, in_dialog_words, with_labels
 from .values import Values, problem, worded
 
-#: what a long dialog puts before the labels of a set's advanced parameters
-PREFIXES = {
-    "inputs": "Input",
-    "dates": "Input",
-    "ground": "Ground",
-    "registration": "Registration",
-    "change": "Change",
-    "zones": "Zones",
-    "heatmap": "Heatmap",
-    "report": "Report",
-    "screening": "Screening",
-}
 GROUPS = {"inspection": "Inspection", "steps": "Single steps", "tools": "Tools"}
 
 
@@ -55,6 +45,10 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm, metaclass=_AlgorithmMeta):
     SUMMARY = ""
     TAGS: tuple[str, ...] = ()
     PARAMETER_GROUPS: declare.Groups = ()
+    #: names of those parameters of PARAMETER_GROUPS that are not advanced; None: as the parameters themselves say
+    BASIC: tuple[str, ...] | None = None
+    #: options of the engine's command whose parameter here has another name than the option
+    OPTION_NAMES: ClassVar[dict[str, str]] = {}
     #: name of the output: (key in the engine's metrics, label)
     NUMBERS: ClassVar[dict[str, tuple[str, str]]] = {}
     #: name of the output: (key in the engine's outputs, label)
@@ -83,16 +77,16 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm, metaclass=_AlgorithmMeta):
         return self.NAME
 
     def displayName(self) -> str:
-        return self.TITLE
+        return tr(self.TITLE)
 
     def group(self) -> str:
-        return GROUPS[self.GROUP]
+        return tr(GROUPS[self.GROUP])
 
     def groupId(self) -> str:
         return self.GROUP
 
     def shortDescription(self) -> str:
-        return self.SUMMARY
+        return tr(self.SUMMARY)
 
     def shortHelpString(self) -> str:
         return resources.help_text(self.NAME)
@@ -101,7 +95,8 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm, metaclass=_AlgorithmMeta):
         return resources.help_url("index") + f"#{self.NAME}"
 
     def tags(self) -> list[str]:
-        return [*self.TAGS, "lidar", "uav", "slope", "point cloud"]
+        # the title as well: who reads another language may know the English one
+        return [*self.TAGS, "lidar", "uav", "drone", "slope", "point clouds", self.TITLE]
 
     def icon(self) -> QIcon:
         return resources.icon(self.NAME)
@@ -120,24 +115,40 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm, metaclass=_AlgorithmMeta):
         for name, (_, label) in self.NUMBERS.items():
             self.addOutput(QgsProcessingOutputNumber(name, label))
 
+    def addParameter(self, definition: QgsProcessingParameterDefinition, createOutput: bool = True) -> bool:
+        """Declare a parameter, its label and help in the language of QGIS."""
+        definition.setDescription(tr(definition.description()))
+        definition.setHelp(tr(definition.help()))
+        return bool(super().addParameter(definition, createOutput))
+
+    def addOutput(self, definition: QgsProcessingOutputDefinition) -> bool:
+        """Declare an output, its label in the language of QGIS."""
+        definition.setDescription(tr(definition.description()))
+        return bool(super().addOutput(definition))
+
     def add(self, *parameters: QgsProcessingParameterDefinition) -> None:
         for parameter in parameters:
             self.addParameter(parameter)
 
-    def declare_groups(self, *, basic: tuple[str, ...] | None = None, prefixes: dict[str, str] | None = None) -> None:
-        """Declare every parameter of PARAMETER_GROUPS; with ``basic`` all others than those named are advanced."""
+    def declare_groups(self) -> None:
+        """Declare every parameter of PARAMETER_GROUPS, and the file that gives their values back.
+
+        At most ten parameters of a dialog are not advanced, its files and layers included.
+        """
+        self.addParameter(declare.settings_parameter())
+        several = len({group.title for group in self.PARAMETER_GROUPS}) > 1
         for group in self.PARAMETER_GROUPS:
             for specification in group.specifications():
-                advanced = None if basic is None else specification.name not in basic
-                prefix = (prefixes or {}).get(group.record_name, "") if advanced else ""
-                self.addParameter(declare.from_specification(specification, prefix=prefix, advanced=advanced))
+                advanced = specification.advanced if self.BASIC is None else specification.name not in self.BASIC
+                title = group.title if several and advanced else ""
+                self.addParameter(declare.from_specification(specification, title=title, advanced=advanced))
 
     # --- running ------------------------------------------------------------------------------------------------
 
     def checkParameterValues(self, parameters: dict[str, Any], context: QgsProcessingContext) -> tuple[bool, str]:
         sentence = problem(self.PARAMETER_GROUPS, parameters)
         if sentence:
-            return False, in_dialog_words(self, self.PARAMETER_GROUPS, sentence)
+            return False, in_dialog_words(self, self.PARAMETER_GROUPS, tr(sentence))
         return super().checkParameterValues(worded(self, parameters), context)
 
     def prepareAlgorithm(
@@ -145,7 +156,11 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm, metaclass=_AlgorithmMeta):
     ) -> bool:
         # In QGIS's main thread, because layers may have to be exported.
         self._values = Values(self, parameters, context, feedback)
-        self._arguments = self.command(self._values)
+        try:
+            self._arguments = self.command(self._values)
+        except QgsProcessingException as error:
+            sentence = in_dialog_words(self, self.PARAMETER_GROUPS, tr(str(error)))
+            raise QgsProcessingException(with_labels(self, sentence)) from None
         return True
 
     def command(self, values: Values) -> list[str]:
@@ -159,7 +174,7 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm, metaclass=_AlgorithmMeta):
         try:
             result = run_engine(self._arguments, DialogFeedback(feedback, self, self.PARAMETER_GROUPS))
         except EngineError as error:
-            raise QgsProcessingException(in_dialog_words(self, self.PARAMETER_GROUPS, str(error))) from None
+            raise QgsProcessingException(in_dialog_words(self, self.PARAMETER_GROUPS, tr(str(error)))) from None
         results: dict[str, Any] = {
             name: result.outputs[key]
             for name, (key, _) in (*self.PAGES.items(), *self.FILES.items())
@@ -173,7 +188,9 @@ class SlopeWatchAlgorithm(QgsProcessingAlgorithm, metaclass=_AlgorithmMeta):
             # a thread of a task has a context of its own
             results.update(self.results(result, replace(self._values, context=context, feedback=feedback)))
         except OSError as error:
-            raise QgsProcessingException(f"An output cannot be written: {error}.") from None
+            raise QgsProcessingException(tr(f"An output cannot be written: {error}.")) from None
+        for sentence in result.conclusion:
+            feedback.pushInfo(in_dialog_words(self, self.PARAMETER_GROUPS, sentence))
         return results
 
 

@@ -9,9 +9,10 @@ from qgis.core import (
     QgsProcessingOutputString,
 )
 
-from ..plugin.bridge import resources, settings
+from ..plugin.bridge import resources
 from ..plugin.bridge.engine_client import EngineResult
-from ..plugin.bridge.interpreter import InterpreterNotFoundError, find_interpreter
+from ..plugin.bridge.engine_setup import find_engine
+from ..plugin.bridge.interpreter import InterpreterNotFoundError
 from .base import SlopeWatchAlgorithm
 from .values import Values
 
@@ -21,7 +22,9 @@ class CheckEnvironment(SlopeWatchAlgorithm):
     TITLE = "Check environment"
     GROUP = "tools"
     SUMMARY = "Finds the engine and PDAL, and says what is missing and how to get it."
-    TAGS = ("environment", "pdal", "installation", "diagnosis", "version")
+    TAGS = (
+        "environment", "pdal", "installation", "install", "set-up", "diagnosis", "version", "troubleshooting",
+    )  # fmt: skip
 
     def inputs(self) -> None:
         self.addOutput(QgsProcessingOutputString("ENGINE", "Engine's interpreter"))
@@ -30,7 +33,7 @@ class CheckEnvironment(SlopeWatchAlgorithm):
 
     def arguments(self, values: Values) -> list[str]:
         try:
-            python, how = find_interpreter(settings.get(settings.ENGINE_PYTHON))
+            python, how = find_engine()
         except InterpreterNotFoundError as error:
             raise QgsProcessingException(str(error)) from None
         values.feedback.pushInfo(f"Engine's interpreter: {python} ({how})")

@@ -10,10 +10,9 @@ from ..interface.parameters import command_sets
 from ..plugin.bridge.engine_client import EngineResult
 from ..plugin.bridge.styling import Appearance
 from . import declare, products
-from .base import PREFIXES, SlopeWatchAlgorithm
+from .base import SlopeWatchAlgorithm
 from .values import Values
 
-_BASIC = ("workers", "memory_budget", "two_surveys", "cell", "confidence", "minimum_area", "overwrite")
 _MANIFEST_FILTER = "Manifests (*.csv *.gpkg *.geojson *.shp);;All files (*)"
 _LINES_FILTER = "Lines (*.gpkg *.geojson *.shp *.kml);;All files (*)"
 _PRODUCTS = (
@@ -49,8 +48,13 @@ class CorridorBatch(SlopeWatchAlgorithm):
     TITLE = "Inspect corridor"
     GROUP = "inspection"
     SUMMARY = "Works on all slopes of a manifest and ranks them; a stopped run goes on where it was."
-    TAGS = ("batch", "corridor", "many", "manifest", "network", "road", "alert", "chainage", "Dask", "cluster", "VPC")
+    TAGS = (
+        "batch", "corridor", "many slopes", "manifest", "network", "road", "alert", "chainage", "Dask", "cluster",
+        "VPC", "change detection",
+    )  # fmt: skip
     PARAMETER_GROUPS = command_sets.BATCH
+    BASIC = ("workers", "two_surveys", "cell", "minimum_area", "overwrite")
+    OPTION_NAMES: ClassVar = {"alerts": "ALERT_TABLE"}
     NUMBERS: ClassVar = {
         "SLOPE_COUNT": ("slopes", "Number of slopes"),
         "SLOPES_DONE": ("slopes_done", "Slopes with results"),
@@ -98,7 +102,7 @@ class CorridorBatch(SlopeWatchAlgorithm):
             ),
             declare.profile_parameter(self.PARAMETER_GROUPS),
         )
-        self.declare_groups(basic=_BASIC, prefixes={**PREFIXES, "batch": "Batch", "series": "Series"})
+        self.declare_groups()
         products.declare_folder(
             self, "Receives the results of all slopes. A folder of an earlier run goes on with what is new or missing."
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from qgis.core import (
@@ -21,9 +22,14 @@ from qgis.core import (
 
 from ..interface.parameters import AUTO, PROFILES, PUBLISHED_WORKFLOW_ID, ParameterSet, Specification, profile_values
 from ..plugin.bridge.compat import ADVANCED, DATE, DOUBLE, FILE, FOLDER, INTEGER, LINE, POLYGON
+from ..plugin.bridge.words import tr
+
+GROUP, PLACE, MORE = "slopewatch_group", "slopewatch_place", "slopewatch_more"
+"""In a parameter's metadata: its heading; where a destination lies that is left temporary; whether few need it."""
 
 CLOUD_FILTER = "Point clouds (*.las *.LAS *.laz *.LAZ);;All files (*)"
 JSON_FILTER = "JSON files (*.json);;All files (*)"
+SETTINGS_FILTER = "Settings (*.json *.toml);;All files (*)"
 CSV_FILTER = "CSV files (*.csv);;All files (*)"
 CLOUD_OUTPUT_FILTER = "LAZ files (*.laz *.LAZ);;LAS files (*.las *.LAS)"
 
@@ -40,14 +46,36 @@ def with_help(
     return parameter
 
 
-def from_specification(
-    specification: Specification, *, prefix: str = "", advanced: bool | None = None
+def in_group(
+    parameter: QgsProcessingParameterDefinition, title: str, *, more: str = GROUP
 ) -> QgsProcessingParameterDefinition:
-    """The Processing parameter of one specification; ``prefix`` names its stage in a long dialog."""
+    """``parameter`` under a heading of the dialog; ``more`` is another detail of its metadata."""
+    parameter.setMetadata({**parameter.metadata(), more: title})
+    return parameter
+
+
+def settings_parameter() -> QgsProcessingParameterDefinition:
+    """The settings of a former run; in a dialog, choosing a file fills its values in."""
+    parameter = QgsProcessingParameterFile(
+        "SETTINGS", "Settings of a former run", behavior=FILE, optional=True, fileFilter=SETTINGS_FILTER
+    )
+    parameter.setMetadata({"widget_wrapper": {"class": f"{__package__}.settings_widget.SettingsWidget"}})
+    return with_help(
+        parameter,
+        "The run.json of a former run, or a JSON or TOML file of names and values. Choosing one fills its values in, "
+        "where each can be changed. In scripts it decides the values that are not given. Paths are not taken from it.",
+        advanced=True,
+    )
+
+
+def from_specification(
+    specification: Specification, *, title: str = "", advanced: bool | None = None
+) -> QgsProcessingParameterDefinition:
+    """The Processing parameter of one specification; ``title`` is the heading of its stage in a long dialog."""
     s = specification
-    label = s.field_label
-    if prefix and prefix.lower() not in label.lower():
-        label = f"{prefix}: {label[:1].lower()}{label[1:]}"
+    label = tr(s.label) + (f" ({s.unit})" if s.unit else "")
+    if title and title.lower() not in s.label.lower():
+        label = tr("{0}: {1}").format(tr(title), f"{label[:1].lower()}{label[1:]}")
     parameter: QgsProcessingParameterDefinition
     if s.name == "crs":
         parameter = QgsProcessingParameterCrs(s.qgis_name, label, optional=True)
@@ -68,8 +96,11 @@ def from_specification(
             parameter.setMetadata({"widget_wrapper": {"decimals": _decimals(s)}})
     else:
         parameter = QgsProcessingParameterString(s.qgis_name, label, s.default, optional=not s.default)
-    text = s.help.replace(f"{AUTO}:", "Not set:") if s.automatic else s.help
-    return with_help(parameter, text, advanced=s.advanced if advanced is None else advanced)
+    text = tr(s.help)
+    if s.automatic:
+        text = re.sub(rf"\b{AUTO}[:：]", tr("Not set:"), text)
+    with_help(parameter, text, advanced=s.advanced if advanced is None else advanced)
+    return in_group(parameter, tr(title))
 
 
 def _decimals(specification: Specification) -> int:
@@ -106,8 +137,13 @@ def profile_parameter(groups: Groups) -> QgsProcessingParameterDefinition:
 
 
 def cloud_parameter(name: str, label: str, text: str, *, optional: bool = False) -> QgsProcessingParameterDefinition:
-    """A LAS or LAZ file. Not a point cloud layer: QGIS builds without PDAL refuse those."""
-    return file_parameter(name, label, text, CLOUD_FILTER, optional=optional)
+    """A LAS or LAZ file, in a dialog also one of the clouds that are loaded.
+
+    No parameter of a point-cloud layer: QGIS builds without PDAL refuse those.
+    """
+    parameter = file_parameter(name, label, text, CLOUD_FILTER, optional=optional)
+    parameter.setMetadata({"widget_wrapper": {"class": f"{__package__}.cloud_widget.CloudWidget"}})
+    return parameter
 
 
 def file_parameter(
@@ -135,21 +171,23 @@ def cloud_destination(name: str, label: str, text: str) -> QgsProcessingParamete
     return with_help(QgsProcessingParameterFileDestination(name, label, CLOUD_OUTPUT_FILTER), text)
 
 
-def polygon_parameter(name: str, label: str, text: str, *, advanced: bool = False) -> QgsProcessingParameterDefinition:
-    """An optional polygon layer."""
-    return with_help(
-        QgsProcessingParameterFeatureSource(name, label, [POLYGON], optional=True), text, advanced=advanced
-    )
+def polygon_parameter(
+    name: str, label: str, text: str, *, advanced: bool = False, title: str = ""
+) -> QgsProcessingParameterDefinition:
+    """An optional polygon layer; ``title`` is its heading among the advanced parameters."""
+    parameter = QgsProcessingParameterFeatureSource(name, label, [POLYGON], optional=True)
+    return in_group(with_help(parameter, text, advanced=advanced), title)
 
 
 def profiles_parameter(*, advanced: bool = False) -> QgsProcessingParameterDefinition:
     """An optional layer of lines for profiles."""
-    return with_help(
+    parameter = with_help(
         QgsProcessingParameterFeatureSource("PROFILES", "Lines of profiles", [LINE], optional=True),
         "Lines in any reference system, along which the report shows the heights of both surveys and the change. Not "
         "set: profiles run down the slope through the zones only.",
         advanced=advanced,
     )
+    return in_group(parameter, "Report")
 
 
 def survey_parameters(first: str, text: str, without: str = "") -> list[QgsProcessingParameterDefinition]:

@@ -40,8 +40,13 @@ class ElevationChange(SlopeWatchAlgorithm):
     TITLE = "Elevation change"
     GROUP = "steps"
     SUMMARY = "Subtracts two registered ground clouds and outlines where the change is significant."
-    TAGS = ("change", "difference", "dod", "deformation", "volume", "hazard", "zones", "heatmap")
+    TAGS = (
+        "change detection", "difference of DEMs", "DEM of difference", "DoD", "subtract", "deformation", "settlement",
+        "subsidence", "uplift", "erosion", "cut and fill", "cut fill", "volume", "earthworks", "level of detection",
+        "hazard", "zones", "heatmap",
+    )  # fmt: skip
     PARAMETER_GROUPS = command_sets.CHANGE
+    BASIC = ("ground", "cell", "minimum_area", "overwrite")
     NUMBERS = CHANGE_NUMBERS
     PAGES = CHANGE_PAGES
     FILES = CHANGE_FILES
@@ -50,11 +55,13 @@ class ElevationChange(SlopeWatchAlgorithm):
         self.add(
             *declare.survey_parameters("Reference", "Ground cloud of the {} survey."),
             declare.transform_parameter(),
-            declare.polygon_parameter("STABLE", "Stable ground", STABLE_HELP, advanced=True),
-            declare.profiles_parameter(),
             declare.profile_parameter(self.PARAMETER_GROUPS),
         )
         self.declare_groups()
+        self.add(
+            declare.polygon_parameter("STABLE", "Change: stable ground", STABLE_HELP, advanced=True, title="Change"),
+            declare.profiles_parameter(advanced=True),
+        )
         products.declare_folder(self, products.CHANGE_FOLDER)
         products.declare_products(self, products.CHANGE_PRODUCTS)
 

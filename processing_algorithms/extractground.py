@@ -16,7 +16,10 @@ class ExtractGround(SlopeWatchAlgorithm):
     TITLE = "Extract ground"
     GROUP = "steps"
     SUMMARY = "Clips a survey to the slope, removes outliers and vegetation, and writes the ground points."
-    TAGS = ("ground", "csf", "cloth", "filter", "vegetation", "denoise", "clip")
+    TAGS = (
+        "ground filter", "ground classification", "bare earth", "DTM", "csf", "cloth simulation",
+        "vegetation removal", "denoise", "outliers", "clip",
+    )  # fmt: skip
     PARAMETER_GROUPS = command_sets.GROUND
     NUMBERS: ClassVar = {
         "RAW_POINTS": ("raw_points", "Points of the survey"),

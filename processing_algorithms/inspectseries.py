@@ -15,11 +15,10 @@ from ..plugin.bridge.engine_client import EngineResult
 from ..plugin.bridge.project_time import project_time
 from ..plugin.bridge.styling import Appearance, load_on_completion
 from . import declare, products
-from .base import PREFIXES, SlopeWatchAlgorithm
+from .base import SlopeWatchAlgorithm
 from .registerepochs import STABLE_HELP
 from .values import Values
 
-_BASIC = ("ground_ready", "rasters_each_survey", "cell", "confidence", "minimum_area", "overwrite")
 _PRODUCTS = (
     products.Product(
         "ZONES",
@@ -28,6 +27,7 @@ _PRODUCTS = (
         "Polygons that moved, followed through the surveys, with velocity, trend, volume and alert level.",
         Appearance(60),
         layer="zones",
+        file="series.gpkg",
     ),
     products.Product(
         "SERIES",
@@ -36,6 +36,7 @@ _PRODUCTS = (
         "The same polygons once for each survey with their change until then, for the temporal controller.",
         Appearance(55, visible=False, expanded=False),
         layer="series",
+        file="series.gpkg",
     ),
     products.Product(
         "VELOCITY",
@@ -72,8 +73,12 @@ class InspectSeries(SlopeWatchAlgorithm):
     TITLE = "Inspect series"
     GROUP = "inspection"
     SUMMARY = "Takes two or more surveys of a slope to velocities, zones followed through time, and alert levels."
-    TAGS = ("series", "time", "velocity", "monitoring", "creep", "landslide", "alert", "temporal", "inverse velocity")
+    TAGS = (
+        "change detection", "series", "time series", "velocity", "monitoring", "creep", "landslide", "settlement",
+        "subsidence", "alert", "alarm", "temporal", "inverse velocity", "trend", "early warning",
+    )  # fmt: skip
     PARAMETER_GROUPS = command_sets.SERIES
+    BASIC = ("ground_ready", "rasters_each_survey", "cell", "minimum_area", "overwrite")
     NUMBERS: ClassVar = {
         "EPOCH_COUNT": ("epoch_count", "Number of surveys"),
         "ZONE_COUNT": ("zone_count", "Number of zones"),
@@ -116,13 +121,18 @@ class InspectSeries(SlopeWatchAlgorithm):
             ),
             declare.profile_parameter(self.PARAMETER_GROUPS),
         )
-        self.declare_groups(basic=_BASIC, prefixes=PREFIXES)
+        self.declare_groups()
         self.add(
-            declare.polygon_parameter("STABLE", "Registration: stable ground", STABLE_HELP, advanced=True),
-            declare.with_help(
-                QgsProcessingParameterBoolean("LOAD_RASTERS", "Load the rasters of every survey", True),
-                "Loads the change of every survey with the days on which the temporal controller shows it.",
-                advanced=True,
+            declare.polygon_parameter(
+                "STABLE", "Registration: stable ground", STABLE_HELP, advanced=True, title="Registration"
+            ),
+            declare.in_group(
+                declare.with_help(
+                    QgsProcessingParameterBoolean("LOAD_RASTERS", "Load the rasters of every survey", True),
+                    "Loads the change of every survey with the days on which the temporal controller shows it.",
+                    advanced=True,
+                ),
+                "Output",
             ),
         )
         products.declare_folder(

@@ -9,13 +9,14 @@ from qgis.core import QgsProcessingException
 
 from ..interface.parameters import command_sets
 from ..plugin.bridge.engine_client import EngineResult
+from ..plugin.bridge.styling import Appearance, is_point_cloud_layer_possible, load_on_completion
 from . import declare, products
-from .base import PREFIXES, SlopeWatchAlgorithm
+from .base import SlopeWatchAlgorithm
 from .elevationchange import CHANGE_FILES, CHANGE_NUMBERS, CHANGE_PAGES
 from .registerepochs import REGISTRATION_NUMBERS, STABLE_HELP
 from .values import Values
 
-_BASIC = ("cloth_resolution", "cell", "adaptive", "confidence", "minimum_area", "screen_last_epoch", "overwrite")
+_LABELLED = Appearance(9, visible=False, expanded=False)
 _PRODUCTS = (*products.CHANGE_PRODUCTS, *products.SCREENED_PRODUCTS)
 
 
@@ -27,8 +28,14 @@ class InspectSlope(SlopeWatchAlgorithm):
         "Takes two raw surveys of a slope to elevation change, hazard zones with volumes, a heatmap, and a screening "
         "of the last one."
     )
-    TAGS = ("change", "deformation", "hazard", "zones", "monitoring", "landslide", "subsidence", "uplift", "volume")
+    TAGS = (
+        "change detection", "DEM of difference", "DoD", "deformation", "hazard", "zones", "monitoring", "landslide",
+        "rockfall", "erosion", "settlement", "subsidence", "uplift", "heave", "cut and fill", "cut fill", "volume",
+        "earthworks", "whole workflow", "compare two surveys",
+    )  # fmt: skip
     PARAMETER_GROUPS = command_sets.INSPECT
+    BASIC = ("cell", "minimum_area", "screen_last_epoch", "overwrite")
+    OPTION_NAMES: ClassVar = {"epoch": "REFERENCE"}
     NUMBERS: ClassVar = {
         **CHANGE_NUMBERS,
         **REGISTRATION_NUMBERS,
@@ -55,9 +62,11 @@ class InspectSlope(SlopeWatchAlgorithm):
             declare.roi_parameter("the whole clouds"),
             declare.profile_parameter(self.PARAMETER_GROUPS),
         )
-        self.declare_groups(basic=_BASIC, prefixes=PREFIXES)
+        self.declare_groups()
         self.add(
-            declare.polygon_parameter("STABLE", "Registration: stable ground", STABLE_HELP, advanced=True),
+            declare.polygon_parameter(
+                "STABLE", "Registration: stable ground", STABLE_HELP, advanced=True, title="Registration"
+            ),
             declare.profiles_parameter(advanced=True),
         )
         products.declare_folder(self, products.CHANGE_FOLDER)
@@ -86,4 +95,7 @@ class InspectSlope(SlopeWatchAlgorithm):
         if len(self._days) == 1:
             shown = tuple(replace(p, appearance=replace(p.appearance, visible=bool(p.layer))) for p in shown)
         delivered = products.deliver(shown, result, values, group)
+        labelled = result.outputs.get("screened", "")
+        if labelled and is_point_cloud_layer_possible() and values.context.layersToLoadOnCompletion():
+            load_on_completion(values.context, labelled, _LABELLED, "Ground of the last survey, labelled", group)
         return {"OUTPUT_FOLDER": values.output_folder(), **delivered}

@@ -46,8 +46,12 @@ class M3C2Distances(SlopeWatchAlgorithm):
     TITLE = "M3C2 distances"
     GROUP = "steps"
     SUMMARY = "Measures how far a surface has moved along its normal, and from where on that is sure."
-    TAGS = ("m3c2", "distance", "change", "deformation", "cliff", "steep", "normal", "cloud to cloud")
+    TAGS = (
+        "m3c2", "distance", "change detection", "deformation", "cliff", "rock face", "steep", "normal",
+        "cloud to cloud", "C2C", "cloud comparison",
+    )  # fmt: skip
     PARAMETER_GROUPS = command_sets.M3C2
+    BASIC = ("ground", "normal_scale", "projection_scale", "core_spacing")
     NUMBERS: ClassVar = {
         "CORE_POINTS": ("core_points", "Core points"),
         "MEASURED_POINTS": ("measured_points", "Core points with a level of detection"),
@@ -71,15 +75,17 @@ class M3C2Distances(SlopeWatchAlgorithm):
                 optional=True,
             ),
             declare.transform_parameter(" The registration's error is taken from it."),
-            declare.polygon_parameter("STABLE", "Stable ground", STABLE_HELP, advanced=True),
         )
         self.declare_groups()
         self.add(
+            declare.polygon_parameter(
+                "STABLE", "Distances: stable ground", STABLE_HELP, advanced=True, title="Distances"
+            ),
             declare.cloud_destination(
                 "OUTPUT",
                 "Core points with distances",
                 "LAZ file of the core points with distance, level of detection, counts, scatter and normals.",
-            )
+            ),
         )
         products.declare_products(self, _PRODUCTS, "it lies next to the core points")
 

@@ -22,7 +22,7 @@ from ..plugin.bridge.compat import POLYGON
 from ..plugin.bridge.elevation_layers import surfaces
 from ..plugin.bridge.engine_client import EngineResult
 from ..plugin.bridge.styling import Appearance, copy_raster, copy_vector, style_on_completion
-from .declare import with_help
+from .declare import MORE, PLACE, in_group, with_help
 from .values import Values
 
 
@@ -37,6 +37,11 @@ class Product:
     appearance: Appearance
     layer: str = ""  # of a GeoPackage; empty for a raster
     by_default: bool = True
+    file: str = ""  # name in the output folder, where it is not that of the key
+
+    @property
+    def file_name(self) -> str:
+        return self.file or f"{self.key}.{'gpkg' if self.layer else 'tif'}"
 
 
 CHANGE_FOLDER = "Receives the rasters, hazard zones, heatmap, report and run record under fixed names."
@@ -120,6 +125,7 @@ CHANGE_PRODUCTS = (
         "Elevation change half-transparent over the top view, as a coloured GeoTIFF.",
         Appearance(15, visible=False, expanded=False),
         by_default=False,
+        file="heatmap.tif",
     ),
     Product(
         "TOP_VIEW",
@@ -201,7 +207,15 @@ def declare_products(
             parameter = QgsProcessingParameterRasterDestination(
                 product.name, product.label, None, True, product.by_default
             )
-        algorithm.addParameter(with_help(parameter, product.help + note))
+        in_folder = algorithm.parameterDefinition("OUTPUT_FOLDER") is not None
+        shown = f"{product.file_name} in the output folder" if in_folder else place.replace("it lies ", "")
+        in_group(with_help(parameter, product.help + note), f"[{shown}]", more=PLACE)
+        algorithm.addParameter(in_group(parameter, "" if product.by_default else "yes", more=MORE))
+
+
+def vector_destination(name: str, label: str, text: str) -> QgsProcessingParameterVectorDestination:
+    """A GeoPackage of polygons that the engine writes where it is wanted."""
+    return with_help(QgsProcessingParameterVectorDestination(name, label, POLYGON), f"{text} A GeoPackage (.gpkg).")
 
 
 def deliver(products: tuple[Product, ...], result: EngineResult, values: Values, group: str) -> dict[str, Any]:

@@ -28,7 +28,10 @@ class RegisterEpochs(SlopeWatchAlgorithm):
     TITLE = "Register epochs"
     GROUP = "steps"
     SUMMARY = "Moves a later ground cloud rigidly onto the reference without following real change."
-    TAGS = ("registration", "align", "icp", "co-registration", "transform")
+    TAGS = (
+        "registration", "coregister", "co-register", "coregistration", "co-registration", "align", "alignment", "icp",
+        "transform", "match surveys", "shift",
+    )  # fmt: skip
     PARAMETER_GROUPS = command_sets.REGISTER
     NUMBERS: ClassVar = {
         **REGISTRATION_NUMBERS,

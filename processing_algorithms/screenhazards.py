@@ -43,10 +43,6 @@ _OPTIONS = {
     "PROBABILITY": ("--raster", _RASTER),
     "SMALLEST_HAZARD": ("--smallest-hazard", _RASTER),
 }
-_BASIC = (
-    "screening_method", "ground", "minimum_probability", "minimum_hazard_area", "probability_cell", "false_zones",
-    "self_test",
-)  # fmt: skip
 
 
 class ScreenHazards(SlopeWatchAlgorithm):
@@ -54,8 +50,16 @@ class ScreenHazards(SlopeWatchAlgorithm):
     TITLE = "Screen for hazards"
     GROUP = "inspection"
     SUMMARY = "Finds ground of a single survey that looks raised or lowered against the slope around it."
-    TAGS = ("screening", "hazard", "uplift", "subsidence", "network", "classification", "zones")
+    TAGS = (
+        "screening", "hazard", "uplift", "subsidence", "settlement", "bulge", "network", "deep learning",
+        "classification", "zones", "anomaly", "single survey",
+    )  # fmt: skip
     PARAMETER_GROUPS = command_sets.SCREEN
+    BASIC = (
+        "screening_method", "ground", "minimum_probability", "minimum_hazard_area", "probability_cell", "false_zones",
+        "self_test",
+    )  # fmt: skip
+    OPTION_NAMES: ClassVar = {"raster": "PROBABILITY", "method": "SCREENING_METHOD"}
     NUMBERS: ClassVar = {
         "ZONE_COUNT": ("zone_count", "Number of hazard zones"),
         "ZONE_AREA": ("zone_area_m2", "Area of the zones on the slope (m²)"),
@@ -77,7 +81,7 @@ class ScreenHazards(SlopeWatchAlgorithm):
             declare.roi_parameter("all are", "Points outside are not screened"),
             declare.profile_parameter(self.PARAMETER_GROUPS),
         )
-        self.declare_groups(basic=_BASIC, prefixes={"ground": "Extraction"})
+        self.declare_groups()
         self.add(
             declare.cloud_destination(
                 "OUTPUT", "Labelled cloud", "LAZ copy of the input with slopewatch_class and slopewatch_prob."

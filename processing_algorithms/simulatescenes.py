@@ -12,7 +12,9 @@ class SimulateScenes(SimulationAlgorithm):
     NAME = "simulatescenes"
     TITLE = "Simulate labelled scenes"
     SUMMARY = "Writes simulated slopes with bulges, hollows and what looks like them, the class of every point known."
-    TAGS = ("simulation", "synthetic", "labels", "truth", "training data", "hazard", "benchmark")
+    TAGS = (
+        "simulation", "synthetic", "labels", "truth", "training data", "hazard", "benchmark",
+    )  # fmt: skip
     PARAMETER_GROUPS = command_sets.SIMULATE_SCENES
     KIND = "scenes"
     FOLDER_HELP = "Receives the scenes, their hazards, a picture and a manifest."

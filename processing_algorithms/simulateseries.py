@@ -26,7 +26,9 @@ class SimulateSeries(SimulationAlgorithm):
     NAME = "simulateseries"
     TITLE = "Simulate a series"
     SUMMARY = "Writes dated simulated surveys of one cut slope, of which zones creep at known velocities."
-    TAGS = ("simulation", "synthetic", "test data", "truth", "creep", "velocity", "time series")
+    TAGS = (
+        "simulation", "synthetic", "test data", "sample data", "truth", "creep", "velocity", "time series", "demo",
+    )  # fmt: skip
     PARAMETER_GROUPS = command_sets.SIMULATE_SERIES
     KIND = "series"
     FOLDER_HELP = "Receives the surveys, a manifest, the region of interest and the truth."

@@ -26,7 +26,9 @@ class SimulateSurvey(SimulationAlgorithm):
     NAME = "simulatesurvey"
     TITLE = "Simulate a survey"
     SUMMARY = "Writes two simulated UAV LiDAR surveys of one cut slope with known change and offset."
-    TAGS = ("simulation", "synthetic", "test data", "truth", "demo")
+    TAGS = (
+        "simulation", "synthetic", "test data", "sample data", "truth", "demo", "tutorial",
+    )  # fmt: skip
     PARAMETER_GROUPS = command_sets.SIMULATE_SURVEY
     KIND = "survey"
     FOLDER_HELP = "Receives both surveys, the region of interest and the truth."

@@ -16,14 +16,12 @@ class SimulationAlgorithm(SlopeWatchAlgorithm):
     GROUP = "tools"
     KIND = ""
     FOLDER_HELP = ""
-    #: parameters that are not advanced; None: all
-    BASIC: tuple[str, ...] | None = None
     PRODUCTS: tuple[products.Product, ...] = ()
     #: name of the group of layers
     LAYERS = ""
 
     def inputs(self) -> None:
-        self.declare_groups(basic=self.BASIC)
+        self.declare_groups()
         products.declare_folder(self, self.FOLDER_HELP)
         products.declare_products(self, self.PRODUCTS)
 

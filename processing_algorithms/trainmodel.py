@@ -24,17 +24,11 @@ class TrainModel(SlopeWatchAlgorithm):
     GROUP = "tools"
     SUMMARY = "Trains a screening model on your own labelled clouds and scores it on slopes it was not trained on."
     TAGS = (
-        "training",
-        "fine-tuning",
-        "labels",
-        "network",
-        "relief",
-        "U-Net",
-        "RandLA-Net",
-        "calibration",
-        "cross-validation",
-    )
+        "training", "fine-tuning", "labels", "machine learning", "deep learning", "network", "relief", "U-Net",
+        "RandLA-Net", "calibration", "cross-validation",
+    )  # fmt: skip
     PARAMETER_GROUPS = command_sets.TRAIN
+    BASIC = ("start", "dimension", "classes", "class_field", "steps", "minutes", "folds", "overwrite")
     FILES: ClassVar = {
         "WEIGHTS": ("weights", "Weights"),
         "DESCRIPTION": ("description", "Description of the weights"),

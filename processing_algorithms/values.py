@@ -12,6 +12,8 @@ from qgis.core import QgsProcessingAlgorithm, QgsProcessingContext, QgsProcessin
 
 from ..interface.dates import date_in_name
 from ..interface.parameters import AUTO, ParameterError, Specification, profile_values
+from ..interface.settings_file import GivenSettings, read_settings
+from ..plugin.bridge.cloud_layers import resolved
 from .declare import Groups
 
 _AUTOMATIC = (None, "", AUTO)
@@ -30,8 +32,9 @@ class Values:
     folder: str = ""
 
     def file(self, name: str) -> str:
-        """Absolute path of an input file; empty if it is not given."""
+        """Absolute path of an input file, which a loaded cloud's name may stand for; empty if it is not given."""
         path = self.algorithm.parameterAsFile(self.parameters, name, self.context)
+        path = resolved(path, self.context.project())
         return os.path.abspath(path) if path else ""
 
     def output_file(self, name: str) -> str:
@@ -93,12 +96,15 @@ class Values:
 
     def settings(self, groups: Groups) -> list[str]:
         """Options of the profile and of the parameters that are given and differ from the profile's."""
-        arguments: list[str] = []
-        profile = "default"
+        path = self.file("SETTINGS") if groups else ""
+        read = _settings(path, groups)
+        arguments = ["--settings", path] if path else []
+        profile = read.profile or "default"
         if self.algorithm.parameterDefinition("PROFILE") is not None:
-            profile = self._choice("PROFILE") or profile
-            arguments += ["--profile", profile] if profile != "default" else []
-        used = profile_values(groups, profile)
+            if self.parameters.get("PROFILE") not in (None, ""):
+                profile = self._choice("PROFILE")
+            arguments += ["--profile", profile] if profile != (read.profile or "default") else []
+        used = profile_values(groups, profile) | read.over(groups, profile)
         for s in (s for group in groups for s in group.specifications()):
             value = self._read(s)
             if value is None or _same(value, used[s.name]):
@@ -134,6 +140,13 @@ class Values:
         return self.algorithm.parameterAsString(*given).strip()
 
 
+def _settings(path: str, groups: Groups) -> GivenSettings:
+    try:
+        return read_settings(Path(path), groups) if path else GivenSettings({})
+    except ParameterError as error:
+        raise QgsProcessingException(f"{error}.") from None
+
+
 def worded(algorithm: QgsProcessingAlgorithm, parameters: Any) -> dict[str, Any]:
     """The values with the number of a choice replaced by its word: qgis_process's help offers the numbers too."""
     result = dict(parameters)
@@ -145,7 +158,12 @@ def worded(algorithm: QgsProcessingAlgorithm, parameters: Any) -> dict[str, Any]
 
 
 def problem(groups: Groups, parameters: Any) -> str | None:
-    """The sentence for the first value that is out of bounds, in the engine's words; None if there is none."""
+    """The sentence for the first value that cannot be used, in the engine's words; None if there is none."""
+    if groups and isinstance(parameters.get("SETTINGS"), str) and parameters["SETTINGS"]:
+        try:
+            read_settings(Path(parameters["SETTINGS"]), groups)
+        except ParameterError as error:
+            return f"{error}."
     for s in (s for group in groups for s in group.specifications()):
         raw = parameters.get(s.qgis_name)
         if s.kind not in (int, float) or not (isinstance(raw, str) or type(raw) in (int, float)):

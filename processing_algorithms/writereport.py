@@ -17,7 +17,9 @@ class WriteReport(SlopeWatchAlgorithm):
     TITLE = "Write report"
     GROUP = "steps"
     SUMMARY = "Makes the report of a finished inspection again, with profiles along your own lines if you give some."
-    TAGS = ("report", "html", "print", "profile", "section", "cross-section", "summary")
+    TAGS = (
+        "report", "html", "pdf", "print", "profile", "section", "cross-section", "summary", "document",
+    )  # fmt: skip
     PARAMETER_GROUPS = command_sets.REPORT
     PAGES: ClassVar = {"REPORT": ("report", "Report")}
     FILES: ClassVar = {

@@ -8,8 +8,8 @@ archive=${1:-dist/slopewatch-$version.zip}
 mkdir -p "$(dirname -- "$archive")"
 git archive --format=zip --prefix=slopewatch/ --output="$archive" HEAD
 size=$(stat -c %s "$archive")
-((size <= 25 * 1024 * 1024)) || {
-    echo "$archive is larger than the 25 MB that QGIS's plugin repository takes" >&2
+((size <= 20 * 1024 * 1024)) || {
+    echo "$archive is larger than 20 MB (QGIS's plugin repository takes 25)" >&2
     exit 1
 }
 [[ -z $(git status --porcelain --untracked-files=no) ]] || echo "note: changes that are not committed are not in it"

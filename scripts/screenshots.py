@@ -2,8 +2,11 @@
 """Pictures of the plugin at work, for docs/images: a real QGIS on a display in memory (Xvfb).
 
 ``scripts/screenshots.py`` simulates two surveys, runs Inspect slope from its dialog and keeps the pictures;
-``scripts/screenshots.py screening`` simulates one and runs Screen for hazards. The tests of the desktop use
-``run_session`` with small surveys.
+``scripts/screenshots.py screening`` simulates one and runs Screen for hazards, ``panel`` takes the panel's picture,
+``dialogs FOLDER`` every dialog as it opens and with all its boxes open, to be looked at. ``setup`` starts QGIS with the
+plugin's zip of the last commit and no engine, and sets it up from the network. ``tutorial`` follows docs/tutorial.md,
+and says which of its figures are no longer those of the run. The tests of the desktop use
+``run_session`` with small surveys, and with an index of tiny wheels.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ import argparse
 import contextlib
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -22,15 +26,18 @@ from typing import Any
 ROOT = Path(__file__).resolve().parent.parent
 START = 90.0  # seconds that QGIS may take to start
 SCREEN = "1600x1000x24"
+PANEL_SCREEN = "1500x1050x24"
+TUTORIAL_SCREEN = "1300x940x24"
 KEPT = ("desktop", "dialog", "toolbox", "zones")
+TUTORIAL_SURVEY = {"POINTS": 400_000}  # what the tutorial's reader sets
 SCREENING_KEPT = {"dialog": "screening_dialog", "layers": "screening_layers"}
 
 
-def private_profile(folder: Path) -> dict[str, str]:
+def private_profile(folder: Path, plugin: Path = ROOT) -> dict[str, str]:
     """A QGIS profile with the plugin linked and switched on; gives the environment for QGIS programs."""
     plugins = folder / "profiles" / "default" / "python" / "plugins"
     plugins.mkdir(parents=True)
-    (plugins / "slopewatch").symlink_to(ROOT)
+    (plugins / "slopewatch").symlink_to(plugin)
     settings = folder / "profiles" / "default" / "QGIS" / "QGIS3.ini"
     settings.parent.mkdir(parents=True)
     settings.write_text(
@@ -62,8 +69,13 @@ def run_session(
     script: str = "desktop_session.py",
     seconds: float = 300.0,
     screen: str = SCREEN,
+    plugin: Path = ROOT,
+    variables: dict[str, str] | None = None,
 ) -> dict[str, Any]:
     """Run a session of this folder in a real QGIS; gives its report. Pictures lie in ``folder / "images"``.
+
+    Args:
+        plugin: the folder of the plugin, which has ``scripts``, too. variables: of QGIS's environment, in addition.
 
     Raises:
         RuntimeError: QGIS ended without a report; the message has its last words.
@@ -81,7 +93,7 @@ def run_session(
         ),
         encoding="utf-8",
     )
-    environment = private_profile(folder / "profile")
+    environment = {**private_profile(folder / "profile", plugin), **(variables or {})}
     environment["SLOPEWATCH_DESKTOP"] = str(task)
     session = str(ROOT / "scripts" / script)
     words_file = folder / "words.txt"
@@ -111,13 +123,22 @@ def run_session(
 
 _SHRINK = """
 import io, sys
+import numpy
 from PIL import Image
 picture = Image.open(sys.argv[1]).convert("RGB")
+# 256 colours, as noise of the clouds is most of what a PNG has to keep; those of windows and legends stay as they are
+pixels = numpy.asarray(picture)
+even = (pixels[:, 1:] == pixels[:, :-1]).all(axis=2)
+even = numpy.lib.stride_tricks.sliding_window_view(even, 9, axis=1).all(axis=2)
+colours, counts = numpy.unique(pixels[:, : even.shape[1]][even], axis=0, return_counts=True)
+flat = colours[numpy.argsort(-counts, kind="stable")][:128]
+rest = picture.quantize(256 - len(flat), dither=Image.Dither.NONE).getpalette()[: 3 * (256 - len(flat))]
+palette = Image.new("P", (1, 1))
+palette.putpalette([*flat.ravel().tolist(), *rest])
 width = picture.width
 while True:
     small = picture.resize((width, round(picture.height * width / picture.width)), Image.Resampling.LANCZOS)
-    # 5 bits a colour: noise of the clouds is most of what a PNG has to keep
-    small = small.point([round(round(v / 255 * 31) / 31 * 255) for v in range(256)] * 3)
+    small = small.quantize(palette=palette, dither=Image.Dither.NONE)
     file = io.BytesIO()
     small.save(file, "PNG", optimize=True)
     if file.tell() <= int(sys.argv[3]):
@@ -128,7 +149,7 @@ open(sys.argv[2], "wb").write(file.getvalue())
 
 
 def shrink(source: Path, target: Path, size: int = 390_000) -> None:
-    """Write the picture as a PNG of at most ``size`` bytes: fewer colours, then fewer pixels."""
+    """Write the picture as a PNG of at most ``size`` bytes: 256 colours, then fewer pixels."""
     target.parent.mkdir(parents=True, exist_ok=True)
     python = str(ROOT / ".venv" / "bin" / "python")
     subprocess.run([python, "-c", _SHRINK, str(source), str(target), str(size)], check=True)
@@ -172,20 +193,82 @@ def screening(target: Path, folder: Path, cloud: Path | None = None, choices: di
         shutil.copytree(folder / "images", target, dirs_exist_ok=True)
 
 
+def dialogs(target: Path, folder: Path) -> None:
+    """Every dialog of the toolbox, as it opens and with all boxes open."""
+    checked(run_session({}, folder, script="dialogs_session.py", screen="1600x2400x24"))
+    shutil.copytree(folder / "images", target, dirs_exist_ok=True)
+    print(*sorted(path.name for path in target.glob("*.png")), sep="\n")
+
+
+def setup(target: Path, folder: Path) -> None:
+    """The set-up of the engine from the network, by the zip's plugin."""
+    plugin, archive = folder / "zip" / "slopewatch", folder / "plugin.zip"
+    subprocess.run(["bash", str(ROOT / "scripts" / "package.sh"), str(archive)], check=True)
+    shutil.unpack_archive(archive, folder / "zip")
+    (plugin / "scripts").symlink_to(ROOT / "scripts")
+    variables = {"SLOPEWATCH_DATA": str(folder / "data")}
+    report = checked(
+        run_session(
+            {"PICTURE_AT": "40"}, folder, script="setup_session.py", seconds=900, plugin=plugin, variables=variables
+        )
+    )
+    print(report["log"])
+    for name in ("setup_message", "setup_dialog"):
+        keep(folder / "images" / f"{name}.png", target / f"{name}.png")
+
+
+def panel(target: Path, folder: Path) -> None:
+    """The panel with the zones of two simulated surveys and with those of a series."""
+    surveys = folder / "survey"
+    subprocess.run([*ENGINE, "simulate", "survey", "--points", "400000", "--output-dir", str(surveys)], check=True)
+    epochs = [part for path in sorted(surveys.glob("20*.laz")) for part in ("--epoch", f"{path.stem}={path}")]
+    options = ["--roi", str(surveys / "roi.gpkg"), "--output-dir", str(folder / "results")]
+    subprocess.run([*ENGINE, "inspect", *epochs, *options], check=True)
+    size = ["--points", "60000", "--length", "20", "--height", "8"]
+    subprocess.run([*ENGINE, "simulate", "series", *size, "--output-dir", str(folder / "surveys")], check=True)
+    options = ["--roi", str(folder / "surveys" / "roi.gpkg"), "--output-dir", str(folder / "series")]
+    subprocess.run([*ENGINE, "series", str(folder / "surveys" / "surveys.csv"), *options], check=True)
+    parameters = {"RUN": folder / "results", "SERIES": folder / "series"}
+    checked(run_session(parameters, folder, script="panel_session.py", screen=PANEL_SCREEN))
+    keep(folder / "images" / "panel.png", target / "panel.png")
+
+
+def tutorial(target: Path, folder: Path) -> None:
+    """The tutorial's steps; fails where the page says other figures than the run."""
+    parameters = {"FOLDER": folder / "tutorial", **TUTORIAL_SURVEY}
+    report = checked(run_session(parameters, folder, script="tutorial_session.py", screen=TUTORIAL_SCREEN, seconds=540))
+    for picture in sorted((folder / "images").glob("tutorial_*.png")):
+        keep(picture, target / picture.name, 250_000)
+    print(f"{report['minutes']:.1f} minutes; {report['panel_says']}")
+    missing = not_on_the_page(report, (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8"))
+    if missing:
+        raise RuntimeError("docs/tutorial.md does not say what the run says:\n" + "\n".join(missing))
+
+
+def not_on_the_page(report: dict[str, Any], page: str) -> list[str]:
+    """What the inspection said in the end, and the rows of its zones, as far as the tutorial lacks them."""
+    words = " ".join(re.sub("^> ", "", page, flags=re.M).split())
+    said = [line.strip() for line in report["logs"]["inspectslope"].splitlines()]
+    sentences = [line for line in said if re.search(r"^\d+ zones? of |^The largest |was compared;|^By its shape", line)]
+    rows = [f"| {' | '.join(row)} |" for row in report["zones"]]
+    return [text for text in (*sentences, *rows) if text not in words]
+
+
 def checked(report: dict[str, Any]) -> dict[str, Any]:
     if report["errors"]:
         raise RuntimeError("\n".join(report["errors"]))
     return report
 
 
-def keep(picture: Path, target: Path) -> None:
-    shrink(picture, target)
+def keep(picture: Path, target: Path, size: int = 390_000) -> None:
+    shrink(picture, target, size)
     print(target)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Pictures of the plugin at work in a real QGIS.")
-    parser.add_argument("session", nargs="?", choices=("inspection", "screening"), default="inspection")
+    sessions = ("inspection", "screening", "panel", "dialogs", "setup", "tutorial")
+    parser.add_argument("session", nargs="?", choices=sessions, default="inspection")
     parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "docs" / "images", help="for the pictures")
     parser.add_argument("--cloud", type=Path, help="screening: this instead of a simulated one; all pictures are kept")
     parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="screening: fields of the dialog")
@@ -196,6 +279,14 @@ def main() -> None:
     try:
         if given.session == "inspection":
             inspection(given.folder, folder)
+        elif given.session == "dialogs":
+            dialogs(given.folder, folder)
+        elif given.session == "setup":
+            setup(given.folder, folder)
+        elif given.session == "panel":
+            panel(given.folder, folder)
+        elif given.session == "tutorial":
+            tutorial(given.folder, folder)
         else:
             choices = dict(choice.split("=", 1) for choice in given.set)
             screening(given.folder, folder, given.cloud, choices)

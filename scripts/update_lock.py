@@ -4,10 +4,15 @@ Needs `uv` on PATH. Python 3.10 is resolved by itself, all newer ones together, 
 Python 3.11 or newer runs the same versions. The packages that PyTorch's CUDA build asks for are left out: the set-up
 takes the CPU build, and a version that is not installed needs no pin. Each version has the SHA-256 of all its files on
 PyPI, so that the set-up installs these files and no others.
+
+The two locks in the plugin's zip are parts of it: `python scripts/update_lock.py plugin` writes only these. PyTorch's
+build for processors on Linux is not on PyPI: scripts/setup/torch_cpu.lock has the hashes that PyTorch's own index
+lists, which are to be renewed by hand with the version.
 """
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import tempfile
@@ -15,8 +20,12 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LOCK = ROOT / "scripts" / "setup" / "requirements.lock"
+TORCH_CPU = ROOT / "scripts" / "setup" / "torch_cpu.lock"
+PLUGIN_LOCKS = ROOT / "plugin" / "bridge" / "setup"
 HEADER = "# Made by scripts/update_lock.py from pyproject.toml (all extras); do not edit by hand.\n"
-BUILD_TOOLS = "setuptools>=77\nwheel\n"
+PART_HEADER = "# Made by scripts/update_lock.py: a part of scripts/setup/requirements.lock; do not edit by hand.\n"
+BUILD_TOOLS = "pip\nsetuptools>=77\nwheel\n"
+INSTALLER = ["pip"]
 NOT_PINNED = ("cuda-", "nvidia-", "triton")
 
 
@@ -79,6 +88,46 @@ def merge(old: dict[str, tuple[str, str]], new: dict[str, tuple[str, str]]) -> l
     return lines
 
 
+def entries(text: str) -> list[tuple[str, str]]:
+    """Name and whole text of each entry of a lock."""
+    found = re.findall(r"^[a-z0-9][^\n]*(?:\n[ ]+[^\n]*)*\n", text, flags=re.M)
+    return [(entry.partition("==")[0], entry) for entry in found]
+
+
+def names_of(*extras: str) -> set[str]:
+    """Names of all packages that the project needs with these extras, on any system and Python."""
+    command = [
+        "uv",
+        "pip",
+        "compile",
+        "--quiet",
+        "--universal",
+        "--no-header",
+        "--no-annotate",
+        "--python-version",
+        "3.10",
+    ]
+    command += [*(f"--extra={extra}" for extra in extras), str(ROOT / "pyproject.toml")]
+    text = subprocess.run(command, check=True, text=True, stdout=subprocess.PIPE).stdout
+    return {line.partition("==")[0] for line in text.splitlines() if "==" in line}
+
+
+def write_plugin_locks() -> None:
+    """The locks of the engine and of the screening's network, as parts of the large one; pip first."""
+    every = entries(LOCK.read_text(encoding="utf-8"))
+    engine = names_of("compiled")
+    screening = names_of("compiled", "screening") - engine
+    parts = [entry for name, entry in every if name in INSTALLER] + [entry for name, entry in every if name in engine]
+    (PLUGIN_LOCKS / "engine.lock").write_text(PART_HEADER + "".join(parts), encoding="utf-8")
+    parts = [entry for name, entry in every if name in screening and name != "torch"]
+    (elsewhere,) = (entry for name, entry in every if name == "torch")
+    elsewhere = elsewhere.replace(" \\\n", " ; sys_platform != 'linux' \\\n", 1)
+    cpu = "".join(entry for _, entry in entries(TORCH_CPU.read_text(encoding="utf-8")))
+    (PLUGIN_LOCKS / "screening.lock").write_text(PART_HEADER + "".join(parts) + elsewhere + cpu, encoding="utf-8")
+
+
 if __name__ == "__main__":
-    LOCK.write_text(HEADER + with_hashes(merge(resolve("3.10"), resolve("3.11"))), encoding="utf-8")
-    sys.stdout.write(f"wrote {LOCK}\n")
+    if sys.argv[1:] != ["plugin"]:
+        LOCK.write_text(HEADER + with_hashes(merge(resolve("3.10"), resolve("3.11"))), encoding="utf-8")
+    write_plugin_locks()
+    sys.stdout.write(f"wrote {LOCK} and its parts in {PLUGIN_LOCKS}\n")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import sys
 from pathlib import Path
 
@@ -23,6 +24,9 @@ def _register_package() -> None:
     sys.modules["slopewatch"] = module
     spec.loader.exec_module(module)
 
+
+# Sentences are compared in English, whatever the language of the machine.
+os.environ["SLOPEWATCH_LANGUAGE"] = "en"
 
 if "slopewatch" not in sys.modules:
     _register_package()

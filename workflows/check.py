@@ -15,6 +15,16 @@ from ..engine.pointcloud.clipping import CLIPPED_BY
 from ..engine.pointcloud.pdal_program import find_pdal
 from ..models.network.shipped import RELIEF_SHA256, RELIEF_WEIGHTS, SHIPPED_SHA256, SHIPPED_WEIGHTS
 
+LIBRARIES = (
+    *("click", "geopandas", "jinja2", "laspy", "lazrs", "matplotlib", "numpy", "pyogrio", "pyproj", "rasterio"),
+    *("rich", "safetensors", "scipy", "shapely", "threadpoolctl"),
+)
+OPTIONAL = {
+    "CSF": "not there; the ground needs PDAL 2.3 or newer",
+    "numba": "not there; the same is computed, slower",
+}
+"""Libraries without a build for every system and Python, and what that means."""
+
 
 def check_environment(pdal: Path | None = None) -> dict[str, Any]:
     """Versions and places of what the engine uses.
@@ -23,11 +33,18 @@ def check_environment(pdal: Path | None = None) -> dict[str, Any]:
         InputError: a library is missing, or the PDAL that was asked for does not start.
     """
     found: dict[str, Any] = {**versions(), "interpreter": sys.executable}
-    for name in ("rasterio", "geopandas", "laspy", "lazrs", "CSF"):
+    for name in LIBRARIES:
         try:
             importlib.import_module(name)
         except ImportError as error:
-            raise InputError(f"The Python library {name} cannot be imported ({error}); run `make setup`.") from error
+            raise InputError(
+                f"The Python library {name} cannot be imported ({error}); set the engine up again, with Repair."
+            ) from error
+    for name, without in OPTIONAL.items():
+        try:
+            importlib.import_module(name)
+        except ImportError:
+            found[name] = without
     try:
         found["torch"] = importlib.metadata.version("torch")
     except importlib.metadata.PackageNotFoundError:

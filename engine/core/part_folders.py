@@ -3,8 +3,11 @@
 The system lets go of a lock when its process ends, however it ends. So what a killed run left behind is known to be
 nobody's and is removed by the next run there; and of two runs that would write the same record, one is refused.
 
-A folder is claimed by its file ``OWNER``: made, locked, and only then filled with the record's name. A file that is
-filled and not locked is that of a dead run. Nothing is renamed, which Windows refuses for a file that is open.
+A folder is claimed by its file ``OWNER``: made, locked, and only then filled with the record's name and the moment at
+which the folder was there. A file that is filled and not locked is that of a dead run. Nothing is renamed, which
+Windows refuses for a file that is open. Of two runs the one of the earlier moment goes on. The moment is not the file's
+time, which has steps of some milliseconds: a run that begins in the same step after another has looked around would
+take itself for the earlier one.
 """
 
 from __future__ import annotations
@@ -43,9 +46,10 @@ def part_folder(directory: Path, record: str) -> Iterator[Path]:
     descriptor = os.open(owner, os.O_RDWR | os.O_CREAT, 0o644)
     try:
         lockable = _claimed(descriptor)
-        os.write(descriptor, record.encode())
+        began = time.time_ns()
+        os.write(descriptor, f"{record}\n{began}".encode())
         if lockable:
-            _look_at_others(directory, folder, record)
+            _look_at_others(directory, folder, record, began)
         yield folder
     finally:
         os.close(descriptor)  # before the file goes: on Windows nothing that is open can be removed
@@ -64,30 +68,23 @@ def _claimed(descriptor: int) -> bool:
     return False
 
 
-def _look_at_others(directory: Path, own: Path, record: str) -> None:
-    mine = _age_key(own)
+def _look_at_others(directory: Path, own: Path, record: str, began: int) -> None:
     for other in sorted(directory.glob(f"{PREFIX}*")):
         if other == own or not other.is_dir():
             continue
-        state = _record_of_living(other)
+        state = _claim_of_living(other)
         if state is None:
             shutil.rmtree(other, ignore_errors=True)
-        elif state == record and _age_key(other) < mine:
+            continue
+        name, _, moment = state.partition("\n")
+        if name == record and (int(moment) if moment.isdigit() else 0, other.name) < (began, own.name):
             raise InputError(
                 f"Another run is writing to the folder {directory}; wait until it has ended, or choose another folder."
             )
 
 
-def _age_key(folder: Path) -> tuple[int, str]:
-    """Smaller for the run that began first; both of two that begin together find the same."""
-    try:
-        return (folder / OWNER).stat().st_mtime_ns, folder.name
-    except OSError:
-        return 2**63, folder.name
-
-
-def _record_of_living(folder: Path) -> str | None:
-    """The record that the folder's run will write, empty where that is not known yet; None if its run has ended."""
+def _claim_of_living(folder: Path) -> str | None:
+    """Record and moment of the folder's run, empty where that is not known yet; None if its run has ended."""
     for _ in range(_ROUNDS):
         if _claim(folder) or not _is_young(folder):
             break
@@ -105,7 +102,7 @@ def _record_of_living(folder: Path) -> str | None:
 
 
 def _claim(folder: Path) -> str:
-    """The record that a folder is claimed for; empty before that."""
+    """What a folder is claimed with; empty before that."""
     try:
         return (folder / OWNER).read_text(encoding="utf-8")
     except (OSError, ValueError):

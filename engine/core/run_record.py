@@ -15,6 +15,7 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
+from ...interface.language import current_language
 from ...interface.parameters import ParameterSet
 from . import child_process
 from .checksums import sha256
@@ -89,6 +90,7 @@ class RunRecord:
         return {
             "software": f"SlopeWatch {VERSION}",
             "command": self.command,
+            "language": current_language(),
             "started": self.started.isoformat(timespec="seconds"),
             "seconds": round(time.monotonic() - self._clock, 3),
             "parameters": self.parameters,

@@ -20,8 +20,11 @@ class RunResult:
         The figures of the run record, such as ``zone_count``, ``lod_median_m``; lengths in metres.
     warnings : tuple of str
         What the user should know, one sentence each.
+    conclusion : tuple of str
+        What was found, in a few sentences, where the command says it itself; else it is made of the figures.
     """
 
     outputs: Mapping[str, Path]
     figures: Mapping[str, Any]
     warnings: tuple[str, ...] = ()
+    conclusion: tuple[str, ...] = ()

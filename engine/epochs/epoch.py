@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
+from ...interface.dates import date_in_name
 from ..core.checksums import sha256
 from ..core.errors import InputError
 from ..core.messages import shown
@@ -48,15 +49,20 @@ def parse_date(text: str) -> date:
 
 
 def parse_epoch(text: str) -> Epoch:
-    """An epoch written as YYYY-MM-DD=CLOUD.
+    """An epoch written as YYYY-MM-DD=CLOUD, or as CLOUD, whose name then holds the date.
 
     Raises:
-        InputError: it is not written so.
+        InputError: it is not written so, or the name holds no date, or more than one.
     """
     day, separator, path = text.partition("=")
-    if not separator or not path:
+    if separator and path and not Path(text).is_file():  # a name may hold the sign, too
+        return Epoch(Path(path), parse_date(day))
+    if not text or (separator and not path) or _WRITTEN.fullmatch(text):
         raise InputError(f"--epoch {shown(text)} is not understood; write it as YYYY-MM-DD=CLOUD.")
-    return Epoch(Path(path), parse_date(day))
+    named = date_in_name(Path(text))
+    if named is None:
+        raise InputError(f"The name of {shown(text)} holds no date, or more than one; write it as YYYY-MM-DD=CLOUD.")
+    return Epoch(Path(text), named)
 
 
 def same_content(first: Path, second: Path) -> bool:

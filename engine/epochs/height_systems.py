@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...interface.parameters.registration import MAX_OFFSET_M
 from ..core.arrays import Float
+from ..geometry.columns import greatest, least
 from ..statistics.robust import nmad
 
 FOOT_M = 0.3048
@@ -52,8 +53,8 @@ def compare_clouds(reference: Float, moving: Float, *, lowest: bool = False) -> 
     if min(len(reference), len(moving)) < _MIN_CELLS:
         return None
     reference, moving = (xyz[:: max(1, len(xyz) // MAX_POINTS)] for xyz in (reference, moving))
-    low = np.maximum(reference[:, :2].min(axis=0), moving[:, :2].min(axis=0))
-    high = np.minimum(reference[:, :2].max(axis=0), moving[:, :2].max(axis=0))
+    low = np.maximum(least(reference[:, :2]), least(moving[:, :2]))
+    high = np.minimum(greatest(reference[:, :2]), greatest(moving[:, :2]))
     side = float(np.sqrt(max((high - low).prod(), 0.0) / _CELL_COUNT)) if (high > low).all() else 0.0
     if side <= 0.0:
         return None
@@ -106,7 +107,8 @@ def disagreement(found: HeightComparison | None, first: str, second: str, limit:
 
 def _cell_heights(xyz: Float, low: Float, high: Float, side: float, shape: NDArray[np.int64], lowest: bool) -> Float:
     """Mean or lowest height of each cell, NaN without a point."""
-    xyz = xyz[((xyz[:, :2] >= low) & (xyz[:, :2] <= high)).all(axis=1)]
+    x, y = xyz[:, :2].T
+    xyz = xyz[(x >= low[0]) & (y >= low[1]) & (x <= high[0]) & (y <= high[1])]
     column, row = np.floor((xyz[:, :2] - low) / side).astype(np.int64).T
     cell = row * shape[0] + column
     number = int(shape.prod())

@@ -27,6 +27,21 @@ def distinct(numbers: Index) -> tuple[Index, Index, Index]:
     return np.flatnonzero(held) + low, (np.cumsum(held) - 1)[numbers - low], every[held]
 
 
+def united(*numbers: Index) -> Index:
+    """The different ones of several arrays (n,) of numbers, ascending."""
+    every = [each for each in numbers if len(each)]
+    if not every:
+        return np.zeros(0, dtype=np.int64)
+    low = min(int(each.min()) for each in every)
+    extent = max(int(each.max()) for each in every) - low + 1
+    if extent > MAX_EXTENT_POINTS * sum(len(each) for each in every) + MAX_SMALL_EXTENT:
+        return np.unique(np.concatenate(every))
+    held = np.zeros(extent, dtype=bool)
+    for each in every:
+        held[each - low] = True
+    return np.flatnonzero(held) + low
+
+
 def counts_of_each(numbers: Index) -> Index:
     """How many there are of each of the different ``numbers`` (n,), these ascending."""
     return distinct(numbers)[2]

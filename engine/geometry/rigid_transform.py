@@ -198,12 +198,21 @@ def registration_error(transform_path: Path | None) -> float | None:
 
 
 def registration_facts(transform_path: Path) -> dict[str, Any]:
-    """What the transform's file records of the registration that found it.
+    """What the transform's file records of the registration that found it; a word that stands for no number is left
+    out, as the record of a run holds numbers.
 
     Raises:
         InputError: the file is missing or no transform.
     """
-    return dict(_read(transform_path).get("registration") or {})
+    recorded = _read(transform_path).get("registration") or {}
+    return {name: value for name, value in recorded.items() if not _is_no_number(value)}
+
+
+def _is_no_number(value: Any) -> bool:
+    try:
+        return isinstance(value, str) and not math.isfinite(float(value))
+    except ValueError:  # a word
+        return False
 
 
 def _read(path: Path) -> dict[str, Any]:

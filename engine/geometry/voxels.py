@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ..core.arrays import Float
 from ..core.errors import InputError
+from .columns import greatest, least
 
 # Coordinates come in steps of a millimetre or so. Faces of the lattice at an odd fraction of its size keep them from
 # lying exactly on a face, where a last digit would decide the voxel and large and small coordinates differ.
@@ -27,8 +28,8 @@ def voxel_average(xyz: Float, size: float, more: Float | None = None) -> Float:
     Raises:
         InputError: the extent holds more voxels than can be numbered, which a stray point causes.
     """
-    low = xyz.min(axis=0) - _SHIFT * size
-    extent = xyz.max(axis=0) - low
+    low = least(xyz) - _SHIFT * size
+    extent = greatest(xyz) - low
     counts = np.floor(extent / size) + 1
     if np.prod(counts) > 2.0**62:
         raise InputError(
@@ -48,8 +49,8 @@ def voxel_average(xyz: Float, size: float, more: Float | None = None) -> Float:
 
 def block_numbers(xyz: Float, size: float) -> NDArray[np.int64]:
     """Number of the cubic block of ``size`` metres each point (n, 3) lies in, counted from 0 without gaps."""
-    cell = np.floor((xyz - xyz.min(axis=0)) / size).astype(np.int64)
-    spans = cell.max(axis=0) + 1
+    cell = np.floor((xyz - least(xyz)) / size).astype(np.int64)
+    spans = greatest(cell) + 1
     key = (cell[:, 0] * spans[1] + cell[:, 1]) * spans[2] + cell[:, 2]
     if np.prod(spans.astype(np.float64)) > 8 * len(xyz) + 1e6:
         return np.unique(key, return_inverse=True)[1].astype(np.int64)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import contextlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
@@ -111,10 +112,10 @@ def write_bands(
     grid: Grid,
     crs: CRS | None,
     *,
-    unit: str = "m",
+    unit: str | Sequence[str] = "m",
     tags: Mapping[str, str] | None = None,
 ) -> None:
-    """Like ``write_raster`` with several bands, by their descriptions."""
+    """Like ``write_raster`` with several bands, by their descriptions; ``unit`` of all bands, or of each."""
     name, held = Path(path).name, [laid(band) for band in bands.values()]
     for band in held:
         if band.layout.shape != grid.shape or band.values.shape != band.layout.array_shape:
@@ -131,7 +132,7 @@ def write_bands(
     def describe(target: DatasetWriter) -> None:
         for number, description in enumerate(bands, 1):
             target.set_band_description(number, description)
-        target.units = (unit,) * len(bands)
+        target.units = (unit,) * len(bands) if isinstance(unit, str) else tuple(unit)
 
     _write(Path(path), grid, crs, profile, tags, describe, lines)
 
@@ -170,21 +171,47 @@ def read_raster(path: Path, band: int = 1) -> Raster:
     Raises:
         InputError: not a GeoTIFF, not north-up with square cells, without that band, or larger than its bytes can be.
     """
+    with open_raster(path, band) as opened:
+        source = opened.source
+        return Raster(
+            array=opened.rows(0, source.height),
+            grid=opened.grid,
+            crs=CRS.from_wkt(source.crs.to_wkt(version="WKT2_2019")) if source.crs else None,
+            description=source.descriptions[band - 1] or "",
+            unit=source.units[band - 1] or "",
+            tags={k: v for k, v in source.tags().items() if k != "AREA_OR_POINT"},
+        )
+
+
+@dataclass(frozen=True)
+class OpenRaster:
+    """A band of a file that is open, on its ``grid``."""
+
+    source: DatasetReader
+    band: int
+    grid: Grid
+
+    def rows(self, first: int, last: int) -> NDArray[np.float32]:
+        """Rows ``first`` to before ``last`` (rows, columns), NaN where there is no data, as ``read_raster`` says."""
+        window = Window(0, first, self.source.width, last - first)
+        values = self.source.read(self.band, window=window).astype(np.float32, copy=False)
+        # other programs leave our -9999 behind where they declare NaN, or nothing
+        values[(self.source.read_masks(self.band, window=window) == 0) | (values == NODATA)] = np.nan
+        return np.asarray(values)
+
+
+@contextlib.contextmanager
+def open_raster(path: Path, band: int = 1) -> Iterator[OpenRaster]:
+    """A band to be read in parts.
+
+    Raises:
+        InputError: as ``read_raster``, here or while it is read.
+    """
     try:
         # no other format: some refer to files elsewhere
         with rasterio.Env(**_ENVIRONMENT), rasterio.open(path, driver="GTiff") as source:
             _refuse_senseless(source, Path(path), band)
-            values = source.read(band).astype(np.float32, copy=False)
-            # other programs leave our -9999 behind where they declare NaN, or nothing
-            values[(source.read_masks(band) == 0) | (values == NODATA)] = np.nan
-            return Raster(
-                array=values,
-                grid=_grid_of(source, Path(path)),
-                crs=CRS.from_wkt(source.crs.to_wkt(version="WKT2_2019")) if source.crs else None,
-                description=source.descriptions[band - 1] or "",
-                unit=source.units[band - 1] or "",
-                tags={k: v for k, v in source.tags().items() if k != "AREA_OR_POINT"},
-            )
+            yield OpenRaster(source, band, grid_of(source, Path(path)))
     except (RasterioError, CRSError, ValueError) as error:
         raise InputError(f"{path} cannot be read as a raster; give a GeoTIFF.") from error
 
@@ -203,7 +230,8 @@ def _refuse_senseless(source: DatasetReader, path: Path, band: int) -> None:
         raise InputError(f"{path} has a place that is no number; it is damaged, so make it again.")
 
 
-def _grid_of(source: DatasetReader, path: Path) -> Grid:
+def grid_of(source: DatasetReader, path: Path) -> Grid:
+    """The grid of a raster; InputError where it is not north-up with square cells."""
     a, b, west, d, e, north = tuple(source.transform)[:6]
     if b or d or a <= 0 or not np.isclose(a, -e, rtol=1e-9):
         raise InputError(f"{path} is not north-up with square cells; warp it first.")

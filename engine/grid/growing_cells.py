@@ -13,6 +13,7 @@ from scipy import ndimage
 from ...interface.parameters import ChangeParameters
 from ..core.arrays import Float
 from ..core.progress import Progress
+from ..geometry.numbered import united
 from ..pointcloud.in_parts import Points, SpooledCloud, every_of
 from ..pointcloud.plant_cover import PlantCover
 from .block_moments import Moments, cell_moments
@@ -212,7 +213,7 @@ def _together(parts: list[_Part], frame: Frame, points: Sequence[Counted], known
     rank = np.empty(len(found), dtype=np.int64)
     rank[by_first] = np.arange(len(found))
     number = rank[number.ravel()]
-    listed = np.union1d(np.union1d(points[0][0], points[1][0]), cell)
+    listed = united(points[0][0], points[1][0], cell)
     place = np.searchsorted(listed, cell)
     by_name = dict(zip(COLUMNS, figures, strict=True))
 

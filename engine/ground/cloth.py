@@ -47,7 +47,7 @@ def cloth_ground(
         (n,) bool. The same points give the same answer: the library runs on one thread.
 
     Raises:
-        InputError: a cloth too large, or coordinates that are not finite.
+        InputError: a cloth too large, coordinates that are not finite, or the library is not there.
         EngineError: the library failed.
         Cancelled: the command is being cancelled.
     """
@@ -81,6 +81,11 @@ def cloth_ground(
             environment={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
             directory=folder,
         )
+        if b"No module named 'CSF'" in result.stderr:
+            raise InputError(
+                "The cloth filter (cloth-simulation-filter) is not there, as it has no build for this Python; install "
+                "PDAL 2.3 or newer, or set the engine up again from Python 3.10 to 3.12."
+            )
         if result.returncode:
             reason = result.stderr.decode(errors="replace").strip().splitlines()[-1:]
             raise EngineError(

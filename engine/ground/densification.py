@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay, cKDTree
-from threadpoolctl import threadpool_limits
 
 from ..core.arrays import Bool, Float, Index
+from ..core.blas_threads import one_blas_thread
 from ..geometry.columns import greatest, least, spans
 from ..geometry.numbered import distinct, lowest_heights
 from ..geometry.plane_gradient import gradient_parts
@@ -208,7 +208,7 @@ class Triangles:
         self.middle = self.points[:, :2].mean(axis=0)
         self.mesh = Delaunay(self.points[:, :2] - self.middle)
         # scipy solves a tiny system for each triangle; the threads of a BLAS only wait for each other there
-        with threadpool_limits(limits=1, user_api="blas"):
+        with one_blas_thread():
             self.mesh.transform  # noqa: B018  (kept by the mesh once it was asked for)
 
     def height(self, xy: Float) -> Float:

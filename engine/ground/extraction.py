@@ -28,6 +28,7 @@ from ..geometry.point_spacing import point_spacing
 from ..pointcloud import plant_cover
 from ..pointcloud.clipping import clip
 from ..pointcloud.header import EmptyCloud, preflight
+from ..pointcloud.near_area import near_area
 from ..pointcloud.pdal_program import Pdal, find_pdal, keep_pipeline
 from ..pointcloud.reading import open_cloud
 from ..pointcloud.returns import Returns
@@ -223,7 +224,11 @@ class _Extraction:
             )
         large = not fits_in_one_piece(header.count, header.count, self.parameters)
         region = None if roi is None else read_roi(roi, frame.crs, unit=frame.horizontal_factor)
-        raw = file_coverage(header, frame, (None if region is None else region.geometry) if large else Polygon())
+        counted = (None if region is None else region.geometry) if large else Polygon()
+        # without PDAL the file is clipped as it is read
+        kept = None if region is None or large or not self.pdal.is_there else region.geometry
+        near = None if kept is None else near_area(header, frame, kept)
+        raw = file_coverage(header, frame, counted, near)
         if region is not None:
             for note in region.notes:
                 self._warn(note)
@@ -232,7 +237,7 @@ class _Extraction:
         if large:
             refuse_too_dense(self.cloud, raw.places, raw.counts, self.parameters)
             refuse_full_disk(header, raw.points, self.output.absolute().parent)
-        return Source(header, frame, region, raw.area, raw.largest_class > pdal_pipelines.MAX_PDAL_CLASS, large)
+        return Source(header, frame, region, raw.area, raw.largest_class > pdal_pipelines.MAX_PDAL_CLASS, large, near)
 
     def _clip(self, source: Source, plain: Path) -> int:
         """Write the points within the region to ``plain``; how many there are.

@@ -17,6 +17,7 @@ from ..geometry.numbered import lowest_of_each
 from ..geometry.point_spacing import point_spacing
 from ..pointcloud.extent import CheckedRecords, square_metres
 from ..pointcloud.header import CloudHeader
+from ..pointcloud.near_area import NearArea
 from ..pointcloud.records import PLACES, coordinates
 from .squares import square_numbers
 from .tally import Tally, metre_squares, square_places
@@ -51,22 +52,30 @@ def coverage(xyz: Float) -> float:
     return float(len(square_metres(xyz)))
 
 
-def file_coverage(header: CloudHeader, frame: WorkingFrame, counted: BaseGeometry | None = None) -> FileCoverage:
+def file_coverage(
+    header: CloudHeader,
+    frame: WorkingFrame,
+    counted: BaseGeometry | None = None,
+    near: NearArea | None = None,
+) -> FileCoverage:
     """What the points of a file cover in metres of ``frame``.
 
     Args:
         counted: points within this polygon are counted; all by default, none for an empty one.
+        near: takes all records as they are read.
 
     Raises:
         InputError: the points are damaged.
     """
     covered, largest = np.empty(0, dtype=np.int64), 0
     class_byte = "classification" if header.point_format > 5 else "raw_classification"
-    checked = CheckedRecords(header, PLACES | DecompressionSelection.CLASSIFICATION)
+    checked = CheckedRecords(header, PLACES | DecompressionSelection.CLASSIFICATION if near is None else None)
     squares = Tally()
     if counted is not None:
         shapely.prepare(counted)
     for records in checked:
+        if near is not None:
+            near.add(records)
         largest = max(largest, int(records[class_byte].max()))
         xyz = coordinates(records, header, frame.factors)
         covered = np.union1d(covered, square_metres(xyz))

@@ -14,6 +14,7 @@ from ..crs.working_frame import WorkingFrame
 from ..geometry.dominant_plane import Plane
 from ..pointcloud.copc import chunks_near, write_near
 from ..pointcloud.header import CloudHeader, preflight
+from ..pointcloud.near_area import NearArea
 from ..pointcloud.records import PLACES, coordinates, read_records
 from ..pointcloud.returns import Returns, last_returns
 from ..vector.area import Roi
@@ -23,7 +24,8 @@ from ..vector.area import Roi
 class Source:
     """A sound cloud, the ``area`` (m²) that it covers, and whether its classes are more than PDAL compresses.
 
-    ``in_tiles``: its points within the region do not fit into memory in one piece.
+    ``in_tiles``: its points within the region do not fit into memory in one piece. ``near`` holds those near the region
+    where they were kept as the file was checked.
     """
 
     header: CloudHeader
@@ -32,6 +34,7 @@ class Source:
     area: float
     odd_classes: bool
     in_tiles: bool = False
+    near: NearArea | None = None
 
     @property
     def flags_in_class(self) -> bool:
@@ -57,11 +60,14 @@ class Clipped:
 
 
 def read_near(source: Source, near: Path) -> CloudHeader:
-    """The file to clip: of a COPC the chunks near the region, which are written to ``near``; else the cloud itself.
+    """The file to clip: ``near``, with the points near the region where these were kept or the chunks of a COPC; else
+    the cloud itself.
 
     Raises:
-        InputError: as ``copc.write_near``.
+        InputError: as ``NearArea.written`` and ``copc.write_near``.
     """
+    if source.near is not None:
+        return source.near.written(near)
     if source.region is None:
         return source.header
     bounds = np.array(source.region.geometry.bounds).reshape(2, 2) / source.frame.horizontal_factor

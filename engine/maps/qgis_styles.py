@@ -40,18 +40,26 @@ _ATTENTION: tuple[Colour, ...] = (
     (130, 130, 130), (242, 206, 75), (240, 150, 50), (214, 48, 42), (141, 20, 16),
 )  # fmt: skip
 """Colours of a corridor's zones by their attention, 0 to 4 and more."""
+_GROUND: Colour = (190, 186, 178)
+"""Of points that are no hazard."""
 _STATES = ("lowered", "raised", "below its level", "not measured")
 
 
 def change_qml(
-    limit: float, level: float | None = None, *, unit: str = "m", shown: tuple[date, date] | None = None
+    limit: float,
+    level: float | None = None,
+    *,
+    unit: str = "m",
+    shown: tuple[date, date] | None = None,
+    opacity_band: int | None = None,
 ) -> str:
     """Diverging, zero-centred style of an elevation-change raster: lowering red, raising blue.
 
     Args:
         limit: the ramp runs from -limit to +limit, in ``unit``.
-        level: change below this is drawn in a faint grey (the median level of detection).
+        level: change below this is drawn in a faint grey (one level for all cells).
         shown: the temporal controller shows the layer after the first day until the second.
+        opacity_band: the band of the raster by which cells within their own level are pale (``opacity_band.opacity``).
     """
     inner = level if level is not None and 0 < level < limit else 0.0
     # a stop close to the grey band's edge would only crowd the legend
@@ -61,6 +69,7 @@ def change_qml(
         if share * limit - inner > 0.05 * limit or not (share or inner)
     ]
     stops: list[tuple[float, Colour, int, str]] = []
+    zero = f"0 {unit}" if opacity_band is None else f"0 {unit} (pale: within the cell's level of detection)"
     if inner:
         # two stops close together make the hard edge of the grey band
         arms.append((inner * 1.0001, inner, *signed_colours(inner / limit)))
@@ -71,14 +80,20 @@ def change_qml(
     for value, named, lowered, raised in arms:
         if value:
             stops.append((-value, lowered, 255, f"{-named:+.3f} {unit} lowered"))
-        stops.append((value, raised, 255, f"{named:+.3f} {unit} raised" if value else f"0 {unit}"))
-    return _ramp_qml(sorted(stops), unit, shown)
+        stops.append((value, raised, 255, f"{named:+.3f} {unit} raised" if value else zero))
+    return _ramp_qml(sorted(stops), unit, shown, opacity_band=opacity_band)
 
 
 def level_qml(limit: float, *, unit: str = "m", shown: tuple[date, date] | None = None) -> str:
     """Sequential style of a level-of-detection raster, from 0 to ``limit``; otherwise as ``change_qml``."""
     stops = [(s * limit, colour, 255, f"{s * limit:.3f} {unit}") for s, colour in SEQUENTIAL]
     return _ramp_qml(stops, unit, shown)
+
+
+def shade_qml(low: float, high: float) -> str:
+    """Style of a hillshade: greys, black at ``low`` and white at ``high``."""
+    values = (low, (low + high) / 2, max(high, low + 1.0))
+    return _ramp_qml([(v, (grey,) * 3, 255, f"{v:.0f}") for v, grey in zip(values, (0, 128, 255), strict=True)])
 
 
 def cell_size_qml(sizes: Sequence[float]) -> str:
@@ -174,9 +189,25 @@ def corridor_alerts_qml(fields: Iterable[str], states: Sequence[str], entered: S
     return _polygons_qml("corridor_alerts", _fields(fields), categories, states=states, entered=entered)
 
 
-def write_qml_next_to(raster: Path, qml: str) -> Path:
-    """Write ``qml`` where QGIS finds it when it loads ``raster``: same folder, same stem. Returns that path."""
-    path = Path(raster).with_suffix(".qml")
+def drawn_qml(field: str) -> str:
+    """Style of polygons to draw on or drawn by people: an outline, labelled with ``field``."""
+    return render(_TEMPLATES / "drawn.qml.j2", field=field, colour="20,90,200")
+
+
+def labelled_points_qml(attribute: str) -> str:
+    """Style of a labelled cloud by the class in ``attribute``: 0 grey, 1 (uplift) blue, 2 (subsidence) red."""
+    _, lowered, raised = DIVERGING[4]
+    looks = (("Background", _GROUND), ("Uplift", raised), ("Subsidence", lowered))
+    categories = [
+        {"value": value, "label": label, "colour": ",".join(map(str, (*colour, 255)))}
+        for value, (label, colour) in enumerate(looks)
+    ]
+    return render(_TEMPLATES / "labelled_points.qml.j2", attribute=attribute, categories=categories)
+
+
+def write_qml_next_to(file: Path, qml: str) -> Path:
+    """Write ``qml`` where QGIS finds it when it loads ``file``: same folder, same stem. Returns that path."""
+    path = Path(file).with_suffix(".qml")
     with atomic_output(path) as partial:
         partial.write_text(qml, encoding="utf-8")
     return path
@@ -187,6 +218,7 @@ def _ramp_qml(
     unit: str = "",
     shown: tuple[date, date] | None = None,
     band: int = 1,
+    opacity_band: int | None = None,
 ) -> str:
     """Style of a raster's ``band`` with ``stops``: value, colour, opacity (0 to 255) and label, values ascending."""
     return render(
@@ -197,6 +229,7 @@ def _ramp_qml(
         ],
         suffix=f" {unit}" if unit else "",
         band=band,
+        opacity_band=opacity_band,
         shown=shown and (shown[0] + timedelta(days=1), shown[1]),
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,22 +69,40 @@ def project(
     if rgb is not None and rgb.any():
         source, shown = "rgb", rgb[point].astype(np.float32)
     elif intensity is not None and intensity.size and intensity.min() < intensity.max():
-        source, shown = "intensity", _stretched(intensity[point].astype(np.float32), intensity[every])[:, np.newaxis]
+        values = intensity[point].astype(np.float32)
+        source, shown = "intensity", stretched(values, *stretch_levels(intensity[every]))[:, np.newaxis]
     else:
         source, shown = "height", xyz[point, 2:3].astype(np.float32)
-    rgba = np.zeros((*grid.shape, 4), dtype=np.uint8)
-    heights = np.full(grid.shape, np.nan, dtype=np.float32) if source == "height" else None
-    margin = 4 * fill_distance + 1  # pixels from which a gap's colour can come
-    for rows in bands(grid.shape):
-        first, last = max(rows.start - margin, 0), min(rows.stop + margin, grid.rows)
+
+    def lines(first: int, last: int) -> tuple[NDArray[np.float32], Bool]:
         here = slice(*np.searchsorted(pixel, (first * grid.columns, last * grid.columns)).tolist())
         picture = np.zeros(((last - first) * grid.columns, shown.shape[1]), dtype=np.float32)
         filled = np.zeros(len(picture), dtype=bool)
         picture[pixel[here] - first * grid.columns] = shown[here]
         filled[pixel[here] - first * grid.columns] = True
         shape = last - first, grid.columns
-        colours = picture.reshape(*shape, shown.shape[1])
-        known = _fill_gaps(colours, filled.reshape(shape), fill_distance)
+        return picture.reshape(*shape, shown.shape[1]), filled.reshape(shape)
+
+    return painted(lines, grid, source, fill_distance)
+
+
+def painted(
+    lines: Callable[[int, int], tuple[NDArray[np.float32], Bool]], grid: Grid, source: str, fill_distance: int
+) -> TopView:
+    """The top view of what the pixels show, gaps filled as ``project`` says.
+
+    Args:
+        lines: colours (0 to 255) or heights (m), (rows, columns, bands), of the rows from a first one to the one before
+            a last, and which pixels are known; both may be changed.
+        source: as of ``TopView``; heights are shaded.
+    """
+    rgba = np.zeros((*grid.shape, 4), dtype=np.uint8)
+    heights = np.full(grid.shape, np.nan, dtype=np.float32) if source == "height" else None
+    margin = 4 * fill_distance + 1  # pixels from which a gap's colour can come
+    for rows in bands(grid.shape):
+        first, last = max(rows.start - margin, 0), min(rows.stop + margin, grid.rows)
+        colours, filled = lines(first, last)
+        known = _fill_gaps(colours, filled, fill_distance)
         own = slice(rows.start - first, rows.stop - first)
         if heights is not None:
             heights[rows] = np.where(known[own], colours[own, :, 0], np.nan)
@@ -96,9 +115,14 @@ def project(
     return TopView(rgba=rgba, grid=grid, source=source)
 
 
-def _stretched(values: NDArray[np.float32], of: NDArray[np.integer]) -> NDArray[np.float32]:
-    """Between the 2nd and 98th percentile ``of`` some values, 0 to 255."""
-    low, high = np.percentile(of.astype(np.float32), (2, 98)) if of.size else (0.0, 1.0)
+def stretch_levels(values: NDArray[np.integer]) -> tuple[float, float]:
+    """What becomes black and what white: the 2nd and the 98th percentile of intensities (n,)."""
+    low, high = np.percentile(values.astype(np.float32), (2, 98)) if values.size else (0.0, 1.0)
+    return low, high
+
+
+def stretched(values: NDArray[np.float32], low: float, high: float) -> NDArray[np.float32]:
+    """Values of any shape from ``low`` to ``high`` as 0 to 255."""
     return (np.clip((values - low) / max(high - low, 1e-6), 0.0, 1.0) * 255.0).astype(np.float32)
 
 

@@ -18,6 +18,7 @@ from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.messages import shown
 from ..core.progress import Progress
+from ..geometry.columns import greatest, least
 from ..geometry.rigid_transform import RigidTransform
 from .cloud import PointCloud
 from .extent import CheckedRecords
@@ -155,7 +156,7 @@ class SpooledCloud:
         """Lowest and highest coordinates, (3,) each."""
         low, high = np.full(3, np.inf), np.full(3, -np.inf)
         for xyz, _ in self.parts():
-            low, high = np.minimum(low, xyz.min(axis=0)), np.maximum(high, xyz.max(axis=0))
+            low, high = np.minimum(low, least(xyz)), np.maximum(high, greatest(xyz))
         return low, high
 
     def median_height(self) -> float:
@@ -197,7 +198,7 @@ def every_of(points: Points, step: int) -> Float:
 
 def bounds_of(points: Points) -> tuple[Float, Float]:
     """Lowest and highest coordinates, (3,) each."""
-    return points.bounds if isinstance(points, SpooledCloud) else (points.min(axis=0), points.max(axis=0))
+    return points.bounds if isinstance(points, SpooledCloud) else (least(points), greatest(points))
 
 
 def spool(

@@ -8,6 +8,7 @@ import numpy as np
 from laspy import PackedPointRecord
 
 from ...interface.parameters import InputParameters
+from ..geometry.columns import greatest, least
 from ..geometry.rigid_transform import RigidTransform
 from .in_parts import CloudFile
 from .reading import open_cloud
@@ -24,7 +25,7 @@ def copy_moved(source: Path, output: Path, transform: RigidTransform, inputs: In
     header, frame = open_cloud(source, inputs)
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for part in CloudFile(source, frame.crs, inputs, transform).parts():
-        low, high = np.minimum(low, part.xyz.min(axis=0)), np.maximum(high, part.xyz.max(axis=0))
+        low, high = np.minimum(low, least(part.xyz)), np.maximum(high, greatest(part.xyz))
     scales, offsets = scales_and_offsets(output, np.stack([low, high]), np.array(header.scales) * frame.factors)
 
     def change(records: PackedPointRecord, part: slice) -> None:

@@ -18,13 +18,14 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 from ..core import cancellation, child_process
 from ..core.errors import EngineError, InputError
 from ..core.messages import shown
 from ..core.staged_outputs import atomic_output
+from .pdal_places import QGIS_VARIABLE, library_variables, pdal_places
 
 VARIABLE = "SLOPEWATCH_PDAL"
 NONE = "none"
@@ -61,6 +62,9 @@ class Pdal:
         """Whether its filters.csf works."""
         return self.release >= CSF_SINCE
 
+    def _libraries(self) -> dict[str, str]:
+        return {} if self.path is None else library_variables(sys.platform, self.path, os.environ, os.path.isfile)
+
     def run(self, pipeline: list[Stage], *, memory_limit: int | None = None) -> None:
         """Run a pipeline; its writer's file is complete or absent.
 
@@ -78,7 +82,7 @@ class Pdal:
                 stdin=json.dumps({"pipeline": safe}).encode(),
                 memory_limit=memory_limit,
                 # one thread: several give another cloth, and so other ground, from run to run
-                environment={**os.environ, "OMP_NUM_THREADS": "1"},
+                environment={**os.environ, **self._libraries(), "OMP_NUM_THREADS": "1"},
                 directory=folder,  # some releases leave files of the cloth where they run
             )
             if result.returncode:
@@ -111,19 +115,21 @@ def keep_pipeline(pipeline: list[Stage], path: Path, final: Path | None = None) 
 
 
 def find_pdal(setting: Path | str | None = None) -> Pdal:
-    """The PDAL to use: SLOPEWATCH_PDAL, then ``setting``, then the Python package, then PATH or the private prefix.
+    """The PDAL to use: SLOPEWATCH_PDAL, then ``setting``, then the Python package, then what is found.
 
-    Of the one on PATH and the private one the newer is taken. ``NO_PDAL`` where there is none, or where the
-    variable says ``NONE``.
+    Found is what came with QGIS, on PATH, in conda or in the private prefix; of these the newest is taken, the first
+    of equals. ``NO_PDAL`` where there is none, or where the variable says ``NONE``.
 
     Raises:
         InputError: the one asked for does not start.
     """
-    return _find(os.environ.get(VARIABLE, ""), str(setting or ""), os.environ.get("PATH", ""))
+    names = ("PATH", QGIS_VARIABLE, "CONDA_PREFIX")
+    return _find(os.environ.get(VARIABLE, ""), str(setting or ""), *(os.environ.get(name, "") for name in names))
 
 
 @functools.lru_cache(maxsize=8)
-def _find(variable: str, setting: str, search_path: str) -> Pdal:
+def _find(variable: str, setting: str, search_path: str, qgis: str, conda: str) -> Pdal:
+    """``find_pdal`` in an environment, of which those three variables decide."""
     if variable == NONE:
         return Pdal(None, "", f"environment variable {VARIABLE}")
     for given, how, remedy in (
@@ -140,13 +146,21 @@ def _find(variable: str, setting: str, search_path: str) -> Pdal:
         version = _version_of([sys.executable, str(_WORKER), "--version"])
         if version is not None:
             return Pdal(None, version, "Python package pdal")
+    environ = {**os.environ, "PATH": search_path, QGIS_VARIABLE: qgis, "CONDA_PREFIX": conda}
+    places = pdal_places(sys.platform, environ, os.path.isfile, _names_in)
     found: list[Pdal] = []
-    private = str(PRIVATE) if PRIVATE.is_file() else None
-    for candidate, how in ((shutil.which("pdal", path=search_path), "PATH"), (private, "private prefix of the set-up")):
-        version = _version_of([candidate, "--version"]) if candidate else None
-        if candidate and version is not None:
+    for candidate, how in [*places, *([(PRIVATE, "private prefix of the set-up")] if PRIVATE.is_file() else [])]:
+        version = _version_of([str(candidate), "--version"])
+        if version is not None:
             found.append(Pdal(Path(candidate), version, how))
-    return max(found, key=lambda p: p.release, default=NO_PDAL)  # the first of equals: the one on PATH
+    return max(found, key=lambda p: p.release, default=NO_PDAL)  # the first of equals
+
+
+def _names_in(folder: PurePath) -> list[str]:
+    try:
+        return os.listdir(folder)
+    except OSError:
+        return []
 
 
 def _version_of(arguments: list[str]) -> str | None:

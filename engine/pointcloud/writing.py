@@ -24,6 +24,7 @@ from ..core.messages import one_line, shown
 from ..core.staged_outputs import atomic_output
 from ..core.version import VERSION
 from ..crs.working_frame import WorkingFrame
+from ..geometry.columns import greatest, least
 from .cloud import PointCloud
 from .header import CloudHeader, EmptyCloud, Vector, preflight
 from .reading import open_cloud
@@ -204,7 +205,12 @@ def _taker(source: CloudHeader, target: Target) -> Iterator[Callable[[PackedPoin
     kept = [d for d in extra_dimensions(source) if d.name not in [n.name for n in target.new]]
     dimensions = tuple(sorted([*kept, *target.new], key=lambda d: not d.descriptor))
     layout = Layout(source.point_format, dimensions, target.scales, target.offsets, target.crs)
-    dtype, carried = layout.dtype, record_dtype(source.point_format, kept).names or ()
+    dtype = layout.dtype
+    # what both begin with is copied at once, except what is new in the copy
+    alike = _common_start(record_dtype(source.point_format, extra_dimensions(source)), dtype)
+    width = min([alike, *(_offset(dtype, d.field) for d in target.new)])
+    carried = record_dtype(source.point_format, kept).names or ()
+    rest = [name for name in carried if _offset(dtype, name) >= width]
     count = source.count if target.keep is None else int(np.count_nonzero(target.keep))
     written = 0
 
@@ -212,7 +218,8 @@ def _taker(source: CloudHeader, target: Target) -> Iterator[Callable[[PackedPoin
         nonlocal written
         chosen = group.array if target.keep is None else np.compress(target.keep[part], group.array)
         records = np.zeros(len(chosen), dtype)
-        for field in carried:
+        _as_bytes(records)[:, :width] = _as_bytes(chosen)[:, :width]
+        for field in rest:
             records[field] = chosen[field]
         target.change(PackedPointRecord(records, group.point_format), slice(written, written + len(records)))
         written += len(records)
@@ -220,6 +227,24 @@ def _taker(source: CloudHeader, target: Target) -> Iterator[Callable[[PackedPoin
 
     with laz_writer(target.path, layout, count, source) as write:
         yield take
+
+
+def _common_start(one: np.dtype[np.void], other: np.dtype[np.void]) -> int:
+    """Bytes of the fields that two structures of records without gaps begin with alike."""
+    for first, second in zip(one.names or (), other.names or (), strict=False):
+        if first != second or one[first] != other[second]:
+            return min(_offset(one, first), _offset(other, second))
+    return min(one.itemsize, other.itemsize)
+
+
+def _offset(dtype: np.dtype[np.void], name: str) -> int:
+    assert dtype.fields is not None
+    return int(dtype.fields[name][1])
+
+
+def _as_bytes(records: NDArray[np.void]) -> NDArray[np.uint8]:
+    """(n, bytes of a record) of contiguous records, without a copy."""
+    return records.view(np.uint8).reshape(len(records), records.dtype.itemsize)
 
 
 @dataclass(frozen=True)
@@ -314,7 +339,7 @@ def _checked(
 
 def scales_and_offsets(path: Path, xyz: Float, wanted: Float) -> tuple[Float, Float]:
     """Scales at most 1 mm and offsets near the middle, so that 32 bits hold the coordinates; finer where that fits."""
-    low, high = xyz.min(axis=0), xyz.max(axis=0)
+    low, high = least(xyz), greatest(xyz)
     if not (np.isfinite(low).all() and np.isfinite(high).all()):
         raise EngineError("coordinates that are not finite cannot be written")
     offsets = np.round((low + high) / 2000.0) * 1000.0

@@ -8,6 +8,7 @@ from typing import Any
 
 from markupsafe import Markup
 
+from ...interface.language import current_language
 from ...interface.parameters import (
     PUBLISHED_WORKFLOW,
     PUBLISHED_WORKFLOW_ID,
@@ -44,7 +45,7 @@ _MEANINGS = {
 def write_report(folder: Path) -> Path:
     """Write ``report.html`` into an output folder of ``inspect``, ``change`` or ``series``; its path.
 
-    It is made of that folder alone, so that the same folder gives the same bytes.
+    It is made of that folder alone, in the language of the environment, so that the same folder gives the same bytes.
 
     Raises:
         InputError: the folder holds no record of such a run, or a file of it cannot be read.
@@ -55,12 +56,13 @@ def write_report(folder: Path) -> Path:
     return folder / REPORT
 
 
-def compose(record: dict[str, Any], folder: Path, profiles: Path | None = None) -> str:
+def compose(record: dict[str, Any], folder: Path, profiles: Path | None = None, language: str = "") -> str:
     """The report of a run record as HTML.
 
     Args:
         folder: of the run's outputs.
         profiles: table of the profiles' cells, if another than that of the folder.
+        language: of the page, one of ``interface.language``; that of the environment by default.
 
     Raises:
         InputError: the record is of no such run, or a file of the folder cannot be read.
@@ -83,7 +85,7 @@ def compose(record: dict[str, Any], folder: Path, profiles: Path | None = None) 
         raise InputError(
             f"{shown(folder / 'run.json')} is no record of a change or a screening; give the folder of such a run."
         )
-    return render(_TEMPLATES / template, **context, **more)
+    return render(_TEMPLATES / template, language or current_language(), **context, **more)
 
 
 def read_record(folder: Path) -> dict[str, Any]:

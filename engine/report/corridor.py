@@ -8,6 +8,7 @@ from typing import Any
 
 from markupsafe import Markup
 
+from ...interface.language import current_language
 from ..core.templates import render
 
 _TEMPLATES = Path(__file__).resolve().parent / "templates"
@@ -31,6 +32,7 @@ def corridor_page(
     shown = [{name: _shown(name, getattr(slope, name)) for name in slope.__dataclass_fields__} for slope in done]
     return render(
         _TEMPLATES / "corridor.html.j2",
+        current_language(),
         css=css,
         done=shown,
         failed=failed,

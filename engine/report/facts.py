@@ -21,7 +21,7 @@ from ..core.arrays import Float
 from ..epochs.epoch import Epoch
 from ..grid.grid import Grid
 from ..maps.palette import rounded_up
-from ..statistics.layout import Layout, layout_of
+from ..statistics.layout import Laid, Layout, laid, layout_of
 from ..statistics.robust import nmad
 
 _HALF_BINS = 60
@@ -178,11 +178,10 @@ def density(count: NDArray[np.signedinteger[Any]], grid: Grid, layout: Layout | 
     }
 
 
-def points_a_square_metre(count: NDArray[Any], grid: Grid, block: float = 1.0) -> Float:
-    """Density in blocks of as many whole cells as make at least ``block`` metres."""
+def points_a_square_metre(count: NDArray[Any] | Laid, grid: Grid, block: float = 1.0) -> Float:
+    """Density in blocks of as many whole cells as make at least ``block`` metres, of whole numbers of points."""
     side = block_cells(grid, block)
-    rows, columns = np.arange(0, count.shape[0], side), np.arange(0, count.shape[1], side)
-    total = np.add.reduceat(np.add.reduceat(count, rows, axis=0), columns, axis=1)
+    total = laid(count).layout.block_sums(laid(count).values, side)
     return np.asarray(total / (side * grid.cell) ** 2)
 
 

@@ -13,15 +13,15 @@ from scipy import ndimage
 
 from ...interface.parameters import HeatmapParameters
 from ..core.arrays import Float
-from ..grid.geotiff import Raster, read_raster
 from ..grid.grid import Grid
+from ..grid.listed_raster import ListedRasters, read_listed
 from ..maps.figure import make_figure
 from ..maps.heatmap_image import Words, make_heatmap
 from ..maps.map_parts import INK, Sheet, draw_colour_bar, draw_image, draw_key, draw_scale_bar
 from ..maps.palette import SEQUENTIAL, Colour, colours_at, hexadecimal, sequential_steps
 from ..maps.relief import shaded_relief
 from ..maps.top_view import TopView, top_view_grid
-from ..statistics.layout import bands
+from ..statistics.layout import Laid, bands, laid
 from ..vector.geopackage import read_layer
 from .embedding import Picture, map_picture
 from .facts import block_cells, points_a_square_metre
@@ -36,21 +36,21 @@ _MAX_POINTS = 100_000_000  # in a cell: a damaged file may state any number
 
 def change_map(folder: Path, limit: float, epochs: tuple[str, str]) -> Picture:
     """Signed change where it is beyond its level, grey where it is below, with zones, scale, north and coordinates."""
-    dz, level, beyond = (
-        read_raster(folder / f"{name}.tif") for name in ("elevation_change", "level_of_detection", "significant_change")
-    )
-    longest = max(dz.grid.shape) * dz.grid.cell
-    grid = top_view_grid(dz.grid, max(dz.grid.cell, longest / _MAP_PIXELS))
+    names = ("elevation_change", "level_of_detection", "significant_change")
+    rasters = read_listed([(folder / f"{name}.tif", 1) for name in names])
+    _, level, beyond = rasters.values
+    longest = max(rasters.grid.shape) * rasters.grid.cell
+    grid = top_view_grid(rasters.grid, max(rasters.grid.cell, longest / _MAP_PIXELS))
     white = np.full((*grid.shape, 4), 255, dtype=np.uint8)
     white[..., 3] = 0
     words = Words(
         title="Change above the level of detection", veil=("grey: measured, but", "below the level of detection")
     )
     drawn = make_heatmap(
-        dz.array,
-        np.isfinite(beyond.array),
-        level.array,
-        dz.grid,
+        rasters.laid(),
+        np.isfinite(beyond),
+        level,
+        rasters.grid,
         TopView(white, grid, "none"),
         HeatmapParameters(opacity=1.0),
         limit=limit,
@@ -69,7 +69,7 @@ def hillshades(folder: Path) -> tuple[Picture | None, Picture | None]:
     path = folder / "surface_heights.tif"
     if not path.is_file():
         return None, None
-    both = [read_raster(path, band) for band in (1, 2)]
+    both = [read_listed([(path, band)]) for band in (1, 2)]
     reliefs = [_relief(raster) for raster in both]
     # one stretch for both: a slope that faces away from the light is dark all over
     lightness = np.concatenate([relief[np.isfinite(relief)] for relief in reliefs])
@@ -89,47 +89,52 @@ def densities(folder: Path) -> tuple[Picture | None, Picture | None]:
     path = folder / "point_counts.tif"
     if not path.is_file():
         return None, None
-    counts = [read_raster(path, band) for band in (1, 2)]
-    whole = [np.clip(np.nan_to_num(c.array), 0, _MAX_POINTS).astype(np.int32) for c in counts]
-    blocks = [points_a_square_metre(number, c.grid) for number, c in zip(whole, counts, strict=True)]
+    counts = read_listed([(path, band) for band in (1, 2)])
+    whole = [np.clip(np.nan_to_num(values), 0, _MAX_POINTS).astype(np.int64) for values in counts.values]
+    blocks = [points_a_square_metre(Laid(number, counts.layout), counts.grid) for number in whole]
     reached = np.concatenate([b[b > 0] for b in blocks])
     limit = float(np.percentile(reached, 98)) if reached.size else 1.0
     first, second = (
-        _density_panel(b, c.grid, limit, words)
-        for b, c, words in zip(blocks, counts, ("earlier", "later"), strict=True)
+        _density_panel(b, counts.grid, limit, words) for b, words in zip(blocks, ("earlier", "later"), strict=True)
     )
     return first, second
 
 
 def cell_sizes(folder: Path) -> Picture | None:
-    """Side of the cell that each place was compared in, where cells grew."""
+    """Side of the cell that each place was compared in, where cells grew; of a large grid every so many-th cell."""
     path = folder / "cell_size.tif"
     if not path.is_file():
         return None
-    raster = read_raster(path)
-    sizes = np.unique(raster.array[np.isfinite(raster.array)])
+    raster = read_listed([(path, 1)])
+    (held,) = raster.values
+    sizes = np.unique(held)
     if not sizes.size:
         return None
     colours = sequential_steps(len(sizes))
-    image = np.full((*raster.array.shape, 3), 255, dtype=np.uint8)
-    for size, colour in zip(sizes, colours, strict=True):
-        image[raster.array == size] = colour
+    row, column = raster.layout.row_and_column(np.arange(held.size))
+    # of each square of this many cells the middle one; matplotlib takes eighty bytes for each that it gets
+    every = max(1, math.ceil(max(raster.grid.shape) / _PANEL_PIXELS))
+    drawn = (row % every == every // 2) & (column % every == every // 2)
+    shape = tuple(-(-n // every) for n in raster.grid.shape)
+    image = np.full((*shape, 3), 255, dtype=np.uint8)
+    image[row[drawn] // every, column[drawn] // every] = np.array(colours)[np.searchsorted(sizes, held[drawn])]
     words = [(f"{float(size):.4g} m", colour) for size, colour in zip(sizes, colours, strict=True)]
-    return panel(image, raster.grid, "Map of the size of the cells that were compared", boxes=words)
+    grid = Grid(raster.grid.west, raster.grid.north, raster.grid.cell * every, *image.shape[:2])
+    return panel(image, grid, "Map of the size of the cells that were compared", boxes=words)
 
 
-def _relief(raster: Raster) -> Float:
+def _relief(raster: ListedRasters) -> Float:
     """Shaded relief (rows, columns, 3), 0 to 255, NaN where the surface is unknown."""
-    if not np.isfinite(raster.array).any():
-        return np.full((*raster.array.shape, 3), np.nan)
-    factor = max(1, math.ceil(max(raster.array.shape) / _PANEL_PIXELS))
-    heights = closed(raster.array, raster.grid.cell, GAP, every=factor)
+    factor = max(1, math.ceil(max(raster.grid.shape) / _PANEL_PIXELS))
+    if not raster.values[0].size:
+        return np.full((*raster.grid.shape, 3), np.nan)
+    heights = closed(raster.laid(), raster.grid.cell, GAP, every=factor)
     relief = shaded_relief(heights, raster.grid.cell * factor).astype(np.float64)
     relief[~np.isfinite(heights)] = np.nan
     return relief
 
 
-def closed(heights: NDArray[np.floating], cell: float, gap: float, *, every: int = 1) -> Float:
+def closed(heights: NDArray[np.floating] | Laid, cell: float, gap: float, *, every: int = 1) -> Float:
     """Heights with gaps up to ``gap`` metres wide filled, for a picture.
 
     Cells take the mean of the known ones around, weighted by a Gauss curve, of what is left over a plane: without that,
@@ -138,20 +143,23 @@ def closed(heights: NDArray[np.floating], cell: float, gap: float, *, every: int
     Args:
         every: of the result, from the middle of the first so many rows and columns on, every so many-th is given.
     """
-    row, column = np.nonzero(np.isfinite(heights))
-    known = heights[row, column].astype(np.float64)
+    values, layout = laid(heights).values, laid(heights).layout
+    finite = np.flatnonzero(np.isfinite(values))
+    row, column = layout.row_and_column(finite)
+    known = values.ravel()[finite].astype(np.float64)
     design = np.column_stack([column * cell, row * cell, np.ones(known.size)])
     plane: Float = np.linalg.lstsq(design, known, rcond=None)[0].astype(np.float64)
     reach = math.ceil(max(gap / cell, _SIGMAS_CELLS[-1] * _TRUNCATE)) + 1
-    wanted = range(every // 2, heights.shape[0], every), range(every // 2, heights.shape[1], every)
+    wanted = range(every // 2, layout.shape[0], every), range(every // 2, layout.shape[1], every)
     filled = np.full((len(wanted[0]), len(wanted[1])), np.nan)
-    for rows in bands(heights.shape, _CELLS_AT_ONCE):
-        first, last = max(rows.start - reach, 0), min(rows.stop + reach, heights.shape[0])
+    for rows in bands(layout.shape, _CELLS_AT_ONCE):
+        first, last = max(rows.start - reach, 0), min(rows.stop + reach, layout.shape[0])
         near = column[slice(*np.searchsorted(row, (first, last)).tolist())]
         if not near.size:
             continue
-        left, right = max(int(near.min()) - reach, 0), min(int(near.max()) + reach + 1, heights.shape[1])
-        part = _closed(heights[first:last, left:right].astype(np.float64), (first, left), plane, cell, gap)
+        left, right = max(int(near.min()) - reach, 0), min(int(near.max()) + reach + 1, layout.shape[1])
+        window = layout.window(values, (slice(first, last), slice(left, right)))
+        part = _closed(window.astype(np.float64), (first, left), plane, cell, gap)
         lines = [i for i, line in enumerate(wanted[0]) if rows.start <= line < rows.stop]
         places = [j for j, place in enumerate(wanted[1]) if left <= place < right]
         picked = np.ix_([wanted[0][i] - first for i in lines], [wanted[1][j] - left for j in places])

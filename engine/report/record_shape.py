@@ -50,6 +50,7 @@ RECORD = fields(
     },
     {
         "run_id": text(),
+        "language": text(),
         "pdal": _SENTENCES,
         "model": maybe(_SENTENCES),
         "reference_system": maybe(fields({}, {"name": text()})),

@@ -89,7 +89,8 @@ def refuse_outside(roi: Roi, bounds: Bounds, cloud: Path | str) -> None:
 
 def _polygon_layer(path: Path, name: str, notes: list[str]) -> str:
     """The first layer of polygons, or the first that does not declare what it holds."""
-    layers = [(str(layer), str(kind)) for layer, kind in pyogrio.list_layers(path)]
+    # the styles that QGIS keeps in a GeoPackage are none of its layers
+    layers = [(str(layer), str(kind)) for layer, kind in pyogrio.list_layers(path) if layer != "layer_styles"]
     for wanted in (("Polygon", "Surface"), ("Unknown", "Collection")):
         for layer, kind in layers:
             if any(word in kind for word in wanted):

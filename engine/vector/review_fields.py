@@ -7,6 +7,10 @@ from collections.abc import Iterable, Mapping
 import geopandas as gpd
 import pandas as pd
 
+from ...interface.reviews import REMARKS, REVIEWER, STATES, STATUS, UNREVIEWED
+
+__all__ = ["PLACE_FIELDS", "REVIEW_FIELDS", "STATES", "UNREVIEWED", "in_words", "is_entered", "own_columns"]
+
 PLACE_FIELDS: dict[str, str] = {
     "slope_id": "text",
     "route": "text",
@@ -15,10 +19,8 @@ PLACE_FIELDS: dict[str, str] = {
     "side": "text",
 }
 """Where a zone lies by the register of slopes."""
-REVIEW_FIELDS: dict[str, str] = {**PLACE_FIELDS, "review_status": "text", "reviewer": "text", "remarks": "text"}
+REVIEW_FIELDS: dict[str, str] = {**PLACE_FIELDS, STATUS: "text", REVIEWER: "text", REMARKS: "text"}
 """Name and kind of every field that people fill in; all others are measured."""
-UNREVIEWED = "unreviewed"
-STATES = (UNREVIEWED, "confirmed", "rejected")
 
 
 def own_columns(frame: pd.DataFrame, known: Iterable[str]) -> tuple[str, ...]:
@@ -33,13 +35,13 @@ def is_entered(field: str, value: object) -> bool:
     if value is None or (not isinstance(value, str) and bool(pd.isna(value))):
         return False
     text = str(value).strip()
-    return bool(text) and not (field == "review_status" and text == UNREVIEWED)
+    return bool(text) and not (field == STATUS and text == UNREVIEWED)
 
 
 def in_words(entries: Mapping[str, object]) -> str:
     """A review as text, such as ``confirmed by A. Sato; route: S1; remarks: crack``."""
     rest = dict(entries)
-    status, reviewer = rest.pop("review_status", ""), rest.pop("reviewer", "")
+    status, reviewer = rest.pop(STATUS, ""), rest.pop(REVIEWER, "")
     head = f"{status or 'entries'} by {reviewer}" if reviewer else f"{status}"
     parts = [f"{name}: {value:g}" if isinstance(value, float) else f"{name}: {value}" for name, value in rest.items()]
     return "; ".join(part for part in (head, *parts) if part)

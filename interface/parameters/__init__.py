@@ -14,6 +14,7 @@ from .batch import BatchParameters
 from .change import ChangeParameters, GridChangeParameters
 from .dates import DateParameters
 from .distances import DistanceParameters
+from .drawing import LabellingParameters, RegionParameters, TopViewParameters
 from .ground import GroundParameters
 from .inputs import InputParameters
 from .maps import HeatmapParameters
@@ -44,10 +45,12 @@ __all__ = [
     "GroundParameters",
     "HeatmapParameters",
     "InputParameters",
+    "LabellingParameters",
     "LastEpochParameters",
     "OutputParameters",
     "ParameterError",
     "ParameterSet",
+    "RegionParameters",
     "RegistrationParameters",
     "ReportParameters",
     "ScenesParameters",
@@ -56,6 +59,7 @@ __all__ = [
     "Specification",
     "SurfaceParameters",
     "SurveyParameters",
+    "TopViewParameters",
     "ZoneParameters",
     "command_sets",
     "given",

@@ -1,4 +1,4 @@
-"""Which parameter sets each command takes, in the order in which the dialogs and ``--help`` show them."""
+"""Which parameter sets each command takes, in the order of the workflow, in which dialogs and ``--help`` show them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from .batch import BatchParameters
 from .change import ChangeParameters, GridChangeParameters
 from .dates import DateParameters
 from .distances import DistanceParameters
+from .drawing import LabellingParameters, RegionParameters, TopViewParameters
 from .ground import GroundParameters
 from .inputs import InputParameters
 from .maps import HeatmapParameters
@@ -22,26 +23,32 @@ from .zones import ZoneParameters
 
 Sets = tuple[type[ParameterSet], ...]
 
-GROUND: Sets = (GroundParameters, InputParameters)
-REGISTER: Sets = (SurfaceParameters, RegistrationParameters, InputParameters)
-M3C2: Sets = (SurfaceParameters, DistanceParameters, InputParameters, DateParameters)
+_READ: Sets = (InputParameters, DateParameters)
+"""How clouds and their days are read: the first of the headings, as the flow begins there."""
+_CHANGE: Sets = (ChangeParameters, ZoneParameters)
+_SHOWN: Sets = (HeatmapParameters, ReportParameters, OutputParameters)
+
+GROUND: Sets = (InputParameters, GroundParameters)
+REGISTER: Sets = (InputParameters, SurfaceParameters, RegistrationParameters)
+CHANGE: Sets = (*_READ, SurfaceParameters, *_CHANGE, *_SHOWN)
+M3C2: Sets = (*_READ, SurfaceParameters, DistanceParameters)
 """``slopewatch m3c2`` also takes OutputParameters."""
-SCREEN: Sets = (ScreeningParameters, GroundParameters, InputParameters)
+SCREEN: Sets = (InputParameters, GroundParameters, ScreeningParameters)
+INFO: Sets = (InputParameters,)
 REPORT: Sets = (ReportParameters,)
-TRAIN: Sets = (FineTuneParameters, InputParameters, OutputParameters)
+TRAIN: Sets = (InputParameters, FineTuneParameters, OutputParameters)
+TOPVIEW: Sets = (InputParameters, TopViewParameters, OutputParameters)
+SUGGESTROI: Sets = (InputParameters, RegionParameters, OutputParameters)
+EXPORTLABELSTUDIO: Sets = (LabellingParameters, OutputParameters)
+IMPORTLABELSTUDIO: Sets = (OutputParameters,)
 SIMULATE_SURVEY: Sets = (SurveyParameters, OutputParameters)
 SIMULATE_SERIES: Sets = (CreepParameters, OutputParameters)
 SIMULATE_SCENES: Sets = (ScenesParameters, OutputParameters)
 
-_CHANGE: Sets = (ChangeParameters, ZoneParameters, HeatmapParameters, ReportParameters)
-_FOLDER: Sets = (InputParameters, DateParameters, OutputParameters)
-CHANGE: Sets = (SurfaceParameters, *_CHANGE, *_FOLDER)
-INSPECT: Sets = (GroundParameters, RegistrationParameters, *_CHANGE, LastEpochParameters, *_FOLDER)
+_FROM_RAW: Sets = (GroundParameters, RegistrationParameters)
+INSPECT: Sets = (*_READ, *_FROM_RAW, *_CHANGE, LastEpochParameters, *_SHOWN)
 SERIES: Sets = (
-    SeriesParameters, GroundParameters, RegistrationParameters, GridChangeParameters, ZoneParameters, *_FOLDER,
+    *_READ, SeriesParameters, *_FROM_RAW, GridChangeParameters, ZoneParameters, OutputParameters,
 )  # fmt: skip
-BATCH: Sets = (
-    BatchParameters, SeriesParameters, GroundParameters, RegistrationParameters, *_CHANGE, LastEpochParameters,
-    *_FOLDER,
-)  # fmt: skip
+BATCH: Sets = (BatchParameters, *_READ, SeriesParameters, *_FROM_RAW, *_CHANGE, LastEpochParameters, *_SHOWN)
 """The batch's own, and all that ``inspect`` and ``series`` take."""

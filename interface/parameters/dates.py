@@ -8,7 +8,7 @@ from .specification import ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
-class DateParameters(ParameterSet, record_name="dates"):
+class DateParameters(ParameterSet, record_name="dates", title="Input"):
     """What is done where the days of surveys and their files disagree."""
 
     trust_dates: bool = _parameter(

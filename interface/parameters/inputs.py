@@ -8,7 +8,7 @@ from .specification import ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
-class InputParameters(ParameterSet, record_name="inputs"):
+class InputParameters(ParameterSet, record_name="inputs", title="Input"):
     """How the input clouds are to be read."""
 
     crs: str = _parameter(

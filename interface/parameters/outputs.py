@@ -8,7 +8,7 @@ from .specification import ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
-class OutputParameters(ParameterSet, record_name="outputs"):
+class OutputParameters(ParameterSet, record_name="outputs", title="Output"):
     """What is done with results that the output folder already holds."""
 
     overwrite: bool = _parameter(

@@ -8,7 +8,7 @@ from .specification import AUTO, ParameterSet, Specification, _other_default, _p
 
 
 @dataclass(frozen=True)
-class SurveyParameters(ParameterSet, record_name="survey"):
+class SurveyParameters(ParameterSet, record_name="survey", title="Simulation"):
     """Simulated pair of surveys of one cut slope, with known change and a known rigid offset."""
 
     seed: int = _parameter(1, "Seed", "The same seed gives the same surveys.", bounds=(0, 2**31 - 1))
@@ -109,7 +109,7 @@ class SurveyParameters(ParameterSet, record_name="survey"):
 
 
 @dataclass(frozen=True)
-class CreepParameters(SurveyParameters, record_name="creep"):
+class CreepParameters(SurveyParameters, record_name="creep", title="Simulation"):
     """Simulated series of surveys of one cut slope with zones that creep; it has no ``amplitude``."""
 
     points: int = _other_default(SurveyParameters, "points", 150_000)
@@ -148,7 +148,7 @@ class CreepParameters(SurveyParameters, record_name="creep"):
 
 
 @dataclass(frozen=True)
-class ScenesParameters(ParameterSet, record_name="scenes"):
+class ScenesParameters(ParameterSet, record_name="scenes", title="Simulation"):
     """Simulated slope scenes of one epoch, whose every point has a known class."""
 
     kind: str = _parameter(

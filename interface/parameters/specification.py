@@ -155,13 +155,16 @@ def _other_default(group: type[ParameterSet], name: str, default: Any) -> Any:
 class ParameterSet:
     """Base of the parameter sets: checked on construction, built from names and values.
 
-    ``record_name`` is the set's name in run records and profiles.
+    ``record_name`` is the set's name in run records and profiles. ``title`` is the heading under which the dialogs and
+    ``--help`` show its parameters: the step of the workflow. Sets of one title stand under one heading.
     """
 
     record_name: ClassVar[str] = ""
+    title: ClassVar[str] = ""
 
-    def __init_subclass__(cls, record_name: str = "") -> None:
+    def __init_subclass__(cls, record_name: str = "", title: str = "") -> None:
         cls.record_name = record_name or cls.record_name
+        cls.title = title or cls.title or cls.record_name.replace("_", " ").capitalize()
 
     def __post_init__(self) -> None:
         for specification in self.specifications():

@@ -8,7 +8,7 @@ from .specification import ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
-class SurfaceParameters(ParameterSet, record_name="surface"):
+class SurfaceParameters(ParameterSet, record_name="surface", title="Input"):
     """Which points are taken of clouds that are compared as they are."""
 
     ground: str = _parameter(

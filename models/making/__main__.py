@@ -30,7 +30,7 @@ def main() -> None:
 
 
 @main.command()
-@click.option("--recipe", type=click.Choice(["slopewatch", "paper", "residual"]), default="slopewatch")
+@click.option("--recipe", type=click.Choice(["slopewatch", "paper", "paper-whole", "residual"]), default="slopewatch")
 @click.option("--scenes", type=int, default=0, help="Only the first so many of the 92 scenes, for a trial.")
 @click.option("--steps", type=int, default=0, help="Instead of the recipe's.")
 @click.option(

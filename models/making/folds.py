@@ -15,14 +15,18 @@ import torch
 
 from ...engine.core.progress import Progress
 from ...simulation.hazard_scenes.scenes import build_scene
-from ...simulation.hazard_scenes.styles import SceneSpec
+from ...simulation.hazard_scenes.styles import SIMULATOR_VERSION, SceneSpec
 from ..inference.baseline import residual_probabilities
 from ..inference.prediction import predict
+from ..network.weights import save_model
 from ..preparation.prepare import Block
 from ..training.cross_validation import Fold, cross_validate, folds
 from ..training.recipes import Recipe
 from .scene_blocks import scene_blocks
 from .scene_scores import SceneScores
+
+WEIGHTS_NAME = "network.safetensors"
+"""The weights of a fold, in its folder."""
 
 
 def score_folds(
@@ -42,8 +46,8 @@ def score_folds(
         only: numbers of the folds to do now, so that several processes can share them; all by default.
 
     Returns:
-        The summary of ``cross_validation.cross_validate`` over the folds done; ``seconds.csv`` in a fold's folder has
-        the processor's seconds that it took.
+        The summary of ``cross_validation.cross_validate`` over the folds done. A fold's folder has its weights,
+        ``network.safetensors``, and in ``seconds.csv`` the processor's seconds that it took.
     """
     device, progress = device or torch.device("cpu"), progress or Progress()
     chosen = folds(len(specs), count)
@@ -66,6 +70,8 @@ def score_folds(
         with progress.stage(low + 0.2 * part, low + 0.7 * part, f"fold {fold.number + 1}: training"):
             state = recipe.train(blocks, place, device=device, progress=progress)
         times.append(time.process_time())
+        facts = {"steps": state.step, "scenes": [specs[k].seed for k in fold.train], "blocks": len(blocks)}
+        save_model(place / WEIGHTS_NAME, state.network, facts, {}, simulator_version=SIMULATOR_VERSION)
         with progress.stage(low + 0.7 * part, low + part, f"fold {fold.number + 1}: scoring"):
             scores = score_scenes(
                 (specs[k] for k in fold.test),

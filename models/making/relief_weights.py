@@ -12,7 +12,8 @@ from typing import Any
 import torch
 
 from ...engine.core.progress import Progress
-from ..network.unet import UNet, UNetConfiguration
+from ..network.relief_looks import UNetConfiguration
+from ..network.unet import UNet
 from ..training.relief_patches import Grounds
 from ..training.sim_on_real import ReliefTraining, train_relief
 from .relief_grounds import real_grounds, simulated_grounds

@@ -1,7 +1,8 @@
-"""Whether what training needs is on this machine; torch is imported only here and only when asked for."""
+"""Whether what networks need is on this machine; torch is imported only here and only when asked for."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ...engine.core.errors import InputError
@@ -10,19 +11,20 @@ if TYPE_CHECKING:
     import torch
 
 
-def require_libraries(task: str, otherwise: str = "") -> None:
-    """Raise InputError, with what to do, where torch or safetensors cannot be imported.
+def require_libraries(task: str, otherwise: str = "", libraries: Sequence[str] = ("torch", "safetensors")) -> None:
+    """Raise InputError, with what to do, where one of the libraries cannot be imported.
 
     Args:
         task: what needs them, as the sentence begins. otherwise: what else can be done, as it ends.
     """
-    for name in ("torch", "safetensors"):
+    for name in libraries:
         try:
             __import__(name)
         except (ImportError, OSError) as error:
             raise InputError(
-                f"{task} needs the Python library {name}, which cannot be imported ({error}); install "
-                f"slopewatch[screening] in the engine's environment{', ' + otherwise if otherwise else ''}."
+                f"{task} needs the Python library {name}, which cannot be imported ({error}); run Set up engine in "
+                "QGIS with Add PyTorch, or install slopewatch[screening] in the engine's environment"
+                f"{', ' + otherwise if otherwise else ''}."
             ) from error
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from ...engine.core import checksums
 from ...engine.core.errors import InputError
 from ...engine.core.json_shapes import fields, maybe, number, read_json, rows, text
 from ...engine.core.messages import shown
@@ -70,3 +71,34 @@ def read_description(path: Path) -> dict[str, Any]:
             f"The description {shown(source)} of the weights is of another version; take weights made for this one."
         )
     return description
+
+
+def checked_description(path: Path, sha256: str | None = None) -> tuple[dict[str, Any], str]:
+    """The description of weights, and their checksum, which is the stated one; the weights are not opened.
+
+    Args:
+        sha256: the checksum that they must have, where it is known from elsewhere; that of the description is checked
+            in any case.
+
+    Raises:
+        InputError: a file is missing, pickled, tampered with or of another version.
+    """
+    if not path.is_file():
+        raise InputError(f"The weights {path} do not exist; give a .safetensors file.")
+    _refuse_pickle(path)
+    description = read_description(path)
+    found = checksums.sha256(path)
+    for expected in (sha256, description["sha256"]):
+        if expected is not None and found != expected:
+            raise InputError(f"The weights {path} are not those their checksum names; download or train them again.")
+    return description, found
+
+
+def _refuse_pickle(path: Path) -> None:
+    """A pickle can run any program when it is opened; torch's own files are pickles, plain or in a zip archive."""
+    with path.open("rb") as file:
+        start = file.read(16)
+    if path.suffix != ".safetensors" or start[:2] in (b"PK", b"\x80\x02", b"\x80\x04") or start[8:9] != b"{":
+        raise InputError(
+            f"The weights {path} are no safetensors file; pickled models are not opened, convert them first."
+        )

@@ -16,7 +16,7 @@ from ...engine.core.errors import InputError
 from ...engine.core.messages import shown
 from ...engine.core.staged_outputs import atomic_output
 from ..configuration import ModelConfiguration
-from .description import FORMAT, read_description
+from .description import FORMAT, checked_description
 from .randlanet import RandLANet
 
 
@@ -117,14 +117,7 @@ def load_tensors(path: Path, sha256: str | None = None) -> tuple[dict[str, Any],
     from safetensors.torch import load_file
 
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"The weights {path} do not exist; give a .safetensors file.")
-    _refuse_pickle(path)
-    description = read_description(path)
-    found = checksums.sha256(path)
-    for expected in (sha256, description["sha256"]):
-        if expected is not None and found != expected:
-            raise InputError(f"The weights {path} are not those their checksum names; download or train them again.")
+    description, found = checked_description(path, sha256)
     try:
         tensors = load_file(str(path))
         sound = all(bool(torch.isfinite(tensor).all()) for tensor in tensors.values() if tensor.is_floating_point())
@@ -133,13 +126,3 @@ def load_tensors(path: Path, sha256: str | None = None) -> tuple[dict[str, Any],
     if not sound:
         raise InputError(f"The weights {path} hold what is no number; download or train them again.")
     return description, tensors, found
-
-
-def _refuse_pickle(path: Path) -> None:
-    """A pickle can run any program when it is opened; torch's own files are pickles, plain or in a zip archive."""
-    with path.open("rb") as file:
-        start = file.read(16)
-    if path.suffix != ".safetensors" or start[:2] in (b"PK", b"\x80\x02", b"\x80\x04") or start[8:9] != b"{":
-        raise InputError(
-            f"The weights {path} are no safetensors file; pickled models are not opened, convert them first."
-        )

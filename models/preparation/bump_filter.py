@@ -18,9 +18,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from ...engine.core.arrays import Bool, Float, Float32, Index
+from ...engine.core.blas_threads import one_blas_thread
 from ...engine.core.processors import processors
 from ...engine.geometry.plane_cells import Planes
 from ...engine.statistics.robust import NORMALISED
@@ -158,7 +158,7 @@ def fit_bumps(cells: CellHeights, diameter: float, where: Bool) -> BumpFit:
 
     chunks = [slice(start, start + step) for start in range(0, len(middle), step)]
     # Chunks are worked on side by side: the threads of a BLAS only wait for each other on products as small as these.
-    with threadpool_limits(1, "blas"), ThreadPoolExecutor(min(processors(), _MAX_THREADS)) as pool:
+    with one_blas_thread(), ThreadPoolExecutor(min(processors(), _MAX_THREADS)) as pool:
         for here, found in zip(chunks, pool.map(fit, chunks), strict=True):
             amplitude[i[here], j[here]], error[i[here], j[here]] = found
     return BumpFit(diameter, amplitude, error)

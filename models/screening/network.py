@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -105,9 +106,14 @@ def refuse_senseless(answers: NDArray[np.floating], weights: Path) -> None:
 
 @contextmanager
 def one_torch_thread() -> Iterator[None]:
-    """Windows are what is worked on side by side: within one, sums would depend on the number of threads."""
-    import torch
+    """Windows are what is worked on side by side: within one, sums would depend on the number of threads.
 
+    Does nothing where torch is not at work.
+    """
+    torch = sys.modules.get("torch")
+    if torch is None:
+        yield
+        return
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

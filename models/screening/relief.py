@@ -17,11 +17,16 @@ from numpy.typing import NDArray
 from scipy.special import softmax
 
 from ...engine.core.arrays import Float32
+from ...engine.core.blas_threads import one_blas_thread
 from ...engine.core.errors import InputError
 from ...engine.core.messages import quoted
 from ...engine.core.processors import processors
 from ...engine.core.progress import Progress
 from ...interface.parameters import ScreeningParameters, given
+from ..network.availability import chosen_device, require_libraries
+from ..network.plain_unet import load_plain_unet
+from ..network.relief_looks import ReliefNetwork, log_odds, raster_logits
+from ..network.shipped import shipped_relief
 from ..preparation.bump_filter import CellHeights
 from ..preparation.raster_zones import Scores
 from ..preparation.relative_scores import relative_scores
@@ -46,36 +51,26 @@ class ReliefModel:
     """The network on rasters of relief ready to run, as the parameters ask for it.
 
     Raises:
-        InputError: as ``network.ScreeningModel``; or the description's calibration is none.
+        InputError: as ``network.ScreeningModel``, but that a processor needs no torch; or the description's calibration
+            is none.
     """
 
     def __init__(self, parameters: ScreeningParameters) -> None:
-        from ..network.availability import chosen_device, require_libraries
-
-        require_libraries("Screening by relief", "or use --screening-method filter")
-        from ..network.shipped import shipped_relief
-        from ..network.unet import load_unet
-
-        self.device = chosen_device(parameters.device)
         self.path, pin = (Path(parameters.weights), None) if parameters.weights else shipped_relief()
-        network, self.description = load_unet(self.path, pin)
-        self.network = network.to(self.device)
+        self.network, self.description, self.computed = _network(self.path, pin, parameters.device)
         self.scale, self.shift = calibration_of(self.description)
         self.threads = int(given(parameters.threads) or min(processors(), MAX_THREADS))
 
     def facts(self) -> dict[str, Any]:
         """What the run record says of the model."""
-        import torch
-
         return {
             "name": "relief",
             "kind": self.description["kind"],
             "sha256": self.description["sha256"],
             "parameters": self.description.get("parameters"),
             "calibration": {"scale": self.scale, "shift": self.shift},
-            "device": str(self.device),
             "threads": self.threads,
-            "torch": torch.__version__,
+            **self.computed,
         }
 
     def found(self, cells: CellHeights, progress: Progress) -> ReliefFound:
@@ -85,17 +80,32 @@ class ReliefModel:
             EngineError: memory ran out.
             InputError: the network's answers are no numbers.
         """
-        from ..network.unet import log_odds, raster_logits
-
         with memory_reported():
             relief = relief_channels(cells)
-            with one_torch_thread():
+            # one thread a tile: others of this process work on other tiles, and sums would depend on their number
+            with one_blas_thread(), one_torch_thread():
                 logits = raster_logits(self.network, relief.channels, threads=self.threads, progress=progress)
         refuse_senseless(logits, self.path)
         up, down = (np.where(relief.covered, odds, np.nan) for odds in log_odds(logits))
         probabilities = calibrated_logits(logits, self.scale, self.shift)
         nothing = np.array([1.0, 0.0, 0.0], dtype=np.float32)[:, None, None]
         return ReliefFound(relative_scores(up, down, cells.cell), np.where(relief.covered, probabilities, nothing))
+
+
+def _network(path: Path, pin: str | None, device: str) -> tuple[ReliefNetwork, dict[str, Any], dict[str, str]]:
+    """The network, its description, and what computes it: numpy on a processor, else torch."""
+    otherwise = "or use --screening-method filter"
+    if device == "cpu":
+        require_libraries("Screening by relief", otherwise, ["safetensors"])
+        return *load_plain_unet(path, pin), {"device": "cpu", "numpy": np.__version__}
+    require_libraries(f"Screening by relief with --device {device}", otherwise)
+    import torch
+
+    from ..network.unet import load_unet
+
+    chosen = chosen_device(device)
+    network, description = load_unet(path, pin)
+    return network.to(chosen), description, {"device": str(chosen), "torch": torch.__version__}
 
 
 def calibrated_logits(logits: Float32, scale: float, shift: float) -> Float32:

@@ -101,4 +101,9 @@ points a block, so that it sees four times as much ground in the same time. Of t
 seen once.
 """
 
-RECIPES = {"slopewatch": SLOPEWATCH, "paper": PUBLISHED}
+PUBLISHED_WHOLE = Recipe(PAPER, replace(PAPER_TRAINING, steps=300, batch=1), step=18.0, share=0.15)
+"""The published pipeline at its own voxels, width and points a block: twenty times the work of ``PUBLISHED`` a step. A
+block takes 25 MB, so that a smaller share of the windows is prepared.
+"""
+
+RECIPES = {"slopewatch": SLOPEWATCH, "paper": PUBLISHED, "paper-whole": PUBLISHED_WHOLE}

@@ -20,7 +20,8 @@ from ...engine.core.staged_outputs import atomic_output
 from ...interface.parameters import FineTuneParameters, given
 from ..inference.platt import Platt, platt
 from ..network.description import RELIEF
-from ..network.unet import UNet, UNetConfiguration, load_unet, save_unet
+from ..network.relief_looks import UNetConfiguration
+from ..network.unet import UNet, load_unet, save_unet
 from ..network.weights import save_tensors
 from ..preparation.inserted_hazards import ground_density, thinned
 from ..screening.relief import calibration_of

@@ -26,7 +26,8 @@ from torch.optim.swa_utils import AveragedModel
 
 from ...engine.core.errors import InputError
 from ...engine.core.progress import Progress
-from ..network.unet import UNet, UNetConfiguration
+from ..network.relief_looks import UNetConfiguration
+from ..network.unet import UNet
 from .checkpoint import Checkpoint, advance, module_tensors, moments, restore_module, restore_moments
 from .loss import combined, root_inverse_weights
 from .relief_patches import Grounds, Patch, PatchParameters, draw_patch

@@ -12,6 +12,7 @@ from qgis.core import (
     QgsProcessingParameterFile,
     QgsProcessingParameterNumber,
 )
+from qgis.PyQt.QtCore import QMetaType, QVariant
 
 
 def _member(new: str, new_member: str, owner: type, old: str, old_member: str) -> Any:
@@ -46,3 +47,5 @@ FILE = _member(*_NAMES["FILE"])
 FOLDER = _member(*_NAMES["FOLDER"])
 FILES = _member(*_NAMES["FILES"])
 DATE = _member(*_NAMES["DATE"])
+STRING = QMetaType.Type.QString if Qgis.QGIS_VERSION_INT >= 33800 else QVariant.String
+"""Kind of a field of text."""

@@ -16,7 +16,8 @@ from typing import Any
 from ...interface.protocol import CANCELLED, DONE, ERROR, INPUT_REFUSED, LOG, PROGRESS, RESULT
 from . import settings
 from .engine_process import run_process
-from .interpreter import PLUGIN_FOLDER, InterpreterNotFoundError, child_environment, find_interpreter
+from .engine_setup import engine_environment, find_engine
+from .interpreter import SET_UP, InterpreterNotFoundError
 
 MODULE = "slopewatch.cli"
 
@@ -51,10 +52,11 @@ class EngineCancelledError(EngineError):
 
 @dataclass
 class EngineResult:
-    """``outputs``: name to path; ``metrics``: name to value, as the engine's ``result`` line gives them."""
+    """The engine's ``result`` line: paths by name, figures by name, and the sentences that say what was found."""
 
     outputs: dict[str, str] = field(default_factory=dict)
     metrics: dict[str, Any] = field(default_factory=dict)
+    conclusion: tuple[str, ...] = ()
 
 
 def run_engine(arguments: Sequence[str], feedback: Any) -> EngineResult:
@@ -68,7 +70,7 @@ def run_engine(arguments: Sequence[str], feedback: Any) -> EngineResult:
         EngineError: one of its subclasses, by what went wrong.
     """
     try:
-        python, _ = find_interpreter(settings.get(settings.ENGINE_PYTHON))
+        python, _ = find_engine()
     except InterpreterNotFoundError as error:
         raise EngineNotFoundError(str(error)) from None
     command = [str(python), "-m", MODULE, *arguments, "--progress", "json", "--watch-parent"]
@@ -84,7 +86,7 @@ def run_command(command: Sequence[str], feedback: Any) -> EngineResult:
         raise EngineCancelledError("Cancelled; no output was written.")
     conversation = _Conversation(feedback)
     try:
-        ended = run_process(command, child_environment(), conversation.take, feedback.isCanceled)
+        ended = run_process(command, engine_environment(), conversation.take, feedback.isCanceled)
     except OSError as error:
         raise EngineNotStartedError(
             f"The engine's interpreter {command[0]} cannot be started ({error}); run the set-up again or "
@@ -119,7 +121,8 @@ class _Conversation:
                 self._log(str(event.get("level", "info")), str(event["message"]))
             elif name == RESULT:
                 outputs = {str(k): str(v) for k, v in dict(event.get("outputs") or {}).items() if v is not None}
-                self._result = EngineResult(outputs, dict(event.get("metrics") or {}))
+                said = tuple(str(sentence) for sentence in event.get("conclusion") or ())
+                self._result = EngineResult(outputs, dict(event.get("metrics") or {}), said)
             elif name == ERROR:
                 self._error = str(event["message"])
             self._heard = True
@@ -163,8 +166,8 @@ class _Conversation:
             raise EngineCrashedError(f"The engine failed: {self._error}")
         if "No module named" in complaint and "slopewatch" in _last_line(complaint):
             raise EngineNotStartedError(
-                f"SlopeWatch is not installed in the engine's environment ({interpreter}); run the set-up again, "
-                f'or "{interpreter}" -m pip install "{PLUGIN_FOLDER}".'
+                f"SlopeWatch is not installed in the engine's environment ({interpreter}); {SET_UP}, with Repair, or "
+                "correct the interpreter under Settings > Options > SlopeWatch."
             )
         if not self._heard and code > 0:
             raise EngineNotStartedError(

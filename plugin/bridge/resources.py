@@ -8,6 +8,8 @@ from pathlib import Path
 from qgis.PyQt.QtCore import QUrl
 from qgis.PyQt.QtGui import QIcon
 
+from .language import language
+
 _FOLDER = Path(__file__).resolve().parents[1]
 
 
@@ -30,9 +32,15 @@ def version() -> str:
 
 def help_text(name: str) -> str:
     """The help page ``name`` as HTML in one line: QGIS shows a line break as a new paragraph."""
-    return " ".join((_FOLDER / "help" / f"{name}.html").read_text(encoding="utf-8").split())
+    return " ".join(_help_page(name).read_text(encoding="utf-8").split())
 
 
 def help_url(name: str) -> str:
     """Address of the help page ``name`` on this machine."""
-    return QUrl.fromLocalFile(str(_FOLDER / "help" / f"{name}.html")).toString()
+    return QUrl.fromLocalFile(str(_help_page(name))).toString()
+
+
+def _help_page(name: str) -> Path:
+    """In the language of QGIS, where it has been translated."""
+    page = _FOLDER / "help" / language() / f"{name}.html"
+    return page if page.is_file() else _FOLDER / "help" / f"{name}.html"

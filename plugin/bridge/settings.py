@@ -1,4 +1,4 @@
-"""The plugin's own settings, kept in the QGIS profile: where the engine's interpreter and PDAL are."""
+"""The plugin's own settings, kept in the QGIS profile: where the engine's interpreter, its data and PDAL are."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from qgis.core import QgsSettings
 
 ENGINE_PYTHON = "slopewatch/engine_python"
 PDAL = "slopewatch/pdal"
+DATA_FOLDER = "slopewatch/data_folder"
 
 
 def get(key: str) -> str:

@@ -20,6 +20,8 @@ from qgis.core import (
     QgsVectorLayer,
 )
 
+from .words import tr
+
 
 @dataclass(frozen=True)
 class Appearance:
@@ -83,10 +85,10 @@ def style_on_completion(
     known = context.layerToLoadOnCompletionDetails(registered)
     # A fresh object: the known one is a reference into the context, which is replaced below.
     details = QgsProcessingContext.LayerDetails(
-        name or known.name, known.project, known.outputName, known.layerTypeHint
+        tr(name) or known.name, known.project, known.outputName, known.layerTypeHint
     )
     details.forceName = bool(name) or known.forceName
-    details.groupName = group or known.groupName
+    details.groupName = tr(group) or known.groupName
     details.layerSortKey = appearance.order
     details.setPostProcessor(StylePostProcessor.create(appearance))
     layers = {p: d for p, d in context.layersToLoadOnCompletion().items() if p != registered}
@@ -96,9 +98,10 @@ def style_on_completion(
 
 def load_on_completion(context: QgsProcessingContext, path: str, appearance: Appearance, name: str, group: str) -> None:
     """Have a file that is no declared output loaded as a layer of the project, named, grouped and styled."""
-    details = QgsProcessingContext.LayerDetails(name, context.project() or QgsProject.instance(), name)
+    shown = tr(name)
+    details = QgsProcessingContext.LayerDetails(shown, context.project() or QgsProject.instance(), shown)
     details.forceName = True
-    details.groupName = group
+    details.groupName = tr(group)
     details.layerSortKey = appearance.order
     details.setPostProcessor(StylePostProcessor.create(appearance))
     context.addLayerToLoadOnCompletion(path, details)

@@ -135,7 +135,7 @@ setup_engine() {
     setup_torch
 }
 
-# PyTorch serves the screening of single surveys only, so the set-up goes on without it. The CPU build is asked for by its
+# PyTorch serves training and the screening by points only, so the set-up goes on without it. The CPU build is asked for by its
 # full name: the plain name would bring gigabytes of CUDA libraries on Linux. PyPI has no such build, so the lock has no hash of
 # it: pip checks it by the hash that its index states, which is as good as the index. Its dependencies are locked.
 setup_torch() {
@@ -143,7 +143,7 @@ setup_torch() {
     [[ $(uname -s) == Linux ]] || wanted=torch==$TORCH_VERSION
     key=$(step_key "$wanted" "$(python_version "$ENGINE_VENV/bin/python")")
     if is_stamped torch "$key" && [[ ${1:-} != again ]]; then
-        [[ -e $STATE/torch.missing ]] && say "PyTorch: not there, screening is off (to try again: scripts/setup.sh torch)"
+        [[ -e $STATE/torch.missing ]] && say "PyTorch: not there, training and screening by points are off (to try again: scripts/setup.sh torch)"
         return 0
     fi
     rm -f "$STATE/torch.missing"

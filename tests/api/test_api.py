@@ -44,6 +44,17 @@ def test_change_gives_what_the_command_gives(clouds, tmp_path):
     assert made.outputs["zones"].is_file()
 
 
+def test_settings_of_a_file_are_overridden_by_arguments(clouds, tmp_path):
+    path = tmp_path / "mine.json"
+    path.write_text('{"cell": 0.5, "confidence": 0.9}', encoding="utf-8")
+    run = api.change(*clouds, tmp_path / "out", settings=path, confidence=0.8)
+    record = json.loads(run.outputs["run"].read_text(encoding="utf-8"))
+    assert (record["parameters"]["change"]["cell"], record["parameters"]["change"]["confidence"]) == (0.5, 0.8)
+    path.write_text('{"cel": 0.5}', encoding="utf-8")
+    with pytest.raises(api.InputError, match=r"has cel, which is no setting of this command; it may mean cell\.$"):
+        api.change(*clouds, tmp_path / "other", settings=path)
+
+
 def test_warnings_come_back(clouds, tmp_path):
     run = api.change(*clouds, tmp_path / "out", cell=0.5)
     assert any("registration's error is not known" in warning for warning in run.warnings)
@@ -99,3 +110,23 @@ def test_the_example_of_the_readme_runs(root, clouds, tmp_path, monkeypatch):
     done = subprocess.run([sys.executable, "-c", example[1]], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "1 zone" in done.stdout
+
+
+def test_what_is_drawn_on_and_drawn_goes_round(clouds, tmp_path):
+    """From a cloud to its top view, to Label Studio's tasks, and from what is drawn on them to a layer."""
+    view = api.top_view(clouds[1], tmp_path / "view", cell=0.5)
+    region = api.suggest_roi(clouds[1], tmp_path / "roi.gpkg", region_cell=1.0)
+    assert region.figures["area_share"] > 0.9
+    given = {"segments": region.outputs["roi"], "label_field": "part"}
+    sent = api.export_label_studio(view.outputs["top_view"], tmp_path / "tasks", **given)
+    (task,) = json.loads(sent.outputs["tasks"].read_text(encoding="utf-8"))
+    export = tmp_path / "export.json"
+    annotation = {"id": 1, "completed_by": 1, "result": task["predictions"][0]["result"]}
+    export.write_text(json.dumps([{"id": 1, "data": task["data"], "annotations": [annotation]}]), encoding="utf-8")
+    api.import_label_studio(export, sent.outputs["tasks"], tmp_path / "labels.gpkg")
+    found = gpd.read_file(tmp_path / "labels.gpkg", layer="labels")
+    wanted = gpd.read_file(tmp_path / "roi.gpkg", layer="roi")
+    assert found.geometry[0].symmetric_difference(wanted.geometry[0]).area < 1e-3
+    assert found["reason"].tolist() == wanted["reason"].tolist()
+    with pytest.raises(api.InputError, match="cel is no parameter here"):
+        api.top_view(clouds[1], tmp_path / "other", cel=0.5)

@@ -105,3 +105,14 @@ def test_the_rule_sees_a_breach(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         "def f():\n    import numpy\n    from ..engine import change\n    from ..interface.parameters import PROFILES\n"
     )
     assert [n for n in imports(breach) if not allowed_in_qgis(n)] == ["numpy", "slopewatch.engine.change"]
+
+
+SETUP = sorted((ROOT / "plugin" / "bridge" / "setup").glob("*.py"))
+
+
+@pytest.mark.parametrize("path", SETUP, ids=lambda p: p.name)
+def test_the_set_up_needs_no_qgis(path: Path) -> None:
+    """So that it can be tested, and run, on any system."""
+    own = ("slopewatch.plugin.bridge.setup", "slopewatch.interface.")
+    found = [n for n in imports(path) if not n.startswith(own) and n.partition(".")[0] not in sys.stdlib_module_names]
+    assert found == []

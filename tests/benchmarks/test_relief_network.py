@@ -22,7 +22,8 @@ __all__ = ["torch"]
 @pytest.fixture
 def saved(torch, tmp_path):
     """Writes weights that left surveys out, with a seed."""
-    from slopewatch.models.network.unet import UNet, UNetConfiguration, save_unet
+    from slopewatch.models.network.relief_looks import UNetConfiguration
+    from slopewatch.models.network.unet import UNet, save_unet
 
     def save(seed: int, *left_out: str, ground: tuple[str, ...] = ()) -> Path:
         torch.manual_seed(seed + 10 * len(left_out))

@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from scipy.special import logit
 from slopewatch.benchmarks import screening_ground, screening_sites, screening_trials
 from slopewatch.benchmarks.screening_budget import budget_levels, detector_levels
 from slopewatch.benchmarks.screening_cases import cases, share
 from slopewatch.benchmarks.screening_ground import ELEVATION, POINTS, SIMULATED, patches, place
 from slopewatch.benchmarks.screening_levels import measure
-from slopewatch.benchmarks.screening_networks import POINT_ZONES, RANDLA
+from slopewatch.benchmarks.screening_networks import FURTHER, POINT_ZONES, RANDLA, further_networks
 from slopewatch.benchmarks.screening_sites import as_json, judge, main_rows
 from slopewatch.benchmarks.screening_store import kept_place
 from slopewatch.benchmarks.screening_table import sections, text
 from slopewatch.benchmarks.screening_trials import network_scores, strengths
+from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.geometry.dominant_plane import apply_matrix
+from slopewatch.models.configuration import SMOKE
+from slopewatch.models.network.randlanet import RandLANet
+from slopewatch.models.network.weights import save_model
 from slopewatch.models.preparation import even_scores, point_scores, relative_scores
 from slopewatch.models.preparation.raster_zones import Scores, zone_counts
 from slopewatch.tests.builders.screening_places import scored, square
@@ -230,3 +236,35 @@ def test_the_benchmark_is_listed() -> None:
     assert "screening_sites" in NAMES
     assert "screening_sites" in KEPT
     assert screening_sites.COUNT >= 12
+
+
+def test_a_further_network_is_a_column_by_its_own_level() -> None:
+    """Scores ten times as high have a level ten times as high, and the same is found."""
+    surveys = [scored(f"{k}", f"{k}", list(np.linspace(2, 4, 40)), [3.0, 15.0]) for k in range(3)]
+    results = [replace(one, answers={**one.answers, "points 12ab": 10 * one.answers["one"]}) for one in surveys]
+    column = f"{FURTHER}paper 12ab"
+    judged = judge(results, {}, further={column: "points 12ab"})
+    assert list(judged.measured) == [column]
+    [run] = judged.measured[column]
+    plain = measure(results, [one.answers["one"] for one in results])
+    assert run.figures["0"].others == pytest.approx(10 * plain.figures["0"].others)
+    assert run.found("0").tolist() == plain.found("0").tolist() == [False, True]
+    heads = {name for section in sections(judged) for name in section.head}
+    assert column in heads
+
+
+def test_weights_of_further_networks_are_read_and_not_twice(tmp_path: Path) -> None:
+    path = tmp_path / "network.safetensors"
+    torch.manual_seed(1)
+    save_model(path, RandLANet(SMOKE), {}, {})
+    [(column, (name, detector))] = further_networks([path]).items()
+    assert column.startswith(f"{FURTHER}smoke ")
+    [ground] = screening_ground.simulated_places(1, area=300.0)[:1]
+    [scores] = detector(ground, screening_trials.relief_raster(ground.flat)).values()
+    assert np.isfinite(scores.uplift).any()
+    assert not name.startswith(RANDLA)  # the levels in use are those of the shipped weights alone
+    few = replace(ground, flat=ground.flat[:20])
+    [nothing] = detector(few, screening_trials.relief_raster(ground.flat)).values()
+    assert np.nanmax(nothing.uplift) < np.nanmin(scores.uplift)  # refused as too few: background
+    with pytest.raises(InputError, match="given twice"):
+        further_networks([path, path])

@@ -139,10 +139,10 @@ def engine_python() -> Path:
 class QgisProcess:
     """The real qgis_process with the plugin in a private profile."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, plugin: Path = ROOT) -> None:
         plugins = folder / "plugins"
         plugins.mkdir(parents=True)
-        (plugins / "slopewatch").symlink_to(ROOT)
+        (plugins / "slopewatch").symlink_to(plugin)
         self.environment = {
             **{k: v for k, v in os.environ.items() if k != "PYTHONPATH"},
             # QGIS finds its Python's libraries by the first python3 on the path, which must be the system's
@@ -200,3 +200,11 @@ def survey(qgis_process: QgisProcess, tmp_path_factory: pytest.TempPathFactory) 
     folder = tmp_path_factory.mktemp("survey") / "pair, of 'surveys'"
     size = {"POINTS": 60000, "LENGTH": 24, "HEIGHT": 10, "VEGETATION": 0.4}
     return qgis_process.run("simulatesurvey", OUTPUT_FOLDER=folder, **size)
+
+
+def load_results(algorithm: Any, context: Any, feedback: Any, parameters: dict[str, Any]) -> bool:
+    """QGIS's own loading of an algorithm's results, without a window: its stand-in has no tree of layers."""
+    from processing.gui import Postprocessing
+
+    Postprocessing.iface = None
+    return bool(Postprocessing.handleAlgorithmResults(algorithm, context, feedback, parameters))

@@ -38,7 +38,23 @@ def test_help_shows_every_parameter_with_its_unit_and_default():
 
 
 @pytest.mark.parametrize(
-    "command", ["inspect", "ground", "register", "change", "m3c2", "screen", "batch", "info", "check", "simulate"]
+    "command",
+    [
+        "inspect",
+        "ground",
+        "register",
+        "change",
+        "m3c2",
+        "screen",
+        "batch",
+        "info",
+        "check",
+        "simulate",
+        "topview",
+        "suggestroi",
+        "exportlabelstudio",
+        "importlabelstudio",
+    ],
 )
 def test_every_command_has_help(command):
     done = run(command, "--help")
@@ -191,6 +207,17 @@ def test_a_signal_while_the_program_still_loads_is_a_cancel_too(name):
     assert (done.returncode, done.stderr) == (130, "Cancelled.\n")
 
 
+def test_circles_are_looked_for_seldom():
+    asking = (
+        "import gc, sys\n"
+        "from slopewatch import cli\n"
+        "sys.argv[1:] = ['--version']\n"
+        "try:\n    cli.main()\n"
+        "except SystemExit:\n    sys.exit(gc.get_threshold()[0] < 50_000)\n"
+    )
+    assert subprocess.run([sys.executable, "-c", asking], capture_output=True, cwd=ROOT).returncode == 0
+
+
 def test_whole_numbers_are_no_yes_or_no_in_the_help():
     shown = " ".join(run("ground", "--help").stdout.split())
     assert "[default: 1, 1 to 3]" in shown
@@ -244,6 +271,7 @@ BAD = {
         "inspect --epoch 2024-05-01={first} --no-screen-last-epoch --output-dir {out}",
         "two epochs",
     ),
+    "an epoch without a date": ("inspect --epoch {text} --output-dir {out}", "text.laz' holds no date"),
     "three epochs": (
         "inspect --epoch=2020-05-01={first} --epoch=2021-05-01={first} --epoch=2022-05-01={first} --output-dir {out}",
         "--epoch was given 3 times",

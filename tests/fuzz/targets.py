@@ -167,7 +167,8 @@ def _weights(folder: Path) -> list[Target]:
     """Both kinds of weights and what describes them; none without torch."""
     try:
         import torch
-        from slopewatch.models.network.unet import UNet, UNetConfiguration, save_unet
+        from slopewatch.models.network.relief_looks import UNetConfiguration
+        from slopewatch.models.network.unet import UNet, save_unet
     except ImportError:
         return []
     torch.set_num_threads(1)

@@ -9,8 +9,9 @@ from typing import Any
 
 import pytest
 import slopewatch
+from qgis import processing
 from qgis.core import QgsApplication
-from qgis.gui import QgisInterface
+from qgis.gui import QgisInterface, QgsMapCanvas, QgsMessageBar
 from qgis.PyQt.QtSvg import QSvgRenderer
 from qgis.PyQt.QtWidgets import QMainWindow
 from slopewatch.plugin.bridge import resources, settings
@@ -22,6 +23,8 @@ class Interface:
 
     def __init__(self) -> None:
         self.window = QMainWindow()
+        self.canvas, self.bar = QgsMapCanvas(), QgsMessageBar()
+        self.docks: list[Any] = []
         self.menu: list[tuple[str, Any]] = []
         self.toolbar: list[Any] = []
         self.pages: list[Any] = []
@@ -29,6 +32,18 @@ class Interface:
 
     def mainWindow(self) -> QMainWindow:
         return self.window
+
+    def mapCanvas(self) -> QgsMapCanvas:
+        return self.canvas
+
+    def messageBar(self) -> QgsMessageBar:
+        return self.bar
+
+    def addDockWidget(self, area: Any, dock: Any) -> None:
+        self.docks.append(dock)
+
+    def removeDockWidget(self, dock: Any) -> None:
+        self.docks.remove(dock)
 
     def addPluginToMenu(self, name: str, action: Any) -> None:
         self.menu.append((name, action))
@@ -63,16 +78,43 @@ def test_everything_added_is_removed(qgis_app: QgsApplication) -> None:
     plugin.initGui()
     assert QgsApplication.processingRegistry().providerById("slopewatch") is not None
     assert [action.text() for _, action in interface.menu] == [
+        "Panel",
         "Inspect slope…",
-        "Simulate a survey…",
+        "Inspection",
+        "Single steps",
+        "Tools",
+        "Models",
+        "Set up engine…",
         "Settings…",
         "Help",
     ]
-    assert len(interface.toolbar) == 1
+    assert [action.text() for action in interface.toolbar] == ["Inspect slope…", "Panel"]
+    assert [dock.isHidden() for dock in interface.docks] == [True]
     assert len(interface.pages) == 1
     plugin.unload()
     assert QgsApplication.processingRegistry().providerById("slopewatch") is None
-    assert (interface.menu, interface.toolbar, interface.pages) == ([], [], [])
+    assert (interface.menu, interface.toolbar, interface.pages, interface.docks) == ([], [], [], [])
+
+
+def test_the_menu_has_every_tool_of_the_toolbox_and_opens_its_dialog(
+    qgis_app: QgsApplication, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[tuple[str, dict[str, Any]]] = []
+    monkeypatch.setattr(processing, "createAlgorithmDialog", lambda name, values: opened.append((name, values)))
+    interface = Interface()
+    plugin = slopewatch.classFactory(interface)
+    plugin.initGui()
+    try:
+        groups = {a.text(): a.menu() for _, a in interface.menu if a.menu() is not None}
+        algorithms = QgsApplication.processingRegistry().providerById("slopewatch").algorithms()
+        offered = {entry.text(): group for group, menu in groups.items() for entry in menu.actions()}
+        assert offered == {f"{a.displayName()}…": a.group() for a in algorithms}
+        for menu in groups.values():
+            for entry in menu.actions():
+                entry.trigger()
+        assert sorted(name for name, _ in opened) == sorted(a.id() for a in algorithms)
+    finally:
+        plugin.unload()
 
 
 def test_without_a_window_only_the_provider(qgis_app: QgsApplication) -> None:
@@ -88,7 +130,7 @@ def test_the_settings_action_opens_the_page(qgis_app: QgsApplication) -> None:
     plugin = slopewatch.classFactory(interface)
     plugin.initGui()
     try:
-        interface.menu[2][1].trigger()
+        next(action for _, action in interface.menu if action.text() == "Settings…").trigger()
         assert interface.shown == [interface.pages[0].createWidget(None).objectName()]
     finally:
         plugin.unload()

@@ -14,6 +14,7 @@ from qgis.core import (
     QgsCoordinateReferenceSystem,
     QgsFeature,
     QgsGeometry,
+    QgsPointCloudLayer,
     QgsProcessingContext,
     QgsProcessingException,
     QgsProcessingFeatureSourceDefinition,
@@ -24,13 +25,18 @@ from qgis.core import (
 from qgis.PyQt.QtCore import QDate
 from slopewatch.interface.parameters import GroundParameters
 from slopewatch.processing_algorithms.checkenvironment import CheckEnvironment
+from slopewatch.processing_algorithms.cloudinfo import CloudInfo
 from slopewatch.processing_algorithms.corridorbatch import CorridorBatch
 from slopewatch.processing_algorithms.elevationchange import ElevationChange
+from slopewatch.processing_algorithms.exportlabelstudio import ExportLabelStudio
 from slopewatch.processing_algorithms.extractground import ExtractGround
+from slopewatch.processing_algorithms.importlabelstudio import ImportLabelStudio
 from slopewatch.processing_algorithms.inspectslope import InspectSlope
 from slopewatch.processing_algorithms.m3c2distances import M3C2Distances
 from slopewatch.processing_algorithms.registerepochs import RegisterEpochs
 from slopewatch.processing_algorithms.simulatesurvey import SimulateSurvey
+from slopewatch.processing_algorithms.suggestroi import SuggestRoi
+from slopewatch.processing_algorithms.topview import TopView
 from slopewatch.processing_algorithms.trainmodel import TrainModel
 from slopewatch.processing_algorithms.values import Values
 from slopewatch.processing_algorithms.writereport import WriteReport
@@ -126,10 +132,37 @@ def test_values_that_differ_are_passed() -> None:
     )
     assert arguments == [
         "ground", FIRST, "--output", "/out/ground.laz", "--profile", "paper",
+        "--crs", "EPSG:6557", "--height-unit", "us-survey-foot",
         "--cloth-resolution", "0.35", "--rigidness", "2", "--class-threshold", "0.06", "--slope-smoothing",
-        "--crs", "EPSG:6557",
-        "--height-unit", "us-survey-foot",
     ]  # fmt: skip
+
+
+def test_settings_of_a_former_run_are_passed_with_what_differs_from_them(tmp_path: Path) -> None:
+    path = tmp_path / "run.json"
+    path.write_text(json.dumps({"command": "ground", "parameters": {"ground": {"rigidness": 2, "refine": False}}}))
+    given = {"INPUT": FIRST, "OUTPUT": "/out/g.laz", "SETTINGS": str(path)}
+    head = ["ground", FIRST, "--output", "/out/g.laz", "--settings", str(path)]
+    assert command(ExtractGround, **given) == head
+    assert command(ExtractGround, **given, RIGIDNESS=2) == head, "as in a dialog that was filled in"
+    assert command(ExtractGround, **given, RIGIDNESS=1, REFINE=True) == [*head, "--rigidness", "1", "--refine"]
+    assert command(ExtractGround, **given, PROFILE="paper", RIGIDNESS=1) == [
+        *head, "--profile", "paper", "--rigidness", "1",
+    ]  # fmt: skip
+    path.write_text('{"profile": "paper", "iterations": 20}')
+    assert command(ExtractGround, **given) == head
+    assert command(ExtractGround, **given, PROFILE="default") == [*head, "--profile", "default"]
+
+
+def test_settings_that_cannot_be_used_are_refused_before_the_engine_starts(tmp_path: Path) -> None:
+    path = tmp_path / "mine.json"
+    path.write_text('{"rigidness": 7}')
+    made = ExtractGround().create()
+    given = {"INPUT": FIRST, "OUTPUT": "/out/g.laz", "SETTINGS": str(path)}
+    accepted, sentence = made.checkParameterValues(given, QgsProcessingContext())
+    assert not accepted
+    assert sentence == f"In {path} “Cloth rigidness” is 7; give a whole number from 1 to 3."
+    with pytest.raises(QgsProcessingException, match="rigidness is 7"):
+        command(ExtractGround, **given)
 
 
 def test_a_value_overrides_the_profile_also_where_it_equals_the_default() -> None:
@@ -329,6 +362,38 @@ def test_another_version_of_the_engine_is_said(
         assert "pdal: 2.9" in recorder.said("info")
 
 
+def test_a_cloud_is_described_in_the_log_and_in_outputs(fake_engine: Callable[[str], Path], feedback: Recorder) -> None:
+    facts = {
+        "points": 120, "area": 4.0, "density": 30.0, "x": [1.5, 3.25], "points_by_class": {"2": 100, "5": 20},
+        "reference_system": {"declared": "WGS 84 / UTM zone 51N"}, "warnings": ["No point has a GPS time."],
+    }  # fmt: skip
+    fake_engine(
+        f"assert sys.argv[1:5] == ['info', {FIRST!r}, '--crs', 'EPSG:32651'], sys.argv\n"
+        f"say(event='result', outputs={{}}, metrics={facts!r})"
+    )
+    parameters = {"INPUT": FIRST, "CRS": QgsCoordinateReferenceSystem("EPSG:32651")}
+    results, ok = CloudInfo().create().run(parameters, QgsProcessingContext(), feedback)
+    assert ok
+    assert (results["POINTS"], results["AREA"], results["DENSITY"]) == (120, 4.0, 30.0)
+    assert results["REFERENCE_SYSTEM"] == "WGS 84 / UTM zone 51N"
+    assert results["UNUSUAL"] == "No point has a GPS time."
+    assert feedback.said("warning") == ["No point has a GPS time."]
+    assert {"x: 1.5 to 3.25", "points_by_class, 5: 20", "points: 120"} <= set(feedback.said("info"))
+
+
+def test_a_loaded_cloud_is_meant_by_its_name_or_id(tmp_path: Path) -> None:
+    cloud = tmp_path / "2024-05-01.laz"
+    cloud.touch()
+    # not every QGIS opens clouds: the layer is there all the same
+    layer = QgsProject.instance().addMapLayer(QgsPointCloudLayer(str(cloud), "survey in May", "copc"))
+    try:
+        for given in (layer.id(), "survey in May", str(cloud)):
+            assert command(CloudInfo, INPUT=given)[:2] == ["info", str(cloud)]
+        assert command(CloudInfo, INPUT="/data/other.laz")[:2] == ["info", "/data/other.laz"]
+    finally:
+        QgsProject.instance().clear()
+
+
 def test_the_log_shows_a_command_that_can_be_typed(
     fake_engine: Callable[[str], Path], feedback: Recorder, tmp_path: Path
 ) -> None:
@@ -404,3 +469,20 @@ def test_a_corridor(tmp_path: Path) -> None:
     for wrong in ({}, {"MANIFEST": "/data/corridor.csv", "INPUT": str(tmp_path)}):
         with pytest.raises(QgsProcessingException, match="not both"):
             command(CorridorBatch, OUTPUT_FOLDER=out, **wrong)
+
+
+def test_what_is_drawn_on(tmp_path: Path) -> None:
+    out = str(tmp_path / "out")
+    found = command(TopView, INPUT=FIRST, OUTPUT_FOLDER=out, CELL=0.2, HILLSHADE="highest")
+    assert found == ["topview", FIRST, "--output-dir", out, "--cell", "0.2", "--hillshade", "highest"]
+    roi = str(tmp_path / "roi.gpkg")
+    found = command(SuggestRoi, INPUT=FIRST, OUTPUT=roi, LEAST_DENSITY=0.3, OVERWRITE=True)
+    assert found == ["suggestroi", FIRST, "--output", roi, "--least-density", "0.3", "--overwrite"]
+
+
+def test_what_goes_to_label_studio_and_back(tmp_path: Path) -> None:
+    out, labels = str(tmp_path / "out"), str(tmp_path / "labels.gpkg")
+    with pytest.raises(QgsProcessingException, match="PICTURE cannot be read as a raster"):
+        command(ExportLabelStudio, PICTURE=str(tmp_path / "gone.tif"), OUTPUT_FOLDER=out)
+    found = command(ImportLabelStudio, EXPORT="/data/e.json", TASKS="/data/t.json", OUTPUT=labels)
+    assert found == ["importlabelstudio", "/data/e.json", "--tasks", "/data/t.json", "--output", labels]

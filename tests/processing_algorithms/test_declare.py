@@ -11,6 +11,7 @@ from qgis.core import QgsApplication, QgsProcessingProvider
 from slopewatch.interface.parameters import Specification
 from slopewatch.plugin.bridge import resources
 from slopewatch.plugin.bridge.compat import ADVANCED, OPTIONAL
+from slopewatch.plugin.shipped_model import TITLES as MODELS
 from slopewatch.processing_algorithms import ALGORITHMS
 from slopewatch.processing_algorithms.base import SlopeWatchAlgorithm
 from slopewatch.tests.builders.qgis import engine_python
@@ -46,6 +47,7 @@ PRODUCTS = [
 ]  # fmt: skip
 PLANTS = ["GRASS", "GRASS_HEIGHT", "MOWN", "FERNS", "FOREST", "LAYOUT", "LITTER", "MULTIPATH", "STRAY"]
 OUTPUT = ["OVERWRITE"]
+TOP_VIEW = ["TOP_VIEW", "HILLSHADE_RASTER", "DENSITY", "GROUND_DENSITY", "CANOPY_HEIGHT"]
 SCREENED = ["SCREENED_ZONES", "SCREENED_PROBABILITY", "SCREENED_SMALLEST_HAZARD"]
 FROZEN_PARAMETERS = {
     "inspectslope": [
@@ -97,6 +99,20 @@ FROZEN_PARAMETERS = {
         "LEARNING_RATE", "BATCH", "NETWORK", "SEED", "DEVICE", "THREADS", "CRS", "HEIGHT_UNIT", "START_WEIGHTS",
         "OUTPUT_FOLDER", *OUTPUT,
     ],
+    "setupengine": ["SCREENING", "REPAIR", "WHEELS", "PYTHON"],
+    "topview": [
+        "INPUT", "ROI", "CELL", "HILLSHADE", "GROUND_RETURNS", "VIEW_MEMORY", *INPUT, *OUTPUT, "OUTPUT_FOLDER",
+        *TOP_VIEW,
+    ],
+    "suggestroi": [
+        "INPUT", "REGION_CELL", "LEAST_DENSITY", "LARGEST_HOLE", "SPIKE_WIDTH", "SMALLEST_PART", "SIMPLIFICATION",
+        *INPUT, *OUTPUT, "OUTPUT",
+    ],
+    "exportlabelstudio": [
+        "PICTURE", "SEGMENTS", "LABELS", "LABEL_FIELD", "PICTURE_ADDRESS", "LARGEST_PICTURE", *OUTPUT, "OUTPUT_FOLDER",
+    ],
+    "importlabelstudio": ["EXPORT", "TASKS", *OUTPUT, "OUTPUT"],
+    "cloudinfo": ["INPUT", *INPUT],
     "checkenvironment": [],
 }  # fmt: skip
 FROZEN_GROUPS = {
@@ -113,6 +129,12 @@ FROZEN_GROUPS = {
     "simulateseries": "tools",
     "simulatescenes": "tools",
     "trainmodel": "tools",
+    "setupengine": "tools",
+    "topview": "tools",
+    "suggestroi": "tools",
+    "exportlabelstudio": "tools",
+    "importlabelstudio": "tools",
+    "cloudinfo": "tools",
     "checkenvironment": "tools",
 }
 CHANGE_OUTPUTS = [
@@ -166,6 +188,15 @@ FROZEN_OUTPUTS = {
         "START_HAZARD_RECALL", "FALSE_ZONES_RATE", "START_FALSE_ZONES_RATE", "CALIBRATION_SCALE", "CALIBRATION_SHIFT",
         "TEMPERATURE", "OUTPUT_FOLDER",
     ],
+    "setupengine": ["ENGINE", "PYTHON_VERSION", "FOLDER", "SCREENING_READY"],
+    "topview": [
+        "POINTS", "CELL_USED", "AREA", "MEDIAN_DENSITY", "MEDIAN_GROUND_DENSITY", "RUN_RECORD", "OUTPUT_FOLDER",
+        *TOP_VIEW,
+    ],
+    "suggestroi": ["PARTS", "AREA", "AREA_SHARE", "POINTS_SHARE", "DENSITY", "RUN_RECORD", "OUTPUT"],
+    "exportlabelstudio": ["PICTURES", "REGIONS", "TASKS", "LABELS_FILE", "RUN_RECORD", "OUTPUT_FOLDER"],
+    "importlabelstudio": ["REGIONS", "POLYGONS", "AREA", "RUN_RECORD", "OUTPUT"],
+    "cloudinfo": ["POINTS", "AREA", "DENSITY", "REFERENCE_SYSTEM", "UNUSUAL"],
     "checkenvironment": ["ENGINE", "PDAL", "VERSION"],
 }  # fmt: skip
 COMMANDS = {
@@ -182,6 +213,12 @@ COMMANDS = {
     "simulateseries": ["simulate", "series"],
     "simulatescenes": ["simulate", "scenes"],
     "trainmodel": ["train"],
+    "setupengine": ["check"],  # it runs no other command
+    "topview": ["topview"],
+    "suggestroi": ["suggestroi"],
+    "exportlabelstudio": ["exportlabelstudio"],
+    "importlabelstudio": ["importlabelstudio"],
+    "cloudinfo": ["info"],
     "checkenvironment": ["check"],
 }
 
@@ -199,14 +236,16 @@ def test_all_are_registered_without_an_engine(monkeypatch: pytest.MonkeyPatch, p
     monkeypatch.setenv("SLOPEWATCH_PYTHON", "/nowhere/python")
     provider.refreshAlgorithms()
     assert provider.id() == "slopewatch"
-    assert {a.name() for a in provider.algorithms()} == set(FROZEN_PARAMETERS)
+    assert {a.name() for a in provider.algorithms()} == set(FROZEN_PARAMETERS) | set(MODELS)
     assert all(a.canExecute()[0] for a in provider.algorithms())
 
 
 def test_names_are_frozen(algorithm: SlopeWatchAlgorithm) -> None:
     here = {p.name() for p in algorithm.parameterDefinitions()}
     assert not set(FROZEN_PARAMETERS[algorithm.name()]) - here, "a released parameter is gone"
-    assert here - set(FROZEN_PARAMETERS[algorithm.name()]) <= {s.qgis_name for s in _specifications(algorithm)}
+    assert ("SETTINGS" in here) == bool(algorithm.PARAMETER_GROUPS)
+    own = here - {"SETTINGS"} - set(FROZEN_PARAMETERS[algorithm.name()])
+    assert own <= {s.qgis_name for s in _specifications(algorithm)}
     assert algorithm.groupId() == FROZEN_GROUPS[algorithm.name()]
     outputs = {o.name() for o in algorithm.outputDefinitions()}
     assert outputs >= set(FROZEN_OUTPUTS[algorithm.name()]), "a released output is gone"
@@ -262,15 +301,27 @@ def test_the_dialog_has_the_engines_parameters(algorithm: SlopeWatchAlgorithm) -
             assert bool(parameter.flags() & OPTIONAL) == s.automatic, f"{s.name}: empty where it is left to the data"
             if not s.automatic:
                 assert round(s.default, decimals) == s.default, f"{s.name}: the field would round the default"
-        if algorithm.name() not in (
-            "inspectslope",
-            "inspectseries",
-            "corridorbatch",
-            "screenhazards",
-            "simulatesurvey",
-            "simulateseries",
-        ):
-            assert bool(parameter.flags() & ADVANCED) == s.advanced
+        basic = not s.advanced if algorithm.BASIC is None else s.name in algorithm.BASIC
+        assert bool(parameter.flags() & ADVANCED) != basic
+    assert set(algorithm.BASIC or ()) <= {s.name for s in _specifications(algorithm)}
+
+
+def test_at_most_ten_parameters_are_shown_at_first(algorithm: SlopeWatchAlgorithm) -> None:
+    shown = [p.name() for p in algorithm.parameterDefinitions() if not p.flags() & ADVANCED and not p.isDestination()]
+    assert len(shown) <= 10, f"name those that most users need in BASIC: {shown}"
+
+
+def test_advanced_parameters_have_the_heading_of_their_step_in_its_order(algorithm: SlopeWatchAlgorithm) -> None:
+    titles = list(dict.fromkeys(group.title for group in algorithm.PARAMETER_GROUPS))
+    of = {s.qgis_name: group.title for group in algorithm.PARAMETER_GROUPS for s in group.specifications()}
+    headings = []
+    for parameter in algorithm.parameterDefinitions():
+        heading = parameter.metadata().get("slopewatch_group", "")
+        if parameter.flags() & ADVANCED and parameter.name() in of and len(titles) > 1:
+            assert heading == of[parameter.name()]
+            assert heading.lower() in parameter.description().lower(), "where no box can be made, the label says it"
+            headings.append(heading)
+    assert list(dict.fromkeys(headings)) == [title for title in titles if title in headings]
 
 
 def test_the_whole_flow_shows_few_parameters_at_first(qgis_app: QgsApplication) -> None:
@@ -278,8 +329,7 @@ def test_the_whole_flow_shows_few_parameters_at_first(qgis_app: QgsApplication) 
     shown = [p.name() for p in inspect.parameterDefinitions() if not p.flags() & ADVANCED and not p.isDestination()]
     assert shown == [
         "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "ROI", "PROFILE",
-        "CLOTH_RESOLUTION", "CELL", "CONFIDENCE", "ADAPTIVE", "MINIMUM_AREA", "SCREEN_LAST_EPOCH",
-        "OVERWRITE",
+        "CELL", "MINIMUM_AREA", "SCREEN_LAST_EPOCH", "OVERWRITE",
     ]  # fmt: skip
 
 

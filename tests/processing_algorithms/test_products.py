@@ -24,7 +24,7 @@ from qgis.core import (
 )
 from slopewatch.processing_algorithms import products
 from slopewatch.processing_algorithms.inspectslope import InspectSlope
-from slopewatch.tests.builders.qgis import Recorder
+from slopewatch.tests.builders.qgis import Recorder, load_results
 
 pytestmark = pytest.mark.usefixtures("qgis_processing", "provider")
 FIRST, LATER = "/data/2024-05-01.laz", "/data/2025-05-01.laz"
@@ -123,9 +123,7 @@ def to_load(value: str, project: QgsProject) -> QgsProcessingOutputLayerDefiniti
 
 def load(context: QgsProcessingContext, parameters: dict[str, Any], feedback: Recorder) -> None:
     """What QGIS's dialog does after a run."""
-    from processing.gui.Postprocessing import handleAlgorithmResults
-
-    assert handleAlgorithmResults(InspectSlope().create(), context, feedback, parameters)
+    assert load_results(InspectSlope().create(), context, feedback, parameters)
 
 
 @pytest.mark.usefixtures("engine")
@@ -242,6 +240,18 @@ class TestLoading:
         (tmp_path / "out" / "elevation_change.qml").write_text("no style")
         load(context, parameters, feedback)
         assert any("elevation_change.tif" in line for line in feedback.said("warning"))
+
+
+def test_the_log_ends_with_the_sentences_in_the_dialogs_words(
+    fake_engine: Callable[[str], Path], project: QgsProject, feedback: Recorder, tmp_path: Path
+) -> None:
+    fake_engine(
+        "say(event='result', outputs={}, metrics={'zone_count': 3}, "
+        "conclusion=['3 zones were found.', 'Give --cell for others.'])"
+    )
+    results, _ = run(project, feedback, OUTPUT_FOLDER=str(tmp_path))
+    assert results["ZONE_COUNT"] == 3
+    assert feedback.said("info")[-2:] == ["3 zones were found.", "Give “Cell size (m)” for others."]
 
 
 def test_of_one_survey_only_the_screening_is_loaded(

@@ -17,7 +17,7 @@ from qgis.core import (
 )
 from slopewatch.processing_algorithms.screenhazards import ScreenHazards
 from slopewatch.processing_algorithms.values import Values
-from slopewatch.tests.builders.qgis import Recorder
+from slopewatch.tests.builders.qgis import Recorder, load_results
 
 pytestmark = pytest.mark.usefixtures("qgis_processing", "provider")
 CLOUD = "/data/north_2024-05-01.laz"
@@ -136,8 +136,6 @@ def test_a_temporary_cloud_works(fake_engine: Callable[[str], Path], project: Qg
 def test_layers_are_loaded_into_a_group_of_the_survey(
     fake_engine: Callable[[str], Path], project: QgsProject, feedback: Recorder, tmp_path: Path
 ) -> None:
-    from processing.gui.Postprocessing import handleAlgorithmResults
-
     fake_engine(ENGINE)
     parameters: dict[str, Any] = {
         name: QgsProcessingOutputLayerDefinition(QgsProcessing.TEMPORARY_OUTPUT, project)
@@ -145,7 +143,7 @@ def test_layers_are_loaded_into_a_group_of_the_survey(
     }
     parameters["OUTPUT"] = str(tmp_path / "a.laz")
     _, context = run(project, feedback, **parameters)
-    assert handleAlgorithmResults(ScreenHazards().create(), context, feedback, parameters)
+    assert load_results(ScreenHazards().create(), context, feedback, parameters)
     group = project.layerTreeRoot().findGroup("SlopeWatch north_2024-05-01")
     assert [(node.name(), node.itemVisibilityChecked()) for node in group.findLayers()] == [
         ("Hazard zones (screening)", True),

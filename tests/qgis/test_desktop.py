@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from slopewatch.plugin.shipped_model import TITLES as MODELS
 from slopewatch.processing_algorithms import ALGORITHMS
 from slopewatch.scripts.screenshots import run_session
 from slopewatch.tests.builders.limits import CANCELLED_S
@@ -45,7 +46,7 @@ def test_the_session_ran_without_a_fault(session: dict[str, Any]) -> None:
 
 def test_the_toolbox_shows_the_algorithms(session: dict[str, Any]) -> None:
     assert "/SlopeWatch/Inspection/Inspect slope" in session["toolbox"]
-    assert len([entry for entry in session["toolbox"] if entry.count("/") == 3]) == len(ALGORITHMS)
+    assert len([entry for entry in session["toolbox"] if entry.count("/") == 3]) == len(ALGORITHMS) + len(MODELS)
 
 
 def test_cancel_ends_the_engine_and_leaves_nothing(session: dict[str, Any]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import struct
 import subprocess
 import time
 from collections.abc import Callable
@@ -13,6 +14,7 @@ from typing import Any
 
 import pytest
 from qgis.core import QgsRasterLayer, QgsVectorLayer
+from slopewatch.plugin.shipped_model import TITLES as MODELS
 from slopewatch.processing_algorithms import ALGORITHMS
 from slopewatch.processing_algorithms.elevationchange import ElevationChange
 from slopewatch.processing_algorithms.extractground import ExtractGround
@@ -36,11 +38,11 @@ def engine_says(*arguments: str) -> str:
 class TestOffer:
     def test_every_algorithm_is_listed(self, qgis_process: QgisProcess) -> None:
         listed = json.loads(qgis_process("--json", "list").stdout)["providers"]["slopewatch"]["algorithms"]
-        assert set(listed) == {f"slopewatch:{a.NAME}" for a in ALGORITHMS}
+        assert set(listed) == {f"slopewatch:{name}" for name in (*(a.NAME for a in ALGORITHMS), *MODELS)}
 
     def test_help_shows_units_and_what_values_do(self, qgis_process: QgisProcess) -> None:
         text = qgis_process("help", "slopewatch:inspectslope").stdout
-        assert "Cloth resolution (m)" in text
+        assert "Ground: cloth resolution (m)" in text
         assert "Larger is faster and smoother" in text
         assert "OUTPUT_FOLDER" in text
 
@@ -175,6 +177,14 @@ class TestRuns:
         assert results["ENGINE"] == str(python)
         assert results["PDAL"]
         assert results["VERSION"]
+
+    def test_a_cloud_is_described(self, qgis_process: QgisProcess, survey: dict[str, Any]) -> None:
+        results = qgis_process.run("cloudinfo", INPUT=survey["CLOUD"])
+        header = Path(survey["CLOUD"]).read_bytes()[:375]
+        assert results["POINTS"] == struct.unpack_from("<Q", header, 247)[0]  # of LAS 1.4
+        assert "UTM zone 51N" in results["REFERENCE_SYSTEM"]
+        assert 10 < results["DENSITY"] < 1000
+        assert results["AREA"] == pytest.approx(results["POINTS"] / results["DENSITY"], rel=1e-3)
 
     def test_the_whole_flow(self, qgis_process: QgisProcess, survey: dict[str, Any], tmp_path: Path) -> None:
         """Raw simulated surveys to zones; the figures against the truth that the simulation wrote."""

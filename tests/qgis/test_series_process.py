@@ -20,7 +20,7 @@ from qgis.core import (
 )
 from qgis.PyQt.QtCore import QDateTime, Qt
 from slopewatch.processing_algorithms.inspectseries import InspectSeries
-from slopewatch.tests.builders.qgis import QgisProcess, Recorder, engine_python
+from slopewatch.tests.builders.qgis import QgisProcess, Recorder, engine_python, load_results
 
 # Slopes of 10 by 10 m on four days; a square of 3 m sinks by 0.1 m from each to the next.
 CLOUDS = """
@@ -131,8 +131,6 @@ def test_a_simulated_series_is_inspected_with_its_manifest(qgis_process: QgisPro
 def test_the_dialog_loads_every_survey_with_its_days(
     qgis_processing: Any, provider: Any, feedback: Recorder, clouds: Path, tmp_path: Path
 ) -> None:
-    from processing.gui.Postprocessing import handleAlgorithmResults
-
     engine_python()
     project = QgsProject()
     context = QgsProcessingContext()
@@ -143,7 +141,7 @@ def test_the_dialog_loads_every_survey_with_its_days(
     algorithm = InspectSeries().create()
     _, ok = algorithm.run(given, context, feedback, catchExceptions=False)
     assert ok
-    assert handleAlgorithmResults(algorithm, context, feedback, given), [
+    assert load_results(algorithm, context, feedback, given), [
         x for x in feedback.lines if x[0] in ("error", "warning")
     ]
     layers = {layer.name(): layer for layer in project.mapLayers().values()}

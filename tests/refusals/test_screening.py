@@ -52,11 +52,19 @@ def test_no_weights(cloud, weights, tmp_path):
     refused(tmp_path, cloud, "do not exist", weights=str(tmp_path / "none.safetensors"))
 
 
-@pytest.mark.parametrize("method", ["auto", "relief", "network"])
-def test_no_torch(cloud, tmp_path, monkeypatch, method):
-    monkeypatch.setitem(sys.modules, "torch", None)
-    sentence = r"needs the Python library torch.*slopewatch\[screening\].*--screening-method filter"
-    refused(tmp_path, cloud, sentence, method=method)
+@pytest.mark.parametrize(
+    ("missing", "given"),
+    [
+        ("torch", {"method": "network"}),
+        ("torch", {"method": "relief", "device": "gpu"}),
+        ("torch", {"method": "auto", "device": "auto"}),
+        ("safetensors", {"method": "auto"}),
+    ],
+)
+def test_a_library_is_missing(cloud, tmp_path, monkeypatch, missing, given):
+    monkeypatch.setitem(sys.modules, missing, None)
+    sentence = rf"needs the Python library {missing}.*slopewatch\[screening\].*--screening-method filter"
+    refused(tmp_path, cloud, sentence, **given)
     # without learning it is not needed
     screen(cloud, tmp_path / "residual.laz")
 
@@ -86,7 +94,7 @@ def test_memory_runs_out(cloud, weights, tmp_path, monkeypatch, kind, method):
         raise failure
 
     monkeypatch.setattr("slopewatch.models.network.randlanet.RandLANet.forward", forward)
-    monkeypatch.setattr("slopewatch.models.network.unet.UNet.forward", forward)
+    monkeypatch.setattr("slopewatch.models.network.plain_unet.PlainUNet.answer", forward)
     own = {"weights": str(weights)} if method == "network" else {}
     refused(tmp_path, cloud, "Memory ran out while screening", EngineError, method=method, **own)
 

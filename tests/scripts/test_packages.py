@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import configparser
+import posixpath
 import re
 import shutil
 import subprocess
@@ -42,10 +43,50 @@ def test_zip_has_one_top_folder_with_what_qgis_asks_for(plugin_zip):
 def test_zip_leaves_out_what_qgis_refuses_and_users_do_not_need(plugin_zip):
     for name in plugin_zip.namelist():
         path = PurePosixPath(name)
-        assert path.suffix not in {".sh", ".so", ".pyc", ".dll", ".exe"}, name
+        assert path.suffix not in {".sh", ".so", ".pyc", ".dll", ".exe", ".dylib", ".pyd", ".whl", ".zip", ".bat"}, name
         assert not {"tests", "__pycache__", ".ci", "scripts", "benchmarks"} & set(path.parts), name
         assert not any(part.startswith(".") for part in path.parts), name
-    assert sum(entry.compress_size for entry in plugin_zip.infolist()) <= 25 * 1024 * 1024
+    assert sum(entry.compress_size for entry in plugin_zip.infolist()) <= 20 * 1024 * 1024, "the repository takes 25 MB"
+
+
+EXECUTABLE = (b"\x7fELF", b"MZ", b"\xcf\xfa\xed\xfe", b"\xca\xfe\xba\xbe", b"#!/bin/")
+
+
+def test_zip_holds_no_program_under_any_name(plugin_zip):
+    for entry in plugin_zip.infolist():
+        assert not plugin_zip.read(entry).startswith(EXECUTABLE), entry.filename
+        assert not entry.filename.startswith("/")
+        assert ".." not in PurePosixPath(entry.filename).parts
+
+
+def test_zip_holds_what_its_own_help_names(plugin_zip):
+    """Relative links and pictures of the readme, the documents and the help."""
+    names = set(plugin_zip.namelist())
+    checked = 0
+    for name in sorted(names):
+        if not name.endswith((".md", ".html")) or "/templates/" in name:
+            continue
+        text = plugin_zip.read(name).decode("utf-8")
+        text = re.sub(r"^```.*?^```|`[^`\n]*`", "", text, flags=re.S | re.M)
+        found = re.findall(r"\]\(\s*([^)\s]+)\s*\)", text) + re.findall(r'\b(?:src|href)="([^"]+)"', text)
+        for target in (one.partition("#")[0] for one in found):
+            if target and not re.match(r"[a-z]+:", target):
+                place = posixpath.normpath(posixpath.join(posixpath.dirname(name), target))
+                assert place in names or any(other.startswith(f"{place}/") for other in names), f"{name}: {target}"
+                checked += 1
+    assert checked > 150
+
+
+def test_zip_holds_the_locks_and_no_tests_of_them(plugin_zip):
+    for lock in ("engine.lock", "screening.lock"):
+        assert b"--hash=sha256:" in plugin_zip.read(f"slopewatch/plugin/bridge/setup/{lock}")
+
+
+def test_the_licence_goes_with_qgis_and_is_in_the_zip(root, plugin_zip):
+    text = plugin_zip.read("slopewatch/LICENSE").decode("utf-8")
+    assert "GNU GENERAL PUBLIC LICENSE" in text[:200]
+    assert "Version 3, 29 June 2007" in text[:200]
+    assert 'license = "GPL-3.0-or-later"' in (root / "pyproject.toml").read_text(encoding="utf-8")
 
 
 def test_icon_named_in_the_metadata_is_in_the_zip(plugin_zip):
@@ -70,6 +111,17 @@ def test_metadata_names_everything_the_plugin_repository_asks_for(root):
     assert general["qgisMinimumVersion"] == "3.34"
     assert general["qgisMaximumVersion"] == "4.99"
     assert general["hasProcessingProvider"] == "yes"
+    for key in ("homepage", "repository", "tracker"):
+        assert re.fullmatch(r"https://[\w.-]+/[\w./-]+", general[key]), key
+    assert re.fullmatch(r"[^@\s]+@[\w-]+(\.[\w-]+)+", general["email"])
+    assert re.fullmatch(r"\d+\.\d+\.\d+", general["version"])
+    assert "plugin" not in general["name"].lower()
+    assert re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", "slopewatch"), "the folder's name"
+    assert len(general["description"]) < 120
+    assert "External dependency" in general["about"], "what is downloaded must be stated there"
+    tags = general["tags"].split(",")
+    assert len(tags) == len({tag.strip().lower() for tag in tags})
+    assert general["category"] in ("Raster", "Vector", "Database", "Mesh", "Web", "Analysis")
     assert (root / general["icon"]).is_file()
 
 

@@ -93,8 +93,7 @@ def test_ground_tells_the_sentence_and_the_table(extraction, tmp_path, capsys):
     done = ground_module.ground_step(
         cloud(tmp_path / "a.laz"), tmp_path / "out_ground.laz", Settings(), roi=None, pdal=None, progress=progress
     )
-    outputs, metrics = done.outputs, done.figures
-    progress.result(outputs, metrics)
+    progress.result(done, [])
     [cover] = extraction.covers
     events = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     said = [e["message"] for e in events if e["event"] == "log"]

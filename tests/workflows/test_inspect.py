@@ -81,6 +81,20 @@ def test_change_agrees_with_the_truth(survey, run):
     assert 0.8 < metrics["common_cell_rate"] <= 1.0
 
 
+def test_the_map_of_the_change_is_pale_within_each_cells_level(run):
+    """The second band is opaque exactly where the significant change has data; the first one stays the change."""
+    out, _, _ = run
+    with rasterio.open(out / "elevation_change.tif") as change, rasterio.open(out / "significant_change.tif") as beyond:
+        assert change.descriptions[0].startswith("Elevation change")
+        assert (change.count, change.units) == (2, ("m", "1"))
+        dz, opacity = change.read(masked=True)
+        significant = beyond.read(1, masked=True)
+    assert (opacity.mask == dz.mask).all()
+    assert 0 < significant.count() < dz.count()
+    np.testing.assert_array_equal(opacity.filled(0) == 255, ~significant.mask)
+    assert (out / "screened.qml").read_text().count("<category ") == 3
+
+
 def test_zones_lie_where_the_ground_changed(survey, run):
     pair, _ = survey
     out, _, metrics = run
@@ -229,7 +243,8 @@ def test_one_epoch_is_screened_and_nothing_else(survey, tmp_path):
     done = inspect_slope([epoch], out, Settings(screening=RESIDUAL), overwrite=True, **given)
     outputs, metrics = done.outputs, done.figures
     assert {p.name for p in out.iterdir()} == {
-        *SCREENING_OUTPUTS, "screened_probability.qml", "screened_smallest_hazard.qml", "run.json", "report.html",
+        *SCREENING_OUTPUTS, "screened.qml", "screened_probability.qml", "screened_smallest_hazard.qml", "run.json",
+        "report.html",
         "clouds", "zones.gpkg",
     }  # fmt: skip
     assert [w for w in progress.warnings if w.endswith("outputs of an earlier run: zones.gpkg.")]

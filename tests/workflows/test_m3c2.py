@@ -147,7 +147,7 @@ def test_rasters_lie_on_a_snapped_grid_with_the_tags_of_all_rasters(outcome):
         with rasterio.open(outputs[name]) as source:
             assert source.crs.to_epsg() == 32651
             assert source.nodata == -9999
-            assert source.units == ("m",)
+            assert source.units[0] == "m"
             cell = source.transform.a
             assert (source.transform.c / cell) % 1 == pytest.approx(0, abs=1e-6)
             assert (source.transform.f / cell) % 1 == pytest.approx(0, abs=1e-6)

@@ -356,7 +356,7 @@ def test_without_torch_the_program_says_what_to_install(tiny_clouds, tmp_path):
     )
     assert done.returncode == 2
     sentence = done.stderr.strip().splitlines()[-1]
-    assert "Training needs the Python library torch, which cannot be imported (not here); install" in sentence
+    assert "Training needs the Python library torch, which cannot be imported (not here); run Set up engine" in sentence
     assert not (tmp_path / "out").exists()
 
 

@@ -36,6 +36,7 @@ from ...interface.parameters import ChangeParameters, HeatmapParameters, ZonePar
 from ..run import Run
 from ..settings import Settings
 from . import zones as zones_module
+from .masked_raster import Legend, write_masked_raster
 
 CHANGE_OUTPUTS = (
     "elevation_change.tif",
@@ -248,9 +249,11 @@ def _level_in_words(change: Change) -> str:
 
 
 def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float, stage: Stage) -> dict[str, Path]:
-    level = change.median_level
+    path = stage.path("elevation_change.tif")
+    legend = Legend(f"{change.measure}, later minus earlier", limit)
+    write_masked_raster(path, Laid(change.dz, change.layout), change.significant, change.grid, crs, legend, tags)
+    outputs = {"elevation_change": stage.final(path.name)}
     layers = [
-        ("elevation_change", change.dz, f"{change.measure}, later minus earlier", qgis_styles.change_qml(limit, level)),
         (
             "level_of_detection",
             change.level,
@@ -284,7 +287,6 @@ def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float,
     if change.probability is not None:
         words = "Probability that the change is real, from the cell and those around it"
         layers.append(("change_probability", change.probability, words, qgis_styles.probability_qml()))
-    outputs = {}
     for name, array, description, qml in layers:
         path = stage.path(f"{name}.tif")
         unit = "1" if name == "change_probability" else "m"

@@ -19,6 +19,7 @@ from ...engine.m3c2.distances import Distances, Status
 from ...engine.maps import palette, qgis_styles
 from ...engine.statistics.normal import quantile
 from ...engine.statistics.robust import nmad
+from .masked_raster import Legend, write_masked_raster
 
 RASTERS = ("m3c2_distance", "m3c2_level_of_detection", "m3c2_significant")
 _MAX_CELLS = 50_000_000
@@ -87,8 +88,11 @@ def write_rasters(
     made = rasterise(found, cell)
     level = float(np.nanmedian(made.level))
     limit = palette.colour_limit(made.significant, colour_range, level=level)
+    path, beyond = stage.path(f"{RASTERS[0]}.tif"), np.isfinite(made.significant)
+    legend = Legend("Distance along the normal (M3C2), later minus earlier", limit)
+    write_masked_raster(path, made.distance, beyond, made.grid, crs, legend, tags)
+    outputs = {RASTERS[0]: stage.final(path.name)}
     layers = (
-        (made.distance, "Distance along the normal (M3C2), later minus earlier", qgis_styles.change_qml(limit, level)),
         (
             made.level,
             f"Level of detection of M3C2, {found.confidence:.4g} confidence",
@@ -96,8 +100,7 @@ def write_rasters(
         ),
         (made.significant, "Distance (M3C2) beyond the level of detection", qgis_styles.change_qml(limit)),
     )
-    outputs = {}
-    for name, (array, description, qml) in zip(RASTERS, layers, strict=True):
+    for name, (array, description, qml) in zip(RASTERS[1:], layers, strict=True):
         path = stage.path(f"{name}.tif")
         geotiff.write_raster(path, array, made.grid, crs, description=description, tags=tags)
         qgis_styles.write_qml_next_to(path, qml)

@@ -20,7 +20,7 @@ from ...engine.vector import geopackage as vectors
 from ...engine.vector.review_fields import own_columns
 from ...engine.zones.confirmation import FIELDS as CONFIRMATION_FIELDS
 from ...engine.zones.earlier_reviews import EarlierReviews
-from ...models.screening.cloud_file import ScreenedFile
+from ...models.screening.cloud_file import CLASS, ScreenedFile
 from ...models.screening.map import write_hazard_map
 from ...models.screening.result import Screening
 from ...models.screening.self_test import SelfTest
@@ -66,7 +66,7 @@ def write_products(
     shown: Pictured,
     reviews: EarlierReviews | None = None,
 ) -> None:
-    """Write zones, probabilities, smallest hazards and map of a screening.
+    """Write zones, probabilities, smallest hazards and map of a screening, and the style of its labelled cloud.
 
     Args:
         targets: as of ``default_targets``; ``place`` gives the path at which the file of a target is to be written now.
@@ -89,6 +89,7 @@ def write_products(
     bands = {f"Height that a hazard {width:g} m wide needs": heights for width, heights in hazards.smallest.items()}
     rasters.write_bands(path, bands, hazards.grid, shown.cloud.crs, tags=tags)
     styles.write_qml_next_to(path, styles.smallest_hazard_qml())
+    styles.write_qml_next_to(place(targets["labelled"]), styles.labelled_points_qml(CLASS))
     view = top_view(shown.cloud, top_view_grid(hazards.grid, hazards.grid.cell))
     write_hazard_map(place(targets["map"]), hazards, view, name=shown.name, note=shown.note)
 

@@ -26,6 +26,7 @@ from ...engine.statistics.normal import Z95
 from ...engine.vector import geopackage
 from ...engine.vector.review_fields import own_columns
 from ..run import Run
+from .masked_raster import Legend, write_masked_raster
 
 SERIES_OUTPUTS = (
     "velocity.tif",
@@ -74,21 +75,17 @@ def write_epoch_rasters(
             software=f"SlopeWatch {VERSION}",
             input_sha256=f"{hashes[0] if kind == 'cumulative' else hashes[number - 1]} {hashes[number]}",
         )
-        for name, array, words, qml in zip(
-            raster_names(kind, begin, end),
-            (change.dz, change.level),
-            ("Elevation change", f"Level of detection, {change.confidence:.4g} confidence"),
-            (
-                qgis_styles.change_qml(limit, change.median_level, shown=(before, end)),
-                qgis_styles.level_qml(highest, shown=(before, end)),
-            ),
-            strict=True,
-        ):
-            path = stage.path(name)
-            description = f"{words}, {begin.isoformat()} to {end.isoformat()}"
-            geotiff.write_raster(path, array, about.grid, about.crs, description=description, tags=tags)
-            qgis_styles.write_qml_next_to(path, qml)
-            outputs[f"{kind}_{'change' if array is change.dz else 'level'}_{number:03d}"] = stage.final(name)
+        change_name, level_name = raster_names(kind, begin, end)
+        span = f"{begin.isoformat()} to {end.isoformat()}"
+        legend = Legend(f"Elevation change, {span}", limit, shown=(before, end))
+        place = about.grid, about.crs
+        path = stage.path(change_name)
+        write_masked_raster(path, change.dz, change.significant, *place, legend, tags)
+        path, words = stage.path(level_name), f"Level of detection, {change.confidence:.4g} confidence, {span}"
+        geotiff.write_raster(path, change.level, *place, description=words, tags=tags)
+        qgis_styles.write_qml_next_to(path, qgis_styles.level_qml(highest, shown=(before, end)))
+        outputs[f"{kind}_change_{number:03d}"] = stage.final(change_name)
+        outputs[f"{kind}_level_{number:03d}"] = stage.final(level_name)
     return outputs
 
 
@@ -107,9 +104,12 @@ def write_summary_rasters(
     rate, error = 1000 * velocity.rate, 1000 * velocity.error
     level = Z95 * float(np.nanmedian(error))
     with np.errstate(invalid="ignore"):
-        limit = palette.colour_limit(rate[np.abs(rate) > Z95 * error], level=level)
+        beyond = np.abs(rate) > Z95 * error
+    limit = palette.colour_limit(rate[beyond], level=level)
+    path, legend = stage.path("velocity.tif"), Legend("Velocity by regression", limit, "mm/day")
+    write_masked_raster(path, rate, beyond, about.grid, about.crs, legend, tags)
+    outputs = {"velocity": stage.final(path.name)}
     layers: tuple[tuple[str, Float, str, str, str], ...] = (
-        ("velocity", rate, "Velocity by regression", "mm/day", qgis_styles.change_qml(limit, level, unit="mm/day")),
         (
             "velocity_error",
             error,
@@ -125,7 +125,6 @@ def write_summary_rasters(
             qgis_styles.confirmed_qml(int(confirmed.max(initial=0))),
         ),
     )
-    outputs = {}
     for name, array, words, unit, qml in layers:
         path = stage.path(f"{name}.tif")
         geotiff.write_raster(path, array, about.grid, about.crs, description=words, unit=unit, tags=tags)

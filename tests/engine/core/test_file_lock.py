@@ -18,11 +18,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from slopewatch.engine.core import file_lock
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.file_lock import Lock, locked, try_lock
 from slopewatch.engine.core.part_folders import OWNER, part_folder
 from slopewatch.engine.core.staged_outputs import staged_outputs
+from slopewatch.interface import file_lock
 
 fcntl = pytest.importorskip("fcntl")
 _LAYOUT = "hhlli4x"  # of struct flock with 64-bit offsets: type, whence, start, length, process

@@ -11,8 +11,9 @@ import threading
 from pathlib import Path
 
 import pytest
+from slopewatch.engine.core import part_folders
 from slopewatch.engine.core.errors import InputError
-from slopewatch.engine.core.part_folders import part_folder
+from slopewatch.engine.core.part_folders import OWNER, PREFIX, part_folder
 from slopewatch.engine.core.staged_outputs import staged_outputs
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="only there a lock ends with its process")
@@ -88,3 +89,19 @@ def test_folders_of_older_versions_are_left_until_they_are_old(tmp_path: Path) -
         stage.path("run.json").write_text("{}")
     assert young.exists()
     assert not old.exists()
+
+
+def test_the_later_run_is_refused_whatever_the_files_clock_says(tmp_path, monkeypatch) -> None:
+    """The clock of files has steps; here the first file's is later, and the later folder's name sorts first."""
+    names = iter((f"{PREFIX}b", f"{PREFIX}a"))
+
+    def made(**_: object) -> str:
+        folder = tmp_path / next(names)
+        folder.mkdir()
+        return str(folder)
+
+    monkeypatch.setattr(part_folders.tempfile, "mkdtemp", made)
+    with part_folder(tmp_path, "run.json") as first:
+        os.utime(first / OWNER, (2**33, 2**33))
+        with pytest.raises(InputError, match="Another run is writing"), part_folder(tmp_path, "run.json"):
+            pass

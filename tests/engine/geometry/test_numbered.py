@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from slopewatch.engine.geometry.columns import greatest, largest_sizes, least, spans
-from slopewatch.engine.geometry.numbered import counts_of_each, distinct, lowest_of_each
+from slopewatch.engine.geometry.numbered import counts_of_each, distinct, lowest_of_each, united
 
 
 @pytest.mark.parametrize("step", [1, 40_000_000], ids=["close", "far apart"])
@@ -18,7 +18,17 @@ def test_distinct_numbers_are_those_of_a_sort(step):
     assert np.array_equal(counts_of_each(numbers), np.unique(numbers, return_counts=True)[1])
 
 
+@pytest.mark.parametrize("step", [1, 40_000_000], ids=["close", "far apart"])
+def test_united_numbers_are_those_of_a_sort(step):
+    rng = np.random.default_rng(4)
+    parts = [rng.integers(-50, 60, count) * step for count in (30, 0, 70)]
+    found = united(*parts)
+    assert np.array_equal(found, np.unique(np.concatenate(parts)))
+    assert found.dtype == np.int64
+
+
 def test_no_numbers_are_none():
+    assert len(united(np.zeros(0, dtype=np.int64))) == 0
     assert [len(part) for part in distinct(np.zeros(0, dtype=np.int64))] == [0, 0, 0]
 
 

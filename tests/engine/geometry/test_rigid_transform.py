@@ -10,7 +10,7 @@ import pytest
 from pyproj import CRS
 from scipy.spatial.transform import Rotation
 from slopewatch.engine.core.errors import InputError
-from slopewatch.engine.geometry.rigid_transform import RigidTransform
+from slopewatch.engine.geometry.rigid_transform import RigidTransform, registration_facts
 
 UTM = np.array([512_345.678, 4_123_456.789, 1_234.5])
 
@@ -111,3 +111,10 @@ def test_files_that_hold_no_rigid_motion_are_refused(tmp_path, content):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(InputError, match=r"none\.json"):
         RigidTransform.load(tmp_path / "none.json")
+
+
+def test_a_word_that_stands_for_no_number_is_no_figure_of_a_registration(tmp_path) -> None:
+    path = tmp_path / "transform.json"
+    facts = {"registration_error_m": 0.01, "registration_rmse_m": "nan", "registration_method": "robust"}
+    RigidTransform(np.eye(3), np.zeros(3), np.zeros(3)).save(path, CRS.from_epsg(32651), facts)
+    assert registration_facts(path) == {"registration_error_m": 0.01, "registration_method": "robust"}

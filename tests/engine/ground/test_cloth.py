@@ -161,3 +161,11 @@ def _child_of(pid: int) -> int:
                 continue
         time.sleep(0.02)
     raise AssertionError("the library was not started")
+
+
+def test_without_the_library_it_says_what_to_install(field, monkeypatch, tmp_path):
+    worker = tmp_path / "worker.py"
+    worker.write_text("raise ModuleNotFoundError(\"No module named 'CSF'\", name='CSF')\n")
+    monkeypatch.setattr(cloth, "_WORKER", worker)
+    with pytest.raises(InputError, match=r"cloth filter .* is not there.*install PDAL 2\.3 or newer"):
+        cloth_ground(field[0], GroundParameters())

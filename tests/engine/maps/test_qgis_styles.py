@@ -17,8 +17,9 @@ import pytest
 from PIL import Image
 from pyproj import CRS
 from shapely import MultiPolygon, box, hausdorff_distance, unary_union
-from slopewatch.engine.grid.geotiff import write_raster
+from slopewatch.engine.grid.geotiff import write_bands, write_raster
 from slopewatch.engine.grid.grid import Grid
+from slopewatch.engine.maps import opacity_band
 from slopewatch.engine.maps.palette import DIVERGING, SEQUENTIAL
 from slopewatch.engine.maps.qgis_styles import (
     FOOTPRINT_FIELDS,
@@ -29,6 +30,7 @@ from slopewatch.engine.maps.qgis_styles import (
     corridor_zones_qml,
     footprints_qml,
     hazards_qml,
+    labelled_points_qml,
     level_qml,
     probability_qml,
     series_zones_qml,
@@ -93,6 +95,18 @@ def test_below_the_level_is_a_faint_grey() -> None:
 def test_a_level_beyond_the_range_is_left_out() -> None:
     for level in (0.5, 0.0, float("nan")):
         assert {alpha for *_, alpha, _ in stops(change_qml(0.4, level))} == {255}
+
+
+def test_the_opacity_is_a_band_of_the_raster() -> None:
+    assert 'alphaBand="2"' in change_qml(0.4, opacity_band=2)
+    assert 'alphaBand="-1"' in change_qml(0.4)
+    assert any("pale: within the cell's level" in label for *_, label in stops(change_qml(0.4, opacity_band=2)))
+
+
+def test_cells_within_their_level_are_pale_and_those_without_data_stay_so() -> None:
+    found = opacity_band.opacity(np.array([0.3, 0.3, np.nan, np.nan]), np.array([True, False, True, False]))
+    np.testing.assert_array_equal(found, [255, opacity_band.WITHIN, np.nan, np.nan])
+    assert 0 < opacity_band.WITHIN < 64
 
 
 def test_level_ramp_runs_from_zero() -> None:
@@ -254,7 +268,7 @@ def test_written_where_qgis_looks(tmp_path: Path) -> None:
 SCRIPT = """
 import json, sys
 from qgis.core import (QgsApplication, QgsExpression, QgsExpressionContext, QgsExpressionContextUtils,
-    QgsMapRendererParallelJob, QgsMapSettings, QgsRasterLayer, QgsVectorLayer)
+    QgsMapRendererParallelJob, QgsMapSettings, QgsPointCloudLayer, QgsRasterLayer, QgsVectorLayer)
 from qgis.PyQt.QtCore import QSize
 from qgis.PyQt.QtGui import QColor
 application = QgsApplication([], False)
@@ -295,6 +309,12 @@ for feature in footprints.getFeatures():
     values = [feature[name] for name in ("zone_id", "kind", "vol_net_m3", "vol_err_m3")]
     told.append([*values, label.evaluate(context)])
 review = zones.fields().indexOf("review_status")
+cloud = QgsPointCloudLayer(folder + "/labelled.laz", "cloud", "copc")  # not every build opens it
+message, styled = cloud.loadNamedStyle(folder + "/labelled.qml")
+renderer = cloud.renderer()
+points = [styled, renderer.type(), renderer.attribute(),
+    [[c.value(), c.label(), c.color().name()] for c in renderer.categories()]]
+del cloud, renderer
 print(json.dumps({
     "raster": raster.renderer().type(),
     "raster_stops": [i.value for i in raster.renderer().shader().rasterShaderFunction().colorRampItemList()],
@@ -311,6 +331,7 @@ print(json.dumps({
     "told": told,
     "footprint_tip": "vol_low_m3" in footprints.mapTipTemplate(),
     "tip": "vol_err_m3" in zones.mapTipTemplate(),
+    "points": points,
     "empty": [empty.isValid(), empty.featureCount(), empty.renderer().type()],
 }))
 sys.stdout.flush()
@@ -337,14 +358,19 @@ def test_qgis_loads_and_draws_the_styles(tmp_path: Path, qgis_python: str) -> No
     dz[30:50, 50:70] = 0.4
     dz[50:, :20] = np.nan
     level = np.full(dz.shape, 0.1)
-    write_raster(tmp_path / "elevation_change.tif", dz, GRID, CRS(32651), description="Elevation change")
-    write_qml_next_to(tmp_path / "elevation_change.tif", change_qml(0.5, 0.1))
+    level[10:30, 20:30] = 0.6  # here the same change is within the level
+    bands = {"Elevation change": dz, opacity_band.NAME: opacity_band.opacity(dz, np.abs(dz) > level)}
+    write_bands(tmp_path / "elevation_change.tif", bands, GRID, CRS(32651), unit=("m", opacity_band.UNIT))
+    write_qml_next_to(tmp_path / "elevation_change.tif", change_qml(0.5, opacity_band=opacity_band.BAND))
+    level[:] = 0.1
     write_raster(tmp_path / "level_of_detection.tif", level, GRID, CRS(32651), description="Level of detection")
     write_qml_next_to(tmp_path / "level_of_detection.tif", level_qml(0.2))
     for name, significant in (("zones", np.nan_to_num(np.abs(dz)) > level), ("empty", np.zeros(dz.shape, bool))):
         count = np.ones(dz.shape, int)
         found = zones_of(dz, significant, level, level / 2, count, GRID, CRS(32651), ZoneParameters())
         write_zones(tmp_path / f"{name}.gpkg", found.frame, footprints=footprint_frame(found, GRID))
+
+    write_qml_next_to(tmp_path / "labelled.laz", labelled_points_qml("slopewatch_class"))
 
     environment = {
         k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME", "GDAL_DATA", "PROJ_LIB")
@@ -361,7 +387,7 @@ def test_qgis_loads_and_draws_the_styles(tmp_path: Path, qgis_python: str) -> No
     assert run.returncode == 0, run.stderr
     seen = json.loads(run.stdout.splitlines()[-1])
     assert seen["raster"] == "singlebandpseudocolor"
-    assert seen["raster_stops"] == pytest.approx([value for value, *_ in stops(change_qml(0.5, 0.1))])
+    assert seen["raster_stops"] == pytest.approx([value for value, *_ in stops(change_qml(0.5))])
     assert seen["raster_crs"] == "EPSG:32651"
     assert seen["level_stops"] == pytest.approx([0.0, 0.05, 0.1, 0.15, 0.2])
     assert seen["zones"] == 2
@@ -380,6 +406,10 @@ def test_qgis_loads_and_draws_the_styles(tmp_path: Path, qgis_python: str) -> No
         assert (volume > 0) == (kind == "uplift")
         assert words == f"{zone}: {volume:+.2f} ± {error:.2f} m³"
     assert seen["empty"] == [True, 0, "categorizedSymbol"]
+    styled, kind, attribute, categories = seen["points"]
+    assert (styled, kind, attribute) == (True, "classified", "slopewatch_class")
+    assert [category[:2] for category in categories] == [[0, "Background"], [1, "Uplift"], [2, "Subsidence"]]
+    assert len({colour for *_, colour in categories}) == 3
 
     def pixel(picture: str, row: int, column: int) -> np.ndarray:
         with Image.open(tmp_path / picture) as image:
@@ -389,8 +419,11 @@ def test_qgis_loads_and_draws_the_styles(tmp_path: Path, qgis_python: str) -> No
         lowered, raised = pixel(picture, 13, 13), pixel(picture, 33, 53)
         assert lowered[0] > lowered[2] + strength
         assert raised[2] > raised[0] + strength
-    assert np.ptp(pixel("raster.png", 5, 5)) == 0  # below the level: grey
-    assert 150 < pixel("raster.png", 5, 5)[0] < 250
+    within = pixel("raster.png", 13, 23)  # lowered as much as at column 13
+    assert 0 < np.ptp(within) < 0.3 * np.ptp(pixel("raster.png", 13, 13))
+    assert within.min() > 200
+    assert np.ptp(pixel("raster.png", 5, 5)) < 10
+    assert pixel("raster.png", 5, 5).tolist() != [255, 255, 255]
     assert pixel("raster.png", 55, 5).tolist() == [255, 255, 255]  # no data
     assert pixel("zones.png", 5, 5).tolist() == [255, 255, 255]
     # the footprint reaches around the zone, over which it is a veil; far from it nothing is drawn

@@ -32,6 +32,9 @@ def bare(tmp_path, monkeypatch) -> Path:
     """No PDAL anywhere: an empty PATH but for the shell, no variable, no private prefix, no Python package."""
     monkeypatch.delenv(module.VARIABLE, raising=False)
     monkeypatch.setenv("PATH", str(tmp_path / "bin"))
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    for name in ("SLOPEWATCH_QGIS", "CONDA_PREFIX"):
+        monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(module, "PRIVATE", tmp_path / "private" / "pdal")
     monkeypatch.setattr(module.importlib.util, "find_spec", lambda name: None)
     module._find.cache_clear()
@@ -67,6 +70,18 @@ def test_of_the_one_on_path_and_the_private_one_the_newer_is_taken(bare, on_path
     program(bare / "bin" / "pdal", on_path)
     program(bare / "private" / "pdal", private)
     assert expected in find_pdal().how
+
+
+def test_what_came_with_qgis_and_conda_is_found(bare, monkeypatch):
+    program(bare / "qgis" / "bin" / "pdal", "2.5.0")
+    program(bare / "conda" / "bin" / "pdal", "2.6.0")
+    monkeypatch.setenv("SLOPEWATCH_QGIS", str(bare / "qgis"))
+    assert (find_pdal().version, find_pdal().how) == ("2.5.0", "came with QGIS")
+    monkeypatch.setenv("CONDA_PREFIX", str(bare / "conda"))
+    assert (find_pdal().version, find_pdal().how) == ("2.6.0", "conda"), "the newest"
+    program(bare / "bin" / "pdal", "2.6.0")
+    module._find.cache_clear()
+    assert find_pdal().how == "PATH", "the first of equals"
 
 
 def test_one_on_path_that_does_not_start_is_passed_over(bare):

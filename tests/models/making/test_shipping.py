@@ -46,6 +46,7 @@ def test_the_shipped_weights_are_of_todays_simulator():
 def test_each_scene_is_scored_once_by_a_model_that_never_saw_it(recipe, specs, tmp_path, monkeypatch):
     from slopewatch.models.making import folds as benchmark_folds
     from slopewatch.models.making.scene_blocks import scene_blocks
+    from slopewatch.models.network.weights import load_model
     from slopewatch.models.training import recipes
 
     trained: list[set[int]] = []
@@ -68,6 +69,9 @@ def test_each_scene_is_scored_once_by_a_model_that_never_saw_it(recipe, specs, t
         assert seen == set.union(*(sizes[k] for k in range(6) if k not in fold["test"]))
     with (tmp_path / "fold_0" / "seconds.csv").open() as file:
         assert float(next(csv.DictReader(file))["training_s"]) > 0
+    trained_on = [specs[k].seed for k in range(6) if k not in summary["folds"][0]["test"]]
+    kept = load_model(tmp_path / "fold_0" / benchmark_folds.WEIGHTS_NAME)
+    assert kept.metadata["training"]["scenes"] == trained_on
     # Scored folds are not trained again.
     monkeypatch.setattr(recipes, "train", None)
     assert benchmark_folds.score_folds(specs, single, tmp_path, count=3) == summary

@@ -11,7 +11,8 @@ from slopewatch.engine.core.errors import InputError
 
 @pytest.fixture
 def network(torch):
-    from slopewatch.models.network.unet import UNet, UNetConfiguration
+    from slopewatch.models.network.relief_looks import UNetConfiguration
+    from slopewatch.models.network.unet import UNet
 
     torch.manual_seed(3)
     return UNet(UNetConfiguration(widths=(4, 6, 8))).eval()
@@ -24,20 +25,21 @@ def some_channels(columns: int, rows: int) -> np.ndarray:
 
 
 def test_the_usual_network_is_small(torch):
-    from slopewatch.models.network.unet import UNet, UNetConfiguration
+    from slopewatch.models.network.relief_looks import UNetConfiguration
+    from slopewatch.models.network.unet import UNet
 
     assert 0.2e6 <= UNet(UNetConfiguration()).parameter_count <= 0.5e6
 
 
 def test_any_size_gives_a_logit_for_each_cell_and_class(network):
-    from slopewatch.models.network.unet import raster_logits
+    from slopewatch.models.network.relief_looks import raster_logits
 
     for columns, rows in ((16, 24), (17, 9), (1, 30)):
         assert raster_logits(network, some_channels(columns, rows)).shape == (3, columns, rows)
 
 
 def test_mirrored_looks_make_the_answer_symmetric(network):
-    from slopewatch.models.network.unet import raster_logits
+    from slopewatch.models.network.relief_looks import raster_logits
     from slopewatch.models.preparation.relief_channels import upside_down
 
     channels = some_channels(16, 16)
@@ -51,7 +53,7 @@ def test_mirrored_looks_make_the_answer_symmetric(network):
 @pytest.mark.parametrize("threads", [1, 3])
 def test_tiles_give_what_the_whole_raster_gives(network, threads):
     from slopewatch.engine.core.progress import Progress
-    from slopewatch.models.network.unet import raster_logits
+    from slopewatch.models.network.relief_looks import raster_logits
 
     class Listener(Progress):
         def emit(self, percent, _message):
@@ -67,7 +69,7 @@ def test_tiles_give_what_the_whole_raster_gives(network, threads):
 
 
 def test_nothing_beyond_the_margin_changes_an_answer(network):
-    from slopewatch.models.network.unet import raster_logits
+    from slopewatch.models.network.relief_looks import raster_logits
 
     margin = network.configuration.margin
     channels = some_channels(3 * margin, 8)
@@ -82,7 +84,7 @@ def test_nothing_beyond_the_margin_changes_an_answer(network):
 
 def test_a_stop_ends_the_work_on_tiles(network):
     from slopewatch.engine.core.progress import Progress
-    from slopewatch.models.network.unet import raster_logits
+    from slopewatch.models.network.relief_looks import raster_logits
 
     class Stopped(Progress):
         def emit(self, percent, _message):
@@ -94,7 +96,7 @@ def test_a_stop_ends_the_work_on_tiles(network):
 
 
 def test_log_odds_are_those_of_the_probabilities(network, torch):
-    from slopewatch.models.network.unet import log_odds, raster_logits
+    from slopewatch.models.network.relief_looks import log_odds, raster_logits
 
     logits = raster_logits(network, some_channels(8, 8))
     probability = torch.softmax(torch.from_numpy(logits), dim=0).numpy()
@@ -103,7 +105,8 @@ def test_log_odds_are_those_of_the_probabilities(network, torch):
 
 
 def test_weights_come_back_as_they_were(network, tmp_path):
-    from slopewatch.models.network.unet import load_unet, raster_logits, save_unet
+    from slopewatch.models.network.relief_looks import raster_logits
+    from slopewatch.models.network.unet import load_unet, save_unet
 
     path = tmp_path / "relief.safetensors"
     digest = save_unet(path, network, {"steps": 3}, {})

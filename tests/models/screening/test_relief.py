@@ -101,14 +101,18 @@ def test_what_is_a_zone_does_not_depend_on_the_calibration(cloud, weights):
 
 
 def test_labels_do_not_depend_on_the_threads(cloud):
-    import torch
-
     points = read_cloud(cloud)
-    torch.set_num_threads(2)
     found = [screen_cloud(points, ScreeningParameters(threads=n))[0] for n in (1, 3)]
-    assert torch.get_num_threads() == 2
-    torch.set_num_threads(1)
     np.testing.assert_array_equal(found[0].probabilities, found[1].probabilities)
+
+
+def test_torch_says_the_same_but_for_the_last_digits(cloud):
+    points = read_cloud(cloud)
+    plain, by_torch = (screen_cloud(points, ScreeningParameters(device=device))[0] for device in ("cpu", "auto"))
+    assert ("numpy" in plain.model, "torch" in by_torch.model) == (True, True)
+    np.testing.assert_array_equal(plain.labels, by_torch.labels)
+    assert set(np.unique(plain.labels)) == {0, 1, 2}
+    np.testing.assert_allclose(plain.probabilities, by_torch.probabilities, atol=1e-5)
 
 
 def test_improbable_zones_are_left_out_as_a_whole(cloud, weights):

@@ -323,7 +323,7 @@ def test_outputs_may_lie_in_several_folders(cloud, tmp_path):
     assert outputs["zones"] == tmp_path / "b" / "z.gpkg"
     assert all(path.is_file() for path in outputs.values())
     assert {p.name for p in tmp_path.rglob("*") if p.is_file()} == {
-        "o.laz", "o_run.json", "o_probability.tif", "o_probability.qml", "z.gpkg", "m.png",
+        "o.laz", "o.qml", "o_run.json", "o_probability.tif", "o_probability.qml", "z.gpkg", "m.png",
         "o_smallest_hazard.tif", "o_smallest_hazard.qml",
     }  # fmt: skip
 

@@ -38,7 +38,8 @@ def labelled(seed: int) -> OwnCloud:
 @pytest.fixture(scope="module")
 def tuned(tmp_path_factory) -> tuple[ReliefTuned, Path, ReliefStart]:
     torch = pytest.importorskip("torch", reason="torch is not installed; install slopewatch[screening]")
-    from slopewatch.models.network.unet import UNet, UNetConfiguration, save_unet
+    from slopewatch.models.network.relief_looks import UNetConfiguration
+    from slopewatch.models.network.unet import UNet, save_unet
 
     torch.set_num_threads(1)
     torch.manual_seed(3)

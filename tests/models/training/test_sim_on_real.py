@@ -21,7 +21,7 @@ def ground() -> Ground:
 
 @pytest.fixture
 def small(torch):
-    from slopewatch.models.network.unet import UNetConfiguration
+    from slopewatch.models.network.relief_looks import UNetConfiguration
     from slopewatch.models.training.sim_on_real import ReliefTraining
 
     torch.set_num_threads(1)
@@ -30,7 +30,7 @@ def small(torch):
 
 
 def test_it_learns_where_hazards_are(small, ground, tmp_path, torch):
-    from slopewatch.models.network.unet import raster_logits
+    from slopewatch.models.network.relief_looks import raster_logits
     from slopewatch.models.training.sim_on_real import new_patch, train_relief
 
     configuration, parameters = small
@@ -80,7 +80,8 @@ def test_an_interrupted_training_gives_the_same_weights(small, ground, tmp_path,
 
 
 def test_training_from_weights_begins_with_them_and_goes_on_exactly(small, ground, tmp_path, monkeypatch, torch):
-    from slopewatch.models.network.unet import UNet, UNetConfiguration
+    from slopewatch.models.network.relief_looks import UNetConfiguration
+    from slopewatch.models.network.unet import UNet
     from slopewatch.models.training import sim_on_real
     from slopewatch.models.training.sim_on_real import train_relief
 

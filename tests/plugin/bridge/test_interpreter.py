@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from slopewatch.plugin.bridge.interpreter import InterpreterNotFoundError, child_environment, find_interpreter
+from slopewatch.plugin.bridge.setup import state
 
 
 def _interpreter(path: Path) -> Path:
@@ -48,12 +49,26 @@ def test_a_named_interpreter_that_is_missing_is_not_replaced(tmp_path: Path) -> 
         find_interpreter("/nowhere/python", tmp_path, {})
 
 
-def test_without_any_the_message_names_the_folder_and_the_remedy(tmp_path: Path) -> None:
-    with pytest.raises(InterpreterNotFoundError, match="set-up") as caught:
-        find_interpreter("", tmp_path, {})
-    assert str(tmp_path / ".venv") in str(caught.value)
+@pytest.mark.parametrize("data", [None, "data"])
+def test_without_any_the_message_names_the_remedy(tmp_path: Path, data: str | None) -> None:
+    with pytest.raises(InterpreterNotFoundError, match=r"engine is missing; set it up .*slopewatch:setupengine"):
+        find_interpreter("", tmp_path, {}, None if data is None else tmp_path / data)
+
+
+def test_what_the_set_up_built_comes_last(tmp_path: Path) -> None:
+    built = _interpreter(tmp_path / "data" / "environment-abc123" / "bin" / "python")
+    state.write(tmp_path / "data", state.State("environment-abc123", "", "1.0", "3.12.1", "python3"))
+    assert find_interpreter("", tmp_path, {}, tmp_path / "data") == (built, "the set-up")
+    own = _interpreter(tmp_path / ".venv" / "bin" / "python")
+    assert find_interpreter("", tmp_path, {}, tmp_path / "data")[0] == own
+
+
+def test_a_built_one_that_is_gone_is_said(tmp_path: Path) -> None:
+    state.write(tmp_path, state.State("environment-abc123", "", "1.0", "3.12.1", "python3"))
+    with pytest.raises(InterpreterNotFoundError, match=r"not whole any more .*setupengine"):
+        find_interpreter("", tmp_path / "plugin", {}, tmp_path)
 
 
 def test_environment_is_cleaned() -> None:
     cleaned = child_environment({"PYTHONHOME": "x", "DYLD_INSERT_LIBRARIES": "x", "Path": "p", "virtual_env": "x"})
-    assert set(cleaned) == {"Path", "PYTHONUTF8", "PYTHONUNBUFFERED", "PYTHONSAFEPATH"}
+    assert set(cleaned) == {"Path", "PYTHONUTF8", "PYTHONUNBUFFERED", "PYTHONSAFEPATH", "SLOPEWATCH_FOLDER"}

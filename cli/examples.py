@@ -1,0 +1,160 @@
+"""Two or three examples of each command for its ``--help``: what it does in words, and the line to type."""
+
+from __future__ import annotations
+
+_PAIR = "2024-05-01.laz 2025-05-01.laz"
+
+EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
+    "inspect": (
+        (
+            "Two surveys whose names hold their days",
+            (
+                "slopewatch inspect --epoch 2024-05-01.laz --epoch 2025-05-01.laz \\\n"
+                "    --roi slope.gpkg --output-dir results"
+            ),
+        ),
+        (
+            "Days given, and the settings of an earlier run with another cell",
+            (
+                "slopewatch inspect --epoch 2024-05-01=may.laz --epoch 2025-05-01=later.laz \\\n"
+                "    --roi slope.gpkg --settings results/run.json --cell 0.2 --output-dir coarser"
+            ),
+        ),
+        ("One survey, which is screened", "slopewatch inspect --epoch 2025-05-01.laz --output-dir screened"),
+    ),
+    "series": (
+        ("All surveys in a folder", "slopewatch series surveys --roi slope.gpkg --output-dir results"),
+        (
+            "Surveys that are listed in a table, as ground that is ready",
+            "slopewatch series surveys.csv --ground-ready --output-dir results",
+        ),
+    ),
+    "batch": (
+        ("All slopes of a table, two at a time", "slopewatch batch slopes.csv --workers 2 --output-dir corridor"),
+        (
+            "With chainages along the road's line",
+            "slopewatch batch slopes.gpkg --centreline road.gpkg --output-dir corridor",
+        ),
+    ),
+    "screen": (
+        ("Ground points of one survey", "slopewatch screen ground.laz --output labelled.laz"),
+        (
+            "A raw survey, whose ground is extracted first",
+            "slopewatch screen 2025-05-01.laz --ground extract --roi slope.gpkg --output labelled.laz",
+        ),
+        (
+            "How small a hazard is found on this ground",
+            "slopewatch screen ground.laz --self-test --output labelled.laz",
+        ),
+    ),
+    "ground": (
+        ("The slope's ground", "slopewatch ground 2024-05-01.laz --roi slope.gpkg --output ground.laz"),
+        (
+            "Finer relief on a terraced slope",
+            "slopewatch ground 2024-05-01.laz --cloth-resolution 0.3 --rigidness 2 --output ground.laz",
+        ),
+    ),
+    "register": (
+        (
+            "By all ground that fits",
+            f"slopewatch register {_PAIR} \\\n    --output aligned.laz --transform transform.json",
+        ),
+        (
+            "By the road only",
+            f"slopewatch register {_PAIR} \\\n    --stable road.gpkg --output aligned.laz",
+        ),
+        (
+            "With a transform that is known",
+            "slopewatch register first.laz raw.laz --apply transform.json --output moved.laz",
+        ),
+    ),
+    "change": (
+        ("Two ground clouds that fit", f"slopewatch change {_PAIR} --output-dir change"),
+        (
+            "The later one is moved first, and its registration's error is taken from the transform",
+            f"slopewatch change {_PAIR} \\\n    --transform transform.json --output-dir change",
+        ),
+        (
+            "Cells of 0.25 m, and profiles along lines",
+            f"slopewatch change {_PAIR} --cell 0.25 \\\n    --profiles lines.gpkg --output-dir change",
+        ),
+    ),
+    "m3c2": (
+        ("A steep face", f"slopewatch m3c2 {_PAIR} --output distances.laz"),
+        (
+            "At the points of a third cloud, with a cylinder of 0.5 m",
+            f"slopewatch m3c2 {_PAIR} --core points.laz \\\n    --projection-scale 0.5 --output distances.laz",
+        ),
+    ),
+    "report": (
+        ("The report of a folder again", "slopewatch report results"),
+        ("With profiles along lines", "slopewatch report results --profiles lines.gpkg --zone-profiles 5"),
+    ),
+    "info": (
+        ("What a cloud holds", "slopewatch info 2024-05-01.laz"),
+        ("The same for a program", "slopewatch info 2024-05-01.laz --progress json"),
+    ),
+    "topview": (
+        ("A raw cloud as rasters to draw on", "slopewatch topview 2024-05-01.laz --output-dir view"),
+        (
+            "Cells of 0.2 m within a region, with the shade of the highest returns",
+            "slopewatch topview 2024-05-01.laz --roi slope.gpkg --cell 0.2 --hillshade highest --output-dir view",
+        ),
+    ),
+    "suggestroi": (
+        ("The dense and whole part of a cloud", "slopewatch suggestroi 2024-05-01.laz --output region.gpkg"),
+        (
+            "Only its largest part, with smooth edges",
+            "slopewatch suggestroi 2024-05-01.laz --smallest-part 1 --simplification 2 --output region.gpkg",
+        ),
+    ),
+    "exportlabelstudio": (
+        ("A top view to label", "slopewatch exportlabelstudio view/picture.tif --output-dir tasks"),
+        (
+            "With zones on it, whose kind is their label",
+            "slopewatch exportlabelstudio view/picture.tif --segments results/zones.gpkg --output-dir tasks",
+        ),
+    ),
+    "importlabelstudio": (
+        (
+            "What was drawn as a layer",
+            "slopewatch importlabelstudio export.json --tasks tasks/tasks.json --output labels.gpkg",
+        ),
+        (
+            "Again, after more was drawn",
+            "slopewatch importlabelstudio export.json --tasks tasks/tasks.json --output labels.gpkg --overwrite",
+        ),
+    ),
+    "train": (
+        ("Clouds whose points are labelled", "slopewatch train first.laz second.laz third.laz --output-dir model"),
+        (
+            "Clouds with polygons, for half an hour",
+            "slopewatch train first.laz second.laz --polygons hazards.gpkg --minutes 30 --output-dir model",
+        ),
+    ),
+    "simulate survey": (
+        ("A slope to try SlopeWatch on", "slopewatch simulate survey --output-dir demo"),
+        (
+            "A small one with little vegetation",
+            "slopewatch simulate survey --points 100000 --length 30 --vegetation 0.2 --output-dir demo",
+        ),
+    ),
+    "simulate series": (
+        ("Six surveys with zones that creep", "slopewatch simulate series --output-dir demo"),
+        (
+            "Twelve, with two zones of known velocities",
+            'slopewatch simulate series --surveys 12 --velocities "-8, 3" --output-dir demo',
+        ),
+    ),
+    "simulate scenes": (
+        ("Three labelled slopes", "slopewatch simulate scenes --output-dir scenes"),
+        (
+            "Twenty with hazards as rare as on real slopes",
+            "slopewatch simulate scenes --kind realistic --count 20 --output-dir scenes",
+        ),
+    ),
+    "check": (
+        ("Whether everything is there", "slopewatch check"),
+        ("Whether a PDAL of your own works", "slopewatch check --pdal /usr/local/bin/pdal"),
+    ),
+}

@@ -1,0 +1,141 @@
+"""The pages of ``--help``: options under headings in the workflow's order, examples, commands by what users do."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import click
+
+from ..interface.command_list import COMMANDS, OTHERS
+from .examples import EXAMPLES
+from .language import paragraphs, say
+
+FILES = "Files"
+"""Heading of a command's own options, which are mostly files and folders; they come first."""
+RUNNING = "Running"
+"""Heading of the options that all commands have; they come last."""
+
+
+class _GroupedOption(click.Option):
+    """An option with the heading under which ``--help`` shows it."""
+
+    heading = FILES
+
+
+def grouped_option(heading: str, *names: str, **given: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """``click.option`` under a heading; an empty one stands for that of the command's own options."""
+    kind = type("_Option", (_GroupedOption,), {"heading": heading or FILES})
+    return click.option(*names, cls=kind, **given)
+
+
+class GroupedCommand(click.Command):
+    """A command whose help has headings and examples, in the language of the user."""
+
+    def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        _write_paragraphs(formatter, self.help or "")
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        records: dict[str, list[tuple[str, str]]] = {FILES: []}
+        for parameter in self.get_params(ctx):
+            record = parameter.get_help_record(ctx)
+            if record is not None and record[1]:  # arguments without a help stand in the first line
+                shared = RUNNING if "--help" in parameter.opts else FILES
+                records.setdefault(getattr(parameter, "heading", shared), []).append(record)
+        running = records.pop(RUNNING, [])
+        _write_lists(formatter, [*records.items(), (RUNNING, running)])
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        examples = EXAMPLES.get(command_name(ctx), ())
+        if examples:
+            with formatter.section(say("Examples")):
+                for words, line in examples:
+                    formatter.write_text(f"{say(words)}:")
+                    formatter.indent()
+                    formatter.write(_lines(line, formatter.current_indent))
+                    formatter.dedent()
+        super().format_epilog(ctx, formatter)
+
+
+class Program(click.Group):
+    """The program: its commands by what users do; each command gets headings and examples."""
+
+    def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        _write_paragraphs(formatter, self.help or "")
+
+    def add_command(self, cmd: click.Command, name: str | None = None) -> None:
+        grouped(cmd)
+        super().add_command(cmd, name)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        left = dict.fromkeys(self.list_commands(ctx))
+        for heading, names in COMMANDS.items():
+            _write_lists(formatter, [(heading, self._rows(names, left, formatter))])
+        _write_lists(formatter, [(OTHERS, self._rows(tuple(left), left, formatter))])
+
+    def _rows(
+        self, names: Iterable[str], left: dict[str, None], formatter: click.HelpFormatter
+    ) -> list[tuple[str, str]]:
+        """Name and first sentence of those commands that there are and that have not been shown."""
+        shown = [name for name in names if name in left]
+        for name in shown:
+            del left[name]
+        return [(name, _first_sentence(self.commands[name].help or "")) for name in shown]
+
+
+class InnerGroup(click.Group):
+    """Commands under one name, such as ``simulate``."""
+
+    def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        _write_paragraphs(formatter, self.help or "")
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        rows = [(name, _first_sentence(self.commands[name].help or "")) for name in self.list_commands(ctx)]
+        _write_lists(formatter, [("Commands", rows)])
+
+
+def grouped(cmd: click.Command) -> None:
+    """Give a command, and those of a group, the help of ``GroupedCommand``, however it was declared."""
+    if isinstance(cmd, click.Group):
+        for inner in cmd.commands.values():
+            grouped(inner)
+        if type(cmd) is click.Group:
+            cmd.__class__ = InnerGroup
+    elif type(cmd) is click.Command:
+        cmd.__class__ = GroupedCommand  # which only overrides what is written as help
+
+
+def _write_paragraphs(formatter: click.HelpFormatter, text: str) -> None:
+    for paragraph in paragraphs(text):
+        formatter.write_paragraph()
+        with formatter.indentation():
+            formatter.write_text(paragraph)
+
+
+def _first_sentence(text: str) -> str:
+    """Of a command's description, without its full stop."""
+    first = next(iter(paragraphs(text)), "")
+    return re.split(r"(?<=[.])\s|(?<=。)", first)[0].rstrip(".。")
+
+
+def _write_lists(formatter: click.HelpFormatter, lists: Iterable[tuple[str, list[tuple[str, str]]]]) -> None:
+    for heading, rows in lists:
+        if rows:
+            with formatter.section(say(heading)):
+                formatter.write_dl([(names, say(text)) for names, text in rows])
+
+
+def command_name(ctx: click.Context) -> str:
+    """The command as it is called after the program's name: ``simulate survey``."""
+    names = []
+    while ctx.parent is not None:
+        names.append(str(ctx.info_name))
+        ctx = ctx.parent
+    return " ".join(reversed(names))
+
+
+def _lines(command: str, indent: int) -> str:
+    """A command as it is typed, on several lines where it has line breaks."""
+    space = " " * indent
+    return "".join(f"{space}{line}\n" for line in command.splitlines())

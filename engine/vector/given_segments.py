@@ -1,0 +1,82 @@
+"""Segments given as a vector file: polygons with attributes, such as the zones of a run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pyogrio
+import shapely
+from pyproj import CRS
+
+from ..core.errors import InputError
+from ..core.gdal_names import readable
+from ..core.json_values import plain
+from ..core.messages import shown
+from ..core.progress import Progress
+from ..crs.reprojection import reprojected
+
+_IDS = ("zone_id", "segment", "part", "id", "name")
+
+
+@dataclass(frozen=True)
+class Segment:
+    """``shape`` in metres of the picture's reference system; ``attributes`` without empty ones."""
+
+    name: str
+    label: str
+    shape: shapely.Geometry
+    attributes: dict[str, Any]
+
+
+def read_segments(path: Path, label_field: str, crs: CRS, progress: Progress) -> list[Segment]:
+    """The polygons of the first layer of a vector file that has any, each named by its id.
+
+    Raises:
+        InputError: missing, not a vector file, without polygons or the field, or not transformable.
+    """
+    if not path.exists():
+        raise InputError(f"The segments {shown(path)} do not exist; check their path.")
+    try:
+        with readable(path) as named:
+            layers = [str(layer) for layer, kind in pyogrio.list_layers(named) if "Polygon" in str(kind)]
+            if not layers:
+                raise InputError(f"{shown(path)} holds no polygons; give zones or other polygons.")
+            frame = pyogrio.read_dataframe(named, layer=layers[0], force_2d=True)
+    except (OSError, RuntimeError, ValueError) as error:
+        raise InputError(
+            f"The segments {shown(path)} cannot be read; give polygons as GeoPackage or GeoJSON."
+        ) from error
+    columns = [str(c) for c in frame.columns if c != frame.geometry.name]
+    if label_field not in columns:
+        raise InputError(
+            f"The segments {shown(path)} have no field {label_field}; name the one with their label by --label-field "
+            f"(there are {', '.join(columns) or 'none'})."
+        )
+    frame = frame[~(frame.geometry.is_empty | frame.geometry.isna())]
+    shapes = shapely.make_valid(frame.geometry.to_numpy())
+    notes: list[str] = []
+    if frame.crs is not None:
+        shapes = reprojected(list(shapes), frame.crs, crs, f"The layer {shown(path)}", notes)
+    else:
+        notes.append(f"The segments {shown(path)} declare no reference system; that of the picture is assumed.")
+    for sentence in notes:
+        progress.warning(sentence)
+    key = next((name for name in _IDS if name in columns and frame[name].is_unique), None)
+    found = []
+    for place, (shape, row) in enumerate(zip(shapes, frame[columns].to_dict("records"), strict=True), 1):
+        attributes = {name: _plain(value) for name, value in row.items() if not _empty(value)}
+        name = str(row[key]) if key and not _empty(row[key]) else f"S{place:03d}"
+        label = "" if _empty(row[label_field]) else str(row[label_field])
+        found.append(Segment(name, label, shape, attributes))
+    return found
+
+
+def _empty(value: Any) -> bool:
+    return value is None or value != value or value == ""
+
+
+def _plain(value: Any) -> Any:
+    known = plain(value)
+    return known if isinstance(known, (str, int, float, bool)) else str(value)

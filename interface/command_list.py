@@ -1,0 +1,38 @@
+"""The commands by what users do, in the order in which ``slopewatch --help`` shows them."""
+
+from __future__ import annotations
+
+COMMANDS: dict[str, tuple[str, ...]] = {
+    "Inspect slopes": ("inspect", "series", "batch", "screen"),
+    "Single steps": ("ground", "register", "change", "m3c2", "report"),
+    "Look at clouds, draw and label": (
+        "info", "topview", "suggestroi", "exportlabelstudio", "importlabelstudio",
+    ),
+    "Try and train": ("simulate", "train"),
+    "Installation": ("check",),
+}  # fmt: skip
+OTHERS = "Other commands"
+"""Heading of commands that are not listed."""
+
+TITLES = {
+    "inspect": "Inspect slope",
+    "series": "Inspect series",
+    "batch": "Inspect corridor",
+    "screen": "Screen for hazards",
+    "ground": "Extract ground",
+    "register": "Register epochs",
+    "change": "Elevation change",
+    "m3c2": "M3C2 distances",
+    "report": "Write report",
+    "topview": "Top view",
+    "suggestroi": "Suggest a region of interest",
+    "exportlabelstudio": "Export to Label Studio",
+    "importlabelstudio": "Import from Label Studio",
+    "simulate survey": "Simulate a survey",
+    "simulate series": "Simulate a series",
+    "simulate scenes": "Simulate labelled scenes",
+    "train": "Train a model",
+    "check": "Check environment",
+    "info": "Cloud information",
+}
+"""The commands' titles in the toolbox, for sentences that name a command."""

@@ -1,0 +1,1 @@
+"""Builds the engine's environment in the user's data folder, from the plugin's zip alone. Standard library only."""

@@ -1,0 +1,144 @@
+"""Regions and stable ground that were drawn: layers of a GeoPackage, offered to the dialogs of the toolbox."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from qgis.core import (
+    Qgis,
+    QgsCoordinateReferenceSystem,
+    QgsCoordinateTransform,
+    QgsDataProvider,
+    QgsFeature,
+    QgsField,
+    QgsFields,
+    QgsGeometry,
+    QgsProject,
+    QgsVectorFileWriter,
+    QgsVectorLayer,
+)
+from qgis.PyQt.QtCore import QDateTime, Qt
+from qgis.PyQt.QtGui import QColor
+
+from ..bridge.compat import STRING
+from ..bridge.words import tr
+
+FILE = "slopewatch_areas.gpkg"
+_KIND, _DRAWN = "slopewatch/area", "slopewatch/drawn"  # properties of a layer, which a project keeps
+
+
+class AreaError(Exception):
+    """A polygon that cannot be taken or kept; the message is for the user."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """``table`` in the GeoPackage, ``parameter`` of the algorithms, title of the layer, colour on the map."""
+
+    table: str
+    parameter: str
+    title: str
+    colour: str
+
+
+REGION = Kind("region", "ROI", "Region of interest (drawn)", "#e08214")
+STABLE = Kind("stable_ground", "STABLE", "Stable ground (drawn)", "#1b7837")
+KINDS = (REGION, STABLE)
+
+
+def add_area(kind: Kind, polygon: QgsGeometry, path: Path, project: QgsProject, crs: Any = None) -> QgsVectorLayer:
+    """Keep a polygon as a layer of a GeoPackage and of the project.
+
+    Every region is a layer of its own, so that an earlier one is not added to it; pieces of stable ground are together.
+
+    Args:
+        crs: that of the polygon; the project's where it is not given. The layer gets it.
+
+    Raises:
+        AreaError: the outline crosses itself or has no area, there is no reference system, or the file refuses.
+    """
+    crs = project.crs() if crs is None else crs
+    if not crs.isValid():
+        raise AreaError(tr("The project has no reference system; set one, or load a layer that has one."))
+    if not polygon.isGeosValid() or polygon.isEmpty() or polygon.area() <= 0:
+        raise AreaError(tr("The outline crosses itself or has no area; draw it again."))
+    layer = _together(kind, project, Path(path))
+    if layer is None:
+        layer = _new_layer(kind, Path(path), crs)
+        project.addMapLayer(layer, False)
+        project.layerTreeRoot().insertLayer(0, layer)  # else it lies in the current group, which the picture may cover
+    _add(layer, polygon, crs, project)
+    layer.setCustomProperty(_KIND, kind.table)
+    layer.setCustomProperty(_DRAWN, QDateTime.currentDateTimeUtc().toString(Qt.DateFormat.ISODateWithMs))
+    layer.triggerRepaint()
+    return layer
+
+
+def drawn_areas(project: QgsProject) -> dict[str, str]:
+    """The layer drawn last of each kind, as values of the algorithms' parameters: parameter to layer's id."""
+    found: dict[str, str] = {}
+    for kind in KINDS:
+        layers = [layer for layer in project.mapLayers().values() if layer.customProperty(_KIND) == kind.table]
+        if layers:
+            found[kind.parameter] = max(layers, key=lambda layer: str(layer.customProperty(_DRAWN))).id()
+    return found
+
+
+def _together(kind: Kind, project: QgsProject, path: Path) -> QgsVectorLayer | None:
+    """The layer that a piece of stable ground is added to."""
+    if kind is not STABLE:
+        return None
+    for layer in project.mapLayers().values():
+        if layer.customProperty(_KIND) == kind.table and Path(layer.source().partition("|")[0]) == path:
+            return layer
+    return None
+
+
+def _new_layer(kind: Kind, path: Path, crs: QgsCoordinateReferenceSystem) -> QgsVectorLayer:
+    """An empty layer under a name that is free in the GeoPackage, with its style."""
+    taken, (table, number) = _tables(path), (kind.table, 1)
+    while table in taken:
+        number += 1
+        table = f"{kind.table}_{number}"
+    fields = QgsFields()
+    fields.append(QgsField("name", STRING))
+    options = QgsVectorFileWriter.SaveVectorOptions()
+    options.driverName, options.layerName, options.fileEncoding = "GPKG", table, "UTF-8"
+    action = QgsVectorFileWriter.ActionOnExistingFile
+    options.actionOnExistingFile = action.CreateOrOverwriteLayer if path.exists() else action.CreateOrOverwriteFile
+    project = QgsProject.instance()
+    writer = QgsVectorFileWriter.create(
+        str(path), fields, Qgis.WkbType.Polygon, crs, project.transformContext(), options
+    )
+    failed, why = writer.hasError() != QgsVectorFileWriter.WriterError.NoError, writer.errorMessage()
+    del writer  # which closes the file
+    layer = QgsVectorLayer(f"{path}|layername={table}", tr(kind.title) if number == 1 else f"{tr(kind.title)} {number}")
+    if failed or not layer.isValid():
+        raise AreaError(tr("{} cannot be written: {}.").format(path, why or tr("choose another folder")))
+    symbol = layer.renderer().symbol()
+    symbol.symbolLayer(0).setBrushStyle(Qt.BrushStyle.NoBrush)
+    symbol.symbolLayer(0).setStrokeColor(QColor(kind.colour))
+    symbol.symbolLayer(0).setStrokeWidth(0.7)
+    return layer
+
+
+def _tables(path: Path) -> set[str]:
+    """The layers of a GeoPackage; none where there is no file yet."""
+    layer = QgsVectorLayer(str(path), "", "ogr")  # named: its provider is gone with it
+    names = layer.dataProvider().subLayers() if path.is_file() and layer.isValid() else []
+    return {name.split(QgsDataProvider.sublayerSeparator())[1] for name in names}
+
+
+def _add(layer: QgsVectorLayer, polygon: QgsGeometry, crs: Any, project: QgsProject) -> None:
+    shape = QgsGeometry(polygon)
+    if crs != layer.crs():
+        shape.transform(QgsCoordinateTransform(crs, layer.crs(), project))
+    feature = QgsFeature(layer.fields())
+    feature["name"] = str(layer.featureCount() + 1)
+    feature.setGeometry(shape)
+    added, _ = layer.dataProvider().addFeatures([feature])
+    if not added:
+        raise AreaError(tr("{} cannot be written: {}.").format(layer.source(), tr("choose another folder")))
+    layer.updateExtents()

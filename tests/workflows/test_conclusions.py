@@ -1,0 +1,118 @@
+"""The sentences with which a run ends."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from slopewatch.cli.program import cli
+from slopewatch.engine.core.run_result import RunResult
+from slopewatch.tests.cli.test_help import EVERY
+from slopewatch.workflows import conclusions
+from slopewatch.workflows.conclusions import MOST, conclusion
+
+FOLDER = Path("/results")
+FILES = {"zones": FOLDER / "zones.gpkg", "report": FOLDER / "report.html", "run": FOLDER / "run.json"}
+CHANGE = {
+    "zone_count": 2, "zone_area_m2": 33.568, "vol_loss_m3": 1.8741, "vol_loss_err_m3": 0.1656, "vol_gain_m3": 0.0,
+    "largest_sink_m": -0.3007, "largest_rise_m": 0.0, "compared_share": 0.8874, "lod_median_m": 0.02946,
+}  # fmt: skip
+MOVED = {
+    "registration_method": "robust", "registration_dx_m": -0.0192, "registration_dy_m": -0.17,
+    "registration_dz_m": 12.5, "registration_error_m": 0.00315,
+}  # fmt: skip
+
+
+def said(command: str, figures: dict[str, Any], *warnings: str, outputs: dict[str, Path] | None = None) -> list[str]:
+    return conclusion(command, RunResult(FILES if outputs is None else outputs, figures, warnings))
+
+
+def test_a_change_ends_with_what_was_found_where_it_lies_and_what_to_look_at() -> None:
+    assert said("change", CHANGE) == [
+        "2 zones of significant change were found, 33.6 m² in all: 1.87 ± 0.17 m³ lost and 0 m³ gained.",
+        "The largest lowering in a zone is 0.301 m, the largest raising 0 m.",
+        (
+            "89 % of the ground that the surveys reached was compared; change below the level of detection, 0.029 m in "
+            "the median, cannot be distinguished from none."
+        ),
+        "3 files were written to /results.",
+        "Look first at report.html and zones.gpkg.",
+        "There were no warnings.",
+    ]
+
+
+def test_an_inspection_also_says_how_the_survey_was_moved_and_what_its_shape_shows() -> None:
+    found = said("inspect", {**CHANGE, **MOVED, "screened_zone_count": 3, "confirmed_zones": 1}, "One.", "Two.")
+    assert len(found) == MOST
+    assert found[3] == (
+        "The later survey was moved by -0.019 m to the east, -0.170 m to the north and 12.500 m upwards to fit the "
+        "earlier one, with a standard error of 0.003 m in height."
+    )
+    assert found[4] == (
+        "By its shape, 3 zones of the last survey look raised or lowered; the change confirms 1 of them."
+    )
+    assert found[-1] == "2 warnings were given, which the run record keeps; read them first."
+
+
+def test_nothing_found_is_said_and_never_called_safe() -> None:
+    found = said("inspect", {"zone_count": 0, "compared_share": 0.5, "lod_median_m": 0.02})
+    assert found[0] == "No zone of change above the level of detection was found."
+    assert "safe" not in " ".join(found)
+    assert said("inspect", {"screened_zone_count": 0})[0].startswith("No zone looks raised or lowered")
+
+
+def test_one_is_one() -> None:
+    found = said("change", {**CHANGE, "zone_count": 1}, "Once.", outputs={"run": FOLDER / "run.json"})
+    assert found[0].startswith("1 zone of significant change was found")
+    assert found[-3:] == [
+        "1 file was written to /results.",
+        "Look first at run.json.",
+        "1 warning was given, which the run record keeps; read them first.",
+    ]
+
+
+@pytest.mark.parametrize("command", [*EVERY, "a command of tomorrow"])
+@pytest.mark.parametrize("figures", [{}, {"zone_count": None, "compared_share": float("nan"), "points": "many"}])
+def test_a_figure_that_is_not_known_leaves_its_sentence_out(command: str, figures: dict[str, Any]) -> None:
+    found = said(command, figures)
+    assert 3 <= len(found) <= MOST
+    for sentence in found:
+        assert sentence.endswith(".")
+        assert "None" not in sentence
+        assert "nan" not in sentence
+
+
+def test_a_command_may_say_its_own_sentences() -> None:
+    result = RunResult(FILES, {"zone_count": 4}, (), ("A picture of 4 m² was drawn.",))
+    assert conclusion("inspect", result)[0] == "A picture of 4 m² was drawn."
+    assert conclusion("info", RunResult({}, {"points": 4})) == []
+
+
+def test_every_entry_is_a_command() -> None:
+    assert set(conclusions._FOUND) <= set(EVERY)
+    assert cli.commands
+
+
+@pytest.mark.parametrize(
+    ("command", "figures", "words"),
+    [
+        (
+            "topview",
+            {"points": 9000, "cell_m": 0.5, "picture": "rgb", "density": 24.0, "ground": "estimate"},
+            ["9,000 points became rasters with cells of", "the cloud's colours", "returns/m²", "a quick estimate"],
+        ),
+        ("suggestroi", {"area_m2": 3771.0, "area_share": 0.96, "points_share": 0.986}, ["96 % of the cloud's area"]),
+        ("exportlabelstudio", {"pictures": 4, "regions": 7}, ["4 pictures with 7 regions"]),
+        (
+            "importlabelstudio",
+            {"regions": 7, "tasks": 2, "polygons": 5, "area_m2": 12.5},
+            ["7 regions of 2 tasks became 5 polygons"],
+        ),
+    ],
+)
+def test_what_is_drawn_on_and_drawn_is_said(command: str, figures: dict[str, Any], words: list[str]) -> None:
+    found = said(command, figures)
+    for sentence, wanted in zip(found, words, strict=False):
+        assert wanted in sentence
+    assert found[-1] == "There were no warnings."

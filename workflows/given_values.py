@@ -1,0 +1,48 @@
+"""Parameters that a caller in Python gave by name, with a profile and a file of settings under them."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+from typing import Any, TypeVar
+
+from ..engine.core.errors import InputError
+from ..interface.parameters import PROFILES, OutputParameters, ParameterError, ParameterSet, command_sets
+from ..interface.settings_file import GivenSettings, read_settings
+
+Group = TypeVar("Group", bound=ParameterSet)
+
+
+class Values:
+    """The parameters that a caller gave, returned by set."""
+
+    def __init__(self, given: dict[str, Any], sets: command_sets.Sets) -> None:
+        profile, path = given.pop("profile", None), given.pop("settings", None)
+        read = GivenSettings({}) if path is None else _settings(Path(path), sets)
+        self._profile = profile or read.profile or "default"
+        known = {s.name for group in sets for s in group.specifications()}
+        for name in given:
+            if name not in known:
+                near = difflib.get_close_matches(name, known, n=1)
+                meant = f"; did you mean {near[0]}?" if near else "; docs/guide.md lists them."
+                raise InputError(f"{name} is no parameter here{meant}")
+        if self._profile not in PROFILES:
+            raise InputError(f"profile is {self._profile!r}; give one of {', '.join(PROFILES)}.")
+        self._given = read.over(sets, self._profile) | given
+
+    def of(self, group: type[Group]) -> Group:
+        try:
+            return group.build(self._given, self._profile)
+        except ParameterError as wrong:
+            raise InputError(f"{wrong}.") from None
+
+    @property
+    def overwrite(self) -> bool:
+        return self.of(OutputParameters).overwrite
+
+
+def _settings(path: Path, sets: command_sets.Sets) -> GivenSettings:
+    try:
+        return read_settings(path, sets)
+    except ParameterError as wrong:
+        raise InputError(f"{wrong}.") from None

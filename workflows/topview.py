@@ -1,0 +1,67 @@
+"""``slopewatch topview``: a raw cloud in, rasters to draw on out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..engine.core.json_values import plain
+from ..engine.core.progress import Progress
+from ..engine.core.run_result import RunResult
+from ..engine.maps.drawing_rasters import drawing_rasters
+from ..engine.pointcloud.in_parts import CloudFile
+from ..engine.pointcloud.reading import open_cloud
+from ..engine.vector.area import Roi, read_roi
+from ..interface.dates import date_in_name
+from ..interface.parameters import InputParameters, TopViewParameters
+from .products.topview import TOP_VIEW_OUTPUTS, Source, top_view_figures, write_top_view
+from .run import Run
+
+
+def topview_step(
+    cloud: Path,
+    output_dir: Path,
+    parameters: TopViewParameters,
+    inputs: InputParameters,
+    *,
+    roi: Path | None = None,
+    overwrite: bool = False,
+    progress: Progress,
+) -> RunResult:
+    """Picture, hillshade, densities and canopy height of a cloud on one grid.
+
+    Args:
+        roi: vector file whose polygons bound what is shown.
+
+    Raises:
+        InputError: something given cannot be used; nothing is written then.
+    """
+    run = Run("topview", {"top_view": parameters, "inputs": inputs}, [("cloud", cloud), ("roi", roi)], progress)
+    run.refuse_folder(output_dir, ("run.json", *TOP_VIEW_OUTPUTS), overwrite=overwrite)
+    file = CloudFile.of(cloud, inputs, colours=True, classification=True)
+    area = region_of(roi, cloud, inputs, progress)
+    hashes = run.hash_inputs()
+    with run.writing(output_dir):
+        with run.step("rasters", 0.0, 0.8) as entry:
+            rasters = drawing_rasters(file, None if area is None else area.geometry, parameters, progress)
+            entry.update(points=rasters.look.points, noise_points=rasters.look.noise)
+            progress.info(rasters.choice.sentence)
+        with run.step("products", 0.8, 1.0, "writing the rasters"):
+            write_top_view(run, rasters, Source(file.crs, date_in_name(cloud), hashes))
+        run.facts["cell"] = plain(rasters.choice.facts())
+        run.figures = top_view_figures(rasters)
+    return run.result()
+
+
+def region_of(roi: Path | None, cloud: Path, inputs: InputParameters, progress: Progress) -> Roi | None:
+    """The polygons of a region of interest in the metres of a cloud; its notes are shown.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    if roi is None:
+        return None
+    frame = open_cloud(cloud, inputs)[1]
+    area = read_roi(roi, frame.crs, unit=frame.horizontal_factor)
+    for sentence in area.notes:
+        progress.warning(sentence)
+    return area
