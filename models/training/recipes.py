@@ -101,7 +101,7 @@ points a block, so that it sees four times as much ground in the same time. Of t
 seen once.
 """
 
-PUBLISHED_WHOLE = Recipe(PAPER, replace(PAPER_TRAINING, steps=2400, batch=1, bfloat16=True), step=18.0, share=0.15)
+PUBLISHED_WHOLE = Recipe(PAPER, replace(PAPER_TRAINING, steps=1500, batch=1, bfloat16=True), step=18.0, share=0.15)
 """The published pipeline at its own voxels, width and points a block, in half-precision arithmetic; 1,500 steps see as
 many points as 6,000 of ``PUBLISHED``. A block takes 25 MB, so that a smaller share of the windows is prepared.
 """
