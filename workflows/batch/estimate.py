@@ -17,14 +17,22 @@ from ...engine.grid.common_grid import allowed, memory_needed
 from ...engine.pointcloud.header import CloudHeader
 from ...engine.pointcloud.reading import open_cloud
 from ...engine.vector.area import read_roi
-from ...interface.parameters import AUTO, ChangeParameters, GridChangeParameters, InputParameters, ParameterSet
+from ...interface.parameters import (
+    AUTO,
+    ChangeParameters,
+    GridChangeParameters,
+    InputParameters,
+    ParameterSet,
+    ScreeningParameters,
+)
 from .jobs import Problem, Slope
 from .planning import Plan
 from .settings import INSPECT, group_of
 
 # Measured peaks of whole trees of processes (benchmarks/corridor.py prints the peak of its slopes).
-_BYTES_TO_START = {INSPECT: 900_000_000, "series": 550_000_000}  # libraries; those of the network for `inspect`
-_BYTES_A_POINT = 330  # of each survey whose ground is extracted at the same time
+_BYTES_TO_START = {INSPECT: 450_000_000, "series": 450_000_000}  # libraries and small surveys
+_BYTES_OF_TORCH = 450_000_000  # the method `network` and own weights load it
+_BYTES_A_POINT = 170  # of each survey whose ground is extracted at the same time
 _SURVEYS_AT_ONCE = 2
 _SHARE_OF_MACHINE = 0.5
 
@@ -57,7 +65,10 @@ def slope_memory(slope: Slope, command: str, groups: Mapping[type[ParameterSet],
             sized = _sized(change, spacing)
             grid = memory_needed((west, south, east, north), region.area, sized, plants=True)
             grid = min(grid, allowed(change))  # more is refused
-    return int(_BYTES_TO_START[command] + _BYTES_A_POINT * points + grid)
+    torch = any(
+        isinstance(g, ScreeningParameters) and (g.screening_method == "network" or g.weights) for g in groups.values()
+    )
+    return int(_BYTES_TO_START[command] + _BYTES_OF_TORCH * torch + _BYTES_A_POINT * points + grid)
 
 
 def memory_needs(found: Plan, progress: Progress) -> dict[str, int]:

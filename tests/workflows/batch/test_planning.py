@@ -122,15 +122,16 @@ def test_every_setting_is_understood_by_the_command_line(command: str, monkeypat
 def test_the_estimate_grows_with_points_and_with_the_grid(las_file: LasFile, tmp_path: Path) -> None:
     small, large = las_file(tmp_path / "a.laz", points=2000), las_file(tmp_path / "b.laz", points=42_000)
 
-    def need(*clouds: Path, cell: float = 0.5) -> int:
-        options = {"cell": cell, "memory_limit": 4.0}
+    def need(*clouds: Path, cell: float = 0.5, method: str = "auto") -> int:
+        options = {"cell": cell, "memory_limit": 4.0, "screening_method": method}
         return slope_memory(slope(*clouds), "inspect", group_of("inspect", options, "default"))
 
-    assert need(small, large) - need(small, small) == pytest.approx(40_000 * 330, rel=0.01)
+    assert need(small, large) - need(small, small) == pytest.approx(40_000 * 170, rel=0.01)
     extent = (500_000.0, 3_500_000.0, 500_030.0, 3_500_020.0)
     grids = [memory_needed(extent, 600.0, ChangeParameters(cell=cell), plants=True) for cell in (0.5, 0.05)]
     assert need(small, small, cell=0.05) - need(small, small) == pytest.approx(np.diff(grids)[0], rel=0.05)
     assert need(small) < need(small, small)
+    assert need(small, method="network") - need(small) > 3e8, "only that method loads torch"
     assert need(small, small, cell=0.005) < 6e9, "more than memory_limit is refused by the slope itself"
     damaged = tmp_path / "c.laz"
     damaged.write_bytes(small.read_bytes()[:300])
