@@ -116,11 +116,19 @@ COMPOSED = (
     "; please report it",
     ", or leave it empty",
     "Not set:",
+    " (median {0} m)",
+    "{0} zones.",
+    "1 zone.",
+    "height (m)",
+    "change (m)",
+    "area (m²)",
+    "points/m²",
+    "Screening",
 )
 """Messages that the code puts together of parts that do not stand alone."""
 WORDS = (
     ",", "above", "and", "below", "confirmed", "contradicted", "coordinates", "Coordinates", "cumulative",
-    "earlier", "first", "ground", "heights", "incremental",
+    "earlier", "first", "ground", "heights", "lowered", "raised", "incremental",
     "Heights", "high", "higher", "it", "later", "low", "lower", "lowering", "manifest", "moderate", "no", "raising",
     "rapid", "rejected", "risen", "rise", "setting", "sink", "slow", "steady", "subsidence", "sunk", "tilt", "them",
     "Commands", "Examples", "Files", "Running", "trees", "unreviewed", "unknown", "uplift", "yes",

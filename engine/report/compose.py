@@ -19,6 +19,7 @@ from ...interface.parameters import (
 from ..core.errors import EngineError, InputError
 from ..core.json_shapes import read_json
 from ..core.messages import shown
+from ..core.progress import Progress
 from ..core.staged_outputs import atomic_output
 from ..core.templates import render
 from ..zones.confirmation import VERDICTS
@@ -42,7 +43,7 @@ _MEANINGS = {
 }
 
 
-def write_report(folder: Path) -> Path:
+def write_report(folder: Path, progress: Progress | None = None) -> Path:
     """Write ``report.html`` into an output folder of ``inspect``, ``change`` or ``series``; its path.
 
     It is made of that folder alone, in the language of the environment, so that the same folder gives the same bytes.
@@ -52,21 +53,27 @@ def write_report(folder: Path) -> Path:
     """
     folder = Path(folder)
     with atomic_output(folder / REPORT, check_report) as partial:
-        _write(partial, compose(read_record(folder), folder))
+        _write(partial, compose(read_record(folder), folder, progress=progress))
     return folder / REPORT
 
 
-def compose(record: dict[str, Any], folder: Path, profiles: Path | None = None, language: str = "") -> str:
-    """The report of a run record as HTML.
+def compose(
+    record: dict[str, Any], folder: Path, profiles: Path | None = None, *, progress: Progress | None = None
+) -> str:
+    """The report of a run record as HTML, in the language of the environment.
 
     Args:
         folder: of the run's outputs.
         profiles: table of the profiles' cells, if another than that of the folder.
-        language: of the page, one of ``interface.language``; that of the environment by default.
+        progress: gets a line where the words in pictures stay English for want of a font.
 
     Raises:
         InputError: the record is of no such run, or a file of the folder cannot be read.
     """
+    # matplotlib takes half a second to import; nothing else of the engine should wait for it
+    from ..maps.picture_words import say_missing_font
+
+    say_missing_font(progress)
     context = {
         "record": record,
         "metrics": record["metrics"],
@@ -85,7 +92,7 @@ def compose(record: dict[str, Any], folder: Path, profiles: Path | None = None, 
         raise InputError(
             f"{shown(folder / 'run.json')} is no record of a change or a screening; give the folder of such a run."
         )
-    return render(_TEMPLATES / template, language or current_language(), **context, **more)
+    return render(_TEMPLATES / template, current_language(), **context, **more)
 
 
 def read_record(folder: Path) -> dict[str, Any]:
@@ -140,7 +147,6 @@ class _Checker(HTMLParser):
 
 
 def _change_context(record: dict[str, Any], folder: Path, profile_table: Path) -> dict[str, Any]:
-    # matplotlib takes half a second to import; nothing else of the engine should wait for it
     from ..zones.profiles import read_profiles
     from . import charts, maps
     from .embedding import photograph
