@@ -124,11 +124,43 @@ COMPOSED = (
     "area (m²)",
     "points/m²",
     "Screening",
+    "Ground: {0} of the returns; {1} of the slope is bare; {2} of the slope has no ground return.",
+    (
+        "Ground: {0} of the returns; {1} cover {2} of the slope, {3} of the returns there are ground; {4} of the slope "
+        "has no ground return."
+    ),
+    (
+        "Ground: {0} of the returns; {1} cover {2} of the slope, {3} of the returns there are ground, expected error "
+        "{4} cm; {5} of the slope has no ground return."
+    ),
+    "Areal",
+    "Volumetric",
+    "Vertical averages",
+    "Percentages (by volume)",
+    "Zones (over their footprints)",
+    "Average Total Thickness of Difference for Area of Interest",
+    "Average Net Thickness of Difference for Area of Interest",
+    "Average Total Thickness of Difference for Area with Detectable Change",
+    "Average Net Thickness of Difference for Area with Detectable Change",
+    "no confirmed change",
+    "inspect soon",
+    "inspect at once",
+    "Next survey as planned",
+    "Look at it after the next survey",
+    "Inspect on site and survey more often",
+    "Inspect within days and consider instruments that measure continuously",
+    "Inspect at once and decide on closing the road",
+    "Inputs",
+    "Dates",
+    "Series",
+    "mm/day",
+    "mm/year",
 )
 """Messages that the code puts together of parts that do not stand alone."""
 WORDS = (
     ",", "above", "and", "below", "confirmed", "contradicted", "coordinates", "Coordinates", "cumulative",
-    "earlier", "first", "ground", "heights", "lowered", "raised", "incremental",
+    "earlier", "first", "ground", "heights", "lowered", "raised", "incremental", "inspect",
+    "observe", "plants", "points", "registration",
     "Heights", "high", "higher", "it", "later", "low", "lower", "lowering", "manifest", "moderate", "no", "raising",
     "rapid", "rejected", "risen", "rise", "setting", "sink", "slow", "steady", "subsidence", "sunk", "tilt", "them",
     "Commands", "Examples", "Files", "Running", "trees", "unreviewed", "unknown", "uplift", "yes",

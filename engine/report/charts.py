@@ -155,7 +155,8 @@ def course_chart(record: Mapping[str, Any]) -> Picture | None:
     )  # fmt: skip
     sheet.figure.align_ylabels([above, below])
     ends = "; ".join(
-        f"{name} {fixed(row['dz_mean_m'], 3, sign=True)} m and {fixed(row['vol_net_m3'], 2, sign=True)} m³"
+        f"{name} changed by {fixed(row['dz_mean_m'], 3, sign=True)} m, its volume by "
+        f"{fixed(row['vol_net_m3'], 2, sign=True)} m³"
         for name in names
         for row in [r for r in course[name] if "dz_mean_m" in r][-1:]
     )

@@ -8,7 +8,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from ...interface.language import current_language
+from ...interface.language import current_language, translator
 from ...interface.parameters import (
     PUBLISHED_WORKFLOW,
     PUBLISHED_WORKFLOW_ID,
@@ -34,6 +34,15 @@ _REPORTED = {*command_sets.SERIES, *command_sets.CHANGE, *command_sets.INSPECT} 
     GridChangeParameters
 }  # ChangeParameters has all of it
 _MAX_ZONES, _MAX_PROFILES = 40, 12
+_ROLES = {
+    "epoch": "survey of {0}",
+    "roi": "region of interest",
+    "stable": "stable ground",
+    "profiles": "lines of profiles",
+    "transform": "given transformation",
+    "alerts": "table of alerts",
+}
+"""What an input is for, by the first word of its role in the record."""
 _MEANINGS = {
     "confirmed": "significant change of the zone’s sign on 30 % or more of what was compared of it",
     "confirmed in part": "on 15 % or more, of a zone of many cells",
@@ -80,6 +89,7 @@ def compose(
         "fig": Figures(record),
         "css": Markup((_TEMPLATES / "report.css").read_text(encoding="utf-8")),
         "settings": _settings(record["parameters"]),
+        "role_words": _role_words,
         "published": {"title": PUBLISHED_WORKFLOW, "id": PUBLISHED_WORKFLOW_ID},
     }
     if record.get("epochs"):
@@ -229,6 +239,12 @@ def _verdicts() -> list[tuple[str, str, str]]:
     return [(f"{word.replace(' ', '_')}_zones", word, _MEANINGS[word]) for word in VERDICTS]
 
 
+def _role_words(role: str) -> str:
+    """What an input is for, in the language of the report."""
+    kind, _, name = role.partition(" ")
+    return translator(current_language())(_ROLES.get(kind, role)).replace("{0}", name)
+
+
 def _settings(parameters: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
     """The groups of settings with their labels; ``own`` are those that differ from the defaults."""
     known = _specifications()
@@ -256,4 +272,6 @@ def _shown(value: Any, specification: Specification | None) -> str:
         return "–"
     text = f"{value:g}" if isinstance(value, float) else number(value, 0) if isinstance(value, int) else str(value)
     unit = specification.unit if specification and not isinstance(value, str) else ""
+    if unit == "degrees":
+        return f"{text}°"
     return f"{text} {unit}" if unit else text

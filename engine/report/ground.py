@@ -146,7 +146,7 @@ def heights_chart(surveys: Sequence[tuple[str, Mapping[str, Any]]]) -> Picture |
         axes.legend(loc="upper right", frameon=False, prop=fonts(SMALL), handlelength=1.2)
         sheet.text(0.6 + number * _PANEL_INCHES, 2.8, name, 8.0, weight="bold")
     shares_in_words = "; ".join(
-        f"{name} {100.0 * sum(h['ground']) / max(sum(h['returns']) + h['below'] + h['above'], 1):.0f} % ground"
+        f"{100.0 * sum(h['ground']) / max(sum(h['returns']) + h['below'] + h['above'], 1):.0f} % of {name} is ground"
         for name, h in surveys
     )
     return drawing(
