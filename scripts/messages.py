@@ -160,7 +160,7 @@ COMPOSED = (
 WORDS = (
     ",", "above", "and", "below", "confirmed", "contradicted", "coordinates", "Coordinates", "cumulative",
     "earlier", "first", "ground", "heights", "lowered", "raised", "incremental", "inspect",
-    "observe", "plants", "points", "registration",
+    "acknowledged", "closed", "observe", "plants", "points", "registration",
     "Heights", "high", "higher", "it", "later", "low", "lower", "lowering", "manifest", "moderate", "no", "raising",
     "rapid", "rejected", "risen", "rise", "setting", "sink", "slow", "steady", "subsidence", "sunk", "tilt", "them",
     "Commands", "Examples", "Files", "Running", "trees", "unreviewed", "unknown", "uplift", "yes",
