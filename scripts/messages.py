@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import json
 import re
 import sys
 from collections.abc import Iterator
@@ -25,6 +26,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("interface", "engine", "models", "workflows", "cli", "plugin", "processing_algorithms")
 LABELS = ("interface/parameters", "plugin", "processing_algorithms")
 TEMPLATES = "engine/report/templates"
+FIELDS = "engine/maps/styles/fields.json"
+"""What analysts read instead of the names of columns."""
 COMPOSED = (
     "a number",
     "a whole number",
@@ -119,6 +122,9 @@ COMPOSED = (
     " (median {0} m)",
     "{0} zones.",
     "1 zone.",
+    "{0} zones found",
+    "No zones found",
+    "1 zone found",
     "height (m)",
     "change (m)",
     "area (m²)",
@@ -133,6 +139,18 @@ COMPOSED = (
         "Ground: {0} of the returns; {1} cover {2} of the slope, {3} of the returns there are ground, expected error "
         "{4} cm; {5} of the slope has no ground return."
     ),
+    "Uplift",
+    "Subsidence",
+    "Confirmed",
+    "Rejected",
+    "Unreviewed",
+    "Lowered",
+    "Raised",
+    "Below its level",
+    "Alert raised",
+    "Alert acknowledged",
+    "Alert closed",
+    "Attention {0}",
     "Areal",
     "Volumetric",
     "Vertical averages",
@@ -163,6 +181,7 @@ WORDS = (
     "acknowledged", "closed", "observe", "plants", "points", "registration",
     "Heights", "high", "higher", "it", "later", "low", "lower", "lowering", "manifest", "moderate", "no", "raising",
     "rapid", "rejected", "risen", "rise", "setting", "sink", "slow", "steady", "subsidence", "sunk", "tilt", "them",
+    "unsure",
     "Commands", "Examples", "Files", "Running", "trees", "unreviewed", "unknown", "uplift", "yes",
 )  # fmt: skip
 """Single words that stand in places of other messages, or alone in a table of the report."""
@@ -201,6 +220,8 @@ def messages(root: Path = ROOT) -> dict[str, list[str]]:
             _add(found, messages_of(source, labels=name.startswith(LABELS)), name)
     for single in (*COMPOSED, *WORDS):
         found.setdefault(single, ["scripts/messages.py"])
+    names = json.loads((root / FIELDS).read_text(encoding="utf-8"))
+    _add(found, (field["name"] for field in names.values()), FIELDS)
     for path in sorted((root / TEMPLATES).glob("*.j2")):
         name = path.relative_to(root).as_posix()
         _add(found, template_messages(path.read_text(encoding="utf-8")), name)

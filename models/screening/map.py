@@ -57,7 +57,7 @@ def write_hazard_map(
 
 def _notes(hazards: Hazards) -> str:
     count = len(hazards.frame)
-    zones = f"{count or 'No'} zone{'' if count == 1 else 's'}"
+    zones = f"{count or 'No'} zone{'' if count == 1 else 's'} found"
     return (
         f"{zones}. Shapes of one survey that look like subsidence (red) or uplift (blue); to be checked on site. "
         "Ground without colour is not thereby stable."
