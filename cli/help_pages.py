@@ -64,6 +64,9 @@ class Program(click.Group):
     def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         _write_paragraphs(formatter, self.help or "")
 
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        _write_options(self, ctx, formatter)
+
     def add_command(self, cmd: click.Command, name: str | None = None) -> None:
         grouped(cmd)
         super().add_command(cmd, name)
@@ -90,9 +93,19 @@ class InnerGroup(click.Group):
     def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         _write_paragraphs(formatter, self.help or "")
 
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        _write_options(self, ctx, formatter)
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         rows = [(name, _first_sentence(self.commands[name].help or "")) for name in self.list_commands(ctx)]
         _write_lists(formatter, [("Commands", rows)])
+
+
+def _write_options(group: click.Group, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    """The options of a group, then its commands, as click has them, in the language of the user."""
+    records = [record for parameter in group.get_params(ctx) if (record := parameter.get_help_record(ctx))]
+    _write_lists(formatter, [("Options", records)])
+    group.format_commands(ctx, formatter)
 
 
 def grouped(cmd: click.Command) -> None:

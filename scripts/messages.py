@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import json
 import re
 import sys
 from collections.abc import Iterator
@@ -25,6 +26,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("interface", "engine", "models", "workflows", "cli", "plugin", "processing_algorithms")
 LABELS = ("interface/parameters", "plugin", "processing_algorithms")
 TEMPLATES = "engine/report/templates"
+FIELDS = "engine/maps/styles/fields.json"
+"""What analysts read instead of the names of columns."""
 COMPOSED = (
     "a number",
     "a whole number",
@@ -116,13 +119,69 @@ COMPOSED = (
     "; please report it",
     ", or leave it empty",
     "Not set:",
+    " (median {0} m)",
+    "{0} zones.",
+    "1 zone.",
+    "{0} zones found",
+    "No zones found",
+    "1 zone found",
+    "height (m)",
+    "change (m)",
+    "area (m²)",
+    "points/m²",
+    "Screening",
+    "Ground: {0} of the returns; {1} of the slope is bare; {2} of the slope has no ground return.",
+    (
+        "Ground: {0} of the returns; {1} cover {2} of the slope, {3} of the returns there are ground; {4} of the slope "
+        "has no ground return."
+    ),
+    (
+        "Ground: {0} of the returns; {1} cover {2} of the slope, {3} of the returns there are ground, expected error "
+        "{4} cm; {5} of the slope has no ground return."
+    ),
+    "Uplift",
+    "Subsidence",
+    "Confirmed",
+    "Rejected",
+    "Unreviewed",
+    "Lowered",
+    "Raised",
+    "Below its level",
+    "Alert raised",
+    "Alert acknowledged",
+    "Alert closed",
+    "Attention {0}",
+    "Areal",
+    "Volumetric",
+    "Vertical averages",
+    "Percentages (by volume)",
+    "Zones (over their footprints)",
+    "Average Total Thickness of Difference for Area of Interest",
+    "Average Net Thickness of Difference for Area of Interest",
+    "Average Total Thickness of Difference for Area with Detectable Change",
+    "Average Net Thickness of Difference for Area with Detectable Change",
+    "no confirmed change",
+    "inspect soon",
+    "inspect at once",
+    "Next survey as planned",
+    "Look at it after the next survey",
+    "Inspect on site and survey more often",
+    "Inspect within days and consider instruments that measure continuously",
+    "Inspect at once and decide on closing the road",
+    "Inputs",
+    "Dates",
+    "Series",
+    "mm/day",
+    "mm/year",
 )
 """Messages that the code puts together of parts that do not stand alone."""
 WORDS = (
     ",", "above", "and", "below", "confirmed", "contradicted", "coordinates", "Coordinates", "cumulative",
-    "earlier", "first", "ground", "heights", "incremental",
+    "earlier", "first", "ground", "heights", "lowered", "raised", "incremental", "inspect",
+    "acknowledged", "closed", "observe", "plants", "points", "registration",
     "Heights", "high", "higher", "it", "later", "low", "lower", "lowering", "manifest", "moderate", "no", "raising",
     "rapid", "rejected", "risen", "rise", "setting", "sink", "slow", "steady", "subsidence", "sunk", "tilt", "them",
+    "unsure", "Options", "Installation",
     "Commands", "Examples", "Files", "Running", "trees", "unreviewed", "unknown", "uplift", "yes",
 )  # fmt: skip
 """Single words that stand in places of other messages, or alone in a table of the report."""
@@ -161,6 +220,8 @@ def messages(root: Path = ROOT) -> dict[str, list[str]]:
             _add(found, messages_of(source, labels=name.startswith(LABELS)), name)
     for single in (*COMPOSED, *WORDS):
         found.setdefault(single, ["scripts/messages.py"])
+    names = json.loads((root / FIELDS).read_text(encoding="utf-8"))
+    _add(found, (field["name"] for field in names.values()), FIELDS)
     for path in sorted((root / TEMPLATES).glob("*.j2")):
         name = path.relative_to(root).as_posix()
         _add(found, template_messages(path.read_text(encoding="utf-8")), name)

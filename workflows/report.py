@@ -42,7 +42,7 @@ def report_step(folder: Path, parameters: ReportParameters, *, profiles: Path | 
     record = read_record(folder)
     if profiles is None:
         progress.update(0.0, "drawing the report")
-        return RunResult({"report": write_report(folder)}, {}, tuple(progress.warnings))
+        return RunResult({"report": write_report(folder, progress)}, {}, tuple(progress.warnings))
     if not record.get("epochs"):
         raise InputError(
             f"{folder} holds no change between two surveys to take profiles of; give the folder of inspect or change."
@@ -64,7 +64,7 @@ def report_step(folder: Path, parameters: ReportParameters, *, profiles: Path | 
         text = json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False)
         stage.path("run.json").write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
         progress.update(0.3, "drawing the report")
-        page = compose(read_record(stage.folder), folder, stage.path("profiles.csv"))
+        page = compose(read_record(stage.folder), folder, stage.path("profiles.csv"), progress=progress)
         stage.path(REPORT).write_text(page, encoding="utf-8", errors="backslashreplace", newline="\n")
         check_report(stage.path(REPORT))
         progress.update(1.0, "drawing the report")

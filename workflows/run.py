@@ -185,7 +185,7 @@ class Run:
             self.outputs["report"] = self.stage.final(REPORT)
             self._save_record()
             with self.step("report", 0.99, 1.0, "drawing the report"):
-                write_report(self.stage.folder)
+                write_report(self.stage.folder, self.progress)
         self._save_record()
 
     def _save_record(self) -> None:

@@ -99,7 +99,7 @@ def screen_step(
         with run.step("products", 0.85, 0.92, "writing zones and rasters"):
             facts = screening_facts(source, screening, tested)
             shown = Pictured(source.picture(), digest, date_in_name(cloud), cloud.stem, facts.get("not_shown", ""))
-            write_products(targets, place, hazards, shown, run.reviews)
+            write_products(targets, place, hazards, shown, run.reviews, run.progress)
         with run.step("labels", 0.92, 1.0, "writing the labelled cloud"):
             output = place(targets["labelled"])
             labelled = source.write_labelled(output, screening, classification=parameters.write_classification)

@@ -207,9 +207,9 @@ def cover_warnings(cover: GroundCover, name: str) -> list[str]:
     if cover.error_beyond_noise_share > _MIN_WARNED_SHARE:
         found.append(
             f"On {percent(cover.error_beyond_noise_share)} of the area of {name} plants make a larger error of the "
-            f"ground's height than the noise of its returns (medians {100 * cover.error_m:.1f} and "
-            f"{100 * cover.noise_m:.1f} cm); survey with leaves off, mown or before growth, and always in the same "
-            "state of the plants."
+            "ground's height than the noise of its returns (over the whole area their medians are "
+            f"{100 * cover.error_m:.1f} and {100 * cover.noise_m:.1f} cm); survey with leaves off, mown or before "
+            "growth, and always in the same state of the plants."
         )
     return found
 

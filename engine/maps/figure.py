@@ -21,6 +21,7 @@ from PIL import Image
 from rasterio.features import rasterize, shapes
 from scipy import ndimage
 
+from ...interface.language import ENGLISH
 from ..core.errors import EngineError
 from ..grid.grid import Grid
 from .heatmap_image import Heatmap
@@ -35,10 +36,10 @@ from .map_parts import (
     draw_legend,
     draw_north,
     draw_scale_bar,
-    fonts,
     wrap,
 )
 from .palette import veiled
+from .picture_words import fonts, picture_language, say
 
 DPI = 150
 _MAX_PIXELS = 2000  # longest side of the picture that is drawn
@@ -130,9 +131,9 @@ def make_figure(
         draw_legend(sheet, (_LEFT + 3.5, 0.5, 3.2, 0.2), heatmap, vertical=False)
         keys = _LEFT + 7.0, 0.75
     grey = veiled(heatmap.backdrop, heatmap.opacity) / 255.0
-    draw_key(sheet, *keys, heatmap.words.veil, face=f"{grey:.4f}")
+    draw_key(sheet, *keys, [say(line) for line in heatmap.words.veil], face=f"{grey:.4f}")
     if outlined:
-        draw_key(sheet, keys[0], keys[1] - 0.34, [heatmap.words.outline], edge=INK)
+        draw_key(sheet, keys[0], keys[1] - 0.34, [say(heatmap.words.outline)], edge=INK)
     return sheet.figure
 
 
@@ -164,20 +165,25 @@ def shrunk(rgba: NDArray[np.uint8], longest: int) -> tuple[NDArray[np.uint8], in
 
 def _title(what: str, epochs: tuple[str, str], name: str) -> str:
     # spaces that do not break keep both on one line
-    dates = f"{epochs[0]}\u00a0to\u00a0{epochs[1]}" if all(epochs) else ""
-    return ", ".join(part for part in (what, name, dates) if part)
+    dates = say("{0} to {1}").replace(" ", "\u00a0").format(*epochs) if all(epochs) else ""
+    comma = ", " if picture_language() == ENGLISH else "，"
+    return comma.join(part for part in (say(what), name, dates) if part)
 
 
 def _notes(heatmap: Heatmap, zones: gpd.GeoDataFrame | None) -> str:
     if heatmap.words.notes:
-        return heatmap.words.notes
-    level = f" (median\u00a0{heatmap.level:.3f}\u00a0m)" if math.isfinite(heatmap.level) else ""
+        return say(heatmap.words.notes)
+    level = ""
+    if math.isfinite(heatmap.level):
+        words = say(" (median {0} m)").format(f"{heatmap.level:.3f}")
+        level = words[:1] + words[1:].replace(" ", "\u00a0")
     if not heatmap.significant_cells:
-        return f"No change above the level of detection{level}."
-    notes = f"Red is lowered and blue is raised by more than the level of detection{level}."
+        return say("No change above the level of detection{0}.").format(level)
+    sentences = [say("Red is lowered and blue is raised by more than the level of detection{0}.").format(level)]
     if zones is not None:
-        notes += f" {len(zones) or 'No'} zone{'' if len(zones) == 1 else 's'}."
-    return notes
+        count = "No zones." if not len(zones) else "1 zone." if len(zones) == 1 else "{0} zones."
+        sentences.append(say(count).format(len(zones)))
+    return ("" if sentences[0].endswith("。") else " ").join(sentences)
 
 
 def _draw_zones(axes: Axes, layout: Layout, heatmap: Heatmap, zones: gpd.GeoDataFrame) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import geopandas as gpd
 
+from ..core.progress import Progress
 from ..core.staged_outputs import atomic_output
 from .heatmap_image import Heatmap
 
@@ -14,6 +15,7 @@ def write_heatmap_png(
     path: Path,
     heatmap: Heatmap,
     *,
+    progress: Progress | None = None,
     zones: gpd.GeoDataFrame | None = None,
     epochs: tuple[str, str] = ("", ""),
     name: str = "",
@@ -21,6 +23,7 @@ def write_heatmap_png(
     """Write the heatmap as an annotated PNG: zone outlines and ids, legend, scale bar, north arrow, coordinates.
 
     Args:
+        progress: gets a line where the words stay English for want of a font.
         zones: as of ``extraction.extract_zones``, in the heatmap's horizontal reference system, most severe first.
 
     Raises:
@@ -29,7 +32,9 @@ def write_heatmap_png(
     # matplotlib takes half a second to import; nothing else of the engine should wait for it
     from .figure import DPI, check_png, make_figure
     from .map_parts import PNG_OPTIONS
+    from .picture_words import say_missing_font
 
+    say_missing_font(progress)
     with atomic_output(Path(path), check_png) as partial:
         figure = make_figure(heatmap, zones=zones, epochs=epochs, name=name)
         software = {"Software": "SlopeWatch"}

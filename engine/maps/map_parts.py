@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 
 import numpy as np
-from matplotlib import font_manager
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
-from matplotlib.font_manager import FontProperties
 from matplotlib.patches import Patch, Polygon, Rectangle
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Affine2D
@@ -22,21 +19,12 @@ from numpy.typing import NDArray
 from ..grid.grid import Grid
 from .heatmap_image import Heatmap
 from .palette import diverging_colours, veiled
+from .picture_words import fonts, pieces, say
 
 INK = "#222222"
 BODY, SMALL = 9.0, 7.5  # points
 # of a PNG: measured, the default of 6 takes two to three times as long and saves a tenth, of shaded relief nothing
 PNG_OPTIONS = {"compress_level": 3}
-# asked for in this order; what is not installed is left out, because matplotlib warns about it
-_FAMILIES = ("DejaVu Sans", "Noto Sans CJK SC", "WenQuanYi Zen Hei", "Microsoft YaHei", "PingFang SC")
-
-
-@lru_cache
-def fonts(size: float, weight: str = "normal") -> FontProperties:
-    """The one font of all pictures, ``size`` in points."""
-    installed = {font.name for font in font_manager.fontManager.ttflist}
-    families = [name for name in _FAMILIES if name in installed] or ["sans-serif"]
-    return FontProperties(family=families, size=size, weight=weight)
 
 
 class Sheet:
@@ -77,13 +65,15 @@ class Sheet:
 
 
 def wrap(text: str, room: float, measure: Callable[[str], float]) -> list[str]:
-    """Lines no wider than ``room``, broken at spaces; a word that is wider than a line is cut with an ellipsis."""
+    """Lines no wider than ``room``, broken at spaces and between Chinese letters; a word that is wider than a line is
+    cut with an ellipsis.
+    """
     lines: list[str] = []
-    for word in text.split(" "):
+    for blank, word in pieces(text):
         while measure(word) > room and len(word) > 2:
             word = word[:-2] + "…"
-        if lines and measure(f"{lines[-1]} {word}") <= room:
-            lines[-1] += f" {word}"
+        if lines and measure(f"{lines[-1]}{blank}{word}") <= room:
+            lines[-1] += f"{blank}{word}"
         else:
             lines.append(word)
     return lines
@@ -190,13 +180,13 @@ def draw_legend(sheet: Sheet, box: tuple[float, float, float, float], heatmap: H
         colours[np.abs(values) < heatmap.level] = veiled(backdrop, heatmap.opacity)
     draw_signed_bar(sheet, box, np.rint(colours).astype(np.uint8), limit, signed=words.signed, vertical=vertical)
     if vertical:
-        sheet.text(x, y + height + 0.36, words.legend, BODY)
-        sheet.text(x, y + height + 0.15, words.high)
-        sheet.text(x, y - 0.15, words.low)
+        sheet.text(x, y + height + 0.36, say(words.legend), BODY)
+        sheet.text(x, y + height + 0.15, say(words.high))
+        sheet.text(x, y - 0.15, say(words.low))
     else:
-        sheet.text(x + width / 2, y + height + 0.14, words.legend, BODY, ha="center")
-        sheet.text(x, y + height + 0.14, words.low)
-        sheet.text(x + width, y + height + 0.14, words.high, ha="right")
+        sheet.text(x + width / 2, y + height + 0.14, say(words.legend), BODY, ha="center")
+        sheet.text(x, y + height + 0.14, say(words.low))
+        sheet.text(x + width, y + height + 0.14, say(words.high), ha="right")
 
 
 def draw_key(

@@ -185,7 +185,7 @@ def corridor_alerts_qml(fields: Iterable[str], states: Sequence[str], entered: S
         entered: fields that people fill in.
     """
     looks = ((_ATTENTION[-2], 120), (_ATTENTION[2], 90), (_ATTENTION[0], 20))
-    categories = [_outlined(state, state.capitalize(), *look) for state, look in zip(states, looks, strict=True)]
+    categories = [_outlined(state, f"Alert {state}", *look) for state, look in zip(states, looks, strict=True)]
     return _polygons_qml("corridor_alerts", _fields(fields), categories, states=states, entered=entered)
 
 

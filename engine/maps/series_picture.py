@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
-from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
+from matplotlib.dates import date2num
 
 from ..core.number_text import fixed
 from ..core.staged_outputs import atomic_output
@@ -25,9 +25,9 @@ from .map_parts import (
     draw_north,
     draw_scale_bar,
     draw_signed_bar,
-    fonts,
 )
 from .palette import colour_limit, diverging_colours
+from .picture_words import date_axis, fonts, say
 
 _MAX_LINES = 8  # more cannot be distinguished
 
@@ -40,11 +40,12 @@ def write_series_picture(
     Bars are 95 % intervals. At most eight zones get a line: those with the highest alert, then the fastest.
     """
     sheet = Sheet(13.0, 5.6, dpi=110)
-    title = f"{about.dates[0].isoformat()} to {about.dates[-1].isoformat()}, {len(about.dates)} surveys"
+    ends = (about.dates[0].isoformat(), about.dates[-1].isoformat())
+    title = say("{0} to {1}, {2} surveys").format(*ends, len(about.dates))
     sheet.text(6.5, 5.4, title, 12.0, ha="center")
     _map(sheet, zones, velocity, about)
     _chart(sheet.axes(7.4, 0.85, 5.4, 4.1), zones, about)
-    sheet.text(6.5, 0.15, footer, 8.5, ha="center")
+    sheet.text(6.5, 0.15, say(footer), 8.5, ha="center")
     with atomic_output(path) as partial:
         sheet.figure.savefig(partial, format="png", metadata={"Software": None})
 
@@ -82,11 +83,11 @@ def _map(sheet: Sheet, zones: Sequence[ZoneSeries], velocity: CellVelocity, abou
     draw_north(sheet, 0.75, 0.5)
     draw_scale_bar(sheet, 1.25, 0.65, 1.6, inches)
     draw_signed_bar(sheet, (3.6, 0.65, 2.6, 0.16), diverging_colours(np.linspace(-1, 1, 256), 1.0), limit)
-    sheet.text(4.9, 0.95, "velocity (mm/day): red lowers, blue rises, grey within its error", ha="center")
+    sheet.text(4.9, 0.95, say("velocity (mm/day): red lowers, blue rises, grey within its error"), ha="center")
     used = {zone.alert.level: zone.alert for zone in zones}
     x = 0.6
     for level in sorted(used, reverse=True):
-        words = f"{level} {used[level].name}"
+        words = f"{level} {say(used[level].name)}"
         draw_key(sheet, x, 5.13, [words], face=used[level].colour)
         x += 0.6 + sheet.text_width(words, SMALL)
 
@@ -99,7 +100,7 @@ def _chart(axes: Axes, zones: Sequence[ZoneSeries], about: About) -> None:
         if zone.velocity is not None:
             v = zone.velocity
             rate, low, high = (fixed(1000 * value, 2, sign=True) for value in (v.rate, v.low, v.high))
-            label += f": {rate} mm/day ({low} to {high})"
+            label += ": " + say("{0} mm/day ({1} to {2})").format(rate, low, high)
         axes.errorbar(
             days[known],
             zone.change[known],
@@ -113,13 +114,12 @@ def _chart(axes: Axes, zones: Sequence[ZoneSeries], about: About) -> None:
         )
     axes.axhline(0, color="#666666", linewidth=0.8)
     axes.grid(color="#e5e5e5")
-    locator = AutoDateLocator()
-    axes.xaxis.set_major_locator(locator)
-    axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
-    axes.set(ylabel="mean change of the zone against the first survey (m)")
+    date_axis(axes.xaxis)
+    axes.set_ylabel(say("mean change of the zone against the first survey (m)"), fontproperties=fonts(10))
     if zones:
-        axes.legend(fontsize=8)
-        axes.set_title(f"{min(len(zones), _MAX_LINES)} of {len(zones)} zones, bars 95 %", fontsize=10)
+        axes.legend(prop=fonts(8))
+        title = say("{0} of {1} zones, bars 95 %").format(min(len(zones), _MAX_LINES), len(zones))
     else:
         axes.set_xlim(days[0], days[-1])
-        axes.set_title("no change above the level of detection", fontsize=10)
+        title = say("no change above the level of detection")
+    axes.set_title(title, fontproperties=fonts(10))

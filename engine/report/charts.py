@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
+from matplotlib.dates import date2num
 
 from ..core.arrays import Float
 from ..core.number_text import fixed
-from ..maps.map_parts import INK, SMALL, Sheet, fonts
+from ..maps.map_parts import INK, SMALL, Sheet
 from ..maps.palette import BELOW_LEVEL, DIVERGING, hexadecimal
+from ..maps.picture_words import date_axis, fonts, say
 from ..statistics.normal import Z95
 from .embedding import Picture, drawing
 
@@ -47,7 +48,7 @@ def change_histogram(record: Mapping[str, Any]) -> Picture:
             axes.axvline(sign * level, color=INK, lw=1.0, ls=(0, (4, 3)))
         finish(axes, below_it, "area (m²)")
         axes.set_xlim(-shown["reach_m"], shown["reach_m"])
-        axes.text(0.015, 0.9, words, transform=axes.transAxes, fontproperties=fonts(8, "bold"), color=INK)
+        axes.text(0.015, 0.9, say(words), transform=axes.transAxes, fontproperties=fonts(8, "bold"), color=INK)
     above.set_xticklabels([])
     return drawing(
         sheet.figure,
@@ -76,7 +77,7 @@ def stable_histogram(record: Mapping[str, Any]) -> Picture | None:
         axes.plot(x, density * facts["cells"] * width, color=INK, lw=1.2)
     for sign in (-1, 1):
         axes.axvline(sign * record["level"]["median_m"], color=INK, lw=1.0, ls=(0, (4, 3)))
-    finish(axes, "elevation change on stable ground (m)", "cells")
+    finish(axes, "elevation change on stable ground (m)", "number of cells")
     axes.set_xlim(-reach, reach)
     return drawing(
         sheet.figure,
@@ -94,7 +95,7 @@ def profile_chart(facts: Mapping[str, Any], columns: Mapping[str, Float] | None,
         _draw_heights(above, columns, epochs)
         _draw_difference(below, columns)
     else:
-        above.text(0.5, 0.5, "not measured", transform=above.transAxes, ha="center", fontproperties=fonts(9))
+        above.text(0.5, 0.5, say("not measured"), transform=above.transAxes, ha="center", fontproperties=fonts(9))
     for axes, *words in ((above, "", "height (m)"), (below, "distance along the line (m)", "change (m)")):
         axes.set_xlim(0, length)
         finish(axes, *words)
@@ -144,9 +145,7 @@ def course_chart(record: Mapping[str, Any]) -> Picture | None:
             axes.axvline(day, color="#6e7781", lw=0.6, ls=(0, (2, 3)), zorder=0.5)
         first, last = date2num([days[0], days[-1]])
         axes.set_xlim(first - 0.02 * (last - first), last + 0.02 * (last - first))
-        locator = AutoDateLocator(maxticks=8)
-        axes.xaxis.set_major_locator(locator)
-        axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+        date_axis(axes.xaxis, max_ticks=8)
         finish(axes, "", words)
     above.set_xticklabels([])
     below.xaxis.get_offset_text().set_fontproperties(fonts(SMALL))
@@ -156,7 +155,8 @@ def course_chart(record: Mapping[str, Any]) -> Picture | None:
     )  # fmt: skip
     sheet.figure.align_ylabels([above, below])
     ends = "; ".join(
-        f"{name} {fixed(row['dz_mean_m'], 3, sign=True)} m and {fixed(row['vol_net_m3'], 2, sign=True)} m³"
+        f"{name} changed by {fixed(row['dz_mean_m'], 3, sign=True)} m, its volume by "
+        f"{fixed(row['vol_net_m3'], 2, sign=True)} m³"
         for name in names
         for row in [r for r in course[name] if "dz_mean_m" in r][-1:]
     )
@@ -231,5 +231,5 @@ def finish(axes: Axes, below: str, left: str) -> None:
     axes.set_axisbelow(True)
     for label in (*axes.get_xticklabels(), *axes.get_yticklabels()):
         label.set_fontproperties(fonts(SMALL))
-    axes.set_xlabel(below, fontproperties=fonts(8), color=INK)
-    axes.set_ylabel(left, fontproperties=fonts(8), color=INK)
+    axes.set_xlabel(say(below), fontproperties=fonts(8), color=INK)
+    axes.set_ylabel(say(left), fontproperties=fonts(8), color=INK)

@@ -8,7 +8,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from ...interface.language import current_language
+from ...interface.language import current_language, translator
 from ...interface.parameters import (
     PUBLISHED_WORKFLOW,
     PUBLISHED_WORKFLOW_ID,
@@ -19,6 +19,7 @@ from ...interface.parameters import (
 from ..core.errors import EngineError, InputError
 from ..core.json_shapes import read_json
 from ..core.messages import shown
+from ..core.progress import Progress
 from ..core.staged_outputs import atomic_output
 from ..core.templates import render
 from ..zones.confirmation import VERDICTS
@@ -33,6 +34,15 @@ _REPORTED = {*command_sets.SERIES, *command_sets.CHANGE, *command_sets.INSPECT} 
     GridChangeParameters
 }  # ChangeParameters has all of it
 _MAX_ZONES, _MAX_PROFILES = 40, 12
+_ROLES = {
+    "epoch": "survey of {0}",
+    "roi": "region of interest",
+    "stable": "stable ground",
+    "profiles": "lines of profiles",
+    "transform": "given transformation",
+    "alerts": "table of alerts",
+}
+"""What an input is for, by the first word of its role in the record."""
 _MEANINGS = {
     "confirmed": "significant change of the zone’s sign on 30 % or more of what was compared of it",
     "confirmed in part": "on 15 % or more, of a zone of many cells",
@@ -42,7 +52,7 @@ _MEANINGS = {
 }
 
 
-def write_report(folder: Path) -> Path:
+def write_report(folder: Path, progress: Progress | None = None) -> Path:
     """Write ``report.html`` into an output folder of ``inspect``, ``change`` or ``series``; its path.
 
     It is made of that folder alone, in the language of the environment, so that the same folder gives the same bytes.
@@ -52,27 +62,34 @@ def write_report(folder: Path) -> Path:
     """
     folder = Path(folder)
     with atomic_output(folder / REPORT, check_report) as partial:
-        _write(partial, compose(read_record(folder), folder))
+        _write(partial, compose(read_record(folder), folder, progress=progress))
     return folder / REPORT
 
 
-def compose(record: dict[str, Any], folder: Path, profiles: Path | None = None, language: str = "") -> str:
-    """The report of a run record as HTML.
+def compose(
+    record: dict[str, Any], folder: Path, profiles: Path | None = None, *, progress: Progress | None = None
+) -> str:
+    """The report of a run record as HTML, in the language of the environment.
 
     Args:
         folder: of the run's outputs.
         profiles: table of the profiles' cells, if another than that of the folder.
-        language: of the page, one of ``interface.language``; that of the environment by default.
+        progress: gets a line where the words in pictures stay English for want of a font.
 
     Raises:
         InputError: the record is of no such run, or a file of the folder cannot be read.
     """
+    # matplotlib takes half a second to import; nothing else of the engine should wait for it
+    from ..maps.picture_words import say_missing_font
+
+    say_missing_font(progress)
     context = {
         "record": record,
         "metrics": record["metrics"],
         "fig": Figures(record),
         "css": Markup((_TEMPLATES / "report.css").read_text(encoding="utf-8")),
         "settings": _settings(record["parameters"]),
+        "role_words": _role_words,
         "published": {"title": PUBLISHED_WORKFLOW, "id": PUBLISHED_WORKFLOW_ID},
     }
     if record.get("epochs"):
@@ -85,7 +102,7 @@ def compose(record: dict[str, Any], folder: Path, profiles: Path | None = None, 
         raise InputError(
             f"{shown(folder / 'run.json')} is no record of a change or a screening; give the folder of such a run."
         )
-    return render(_TEMPLATES / template, language or current_language(), **context, **more)
+    return render(_TEMPLATES / template, current_language(), **context, **more)
 
 
 def read_record(folder: Path) -> dict[str, Any]:
@@ -140,7 +157,6 @@ class _Checker(HTMLParser):
 
 
 def _change_context(record: dict[str, Any], folder: Path, profile_table: Path) -> dict[str, Any]:
-    # matplotlib takes half a second to import; nothing else of the engine should wait for it
     from ..zones.profiles import read_profiles
     from . import charts, maps
     from .embedding import photograph
@@ -223,6 +239,12 @@ def _verdicts() -> list[tuple[str, str, str]]:
     return [(f"{word.replace(' ', '_')}_zones", word, _MEANINGS[word]) for word in VERDICTS]
 
 
+def _role_words(role: str) -> str:
+    """What an input is for, in the language of the report."""
+    kind, _, name = role.partition(" ")
+    return translator(current_language())(_ROLES.get(kind, role)).replace("{0}", name)
+
+
 def _settings(parameters: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
     """The groups of settings with their labels; ``own`` are those that differ from the defaults."""
     known = _specifications()
@@ -250,4 +272,6 @@ def _shown(value: Any, specification: Specification | None) -> str:
         return "–"
     text = f"{value:g}" if isinstance(value, float) else number(value, 0) if isinstance(value, int) else str(value)
     unit = specification.unit if specification and not isinstance(value, str) else ""
+    if unit == "degrees":
+        return f"{text}°"
     return f"{text} {unit}" if unit else text

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import struct
+import warnings
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import Any
 
 import matplotlib
 from matplotlib.figure import Figure
-from PIL import Image
+from PIL import Image, ImageOps
 
 from ..core.errors import InputError
 from ..maps.map_parts import PNG_OPTIONS
@@ -20,7 +21,16 @@ from ..maps.map_parts import PNG_OPTIONS
 _DPI = 160
 _CSS_DPI = 96
 _MAX_PIXELS = 100_000_000
-"""Of a picture: some ten times what a run draws."""
+"""Of a picture: some ten times what a run draws, and as many as the cameras of telephones give."""
+_PHOTO_PIXELS, _PHOTO_QUALITY = 900, 80
+"""The longest side of a photo in the report, which then takes some 100 kB."""
+_PHOTO_WIDTH, _PHOTO_HEIGHT = 320, 260
+"""CSS pixels that a photo is shown in, at most."""
+_DAMAGED = (
+    OSError, ValueError, SyntaxError, TypeError, KeyError, IndexError, ArithmeticError, EOFError, MemoryError,
+    Image.DecompressionBombError, struct.error, zlib.error,
+)  # fmt: skip
+"""What Pillow raises of damaged pictures and of what they say of themselves."""
 # no clock and no random ids in a picture, else its bytes differ each time
 _SVG: dict[Any, Any] = {
     "svg.hashsalt": "slopewatch",
@@ -77,6 +87,33 @@ def photograph(path: Path, text: str, width: int, *, quality: int = 88) -> Pictu
     stream = io.BytesIO()
     image.save(stream, "JPEG", quality=quality, subsampling=0)
     return Picture(_uri("image/jpeg", stream.getvalue()), text, width, round(width * image.height / image.width))
+
+
+def photo(path: Path, text: str) -> Picture:
+    """Somebody's photo, upright and scaled down; nothing but its pixels is taken from the file.
+
+    Raises:
+        ValueError: it is no picture that can be read, or has too many pixels.
+        OSError: the file cannot be read.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of odd tags, and of many pixels, which are limited here
+            with Image.open(path, formats=["JPEG", "PNG", "TIFF", "WEBP"]) as source:
+                if source.width * source.height > _MAX_PIXELS:
+                    raise ValueError("too large")
+                source.draft("RGB", (2 * _PHOTO_PIXELS, 2 * _PHOTO_PIXELS))
+                source.thumbnail((_PHOTO_PIXELS, _PHOTO_PIXELS))
+                rgba = ImageOps.exif_transpose(source).convert("RGBA")
+        image = Image.new("RGB", rgba.size, "white")
+        image.paste(rgba, mask=rgba.getchannel("A"))
+    except _DAMAGED as error:
+        raise ValueError(f"{path.name} cannot be read as a picture") from error
+    stream = io.BytesIO()
+    image.save(stream, "JPEG", quality=_PHOTO_QUALITY)
+    scale = min(_PHOTO_WIDTH / image.width, _PHOTO_HEIGHT / image.height)
+    size = max(1, round(scale * image.width)), max(1, round(scale * image.height))
+    return Picture(_uri("image/jpeg", stream.getvalue()), text, *size)
 
 
 def _uri(kind: str, content: bytes) -> str:

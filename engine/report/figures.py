@@ -7,6 +7,7 @@ from typing import Any
 
 from markupsafe import Markup
 
+from ...interface.language import current_language, translator
 from ..core.number_text import digits_for_error, fixed
 
 #: A key of the record, or several in a row.
@@ -24,6 +25,7 @@ class Figures:
 
     def __init__(self, record: dict[str, Any]) -> None:
         self.record = record
+        self._say = translator(current_language())
 
     def value(self, *place: Key) -> Any:
         """What stands at a place of the record, such as ("metrics", "zone_count"); None where there is nothing."""
@@ -59,7 +61,7 @@ class Figures:
         pointer = "/" + "/".join(str(key).replace("~", "~0").replace("/", "~1") for key in _flat(place))
         factor = Markup(' data-scale="{}"').format(f"{scale:g}") if scale != 1.0 else Markup("")
         figure = Markup('<data value="{}" data-from="{}"{}>{}</data>').format(repr(value), pointer, factor, text)
-        return figure + Markup("&nbsp;{}").format(unit) if unit else figure
+        return figure + Markup("&nbsp;{}").format(self._say(unit)) if unit else figure
 
     def with_error(
         self, place: tuple[Key, ...], error: tuple[Key, ...], unit: str = "", digits: int = 3, **more: Any

@@ -18,8 +18,9 @@ from ..grid.grid import Grid
 from ..ground.cover import CLASSES
 from ..ground.cover_squares import FINEST_SQUARE_M, CoverCells, cover_cells
 from ..ground.pdal_pipelines import GROUND
-from ..maps.map_parts import INK, SMALL, Sheet, fonts
+from ..maps.map_parts import INK, SMALL, Sheet
 from ..maps.palette import SEQUENTIAL, Colour, colours_at
+from ..maps.picture_words import fonts, say
 from ..pointcloud.header import preflight
 from ..pointcloud.records import read_records
 from .charts import finish
@@ -136,8 +137,8 @@ def heights_chart(surveys: Sequence[tuple[str, Mapping[str, Any]]]) -> Picture |
     sheet = Sheet(_PANEL_INCHES * len(surveys), 3.0)
     for number, ((name, _), (every, ground)) in enumerate(zip(surveys, shares, strict=True)):
         axes = sheet.axes(0.6 + number * _PANEL_INCHES, 0.5, _PANEL_INCHES - 0.8, 2.15)
-        axes.stairs(every, edges, orientation="horizontal", fill=True, color=_GREY, label="all returns")
-        axes.stairs(ground, edges, orientation="horizontal", fill=True, color=_DARK, label="ground")
+        axes.stairs(every, edges, orientation="horizontal", fill=True, color=_GREY, label=say("all returns"))
+        axes.stairs(ground, edges, orientation="horizontal", fill=True, color=_DARK, label=say("ground"))
         axes.axhline(0.0, color=INK, lw=0.6)
         finish(axes, "share of the returns (%)", "height over the ground (m)")
         axes.set_xlim(0.0, 1.05 * most)
@@ -145,7 +146,7 @@ def heights_chart(surveys: Sequence[tuple[str, Mapping[str, Any]]]) -> Picture |
         axes.legend(loc="upper right", frameon=False, prop=fonts(SMALL), handlelength=1.2)
         sheet.text(0.6 + number * _PANEL_INCHES, 2.8, name, 8.0, weight="bold")
     shares_in_words = "; ".join(
-        f"{name} {100.0 * sum(h['ground']) / max(sum(h['returns']) + h['below'] + h['above'], 1):.0f} % ground"
+        f"{100.0 * sum(h['ground']) / max(sum(h['returns']) + h['below'] + h['above'], 1):.0f} % of {name} is ground"
         for name, h in surveys
     )
     return drawing(

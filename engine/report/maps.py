@@ -19,6 +19,7 @@ from ..maps.figure import make_figure
 from ..maps.heatmap_image import Words, make_heatmap
 from ..maps.map_parts import INK, Sheet, draw_colour_bar, draw_image, draw_key, draw_scale_bar
 from ..maps.palette import SEQUENTIAL, Colour, colours_at, hexadecimal, sequential_steps
+from ..maps.picture_words import say
 from ..maps.relief import shaded_relief
 from ..maps.top_view import TopView, top_view_grid
 from ..statistics.layout import Laid, bands, laid
@@ -233,10 +234,10 @@ def panel(
     left = 2.5 if both else 2.0
     for number, (word, colour) in enumerate(boxes):
         x = left + number * min(0.7, (_PANEL_INCHES - left) / len(boxes))
-        draw_key(sheet, x, 0.59 if both else 0.31, [word], face=hexadecimal(colour), edge=INK, width=0.14)
+        draw_key(sheet, x, 0.59 if both else 0.31, [say(word)], face=hexadecimal(colour), edge=INK, width=0.14)
     if legend is not None:
         ramp = colours_at(SEQUENTIAL, np.linspace(0, 1, 128))
         ticks = (0.0, 0.5 * legend, legend)
         draw_colour_bar(sheet, (2.5, 0.3, 1.6, 0.12), ramp, ticks, [f"{tick:.3g}" for tick in ticks])
-        sheet.text(4.18, 0.36, "points/m²")
+        sheet.text(4.18, 0.36, say("points/m²"))
     return map_picture(sheet.figure, text)

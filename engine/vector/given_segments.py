@@ -6,16 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pyogrio
 import shapely
 from pyproj import CRS
 
-from ..core.errors import InputError
-from ..core.gdal_names import readable
 from ..core.json_values import plain
 from ..core.messages import shown
 from ..core.progress import Progress
 from ..crs.reprojection import reprojected
+from .polygon_file import read_polygons
 
 _IDS = ("zone_id", "segment", "part", "id", "name")
 
@@ -36,26 +34,10 @@ def read_segments(path: Path, label_field: str, crs: CRS, progress: Progress) ->
     Raises:
         InputError: missing, not a vector file, without polygons or the field, or not transformable.
     """
-    if not path.exists():
-        raise InputError(f"The segments {shown(path)} do not exist; check their path.")
-    try:
-        with readable(path) as named:
-            layers = [str(layer) for layer, kind in pyogrio.list_layers(named) if "Polygon" in str(kind)]
-            if not layers:
-                raise InputError(f"{shown(path)} holds no polygons; give zones or other polygons.")
-            frame = pyogrio.read_dataframe(named, layer=layers[0], force_2d=True)
-    except (OSError, RuntimeError, ValueError) as error:
-        raise InputError(
-            f"The segments {shown(path)} cannot be read; give polygons as GeoPackage or GeoJSON."
-        ) from error
+    frame, field = read_polygons(path, label_field, "--label-field")
     columns = [str(c) for c in frame.columns if c != frame.geometry.name]
-    if label_field not in columns:
-        raise InputError(
-            f"The segments {shown(path)} have no field {label_field}; name the one with their label by --label-field "
-            f"(there are {', '.join(columns) or 'none'})."
-        )
     frame = frame[~(frame.geometry.is_empty | frame.geometry.isna())]
-    shapes = shapely.make_valid(frame.geometry.to_numpy())
+    shapes = frame.geometry.to_numpy()
     notes: list[str] = []
     if frame.crs is not None:
         shapes = reprojected(list(shapes), frame.crs, crs, f"The layer {shown(path)}", notes)
@@ -68,7 +50,7 @@ def read_segments(path: Path, label_field: str, crs: CRS, progress: Progress) ->
     for place, (shape, row) in enumerate(zip(shapes, frame[columns].to_dict("records"), strict=True), 1):
         attributes = {name: _plain(value) for name, value in row.items() if not _empty(value)}
         name = str(row[key]) if key and not _empty(row[key]) else f"S{place:03d}"
-        label = "" if _empty(row[label_field]) else str(row[label_field])
+        label = "" if _empty(row[field]) else str(row[field])
         found.append(Segment(name, label, shape, attributes))
     return found
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 import geopandas as gpd
 import pandas as pd
 
-from ...interface.reviews import REMARKS, REVIEWER, STATES, STATUS, UNREVIEWED
+from ...interface.reviews import REMARKS, REVIEWED, REVIEWER, STATES, STATUS, UNREVIEWED
 
 __all__ = ["PLACE_FIELDS", "REVIEW_FIELDS", "STATES", "UNREVIEWED", "in_words", "is_entered", "own_columns"]
 
@@ -39,9 +39,10 @@ def is_entered(field: str, value: object) -> bool:
 
 
 def in_words(entries: Mapping[str, object]) -> str:
-    """A review as text, such as ``confirmed by A. Sato; route: S1; remarks: crack``."""
+    """A review as text, such as ``confirmed by A. Sato on 2025-05-02; route: S1; remarks: crack``."""
     rest = dict(entries)
-    status, reviewer = rest.pop(STATUS, ""), rest.pop(REVIEWER, "")
+    status, reviewer, day = rest.pop(STATUS, ""), rest.pop(REVIEWER, ""), rest.pop(REVIEWED, "")
     head = f"{status or 'entries'} by {reviewer}" if reviewer else f"{status}"
+    head += f" on {day}" if day else ""
     parts = [f"{name}: {value:g}" if isinstance(value, float) else f"{name}: {value}" for name, value in rest.items()]
     return "; ".join(part for part in (head, *parts) if part)

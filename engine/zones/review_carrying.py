@@ -10,12 +10,15 @@ import geopandas as gpd
 import numpy as np
 import pandas as pd
 
+from ...interface.reviews import REMARKS, REVIEWED, REVIEWER, STATUS
 from ..vector.review_fields import PLACE_FIELDS, REVIEW_FIELDS, in_words, is_entered
 from .matching import match_zones
 
 Entries = dict[str, Any]
 
 _TYPES = {"text": object, "real": np.float64}
+_VERDICT = frozenset({STATUS, REVIEWER, REVIEWED})
+"""A state, who gave it and when: they stay together."""
 _NOBODY = "no zone of these results continues it"
 _OTHER_KIND = "only a zone of the other kind lies there now"
 
@@ -116,27 +119,24 @@ def _joined(sources: Sequence[Entries]) -> Entries:
     """The entries of a zone from those of the zones that it continues, that with most in common first."""
     if not sources:
         return {}
-    result: Entries = {
-        name: sources[0][name] for name in ("review_status", "reviewer", "remarks") if name in sources[0]
-    }
+    result: Entries = {name: sources[0][name] for name in (*_VERDICT, REMARKS) if name in sources[0]}
     # the chainages of two zones must not be mixed
     placed = next((s for s in sources if any(name in s for name in PLACE_FIELDS)), {})
     result.update({name: placed[name] for name in PLACE_FIELDS if name in placed})
     for source in sources:
         for name, value in source.items():
-            if name not in REVIEW_FIELDS:
+            if name not in REVIEW_FIELDS and name not in _VERDICT:
                 result.setdefault(name, value)
     return result
 
 
 def _unsaid(entries: Entries, taken: Entries) -> Entries:
-    """Those of ``entries`` that ``taken`` does not hold too; a state goes with who gave it."""
+    """Those of ``entries`` that ``taken`` does not hold too; a state goes with who gave it, and when."""
     unsaid = {name for name, value in entries.items() if name != "remarks" and str(taken.get(name)) != str(value)}
     if str(entries.get("remarks", "")) not in str(taken.get("remarks", "")):
         unsaid.add("remarks")
-    verdict = {"review_status", "reviewer"}
-    if unsaid & verdict:
-        unsaid |= verdict
+    if unsaid & _VERDICT:
+        unsaid |= _VERDICT
     return {name: value for name, value in entries.items() if name in unsaid}
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import lru_cache, partial
 
 _PLACE = re.compile(r"(?<!\{)\{(\w+)\}(?!\})")
 _SENTENCE_END = re.compile(r"(?<=[.!?])\s+")
@@ -56,7 +56,14 @@ class Translator:
             return known
         if depth >= _MAX_DEPTH:
             return text
-        for way in (self._by_lines, self._by_sentences, self._by_known_parts, self._after_a_name, self._before_a_unit):
+        for way in (
+            self._by_lines,
+            self._by_sentences,
+            self._after_a_name,
+            self._by_known_parts,
+            partial(self._after_a_name, several=True),
+            self._before_a_unit,
+        ):
             made = way(text, depth + 1)
             if made != text:
                 return made
@@ -82,10 +89,10 @@ class Translator:
     def _by_lines(self, text: str, depth: int) -> str:
         return "\n".join(self._look_up(line, depth) for line in text.split("\n")) if "\n" in text else text
 
-    def _after_a_name(self, text: str, depth: int) -> str:
+    def _after_a_name(self, text: str, depth: int, *, several: bool = False) -> str:
         """What follows "2024-05-01: " or "a.laz: ", where it is known as a whole."""
         name, _, rest = text.partition(": ")
-        known = self._known(rest, depth, several=True) if rest else None
+        known = self._known(rest, depth, several=several) if rest else None
         return text if known is None else f"{self._look_up(name, depth)}：{known}"
 
     def _before_a_unit(self, text: str, depth: int) -> str:

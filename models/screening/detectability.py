@@ -70,7 +70,7 @@ class Detectability:
         return {"smallest_hazard_m": by_width, "blind_share": self.blind_share}
 
     def sentence(self) -> str:
-        """What can be found, in one sentence; methods that were not measured find no more, as a rule."""
+        """What can be found, in one sentence or two; methods that were not measured find no more, as a rule."""
         by_width = dict(zip(self.diameters, self.medians.tolist(), strict=True))
         main = by_width.pop(SENTENCE_WIDTH_M, np.nan)
         if not np.isfinite(main):
@@ -78,11 +78,13 @@ class Detectability:
                 "How high a hazard must be to be found cannot be said here: too little ground lies around each place."
             )
         others = "; ".join(f"{width:g} m: {_metres(value)}" for width, value in by_width.items() if np.isfinite(value))
-        return (
+        found = (
             f"On half of this slope a hazard {SENTENCE_WIDTH_M:g} m wide must stand {_metres(main)} out of or below "
-            f"the ground around it to be found by {self.finder}{f' ({others})' if others else ''}; on "
-            f"{100 * self.blind_share:.0f} % even {USUAL_HAZARD_M:g} m is not enough."
+            f"the ground around it to be found by {self.finder}{f' ({others})' if others else ''}."
         )
+        blind = f"{100 * self.blind_share:.0f}"
+        nowhere = f"On {blind} % of it even {USUAL_HAZARD_M:g} m is not enough."
+        return found if blind == "0" else f"{found} {nowhere}"
 
     def hidden_sentence(self, name: str) -> str:
         """Why no zones are shown of the cloud ``name``."""

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...engine.core.progress import Progress
 from ...engine.maps.heatmap import write_heatmap_png
 from ...engine.maps.heatmap_image import Heatmap, Words, make_heatmap
 from ...engine.maps.top_view import TopView
@@ -38,8 +39,12 @@ def hazard_picture(hazards: Hazards, view: TopView) -> Heatmap:
     return replace(picture, words=replace(_WORDS, notes=_notes(hazards)))
 
 
-def write_hazard_map(path: Path, hazards: Hazards, view: TopView, *, name: str = "", note: str = "") -> None:
+def write_hazard_map(
+    path: Path, hazards: Hazards, view: TopView, progress: Progress | None = None, *, name: str = "", note: str = ""
+) -> None:
     """Write the picture as an annotated PNG; ``note`` is a sentence that is added below it.
+
+    See ``write_heatmap_png`` for ``progress``.
 
     Raises:
         InputError: the folder is missing or not writable.
@@ -47,12 +52,12 @@ def write_hazard_map(path: Path, hazards: Hazards, view: TopView, *, name: str =
     picture = hazard_picture(hazards, view)
     if note:
         picture = replace(picture, words=replace(picture.words, notes=f"{picture.words.notes} {note}"))
-    write_heatmap_png(path, picture, zones=hazards.frame, name=name)
+    write_heatmap_png(path, picture, zones=hazards.frame, name=name, progress=progress)
 
 
 def _notes(hazards: Hazards) -> str:
     count = len(hazards.frame)
-    zones = f"{count or 'No'} zone{'' if count == 1 else 's'}"
+    zones = f"{count or 'No'} zone{'' if count == 1 else 's'} found"
     return (
         f"{zones}. Shapes of one survey that look like subsidence (red) or uplift (blue); to be checked on site. "
         "Ground without colour is not thereby stable."

@@ -9,17 +9,16 @@ from typing import Any
 
 import geopandas
 import numpy as np
-import pyogrio
 import shapely
 from numpy.typing import NDArray
 from pyproj.exceptions import CRSError, ProjError
 
 from ...engine.core.errors import InputError
-from ...engine.core.gdal_names import readable
 from ...engine.core.messages import shown
 from ...engine.core.progress import Progress
 from ...engine.pointcloud.cloud import PointCloud
 from ...engine.pointcloud.reading import open_cloud
+from ...engine.vector.polygon_file import read_polygons
 from ...interface.parameters import InputParameters
 from ..preparation.prepare import UNKNOWN
 
@@ -44,26 +43,8 @@ def read_label_polygons(
         InputError: missing, not a vector file, without polygons or the field, or with a value that is no class.
     """
     name = shown(path)
-    if not Path(path).exists():
-        raise InputError(f"The polygons {name} do not exist; check their path.")
-    try:
-        with readable(Path(path)) as plain:
-            layers = [str(layer) for layer, kind in pyogrio.list_layers(plain) if "Polygon" in str(kind)]
-            if not layers:
-                raise InputError(f"{name} holds no polygons; draw some around what moved and give them a class.")
-            frame = pyogrio.read_dataframe(plain, layer=layers[0], force_2d=True)
-    except (OSError, RuntimeError, ValueError) as error:
-        raise InputError(
-            f"The polygons {name} cannot be read; give them as GeoPackage, shapefile or GeoJSON."
-        ) from error
-    columns = [str(column) for column in frame.columns if column != frame.geometry.name]
-    found = [c for c in columns if c == class_field] or [c for c in columns if c.lower() == class_field.lower()]
-    if not found:
-        raise InputError(
-            f"The polygons {name} have no field {class_field}; name the field with their class by --class-field "
-            f"(there are {', '.join(columns) or 'none'})."
-        )
-    values = frame[found[0]]
+    frame, field = read_polygons(path, class_field, "--class-field")
+    values = frame[field]
     labels = np.full(len(frame), UNKNOWN, dtype=np.uint8)
     other = mapping.get("*")
     for place, value in enumerate(values.tolist()):
@@ -72,12 +53,11 @@ def read_label_polygons(
         if label is None:
             content = "no value" if empty else f"the value {value!r}"
             raise InputError(
-                f"A polygon of {name} has {content} in the field {found[0]}, which is no class; give background, "
+                f"A polygon of {name} has {content} in the field {field}, which is no class; give background, "
                 "uplift, subsidence or unknown, or say what it is with --classes."
             )
         labels[place] = label
-    geometry = shapely.make_valid(frame.geometry.to_numpy())
-    kept = geopandas.GeoDataFrame({"label": labels}, geometry=geometry, crs=frame.crs)
+    kept = geopandas.GeoDataFrame({"label": labels}, geometry=frame.geometry.to_numpy(), crs=frame.crs)
     kept = kept[~(kept.geometry.is_empty | kept.geometry.isna())]
     if kept.empty:
         raise InputError(f"{name} holds no polygons; draw some around what moved and give them a class.")

@@ -20,6 +20,7 @@ from qgis.core import (
     QgsVectorLayer,
 )
 
+from .translated_style import translate_style
 from .words import tr
 
 
@@ -58,6 +59,7 @@ class StylePostProcessor(QgsProcessingLayerPostProcessorInterface):
         message, loaded = layer.loadDefaultStyle()
         if message and not loaded:
             feedback.pushWarning(f"The style of {layer.source()} could not be applied: {message}")
+        translate_style(layer)
         layer.triggerRepaint()
         project = context.project() or QgsProject.instance()
         node = project.layerTreeRoot().findLayer(layer.id())

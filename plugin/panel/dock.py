@@ -24,6 +24,7 @@ from qgis.PyQt.QtWidgets import (
     QWidget,
 )
 
+from ..bridge.translated_style import translate_style
 from ..bridge.words import tr
 from .area_bar import AreaBar
 from .buttons import button
@@ -157,6 +158,7 @@ class SlopeWatchPanel(QDockWidget):
                 layer = QgsVectorLayer(source, f"{folder.name} {path.stem}", "ogr")
                 if not is_zones_layer(layer):
                     continue
+                translate_style(layer)
                 QgsProject.instance().addMapLayer(layer)
                 node = QgsProject.instance().layerTreeRoot().findLayer(layer.id())
                 if node is not None and found:

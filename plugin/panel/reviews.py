@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import shutil
+from datetime import date
 from pathlib import Path
 
 from qgis.core import QgsEditorWidgetSetup, QgsField, QgsVectorLayer
 
-from ...interface.reviews import PHOTO, REMARKS, REVIEWER, STATUS
+from ...interface.reviews import PHOTO, REMARKS, REVIEWED, REVIEWER, STATUS, UNREVIEWED
 from ..bridge.compat import STRING
 from ..bridge.words import tr
 from .run_folder import file_of
@@ -20,12 +21,15 @@ class ReviewError(Exception):
 
 
 def review(layer: QgsVectorLayer, feature: int, state: str, reviewer: str) -> None:
-    """Enter the state of a zone and who looked at it, as one step that can be undone.
+    """Enter the state of a zone, who looked at it and that it was today, as one step that can be undone.
 
     Raises:
         ReviewError: the layer cannot be edited.
     """
-    _enter(layer, feature, {STATUS: state, REVIEWER: reviewer}, tr("Review of a zone"))
+    entries = {STATUS: state, REVIEWER: reviewer}
+    if state != UNREVIEWED or layer.fields().indexOf(REVIEWED) >= 0:
+        entries[REVIEWED] = date.today().isoformat() if state != UNREVIEWED else ""
+    _enter(layer, feature, entries, tr("Review of a zone"))
 
 
 def remark(layer: QgsVectorLayer, feature: int, text: str) -> None:

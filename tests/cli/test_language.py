@@ -50,6 +50,15 @@ def test_help_is_chinese_but_for_names(monkeypatch, command):
     assert re.search(r"[\u4e00-\u9fff]", page.stdout)
 
 
+@pytest.mark.parametrize("command", [(), ("simulate",)])
+def test_the_help_of_a_group_is_chinese(monkeypatch, command):
+    monkeypatch.setenv("SLOPEWATCH_LANGUAGE", "zh_CN")
+    page = CliRunner().invoke(cli, [*command, "--help"])
+    assert page.exit_code == 0
+    said = [line for line in page.stdout.splitlines() if line.strip() and not line.startswith("Usage:")]
+    assert [line for line in said if not re.search(r"[\u4e00-\u9fff]", line)] == []
+
+
 def test_figures_of_a_result_do_not_change(monkeypatch, capsys):
     monkeypatch.setenv("SLOPEWATCH_LANGUAGE", "zh_CN")
     JsonReporter().result(RunResult({}, {"zone_count": 3}), ["No zones"])

@@ -3,29 +3,18 @@
 from __future__ import annotations
 
 import json
-import re
 import shlex
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from qgis.core import (
     QgsCoordinateReferenceSystem,
-    QgsFeature,
-    QgsGeometry,
-    QgsPointCloudLayer,
     QgsProcessingContext,
     QgsProcessingException,
-    QgsProcessingFeatureSourceDefinition,
-    QgsProject,
-    QgsVectorFileWriter,
-    QgsVectorLayer,
 )
 from qgis.PyQt.QtCore import QDate
 from slopewatch.interface.parameters import GroundParameters
-from slopewatch.processing_algorithms.checkenvironment import CheckEnvironment
-from slopewatch.processing_algorithms.cloudinfo import CloudInfo
 from slopewatch.processing_algorithms.corridorbatch import CorridorBatch
 from slopewatch.processing_algorithms.elevationchange import ElevationChange
 from slopewatch.processing_algorithms.exportlabelstudio import ExportLabelStudio
@@ -33,53 +22,14 @@ from slopewatch.processing_algorithms.extractground import ExtractGround
 from slopewatch.processing_algorithms.importlabelstudio import ImportLabelStudio
 from slopewatch.processing_algorithms.inspectslope import InspectSlope
 from slopewatch.processing_algorithms.m3c2distances import M3C2Distances
-from slopewatch.processing_algorithms.registerepochs import RegisterEpochs
 from slopewatch.processing_algorithms.simulatesurvey import SimulateSurvey
 from slopewatch.processing_algorithms.suggestroi import SuggestRoi
 from slopewatch.processing_algorithms.topview import TopView
 from slopewatch.processing_algorithms.trainmodel import TrainModel
-from slopewatch.processing_algorithms.values import Values
-from slopewatch.processing_algorithms.writereport import WriteReport
-from slopewatch.tests.builders.qgis import Recorder
+from slopewatch.tests.builders.command_lines import command, square, written
 
 pytestmark = pytest.mark.usefixtures("qgis_app")
 FIRST, LATER = "/data/slope 2024-05-01.laz", "/data/slope 2025-05-01.laz"
-
-
-def command(algorithm: Any, feedback: Recorder | None = None, **parameters: Any) -> list[str]:
-    """The engine's arguments for these values."""
-    made = algorithm().create()
-    context = QgsProcessingContext()
-    context.setProject(QgsProject.instance())
-    return made.command(Values(made, parameters, context, feedback or Recorder()))
-
-
-def square(layer: str, west: float, crs: str = "EPSG:32651") -> QgsVectorLayer:
-    polygons = QgsVectorLayer(f"Polygon?crs={crs}", layer, "memory")
-    for shift in (0, 100):
-        feature = QgsFeature()
-        x = west + shift
-        feature.setGeometry(QgsGeometry.fromWkt(f"POLYGON(({x} 0, {x + 10} 0, {x + 10} 10, {x} 10, {x} 0))"))
-        polygons.dataProvider().addFeature(feature)
-    return polygons
-
-
-def written(layer: QgsVectorLayer, path: Path, name: str, *, append: bool = False) -> Path:
-    options = QgsVectorFileWriter.SaveVectorOptions()
-    options.layerName = name
-    if append:
-        options.actionOnExistingFile = QgsVectorFileWriter.ActionOnExistingFile.CreateOrOverwriteLayer
-    error = QgsVectorFileWriter.writeAsVectorFormatV3(
-        layer, str(path), QgsProject.instance().transformContext(), options
-    )
-    assert error[0] == QgsVectorFileWriter.WriterError.NoError, error
-    return path
-
-
-def extent(path: str) -> tuple[float, float]:
-    layer = QgsVectorLayer(path, "read", "ogr")
-    assert layer.isValid()
-    return layer.extent().xMinimum(), layer.extent().xMaximum()
 
 
 def test_defaults_pass_nothing(tmp_path: Path) -> None:
@@ -223,17 +173,6 @@ def test_a_survey_without_a_day_is_refused() -> None:
         command(InspectSlope, REFERENCE=FIRST, REFERENCE_DATE="yesterday", CLOUD=LATER, OUTPUT_FOLDER="/out")
 
 
-def test_relative_paths_become_absolute(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    arguments = command(
-        RegisterEpochs, REFERENCE="a.laz", CLOUD="b.laz", OUTPUT="c.laz", TRANSFORM="t.json", METHOD="none"
-    )
-    assert arguments == [
-        "register", f"{tmp_path}/a.laz", f"{tmp_path}/b.laz", "--output", f"{tmp_path}/c.laz",
-        "--transform", f"{tmp_path}/t.json", "--method", "none",
-    ]  # fmt: skip
-
-
 def test_level_options_and_stable_ground_reach_the_engine(tmp_path: Path) -> None:
     stable = written(square("stable", 0), tmp_path / "stable.gpkg", "stable")
     arguments = command(
@@ -264,42 +203,6 @@ def test_which_points_are_taken_and_trusted_days_reach_the_engine(algorithm: Any
     assert "--trust-dates" in arguments
 
 
-def test_a_polygon_file_is_passed_as_it_is(tmp_path: Path) -> None:
-    roi = written(square("roi", 0), tmp_path / "roi.gpkg", "roi")
-    arguments = command(ExtractGround, INPUT=FIRST, OUTPUT="/g.laz", ROI=str(roi))
-    assert arguments[2:4] == ["--roi", str(roi)]
-
-
-def test_a_layer_in_memory_is_exported() -> None:
-    layer = square("roi", 500)
-    QgsProject.instance().addMapLayer(layer)
-    try:
-        path = command(ExtractGround, INPUT=FIRST, OUTPUT="/g.laz", ROI=layer.id())[3]
-        assert extent(path) == (500, 610)
-        assert QgsVectorLayer(path, "", "ogr").crs().authid() == "EPSG:32651"
-    finally:
-        QgsProject.instance().removeMapLayer(layer.id())
-
-
-def test_a_selection_is_exported(tmp_path: Path) -> None:
-    layer = QgsVectorLayer(str(written(square("roi", 500), tmp_path / "roi.gpkg", "roi")), "roi", "ogr")
-    QgsProject.instance().addMapLayer(layer)
-    try:
-        layer.selectByIds([1])
-        chosen = QgsProcessingFeatureSourceDefinition(layer.id(), selectedFeaturesOnly=True)
-        path = command(ExtractGround, INPUT=FIRST, OUTPUT="/g.laz", ROI=chosen)[3]
-        assert extent(path) == (500, 510)
-    finally:
-        QgsProject.instance().removeMapLayer(layer.id())
-
-
-def test_the_named_layer_of_several_is_taken(tmp_path: Path) -> None:
-    path = written(square("other", 0), tmp_path / "all.gpkg", "other")
-    written(square("roi", 500), path, "roi", append=True)
-    arguments = command(ExtractGround, INPUT=FIRST, OUTPUT="/g.laz", ROI=f"{path}|layername=roi")
-    assert extent(arguments[3]) == (500, 610)
-
-
 def test_values_out_of_bounds_are_refused_with_the_dialogs_name_and_the_engines_bounds() -> None:
     made = InspectSlope().create()
     given = {"REFERENCE": FIRST, "CLOUD": LATER, "OUTPUT_FOLDER": "/out"}
@@ -317,109 +220,6 @@ def test_values_out_of_bounds_are_refused_with_the_dialogs_name_and_the_engines_
     assert not made.checkParameterValues({**given, "METHOD": "magic"}, context)[0]
 
 
-def test_the_engines_sentence_reaches_the_user(
-    fake_engine: Callable[[str], Path], feedback: Recorder, tmp_path: Path
-) -> None:
-    sentence = f"{FIRST} does not exist; check the path."
-    fake_engine(f"say(event='error', message={sentence!r}, code=2)\nsys.exit(2)")
-    made = ExtractGround().create()
-    parameters = {"INPUT": FIRST, "OUTPUT": str(tmp_path / "g.laz")}
-    with pytest.raises(QgsProcessingException) as caught:
-        made.run(parameters, QgsProcessingContext(), feedback, catchExceptions=False)
-    assert str(caught.value) == sentence
-
-
-def test_options_of_the_command_line_have_the_dialogs_names(
-    fake_engine: Callable[[str], Path], feedback: Recorder, tmp_path: Path
-) -> None:
-    warning, refusal = "cloth_reach is small.", "g.laz declares no reference system; give one with --crs EPSG:n."
-    fake_engine(
-        f"say(event='log', level='warning', message={warning!r})\nsay(event='error', message={refusal!r}, code=2)\n"
-        "sys.exit(2)"
-    )
-    made = ExtractGround().create()
-    parameters = {"INPUT": FIRST, "OUTPUT": str(tmp_path / "g.laz")}
-    with pytest.raises(QgsProcessingException) as caught:
-        made.run(parameters, QgsProcessingContext(), feedback, catchExceptions=False)
-    label = made.parameterDefinition("CRS").description()
-    assert str(caught.value) == f"g.laz declares no reference system; give one with EPSG:n in “{label}”."
-    assert feedback.said("warning") == [f"“{made.parameterDefinition('CLOTH_REACH').description()}” is small."]
-    # what is run is shown as it is typed
-    assert feedback.said("command")[0].startswith("slopewatch ground ")
-
-
-def test_another_version_of_the_engine_is_said(
-    fake_engine: Callable[[str], Path], feedback: Recorder, root: Path
-) -> None:
-    version = re.search(r"^version=(.+)$", (root / "metadata.txt").read_text(), re.MULTILINE)[1]
-    for engine, warnings in ((version, []), ("0.0.9", [f"The engine is version 0.0.9, the plugin {version}"])):
-        recorder = Recorder()
-        fake_engine(f"say(event='result', outputs={{}}, metrics={{'slopewatch': {engine!r}, 'pdal': '2.9'}})")
-        results, ok = CheckEnvironment().create().run({}, QgsProcessingContext(), recorder)
-        assert ok
-        assert (results["VERSION"], results["PDAL"]) == (engine, "2.9")
-        assert [w.partition(";")[0] for w in recorder.said("warning")] == warnings
-        assert "pdal: 2.9" in recorder.said("info")
-
-
-def test_a_cloud_is_described_in_the_log_and_in_outputs(fake_engine: Callable[[str], Path], feedback: Recorder) -> None:
-    facts = {
-        "points": 120, "area": 4.0, "density": 30.0, "x": [1.5, 3.25], "points_by_class": {"2": 100, "5": 20},
-        "reference_system": {"declared": "WGS 84 / UTM zone 51N"}, "warnings": ["No point has a GPS time."],
-    }  # fmt: skip
-    fake_engine(
-        f"assert sys.argv[1:5] == ['info', {FIRST!r}, '--crs', 'EPSG:32651'], sys.argv\n"
-        f"say(event='result', outputs={{}}, metrics={facts!r})"
-    )
-    parameters = {"INPUT": FIRST, "CRS": QgsCoordinateReferenceSystem("EPSG:32651")}
-    results, ok = CloudInfo().create().run(parameters, QgsProcessingContext(), feedback)
-    assert ok
-    assert (results["POINTS"], results["AREA"], results["DENSITY"]) == (120, 4.0, 30.0)
-    assert results["REFERENCE_SYSTEM"] == "WGS 84 / UTM zone 51N"
-    assert results["UNUSUAL"] == "No point has a GPS time."
-    assert feedback.said("warning") == ["No point has a GPS time."]
-    assert {"x: 1.5 to 3.25", "points_by_class, 5: 20", "points: 120"} <= set(feedback.said("info"))
-
-
-def test_a_loaded_cloud_is_meant_by_its_name_or_id(tmp_path: Path) -> None:
-    cloud = tmp_path / "2024-05-01.laz"
-    cloud.touch()
-    # not every QGIS opens clouds: the layer is there all the same
-    layer = QgsProject.instance().addMapLayer(QgsPointCloudLayer(str(cloud), "survey in May", "copc"))
-    try:
-        for given in (layer.id(), "survey in May", str(cloud)):
-            assert command(CloudInfo, INPUT=given)[:2] == ["info", str(cloud)]
-        assert command(CloudInfo, INPUT="/data/other.laz")[:2] == ["info", "/data/other.laz"]
-    finally:
-        QgsProject.instance().clear()
-
-
-def test_the_log_shows_a_command_that_can_be_typed(
-    fake_engine: Callable[[str], Path], feedback: Recorder, tmp_path: Path
-) -> None:
-    fake_engine("say(event='error', message='No.', code=2)\nsys.exit(2)")
-    cloud = "/data/slope 'A' $HOME.laz"
-    ExtractGround().create().run({"INPUT": cloud, "OUTPUT": str(tmp_path / "g.laz")}, QgsProcessingContext(), feedback)
-    assert shlex.split(feedback.said("command")[0]) == ["slopewatch", "ground", cloud, "--output", f"{tmp_path}/g.laz"]
-
-
-def test_figures_and_files_become_outputs(
-    fake_engine: Callable[[str], Path], feedback: Recorder, tmp_path: Path
-) -> None:
-    output = tmp_path / "g.laz"
-    record = tmp_path / "g_run.json"
-    fake_engine(
-        f"open({str(output)!r}, 'w').close()\nopen({str(record)!r}, 'w').write(json.dumps(sys.argv))\n"
-        f"say(event='result', outputs={{'ground': {str(output)!r}, 'run': {str(record)!r}}}, "
-        "metrics={'ground_points': 12, 'ground_ratio': None, 'new': 1})"
-    )
-    parameters = {"INPUT": FIRST, "OUTPUT": str(output)}
-    results, ok = ExtractGround().create().run(parameters, QgsProcessingContext(), feedback)
-    assert ok
-    assert results == {"OUTPUT": str(output), "RUN_RECORD": str(record), "GROUND_POINTS": 12}
-    assert json.loads(record.read_text())[1] == "ground"
-
-
 def test_training_takes_several_clouds_and_other_weights(tmp_path: Path) -> None:
     areas = written(square("areas", 0), tmp_path / "areas.gpkg", "areas")
     arguments = command(
@@ -432,26 +232,6 @@ def test_training_takes_several_clouds_and_other_weights(tmp_path: Path) -> None
     ]  # fmt: skip
     with pytest.raises(QgsProcessingException, match="CLOUDS is empty; give one or more labelled"):
         command(TrainModel, CLOUDS=[], OUTPUT_FOLDER="/out")
-
-
-def test_lines_of_profiles_reach_the_engine_as_a_file(tmp_path: Path) -> None:
-    layer = QgsVectorLayer("LineString?crs=EPSG:32651", "lines", "memory")
-    feature = QgsFeature()
-    feature.setGeometry(QgsGeometry.fromWkt("LINESTRING(500000 3500000, 500030 3500010)"))
-    layer.dataProvider().addFeature(feature)
-    QgsProject.instance().addMapLayer(layer)
-    folder = str(tmp_path / "results")
-    assert command(WriteReport, INPUT=folder) == ["report", folder]
-    for algorithm, inputs in (
-        (WriteReport, {"INPUT": folder}),
-        (ElevationChange, {"REFERENCE": FIRST, "CLOUD": LATER, "OUTPUT_FOLDER": folder}),
-        (InspectSlope, {"REFERENCE": FIRST, "CLOUD": LATER, "OUTPUT_FOLDER": folder}),
-    ):
-        arguments = command(algorithm, PROFILES=layer.id(), ZONE_PROFILES=5, **inputs)
-        assert arguments[-2:] == ["--zone-profiles", "5"]
-        assert extent(arguments[arguments.index("--profiles") + 1]) == (500000, 500030)
-    with pytest.raises(QgsProcessingException, match="INPUT is empty"):
-        command(WriteReport, INPUT="")
 
 
 def test_a_corridor(tmp_path: Path) -> None:

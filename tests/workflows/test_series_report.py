@@ -44,7 +44,8 @@ def test_the_report_draws_and_tells_the_course_of_every_zone(runs):
     places = re.findall(r'data-from="/(course/[^"]+/vol_net_m3)"', page)
     assert len(places) == sum("vol_net_m3" in row for rows in record["course"].values() for row in rows)
     last = record["course"]["S001"][-1]
-    assert f"S001 {last['dz_mean_m']:+.3f} m and {last['vol_net_m3']:+.2f} m³" in page
+    said = f"S001 changed by {last['dz_mean_m']:+.3f} m, its volume by {last['vol_net_m3']:+.2f} m³"
+    assert said in page
 
 
 def test_a_report_of_a_series_from_before_courses_were_kept(runs, tmp_path):

@@ -176,7 +176,7 @@ def _write_pictures(
     shown = Laid(change.dz, change.layout), change.significant, change.level
     heatmap = make_heatmap(*shown, change.grid, view, parameters, limit=limit)
     names = context.first.name, context.second.name
-    write_heatmap_png(stage.path("heatmap.png"), heatmap, zones=found.frame, epochs=names)
+    write_heatmap_png(stage.path("heatmap.png"), heatmap, zones=found.frame, epochs=names, progress=run.progress)
     geotiff.write_rgba(stage.path("heatmap.tif"), heatmap.rgba, heatmap.grid, context.crs, tags=tags)
     for name, file in (("heatmap", "heatmap.png"), ("heatmap_raster", "heatmap.tif"), ("top_view", "top_view.tif")):
         run.outputs[name] = stage.final(file)

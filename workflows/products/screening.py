@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ...engine.core.progress import Progress
 from ...engine.core.version import VERSION
 from ...engine.grid import geotiff as rasters
 from ...engine.maps import qgis_styles as styles
@@ -65,6 +66,7 @@ def write_products(
     hazards: Hazards,
     shown: Pictured,
     reviews: EarlierReviews | None = None,
+    progress: Progress | None = None,
 ) -> None:
     """Write zones, probabilities, smallest hazards and map of a screening, and the style of its labelled cloud.
 
@@ -91,7 +93,7 @@ def write_products(
     styles.write_qml_next_to(path, styles.smallest_hazard_qml())
     styles.write_qml_next_to(place(targets["labelled"]), styles.labelled_points_qml(CLASS))
     view = top_view(shown.cloud, top_view_grid(hazards.grid, hazards.grid.cell))
-    write_hazard_map(place(targets["map"]), hazards, view, name=shown.name, note=shown.note)
+    write_hazard_map(place(targets["map"]), hazards, view, progress, name=shown.name, note=shown.note)
 
 
 def screening_facts(source: ScreenedFile, screening: Screening, tested: SelfTest | None) -> dict[str, str]:

@@ -188,7 +188,7 @@ def test_warnings_come_with_their_share_and_the_season(by_hand):
     assert "mowing" in missing
     [plants] = cover_warnings(replace(calm, error_beyond_noise_share=0.48, error_m=0.012, noise_m=0.004), "may.laz")
     assert "48 % of the area of may.laz" in plants
-    assert "(medians 1.2 and 0.4 cm)" in plants
+    assert "their medians are 1.2 and 0.4 cm)" in plants
     assert "same state" in plants
 
 

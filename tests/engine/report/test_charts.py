@@ -61,7 +61,10 @@ def test_courses_are_drawn_with_their_bands_on_the_days(drawn):
                 assert spread.max() == pytest.approx(value + 1.959964 * sigma)
         verticals = {float(line.get_xdata()[0]) for line in axes.get_lines() if len(set(line.get_xdata())) == 1}
         assert verticals == set(at.tolist())
-    assert "S002 -0.200 m and -1.20 m³; S001 +0.050 m and +0.30 m³" in drawn["text"]
+    assert (
+        "S002 changed by -0.200 m, its volume by -1.20 m³; S001 changed by +0.050 m, its volume by +0.30 m³"
+        in drawn["text"]
+    )
 
 
 def _rgb(line) -> tuple[float, ...]:

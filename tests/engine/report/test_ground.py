@@ -199,7 +199,7 @@ def test_heights_of_both_surveys_stand_next_to_each_other(monkeypatch):
         np.testing.assert_allclose(shown[0].edges, [-0.1, 0.0, 0.1, 0.2, 0.3], atol=1e-12)
         assert axes.get_xlim() == kept["axes"][0].get_xlim()
         assert axes.get_ylim() == kept["axes"][0].get_ylim()
-    assert kept["text"].endswith("a 20 % ground; b 100 % ground")
+    assert kept["text"].endswith("20 % of a is ground; 100 % of b is ground")
 
 
 def test_a_damaged_cloud_is_reported(made, tmp_path):

@@ -69,6 +69,16 @@ def test_a_small_rejected_zone_does_not_reject_the_large_one_it_went_into() -> N
     assert zone["route"] == "S1"  # where it lies holds for the whole
 
 
+def test_the_day_of_a_review_stays_with_its_state() -> None:
+    old = entered(zone_layer([SMALL, LARGE]), 0, review_status="rejected", reviewer="A. Sato")
+    old["review_date"] = ["2025-05-02", None]
+    zone = carry_reviews(old, zone_layer([(0, 0, 9, 6)]), own=("review_date",)).frame.iloc[0]
+    assert str(zone.get("review_date")) in ("None", "nan", "")
+    assert zone["remarks"] == "Also Z001 of run r1: rejected by A. Sato on 2025-05-02."
+    kept = carry_reviews(old, zone_layer([SMALL, LARGE]), own=("review_date",)).frame
+    assert kept["review_date"].tolist()[0] == "2025-05-02"
+
+
 def test_every_part_of_a_zone_that_came_apart_has_its_review() -> None:
     old = reviewed([(0, 0, 10, 4)])
     found = carry_reviews(old, zone_layer([(0, 0, 4, 4), (6, 0, 10, 4)], run="r2"))

@@ -180,8 +180,10 @@ def test_what_cannot_be_said_is_not_said():
     some = np.array([0.9, 0.3]), np.array([0.4, 0.1]), 0.12
     assert made(*some, method="residual").sentence() == (
         "On half of this slope a hazard 3 m wide must stand 0.30 m out of or below the ground around it to be found by "
-        "a matched filter (2 m: 0.90 m); on 12 % even 1 m is not enough."
+        "a matched filter (2 m: 0.90 m). On 12 % of it even 1 m is not enough."
     )
+    everywhere = made(np.array([0.9, 0.3]), np.array([0.0, 0.0]), 0.004, method="residual").sentence()
+    assert everywhere.endswith("to be found by a matched filter (2 m: 0.90 m).")
     for method in ("relief", "network"):
         assert "to be found by screening (2 m" in made(*some, method=method).sentence()
 

@@ -6,6 +6,7 @@ import sqlite3
 import time
 from collections.abc import Callable
 from contextlib import closing
+from datetime import date
 from pathlib import Path
 
 from qgis.core import QgsVectorLayer
@@ -52,12 +53,17 @@ def test_reviews_are_in_the_file_once_they_are_saved(
     assert entered["Z001"] == entered["Z002"] == ("confirmed", "A. Sato", "")
     assert entered["Z003"] == ("rejected", "A. Sato", "grass was cut here")
     assert table(results / "zones.gpkg", "zone_id, dz_mean_m, area_m2, hex(geom)") == before
+    days = table(results / "zones.gpkg", "zone_id, review_date")
+    today = date.today().isoformat()
+    assert [days[name] for name in ("Z001", "Z002", "Z003")] == [(today,)] * 3
+    assert {day for name, day in days.items() if name > "Z003"} <= {("",)}
     settled()
     assert not panel.reviews.save.isEnabled()
     choose(panel, "Z001")
     panel.reviews.reset.click()
     panel.reviews.save.click()
     assert table(results / "zones.gpkg")["Z001"] == ("unreviewed", "", "")
+    assert table(results / "zones.gpkg", "zone_id, review_date")["Z001"] == ("",)
 
 
 def test_what_is_not_saved_can_be_taken_back_step_by_step(

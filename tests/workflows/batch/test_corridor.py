@@ -241,7 +241,7 @@ def test_the_page_shows_what_people_entered_without_any_slope_computed(
 ) -> None:
     out = tmp_path / "out"
     subprocess.run(["cp", "-a", str(finished[0]), str(out)], check=True)
-    assert ">raised<" in (out / "corridor.html").read_text(encoding="utf-8")
+    assert ">alert raised<" in (out / "corridor.html").read_text(encoding="utf-8")
     with opened(out / "corridor.gpkg") as database:
         database.execute("UPDATE alerts SET state = 'acknowledged', reviewer = '<i>Sato'")
     done = batch(corridor, out)
