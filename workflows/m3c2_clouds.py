@@ -31,11 +31,11 @@ from .pair import ground_of, ground_on_disk
 from .run import Run
 from .settings import DistanceSettings
 
-BASE_BYTES = 300_000_000
+BASE_BYTES = 360_000_000
 """Memory of the program itself and of the points that are in work, measured."""
-POINT_BYTES = 170
+POINT_BYTES = 200
 """Memory of a point of either cloud that is in memory, measured."""
-CORE_BYTES = 600
+CORE_BYTES = 900
 """Memory of a core point, measured."""
 FEWEST_AT_ONCE, MOST_AT_ONCE = 100_000, 3_000_000
 """Points of both clouds that are in memory at a time, where they are on the disk."""

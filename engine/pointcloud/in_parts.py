@@ -9,9 +9,11 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import shapely
 from laspy import DecompressionSelection as Fields
 from numpy.typing import NDArray
 from pyproj import CRS
+from shapely.geometry.base import BaseGeometry
 
 from ...interface.parameters import InputParameters
 from ..core.arrays import Float
@@ -207,11 +209,16 @@ def spool(
     file: Path,
     *,
     label: int | None = None,
+    area: BaseGeometry | None = None,
     progress: Progress | None = None,
 ) -> SpooledCloud:
-    """Write the ground points of a cloud into ``file``, uncompressed; ``label``: those of this class only.
+    """Write the ground points of a cloud into ``file``, uncompressed.
 
-    The cloud may come out empty, where none has the class.
+    The cloud may come out empty, where none has the class or lies in the area.
+
+    Args:
+        label: those of this class only.
+        area: those within these polygons only, in metres of the cloud's frame.
 
     Raises:
         InputError: as ``read_cloud``; the disk is too full for the points, and these sorted by tiles.
@@ -225,10 +232,14 @@ def spool(
             f"The points of {shown(path)} need {needed / 1e9:.2g} GB on the disk of {file.parent} while they are in "
             f"use, and {free / 1e9:.2g} GB are free; free some space or choose another output folder."
         )
+    if area is not None:
+        shapely.prepare(area)
     cloud, dtype, count = CloudFile.of(path, inputs, classification=label is not None), point_dtype(stored), 0
     with file.open("wb") as stream:
         for part in cloud.parts(progress):
-            chosen = slice(None) if label is None else part.classification == label
+            chosen = np.ones(len(part), dtype=bool) if label is None else part.classification == label
+            if area is not None:
+                chosen = chosen & shapely.contains_xy(area, *part.xyz[:, :2].T)
             records = np.empty(len(part.xyz[chosen]), dtype)
             records["xyz"] = part.xyz[chosen]
             for k, known in enumerate((part.plant_error, part.plant_height)[:stored]):
@@ -237,7 +248,7 @@ def spool(
             records.tofile(stream)
             count += len(records)
     # a selection by class is of another program, whose plants are not known
-    values = stored if count == header.count else 0
+    values = stored if label is None or count == header.count else 0
     return SpooledCloud(file, count, stored, values, cloud.crs, path)
 
 

@@ -160,7 +160,7 @@ class TestRefused:
     def test_too_little_memory_before_any_work(self, faces, tmp_path, monkeypatch):
         monkeypatch.setattr(m3c2_clouds, "read_cloud", None)
         monkeypatch.setattr(m3c2_clouds, "ground_on_disk", None)
-        with pytest.raises(InputError, match=r"need at least 0\.32 GB, even in parts, and 0\.2 GB are allowed"):
+        with pytest.raises(InputError, match=r"need at least 0\.38 GB, even in parts, and 0\.2 GB are allowed"):
             m3c2(*faces, tmp_path / "points.laz", memory_limit=0.2)
         assert not list(tmp_path.iterdir())
 
@@ -168,13 +168,13 @@ class TestRefused:
         on_disk()
         monkeypatch.setattr(m3c2_clouds, "CORE_BYTES", 1e5)
         with pytest.raises(InputError, match="the 12,000 core points of"):
-            m3c2(*faces, tmp_path / "points.laz", memory_limit=0.4, core=faces[0])
+            m3c2(*faces, tmp_path / "points.laz", memory_limit=0.46, core=faces[0])
 
     def test_a_given_spacing_with_too_many(self, faces, tmp_path, on_disk, monkeypatch):
         on_disk()
         monkeypatch.setattr(m3c2_clouds, "CORE_BYTES", 1e5)
         with pytest.raises(InputError, match="give a larger --core-spacing"):
-            m3c2(*faces, tmp_path / "points.laz", memory_limit=0.4, core_spacing=0.2)
+            m3c2(*faces, tmp_path / "points.laz", memory_limit=0.46, core_spacing=0.2)
 
     def test_more_points_around_a_place_than_fit(self, faces, tmp_path, on_disk):
         on_disk(200)
@@ -186,7 +186,7 @@ def test_a_spacing_left_to_the_clouds_becomes_the_next_that_fits(faces, tmp_path
     on_disk()
     monkeypatch.setattr(m3c2_clouds, "CORE_BYTES", 2e5)
     progress = Progress()
-    done = m3c2(*faces, tmp_path / "points.laz", memory_limit=0.4, progress=progress)
+    done = m3c2(*faces, tmp_path / "points.laz", memory_limit=0.46, progress=progress)
     assert done.figures["core_points"] <= 500
     assert any("Core points every" in sentence for sentence in progress.warnings)
 
