@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ..engine.core import cancellation
 from ..engine.core.json_values import plain
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
@@ -13,6 +14,7 @@ from ..engine.pointcloud.reading import open_cloud
 from ..engine.vector.area import Roi, read_roi
 from ..interface.dates import date_in_name
 from ..interface.parameters import InputParameters, TopViewParameters
+from .pair import SPOOL
 from .products.topview import TOP_VIEW_OUTPUTS, Source, top_view_figures, write_top_view
 from .run import Run
 
@@ -40,9 +42,10 @@ def topview_step(
     file = CloudFile.of(cloud, inputs, colours=True, classification=True)
     area = region_of(roi, cloud, inputs, progress)
     hashes = run.hash_inputs()
-    with run.writing(output_dir):
-        with run.step("rasters", 0.0, 0.8) as entry:
-            rasters = drawing_rasters(file, None if area is None else area.geometry, parameters, progress)
+    with run.writing(output_dir) as stage:
+        with run.step("rasters", 0.0, 0.8) as entry, cancellation.temporary(stage.folder / SPOOL) as spool:
+            spool.mkdir()
+            rasters = drawing_rasters(file, None if area is None else area.geometry, parameters, spool, progress)
             entry.update(points=rasters.look.points, noise_points=rasters.look.noise)
             progress.info(rasters.choice.sentence)
         with run.step("products", 0.8, 1.0, "writing the rasters"):

@@ -67,6 +67,11 @@ class CloudFile:
         """
         return cls(path, open_cloud(path, inputs)[1].crs, inputs, transform, colours, classification)
 
+    @property
+    def count(self) -> int:
+        """How many points it has, by its header."""
+        return preflight(self.path).count
+
     def parts(self, progress: Progress | None = None) -> Iterator[PointCloud]:
         """The points in the order of the file, in groups of some megabytes; colours have the 16 bits of the file.
 
