@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -80,7 +80,7 @@ def kept_parts(cloud: CloudFile, area: BaseGeometry | None, progress: Progress |
     """The parts of a cloud read with its classes, without points outside an area (on its edge is within) and noise."""
     if area is not None:
         shapely.prepare(area)
-    for part in cloud.parts(progress):
+    for part in _near(cloud, area).parts(progress):
         chosen = _chosen(part, area)
         yield part if chosen.all() else _of(part, chosen)
 
@@ -97,6 +97,11 @@ def looked_through(
         return look_at(cloud, area, progress), lambda again: kept_parts(cloud, area, again)
     kept = KeptParts(folder / "parts")
     return look_at(cloud, area, progress, kept), kept.parts
+
+
+def _near(cloud: CloudFile, area: BaseGeometry | None) -> CloudFile:
+    """Of a COPC, what can lie in the area only."""
+    return cloud if area is None else replace(cloud, near=area.bounds)
 
 
 def look_at(
@@ -117,7 +122,7 @@ def look_at(
         shapely.prepare(area)
 
     def places() -> Iterator[Index]:
-        for part in cloud.parts(progress):
+        for part in _near(cloud, area).parts(progress):
             kept = _of(part, _chosen(part, area, seen))
             seen.add(kept)
             if keep is not None:

@@ -23,6 +23,7 @@ from ..core.progress import Progress
 from ..geometry.columns import greatest, least
 from ..geometry.rigid_transform import RigidTransform
 from .cloud import PointCloud
+from .copc import NearChunks, chosen_chunks
 from .extent import CheckedRecords
 from .header import preflight
 from .plant_cover import ERROR, HEIGHT, PlantCover
@@ -41,6 +42,8 @@ class CloudFile:
         crs: what its points are in once they are read.
         colours: also read colours and intensity.
         classification: also read the classes.
+        near: west, south, east and north (m, before it is moved) of what is wanted; of a COPC the rest is not read.
+        spacing: distance (m) of points that will do; of a COPC finer levels are not read.
     """
 
     path: Path
@@ -49,6 +52,8 @@ class CloudFile:
     transform: RigidTransform | None = None
     colours: bool = False
     classification: bool = False
+    near: tuple[float, float, float, float] | None = None
+    spacing: float | None = None
 
     @classmethod
     def of(
@@ -72,6 +77,16 @@ class CloudFile:
         """How many points it has, by its header."""
         return preflight(self.path).count
 
+    @property
+    def chosen(self) -> NearChunks | None:
+        """The chunks that are read by ``near`` and ``spacing``; None: all."""
+        if self.near is None and self.spacing is None:
+            return None
+        header, frame = open_cloud(self.path, self.inputs)
+        metres = frame.horizontal_factor
+        bounds = None if self.near is None else (np.array(self.near[:2]) / metres, np.array(self.near[2:]) / metres)
+        return chosen_chunks(header, bounds, None if self.spacing is None else self.spacing / metres)
+
     def parts(self, progress: Progress | None = None) -> Iterator[PointCloud]:
         """The points in the order of the file, in groups of some megabytes; colours have the 16 bits of the file.
 
@@ -88,7 +103,10 @@ class CloudFile:
         wanted |= Fields.INTENSITY | Fields.RGB if self.colours else PLACES
         wanted |= Fields.CLASSIFICATION if self.classification else PLACES
         wanted |= Fields.ALL_EXTRA_BYTES if plants else PLACES
-        checked, coloured = CheckedRecords(header, wanted), self.colours and header.colours
+        chosen = self.chosen
+        count = header.count if chosen is None else chosen.points
+        checked = CheckedRecords(header, wanted, None if chosen is None else chosen.starts)
+        coloured = self.colours and header.colours
         for records in checked:
             xyz = coordinates(records, header, frame.factors)
             yield PointCloud(
@@ -101,7 +119,7 @@ class CloudFile:
                 plant_error=_single(plants.get(ERROR), records),
                 plant_height=_single(plants.get(HEIGHT), records),
             )
-            progress.update(checked.done / header.count)
+            progress.update(checked.done / count)
         for sentence in checked.extent(frame).warnings:
             progress.warning(sentence)
 
