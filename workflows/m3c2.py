@@ -93,8 +93,7 @@ def m3c2_step(
     inputs = [*((f"epoch {e.name}", e.path) for e in epochs), *optional]
     run = Run("m3c2", groups(settings, "inputs", "dates", "surface", "distances"), inputs, progress)
     run.refuse_outputs([output, output.with_name(record_name), *(raster_dir / name for name in raster_files)])
-    if parameters.normals == "given" and core is None:
-        raise InputError(f"--normals given needs --core, a cloud with the dimensions {', '.join(_NORMALS)}.")
+    _check_given(parameters, core, stable, progress)
     check_pair(*epochs)
     transform = RigidTransform.load(transform_path) if transform_path else None
     _refuse_clouds(run, epochs, core, settings)
@@ -102,11 +101,6 @@ def m3c2_step(
     if transform is not None:
         run.facts["transform"] = transform.matrix
     error = _registration_error(parameters, transform_path, progress)
-    if stable is not None and not parameters.calibrate:
-        progress.warning(
-            "--stable has no effect with --no-calibrate: only the calibration of the level of detection uses its "
-            "polygons; leave one of the two out."
-        )
     with (
         run.writing(folder, record_name=record_name, others=[raster_dir]) as stage,
         cancellation.temporary(stage.folder / SPOOL) as spool,
@@ -129,6 +123,17 @@ def m3c2_step(
             run.outputs |= write_rasters(found, cell, clouds.crs, tags, 0.0, run.stage_in(raster_dir))
         run.figures = _figures(found, scales, parameters)
     return run.result()
+
+
+def _check_given(parameters: DistanceParameters, core: Path | None, stable: Path | None, progress: Progress) -> None:
+    """Refuse or warn of what does not go together."""
+    if parameters.normals == "given" and core is None:
+        raise InputError(f"--normals given needs --core, a cloud with the dimensions {', '.join(_NORMALS)}.")
+    if stable is not None and not parameters.calibrate:
+        progress.warning(
+            "--stable has no effect with --no-calibrate: only the calibration of the level of detection uses its "
+            "polygons; leave one of the two out."
+        )
 
 
 def _refuse_clouds(run: Run, epochs: tuple[Epoch, Epoch], core: Path | None, settings: DistanceSettings) -> None:

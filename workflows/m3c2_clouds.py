@@ -108,12 +108,16 @@ def refuse_memory_early(clouds: tuple[Path, Path], core: Path | None, parameters
     cores = 0 if core is None else preflight(core).count
     if cores <= memory.most_cores:
         return
-    least = (BASE_BYTES + FEWEST_AT_ONCE * POINT_BYTES + cores * CORE_BYTES) / 1e9
-    also = "" if core is None else f" and the {cores:,} core points of {shown(core)}"
+    least = f"{(BASE_BYTES + FEWEST_AT_ONCE * POINT_BYTES + cores * CORE_BYTES) / 1e9:.2f}"
+    allowed, names = f"{memory.allowed / 1e9:.3g}", " and ".join(shown(path) for path in clouds)
+    if core is None:
+        raise InputError(
+            f"The {points:,} points of {names} need at least {least} GB, even in parts, and {allowed} GB are allowed; "
+            "raise --memory-limit, or clip the clouds to the slope."
+        )
     raise InputError(
-        f"The {points:,} points of {' and '.join(shown(path) for path in clouds)}{also} need at least {least:.2f} GB, "
-        f"even in parts, and {memory.allowed / 1e9:.3g} GB are allowed; raise --memory-limit"
-        f"{', or clip the clouds to the slope' if core is None else ', or give fewer core points'}."
+        f"The {cores:,} core points of {shown(core)} need at least {least} GB, even in parts, and {allowed} GB are "
+        "allowed; raise --memory-limit, or give fewer core points."
     )
 
 

@@ -154,7 +154,7 @@ def test_a_disk_without_room_reads_again(files, tmp_path, read, monkeypatch):
 
 @pytest.mark.parametrize("detail", [0.3, 1.0, 2.0, 50.0])
 def test_levels_are_those_that_another_program_takes(files, tmp_path, read, detail):
-    laz, copc, nodes = files
+    _, copc, nodes = files
     with laspy.CopcReader.open(copc) as reader:
         levels, step = 0, reader.copc_info.spacing
         while step > detail:
@@ -173,6 +173,16 @@ def test_levels_are_those_that_another_program_takes(files, tmp_path, read, deta
     assert figures["points"] <= wanted
     assert figures["area_m2"] == pytest.approx(WIDTH * HEIGHT, rel=0.2)
     assert chosen_chunks(preflight(copc), None, detail).points == wanted
+
+
+def test_densities_of_an_earlier_view_go(files, tmp_path):
+    _, copc, _ = files
+    view(copc, tmp_path / "out")
+    assert (tmp_path / "out" / "density.qml").exists()
+    settings = TopViewParameters(detail=2.0), InputParameters()
+    topview_step(copc, tmp_path / "out", *settings, overwrite=True, progress=Progress())
+    assert not list((tmp_path / "out").glob("*density*"))
+    assert (tmp_path / "out" / "hillshade.tif").exists()
 
 
 def test_levels_and_a_region_together(files):

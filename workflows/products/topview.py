@@ -82,6 +82,9 @@ def write_top_view(run: Run, rasters: DrawingRasters, source: Source) -> None:
     )
     if source.coarse:
         layers = tuple(layer for layer in layers if layer[0] not in _DENSITIES)
+        for name in _DENSITIES:  # of an earlier run
+            for suffix in ("tif", "qml"):
+                stage.discard(f"{name}.{suffix}")
     for number, (name, array, description, unit, qml) in enumerate(layers, 1):
         run.progress.update(number / (len(layers) + 1))
         path = stage.path(f"{name}.tif")
