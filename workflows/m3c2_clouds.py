@@ -33,7 +33,7 @@ from .settings import DistanceSettings
 
 BASE_BYTES = 360_000_000
 """Memory of the program itself and of the points that are in work, measured."""
-POINT_BYTES = 200
+POINT_BYTES = 320
 """Memory of a point of either cloud that is in memory, measured."""
 CORE_BYTES = 900
 """Memory of a core point, measured."""

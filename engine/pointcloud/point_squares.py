@@ -128,6 +128,7 @@ class PointSquares:
                     records = np.fromfile(stream, dtype, int(start[last] - start[first]))
                     found.append(records[box.holds(records["xyz"])])
         together = np.concatenate(found)
+        found.clear()
         return together[np.argsort(together["number"], kind="stable")]
 
     def _reached(self, box: Box) -> tuple[int, int, int, int]:

@@ -160,14 +160,14 @@ class TestRefused:
     def test_too_little_memory_before_any_work(self, faces, tmp_path, monkeypatch):
         monkeypatch.setattr(m3c2_clouds, "read_cloud", None)
         monkeypatch.setattr(m3c2_clouds, "ground_on_disk", None)
-        with pytest.raises(InputError, match=r"need at least 0\.38 GB, even in parts, and 0\.2 GB are allowed"):
+        with pytest.raises(InputError, match=r"need at least 0\.39 GB, even in parts, and 0\.2 GB are allowed"):
             m3c2(*faces, tmp_path / "points.laz", memory_limit=0.2)
         assert not list(tmp_path.iterdir())
 
     def test_given_cores_that_do_not_fit(self, faces, tmp_path, on_disk, monkeypatch):
         on_disk()
         monkeypatch.setattr(m3c2_clouds, "CORE_BYTES", 1e5)
-        with pytest.raises(InputError, match="the 12,000 core points of"):
+        with pytest.raises(InputError, match="The 12,000 core points of"):
             m3c2(*faces, tmp_path / "points.laz", memory_limit=0.46, core=faces[0])
 
     def test_a_given_spacing_with_too_many(self, faces, tmp_path, on_disk, monkeypatch):
