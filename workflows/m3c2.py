@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from shapely import contains_xy
 from shapely.geometry.base import BaseGeometry
 
 from ..engine.change.difference import uniform_shift
+from ..engine.core import cancellation
 from ..engine.core.arrays import Float
 from ..engine.core.earlier_results import refuse_results
 from ..engine.core.errors import InputError
@@ -20,39 +20,27 @@ from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
 from ..engine.core.staged_outputs import refuse_other_than_cloud, refuse_unwritable
 from ..engine.core.version import VERSION
-from ..engine.epochs.comparability import refuse_other_heights, require_comparable
+from ..engine.epochs.comparability import require_comparable
 from ..engine.epochs.dating import check_days
 from ..engine.epochs.epoch import Epoch, check_pair
 from ..engine.geometry.rigid_transform import RigidTransform, registration_error
 from ..engine.grid import geotiff
-from ..engine.ground.raw_survey import refuse_raw, taken_as_ground
-from ..engine.m3c2.distances import Cylinder, Distances, LevelTerms, Status, cylinder_statistics, m3c2_distances
-from ..engine.m3c2.lattice import Lattice
-from ..engine.m3c2.level import calibrated, level_facts, report_level, slope_of
-from ..engine.m3c2.normals import fit_planes
-from ..engine.m3c2.scales import Scales, choose_scales, overlap_bounds, spread_cores
-from ..engine.pointcloud.cloud import PointCloud
-from ..engine.pointcloud.reading import open_cloud, read_cloud, read_dimension
+from ..engine.ground.raw_survey import refuse_raw
+from ..engine.m3c2.distances import Distances
+from ..engine.m3c2.level import calibrated, level_facts, report_level
+from ..engine.m3c2.measuring import Measuring, beyond_cylinder, measure
+from ..engine.m3c2.scales import Scales, choose_scales
+from ..engine.m3c2.surveys import Survey
+from ..engine.pointcloud.reading import open_cloud, read_dimension
 from ..engine.pointcloud.writing import copy_with
-from ..interface.parameters import AUTO, DistanceParameters, InputParameters, given
-from .early_memory import refuse_points_early
-from .pair import dated_pair, ground_of, stable_area
+from ..interface.parameters import AUTO, DistanceParameters, given
+from .m3c2_clouds import Cores, choose_cores, read_clouds, refuse_memory_early
+from .pair import SPOOL, dated_pair, stable_area
 from .products.m3c2 import RASTERS, dimensions, main_figures, median_level_95, write_rasters
 from .run import Run, record_name_of
 from .settings import DistanceSettings, groups
 
-_LONGER_CYLINDER_RATIO = 4.0  # cylinders so many times as long show whether points lie just beyond
-_MAX_HEIGHT_OFFSET_M = 3.0  # m; where all of a survey is farther off in height it was not registered
 _NORMALS = ("NormalX", "NormalY", "NormalZ")
-
-
-@dataclass(frozen=True)
-class Cores:
-    """Where to measure: ``xyz`` (m, 3) metres, the file they are in, and which of its points they are (None: all)."""
-
-    xyz: Float
-    path: Path
-    keep: NDArray[np.bool_] | None
 
 
 @dataclass(frozen=True)
@@ -105,8 +93,7 @@ def m3c2_step(
     inputs = [*((f"epoch {e.name}", e.path) for e in epochs), *optional]
     run = Run("m3c2", groups(settings, "inputs", "dates", "surface", "distances"), inputs, progress)
     run.refuse_outputs([output, output.with_name(record_name), *(raster_dir / name for name in raster_files)])
-    if parameters.normals == "given" and core is None:
-        raise InputError(f"--normals given needs --core, a cloud with the dimensions {', '.join(_NORMALS)}.")
+    _check_given(parameters, core, stable, progress)
     check_pair(*epochs)
     transform = RigidTransform.load(transform_path) if transform_path else None
     _refuse_clouds(run, epochs, core, settings)
@@ -114,29 +101,39 @@ def m3c2_step(
     if transform is not None:
         run.facts["transform"] = transform.matrix
     error = _registration_error(parameters, transform_path, progress)
+    with (
+        run.writing(folder, record_name=record_name, others=[raster_dir]) as stage,
+        cancellation.temporary(stage.folder / SPOOL) as spool,
+    ):
+        clouds = read_clouds(run, spool, (reference, moving), settings, transform)
+        scales = _scales(run, clouds.surveys, parameters)
+        with run.step("distances", 0.35, 0.85, "measuring") as entry:
+            cores, scales = choose_cores(clouds, reference, core, scales, settings, progress)
+            run.facts["scales"] = {**plain(scales), "chosen": _chosen(parameters, core is not None)}
+            known = _Known(toward, error, stable_area(stable, clouds.crs, run.progress))
+            found = _measure(run, clouds.next_to(len(cores.xyz)), cores, scales, settings, known)
+            entry["core_points"] = len(cores.xyz)
+        run.facts["level_of_detection"] = level_facts(found, calibrate=parameters.calibrate)
+        with run.step("write", 0.85, 1.0, "writing"):
+            copied = stage.path(output.name)
+            copy_with(cores.path, copied, settings.inputs, keep=cores.keep, dimensions=dimensions(found))
+            tags = _tags(epochs, found, transform, hashes)
+            cell = given(parameters.distance_cell) or scales.core_spacing
+            run.outputs["points"] = stage.final(output.name)
+            run.outputs |= write_rasters(found, cell, clouds.crs, tags, 0.0, run.stage_in(raster_dir))
+        run.figures = _figures(found, scales, parameters)
+    return run.result()
+
+
+def _check_given(parameters: DistanceParameters, core: Path | None, stable: Path | None, progress: Progress) -> None:
+    """Refuse or warn of what does not go together."""
+    if parameters.normals == "given" and core is None:
+        raise InputError(f"--normals given needs --core, a cloud with the dimensions {', '.join(_NORMALS)}.")
     if stable is not None and not parameters.calibrate:
         progress.warning(
             "--stable has no effect with --no-calibrate: only the calibration of the level of detection uses its "
             "polygons; leave one of the two out."
         )
-    with run.writing(folder, record_name=record_name, others=[raster_dir]) as stage:
-        clouds, taken = _read(run, (reference, moving), settings, transform)
-        scales = _scales(run, clouds, parameters, cores_given=core is not None)
-        with run.step("distances", 0.35, 0.85, "measuring") as entry:
-            cores = _cores(clouds, reference, core, scales.core_spacing, settings.inputs, progress)
-            known = _Known(toward, error, stable_area(stable, clouds[0].crs, run.progress))
-            found = _measure(run, clouds, cores, scales, settings, known)
-            entry["core_points"] = len(cores.xyz)
-        run.facts["level_of_detection"] = level_facts(found, calibrate=parameters.calibrate)
-        with run.step("write", 0.85, 1.0, "writing"):
-            keep = _of_all(cores.keep, taken)
-            copy_with(cores.path, stage.path(output.name), settings.inputs, keep=keep, dimensions=dimensions(found))
-            tags = _tags(epochs, found, transform, hashes)
-            cell = given(parameters.distance_cell) or scales.core_spacing
-            run.outputs["points"] = stage.final(output.name)
-            run.outputs |= write_rasters(found, cell, clouds[0].crs, tags, 0.0, run.stage_in(raster_dir))
-        run.figures = _figures(found, scales, parameters)
-    return run.result()
 
 
 def _refuse_clouds(run: Run, epochs: tuple[Epoch, Epoch], core: Path | None, settings: DistanceSettings) -> None:
@@ -145,8 +142,7 @@ def _refuse_clouds(run: Run, epochs: tuple[Epoch, Epoch], core: Path | None, set
     for other in (moving, core):
         if other is not None:
             require_comparable(reference, other, settings.inputs)
-    if settings.surface.ground != "class_2":  # of which the headers do not tell how many there are
-        refuse_points_early((reference, moving))
+    refuse_memory_early((reference, moving), core, settings.distances)
     check_days(epochs, trusted=settings.dates.trust_dates, progress=run.progress)
     refuse_raw((reference, moving), settings.surface.ground, settings.inputs)
 
@@ -172,29 +168,11 @@ def _figures(found: Distances, scales: Scales, parameters: DistanceParameters) -
     }
 
 
-def _read(
-    run: Run, paths: tuple[Path, Path], settings: DistanceSettings, transform: RigidTransform | None
-) -> tuple[tuple[PointCloud, PointCloud], NDArray[np.bool_] | None]:
-    """The ground of both clouds in one frame, and which points of the reference's file it is (None: all)."""
-    with run.step("read", 0.0, 0.2, "reading") as entry:
-        first, second = (read_cloud(path, settings.inputs, progress=run.progress) for path in paths)
-        entry["points"] = [len(first.xyz), len(second.xyz)]
-        taken = taken_as_ground(first.classification, settings.surface.ground, paths[0])
-        first, second = (ground_of(cloud, settings.surface.ground, run.progress) for cloud in (first, second))
-        if transform is not None:
-            second = replace(second, xyz=transform.apply(second.xyz))
-        refuse_other_heights(first, second, _MAX_HEIGHT_OFFSET_M)
-    return (first, second), taken
-
-
-def _scales(
-    run: Run, clouds: tuple[PointCloud, PointCloud], parameters: DistanceParameters, *, cores_given: bool
-) -> Scales:
+def _scales(run: Run, clouds: tuple[Survey, Survey], parameters: DistanceParameters) -> Scales:
     with run.step("scales", 0.2, 0.35, "choosing scales"):
-        scales = choose_scales(clouds[0].xyz, clouds[1].xyz, parameters, run.progress)
+        scales = choose_scales(clouds[0], clouds[1], parameters, run.progress)
         for sentence in scales.warnings:
             run.progress.warning(sentence)
-    run.facts["scales"] = {**plain(scales), "chosen": _chosen(parameters, cores_given)}
     return scales
 
 
@@ -242,33 +220,9 @@ def _chosen(parameters: DistanceParameters, cores_given: bool) -> dict[str, str]
     return chosen
 
 
-def _cores(
-    clouds: tuple[PointCloud, PointCloud],
-    reference: Path,
-    given: Path | None,
-    spacing: float,
-    inputs: InputParameters,
-    progress: Progress,
-) -> Cores:
-    if given is not None:
-        return Cores(read_cloud(given, inputs, progress=progress).xyz, given, None)
-    first, later = (cloud.xyz for cloud in clouds)
-    keep = spread_cores(first, spacing, overlap_bounds(first, later))
-    return Cores(first[keep], reference, keep)
-
-
-def _of_all(keep: NDArray[np.bool_] | None, taken: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
-    """``keep`` of the points that were ``taken`` as one of all points of the file."""
-    if keep is None or taken is None:
-        return keep
-    every = taken.copy()
-    every[taken] = keep
-    return every
-
-
 def _measure(
     run: Run,
-    clouds: tuple[PointCloud, PointCloud],
+    clouds: tuple[Survey, Survey],
     cores: Cores,
     scales: Scales,
     settings: DistanceSettings,
@@ -276,23 +230,10 @@ def _measure(
 ) -> Distances:
     """Distances and their level at the core points; warns of what they do not show."""
     parameters, progress = settings.distances, run.progress
-    radius = scales.projection_scale / 2
-    with progress.stage(0.0, 0.4, "fitting normals"):
-        normal, slope = _normals(clouds[0].xyz, cores, scales, settings, known.toward, progress)
-    first, later = (
-        Lattice(cloud.xyz, radius, values=None if cloud.plants is None else cloud.plants.error) for cloud in clouds
-    )
-    with progress.stage(0.4, 0.95):
-        terms = LevelTerms(parameters.minimum_cylinder_points, parameters.confidence, known.registration_error)
-        found = m3c2_distances(
-            (first, later),
-            cores.xyz,
-            normal,
-            Cylinder(radius, scales.half_length),
-            terms,
-            spread=parameters.calibrate,
-            progress=progress,
-        )
+    normals = _given_normals(cores, settings) if parameters.normals == "given" else None
+    how = Measuring(parameters, scales, known.toward, known.registration_error, normals)
+    with progress.stage(0.0, 0.95):
+        found, slope = measure(clouds, cores.xyz, how, progress)
     if not found.measured.any():
         raise InputError(
             f"No core point has {parameters.minimum_cylinder_points} points of both surveys in its cylinder of "
@@ -302,38 +243,29 @@ def _measure(
     shift = uniform_shift(found.distance[found.measured], found.level[found.measured])
     if parameters.calibrate:
         given = None if known.stable is None else contains_xy(known.stable, *cores.xyz[:, :2].T)
-        found = calibrated(found, radius, slope=slope, given=given, uniform=shift is not None)
+        found = calibrated(found, how.cylinder.radius, slope=slope, given=given, uniform=shift is not None)
         report_level(found, progress)
-    _warn(found, later, scales, shift, progress)
+    _warn(found, beyond_cylinder(clouds[1], found, how.cylinder), scales, shift, progress)
     return found
 
 
-def _normals(
-    reference: Float, cores: Cores, scales: Scales, settings: DistanceSettings, toward: Float, progress: Progress
-) -> tuple[Float, Float | None]:
-    """Directions to measure in (m, 3), and the surface's slope (m,) in degrees where these do not determine it."""
-    parameters = settings.distances
-    if parameters.normals == "given":
-        normal = np.stack([read_dimension(cores.path, name).astype(np.float64) for name in _NORMALS], axis=1)
-        # another unit stretches the surface along an axis, and its normals the other way
-        return np.nan_to_num(normal / np.array(open_cloud(cores.path, settings.inputs)[1].factors)), None
-    upright = np.tile([0.0, 0.0, 1.0], (len(cores.xyz), 1))
-    if parameters.normals == "vertical" and not parameters.calibrate:
-        return upright, None
-    lattice = Lattice(reference, scales.normal_scale / 2)
-    fitted = fit_planes(lattice, cores.xyz, scales.normal_scale, orientation=toward, progress=progress).normal
-    return (upright, slope_of(fitted)) if parameters.normals == "vertical" else (fitted, None)
+def _given_normals(cores: Cores, settings: DistanceSettings) -> Float:
+    """Directions to measure in (m, 3)."""
+    normal = np.stack([read_dimension(cores.path, name).astype(np.float64) for name in _NORMALS], axis=1)
+    # another unit stretches the surface along an axis, and its normals the other way
+    return np.nan_to_num(normal / np.array(open_cloud(cores.path, settings.inputs)[1].factors))
 
 
-def _warn(found: Distances, later: Lattice, scales: Scales, shift: float | None, progress: Progress) -> None:
-    """Name what the distances do not show; ``shift`` metres: all of them have this one alike."""
-    empty = (found.status == Status.NO_POINTS) & (found.moving.count == 0) & (found.reference.count > 0)
-    longer = Cylinder(scales.projection_scale / 2, _LONGER_CYLINDER_RATIO * scales.half_length)
-    beyond = cylinder_statistics(later, found.core[empty], found.normal[empty], longer).count
-    number = int(np.sum(beyond > 0))
-    if number > max(3, 0.001 * len(found.core)):
+def _warn(found: Distances, beyond: int, scales: Scales, shift: float | None, progress: Progress) -> None:
+    """Name what the distances do not show.
+
+    Args:
+        beyond: core points whose later points are beyond their cylinder.
+        shift: metres that all of them have alike.
+    """
+    if beyond > max(3, 0.001 * len(found.core)):
         progress.warning(
-            f"{number} core points have points of the later survey only beyond the cylinder, as change of more than "
+            f"{beyond} core points have points of the later survey only beyond the cylinder, as change of more than "
             f"{scales.half_length:g} m leaves them; give a larger --half-length to measure it."
         )
     if shift is not None:

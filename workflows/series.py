@@ -10,6 +10,7 @@ from typing import Any
 
 from geopandas import GeoDataFrame
 
+from ..engine.core import cancellation
 from ..engine.core.arrays import Float
 from ..engine.core.earlier_results import earlier_series, refuse_another_series, refuse_results
 from ..engine.core.errors import InputError
@@ -27,7 +28,7 @@ from ..engine.series.tables import About
 from ..engine.series.tracking import Track
 from ..engine.series.velocity import cell_velocity
 from .early_memory import refuse_grid_early
-from .pair import stable_area
+from .pair import SPOOL, stable_area
 from .products.series import (
     SERIES_OUTPUTS,
     raster_names,
@@ -110,15 +111,15 @@ def monitor_series(
     for epoch in epochs[1:]:
         require_comparable(epochs[0].path, epoch.path, settings.inputs)
     refuse_grid_early([epochs[0].path], settings.inputs, settings.change, roi)
-    with run.writing(output_dir, report=True) as stage:
+    with run.writing(output_dir, report=True) as stage, cancellation.temporary(stage.folder / SPOOL) as spool:
         task = Task(epochs, hashes, settings, roi, stable, roi_hash, stable_hash, program, stage)
         with run.step("surveys", 0.0, 0.7) as entry:
-            gridded, grid, crs, choice = prepare_epochs(task, run.progress)
+            gridded, grid, crs, choice = prepare_epochs(task, spool, run.progress)
             entry["epochs"] = {g.epoch.name: g.facts | {"made": g.made} for g in gridded}
         area = stable_area(stable, crs, run.progress)
         with run.step("change", 0.7, 0.85, "comparing"):
             analysis = analyse(
-                gridded, grid, settings.change, settings.zones, table, stable=area, progress=run.progress
+                gridded, grid, (settings.change, settings.zones), table, spool, stable=area, progress=run.progress
             )
         about = About(dates, crs, grid, f"series ({settings.change.cell_value} cells)", run.run_id(hashes))
         frame, course = _write_products(run, task, analysis, about, table)

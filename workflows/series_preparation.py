@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import shapely
 from pyproj import CRS
+from shapely.geometry.base import BaseGeometry
 
 from ..engine.change.difference import epoch_cells
 from ..engine.core.errors import InputError
@@ -27,12 +30,12 @@ from ..engine.grid.grid import Grid
 from ..engine.ground.cover import cover_sentence
 from ..engine.ground.extraction import extract_ground
 from ..engine.ground.tiles.memory import shared_memory
-from ..engine.pointcloud.cloud import PointCloud
+from ..engine.pointcloud.in_parts import SpooledCloud, bounds_of, spool
 from ..engine.pointcloud.pdal_program import Pdal
-from ..engine.pointcloud.reading import read_cloud
+from ..engine.pointcloud.reading import open_cloud, read_cloud
 from ..engine.series.analysis import GriddedEpoch
 from ..engine.vector.area import read_roi
-from .pair import common_area, register_pair
+from .pair import Cloud, common_area, is_large, register_pair, survey_of
 from .series_store import Entry, Store, key_of, load_cells, save_cells
 from .settings import SeriesSettings
 
@@ -55,8 +58,11 @@ class Task:
     stage: Stage
 
 
-def prepare_epochs(task: Task, progress: Progress) -> tuple[list[GriddedEpoch], Grid, CRS, CellChoice]:
+def prepare_epochs(task: Task, folder: Path, progress: Progress) -> tuple[list[GriddedEpoch], Grid, CRS, CellChoice]:
     """Every survey's cells, the first one's grid, the reference system, and how the cell came about.
+
+    Args:
+        folder: for the points of large surveys while they are in use.
 
     Raises:
         InputError: a cloud cannot be used, or it does not overlap the first; the message names it.
@@ -66,20 +72,36 @@ def prepare_epochs(task: Task, progress: Progress) -> tuple[list[GriddedEpoch], 
     shares: list[Progress] = [NamedProgress(s, n) for s, n in zip(progress.split(names), names, strict=True)]
     with progress.stage(0.0, 0.6, "extracting the ground"):
         grounds = _grounds(task, store, shares)
-    first = _ground_cloud(task, 0, grounds[0], shares[0])
-    with_plants = first.plants is not None
-    choice = affordable(
-        choose_cell((first.xyz,), task.settings.change), (first.xyz,), task.settings.change, plants=with_plants
-    )
+    paths = [e.path if g is None else g.path for e, g in zip(task.epochs, grounds, strict=True)]
+    # of two surveys at a time, as everywhere
+    spool_folder = folder if any(is_large([path, path]) for path in paths) else None
+    first = _ground_cloud(task, 0, grounds[0], spool_folder, shares[0])
+    xyz, plants = survey_of(first)
+    with_plants = first.values > 0 if isinstance(first, SpooledCloud) else plants is not None
+    choice = affordable(choose_cell((xyz,), task.settings.change), (xyz,), task.settings.change, plants=with_plants)
     if choice.automatic:
         progress.info(choice.sentence)
-    grid = common_grid(first.xyz, first.xyz, with_cell(task.settings.change, choice), plants=with_plants)
+    grid = common_grid(xyz, xyz, with_cell(task.settings.change, choice), plants=with_plants)
+    kept = _Kept(grounds, first, grid, store, spool_folder)
     found = []
     for number in range(len(task.epochs)):
         low, high = (0.6 + 0.4 * n / len(task.epochs) for n in (number, number + 1))
         with progress.stage(low, high, f"{task.epochs[number].name}: registering and gridding"):
-            found.append(_gridded(task, number, grounds, first, grid, store, shares[number]))
+            found.append(_gridded(task, number, kept, shares[number]))
     return found, grid, first.crs, choice
+
+
+@dataclass(frozen=True)
+class _Kept:
+    """What is there for every survey: the grounds, the first one's points and grid, the entries, and where points go
+    that stay on the disk (None: they are held).
+    """
+
+    grounds: Sequence[Entry | None]
+    first: Cloud
+    grid: Grid
+    store: Store
+    folder: Path | None
 
 
 def _grounds(task: Task, store: Store, shares: list[Progress]) -> list[Entry | None]:
@@ -146,73 +168,86 @@ def ground_key(cloud: str, roi: str, inputs: dict[str, Any], ground: dict[str, A
     return key_of(cloud=cloud, roi=roi, inputs=inputs, ground=ground, pdal=pdal)
 
 
-def _ground_cloud(task: Task, number: int, ground: Entry | None, progress: Progress) -> PointCloud:
-    if ground is not None:
-        return read_cloud(ground.path)
-    cloud = read_cloud(task.epochs[number].path, task.settings.inputs, progress=progress)
-    if task.roi is None:
+def _ground_cloud(task: Task, number: int, ground: Entry | None, folder: Path | None, progress: Progress) -> Cloud:
+    """The ground of a survey, in memory, or in a ``folder`` on the disk."""
+    path = task.epochs[number].path if ground is None else ground.path
+    inputs = task.settings.inputs if ground is None else None
+    area = _area(task, path, progress) if ground is None and task.roi is not None else None
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        stored = spool(path, inputs, folder / f"{number}.points", area=area, progress=progress)
+        _refuse_empty(len(stored), path, task.roi)
+        return stored
+    cloud = read_cloud(path, inputs, progress=progress)
+    if area is None:
         return cloud
-    area = read_roi(task.roi, cloud.crs)
+    shapely.prepare(area)
+    inside = shapely.contains_xy(area, cloud.xyz[:, 0], cloud.xyz[:, 1])
+    _refuse_empty(int(np.count_nonzero(inside)), path, task.roi)
+    plants = (None if v is None else v[inside] for v in (cloud.plant_error, cloud.plant_height))
+    error, height = plants
+    return replace(cloud, xyz=cloud.xyz[inside], classification=None, plant_error=error, plant_height=height)
+
+
+def _area(task: Task, path: Path, progress: Progress) -> BaseGeometry:
+    assert task.roi is not None
+    area = read_roi(task.roi, open_cloud(path, task.settings.inputs)[1].crs)
     for note in area.notes:
         progress.warning(note)
-    shapely.prepare(area.geometry)
-    inside = shapely.contains_xy(area.geometry, cloud.xyz[:, 0], cloud.xyz[:, 1])
-    if not inside.any():
-        raise InputError(
-            f"{shown(cloud.path)} has no point inside the region {shown(task.roi)}; check both and their systems."
-        )
-    return replace(cloud, xyz=cloud.xyz[inside])
+    return area.geometry
 
 
-def _gridded(
-    task: Task,
-    number: int,
-    grounds: Sequence[Entry | None],
-    first: PointCloud,
-    grid: Grid,
-    store: Store,
-    progress: Progress,
-) -> GriddedEpoch:
-    epoch, settings, ground = task.epochs[number], task.settings, grounds[number]
+def _refuse_empty(points: int, path: Path, roi: Path | None) -> None:
+    if not points:
+        assert roi is not None
+        raise InputError(f"{shown(path)} has no point inside the region {shown(roi)}; check both and their systems.")
+
+
+def _gridded(task: Task, number: int, kept: _Kept, progress: Progress) -> GriddedEpoch:
+    epoch, settings, ground, first = task.epochs[number], task.settings, kept.grounds[number], kept.first
     made = [] if ground is None or ground.reused else ["ground"]
-    own: list[PointCloud] = [first] if number == 0 else []
+    own: list[Cloud] = [first] if number == 0 else []
 
-    def cloud() -> PointCloud:
+    def cloud() -> Cloud:
         """Read only where something has to be computed from it."""
         if not own:
-            own.append(_ground_cloud(task, number, ground, progress))
+            own.append(_ground_cloud(task, number, ground, kept.folder, progress))
         return own[0]
 
     transform, error, facts, key = RigidTransform.identity(), 0.0, {}, _ground_key(task, number)
     if number:
         key = _registration_key(task, number)
-        entry = _registration(task, number, first, cloud, store, progress)
+        entry = _registration(task, number, first, cloud, kept.store, progress)
         transform = RigidTransform.load(entry.path)
         error, facts = float(registration_facts(entry.path)["registration_error_m"]), dict(entry.facts)
         made += [] if entry.reused else ["registration"]
 
     def grid_cells(path: Path) -> dict[str, Any]:
-        save_cells(path, epoch_cells(transform.apply(cloud().xyz), grid, settings.change, cloud().plants))
-        return {"points": len(cloud().xyz)}
+        xyz, plants = survey_of(cloud())
+        moved = xyz.moved(transform) if isinstance(xyz, SpooledCloud) else transform.apply(xyz)
+        save_cells(path, epoch_cells(moved, kept.grid, settings.change, plants))
+        return {"points": len(xyz)}
 
     cells_key = key_of(
         ground=_ground_key(task, number),
         transform=key,
-        grid=asdict(grid),
+        grid=asdict(kept.grid),
         cell_value=settings.change.cell_value,
         arrays=[f.name for f in fields(CellStatistics)],
     )
-    entry = store.entry("cells.npz", cells_key, grid_cells, progress)
+    entry = kept.store.entry("cells.npz", cells_key, grid_cells, progress)
     made += [] if entry.reused else ["cells"]
     facts |= {"ground_points": entry.facts["points"]}
     if ground is not None:
         # for the report; what an older version kept has no cover
         facts |= {name: ground.facts[name] for name in ("classified", "cover") if ground.facts.get(name)}
+    if number and own and isinstance(own[0], SpooledCloud):
+        own[0].file.unlink()
     return GriddedEpoch(
         epoch=epoch,
         transform=transform,
         registration_error=error,
-        cells=load_cells(entry.path),
+        load=partial(load_cells, entry.path),
         area=common_area(task.roi, first, transform),
         facts={k: v for k, v in facts.items() if k != "warnings"},
         made=tuple(made),
@@ -229,7 +264,7 @@ def _registration_key(task: Task, number: int) -> str:
 
 
 def _registration(
-    task: Task, number: int, first: PointCloud, cloud: Callable[[], PointCloud], store: Store, progress: Progress
+    task: Task, number: int, first: Cloud, cloud: Callable[[], Cloud], store: Store, progress: Progress
 ) -> Entry:
     """The transform of a survey to the first one; ``cloud`` reads its ground, where it must be made."""
     epoch, parameters = task.epochs[number], task.settings.registration
@@ -246,13 +281,19 @@ def _registration(
     return store.entry("transform.json", _registration_key(task, number), register, progress)
 
 
-def _refuse_apart(first: Epoch, reference: PointCloud, epoch: Epoch, moving: PointCloud, offset: float) -> None:
-    a, b = reference.bounds, moving.bounds
+def _refuse_apart(first: Epoch, reference: Cloud, epoch: Epoch, moving: Cloud, offset: float) -> None:
+    a, b = (_bounds(cloud) for cloud in (reference, moving))
     if max(a[0], b[0]) > min(a[2], b[2]) + offset or max(a[1], b[1]) > min(a[3], b[3]) + offset:
         raise InputError(
             f"The surveys of {first.name} and {epoch.name} do not overlap: {shown(first.path)} spans {_extent(a)}, "
             f"{shown(epoch.path)} {_extent(b)}; check that both are of the same slope and in the same system."
         )
+
+
+def _bounds(cloud: Cloud) -> tuple[float, float, float, float]:
+    """West, south, east, north."""
+    low, high = bounds_of(survey_of(cloud)[0])
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
 
 def _extent(bounds: tuple[float, float, float, float]) -> str:

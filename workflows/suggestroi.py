@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
+from ..engine.core import cancellation
 from ..engine.core.arrays import Index
 from ..engine.core.errors import InputError
 from ..engine.core.messages import shown
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
 from ..engine.core.staged_outputs import refuse_unwritable
-from ..engine.grid.cloud_look import CloudLook, kept_parts, look_at
+from ..engine.grid.cloud_look import CloudLook, looked_through
 from ..engine.grid.grid import Grid, cell_index, snapped_grid
 from ..engine.maps.qgis_styles import drawn_qml
+from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.in_parts import CloudFile
 from ..engine.vector.geopackage import Layer, write_layers
 from ..engine.vector.suggested_region import SIDES_M, SPACINGS_A_SQUARE, SuggestedRegion, suggested_region
 from ..interface.dates import date_in_name
 from ..interface.parameters import InputParameters, RegionParameters, given
+from .pair import SPOOL
 from .run import Run, record_name_of
 
 _MOST_SQUARES = 20_000_000
@@ -49,12 +53,13 @@ def suggestroi_step(
     file = CloudFile.of(cloud, inputs, classification=True)
     run.hash_inputs()
     with run.writing(output.absolute().parent, record_name=record) as stage:
-        with run.step("read", 0.0, 0.9) as entry:
+        with run.step("read", 0.0, 0.9) as entry, cancellation.temporary(stage.folder / SPOOL) as spool:
+            spool.mkdir()
             with progress.stage(0.0, 0.5, "looking at the cloud"):
-                look = look_at(file, None, progress)
+                look, again = looked_through(file, None, spool, progress)
             grid = snapped_grid(look.bounds, _side(look, parameters, cloud))
             with progress.stage(0.5, 1.0, "counting points"):
-                counts = _counted(file, grid, progress)
+                counts = _counted(again(progress), grid)
             entry.update(points=look.points, noise_points=look.noise)
         with run.step("region", 0.9, 1.0, "outlining the region"):
             region = suggested_region(counts, grid, file.crs, parameters)
@@ -81,10 +86,10 @@ def _side(look: CloudLook, parameters: RegionParameters, cloud: Path) -> float:
     return wanted * 2.0 ** math.ceil(math.log2(math.sqrt(rows * columns / _MOST_SQUARES)))
 
 
-def _counted(file: CloudFile, grid: Grid, progress: Progress) -> Index:
+def _counted(parts: Iterable[PointCloud], grid: Grid) -> Index:
     """(rows, columns) points in each square, without noise."""
     counts = np.zeros(grid.rows * grid.columns, dtype=np.int64)
-    for part in kept_parts(file, None, progress):
+    for part in parts:
         counts += np.bincount(cell_index(part.xyz, grid), minlength=counts.size)
     return counts.reshape(grid.shape)
 

@@ -25,6 +25,7 @@ from ..grid.growing_cells import AdaptiveCells, adaptive_cells
 from ..grid.partition import Partition
 from ..grid.plant_cells import cell_means, together
 from ..grid.pooled_variance import pooled_variance
+from ..grid.stored_cells import stored_statistics
 from ..pointcloud.in_parts import Points, SpooledCloud
 from ..pointcloud.plant_cover import PlantCover
 from ..statistics.normal import quantile
@@ -155,9 +156,14 @@ def _with_choice(change: Change, parameters: GridChangeParameters, choice: CellC
 
 
 def epoch_cells(
-    xyz: Float, grid: Grid, parameters: GridChangeParameters, plants: PlantCover | None = None
+    xyz: Points, grid: Grid, parameters: GridChangeParameters, plants: PlantCover | None = None
 ) -> CellStatistics:
-    """The cells of one epoch's points (n, 3) as ``difference_of_cells`` takes them, with the ``plants`` over these."""
+    """The cells of one epoch's points (n, 3) as ``difference_of_cells`` takes them, with the ``plants`` over these.
+
+    Points on the disk have their own plants.
+    """
+    if isinstance(xyz, SpooledCloud):
+        return stored_statistics(xyz, grid, sloping=parameters.cell_value == "plane")
     cells = sloping_statistics(xyz, grid) if parameters.cell_value == "plane" else cell_statistics(xyz, grid)
     if plants is None:
         return cells

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from .cell_slope import gradient_at
 from .grid import Grid, _outside, _row_and_column, on_grid
 
 _NEIGHBOURHOOD_M = 0.3  # metres around a cell: the cells within give its slope
+_LEVEL_POINTS = 10_000
 _MIN_PLANE_POINTS = 12  # measured on simulated faces of 30 to 60 degrees, cells of 0.1 to 1 m
 
 
@@ -70,7 +72,38 @@ def sloping_statistics(xyz: Float, grid: Grid) -> CellStatistics:
     ``_MIN_PLANE_POINTS`` points follow their own surface by a plane of their own; with fewer, its scatter costs more
     than it gains.
     """
-    cells = _sums(_points_in_cells(xyz, grid), spread=True)
+    return _of_sums(_sums(_points_in_cells(xyz, grid, _level(xyz, grid)), spread=True), grid, sloping=True)
+
+
+def statistics_of_parts(
+    parts: Iterable[tuple[Float, list[NDArray[np.floating]]]], level: float, grid: Grid, *, sloping: bool
+) -> CellStatistics:
+    """As ``sloping_statistics``, or ``cell_statistics`` of means, from parts that hold all points of their cells.
+
+    Args:
+        parts: points (n, 3) within the grid, and what is known of the plants over them: no, one or two arrays (n,).
+        level: ``median_level`` of all.
+    """
+    found, plants = [], []
+    for xyz, values in parts:
+        points = _points_in_cells(xyz, grid, level)
+        found.append(_sums(points, spread=sloping))
+        n = found[-1].n
+        plants.append([np.bincount(points.number, weights=v, minlength=n.size) / n for v in values])
+    order = np.argsort(np.concatenate([sums.cell for sums in found]), kind="stable")
+    arrays = {
+        f.name: np.concatenate([getattr(sums, f.name) for sums in found])[order]
+        for f in fields(_Sums)
+        if f.name != "level"
+    }
+    cells = _of_sums(_Sums(level=level, **arrays), grid, sloping=sloping)
+    known = [np.concatenate(values)[order] for values in zip(*plants, strict=True)]
+    return replace(cells, plant_error=known[0] if known else None, plant_height=known[1] if len(known) > 1 else None)
+
+
+def _of_sums(cells: _Sums, grid: Grid, *, sloping: bool) -> CellStatistics:
+    if not sloping:
+        return _statistics(cells, grid, least=None)
     around = gradient_at(cells.cell, [(cells.cell, cells.height)], grid, reach=_NEIGHBOURHOOD_M)
     east, north = (np.nan_to_num(component) for component in around)
     return _statistics(_without_slope(cells, east, north), grid, least=_MIN_PLANE_POINTS)
@@ -85,22 +118,23 @@ def cell_statistics(xyz: Float, grid: Grid, *, plane: bool = False, least: int =
             points, or whose points lie nearly on a line, keep the mean.
         least: at least four.
     """
-    return _statistics(_sums(_points_in_cells(xyz, grid), spread=plane), grid, least=least if plane else None)
+    points = _points_in_cells(xyz, grid, _level(xyz, grid))
+    return _statistics(_sums(points, spread=plane), grid, least=least if plane else None)
 
 
 @dataclass(frozen=True)
 class _Points:
     """Points inside the grid: metres east (u) and north (v) of their cell's centre, heights about ``level``.
 
-    ``count`` (rows, columns) is how many each cell has; ``cell`` the flat index of the cells that have any, and
-    ``number`` the place in it of each point's cell.
+    ``cell`` is the flat index of the cells that have any, ``n`` how many these have, and ``number`` the place in both
+    of each point's cell.
     """
 
     u: Float
     v: Float
     z: Float
     level: float
-    count: NDArray[np.int64]
+    n: NDArray[np.int64]
     cell: NDArray[np.int64]
     number: NDArray[np.int64]
 
@@ -109,12 +143,10 @@ class _Points:
 class _Sums:
     """Mean height of the points of each cell that has any, and the sums of products about their means, arrays (cells,).
 
-    Heights are about ``level``. ``count`` is how many points every cell has (rows, columns), ``n`` that of the cells
-    with any. ``u`` and ``v`` are their mean place from the cell's centre; zeros, as the products with them, where these
-    were not asked for.
+    Heights are about ``level``. ``n`` is how many points each cell has. ``u`` and ``v`` are their mean place from the
+    cell's centre; zeros, as the products with them, where these were not asked for.
     """
 
-    count: NDArray[np.int64]
     level: float
     cell: NDArray[np.int64]
     n: NDArray[np.int64]
@@ -129,32 +161,54 @@ class _Sums:
     vz: Float
 
 
-def _points_in_cells(xyz: Float, grid: Grid) -> _Points:
+def _level(xyz: Float, grid: Grid) -> float:
+    """See ``median_level``."""
+    return median_level(lambda: [xyz], grid)
+
+
+def median_level(parts: Callable[[], Iterable[Float]], grid: Grid) -> float:
+    """Median height (m) of some points evenly among those of a cloud within a grid, given part by part (n, 3)."""
+
+    def inside() -> Iterator[Float]:
+        for xyz in parts():
+            outside = _outside(*_row_and_column(xyz, grid), grid)
+            yield xyz if outside is None else xyz[~outside]
+
+    count = sum(len(xyz) for xyz in inside())
+    step, done, some = max(1, count // _LEVEL_POINTS), 0, [np.zeros(0)]
+    for xyz in inside():
+        some.append(xyz[-done % step :: step, 2])
+        done += len(xyz)
+    return float(np.median(np.concatenate(some))) if count else 0.0
+
+
+def _points_in_cells(xyz: Float, grid: Grid, level: float) -> _Points:
+    """Heights are about ``level``: squares of small numbers keep their digits."""
     row, column = _row_and_column(xyz, grid)
     outside = _outside(row, column, grid)
     if outside is not None:
         inside = ~outside
         xyz, row, column = xyz[inside], row[inside], column[inside]
     index = (row * grid.columns + column).astype(np.int64)
-    count = np.bincount(index, minlength=grid.rows * grid.columns)
-    cell = np.flatnonzero(count > 0)
+    # of the rows that are reached only
+    first = int(row.min()) * grid.columns if len(row) else 0
+    count = np.bincount(index - first, minlength=1)
+    here = np.flatnonzero(count > 0)
     number = np.empty(count.size, dtype=np.int64)
-    number[cell] = np.arange(cell.size)
-    # heights about a common level: squares of small numbers keep their digits
-    level = float(np.median(xyz[:: max(1, len(xyz) // 10_000), 2])) if len(xyz) else 0.0
+    number[here] = np.arange(here.size)
     return _Points(
         u=xyz[:, 0] - (grid.west + (column + 0.5) * grid.cell),
         v=xyz[:, 1] - (grid.north - (row + 0.5) * grid.cell),
         z=xyz[:, 2] - level,
         level=level,
-        count=count.reshape(grid.shape),
-        cell=cell,
-        number=number[index],
+        n=count[here],
+        cell=here + first,
+        number=number[index - first],
     )
 
 
 def _sums(points: _Points, *, spread: bool) -> _Sums:
-    n = points.count.ravel()[points.cell]
+    n = points.n
 
     def total(values: Float) -> Float:
         return np.bincount(points.number, weights=values, minlength=n.size).astype(np.float64, copy=False)
@@ -164,7 +218,7 @@ def _sums(points: _Points, *, spread: bool) -> _Sums:
     zz = total(dz * dz)
     if not spread:
         zero = np.zeros(n.size)
-        return _Sums(points.count, points.level, points.cell, n, height, zz, zero, zero, zero, zero, zero, zero, zero)
+        return _Sums(points.level, points.cell, n, height, zz, zero, zero, zero, zero, zero, zero, zero)
     u, v = total(points.u) / n, total(points.v) / n
     # places are small numbers already, and the heights' differences from their mean add up to nothing
     uu, vv, uv, uz, vz = (
@@ -172,7 +226,6 @@ def _sums(points: _Points, *, spread: bool) -> _Sums:
         for a, b in ((points.u, points.u), (points.v, points.v), (points.u, points.v), (points.u, dz), (points.v, dz))
     )
     return _Sums(
-        points.count,
         points.level,
         points.cell,
         n,
@@ -215,7 +268,8 @@ def _statistics(cells: _Sums, grid: Grid, *, least: int | None) -> CellStatistic
         degrees[chosen] -= 2.0
         leverage[chosen] += extrapolation
     variance = _ratio(squares, degrees)
-    return CellStatistics(cells.count, cells.cell, height, variance, degrees, leverage, tilted, scatter)
+    count = on_grid(cells.cell, cells.n, grid.shape, 0)
+    return CellStatistics(count, cells.cell, height, variance, degrees, leverage, tilted, scatter)
 
 
 def _ratio(squares: Float, degrees: Float) -> Float:

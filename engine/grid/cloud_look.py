@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import shapely
@@ -18,6 +19,7 @@ from ..geometry.point_spacing import spacing_from_counts
 from ..geometry.square_counts import counted_squares
 from ..pointcloud.cloud import PointCloud
 from ..pointcloud.in_parts import CloudFile
+from ..pointcloud.kept_parts import KeptParts
 from ..pointcloud.reading import open_cloud
 from .returns import GROUND, NOISE
 
@@ -78,16 +80,38 @@ def kept_parts(cloud: CloudFile, area: BaseGeometry | None, progress: Progress |
     """The parts of a cloud read with its classes, without points outside an area (on its edge is within) and noise."""
     if area is not None:
         shapely.prepare(area)
-    for part in cloud.parts(progress):
+    for part in _near(cloud, area).parts(progress):
         chosen = _chosen(part, area)
         yield part if chosen.all() else _of(part, chosen)
 
 
-def look_at(cloud: CloudFile, area: BaseGeometry | None, progress: Progress) -> CloudLook:
+def looked_through(
+    cloud: CloudFile, area: BaseGeometry | None, folder: Path, progress: Progress
+) -> tuple[CloudLook, Callable[[Progress], Iterator[PointCloud]]]:
+    """As ``look_at``, and a way to go again through the parts that ``kept_parts`` gives.
+
+    Args:
+        folder: where these are kept meanwhile; where its disk has no room the cloud is read again.
+    """
+    if not KeptParts.room(cloud, folder):
+        return look_at(cloud, area, progress), lambda again: kept_parts(cloud, area, again)
+    kept = KeptParts(folder / "parts")
+    return look_at(cloud, area, progress, kept), kept.parts
+
+
+def _near(cloud: CloudFile, area: BaseGeometry | None) -> CloudFile:
+    """Of a COPC, what can lie in the area only."""
+    return cloud if area is None else replace(cloud, near=area.bounds)
+
+
+def look_at(
+    cloud: CloudFile, area: BaseGeometry | None, progress: Progress, keep: KeptParts | None = None
+) -> CloudLook:
     """Look at a cloud that is read with its classes and colours.
 
     Args:
         area: polygons in metres of the cloud's frame; None: all.
+        keep: takes the parts.
 
     Raises:
         InputError: as ``read_cloud``; no point is left within the area.
@@ -98,9 +122,11 @@ def look_at(cloud: CloudFile, area: BaseGeometry | None, progress: Progress) -> 
         shapely.prepare(area)
 
     def places() -> Iterator[Index]:
-        for part in cloud.parts(progress):
+        for part in _near(cloud, area).parts(progress):
             kept = _of(part, _chosen(part, area, seen))
             seen.add(kept)
+            if keep is not None:
+                keep.add(kept)
             yield np.floor((kept.xyz[:, :2] - corner) / side).astype(np.int64) + _OFFSET
 
     squares, counts = counted_squares(places())

@@ -95,6 +95,15 @@ class StoredTiles:
         if held:
             yield _values(held, self.known)
 
+    @property
+    def filled(self) -> list[int]:
+        """The tiles with points."""
+        return np.flatnonzero(np.diff(self.first)).tolist()
+
+    def of_tile(self, tile: int) -> tuple[Float, list[NDArray[np.floating]]]:
+        """Points (n, 3) of a tile in the cloud's order, and what else is known of each."""
+        return _values([records for _, _, records in self._of_tile(tile)], self.known)
+
     def _cells(self, tile: int) -> Cells:
         """Rows and columns of a tile's points."""
         places = [(row, column) for row, column, _ in self._of_tile(tile)]

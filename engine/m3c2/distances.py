@@ -6,8 +6,10 @@ of their mean positions along the axis, and their scatter gives its uncertainty 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,6 +148,48 @@ def m3c2_distances(
         confidence=terms.confidence,
         registration_error=terms.registration_error,
     )
+
+
+def joined(parts: Sequence[tuple[Index, Distances]]) -> Distances:
+    """Those of all core points from all their parts, each with the numbers (k,) of its core points."""
+    if len(parts) == 1:
+        return parts[0][1]
+    place = np.argsort(np.concatenate([here for here, _ in parts]))
+
+    def of(values: Callable[[Distances], NDArray]) -> NDArray:
+        return np.concatenate([values(found) for _, found in parts])[place]
+
+    def cylinders(which: Callable[[Distances], Cylinders]) -> Cylinders:
+        one = which(parts[0][1])
+        return Cylinders(
+            count=of(lambda d: which(d).count),
+            mean=of(lambda d: which(d).mean),
+            std=of(lambda d: which(d).std),
+            value=None if one.value is None else of(lambda d: _known(which(d).value)),
+            spread=None
+            if one.spread is None
+            else Spread(of(lambda d: _known(which(d).spread).place), of(lambda d: _known(which(d).spread).products)),
+        )
+
+    return replace(
+        parts[0][1],
+        core=of(lambda d: d.core),
+        normal=of(lambda d: d.normal),
+        distance=of(lambda d: d.distance),
+        level=of(lambda d: d.level),
+        significant=of(lambda d: d.significant),
+        reference=cylinders(lambda d: d.reference),
+        moving=cylinders(lambda d: d.moving),
+        status=of(lambda d: d.status),
+    )
+
+
+_Any = TypeVar("_Any")
+
+
+def _known(value: _Any | None) -> _Any:
+    assert value is not None
+    return value
 
 
 def level_of_detection(first: Cylinders, second: Cylinders, confidence: float, registration_error: float) -> Float:

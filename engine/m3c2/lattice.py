@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.arrays import Float, Index
+from ..pointcloud.in_parts import Points, every_of, parts_of
 
 CUBES_PER_RADIUS = 1.0  # measured: smaller cubes fit the cylinder better, but take more looking up
 _CHUNK_PAIRS = 500_000  # pairs of a place and a point held at a time; some 150 bytes each, fewer stay in a faster cache
@@ -25,7 +26,7 @@ _MAX_CUBES = 2.0**57  # the key of one takes three bits less
 
 def dominant_frame(xyz: Float) -> Float:
     """Rows (3, 3): two axes in the plane that fits the points (n, 3) best, and its normal, which points upwards."""
-    some = xyz[:: max(1, len(xyz) // _SAMPLE_POINTS)]
+    some = np.ascontiguousarray(xyz[:: max(1, len(xyz) // _SAMPLE_POINTS)])
     local = some - some.mean(axis=0)
     _, vectors = np.linalg.eigh(local.T @ local)
     u, w = vectors[:, 2], vectors[:, 0]
@@ -45,29 +46,76 @@ class _Spheres:
     radius: Float
 
 
+@dataclass(frozen=True)
+class LatticeFrame:
+    """Where the cubes of a cloud lie: ``axes`` (3, 3), see ``dominant_frame``, through ``origin`` (3,), a point of it.
+
+    ``low`` (3,) is the least of the points along the axes, ``wide`` (3,) how far they reach from there, and ``largest``
+    the largest of their coordinates' amounts; metres.
+    """
+
+    axes: Float
+    origin: Float
+    low: Float
+    wide: Float
+    largest: float
+
+    @classmethod
+    def of(cls, points: Points) -> LatticeFrame:
+        """That of a cloud, n > 0."""
+        axes = dominant_frame(every_of(points, max(1, len(points) // _SAMPLE_POINTS)))
+        origin: Float | None = None
+        low, high, largest = np.full(3, np.inf), np.full(3, -np.inf), 0.0
+        for xyz in parts_of(points):
+            origin = xyz[0].copy() if origin is None else origin
+            local = _turned(axes, xyz, origin)
+            low, high = np.minimum(low, local.min(axis=1)), np.maximum(high, local.max(axis=1))
+            largest = max(largest, float(np.abs(xyz).max()))
+        assert origin is not None
+        return cls(axes, origin, low, high - low, largest)
+
+    def local(self, xyz: Float) -> Float:
+        """Places (3, n) of points (n, 3) along the axes, from the least on."""
+        return _turned(self.axes, xyz, self.origin) - self.low[:, None]
+
+
+def _turned(axes: Float, xyz: Float, origin: Float) -> Float:
+    # sums written out: those of a matrix product depend in their last digit on how many points there are
+    x, y, z = (xyz[:, k] - origin[k] for k in range(3))
+    return np.stack([a * x + b * y + c * z for a, b, c in axes])
+
+
 class Lattice:
-    """Points sorted by cubes along the axes of ``frame``, the ``dominant_frame``.
+    """Points sorted by cubes along the axes of ``frame``.
 
     ``points`` (3, n), x, y and z by themselves, are in that order, and so are ``values`` (n,), a figure of each point,
     where there are any.
     """
 
-    def __init__(self, xyz: Float, radius: float, values: NDArray[np.floating] | None = None) -> None:
-        """Sort ``xyz`` (n, 3), n > 0, and the points' ``values`` (n,) for searches of about ``radius``."""
-        self.frame = dominant_frame(xyz)
+    def __init__(
+        self,
+        xyz: Float,
+        radius: float,
+        values: NDArray[np.floating] | None = None,
+        frame: LatticeFrame | None = None,
+    ) -> None:
+        """Sort ``xyz`` (n, 3) and the points' ``values`` (n,) for searches of about ``radius``.
+
+        Args:
+            frame: that of the cloud of which these points are a part; by default they are all.
+        """
+        known = frame or LatticeFrame.of(xyz)
+        self.frame = known.axes
         self.cell = radius / CUBES_PER_RADIUS
-        self._origin = xyz[0].copy()
-        self._digits = 16 * np.finfo(np.float64).eps * float(np.abs(xyz).max())
-        local = self.frame @ np.ascontiguousarray((xyz - self._origin).T)
-        self._low = local.min(axis=1)
-        local -= self._low[:, None]
-        widest = local.max(axis=1)
-        spans = np.floor(widest / self.cell) + 1
+        self._origin, self._low = known.origin, known.low
+        self._digits = 16 * np.finfo(np.float64).eps * known.largest
+        spans = np.floor(known.wide / self.cell) + 1
         if spans.prod() > _MAX_CUBES:
             # so few points in so many cubes: larger ones do as well
             self.cell *= float(spans.max()) / _MAX_CUBES ** (1 / 3)
-            spans = np.floor(widest / self.cell) + 1
+            spans = np.floor(known.wide / self.cell) + 1
         self._columns, self._rows, layers = (int(s) for s in spans)
+        local = known.local(xyz)
         local /= self.cell
         whole = np.floor(local)
         column, row, layer = whole.astype(np.int64)
@@ -77,6 +125,8 @@ class Lattice:
         key = key[order]
         self.points = np.stack([axis.take(order) for axis in xyz.T])
         self.values = None if values is None else values.take(order)
+        if not len(key):
+            return
         eighths, cubes = (np.append(runs(k)[1], len(key)) for k in (key, key // 8))
         self._key = key[cubes[:-1]] // (8 * layers)
         self._cubes = cubes
@@ -100,6 +150,8 @@ class Lattice:
             places: (m, 3).
             half_axes: (m, 3).
         """
+        if not self.points.shape[1]:
+            return
         place, axis = self._in_plane(places), half_axes @ self.frame[:2].T
         length = float(np.abs(half_axes).max(initial=0.0))
         reach = radius + 1e-9 * (radius + length) + self._digits

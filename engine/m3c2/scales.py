@@ -8,19 +8,20 @@ it reaches twice as far as the surfaces are apart.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from ...interface.parameters import DistanceParameters, given
-from ..core.arrays import Float
+from ..core.arrays import Float, Index
 from ..core.errors import InputError
 from ..core.progress import Progress
 from .distances import Cylinder, cylinder_statistics
-from .lattice import Lattice
+from .nearest import nearest_distances
 from .normals import Fits, fit_planes
+from .surveys import Box, HeldSurvey, Survey, boxes, pieces
 
 NORMAL_RATIO, MIN_NORMAL_RATIO = 25.0, 20.0  # normal scale over roughness
 CYLINDER_POINTS = 25.0
@@ -52,15 +53,20 @@ class Scales:
     warnings: tuple[str, ...] = ()
 
 
+Cloud = Survey | Float
+"""A cloud as M3C2 looks at it, or points (n, 3) in memory, metres."""
+
+
 def choose_scales(
-    reference: Float, moving: Float, parameters: DistanceParameters, progress: Progress | None = None
+    reference: Cloud, moving: Cloud, parameters: DistanceParameters, progress: Progress | None = None
 ) -> Scales:
-    """Scales for two clouds, (n, 3) and (m, 3) in metres; what ``parameters`` gives (not 0) is taken as given.
+    """Scales for two clouds; what ``parameters`` gives (not 0) is taken as given.
 
     Raises:
         InputError: too few points to choose scales.
     """
     progress = progress or Progress()
+    reference, moving = _survey(reference), _survey(moving)
     places = _sample(reference, overlap_bounds(reference, moving))
     if len(places) < 10 or len(moving) < 10:
         raise InputError(
@@ -68,7 +74,7 @@ def choose_scales(
             "the same slope and in the same reference system."
         )
     progress.update(0.0, "choosing the normal scale")
-    first = 2 * float(np.median(_tree(reference).query(places, k=[_SMALLEST_BALL_POINTS])[0]))
+    first = 2 * float(np.median(nearest_distances(reference, places, _SMALLEST_BALL_POINTS)))
     if not first > 0:
         raise InputError("The reference consists of duplicate points; remove them first.")
     normal_scale, fits, warnings = _normal_scale(reference, places, first, given(parameters.normal_scale))
@@ -94,14 +100,13 @@ def choose_scales(
     )
 
 
-def overlap_bounds(reference: Float, moving: Float) -> tuple[float, float, float, float]:
+def overlap_bounds(reference: Cloud, moving: Cloud) -> tuple[float, float, float, float]:
     """West, south, east, north of the area that both clouds' extents share.
 
     Raises:
         InputError: they share none; both extents are named.
     """
-    (w1, s1), (w2, s2) = reference[:, :2].min(axis=0), moving[:, :2].min(axis=0)
-    (e1, n1), (e2, n2) = reference[:, :2].max(axis=0), moving[:, :2].max(axis=0)
+    ((w1, s1, _), (e1, n1, _)), ((w2, s2, _), (e2, n2, _)) = (_survey(c).bounds for c in (reference, moving))
     west, south, east, north = max(w1, w2), max(s1, s2), min(e1, e2), min(n1, n2)
     if west > east or south > north:
         raise InputError(
@@ -120,8 +125,7 @@ def spread_cores(reference: Float, spacing: float, bounds: tuple[float, float, f
     x, y = reference[:, 0], reference[:, 1]
     inside = np.flatnonzero((x >= west) & (x <= east) & (y >= south) & (y <= north))
     xyz = reference[inside]
-    # the cells of the rasters are cut as gridding.cell_index cuts them
-    cube = np.floor(xyz / spacing + 1e-6).astype(np.int64)
+    cube = _cubes(xyz, spacing)
     order = np.lexsort(cube.T)
     cube = cube[order]
     new = np.concatenate([[True], (cube[1:] != cube[:-1]).any(axis=1)]) if len(cube) else np.zeros(0, dtype=bool)
@@ -129,8 +133,9 @@ def spread_cores(reference: Float, spacing: float, bounds: tuple[float, float, f
     members = np.diff(np.append(starts, len(cube)))
     chosen = np.zeros(len(reference), dtype=bool)
     if len(starts):
-        sorted_xyz = xyz[order]
-        mean = np.add.reduceat(sorted_xyz - sorted_xyz[0], starts, axis=0) / members[:, None] + sorted_xyz[0]
+        sorted_xyz, corner = xyz[order], cube * spacing
+        # from the cube's own corner, so that nothing outside of a cube counts in it
+        mean = np.add.reduceat(sorted_xyz - corner, starts, axis=0) / members[:, None] + corner[starts]
         away = np.sum((sorted_xyz - np.repeat(mean, members, axis=0)) ** 2, axis=1)
         group = np.repeat(np.arange(len(starts)), members)
         nearest = np.lexsort((inside[order], away, group))
@@ -138,32 +143,82 @@ def spread_cores(reference: Float, spacing: float, bounds: tuple[float, float, f
     return chosen
 
 
-def _sample(reference: Float, bounds: tuple[float, float, float, float]) -> Float:
+def _cubes(xyz: Float, spacing: float) -> Index:
+    # the cells of the rasters are cut as gridding.cell_index cuts them
+    return np.floor(xyz / spacing + 1e-6).astype(np.int64)
+
+
+def survey_cores(reference: Survey, spacing: float, bounds: tuple[float, float, float, float]) -> tuple[Float, Index]:
+    """The core points (m, 3) of ``spread_cores`` and their numbers (m,) in the cloud, in its order."""
+    found = [(np.zeros((0, 3)), np.zeros(0, dtype=np.int64))]
+    reach = 0.51 * spacing  # around the middle of a cube
+    root = Box(*bounds[:2], *(float(np.nextafter(end, np.inf)) for end in bounds[2:])).grown(spacing)
+    for box in boxes([reference], root, reach):
+        near = reference.within(box.grown(reach))
+        chosen = np.flatnonzero(spread_cores(near.xyz, spacing, bounds))
+        # a cube is that box's in which its middle lies; all of its points are near then
+        own = chosen[box.holds((_cubes(near.xyz[chosen], spacing) + 0.5) * spacing)]
+        found.append((near.xyz[own], near.number[own]))
+    xyz, number = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
+    order = np.argsort(number)
+    return xyz[order], number[order]
+
+
+def survey_planes(survey: Survey, places: Float, diameter: float, *, share: float = 1.0) -> Fits:
+    """``fit_planes`` at places (m, 3), to about a ``share`` of a cloud's points."""
+    fits = Fits(np.zeros_like(places), np.full(len(places), np.nan), np.zeros(len(places), dtype=np.int64))
+    reach = diameter / 2 * (1 + 1e-6)
+    for box in boxes([survey], Box.around(places), reach, share=share):
+        here = np.flatnonzero(box.holds(places))
+        if not len(here):
+            continue
+        lattice = survey.within(box.grown(reach)).some(share).lattice(diameter / 2, survey.frame)
+        made = fit_planes(lattice, places[here], diameter)
+        fits.normal[here], fits.roughness[here], fits.count[here] = made.normal, made.roughness, made.count
+    return fits
+
+
+def survey_counts(survey: Survey, places: Float, normal: Float, cylinder: Cylinder) -> Index:
+    """Points of a cloud in the cylinders at places (m, 3) along ``normal`` (m, 3), of length 1: (m,)."""
+    count = np.zeros(len(places), dtype=np.int64)
+    reach = math.hypot(cylinder.radius, cylinder.half_length) * (1 + 1e-6)
+    for box, near in pieces(survey):
+        here = np.flatnonzero(box.distance(places) <= reach)
+        if len(here):
+            lattice = near.lattice(cylinder.radius, survey.frame)
+            count[here] += cylinder_statistics(lattice, places[here], normal[here], cylinder).count
+    return count
+
+
+def _survey(cloud: Cloud) -> Survey:
+    return HeldSurvey(cloud) if isinstance(cloud, np.ndarray) else cloud
+
+
+def _sample(reference: Survey, bounds: tuple[float, float, float, float]) -> Float:
     """Places spread evenly over the reference's surface in the overlap, always the same."""
     west, south, east, north = bounds
     side = math.sqrt(max((east - west) * (north - south), 1e-12) / (2 * _MAX_PLACES))
-    places = reference[spread_cores(reference, side, bounds)]
+    places = survey_cores(reference, side, bounds)[0]
     if len(places) > _MAX_PLACES:
         places = places[np.sort(np.random.default_rng(0).choice(len(places), _MAX_PLACES, replace=False))]
     return places
 
 
 def _normal_scale(
-    reference: Float, places: Float, first: float, stated: float | None
+    reference: Survey, places: Float, first: float, stated: float | None
 ) -> tuple[float, Fits, tuple[str, ...]]:
     """The smallest scale, in steps of the square root of two, that is ``NORMAL_RATIO`` times its own roughness."""
     if stated is not None:
-        return stated, fit_planes(Lattice(reference, stated / 2), places, stated), ()
-    largest = float(np.linalg.norm(np.ptp(reference, axis=0)[:2])) / 2
-    shuffled = np.random.default_rng(0).permutation(len(reference))
+        return stated, survey_planes(reference, places, stated), ()
+    low, high = reference.bounds
+    largest = math.dist(low[:2], high[:2]) / 2
     best: tuple[float, float, Fits] | None = None
     for step in range(_STEPS):
         scale = _round_up(first * math.sqrt(2) ** step)
         if step and scale > largest:
             break
-        part = min(1.0, _MAX_BALL_POINTS / (_SMALLEST_BALL_POINTS * 2.0**step))
-        cloud = reference if part == 1 else reference[shuffled[: math.ceil(part * len(reference))]]
-        fits = fit_planes(Lattice(cloud, scale / 2), places, scale)
+        share = min(1.0, _MAX_BALL_POINTS / (_SMALLEST_BALL_POINTS * 2.0**step))
+        fits = survey_planes(reference, places, scale, share=share)
         if fits.found.mean() < 0.8:
             continue
         roughness = float(np.median(fits.roughness[fits.found]))
@@ -175,7 +230,7 @@ def _normal_scale(
     if best is None:
         scale = _round_up(first * 2)
         warning = "The points fix no normals at any scale (they lie on lines, perhaps); give --normal-scale."
-        return scale, fit_planes(Lattice(reference, scale / 2), places, scale), (warning,)
+        return scale, survey_planes(reference, places, scale), (warning,)
     ratio, scale, fits = best
     if ratio >= MIN_NORMAL_RATIO:
         return scale, fits, ()
@@ -186,23 +241,38 @@ def _normal_scale(
     return scale, fits, (warning,)
 
 
-def _separation(reference: Float, moving: Float) -> float:
+def _separation(reference: Survey, moving: Survey) -> float:
     """How far the reference's points are from the moving cloud where that lies above or below them, metres."""
-    west, south, east, north = overlap_bounds(reference, moving)
-    x, y = reference[:, 0], reference[:, 1]
-    some = reference[(x >= west) & (x <= east) & (y >= south) & (y <= north)]
-    some = some[:: max(1, len(some) // _MAX_DISTANCE_POINTS)]
-    horizontal = _tree(moving[:, :2]).query(some[:, :2])[0]
+    some = _overlapping(reference, overlap_bounds(reference, moving))
+    horizontal = nearest_distances(moving, some[:, :2])
     covered = horizontal <= 3 * np.median(horizontal)
-    apart = np.sort(_tree(moving).query(some[covered])[0])
+    apart = np.sort(nearest_distances(moving, some[covered]))
     return float(apart[-min(_MIN_AGREEING_POINTS, 1 + len(apart) // 1000)])
 
 
-def _density(reference: Float, moving: Float, places: Float, normal: Float, radius: float, half_length: float) -> float:
+def _overlapping(reference: Survey, bounds: tuple[float, float, float, float]) -> Float:
+    """Every k-th of the points within bounds, (n, 3), of a large cloud."""
+    west, south, east, north = bounds
+
+    def within() -> Iterator[Float]:
+        for xyz in reference.parts():
+            x, y = xyz[:, 0], xyz[:, 1]
+            yield xyz[(x >= west) & (x <= east) & (y >= south) & (y <= north)]
+
+    step, done, found = max(1, sum(len(xyz) for xyz in within()) // _MAX_DISTANCE_POINTS), 0, []
+    for xyz in within():
+        found.append(xyz[-done % step :: step])
+        done += len(xyz)
+    return np.concatenate(found)
+
+
+def _density(
+    reference: Survey, moving: Survey, places: Float, normal: Float, radius: float, half_length: float
+) -> float:
     """Points a square metre, across the normal, that three quarters of the places exceed in the sparser cloud."""
     per_cloud = []
     for cloud in (reference, moving):
-        count = cylinder_statistics(Lattice(cloud, radius), places, normal, Cylinder(radius, half_length)).count
+        count = survey_counts(cloud, places, normal, Cylinder(radius, half_length))
         per_cloud.append(count / (math.pi * radius**2))
     sparser = np.minimum(*per_cloud)
     if not (sparser > 0).any():
@@ -211,11 +281,6 @@ def _density(reference: Float, moving: Float, places: Float, normal: Float, radi
             "larger --half-length, or check that the clouds are registered."
         )
     return float(np.percentile(sparser[sparser > 0], 25))
-
-
-def _tree(points: Float) -> cKDTree:
-    # the default build sorts and shrinks at a cost that so few queries do not return
-    return cKDTree(points, balanced_tree=False, compact_nodes=False)
 
 
 def _round_up(value: float) -> float:

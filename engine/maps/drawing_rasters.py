@@ -1,9 +1,10 @@
-"""A raw cloud as rasters to draw on, of any number of points: it is read in parts, three times."""
+"""A raw cloud as rasters to draw on, of any number of points: it is decompressed once, and gone through three times."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from ..core.errors import InputError
 from ..core.messages import shown
 from ..core.progress import Progress
 from ..grid.chosen_cell import CELL_SIDES_M, CellChoice
-from ..grid.cloud_look import CloudLook, kept_parts, look_at
+from ..grid.cloud_look import CloudLook, looked_through
 from ..grid.grid import Grid, snapped_grid
 from ..grid.returns import GROUND, CellReturns, HeightsOverGround
 from ..ground.quick_surface import GROUND_WITHIN_M, LowestReturns, QuickSurface, quick_surface
@@ -65,19 +66,20 @@ class DrawingRasters:
 
 
 def drawing_rasters(
-    cloud: CloudFile, area: BaseGeometry | None, parameters: TopViewParameters, progress: Progress
+    cloud: CloudFile, area: BaseGeometry | None, parameters: TopViewParameters, folder: Path, progress: Progress
 ) -> DrawingRasters:
     """The rasters of a cloud that is read with its classes and colours.
 
     Args:
         area: polygons in metres of the cloud's frame, outside of which points are left out.
+        folder: for the points as long as they are in use.
 
     Raises:
         InputError: as ``look_at``; the cloud has no points of class 2 where these are asked for; the rasters need more
             memory than is allowed.
     """
     with progress.stage(0.0, 0.25, "looking at the cloud"):
-        look = look_at(cloud, area, progress)
+        look, again = looked_through(cloud, area, folder, progress)
     ground = _ground(look, parameters, cloud)
     choice = choose_side(look, parameters, cloud, progress)
     grid = snapped_grid(look.bounds, choice.cell)
@@ -85,14 +87,14 @@ def drawing_rasters(
     with progress.stage(0.25, 0.55, "gridding the returns"):
         cells = CellReturns(grid, base, classified=ground == "class_2", colours=look.colours)
         lows = LowestReturns(grid, base, look.spacing)
-        for part in kept_parts(cloud, area, progress):
+        for part in again(progress):
             rgb = None if part.rgb is None else eight_bits(np.asarray(part.rgb, dtype=np.uint16), look.largest_colour)
             cells.add(part, rgb)
             lows.add(part.xyz if ground == "estimate" else part.xyz[part.classification == GROUND])
     surface = quick_surface(lows, plants=ground == "estimate")
     with progress.stage(0.55, 1.0, "taking heights over the ground"):
         heights = HeightsOverGround(grid, base, GROUND_WITHIN_M)
-        for part in kept_parts(cloud, area, progress):
+        for part in again(progress):
             heights.add(part.xyz, surface.at(part.xyz))
     return _rasters(cells, heights, surface, parameters, (ground, choice, look))
 

@@ -1,4 +1,5 @@
-"""Which chunks of a COPC hold the points within some bounds: its index, read without trusting it.
+"""Which chunks of a COPC hold the points within some bounds or of its coarser levels: its index, read without trusting
+it.
 
 A COPC is a LAZ whose chunks are the nodes of an octree (COPC specification 1.0, https://copc.io). Its index says where
 each node lies and at which byte its chunk begins.
@@ -6,6 +7,7 @@ each node lies and at which byte its chunk begins.
 
 from __future__ import annotations
 
+import math
 import struct
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,29 +38,47 @@ class NearChunks:
     points: int
 
 
+Bounds = tuple[Float, Float]
+"""Low and high corner, (2,) each, in the file's units and seen from above; their edges belong to them."""
+
+
 def chunks_near(header: CloudHeader, low: Float, high: Float) -> NearChunks | None:
     """The chunks that can hold points between ``low`` and ``high`` (2,), in the file's units and seen from above.
 
     None where that is no COPC, its index contradicts the file, or nearly all or none are near: then all are to be read.
     """
+    return chosen_chunks(header, (low, high))
+
+
+def chosen_chunks(header: CloudHeader, bounds: Bounds | None, spacing: float | None = None) -> NearChunks | None:
+    """The chunks that can hold points within ``bounds``, of the levels down to the first whose points are not farther
+    apart than ``spacing``, in the file's units; None: all.
+
+    A level has the points of those above it, and half their distance. See ``chunks_near`` for when there are none.
+    """
     info = header.vlrs.get(("copc", 1), b"")
     if len(info) < _INFO.size:
         return None
-    *middle, half, _, offset, size = _INFO.unpack_from(info)
-    if not (np.isfinite([*middle, half]).all() and half > 0):
+    *middle, half, coarsest, offset, size = _INFO.unpack_from(info)
+    if not (np.isfinite([*middle, half, coarsest]).all() and half > 0):
         return None
     with header.path.open("rb") as stream:
         nodes = _nodes(stream, header.file_size, offset, size)
     if nodes is None or int(nodes["points"].sum()) != header.count:
         return None
-    side = 2.0 * half / 2.0 ** nodes["level"]
-    corner = np.array(middle[:2]) - half + nodes["key"][:, :2] * side[:, None]
-    slack = np.array(header.scales[:2])  # by which a node's points can be rounded
-    near = ((corner - slack <= high) & (corner + side[:, None] + slack >= low)).all(axis=1)
-    points = int(nodes["points"][near].sum())
+    wanted = np.ones(len(nodes), dtype=bool)
+    if spacing is not None and coarsest > 0:
+        wanted = nodes["level"] <= max(0, math.ceil(math.log2(coarsest / spacing) - 1e-9))
+    if bounds is not None:
+        side = 2.0 * half / 2.0 ** nodes["level"]
+        corner = np.array(middle[:2]) - half + nodes["key"][:, :2] * side[:, None]
+        slack = np.array(header.scales[:2])  # by which a node's points can be rounded
+        low, high = bounds
+        wanted &= ((corner - slack <= high) & (corner + side[:, None] + slack >= low)).all(axis=1)
+    points = int(nodes["points"][wanted].sum())
     if not 0 < points <= MAX_READ_SHARE * header.count:
         return None
-    return NearChunks(frozenset(nodes["offset"][near].tolist()), points)
+    return NearChunks(frozenset(nodes["offset"][wanted].tolist()), points)
 
 
 def write_near(header: CloudHeader, frame: WorkingFrame, near: NearChunks, output: Path) -> None:

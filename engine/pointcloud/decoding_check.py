@@ -48,18 +48,20 @@ class DecodedBounds:
             self._far += int(np.count_nonzero(_beyond(records, *self._wide)))
             self._starts_outside += int(np.count_nonzero(_beyond(records[::chunk], *self._box)))
 
-    def finish(self) -> list[str]:
+    def finish(self, *, whole: bool = True) -> list[str]:
         """Warnings about the header.
+
+        Args:
+            whole: all points were added, so that what the header says of all can be compared.
 
         Raises:
             InputError: the compressed points are damaged.
         """
         name, header = shown(self._header.path), self._header
         known = header.points_by_return
-        uncounted = int(self.returns[0]) == header.count
-        miscounted = (
-            not uncounted and any(known) and any(n != int(m) for n, m in zip(known, self.returns[1:], strict=False))
-        )
+        uncounted = 0 < int(self.returns[0]) == int(self.returns.sum())
+        told = any(known) and any(n != int(m) for n, m in zip(known, self.returns[1:], strict=False))
+        miscounted = whole and not uncounted and told
         header_holds = 2 * self._starts_outside < self._starts
         if header.compressed and self._outside and header_holds and (self._far or miscounted):
             raise InputError(
@@ -72,7 +74,7 @@ class DecodedBounds:
                 f"{name} has {self._outside} of its {header.count} points outside of the bounding box in its header; "
                 "the box is computed from the points."
             )
-        elif header.bounds_trusted and self._slack() > 1.0:
+        elif whole and header.bounds_trusted and self._slack() > 1.0:
             warnings.append(
                 f"{name} says in its header a bounding box that is larger than its points by {self._slack():.1f} "
                 "units; the box is computed from the points."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,14 +38,21 @@ def square_metres(xyz: Float) -> Index:
 class CheckedRecords:
     """Iterates over the groups of ``read_records`` and watches what they decode to."""
 
-    def __init__(self, header: CloudHeader, selection: DecompressionSelection | None = None) -> None:
+    def __init__(
+        self,
+        header: CloudHeader,
+        selection: DecompressionSelection | None = None,
+        starts: Collection[int] | None = None,
+    ) -> None:
+        """``starts``: see ``read_records``; what the header says of all points is then not compared."""
         self.header, self.done = header, 0
-        self._selection = selection
+        self._selection, self._starts = selection, starts
         self._bounds = DecodedBounds(header)
         self._warnings: list[str] = []
 
     def __iter__(self) -> Iterator[PackedPointRecord]:
-        for records in read_records(self.header, selection=self._selection, warnings=self._warnings):
+        groups = read_records(self.header, selection=self._selection, warnings=self._warnings, starts=self._starts)
+        for records in groups:
             self._bounds.add(records)
             self.done += len(records)
             yield records
@@ -62,5 +69,5 @@ class CheckedRecords:
         return Extent(
             (float(low[0]), float(low[1]), float(low[2])),
             (float(high[0]), float(high[1]), float(high[2])),
-            (*self._warnings, *self._bounds.finish()),
+            (*self._warnings, *self._bounds.finish(whole=self._starts is None)),
         )

@@ -9,9 +9,11 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import shapely
 from laspy import DecompressionSelection as Fields
 from numpy.typing import NDArray
 from pyproj import CRS
+from shapely.geometry.base import BaseGeometry
 
 from ...interface.parameters import InputParameters
 from ..core.arrays import Float
@@ -21,6 +23,7 @@ from ..core.progress import Progress
 from ..geometry.columns import greatest, least
 from ..geometry.rigid_transform import RigidTransform
 from .cloud import PointCloud
+from .copc import NearChunks, chosen_chunks
 from .extent import CheckedRecords
 from .header import preflight
 from .plant_cover import ERROR, HEIGHT, PlantCover
@@ -39,6 +42,8 @@ class CloudFile:
         crs: what its points are in once they are read.
         colours: also read colours and intensity.
         classification: also read the classes.
+        near: west, south, east and north (m, before it is moved) of what is wanted; of a COPC the rest is not read.
+        spacing: distance (m) of points that will do; of a COPC finer levels are not read.
     """
 
     path: Path
@@ -47,6 +52,8 @@ class CloudFile:
     transform: RigidTransform | None = None
     colours: bool = False
     classification: bool = False
+    near: tuple[float, float, float, float] | None = None
+    spacing: float | None = None
 
     @classmethod
     def of(
@@ -65,6 +72,21 @@ class CloudFile:
         """
         return cls(path, open_cloud(path, inputs)[1].crs, inputs, transform, colours, classification)
 
+    @property
+    def count(self) -> int:
+        """How many points it has, by its header."""
+        return preflight(self.path).count
+
+    @property
+    def chosen(self) -> NearChunks | None:
+        """The chunks that are read by ``near`` and ``spacing``; None: all."""
+        if self.near is None and self.spacing is None:
+            return None
+        header, frame = open_cloud(self.path, self.inputs)
+        metres = frame.horizontal_factor
+        bounds = None if self.near is None else (np.array(self.near[:2]) / metres, np.array(self.near[2:]) / metres)
+        return chosen_chunks(header, bounds, None if self.spacing is None else self.spacing / metres)
+
     def parts(self, progress: Progress | None = None) -> Iterator[PointCloud]:
         """The points in the order of the file, in groups of some megabytes; colours have the 16 bits of the file.
 
@@ -81,7 +103,10 @@ class CloudFile:
         wanted |= Fields.INTENSITY | Fields.RGB if self.colours else PLACES
         wanted |= Fields.CLASSIFICATION if self.classification else PLACES
         wanted |= Fields.ALL_EXTRA_BYTES if plants else PLACES
-        checked, coloured = CheckedRecords(header, wanted), self.colours and header.colours
+        chosen = self.chosen
+        count = header.count if chosen is None else chosen.points
+        checked = CheckedRecords(header, wanted, None if chosen is None else chosen.starts)
+        coloured = self.colours and header.colours
         for records in checked:
             xyz = coordinates(records, header, frame.factors)
             yield PointCloud(
@@ -94,7 +119,7 @@ class CloudFile:
                 plant_error=_single(plants.get(ERROR), records),
                 plant_height=_single(plants.get(HEIGHT), records),
             )
-            progress.update(checked.done / header.count)
+            progress.update(checked.done / count)
         for sentence in checked.extent(frame).warnings:
             progress.warning(sentence)
 
@@ -207,11 +232,16 @@ def spool(
     file: Path,
     *,
     label: int | None = None,
+    area: BaseGeometry | None = None,
     progress: Progress | None = None,
 ) -> SpooledCloud:
-    """Write the ground points of a cloud into ``file``, uncompressed; ``label``: those of this class only.
+    """Write the ground points of a cloud into ``file``, uncompressed.
 
-    The cloud may come out empty, where none has the class.
+    The cloud may come out empty, where none has the class or lies in the area.
+
+    Args:
+        label: those of this class only.
+        area: those within these polygons only, in metres of the cloud's frame.
 
     Raises:
         InputError: as ``read_cloud``; the disk is too full for the points, and these sorted by tiles.
@@ -225,10 +255,14 @@ def spool(
             f"The points of {shown(path)} need {needed / 1e9:.2g} GB on the disk of {file.parent} while they are in "
             f"use, and {free / 1e9:.2g} GB are free; free some space or choose another output folder."
         )
+    if area is not None:
+        shapely.prepare(area)
     cloud, dtype, count = CloudFile.of(path, inputs, classification=label is not None), point_dtype(stored), 0
     with file.open("wb") as stream:
         for part in cloud.parts(progress):
-            chosen = slice(None) if label is None else part.classification == label
+            chosen = np.ones(len(part), dtype=bool) if label is None else part.classification == label
+            if area is not None:
+                chosen = chosen & shapely.contains_xy(area, *part.xyz[:, :2].T)
             records = np.empty(len(part.xyz[chosen]), dtype)
             records["xyz"] = part.xyz[chosen]
             for k, known in enumerate((part.plant_error, part.plant_height)[:stored]):
@@ -237,7 +271,7 @@ def spool(
             records.tofile(stream)
             count += len(records)
     # a selection by class is of another program, whose plants are not known
-    values = stored if count == header.count else 0
+    values = stored if label is None or count == header.count else 0
     return SpooledCloud(file, count, stored, values, cloud.crs, path)
 
 

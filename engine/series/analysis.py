@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from ...interface.parameters import GridChangeParameters, ZoneParameters
 from ..change.difference import Areas, difference_of_cells
 from ..change.doubts import warn_of_doubtful_change
 from ..change.result import Change
+from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.named_progress import NamedProgress
 from ..core.progress import Progress
@@ -26,6 +28,7 @@ from ..grid.grid import Grid
 from ..grid.pooled_variance import pooled_variance
 from ..zones.groups import label_groups
 from .alerts import AlertLevel
+from .kept_changes import KeptChanges
 from .persistence import confirmed_cells
 from .tracking import Track, track_zones
 from .velocity import own_variances
@@ -34,7 +37,7 @@ from .zone_series import Stack, ZoneSeries, zone_series
 
 @dataclass(frozen=True)
 class GriddedEpoch:
-    """A survey in the frame and on the grid of the first one.
+    """A survey in the frame and on the grid of the first one; ``load`` reads its cells, which no one else holds.
 
     ``registration_error`` is the standard error of a height (m), 0 for the first; ``area`` the part of the region of
     interest that both it and the first survey hold. ``facts`` state what was done, and ``made`` which steps were not
@@ -44,7 +47,7 @@ class GriddedEpoch:
     epoch: Epoch
     transform: RigidTransform
     registration_error: float
-    cells: CellStatistics
+    load: Callable[[], CellStatistics]
     area: BaseGeometry | None
     facts: dict[str, Any]
     made: tuple[str, ...]
@@ -52,14 +55,14 @@ class GriddedEpoch:
 
 @dataclass(frozen=True)
 class Analysis:
-    """Results of the gridded surveys. Changes have one entry a survey from the second on.
+    """Results of the gridded surveys. Changes have one entry a survey from the second on, read when it is asked for.
 
     ``confirmed`` (rows, columns) counts comparisons in a row that show a cell changed within a group of at least the
     least area: a single cell that the first survey's noise lifted would stand out in all comparisons.
     """
 
-    cumulative: list[Change]
-    incremental: list[Change]
+    cumulative: Sequence[Change]
+    incremental: Sequence[Change]
     stack: Stack
     tracks: tuple[Track, ...]
     zones: tuple[ZoneSeries, ...]
@@ -70,9 +73,9 @@ class Analysis:
 def analyse(
     gridded: Sequence[GriddedEpoch],
     grid: Grid,
-    parameters: GridChangeParameters,
-    zone_parameters: ZoneParameters,
+    parameters: tuple[GridChangeParameters, ZoneParameters],
     alerts: tuple[AlertLevel, ...],
+    folder: Path,
     *,
     stable: BaseGeometry | None = None,
     progress: Progress | None = None,
@@ -81,68 +84,105 @@ def analyse(
 
     A survey whose whole overlap rose or sank alike (a datum or bias, see ``difference.uniform_shift``) makes no zones
     and gives no velocity.
+
+    Args:
+        folder: for the changes as long as the analysis is in use.
     """
-    progress = progress or Progress()
-    names = [g.epoch.name for g in gridded]
-    shares = [NamedProgress(s, n) for s, n in zip(progress.split(names), names, strict=True)]
-    first = gridded[0]
-    cumulative, incremental = [], []
-    for number, (before, later) in enumerate(pairwise(gridded), 1):
-        progress.update(number / len(gridded), f"comparing {later.epoch.name}")
-        try:
-            cumulative.append(_difference(first, later, grid, parameters, stable))
-            # all along the direction of the first comparison
-            parameters = replace(parameters, direction=cumulative[0].direction)
-            incremental.append(cumulative[0] if number == 1 else _difference(before, later, grid, parameters, stable))
-        except InputError as wrong:
-            raise InputError(f"{later.epoch.name}: {wrong}") from wrong
-        warn_of_doubtful_change(cumulative[-1], shares[number], may_grow=False)
-    stack = _stack(gridded, cumulative, grid)
+    cumulative, incremental, sampling = _compared(gridded, grid, parameters[0], folder, stable, progress or Progress())
+    stack = _stack(gridded, cumulative, grid, sampling)
+    del sampling
+    zone_parameters = parameters[1]
     reach = int(zone_parameters.bridged_gap / (2.0 * grid.cell) + 1e-6)
-    groups = []
+    groups, levels = [], []
     for number, change in enumerate(cumulative, 1):
         plants = None if change.plants is None else change.plants.error
         labels = label_groups(change.dz, stack.significant[number], zone_parameters, change.partition, plants=plants)
         groups.append((number, labels, np.sign(np.nan_to_num(change.dz)).astype(np.int8)))
+        levels.append(np.where(labels > 0, change.level, np.inf))
     tracks = track_zones(groups, max(1, reach))
+    del groups
     living = [t for t in tracks if not t.merged_into and len(t.footprint)]
     found = zone_series(living, stack, alerts, minimum_area=zone_parameters.minimum_area, bridged=max(2, 2 * reach))
     zones = tuple(z for z in found if z.epochs_confirmed > 0)
-    grouped = [np.where(labels > 0, c.level, np.inf) for (_, labels, _), c in zip(groups, cumulative, strict=True)]
-    confirmed = confirmed_cells([c.dz for c in cumulative], grouped)
+    confirmed = confirmed_cells([c.dz for c in cumulative], levels)
     return Analysis(cumulative, incremental, stack, tracks, zones, confirmed, len(found) - len(zones))
 
 
+def _compared(
+    gridded: Sequence[GriddedEpoch],
+    grid: Grid,
+    parameters: GridChangeParameters,
+    folder: Path,
+    stable: BaseGeometry | None,
+    progress: Progress,
+) -> tuple[KeptChanges, KeptChanges, list[Float]]:
+    """Changes against the first survey and against the one before, and each survey's sampling variance of a cell."""
+    names = [g.epoch.name for g in gridded]
+    shares = [NamedProgress(s, n) for s, n in zip(progress.split(names), names, strict=True)]
+    cumulative, incremental = KeptChanges(folder, "cumulative"), KeptChanges(folder, "incremental")
+    first = before = gridded[0].load()
+    sampling = [_sampling(first)]
+    for number, (last, this) in enumerate(pairwise(gridded), 1):
+        progress.update(number / len(gridded), f"comparing {this.epoch.name}")
+        later = this.load()
+        try:
+            change = _difference((gridded[0], first), (this, later), grid, parameters, stable)
+            # all along the direction of the first comparison
+            parameters = replace(parameters, direction=change.direction)
+            cumulative.add(change)
+            warn_of_doubtful_change(change, shares[number], may_grow=False)
+            del change
+            if number == 1:
+                incremental.again(cumulative, 0)
+            else:
+                incremental.add(_difference((last, before), (this, later), grid, parameters, stable))
+        except InputError as wrong:
+            raise InputError(f"{this.epoch.name}: {wrong}") from wrong
+        sampling.append(_sampling(later))
+        before = later
+    return cumulative, incremental, sampling
+
+
+def _sampling(cells: CellStatistics) -> Float:
+    return cells.on_grid(cells.leverage * pooled_variance(cells))
+
+
 def _difference(
-    a: GriddedEpoch, b: GriddedEpoch, grid: Grid, parameters: GridChangeParameters, stable: BaseGeometry | None
+    earlier: tuple[GriddedEpoch, CellStatistics],
+    later: tuple[GriddedEpoch, CellStatistics],
+    grid: Grid,
+    parameters: GridChangeParameters,
+    stable: BaseGeometry | None,
 ) -> Change:
+    (a, before), (b, after) = earlier, later
     area = a.area if b.area is None else b.area if a.area is None else a.area.intersection(b.area)
     error = float(np.hypot(a.registration_error, b.registration_error))
-    return difference_of_cells(a.cells, b.cells, grid, parameters, error, Areas(area, stable))
+    return difference_of_cells(before, after, grid, parameters, error, Areas(area, stable))
 
 
-def _stack(gridded: Sequence[GriddedEpoch], cumulative: Sequence[Change], grid: Grid) -> Stack:
-    sampling = [g.cells.on_grid(g.cells.leverage * pooled_variance(g.cells)) for g in gridded]
-    usable = [c.uniform_dz is None for c in cumulative]
-    shared = [0.0, *(c.registration_error for c in cumulative)]
+def _stack(gridded: Sequence[GriddedEpoch], cumulative: Sequence[Change], grid: Grid, sampling: list[Float]) -> Stack:
+    """The surveys of the cumulative changes, of which each is looked at once."""
     nothing = np.zeros(grid.shape)
-    plants = [nothing if c.plants is None else np.nan_to_num(c.plants.error_to) for c in cumulative]
-    of_first = nothing if cumulative[0].plants is None else np.nan_to_num(cumulative[0].plants.error_from)
-    without = [
-        np.sqrt(np.maximum(c.error**2 - p**2 - of_first**2, 0.0)) for c, p in zip(cumulative, plants, strict=True)
-    ]
+    of_first, plants, without, shared = nothing, [], [], [0.0]
+    changes, significant = [], [np.zeros(grid.shape, dtype=bool)]
+    for number, c in enumerate(cumulative):
+        if number == 0 and c.plants is not None:
+            of_first = np.nan_to_num(c.plants.error_from)
+        plants.append(nothing if c.plants is None else np.nan_to_num(c.plants.error_to))
+        without.append(np.sqrt(np.maximum(c.error**2 - plants[-1] ** 2 - of_first**2, 0.0)))
+        shared.append(c.registration_error)
+        usable = c.uniform_dz is None
+        changes.append(np.where(usable, c.dz, np.nan))
+        significant.append(c.significant & usable)
     own = own_variances(without, shared[1:], sampling[0], sampling[1:])
     start = np.where(np.isfinite(own[0]), 0.0, np.nan)
     first = gridded[0].epoch.date or date.min
     return Stack(
         days=np.array([((g.epoch.date or first) - first).days for g in gridded], dtype=np.float64),
-        change=[start, *(np.where(ok, c.dz, np.nan) for ok, c in zip(usable, cumulative, strict=True))],
+        change=[start, *changes],
         variance=own,
         shared=shared,
-        significant=[
-            np.zeros(grid.shape, dtype=bool),
-            *(c.significant & ok for ok, c in zip(usable, cumulative, strict=True)),
-        ],
+        significant=significant,
         cell=grid.cell,
         plants=[of_first, *plants],
     )

@@ -36,6 +36,17 @@ class TopViewParameters(ParameterSet, record_name="top_view"):
         "points, else estimate.",
         choices=("auto", "class_2", "estimate"),
     )
+    detail: float | str = _parameter(
+        AUTO,
+        "Distance of the points that will do",
+        "Of a COPC only the coarser levels are read, down to points about so far apart: a quick picture, hillshade "
+        "and canopy height of a large cloud, without densities. Smaller reads more. Other files are read as a whole. "
+        "auto: all points.",
+        kind=float,
+        unit="m",
+        bounds=(0.001, 100.0),
+        advanced=True,
+    )
     view_memory: float = _parameter(
         2.0,
         "Memory for the rasters",

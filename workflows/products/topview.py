@@ -28,15 +28,20 @@ _GROUND = {
     "estimate": "Returns near a quick estimate of the ground",
 }
 _UNIT = "returns/m²"
+_DENSITIES = ("density", "ground_density")
 
 
 @dataclass(frozen=True)
 class Source:
-    """What the files state about their origin; ``hashes`` of the inputs, empty for one that was not given."""
+    """What the files state about their origin; ``hashes`` of the inputs, empty for one that was not given.
+
+    ``coarse``: the points are those of a COPC's coarser levels, of which no densities are written.
+    """
 
     crs: CRS
     day: date | None
     hashes: tuple[str, ...]
+    coarse: bool = False
 
 
 def write_top_view(run: Run, rasters: DrawingRasters, source: Source) -> None:
@@ -75,6 +80,11 @@ def write_top_view(run: Run, rasters: DrawingRasters, source: Source) -> None:
             _amounts(rasters.canopy_height, "m"),
         ),
     )
+    if source.coarse:
+        layers = tuple(layer for layer in layers if layer[0] not in _DENSITIES)
+        for name in _DENSITIES:  # of an earlier run
+            for suffix in ("tif", "qml"):
+                stage.discard(f"{name}.{suffix}")
     for number, (name, array, description, unit, qml) in enumerate(layers, 1):
         run.progress.update(number / (len(layers) + 1))
         path = stage.path(f"{name}.tif")
@@ -93,9 +103,10 @@ def write_top_view(run: Run, rasters: DrawingRasters, source: Source) -> None:
         )
 
 
-def top_view_figures(rasters: DrawingRasters) -> dict[str, Any]:
-    """The figures that a user reads first; densities are medians over the cells with returns."""
+def top_view_figures(rasters: DrawingRasters, *, coarse: bool = False) -> dict[str, Any]:
+    """The figures that a user reads first; densities, of all points only, are medians over the cells with returns."""
     returns = rasters.density > 0
+    densities = {"density": rasters.density, "ground_density": rasters.ground_density}
     return {
         "points": rasters.look.points,
         "noise_points": rasters.look.noise,
@@ -105,8 +116,7 @@ def top_view_figures(rasters: DrawingRasters) -> dict[str, Any]:
         "picture": rasters.view.source,
         "ground": rasters.ground,
         "area_m2": float(np.count_nonzero(returns) * rasters.grid.cell**2),
-        "density": float(np.median(rasters.density[returns])),
-        "ground_density": float(np.median(rasters.ground_density[returns])),
+        **({} if coarse else {name: float(np.median(array[returns])) for name, array in densities.items()}),
         "canopy_height_p95_m": float(np.percentile(rasters.canopy_height[returns], 95)),
     }
 
