@@ -59,7 +59,6 @@ class SimulateSurvey(SimulationAlgorithm):
         "vegetation",
         "amplitude",
         "motion",
-        "motion_amount",
         "grass",
         "overwrite",
     )
