@@ -28,6 +28,7 @@ _POINTS_PER_STRIP = 8.0
 """In a cell, that its size aims at."""
 _MIN_CELL_M, _MAX_CELL_M = 0.5, 5.0
 _MAX_PAIRS = 40_000
+_MAX_SCALE_M = 0.001
 _MIN_GAP_S = 5.0
 """Without numbers of strips, a survey is parted where no point was measured for so long."""
 _COMPARING = "comparing flight strips"
@@ -98,7 +99,7 @@ def correct_strips(path: Path, fitted: FittedStrips) -> None:
     for records in read_records(header, selection=_FIELDS):
         xyz = moved(records)
         low, high = np.minimum(low, xyz.min(axis=0)), np.maximum(high, xyz.max(axis=0))
-    scales, offsets = scales_and_offsets(path, np.stack([low, high]), np.array(header.scales) * frame.factors)
+    scales, offsets = scales_and_offsets(path, np.stack([low, high]), _scales(header, frame.factors))
 
     def change(records: PackedPointRecord, part: slice) -> None:
         set_coordinates(records.array, moved(records), scales, offsets)
@@ -106,6 +107,11 @@ def correct_strips(path: Path, fitted: FittedStrips) -> None:
     with cancellation.temporary(path.with_name(f"{path.stem}_strips.laz")) as copy:
         copy_records(header, [Target(copy, frame.crs, scales, offsets, change)])
         copy.replace(path)
+
+
+def _scales(header: CloudHeader, factors: Float) -> Float:
+    """Of the file, or finer: corrections are smaller than the centimetre in which some are stored."""
+    return np.minimum(np.array(header.scales) * factors, _MAX_SCALE_M)
 
 
 def strips_sentence(fit: StripFit, name: str) -> str:

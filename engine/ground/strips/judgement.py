@@ -14,12 +14,12 @@ from .model import LEVELS, StripModel, StripTimes, fitted
 from .overlaps import Overlaps
 
 _FOLDS = 5
-BLOCK_CELLS = 8
+BLOCK_CELLS = 6
 """Cells along the side of a block, which is held out as a whole: what neighbours have in common is no proof."""
 MIN_BLOCKS = 15
 _MIN_CELLS = 60
-_MIN_GAIN_M = 0.002
-"""By which the disagreement has to fall at least; less is not worth moving points for."""
+_MIN_GAIN_M, _MIN_STEP_M = 0.005, 0.002
+"""By which the disagreement has to fall at least in all, as less is not worth moving points for, and by each model."""
 _MIN_GAIN_ERRORS = 3.0
 """Standard errors of the gain on held-out blocks by which it has to differ from 0."""
 _MAX_MOVED = 1.5
@@ -93,7 +93,7 @@ def judged(pairs: Overlaps, cell: float, names: tuple[int, ...], points: Float, 
     weight = 1.0 / (pairs.variance + float(np.median(pairs.variance)))
     left = _clipped(pairs.height, blocks, weight)
     before = best = left
-    level, gain_error = "", 0.0
+    level = ""
     for name in LEVELS:
         explained = np.zeros(len(pairs))
         for fold in range(_FOLDS):
@@ -103,10 +103,11 @@ def judged(pairs: Overlaps, cell: float, names: tuple[int, ...], points: Float, 
         after = _clipped(pairs.height - explained, blocks, weight)
         gain, error = _gain(best, after)
         moved = _rms(fitted(pairs, name, points, times).heights(pairs))
-        if gain > max(_MIN_GAIN_M, _MIN_GAIN_ERRORS * error) and moved < _MAX_MOVED * _rms(before):
+        if gain > max(_MIN_STEP_M, _MIN_GAIN_ERRORS * error) and moved < _MAX_MOVED * _rms(before):
             best, level = after, name
-    if level:
-        gain_error = _gain(before, best)[1]
+    gain, gain_error = _gain(before, best)
+    if gain < _MIN_GAIN_M:
+        best, level, gain_error = before, "", 0.0
     return StripFit(
         names,
         tuple(int(n) for n in points),
