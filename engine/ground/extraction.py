@@ -83,8 +83,12 @@ def extract_ground(
     """
     parameters, progress = parameters or GroundParameters(), progress or Progress()
     pdal = pdal or find_pdal()
-    run = _Extraction(Path(cloud), Path(output), parameters, inputs or InputParameters(), pdal, final, progress)
-    return with_fitted_strips(run.extract(roi), parameters, progress)
+
+    def extract(cloud: Path, inputs: InputParameters, progress: Progress) -> GroundResult:
+        return _Extraction(cloud, Path(output), parameters, inputs, pdal, final, progress).extract(roi)
+
+    fit = parameters.strips == "auto"
+    return with_fitted_strips(extract, Path(cloud), inputs or InputParameters(), fit, progress)
 
 
 @dataclass

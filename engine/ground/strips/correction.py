@@ -1,4 +1,4 @@
-"""Ground points of one survey, strip by strip: how well they fit, and a copy in which they do."""
+"""A classified survey, strip by strip: how well its strips fit, and a copy in which they do."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ import numpy as np
 from laspy import DecompressionSelection as Fields
 from laspy import PackedPointRecord
 
-from ...core import cancellation
 from ...core.arrays import Float, Index
 from ...core.progress import Progress
 from ...pointcloud.extent import square_metres
 from ...pointcloud.header import CloudHeader
 from ...pointcloud.reading import open_cloud
-from ...pointcloud.records import PLACES, coordinates, read_records
+from ...pointcloud.records import PLACES, coordinates, extra_dimensions, read_records
 from ...pointcloud.writing import Target, copy_records, scales_and_offsets, set_coordinates
+from ..pdal_pipelines import GROUND
+from ..result import HEIGHT_OVER_GROUND
 from .judgement import StripFit, judged
 from .model import StripTimes
 from .overlaps import Moments, Overlaps, StripPoints
@@ -29,6 +30,8 @@ _POINTS_PER_STRIP = 8.0
 _MIN_CELL_M, _MAX_CELL_M = 0.5, 5.0
 _MAX_PAIRS = 40_000
 _MAX_SCALE_M = 0.001
+_REACH_M = 0.3
+"""Points this near the ground are compared: of strips that lie higher, the ground itself holds next to none."""
 _MIN_GAP_S = 5.0
 """Without numbers of strips, a survey is parted where no point was measured for so long."""
 _COMPARING = "comparing flight strips"
@@ -43,9 +46,11 @@ class _Numbering:
     ends: Float | None
 
     def of(self, source: Index, seconds: Float) -> Index:
+        """Strip (n,) from 0 on; -1 where it is none of these."""
         if self.ends is not None:
             return np.searchsorted(self.ends, seconds).astype(np.int64)
-        return np.searchsorted(np.array(self.names), source).astype(np.int64)
+        strip = np.searchsorted(np.array(self.names), source).clip(max=len(self.names) - 1)
+        return np.where(np.array(self.names)[strip] == source, strip, -1)
 
 
 @dataclass(frozen=True)
@@ -57,7 +62,7 @@ class FittedStrips:
 
 
 def fit_strips(path: Path, progress: Progress | None = None) -> FittedStrips | None:
-    """Compare the strips of a ground cloud where they overlap; None for one strip, too many, or too little overlap.
+    """Compare the strips of a classified cloud where they overlap; None for one strip, too many, or too little overlap.
 
     Raises:
         InputError: as ``read_records``.
@@ -65,10 +70,12 @@ def fit_strips(path: Path, progress: Progress | None = None) -> FittedStrips | N
     progress = progress or Progress()
     header, frame = open_cloud(path)
     seen = _looked_through(header, frame.factors, progress)
+    if seen is None:
+        return None
     strips = len(seen.numbering.names)
     if not 2 <= strips <= MAX_STRIPS:
         return None
-    cell = float(np.clip(np.sqrt(_POINTS_PER_STRIP * strips * seen.area / header.count), _MIN_CELL_M, _MAX_CELL_M))
+    cell = float(np.clip(np.sqrt(_POINTS_PER_STRIP * strips * seen.area / seen.points.sum()), _MIN_CELL_M, _MAX_CELL_M))
     moments = Moments(cell, seen.low, int((seen.high[0] - seen.low[0]) / cell) + 2, strips)
     done = 0
     for xyz, source, seconds in _points(header, frame.factors):
@@ -80,33 +87,34 @@ def fit_strips(path: Path, progress: Progress | None = None) -> FittedStrips | N
     return None if fit is None else FittedStrips(fit, seen.numbering)
 
 
-def correct_strips(path: Path, fitted: FittedStrips) -> None:
-    """Replace a ground cloud by one in which each strip lies where the ``fitted`` model puts it.
+def copy_fitted(source: Path, target: Path, fitted: FittedStrips) -> None:
+    """Copy a cloud of the survey with each strip where the ``fitted`` model puts it; strips it does not know stay.
 
     Raises:
         EngineError, InputError: as ``copy_records``.
     """
     model, numbering = fitted.fit.model, fitted.numbering
     assert model is not None
-    header, frame = open_cloud(path)
+    header, frame = open_cloud(source)
 
     def moved(records: PackedPointRecord) -> Float:
-        source, seconds = _source(records), _seconds(records)
+        numbers, seconds = _source(records), _seconds(records)
         xyz = coordinates(records, header, frame.factors)
-        return np.asarray(xyz - model.correction(numbering.of(source, seconds), seconds))
+        strip = numbering.of(numbers, seconds)
+        known = strip >= 0
+        xyz[known] -= model.correction(strip[known], seconds[known])
+        return xyz
 
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for records in read_records(header, selection=_FIELDS):
         xyz = moved(records)
         low, high = np.minimum(low, xyz.min(axis=0)), np.maximum(high, xyz.max(axis=0))
-    scales, offsets = scales_and_offsets(path, np.stack([low, high]), _scales(header, frame.factors))
+    scales, offsets = scales_and_offsets(target, np.stack([low, high]), _scales(header, frame.factors))
 
     def change(records: PackedPointRecord, part: slice) -> None:
         set_coordinates(records.array, moved(records), scales, offsets)
 
-    with cancellation.temporary(path.with_name(f"{path.stem}_strips.laz")) as copy:
-        copy_records(header, [Target(copy, frame.crs, scales, offsets, change)])
-        copy.replace(path)
+    copy_records(header, [Target(target, frame.crs, scales, offsets, change)])
 
 
 def _scales(header: CloudHeader, factors: Float) -> Float:
@@ -144,8 +152,16 @@ def _some(pairs: Overlaps) -> Overlaps:
 
 
 def _points(header: CloudHeader, factors: Float) -> Iterator[tuple[Float, Index, Float]]:
-    for records in read_records(header, selection=_FIELDS):
-        yield coordinates(records, header, factors), _source(records), _seconds(records)
+    """Points near the ground where their height over it is known, else those of the ground's class."""
+    heights = next((d for d in extra_dimensions(header) if d.name == HEIGHT_OVER_GROUND), None)
+    fields = _FIELDS | (Fields.CLASSIFICATION if heights is None else Fields.ALL_EXTRA_BYTES)
+    for records in read_records(header, selection=fields):
+        if heights is None:
+            near = np.asarray(records["classification"]) == GROUND
+        else:
+            near = np.abs(heights.values(records)) < _REACH_M
+        if near.any():
+            yield coordinates(records, header, factors)[near], _source(records)[near], _seconds(records)[near]
 
 
 def _source(records: PackedPointRecord) -> Index:
@@ -174,7 +190,7 @@ class _Seen:
     end: Float
 
 
-def _looked_through(header: CloudHeader, factors: Float, progress: Progress) -> _Seen:
+def _looked_through(header: CloudHeader, factors: Float, progress: Progress) -> _Seen | None:
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     squares = np.empty(0, dtype=np.int64)
     # Points, first and last second by number of strip and by turn of the clock.
@@ -189,6 +205,8 @@ def _looked_through(header: CloudHeader, factors: Float, progress: Progress) -> 
         done += len(xyz)
         progress.update(0.3 * done / header.count, _COMPARING)
     by_source, by_turn = tables
+    if not by_source:
+        return None
     if len(by_source) > 1:
         rows = np.array([by_source[name] for name in sorted(by_source)])
         return _Seen(low, high, float(len(squares)), _Numbering(tuple(sorted(by_source)), None), *rows.T)

@@ -158,8 +158,8 @@ def test_an_epoch_is_decoded_twice_and_encoded_once_into_each_file(pair, inputs,
     spy = CodingSpy(monkeypatch)
     found = extract_ground(cloud, tmp_path / "g.laz", pdal=old_pdal())
     assert (found.outliers > 0) or not stray
-    # the ground is looked through once more, for its flight strips
-    assert sum(spy.decoded) == 2 * found.raw_points + found.ground_points
+    # what is classified is looked through once more, for its flight strips
+    assert sum(spy.decoded) == 2 * found.raw_points + found.roi_points - found.outliers
     kept = found.roi_points - found.outliers
     assert sorted(spy.encoded) == sorted([kept, kept, found.ground_points])
 
@@ -274,11 +274,11 @@ def test_a_real_jungle_slope(shared_data, tmp_path):
 
 
 def test_strips_of_a_survey_are_fitted_in_its_ground(pair, inputs, tmp_path):
-    """The later line lies 3 cm too high; in the ground both lie alike, and all else of a point stays."""
+    """The later line lies 8 cm too high; in the ground both lie alike, and all else of a point stays."""
 
     def misfit(las: laspy.LasData) -> None:
         las.point_source_id = pair.first.line
-        las.z[pair.first.line == pair.first.line.max()] += 0.03
+        las.z[pair.first.line == pair.first.line.max()] += 0.08
 
     cloud = write(pair, tmp_path / "a.las", misfit)
     found = {}
@@ -291,11 +291,18 @@ def test_strips_of_a_survey_are_fitted_in_its_ground(pair, inputs, tmp_path):
         found[strips] = made, las, np.median(off[line == line.max()]) - np.median(off[line < line.max()])
     made, las, apart = found["auto"]
     assert found["off"][0].strips is None
-    assert found["off"][2] == pytest.approx(0.03, abs=0.008)
+    assert found["off"][2] == pytest.approx(0.08, abs=0.015)
     assert apart == pytest.approx(0.0, abs=0.01)
     assert made.strips["correction"] in ("height", "position", "drift")
-    assert made.figures()["strips_disagreement_after_m"] < 0.01 < made.figures()["strips_disagreement_before_m"]
+    assert made.figures()["strips_disagreement_after_m"] < 0.015 < made.figures()["strips_disagreement_before_m"]
     assert any("fitted to one another" in warning for warning in made.warnings)
-    other = found["off"][1]
-    for name in ("gps_time", "intensity", "plant_error", "classification", "return_number"):
-        assert np.array_equal(las[name], other[name]), name
+    # The ground is the lowest layer: it held next to nothing of the line that lay higher.
+    assert len(las) > 1.3 * len(found["off"][1])
+    assert made.raw_points == len(pair.first)
+    raw = laspy.read(cloud)
+    at = np.searchsorted(raw.gps_time, las.gps_time)
+    for name in ("intensity", "return_number", "point_source_id", "user_data"):
+        assert np.array_equal(las[name], raw[name][at]), name
+    assert not list(tmp_path.glob("*fitted*"))
+    clip = (tmp_path / "auto_clip.json").read_text(encoding="utf-8")
+    assert "a.las" in clip

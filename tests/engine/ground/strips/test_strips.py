@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pyproj import CRS
 from slopewatch.engine.ground.strips import correction
-from slopewatch.engine.ground.strips.correction import correct_strips, fit_strips, strips_sentence
+from slopewatch.engine.ground.strips.correction import copy_fitted, fit_strips, strips_sentence
 from slopewatch.engine.ground.strips.overlaps import Moments, StripPoints
 from slopewatch.tests.builders.moving_ground import RUN_M, SLOPE, bare_slope
 
@@ -69,8 +69,8 @@ def test_offset_and_drift_are_found_and_taken_off(ground, tmp_path):
     found = fit.model.shift[1] - fit.model.shift[0]
     # An even face fixes shifts only by its relief.
     assert found[:2] == pytest.approx(SHIFT[:2], abs=0.02)
-    correct_strips(path, fitted)
-    las = laspy.read(path)
+    copy_fitted(path, tmp_path / "fitted.laz", fitted)
+    las = laspy.read(tmp_path / "fitted.laz")
     after = np.column_stack([las.x, las.y, las.z]) - [500_000.0, 3_500_000.0, 100.0]
     # Against the true ground, which the fit has not seen: one rest that all have in common, and no step.
     left = after[:, 2] - ground.height(after[:, 0], after[:, 1])
@@ -84,7 +84,7 @@ def test_offset_and_drift_are_found_and_taken_off(ground, tmp_path):
     assert np.array_equal(las.point_source_id, source)
     assert np.asarray(las.gps_time) == pytest.approx(seconds)
     assert "which leaves" in strips_sentence(fit, "bad.laz")
-    again = fit_strips(path).fit
+    again = fit_strips(tmp_path / "fitted.laz").fit
     assert again.level == ""
     assert again.before < 0.006
 
