@@ -24,10 +24,12 @@ from .engine.core.run_result import RunResult
 from .engine.epochs.epoch import Epoch, parse_date
 from .interface.dates import date_in_name
 from .interface.parameters import (
+    CreepParameters,
     InputParameters,
     LabellingParameters,
     OutputParameters,
     RegionParameters,
+    SurveyParameters,
     TopViewParameters,
     command_sets,
 )
@@ -42,6 +44,7 @@ from .workflows.register import register_step
 from .workflows.screen import screen_step
 from .workflows.series import monitor_series
 from .workflows.settings import DistanceSettings, ScreeningSettings, SeriesSettings, Settings, gathered
+from .workflows.simulate import series_step, survey_step
 from .workflows.suggestroi import suggestroi_step
 from .workflows.topview import topview_step
 
@@ -61,6 +64,7 @@ __all__ = [
     "monitor",
     "register",
     "screen",
+    "simulate",
     "suggest_roi",
     "top_view",
 ]
@@ -367,3 +371,14 @@ def import_label_studio(
     return import_step(
         Path(export), Path(tasks), Path(output), overwrite=values.overwrite, progress=progress or Progress()
     )
+
+
+def simulate(
+    output_dir: PathLike, *, series: bool = False, progress: Progress | None = None, **parameters: Any
+) -> RunResult:
+    """Surveys with known truth, as ``slopewatch simulate survey``, or a ``series`` of them."""
+    values = Values(parameters, command_sets.SIMULATE_SERIES if series else command_sets.SIMULATE_SURVEY)
+    folder, report = Path(output_dir), progress or Progress()
+    if series:
+        return series_step(values.of(CreepParameters), folder, report, overwrite=values.overwrite)
+    return survey_step(values.of(SurveyParameters), folder, report, overwrite=values.overwrite)

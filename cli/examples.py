@@ -138,6 +138,10 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
             "A small one with little vegetation",
             "slopewatch simulate survey --points 100000 --length 30 --vegetation 0.2 --output-dir demo",
         ),
+        (
+            "One whose ground slides, turns, creeps and slumps",
+            "slopewatch simulate survey --motion all --motion-amount 0.2 --output-dir demo",
+        ),
     ),
     "simulate series": (
         ("Six surveys with zones that creep", "slopewatch simulate series --output-dir demo"),

@@ -15,7 +15,8 @@ _PRODUCTS = (
         "TRUTH_VELOCITY",
         "truth_velocity",
         "True velocity (mm/day)",
-        "The vertical velocity that was put into the surveys, as an inspection of the series should find it.",
+        "The velocity that was put into the surveys, as an inspection of the series should find it: vertical, or "
+        "with a motion along the surface east, north and up.",
         Appearance(10),
         by_default=False,
     ),
@@ -37,10 +38,10 @@ class SimulateSeries(SimulationAlgorithm):
         "points",
         "length",
         "height",
-        "vegetation",
         "surveys",
         "interval",
         "velocities",
+        "motion",
         "onset",
         "overwrite",
     )

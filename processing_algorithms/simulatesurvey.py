@@ -19,6 +19,24 @@ _PRODUCTS = (
         Appearance(10),
         by_default=False,
     ),
+    products.Product(
+        "TRUTH_MOTION",
+        "truth_motion",
+        "True motion (m)",
+        "How far the ground of the first survey has moved east, north and up; written only with a motion along the "
+        "surface.",
+        Appearance(10),
+        by_default=False,
+    ),
+    products.Product(
+        "TRUTH_ZONES",
+        "truth_zones",
+        "Outlines of moved ground",
+        "Where ground moved along the surface, with the vector of its middle; written only with such a motion.",
+        Appearance(20),
+        by_default=False,
+        layer="motions",
+    ),
 )
 
 
@@ -32,7 +50,18 @@ class SimulateSurvey(SimulationAlgorithm):
     PARAMETER_GROUPS = command_sets.SIMULATE_SURVEY
     KIND = "survey"
     FOLDER_HELP = "Receives both surveys, the region of interest and the truth."
-    BASIC = ("seed", "points", "length", "height", "angle", "vegetation", "amplitude", "grass", "mown", "overwrite")
+    BASIC = (
+        "seed",
+        "points",
+        "length",
+        "height",
+        "angle",
+        "vegetation",
+        "amplitude",
+        "motion",
+        "grass",
+        "overwrite",
+    )
     PRODUCTS = _PRODUCTS
     LAYERS = "SlopeWatch simulated survey"
     FILES: ClassVar = {

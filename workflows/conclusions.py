@@ -25,6 +25,8 @@ _FIRST = (
     "significant_change", "weights", "aligned", "points", "ground", "picture", "roi",
 )  # fmt: skip
 _NAMED = 2
+_MIN_BIAS_M, _BIAS_ERRORS = 0.02, 3.0
+"""Least vertical bias of a survey that is named: in metres, and in standard errors of the registration."""
 
 
 def conclusion(command: str, result: RunResult) -> list[str]:
@@ -64,6 +66,7 @@ def _change(f: Figures) -> list[str]:
             _percent(f, "compared_share"), _measure(f, "lod_median_m", "m"),
         ),
         _moved(f),
+        _biased(f),
         _confirmed(f),
     ]  # fmt: skip
 
@@ -92,9 +95,27 @@ def _moved(f: Figures) -> str:
     )
 
 
+def _biased(f: Figures) -> str:
+    """Names a vertical bias between two campaigns where it clearly exceeds its error."""
+    bias, error = f.get("registration_vertical_bias_m"), f.get("registration_error_m")
+    if bias is None or error is None or abs(bias) < max(_MIN_BIAS_M, _BIAS_ERRORS * error):
+        return ""
+    size = _measure(f, "registration_vertical_bias_m", "m", sign=False)
+    if bias > 0:
+        return (
+            f"On stable ground the later survey lay {size} higher than the earlier one: a vertical bias between the "
+            "campaigns, which the registration took off, and no change."
+        )
+    return (
+        f"On stable ground the later survey lay {size} lower than the earlier one: a vertical bias between the "
+        "campaigns, which the registration took off, and no change."
+    )
+
+
 def _register(f: Figures) -> list[str]:
     return [
         _moved(f),
+        _biased(f),
         _sentence("{} of the surface agrees on that motion.", _percent(f, "registration_stable_share")),
     ]
 

@@ -11,11 +11,12 @@ from pyproj import CRS
 from ..engine.core.errors import InputError
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
-from ..engine.grid.geotiff import write_raster
+from ..engine.grid.geotiff import write_bands, write_raster
 from ..engine.grid.grid import snapped_grid
 from ..interface.parameters import CreepParameters, SurveyParameters
+from ..simulation.motion.gliding import TooFarError
 from ..simulation.surveys.series import Creep, SimulatedSeries, simulate_series, survey_days, write_series
-from ..simulation.surveys.survey import simulate_pair
+from ..simulation.surveys.survey import motions_of, simulate_pair
 from ..simulation.surveys.write import write_pair
 from .run import Run
 
@@ -34,7 +35,11 @@ def survey_step(
 
     Returns:
         The outputs ``reference`` and ``cloud`` are the earlier and the later survey, the rest as in ``write_pair``.
+
+    Raises:
+        InputError: the ground cannot move so far along the surface.
     """
+    _refuse_folds(parameters, parameters.motion_amount)
     run = Run("simulate survey", {parameters.record_name: parameters}, progress=progress)
     run.refuse_folder(output_dir, ("run.json", "truth.json"), overwrite=overwrite)
     with run.writing(output_dir) as stage:
@@ -50,6 +55,7 @@ def survey_step(
             "ground_share_cloud": float(pair.second.truth_ground.mean()),
             "vegetation_cover": pair.canopy.cover(pair.scene.slope),
             "changes": len(pair.changes),
+            "motions": len(pair.motions),
             "volume_raised_m3": sum(change.volumes[0] for change in pair.changes),
             "volume_lowered_m3": sum(change.volumes[1] for change in pair.changes),
         }
@@ -125,17 +131,33 @@ def creep_laws(parameters: CreepParameters) -> tuple[Creep, ...]:
             f"At these velocities the ground would move by {farthest:.1f} m until the last survey; give slower ones, "
             f"or fewer days, for at most {_MAX_DISPLACEMENT_M:g} m."
         )
+    _refuse_folds(parameters, farthest, len(values))
     return tuple(Creep(v / 1000, parameters.onset) for v in values)
 
 
+def _refuse_folds(parameters: SurveyParameters, amount: float, count: int | None = None) -> None:
+    try:
+        motions_of(parameters, amount, count)
+    except TooFarError as error:
+        raise InputError(
+            f"The ground that moves would fold over itself at its soft edge: it can move by at most {error.most:.2f} m "
+            f"on this slope, not by {amount:.2f} m; give a shorter way, or slower velocities of a series."
+        ) from error
+
+
 def _write_velocity(series: SimulatedSeries, path: Path) -> None:
-    """The true velocity at the last survey (mm/day) of each cell over the slope, in the first survey's coordinates."""
+    """The true velocity at the last survey (mm/day) of each cell over the slope, in the first survey's coordinates:
+    vertical, or east, north and up of ground that moves along the surface.
+    """
     west, south = series.roi.min(axis=0)
     east, north = series.roi.max(axis=0)
     grid = snapped_grid((float(west), float(south), float(east), float(north)), _TRUTH_CELL_M)
+    crs = CRS.from_user_input(series.crs)
+    if series.slides:
+        bands = {name: 1000 * values for name, values in series.true_velocities(grid).items()}
+        write_bands(path, bands, grid, crs, unit="mm/day")
+        return
     velocity = np.zeros(grid.shape)
     for number in range(len(series.motions)):
         velocity += 1000 * series.true_velocity(number, grid)
-    write_raster(
-        path, velocity, grid, CRS.from_user_input(series.crs), description="True vertical velocity", unit="mm/day"
-    )
+    write_raster(path, velocity, grid, crs, description="True vertical velocity", unit="mm/day")

@@ -43,6 +43,7 @@ from .findings import Outcome, refuse_implausible, returns_warning, spacing_warn
 from .metrics import coverage, file_coverage, vegetation_cover
 from .outliers import outliers
 from .result import HEIGHT_OVER_GROUND, GroundResult
+from .strips.fitting import with_fitted_strips
 from .survey import Clipped, Source, read_near, read_points
 from .tiles.extraction import Job, extract_in_tiles
 from .tiles.memory import fits_by_squares, fits_in_one_piece, refuse_full_disk, refuse_too_dense
@@ -80,16 +81,14 @@ def extract_ground(
         EngineError: PDAL or the CSF library failed.
         Cancelled: the command is being cancelled.
     """
-    run = _Extraction(
-        Path(cloud),
-        Path(output),
-        parameters or GroundParameters(),
-        inputs or InputParameters(),
-        pdal or find_pdal(),
-        final,
-        progress or Progress(),
-    )
-    return run.extract(roi)
+    parameters, progress = parameters or GroundParameters(), progress or Progress()
+    pdal = pdal or find_pdal()
+
+    def extract(cloud: Path, inputs: InputParameters, progress: Progress) -> GroundResult:
+        return _Extraction(cloud, Path(output), parameters, inputs, pdal, final, progress).extract(roi)
+
+    fit = parameters.strips == "auto"
+    return with_fitted_strips(extract, Path(cloud), inputs or InputParameters(), fit, progress)
 
 
 @dataclass

@@ -8,6 +8,7 @@ from typing import Any
 
 from .cover import GroundCover
 
+_OF_STRIPS = ("disagreement_before_m", "disagreement_after_m")
 HEIGHT_OVER_GROUND = "height_over_ground"
 """Name of the dimension in the classified cloud, metres."""
 
@@ -46,7 +47,7 @@ class GroundResult:
     ``raw_area`` and ``roi_area`` without a region are those of occupied cells of 1 m². ``plane_*`` describe the
     dominant plane; ``scatter`` and ``threshold`` come from the refinement (0 and the parameter without it). ``cover``
     describes what covers the ground and how well it is known below, None where that was not asked. ``tiles`` is None
-    for a cloud that was extracted in one piece.
+    for a cloud that was extracted in one piece, ``strips`` (``StripFit.facts``) where strips were not compared.
     """
 
     ground: Path
@@ -75,8 +76,10 @@ class GroundResult:
     seconds: dict[str, float]
     cover: GroundCover | None = None
     tiles: TilesUsed | None = None
+    strips: dict[str, Any] | None = None
 
     def figures(self) -> dict[str, Any]:
         """The numbers by name."""
         own = {f.name: getattr(self, f.name) for f in fields(self) if isinstance(getattr(self, f.name), (int, float))}
-        return own | (self.cover.figures() if self.cover else {})
+        fit = {} if self.strips is None else {f"strips_{name}": self.strips[name] for name in _OF_STRIPS}
+        return own | fit | (self.cover.figures() if self.cover else {})

@@ -52,7 +52,7 @@ class RegistrationResult:
         agreement: point-to-plane residuals on stable ground, before and after, and the share of stable ground.
         normal_translation: how far the moving surface was shifted along the mean normal (upwards is positive). A
             uniform deformation would look the same.
-        vertical_translation: mean rise of the moving cloud.
+        vertical_translation: mean rise of the moving cloud; by so much it lay too low.
         covariance: (6, 6) of rotation vector (rad) about the transform's centre and translation (m), robust only.
         condition: ratio of the largest to the smallest curvature of the cost, rotations scaled by the cloud's radius.
         unobservable: motions that the surfaces do not fix, in words.
@@ -108,6 +108,7 @@ class RegistrationResult:
             "registration_residual_after_m": self.agreement.nmad_after,
             "registration_normal_translation_m": self.normal_translation,
             "registration_error_m": self.registration_error,
+            "registration_vertical_bias_m": -self.vertical_translation,
         }
 
     def summary(self) -> dict[str, Any]:

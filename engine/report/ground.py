@@ -46,13 +46,14 @@ def ground_section(record: Mapping[str, Any], folder: Path) -> dict[str, Any] | 
         if isinstance(stage.get("epochs"), dict)
         for name, facts in stage["epochs"].items()
     ]
-    surveys = [s for s in surveys if s["cover"] or s["cloud"]]
+    surveys = [s for s in surveys if s["cover"] or s["cloud"] or s["strips"]]
     if not surveys:
         return None
     shown = surveys[:1] + surveys[1:][-1:]
     maps = iter(ground_maps([s["cloud"] for s in shown if s["cloud"]], [s["name"] for s in shown if s["cloud"]]))
     return {
         "surveys": [s for s in surveys if s["cover"]],
+        "fitted": [s for s in surveys if s["strips"]],
         "shown": [s | {"map": next(maps) if s["cloud"] else None} for s in shown],
         "heights": heights_chart([(s["name"], s["cover"]["heights"]) for s in shown if s["cover"]]),
         "labels": CLASSES,
@@ -156,12 +157,13 @@ def heights_chart(surveys: Sequence[tuple[str, Mapping[str, Any]]]) -> Picture |
 
 
 def _of_survey(facts: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """The cover's figures, and the classified cloud where it is kept."""
+    """The figures of cover and flight strips, and the classified cloud where it is kept."""
     name = facts.get("classified")
     # a run at work has what it keeps from earlier ones in the folder around its own
     places = [inside(place, name) for place in (folder, folder.parent)] if name else []
     cover = facts.get("cover")
-    return {"cover": cover or None, "cloud": next((path for path in places if path and path.is_file()), None)}
+    cloud = next((path for path in places if path and path.is_file()), None)
+    return {"cover": cover or None, "cloud": cloud, "strips": facts.get("strips") or None}
 
 
 def _squares(cloud: Path) -> tuple[CoverCells, Index]:

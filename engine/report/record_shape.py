@@ -31,7 +31,11 @@ _HEIGHTS = fields(
     }
 )  # fmt: skip
 _COVER = fields({"heights": _HEIGHTS, "classes": rows(fields({"name": text()}))})
-_SURVEY = fields({}, {"classified": maybe(text()), "cover": maybe(_COVER)})
+_STRIPS = fields(
+    {"strips": rows(_NUMBER, 2, 100), "disagreement_before_m": _SHARE_OR_MORE, "disagreement_after_m": _SHARE_OR_MORE},
+    {"correction": text()},
+)
+_SURVEY = fields({}, {"classified": maybe(text()), "cover": maybe(_COVER), "strips": maybe(_STRIPS)})
 _STAGE = fields({}, {"stage": text(), "epochs": table(_SURVEY)})
 
 RECORD = fields(

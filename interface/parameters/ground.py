@@ -63,6 +63,15 @@ class GroundParameters(ParameterSet, record_name="ground"):
         "Only the last return of a pulse can be ground. Not applied where the cloud's return numbers are implausible.",
         advanced=True,
     )
+    strips: str = _parameter(
+        "auto",
+        "Fit flight strips",
+        "Strips of one survey that disagree where they overlap are fitted to one another: heights, positions and slow "
+        "drift over time, as far as that holds on ground that was left out. Only strips of the same survey are "
+        "compared, so that change between surveys stays. off: they stay as surveyed.",
+        choices=("auto", "off"),
+        advanced=True,
+    )
     time_step: float = _parameter(
         0.65,
         "Time step",

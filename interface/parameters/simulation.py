@@ -47,6 +47,39 @@ class SurveyParameters(ParameterSet, record_name="survey", title="Simulation"):
     amplitude: float = _parameter(
         0.3, "Change", "Largest height change that is put into the second epoch.", unit="m", bounds=(0.0, 10.0)
     )
+    motion: str = _parameter(
+        "none",
+        "Motion along the surface",
+        "Ground that moves along its face and carries its roughness. translation: a patch as one. rotation: a disc "
+        "turns in the face. creep: fastest in the middle, fading out softly. slump: a body turns on a slip surface, "
+        "with scarp and toe. all: one of each, side by side. Takes the place of the height changes.",
+        choices=("none", "translation", "rotation", "creep", "slump", "all"),
+    )
+    motion_amount: float = _parameter(
+        0.1,
+        "Way along the surface",
+        "How far the middle of the moving ground moves until the second epoch; of a rotation, the rim of its core.",
+        unit="m",
+        bounds=(0.0, 2.0),
+    )
+    erosion: float = _parameter(
+        0.0,
+        "Erosion of micro relief",
+        "Wavelength of which half the relief is worn away and replaced from each survey to the next; of shorter "
+        "relief more, of longer less. The roughness stays what it was. 0: none.",
+        unit="m",
+        bounds=(0.0, 5.0),
+        advanced=True,
+    )
+    grass_growth: float = _parameter(
+        0.0,
+        "Growth of short grass",
+        "How much higher the short grass is in the mean after the first survey, in patches of about 2 m; it hides "
+        "part of the ground.",
+        unit="m",
+        bounds=(0.0, 0.2),
+        advanced=True,
+    )
     grass: float = _parameter(
         0.0, "Closed grass", "Share of the slope under closed grass, without gaps.", bounds=(0.0, 1.0)
     )
@@ -110,7 +143,10 @@ class SurveyParameters(ParameterSet, record_name="survey", title="Simulation"):
 
 @dataclass(frozen=True)
 class CreepParameters(SurveyParameters, record_name="creep", title="Simulation"):
-    """Simulated series of surveys of one cut slope with zones that creep; it has no ``amplitude``."""
+    """Simulated series of surveys of one cut slope with zones that creep.
+
+    Without ``amplitude`` and ``motion_amount``.
+    """
 
     points: int = _other_default(SurveyParameters, "points", 150_000)
     length: float = _other_default(SurveyParameters, "length", 30.0)
@@ -125,7 +161,8 @@ class CreepParameters(SurveyParameters, record_name="creep", title="Simulation")
         "-10, 5, -2",
         "Velocities",
         "Vertical velocities in the middle of the zones, separated by commas: one zone for each, side by side along "
-        "the slope; negative is lowering. Towards its edge a zone moves less.",
+        "the slope; negative is lowering. Towards its edge a zone moves less. With a motion along the surface: how "
+        "fast the zones move down the slope, without regard to the sign.",
         unit="mm/day",
     )
     onset: float = _parameter(
@@ -144,7 +181,7 @@ class CreepParameters(SurveyParameters, record_name="creep", title="Simulation")
 
     @classmethod
     def specifications(cls) -> tuple[Specification, ...]:
-        return tuple(s for s in super().specifications() if s.name != "amplitude")
+        return tuple(s for s in super().specifications() if s.name not in ("amplitude", "motion_amount"))
 
 
 @dataclass(frozen=True)

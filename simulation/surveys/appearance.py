@@ -36,7 +36,7 @@ def colours(
     # Soil and rock alternate with the relief, which needs no further field.
     relief = np.clip(0.5 + 4.0 * (place[2] - scene.profile(v)), 0.0, 1.0)
     base = SOIL[:, None] * (1 - relief) + ROCK[:, None] * relief
-    grass = np.clip(scene.turf(u, v) / 0.08, 0.0, 0.8)
+    grass = np.clip(scene.grass(u, v) / 0.08, 0.0, 0.8)
     base = base * (1 - grass) + GRASS[:, None] * grass
     base = np.where(v < 0, ASPHALT[:, None], base)
     base = np.where(source == TURF, GRASS[:, None], base) * light

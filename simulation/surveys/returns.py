@@ -55,7 +55,7 @@ def echoes(
         plants, left, last, count = _through_leaves(landscape, rays, start, ground, maximum, rng)
     reached = np.flatnonzero((left >= MIN_ENERGY) & (ground - last >= SEPARATION) & (count < maximum))
     place = rays.take(reached).at(ground[reached])
-    grass = scene.turf(place[0], place[1])
+    grass = scene.grass(place[0], place[1])
     caught = rng.random(len(reached)) < np.minimum(grass / 0.06, 0.8)
     height = np.where(caught, grass * rng.beta(1.5, 2.0, len(reached)), 0.0)
     if cover is not None and cover.litter is not None:

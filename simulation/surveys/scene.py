@@ -10,9 +10,13 @@ import numpy as np
 from ...engine.core.arrays import Float
 from ..fields import HeightField, power_law_field
 from ..frame import Frame
+from ..motion.moved_ground import SurfaceMotion, arrived, moved_height, settled, within
 from .change import Change, total_dz
 
 BERM_WIDTH = 2.0
+_BETWEEN_SAMPLES_M = 0.1
+"""By which moved ground may be higher than the places at which it is looked at."""
+TURF_STEP_M = 0.25
 MAX_FIELD_NODES = 24_000_000
 """Nodes of the height field at most (192 MB); a larger scene gets a coarser field."""
 
@@ -51,8 +55,9 @@ class Relief:
 
 @dataclass(frozen=True)
 class Scene:
-    """Ground of one epoch in its local frame. ``height`` is exact: bilinear field plus the changes' functions.
+    """Ground of one epoch in its local frame. ``height`` is exact: bilinear field, moved, plus the changes' functions.
 
+    ``base`` is the ground before it moved by ``motions``, whose bounds do not overlap.
     ``slope`` is the managed slope's rectangle (u and v from, u and v to); ``turf`` the height of the grass, m.
     """
 
@@ -62,10 +67,15 @@ class Scene:
     turf: HeightField
     slope: tuple[float, float, float, float]
     changes: tuple[Change, ...] = field(default=())
+    motions: tuple[SurfaceMotion, ...] = field(default=())
 
     def height(self, u: Float, v: Float) -> Float:
         """Local height of the ground at (u, v), m."""
         z = self.base(u, v)
+        for motion in self.motions:
+            inside = within(motion, u, v)
+            if inside.any():
+                z[inside] = moved_height(motion, self.base, u[inside], v[inside])
         if self.changes:
             z += total_dz(self.changes, u, v)
         return z
@@ -84,11 +94,32 @@ class Scene:
             west, south, east, north = change.bounds
             u, v = np.meshgrid(np.linspace(west, east, 65), np.linspace(south, north, 65))
             highest += max(float(change.dz(u, v).max()), 0.0)
+        for motion in self.motions:
+            west, south, east, north = motion.bounds
+            u, v = (
+                places.ravel() for places in np.meshgrid(np.linspace(west, east, 129), np.linspace(south, north, 129))
+            )
+            risen = float((moved_height(motion, self.base, u, v) - self.profile(v)).max())
+            highest = max(highest, risen + _BETWEEN_SAMPLES_M)
         return max(highest, 0.0)
 
     def with_changes(self, changes: tuple[Change, ...]) -> Scene:
         """The same ground with these changes in it."""
         return replace(self, changes=changes)
+
+    def with_motions(self, motions: tuple[SurfaceMotion, ...]) -> Scene:
+        """The same ground moved along itself; slumps settle so that their toe holds what their scarp has lost."""
+        return replace(self, motions=tuple(settled(motion, self.base) for motion in motions))
+
+    def grass(self, u: Float, v: Float) -> Float:
+        """Height of the short grass at (u, v), which moves with the ground and is missing on a fresh scarp, m."""
+        height = self.turf(u, v)
+        for motion in self.motions:
+            inside = within(motion, u, v)
+            if inside.any():
+                come = arrived(motion, self.base, u[inside], v[inside])
+                height[inside] = np.where(come.fresh, 0.0, self.turf(come.u, come.v))
+        return height
 
     @property
     def extent(self) -> tuple[float, float, float, float]:
@@ -112,6 +143,22 @@ def cut_profile(height: float, angle: float, benches: int) -> Profile:
     return Profile(np.array(v), np.array(z))
 
 
+def relief_values(relief: Relief, shape: tuple[int, int], step: float, v: Float, rng: np.random.Generator) -> Float:
+    """Heights (rows, columns) above the plain profile at nodes ``step`` m apart, whose rows lie at ``v``."""
+    # Roads are laid even; roughness grows within the first half metre of the face.
+    natural = relief.road_factor + (1 - relief.road_factor) * np.clip(v / 0.5 + 0.5, 0.0, 1.0)
+    values = np.zeros(shape)
+    for rms, (shortest, longest), exponent in (
+        (relief.undulation_rms, relief.undulation_wavelengths, relief.exponent),
+        (relief.roughness_rms, relief.roughness_wavelengths, relief.exponent),
+        (relief.micro_rms, relief.micro_wavelengths, 1.0),
+    ):
+        if rms > 0:
+            values += rms * power_law_field(shape, step, exponent, max(shortest, 2 * step), longest, rng)
+    values *= natural[:, None]
+    return values
+
+
 def build_scene(
     profile: Profile,
     slope: tuple[float, float, float, float],
@@ -126,19 +173,9 @@ def build_scene(
     step = max(step, math.sqrt((u1 - u0) * (v1 - v0) / MAX_FIELD_NODES))
     shape = (math.ceil((v1 - v0) / step) + 1, math.ceil((u1 - u0) / step) + 1)
     v: Float = v0 + step * np.arange(shape[0], dtype=np.float64)
-    # Roads are laid even; roughness grows within the first half metre of the face.
-    natural = relief.road_factor + (1 - relief.road_factor) * np.clip(v / 0.5 + 0.5, 0.0, 1.0)
-    values = np.zeros(shape)
-    for rms, (shortest, longest), exponent in (
-        (relief.undulation_rms, relief.undulation_wavelengths, relief.exponent),
-        (relief.roughness_rms, relief.roughness_wavelengths, relief.exponent),
-        (relief.micro_rms, relief.micro_wavelengths, 1.0),
-    ):
-        if rms > 0:
-            values += rms * power_law_field(shape, step, exponent, max(shortest, 2 * step), longest, rng)
-    values *= natural[:, None]
+    values = relief_values(relief, shape, step, v, rng)
     values += profile(v)[:, None]
-    coarse = 0.25
+    coarse = TURF_STEP_M
     turf_shape = (math.ceil((v1 - v0) / coarse) + 1, math.ceil((u1 - u0) / coarse) + 1)
     patches = power_law_field(turf_shape, coarse, 2.0, 1.0, 10.0, rng)
     turf = relief.turf_height * np.clip(1.0 + 0.5 * patches, 0.0, 2.0)

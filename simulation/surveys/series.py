@@ -1,4 +1,4 @@
-"""Series of simulated surveys of one slope whose zones move by known laws of time."""
+"""Series of simulated surveys of one slope whose zones rise, sink or slide by known laws of time."""
 
 from __future__ import annotations
 
@@ -15,18 +15,26 @@ from pyproj import CRS
 from ...engine.core.arrays import Float
 from ...engine.core.progress import Progress
 from ...engine.geometry.rigid_transform import RigidTransform
-from ...engine.grid.grid import Grid
+from ...engine.grid.geotiff import write_bands
+from ...engine.grid.grid import Grid, snapped_grid
 from ...interface.parameters import SurveyParameters
 from ..frame import Frame
+from ..motion.moved_ground import SurfaceMotion
 from .change import Bump, true_change_raster
 from .layers import Landscape
 from .plants import cover_of
 from .scanner import SurveyCloud, survey
 from .scene import Relief, Scene
 from .survey import CRS as SURVEY_CRS
-from .survey import built_slope, known_offset, rectangle, survey_area
+from .survey import built_slope, known_offset, motions_of, rectangle, slope_of, survey_area, weathered
+from .true_motion import change_raster, describe_motion, motion_raster
 from .vegetation import Canopy
-from .write import write_json, write_region, write_survey
+from .write import MOTION_CELL_M, write_json, write_region, write_survey
+
+_UNIT_WAY_M = 0.01
+"""Of the motions before they are scaled to their law; short, so that no soft edge refuses it."""
+_RATE_DAYS = 0.1
+"""Over which the velocity at the last survey is taken."""
 
 
 class Law(Protocol):
@@ -87,18 +95,31 @@ class Motion:
 
 
 @dataclass(frozen=True)
+class AlongSurface:
+    """Ground that moves along itself: where and how far for a way of 1 m (``shape``), and the way until when."""
+
+    shape: SurfaceMotion
+    law: Law
+
+    def at(self, days: float) -> SurfaceMotion:
+        """The motion until then, along the surface whatever the law's sign."""
+        return self.shape.scaled(abs(self.law.displacement(days)) / self.shape.amount)
+
+
+@dataclass(frozen=True)
 class SimulatedSeries:
     """Surveys of one slope and the truth about them.
 
-    ``transforms`` map each survey's coordinates to the first one's; ``roi`` is a closed ring in the first one's.
+    ``transforms`` map each survey's coordinates to the first one's; ``roi`` is a closed ring in the first one's;
+    ``grounds`` are the ground at each survey, in the first one's coordinates.
     """
 
     parameters: SurveyParameters
     dates: tuple[date, ...]
     clouds: tuple[SurveyCloud, ...]
     transforms: tuple[RigidTransform, ...]
-    motions: tuple[Motion, ...]
-    scene: Scene
+    motions: tuple[Motion, ...] | tuple[AlongSurface, ...]
+    grounds: tuple[Scene, ...]
     canopy: Canopy
     roi: Float
     crs: str = SURVEY_CRS
@@ -107,16 +128,53 @@ class SimulatedSeries:
     def days(self) -> Float:
         return np.array([(d - self.dates[0]).days for d in self.dates], dtype=np.float64)
 
+    @property
+    def scene(self) -> Scene:
+        """The ground of the first survey."""
+        return self.grounds[0]
+
+    @property
+    def slides(self) -> bool:
+        """Whether the zones move along the surface."""
+        return any(isinstance(motion, AlongSurface) for motion in self.motions)
+
     def true_change(self, survey: int, grid: Grid, subsamples: int = 8) -> Float:
         """Mean true change of each cell until a survey, in the first one's coordinates (rows, columns), m."""
-        changes = [m.at(float(self.days[survey])) for m in self.motions]
-        return true_change_raster(changes, self.scene.frame, grid, subsamples)
+        after = self.grounds[survey]
+        if after.motions or after.base is not self.scene.base:
+            return change_raster(after, self.scene, grid, subsamples)
+        return true_change_raster(after.changes, self.scene.frame, grid, subsamples)
 
     def true_velocity(self, motion: int, grid: Grid, subsamples: int = 8) -> Float:
-        """Velocity of each cell by one motion at the last survey (rows, columns), metres a day."""
-        law, shape, last = self.motions[motion].law, self.motions[motion].shape, float(self.days[-1])
-        rate = (law.displacement(last) - law.displacement(last - 1e-3)) / 1e-3
-        return true_change_raster([replace(shape, height=shape.height * rate)], self.scene.frame, grid, subsamples)
+        """Vertical velocity of each cell by one motion at the last survey (rows, columns), metres a day.
+
+        Raises:
+            ValueError: the zones move along the surface; see ``true_velocities``.
+        """
+        moving, last = self.motions[motion], float(self.days[-1])
+        if isinstance(moving, AlongSurface):
+            raise ValueError("a zone that moves along the surface has no vertical velocity alone")
+        rate = (moving.law.displacement(last) - moving.law.displacement(last - 1e-3)) / 1e-3
+        shape = replace(moving.shape, height=moving.shape.height * rate)
+        return true_change_raster([shape], self.scene.frame, grid, subsamples)
+
+    def true_velocities(self, grid: Grid) -> dict[str, Float]:
+        """Velocity east, north and up at the last survey of the ground that was in the middle of each cell at the first
+        (rows, columns), metres a day, by the name of the band; NaN where it is buried.
+        """
+        last, ground = float(self.days[-1]), self.grounds[-1]
+        then, before = (
+            motion_raster(ground.with_motions(_along_surface(self.motions, days)), self.scene, grid)
+            for days in (last, last - _RATE_DAYS)
+        )
+        names = (f"True velocity {name.rsplit(' ', 1)[1]}" for name in then)
+        return {
+            name: (now - was) / _RATE_DAYS for name, now, was in zip(names, then.values(), before.values(), strict=True)
+        }
+
+
+def _along_surface(motions: Sequence[Motion | AlongSurface], days: float) -> tuple[SurfaceMotion, ...]:
+    return tuple(motion.at(days) for motion in motions if isinstance(motion, AlongSurface))
 
 
 def simulate_series(
@@ -130,27 +188,32 @@ def simulate_series(
     """Surveys of one slope on ``dates``; its zones lie side by side and move by ``laws`` (negative: lowering).
 
     ``parameters.offset`` is the norm of each later survey's own rigid offset; ``points`` are those of one survey;
-    ``amplitude`` has no effect. Plants are the same in all surveys, but closed grass has grown anew, or is mown.
+    ``amplitude`` has no effect. Plants are the same in all surveys, but closed grass has grown anew, or is mown. Where
+    the parameters name a motion along the surface, the zones' ground moves by the laws' displacements, whatever
+    their sign. Erosion adds up from survey to survey; short grass grows once, in other patches at each survey.
 
     Args:
-        half_axes: of each zone along and up the slope, metres.
+        half_axes: of each zone along and up the slope, metres; of zones that rise or sink.
+
+    Raises:
+        TooFarError: ground would move too far for its soft edge.
     """
     progress = progress or Progress()
     seed = parameters.seed
     slope = built_slope(parameters, Relief(), Frame(), 0.0, progress)
-    scene, run = slope.scene, slope.roi[3]
-    rng = np.random.default_rng([seed, 3])
-    motions = []
-    for number, law in enumerate(laws):
-        u = parameters.length * (number + 0.5) / len(laws) + rng.uniform(-0.2, 0.2)
-        v = run * rng.uniform(0.45, 0.55)
-        motions.append(Motion(Bump(float(u), float(v), *half_axes, 1.0), law))
+    scene = slope.scene
+    motions = _motions(parameters, laws, half_axes)
     first = Landscape(scene, slope.canopy, cover_of(parameters, scene, 0))
     area, pulses = survey_area(first, slope.plan, slope.roi, parameters)
-    clouds, transforms = [], []
+    clouds, transforms, grounds, rested = [], [], [], scene
     for number, day in enumerate(dates):
         with progress.stage(number / len(dates), (number + 1) / len(dates), f"scanning on {day}") as stage:
-            changed = scene.with_changes(tuple(m.at(float((day - dates[0]).days)) for m in motions))
+            days = float((day - dates[0]).days)
+            if number:
+                rested = weathered(replace(rested, turf=scene.turf), parameters, Relief(), number)
+            changed = rested.with_motions(_along_surface(motions, days))
+            changed = changed.with_changes(tuple(m.at(days) for m in motions if isinstance(m, Motion)))
+            grounds.append(changed)
             transform = (
                 known_offset(scene, parameters.offset, np.random.default_rng([seed, 4, number]))
                 if number
@@ -162,8 +225,24 @@ def simulate_series(
             transforms.append(transform)
     ring = rectangle(slope.roi, scene.frame)
     return SimulatedSeries(
-        parameters, tuple(dates), tuple(clouds), tuple(transforms), tuple(motions), scene, slope.canopy, ring
+        parameters, tuple(dates), tuple(clouds), tuple(transforms), motions, tuple(grounds), slope.canopy, ring
     )
+
+
+def _motions(
+    parameters: SurveyParameters, laws: Sequence[Law], half_axes: tuple[float, float]
+) -> tuple[Motion, ...] | tuple[AlongSurface, ...]:
+    """A zone for each law, side by side along the slope."""
+    if parameters.motion != "none":
+        shapes = motions_of(parameters, _UNIT_WAY_M, len(laws))
+        return tuple(AlongSurface(shape, law) for shape, law in zip(shapes, laws, strict=True))
+    rng, run = np.random.default_rng([parameters.seed, 3]), slope_of(parameters)[3]
+    zones = []
+    for number, law in enumerate(laws):
+        u = parameters.length * (number + 0.5) / len(laws) + rng.uniform(-0.2, 0.2)
+        v = run * rng.uniform(0.45, 0.55)
+        zones.append(Motion(Bump(float(u), float(v), *half_axes, 1.0), law))
+    return tuple(zones)
 
 
 def survey_days(count: int, every: int, first: date = date(2024, 5, 1)) -> tuple[date, ...]:
@@ -189,6 +268,13 @@ def write_series(series: SimulatedSeries, directory: Path, *, ground_only: bool 
     paths |= {"roi": directory / "roi.gpkg", "truth": directory / "truth.json"}
     write_region(paths["roi"], series.roi, crs, series.dates[0])
     write_json(paths["truth"], _truth(series))
+    if series.slides:
+        low, high = series.roi.min(axis=0), series.roi.max(axis=0)
+        grid = snapped_grid((float(low[0]), float(low[1]), float(high[0]), float(high[1])), MOTION_CELL_M)
+        for day, ground in zip(series.dates[1:], series.grounds[1:], strict=True):
+            name = f"truth_motion_{day.isoformat()}"
+            paths[name] = directory / f"{name}.tif"
+            write_bands(paths[name], motion_raster(ground, series.scene, grid), grid, crs)
     return paths
 
 
@@ -201,10 +287,12 @@ def _truth(series: SimulatedSeries) -> dict[str, Any]:
             {
                 "law": type(motion.law).__name__,
                 **asdict(motion.law),  # type: ignore[call-overload]
-                "shape": asdict(motion.shape),
+                "kind": motion.shape.kind,
+                "shape": asdict(motion.shape),  # type: ignore[arg-type]
                 "displacement_m": [motion.law.displacement(float(t)) for t in series.days],
             }
             for motion in series.motions
         ],
+        "motions_until_last_survey": [describe_motion(m, series.grounds[-1]) for m in series.grounds[-1].motions],
         "transforms": [t.matrix.tolist() for t in series.transforms],
     }

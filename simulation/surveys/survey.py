@@ -13,13 +13,17 @@ from ...engine.geometry.rigid_transform import RigidTransform
 from ...engine.grid.grid import Grid
 from ...interface.parameters import SurveyParameters
 from ..frame import Frame
+from ..motion.moved_ground import SurfaceMotion
+from ..motion.placing import KINDS, motions_on
 from .change import Bump, Change, Cone, Plateau, Slump, true_change_raster
 from .layers import Cover, Landscape
 from .pattern import Flight, Scanner, plan_flight
 from .plants import cover_of
 from .scanner import SurveyCloud, scan, survey
 from .scene import BERM_WIDTH, Relief, Scene, build_scene, cut_profile
+from .true_motion import change_raster, ground_motion
 from .vegetation import Canopy, grow
+from .weathering import eroded, grown
 
 Area = tuple[float, float, float, float]
 ROI_SHARE = 0.58
@@ -27,6 +31,8 @@ ROI_SHARE = 0.58
 ROTATION = 2e-4
 """Rotation of the known rigid offset, rad: 6 mm at 30 m, what a survey-grade attitude leaves."""
 CRS = "EPSG:32651"
+MOVED_SUBSAMPLES = 8
+"""Places along a cell's side at which the height of moved ground is taken at most: it is rough, but costs more."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +40,8 @@ class SimulatedPair:
     """Two epochs and the truth about them.
 
     ``transform`` maps the second epoch's coordinates (moving) to the first's (reference). ``roi`` is the ring of
-    the region of interest (n, 2), closed, in the first epoch's coordinates; ``scene`` holds the changes and is the
-    second epoch's ground in the first epoch's coordinates.
+    the region of interest (n, 2), closed, in the first epoch's coordinates; ``scene`` holds changes and motions and is
+    the second epoch's ground in the first epoch's coordinates, ``before`` the first one's.
     """
 
     parameters: SurveyParameters
@@ -43,6 +49,7 @@ class SimulatedPair:
     second: SurveyCloud
     transform: RigidTransform
     scene: Scene
+    before: Scene
     canopy: Canopy
     area: Area
     roi: Float
@@ -54,8 +61,21 @@ class SimulatedPair:
     def changes(self) -> tuple[Change, ...]:
         return self.scene.changes
 
+    @property
+    def motions(self) -> tuple[SurfaceMotion, ...]:
+        return self.scene.motions
+
+    def true_motion(self, world: Float) -> Float:
+        """(n, 3) way east, north and up of the ground under (n, 2+) coordinates of the first epoch, m.
+
+        0 where it rests, NaN where it is buried afterwards.
+        """
+        return ground_motion(self.scene, self.before, world)
+
     def true_change_raster(self, grid: Grid, subsamples: int = 32) -> Float:
         """Mean true change of each cell of a grid in the first epoch's coordinates (rows, columns), m."""
+        if self.motions or self.scene.base is not self.before.base:
+            return change_raster(self.scene, self.before, grid, min(subsamples, MOVED_SUBSAMPLES))
         return true_change_raster(self.changes, self.scene.frame, grid, subsamples)
 
     @property
@@ -80,12 +100,18 @@ def simulate_pair(
     relief: Relief | None = None,
     frame: Frame | None = None,
     roi_buffer: float = 0.0,
+    motions: tuple[SurfaceMotion, ...] | None = None,
 ) -> SimulatedPair:
     """Two surveys of one cut slope: the second with ``changes`` (by default one of each kind) and a rigid offset.
+
+    Ground that moves along itself, by ``motions`` or as the parameters say, takes the place of the default changes.
 
     Shrubs, trees, ferns, forest and turf are the same in both epochs; closed grass has grown anew between them, or is
     mown in one. All but shrubs and trees move with the ground. The ROI runs along toe and crest,
     ``roi_buffer`` m outside of the cut face.
+
+    Raises:
+        TooFarError: ground would move too far for its soft edge.
     """
     parameters = parameters or SurveyParameters()
     progress = progress or Progress()
@@ -94,10 +120,13 @@ def simulate_pair(
         slope = built_slope(parameters, relief, frame, roi_buffer, progress)
     scene, roi = slope.scene, slope.roi
     covers = (cover_of(parameters, scene, 0), cover_of(parameters, scene, 1))
+    if motions is None:
+        motions = motions_of(parameters, parameters.motion_amount)
     if changes is None:
-        changes = default_changes(scene.slope, parameters.amplitude, np.random.default_rng([parameters.seed, 3]))
+        amplitude = 0.0 if motions else parameters.amplitude
+        changes = default_changes(scene.slope, amplitude, np.random.default_rng([parameters.seed, 3]))
     transform = known_offset(scene, parameters.offset, np.random.default_rng([parameters.seed, 4]))
-    changed = scene.with_changes(changes)
+    changed = weathered(scene, parameters, relief, 1).with_motions(motions).with_changes(changes)
     area, pulses = survey_area(Landscape(scene, slope.canopy, covers[0]), slope.plan, roi, parameters)
     clouds = []
     for epoch, ground in enumerate((scene, changed)):
@@ -107,7 +136,33 @@ def simulate_pair(
             clouds.append(survey(landscape, slope.plan, area, pulses, parameters.range_noise, seed, stage))
     moved = replace(clouds[1], xyz=transform.inverse().apply(clouds[1].xyz))
     ring = rectangle(roi, scene.frame)
-    return SimulatedPair(parameters, clouds[0], moved, transform, changed, slope.canopy, area, ring, covers=covers)
+    return SimulatedPair(
+        parameters, clouds[0], moved, transform, changed, scene, slope.canopy, area, ring, covers=covers
+    )
+
+
+def motions_of(parameters: SurveyParameters, amount: float, count: int | None = None) -> tuple[SurfaceMotion, ...]:
+    """The motions that the parameter ``motion`` names, each by ``amount`` m; none for ``none`` or 0.
+
+    Args:
+        count: so many side by side, the kinds of ``all`` in turn; None: one, or one of each kind.
+
+    Raises:
+        TooFarError: ground would move too far for its soft edge.
+    """
+    if parameters.motion == "none" or amount == 0:
+        return ()
+    kinds: tuple[str, ...] = KINDS if parameters.motion == "all" else (parameters.motion,)
+    if count is not None:
+        kinds = tuple(kinds[number % len(kinds)] for number in range(count))
+    profile = cut_profile(parameters.height, parameters.angle, parameters.benches)
+    return motions_on((profile.v, profile.z), slope_of(parameters), kinds, amount)
+
+
+def weathered(scene: Scene, parameters: SurveyParameters, relief: Relief, epoch: int) -> Scene:
+    """The scene with the erosion and the growth of grass until ``epoch``, the ``scene`` being the one before it."""
+    ground = eroded(scene, parameters.erosion, relief, np.random.default_rng([parameters.seed, 6, epoch]))
+    return grown(ground, parameters.grass_growth, np.random.default_rng([parameters.seed, 7, epoch]))
 
 
 @dataclass(frozen=True)
@@ -120,12 +175,17 @@ class BuiltSlope:
     plan: Flight
 
 
+def slope_of(parameters: SurveyParameters) -> Area:
+    """u and v from, u and v to of the cut face that the parameters describe."""
+    run = parameters.height / math.tan(math.radians(parameters.angle)) + parameters.benches * BERM_WIDTH
+    return 0.0, 0.0, parameters.length, run
+
+
 def built_slope(
     parameters: SurveyParameters, relief: Relief, frame: Frame, roi_buffer: float, progress: Progress
 ) -> BuiltSlope:
     """The cut slope that the parameters describe; the region reaches ``roi_buffer`` m beyond its face."""
-    run = parameters.height / math.tan(math.radians(parameters.angle)) + parameters.benches * BERM_WIDTH
-    slope = (0.0, 0.0, parameters.length, run)
+    slope = slope_of(parameters)
     roi = expand(slope, roi_buffer)
     profile = cut_profile(parameters.height, parameters.angle, parameters.benches)
     with progress.stage(0.0, 1 / 3, "building the ground"):

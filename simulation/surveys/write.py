@@ -18,15 +18,18 @@ from ...engine.core.arrays import Float
 from ...engine.core.errors import InputError
 from ...engine.core.progress import Progress
 from ...engine.core.staged_outputs import atomic_output
-from ...engine.grid.geotiff import write_raster
+from ...engine.grid.geotiff import write_bands, write_raster
 from ...engine.grid.grid import Grid, snapped_grid
 from ...engine.vector.geopackage import write_layer
 from .change import describe
 from .scanner import TURF_GROUND, SurveyCloud
 from .survey import SimulatedPair, rectangle
+from .true_motion import describe_motion, motion_raster, outlines
 
 SCALE = 0.001
 TRUTH_CELL = 0.1
+MOTION_CELL_M = 0.25
+"""Of the raster of true motion."""
 GPS_EPOCH = datetime(1980, 1, 6, tzinfo=timezone.utc)
 
 
@@ -38,7 +41,9 @@ def write_pair(
     Returns:
         Paths of ``first`` and ``second`` (clouds named by date), ``roi`` (GeoPackage), ``truth_dz`` (GeoTIFF, 0.1 m
         cells, mean change of each cell, in the first epoch's frame), ``truth_transform`` (second to first) and
-        ``truth`` (seed, parameters, changes, figures).
+        ``truth`` (seed, parameters, changes, figures). Where ground moved along itself, also ``truth_motion`` (GeoTIFF,
+        0.25 m cells, way east, north and up of the first epoch's ground in the middle of each cell, NaN where it is
+        buried) and ``truth_zones`` (GeoPackage, outlines of what moved).
 
     Raises:
         InputError: the directory cannot be made or written.
@@ -65,6 +70,12 @@ def write_pair(
     write_region(paths["roi"], pair.roi, crs, date.fromisoformat(pair.dates[0]))
     grid, raster = truth_raster(pair)
     write_raster(paths["truth_dz"], raster, grid, crs, description="True change of the cell mean")
+    if pair.motions:
+        paths |= {"truth_motion": directory / "truth_motion.tif", "truth_zones": directory / "truth_zones.gpkg"}
+        coarse = snapped_grid(pair.bounds, MOTION_CELL_M)
+        write_bands(paths["truth_motion"], motion_raster(pair.scene, pair.before, coarse), coarse, crs)
+        day = date.fromisoformat(pair.dates[1])
+        write_layer(paths["truth_zones"], outlines(pair.motions, pair.scene, crs), "motions", stamp=day)
     pair.transform.save(paths["truth_transform"], crs)
     write_json(paths["truth"], _truth(pair))
     progress.update(1.0, "written")
@@ -135,6 +146,7 @@ def _truth(pair: SimulatedPair) -> dict[str, Any]:
         "vegetation_cover_of_slope": pair.canopy.cover(pair.scene.slope),
         "turf_counts_as_ground_up_to_m": TURF_GROUND,
         "changes": [describe(change, pair.scene.frame) for change in pair.changes],
+        "motions": [describe_motion(motion, pair.scene) for motion in pair.motions],
         "volume_raised_m3": sum(change.volumes[0] for change in pair.changes),
         "volume_lowered_m3": sum(change.volumes[1] for change in pair.changes),
         "epochs": [

@@ -130,3 +130,16 @@ def test_what_is_drawn_on_and_drawn_goes_round(clouds, tmp_path):
     assert found["reason"].tolist() == wanted["reason"].tolist()
     with pytest.raises(api.InputError, match="cel is no parameter here"):
         api.top_view(clouds[1], tmp_path / "other", cel=0.5)
+
+
+def test_simulate_writes_surveys_and_series_with_their_truth(tmp_path):
+    small = {"points": 4000, "length": 12.0, "height": 8.0, "vegetation": 0.0, "motion": "slump"}
+    pair = api.simulate(tmp_path / "pair", **small, motion_amount=0.3)
+    assert pair.figures["motions"] == 1
+    assert {"reference", "cloud", "truth_motion", "truth_zones"} <= set(pair.outputs)
+    zone = gpd.read_file(pair.outputs["truth_zones"]).iloc[0]
+    assert np.linalg.norm([zone.east_m, zone.north_m, zone.up_m]) == pytest.approx(0.3, rel=0.1)
+    series = api.simulate(tmp_path / "series", series=True, **small, surveys=2, velocities="3")
+    assert series.figures["surveys"] == 2
+    with pytest.raises(api.InputError):
+        api.simulate(tmp_path / "no", motion_amounts=1)

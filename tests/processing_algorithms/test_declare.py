@@ -87,7 +87,7 @@ FROZEN_PARAMETERS = {
     ],
     "simulatesurvey": [
         "SEED", "POINTS", "LENGTH", "HEIGHT", "ANGLE", "BENCHES", "VEGETATION", "RANGE_NOISE", "OFFSET", "AMPLITUDE",
-        *PLANTS, "OUTPUT_FOLDER", "ROI", "TRUTH_DZ", *OUTPUT,
+        *PLANTS, "OUTPUT_FOLDER", "ROI", "TRUTH_DZ", "TRUTH_MOTION", "TRUTH_ZONES", *OUTPUT,
     ],
     "simulateseries": [
         "SEED", "POINTS", "LENGTH", "HEIGHT", "ANGLE", "BENCHES", "VEGETATION", "RANGE_NOISE", "OFFSET", *PLANTS,
@@ -176,6 +176,7 @@ FROZEN_OUTPUTS = {
     ],
     "simulatesurvey": [
         "REFERENCE", "CLOUD", "TRUTH", "TRUTH_TRANSFORM", "RUN_RECORD", "OUTPUT_FOLDER", "ROI", "TRUTH_DZ",
+        "TRUTH_MOTION", "TRUTH_ZONES",
     ],
     "simulateseries": ["MANIFEST", "TRUTH", "RUN_RECORD", "OUTPUT_FOLDER", "ROI", "TRUTH_VELOCITY"],
     "simulatescenes": [

@@ -95,3 +95,29 @@ def test_what_makes_no_series_is_refused(values, words, tmp_path):
 
 def test_a_slope_at_rest_is_a_series_too():
     assert creep_laws(CreepParameters(velocities="")) == ()
+
+
+def test_zones_that_move_along_the_surface_have_true_vectors(tmp_path):
+    simulate(
+        "--motion", "creep", "--velocities", "4, 2", *SMALL, "--points", "6000", "--output-dir", str(tmp_path / "s")
+    )
+    ways = [tmp_path / "s" / f"truth_motion_{day}.tif" for day in ("2024-05-31", "2024-08-29")]
+    lengths = []
+    for path in ways:
+        with rasterio.open(path) as raster:
+            lengths.append(np.nanmax(np.sqrt((raster.read(masked=True).filled(np.nan) ** 2).sum(axis=0))))
+    # rest for 15 of the 120 days
+    assert lengths == [pytest.approx(0.004 * 15, rel=0.02), pytest.approx(0.004 * 105, rel=0.02)]
+    with rasterio.open(tmp_path / "s/truth_velocity.tif") as raster:
+        assert raster.count == 3
+        speed = np.sqrt((raster.read(masked=True).filled(np.nan) ** 2).sum(axis=0))
+    assert np.nanmax(speed) == pytest.approx(4.0, rel=0.02)
+
+
+def test_motion_that_would_fold_the_ground_is_refused_with_what_is_possible(tmp_path):
+    done = run(
+        "simulate", "survey", "--motion", "translation", "--motion-amount", "2", "--output-dir", str(tmp_path / "s")
+    )
+    assert done.returncode == 2
+    assert "at most 0.76 m" in done.stderr
+    assert not (tmp_path / "s").exists()

@@ -158,7 +158,8 @@ def test_an_epoch_is_decoded_twice_and_encoded_once_into_each_file(pair, inputs,
     spy = CodingSpy(monkeypatch)
     found = extract_ground(cloud, tmp_path / "g.laz", pdal=old_pdal())
     assert (found.outliers > 0) or not stray
-    assert sum(spy.decoded) == 2 * found.raw_points
+    # what is classified is looked through once more, for its flight strips
+    assert sum(spy.decoded) == 2 * found.raw_points + found.roi_points - found.outliers
     kept = found.roi_points - found.outliers
     assert sorted(spy.encoded) == sorted([kept, kept, found.ground_points])
 
@@ -270,3 +271,38 @@ def test_a_real_jungle_slope(shared_data, tmp_path):
     distance, nearest = cKDTree(np.array(ground.xyz)[:, :2]).query(np.array(las.xyz)[:, :2])
     below = (las.z - np.array(ground.z)[nearest] < -0.5) & (distance < 0.3)
     assert below.mean() < 0.002
+
+
+def test_strips_of_a_survey_are_fitted_in_its_ground(pair, inputs, tmp_path):
+    """The later line lies 8 cm too high; in the ground both lie alike, and all else of a point stays."""
+
+    def misfit(las: laspy.LasData) -> None:
+        las.point_source_id = pair.first.line
+        las.z[pair.first.line == pair.first.line.max()] += 0.08
+
+    cloud = write(pair, tmp_path / "a.las", misfit)
+    found = {}
+    for strips in ("off", "auto"):
+        parameters = GroundParameters(strips=strips)
+        made = extract_ground(cloud, tmp_path / f"{strips}_ground.laz", roi=inputs[1], parameters=parameters)
+        las = laspy.read(made.ground)
+        off = np.asarray(las.z) - pair.scene.with_changes(()).height_at(np.array(las.xyz))
+        line = np.asarray(las.point_source_id)
+        found[strips] = made, las, np.median(off[line == line.max()]) - np.median(off[line < line.max()])
+    made, las, apart = found["auto"]
+    assert found["off"][0].strips is None
+    assert found["off"][2] == pytest.approx(0.08, abs=0.015)
+    assert apart == pytest.approx(0.0, abs=0.01)
+    assert made.strips["correction"] in ("height", "position", "drift")
+    assert made.figures()["strips_disagreement_after_m"] < 0.015 < made.figures()["strips_disagreement_before_m"]
+    assert any("fitted to one another" in warning for warning in made.warnings)
+    # The ground is the lowest layer: it held next to nothing of the line that lay higher.
+    assert len(las) > 1.3 * len(found["off"][1])
+    assert made.raw_points == len(pair.first)
+    raw = laspy.read(cloud)
+    at = np.searchsorted(raw.gps_time, las.gps_time)
+    for name in ("intensity", "return_number", "point_source_id", "user_data"):
+        assert np.array_equal(las[name], raw[name][at]), name
+    assert not list(tmp_path.glob("*fitted*"))
+    clip = (tmp_path / "auto_clip.json").read_text(encoding="utf-8")
+    assert "a.las" in clip

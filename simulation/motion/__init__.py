@@ -1,0 +1,1 @@
+"""Ground that moves along itself and carries its roughness."""
