@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
-from processing.gui.wrappers import WidgetWrapper
+from processing.gui.wrappers import DIALOG_STANDARD, WidgetWrapper
 from qgis.gui import QgsGui
 
 from ..plugin.bridge.cloud_field import CloudField
+from .dialog_layout import put_in_order
 
 
 class CloudWidget:
@@ -36,3 +38,9 @@ class CloudWrapper(WidgetWrapper):  # type: ignore[misc]
 
     def value(self) -> str:
         return str(self.widget.path())
+
+    def postInitialize(self, wrappers: Sequence[Any]) -> None:
+        """Put the dialog of a model in order, which has no field of settings that would do it."""
+        names = [one.parameterDefinition().name() for one in wrappers]
+        if self.dialogType == DIALOG_STANDARD and "SETTINGS" not in names:
+            put_in_order(wrappers)

@@ -73,7 +73,7 @@ def from_specification(
 ) -> QgsProcessingParameterDefinition:
     """The Processing parameter of one specification; ``title`` is the heading of its stage in a long dialog."""
     s = specification
-    label = tr(s.label) + (f" ({s.unit})" if s.unit else "")
+    label = tr(s.label) + (f" ({tr(s.unit)})" if s.unit else "")
     if title and title.lower() not in s.label.lower():
         label = tr("{0}: {1}").format(tr(title), f"{label[:1].lower()}{label[1:]}")
     parameter: QgsProcessingParameterDefinition

@@ -33,8 +33,12 @@ TUTORIAL_SURVEY = {"POINTS": 400_000}  # what the tutorial's reader sets
 SCREENING_KEPT = {"dialog": "screening_dialog", "layers": "screening_layers"}
 
 
-def private_profile(folder: Path, plugin: Path = ROOT) -> dict[str, str]:
-    """A QGIS profile with the plugin linked and switched on; gives the environment for QGIS programs."""
+def private_profile(folder: Path, plugin: Path = ROOT, language: str = "") -> dict[str, str]:
+    """A QGIS profile with the plugin linked and switched on; gives the environment for QGIS programs.
+
+    Args:
+        language: of QGIS's interface, such as zh_CN; by default English.
+    """
     plugins = folder / "profiles" / "default" / "python" / "plugins"
     plugins.mkdir(parents=True)
     (plugins / "slopewatch").symlink_to(plugin)
@@ -44,7 +48,8 @@ def private_profile(folder: Path, plugin: Path = ROOT) -> dict[str, str]:
         "[PythonPlugins]\nslopewatch=true\nprocessing=true\n\n"
         "[qgis]\ncheckVersion=false\nshowTips=false\nnewsFeed\\enabled=false\n\n"
         "[app]\nprojections\\unknownCrsBehavior=NoAction\n\n"
-        "[core]\nnewsFeed\\httpsfeedqgisorg\\disabled=true\n",
+        "[core]\nnewsFeed\\httpsfeedqgisorg\\disabled=true\n\n"
+        + (f"[locale]\noverrideFlag=true\nuserLocale={language}\n" if language else ""),
         encoding="utf-8",
     )
     environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "DISPLAY", "WAYLAND_DISPLAY")}
@@ -71,11 +76,13 @@ def run_session(
     screen: str = SCREEN,
     plugin: Path = ROOT,
     variables: dict[str, str] | None = None,
+    language: str = "",
 ) -> dict[str, Any]:
     """Run a session of this folder in a real QGIS; gives its report. Pictures lie in ``folder / "images"``.
 
     Args:
         plugin: the folder of the plugin, which has ``scripts``, too. variables: of QGIS's environment, in addition.
+        language: of QGIS's interface.
 
     Raises:
         RuntimeError: QGIS ended without a report; the message has its last words.
@@ -93,7 +100,7 @@ def run_session(
         ),
         encoding="utf-8",
     )
-    environment = {**private_profile(folder / "profile", plugin), **(variables or {})}
+    environment = {**private_profile(folder / "profile", plugin, language), **(variables or {})}
     environment["SLOPEWATCH_DESKTOP"] = str(task)
     session = str(ROOT / "scripts" / script)
     words_file = folder / "words.txt"
@@ -193,9 +200,10 @@ def screening(target: Path, folder: Path, cloud: Path | None = None, choices: di
         shutil.copytree(folder / "images", target, dirs_exist_ok=True)
 
 
-def dialogs(target: Path, folder: Path) -> None:
-    """Every dialog of the toolbox, as it opens and with all boxes open."""
-    checked(run_session({}, folder, script="dialogs_session.py", screen="1600x2400x24"))
+def dialogs(target: Path, folder: Path, language: str = "", wanted: str = "") -> None:
+    """Every dialog of the toolbox, or those that are wanted, as it opens and with all boxes open."""
+    given = {"ALGORITHMS": wanted}
+    checked(run_session(given, folder, script="dialogs_session.py", screen="1600x2400x24", language=language))
     shutil.copytree(folder / "images", target, dirs_exist_ok=True)
     print(*sorted(path.name for path in target.glob("*.png")), sep="\n")
 
@@ -272,6 +280,8 @@ def main() -> None:
     parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "docs" / "images", help="for the pictures")
     parser.add_argument("--cloud", type=Path, help="screening: this instead of a simulated one; all pictures are kept")
     parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="screening: fields of the dialog")
+    parser.add_argument("--language", default="", help="dialogs: of QGIS's interface, such as zh_CN")
+    parser.add_argument("--only", nargs="*", default=[], metavar="ALGORITHM", help="dialogs: these instead of all")
     given = parser.parse_args()
     # Its name is in the pictures. Not in /tmp: QGIS marks layers from there.
     folder = Path("/var/tmp/slope")
@@ -280,7 +290,7 @@ def main() -> None:
         if given.session == "inspection":
             inspection(given.folder, folder)
         elif given.session == "dialogs":
-            dialogs(given.folder, folder)
+            dialogs(given.folder, folder, given.language, " ".join(given.only))
         elif given.session == "setup":
             setup(given.folder, folder)
         elif given.session == "panel":
