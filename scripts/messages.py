@@ -123,7 +123,7 @@ WORDS = (
     "earlier", "first", "ground", "heights", "incremental",
     "Heights", "high", "higher", "it", "later", "low", "lower", "lowering", "manifest", "moderate", "no", "raising",
     "rapid", "rejected", "risen", "rise", "setting", "sink", "slow", "steady", "subsidence", "sunk", "tilt", "them",
-    "Batch", "Labelling", "Region", "days", "degrees", "minutes", "mm/day", "points/m²",
+    "Batch", "Labelling", "Region", "Series", "Training", "days", "degrees", "minutes", "mm/day", "points/m²",
     "Commands", "Examples", "Files", "Running", "trees", "unreviewed", "unknown", "uplift", "yes",
 )  # fmt: skip
 """Single words that stand in places of other messages, or alone in a table of the report."""

@@ -53,7 +53,7 @@ class FineTuneParameters(ParameterSet, record_name="training"):
         "Chooses the steps so that everything takes about this long on this machine. auto: the steps as given.",
         kind=float,
         unit="minutes",
-        bounds=(0.0, 100_000.0),
+        bounds=(0.01, 100_000.0),
     )
     folds: int = _parameter(
         5,

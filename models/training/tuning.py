@@ -145,8 +145,7 @@ class Tuning(ABC, Generic[Network]):
         steps = max(self.timed_steps, int(left / (each * (len(self.chosen) + 1))))
         if steps < 50:
             self.progress.warning(
-                f"Only {steps} steps a training fit into {self.minutes:g} minutes; give more minutes or "
-                "fewer folds."
+                f"Only {steps} steps a training fit into {self.minutes:g} minutes; give more minutes or fewer folds."
             )
         return steps
 
