@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from processing.gui.wrappers import DIALOG_STANDARD, WidgetWrapper
+from processing.gui.wrappers import DIALOG_STANDARD
 from qgis.gui import QgsGui
 
 from ..plugin.bridge.cloud_field import CloudField
 from .dialog_layout import put_in_order
+from .own_field import OwnField
 
 
 class CloudWidget:
@@ -25,7 +26,7 @@ class CloudWidget:
         return CloudWrapper(parameter, dialog, row, column, **options)
 
 
-class CloudWrapper(WidgetWrapper):  # type: ignore[misc]
+class CloudWrapper(OwnField):
     """The value is the path of the cloud's file."""
 
     def createWidget(self) -> CloudField:

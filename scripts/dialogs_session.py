@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 from qgis import processing
 from qgis.core import QgsApplication
-from qgis.gui import QgsCollapsibleGroupBox
 from qgis.PyQt.QtWidgets import QGroupBox, QScrollArea
 from slopewatch.scripts.qgis_session import TASK, QgisSession
 
@@ -26,8 +25,8 @@ class DialogsSession(QgisSession):
     def open_next(self) -> None:
         self.name = self._waiting.pop(0)
         self._dialog = processing.createAlgorithmDialog(f"slopewatch:{self.name}")
-        for box in self._dialog.findChildren(QgsCollapsibleGroupBox):
-            box.setSaveCollapsedState(False)  # what is opened here must not be open in the next dialog
+        for box in self._dialog.findChildren(QGroupBox):
+            box.setProperty("saveCollapsedState", False)  # what is opened here must not be open in the next dialog
         self._dialog.show()
         self._dialog.resize(WIDTH, HEIGHT)
 

@@ -326,7 +326,9 @@ RUNS = {
         ("Region of interest",),
     ),
     "slopewatch:simulateseries": Run(
-        lambda i, to: {"POINTS": 8000, "LENGTH": 10, "HEIGHT": 5, "SURVEYS": 2, "VELOCITIES": "-6", "OUTPUT_FOLDER": to},
+        lambda i, to: {
+            "POINTS": 8000, "LENGTH": 10, "HEIGHT": 5, "SURVEYS": 2, "VELOCITIES": "-6", "OUTPUT_FOLDER": to
+        },
         lambda r, i: must(len(Path(r["MANIFEST"]).read_text(encoding="utf-8").split()) == 3),
     ),
     "slopewatch:simulatescenes": Run(

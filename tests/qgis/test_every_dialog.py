@@ -13,8 +13,7 @@ from typing import Any
 
 import pytest
 from processing.core.Processing import Processing
-from processing.gui import AlgorithmDialog as module
-from processing.gui import ParametersPanel, Postprocessing
+from processing.gui import AlgorithmDialog, ParametersPanel, Postprocessing
 from qgis.core import QgsProject
 from qgis.PyQt.QtCore import QCoreApplication, QDate, QTimer
 from qgis.PyQt.QtWidgets import (
@@ -42,7 +41,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Inputs:
 class Refusals:
     """Stands for the message boxes of the dialog, which would wait for a click."""
 
-    StandardButton = module.QMessageBox.StandardButton
+    StandardButton = AlgorithmDialog.QMessageBox.StandardButton
 
     def __init__(self) -> None:
         self.said: list[str] = []
@@ -59,14 +58,14 @@ class Refusals:
 def run(provider: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str, dict[str, Any]], Any]]:
     """Opens an algorithm's dialog, fills it, presses Run and waits; gives the dialog and its results."""
     refusals = Refusals()
-    for part in (ParametersPanel, Postprocessing, module):
+    for part in (ParametersPanel, Postprocessing, AlgorithmDialog):
         monkeypatch.setattr(part, "iface", None)  # there is no main window
-    monkeypatch.setattr(module, "QMessageBox", refusals)
+    monkeypatch.setattr(AlgorithmDialog, "QMessageBox", refusals)
     Processing.initialize()
     dialogs: list[Any] = []
 
     def run_dialog(name: str, values: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
-        dialog = module.AlgorithmDialog(provider.algorithm(name).create())
+        dialog = AlgorithmDialog.AlgorithmDialog(provider.algorithm(name).create())
         dialogs.append(dialog)
         ended: list[tuple[bool, dict[str, Any]]] = []
         dialog.algorithmFinished.connect(lambda successful, results: ended.append((successful, results)))
