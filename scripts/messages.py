@@ -116,6 +116,7 @@ COMPOSED = (
     "; please report it",
     ", or leave it empty",
     "Not set:",
+    "Interpreter: {0} ({1})",
 )
 """Messages that the code puts together of parts that do not stand alone."""
 WORDS = (
