@@ -37,7 +37,8 @@ def private_profile(folder: Path, plugin: Path | None = ROOT, language: str = ""
     """A QGIS profile with the plugin linked and switched on; gives the environment for QGIS programs.
 
     Args:
-        plugin: its folder; None for a QGIS without it. language: of QGIS's interface, such as zh_CN; by default English.
+        plugin: its folder; None for a QGIS without it.
+        language: of QGIS's interface, such as zh-Hans; by default English.
     """
     plugins = folder / "profiles" / "default" / "python" / "plugins"
     plugins.mkdir(parents=True)
@@ -82,7 +83,8 @@ def run_session(
     """Run a session of this folder in a real QGIS; gives its report. Pictures lie in ``folder / "images"``.
 
     Args:
-        plugin: the folder of the plugin, which has ``scripts``, too; None for a QGIS without it. variables: of QGIS's environment, in addition.
+        plugin: the folder of the plugin, which has ``scripts``, too; None for a QGIS without it.
+        variables: of QGIS's environment, in addition.
         language: of QGIS's interface.
 
     Raises:
@@ -205,12 +207,20 @@ def screening(target: Path, folder: Path, cloud: Path | None = None, choices: di
         shutil.copytree(folder / "images", target, dirs_exist_ok=True)
 
 
-def dialogs(target: Path, folder: Path, language: str = "", wanted: str = "") -> None:
-    """Every dialog of the toolbox, or those that are wanted, as it opens and with all boxes open."""
-    given = {"ALGORITHMS": wanted}
-    checked(run_session(given, folder, script="dialogs_session.py", screen="1600x2400x24", language=language))
+def dialogs(target: Path, folder: Path, language: str = "", wanted: str = "", values: Path | None = None) -> None:
+    """Every dialog of the toolbox, or those that are wanted, as it opens and with all boxes open; then as it runs.
+
+    Args:
+        values: a JSON file of what is filled in before the run, by the names of the algorithms that are run.
+    """
+    given = {"ALGORITHMS": wanted, "VALUES": values.resolve() if values else ""}
+    screen, script = "1600x2400x24", "dialogs_session.py"
+    report = run_session(given, folder, script=script, screen=screen, language=language, seconds=1500)
+    (folder / "images" / "logs.txt").write_text("\n\n".join(report.get("logs", {}).values()), encoding="utf-8")
+    print(*(f"{name}: {seconds:.1f} s" for name, seconds in report.get("computing", {}).items()), sep="\n")
     shutil.copytree(folder / "images", target, dirs_exist_ok=True)
     print(*sorted(path.name for path in target.glob("*.png")), sep="\n")
+    checked(report)
 
 
 def setup(target: Path, folder: Path) -> None:
@@ -247,7 +257,7 @@ def panel(target: Path, folder: Path) -> None:
 
 
 def tutorial(target: Path, folder: Path) -> None:
-    """The tutorial's steps, from the zip of the last commit on; fails where the page says other figures than the run."""
+    """The tutorial's steps, from the zip of the last commit on; fails where the page says other figures."""
     archive = folder / "slopewatch.zip"
     subprocess.run(["bash", str(ROOT / "scripts" / "package.sh"), str(archive)], check=True)
     parameters = {"FOLDER": folder / "tutorial", "ZIP": archive, **TUTORIAL_SURVEY}
@@ -294,8 +304,9 @@ def main() -> None:
     parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "docs" / "images", help="for the pictures")
     parser.add_argument("--cloud", type=Path, help="screening: this instead of a simulated one; all pictures are kept")
     parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="screening: fields of the dialog")
-    parser.add_argument("--language", default="", help="dialogs: of QGIS's interface, such as zh_CN")
+    parser.add_argument("--language", default="", help="dialogs: of QGIS's interface, such as zh-Hans")
     parser.add_argument("--only", nargs="*", default=[], metavar="ALGORITHM", help="dialogs: these instead of all")
+    parser.add_argument("--values", type=Path, help="dialogs: JSON of values by algorithm, which are filled in and run")
     given = parser.parse_args()
     # Its name is in the pictures. Not in /tmp: QGIS marks layers from there.
     folder = Path("/var/tmp/slope")
@@ -304,7 +315,7 @@ def main() -> None:
         if given.session == "inspection":
             inspection(given.folder, folder)
         elif given.session == "dialogs":
-            dialogs(given.folder, folder, given.language, " ".join(given.only))
+            dialogs(given.folder, folder, given.language, " ".join(given.only), given.values)
         elif given.session == "setup":
             setup(given.folder, folder)
         elif given.session == "panel":

@@ -1,7 +1,8 @@
 """Run inside QGIS by ``qgis --code``: the tutorial (docs/tutorial.md), with its pictures, in a QGIS without the plugin.
 
-Its task is described in qgis_session.py; its parameters are ZIP, the plugin's zip, FOLDER, where the reader's
-files lie, and those of ``simulatesurvey`` that the tutorial has the reader set. Dialogs are opened from the menu and the panel, as on the page.
+Its task is described in qgis_session.py; its parameters are ZIP, the plugin's zip, FOLDER, where the reader's files
+lie, and those of ``simulatesurvey`` that the tutorial has the reader set. Dialogs are opened from the menu and the
+panel, as on the page.
 """
 
 from __future__ import annotations
