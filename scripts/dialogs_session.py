@@ -62,6 +62,10 @@ class DialogsSession(QgisSession):
             self._finished = None
             self._dialog.algorithmFinished.connect(self._on_finished)
             self._dialog.setParameters(self._values[self.name])
+            for box in self._dialog.findChildren(QGroupBox):
+                box.setProperty("collapsed", True)
+            for area in self._dialog.findChildren(QScrollArea):
+                area.verticalScrollBar().setValue(0)
             self._dialog.resize(WIDTH, HEIGHT)
             self.picture(f"{self.name}_filled", self._dialog)
             self._pressed = time.monotonic()
