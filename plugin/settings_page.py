@@ -68,7 +68,7 @@ class SettingsPage(QgsOptionsPageWidget):
         QApplication.setOverrideCursor(Qt.CursorShape.WaitCursor)
         try:
             python, how = find_engine()
-            feedback.pushInfo(f"Interpreter: {python} ({how})")
+            feedback.pushInfo(tr(f"Interpreter: {python} ({how})"))
             found = run_engine(["check"], feedback).metrics
             feedback.pushInfo(tr("The engine is ready."))
             for name, value in found.items():

@@ -13,6 +13,7 @@ from ..plugin.bridge import resources
 from ..plugin.bridge.engine_client import EngineResult
 from ..plugin.bridge.engine_setup import find_engine
 from ..plugin.bridge.interpreter import InterpreterNotFoundError
+from ..plugin.bridge.words import tr
 from .base import SlopeWatchAlgorithm
 from .values import Values
 
@@ -35,8 +36,8 @@ class CheckEnvironment(SlopeWatchAlgorithm):
         try:
             python, how = find_engine()
         except InterpreterNotFoundError as error:
-            raise QgsProcessingException(str(error)) from None
-        values.feedback.pushInfo(f"Engine's interpreter: {python} ({how})")
+            raise QgsProcessingException(tr(str(error))) from None
+        values.feedback.pushInfo(tr(f"Engine's interpreter: {python} ({how})"))
         self._python = str(python)
         return ["check"]
 
@@ -45,7 +46,7 @@ class CheckEnvironment(SlopeWatchAlgorithm):
             values.feedback.pushInfo(f"{name}: {value}")
         engine, own = str(result.metrics.get("slopewatch", "")), resources.version()
         if engine != own:
-            values.feedback.pushWarning(f"The engine is version {engine}, the plugin {own}; run the set-up again.")
+            values.feedback.pushWarning(tr(f"The engine is version {engine}, the plugin {own}; run the set-up again."))
         return {
             "ENGINE": self._python,
             "PDAL": str(result.metrics.get("pdal", "")),

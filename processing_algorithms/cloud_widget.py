@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
-from processing.gui.wrappers import WidgetWrapper
+from processing.gui.wrappers import DIALOG_STANDARD
 from qgis.gui import QgsGui
 
 from ..plugin.bridge.cloud_field import CloudField
+from .dialog_layout import put_in_order
+from .own_field import OwnField
 
 
 class CloudWidget:
@@ -23,7 +26,7 @@ class CloudWidget:
         return CloudWrapper(parameter, dialog, row, column, **options)
 
 
-class CloudWrapper(WidgetWrapper):  # type: ignore[misc]
+class CloudWrapper(OwnField):
     """The value is the path of the cloud's file."""
 
     def createWidget(self) -> CloudField:
@@ -36,3 +39,9 @@ class CloudWrapper(WidgetWrapper):  # type: ignore[misc]
 
     def value(self) -> str:
         return str(self.widget.path())
+
+    def postInitialize(self, wrappers: Sequence[Any]) -> None:
+        """Put the dialog of a model in order, which has no field of settings that would do it."""
+        names = [one.parameterDefinition().name() for one in wrappers]
+        if self.dialogType == DIALOG_STANDARD and "SETTINGS" not in names:
+            put_in_order(wrappers)

@@ -8,6 +8,7 @@ from qgis.core import QgsProcessingException, QgsProcessingOutputString
 
 from ..interface.parameters import command_sets
 from ..plugin.bridge.engine_client import EngineResult
+from ..plugin.bridge.words import tr
 from . import declare
 from .base import SlopeWatchAlgorithm
 from .values import Values
@@ -45,7 +46,7 @@ class CloudInfo(SlopeWatchAlgorithm):
             for line in _lines(name, value):
                 values.feedback.pushInfo(line)
         for sentence in sentences:
-            values.feedback.pushWarning(sentence)
+            values.feedback.pushWarning(tr(sentence))
         system = facts.get("reference_system") or {}
         return {"REFERENCE_SYSTEM": str(system.get("declared") or ""), "UNUSUAL": "\n".join(sentences)}
 

@@ -49,8 +49,8 @@ def with_help(
 def in_group(
     parameter: QgsProcessingParameterDefinition, title: str, *, more: str = GROUP
 ) -> QgsProcessingParameterDefinition:
-    """``parameter`` under a heading of the dialog; ``more`` is another detail of its metadata."""
-    parameter.setMetadata({**parameter.metadata(), more: title})
+    """``parameter`` under a heading of the dialog, in QGIS's language; ``more`` is another detail of its metadata."""
+    parameter.setMetadata({**parameter.metadata(), more: tr(title) if more == GROUP else title})
     return parameter
 
 
@@ -73,7 +73,7 @@ def from_specification(
 ) -> QgsProcessingParameterDefinition:
     """The Processing parameter of one specification; ``title`` is the heading of its stage in a long dialog."""
     s = specification
-    label = tr(s.label) + (f" ({s.unit})" if s.unit else "")
+    label = tr(s.label) + (f" ({tr(s.unit)})" if s.unit else "")
     if title and title.lower() not in s.label.lower():
         label = tr("{0}: {1}").format(tr(title), f"{label[:1].lower()}{label[1:]}")
     parameter: QgsProcessingParameterDefinition
@@ -100,7 +100,7 @@ def from_specification(
     if s.automatic:
         text = re.sub(rf"\b{AUTO}[:：]", tr("Not set:"), text)
     with_help(parameter, text, advanced=s.advanced if advanced is None else advanced)
-    return in_group(parameter, tr(title))
+    return in_group(parameter, title)
 
 
 def _decimals(specification: Specification) -> int:

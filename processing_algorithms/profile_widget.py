@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from processing.gui.wrappers import DIALOG_MODELER, WidgetWrapper
+from processing.gui.wrappers import DIALOG_MODELER
 from qgis.core import QgsProcessingContext
 from qgis.PyQt.QtWidgets import QComboBox
 
+from .own_field import OwnField
 
-class ProfileWidget(WidgetWrapper):  # type: ignore[misc]
+
+class ProfileWidget(OwnField):
     """A list of the profiles. What no profile names stays as it is when another is chosen."""
 
     def createWidget(self, filled: Mapping[str, Mapping[str, Any]]) -> QComboBox:

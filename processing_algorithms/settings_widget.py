@@ -9,19 +9,21 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from processing.gui.wrappers import DIALOG_STANDARD, WidgetWrapper
+from processing.gui.wrappers import DIALOG_STANDARD
 from qgis.core import QgsProcessingContext
 from qgis.gui import QgsFileWidget
 
 from ..interface.parameters import AUTO, ParameterError
 from ..interface.settings_file import read_settings
+from ..plugin.bridge.words import tr
 from .dialog_layout import put_in_order
+from .own_field import OwnField
 
 NOT_READ = "color: #b00020"
 """Style of a field whose file cannot be used; the sentence is its tooltip, and Run says it, too."""
 
 
-class SettingsWidget(WidgetWrapper):  # type: ignore[misc]
+class SettingsWidget(OwnField):
     """A file. What it does not name stays as it is."""
 
     def createWidget(self) -> QgsFileWidget:
@@ -54,7 +56,7 @@ class SettingsWidget(WidgetWrapper):  # type: ignore[misc]
             read = read_settings(Path(path), groups)
         except ParameterError as error:
             self.widget.setStyleSheet(NOT_READ)
-            self.widget.setToolTip(f"{error}.")
+            self.widget.setToolTip(tr(f"{error}."))
             return
         context = QgsProcessingContext()
         if read.profile and "PROFILE" in self._fields:

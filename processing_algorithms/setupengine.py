@@ -20,6 +20,7 @@ from ..plugin.bridge.setup import places, state
 from ..plugin.bridge.setup.building import set_up
 from ..plugin.bridge.setup.problems import SetupError
 from ..plugin.bridge.setup.workshop import Order, Reporter
+from ..plugin.bridge.words import tr
 from . import declare
 from .base import SlopeWatchAlgorithm
 from .values import Values
@@ -71,12 +72,13 @@ class SetupEngine(SlopeWatchAlgorithm):
     def processAlgorithm(
         self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
     ) -> dict[str, Any]:
-        feedback.pushInfo(f"The engine is built in {self._folder}; the log is {self._folder / places.LOG}.")
+        feedback.pushInfo(tr(f"The engine is built in {self._folder}; the log is {self._folder / places.LOG}."))
         made = _built(self._order, feedback)
         interpreter = state.interpreter(self._folder, made)
         used, how = find_engine()
         if used != interpreter:
-            feedback.pushWarning(f"The engine that was built is not in use, as another one is named: {used} ({how}).")
+            words = f"The engine that was built is not in use, as another one is named: {used} ({how})."
+            feedback.pushWarning(tr(words))
         return {
             "ENGINE": str(interpreter),
             "PYTHON_VERSION": made.python,
@@ -95,9 +97,15 @@ def _built(what: Order, feedback: QgsProcessingFeedback) -> state.State:
         step = "Installing packages" if words.startswith("Installing packages") else words.partition(": ")[0]
         if step != shown:
             shown = step
-            feedback.setProgressText(step)
+            feedback.setProgressText(tr(step))
+
+    def info(words: str) -> None:
+        feedback.pushInfo(tr(words))
+
+    def warn(words: str) -> None:
+        feedback.pushWarning(tr(words))
 
     try:
-        return set_up(what, Reporter(progress, feedback.pushInfo, feedback.pushWarning, feedback.isCanceled))
+        return set_up(what, Reporter(progress, info, warn, feedback.isCanceled))
     except SetupError as error:
-        raise QgsProcessingException(str(error)) from None
+        raise QgsProcessingException(tr(str(error))) from None

@@ -20,35 +20,30 @@ from qgis.core import (
     QgsProcessingParameterDefinition,
 )
 from qgis.PyQt.QtCore import QPointF
-from slopewatch.plugin.shipped_model import FOLDER
+from slopewatch.plugin.bridge.resources import help_text
+from slopewatch.plugin.shipped_model import FIELD_HELP, FOLDER, STEPS, SUMMARIES
 from slopewatch.processing_algorithms.declare import cloud_parameter, polygon_parameter, profiles_parameter, with_help
 from slopewatch.processing_algorithms.declare import date_parameter as day
 
-HELP = (
-    "Ground of both surveys, registration, change, and the report with profiles, as a model that you can change: open "
-    "the file plugin/models/slopeflow.model3 of the plugin's folder in the model designer and save a copy, with other "
-    "settings for one step, a step less, or further tools after it. Layers that are left temporary lie in the output "
-    "folder. Inspect slope does the same in one tool, and screens the later survey in addition."
-)
 _HELP_OF_PARTS = {
-    "ALG_DESC": HELP,
+    "ALG_DESC": help_text("slopeflow"),
     "ALG_CREATOR": "SlopeWatch",
-    "SHORT_DESCRIPTION": "Ground of two surveys, registration, elevation change and report, step by step.",
+    "SHORT_DESCRIPTION": SUMMARIES["slopeflow"],
 }
-# child: (algorithm, title, inputs)
+# child: (algorithm, inputs)
 _FROM_MODEL, _FROM_CHILD = "model", "child"
-_CHILDREN: tuple[tuple[str, str, str, dict[str, tuple[str, ...]]], ...] = (
-    ("ground_first", "extractground", "Ground of the first survey",
+_CHILDREN: tuple[tuple[str, str, dict[str, tuple[str, ...]]], ...] = (
+    ("ground_first", "extractground",
      {"INPUT": (_FROM_MODEL, "REFERENCE"), "ROI": (_FROM_MODEL, "ROI")}),
-    ("ground_later", "extractground", "Ground of the later survey",
+    ("ground_later", "extractground",
      {"INPUT": (_FROM_MODEL, "CLOUD"), "ROI": (_FROM_MODEL, "ROI")}),
-    ("registration", "registerepochs", "Register the later ground",
+    ("registration", "registerepochs",
      {"REFERENCE": (_FROM_CHILD, "ground_first", "OUTPUT"), "CLOUD": (_FROM_CHILD, "ground_later", "OUTPUT")}),
-    ("change", "elevationchange", "Change between the two",
+    ("change", "elevationchange",
      {"REFERENCE": (_FROM_CHILD, "ground_first", "OUTPUT"), "CLOUD": (_FROM_CHILD, "ground_later", "OUTPUT"),
       "TRANSFORM": (_FROM_CHILD, "registration", "TRANSFORM"), "REFERENCE_DATE": (_FROM_MODEL, "REFERENCE_DATE"),
       "CLOUD_DATE": (_FROM_MODEL, "CLOUD_DATE")}),
-    ("report", "writereport", "Report with profiles",
+    ("report", "writereport",
      {"INPUT": (_FROM_CHILD, "change", "OUTPUT_FOLDER"), "PROFILES": (_FROM_MODEL, "PROFILES")}),
 )  # fmt: skip
 # child: outputs of the model
@@ -63,18 +58,17 @@ _OUTPUTS = {
 
 
 def inputs() -> list[QgsProcessingParameterDefinition]:
-    first = day("REFERENCE_DATE", "Day of the first survey")
-    later = day("CLOUD_DATE", "Day of the later survey")
-    for parameter in (first, later):
-        with_help(parameter, "Day of the survey. Not set: the report and the zones' table have no rates.")
-    return [
+    found = [
         cloud_parameter("REFERENCE", "First survey", "Raw point cloud of the first survey, LAS or LAZ."),
-        first,
+        day("REFERENCE_DATE", "Day of the first survey"),
         cloud_parameter("CLOUD", "Later survey", "Raw point cloud of the later survey, LAS or LAZ."),
-        later,
+        day("CLOUD_DATE", "Day of the later survey"),
         polygon_parameter("ROI", "Region of interest", "Polygons of the slope. Not set: the whole clouds."),
         profiles_parameter(),
     ]
+    for parameter in found:
+        with_help(parameter, FIELD_HELP["slopeflow"].get(parameter.name(), parameter.help()))
+    return found
 
 
 def source(of: tuple[str, ...]) -> QgsProcessingModelChildParameterSource:
@@ -90,10 +84,10 @@ def built() -> QgsProcessingModelAlgorithm:
         component.setDescription(parameter.description())
         component.setPosition(QPointF(160.0 + 220 * row, 60.0))
         model.addModelParameter(parameter, component)
-    for row, (name, algorithm, title, given) in enumerate(_CHILDREN):
+    for row, (name, algorithm, given) in enumerate(_CHILDREN):
         child = QgsProcessingModelChildAlgorithm(f"slopewatch:{algorithm}")
         child.setChildId(name)
-        child.setDescription(title)
+        child.setDescription(STEPS["slopeflow"][name])
         child.setPosition(QPointF(300.0 + 260 * (row % 2), 180.0 + 110 * row))
         for parameter, of in given.items():
             child.addParameterSources(parameter, [source(of)])

@@ -173,6 +173,7 @@ COMPOSED = (
     "Series",
     "mm/day",
     "mm/year",
+    "Interpreter: {0} ({1})",
 )
 """Messages that the code puts together of parts that do not stand alone."""
 WORDS = (
@@ -182,6 +183,7 @@ WORDS = (
     "Heights", "high", "higher", "it", "later", "low", "lower", "lowering", "manifest", "moderate", "no", "raising",
     "rapid", "rejected", "risen", "rise", "setting", "sink", "slow", "steady", "subsidence", "sunk", "tilt", "them",
     "unsure", "Options", "Installation",
+    "Batch", "Labelling", "Region", "Training", "days", "degrees", "minutes",
     "Commands", "Examples", "Files", "Running", "trees", "unreviewed", "unknown", "uplift", "yes",
 )  # fmt: skip
 """Single words that stand in places of other messages, or alone in a table of the report."""

@@ -33,18 +33,25 @@ TUTORIAL_SURVEY = {"POINTS": 400_000}  # what the tutorial's reader sets
 SCREENING_KEPT = {"dialog": "screening_dialog", "layers": "screening_layers"}
 
 
-def private_profile(folder: Path, plugin: Path = ROOT) -> dict[str, str]:
-    """A QGIS profile with the plugin linked and switched on; gives the environment for QGIS programs."""
+def private_profile(folder: Path, plugin: Path | None = ROOT, language: str = "") -> dict[str, str]:
+    """A QGIS profile with the plugin linked and switched on; gives the environment for QGIS programs.
+
+    Args:
+        plugin: its folder; None for a QGIS without it.
+        language: of QGIS's interface, such as zh-Hans; by default English.
+    """
     plugins = folder / "profiles" / "default" / "python" / "plugins"
     plugins.mkdir(parents=True)
-    (plugins / "slopewatch").symlink_to(plugin)
+    if plugin is not None:
+        (plugins / "slopewatch").symlink_to(plugin)
     settings = folder / "profiles" / "default" / "QGIS" / "QGIS3.ini"
     settings.parent.mkdir(parents=True)
     settings.write_text(
-        "[PythonPlugins]\nslopewatch=true\nprocessing=true\n\n"
+        f"[PythonPlugins]\n{'' if plugin is None else 'slopewatch=true'}\nprocessing=true\n\n"
         "[qgis]\ncheckVersion=false\nshowTips=false\nnewsFeed\\enabled=false\n\n"
         "[app]\nprojections\\unknownCrsBehavior=NoAction\n\n"
-        "[core]\nnewsFeed\\httpsfeedqgisorg\\disabled=true\n",
+        "[core]\nnewsFeed\\httpsfeedqgisorg\\disabled=true\n\n"
+        + (f"[locale]\noverrideFlag=true\nuserLocale={language}\n" if language else ""),
         encoding="utf-8",
     )
     environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "DISPLAY", "WAYLAND_DISPLAY")}
@@ -69,13 +76,16 @@ def run_session(
     script: str = "desktop_session.py",
     seconds: float = 300.0,
     screen: str = SCREEN,
-    plugin: Path = ROOT,
+    plugin: Path | None = ROOT,
     variables: dict[str, str] | None = None,
+    language: str = "",
 ) -> dict[str, Any]:
     """Run a session of this folder in a real QGIS; gives its report. Pictures lie in ``folder / "images"``.
 
     Args:
-        plugin: the folder of the plugin, which has ``scripts``, too. variables: of QGIS's environment, in addition.
+        plugin: the folder of the plugin, which has ``scripts``, too; None for a QGIS without it.
+        variables: of QGIS's environment, in addition.
+        language: of QGIS's interface.
 
     Raises:
         RuntimeError: QGIS ended without a report; the message has its last words.
@@ -93,9 +103,13 @@ def run_session(
         ),
         encoding="utf-8",
     )
-    environment = {**private_profile(folder / "profile", plugin), **(variables or {})}
+    environment = {**private_profile(folder / "profile", plugin, language), **(variables or {})}
     environment["SLOPEWATCH_DESKTOP"] = str(task)
     session = str(ROOT / "scripts" / script)
+    if plugin is None:  # the session's own module is not to be had from the plugin
+        environment["PYTHONPATH"] = str(folder / "modules")
+        (folder / "modules").mkdir()
+        shutil.copy(ROOT / "scripts" / "qgis_session.py", folder / "modules")
     words_file = folder / "words.txt"
     process = subprocess.Popen(
         ["xvfb-run", "-a", "-s", f"-screen 0 {screen}", "qgis", "--nologo", "--noversioncheck", "--code", session],
@@ -193,11 +207,20 @@ def screening(target: Path, folder: Path, cloud: Path | None = None, choices: di
         shutil.copytree(folder / "images", target, dirs_exist_ok=True)
 
 
-def dialogs(target: Path, folder: Path) -> None:
-    """Every dialog of the toolbox, as it opens and with all boxes open."""
-    checked(run_session({}, folder, script="dialogs_session.py", screen="1600x2400x24"))
+def dialogs(target: Path, folder: Path, language: str = "", wanted: str = "", values: Path | None = None) -> None:
+    """Every dialog of the toolbox, or those that are wanted, as it opens and with all boxes open; then as it runs.
+
+    Args:
+        values: a JSON file of what is filled in before the run, by the names of the algorithms that are run.
+    """
+    given = {"ALGORITHMS": wanted, "VALUES": values.resolve() if values else ""}
+    screen, script = "1600x2400x24", "dialogs_session.py"
+    report = run_session(given, folder, script=script, screen=screen, language=language, seconds=1500)
+    (folder / "images" / "logs.txt").write_text("\n\n".join(report.get("logs", {}).values()), encoding="utf-8")
+    print(*(f"{name}: {seconds:.1f} s" for name, seconds in report.get("computing", {}).items()), sep="\n")
     shutil.copytree(folder / "images", target, dirs_exist_ok=True)
     print(*sorted(path.name for path in target.glob("*.png")), sep="\n")
+    checked(report)
 
 
 def setup(target: Path, folder: Path) -> None:
@@ -234,12 +257,21 @@ def panel(target: Path, folder: Path) -> None:
 
 
 def tutorial(target: Path, folder: Path) -> None:
-    """The tutorial's steps; fails where the page says other figures than the run."""
-    parameters = {"FOLDER": folder / "tutorial", **TUTORIAL_SURVEY}
-    report = checked(run_session(parameters, folder, script="tutorial_session.py", screen=TUTORIAL_SCREEN, seconds=540))
+    """The tutorial's steps, from the zip of the last commit on; fails where the page says other figures."""
+    archive = folder / "slopewatch.zip"
+    subprocess.run(["bash", str(ROOT / "scripts" / "package.sh"), str(archive)], check=True)
+    parameters = {"FOLDER": folder / "tutorial", "ZIP": archive, **TUTORIAL_SURVEY}
+    variables = {"SLOPEWATCH_DATA": str(folder / "data"), "SLOPEWATCH_PYTHON": ""}
+    report = checked(
+        run_session(
+            parameters, folder, script="tutorial_session.py", screen=TUTORIAL_SCREEN, seconds=1500, plugin=None,
+            variables=variables,
+        )
+    )  # fmt: skip
     for picture in sorted((folder / "images").glob("tutorial_*.png")):
         keep(picture, target / picture.name, 250_000)
-    print(f"{report['minutes']:.1f} minutes; {report['panel_says']}")
+    print(f"{report['minutes']:.1f} minutes from step 2 on, clicked without reading; {report['panel_says']}")
+    print(*(f"{name}: {seconds:.0f} s of computing" for name, seconds in report["computing"].items()), sep="\n")
     missing = not_on_the_page(report, (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8"))
     if missing:
         raise RuntimeError("docs/tutorial.md does not say what the run says:\n" + "\n".join(missing))
@@ -272,6 +304,9 @@ def main() -> None:
     parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "docs" / "images", help="for the pictures")
     parser.add_argument("--cloud", type=Path, help="screening: this instead of a simulated one; all pictures are kept")
     parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="screening: fields of the dialog")
+    parser.add_argument("--language", default="", help="dialogs: of QGIS's interface, such as zh-Hans")
+    parser.add_argument("--only", nargs="*", default=[], metavar="ALGORITHM", help="dialogs: these instead of all")
+    parser.add_argument("--values", type=Path, help="dialogs: JSON of values by algorithm, which are filled in and run")
     given = parser.parse_args()
     # Its name is in the pictures. Not in /tmp: QGIS marks layers from there.
     folder = Path("/var/tmp/slope")
@@ -280,7 +315,7 @@ def main() -> None:
         if given.session == "inspection":
             inspection(given.folder, folder)
         elif given.session == "dialogs":
-            dialogs(given.folder, folder)
+            dialogs(given.folder, folder, given.language, " ".join(given.only), given.values)
         elif given.session == "setup":
             setup(given.folder, folder)
         elif given.session == "panel":

@@ -1,7 +1,8 @@
-"""Run inside QGIS by ``qgis --code``: the tutorial (docs/tutorial.md) from its second step on, with its pictures.
+"""Run inside QGIS by ``qgis --code``: the tutorial (docs/tutorial.md), with its pictures, in a QGIS without the plugin.
 
-Its task is described in qgis_session.py; its parameters are FOLDER, where the reader's files lie, and those of
-``simulatesurvey`` that the tutorial has the reader set. Dialogs are opened from the menu and the panel, as on the page.
+Its task is described in qgis_session.py; its parameters are ZIP, the plugin's zip, FOLDER, where the reader's files
+lie, and those of ``simulatesurvey`` that the tutorial has the reader set. Dialogs are opened from the menu and the
+panel, as on the page.
 """
 
 from __future__ import annotations
@@ -12,13 +13,25 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import qgis.utils
 from qgis.core import QgsProject
 from qgis.gui import QgsProcessingAlgorithmDialogBase
-from qgis.PyQt.QtCore import QCoreApplication, QPoint, Qt
+from qgis.PyQt.QtCore import QCoreApplication, QPoint, Qt, QTimer
 from qgis.PyQt.QtTest import QTest
-from qgis.PyQt.QtWidgets import QApplication, QDockWidget, QTextEdit
+from qgis.PyQt.QtWidgets import (
+    QApplication,
+    QDialogButtonBox,
+    QDockWidget,
+    QLineEdit,
+    QListWidget,
+    QMessageBox,
+    QPlainTextEdit,
+    QPushButton,
+    QTextEdit,
+    QWidget,
+)
 from qgis.utils import iface
-from slopewatch.scripts.qgis_session import REPORT, TASK, QgisSession
+from qgis_session import REPORT, TASK, QgisSession
 
 _REMARK = "Heap of a repair"
 
@@ -28,11 +41,16 @@ class TutorialSession(QgisSession):
 
     _panel: Any = None
     _folder: Path
-    _started = 0.0
+    _started = _pressed = 0.0
 
     def steps(self) -> list[Callable[[], bool | None]]:
         return [
             self.open_window,
+            self.install_from_zip,
+            self.wait_for_the_message,
+            self.set_up_now,
+            self.wait_for_result,
+            self.close_dialog,
             self.save_project,
             self.simulate,
             self.wait_for_result,
@@ -60,8 +78,44 @@ class TutorialSession(QgisSession):
 
     # --- the page's steps ---------------------------------------------------------------------------------------
 
+    def install_from_zip(self) -> None:
+        """*Plugins → Manage and Install Plugins → Install from ZIP*; the window is filled while it waits for clicks."""
+        REPORT["logs"], REPORT["computing"] = {}, {}
+        QTimer.singleShot(2000, self.fill_plugin_manager)
+        iface.actionManagePlugins().trigger()
+        if "slopewatch" not in qgis.utils.active_plugins:
+            qgis.utils.loadPlugin("slopewatch")
+            qgis.utils.startPlugin("slopewatch")
+
+    def fill_plugin_manager(self) -> None:
+        manager = QApplication.activeModalWidget()
+        pages = manager.findChild(QListWidget, "mOptionsListWidget")
+        (page,) = (n for n in range(pages.count()) if pages.item(n).text() == "Install from ZIP")
+        pages.setCurrentRow(page)
+        manager.findChild(QWidget, "mZipFileWidget").findChild(QLineEdit).setText(TASK["parameters"].pop("ZIP"))
+        QTimer.singleShot(500, self.agree)
+        manager.findChild(QPushButton, "buttonInstallFromZip").click()
+        REPORT["installed"] = "slopewatch" in qgis.utils.available_plugins
+        self.picture("plugin_manager", manager)
+        manager.reject()
+
+    def agree(self) -> None:
+        """Where QGIS warns of plugins from files, the reader agrees."""
+        asked = QApplication.activeModalWidget()
+        if isinstance(asked, QMessageBox):
+            asked.button(QMessageBox.StandardButton.Yes).click()
+
+    def wait_for_the_message(self) -> bool:
+        return not [item for item in iface.messageBar().items() if item.title() == "SlopeWatch"]
+
+    def set_up_now(self) -> None:
+        (message,) = (item for item in iface.messageBar().items() if item.title() == "SlopeWatch")
+        (button,) = (one for one in message.findChildren(QPushButton) if one.text() == "Set up now")
+        self._pressed = time.monotonic()
+        button.click()
+        self.take_dialog("setupengine")
+
     def save_project(self) -> None:
-        REPORT["logs"] = {}
         self._folder = Path(TASK["parameters"].pop("FOLDER"))
         self._folder.mkdir()
         QgsProject.instance().write(str(self._folder / "tutorial.qgz"))
@@ -152,12 +206,20 @@ class TutorialSession(QgisSession):
         panel.reviews.confirm.click()
         panel.zones.choose(rows[-1].feature)
         panel.reviews.reject.click()
-        panel.reviews.enter_remark(_REMARK)
+        QTimer.singleShot(500, self.type_remark)
+        panel.reviews.note.click()
         panel.reviews.save.click()
         panel.zones.choose(rows[0].feature)
         QCoreApplication.processEvents()
         panel.zoom_button.click()
         self._waited = 1
+
+    def type_remark(self) -> None:
+        """In the window of *Remark…*, which waits for it."""
+        window = QApplication.activeModalWidget()
+        self.picture("remark", window)
+        window.findChild(QPlainTextEdit).setPlainText(_REMARK)
+        window.findChild(QDialogButtonBox).button(QDialogButtonBox.StandardButton.Ok).click()
 
     def show_zone(self) -> bool:
         if not self.drawn(""):
@@ -167,11 +229,13 @@ class TutorialSession(QgisSession):
         return False
 
     def write_report(self) -> None:
+        self._pressed = time.monotonic()
         self._panel.write_button.click()
 
     def wait_for_report(self) -> bool:
         if self._panel._task is not None:
             return True
+        REPORT["computing"]["writereport"] = time.monotonic() - self._pressed
         report = (self._folder / "results" / "report.html").read_text(encoding="utf-8")
         REPORT["reviews_in_report"] = [words in report for words in ("A. Sato", _REMARK)]
         REPORT["panel_says"] = self._panel.sentence.text()
@@ -214,6 +278,10 @@ class TutorialSession(QgisSession):
         self._dialog.algorithmFinished.connect(self._on_finished)
         self._dialog.resize(1040, 800)
 
+    def run(self) -> None:
+        self._pressed = time.monotonic()
+        super().run()
+
     def fill(self, values: dict[str, Any]) -> None:
         self._dialog.setParameters(values)
         QCoreApplication.processEvents()
@@ -222,6 +290,7 @@ class TutorialSession(QgisSession):
         name = self._dialog.algorithm().name()
         log = self._dialog.findChild(QTextEdit, "txtLog").toPlainText()
         REPORT["logs"][name] = log
+        REPORT["computing"][name] = self._ended - self._pressed
         if not self._finished or not self._finished["successful"]:
             raise RuntimeError(f"{name} failed:\n{log}")
         self._finished = None

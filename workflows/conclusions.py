@@ -7,7 +7,6 @@ files lie; one may also say its own sentences in ``RunResult.conclusion``.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -328,10 +327,11 @@ _FOUND: dict[str, Callable[[Figures], list[str]]] = {
 
 def _places(outputs: Mapping[str, Path]) -> list[str]:
     paths = [Path(path).absolute() for path in outputs.values()]
-    folder = Path(os.path.commonpath([path.parent for path in paths]))
+    # the folder of the record, as a file that was wanted elsewhere must not make it the root of the disk
+    folder = Path(outputs.get("run", paths[0])).absolute().parent
     known = [Path(outputs[key]) for key in _FIRST if key in outputs][:_NAMED]
     first = list(dict.fromkeys(path.name for path in (known or paths[:1])))
-    count = len(set(paths))
+    count = sum(folder in path.parents for path in set(paths))
     return [
         f"{_number(count)} {_plural(count, 'file')} {'was' if count == 1 else 'were'} written to {folder}.",
         f"Look first at {' and '.join(first)}.",

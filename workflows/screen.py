@@ -13,7 +13,7 @@ from ..engine.core import cancellation
 from ..engine.core.errors import InputError
 from ..engine.core.messages import shown as named
 from ..engine.core.part_folders import part_folder
-from ..engine.core.progress import Progress
+from ..engine.core.progress import Progress, Renamed
 from ..engine.core.run_result import RunResult
 from ..engine.core.staged_outputs import refuse_unwritable
 from ..engine.ground.extraction import extract_ground
@@ -140,7 +140,7 @@ def _extracted(
                     parameters=settings.ground,
                     inputs=replace(settings.inputs, crs="", height_unit="auto"),
                     pdal=find_pdal(pdal),
-                    progress=run.progress,
+                    progress=Renamed(run.progress, named(numbered), named(cloud)),
                 )
             except InputError as error:
                 raise InputError(str(error).replace(named(numbered), named(cloud))) from error

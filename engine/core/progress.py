@@ -73,3 +73,21 @@ class _Share(Progress):
 
     def show(self, level: str, message: str) -> None:
         self._parent.show(level, f"{self._name}: {message}")
+
+
+class Renamed(Progress):
+    """Passes everything on to another; in messages ``old`` stands as ``new``, as where a copy of a file is read."""
+
+    def __init__(self, parent: Progress, old: str, new: str) -> None:
+        super().__init__()
+        self._parent, self._old, self._new = parent, old, new
+        self.warnings = parent.warnings
+
+    def emit(self, percent: float, message: str) -> None:
+        self._parent.update(percent / 100.0, message)
+
+    def info(self, message: str) -> None:
+        self._parent.info(message.replace(self._old, self._new))
+
+    def warning(self, message: str) -> None:
+        self._parent.warning(message.replace(self._old, self._new))

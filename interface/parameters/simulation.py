@@ -155,7 +155,7 @@ class CreepParameters(SurveyParameters, record_name="creep", title="Simulation")
     offset: float = _other_default(SurveyParameters, "offset", 0.05)
     surveys: int = _parameter(6, "Surveys", "Number of surveys, the first included.", bounds=(2, 100))
     interval: int = _parameter(
-        30, "Days between surveys", "From each survey to the next.", unit="days", bounds=(1, 3650)
+        30, "Interval of the surveys", "From each survey to the next.", unit="days", bounds=(1, 3650)
     )
     velocities: str = _parameter(
         "-10, 5, -2",

@@ -47,12 +47,13 @@ class FineTuneParameters(ParameterSet, record_name="training"):
         "Steps of each training; there is one for every fold and one on all files. More fit better and take longer.",
         bounds=(1, 1_000_000),
     )
-    minutes: float = _parameter(
-        0.0,
-        "Minutes",
-        "Chooses the steps so that everything takes about this long on this machine. 0: the steps as given.",
+    minutes: float | str = _parameter(
+        AUTO,
+        "Time for everything",
+        "Chooses the steps so that everything takes about this long on this machine. auto: the steps as given.",
+        kind=float,
         unit="minutes",
-        bounds=(0.0, 100_000.0),
+        bounds=(0.01, 100_000.0),
     )
     folds: int = _parameter(
         5,

@@ -22,7 +22,7 @@ from ...engine.core import cancellation
 from ...engine.core.errors import InputError
 from ...engine.core.progress import Progress
 from ...engine.core.staged_outputs import atomic_output
-from ...interface.parameters import FineTuneParameters
+from ...interface.parameters import FineTuneParameters, given
 from .cross_validation import Fold, cross_validate, folds
 from .evaluation import LabelScores, label_figures
 from .own_data import OwnCloud
@@ -88,7 +88,7 @@ class Tuning(ABC, Generic[Network]):
 
     def run(self, plan: Plan) -> Network:
         """Score by folds into ``folder``, then train on all clouds."""
-        self.steps = plan.steps(lambda: self.fitting_steps() if self.parameters.minutes else self.parameters.steps)
+        self.steps = plan.steps(lambda: self.fitting_steps() if self.minutes else self.parameters.steps)
         if self.chosen:
             cross_validate(self.chosen, self.folder, self.train_and_score)
         with self.progress.stage(self.share(len(self.chosen)), 1.0, "training on all files"):
@@ -120,6 +120,11 @@ class Tuning(ABC, Generic[Network]):
         with self.progress.stage(low + 0.8 * (high - low), high, f"scoring {title}"):
             return self.score(network, fold, place)
 
+    @property
+    def minutes(self) -> float:
+        """That everything may take; 0 where the steps are given."""
+        return given(self.parameters.minutes) or 0.0
+
     def fitting_steps(self) -> int:
         """Steps of each training with which all of them take about the minutes asked for, from a few that are timed."""
         place = self.folder / "timing"
@@ -136,12 +141,11 @@ class Tuning(ABC, Generic[Network]):
             scored = time.monotonic() - begun
         points = sum(len(cloud.xyz) for cloud in self.clouds)
         scoring = scored * points / len(smallest.xyz) * (2 if self.scored_twice else 1)
-        left = _MAX_TIME_SHARE * 60.0 * self.parameters.minutes - scoring
+        left = _MAX_TIME_SHARE * 60.0 * self.minutes - scoring
         steps = max(self.timed_steps, int(left / (each * (len(self.chosen) + 1))))
         if steps < 50:
             self.progress.warning(
-                f"Only {steps} steps a training fit into {self.parameters.minutes:g} minutes; give more minutes or "
-                "fewer folds."
+                f"Only {steps} steps a training fit into {self.minutes:g} minutes; give more minutes or fewer folds."
             )
         return steps
 

@@ -58,7 +58,7 @@ class StylePostProcessor(QgsProcessingLayerPostProcessorInterface):
         # Processing loads layers without their default style: the .qml next to a raster, the one inside a GeoPackage.
         message, loaded = layer.loadDefaultStyle()
         if message and not loaded:
-            feedback.pushWarning(f"The style of {layer.source()} could not be applied: {message}")
+            feedback.pushWarning(tr(f"The style of {layer.source()} could not be applied: {message}"))
         translate_style(layer)
         layer.triggerRepaint()
         project = context.project() or QgsProject.instance()

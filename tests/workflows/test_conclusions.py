@@ -72,6 +72,11 @@ def test_one_is_one() -> None:
     ]
 
 
+def test_the_folder_is_that_of_the_record_wherever_else_a_file_was_wanted() -> None:
+    outputs = {"map": Path("/tmp/map.png"), "ground": FOLDER / "clouds" / "ground.laz", **FILES}
+    assert said("change", CHANGE, outputs=outputs)[3] == "4 files were written to /results."
+
+
 @pytest.mark.parametrize("command", [*EVERY, "a command of tomorrow"])
 @pytest.mark.parametrize("figures", [{}, {"zone_count": None, "compared_share": float("nan"), "points": "many"}])
 def test_a_figure_that_is_not_known_leaves_its_sentence_out(command: str, figures: dict[str, Any]) -> None:

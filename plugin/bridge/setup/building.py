@@ -120,7 +120,7 @@ def _new_environment(shop: Workshop, environment: Path) -> Found:
         python = str(shop.interpreter(environment))
         # macOS's bundle makes environments that do not start
         if made == 0 and shop.run([python, "-I", "-c", _NEEDED_MODULES], lines) == 0:
-            shop.say(f"Python {found.version}: {found.executable} ({found.how})")
+            shop.say(f"The engine is made with Python {found.version}: {found.executable} ({found.how}).")
             return found
         shop.remove(environment)
         complaint = shop.failed(lines, "Making an environment")

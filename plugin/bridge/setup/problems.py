@@ -24,7 +24,7 @@ CANCELLED = "Cancelled; the engine is as it was before, and what was downloaded 
 _AGAIN = "set the engine up again (what was downloaded is kept)"
 _FULL = (
     "The disk of {folder} is full; make room for {space}, or name another folder under Settings > Options > "
-    f"SlopeWatch, and {_AGAIN}."
+    "SlopeWatch, and set the engine up again (what was downloaded is kept)."
 )
 _PROXY = (
     "The proxy does not let the set-up through; correct it in QGIS under Settings > Options > Network or in "

@@ -53,7 +53,7 @@ def build(shop: Workshop, now: state.State) -> state.State:
         shop.use(made)
     except NoWheelError as error:
         shop.remove(folder)
-        raise SetupError(f"{str(error)[:-1]}; all but training and the network on points works without it.") from None
+        raise SetupError(f"{error} All but training and the network on points works without it.") from None
     except BaseException:
         shop.remove(folder)
         raise

@@ -104,7 +104,7 @@ def test_these_numbers_are_left_to_the_data():
     assert {s.name for _, s in AUTOMATIC} == {
         "cell", "largest_cell", "registration_error", "normal_scale", "projection_scale", "half_length",
         "core_spacing", "distance_cell", "memory_limit", "ground_memory", "colour_range", "learning_rate", "batch",
-        "threads", "area", "density", "memory_budget", "region_cell", "simplification", "detail",
+        "minutes", "threads", "area", "density", "memory_budget", "region_cell", "simplification", "detail",
     }  # fmt: skip
 
 

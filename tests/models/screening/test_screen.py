@@ -13,8 +13,10 @@ import pytest
 import shapely
 from pyproj import CRS
 from slopewatch.engine.core.errors import InputError
+from slopewatch.engine.core.messages import shown as named
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.grid.geotiff import read_raster
+from slopewatch.engine.ground.extraction import extract_ground
 from slopewatch.engine.pointcloud import records
 from slopewatch.engine.pointcloud.cloud import PointCloud
 from slopewatch.engine.pointcloud.reading import read_cloud
@@ -156,7 +158,12 @@ def test_known_noise_is_no_ground(tmp_path):
     assert screening.ground_points == (classes == 1).sum()
 
 
-def test_ground_is_extracted_first_where_asked(tmp_path):
+def test_ground_is_extracted_first_where_asked(tmp_path, monkeypatch):
+    def extract(copy, *given, progress, **more):
+        progress.warning(f"{named(copy)} has plants.")
+        return extract_ground(copy, *given, progress=progress, **more)
+
+    monkeypatch.setattr("slopewatch.workflows.screen.extract_ground", extract)
     rng = np.random.default_rng(5)
     xyz = slope(50_000)
     plants = rng.random(len(xyz)) < 0.3
@@ -175,6 +182,8 @@ def test_ground_is_extracted_first_where_asked(tmp_path):
     stage = json.loads(outputs["run"].read_text())["stages"][0]
     assert stage["extraction"]["ground_points"] == screened.sum()
     assert stage["pipelines"]
+    said = json.loads(outputs["run"].read_text())["warnings"]
+    assert [one for one in said if "plants" in one] == [f"{named(source)} has plants."], "the file that was given"
     assert leftovers(tmp_path) == [
         "out.laz", "out_map.png", "out_probability.tif", "out_smallest_hazard.tif", "out_zones.gpkg", "raw.laz",
     ]  # fmt: skip

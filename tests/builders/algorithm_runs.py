@@ -1,0 +1,354 @@
+"""A small run of every algorithm: what its dialog is filled with, and what is looked at when it is done.
+
+``RUNS`` is read by tests/qgis/test_every_dialog.py; an algorithm that is not in it fails there.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import struct
+import subprocess
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import pytest
+from qgis.core import QgsPointXY, QgsRasterLayer, QgsVectorLayer
+from qgis.PyQt.QtCore import QDate
+from slopewatch.processing_algorithms import setupengine
+from slopewatch.tests.builders.engine_setup import make_whole_plugin
+from slopewatch.tests.builders.qgis import ROOT, engine_python
+
+SMALL = ["--points", "16000", "--length", "14", "--height", "6", "--vegetation", "0"]
+ON_BARE_GROUND = {"GROUND": "as_is"}
+FIRST, LATER = QDate(2024, 5, 1), QDate(2025, 5, 1)
+
+
+class Inputs:
+    """What the runs read, each made by the engine once, when it is first asked for."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def engine(self, *arguments: object) -> None:
+        command = [engine_python(), "-m", "slopewatch.cli", *map(str, arguments)]
+        subprocess.run(command, check=True, capture_output=True)
+
+    @cached_property
+    def survey(self) -> Path:
+        """Two surveys of a bare slope that fit each other, so that they are their own ground."""
+        made = self.folder / "survey, 'bare'"
+        self.engine("simulate", "survey", *SMALL, "--offset", "0", "--output-dir", made)
+        return made
+
+    @property
+    def pair(self) -> dict[str, Path]:
+        return {"REFERENCE": self.survey / "2024-05-01.laz", "CLOUD": self.survey / "2025-05-01.laz"}
+
+    @cached_property
+    def change(self) -> Path:
+        """Results of the two surveys."""
+        made = self.folder / "change"
+        self.engine("change", *self.pair.values(), "--cell", "0.25", "--output-dir", made)
+        return made
+
+    @cached_property
+    def view(self) -> Path:
+        made = self.folder / "view"
+        self.engine("topview", self.pair["CLOUD"], "--output-dir", made)
+        return made / "top_view.tif"
+
+    @cached_property
+    def labelling(self) -> Path:
+        """Label Studio's tasks, and an export in which each segment was taken over as a label."""
+        made = self.folder / "labelling"
+        region = self.survey / "roi.gpkg"
+        self.engine("exportlabelstudio", self.view, "--segments", region, "--label-field", "name", "--output-dir", made)
+        (task,) = json.loads((made / "tasks.json").read_text(encoding="utf-8"))
+        annotation = {"id": 1, "completed_by": 1, "result": task["predictions"][0]["result"]}
+        export = [{"id": 1, "data": task["data"], "annotations": [annotation]}]
+        (made / "export.json").write_text(json.dumps(export), encoding="utf-8")
+        return made
+
+    @cached_property
+    def scenes(self) -> Path:
+        made = self.folder / "scenes"
+        size = ["--count", "2", "--area", "200", "--density", "20", "--no-picture"]
+        self.engine("simulate", "scenes", *size, "--output-dir", made)
+        return made
+
+    @cached_property
+    def manifest(self) -> Path:
+        path = self.folder / "corridor.csv"
+        with path.open("w", encoding="utf-8", newline="") as file:
+            table = csv.writer(file)
+            table.writerow(("slope", "date", "file", "roi"))
+            table.writerows(("S1", cloud.stem, cloud, "") for cloud in self.pair.values())
+        return path
+
+    @cached_property
+    def series(self) -> Path:
+        """A folder that holds the two surveys and nothing else."""
+        made = self.folder / "series"
+        made.mkdir()
+        for cloud in self.pair.values():
+            os.link(cloud, made / cloud.name)
+        return made
+
+    @cached_property
+    def wheels(self) -> Path:
+        """The two tiny wheels that the lock of ``tiny_plugin`` names."""
+        self.tiny_plugin  # noqa: B018
+        return self.folder / "wheels"
+
+    @cached_property
+    def tiny_plugin(self) -> Path:
+        return make_whole_plugin(self.folder / "tiny plugin", self.folder / "wheels")
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run.
+
+    Attributes:
+        given: the dialog's values, from the inputs and an empty folder for the results.
+        right: fails where the results are not what the inputs must give; gets the results and the inputs.
+        layers: names of layers that the dialog loads, at least.
+        arrange: what has to be done before, with the folder for the results.
+    """
+
+    given: Callable[[Inputs, Path], dict[str, Any]]
+    right: Callable[[dict[str, Any], Inputs], None]
+    layers: tuple[str, ...] = ()
+    arrange: Callable[[Inputs, Path, pytest.MonkeyPatch], None] = lambda inputs, folder, monkeypatch: None
+
+
+def must(right: bool) -> None:
+    assert right
+
+
+def one_fact(name: str, low: float, high: float) -> Callable[[dict[str, Any], Inputs], None]:
+    def right(results: dict[str, Any], inputs: Inputs) -> None:
+        assert low <= results[name] <= high, (name, results[name])
+
+    return right
+
+
+def near_the_truth(results: dict[str, Any], inputs: Inputs) -> None:
+    """Where the simulation moved the ground by much, the change says so, too."""
+    errors = []
+    for expected, measured in pairs_of_cells(inputs.survey / "truth_dz.tif", Path(results["ELEVATION_CHANGE"])):
+        if abs(expected) > 0.15:
+            errors.append(abs(measured - expected))
+    assert len(errors) > 20
+    assert sorted(errors)[len(errors) // 2] < 0.06
+
+
+def pairs_of_cells(first: Path, second: Path) -> list[tuple[float, float]]:
+    """The values of one raster at the middle of its cells, and of another there."""
+    one, other = QgsRasterLayer(str(first)), QgsRasterLayer(str(second))
+    extent, size = one.extent(), one.rasterUnitsPerPixelX()
+    found = []
+    for column in range(one.width()):
+        for row in range(one.height()):
+            place = QgsPointXY(extent.xMinimum() + (column + 0.5) * size, extent.yMinimum() + (row + 0.5) * size)
+            (a, known), (b, seen) = (layer.dataProvider().sample(place, 1) for layer in (one, other))
+            if known and seen:
+                found.append((a, b))
+    return found
+
+
+def points_in(cloud: Path) -> int:
+    """Of the header of a LAS 1.4 file."""
+    return int(struct.unpack_from("<Q", cloud.read_bytes()[:375], 247)[0])
+
+
+def features(path: str, layer: str) -> int:
+    return int(QgsVectorLayer(f"{path}|layername={layer}", layer, "ogr").featureCount())
+
+
+def screened(results: dict[str, Any], inputs: Inputs) -> None:
+    assert results["GROUND_POINTS"] == points_in(inputs.pair["CLOUD"]) == points_in(Path(results["OUTPUT"]))
+    assert features(results["ZONES"], "zones") == results["ZONE_COUNT"] > 0
+
+
+def inspected(results: dict[str, Any], inputs: Inputs) -> None:
+    near_the_truth(results, inputs)
+    assert features(results["ZONES"], "zones") == results["ZONE_COUNT"] > 0
+    assert "Z001" in Path(results["REPORT"]).read_text(encoding="utf-8")
+
+
+def registered(results: dict[str, Any], inputs: Inputs) -> None:
+    """The two surveys fit each other as they are."""
+    assert max(abs(results[name]) for name in ("SHIFT_X", "SHIFT_Y", "SHIFT_Z")) < 0.05
+    matrix = json.loads(Path(results["TRANSFORM"]).read_text(encoding="utf-8"))["matrix"]
+    assert [matrix[row][3] for row in range(3)] != [0, 0, 0]
+    assert points_in(Path(results["OUTPUT"])) == points_in(inputs.pair["CLOUD"])
+
+
+def measured(results: dict[str, Any], inputs: Inputs) -> None:
+    assert 0 < results["MEASURED_POINTS"] <= results["CORE_POINTS"]
+    assert -0.4 < results["LARGEST_LOWERING"] < -0.1
+    assert 0.1 < results["LARGEST_RAISING"] < 0.4
+
+
+def reported(results: dict[str, Any], inputs: Inputs) -> None:
+    zones = features(str(inputs.change / "zones.gpkg"), "zones")
+    page = Path(results["REPORT"]).read_text(encoding="utf-8")
+    assert Path(results["REPORT"]).parent == inputs.change
+    assert all(f"Z{number + 1:03d}" in page for number in range(zones))
+
+
+def viewed(results: dict[str, Any], inputs: Inputs) -> None:
+    assert results["POINTS"] == points_in(inputs.pair["CLOUD"])
+    assert QgsRasterLayer(results["TOP_VIEW"]).rasterUnitsPerPixelX() == pytest.approx(results["CELL_USED"])
+
+
+def trained(results: dict[str, Any], inputs: Inputs) -> None:
+    clouds = sorted(inputs.scenes.glob("*.laz"))
+    assert results["LABELLED_POINTS"] == sum(map(points_in, clouds))
+    described = json.loads(Path(results["DESCRIPTION"]).read_text(encoding="utf-8"))
+    assert [file["name"] for file in described["training"]["files"]] == [cloud.name for cloud in clouds]
+
+
+def imported(results: dict[str, Any], inputs: Inputs) -> None:
+    assert features(results["OUTPUT"], "labels") == results["POLYGONS"] == 1
+
+
+def exported(results: dict[str, Any], inputs: Inputs) -> None:
+    (task,) = json.loads(Path(results["TASKS"]).read_text(encoding="utf-8"))
+    assert len(task["predictions"][0]["result"]) == 1
+
+
+def whole_flow(results: dict[str, Any], inputs: Inputs) -> None:
+    folder = Path(results["output_folder"])
+    near_the_truth({"ELEVATION_CHANGE": folder / "elevation_change.tif"}, inputs)
+    assert features(str(folder / "zones.gpkg"), "zones") > 0
+
+
+def described(results: dict[str, Any], inputs: Inputs) -> None:
+    assert results["POINTS"] == points_in(inputs.pair["CLOUD"])
+    assert "UTM zone 51N" in results["REFERENCE_SYSTEM"]
+
+
+def checked(results: dict[str, Any], inputs: Inputs) -> None:
+    assert results["ENGINE"] == str(engine_python())
+    assert f"\nversion={results['VERSION']}\n" in (ROOT / "metadata.txt").read_text(encoding="utf-8")
+
+
+def built(results: dict[str, Any], inputs: Inputs) -> None:
+    assert Path(results["ENGINE"]).is_file()
+    assert results["ENGINE"].startswith(results["FOLDER"])
+
+
+def with_tiny_wheels(inputs: Inputs, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Has the set-up build an engine of two tiny packages in an empty data folder."""
+    plugin = inputs.tiny_plugin
+    lock = plugin / "plugin" / "bridge" / "setup" / "engine.lock"
+    real = setupengine.order
+    monkeypatch.setenv("SLOPEWATCH_DATA", str(folder / "data"))
+    monkeypatch.setattr(
+        setupengine, "order", lambda *given: replace(real(*given), plugin=plugin, engine_lock=lock, engine_bytes=1)
+    )
+
+
+CHANGE_LAYERS = ("Hazard zones", "Significant change (m)", "Elevation change (m)")
+RUNS = {
+    "slopewatch:inspectslope": Run(
+        lambda i, to: {
+            **i.pair, "ROI": i.survey / "roi.gpkg", "CELL": 0.25, "SCREENING_METHOD": "residual", "OUTPUT_FOLDER": to
+        },
+        inspected,
+        (*CHANGE_LAYERS, "Screened zones", "Top view"),
+    ),
+    "slopewatch:inspectseries": Run(
+        lambda i, to: {"INPUT": i.series, "GROUND_READY": True, "METHOD": "none", "CELL": 0.5, "OUTPUT_FOLDER": to},
+        one_fact("EPOCH_COUNT", 2, 2),
+        ("2025-05-01 change since the first survey", "Zones survey by survey"),
+    ),
+    "slopewatch:corridorbatch": Run(
+        lambda i, to: {
+            "MANIFEST": i.manifest, "CELL": 0.5, "SCREEN_LAST_EPOCH": False, "METHOD": "none", "OUTPUT_FOLDER": to
+        },
+        one_fact("SLOPES_DONE", 1, 1),
+        ("Slopes", "Alerts"),
+    ),
+    "slopewatch:screenhazards": Run(
+        lambda i, to: {
+            "INPUT": i.pair["CLOUD"], **ON_BARE_GROUND, "SCREENING_METHOD": "residual", "OUTPUT": to / "labelled.laz"
+        },
+        screened,
+        ("Hazard zones (screening)", "Probability of a hazard"),
+    ),
+    "slopewatch:extractground": Run(
+        lambda i, to: {"INPUT": i.pair["CLOUD"], "ROI": i.survey / "roi.gpkg", "OUTPUT": to / "ground.laz"},
+        lambda r, i: must(0 < points_in(Path(r["OUTPUT"])) == r["GROUND_POINTS"] <= r["ROI_POINTS"]),
+    ),
+    "slopewatch:registerepochs": Run(
+        lambda i, to: {**i.pair, **ON_BARE_GROUND, "OUTPUT": to / "moved.laz", "TRANSFORM": to / "transform.json"},
+        registered,
+    ),
+    "slopewatch:elevationchange": Run(
+        lambda i, to: {**i.pair, **ON_BARE_GROUND, "CELL": 0.25, "OUTPUT_FOLDER": to}, near_the_truth, CHANGE_LAYERS
+    ),
+    "slopewatch:m3c2distances": Run(
+        lambda i, to: {**i.pair, **ON_BARE_GROUND, "CORE_SPACING": 0.5, "OUTPUT": to / "core.laz"}, measured
+    ),
+    "slopewatch:writereport": Run(lambda i, to: {"INPUT": i.change}, reported),
+    "slopewatch:topview": Run(
+        lambda i, to: {"INPUT": i.pair["CLOUD"], "OUTPUT_FOLDER": to}, viewed, ("Top view", "Hillshade")
+    ),
+    "slopewatch:suggestroi": Run(
+        lambda i, to: {"INPUT": i.pair["CLOUD"], "OUTPUT": to / "roi.gpkg"},
+        one_fact("AREA_SHARE", 0.7, 1.1),
+        ("Proposed region",),
+    ),
+    "slopewatch:exportlabelstudio": Run(
+        lambda i, to: {
+            "PICTURE": i.view, "SEGMENTS": i.survey / "roi.gpkg", "LABEL_FIELD": "name", "OUTPUT_FOLDER": to
+        },
+        exported,
+    ),
+    "slopewatch:importlabelstudio": Run(
+        lambda i, to: {
+            "EXPORT": i.labelling / "export.json", "TASKS": i.labelling / "tasks.json", "OUTPUT": to / "labels.gpkg"
+        },
+        imported,
+        ("Labels",),
+    ),
+    "slopewatch:simulatesurvey": Run(
+        lambda i, to: {"POINTS": 8000, "LENGTH": 10, "HEIGHT": 5, "OUTPUT_FOLDER": to},
+        lambda r, i: must(7000 < points_in(Path(r["CLOUD"])) < 12000),
+        ("Region of interest",),
+    ),
+    "slopewatch:simulateseries": Run(
+        lambda i, to: {
+            "POINTS": 8000, "LENGTH": 10, "HEIGHT": 5, "SURVEYS": 2, "VELOCITIES": "-6", "OUTPUT_FOLDER": to
+        },
+        lambda r, i: must(len(Path(r["MANIFEST"]).read_text(encoding="utf-8").split()) == 3),
+    ),
+    "slopewatch:simulatescenes": Run(
+        lambda i, to: {"KIND": "realistic", "COUNT": 1, "AREA": 200, "DENSITY": 20, "OUTPUT_FOLDER": to},
+        lambda r, i: must(0.99 < sum(r[f"SHARE_{x}"] for x in ("BACKGROUND", "UPLIFT", "SUBSIDENCE")) < 1.01),
+    ),
+    "slopewatch:trainmodel": Run(
+        lambda i, to: {
+            "CLOUDS": sorted(map(str, i.scenes.glob("*.laz"))), "DIMENSION": "truth_class",
+            "START": "none", "NETWORK": "smoke", "STEPS": 1, "THREADS": 1, "OUTPUT_FOLDER": to,
+        },
+        trained,
+    ),
+    "slopewatch:setupengine": Run(lambda i, to: {"WHEELS": i.wheels}, built, arrange=with_tiny_wheels),
+    "slopewatch:cloudinfo": Run(lambda i, to: {"INPUT": i.pair["CLOUD"]}, described),
+    "slopewatch:checkenvironment": Run(lambda i, to: {}, checked),
+    "slopewatch:slopeflow": Run(
+        lambda i, to: {**i.pair, "ROI": i.survey / "roi.gpkg", "REFERENCE_DATE": FIRST, "CLOUD_DATE": LATER,
+                       "output_folder": to},
+        whole_flow,
+        CHANGE_LAYERS,
+    ),
+}  # fmt: skip
