@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.arrays import Float
+from ..core.arrays import Float, Index
+from ..core.compiled import compiled, pays
 from ..geometry.plane_gradient import gradient_parts
+from . import cell_kernels
 from .cell_slope import gradient_at
-from .grid import Grid, _outside, _row_and_column, on_grid
+from .grid import Grid, _outside, _row_and_column, cell_index, on_grid
 
 _NEIGHBOURHOOD_M = 0.3  # metres around a cell: the cells within give its slope
+_MIN_COMPILED_POINTS = 1_000_000  # of a survey, from which on loading the compiled loops pays for itself
 _MIN_PLANE_POINTS = 12  # measured on simulated faces of 30 to 60 degrees, cells of 0.1 to 1 m
 
 
@@ -70,10 +73,33 @@ def sloping_statistics(xyz: Float, grid: Grid) -> CellStatistics:
     ``_MIN_PLANE_POINTS`` points follow their own surface by a plane of their own; with fewer, its scatter costs more
     than it gains.
     """
+    if compiled_pays(len(xyz), grid):
+        return _compiled_statistics(np.require(xyz, np.float64, "CW"), grid)
     cells = _sums(_points_in_cells(xyz, grid), spread=True)
-    around = gradient_at(cells.cell, [(cells.cell, cells.height)], grid, reach=_NEIGHBOURHOOD_M)
-    east, north = (np.nan_to_num(component) for component in around)
-    return _statistics(_without_slope(cells, east, north), grid, least=_MIN_PLANE_POINTS)
+    east, north = (np.nan_to_num(component) for component in _slope_around(cells.cell, cells.height, grid))
+    return _statistics(_without_slope(cells, east, north), grid.cell**2, least=_MIN_PLANE_POINTS)
+
+
+def compiled_pays(points: int, grid: Grid) -> bool:
+    """Whether ``sloping_statistics`` of so many points takes compiled loops, which do not hold Python's lock."""
+    return pays(points, _MIN_COMPILED_POINTS) and max(points, grid.rows * grid.columns) < 2**31
+
+
+def _slope_around(cell: Index, height: Float, grid: Grid) -> tuple[Float, Float]:
+    return gradient_at(cell, [(cell, height)], grid, reach=_NEIGHBOURHOOD_M)
+
+
+def _compiled_statistics(xyz: Float, grid: Grid) -> CellStatistics:
+    frame = grid.west, grid.bounds[1], grid.north, grid.cell, 1.0 / grid.cell
+    level = _level(xyz)
+    count, sums = _cell_sums(xyz, frame, grid.shape, level)
+    if count.sum() < len(xyz):  # some lie outside, but the level was theirs, too
+        return _compiled_statistics(xyz[cell_index(xyz, grid) >= 0], grid)
+    cell = np.flatnonzero(count > 0)
+    n, around = count[cell], np.array(_slope_around(cell, sums[0], grid))
+    values = _cell_values(sums, n, around, (level, grid.cell**2, _MIN_PLANE_POINTS))
+    height, variance, degrees, leverage, tilted, scatter = values
+    return CellStatistics(count.reshape(grid.shape), cell, height, variance, degrees, leverage, tilted > 0, scatter)
 
 
 def cell_statistics(xyz: Float, grid: Grid, *, plane: bool = False, least: int = 4) -> CellStatistics:
@@ -85,7 +111,7 @@ def cell_statistics(xyz: Float, grid: Grid, *, plane: bool = False, least: int =
             points, or whose points lie nearly on a line, keep the mean.
         least: at least four.
     """
-    return _statistics(_sums(_points_in_cells(xyz, grid), spread=plane), grid, least=least if plane else None)
+    return _statistics(_sums(_points_in_cells(xyz, grid), spread=plane), grid.cell**2, least=least if plane else None)
 
 
 @dataclass(frozen=True)
@@ -129,7 +155,7 @@ class _Sums:
     vz: Float
 
 
-def _points_in_cells(xyz: Float, grid: Grid) -> _Points:
+def _points_in_cells(xyz: Float, grid: Grid, level: float | None = None) -> _Points:
     row, column = _row_and_column(xyz, grid)
     outside = _outside(row, column, grid)
     if outside is not None:
@@ -140,8 +166,7 @@ def _points_in_cells(xyz: Float, grid: Grid) -> _Points:
     cell = np.flatnonzero(count > 0)
     number = np.empty(count.size, dtype=np.int64)
     number[cell] = np.arange(cell.size)
-    # heights about a common level: squares of small numbers keep their digits
-    level = float(np.median(xyz[:: max(1, len(xyz) // 10_000), 2])) if len(xyz) else 0.0
+    level = _level(xyz) if level is None else level
     return _Points(
         u=xyz[:, 0] - (grid.west + (column + 0.5) * grid.cell),
         v=xyz[:, 1] - (grid.north - (row + 0.5) * grid.cell),
@@ -151,6 +176,11 @@ def _points_in_cells(xyz: Float, grid: Grid) -> _Points:
         cell=cell,
         number=number[index],
     )
+
+
+def _level(xyz: Float) -> float:
+    """A common level of the points, metres: squares of heights about it are small numbers and keep their digits."""
+    return float(np.median(xyz[:: max(1, len(xyz) // 10_000), 2])) if len(xyz) else 0.0
 
 
 def _sums(points: _Points, *, spread: bool) -> _Sums:
@@ -201,14 +231,14 @@ def _without_slope(cells: _Sums, east: Float, north: Float) -> _Sums:
     )
 
 
-def _statistics(cells: _Sums, grid: Grid, *, least: int | None) -> CellStatistics:
-    """Of means, or of planes in the cells with ``least`` points whose spread determines one."""
+def _statistics(cells: _Sums, square: float, *, least: int | None) -> CellStatistics:
+    """Of cells of ``square`` m²: of means, or of planes where ``least`` points are and their spread determines one."""
     n = cells.n.astype(np.float64)
     height, squares, degrees, leverage = cells.height + cells.level, cells.zz.copy(), n - 1.0, 1.0 / n
     tilted = np.zeros(cells.n.size, dtype=bool)
     scatter = _ratio(squares, degrees)
     if least is not None:
-        chosen, fall, rest, extrapolation = _planes(cells, grid.cell, least)
+        chosen, fall, rest, extrapolation = _planes(cells, square, least)
         tilted[chosen] = True
         height[chosen] -= fall
         squares[chosen] = rest
@@ -223,8 +253,8 @@ def _ratio(squares: Float, degrees: Float) -> Float:
     return squares / np.where(degrees > 0, degrees, np.nan)
 
 
-def _planes(cells: _Sums, side: float, least: int) -> tuple[NDArray[np.int64], Float, Float, Float]:
-    """Which cells follow a plane of their own, by least squares in the centred sums.
+def _planes(cells: _Sums, square: float, least: int) -> tuple[NDArray[np.int64], Float, Float, Float]:
+    """Which cells, of ``square`` m², follow a plane of their own, by least squares in the centred sums.
 
     And of each: how much lower it is at the cell's centre than its points' mean, its residual squares, and by how much
     its leverage exceeds that of the mean, (X'X)^-1_00 - 1/n.
@@ -237,8 +267,29 @@ def _planes(cells: _Sums, side: float, least: int) -> tuple[NDArray[np.int64], F
         slope_u, slope_v = rise_u / determinant, rise_v / determinant
         extrapolation = (u**2 * vv - 2 * u * v * uv + v**2 * uu) / determinant
     # a spread of at least a tenth of the cell in every direction; else the plane tilts freely
-    enough = (determinant > 1e-4 * (n * side**2 / 12.0) ** 2) & (extrapolation < 1.0)
+    enough = (determinant > 1e-4 * (n * square / 12.0) ** 2) & (extrapolation < 1.0)
     chosen = may[enough]
     slope_u, slope_v, u, v, uz, vz = (values[enough] for values in (slope_u, slope_v, u, v, uz, vz))
     rest = np.maximum(cells.zz[chosen] - slope_u * uz - slope_v * vz, 0.0)
     return chosen, slope_u * u + slope_v * v, rest, extrapolation[enough]
+
+
+def _cell_sums_by_numpy(
+    xyz: Float, frame: cell_kernels.Frame, shape: tuple[int, int], level: float
+) -> tuple[Index, Float]:
+    grid = Grid(frame[0], frame[2], frame[3], *shape)
+    of = _sums(_points_in_cells(xyz, grid, level), spread=True)
+    return of.count.ravel(), np.array([of.height, of.zz, of.u, of.v, of.uu, of.vv, of.uv, of.uz, of.vz])
+
+
+def _cell_values_by_numpy(sums: Float, n: Index, gradient: Float, numbers: tuple[float, float, int]) -> Float:
+    level, square, least = numbers
+    height, zz, *others = sums
+    every = np.arange(n.size)
+    cells = _without_slope(_Sums(n, level, every, n, height, zz, *others), *np.nan_to_num(gradient))
+    of = _statistics(cells, square, least=least)
+    return np.array([of.height, of.variance, of.degrees, of.leverage, of.tilted.astype(np.float64), of.scatter])
+
+
+_cell_sums = compiled(_cell_sums_by_numpy, *cell_kernels.HELPERS)(cell_kernels.cell_sums)
+_cell_values = compiled(_cell_values_by_numpy)(cell_kernels.cell_values)
