@@ -63,7 +63,17 @@ def pays(work: int, least: int) -> bool:
 
     That takes half a second of a processor once for a process; where a kernel has done it already, any work pays.
     """
-    return _AT_WORK.is_set() or (work >= least and not _refused() and importlib.util.find_spec("numba") is not None)
+    return _AT_WORK.is_set() or (work >= least and _available())
+
+
+def take_kernels() -> None:
+    """Let kernels count as loaded where numba is there, as after a registration, for whatever is computed next."""
+    if _available():
+        _AT_WORK.set()
+
+
+def _available() -> bool:
+    return not _refused() and importlib.util.find_spec("numba") is not None
 
 
 def _refused() -> bool:
