@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 
+from ..engine.core.kept_memory import keep_freed_memory
 from ..interface.protocol import CANCELLED
 
 _COLLECTED_AFTER = 100_000, 20, 100
@@ -18,6 +19,7 @@ Libraries leave some 400,000 objects behind, which the usual 700 new ones have i
 
 def main() -> None:
     gc.set_threshold(*_COLLECTED_AFTER)
+    keep_freed_memory()
     # until the command itself listens (see cancellation.install) there is nothing to clean up
     for name in ("SIGINT", "SIGTERM"):
         signal.signal(getattr(signal, name), _leave)

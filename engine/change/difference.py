@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,10 +18,11 @@ from ...interface.parameters import ChangeParameters, GridChangeParameters, give
 from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.progress import Progress
+from ..core.side_by_side import side_by_side
 from ..grid.cell_slope import gradient_at, slope_degrees
-from ..grid.cell_statistics import CellStatistics, cell_statistics, sloping_statistics
+from ..grid.cell_statistics import CellStatistics, cell_statistics, compiled_pays, sloping_statistics
 from ..grid.chosen_cell import CellChoice, choose_cell, with_cell
-from ..grid.common_grid import affordable, common_grid
+from ..grid.common_grid import affordable, common_grid, union
 from ..grid.grid import Grid, on_grid
 from ..grid.growing_cells import AdaptiveCells, adaptive_cells
 from ..grid.partition import Partition
@@ -111,13 +114,12 @@ def listed_difference(
     progress, areas = progress or Progress(), areas or Areas()
     stored = [points for points in (reference, moving) if isinstance(points, SpooledCloud)]
     with_plants = any(cover is not None for cover in plants) or any(points.values for points in stored)
-    choice = affordable(
-        choose_cell((reference, moving), parameters), (reference, moving), parameters, plants=with_plants
-    )
+    clouds, bounds = (reference, moving), union(reference, moving)
+    choice = affordable(choose_cell(clouds, parameters), clouds, parameters, plants=with_plants, bounds=bounds)
     if choice.automatic:
         progress.info(choice.sentence)
     parameters = with_cell(parameters, choice)
-    grid = common_grid(reference, moving, parameters, plants=with_plants)
+    grid = common_grid(reference, moving, parameters, plants=with_plants, bounds=bounds)
     if isinstance(parameters, ChangeParameters) and parameters.grows:
         registration_error = _stated(parameters, registration_error)
         cells = adaptive_cells(
@@ -139,9 +141,13 @@ def listed_difference(
     assert not isinstance(reference, SpooledCloud)
     assert not isinstance(moving, SpooledCloud)
     progress.update(0.05, "gridding the first epoch")
-    first = epoch_cells(reference, grid, parameters, plants[0])
-    progress.update(0.35, "gridding the second epoch")
-    second = epoch_cells(moving, grid, parameters, plants[1])
+    if parameters.cell_value == "plane" and compiled_pays(min(len(reference), len(moving)), grid):
+        epochs = (reference, plants[0]), (moving, plants[1])
+        first, second = side_by_side(*(partial(epoch_cells, xyz, grid, parameters, cover) for xyz, cover in epochs))
+    else:
+        first = epoch_cells(reference, grid, parameters, plants[0])
+        progress.update(0.35, "gridding the second epoch")
+        second = epoch_cells(moving, grid, parameters, plants[1])
     progress.update(0.65, "differencing")
     change = difference_of_cells(first, second, grid, parameters, registration_error, areas)
     progress.update(1.0, "differencing")
@@ -180,10 +186,12 @@ def difference_of_cells(
     areas: Areas,
 ) -> Change:
     """As ``difference``, from the statistics of both epochs' cells on ``grid`` (a series keeps them)."""
-    valid_first = first.count >= parameters.minimum_points
-    valid_second = second.count >= parameters.minimum_points
+    # all that has points; the rest of the rectangle around a slope would only take time
+    listed = np.flatnonzero((first.count > 0) | (second.count > 0))
+    counts = first.count.ravel()[listed], second.count.ravel()[listed]
+    valid_first, valid_second = (count >= parameters.minimum_points for count in counts)
     if areas.compared is not None:
-        inside = cells_inside(areas.compared, grid)
+        inside = cells_inside(areas.compared, grid).ravel()[listed]
         valid_first, valid_second = valid_first & inside, valid_second & inside
     both = valid_first & valid_second
     if not both.any():
@@ -191,43 +199,46 @@ def difference_of_cells(
             f"No cell of {grid.cell:g} m has {parameters.minimum_points} or more points in both epochs; "
             "use a larger cell or fewer points a cell."
         )
-    here = np.flatnonzero(both)
+    here, places = np.flatnonzero(both), [count > 0 for count in counts]
     surfaces = [(cells.cell, cells.height) for cells in (first, second)]
-    slope = slope_degrees(gradient_at(here, surfaces, grid))
+    work: list[Callable[[], Float]] = [lambda: slope_degrees(gradient_at(listed[here], surfaces, grid))]
     if max(first.degrees.max(), second.degrees.max()) > 0:
-        squares = _squared_error(first, both) + _squared_error(second, both)
+        work += [partial(_squared_error, cells, both[own]) for cells, own in zip((first, second), places, strict=True)]
+        slope, *errors = side_by_side(*work) if compiled_pays(here.size, grid) else [one() for one in work]
+        squares = errors[0] + errors[1]
     elif (stated := stated_error(parameters)) is not None:
         # without two points in any cell there is no scatter, and nothing to calibrate it on
-        squares, parameters = np.full(here.size, stated**2), replace(parameters, calibrate=False)
+        slope, squares, parameters = work[0](), np.full(here.size, stated**2), replace(parameters, calibrate=False)
     else:
         raise InputError(
             f"No cell of {grid.cell:g} m holds two points of an epoch, so that their scatter and the level of "
             "detection cannot be determined; use a larger cell."
         )
-    height_from, height_to = (cells.on_grid(cells.height) for cells in (first, second))
+    heights = [on_grid(np.flatnonzero(own), of.height, own.shape) for of, own in zip((first, second), places)]
+    plants = together(first.plants, second.plants)
     return _judged(
         _Compared(
             Measured(
-                dz=np.where(both, height_to - height_from, np.nan),
-                sampling=on_grid(here, np.sqrt(squares), grid.shape),
-                slope=on_grid(here, slope, grid.shape),
-                partition=Partition(grid.shape, grid.cell),
-                plants=together(first.plants, second.plants),
+                dz=np.where(both, heights[1] - heights[0], np.nan),
+                sampling=on_grid(here, np.sqrt(squares), both.shape),
+                slope=on_grid(here, slope, both.shape),
+                partition=Partition(grid.shape, grid.cell, listed=listed),
+                plants=None if plants is None else plants.laid_out(lambda values: values.ravel()[listed]),
             ),
-            counts=(first.count, second.count),
-            heights=(height_from, height_to),
+            counts=counts,
+            heights=(heights[0], heights[1]),
             common=_common(valid_first, valid_second),
         ),
         grid,
         parameters,
         _stated(parameters, registration_error),
         areas.stable,
-    )
+    ).whole()
 
 
 def _squared_error(cells: CellStatistics, where: NDArray[np.bool_]) -> Float:
-    """Of the height of each cell of ``where`` (rows, columns), all of which have points; m², (n,)."""
-    return (cells.leverage * pooled_variance(cells))[where.ravel().take(cells.cell)]
+    """Of the height of each of the cells ``where`` (cells,); m², (n,)."""
+    return (cells.leverage * pooled_variance(cells))[where]
 
 
 def difference_of_blocks(

@@ -27,5 +27,7 @@ def with_direction(parameters: GridChangeParameters, slope: Float) -> GridChange
     if parameters.direction != "auto":
         return parameters
     known = slope[np.isfinite(slope)]
-    steep = known.size > 0 and float(np.median(known)) > STEEP_DEG
+    # where fewer than half are, the median is not
+    may_be = 2 * np.count_nonzero(known > STEEP_DEG) >= known.size > 0
+    steep = may_be and float(np.median(known)) > STEEP_DEG
     return replace(parameters, direction="normal" if steep else "vertical")

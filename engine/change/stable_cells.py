@@ -21,6 +21,7 @@ _MAX_SHARED_DEVIATIONS = 4.0 * _MAX_LOCAL_DEVIATIONS  # for changes whose error 
 _MAX_ROUNDS = 20
 _MAX_MEAN_DEVIATIONS = 4.0  # standard errors of one cell; two strips that were not registered: 3 on a quarter
 _SLOPE_CLASS_DEG = 5.0  # degrees
+_MAX_TABLE_CELLS = 16  # of the grid for each known cell: with more, cells are searched and not looked up in a table
 _MIN_DIFFERENCES = 200  # differences of neighbours in a class of slope
 
 
@@ -133,6 +134,23 @@ def clipped(z: Float, shared: Float | float) -> Float:
     return np.asarray(np.clip(z, -limit, limit), dtype=np.float64)
 
 
+def _neighbours(flat: Index, step: int, layout: Layout) -> tuple[Index, Index]:
+    """Which of the cells ``flat`` (n,), ascending, have that ``step`` cells on, in the same row or below, and these."""
+    if step == 1:
+        pair = np.flatnonzero((np.diff(flat) == 1) & (flat[1:] % layout.shape[1] != 0))
+        return pair, pair + 1
+    cells = layout.shape[0] * layout.shape[1]
+    if cells > _MAX_TABLE_CELLS * flat.size:
+        other = np.minimum(np.searchsorted(flat, flat + step), max(flat.size - 1, 0))
+        pair = np.flatnonzero(flat[other] == flat + step)
+        return pair, other[pair]
+    place = np.full(cells + step, -1, dtype=np.int64)
+    place[flat] = np.arange(flat.size)
+    other = place[flat + step]
+    pair = np.flatnonzero(other >= 0)
+    return pair, other[pair]
+
+
 def adjacent_scatter(z: Float, here: Index, slope: Float, partition: Partition) -> Float:
     """Scatter from cell to cell of ``z`` (n,) at the cells ``here`` (n,), by ``slope`` of all cells; (n,).
 
@@ -142,10 +160,7 @@ def adjacent_scatter(z: Float, here: Index, slope: Float, partition: Partition) 
     flat, columns = partition.layout.flat(here), partition.shape[1]
     found, where = [], []
     for step in (columns, 1):
-        other = np.minimum(np.searchsorted(flat, flat + step), max(flat.size - 1, 0))
-        pair = flat[other] == flat + step
-        pair = np.flatnonzero(pair if step == columns else pair & (flat % columns != columns - 1))
-        other = other[pair]
+        pair, other = _neighbours(flat, step, partition.layout)
         apart = partition.apart(here, pair, other)
         pair, other = pair[apart], other[apart]
         found.append(np.abs(z[other] - z[pair]) / np.sqrt(2.0))

@@ -9,15 +9,18 @@ takes the plain way.
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import threading
 from collections.abc import Callable
-from typing import Generic, ParamSpec, TypeVar
+from types import FunctionType
+from typing import Any, Generic, ParamSpec, TypeVar
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 _LOCK = threading.Lock()
+_AT_WORK = threading.Event()  # numba has been imported and made ready by a kernel
 
 
 class Kernel(Generic[P, R]):
@@ -36,29 +39,72 @@ class Kernel(Generic[P, R]):
         return self._chosen(*args, **kwargs)
 
 
-def compiled(plain: Callable[P, R]) -> Callable[[Callable[P, R]], Kernel[P, R]]:
+def compiled(plain: Callable[P, R], *helpers: Callable[..., Any]) -> Callable[[Callable[P, R]], Kernel[P, R]]:
     """Decorator of a loop over arrays that numba can compile; ``plain`` is taken where it cannot.
 
-    The loop calls nothing but numpy and its own module's constants, gets arrays and numbers of the same types in each
-    call, and checks its indices itself: a compiled loop reads beyond an array without an error. It runs without
-    Python's lock.
+    The loop calls nothing but numpy, its own module's constants and ``helpers``, gets arrays and numbers of the same
+    types in each call, and checks its indices itself: a compiled loop reads beyond an array without an error. It runs
+    without Python's lock.
+
+    Args:
+        helpers: functions of the loop's module that it, or one of them before it, calls, written as a loop is; what
+            is kept of a loop is made anew when its own module changes only.
     """
 
     def decorate(loop: Callable[P, R]) -> Kernel[P, R]:
+        loop.__dict__["helpers"] = helpers
         return Kernel(loop, plain)
 
     return decorate
 
 
+def pays(work: int, least: int) -> bool:
+    """Whether a kernel is faster than numpy's way for an amount of ``work``, of which ``least`` is worth loading numba.
+
+    That takes half a second of a processor once for a process; where a kernel has done it already, any work pays.
+    """
+    return _AT_WORK.is_set() or (work >= least and _available())
+
+
+def take_kernels() -> None:
+    """Let kernels count as loaded where numba is there, as after a registration, for whatever is computed next."""
+    if _available():
+        _AT_WORK.set()
+
+
+def _available() -> bool:
+    return not _refused() and importlib.util.find_spec("numba") is not None
+
+
+def _refused() -> bool:
+    return os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
+
+
 def compiled_loop(loop: Callable[P, R]) -> Callable[P, R] | None:
     """The loop, to be compiled with its first call or taken from what was kept; None where that cannot be."""
-    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+    if _refused():
         return None
     try:
         import numba
     except ImportError:
         return None
+    known: dict[str, Any] = {}
+    for helper in loop.__dict__.get("helpers", ()):
+        part = numba.njit(nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+        known[helper.__name__] = part(_knowing(helper, known))
     try:
-        return numba.njit(cache=True, nogil=True, error_model="numpy")(loop)
+        ready: Callable[P, R] = numba.njit(cache=True, nogil=True, error_model="numpy")(_knowing(loop, known))
     except RuntimeError:  # numba found no folder to keep it in
         return None
+    _AT_WORK.set()
+    return ready
+
+
+def _knowing(function: Callable[P, R], known: dict[str, Any]) -> Callable[P, R]:
+    """The function with other values of some names of its module."""
+    if not known:
+        return function
+    assert isinstance(function, FunctionType)
+    other = FunctionType(function.__code__, function.__globals__ | known, function.__name__, function.__defaults__)
+    other.__module__, other.__qualname__ = function.__module__, function.__qualname__
+    return other

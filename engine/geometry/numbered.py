@@ -17,8 +17,7 @@ def distinct(numbers: Index) -> tuple[Index, Index, Index]:
     """The different ones of ``numbers`` (n,), ascending; (n,) the place of each number among them, and their counts."""
     if not len(numbers):
         return (np.zeros(0, dtype=np.int64),) * 3
-    low = int(numbers.min())
-    extent = int(numbers.max()) - low + 1
+    low, extent = _extent(numbers)
     if extent > MAX_EXTENT_POINTS * len(numbers) + MAX_SMALL_EXTENT:
         found, place, counts = np.unique(numbers, return_inverse=True, return_counts=True)
         return found, place.ravel(), counts
@@ -44,7 +43,19 @@ def united(*numbers: Index) -> Index:
 
 def counts_of_each(numbers: Index) -> Index:
     """How many there are of each of the different ``numbers`` (n,), these ascending."""
-    return distinct(numbers)[2]
+    if not len(numbers):
+        return np.zeros(0, dtype=np.int64)
+    low, extent = _extent(numbers)
+    if extent > MAX_EXTENT_POINTS * len(numbers) + MAX_SMALL_EXTENT:
+        return distinct(numbers)[2]
+    counts = np.bincount(numbers - low if low else numbers, minlength=extent)
+    return counts[counts > 0]
+
+
+def _extent(numbers: Index) -> tuple[int, int]:
+    """The least of the numbers, and how many there may be from it to the largest."""
+    low = int(numbers.min())
+    return low, int(numbers.max()) - low + 1
 
 
 def lowest_heights(place: Index, height: Float, count: int) -> Float:

@@ -7,13 +7,14 @@ import math
 import numpy as np
 
 from ..core.arrays import Float, Index
-from .columns import least, spans
+from .columns import greatest, least
 from .numbered import counts_of_each
 
 
 def point_spacing(xy: Float) -> float:
     """Mean spacing (m) of points (n, 2) seen from above: the root of the median area a point has in occupied cells."""
-    low, extent = least(xy), float(spans(xy).max())
+    low = least(xy)
+    extent = float((greatest(xy) - low).max())
     cell = 1.0
     while True:
         column, row = (np.floor((xy[:, axis] - low[axis]) / cell).astype(np.int64) for axis in (0, 1))

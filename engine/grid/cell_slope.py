@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.arrays import Float
+from ..core.arrays import Float, Index
+from ..core.compiled import compiled
 from ..geometry.plane_gradient import gradient_parts
+from ..statistics import window_kernels
 from ..statistics.window_sums import Cells, Windows, slide
 from .grid import Grid
 
@@ -54,17 +56,24 @@ def gradient_at(
 def _planes(cell: Cells, surfaces: Sequence[Surface], grid: Grid, reach: float) -> tuple[Float, Float]:
     windows = Windows(cell, grid.shape, max(_MIN_REACH_CELLS, round(reach / grid.cell)))
     few = cell.size * windows.size**2 < _MAX_FEW_SHARE * grid.rows * grid.columns
-    east, north = (_planes_of_few if few else _planes_in_parts)([_padded(*s, windows) for s in surfaces], windows)
+    # about their mean: small numbers keep their digits
+    surfaces = [(known, height - height.mean() if height.size else height) for known, height in surfaces]
+    if few:
+        east, north = _planes_of_few([_padded(*s, windows) for s in surfaces], windows)
+    elif windows.compiled_pays(sum(known.size for known, _ in surfaces)):
+        joined = np.concatenate([known for known, _ in surfaces]), np.concatenate([height for _, height in surfaces])
+        starts = np.cumsum([0, *(known.size for known, _ in surfaces)])
+        east, north = _window_planes(cell, (*joined, starts), windows.shape, windows.radius, windows.lines)
+    else:
+        east, north = _planes_in_parts([_padded(*s, windows) for s in surfaces], windows)
     return east / grid.cell, north / grid.cell
 
 
-def _padded(cell: Cells, height: Float, windows: Windows) -> tuple[Float, Counts]:
+def _padded(cell: Cells, about: Float, windows: Windows) -> tuple[Float, Counts]:
     """Heights on the padded grid, 0 where none is known, and where one is: 1, or 0, as narrow as sums of products of
     places in a window allow.
     """
-    # about their mean: small numbers keep their digits
-    about = height - height.mean() if height.size else height
-    known = np.ones(height.size, dtype=np.int16 if windows.radius <= _MAX_NARROW_RADIUS_CELLS else np.int32)
+    known = np.ones(about.size, dtype=np.int16 if windows.radius <= _MAX_NARROW_RADIUS_CELLS else np.int32)
     padded = windows.padded(cell, about, known)
     return padded[0], padded[1]
 
@@ -157,6 +166,17 @@ def _solved(parts: Sequence[_Products]) -> tuple[Float, Float]:
     fixed = (cells > 2.5) & (determinant > 1e-3 * (xx + yy) ** 2)
     factor = 1.0 / np.where(fixed, determinant, np.nan)
     return east * factor, north * factor
+
+
+def _planes_by_numpy(
+    wanted: Cells, surfaces: tuple[Cells, Float, Index], shape: tuple[int, int], radius: int, _lines: int
+) -> Float:
+    windows, (cell, height, starts) = Windows(wanted, shape, radius), surfaces
+    parts = [slice(*ends) for ends in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True)]
+    return np.array(_planes_in_parts([_padded(cell[part], height[part], windows) for part in parts], windows))
+
+
+_window_planes = compiled(_planes_by_numpy, *window_kernels.HELPERS)(window_kernels.window_planes)
 
 
 def slope_degrees(gradient: tuple[Float, Float]) -> Float:

@@ -9,13 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.arrays import Float
+from ..core.arrays import Float, Index
+from ..core.compiled import compiled, pays
 from ..geometry.plane_gradient import gradient_parts
+from . import cell_kernels
 from .cell_slope import gradient_at
-from .grid import Grid, _outside, _row_and_column, on_grid
+from .grid import Grid, _outside, _row_and_column, cell_index, on_grid
 
 _NEIGHBOURHOOD_M = 0.3  # metres around a cell: the cells within give its slope
 _LEVEL_POINTS = 10_000
+_MIN_COMPILED_POINTS = 1_000_000  # of a survey, from which on loading the compiled loops pays for itself
 _MIN_PLANE_POINTS = 12  # measured on simulated faces of 30 to 60 degrees, cells of 0.1 to 1 m
 
 
@@ -72,7 +75,27 @@ def sloping_statistics(xyz: Float, grid: Grid) -> CellStatistics:
     ``_MIN_PLANE_POINTS`` points follow their own surface by a plane of their own; with fewer, its scatter costs more
     than it gains.
     """
+    if compiled_pays(len(xyz), grid):
+        return _compiled_statistics(np.require(xyz, np.float64, "CW"), grid)
     return _of_sums(_sums(_points_in_cells(xyz, grid, _level(xyz, grid)), spread=True), grid, sloping=True)
+
+
+def compiled_pays(points: int, grid: Grid) -> bool:
+    """Whether ``sloping_statistics`` of so many points takes compiled loops, which do not hold Python's lock."""
+    return pays(points, _MIN_COMPILED_POINTS) and max(points, grid.rows * grid.columns) < 2**31
+
+
+def _compiled_statistics(xyz: Float, grid: Grid) -> CellStatistics:
+    frame = grid.west, grid.bounds[1], grid.north, grid.cell, 1.0 / grid.cell
+    level = float(np.median(xyz[:: max(1, len(xyz) // _LEVEL_POINTS), 2])) if len(xyz) else 0.0
+    count, sums = _cell_sums(xyz, frame, grid.shape, level)
+    if count.sum() < len(xyz):  # some lie outside, but the level was theirs, too
+        return _compiled_statistics(xyz[cell_index(xyz, grid) >= 0], grid)
+    cell = np.flatnonzero(count > 0)
+    n, around = count[cell], np.array(_slope_around(cell, sums[0], grid))
+    values = _cell_values(sums, n, around, (level, grid.cell**2, _MIN_PLANE_POINTS))
+    height, variance, degrees, leverage, tilted, scatter = values
+    return CellStatistics(count.reshape(grid.shape), cell, height, variance, degrees, leverage, tilted > 0, scatter)
 
 
 def statistics_of_parts(
@@ -104,9 +127,12 @@ def statistics_of_parts(
 def _of_sums(cells: _Sums, grid: Grid, *, sloping: bool) -> CellStatistics:
     if not sloping:
         return _statistics(cells, grid, least=None)
-    around = gradient_at(cells.cell, [(cells.cell, cells.height)], grid, reach=_NEIGHBOURHOOD_M)
-    east, north = (np.nan_to_num(component) for component in around)
+    east, north = (np.nan_to_num(component) for component in _slope_around(cells.cell, cells.height, grid))
     return _statistics(_without_slope(cells, east, north), grid, least=_MIN_PLANE_POINTS)
+
+
+def _slope_around(cell: Index, height: Float, grid: Grid) -> tuple[Float, Float]:
+    return gradient_at(cell, [(cell, height)], grid, reach=_NEIGHBOURHOOD_M)
 
 
 def cell_statistics(xyz: Float, grid: Grid, *, plane: bool = False, least: int = 4) -> CellStatistics:
@@ -296,3 +322,25 @@ def _planes(cells: _Sums, side: float, least: int) -> tuple[NDArray[np.int64], F
     slope_u, slope_v, u, v, uz, vz = (values[enough] for values in (slope_u, slope_v, u, v, uz, vz))
     rest = np.maximum(cells.zz[chosen] - slope_u * uz - slope_v * vz, 0.0)
     return chosen, slope_u * u + slope_v * v, rest, extrapolation[enough]
+
+
+def _cell_sums_by_numpy(
+    xyz: Float, frame: cell_kernels.Frame, shape: tuple[int, int], level: float
+) -> tuple[Index, Float]:
+    grid = Grid(frame[0], frame[2], frame[3], *shape)
+    of = _sums(_points_in_cells(xyz, grid, level), spread=True)
+    count = on_grid(of.cell, of.n, shape, 0).ravel()
+    return count, np.array([of.height, of.zz, of.u, of.v, of.uu, of.vv, of.uv, of.uz, of.vz])
+
+
+def _cell_values_by_numpy(sums: Float, n: Index, gradient: Float, numbers: tuple[float, float, int]) -> Float:
+    level, square, least = numbers
+    height, zz, *others = sums
+    row = Grid(0.0, 0.0, float(np.sqrt(square)), 1, n.size)  # of the cells, one next to the other
+    cells = _without_slope(_Sums(level, np.arange(n.size), n, height, zz, *others), *np.nan_to_num(gradient))
+    of = _statistics(cells, row, least=least)
+    return np.array([of.height, of.variance, of.degrees, of.leverage, of.tilted.astype(np.float64), of.scatter])
+
+
+_cell_sums = compiled(_cell_sums_by_numpy, *cell_kernels.HELPERS)(cell_kernels.cell_sums)
+_cell_values = compiled(_cell_values_by_numpy)(cell_kernels.cell_values)

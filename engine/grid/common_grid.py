@@ -30,20 +30,28 @@ _MIN_SQUARE_M = 4.0
 Bounds = tuple[float, float, float, float]
 
 
-def common_grid(reference: Points, moving: Points, parameters: GridChangeParameters, *, plants: bool = False) -> Grid:
+def common_grid(
+    reference: Points,
+    moving: Points,
+    parameters: GridChangeParameters,
+    *,
+    plants: bool = False,
+    bounds: Bounds | None = None,
+) -> Grid:
     """The snapped grid that covers both clouds ((n, 3) and (m, 3)) where their extents meet.
 
     Args:
         plants: whether the cells also hold a cloud's plants.
+        bounds: ``union`` of the clouds, where it is known.
 
     Raises:
         InputError: the extents do not meet (both are named), or the grid needs more than ``allowed``.
     """
-    union = _union(reference, moving)
+    bounds = bounds or union(reference, moving)
     # cells of one size are all held, wherever the slope is
     area = slope_area((reference, moving), parameters.cell_side) if parameters.grows else 0.0
-    refuse_too_large(union, area, parameters, plants=plants)
-    return snapped_grid(union, parameters.cell_side)
+    refuse_too_large(bounds, area, parameters, plants=plants)
+    return snapped_grid(bounds, parameters.cell_side)
 
 
 def allowed(parameters: GridChangeParameters) -> float:
@@ -67,15 +75,20 @@ def refuse_too_large(bounds: Bounds, area: float, parameters: GridChangeParamete
 
 
 def affordable(
-    choice: CellChoice, clouds: Sequence[Points], parameters: GridChangeParameters, *, plants: bool = False
+    choice: CellChoice,
+    clouds: Sequence[Points],
+    parameters: GridChangeParameters,
+    *,
+    plants: bool = False,
+    bounds: Bounds | None = None,
 ) -> CellChoice:
     """The cell that the clouds chose, or the next of ``CELL_SIDES_M`` whose grid needs no more than ``allowed``.
 
-    A cell that was given stays what it is.
+    A cell that was given stays what it is. ``bounds`` are the ``union`` of the clouds, where it is known.
     """
     if not choice.automatic:
         return choice
-    bounds, limit = _union(clouds[0], clouds[-1]), allowed(parameters)
+    bounds, limit = bounds or union(clouds[0], clouds[-1]), allowed(parameters)
 
     def needed(cell: float) -> float:
         sized = replace(parameters, cell=cell)
@@ -137,8 +150,8 @@ def _ends(clouds: Sequence[Points]) -> tuple[Float, Float]:
     return np.min(lows, axis=0), np.max(highs, axis=0)
 
 
-def _union(reference: Points, moving: Points) -> Bounds:
-    """Bounds of both clouds.
+def union(reference: Points, moving: Points) -> Bounds:
+    """Bounds of both clouds: west, south, east, north.
 
     Raises:
         InputError: they do not meet.

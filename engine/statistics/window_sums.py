@@ -9,10 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.arrays import Float
+from ..core.compiled import compiled, pays
+from . import window_kernels
+
 Cells = NDArray[np.intp]
 """Cells of a grid (n,) by their flat index, ascending."""
 
 _BAND = 40_000  # cells of a grid to sum at a time: what a processor's cache holds of some fields
+_MAX_TABLE_CELLS = 16  # of a grid for each wanted cell, up to which it is held as a whole
+_MIN_COMPILED_CELLS = 20_000_000  # wanted and known, from which on loading the compiled loop pays for itself
 
 
 def slide(cells: NDArray[Any], size: int, step: int = 1, join: np.ufunc = np.add) -> NDArray[Any]:
@@ -49,6 +55,11 @@ class Windows:
     def size(self) -> int:
         return 2 * self.radius + 1
 
+    @property
+    def lines(self) -> int:
+        """Rows of the grid that are summed at a time."""
+        return max(_BAND // self.shape[1], 4 * self.radius, 1)
+
     def padded(self, cell: Cells, *fields: NDArray[Any]) -> list[NDArray[Any]]:
         """The grid with ``radius`` cells more on every side: values (k,) at the cells ``cell`` (k,), 0 elsewhere."""
         rows, columns = self.shape
@@ -61,6 +72,24 @@ class Windows:
 
     def totals(self, cell: Cells, *fields: NDArray[Any]) -> list[NDArray[Any]]:
         """Sum over the windows, (n,), of each of ``fields``, values (k,) at the cells ``cell`` (k,)."""
+        # whole numbers of 32 bits add up exactly in floats, too
+        narrow = all(
+            field.dtype == np.float64 or (field.dtype.kind in "iu" and field.itemsize <= 4) for field in fields
+        )
+        if narrow and self.compiled_pays(len(fields) * cell.size):
+            found = self._compiled(cell, np.array(fields, dtype=np.float64))
+            return [total.astype(field.dtype, copy=False) for total, field in zip(found, fields, strict=True)]
+        return self.totals_by_numpy(cell, *fields)
+
+    def compiled_pays(self, known: int) -> bool:
+        """Whether a compiled loop over these windows, with values of ``known`` cells, is the faster way."""
+        return pays(self.cell.size + known, _MIN_COMPILED_CELLS)
+
+    def _compiled(self, cell: Cells, values: Float) -> Float:
+        return _window_sums(self.cell, cell, values, self.shape, self.radius, self.lines)
+
+    def totals_by_numpy(self, cell: Cells, *fields: NDArray[Any]) -> list[NDArray[Any]]:
+        """As ``totals``, of fields of any type."""
         totals = [np.empty(self.cell.size, dtype=field.dtype) for field in fields]
         for here, part, row, column in self.parts():
             line = part[1].stop - part[1].start
@@ -74,6 +103,8 @@ class Windows:
 
     def any(self, cell: Cells) -> NDArray[np.bool_]:
         """Whether any of the cells ``cell`` (k,) is in the windows, (n,)."""
+        if self.shape[0] * self.shape[1] < _MAX_TABLE_CELLS * self.cell.size and cell.size * self.size < self.cell.size:
+            return self._marked(cell)
         found = np.zeros(self.cell.size, dtype=bool)
         for here, part, row, column in self.parts():
             line = part[1].stop - part[1].start
@@ -85,6 +116,20 @@ class Windows:
             along = slide(grid, self.size, join=np.logical_or)
             found[here] = slide(along, self.size, line, np.logical_or).take(row * line + column)
         return found
+
+    def _marked(self, cell: Cells) -> NDArray[np.bool_]:
+        """As ``any``, of few cells in a grid that is held as a whole."""
+        (marks,) = self.padded(cell, np.ones(cell.size, dtype=bool))
+        row, column = np.divmod(cell, self.shape[1])
+        for by in range(self.size):
+            marks[row + by, column + self.radius] = True
+        row, column = np.nonzero(marks)
+        for by in range(-self.radius, self.radius + 1):
+            marks[row, column + by] = True
+        inside: NDArray[np.bool_] = marks[
+            self.radius : self.radius + self.shape[0], self.radius : self.radius + self.shape[1]
+        ]
+        return inside.ravel().take(self.cell)
 
     def _places_in(self, part: tuple[slice, slice], cell: Cells) -> tuple[Cells, Cells]:
         """Which of the cells ``cell`` (k,) are in a part of the padded grid, and their places in it, flattened.
@@ -107,7 +152,7 @@ class Windows:
         """
         row = self.cell // self.shape[1]
         column = self.cell - row * self.shape[1]
-        lines = max(_BAND // self.shape[1], 4 * self.radius, 1)
+        lines = self.lines
         for top in range(0, self.shape[0], lines):
             here = slice(*np.searchsorted(row, (top, top + lines)).tolist())
             if here.start < here.stop:
@@ -120,3 +165,12 @@ class Windows:
                     i,
                     j,
                 )
+
+
+def _sums_by_numpy(
+    wanted: Cells, cell: Cells, values: Float, shape: tuple[int, int], radius: int, _lines: int
+) -> NDArray[Any]:
+    return np.array(Windows(wanted, shape, radius).totals_by_numpy(cell, *values))
+
+
+_window_sums = compiled(_sums_by_numpy, *window_kernels.HELPERS)(window_kernels.window_sums)

@@ -83,3 +83,44 @@ def test_the_user_cache_is_taken_where_the_module_lies_in_a_folder_without_one(m
     home.mkdir()
     assert _answer(module, HOME=str(home), XDG_CACHE_HOME=str(home), LOCALAPPDATA=str(home)) == 6.0
     assert list(home.rglob("*.nbc")), "nothing was kept"
+
+
+HELPED = """
+import sys
+import numpy as np
+from slopewatch.engine.core.compiled import compiled, pays, take_kernels
+
+def plain(values):
+    return values.sum() + 1000.0
+
+def square(value):
+    return value * value
+
+def fourth(value):
+    return square(value) * square(value)
+
+@compiled(plain, square, fourth)
+def total(values):
+    found = 0.0
+    for i in range(len(values)):
+        found += fourth(values[i])
+    return found
+
+if __name__ == "__main__":
+    assert not pays(9, 10), "numba is not loaded for little work"
+    before = pays(10, 10)
+    result = float(total(np.arange(3.0)))
+    assert pays(9, 10) == before, "and pays for any once it is"
+    print(result)
+"""
+
+
+def test_a_kernel_calls_its_helpers_and_then_any_work_pays(module: Path) -> None:
+    pytest.importorskip("numba")
+    module.write_text(HELPED, encoding="utf-8")
+    assert _answer(module) == 17.0
+
+
+def test_nothing_pays_where_kernels_are_refused(module: Path) -> None:
+    module.write_text(HELPED, encoding="utf-8")
+    assert _answer(module, NUMBA_DISABLE_JIT="1") == 1003.0
