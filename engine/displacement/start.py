@@ -8,7 +8,7 @@ from scipy import ndimage
 from ..core.arrays import Float, Index
 from .surface import NODE_M
 
-NODES = 4
+NODES = 5
 """Nodes of the surface's grid by a side of the correlation's cells."""
 CELL_M = NODES * NODE_M
 _DETREND_M = 1.0  # standard deviation of what is taken off as shape

@@ -130,10 +130,10 @@ def _near(xyz: Float, facets: Facets, number: int, reach: float) -> Float:
 def fit_windows(tile: Tile, search: Search, regions: Sequence[Region]) -> list[list[Fit | Status]]:
     """For each radius the motion in each of the tile's windows; the reason where there is none."""
     coarse = relief(tile.first), relief(tile.later)
+    shifts, correlation = best_shifts(*coarse, tile.nodes // NODES, min(search.radii), search.limit)
+    far = (np.hypot(*shifts.T) > _MIN_START_M) & (correlation > _MIN_CORRELATION)
     found = []
-    for radius, region in zip(search.radii, regions, strict=True):
-        shifts, correlation = best_shifts(*coarse, tile.nodes // NODES, radius, search.limit)
-        far = (np.hypot(*shifts.T) > _MIN_START_M) & (correlation > _MIN_CORRELATION)
+    for region in regions:
         fits = []
         for node, shift, other in zip(tile.nodes, shifts, far, strict=True):
             fits.append(best_fit(tile, region, (int(node[0]), int(node[1])), shift if other else None, search.limit))
