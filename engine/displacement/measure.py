@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..core.arrays import Bool, Float, Index
-from .errors import covariances
-from .least_squares import Fit
+from .errors import common_ratio, covariances
+from .least_squares import PARAMETERS, Fit
 from .status import Status
 
 MIN_SEEN_SHARE = 0.3
@@ -34,6 +34,7 @@ class Windows:
         information: (n, 2) on the weakest and the strongest direction, over its standard error.
         seen: (n,) share that both surveys see.
         scale: (n,) standard deviation of the residuals, metres.
+        common: (5, 5) of ``errors.common_ratio``.
     """
 
     radius: float
@@ -43,6 +44,7 @@ class Windows:
     information: Float
     seen: Float
     scale: Float
+    common: Float = field(default_factory=lambda: np.eye(PARAMETERS))
 
     @property
     def measured(self) -> Bool:
@@ -76,7 +78,9 @@ def judged(fits: Sequence[Fit | Status], radius: float, blocks: int, limit: floa
     converged[numbers] = [f.converged for f in found]
     _gate(windows, converged, limit)
     sound = windows.measured
-    windows.covariance[sound] = covariances([f for k, f in known if sound[k]], blocks)
+    chosen = [fit for k, fit in known if sound[k]]
+    windows = replace(windows, common=common_ratio(chosen))
+    windows.covariance[sound] = covariances(chosen, [blocks * fit.seen for fit in chosen], windows.common)
     along = windows.covariance[sound][:, :2, :2]
     status[np.flatnonzero(sound)[_largest_error(along) > MAX_STANDARD_ERROR_M]] = Status.UNCERTAIN
     windows.motion[~windows.measured] = np.nan
@@ -110,12 +114,3 @@ def _largest_error(covariance: Float) -> Float:
     if not len(covariance):
         return np.zeros(0)
     return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, -1], 0.0)))
-
-
-def statistic(motion: Float, covariance: Float) -> Float:
-    """(n,) squared length of the motion along the surface in standard errors: chi-squared with 2 degrees of freedom."""
-    found = np.full(len(motion), np.nan)
-    known = np.isfinite(motion[:, 0]) & np.isfinite(covariance[:, 0, 0])
-    along = motion[known, :2]
-    found[known] = np.einsum("ni,ni->n", along, np.linalg.solve(covariance[known, :2, :2], along[:, :, None])[:, :, 0])
-    return found
