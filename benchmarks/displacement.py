@@ -146,7 +146,9 @@ def _moving(tally: _Tally, first: Float, later: Float, motion: float) -> None:
         tally.detected.setdefault((size, motion), []).append(narrow.significant[inner])
 
 
-def _window_rows(name: str, size: float, windows: Sequence[Windows], targets: tuple[float, float] | None) -> Iterator[Row]:
+def _window_rows(
+    name: str, size: float, windows: Sequence[Windows], targets: tuple[float, float] | None
+) -> Iterator[Row]:
     error, stated = (np.concatenate([getattr(w, key) for w in windows]) for key in ("error", "stated"))
     statistic = np.concatenate([w.statistic for w in windows])
     rms = 1000 * np.sqrt((error**2).mean(axis=0))
@@ -175,7 +177,11 @@ def _still_rows(tally: _Tally) -> Iterator[Row]:
         yield from _window_rows("simulated, nothing moved", size, tally.still[size], _TARGETS_MM[size])
     maps = sum(count > 0 for count in tally.false_zones)
     yield Row(
-        "still maps with a zone", f"{maps} of {len(tally.false_zones)}", "≤ 5 %", "", maps <= 0.05 * len(tally.false_zones)
+        "still maps with a zone",
+        f"{maps} of {len(tally.false_zones)}",
+        "≤ 5 %",
+        "",
+        maps <= 0.05 * len(tally.false_zones),
     )
     seconds = float(np.median(tally.seconds))
     yield Row("processor seconds per 1,000 m², both widths", f"{seconds:.1f} s", "≤ 3 s", "", seconds <= 3.0)

@@ -56,7 +56,9 @@ def _correlation(first: Float, later: Float, frame: Frame, core: Float) -> float
     corner = flat.min(axis=0) - reach
     shape = tuple(int(n) for n in np.ceil((flat.max(axis=0) + reach - corner) / NODE_M) + 1)
     kernel = kernel_of(70.0)
-    coarse = (relief(gridded(frame.to_plane(xyz), corner, (shape[0], shape[1]), kernel).values) for xyz in (first, later))
+    coarse = (
+        relief(gridded(frame.to_plane(xyz), corner, (shape[0], shape[1]), kernel).values) for xyz in (first, later)
+    )
     middles = np.rint((flat - corner) / NODE_M).astype(np.int64) // NODES
     shifts, _ = best_shifts(*coarse, middles, _WINDOW_RADIUS_M, _LIMIT_M)
     return float(np.median(shifts[:, 0]))
@@ -72,7 +74,9 @@ def _icp(first: Float, later: Float, frame: Frame, middles: Float) -> float:
         for _ in range(_ROUNDS):
             near = later[tree.query(patch + motion, k=_PLANE_POINTS)[1]]
             centre = near.mean(axis=1)
-            normal = np.linalg.eigh(np.einsum("nki,nkj->nij", near - centre[:, None], near - centre[:, None]))[1][..., 0]
+            normal = np.linalg.eigh(np.einsum("nki,nkj->nij", near - centre[:, None], near - centre[:, None]))[1][
+                ..., 0
+            ]
             residual = ((patch + motion - centre) * normal).sum(axis=1)
             scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-4)
             weight = np.where(np.abs(residual) < 5 * scale, (1 - (residual / (5 * scale)) ** 2) ** 2, 0.0)

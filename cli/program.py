@@ -14,6 +14,7 @@ from .commands import change, check, ground, info, inspect, register
 from .drawing import exportlabelstudio, importlabelstudio, suggestroi, topview
 from .help_pages import Program
 from .language import say
+from .displacement import displacement
 from .m3c2 import m3c2
 from .report import report
 from .reporting import error_event
@@ -51,6 +52,7 @@ for subcommand in (
     register,
     change,
     m3c2,
+    displacement,
     screen,
     series,
     batch,

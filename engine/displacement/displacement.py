@@ -108,9 +108,7 @@ def measure_displacement(
     independent = float(np.count_nonzero(own[0].measured | own[-1].measured) * overlap[0])
     columns = np.column_stack(np.divmod(cell, grid.columns)[::-1])
     columns[:, 1] = grid.rows - 1 - columns[:, 1]
-    held = Measured(
-        (first, later), facets, facet, search, columns, parameters.spacing, sizes[-1].common, taken_off
-    )
+    held = Measured((first, later), facets, facet, search, columns, parameters.spacing, sizes[-1].common, taken_off)
 
     def error_at(at: Float) -> Float:
         return registered.at(at) if reference is None else np.broadcast_to(reference.covariance, (len(at), 3, 3))
@@ -132,9 +130,7 @@ def _windows_of(first: Float, later: Float, facets: Facets, spacing: float) -> t
         raise InputError("The surveys have no ground in common; check their coordinate systems and the registration.")
     grid = snapped_grid((low[0], low[1], high[0], high[1]), spacing)
     row, column = (a.ravel() for a in np.mgrid[: grid.rows, : grid.columns])
-    middle = np.column_stack(
-        [grid.west + (column + 0.5) * spacing, grid.north - (row + 0.5) * spacing]
-    )
+    middle = np.column_stack([grid.west + (column + 0.5) * spacing, grid.north - (row + 0.5) * spacing])
     facet, places = facets.places(middle)
     near = facet >= 0
     for xyz in (first, later):

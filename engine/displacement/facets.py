@@ -102,7 +102,9 @@ def find_facets(xyz: Float) -> Facets:
     normal = np.stack([-east, -north, np.ones_like(east)], axis=-1)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     directions, number = _directions(normal, known)
-    middle = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in known.shape), indexing="ij"), axis=-1) * _CELL_M + corner
+    middle = (
+        np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in known.shape), indexing="ij"), axis=-1) * _CELL_M + corner
+    )
     frames = []
     for k, direction in enumerate(directions):
         mine = number == k

@@ -156,9 +156,7 @@ def fit_motion(
     return _described(at, region, motion, plane, converged)
 
 
-def _residuals(
-    first: Float, later: Float, region: Region, middle: tuple[int, int], motion: Float
-) -> _Residuals | None:
+def _residuals(first: Float, later: Float, region: Region, middle: tuple[int, int], motion: Float) -> _Residuals | None:
     half = motion / 2 / NODE_M
     before, after = _sampled(first, region, middle, -half), _sampled(later, region, middle, half)
     seen = np.isfinite(before[0]) & np.isfinite(after[0])
@@ -253,7 +251,6 @@ def _information(at: _Residuals, weight: Float, block: Index, blocks: int, bread
         error = float(np.std(parts)) * np.sqrt(len(parts))
         found[k] = parts.sum() / error if error > 0 else 0.0
     return found, np.asarray(directions[:, 0])
-
 
 
 def _without_each(sums: Float, at: _Residuals, weight: Float, block: Index, bread: Float) -> Float:

@@ -95,9 +95,7 @@ def tiles(
             rows, columns = (int(np.ceil(d / CELL_M)) * NODES + 1 for d in high + reach - corner)
             shape = (rows, columns)
             nodes = np.rint((flat[inside, :2] - corner) / NODE_M).astype(np.int64)
-            first, later = (
-                gridded(part.within(corner, shape), corner, shape, search.kernel).values for part in near
-            )
+            first, later = (gridded(part.within(corner, shape), corner, shape, search.kernel).values for part in near)
             yield Tile(first, later, corner, mine[inside], nodes)
     progress.update(1.0)
 

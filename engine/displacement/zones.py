@@ -128,9 +128,7 @@ def moving_zones(
         statistic = float(squared_length(plane[None, :2], plane_covariance[None, :2, :2])[0])
         probability = min(float(stats.chi2.sf(statistic, 2)) * max(independent, 1.0), 1.0)
         if probability <= MAX_PROBABILITY:
-            found.append(
-                MovingZone(group, area, motion, covariance, plane, plane_covariance, probability, fitted_area)
-            )
+            found.append(MovingZone(group, area, motion, covariance, plane, plane_covariance, probability, fitted_area))
     return sorted(found, key=lambda zone: -zone.area)
 
 
