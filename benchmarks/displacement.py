@@ -1,7 +1,7 @@
 """Motion along the surface: vectors and zones on simulated and real ground, beside what other measures see of it.
 
 Simulated: two scans of the demo's slope under 70 % vegetation, their ground extracted and thinned to 70 points a m² of
-map; the later one's points of an ellipse of 12 m along the dip and 8 m across, with a soft edge, are moved down the dip.
+map; of the later one an ellipse of 12 m along the dip and 8 m across, with a soft edge, is moved down the dip.
 Real: the ground of two random halves of a dense cloud, of which all or nothing is moved; they share their position and
 their strips, so that this is what the relief allows, and no accuracy in the field.
 """
@@ -18,7 +18,7 @@ from ..engine.core.arrays import Bool, Float
 from ..engine.displacement.displacement import Displacement, measure_displacement
 from ..engine.displacement.facets import find_facets
 from ..engine.displacement.registered import Registered
-from ..engine.displacement.vectors import threshold
+from ..engine.displacement.vectors import Vectors, threshold
 from ..engine.ground.filtering import known_ground
 from ..interface.parameters import DisplacementParameters, SurveyParameters
 from ..simulation.surveys.survey import simulate_pair
@@ -75,18 +75,13 @@ def moved(first: Float, later: Float, motion: float) -> Float:
     return later + (motion * share * share * (3 - 2 * share))[:, None] * dip
 
 
-def of_width(width: float) -> DisplacementParameters:
-    """Windows of one width only."""
-    return DisplacementParameters(window=width, wide_window=width)
+def measured(first: Float, later: Float) -> Displacement:
+    """With the default settings, as if the registration had no error."""
+    return measure_displacement(first, later, DisplacementParameters(), Registered.unknown())
 
 
-def measured(first: Float, later: Float, parameters: DisplacementParameters) -> Displacement:
-    return measure_displacement(first, later, parameters, Registered.unknown())
-
-
-def compared(found: Displacement, motion: Float) -> Windows:
+def compared(vectors: Vectors, motion: Float) -> Windows:
     """The windows' errors against a motion (3,) of all ground."""
-    vectors = found.vectors
     off = replace(vectors, motion=vectors.motion - motion)
     use = vectors.measured
     stated = np.sqrt(np.einsum("nii->ni", off.in_plane_covariance[use][:, :2, :2]))
@@ -123,15 +118,15 @@ def rows() -> list[Row]:
 
 def _still(tally: _Tally, first: Float, later: Float) -> None:
     began = time.process_time()
-    found = measured(first, later, DisplacementParameters())
+    found = measured(first, later)
     tally.seconds.append((time.process_time() - began) / _AREA_M2 * 1000)
     tally.false_zones.append(len(found.zones))
-    for size in SIZES:
-        tally.still[size].append(compared(measured(first, later, of_width(size)), np.zeros(3)))
+    for size, vectors in zip(SIZES, found.by_width, strict=True):
+        tally.still[size].append(compared(vectors, np.zeros(3)))
 
 
 def _moving(tally: _Tally, first: Float, later: Float, motion: float) -> None:
-    found = measured(first, later, DisplacementParameters())
+    found = measured(first, later)
     radius, dip = radius_in_ellipse(found.vectors.places, first)
     hits = [zone for zone in found.zones if (radius[zone.windows] < _INNER).any()]
     tally.found[motion].append(bool(hits))
@@ -140,10 +135,8 @@ def _moving(tally: _Tally, first: Float, later: Float, motion: float) -> None:
     core = found.vectors.measured & (radius < _CORE) & found.significant
     off = replace(found.vectors, motion=found.vectors.motion - motion * dip).in_plane[core, :2]
     tally.worst.append(float(np.hypot(*off.T).max()) if len(off) else 0.0)
-    for size in SIZES:
-        narrow = measured(first, later, of_width(size))
-        inner = radius_in_ellipse(narrow.vectors.places, first)[0] < _INNER
-        tally.detected.setdefault((size, motion), []).append(narrow.significant[inner])
+    for size, vectors in zip(SIZES, found.by_width, strict=True):
+        tally.detected.setdefault((size, motion), []).append(vectors.significant(0.99)[radius < _INNER])
 
 
 def _window_rows(
@@ -230,8 +223,8 @@ def _real_rows() -> Iterator[Row]:
     for seed, shift in enumerate(_REAL_SHIFTS_M):
         first, later = (part[known_ground(part).mask] for part in split(cloud, seed))
         motion = shift * find_facets(first).frames[0].axes[0]
-        for size in SIZES:
-            maps[size].append(compared(measured(first, later + motion, of_width(size)), motion))
+        for size, vectors in zip(SIZES, measured(first, later + motion).by_width, strict=True):
+            maps[size].append(compared(vectors, motion))
         say(f"real cloud, seed {seed}")
     for size in SIZES:
         yield from _window_rows(f"ground of a {DENSE_HALVES}, moved by 0 to 20 cm", size, maps[size], None)

@@ -11,10 +11,10 @@ from ..engine.core.errors import InputError
 from ..engine.core.version import VERSION
 from .batch import batch
 from .commands import change, check, ground, info, inspect, register
+from .displacement import displacement
 from .drawing import exportlabelstudio, importlabelstudio, suggestroi, topview
 from .help_pages import Program
 from .language import say
-from .displacement import displacement
 from .m3c2 import m3c2
 from .report import report
 from .reporting import error_event

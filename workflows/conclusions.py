@@ -21,8 +21,9 @@ MOST = 8
 
 # Outputs that people open first, in that order; two of them are named.
 _FIRST = (
-    "report", "page", "series_zones", "corridor", "zones", "screened_zones", "m3c2_significant", "displacement_vectors", "labelled",
-    "significant_change", "weights", "aligned", "points", "ground", "picture", "roi",
+    "report", "page", "series_zones", "corridor", "zones", "screened_zones", "m3c2_significant",
+    "displacement_vectors", "labelled", "significant_change", "weights", "aligned", "points", "ground",
+    "picture", "roi",
 )  # fmt: skip
 _NAMED = 2
 

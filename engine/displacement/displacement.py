@@ -41,7 +41,7 @@ class Displacement:
     Attributes:
         grid: of the windows' middles.
         cell: (n,) flat index in ``grid`` of each window.
-        vectors: (n windows).
+        vectors: (n windows), of whichever width tells more at each place; ``by_width`` are those of each width.
         facet: (n,) facet of each window; ``facets`` are they.
         significant: (n,) whether a vector is significant.
         zones: what moves as one, largest first.
@@ -55,6 +55,7 @@ class Displacement:
     grid: Grid
     cell: Index
     vectors: Vectors
+    by_width: tuple[Vectors, ...]
     facet: Index
     facets: Facets
     significant: Bool
@@ -103,7 +104,8 @@ def measure_displacement(
     taken_off = np.zeros(3)
     if reference is not None:
         taken_off, error = reference.motion, np.broadcast_to(reference.covariance, error.shape)
-    vectors = joined([with_error(v, error, taken_off) for v in own], parameters.vector_confidence)
+    by_width = tuple(with_error(v, error, taken_off) for v in own)
+    vectors = joined(by_width, parameters.vector_confidence)
     significant = vectors.significant(parameters.vector_confidence)
     independent = float(np.count_nonzero(own[0].measured | own[-1].measured) * overlap[0])
     columns = np.column_stack(np.divmod(cell, grid.columns)[::-1])
@@ -117,8 +119,8 @@ def measure_displacement(
     zones = moving_zones(vectors, significant, held, parameters.slide_area, error_at, independent)
     progress.update(1.0)
     return Displacement(
-        grid, cell, vectors, facet, facets, significant, tuple(zones), common, still, taken_off, search.kernel, points,
-        independent,
+        grid, cell, vectors, by_width, facet, facets, significant, tuple(zones), common, still, taken_off,
+        search.kernel, points, independent,
     )  # fmt: skip
 
 

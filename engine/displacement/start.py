@@ -44,7 +44,7 @@ def best_shifts(first: Float, later: Float, middles: Index, radius: float, limit
         (n, 2) shifts in metres and (n,) their correlations; 0 and -1 where too little is common.
     """
     reach = max(int(np.ceil(limit / CELL_M)), 1)
-    half = max(int(round(radius / CELL_M)), 1)
+    half = max(round(radius / CELL_M), 1)
     shape = first.shape
     known = [np.isfinite(v) for v in (first, later)]
     a, b = (np.where(k, v, 0.0) for k, v in zip(known, (first, later), strict=True))

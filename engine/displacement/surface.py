@@ -22,7 +22,7 @@ _MIN_SPREAD = 0.15  # share of the kernel's variance that the points have in the
 
 @dataclass(frozen=True)
 class GriddedSurface:
-    """``values`` (3, rows, columns) at the nodes: height above the plane and its rise along the axes; NaN where unknown.
+    """``values`` (3, rows, columns) at the nodes: height above the plane and its rise along the axes; NaN if unknown.
 
     ``corner`` (2,) is the plane's coordinates of node 0, 0; a row is a step along the first axis.
     """

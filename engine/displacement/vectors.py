@@ -165,6 +165,4 @@ def common_motion(vectors: Vectors, independent: float, among: Bool | None = Non
             break
     agreeing = distance**2 < threshold(0.99)
     factor = float(np.median(distance[agreeing] ** 2) / _MEDIAN_CHI2) if agreeing.any() else float("nan")
-    return CommonMotion(
-        mean, np.linalg.inv(total) / min(independent, 1.0), float(agreeing.mean()), int(len(motion)), factor
-    )
+    return CommonMotion(mean, np.linalg.inv(total) / min(independent, 1.0), float(agreeing.mean()), len(motion), factor)

@@ -12,8 +12,8 @@ from ..core.arrays import Bool, Float, Index
 from ..core.progress import Progress
 from .facets import Facets, Frame
 from .least_squares import Fit, Region, fit_motion
-from .status import Status
 from .start import CELL_M, NODES, best_shifts, relief
+from .status import Status
 from .surface import NODE_M, gridded
 
 _TILE_M = 24.0

@@ -122,7 +122,7 @@ def moving_zones(
         zone = _fitted(group, vectors, measured, error_at)
         if zone is None:
             continue
-        fit, motion, covariance, fitted_area = zone
+        motion, covariance, fitted_area = zone
         axes = measured.facets.frames[int(measured.facet[group[0]])].axes
         plane, plane_covariance = axes @ motion, axes @ covariance @ axes.T
         statistic = float(squared_length(plane[None, :2], plane_covariance[None, :2, :2])[0])
@@ -134,8 +134,8 @@ def moving_zones(
 
 def _fitted(
     group: Index, vectors: Vectors, measured: Measured, error_at: Callable[[Float], Float]
-) -> tuple[Fit, Float, Float, float] | None:
-    """One fit over a group's cells without their margin: itself, motion and covariance in the map, and its area."""
+) -> tuple[Float, Float, float] | None:
+    """One fit over a group's cells without their margin: motion and covariance in the map, and its area."""
     frame = measured.facets.frames[int(measured.facet[group[0]])]
     flat = frame.to_plane(vectors.places[group])[:, :2]
     widest = float(np.max(vectors.width[group]))
@@ -167,7 +167,7 @@ def _fitted(
     place = vectors.places[group].mean(axis=0)
     motion = frame.axes.T @ fit.motion - measured.taken_off
     covariance = frame.axes.T @ own @ frame.axes + error_at(place[None])[0]
-    return fit, motion, covariance, len(at) * (stride * NODE_M) ** 2
+    return motion, covariance, len(at) * (stride * NODE_M) ** 2
 
 
 def _cut(xyz: Float, frame: Frame, low: Float, high: Float) -> Float:
