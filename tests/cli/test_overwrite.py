@@ -14,7 +14,7 @@ from slopewatch.tests.builders.program import run
 from slopewatch.tests.builders.zone_layers import enter
 
 ALL_COMMANDS = (
-    ("inspect",), ("change",), ("series",), ("batch",), ("m3c2",), ("train",), ("simulate", "survey"),
+    ("inspect",), ("change",), ("series",), ("batch",), ("m3c2",), ("displacement",), ("train",), ("simulate", "survey"),
     ("simulate", "series"), ("simulate", "scenes"), ("topview",), ("suggestroi",), ("exportlabelstudio",),
     ("importlabelstudio",),
 )  # fmt: skip
