@@ -26,6 +26,7 @@ NAMES = {
     "gridding": "Gridding",
     "m3c2": "M3C2",
     "m3c2_level": "The level of detection of M3C2",
+    "displacement": "Motion along the surface",
     "calibration": "Calibration of the level of detection",
     "strips": "Two airborne strips without change",
     "bumps": "Thirty bumps and hollows in real airborne strips",

@@ -79,6 +79,16 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
             f"slopewatch change {_PAIR} --cell 0.25 \\\n    --profiles lines.gpkg --output-dir change",
         ),
     ),
+    "displacement": (
+        ("Two registered ground clouds", f"slopewatch displacement {_PAIR} --output-dir motion"),
+        (
+            "With the registration's error, and its shift as it shows on ground that is known to be stable",
+            (
+                f"slopewatch displacement {_PAIR} \\\n"
+                "    --transform transform.json --stable road.gpkg --output-dir motion"
+            ),
+        ),
+    ),
     "m3c2": (
         ("A steep face", f"slopewatch m3c2 {_PAIR} --output distances.laz"),
         (

@@ -11,6 +11,7 @@ from ..engine.core.errors import InputError
 from ..engine.core.version import VERSION
 from .batch import batch
 from .commands import change, check, ground, info, inspect, register
+from .displacement import displacement
 from .drawing import exportlabelstudio, importlabelstudio, suggestroi, topview
 from .help_pages import Program
 from .language import say
@@ -51,6 +52,7 @@ for subcommand in (
     register,
     change,
     m3c2,
+    displacement,
     screen,
     series,
     batch,

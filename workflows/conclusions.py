@@ -20,8 +20,9 @@ MOST = 8
 
 # Outputs that people open first, in that order; two of them are named.
 _FIRST = (
-    "report", "page", "series_zones", "corridor", "zones", "screened_zones", "m3c2_significant", "labelled",
-    "significant_change", "weights", "aligned", "points", "ground", "picture", "roi",
+    "report", "page", "series_zones", "corridor", "zones", "screened_zones", "m3c2_significant",
+    "displacement_vectors", "labelled", "significant_change", "weights", "aligned", "points", "ground",
+    "picture", "roi",
 )  # fmt: skip
 _NAMED = 2
 _MIN_BIAS_M, _BIAS_ERRORS = 0.02, 3.0
@@ -117,6 +118,25 @@ def _register(f: Figures) -> list[str]:
         _biased(f),
         _sentence("{} of the surface agrees on that motion.", _percent(f, "registration_stable_share")),
     ]
+
+
+def _displacement(f: Figures) -> list[str]:
+    count = f.get("moving_zone_count")
+    found = "No zone that moves along the surface was found."
+    if count:
+        found = (
+            f"{_zones(count, 'motion along the surface')}, {_measure(f, 'moving_area_m2', 'm²')} in all; the largest "
+            f"motion of one is {_measure(f, 'fastest_zone_m', 'm')}."
+        )
+    return [
+        found,
+        _sentence(
+            "On {} of the ground motion along the surface can be measured; where nothing else is said, one below {} "
+            "in the median cannot be told from none.",
+            _percent(f, "measured_share"), _measure(f, "smallest_motion_median_m", "m"),
+        ),
+        "Elsewhere nothing is known of motion along the surface; displacement.tif names the reason.",
+    ]  # fmt: skip
 
 
 def _screened(f: Figures, prefix: str = "") -> list[str]:
@@ -311,6 +331,7 @@ _FOUND: dict[str, Callable[[Figures], list[str]]] = {
     "screen": _screened,
     "ground": _ground,
     "m3c2": _m3c2,
+    "displacement": _displacement,
     "series": _series,
     "batch": _batch,
     "train": _train,

@@ -321,7 +321,7 @@ def _difference(task: _Inspection, first: Cloud, moved: Cloud, registration: Reg
 def _write_clouds(task: _Inspection, ground: GroundResult, registration: RegistrationResult, crs: CRS) -> Path:
     """Write the transform, and the later ground in the earlier one's frame; returns where that lies until the end."""
     stage = task.run.stage
-    registration.transform.save(stage.path("transform.json"), crs, facts=registration.figures())
+    registration.transform.save(stage.path("transform.json"), crs, facts=registration.stated())
     name = f"clouds/{task.epochs[1].name}_aligned.laz"
     copy_moved(ground.ground, stage.path(name), registration.transform)
     task.run.outputs |= {"transform": stage.final("transform.json"), "aligned": stage.final(name)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from ..engine.core import cancellation
 from ..engine.core.errors import InputError
@@ -56,9 +57,9 @@ def register_step(
         with cancellation.temporary(stage.folder / SPOOL) as spool:
             if transform is not None:
                 _look_through(run, (reference, moving), settings)
-                transform = transform.inverse() if invert else transform
+                transform, stated = transform.inverse() if invert else transform, {}
             else:
-                transform = _registered(run, (reference, moving), settings, stable, spool)
+                transform, stated = _registered(run, (reference, moving), settings, stable, spool)
         with run.step("write", 0.8, 1.0, "writing"):
             copy_moved(moving, stage.path(output.name), transform, settings.inputs)
         run.facts["transform"] = transform.matrix
@@ -66,7 +67,7 @@ def register_step(
         if transform_path is not None:
             directory = run.stage_in(transform_path.absolute().parent)
             crs = open_cloud(reference, settings.inputs)[1].crs
-            transform.save(directory.path(transform_path.name), crs, facts=run.figures)
+            transform.save(directory.path(transform_path.name), crs, facts=stated)
             run.outputs["transform"] = directory.final(transform_path.name)
     return run.result()
 
@@ -81,7 +82,8 @@ def _look_through(run: Run, paths: tuple[Path, Path], settings: Settings) -> Non
 
 def _registered(
     run: Run, paths: tuple[Path, Path], settings: Settings, stable: Path | None, spool: Path
-) -> RigidTransform:
+) -> tuple[RigidTransform, dict[str, Any]]:
+    """The motion of the later cloud, and what its file states of it."""
     ground = settings.surface.ground
     clouds: list[Cloud]
     with run.step("read", 0.0, 0.2, "reading") as entry:
@@ -97,4 +99,4 @@ def _registered(
         result = register_pair(first, second, settings.registration, stable, run.progress)
         entry.update(plain(result.summary()))
     run.figures = result.figures()
-    return result.transform
+    return result.transform, result.stated()

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from ..interface.parameters import (
     ChangeParameters,
     DateParameters,
+    DisplacementParameters,
     DistanceParameters,
     GridChangeParameters,
     GroundParameters,
@@ -61,6 +62,16 @@ class DistanceSettings:
 
 
 @dataclass(frozen=True)
+class DisplacementSettings:
+    """The parameter groups of motion along the surface."""
+
+    inputs: InputParameters = field(default_factory=InputParameters)
+    displacement: DisplacementParameters = field(default_factory=DisplacementParameters)
+    dates: DateParameters = field(default_factory=DateParameters)
+    surface: SurfaceParameters = field(default_factory=SurfaceParameters)
+
+
+@dataclass(frozen=True)
 class SeriesSettings:
     """The parameter groups of a series."""
 
@@ -73,7 +84,7 @@ class SeriesSettings:
     series: SeriesParameters = field(default_factory=SeriesParameters)
 
 
-Bundle = TypeVar("Bundle", Settings, ScreeningSettings, DistanceSettings, SeriesSettings)
+Bundle = TypeVar("Bundle", Settings, ScreeningSettings, DistanceSettings, DisplacementSettings, SeriesSettings)
 
 
 def gathered(bundle: type[Bundle], group_of: Callable[[type[Any]], Any]) -> Bundle:
@@ -89,7 +100,7 @@ def _class_of(group: Field[Any]) -> type[Any]:
 
 
 def groups(
-    bundle: Settings | ScreeningSettings | DistanceSettings | SeriesSettings, *names: str
+    bundle: Settings | ScreeningSettings | DistanceSettings | DisplacementSettings | SeriesSettings, *names: str
 ) -> dict[str, ParameterSet]:
     """Those groups of a bundle by name, as a run record takes them."""
     return {name: getattr(bundle, name) for name in names}

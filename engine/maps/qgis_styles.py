@@ -81,25 +81,25 @@ def change_qml(
         if value:
             stops.append((-value, lowered, 255, f"{-named:+.3f} {unit} lowered"))
         stops.append((value, raised, 255, f"{named:+.3f} {unit} raised" if value else zero))
-    return _ramp_qml(sorted(stops), unit, shown, opacity_band=opacity_band)
+    return ramp_qml(sorted(stops), unit, shown, opacity_band=opacity_band)
 
 
 def level_qml(limit: float, *, unit: str = "m", shown: tuple[date, date] | None = None) -> str:
     """Sequential style of a level-of-detection raster, from 0 to ``limit``; otherwise as ``change_qml``."""
     stops = [(s * limit, colour, 255, f"{s * limit:.3f} {unit}") for s, colour in SEQUENTIAL]
-    return _ramp_qml(stops, unit, shown)
+    return ramp_qml(stops, unit, shown)
 
 
 def shade_qml(low: float, high: float) -> str:
     """Style of a hillshade: greys, black at ``low`` and white at ``high``."""
     values = (low, (low + high) / 2, max(high, low + 1.0))
-    return _ramp_qml([(v, (grey,) * 3, 255, f"{v:.0f}") for v, grey in zip(values, (0, 128, 255), strict=True)])
+    return ramp_qml([(v, (grey,) * 3, 255, f"{v:.0f}") for v, grey in zip(values, (0, 128, 255), strict=True)])
 
 
 def cell_size_qml(sizes: Sequence[float]) -> str:
     """Style of a raster of cell sizes: a colour for each of the ``sizes`` (metres, ascending), lightest the finest."""
     colours = sequential_steps(len(sizes))
-    return _ramp_qml([(size, colour, 255, f"{size:g} m") for size, colour in zip(sizes, colours, strict=True)])
+    return ramp_qml([(size, colour, 255, f"{size:g} m") for size, colour in zip(sizes, colours, strict=True)])
 
 
 def probability_qml() -> str:
@@ -108,7 +108,7 @@ def probability_qml() -> str:
     Greys, because colour is the zones' that lie over it: a bluish probability looks like uplift. The veil distinguishes
     what was screened from what was not, as on the map picture.
     """
-    return _ramp_qml([(s, colour, 255 if s else 120, f"{100 * s:.0f} %") for s, colour in LIKELIHOOD])
+    return ramp_qml([(s, colour, 255 if s else 120, f"{100 * s:.0f} %") for s, colour in LIKELIHOOD])
 
 
 def smallest_hazard_qml() -> str:
@@ -116,7 +116,7 @@ def smallest_hazard_qml() -> str:
 
     The ramp ends at 1 m, beyond which nothing that screening is made for can be found.
     """
-    return _ramp_qml([(s, colour, 255, f"{s:.2f} m") for s, colour in SEQUENTIAL], "m", band=2)
+    return ramp_qml([(s, colour, 255, f"{s:.2f} m") for s, colour in SEQUENTIAL], "m", band=2)
 
 
 def confirmed_qml(largest: int) -> str:
@@ -213,7 +213,7 @@ def write_qml_next_to(file: Path, qml: str) -> Path:
     return path
 
 
-def _ramp_qml(
+def ramp_qml(
     stops: Iterable[tuple[float, Colour, int, str]],
     unit: str = "",
     shown: tuple[date, date] | None = None,

@@ -111,6 +111,11 @@ class RegistrationResult:
             "registration_vertical_bias_m": -self.vertical_translation,
         }
 
+    def stated(self) -> dict[str, Any]:
+        """What the transform's file states: the main figures, and the error of all six motions."""
+        covariance = None if self.covariance is None else self.covariance.tolist()
+        return self.figures() | {"covariance": covariance, "unobservable": list(self.unobservable)}
+
     def summary(self) -> dict[str, Any]:
         """Everything for the run record."""
         return self.figures() | {

@@ -13,6 +13,7 @@ from . import command_sets
 from .batch import BatchParameters
 from .change import ChangeParameters, GridChangeParameters
 from .dates import DateParameters
+from .displacement import DisplacementParameters
 from .distances import DistanceParameters
 from .drawing import LabellingParameters, RegionParameters, TopViewParameters
 from .ground import GroundParameters
@@ -39,6 +40,7 @@ __all__ = [
     "ChangeParameters",
     "CreepParameters",
     "DateParameters",
+    "DisplacementParameters",
     "DistanceParameters",
     "FineTuneParameters",
     "GridChangeParameters",

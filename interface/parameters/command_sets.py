@@ -5,6 +5,7 @@ from __future__ import annotations
 from .batch import BatchParameters
 from .change import ChangeParameters, GridChangeParameters
 from .dates import DateParameters
+from .displacement import DisplacementParameters
 from .distances import DistanceParameters
 from .drawing import LabellingParameters, RegionParameters, TopViewParameters
 from .ground import GroundParameters
@@ -33,6 +34,7 @@ REGISTER: Sets = (InputParameters, SurfaceParameters, RegistrationParameters)
 CHANGE: Sets = (*_READ, SurfaceParameters, *_CHANGE, *_SHOWN)
 M3C2: Sets = (*_READ, SurfaceParameters, DistanceParameters)
 """``slopewatch m3c2`` also takes OutputParameters."""
+DISPLACEMENT: Sets = (*_READ, SurfaceParameters, DisplacementParameters, OutputParameters)
 SCREEN: Sets = (InputParameters, GroundParameters, ScreeningParameters)
 INFO: Sets = (InputParameters,)
 REPORT: Sets = (ReportParameters,)

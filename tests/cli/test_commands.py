@@ -45,6 +45,7 @@ def test_help_shows_every_parameter_with_its_unit_and_default():
         "register",
         "change",
         "m3c2",
+        "displacement",
         "screen",
         "batch",
         "info",

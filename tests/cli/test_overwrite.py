@@ -14,9 +14,9 @@ from slopewatch.tests.builders.program import run
 from slopewatch.tests.builders.zone_layers import enter
 
 ALL_COMMANDS = (
-    ("inspect",), ("change",), ("series",), ("batch",), ("m3c2",), ("train",), ("simulate", "survey"),
-    ("simulate", "series"), ("simulate", "scenes"), ("topview",), ("suggestroi",), ("exportlabelstudio",),
-    ("importlabelstudio",),
+    ("inspect",), ("change",), ("series",), ("batch",), ("m3c2",), ("displacement",), ("train",),
+    ("simulate", "survey"), ("simulate", "series"), ("simulate", "scenes"), ("topview",), ("suggestroi",),
+    ("exportlabelstudio",), ("importlabelstudio",),
 )  # fmt: skip
 REFUSED = re.compile(r"Error: The folder (\S+) holds (?:results already|another series) .*--overwrite to replace \w+\.")
 

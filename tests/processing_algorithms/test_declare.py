@@ -85,6 +85,11 @@ FROZEN_PARAMETERS = {
         "MINIMUM_CYLINDER_POINTS", "CONFIDENCE", "REGISTRATION_ERROR", "CALIBRATE", *INPUT,
         "OUTPUT", "DISTANCE", "LEVEL_OF_DETECTION", "SIGNIFICANT",
     ],
+    "displacementvectors": [
+        "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "TRANSFORM", "STABLE", "WINDOW", "WIDE_WINDOW",
+        "SPACING", "LARGEST_MOTION", "VECTOR_CONFIDENCE", "SLIDE_AREA", "SURFACE_ERROR", "SUBTRACT", *INPUT,
+        "OUTPUT_FOLDER", "VECTORS", "MOVING_ZONES", "DISPLACEMENT", "SMALLEST_MOTION", *OUTPUT,
+    ],
     "simulatesurvey": [
         "SEED", "POINTS", "LENGTH", "HEIGHT", "ANGLE", "BENCHES", "VEGETATION", "RANGE_NOISE", "OFFSET", "AMPLITUDE",
         *PLANTS, "OUTPUT_FOLDER", "ROI", "TRUTH_DZ", "TRUTH_MOTION", "TRUTH_ZONES", *OUTPUT,
@@ -125,6 +130,7 @@ FROZEN_GROUPS = {
     "elevationchange": "steps",
     "writereport": "steps",
     "m3c2distances": "steps",
+    "displacementvectors": "steps",
     "simulatesurvey": "tools",
     "simulateseries": "tools",
     "simulatescenes": "tools",
@@ -174,6 +180,10 @@ FROZEN_OUTPUTS = {
         "NORMAL_SCALE_USED", "PROJECTION_SCALE_USED", "HALF_LENGTH_USED", "RUN_RECORD", "OUTPUT", "DISTANCE",
         "LEVEL_OF_DETECTION", "SIGNIFICANT",
     ],
+    "displacementvectors": [
+        "ZONE_COUNT", "ZONE_AREA", "FASTEST_ZONE", "VECTOR_COUNT", "MEASURED_SHARE", "SMALLEST_MEDIAN", "RUN_RECORD",
+        "OUTPUT_FOLDER", "VECTORS", "MOVING_ZONES", "DISPLACEMENT", "SMALLEST_MOTION",
+    ],
     "simulatesurvey": [
         "REFERENCE", "CLOUD", "TRUTH", "TRUTH_TRANSFORM", "RUN_RECORD", "OUTPUT_FOLDER", "ROI", "TRUTH_DZ",
         "TRUTH_MOTION", "TRUTH_ZONES",
@@ -210,6 +220,7 @@ COMMANDS = {
     "elevationchange": ["change"],
     "writereport": ["report"],
     "m3c2distances": ["m3c2"],
+    "displacementvectors": ["displacement"],
     "simulatesurvey": ["simulate", "survey"],
     "simulateseries": ["simulate", "series"],
     "simulatescenes": ["simulate", "scenes"],

@@ -27,6 +27,7 @@ SEARCHES = {
     "C2C": {"m3c2distances"},
     "cloud to cloud distance": {"m3c2distances"},
     "rock face": {"m3c2distances"},
+    "creep": {"displacementvectors"},
     "velocity": {"inspectseries"},
     "early warning": {"inspectseries"},
     "batch": {"corridorbatch"},

@@ -1,0 +1,160 @@
+"""Motion of a surface along itself between two registered surveys: vectors over the map and zones that move as one.
+
+Relief finds itself again: the surfaces of both surveys are laid on each other by least squares in windows, and the
+shift that fits best is the motion (see ``least_squares``). It says nothing where there is no relief to hold on to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ...interface.parameters import DisplacementParameters
+from ..core.arrays import Bool, Float, Index
+from ..core.errors import InputError
+from ..core.progress import Progress
+from ..geometry.columns import greatest, least
+from ..grid.grid import Grid, snapped_grid
+from .facets import Facets, find_facets
+from .least_squares import Fit
+from .measure import Windows, judged
+from .registered import Registered
+from .status import Status
+from .surface import kernel_of
+from .vectors import CommonMotion, Vectors, common_motion, in_the_map, joined, with_error
+from .windows import Search, density, fit_windows, tiles
+from .zones import Measured, MovingZone, moving_zones
+
+_MAX_GAP_M = 1.0  # from a window's middle to the next ground point of either survey
+
+StablePlaces = Callable[[Float], Bool]
+"""Which of places (n, 2) are on ground that is known to be stable."""
+
+
+@dataclass(frozen=True)
+class Displacement:
+    """What was measured.
+
+    Attributes:
+        grid: of the windows' middles.
+        cell: (n,) flat index in ``grid`` of each window.
+        vectors: (n windows), of whichever width tells more at each place; ``by_width`` are those of each width.
+        facet: (n,) facet of each window; ``facets`` are they.
+        significant: (n,) whether a vector is significant.
+        zones: what moves as one, largest first.
+        common: the motion that most windows share, before it was taken off; None where too few were measured.
+        stable: the motion of ground that is known to be stable; None where none is known or too little of it is seen.
+        taken_off: (3,) east, north, up that was taken off all vectors, metres.
+        kernel: standard deviation of the kernel (m), ``points_per_m2`` of the sparser cloud.
+        independent: number of measured windows that do not overlap.
+    """
+
+    grid: Grid
+    cell: Index
+    vectors: Vectors
+    by_width: tuple[Vectors, ...]
+    facet: Index
+    facets: Facets
+    significant: Bool
+    zones: tuple[MovingZone, ...]
+    common: CommonMotion | None
+    stable: CommonMotion | None
+    taken_off: Float
+    kernel: float
+    points_per_m2: float
+    independent: float
+
+
+def measure_displacement(
+    first: Float,
+    later: Float,
+    parameters: DisplacementParameters,
+    registered: Registered,
+    stable: StablePlaces | None = None,
+    progress: Progress | None = None,
+) -> Displacement:
+    """Vectors and zones of motion of ``later`` against ``first``, both ground points (n, 3) in one frame, metres.
+
+    Args:
+        registered: error of the registration.
+        stable: which of places (n, 2) are on ground that is known to be stable; their motion is taken off.
+
+    Raises:
+        InputError: the surveys have no ground in common.
+    """
+    progress = progress or Progress()
+    facets = find_facets(first)
+    grid, cell, facet, places = _windows_of(first, later, facets, parameters.spacing)
+    points = density((first, later))
+    radii = [parameters.window / 2]
+    if parameters.wide_window > parameters.window:
+        radii.append(parameters.wide_window / 2)
+    search = Search(tuple(radii), parameters.largest_motion, kernel_of(points))
+    with progress.stage(0.0, 0.95):
+        sizes = _measured(first, later, facets, (places, facet), search, progress)
+    own = [in_the_map(windows, facets, places, facet) for windows in sizes]
+    overlap = parameters.spacing**2 / (np.pi * np.array(radii) ** 2)
+    common = common_motion(own[-1], float(overlap[-1]))
+    still = None if stable is None else common_motion(own[-1], float(overlap[-1]), stable(places[:, :2]))
+    reference = still or (common if parameters.subtract else None)
+    error = registered.at(places)
+    taken_off = np.zeros(3)
+    if reference is not None:
+        taken_off, error = reference.motion, np.broadcast_to(reference.covariance, error.shape)
+    by_width = tuple(with_error(v, error, taken_off) for v in own)
+    vectors = joined(by_width, parameters.vector_confidence)
+    significant = vectors.significant(parameters.vector_confidence)
+    independent = float(np.count_nonzero(own[0].measured | own[-1].measured) * overlap[0])
+    columns = np.column_stack(np.divmod(cell, grid.columns)[::-1])
+    columns[:, 1] = grid.rows - 1 - columns[:, 1]
+    held = Measured((first, later), facets, facet, search, columns, parameters.spacing, sizes[-1].common, taken_off)
+
+    def error_at(at: Float) -> Float:
+        return registered.at(at) if reference is None else np.broadcast_to(reference.covariance, (len(at), 3, 3))
+
+    progress.update(0.95, "looking for zones that move as one")
+    zones = moving_zones(vectors, significant, held, parameters.slide_area, error_at, independent)
+    progress.update(1.0)
+    return Displacement(
+        grid, cell, vectors, by_width, facet, facets, significant, tuple(zones), common, still, taken_off,
+        search.kernel, points, independent,
+    )  # fmt: skip
+
+
+def _windows_of(first: Float, later: Float, facets: Facets, spacing: float) -> tuple[Grid, Index, Index, Float]:
+    """The grid of windows, and of those over ground of both surveys: flat index, facet and place (n, 3)."""
+    low = np.maximum(least(first[:, :2]), least(later[:, :2]))
+    high = np.minimum(greatest(first[:, :2]), greatest(later[:, :2]))
+    if (low >= high).any():
+        raise InputError("The surveys have no ground in common; check their coordinate systems and the registration.")
+    grid = snapped_grid((low[0], low[1], high[0], high[1]), spacing)
+    row, column = (a.ravel() for a in np.mgrid[: grid.rows, : grid.columns])
+    middle = np.column_stack([grid.west + (column + 0.5) * spacing, grid.north - (row + 0.5) * spacing])
+    facet, places = facets.places(middle)
+    near = facet >= 0
+    for xyz in (first, later):
+        near &= np.asarray(cKDTree(xyz[:, :2]).query(middle, distance_upper_bound=_MAX_GAP_M)[0]) <= _MAX_GAP_M
+    if not near.any():
+        raise InputError("The surveys have no ground in common; check their coordinate systems and the registration.")
+    cell = np.flatnonzero(near)
+    return grid, cell, facet[cell], places[cell]
+
+
+def _measured(
+    first: Float, later: Float, facets: Facets, at: tuple[Float, Index], search: Search, progress: Progress
+) -> list[Windows]:
+    """The windows of each radius."""
+    places, facet = at
+    regions = search.regions()
+    fits: list[list[Fit | Status]] = [[Status.NO_GROUND] * len(places) for _ in search.radii]
+    for tile in tiles((first, later), facets, places, facet, search, progress):
+        for held, found in zip(fits, fit_windows(tile, search, regions), strict=True):
+            for number, fit in zip(tile.windows, found, strict=True):
+                held[number] = fit
+    return [
+        judged(held, radius, region.blocks, search.limit)
+        for held, radius, region in zip(fits, search.radii, regions, strict=True)
+    ]

@@ -1,0 +1,270 @@
+"""Surface-to-surface least squares: the motion that lays one gridded surface on another over a region.
+
+The surfaces are moved against each other by half the motion each, so that neither is preferred. The normal matrix takes
+each gradient once from the one and once from the other survey: their noise is independent and does not count as relief.
+(Lucas and Kanade 1981; Tukey's biweight; five unknowns, of which two are a growing tilt of the later surface.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..core.arrays import Bool, Float, Index
+from .kernels import sampled
+from .status import Status
+from .surface import NODE_M
+
+PARAMETERS = 5
+"""Motion along both axes, and offset, tilt along and tilt across of the later surface."""
+TUKEY_SCALES = 3.4
+"""Residuals beyond so many standard deviations have no weight."""
+BLOCK_SHARE = 0.4
+"""Side of the blocks whose sums of residuals are taken as independent, in radii of the window (1 m for 2.5 m)."""
+_MAX_ROUNDS = 15
+_CONVERGED_M = 0.0005
+_MAX_STEP_M = 0.2
+_MIN_NODES = 60
+_MIN_SCALE_M = 1e-4
+
+
+@dataclass(frozen=True)
+class Region:
+    """The nodes over which one motion is sought.
+
+    ``rows`` and ``columns`` (n,) count from the region's middle node; ``offsets`` (n, 2) are the same in metres, and
+    ``block`` (n,) is the number of each node's block, ``blocks`` how many there are.
+    """
+
+    rows: Index
+    columns: Index
+    offsets: Float
+    block: Index
+    blocks: int
+
+    @cached_property
+    def places(self) -> Float:
+        """(n, 3) 1 and the offsets."""
+        return np.column_stack([np.ones(len(self.offsets)), self.offsets])
+
+    @classmethod
+    def of_nodes(cls, rows: Index, columns: Index, side: float) -> Region:
+        """From the nodes' rows and columns, counted from the middle, and the side of a block in metres."""
+        offsets = np.column_stack([rows, columns]) * NODE_M
+        place = np.floor(offsets / side + 0.5).astype(np.int64)
+        place -= place.min(axis=0)
+        key = place[:, 0] * (int(place[:, 1].max()) + 1) + place[:, 1]
+        named, block = np.unique(key, return_inverse=True)
+        return cls(rows, columns, offsets, block.reshape(-1).astype(np.int64), len(named))
+
+    @classmethod
+    def disc(cls, radius: float, stride: int) -> Region:
+        """A disc of ``radius`` metres, of every ``stride``-th node."""
+        reach = int(radius / NODE_M) // stride * stride
+        rows, columns = (a.ravel() for a in np.mgrid[-reach : reach + 1 : stride, -reach : reach + 1 : stride])
+        near = rows**2 + columns**2 <= (radius / NODE_M) ** 2
+        return cls.of_nodes(rows[near].astype(np.int64), columns[near].astype(np.int64), BLOCK_SHARE * radius)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What least squares say of one region.
+
+    Attributes:
+        motion: (3,) along both axes of the plane and along its normal, metres.
+        bread: (5, 5) normal matrix, of which the gradients' part is from both surveys.
+        meat: (5, 5) sum over the blocks of the squares of the summed residuals times gradients, by a jackknife.
+        white: (5, 5) what ``meat`` would be, did the residuals of the nodes not depend on each other.
+        bend: derivative of the weighted residual by the residual, mean over the mean weight.
+        information: (2,) information on the weakest and the strongest direction along the surface, over its own
+            standard error.
+        weakest: (2,) the direction along the surface that is known least.
+        seen: share of the region's nodes that both surveys see.
+        scale: standard deviation of the residuals, metres.
+        cost: mean of Tukey's cost in metres squared, for comparing starts.
+        converged: whether the motion came to rest.
+    """
+
+    motion: Float
+    bread: Float
+    meat: Float
+    white: Float
+    bend: float
+    information: Float
+    weakest: Float
+    seen: float
+    scale: float
+    cost: float
+    converged: bool
+
+
+@dataclass(frozen=True)
+class _Residuals:
+    """At the nodes seen by both: ``residual`` (n,), the surveys' gradients (n, 2), ``place`` (n, 3): 1 and offsets."""
+
+    residual: Float
+    first: Float
+    later: Float
+    place: Float
+    seen: Bool
+
+    @property
+    def jacobian(self) -> Float:
+        return np.column_stack([(self.first + self.later) / 2, self.place])
+
+
+def fit_motion(
+    first: Float, later: Float, region: Region, middle: tuple[int, int], start: Float, limit: float
+) -> Fit | Status:
+    """The motion of ``later`` against ``first``, both (3, rows, columns) as ``GriddedSurface.values``.
+
+    Args:
+        middle: row and column of the region's middle.
+        start: (2,) motion along the axes to begin with, metres.
+        limit: motions beyond are not followed, metres.
+
+    Returns:
+        The reason where there is none: too little is seen by both, or nothing holds the surfaces along themselves.
+    """
+    motion = np.array(start, dtype=np.float64)
+    plane, converged = None, False
+    for _ in range(_MAX_ROUNDS):
+        at = _residuals(first, later, region, middle, motion)
+        if at is None:
+            return Status.LITTLE_SEEN
+        if plane is None:
+            plane = _robust_plane(at)
+        residual = at.residual - at.place @ plane
+        scale = _scale(residual)
+        weight = _tukey(residual, scale)
+        jacobian = at.jacobian
+        bread = _bread(at, weight)
+        gradient = jacobian.T @ (weight * at.residual)
+        if _weakest_information(bread) <= 0:
+            return Status.NO_RELIEF
+        step = -np.linalg.solve(bread, gradient)
+        plane = -step[2:]
+        length = float(np.hypot(*step[:2]))
+        motion = motion + step[:2] * min(1.0, _MAX_STEP_M / max(length, 1e-12))
+        if length < _CONVERGED_M:
+            converged = True
+            break
+        if float(np.hypot(*motion)) > limit:
+            break
+    return _described(at, region, motion, plane, converged)
+
+
+def _residuals(first: Float, later: Float, region: Region, middle: tuple[int, int], motion: Float) -> _Residuals | None:
+    half = motion / 2 / NODE_M
+    before, after = _sampled(first, region, middle, -half), _sampled(later, region, middle, half)
+    seen = np.isfinite(before[0]) & np.isfinite(after[0])
+    if np.count_nonzero(seen) < _MIN_NODES:
+        return None
+    before, after, place = before[:, seen], after[:, seen], region.places[seen]
+    return _Residuals(after[0] - before[0], before[1:].T, after[1:].T, place, seen)
+
+
+def _sampled(values: Float, region: Region, middle: tuple[int, int], shift: Float) -> Float:
+    """(3, n) bilinear values at the region's nodes moved by ``shift`` (2,) nodes; NaN beyond the grid."""
+    whole = np.floor(shift).astype(np.int64)
+    u, v = (float(part) for part in shift - whole)
+    return sampled(values, region.rows + middle[0] + whole[0], region.columns + middle[1] + whole[1], u, v)
+
+
+def _scale(residual: Float) -> float:
+    return max(1.4826 * float(np.median(np.abs(residual))), _MIN_SCALE_M)
+
+
+def _tukey(residual: Float, scale: float) -> Float:
+    share = residual / (TUKEY_SCALES * scale)
+    return np.asarray(np.where(np.abs(share) < 1, (1 - share**2) ** 2, 0.0))
+
+
+def _robust_plane(at: _Residuals) -> Float:
+    """(3,) offset and tilts of the residuals by least squares, twice without what is far off."""
+    plane = np.array([float(np.median(at.residual)), 0.0, 0.0])
+    for _ in range(2):
+        residual = at.residual - at.place @ plane
+        weighted = at.place * _tukey(residual, _scale(residual))[:, None]
+        plane = np.linalg.lstsq(weighted.T @ at.place, weighted.T @ at.residual, rcond=None)[0]
+    return np.asarray(plane)
+
+
+def _bread(at: _Residuals, weight: Float) -> Float:
+    mean = at.jacobian
+    bread = mean.T @ (weight[:, None] * mean)
+    cross = at.first.T @ (weight[:, None] * at.later)
+    bread[:2, :2] = (cross + cross.T) / 2
+    return np.asarray(bread)
+
+
+def _weakest_information(bread: Float) -> float:
+    return float(np.linalg.eigvalsh(_along(bread))[0])
+
+
+def _along(bread: Float) -> Float:
+    """(2, 2) what ``bread`` says of the motion along the surface, offset and tilts unknown."""
+    return np.asarray(bread[:2, :2] - bread[:2, 2:] @ np.linalg.solve(bread[2:, 2:], bread[2:, :2]))
+
+
+def _described(at: _Residuals, region: Region, motion: Float, plane: Float, converged: bool) -> Fit:
+    residual = at.residual - at.place @ plane
+    scale = _scale(residual)
+    weight = _tukey(residual, scale)
+    jacobian = at.jacobian
+    bread = _bread(at, weight)
+    block = region.block[at.seen]
+    terms = jacobian * (weight * residual)[:, None]
+    sums = np.stack([np.bincount(block, terms[:, k], region.blocks) for k in range(PARAMETERS)], axis=1)
+    without = _without_each(sums, at, weight, block, bread)
+    share = np.minimum(np.abs(residual) / (TUKEY_SCALES * scale), 1.0) ** 2
+    slope = (1 - share) * (1 - 5 * share)
+    information, weakest = _information(at, weight, block, region.blocks, bread)
+    cost = float(np.mean(1 - (1 - share) ** 3)) * scale**2
+    return Fit(
+        np.append(motion, plane[0]),
+        bread,
+        without.T @ without,
+        jacobian.T @ (jacobian * (weight * residual)[:, None] ** 2),
+        float(slope.mean() / max(weight.mean(), 1e-12)),
+        information,
+        weakest,
+        len(residual) / len(region.rows),
+        scale,
+        cost,
+        converged,
+    )
+
+
+def _information(at: _Residuals, weight: Float, block: Index, blocks: int, bread: Float) -> tuple[Float, Float]:
+    """Information on the weakest and the strongest direction over its standard error, and the weakest direction."""
+    along = _along(bread)
+    directions = np.linalg.eigh(along)[1]
+    remove = np.linalg.solve(bread[2:, 2:], bread[2:, :2])
+    first, later = at.first - at.place @ remove, at.later - at.place @ remove
+    found = np.zeros(2)
+    for k, direction in enumerate(directions.T):
+        parts = np.bincount(block, weight * (first @ direction) * (later @ direction), blocks)
+        parts = parts[np.bincount(block, minlength=blocks) > 0]
+        error = float(np.std(parts)) * np.sqrt(len(parts))
+        found[k] = parts.sum() / error if error > 0 else 0.0
+    return found, np.asarray(directions[:, 0])
+
+
+def _without_each(sums: Float, at: _Residuals, weight: Float, block: Index, bread: Float) -> Float:
+    """(blocks, 5) ``sums`` of the blocks, as they would be did no block take part in its own fit: a jackknife.
+
+    A block pulls the fit towards itself, so that its plain sum is too small; with twenty blocks and five unknowns the
+    errors would be by a fifth too small (Bell and McCaffrey 2002, Survey Methodology 28).
+    """
+    mean, blocks = at.jacobian, len(sums)
+    parts = np.empty((blocks, PARAMETERS, PARAMETERS))
+    for i in range(PARAMETERS):
+        for j in range(i + 1):
+            product = mean[:, i] * mean[:, j]
+            if i < 2:
+                product = (at.first[:, i] * at.later[:, j] + at.first[:, j] * at.later[:, i]) / 2
+            parts[:, i, j] = parts[:, j, i] = np.bincount(block, weight * product, blocks)
+    return np.asarray(np.linalg.solve(bread - parts, sums[:, :, None])[:, :, 0] @ bread)

@@ -1,0 +1,132 @@
+"""The command displacement from files to files: what it writes, and what it says of what it cannot see."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import geopandas as gpd
+import laspy
+import numpy as np
+import pytest
+import rasterio
+import shapely
+from pyproj import CRS
+from slopewatch.engine.core.errors import InputError
+from slopewatch.engine.core.progress import Progress
+from slopewatch.engine.core.run_result import RunResult
+from slopewatch.engine.displacement.status import Status
+from slopewatch.engine.geometry.rigid_transform import RigidTransform
+from slopewatch.interface.parameters import DisplacementParameters, SurfaceParameters
+from slopewatch.tests.builders.rough_ground import axes, relief, sampled
+from slopewatch.workflows.displacement import displacement_step
+from slopewatch.workflows.settings import DisplacementSettings
+
+MOTION = np.array([0.15, 0.0, 0.0]) @ axes()
+
+
+def written(path: Path, xyz: np.ndarray) -> Path:
+    las = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
+    las.header.scales, las.header.offsets = [0.001] * 3, np.floor(xyz.min(axis=0))
+    las.header.add_crs(CRS.from_epsg(32651))
+    las.xyz = xyz
+    las.return_number[:], las.number_of_returns[:] = 1, 1
+    las.write(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory) -> tuple[Path, Path]:
+    folder = tmp_path_factory.mktemp("pair")
+    heights = relief(15.0, 0.15, seed=7)
+    first, later = (sampled(heights, 60.0, 0.02, seed) for seed in (1, 2))
+    return written(folder / "2024-05-01.laz", first), written(folder / "2025-05-01.laz", later + MOTION)
+
+
+def run(pair: tuple[Path, Path], folder: Path, progress: Progress | None = None, **more) -> RunResult:
+    settings = DisplacementSettings(
+        surface=SurfaceParameters(ground="as_is"), displacement=more.pop("displacement", DisplacementParameters())
+    )
+    given = {"dates": (None, None), "transform_path": None, "progress": progress or Progress()} | more
+    return displacement_step(*pair, folder, settings, **given)
+
+
+@pytest.fixture(scope="module")
+def outcome(pair, tmp_path_factory) -> tuple[RunResult, Progress]:
+    progress = Progress()
+    return run(pair, tmp_path_factory.mktemp("out") / "motion", progress), progress
+
+
+def test_the_raster_holds_the_motion_and_its_errors(outcome):
+    with rasterio.open(outcome[0].outputs["displacement"]) as raster:
+        bands = dict(zip(raster.descriptions, raster.read(masked=True), strict=True))
+        assert raster.crs.to_epsg() == 32651
+        assert raster.tags()["EPOCH_FROM"] == "2024-05-01"
+    for name, true in zip(("east", "north", "up"), MOTION, strict=True):
+        assert np.ma.median(bands[f"motion {name}"]) == pytest.approx(true, abs=0.02)
+    assert np.ma.median(bands["motion down the dip"]) == pytest.approx(0.15, abs=0.02)
+    assert 0.002 < np.ma.median(bands["standard error down the dip"]) < 0.05
+    (status,) = (band for name, band in bands.items() if name.startswith("status"))
+    assert ((status == Status.MEASURED) == ~bands["motion east"].mask).all()
+
+
+def test_vectors_and_zones_are_layers_with_their_styles(outcome):
+    path = outcome[0].outputs["displacement_vectors"]
+    vectors, zones = (gpd.read_file(path, layer=name) for name in ("vectors", "zones"))
+    assert len(vectors) > 5
+    assert vectors["azimuth_deg"].median() == pytest.approx(90.0, abs=8)
+    assert vectors["plunge_deg"].median() == pytest.approx(35.0, abs=5)
+    assert (vectors["err_major_m"] >= vectors["err_minor_m"]).all()
+    assert (vectors["p_value"] <= 0.01).all()
+    assert len(zones) == 1
+    assert zones["length_m"][0] == pytest.approx(0.15, abs=4 * zones["length_err_m"][0])
+    assert zones.geometry[0].area == pytest.approx(zones["area_m2"][0])
+    styles = gpd.read_file(path, layer="layer_styles")
+    assert set(styles["f_table_name"]) == {"vectors", "zones"}
+    assert all("make_ellipse(" in qml and "&amp;quot;" not in qml for qml in styles["styleQML"])
+
+
+def test_the_smallest_motion_is_three_errors(outcome):
+    with rasterio.open(outcome[0].outputs["smallest_motion"]) as raster:
+        smallest = raster.read(1, masked=True)
+    record = json.loads(outcome[0].outputs["run"].read_text())
+    assert np.ma.median(smallest) == pytest.approx(record["metrics"]["smallest_motion_median_m"], rel=0.2)
+
+
+def test_an_unknown_error_of_the_registration_is_said(outcome):
+    assert any("registration's error along the surface is not known" in w for w in outcome[1].warnings)
+
+
+def test_the_transform_s_covariance_widens_the_errors(pair, outcome, tmp_path):
+    facts = {"covariance": np.diag([0, 0, 0, 4e-4, 4e-4, 1e-6]).tolist(), "unobservable": ["shift along the road"]}
+    RigidTransform.identity().save(tmp_path / "transform.json", CRS.from_epsg(32651), facts)
+    progress = Progress()
+    done = run(pair, tmp_path / "out", progress, transform_path=tmp_path / "transform.json")
+    with rasterio.open(done.outputs["displacement"]) as wide, rasterio.open(outcome[0].outputs["displacement"]) as own:
+        band = own.descriptions.index("standard error east") + 1
+        more = wide.read(band, masked=True).astype(float) ** 2 - own.read(band, masked=True).astype(float) ** 2
+    assert np.ma.median(more) == pytest.approx(4e-4, rel=0.05)
+    assert any("does not fix the surveys' shift along the road" in w for w in progress.warnings)
+
+
+def test_stable_ground_takes_its_motion_off(pair, tmp_path):
+    stable = tmp_path / "stable.gpkg"
+    area = shapely.box(499_990, 2_999_990, 500_020, 3_000_020)
+    gpd.GeoDataFrame(geometry=[area], crs="EPSG:32651").to_file(stable)
+    done = run(pair, tmp_path / "out", stable=stable)
+    assert done.figures["taken_off_m"] == pytest.approx(MOTION, abs=0.02)
+    assert done.figures["moving_zone_count"] == 0
+
+
+def test_a_smooth_face_says_why_it_shows_nothing(tmp_path):
+    flat = np.zeros((240, 240))
+    pair = [written(tmp_path / f"202{k}-01-01.laz", sampled(flat, 60.0, 0.02, k)) for k in (4, 5)]
+    progress = Progress()
+    done = run((pair[0], pair[1]), tmp_path / "out", progress)
+    assert done.figures["significant_vectors"] == 0
+    assert any("no motion along the surface can be given: no relief" in w for w in progress.warnings)
+
+
+def test_a_folder_with_results_is_not_written_into(pair, outcome):
+    with pytest.raises(InputError, match="overwrite"):
+        run(pair, outcome[0].outputs["run"].parent)

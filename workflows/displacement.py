@@ -1,0 +1,167 @@
+"""The command `displacement`: two registered ground clouds in, vectors and zones of motion along the surface out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from shapely import contains_xy
+
+from ..engine.core.arrays import Bool, Float
+from ..engine.core.progress import Progress
+from ..engine.core.run_result import RunResult
+from ..engine.core.version import VERSION
+from ..engine.displacement.displacement import Displacement, StablePlaces, measure_displacement
+from ..engine.displacement.registered import Registered
+from ..engine.displacement.status import REASONS, Status
+from ..engine.epochs.comparability import refuse_other_heights, require_comparable
+from ..engine.epochs.dating import check_days
+from ..engine.epochs.epoch import check_pair
+from ..engine.geometry.rigid_transform import RigidTransform, registration_error, registration_facts
+from ..engine.grid import geotiff
+from ..engine.ground.raw_survey import refuse_raw
+from ..engine.pointcloud.cloud import PointCloud
+from ..engine.pointcloud.reading import read_cloud
+from ..interface.parameters import given
+from .early_memory import refuse_points_early
+from .pair import dated_pair, ground_of, stable_area
+from .products.displacement import DISPLACEMENT_OUTPUTS, main_figures, write_products
+from .run import Run
+from .settings import DisplacementSettings, groups
+
+_MIN_TOLD_SHARE = 0.1  # of the ground that one reason refuses, from which it is worth a warning
+_MAX_VARIANCE_FACTOR = 2.0  # of the windows' scatter about their common motion
+_MIN_MAJORITY_SHARE = 0.5
+
+
+def displacement_step(
+    reference: Path,
+    moving: Path,
+    output_dir: Path,
+    settings: DisplacementSettings,
+    *,
+    dates: tuple[str | None, str | None],
+    transform_path: Path | None,
+    stable: Path | None = None,
+    overwrite: bool = False,
+    progress: Progress,
+) -> RunResult:
+    """Motion of ``moving`` along the surface against ``reference``, both ground clouds, with its products.
+
+    Args:
+        stable: polygons of ground known to be stable; its motion is taken off all vectors.
+
+    Raises:
+        InputError: see the readers; clouds without common ground.
+    """
+    epochs = dated_pair(reference, moving, dates)
+    inputs = [*((f"epoch {e.name}", e.path) for e in epochs), ("transform", transform_path), ("stable", stable)]
+    recorded = groups(settings, "inputs", "dates", "surface", "displacement")
+    run = Run("displacement", recorded, inputs, progress)
+    run.refuse_folder(output_dir, ("run.json", *DISPLACEMENT_OUTPUTS), overwrite=overwrite)
+    check_pair(*epochs)
+    transform = RigidTransform.load(transform_path) if transform_path else None
+    require_comparable(reference, moving, settings.inputs)
+    if settings.surface.ground != "class_2":
+        refuse_points_early((reference, moving))
+    check_days(epochs, trusted=settings.dates.trust_dates, progress=progress)
+    refuse_raw((reference, moving), settings.surface.ground, settings.inputs)
+    hashes = run.hash_inputs()[:2]
+    with run.writing(output_dir) as stage:
+        first, second = _read(run, (reference, moving), settings, transform)
+        registered = _registered(run, settings, transform_path, first.xyz)
+        places = _stable_places(stable, first, progress)
+        with run.step("displacement", 0.2, 0.95, "measuring motion along the surface") as entry:
+            found = measure_displacement(first.xyz, second.xyz, settings.displacement, registered, places, progress)
+            entry["windows"] = len(found.cell)
+        tags = geotiff.raster_tags(
+            epochs=(epochs[0].date, epochs[1].date),
+            translation=None if transform is None else transform.translation,
+            software=f"SlopeWatch {VERSION}",
+            input_sha256=" ".join(hashes),
+        )
+        with run.step("write", 0.95, 1.0, "writing"):
+            run.outputs |= write_products(found, first.crs, tags, stage)
+        run.outputs["run"] = run.record_path
+        run.figures = main_figures(found) | {"registration_error_known": registered.known}
+        _warn(found, settings, stable is not None, progress)
+    return run.result()
+
+
+def _read(
+    run: Run, paths: tuple[Path, Path], settings: DisplacementSettings, transform: RigidTransform | None
+) -> tuple[PointCloud, PointCloud]:
+    with run.step("read", 0.0, 0.2, "reading") as entry:
+        first, second = (read_cloud(path, settings.inputs, progress=run.progress) for path in paths)
+        entry["points"] = [len(first.xyz), len(second.xyz)]
+        first, second = (ground_of(cloud, settings.surface.ground, run.progress) for cloud in (first, second))
+        if transform is not None:
+            second = replace(second, xyz=transform.apply(second.xyz))
+            run.facts["transform"] = transform.matrix
+        refuse_other_heights(first, second)
+    return first, second
+
+
+def _registered(run: Run, settings: DisplacementSettings, path: Path | None, reference: Float) -> Registered:
+    """The registration's error: as given, else as the transform states it, else none with a warning."""
+    stated = given(settings.displacement.surface_error)
+    height = registration_error(path)
+    if stated is not None:
+        return Registered.shift(stated, height or stated)
+    facts = {} if path is None else registration_facts(path)
+    run.facts["registration"] = facts
+    for direction in facts.get("unobservable") or ():
+        run.progress.warning(
+            f"The registration does not fix the surveys' {direction}: motion in that direction cannot be told from an "
+            "error of the registration; the vectors' errors hold it."
+        )
+    covariance = facts.get("covariance")
+    if path is not None and covariance is not None:
+        centre = RigidTransform.load(path).centre
+        return Registered(np.array(covariance, dtype=np.float64), np.asarray(centre), known=True)
+    run.progress.warning(
+        "The registration's error along the surface is not known here and taken as 0, so that the errors are those of "
+        "the relief alone; give the transform of the registration, or --surface-error."
+    )
+    return Registered.unknown()
+
+
+def _stable_places(path: Path | None, cloud: PointCloud, progress: Progress) -> StablePlaces | None:
+    area = stable_area(path, cloud.crs, progress)
+    if area is None:
+        return None
+
+    def inside(xy: Float) -> Bool:
+        return np.asarray(contains_xy(area, xy[:, 0], xy[:, 1]), dtype=bool)
+
+    return inside
+
+
+def _warn(found: Displacement, settings: DisplacementSettings, asked_stable: bool, progress: Progress) -> None:
+    """Say what could not be seen, and what makes the vectors doubtful."""
+    status = found.vectors.status
+    for reason in Status:
+        share = float((status == reason).mean())
+        if reason != Status.MEASURED and share >= _MIN_TOLD_SHARE:
+            progress.warning(
+                f"On {100 * share:.0f} % of the ground no motion along the surface can be given: {REASONS[reason]}."
+            )
+    if asked_stable and found.stable is None:
+        progress.warning(
+            "The polygons of stable ground hold fewer than five windows with a motion, so that nothing was taken off; "
+            "give larger ones."
+        )
+    common = found.common
+    if common is None:
+        return
+    if settings.displacement.subtract and not asked_stable and common.share < _MIN_MAJORITY_SHARE:
+        progress.warning(
+            f"The common motion that was taken off is shared by {100 * common.share:.0f} % of the windows only; give "
+            "polygons of stable ground instead."
+        )
+    if common.factor > _MAX_VARIANCE_FACTOR:
+        progress.warning(
+            f"The windows scatter about their common motion by {np.sqrt(common.factor):.1f} times their standard "
+            "errors: much of the ground moves on its own, or the ground points are no surface, as under plants."
+        )

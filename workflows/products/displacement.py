@@ -1,0 +1,210 @@
+"""What the command displacement writes: rasters of the vectors, vectors and zones as layers, and the main figures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import geopandas as gpd
+import numpy as np
+import pandas as pd
+import shapely
+from pyproj import CRS
+
+from ...engine.core.arrays import Float
+from ...engine.core.staged_outputs import Stage
+from ...engine.displacement.displacement import Displacement
+from ...engine.displacement.status import REASONS, Status
+from ...engine.displacement.zones import MovingZone
+from ...engine.grid import geotiff
+from ...engine.grid.grid import on_grid
+from ...engine.maps import displacement_styles, qgis_styles
+from ...engine.vector.cell_polygons import cell_polygons
+from ...engine.vector.geopackage import Layer, write_layers
+
+DISPLACEMENT_OUTPUTS = (
+    "displacement.tif",
+    "smallest_motion.tif",
+    "displacement.gpkg",
+    "displacement.qml",
+    "smallest_motion.qml",
+)
+_LONGEST_ARROW_SPACINGS = 2.0
+_LIMIT_QUANTILE = 0.98
+
+
+def write_products(found: Displacement, crs: CRS, tags: dict[str, str], stage: Stage) -> dict[str, Path]:
+    """Write all of them; the paths by key."""
+    outputs = {}
+    _write_displacement(found, crs, tags, stage.path("displacement.tif"))
+    outputs["displacement"] = stage.final("displacement.tif")
+    smallest = _raster(found, found.vectors.smallest)
+    path = stage.path("smallest_motion.tif")
+    description = "Smallest motion along the surface that can be told from none (3 standard errors)"
+    geotiff.write_raster(path, smallest, found.grid, crs, description=description, tags=tags)
+    qgis_styles.write_qml_next_to(path, qgis_styles.level_qml(_limit(smallest, 0.1)))
+    outputs["smallest_motion"] = stage.final("smallest_motion.tif")
+    path = stage.path("displacement.gpkg")
+    magnification = _magnification(found)
+    layers = [
+        Layer(
+            vectors_layer(found, crs), "vectors", displacement_styles.vectors_qml(magnification), geometry_type="Point"
+        ),
+        Layer(
+            zones_layer(found, crs), "zones", displacement_styles.moving_zones_qml(magnification),
+            geometry_type="MultiPolygon",
+        ),
+    ]  # fmt: skip
+    write_layers(path, layers)
+    outputs["displacement_vectors"] = stage.final("displacement.gpkg")
+    return outputs
+
+
+def _raster(found: Displacement, values: Float) -> Float:
+    return on_grid(found.cell, values, found.grid.shape)
+
+
+def _limit(values: Float, least: float) -> float:
+    known = values[np.isfinite(values)]
+    return max(float(np.quantile(known, _LIMIT_QUANTILE)), least) if len(known) else least
+
+
+def _write_displacement(found: Displacement, crs: CRS, tags: dict[str, str], path: Path) -> None:
+    vectors = found.vectors
+    errors = np.sqrt(np.einsum("nii->ni", vectors.covariance))
+    plane_errors = np.sqrt(np.einsum("nii->ni", vectors.in_plane_covariance))
+    errors[~vectors.measured], plane_errors[~vectors.measured] = np.nan, np.nan
+    values: list[tuple[str, Float, str]] = []
+    for k, name in enumerate(("east", "north", "up")):
+        values.append((f"motion {name}", vectors.motion[:, k], "m"))
+    for k, name in enumerate(("down the dip", "across the dip, to the left looking down", "normal to the surface")):
+        values.append((f"motion {name}", vectors.in_plane[:, k], "m"))
+    for k, name in enumerate(("east", "north", "up")):
+        values.append((f"standard error {name}", errors[:, k], "m"))
+    for k, name in enumerate(("down the dip", "across the dip", "normal to the surface")):
+        values.append((f"standard error {name}", plane_errors[:, k], "m"))
+    values += [
+        ("motion along the surface in standard errors", np.sqrt(vectors.statistic), "1"),
+        ("share of the window seen in both surveys", vectors.seen, "1"),
+        ("width of the window", np.where(vectors.measured, vectors.width, np.nan), "m"),
+        ("status: " + ", ".join(f"{s.value} {REASONS[s]}" for s in Status), vectors.status.astype(np.float64), "1"),
+    ]
+    bands = {name: _raster(found, band) for name, band, _ in values}
+    geotiff.write_bands(path, bands, found.grid, crs, unit=[unit for *_, unit in values], tags=tags)
+    # the first band that is shown is the motion down the dip
+    qgis_styles.write_qml_next_to(
+        path, displacement_styles.along_dip_qml(_limit(np.abs(bands["motion down the dip"]), 0.05))
+    )
+
+
+def _magnification(found: Displacement) -> float:
+    """How many times as long as in truth arrows are drawn, a round number."""
+    length = np.hypot(*found.vectors.motion[found.significant, :2].T)
+    longest = float(np.quantile(length, 0.95)) if len(length) else 0.1
+    wanted = _LONGEST_ARROW_SPACINGS * found.grid.cell / max(longest, 1e-3)
+    power = 10 ** np.floor(np.log10(wanted))
+    return float(max(step for step in (1, 2, 5) if step * power <= wanted or step == 1) * power)
+
+
+def _directions(motion: Float, covariance: Float) -> dict[str, Float]:
+    """Columns of motions (n, 3) and their covariances (n, 3, 3)."""
+    level = np.hypot(motion[:, 0], motion[:, 1])
+    length = np.linalg.norm(motion, axis=1)
+    unit = motion / np.maximum(length, 1e-12)[:, None]
+    values, axes = np.linalg.eigh(covariance[:, :2, :2]) if len(motion) else (np.zeros((0, 2)), np.zeros((0, 2, 2)))
+    return {
+        "east_m": motion[:, 0],
+        "north_m": motion[:, 1],
+        "up_m": motion[:, 2],
+        "length_m": length,
+        "length_err_m": np.sqrt(np.einsum("ni,nij,nj->n", unit, covariance, unit)),
+        "azimuth_deg": np.degrees(np.arctan2(motion[:, 0], motion[:, 1])) % 360.0,
+        "plunge_deg": np.degrees(np.arctan2(-motion[:, 2], level)),
+        "err_major_m": np.sqrt(np.maximum(values[:, 1], 0.0)),
+        "err_minor_m": np.sqrt(np.maximum(values[:, 0], 0.0)),
+        "err_azimuth_deg": np.degrees(np.arctan2(axes[:, 0, 1], axes[:, 1, 1])) % 180.0,
+    }
+
+
+def vectors_layer(found: Displacement, crs: CRS) -> gpd.GeoDataFrame:
+    """The significant vectors as points, one row each."""
+    use = found.significant
+    vectors = found.vectors
+    errors = np.sqrt(np.einsum("nii->ni", vectors.in_plane_covariance[use]))
+    table: dict[str, Any] = _directions(vectors.motion[use], vectors.covariance[use]) | {
+        "along_dip_m": vectors.in_plane[use, 0],
+        "across_m": vectors.in_plane[use, 1],
+        "normal_m": vectors.in_plane[use, 2],
+        "along_dip_err_m": errors[:, 0],
+        "across_err_m": errors[:, 1],
+        "normal_err_m": errors[:, 2],
+        "p_value": np.exp(-vectors.statistic[use] / 2),
+        "window_m": vectors.width[use],
+        "seen_share": vectors.seen[use],
+    }
+    return gpd.GeoDataFrame(pd.DataFrame(table), geometry=shapely.points(vectors.places[use, :2]), crs=crs)
+
+
+def zones_layer(found: Displacement, crs: CRS) -> gpd.GeoDataFrame:
+    """The zones that move as one, one row each."""
+    zones = found.zones
+    labels = np.zeros(found.grid.shape, dtype=np.int32)
+    for number, zone in enumerate(zones, 1):
+        labels.ravel()[found.cell[zone.windows]] = number
+    motion = np.array([zone.motion for zone in zones]).reshape(-1, 3)
+    covariance = np.array([zone.covariance for zone in zones]).reshape(-1, 3, 3)
+    table: dict[str, Any] = {
+        "zone_id": [f"M{number:03d}" for number in range(1, len(zones) + 1)],
+        "area_m2": [zone.area for zone in zones],
+        **_directions(motion, covariance),
+        "along_dip_m": [zone.in_plane[0] for zone in zones],
+        "across_m": [zone.in_plane[1] for zone in zones],
+        "normal_m": [zone.in_plane[2] for zone in zones],
+        "along_dip_err_m": [_error(zone, 0) for zone in zones],
+        "across_err_m": [_error(zone, 1) for zone in zones],
+        "normal_err_m": [_error(zone, 2) for zone in zones],
+        "off_dip_deg": [zone.off_dip for zone in zones],
+        "p_map": [zone.probability for zone in zones],
+        "fitted_area_m2": [zone.fitted_area for zone in zones],
+    }
+    frame = pd.DataFrame(table).astype({name: "float64" for name in table if name != "zone_id"})
+    return gpd.GeoDataFrame(frame, geometry=list(cell_polygons(labels, len(zones), found.grid)), crs=crs)
+
+
+def _error(zone: MovingZone, axis: int) -> float:
+    return float(np.sqrt(zone.in_plane_covariance[axis, axis]))
+
+
+def main_figures(found: Displacement) -> dict[str, Any]:
+    """The figures that a user reads first; lengths in metres, shares from 0 to 1."""
+    vectors = found.vectors
+    count = max(len(found.cell), 1)
+    zone = found.zones[0] if found.zones else None
+    figures: dict[str, Any] = {
+        "windows": len(found.cell),
+        "measured_share": float(vectors.measured.mean()),
+        "significant_vectors": int(found.significant.sum()),
+        "moving_zone_count": len(found.zones),
+        "moving_area_m2": float(sum(zone.area for zone in found.zones)),
+        "fastest_zone_m": max((float(np.linalg.norm(zone.motion)) for zone in found.zones), default=None),
+        "largest_zone_off_dip_deg": None if zone is None else zone.off_dip,
+        "smallest_motion_median_m": _median(vectors.smallest[vectors.measured]),
+        "points_per_m2": found.points_per_m2,
+        "kernel_m": found.kernel,
+        "facets": len(found.facets.frames),
+        "taken_off_m": [float(part) for part in found.taken_off],
+    }
+    for status in Status:
+        if status != Status.MEASURED:
+            figures[f"refused_{status.name.lower()}_share"] = float((vectors.status == status).sum() / count)
+    for name, motion in (("common", found.common), ("stable", found.stable)):
+        if motion is not None:
+            figures[f"{name}_motion_m"] = [float(part) for part in motion.motion]
+            figures[f"{name}_motion_err_m"] = [float(part) for part in np.sqrt(np.diag(motion.covariance))]
+            figures[f"{name}_share"] = motion.share
+            figures[f"{name}_variance_factor"] = motion.factor
+    return figures
+
+
+def _median(values: Float) -> float | None:
+    return float(np.median(values)) if len(values) else None
