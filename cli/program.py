@@ -11,6 +11,7 @@ from ..engine.core.errors import InputError
 from ..engine.core.version import VERSION
 from .batch import batch
 from .commands import change, check, ground, info, inspect, register
+from .demchange import demchange
 from .drawing import exportlabelstudio, importlabelstudio, suggestroi, topview
 from .help_pages import Program
 from .language import say
@@ -50,6 +51,7 @@ for subcommand in (
     ground,
     register,
     change,
+    demchange,
     m3c2,
     screen,
     series,

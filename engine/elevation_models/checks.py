@@ -80,8 +80,8 @@ def refuse_other_ground(first: ElevationModel, second: ElevationModel, maximum_b
     if abs(offset) > maximum_bias:
         raise InputError(
             f"{names[1]} lies {abs(offset):.2f} m {'above' if offset > 0 else 'below'} {names[0]} at the median, more "
-            f"than the maximum_bias of {maximum_bias:g} m: another vertical system rather than a campaign's bias; bring "
-            "both to one."
+            f"than the maximum_bias of {maximum_bias:g} m: another vertical system rather than a campaign's bias; "
+            "bring both to one."
         )
 
 

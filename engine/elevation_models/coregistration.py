@@ -2,8 +2,8 @@
 
 Nuth and Kääb (2011, doi:10.5194/tc-5-271-2011): a shift in plan shows in the difference as the rise of the ground in
 its direction, dh = b - x e - y n. They divide by tan(slope) and fit a cosine over aspect; here the equation is kept
-as it stands and fitted by robust least squares, so that flat ground, which says nothing of the shift, does no harm. A slope
-of one aspect, where the cosine cannot be fitted, is a large standard error across it.
+as it stands and fitted by robust least squares, so that flat ground, which says nothing of the shift, does no harm. On
+a slope of one aspect the shift along its contours has no evidence, and none is taken off.
 """
 
 from __future__ import annotations
@@ -251,9 +251,9 @@ def _scatter(dz: Float, east: Float, north: Float, used: Bool) -> Float:
 def _robust(place: Index, design: Float, dz: Float, sigma: Float) -> _Fit:
     """Iterated weighted least squares."""
     root = 1.0 / sigma
-    parameters = np.linalg.lstsq(design * root[:, None], dz * root, rcond=None)[0]
+    parameters: Float = np.asarray(np.linalg.lstsq(design * root[:, None], dz * root, rcond=None)[0], np.float64)
     if design.shape[1] == 1:
-        parameters = np.array([np.median(dz)])
+        parameters = np.array([np.median(dz)], dtype=np.float64)
     weight = root**2
     for _ in range(_MAX_ROUNDS_OF_WEIGHTS):
         residual = dz - design @ parameters

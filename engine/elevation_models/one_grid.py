@@ -48,8 +48,8 @@ def on_one_grid(models: Sequence[ElevationModel], cell: float | None = None) -> 
     if cell is not None and cell < coarsest / _FINER:
         name = max(models, key=lambda m: m.grid.cell).path
         raise InputError(
-            f"The cell is {cell:g} m, and those of {shown(name)} are {coarsest:g} m; no detail can be invented, so give "
-            f"a cell of {coarsest:g} m or more."
+            f"The cell is {cell:g} m, and those of {shown(name)} are {coarsest:g} m; no detail can be invented, so "
+            f"give a cell of {coarsest:g} m or more."
         )
     grid = _common_grid(models, cell or coarsest)
     for model in models:

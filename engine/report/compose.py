@@ -29,7 +29,7 @@ from .reviews import zone_reviews
 REPORT = "report.html"
 _NO_RECORD = "{path} is no run record that can be read ({why}); give the output folder of a run, or make it again."
 _TEMPLATES = Path(__file__).resolve().parent / "templates"
-_REPORTED = {*command_sets.SERIES, *command_sets.CHANGE, *command_sets.INSPECT} - {
+_REPORTED = {*command_sets.SERIES, *command_sets.CHANGE, *command_sets.INSPECT, *command_sets.DEMCHANGE} - {
     GridChangeParameters
 }  # ChangeParameters has all of it
 _MAX_ZONES, _MAX_PROFILES = 40, 12
@@ -167,6 +167,7 @@ def _change_context(record: dict[str, Any], folder: Path, profile_table: Path) -
         "epochs": record["epochs"],
         "ground": ground_section(record, folder),
         "registration": record.get("registration") or {},
+        "coregistration": record.get("coregistration") or [],
         "stable_given": any(i["role"] == "stable" for i in record["inputs"]),
         "lod": record.get("level_of_detection") or {},
         "pictures": pictures,

@@ -13,6 +13,7 @@ from . import command_sets
 from .batch import BatchParameters
 from .change import ChangeParameters, GridChangeParameters
 from .dates import DateParameters
+from .dem_change import ModelParameters
 from .distances import DistanceParameters
 from .drawing import LabellingParameters, RegionParameters, TopViewParameters
 from .ground import GroundParameters
@@ -47,6 +48,7 @@ __all__ = [
     "InputParameters",
     "LabellingParameters",
     "LastEpochParameters",
+    "ModelParameters",
     "OutputParameters",
     "ParameterError",
     "ParameterSet",
