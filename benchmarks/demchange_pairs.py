@@ -1,4 +1,4 @@
-"""Simulated pairs of elevation models: known change, bias, shift, and errors of a known covariance over known terrain."""
+"""Simulated pairs of elevation models: known change, bias, shift, and errors of a known covariance."""
 
 from __future__ import annotations
 

@@ -202,7 +202,10 @@ def _unit(values: Float) -> Float:
 
 
 def correlated_field(shape: tuple[int, int], cell: float, model: VariogramModel, rng: np.random.Generator) -> Float:
-    """A random field (rows, columns) on cells of ``cell`` metres with the covariance of ``model``, by circulant embedding (Dietrich and Newsam 1993)."""
+    """A random field (rows, columns) with the covariance of ``model`` on cells of ``cell`` metres.
+
+    By circulant embedding (Dietrich and Newsam 1993).
+    """
     field: Float = math.sqrt(model.nugget) * rng.standard_normal(shape)
     if not model.sills:
         return field

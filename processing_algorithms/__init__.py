@@ -3,6 +3,7 @@
 from .checkenvironment import CheckEnvironment
 from .cloudinfo import CloudInfo
 from .corridorbatch import CorridorBatch
+from .demchange import DemChange
 from .elevationchange import ElevationChange
 from .exportlabelstudio import ExportLabelStudio
 from .extractground import ExtractGround
@@ -30,6 +31,7 @@ ALGORITHMS = (
     RegisterEpochs,
     ElevationChange,
     M3C2Distances,
+    DemChange,
     WriteReport,
     TopView,
     SuggestRoi,
