@@ -73,13 +73,13 @@ class DemChange(SlopeWatchAlgorithm):
         self.add(
             declare.with_help(
                 models,
-                "GeoTIFFs of two or more dates, in any projected reference system and of any cell size. They are put in "
-                "order by their days where these are known, else taken in the order given, the earliest first.",
+                "GeoTIFFs of two or more dates, in any projected reference system and of any cell size. They are put "
+                "in order by their days where these are known, else taken in the order given, the earliest first.",
             ),
             declare.with_help(
                 QgsProcessingParameterString("MODEL_DATES", "Days of the models", optional=True),
-                "A day for each model as YYYY-MM-DD, in their order, separated by commas. Empty: from the files' names. "
-                "Without days, rates are not known.",
+                "A day for each model as YYYY-MM-DD, in their order, separated by commas. Empty: from the files' "
+                "names. Without days, rates are not known.",
             ),
         )
         self.declare_groups()

@@ -78,10 +78,10 @@ def refuse_other_ground(first: ElevationModel, second: ElevationModel, maximum_b
             "other ground, or one is no elevation model (a hillshade, a slope); check both."
         )
     if abs(offset) > maximum_bias:
+        higher, lower = names if offset < 0 else names[::-1]
         raise InputError(
-            f"{names[1]} lies {abs(offset):.2f} m {'above' if offset > 0 else 'below'} {names[0]} at the median, more "
-            f"than the maximum_bias of {maximum_bias:g} m: another vertical system rather than a campaign's bias; "
-            "bring both to one."
+            f"{higher} lies {abs(offset):.2f} m above {lower} at the median, more than the maximum_bias of "
+            f"{maximum_bias:g} m: another vertical system rather than a campaign's bias; bring both to one."
         )
 
 

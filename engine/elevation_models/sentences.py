@@ -20,9 +20,14 @@ def bias_sentence(found: ModelChange, first: str, second: str) -> str:
             f"{second} lies {bias:+.3f} m from {first} on stable ground, which its standard error of {error:.3f} m "
             "explains; it was taken off."
         )
+    if bias > 0:
+        return (
+            f"{second} lies {bias:.3f} m above {first} on stable ground (standard error {error:.3f} m): a bias of the "
+            "campaign or of its vertical datum, which was taken off and is no change."
+        )
     return (
-        f"{second} lies {abs(bias):.3f} m {'above' if bias > 0 else 'below'} {first} on stable ground (standard error "
-        f"{error:.3f} m): a bias of the campaign or of its vertical datum, which was taken off and is no change."
+        f"{second} lies {-bias:.3f} m below {first} on stable ground (standard error {error:.3f} m): a bias of the "
+        "campaign or of its vertical datum, which was taken off and is no change."
     )
 
 

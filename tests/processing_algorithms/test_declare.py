@@ -45,6 +45,10 @@ PRODUCTS = [
     "OUTPUT_FOLDER", "ELEVATION_CHANGE", "LEVEL_OF_DETECTION", "CHANGE_PROBABILITY", "CELL_SIZE", "SIGNIFICANT_CHANGE",
     "PLANT_ERROR", "PLANT_CHANGE", "ZONES", "FOOTPRINTS", "HEATMAP", "TOP_VIEW", "SURFACE_HEIGHTS", "POINT_COUNTS",
 ]  # fmt: skip
+MODEL_PRODUCTS = [
+    "OUTPUT_FOLDER", "ELEVATION_CHANGE", "LEVEL_OF_DETECTION", "SIGNIFICANT_CHANGE", "ZONES", "FOOTPRINTS", "HEATMAP",
+    "TOP_VIEW", "SURFACE_HEIGHTS", "SIGNIFICANCE", "RATE",
+]  # fmt: skip
 PLANTS = ["GRASS", "GRASS_HEIGHT", "MOWN", "FERNS", "FOREST", "LAYOUT", "LITTER", "MULTIPATH", "STRAY"]
 OUTPUT = ["OVERWRITE"]
 TOP_VIEW = ["TOP_VIEW", "HILLSHADE_RASTER", "DENSITY", "GROUND_DENSITY", "CANOPY_HEIGHT"]
@@ -84,6 +88,10 @@ FROZEN_PARAMETERS = {
         "NORMAL_SCALE", "PROJECTION_SCALE", "HALF_LENGTH", "CORE_SPACING", "DISTANCE_CELL", "NORMALS", "ORIENTATION",
         "MINIMUM_CYLINDER_POINTS", "CONFIDENCE", "REGISTRATION_ERROR", "CALIBRATE", *INPUT,
         "OUTPUT", "DISTANCE", "LEVEL_OF_DETECTION", "SIGNIFICANT",
+    ],
+    "demchange": [
+        "MODELS", "MODEL_DATES", "STABLE", "CELL", "CONFIDENCE", "PLAN_SHIFT", "MAXIMUM_BIAS",
+        *ZONES, *HEATMAP, *REPORT, *INPUT, *MODEL_PRODUCTS, *OUTPUT,
     ],
     "simulatesurvey": [
         "SEED", "POINTS", "LENGTH", "HEIGHT", "ANGLE", "BENCHES", "VEGETATION", "RANGE_NOISE", "OFFSET", "AMPLITUDE",
@@ -125,6 +133,7 @@ FROZEN_GROUPS = {
     "elevationchange": "steps",
     "writereport": "steps",
     "m3c2distances": "steps",
+    "demchange": "steps",
     "simulatesurvey": "tools",
     "simulateseries": "tools",
     "simulatescenes": "tools",
@@ -174,6 +183,12 @@ FROZEN_OUTPUTS = {
         "NORMAL_SCALE_USED", "PROJECTION_SCALE_USED", "HALF_LENGTH_USED", "RUN_RECORD", "OUTPUT", "DISTANCE",
         "LEVEL_OF_DETECTION", "SIGNIFICANT",
     ],
+    "demchange": [
+        "MODEL_COUNT", "BIAS", "BIAS_ERROR", "SHIFT_EAST", "SHIFT_NORTH",
+        "ZONE_COUNT", "ZONE_AREA", "LOSS", "GAIN", "LOSS_ERROR", "GAIN_ERROR", "LARGEST_SINK", "LARGEST_RISE",
+        "COMPARED_SHARE", "LEVEL_MEDIAN", "REPORT", "VOLUMES", "HEATMAP_PICTURE", "RUN_RECORD", "PAIRS", "ZONE_SERIES",
+        *MODEL_PRODUCTS,
+    ],
     "simulatesurvey": [
         "REFERENCE", "CLOUD", "TRUTH", "TRUTH_TRANSFORM", "RUN_RECORD", "OUTPUT_FOLDER", "ROI", "TRUTH_DZ",
     ],
@@ -209,6 +224,7 @@ COMMANDS = {
     "elevationchange": ["change"],
     "writereport": ["report"],
     "m3c2distances": ["m3c2"],
+    "demchange": ["demchange"],
     "simulatesurvey": ["simulate", "survey"],
     "simulateseries": ["simulate", "series"],
     "simulatescenes": ["simulate", "scenes"],

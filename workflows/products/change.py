@@ -304,7 +304,12 @@ def _write_rasters(
         geotiff.write_raster(path, held, change.grid, crs, description=description, unit=unit, tags=tags)
         qgis_styles.write_qml_next_to(path, qml)
         outputs[name] = stage.final(path.name)
-    epochs = ("earlier", "later")
+    return outputs | _write_surfaces(change, context, tags, stage)
+
+
+def _write_surfaces(change: Change, context: Context, tags: dict[str, str], stage: Stage) -> dict[str, Path]:
+    """Heights of both surfaces, and the points behind them where these are counted."""
+    outputs, epochs = {}, ("earlier", "later")
     bands = {
         "surface_heights": ("Height of the {} surface", "m", (change.height_from, change.height_to)),
         "point_counts": ("Ground points a cell, {}", "points", change.points),
@@ -315,6 +320,6 @@ def _write_rasters(
         path = stage.path(f"{name}.tif")
         pair = [Laid(np.asarray(array), change.layout) for array in arrays]
         named = {description.format(epoch): band for epoch, band in zip(epochs, pair, strict=True)}
-        geotiff.write_bands(path, named, change.grid, crs, unit=unit, tags=tags)
+        geotiff.write_bands(path, named, change.grid, context.crs, unit=unit, tags=tags)
         outputs[name] = stage.final(path.name)
     return outputs
