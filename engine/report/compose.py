@@ -168,6 +168,7 @@ def _change_context(record: dict[str, Any], folder: Path, profile_table: Path) -
         "ground": ground_section(record, folder),
         "registration": record.get("registration") or {},
         "coregistration": record.get("coregistration") or [],
+        "whole_pair": _whole_pair(record, epochs),
         "stable_given": any(i["role"] == "stable" for i in record["inputs"]),
         "lod": record.get("level_of_detection") or {},
         "pictures": pictures,
@@ -178,6 +179,12 @@ def _change_context(record: dict[str, Any], folder: Path, profile_table: Path) -
         "reviews": zone_reviews(folder / "zones.gpkg"),
         "screened_reviews": zone_reviews(folder / "screened_zones.gpkg"),
     }
+
+
+def _whole_pair(record: dict[str, Any], epochs: list[str]) -> int:
+    """Which of the pairs of elevation models the products are of: the first and the last."""
+    pairs = [(row["from"], row["to"]) for row in record.get("coregistration") or []]
+    return pairs.index((epochs[0], epochs[1])) if (epochs[0], epochs[1]) in pairs else 0
 
 
 def _series_context(record: dict[str, Any], folder: Path) -> dict[str, Any]:

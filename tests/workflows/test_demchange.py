@@ -83,6 +83,7 @@ def test_the_report_tells_of_models_and_not_of_points(made: Path) -> None:
     text = " ".join((made / "report.html").read_text(encoding="utf-8").split())
     assert "Bias and shift of the later model on stable ground" in text
     assert "curvature (1/m)" in text
+    assert "2017-01-01 lies 0.2" in text.split("Movement of everything alike")[1][:80]
     assert "Ground points a square metre" not in text
     assert "the errors of both models, which follow slope, curvature and roughness" in text
     assert not (made / "point_counts.tif").exists()
