@@ -232,8 +232,8 @@ def xdem_volumes(cases: Sequence[SimulatedModels], *, given: bool) -> Volumes:
     with tempfile.TemporaryDirectory() as name:
         for number, case in enumerate(cases):
             places = np.array([[r.start, r.stop, c.start, c.stop] for r, c in case.places])
-            arrays = {"first": case.first, "second": case.second, "stable": case.stable, "places": places}
-            np.savez(Path(name) / f"{number}.npz", **arrays)
+            file = Path(name) / f"{number}.npz"
+            np.savez(file, first=case.first, second=case.second, stable=case.stable, places=places)
         known = "given" if given else "all"
         pairs = run_peer("xdem", _XDEM, name, str(len(cases)), known, threads=1)["pairs"]
     how = {str(pair["how"]) for pair in pairs}
