@@ -39,6 +39,7 @@ NAMES = {
     "profile": "Where the processor time goes",
     "seasons": "Grass grown and mown: what is reported where nothing moved",
     "series": "More than two surveys",
+    "demchange": "Change between elevation models, beside xDEM",
     "corridor": "A corridor of slopes",
     "screening": "Screening",
     "known_places": "What a screening could find by height",

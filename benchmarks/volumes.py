@@ -115,7 +115,7 @@ def known_pair(seed: int, model: VariogramModel, *, changed: bool = True) -> Pai
     changes = [_drawn(u, v, rng) for u, v in local[:, :2].tolist()] if changed else []
     truth = true_change_raster(changes, frame, grid, 8) if changes else np.zeros(grid.shape)
     error = ERROR * np.exp(0.25 * _unit(ndimage.gaussian_filter(rng.standard_normal(grid.shape), 10)))
-    noise = _field(grid.shape, model, rng)
+    noise = correlated_field(grid.shape, CELL, model, rng)
     gaps = _unit(ndimage.gaussian_filter(rng.standard_normal(grid.shape), 1.5))
     known = gaps + 0.7 * rng.standard_normal(grid.shape) > -0.5
     dz = np.where(known, truth + error * noise + REGISTRATION * rng.standard_normal(), np.nan)
@@ -201,14 +201,17 @@ def _unit(values: Float) -> Float:
     return (values - values.mean()) / values.std()
 
 
-def _field(shape: tuple[int, int], model: VariogramModel, rng: np.random.Generator) -> Float:
-    """A random field with the covariance of ``model``, by circulant embedding (Dietrich and Newsam 1993)."""
+def correlated_field(shape: tuple[int, int], cell: float, model: VariogramModel, rng: np.random.Generator) -> Float:
+    """A random field (rows, columns) with the covariance of ``model`` on cells of ``cell`` metres.
+
+    By circulant embedding (Dietrich and Newsam 1993).
+    """
     field: Float = math.sqrt(model.nugget) * rng.standard_normal(shape)
     if not model.sills:
         return field
     size = tuple(fft.next_fast_len(2 * n) for n in shape)
     lags = [np.abs(np.fft.fftfreq(n, 1.0 / n)) for n in size]
-    spectrum = np.maximum(fft.fft2(model.structured(np.hypot(lags[0][:, None], lags[1]) * CELL)).real, 0.0)
+    spectrum = np.maximum(fft.fft2(model.structured(np.hypot(lags[0][:, None], lags[1]) * cell)).real, 0.0)
     white = rng.standard_normal(size) + 1j * rng.standard_normal(size)
     smooth = fft.fft2(np.sqrt(spectrum / (size[0] * size[1])) * white).real
     return field + smooth[: shape[0], : shape[1]]

@@ -96,6 +96,16 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
             f"slopewatch m3c2 {_PAIR} --core points.laz \\\n    --projection-scale 0.5 --output distances.laz",
         ),
     ),
+    "demchange": (
+        (
+            "Two elevation models, the bias and the shift of the later one taken off",
+            "slopewatch demchange dem_2015.tif dem_2023.tif --output-dir change",
+        ),
+        (
+            "With their days, and ground known to be stable",
+            "slopewatch demchange 2015-03-01=a.tif 2023-02-15=b.tif \\\n    --stable roads.gpkg --output-dir change",
+        ),
+    ),
     "report": (
         ("The report of a folder again", "slopewatch report results"),
         ("With profiles along lines", "slopewatch report results --profiles lines.gpkg --zone-profiles 5"),

@@ -11,6 +11,7 @@ from ..engine.core.errors import InputError
 from ..engine.core.version import VERSION
 from .batch import batch
 from .commands import change, check, ground, info, inspect, register
+from .demchange import demchange
 from .displacement import displacement
 from .drawing import exportlabelstudio, importlabelstudio, suggestroi, topview
 from .help_pages import Program
@@ -51,6 +52,7 @@ for subcommand in (
     ground,
     register,
     change,
+    demchange,
     m3c2,
     displacement,
     screen,

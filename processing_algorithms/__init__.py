@@ -3,6 +3,7 @@
 from .checkenvironment import CheckEnvironment
 from .cloudinfo import CloudInfo
 from .corridorbatch import CorridorBatch
+from .demchange import DemChange
 from .displacementvectors import DisplacementVectors
 from .elevationchange import ElevationChange
 from .exportlabelstudio import ExportLabelStudio
@@ -31,6 +32,7 @@ ALGORITHMS = (
     RegisterEpochs,
     ElevationChange,
     M3C2Distances,
+    DemChange,
     DisplacementVectors,
     WriteReport,
     TopView,

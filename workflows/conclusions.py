@@ -71,6 +71,14 @@ def _change(f: Figures) -> list[str]:
     ]  # fmt: skip
 
 
+def _dem_change(f: Figures) -> list[str]:
+    bias = _sentence(
+        "The later model lay {} above the earlier one on stable ground; that is taken off and is no change.",
+        _measure(f, "bias_m", "m", error="bias_error_m"),
+    )
+    return [bias, *_change(f)]
+
+
 def _confirmed(f: Figures) -> str:
     count = f.get("screened_zone_count")
     if count is None:
@@ -327,6 +335,7 @@ def _nothing_more(_: Figures) -> list[str]:
 _FOUND: dict[str, Callable[[Figures], list[str]]] = {
     "inspect": _change,
     "change": _change,
+    "demchange": _dem_change,
     "register": _register,
     "screen": _screened,
     "ground": _ground,

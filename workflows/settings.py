@@ -16,6 +16,7 @@ from ..interface.parameters import (
     HeatmapParameters,
     InputParameters,
     LastEpochParameters,
+    ModelParameters,
     ParameterSet,
     RegistrationParameters,
     ReportParameters,
@@ -84,7 +85,20 @@ class SeriesSettings:
     series: SeriesParameters = field(default_factory=SeriesParameters)
 
 
-Bundle = TypeVar("Bundle", Settings, ScreeningSettings, DistanceSettings, DisplacementSettings, SeriesSettings)
+@dataclass(frozen=True)
+class ModelSettings:
+    """The parameter groups of a change between elevation models."""
+
+    inputs: InputParameters = field(default_factory=InputParameters)
+    elevation_models: ModelParameters = field(default_factory=ModelParameters)
+    zones: ZoneParameters = field(default_factory=ZoneParameters)
+    heatmap: HeatmapParameters = field(default_factory=HeatmapParameters)
+    report: ReportParameters = field(default_factory=ReportParameters)
+
+
+Bundle = TypeVar(
+    "Bundle", Settings, ScreeningSettings, DistanceSettings, DisplacementSettings, SeriesSettings, ModelSettings
+)
 
 
 def gathered(bundle: type[Bundle], group_of: Callable[[type[Any]], Any]) -> Bundle:
@@ -100,7 +114,8 @@ def _class_of(group: Field[Any]) -> type[Any]:
 
 
 def groups(
-    bundle: Settings | ScreeningSettings | DistanceSettings | DisplacementSettings | SeriesSettings, *names: str
+    bundle: Settings | ScreeningSettings | DistanceSettings | DisplacementSettings | SeriesSettings | ModelSettings,
+    *names: str,
 ) -> dict[str, ParameterSet]:
     """Those groups of a bundle by name, as a run record takes them."""
     return {name: getattr(bundle, name) for name in names}

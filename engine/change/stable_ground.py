@@ -57,7 +57,7 @@ def stable_ground(
         found = find_stable(dz, sampling, slope, partition, plants)
     looks_stable = float(found.sum()) / number
     if given is not None:
-        return StableGround(_with_other_slopes(given & valid, found, slope), 0.0, looks_stable, settled=True)
+        return StableGround(with_other_slopes(given & valid, found, slope), 0.0, looks_stable, settled=True)
     if uniform:
         return StableGround(found, 0.0, looks_stable, settled=True)
     stated = np.hypot(sampling, registration_error)
@@ -69,7 +69,7 @@ def stable_ground(
     return StableGround(found, share, looks_stable, settled=True)
 
 
-def _with_other_slopes(given: NDArray[np.bool_], found: NDArray[np.bool_], slope: Float) -> NDArray[np.bool_]:
+def with_other_slopes(given: NDArray[np.bool_], found: NDArray[np.bool_], slope: Float) -> NDArray[np.bool_]:
     """The given cells, and found ones much flatter or steeper than those: a road is no evidence for a rock face."""
     inside = slope[given & np.isfinite(slope)]
     if not inside.size:

@@ -30,7 +30,7 @@ from .reviews import zone_reviews
 REPORT = "report.html"
 _NO_RECORD = "{path} is no run record that can be read ({why}); give the output folder of a run, or make it again."
 _TEMPLATES = Path(__file__).resolve().parent / "templates"
-_REPORTED = {*command_sets.SERIES, *command_sets.CHANGE, *command_sets.INSPECT} - {
+_REPORTED = {*command_sets.SERIES, *command_sets.CHANGE, *command_sets.INSPECT, *command_sets.DEMCHANGE} - {
     GridChangeParameters
 }  # ChangeParameters has all of it
 _MAX_ZONES, _MAX_PROFILES = 40, 12
@@ -183,6 +183,8 @@ def _change_context(record: dict[str, Any], folder: Path, profile_table: Path) -
         "epochs": record["epochs"],
         "ground": ground_section(record, folder),
         "registration": record.get("registration") or {},
+        "coregistration": record.get("coregistration") or [],
+        "whole_pair": _whole_pair(record, epochs),
         "stable_given": any(i["role"] == "stable" for i in record["inputs"]),
         "lod": record.get("level_of_detection") or {},
         "pictures": pictures,
@@ -193,6 +195,12 @@ def _change_context(record: dict[str, Any], folder: Path, profile_table: Path) -
         "reviews": zone_reviews(folder / "zones.gpkg"),
         "screened_reviews": zone_reviews(folder / "screened_zones.gpkg"),
     }
+
+
+def _whole_pair(record: dict[str, Any], epochs: list[str]) -> int:
+    """Which of the pairs of elevation models the products are of: the first and the last."""
+    pairs = [(row["from"], row["to"]) for row in record.get("coregistration") or []]
+    return pairs.index((epochs[0], epochs[1])) if (epochs[0], epochs[1]) in pairs else 0
 
 
 def _series_context(record: dict[str, Any], folder: Path) -> dict[str, Any]:

@@ -65,6 +65,10 @@ RECORD = fields(
 
 _PROFILE = fields({"name": text(), "length_m": _POSITIVE, "dz_min_m": maybe(_NUMBER), "dz_max_m": maybe(_NUMBER)})
 _VOLUME = fields({"group": text(), "quantity": text(), "unit": text()})
+_COREGISTRATION = fields(
+    {"from": text(), "to": text(), "plan_shift": text(), "sentences": rows(text(), 2)},
+    {"attributes": rows(fields({"attribute": text()}))},
+)
 _CHANGE = fields(
     {
         "epochs": rows(fields({"name": text()}, {"date": maybe(day)}), 2, 2),
@@ -87,6 +91,9 @@ _CHANGE = fields(
         "zones": maybe(rows(fields({"zone_id": text()}, {"kind": text(), "severity": text()}))),
         "profiles": maybe(rows(_PROFILE)),
         "volumes": maybe(fields({"rows": rows(_VOLUME), "error_model": fields({"model": text()})})),
+        "coregistration": maybe(rows(_COREGISTRATION)),
+        "pairs": maybe(rows(fields({"from": text(), "to": text()}))),
+        "one_grid": maybe(_TEXTS),
         "registration": maybe(fields({}, {"unobservable": maybe(_TEXTS)})),
         "level_of_detection": maybe(fields({}, {"terms": maybe(_ROWS), "slope_classes": maybe(_ROWS)})),
     },

@@ -13,6 +13,7 @@ from . import command_sets
 from .batch import BatchParameters
 from .change import ChangeParameters, GridChangeParameters
 from .dates import DateParameters
+from .dem_change import ModelParameters
 from .displacement import DisplacementParameters
 from .distances import DistanceParameters
 from .drawing import LabellingParameters, RegionParameters, TopViewParameters
@@ -49,6 +50,7 @@ __all__ = [
     "InputParameters",
     "LabellingParameters",
     "LastEpochParameters",
+    "ModelParameters",
     "OutputParameters",
     "ParameterError",
     "ParameterSet",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from .batch import BatchParameters
 from .change import ChangeParameters, GridChangeParameters
 from .dates import DateParameters
+from .dem_change import ModelParameters
 from .displacement import DisplacementParameters
 from .distances import DistanceParameters
 from .drawing import LabellingParameters, RegionParameters, TopViewParameters
@@ -32,6 +33,7 @@ _SHOWN: Sets = (HeatmapParameters, ReportParameters, OutputParameters)
 GROUND: Sets = (InputParameters, GroundParameters)
 REGISTER: Sets = (InputParameters, SurfaceParameters, RegistrationParameters)
 CHANGE: Sets = (*_READ, SurfaceParameters, *_CHANGE, *_SHOWN)
+DEMCHANGE: Sets = (InputParameters, ModelParameters, ZoneParameters, *_SHOWN)
 M3C2: Sets = (*_READ, SurfaceParameters, DistanceParameters)
 """``slopewatch m3c2`` also takes OutputParameters."""
 DISPLACEMENT: Sets = (*_READ, SurfaceParameters, DisplacementParameters, OutputParameters)

@@ -31,6 +31,7 @@ _NAMES: dict[str, tuple[str, str, type, str, str]] = {
     "OPTIONAL": ("ProcessingParameterFlag", "Optional", QgsProcessingParameterDefinition, "Flag", "FlagOptional"),
     "POLYGON": ("ProcessingSourceType", "VectorPolygon", QgsProcessing, "SourceType", "TypeVectorPolygon"),
     "LINE": ("ProcessingSourceType", "VectorLine", QgsProcessing, "SourceType", "TypeVectorLine"),
+    "RASTER": ("ProcessingSourceType", "Raster", QgsProcessing, "SourceType", "TypeRaster"),
     "FILE": ("ProcessingFileParameterBehavior", "File", QgsProcessingParameterFile, "Behavior", "File"),
     "FOLDER": ("ProcessingFileParameterBehavior", "Folder", QgsProcessingParameterFile, "Behavior", "Folder"),
     "FILES": ("ProcessingSourceType", "File", QgsProcessing, "SourceType", "TypeFile"),
@@ -43,6 +44,7 @@ ADVANCED = _member(*_NAMES["ADVANCED"])
 OPTIONAL = _member(*_NAMES["OPTIONAL"])
 POLYGON = _member(*_NAMES["POLYGON"])
 LINE = _member(*_NAMES["LINE"])
+RASTER = _member(*_NAMES["RASTER"])
 FILE = _member(*_NAMES["FILE"])
 FOLDER = _member(*_NAMES["FOLDER"])
 FILES = _member(*_NAMES["FILES"])

@@ -55,6 +55,7 @@ def test_help_shows_every_parameter_with_its_unit_and_default():
         "suggestroi",
         "exportlabelstudio",
         "importlabelstudio",
+        "demchange",
     ],
 )
 def test_every_command_has_help(command):

@@ -16,6 +16,7 @@ from qgis.core import (
 from qgis.PyQt.QtCore import QDate
 from slopewatch.interface.parameters import GroundParameters
 from slopewatch.processing_algorithms.corridorbatch import CorridorBatch
+from slopewatch.processing_algorithms.demchange import DemChange
 from slopewatch.processing_algorithms.elevationchange import ElevationChange
 from slopewatch.processing_algorithms.exportlabelstudio import ExportLabelStudio
 from slopewatch.processing_algorithms.extractground import ExtractGround
@@ -42,6 +43,21 @@ def test_defaults_pass_nothing(tmp_path: Path) -> None:
         "--output-dir",
         str(tmp_path / "out"),
     ]
+
+
+def test_elevation_models_are_put_in_order_by_their_days(tmp_path: Path) -> None:
+    files = [tmp_path / name for name in ("dem 2020-01-01.asc", "dem 2015-06-01.asc")]
+    for file in files:
+        file.write_text("ncols 1\nnrows 1\nxllcorner 0\nyllcorner 0\ncellsize 1\n5\n", encoding="utf-8")
+    given = {"MODELS": [str(file) for file in files], "OUTPUT_FOLDER": "/out"}
+    later, first = map(str, files)
+    assert command(DemChange, **given, PLAN_SHIFT=False) == [
+        "demchange", f"2015-06-01={first}", f"2020-01-01={later}", "--output-dir", "/out", "--no-plan-shift",
+    ]  # fmt: skip
+    dated = command(DemChange, **given, MODEL_DATES="2010-01-01, 2011-01-01")
+    assert dated[1:3] == [f"2010-01-01={later}", f"2011-01-01={first}"]
+    with pytest.raises(QgsProcessingException, match="MODEL_DATES holds 1 days for 2 elevation models"):
+        command(DemChange, **given, MODEL_DATES="2010-01-01")
 
 
 def test_a_survey_alone_is_one_epoch() -> None:

@@ -45,6 +45,10 @@ PRODUCTS = [
     "OUTPUT_FOLDER", "ELEVATION_CHANGE", "LEVEL_OF_DETECTION", "CHANGE_PROBABILITY", "CELL_SIZE", "SIGNIFICANT_CHANGE",
     "PLANT_ERROR", "PLANT_CHANGE", "ZONES", "FOOTPRINTS", "HEATMAP", "TOP_VIEW", "SURFACE_HEIGHTS", "POINT_COUNTS",
 ]  # fmt: skip
+MODEL_PRODUCTS = [
+    "OUTPUT_FOLDER", "ELEVATION_CHANGE", "LEVEL_OF_DETECTION", "SIGNIFICANT_CHANGE", "ZONES", "FOOTPRINTS", "HEATMAP",
+    "TOP_VIEW", "SURFACE_HEIGHTS", "SIGNIFICANCE", "RATE",
+]  # fmt: skip
 PLANTS = ["GRASS", "GRASS_HEIGHT", "MOWN", "FERNS", "FOREST", "LAYOUT", "LITTER", "MULTIPATH", "STRAY"]
 OUTPUT = ["OVERWRITE"]
 TOP_VIEW = ["TOP_VIEW", "HILLSHADE_RASTER", "DENSITY", "GROUND_DENSITY", "CANOPY_HEIGHT"]
@@ -90,6 +94,10 @@ FROZEN_PARAMETERS = {
         "SPACING", "LARGEST_MOTION", "VECTOR_CONFIDENCE", "SLIDE_AREA", "SURFACE_ERROR", "SUBTRACT", *INPUT,
         "OUTPUT_FOLDER", "VECTORS", "MOVING_ZONES", "DISPLACEMENT", "SMALLEST_MOTION", *OUTPUT,
     ],
+    "demchange": [
+        "MODELS", "MODEL_DATES", "STABLE", "CELL", "CONFIDENCE", "PLAN_SHIFT", "MAXIMUM_BIAS",
+        *ZONES, *HEATMAP, *REPORT, *INPUT, *MODEL_PRODUCTS, *OUTPUT,
+    ],
     "simulatesurvey": [
         "SEED", "POINTS", "LENGTH", "HEIGHT", "ANGLE", "BENCHES", "VEGETATION", "RANGE_NOISE", "OFFSET", "AMPLITUDE",
         *PLANTS, "OUTPUT_FOLDER", "ROI", "TRUTH_DZ", "TRUTH_MOTION", "TRUTH_ZONES", *OUTPUT,
@@ -131,6 +139,7 @@ FROZEN_GROUPS = {
     "writereport": "steps",
     "m3c2distances": "steps",
     "displacementvectors": "steps",
+    "demchange": "steps",
     "simulatesurvey": "tools",
     "simulateseries": "tools",
     "simulatescenes": "tools",
@@ -184,6 +193,12 @@ FROZEN_OUTPUTS = {
         "ZONE_COUNT", "ZONE_AREA", "FASTEST_ZONE", "VECTOR_COUNT", "MEASURED_SHARE", "SMALLEST_MEDIAN", "RUN_RECORD",
         "OUTPUT_FOLDER", "VECTORS", "MOVING_ZONES", "DISPLACEMENT", "SMALLEST_MOTION",
     ],
+    "demchange": [
+        "MODEL_COUNT", "BIAS", "BIAS_ERROR", "SHIFT_EAST", "SHIFT_NORTH",
+        "ZONE_COUNT", "ZONE_AREA", "LOSS", "GAIN", "LOSS_ERROR", "GAIN_ERROR", "LARGEST_SINK", "LARGEST_RISE",
+        "COMPARED_SHARE", "LEVEL_MEDIAN", "REPORT", "VOLUMES", "HEATMAP_PICTURE", "RUN_RECORD", "PAIRS", "ZONE_SERIES",
+        *MODEL_PRODUCTS,
+    ],
     "simulatesurvey": [
         "REFERENCE", "CLOUD", "TRUTH", "TRUTH_TRANSFORM", "RUN_RECORD", "OUTPUT_FOLDER", "ROI", "TRUTH_DZ",
         "TRUTH_MOTION", "TRUTH_ZONES",
@@ -221,6 +236,7 @@ COMMANDS = {
     "writereport": ["report"],
     "m3c2distances": ["m3c2"],
     "displacementvectors": ["displacement"],
+    "demchange": ["demchange"],
     "simulatesurvey": ["simulate", "survey"],
     "simulateseries": ["simulate", "series"],
     "simulatescenes": ["simulate", "scenes"],

@@ -7,9 +7,10 @@ from qgis.core import QgsApplication, QgsProcessingProvider
 from qgis.gui import QgsProcessingToolboxProxyModel
 
 SEARCHES = {
-    "change detection": {"inspectslope", "elevationchange", "m3c2distances"},
+    "change detection": {"inspectslope", "elevationchange", "m3c2distances", "demchange"},
     "DEM of difference": {"inspectslope", "elevationchange"},
-    "difference of DEMs": {"elevationchange"},
+    "difference of DEMs": {"elevationchange", "demchange"},
+    "raster difference": {"demchange"},
     "DoD": {"elevationchange", "inspectslope"},
     "coregister": {"registerepochs"},
     "co-registration": {"registerepochs"},

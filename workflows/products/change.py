@@ -57,7 +57,10 @@ ON_REQUEST = ("cell_size.tif", "change_probability.tif", "plant_error.tif", "pla
 
 @dataclass(frozen=True)
 class Context:
-    """What the products state about their origin. ``transform`` is None where nothing was registered by SlopeWatch."""
+    """What the products state about their origin. ``transform`` is None where nothing was registered by SlopeWatch.
+
+    Not ``counted``: of how many points the heights were made is not known.
+    """
 
     first: Epoch
     second: Epoch
@@ -66,6 +69,7 @@ class Context:
     input_hashes: tuple[str, ...]
     method: str
     run_id: str
+    counted: bool = True
 
     @property
     def dates(self) -> tuple[date | None, date | None]:
@@ -81,7 +85,7 @@ def method_name(parameters: ChangeParameters, direction: str) -> str:
 def write_products(
     run: Run,
     change: Change,
-    picture: PointCloud | CloudFile,
+    picture: PointCloud | CloudFile | top_view.TopView,
     context: Context,
     settings: Settings,
     lines: Sequence[ProfileLine] = (),
@@ -90,7 +94,7 @@ def write_products(
     report.
 
     Args:
-        picture: the cloud that the top view shows (the later epoch with its vegetation).
+        picture: the cloud that the top view shows (the later epoch with its vegetation), or that view.
         lines: along which profiles are taken, in addition to the steepest ones through the zones.
     """
     progress = run.progress
@@ -105,7 +109,7 @@ def write_products(
     limit = palette.colour_limit(
         change.dz[change.significant], given(settings.heatmap.colour_range), level=change.median_level
     )
-    run.outputs |= _write_rasters(change, context.crs, tags, limit, run.stage)
+    run.outputs |= _write_rasters(change, context, tags, limit, run.stage)
     progress.update(0.3, "outlining zones")
     found, table = _write_zones(run, change, context, settings.zones)
     progress.update(0.5, "drawing the heatmap")
@@ -115,6 +119,8 @@ def write_products(
     terms = error_terms(change)
     facts["level_of_detection"] = change.level_facts() | ({"terms": terms} if terms else {})
     facts["volumes"] = table.facts()
+    if not context.counted:
+        del facts["density"]
     if change.season is not None:
         facts["season"] = change.season.facts()
     layers = Layers(
@@ -163,7 +169,7 @@ def _write_pictures(
     run: Run,
     change: Change,
     found: extraction.Zones,
-    picture: PointCloud | CloudFile,
+    picture: PointCloud | CloudFile | top_view.TopView,
     context: Context,
     parameters: HeatmapParameters,
     look: tuple[float, dict[str, str]],
@@ -171,7 +177,9 @@ def _write_pictures(
     """The top view and the heatmap over it; ``look`` is the colour range's limit (m) and the rasters' tags."""
     limit, tags = look
     stage = run.stage
-    view = top_view.top_view(picture, top_view.top_view_grid(change.grid, parameters.top_view_pixel))
+    view = picture
+    if not isinstance(view, top_view.TopView):
+        view = top_view.top_view(view, top_view.top_view_grid(change.grid, parameters.top_view_pixel))
     geotiff.write_rgba(stage.path("top_view.tif"), view.rgba, view.grid, context.crs, tags=tags)
     shown = Laid(change.dz, change.layout), change.significant, change.level
     heatmap = make_heatmap(*shown, change.grid, view, parameters, limit=limit)
@@ -248,8 +256,10 @@ def _level_in_words(change: Change) -> str:
     return f"Level of detection, {change.confidence:.4g} confidence{of}"
 
 
-def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float, stage: Stage) -> dict[str, Path]:
-    path = stage.path("elevation_change.tif")
+def _write_rasters(
+    change: Change, context: Context, tags: dict[str, str], limit: float, stage: Stage
+) -> dict[str, Path]:
+    path, crs = stage.path("elevation_change.tif"), context.crs
     legend = Legend(f"{change.measure}, later minus earlier", limit)
     write_masked_raster(path, Laid(change.dz, change.layout), change.significant, change.grid, crs, legend, tags)
     outputs = {"elevation_change": stage.final(path.name)}
@@ -294,15 +304,22 @@ def _write_rasters(change: Change, crs: CRS, tags: dict[str, str], limit: float,
         geotiff.write_raster(path, held, change.grid, crs, description=description, unit=unit, tags=tags)
         qgis_styles.write_qml_next_to(path, qml)
         outputs[name] = stage.final(path.name)
-    epochs = ("earlier", "later")
+    return outputs | _write_surfaces(change, context, tags, stage)
+
+
+def _write_surfaces(change: Change, context: Context, tags: dict[str, str], stage: Stage) -> dict[str, Path]:
+    """Heights of both surfaces, and the points behind them where these are counted."""
+    outputs, epochs = {}, ("earlier", "later")
     bands = {
         "surface_heights": ("Height of the {} surface", "m", (change.height_from, change.height_to)),
         "point_counts": ("Ground points a cell, {}", "points", change.points),
     }
+    if not context.counted:
+        del bands["point_counts"]
     for name, (description, unit, arrays) in bands.items():
         path = stage.path(f"{name}.tif")
         pair = [Laid(np.asarray(array), change.layout) for array in arrays]
         named = {description.format(epoch): band for epoch, band in zip(epochs, pair, strict=True)}
-        geotiff.write_bands(path, named, change.grid, crs, unit=unit, tags=tags)
+        geotiff.write_bands(path, named, change.grid, context.crs, unit=unit, tags=tags)
         outputs[name] = stage.final(path.name)
     return outputs

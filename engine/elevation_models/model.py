@@ -1,0 +1,162 @@
+"""An elevation model as read from its file: heights in metres, and what its file says of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pyproj import CRS
+
+from ...interface.parameters import InputParameters
+from ..core.arrays import Float
+from ..core.errors import InputError
+from ..core.messages import shown
+from ..crs.working_frame import given_crs, plausibility, working_frame
+from ..grid.geotiff import OpenRaster, open_raster
+from ..grid.grid import Grid
+from ..statistics.robust import nmad
+
+MAX_CELLS = 30_000_000
+"""Cells of a model that are held in memory: about 3 GB while two are compared."""
+_HEIGHTS_M = (-11_000.0, 9_000.0)  # what there is on Earth; beyond it, a value stands for none
+_STEPS = (1.0, 0.5, 0.25, 0.1, 0.05)  # of the file's unit; a hundredth is how heights are written
+_UNITS = {"m": "metre", "metre": "metre", "meter": "metre", "metres": "metre", "ft": "foot", "foot": "foot",
+          "us survey foot": "us-survey-foot", "us-survey-foot": "us-survey-foot", "ftus": "us-survey-foot"}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ElevationModel:
+    """Heights (rows, columns) of ``grid``, metres, NaN where unknown.
+
+    Attributes:
+        crs: with metre axes, and its vertical part where the file declares one.
+        vertical: name of the vertical system; empty where none is declared.
+        step: the heights are whole multiples of this, metres; 0 where they are of a centimetre or less.
+        holes: number of cells without a height.
+        notes: sentences for the user.
+    """
+
+    heights: Float
+    grid: Grid
+    crs: CRS
+    vertical: str
+    step: float
+    holes: int
+    notes: tuple[str, ...]
+    path: Path
+
+    @property
+    def name(self) -> str:
+        return self.path.stem
+
+
+def read_model(path: Path, inputs: InputParameters | None = None) -> ElevationModel:
+    """Read an elevation model.
+
+    Args:
+        inputs: ``crs`` instead of what the file declares, ``height_unit``.
+
+    Raises:
+        InputError: no GeoTIFF, not north-up with square cells, several bands or one of 8 bits, no or a geographic
+            reference system, more than ``MAX_CELLS`` cells, or no heights.
+    """
+    inputs = inputs or InputParameters()
+    with open_raster(path) as opened:
+        _refuse_pictures(opened, path)
+        crs = CRS.from_wkt(opened.source.crs.to_wkt(version="WKT2_2019")) if opened.source.crs else None
+        unit = (opened.source.units[0] or "").strip().lower()
+        heights = np.asarray(opened.rows(0, opened.source.height), dtype=np.float64)
+        grid = opened.grid
+    _refuse_geographic(crs, inputs, path)
+    declared = working_frame(crs, _with_unit(inputs, crs, unit), path)
+    notes = list(declared.notes)
+    heights, unknown = _without_senseless(heights, declared.vertical_factor)
+    if unknown:
+        notes.append(
+            f"{shown(path)} holds {unknown} cells whose values are no heights on Earth; they count as unknown."
+        )
+    known = heights[np.isfinite(heights)]
+    if not known.size:
+        raise InputError(f"{shown(path)} holds no height in any of its {heights.size} cells; check its no-data value.")
+    step = _step(known)
+    factor = declared.horizontal_factor
+    metric = Grid(grid.west * factor, grid.north * factor, grid.cell * factor, grid.rows, grid.columns)
+    west, south, east, north = metric.bounds
+    notes += plausibility(declared, (west + east) / 2, (south + north) / 2)
+    if step:
+        notes.append(_step_note(path, step * declared.vertical_factor))
+    return ElevationModel(
+        heights=heights * declared.vertical_factor,
+        grid=metric,
+        crs=declared.crs,
+        vertical=declared.crs.sub_crs_list[-1].name if declared.crs.is_compound else "",
+        step=step * declared.vertical_factor,
+        holes=int(heights.size - known.size),
+        notes=tuple(notes),
+        path=path,
+    )
+
+
+def _refuse_pictures(opened: OpenRaster, path: Path) -> None:
+    source = opened.source
+    if source.count > 1:
+        raise InputError(
+            f"{shown(path)} has {source.count} bands; an elevation model has one, so give that band alone."
+        )
+    if source.dtypes[0] in ("uint8", "int8"):
+        raise InputError(
+            f"{shown(path)} holds whole numbers of 8 bits, as a hillshade or another picture does, and no heights; "
+            "give the elevation model that it was made of."
+        )
+    cells = source.width * source.height
+    if cells > MAX_CELLS:
+        raise InputError(
+            f"{shown(path)} has {cells:,} cells, more than the {MAX_CELLS:,} that are compared at once; clip it, or "
+            "resample it to larger cells."
+        )
+
+
+def _refuse_geographic(crs: CRS | None, inputs: InputParameters, path: Path) -> None:
+    """A cloud's sentence would not do: rasters are warped."""
+    used = given_crs(inputs.crs) if inputs.crs else crs
+    if used is not None and used.is_geographic:
+        raise InputError(
+            f"{shown(path)} is in the reference system {used.name}, which is geographic (degrees); warp it to a "
+            "projected one."
+        )
+
+
+def _with_unit(inputs: InputParameters, crs: CRS | None, unit: str) -> InputParameters:
+    """The unit of heights that the file names, where none is given and no vertical system says it."""
+    named = _UNITS.get(unit)
+    vertical = crs is not None and (crs.is_compound or len(crs.axis_info) > 2)
+    if inputs.height_unit != "auto" or named is None or vertical:
+        return inputs
+    return InputParameters(crs=inputs.crs, height_unit=named)
+
+
+def _without_senseless(heights: Float, factor: float) -> tuple[Float, int]:
+    """NaN for values that are no heights, and their number."""
+    with np.errstate(invalid="ignore"):
+        senseless = (heights * factor < _HEIGHTS_M[0]) | (heights * factor > _HEIGHTS_M[1])
+    return np.where(senseless, np.nan, heights), int(senseless.sum())
+
+
+def _step(known: Float) -> float:
+    """The largest step that all heights are whole multiples of, in the file's unit; 0 for finer ones."""
+    sample = known[:: max(1, known.size // 200_000)]
+    tolerance = 4.0 * np.spacing(np.float32(np.abs(sample).max()))
+    if nmad(sample) == 0 and np.ptp(sample) == 0:
+        return 0.0
+    for step in _STEPS:
+        if np.abs(sample - np.round(sample / step) * step).max() <= tolerance:
+            return step
+    return 0.0
+
+
+def _step_note(path: Path, step: float) -> str:
+    return (
+        f"The heights of {shown(path)} are whole multiples of {step:.3g} m; each errs by {step / np.sqrt(12.0):.2f} m "
+        "for that alone, and smaller change cannot be seen in a cell; give heights that were not rounded."
+    )
