@@ -74,10 +74,12 @@ change = aligned - reference
 spread = xdem.spatialstats.nmad
 values = np.ma.filled(change.data, np.nan)
 slope, curved = aligned.slope(), aligned.max_curvature()
-attributes = [np.abs(np.ma.filled(one.data, np.nan)) for one in (slope, curved)]
+curved = curved.copy(new_array=np.abs(curved.data))
+stable = change.copy(new_array=np.isfinite(values).astype("uint8")) == 1
 try:
-    error, approach = xdem.spatialstats.infer_heteroscedasticity_from_stable(
-        dvalues=values, list_var=attributes, list_var_names=["slope", "maxc"])[0], "slope and curvature"
+    fitted = xdem.spatialstats.infer_heteroscedasticity_from_stable(
+        dvalues=change, list_var=[slope, curved], list_var_names=["slope", "maxc"], stable_mask=stable)[0]
+    error, approach = fitted.data.filled(np.nan), "slope and curvature"
 except (ValueError, RuntimeError, IndexError):
     # it needs a hundred cells in each of its classes of slope and curvature
     error, approach = np.full(values.shape, spread(values[np.isfinite(values)])), "one NMAD"

@@ -2,8 +2,8 @@
 
 PyQt6 has no short names of enumerations (Qt.Horizontal), no ``exec_`` and no QVariant types; QGIS for Qt 6 offers its
 own enumerations under Qgis or by both names. See "Plugin migration to be compatible with Qt5 and Qt6" of QGIS's wiki.
-The rules are those of QGIS's own checker (scripts/pyqt5_to_pyqt6 of its sources) for Qt's classes, its fixes counted as
-faults; it also knows enumerations of QGIS's classes, which QGIS for Qt 6 offers by their short names, too.
+The rules follow QGIS's own converter (scripts/pyqt5_to_pyqt6 of its sources) for Qt's classes, as far as they were
+read, its fixes counted as faults; enumerations of QGIS's classes are not looked at. The plugin was not run with Qt 6.
 """
 
 from __future__ import annotations
