@@ -64,11 +64,12 @@ class GroundParameters(ParameterSet, record_name="ground"):
         advanced=True,
     )
     strips: str = _parameter(
-        "auto",
+        "off",
         "Fit flight strips",
-        "Strips of one survey that disagree where they overlap are fitted to one another: heights, positions and slow "
-        "drift over time, as far as that holds on ground that was left out. Only strips of the same survey are "
-        "compared, so that change between surveys stays. off: they stay as surveyed.",
+        "auto: strips of one survey that disagree where they overlap are fitted to one another: heights, positions and "
+        "slow drift over time, as far as that holds on ground that was left out. Only strips of the same survey are "
+        "compared, so that change between surveys stays; the error that is stated for the registration lacks that of "
+        "the fit. off: they stay as surveyed.",
         choices=("auto", "off"),
         advanced=True,
     )

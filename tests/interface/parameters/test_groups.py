@@ -105,6 +105,7 @@ def test_these_numbers_are_left_to_the_data():
         "cell", "largest_cell", "registration_error", "normal_scale", "projection_scale", "half_length",
         "core_spacing", "distance_cell", "memory_limit", "ground_memory", "colour_range", "learning_rate", "batch",
         "minutes", "threads", "area", "density", "memory_budget", "region_cell", "simplification", "detail",
+        "surface_error",
     }  # fmt: skip
 
 
