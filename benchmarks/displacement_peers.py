@@ -56,11 +56,11 @@ def _correlation(first: Float, later: Float, frame: Frame, core: Float) -> float
     corner = flat.min(axis=0) - reach
     shape = tuple(int(n) for n in np.ceil((flat.max(axis=0) + reach - corner) / NODE_M) + 1)
     kernel = kernel_of(70.0)
-    coarse = (
+    one, two = (
         relief(gridded(frame.to_plane(xyz), corner, (shape[0], shape[1]), kernel).values) for xyz in (first, later)
     )
     middles = np.rint((flat - corner) / NODE_M).astype(np.int64) // NODES
-    shifts, _ = best_shifts(*coarse, middles, _WINDOW_RADIUS_M, _LIMIT_M)
+    shifts, _ = best_shifts(one, two, middles, _WINDOW_RADIUS_M, _LIMIT_M)
     return float(np.median(shifts[:, 0]))
 
 

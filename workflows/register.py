@@ -54,10 +54,11 @@ def register_step(
     run.hash_inputs()
     others = [transform_path.absolute().parent] if transform_path else []
     with run.writing(output.absolute().parent, record_name=record_name_of(output), others=others) as stage:
+        stated: dict[str, Any] = {}
         with cancellation.temporary(stage.folder / SPOOL) as spool:
             if transform is not None:
                 _look_through(run, (reference, moving), settings)
-                transform, stated = transform.inverse() if invert else transform, {}
+                transform = transform.inverse() if invert else transform
             else:
                 transform, stated = _registered(run, (reference, moving), settings, stable, spool)
         with run.step("write", 0.8, 1.0, "writing"):

@@ -20,6 +20,9 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _LOCK = threading.Lock()
+_HELPER: dict[str, Any] = {
+    "nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True
+}  # fmt: skip
 _AT_WORK = threading.Event()  # numba has been imported and made ready by a kernel
 
 
@@ -90,8 +93,7 @@ def compiled_loop(loop: Callable[P, R]) -> Callable[P, R] | None:
         return None
     known: dict[str, Any] = {}
     for helper in loop.__dict__.get("helpers", ()):
-        part = numba.njit(nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
-        known[helper.__name__] = part(_knowing(helper, known))
+        known[helper.__name__] = numba.njit(**_HELPER)(_knowing(helper, known))
     try:
         ready: Callable[P, R] = numba.njit(cache=True, nogil=True, error_model="numpy")(_knowing(loop, known))
     except RuntimeError:  # numba found no folder to keep it in

@@ -52,7 +52,7 @@ class Region:
     @classmethod
     def of_nodes(cls, rows: Index, columns: Index, side: float) -> Region:
         """From the nodes' rows and columns, counted from the middle, and the side of a block in metres."""
-        offsets = np.column_stack([rows, columns]) * NODE_M
+        offsets: Float = np.column_stack([rows, columns]).astype(np.float64) * NODE_M
         place = np.floor(offsets / side + 0.5).astype(np.int64)
         place -= place.min(axis=0)
         key = place[:, 0] * (int(place[:, 1].max()) + 1) + place[:, 1]
@@ -153,6 +153,8 @@ def fit_motion(
             break
         if float(np.hypot(*motion)) > limit:
             break
+    assert at is not None
+    assert plane is not None
     return _described(at, region, motion, plane, converged)
 
 
@@ -217,7 +219,8 @@ def _described(at: _Residuals, region: Region, motion: Float, plane: Float, conv
     bread = _bread(at, weight)
     block = region.block[at.seen]
     terms = jacobian * (weight * residual)[:, None]
-    sums = np.stack([np.bincount(block, terms[:, k], region.blocks) for k in range(PARAMETERS)], axis=1)
+    each = [np.bincount(block, terms[:, k], region.blocks) for k in range(PARAMETERS)]
+    sums: Float = np.stack(each, axis=1).astype(np.float64, copy=False)
     without = _without_each(sums, at, weight, block, bread)
     share = np.minimum(np.abs(residual) / (TUKEY_SCALES * scale), 1.0) ** 2
     slope = (1 - share) * (1 - 5 * share)

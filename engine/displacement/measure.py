@@ -96,7 +96,7 @@ def _spread(count: int, numbers: Index, values: Sequence[Float | float], shape: 
 
 def _gate(windows: Windows, converged: Bool, limit: float) -> None:
     """Refuse what is no motion, by the first reason that holds."""
-    status, weak, strong = windows.status, *windows.information.T
+    status, (weak, strong) = windows.status, windows.information.T
     for reason, holds in (
         (Status.LITTLE_SEEN, windows.seen < MIN_SEEN_SHARE),
         (Status.NO_RELIEF, strong < MIN_INFORMATION),

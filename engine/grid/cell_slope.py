@@ -169,9 +169,10 @@ def _solved(parts: Sequence[_Products]) -> tuple[Float, Float]:
 
 
 def _planes_by_numpy(
-    wanted: Cells, surfaces: tuple[Cells, Float, Index], shape: tuple[int, int], radius: int, _lines: int
+    wanted: Cells, surfaces: tuple[Cells, Float, Index], grid_shape: tuple[int, int], radius: int, lines: int
 ) -> Float:
-    windows, (cell, height, starts) = Windows(wanted, shape, radius), surfaces
+    del lines  # of a strip: the loop's alone
+    windows, (cell, height, starts) = Windows(wanted, grid_shape, radius), surfaces
     parts = [slice(*ends) for ends in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True)]
     return np.array(_planes_in_parts([_padded(cell[part], height[part], windows) for part in parts], windows))
 

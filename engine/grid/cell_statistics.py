@@ -76,7 +76,7 @@ def sloping_statistics(xyz: Float, grid: Grid) -> CellStatistics:
     than it gains.
     """
     if compiled_pays(len(xyz), grid):
-        return _compiled_statistics(np.require(xyz, np.float64, "CW"), grid)
+        return _compiled_statistics(np.require(xyz, np.float64, ["C", "W"]), grid)
     return _of_sums(_sums(_points_in_cells(xyz, grid, _level(xyz, grid)), spread=True), grid, sloping=True)
 
 

@@ -157,7 +157,8 @@ def survey_cores(reference: Survey, spacing: float, bounds: tuple[float, float, 
         near = reference.within(box.grown(reach))
         chosen = np.flatnonzero(spread_cores(near.xyz, spacing, bounds))
         # a cube is that box's in which its middle lies; all of its points are near then
-        own = chosen[box.holds((_cubes(near.xyz[chosen], spacing) + 0.5) * spacing)]
+        middles: Float = (_cubes(near.xyz[chosen], spacing).astype(np.float64) + 0.5) * spacing
+        own = chosen[box.holds(middles)]
         found.append((near.xyz[own], near.number[own]))
     xyz, number = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
     order = np.argsort(number)

@@ -6,6 +6,7 @@ import contextlib
 import csv
 import dataclasses
 import re
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -96,6 +97,11 @@ def _first_time() -> bool:
     return len(_asked) == 1
 
 
+def _nearest(fonts: Sequence[FontEntry], weight: int) -> FontEntry:
+    """The upright one, if any, whose weight is nearest."""
+    return min(fonts, key=lambda font: (font.style != "normal", _far(font, weight)))
+
+
 def _first_chinese() -> str:
     """The first family of ``chinese_fonts.csv`` that is there, with which matplotlib can draw."""
     with _FAMILIES.open(encoding="utf-8", newline="") as table:
@@ -105,7 +111,7 @@ def _first_chinese() -> str:
         by_name.setdefault(font.name, []).append(font)
     for family in wanted:
         for weight in (400, 700) if family in by_name else ():
-            nearest = min(by_name[family], key=lambda font, weight=weight: (font.style != "normal", _far(font, weight)))
+            nearest = _nearest(by_name[family], weight)
             _installed().append(dataclasses.replace(nearest, name=f"{_OWN}{family}", weight=weight))
         if family in by_name and _has_chinese(f"{_OWN}{family}"):
             return family

@@ -7,6 +7,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -55,7 +56,7 @@ class KeptParts:
         with self._file.open("rb") as stream:
             for count in self._counts:
                 records = np.fromfile(stream, self._dtype, count)
-                arrays = {name: np.ascontiguousarray(records[name]) for name in self._dtype.names or ()}
+                arrays: dict[str, Any] = {name: np.ascontiguousarray(records[name]) for name in self._dtype.names or ()}
                 yield PointCloud(crs=first.crs, path=first.path, **arrays)
                 done += count
                 if progress is not None:

@@ -37,10 +37,10 @@ class KeptChanges(Sequence[Change]):
         """Keep a change of cells of one size on the whole grid."""
         file = self._folder / f"{self._name}_{len(self._kept)}.npz"
         cells = np.flatnonzero((change.count_from > 0) | (change.count_to > 0) | np.isfinite(change.dz))
-        arrays = {name: array.ravel()[cells] for name, array in _arrays(change).items()}
+        arrays: dict[str, Any] = {name: array.ravel()[cells] for name, array in _arrays(change).items()}
         with file.open("wb") as stream:
             np.savez(stream, cells=cells, **arrays)
-        nothing = {name: np.zeros(0) for name in arrays if not name.startswith(_PLANTS)}
+        nothing: dict[str, Any] = {name: np.zeros(0) for name in arrays if not name.startswith(_PLANTS)}
         self._kept.append(_Kept(replace(change, **nothing, plants=None), file))
 
     def again(self, other: KeptChanges, number: int) -> None:

@@ -275,8 +275,8 @@ def add_heights(sums: Float, places: Float, wanted: Index, at: Index, strip: Str
     for i in range(at.size - 1):
         k, first = at[i], start + i * step
         while k < last and wanted[k] < first + strip[1]:
-            place, column, row = i * (strip[1] - strip[0]) + wanted[k] - first - strip[0], wanted[k] - first, i
-            column, row = float(column + radius), float(row + radius)
+            place = i * (strip[1] - strip[0]) + wanted[k] - first - strip[0]
+            column, row = float(wanted[k] - first + radius), float(i + radius)
             total, mean = z[0, place], 1.0 / max(places[0, k], 1.0)
             sums[4, k] += (z[2, place] - column * total) - total * (places[1, k] * mean)
             sums[5, k] += (row * total - z[1, place]) - total * (places[2, k] * mean)

@@ -168,9 +168,10 @@ class Windows:
 
 
 def _sums_by_numpy(
-    wanted: Cells, cell: Cells, values: Float, shape: tuple[int, int], radius: int, _lines: int
+    wanted: Cells, cell: Cells, values: Float, grid_shape: tuple[int, int], radius: int, lines: int
 ) -> NDArray[Any]:
-    return np.array(Windows(wanted, shape, radius).totals_by_numpy(cell, *values))
+    del lines  # of a strip: the loop's alone
+    return np.array(Windows(wanted, grid_shape, radius).totals_by_numpy(cell, *values))
 
 
 _window_sums = compiled(_sums_by_numpy, *window_kernels.HELPERS)(window_kernels.window_sums)

@@ -112,10 +112,10 @@ def volumes(motion: SurfaceMotion, ground: Height, step: float = _COUNT_STEP_M) 
     west, south, east, north = motion.bounds
     columns, rows = math.ceil((east - west) / step), math.ceil((north - south) / step)
     across, along = (east - west) / columns, (north - south) / rows
-    u = west + across * (np.arange(columns) + 0.5)
+    u: Float = (west + across * (np.arange(columns) + 0.5)).astype(np.float64, copy=False)
     raised = lowered = 0.0
     for row in range(rows):
-        v = np.full(columns, south + along * (row + 0.5))
+        v: Float = np.full(columns, south + along * (row + 0.5), dtype=np.float64)
         change = moved_height(motion, ground, u, v) - ground(u, v)
         raised += float(change[change > 0].sum())
         lowered -= float(change[change < 0].sum())

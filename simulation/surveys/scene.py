@@ -96,10 +96,9 @@ class Scene:
             highest += max(float(change.dz(u, v).max()), 0.0)
         for motion in self.motions:
             west, south, east, north = motion.bounds
-            u, v = (
-                places.ravel() for places in np.meshgrid(np.linspace(west, east, 129), np.linspace(south, north, 129))
-            )
-            risen = float((moved_height(motion, self.base, u, v) - self.profile(v)).max())
+            places = np.meshgrid(np.linspace(west, east, 129), np.linspace(south, north, 129))
+            across, along = (axis.ravel() for axis in places)
+            risen = float((moved_height(motion, self.base, across, along) - self.profile(along)).max())
             highest = max(highest, risen + _BETWEEN_SAMPLES_M)
         return max(highest, 0.0)
 

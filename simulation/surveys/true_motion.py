@@ -75,13 +75,13 @@ def change_raster(after: Scene, before: Scene, grid: Grid, subsamples: int) -> F
 
 def _touched(after: Scene, u: Float, v: Float) -> Bool:
     """Which cells (n, ...) have a place within the bounds of a motion or a change."""
-    inside = np.zeros(u.shape, dtype=bool)
+    inside: Bool = np.zeros(u.shape, dtype=bool)
     moving, changing = [m.bounds for m in after.motions], [c.bounds for c in after.changes]
     for bounds in (*moving, *changing):
         west, south, east, north = bounds
-        inside |= (u >= west) & (u <= east) & (v >= south) & (v <= north)
-    touched: Bool = inside.any(axis=(1, 2))
-    return touched
+        within = (u >= west) & (u <= east) & (v >= south) & (v <= north)
+        inside[within] = True
+    return np.asarray(inside.any(axis=(1, 2)))
 
 
 def describe_motion(motion: SurfaceMotion, ground: Scene) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from laspy import PackedPointRecord
 from ...core.arrays import Float, Index
 from ...core.progress import Progress
 from ...pointcloud.extent import square_metres
-from ...pointcloud.header import CloudHeader
+from ...pointcloud.header import CloudHeader, Vector
 from ...pointcloud.reading import open_cloud
 from ...pointcloud.records import PLACES, coordinates, extra_dimensions, read_records
 from ...pointcloud.writing import Target, copy_records, scales_and_offsets, set_coordinates
@@ -117,7 +117,7 @@ def copy_fitted(source: Path, target: Path, fitted: FittedStrips) -> None:
     copy_records(header, [Target(target, frame.crs, scales, offsets, change)])
 
 
-def _scales(header: CloudHeader, factors: Float) -> Float:
+def _scales(header: CloudHeader, factors: Vector) -> Float:
     """Of the file, or finer: corrections are smaller than the centimetre in which some are stored."""
     return np.minimum(np.array(header.scales) * factors, _MAX_SCALE_M)
 
@@ -151,7 +151,7 @@ def _some(pairs: Overlaps) -> Overlaps:
     return pairs.chosen(np.sort(np.random.default_rng(0).choice(len(pairs), _MAX_PAIRS, replace=False)))
 
 
-def _points(header: CloudHeader, factors: Float) -> Iterator[tuple[Float, Index, Float]]:
+def _points(header: CloudHeader, factors: Vector) -> Iterator[tuple[Float, Index, Float]]:
     """Points near the ground where their height over it is known, else those of the ground's class."""
     heights = next((d for d in extra_dimensions(header) if d.name == HEIGHT_OVER_GROUND), None)
     fields = _FIELDS | (Fields.CLASSIFICATION if heights is None else Fields.ALL_EXTRA_BYTES)
@@ -190,7 +190,7 @@ class _Seen:
     end: Float
 
 
-def _looked_through(header: CloudHeader, factors: Float, progress: Progress) -> _Seen | None:
+def _looked_through(header: CloudHeader, factors: Vector, progress: Progress) -> _Seen | None:
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     squares = np.empty(0, dtype=np.int64)
     # Points, first and last second by number of strip and by turn of the clock.
