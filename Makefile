@@ -48,7 +48,7 @@ kills: setup  ## Commands killed at random moments, full disks, removed folders,
 lint: setup  ## ruff, mypy and the layers of the packages
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m ruff format --check .
-	$(PYTHON) -m mypy $(addprefix -p slopewatch.,$(TYPED)) -m slopewatch.api
+	$(PYTHON) -m mypy $(addprefix -p slopewatch.,$(TYPED)) -p slopewatch.api
 	PYTHONPATH=.setup/package .venv/bin/lint-imports
 
 format:  ## Let ruff rewrite what it can

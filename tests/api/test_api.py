@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+from datetime import date
 from pathlib import Path
 
 import geopandas as gpd
@@ -14,6 +15,8 @@ import pytest
 import rasterio
 import shapely
 from slopewatch import api
+from slopewatch.tests.builders import known_truth
+from slopewatch.tests.builders.known_changes import write_clouds, write_models
 from slopewatch.tests.builders.planes import write_plane
 from slopewatch.tests.builders.program import run
 
@@ -70,6 +73,39 @@ def test_m3c2_takes_polygons_of_stable_ground(clouds, tmp_path):
     record = json.loads(run.outputs["run"].read_text(encoding="utf-8"))
     assert record["inputs"][-1]["role"] == "stable"
     assert record["inputs"][-1]["path"] == str(area)
+
+
+def test_displacement_gives_the_motion_of_the_half_that_moved(tmp_path):
+    moved = write_clouds(tmp_path)
+    made = api.displacement(*moved, tmp_path / "out", ground="as_is", surface_error=0.001)
+    with rasterio.open(made.outputs["displacement"]) as raster:
+        down = raster.read(raster.descriptions.index("motion down the dip") + 1, masked=True)
+        assert (raster.tags()["EPOCH_FROM"], raster.tags()["EPOCH_TO"]) == known_truth.DAYS
+    quarter = len(down) // 4
+    assert np.ma.median(down[quarter]) == pytest.approx(known_truth.MOTION_M, abs=0.03)
+    assert np.ma.median(down[-1 - quarter]) == pytest.approx(0.0, abs=0.03)
+    assert made.figures["moving_zone_count"] == 1
+    record = json.loads(made.outputs["run"].read_text(encoding="utf-8"))
+    assert record["parameters"]["displacement"]["surface_error"] == 0.001
+    with pytest.raises(api.InputError, match=r"windows is no parameter here; did you mean window\?"):
+        api.displacement(*moved, tmp_path / "other", windows=4.0)
+
+
+def test_dem_change_takes_off_the_bias_and_leaves_the_pit(tmp_path):
+    """Days as keys, which differ from those of the names, go before them."""
+    models = write_models(tmp_path)
+    made = api.dem_change(dict(zip(("2020-01-01", date(2021, 1, 1)), models)), tmp_path / "out")
+    figures = made.figures
+    assert figures["bias_m"] == pytest.approx(known_truth.BIAS_M, abs=3.5 * figures["bias_error_m"])
+    assert figures["zone_count"] == 1
+    volume = known_truth.PIT_M * known_truth.PIT_SIZE_M**2
+    assert abs(figures["vol_loss_m3"]) == pytest.approx(abs(volume), abs=3 * figures["vol_loss_err_m3"])
+    with rasterio.open(made.outputs["elevation_change"]) as raster:
+        assert (raster.tags()["EPOCH_FROM"], raster.tags()["EPOCH_TO"]) == ("2020-01-01", "2021-01-01")
+    with pytest.raises(api.InputError, match="overwrite"):
+        api.dem_change(models, tmp_path / "out")
+    with pytest.raises(api.InputError, match="1 elevation model was given"):
+        api.dem_change(models[:1], tmp_path / "other")
 
 
 @pytest.mark.parametrize(

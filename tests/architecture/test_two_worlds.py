@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 QGIS_WORLD = sorted([*ROOT.glob("plugin/**/*.py"), *ROOT.glob("processing_algorithms/**/*.py"), ROOT / "__init__.py"])
 ENGINE_WORLD = sorted(
     p
-    for f in ("interface", "engine", "models", "simulation", "workflows", "cli", "benchmarks")
+    for f in ("interface", "engine", "models", "simulation", "workflows", "cli", "api", "benchmarks")
     for p in ROOT.glob(f"{f}/**/*.py")
 )
 SHARED = sorted((ROOT / "interface").glob("**/*.py"))

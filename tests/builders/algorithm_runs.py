@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import os
 import struct
 import subprocess
@@ -20,6 +21,7 @@ import pytest
 from qgis.core import QgsPointXY, QgsRasterLayer, QgsVectorLayer
 from qgis.PyQt.QtCore import QDate
 from slopewatch.processing_algorithms import setupengine
+from slopewatch.tests.builders import known_truth
 from slopewatch.tests.builders.engine_setup import make_whole_plugin
 from slopewatch.tests.builders.qgis import ROOT, engine_python
 
@@ -34,9 +36,16 @@ class Inputs:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
-    def engine(self, *arguments: object) -> None:
-        command = [engine_python(), "-m", "slopewatch.cli", *map(str, arguments)]
+    def engine(self, *arguments: object, module: str = "cli") -> None:
+        command = [engine_python(), "-m", f"slopewatch.{module}", *map(str, arguments)]
         subprocess.run(command, check=True, capture_output=True)
+
+    def known(self, kind: str, ending: str) -> list[Path]:
+        """A pair with a known change, made by tests/builders/known_changes.py."""
+        made = self.folder / f"known {kind}"
+        made.mkdir()
+        self.engine(kind, made, module="tests.builders.known_changes")
+        return [made / f"{day}{ending}" for day in known_truth.DAYS]
 
     @cached_property
     def survey(self) -> Path:
@@ -55,6 +64,16 @@ class Inputs:
         made = self.folder / "change"
         self.engine("change", *self.pair.values(), "--cell", "0.25", "--output-dir", made)
         return made
+
+    @cached_property
+    def models(self) -> list[Path]:
+        """Two elevation models, the later with a bias and a pit."""
+        return self.known("models", ".tif")
+
+    @cached_property
+    def moved(self) -> dict[str, Path]:
+        """Two clouds of rough ground, of which the northern half moved along its surface."""
+        return dict(zip(("REFERENCE", "CLOUD"), self.known("clouds", ".laz")))
 
     @cached_property
     def view(self) -> Path:
@@ -196,6 +215,50 @@ def measured(results: dict[str, Any], inputs: Inputs) -> None:
     assert 0.1 < results["LARGEST_RAISING"] < 0.4
 
 
+def bias_and_pit(results: dict[str, Any], inputs: Inputs) -> None:
+    """The bias is taken off, the pit is the one zone, and its volume is the true one within its error."""
+    assert results["MODEL_COUNT"] == 2
+    assert 0 < results["BIAS_ERROR"] < 0.02
+    assert results["BIAS"] == pytest.approx(known_truth.BIAS_M, abs=3.5 * results["BIAS_ERROR"])
+    assert features(results["ZONES"], "zones") == results["ZONE_COUNT"] == 1
+    volume = known_truth.PIT_M * known_truth.PIT_SIZE_M**2
+    assert 0 < results["LOSS_ERROR"] < 0.05 * abs(volume)
+    assert abs(results["LOSS"]) == pytest.approx(abs(volume), abs=3 * results["LOSS_ERROR"])
+    change = QgsRasterLayer(results["ELEVATION_CHANGE"])
+    west, north = change.extent().xMinimum(), change.extent().yMaximum()
+    east, south = (start + known_truth.PIT_SIZE_M / 2 for start in known_truth.PIT_WEST_NORTH_M)
+    places = {known_truth.PIT_M: (west + east, north - south), 0.0: (west + 100.5, north - 20.5)}
+    for expected, place in places.items():
+        seen, known = change.dataProvider().sample(QgsPointXY(*place), 1)
+        assert known
+        assert seen == pytest.approx(expected, abs=0.15)  # three times the noise of both models
+
+
+def half_moved(results: dict[str, Any], inputs: Inputs) -> None:
+    """One zone, which moved as the northern half did; no vectors well inside the southern half."""
+    moved, dip = known_truth.MOTION_M, math.radians(known_truth.DIP_DEG)
+    assert features(results["MOVING_ZONES"], "zones") == results["ZONE_COUNT"] == 1
+    (zone,) = QgsVectorLayer(f"{results['MOVING_ZONES']}|layername=zones", "zones", "ogr").getFeatures()
+    assert zone["length_m"] == pytest.approx(moved, abs=max(0.02, 3 * zone["length_err_m"]))
+    assert results["FASTEST_ZONE"] == pytest.approx(zone["length_m"], abs=0.001)  # the layer's is rounded
+    expected = {"motion east": moved * math.cos(dip), "motion north": 0.0, "motion up": -moved * math.sin(dip)}
+    raster = QgsRasterLayer(results["DISPLACEMENT"])
+    extent, data = raster.extent(), raster.dataProvider()
+    bands = {raster.bandName(i).partition(": ")[2]: i for i in range(1, raster.bandCount() + 1)}
+    for name, value in expected.items():
+        for share, true in ((0.75, value), (0.25, 0.0)):
+            north = extent.yMinimum() + share * extent.height()
+            row = [data.sample(QgsPointXY(x, north), bands[name]) for x in columns(raster)]
+            seen = sorted(motion for motion, known in row if known)
+            assert len(seen) >= 3
+            assert seen[len(seen) // 2] == pytest.approx(true, abs=0.03), (name, share)
+
+
+def columns(raster: QgsRasterLayer) -> list[float]:
+    size = raster.rasterUnitsPerPixelX()
+    return [raster.extent().xMinimum() + (column + 0.5) * size for column in range(raster.width())]
+
+
 def reported(results: dict[str, Any], inputs: Inputs) -> None:
     zones = features(str(inputs.change / "zones.gpkg"), "zones")
     page = Path(results["REPORT"]).read_text(encoding="utf-8")
@@ -297,6 +360,14 @@ RUNS = {
     ),
     "slopewatch:m3c2distances": Run(
         lambda i, to: {**i.pair, **ON_BARE_GROUND, "CORE_SPACING": 0.5, "OUTPUT": to / "core.laz"}, measured
+    ),
+    "slopewatch:demchange": Run(
+        lambda i, to: {"MODELS": list(map(str, i.models)), "OUTPUT_FOLDER": to}, bias_and_pit, CHANGE_LAYERS
+    ),
+    "slopewatch:displacementvectors": Run(
+        lambda i, to: {**i.moved, **ON_BARE_GROUND, "OUTPUT_FOLDER": to},
+        half_moved,
+        ("Displacement vectors", "Zones of coherent motion"),
     ),
     "slopewatch:writereport": Run(lambda i, to: {"INPUT": i.change}, reported),
     "slopewatch:topview": Run(

@@ -172,7 +172,9 @@ class QgisProcess:
         return json.loads(done.stdout)["results"]
 
     def attempt(self, algorithm: str, **parameters: Any) -> subprocess.CompletedProcess[str]:
-        given = [f"--{name}={value}" for name, value in parameters.items()]
+        """Run it; a parameter that takes several values gets a list of them."""
+        several = {name: value if isinstance(value, list) else [value] for name, value in parameters.items()}
+        given = [f"--{name}={value}" for name, values in several.items() for value in values]
         return self("--json", "run", f"slopewatch:{algorithm}", *given)
 
     def start(self, algorithm: str, **parameters: Any) -> subprocess.Popen[str]:
