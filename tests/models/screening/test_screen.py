@@ -305,9 +305,8 @@ def test_memory_follows_the_area_and_not_the_number_of_points(tmp_path, monkeypa
     monkeypatch.setattr(cloud_file, "_PICTURE_POINTS", 20_000)
     xyz = slope(40_000)
     parameters = ScreeningParameters(screening_method="residual")
-    screen_cloud(read_cloud(write(tmp_path / "first.las", xyz)), parameters)  # what is imported is not counted
     peaks, voxels = [], []
-    for times in (4, 12):
+    for times in (12, 4, 12):  # the first time counts what is imported and compiled
         # uncompressed: the compressor's own buffers are not the question
         path = write(tmp_path / f"{times}.las", np.tile(xyz, (times, 1)), point_format=6)
         source = ScreenedFile(path, InputParameters(), ground="auto", picture=True)
@@ -317,8 +316,8 @@ def test_memory_follows_the_area_and_not_the_number_of_points(tmp_path, monkeypa
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
         voxels.append(len(screening.count))
-    assert voxels[0] == pytest.approx(voxels[1], rel=0.02)  # another sample, another plane
-    assert peaks[1] < peaks[0] + 0.1 * 8 * xyz.nbytes, "more than a tenth of what the further coordinates take"
+    assert voxels[1] == pytest.approx(voxels[2], rel=0.02)  # another sample, another plane
+    assert peaks[2] < peaks[1] + 0.1 * 8 * xyz.nbytes, "more than a tenth of what the further coordinates take"
 
 
 def test_outputs_may_lie_in_several_folders(cloud, tmp_path):
