@@ -80,6 +80,8 @@ try:
     fitted = xdem.spatialstats.infer_heteroscedasticity_from_stable(
         dvalues=change, list_var=[slope, curved], list_var_names=["slope", "maxc"], stable_mask=stable)[0]
     error, approach = fitted.data.filled(np.nan), "slope and curvature"
+    if not np.isfinite(error[np.isfinite(values)]).any():
+        raise ValueError("no error for any cell")
 except (ValueError, RuntimeError, IndexError):
     # it needs a hundred cells in each of its classes of slope and curvature
     error, approach = np.full(values.shape, spread(values[np.isfinite(values)])), "one NMAD"
