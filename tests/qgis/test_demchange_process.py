@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from slopewatch.processing_algorithms.demchange import DemChange
 from slopewatch.tests.builders import known_truth
-from slopewatch.tests.builders.algorithm_runs import Inputs, bias_and_pit
+from slopewatch.tests.builders.algorithm_inputs import Inputs
+from slopewatch.tests.builders.algorithm_runs import bias_and_pit
 from slopewatch.tests.builders.qgis import QgisProcess, engine_python
 
 

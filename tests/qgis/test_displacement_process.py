@@ -9,7 +9,8 @@ import pytest
 from qgis.core import QgsVectorLayer
 from slopewatch.processing_algorithms.displacementvectors import DisplacementVectors
 from slopewatch.tests.builders import known_truth
-from slopewatch.tests.builders.algorithm_runs import ON_BARE_GROUND, Inputs, half_moved
+from slopewatch.tests.builders.algorithm_inputs import Inputs
+from slopewatch.tests.builders.algorithm_runs import ON_BARE_GROUND, half_moved
 from slopewatch.tests.builders.qgis import QgisProcess, engine_python
 
 

@@ -27,7 +27,8 @@ from qgis.PyQt.QtWidgets import (
 )
 from slopewatch.plugin.shipped_model import TITLES as MODELS
 from slopewatch.processing_algorithms import ALGORITHMS
-from slopewatch.tests.builders.algorithm_runs import RUNS, Inputs
+from slopewatch.tests.builders.algorithm_inputs import Inputs
+from slopewatch.tests.builders.algorithm_runs import RUNS
 from slopewatch.tests.builders.limits import PATIENCE_S
 
 NAMES = [*(algorithm.NAME for algorithm in ALGORITHMS), *MODELS]

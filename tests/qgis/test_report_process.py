@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 from qgis.core import QgsRasterLayer
-from slopewatch.tests.builders.algorithm_runs import Inputs, reported
+from slopewatch.tests.builders.algorithm_inputs import Inputs
+from slopewatch.tests.builders.algorithm_runs import reported
 from slopewatch.tests.builders.qgis import QgisProcess
 
 LINES = {

@@ -19,6 +19,7 @@ from slopewatch.engine.displacement.status import Status
 from slopewatch.engine.geometry.rigid_transform import RigidTransform
 from slopewatch.interface.parameters import DisplacementParameters, SurfaceParameters
 from slopewatch.tests.builders.rough_ground import axes, relief, sampled
+from slopewatch.workflows import early_memory
 from slopewatch.workflows.displacement import displacement_step
 from slopewatch.workflows.settings import DisplacementSettings
 
@@ -130,3 +131,11 @@ def test_a_smooth_face_says_why_it_shows_nothing(tmp_path):
 def test_a_folder_with_results_is_not_written_into(pair, outcome):
     with pytest.raises(InputError, match="overwrite"):
         run(pair, outcome[0].outputs["run"].parent)
+
+
+def test_clouds_that_do_not_fit_into_memory_are_refused_by_their_headers(pair, tmp_path, monkeypatch):
+    points = sum(laspy.open(cloud).header.point_count for cloud in pair)
+    monkeypatch.setattr(early_memory, "machine_memory", lambda: points * 20)
+    with pytest.raises(InputError, match=rf"held in memory, and the {points:,} of .*2024-05-01\.laz.* need about"):
+        run(pair, tmp_path / "motion")
+    assert not (tmp_path / "motion").exists()

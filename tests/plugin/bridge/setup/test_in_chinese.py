@@ -15,7 +15,8 @@ from slopewatch.plugin.bridge.setup import building, problems
 from slopewatch.plugin.bridge.setup.pythons import none_found
 from slopewatch.plugin.bridge.words import tr
 from slopewatch.processing_algorithms.setupengine import SetupEngine
-from slopewatch.tests.builders.algorithm_runs import Inputs, with_tiny_wheels
+from slopewatch.tests.builders.algorithm_inputs import Inputs
+from slopewatch.tests.builders.algorithm_runs import with_tiny_wheels
 from slopewatch.tests.builders.qgis import Recorder
 
 LEFT = re.compile(r"(?:\b[A-Za-z][a-z]+ ){2,}[a-z]+\b")
