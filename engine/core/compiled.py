@@ -42,6 +42,23 @@ class Kernel(Generic[P, R]):
         return self._chosen(*args, **kwargs)
 
 
+class Loop(Generic[P, R]):
+    """A function over arrays to be compiled, whose callers have a way of their own where that cannot be."""
+
+    def __init__(self, loop: Callable[P, R], *helpers: Callable[..., Any]) -> None:
+        """``helpers`` as in ``compiled``."""
+        loop.__dict__["helpers"] = helpers
+        self.loop = loop
+        self._ready: list[Callable[P, R] | None] = []
+
+    def ready(self) -> Callable[P, R] | None:
+        """The compiled function; None where it cannot be compiled."""
+        with _LOCK:
+            if not self._ready:
+                self._ready.append(compiled_loop(self.loop))
+            return self._ready[0]
+
+
 def compiled(plain: Callable[P, R], *helpers: Callable[..., Any]) -> Callable[[Callable[P, R]], Kernel[P, R]]:
     """Decorator of a loop over arrays that numba can compile; ``plain`` is taken where it cannot.
 

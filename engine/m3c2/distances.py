@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 
 from ..change.slope_calibration import ErrorModel, uncalibrated
 from ..core.arrays import Float, Index
+from ..core.compiled import pays
 from ..core.progress import Progress
 from ..statistics.normal import quantile
+from .kernels import CYLINDER_SUMS, MIN_COMPILED_PLACES, PLACES_PER_CALL
 from .lattice import Lattice, runs
-from .spread import Spread, SpreadSums
+from .spread import Spread, SpreadSums, across
 
 
 class Status(IntEnum):
@@ -233,6 +235,10 @@ def cylinder_statistics(
         value=None if cloud.values is None else value,
         spread=None if sums is None else sums.spread,
     )
+    loop = CYLINDER_SUMS.ready() if pays(len(core), MIN_COMPILED_PLACES) else None
+    if loop is not None:
+        _compiled_statistics(loop, found, cloud, core, unit, cylinder, progress)
+        return found
     places, axes = (np.ascontiguousarray(rows.T) for rows in (core, unit))
     done = 0
     for number, point in cloud.candidates(core, cylinder.half_length * unit, cylinder.radius):
@@ -254,6 +260,33 @@ def cylinder_statistics(
                 sums.add(number, cloud.offsets(places, number, point), along.take(inside))
         progress.update(done / max(len(core), 1))
     return found
+
+
+def _compiled_statistics(
+    loop: Callable[..., None],
+    found: Cylinders,
+    cloud: Lattice,
+    core: Float,
+    unit: Float,
+    cylinder: Cylinder,
+    progress: Progress,
+) -> None:
+    searched, half_axes, nothing = cloud.searched(), cylinder.half_length * unit, np.zeros((0, 5))
+    if searched is None:
+        return
+    moments = np.full((2, len(core)), np.nan)
+    directions = (nothing[:, :3], nothing[:, :3]) if found.spread is None else across(unit)
+    spread = (nothing[:, :2], nothing) if found.spread is None else (found.spread.place, found.spread.products)
+    values = nothing[:, 0] if cloud.values is None else cloud.values.astype(np.float64)
+    value = nothing[:, 0] if found.value is None else found.value
+    lengths = cylinder.radius, cylinder.half_length, cloud.reach(half_axes, cylinder.radius)
+    core, unit = (np.require(rows, np.float64, ["C", "W"]) for rows in (core, unit))
+    order = cloud.along_rows(core)
+    for start in range(0, len(order), PLACES_PER_CALL):
+        places = order[start : start + PLACES_PER_CALL], core, unit
+        loop(searched, values, places, directions, lengths, (found.count, moments, value, *spread))
+        progress.update((start + len(places[0])) / len(order))
+    found.mean[:], found.std[:] = moments
 
 
 def _fill(found: Cylinders, cloud: Lattice, number: Index, point: Index, along: Float) -> None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..core.arrays import Float, Index
 from ..pointcloud.in_parts import Points, every_of, parts_of
+from .kernels import Searched
 
 CUBES_PER_RADIUS = 1.0  # measured: smaller cubes fit the cylinder better, but take more looking up
 _CHUNK_PAIRS = 500_000  # pairs of a place and a point held at a time; some 150 bytes each, fewer stay in a faster cache
@@ -128,7 +129,7 @@ class Lattice:
         if not len(key):
             return
         eighths, cubes = (np.append(runs(k)[1], len(key)) for k in (key, key // 8))
-        self._key = key[cubes[:-1]] // (8 * layers)
+        self._key, self._layer = np.divmod(key[cubes[:-1]] // 8, layers)
         self._cubes = cubes
         self._levels = (self._spheres(cubes, np.searchsorted(eighths, cubes)), self._spheres(eighths, eighths))
 
@@ -153,8 +154,7 @@ class Lattice:
         if not self.points.shape[1]:
             return
         place, axis = self._in_plane(places), half_axes @ self.frame[:2].T
-        length = float(np.abs(half_axes).max(initial=0.0))
-        reach = radius + 1e-9 * (radius + length) + self._digits
+        reach = self.reach(half_axes, radius)
         low = (place[:, 1] - np.abs(axis[:, 1]) - reach - self._low[1]) / self.cell
         high = (place[:, 1] + np.abs(axis[:, 1]) + reach - self._low[1]) / self.cell
         first = np.clip(np.floor(low), 0, self._rows).astype(np.int64)
@@ -186,6 +186,38 @@ class Lattice:
                     owner, member = np.repeat(owner.take(near), size), _ranges(spheres.bounds.take(group), size)
                 if len(member):
                     yield owner, member
+
+    def searched(self) -> Searched | None:
+        """What compiled loops look for points in; None without points."""
+        if not self.points.shape[1]:
+            return None
+        cubes, parts = self._levels
+        rows, column = np.divmod(self._key, self._columns)
+        return Searched(
+            points=self.points,
+            column=column,
+            layer=self._layer,
+            row_cubes=np.searchsorted(rows, np.arange(self._rows + 1)),
+            cubes=np.column_stack([cubes.centre.T, cubes.radius]),
+            cube_members=np.append(cubes.bounds, cubes.bounds[-1] + cubes.sizes[-1]),
+            parts=np.column_stack([parts.centre.T, parts.radius]),
+            part_members=np.append(parts.bounds, parts.bounds[-1] + parts.sizes[-1]),
+            axes=self.frame,
+            origin=self._origin,
+            low=self._low,
+            cell=float(self.cell),
+            shape=np.array([self._columns, self._rows]),
+        )
+
+    def reach(self, half_axes: Float, radius: float) -> float:
+        """How far (m) from a segment points of ``candidates`` may lie, with what rounding may add to the radius."""
+        length = float(np.abs(half_axes).max(initial=0.0))
+        return radius + 1e-9 * (radius + length) + self._digits
+
+    def along_rows(self, places: Float) -> Index:
+        """Numbers (m,) of places (m, 3), neighbours one after the other, for the sake of the processor's cache."""
+        column, row = np.floor((self._in_plane(places) - self._low[:2]).T / self.cell)
+        return np.lexsort((column, row))
 
     def offsets(self, places: Float, number: Index, point: Index) -> tuple[Float, Float, Float]:
         """x, y and z of the points from their places (3, m), for pairs as ``candidates`` gives them.

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.arrays import Float, Index
+from ..core.compiled import pays
 from ..core.progress import Progress
+from .kernels import BALL_SUMS, MIN_COMPILED_PLACES, PLACES_PER_CALL, Searched
 from .lattice import Lattice, runs
 
 MIN_PLANE_POINTS = 4  # three always lie in a plane
@@ -50,6 +53,43 @@ def fit_planes(
     toward = np.array([0.0, 0.0, 1.0]) if orientation is None else np.asarray(orientation, dtype=np.float64)
     count = np.zeros(len(places), dtype=np.int64)
     normal, roughness = np.zeros((len(places), 3)), np.full(len(places), np.nan)
+    searched = lattice.searched() if pays(len(places), MIN_COMPILED_PLACES) else None
+    loop = None if searched is None else BALL_SUMS.ready()
+    if loop is not None:
+        found = _compiled_scatter(loop, searched, lattice, places, radius, progress)
+    else:
+        found = _plain_scatter(lattice, places, radius, progress)
+    for which, members, scatter in found:
+        count[which] = members
+        for start in range(0, len(which), _CHUNK_PROBLEMS):
+            part = slice(start, start + _CHUNK_PROBLEMS)
+            normal[which[part]], roughness[which[part]] = _planes(members[part], scatter[part])
+    normal[normal @ toward < 0] *= -1.0
+    return Fits(normal=normal, roughness=roughness, count=count)
+
+
+def _compiled_scatter(
+    loop: Callable[..., None],
+    searched: Searched | None,
+    lattice: Lattice,
+    places: Float,
+    radius: float,
+    progress: Progress,
+) -> Iterator[tuple[Index, Index, Float]]:
+    lengths = radius, lattice.reach(np.zeros((0, 3)), radius)
+    places, order = np.require(places, np.float64, ["C", "W"]), lattice.along_rows(places)
+    count, scatter = np.zeros(len(places), dtype=np.int64), np.zeros((len(places), 3, 3))
+    for start in range(0, len(order), PLACES_PER_CALL):
+        which = order[start : start + PLACES_PER_CALL]
+        loop(searched, which, places, lengths, (count, scatter))
+        held = which[count[which] > 0]
+        yield held, count[held], scatter[held]
+        progress.update((start + len(which)) / len(places))
+
+
+def _plain_scatter(
+    lattice: Lattice, places: Float, radius: float, progress: Progress
+) -> Iterator[tuple[Index, Index, Float]]:
     at = np.ascontiguousarray(places.T)
     done = 0
     for number, point in lattice.candidates(places, np.zeros_like(places), radius):
@@ -57,14 +97,8 @@ def fit_planes(
         local = lattice.offsets(at, number, point)
         inside = np.flatnonzero(local[0] ** 2 + local[1] ** 2 + local[2] ** 2 <= radius**2)
         if len(inside):
-            which, members, scatter = _scatter(number.take(inside), [axis.take(inside) for axis in local])
-            count[which] = members
-            for start in range(0, len(which), _CHUNK_PROBLEMS):
-                part = slice(start, start + _CHUNK_PROBLEMS)
-                normal[which[part]], roughness[which[part]] = _planes(members[part], scatter[part])
+            yield _scatter(number.take(inside), [axis.take(inside) for axis in local])
         progress.update(done / max(len(places), 1))
-    normal[normal @ toward < 0] *= -1.0
-    return Fits(normal=normal, roughness=roughness, count=count)
 
 
 def _scatter(number: Index, local: list[Float]) -> tuple[Index, Index, Float]:
