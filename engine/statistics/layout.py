@@ -62,10 +62,13 @@ class Layout:
             return values[window]
         rows, columns = (range(*part.indices(size)) for part, size in zip(window, self.shape, strict=True))
         dense = np.full((len(rows), len(columns)), _empty(values, empty), dtype=values.dtype)
-        here = slice(*np.searchsorted(self.listed, (rows.start * self.shape[1], rows.stop * self.shape[1])).tolist())
-        row, column = np.divmod(self.listed[here], self.shape[1])
-        inside = (column >= columns.start) & (column < columns.stop)
-        dense[row[inside] - rows.start, column[inside] - columns.start] = values[here][inside]
+        # row by row, since each row of a long slope holds many more cells than a small window does
+        starts = np.arange(rows.start, rows.stop) * self.shape[1]
+        first, last = (np.searchsorted(self.listed, starts + column) for column in (columns.start, columns.stop))
+        sizes = last - first
+        place = np.arange(sizes.sum()) + np.repeat(first - (np.cumsum(sizes) - sizes), sizes)
+        row = np.repeat(np.arange(len(rows)), sizes)
+        dense[row, self.listed[place] - np.repeat(starts + columns.start, sizes)] = values[place]
         return dense
 
     def at(self, values: NDArray[Any], row: Index, column: Index, empty: Any = None) -> NDArray[Any]:

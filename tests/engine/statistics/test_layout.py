@@ -27,6 +27,26 @@ def test_what_is_listed_comes_back_on_the_grid(whole):
     np.testing.assert_array_equal(LISTED.at(values, row, column), whole[row, column])
 
 
+class _Counting(np.ndarray):
+    """Counts the values that are taken from it."""
+
+    taken = 0
+
+    def __getitem__(self, index):
+        found = super().__getitem__(index)
+        type(self).taken += np.size(found)
+        return found
+
+
+def test_a_small_window_of_a_long_slope_looks_at_its_own_cells_only():
+    """So that a slope's many zones take no more time each where the slope is longer."""
+    layout = Layout((9, 50_000), np.arange(0, 9 * 50_000, 2))
+    values = np.arange(layout.listed.size, dtype=float).view(_Counting)
+    window = (slice(2, 6), slice(40_000, 40_010))
+    assert np.array_equal(np.isfinite(layout.window(values, window)), np.tile([True, False], (4, 5)))
+    assert _Counting.taken == 20
+
+
 @pytest.mark.parametrize("side", [1, 3, 4, 30])
 def test_sums_over_blocks_are_those_of_the_grid(side):
     expected = [
