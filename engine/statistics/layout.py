@@ -62,8 +62,12 @@ class Layout:
             return values[window]
         rows, columns = (range(*part.indices(size)) for part, size in zip(window, self.shape, strict=True))
         dense = np.full((len(rows), len(columns)), _empty(values, empty), dtype=values.dtype)
-        # row by row, since each row of a long slope holds many more cells than a small window does
         starts = np.arange(rows.start, rows.stop) * self.shape[1]
+        if len(columns) == self.shape[1]:
+            here = slice(*np.searchsorted(self.listed, (rows.start * len(columns), rows.stop * len(columns))).tolist())
+            dense.ravel()[self.listed[here] - rows.start * len(columns)] = values[here]
+            return dense
+        # row by row, since each row of a long slope holds many more cells than a small window does
         first, last = (np.searchsorted(self.listed, starts + column) for column in (columns.start, columns.stop))
         sizes = last - first
         place = np.arange(sizes.sum()) + np.repeat(first - (np.cumsum(sizes) - sizes), sizes)
