@@ -19,6 +19,7 @@ from datetime import date
 from pathlib import Path
 
 import numpy as np
+import rasterio
 from pyproj import CRS
 
 from ..engine.core.version import VERSION
@@ -37,7 +38,6 @@ MEMORY_GB = 4.0
 """What the commands are told to hold to, where they can be told."""
 KILL_GB = 8.0
 """A command that holds more is ended, so that the machine does not fall over."""
-CELL_M = 0.1
 WORST_EXPONENT = 1.05
 
 
@@ -98,10 +98,13 @@ def measure(key: Key, clouds: Path, known: Mapping[Key, Measured], deadline: flo
     command, points = _prepared(key, clouds)
     left = max(deadline - time.monotonic(), 1.0)
     spent = measured(command, environment=alone(), limit_bytes=KILL_GB * 1e9, limit_s=left)
-    error = None
+    error = cell = None
     if stage == "register" and not spent.reason:
         found = RigidTransform.load(_place(clouds, azimuth, millions) / "transform.json")
         error = registration_mm(found, millions, azimuth)
+    if stage == "change" and not spent.reason:
+        with rasterio.open(_place(clouds, azimuth, millions) / "change" / "elevation_change.tif") as raster:
+            cell = float(raster.res[0])
     return replace(
         stamp,
         points=points,
@@ -110,6 +113,7 @@ def measure(key: Key, clouds: Path, known: Mapping[Key, Measured], deadline: flo
         peak=spent.peak,
         together=spent.together,
         error_mm=error,
+        cell_m=cell,
         reason=spent.reason,
     )
 
@@ -147,8 +151,8 @@ def _prepared(key: Key, clouds: Path) -> tuple[list[str], int]:
     else:
         # the true motion, so that the change does not wait for a registration
         RigidTransform(np.eye(3), OFFSET_M, np.zeros(3)).save(transform, CRS.from_user_input(SYSTEM))
-        options = ["--transform", transform, "--output-dir", place / "change", "--cell", CELL_M]
-        options += ["--memory-limit", MEMORY_GB]
+        # the cell is left to the clouds, so that it becomes the next one that fits where 0.1 m needs too much memory
+        options = ["--transform", transform, "--output-dir", place / "change", "--memory-limit", MEMORY_GB]
     return [*program, *map(str, paths), *map(str, options)], points
 
 

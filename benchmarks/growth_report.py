@@ -25,7 +25,7 @@ def report(rows: Sequence[Measured], laws: Mapping[str, Law], memory: Mapping[st
         "",
         (
             "| stage | points a survey | points read | processor | clock | a million points read | largest process "
-            "| all processes | error |"
+            "| all processes | error; cells |"
         ),
         "|---|---|---|---|---|---|---|---|---|",
     ]
@@ -35,6 +35,7 @@ def report(rows: Sequence[Measured], laws: Mapping[str, Law], memory: Mapping[st
             lines.append(f"{start}| {row.reason} | | | | | |")
             continue
         error = "" if row.error_mm is None else f"{row.error_mm:.2f} mm"
+        error = error if row.cell_m is None else f"{row.cell_m:g} m"
         lines.append(
             f"{start}{row.points / 1e6:.2f} M | {row.cpu:.0f} s | {row.seconds:.0f} s "
             f"| {1e6 * row.cpu / row.points:.1f} s | {row.peak / 1e9:.2f} GB | {row.together / 1e9:.2f} GB | {error} |"

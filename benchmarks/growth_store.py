@@ -14,8 +14,8 @@ class Measured:
     """One command on one slope that faces ``azimuth``, of ``millions`` of points a survey.
 
     ``points`` it read; ``cpu`` seconds of all processors, ``seconds`` by the clock, ``peak`` bytes of its largest
-    process, ``together`` of all of them at one time. ``error_mm`` is that of a registration. ``reason`` says why there
-    are no figures. ``code`` names the state of the program.
+    process, ``together`` of all of them at one time. ``error_mm`` is that of a registration, ``cell_m`` the side of a
+    change's cells. ``reason`` says why there are no figures. ``code`` names the state of the program.
     """
 
     millions: float
@@ -27,6 +27,7 @@ class Measured:
     peak: int = 0
     together: int = 0
     error_mm: float | None = None
+    cell_m: float | None = None
     reason: str = ""
     day: str = ""
     machine: str = ""

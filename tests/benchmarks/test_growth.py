@@ -47,6 +47,17 @@ def test_what_no_law_goes_through_is_refused(values):
         fitted(SIZES[:3] if len(values) != 2 else SIZES[:2], values)
 
 
+def test_the_cells_of_a_change_stand_in_the_table():
+    text = report(
+        [row(1, "change", cell_m=0.1), row(3, "change", cell_m=0.25), row(1, "register", error_mm=1.5)], {}, {}
+    )
+    assert [line.split("|")[-2].strip() for line in text.splitlines() if " M | " in line] == [
+        "0.1 m",
+        "0.25 m",
+        "1.50 mm",
+    ]
+
+
 def test_pieces_meet_without_a_step():
     local = np.array([[0.0, 1.0, 2.0], [10.0, 3.0, 4.0], [4.0, 5.0, 6.0]])
     first, second, third = (placed(local, number, 10.0) for number in range(3))
