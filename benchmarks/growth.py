@@ -70,8 +70,8 @@ def main(arguments: Sequence[str]) -> int:
 
 def write_results(folder: Path, rows: Sequence[Measured]) -> dict[str, Law]:
     """Write growth.md and growth.png and print the table; the laws of the processor time."""
-    series = series_of(rows)
-    laws, memory = laws_of(series, 1), laws_of(series, 2)
+    series, alike = series_of(rows), series_of(of_one_cell(rows))
+    laws, memory = laws_of(alike, 1), laws_of(alike, 2)
     text = heading() + "\n" + report(rows, laws, memory)
     (folder / "growth.md").write_text(text, encoding="utf-8")
     draw(folder / "growth.png", series, laws, memory)
@@ -197,6 +197,12 @@ def laws_of(series: Series, column: int) -> dict[str, Law]:
         for stage, lines in series.items()
         if len(lines) >= LEAST_SIZES
     }
+
+
+def of_one_cell(rows: Sequence[Measured]) -> list[Measured]:
+    """Without changes whose cells had to be larger than those of the smallest slope."""
+    cells = [(row.millions, row.cell_m) for row in rows if row.cell_m is not None]
+    return [row for row in rows if row.cell_m is None or row.cell_m == min(cells)[1]]
 
 
 def series_of(rows: Iterable[Measured]) -> Series:

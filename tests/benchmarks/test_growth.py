@@ -58,6 +58,15 @@ def test_the_cells_of_a_change_stand_in_the_table():
     ]
 
 
+def test_changes_with_larger_cells_do_not_enter_the_law():
+    rows = [row(millions, "change", cpu=millions**1.1, cell_m=0.1) for millions in (3, 1, 10)]
+    rows += [row(100, "change", cpu=1.0, cell_m=0.25), row(1), row(3), row(100)]
+    laws = growth.laws_of(growth.series_of(growth.of_one_cell(rows)), 1)
+    assert laws["change"].exponent == pytest.approx(1.1)
+    assert laws["ground"].exponent == pytest.approx(1.0)
+    assert len(growth.series_of(rows)["change"]) == 4
+
+
 def test_pieces_meet_without_a_step():
     local = np.array([[0.0, 1.0, 2.0], [10.0, 3.0, 4.0], [4.0, 5.0, 6.0]])
     first, second, third = (placed(local, number, 10.0) for number in range(3))
