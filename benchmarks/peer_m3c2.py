@@ -34,20 +34,27 @@ np.save(f"{folder}/found/normal.npy", normal)
 np.save(f"{folder}/found/level.npy", level)
 print(json.dumps({"seconds": taken[0], "cpu": taken[1]}))
 """
-OWN = (
-    HEAD
-    + """
-from slopewatch.engine.m3c2.distances import Cylinder, m3c2_distances
+KERNELS = """
+from slopewatch.engine.core.compiled import take_kernels
+take_kernels()
+some = np.random.default_rng(0).uniform(0, 1, (100, 3))
+fit_planes(Lattice(some, 0.5), some, 0.5)
+cylinder_statistics(Lattice(some, 0.5), some, some, Cylinder(0.5, 0.5))
+"""
+"""Loads the compiled loops as from 60,000 core points on, or in a process that has registered before: a start."""
+IMPORTS = """
+from slopewatch.engine.m3c2.distances import Cylinder, cylinder_statistics, m3c2_distances
 from slopewatch.engine.m3c2.lattice import Lattice
 from slopewatch.engine.m3c2.normals import fit_planes
+"""
+WORK = """
 started, cpu = time.perf_counter(), time.process_time()
 normal = fit_planes(Lattice(first, diameter / 2), core, diameter).normal
 found = m3c2_distances((Lattice(first, radius), Lattice(second, radius)), core, normal, Cylinder(radius, half_length))
 taken = time.perf_counter() - started, time.process_time() - cpu
 distance, normal, level = found.distance, found.normal, found.level
 """
-    + TAIL
-)
+OWN, BY_NUMPY = HEAD + IMPORTS + KERNELS + WORK + TAIL, HEAD + IMPORTS + WORK + TAIL
 PY4DGEO = (
     HEAD
     + """
@@ -64,6 +71,7 @@ normal, level = m3c2.directions(), uncertainty["lodetection"]
 )
 TOOLS = (
     own_tool("SlopeWatch m3c2", VERSION, OWN),
+    own_tool("SlopeWatch m3c2, by numpy", VERSION, BY_NUMPY, peer=True),
     script_tool("py4dgeo, M3C2", "py4dgeo", version("py4dgeo"), PY4DGEO),
 )
 
