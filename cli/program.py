@@ -14,6 +14,7 @@ from .commands import change, check, ground, info, inspect, register
 from .demchange import demchange
 from .displacement import displacement
 from .drawing import exportlabelstudio, importlabelstudio, suggestroi, topview
+from .exportgis import exportgis
 from .help_pages import Program
 from .language import say
 from .m3c2 import m3c2
@@ -59,6 +60,7 @@ for subcommand in (
     series,
     batch,
     report,
+    exportgis,
     topview,
     suggestroi,
     exportlabelstudio,

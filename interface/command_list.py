@@ -5,6 +5,7 @@ from __future__ import annotations
 COMMANDS: dict[str, tuple[str, ...]] = {
     "Inspect slopes": ("inspect", "series", "batch", "screen"),
     "Single steps": ("ground", "register", "change", "m3c2", "displacement", "demchange", "report"),
+    "Hand over": ("exportgis",),
     "Look at clouds, draw and label": (
         "info", "topview", "suggestroi", "exportlabelstudio", "importlabelstudio",
     ),
@@ -26,6 +27,7 @@ TITLES = {
     "displacement": "Displacement vectors",
     "demchange": "Change of elevation models",
     "report": "Write report",
+    "exportgis": "Export to GIS and CAD",
     "topview": "Top view",
     "suggestroi": "Suggest a region of interest",
     "exportlabelstudio": "Export to Label Studio",

@@ -18,6 +18,7 @@ from .displacement import DisplacementParameters
 from .distances import DistanceParameters
 from .drawing import LabellingParameters, RegionParameters, TopViewParameters
 from .ground import GroundParameters
+from .handover import HANDOVER_FORMATS, HandoverParameters
 from .inputs import InputParameters
 from .maps import HeatmapParameters
 from .outputs import OutputParameters
@@ -34,6 +35,7 @@ from .zones import ZoneParameters
 
 __all__ = [
     "AUTO",
+    "HANDOVER_FORMATS",
     "PROFILES",
     "PUBLISHED_WORKFLOW",
     "PUBLISHED_WORKFLOW_ID",
@@ -46,6 +48,7 @@ __all__ = [
     "FineTuneParameters",
     "GridChangeParameters",
     "GroundParameters",
+    "HandoverParameters",
     "HeatmapParameters",
     "InputParameters",
     "LabellingParameters",

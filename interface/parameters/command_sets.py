@@ -10,6 +10,7 @@ from .displacement import DisplacementParameters
 from .distances import DistanceParameters
 from .drawing import LabellingParameters, RegionParameters, TopViewParameters
 from .ground import GroundParameters
+from .handover import HandoverParameters
 from .inputs import InputParameters
 from .maps import HeatmapParameters
 from .outputs import OutputParameters
@@ -40,6 +41,7 @@ DISPLACEMENT: Sets = (*_READ, SurfaceParameters, DisplacementParameters, OutputP
 SCREEN: Sets = (InputParameters, GroundParameters, ScreeningParameters)
 INFO: Sets = (InputParameters,)
 REPORT: Sets = (ReportParameters,)
+EXPORTGIS: Sets = (HandoverParameters, OutputParameters)
 TRAIN: Sets = (InputParameters, FineTuneParameters, OutputParameters)
 TOPVIEW: Sets = (InputParameters, TopViewParameters, OutputParameters)
 SUGGESTROI: Sets = (InputParameters, RegionParameters, OutputParameters)
