@@ -6,6 +6,7 @@ from .corridorbatch import CorridorBatch
 from .demchange import DemChange
 from .displacementvectors import DisplacementVectors
 from .elevationchange import ElevationChange
+from .exportgis import ExportGis
 from .exportlabelstudio import ExportLabelStudio
 from .extractground import ExtractGround
 from .importlabelstudio import ImportLabelStudio
@@ -35,6 +36,7 @@ ALGORITHMS = (
     DemChange,
     DisplacementVectors,
     WriteReport,
+    ExportGis,
     TopView,
     SuggestRoi,
     ExportLabelStudio,

@@ -91,7 +91,10 @@ def export_step(
     run.hash_inputs()
     with run.step("read", 0.0, 0.1, "reading the results"):
         job = _job(run_folder, parameters, {} if fields is None else read_field_mapping(fields), chosen, progress)
-    with run.writing(folder, record_name=names[-1]) as stage, tempfile.TemporaryDirectory(dir=stage.folder) as temporary:
+    with (
+        run.writing(folder, record_name=names[-1]) as stage,
+        tempfile.TemporaryDirectory(dir=stage.folder) as temporary,
+    ):
         place = Path(temporary) if zipped else stage.folder
         job = replace(job, folder=place)
         with run.step("write", 0.1, 0.95, "writing"):
@@ -103,8 +106,15 @@ def export_step(
                 run.outputs["handover"] = stage.final(output.name)
             else:
                 run.outputs |= {name: stage.final(name) for name in files}
+                for name in package.named_in(folder).difference(files):  # of the hand-over that this one replaces
+                    stage.discard(name)
         size = sum((place / name).stat().st_size for name in files)
-        run.figures = {"files": len(files), "bytes": size, "layers": len(job.held.layers), "rasters": len(job.held.rasters)}
+        run.figures = {
+            "files": len(files),
+            "bytes": size,
+            "layers": len(job.held.layers),
+            "rasters": len(job.held.rasters),
+        }
         run.facts["not_held"] = job.held.missing()
     return run.result()
 
@@ -117,14 +127,20 @@ def _formats(text: str) -> tuple[str, ...]:
     """
     given = [word for part in text.split(",") if (word := part.strip().lower())]
     odd = next((word for word in given if word not in HANDOVER_FORMATS), None)
-    if odd is not None or not given:
-        what = "formats is empty" if odd is None else f"formats has {shown(odd)}, which is none"
-        raise InputError(f"{what}; give some of {', '.join(HANDOVER_FORMATS)}.")
+    known = ", ".join(HANDOVER_FORMATS)
+    if odd is not None:
+        raise InputError(f"formats has {shown(odd)}, which is none; give some of {known}.")
+    if not given:
+        raise InputError(f"formats is empty; give some of {known}.")
     return tuple(word for word in HANDOVER_FORMATS if word in given)
 
 
 def _job(
-    run_folder: Path, parameters: HandoverParameters, names: Mapping[str, str], chosen: tuple[str, ...], progress: Progress
+    run_folder: Path,
+    parameters: HandoverParameters,
+    names: Mapping[str, str],
+    chosen: tuple[str, ...],
+    progress: Progress,
 ) -> _Job:
     held = read_held(run_folder)
     if "copc" in chosen:
@@ -137,9 +153,13 @@ def _job(
     for word in held.missing():
         progress.info(f"The run holds no {word}, so none are handed over.")
     held = replace(held, layers=naming.renamed_layers(held.layers, names))
-    about = about_module.describe(held, parameters.metadata_title, parameters.organisation, parameters.email, parameters.licence)
+    about = about_module.describe(
+        held, parameters.metadata_title, parameters.organisation, parameters.email, parameters.licence
+    )
     drawn = {"dxf", "landxml"} & set(chosen)
-    meshes = {name: mesh(surface, parameters.surface_points) for name, surface in held.surfaces.items()} if drawn else {}
+    meshes = (
+        {name: mesh(surface, parameters.surface_points) for name, surface in held.surfaces.items()} if drawn else {}
+    )
     return _Job(held, about, meshes, names, Path(), progress)
 
 
@@ -151,7 +171,9 @@ def _write(job: _Job, chosen: tuple[str, ...]) -> list[str]:
         job.progress.update(number / (len(steps) + 1), f"writing {_NAMES[word]}")
         files += _WRITERS[word](job)
     if "iso" in chosen:
-        metadata.write_metadata(job.path("metadata/iso19139.xml"), job.about, [_NAMES[w] for w in chosen if w in _NAMES])
+        metadata.write_metadata(
+            job.path("metadata/iso19139.xml"), job.about, [_NAMES[w] for w in chosen if w in _NAMES]
+        )
         files.append("metadata/iso19139.xml")
     if "stac" in chosen:
         stac.write_item(job.path("item.json"), job.about, job.folder, files)

@@ -77,7 +77,9 @@ def describe(held: Held, title: str, organisation: str, email: str, licence: str
         InputError: its results have no reference system or no place.
     """
     if held.crs is None:
-        raise InputError(f"The results in {shown(held.folder)} have no reference system; make the run again with --crs.")
+        raise InputError(
+            f"The results in {shown(held.folder)} have no reference system; make the run again with --crs."
+        )
     bounds, cell = _bounds(held)
     what = _WHAT.get(str(held.record["command"]), "Results of SlopeWatch")
     span = " to ".join(dict.fromkeys(day.isoformat() for day in (*held.days[:1], *held.days[-1:])))
@@ -87,8 +89,8 @@ def describe(held: Held, title: str, organisation: str, email: str, licence: str
     return About(
         identifier=run_id or f"slopewatch-{held.record['command']}",
         title=title or f"{held.folder.name}: {what}{f', {span}' if span else ''}",
-        abstract=f"{what}{f', {span}' if span else ''}. {found} zone(s). Change that is not significant is not a statement "
-        "that nothing moved.",
+        abstract=f"{what}{f', {span}' if span else ''}. {found} zone(s). No change above the level of detection is no "
+        "statement that nothing moved.",
         organisation=organisation,
         email=email,
         licence=licence,
@@ -134,7 +136,9 @@ def _bounds(held: Held) -> tuple[tuple[float, float, float, float], float | None
 def _on_the_globe(bounds: tuple[float, float, float, float], crs: CRS) -> tuple[float, float, float, float]:
     flat = crs.sub_crs_list[0] if crs.is_compound else crs
     try:
-        moved = Transformer.from_crs(flat, "EPSG:4326", always_xy=True).transform_bounds(*bounds, densify_pts=_EDGE_POINTS)
+        moved = Transformer.from_crs(flat, "EPSG:4326", always_xy=True).transform_bounds(
+            *bounds, densify_pts=_EDGE_POINTS
+        )
     except ProjError as error:
         raise InputError(f"The results have no place on the globe ({error}); check their reference system.") from error
     west, south, east, north = (round(value, 7) for value in moved)

@@ -1,4 +1,4 @@
-"""What a finished run's folder holds that can be handed over: read from its record, and from nothing that is not there."""
+"""What a finished run's folder holds that can be handed over, by its record."""
 
 from __future__ import annotations
 
@@ -116,7 +116,9 @@ def find_record(run: Path) -> Path:
         return run / "run.json"
     found = sorted(run.glob("*_run.json"))
     if len(found) > 1:
-        raise InputError(f"{shown(run)} holds {len(found)} runs; give the record of one of them, such as {found[0].name}.")
+        raise InputError(
+            f"{shown(run)} holds {len(found)} runs; give the record of one of them, such as {found[0].name}."
+        )
     if not found:
         raise InputError(f"{shown(run)} holds no run.json, so no finished run; let it end, or give another folder.")
     return found[0]
@@ -131,8 +133,8 @@ def read_record(path: Path) -> dict[str, Any]:
     record = dict(read_json(path, _RECORD, _NO_RECORD))
     if record["command"] not in COMMANDS:
         raise InputError(
-            f"{shown(path)} is of the command {shown(record['command'])}, whose results are not handed over; give a run "
-            f"of {', '.join(COMMANDS[:-1])} or {COMMANDS[-1]}."
+            f"{shown(path)} is of the command {shown(record['command'])}, whose results are not handed over; give a "
+            f"run of {', '.join(COMMANDS[:-1])} or {COMMANDS[-1]}."
         )
     return record
 
@@ -214,7 +216,9 @@ def _styles(package: Path) -> dict[str, str]:
 
 def _surfaces(path: Path, record: Mapping[str, Any]) -> dict[str, Raster]:
     days = [one.get("name", "") for one in record.get("epochs") or ()]
-    names = [f"ground {day}" if day else word for day, word in zip(days, ("ground earlier", "ground later"), strict=False)]
+    names = [
+        f"ground {day}" if day else word for day, word in zip(days, ("ground earlier", "ground later"), strict=False)
+    ]
     if len(set(names)) != 2:
         names = ["ground earlier", "ground later"]
     read = {name: read_raster(path, band) for band, name in enumerate(names, 1)}
@@ -265,4 +269,3 @@ def _day(value: Any) -> date | None:
         return date.fromisoformat(str(value))
     except ValueError:
         return None
-

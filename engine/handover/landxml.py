@@ -116,7 +116,9 @@ def _add_section(parent: Element, section: Section) -> None:
         if known.sum() > 1:
             pairs = np.column_stack([section.distance, heights])[known].tolist()
             drawn = SubElement(profile, _tag("ProfSurf"), name=name)
-            SubElement(drawn, _tag("PntList2D")).text = " ".join(f"{station:.3f} {height:.3f}" for station, height in pairs)
+            SubElement(drawn, _tag("PntList2D")).text = " ".join(
+                f"{station:.3f} {height:.3f}" for station, height in pairs
+            )
 
 
 def _add_zones(parent: Element, layer: HeldLayer) -> None:

@@ -9,10 +9,13 @@ from pathlib import Path
 from ..core.checksums import sha256
 from ..core.errors import EngineError
 from ..core.staged_outputs import atomic_output
+from ..report.record_shape import inside
 
 CHECKSUMS = "SHA256SUMS"
 _MOMENT = (1980, 1, 1, 0, 0, 0)
 """Of all files: the earliest that a ZIP archive can state."""
+_DIGITS = 64
+"""Of a SHA-256, hexadecimal."""
 _READABLE = 0o100644 << 16
 _UNIX = 3
 _STORED = (".tif", ".laz", ".png", ".pdf")
@@ -28,10 +31,28 @@ def write_checksums(folder: Path, files: Iterable[str]) -> str:
     return CHECKSUMS
 
 
+def named_in(folder: Path) -> set[str]:
+    """The files that the checksums in ``folder`` name; none where there are no checksums that can be read."""
+    try:
+        lines = (folder / CHECKSUMS).read_text(encoding="utf-8").splitlines()
+    except (OSError, ValueError):
+        return set()
+    names = {
+        name
+        for line in lines
+        if len(digest := line.partition("  ")[0]) == _DIGITS
+        for name in [line[len(digest) + 2 :]]
+    }
+    return {name for name in names if inside(folder, name) is not None}
+
+
 def write_zip(path: Path, folder: Path, files: Iterable[str]) -> None:
     """The files of ``folder`` as an archive, in the order of their names and without the clock's time."""
     names = sorted(files)
-    with atomic_output(path, lambda written: _check(written, names)) as partial, zipfile.ZipFile(partial, "w") as archive:
+    with (
+        atomic_output(path, lambda written: _check(written, names)) as partial,
+        zipfile.ZipFile(partial, "w") as archive,
+    ):
         for name in names:
             entry = zipfile.ZipInfo(name, _MOMENT)
             entry.external_attr, entry.create_system = _READABLE, _UNIX

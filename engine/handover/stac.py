@@ -27,7 +27,8 @@ _SHA256_MULTIHASH = "1220"
 _TYPES = {
     ".tif": "image/tiff; application=geotiff; profile=cloud-optimized", ".gpkg": "application/geopackage+sqlite3",
     ".geojson": "application/geo+json", ".kml": "application/vnd.google-earth.kml+xml", ".csv": "text/csv",
-    ".dxf": "image/vnd.dxf", ".xml": "application/xml", ".html": "text/html", ".png": "image/png", ".pdf": "application/pdf",
+    ".dxf": "image/vnd.dxf", ".xml": "application/xml", ".html": "text/html", ".png": "image/png",
+    ".pdf": "application/pdf",
     ".qml": "application/xml", ".sld": "application/vnd.ogc.sld+xml", ".laz": "application/vnd.laszip+copc",
 }  # fmt: skip
 _CLOUDS = (".copc.laz",)

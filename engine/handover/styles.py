@@ -75,10 +75,14 @@ def sld_of(qml: str, name: str) -> str:
 
 def _raster(ramp: Element, name: str) -> str:
     stops = [
-        {"value": item.get("value"), "colour": item.get("color"), "opacity": f"{int(item.get('alpha', '255')) / 255:.3f}",
-         "label": item.get("label", "")}
+        {
+            "value": item.get("value"),
+            "colour": item.get("color"),
+            "opacity": f"{int(item.get('alpha', '255')) / 255:.3f}",
+            "label": item.get("label", ""),
+        }
         for item in ramp.iter("item")
-    ]  # fmt: skip
+    ]
     return render(_TEMPLATES / "raster.sld.j2", name=name, band=ramp.get("band", "1"), stops=stops)
 
 
@@ -100,7 +104,9 @@ def _conditions(attribute: str, value: str) -> tuple[Condition, ...]:
     """What holds where the styles' expression ``attribute`` is ``value``; empty where SLD has no words for it."""
     if found := _PAIR.fullmatch(attribute):
         parts = value.split(", ", 1)
-        return tuple(Condition(field, "PropertyIsEqualTo", part) for field, part in zip(found.groups(), parts, strict=True))
+        return tuple(
+            Condition(field, "PropertyIsEqualTo", part) for field, part in zip(found.groups(), parts, strict=True)
+        )
     if found := _CAPPED.fullmatch(attribute):
         comparison = "PropertyIsGreaterThanOrEqualTo" if value == found[2] else "PropertyIsEqualTo"
         return (Condition(found[1], comparison, value),)
@@ -116,7 +122,11 @@ def _look(symbol: Element) -> Look:
     fill, fill_opacity = _colour(own.get("color", "")) if own.get("style") == "solid" else ("#000000", 0.0)
     if lines:
         # the last is drawn on top of the light seam
-        line, width, dashed = lines[-1].get("line_color", ""), lines[-1].get("line_width", "0.3"), lines[-1].get("line_style")
+        line, width, dashed = (
+            lines[-1].get("line_color", ""),
+            lines[-1].get("line_width", "0.3"),
+            lines[-1].get("line_style"),
+        )
     else:
         line, width, dashed = own.get("outline_color", ""), own.get("outline_width", "0.3"), own.get("outline_style")
     return Look(fill, fill_opacity, _colour(line)[0], round(float(width) * _MM_PX, 2), dashed == "dash")

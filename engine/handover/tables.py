@@ -62,7 +62,9 @@ def on_the_globe(layer: HeldLayer) -> gpd.GeoDataFrame | None:
     if frame is None:
         return None
     if frame.crs is None:
-        raise InputError(f"The layer {layer.name} has no reference system, so no place on the globe; make the run again.")
+        raise InputError(
+            f"The layer {layer.name} has no reference system, so no place on the globe; make the run again."
+        )
     flat = frame.set_geometry(shapely.force_2d(frame.geometry.to_numpy()), crs=frame.crs)
     try:
         moved = flat.to_crs(_GLOBE)
@@ -150,9 +152,7 @@ def write_csv(path: Path, layer: HeldLayer) -> None:
         # within the shape in metres, then moved: in degrees another point would be taken
         spots = gpd.GeoSeries(inner, crs=places.crs).to_crs(_GLOBE)
         frame["lon_deg"], frame["lat_deg"] = spots.x.round(DEGREE_DECIMALS), spots.y.round(DEGREE_DECIMALS)
-        frame["x_m"], frame["y_m"] = (
-            np.round(read(inner), _METRE_DECIMALS) for read in (shapely.get_x, shapely.get_y)
-        )
+        frame["x_m"], frame["y_m"] = (np.round(read(inner), _METRE_DECIMALS) for read in (shapely.get_x, shapely.get_y))
         frame["wkt"] = shapely.to_wkt(shapes, rounding_precision=_METRE_DECIMALS, trim=True)
     with atomic_output(path) as partial:
         frame.to_csv(partial, index=False, encoding="utf-8", lineterminator="\n")

@@ -43,7 +43,7 @@ def write_copc(source: Path, output: Path) -> int:
     """Write the points of a LAS or LAZ file as COPC, in point format 6 or 7; how many nodes it has.
 
     Raises:
-        InputError: the file cannot be read, states no reference system as WKT, or has more points than the memory takes.
+        InputError: the file cannot be read, states no WKT, or has more points than the memory takes.
     """
     header = preflight(source)
     if header.count * _POINT_B > _MEMORY_SHARE * machine_memory():

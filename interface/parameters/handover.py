@@ -20,10 +20,11 @@ class HandoverParameters(ParameterSet, record_name="handover", title="Hand-over"
         ",".join(HANDOVER_FORMATS[:-1]),
         "Formats",
         "What is written, separated by commas: cog (rasters), gpkg, geojson, kml and csv (layers), dxf and landxml "
-        "(zones, sections and ground), styles (QML and SLD), iso (metadata), stac (catalogue item), report, copc (clouds).",
+        "(zones, sections and ground), styles (QML and SLD), iso (metadata), stac (catalogue item), report, copc "
+        "(clouds).",
     )
     surface_points: int = _parameter(
-        20_000,
+        10_000,
         "Points of a ground surface",
         "Most points of each triangle mesh in DXF and LandXML; the raster is thinned evenly until they do. Larger "
         "follows the ground more closely and makes larger files.",
@@ -39,7 +40,9 @@ class HandoverParameters(ParameterSet, record_name="handover", title="Hand-over"
         "Organisation",
         "Who answers for the data, in the metadata. Empty: not stated there.",
     )
-    email: str = _parameter("", "E-mail address", "Of the organisation, in the metadata. Empty: left out.", advanced=True)
+    email: str = _parameter(
+        "", "E-mail address", "Of the organisation, in the metadata. Empty: left out.", advanced=True
+    )
     licence: str = _parameter(
         "",
         "Conditions of use",
