@@ -120,6 +120,19 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
             ),
         ),
     ),
+    "createproject": (
+        (
+            "Next to the results, so that both can be moved",
+            "slopewatch createproject results --output results/slope.qgz",
+        ),
+        (
+            "With a title block for a sheet of A3",
+            (
+                'slopewatch createproject results --project-title "Slope 12" --author "A. Sato" --paper A3 \\\n'
+                "    --output results/slope.qgz"
+            ),
+        ),
+    ),
     "info": (
         ("What a cloud holds", "slopewatch info 2024-05-01.laz"),
         ("The same for a program", "slopewatch info 2024-05-01.laz --progress json"),

@@ -11,6 +11,7 @@ from ..engine.core.errors import InputError
 from ..engine.core.version import VERSION
 from .batch import batch
 from .commands import change, check, ground, info, inspect, register
+from .createproject import createproject
 from .demchange import demchange
 from .displacement import displacement
 from .drawing import exportlabelstudio, importlabelstudio, suggestroi, topview
@@ -61,6 +62,7 @@ for subcommand in (
     batch,
     report,
     exportgis,
+    createproject,
     topview,
     suggestroi,
     exportlabelstudio,

@@ -3,6 +3,7 @@
 from .checkenvironment import CheckEnvironment
 from .cloudinfo import CloudInfo
 from .corridorbatch import CorridorBatch
+from .createproject import CreateProject
 from .demchange import DemChange
 from .displacementvectors import DisplacementVectors
 from .elevationchange import ElevationChange
@@ -37,6 +38,7 @@ ALGORITHMS = (
     DisplacementVectors,
     WriteReport,
     ExportGis,
+    CreateProject,
     TopView,
     SuggestRoi,
     ExportLabelStudio,

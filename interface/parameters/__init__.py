@@ -23,6 +23,7 @@ from .inputs import InputParameters
 from .maps import HeatmapParameters
 from .outputs import OutputParameters
 from .profiles import PROFILES, PUBLISHED_WORKFLOW, PUBLISHED_WORKFLOW_ID
+from .project import PAPERS, ProjectParameters
 from .registration import RegistrationParameters
 from .report import ReportParameters
 from .screening import LastEpochParameters, ScreeningParameters
@@ -36,6 +37,7 @@ from .zones import ZoneParameters
 __all__ = [
     "AUTO",
     "HANDOVER_FORMATS",
+    "PAPERS",
     "PROFILES",
     "PUBLISHED_WORKFLOW",
     "PUBLISHED_WORKFLOW_ID",
@@ -57,6 +59,7 @@ __all__ = [
     "OutputParameters",
     "ParameterError",
     "ParameterSet",
+    "ProjectParameters",
     "RegionParameters",
     "RegistrationParameters",
     "ReportParameters",

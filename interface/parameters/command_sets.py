@@ -14,6 +14,7 @@ from .handover import HandoverParameters
 from .inputs import InputParameters
 from .maps import HeatmapParameters
 from .outputs import OutputParameters
+from .project import ProjectParameters
 from .registration import RegistrationParameters
 from .report import ReportParameters
 from .screening import LastEpochParameters, ScreeningParameters
@@ -42,6 +43,7 @@ SCREEN: Sets = (InputParameters, GroundParameters, ScreeningParameters)
 INFO: Sets = (InputParameters,)
 REPORT: Sets = (ReportParameters,)
 EXPORTGIS: Sets = (HandoverParameters, OutputParameters)
+CREATEPROJECT: Sets = (ProjectParameters, OutputParameters)
 TRAIN: Sets = (InputParameters, FineTuneParameters, OutputParameters)
 TOPVIEW: Sets = (InputParameters, TopViewParameters, OutputParameters)
 SUGGESTROI: Sets = (InputParameters, RegionParameters, OutputParameters)
