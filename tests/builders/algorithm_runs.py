@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from qgis.core import QgsPointXY, QgsRasterLayer, QgsVectorLayer
+from qgis.core import QgsPointXY, QgsProject, QgsRasterLayer, QgsVectorLayer
 from qgis.PyQt.QtCore import QDate
 from slopewatch.processing_algorithms import setupengine
 from slopewatch.tests.builders import known_truth
@@ -186,6 +186,15 @@ def handed_over(results: dict[str, Any], inputs: Inputs) -> None:
     assert results["FILES"] == len(names)
 
 
+def projected(results: dict[str, Any], inputs: Inputs) -> None:
+    project = QgsProject()
+    assert project.read(results["OUTPUT"])
+    layers = project.mapLayers().values()
+    assert len(layers) == results["LAYERS"] > 5
+    assert all(layer.isValid() for layer in layers)
+    assert project.layoutManager().layoutByName(results["LAYOUT"]) is not None
+
+
 def imported(results: dict[str, Any], inputs: Inputs) -> None:
     assert features(results["OUTPUT"], "labels") == results["POLYGONS"] == 1
 
@@ -280,6 +289,9 @@ RUNS = {
     "slopewatch:writereport": Run(lambda i, to: {"INPUT": i.change}, reported),
     "slopewatch:exportgis": Run(
         lambda i, to: {"INPUT": i.change, "SURFACE_POINTS": 500, "OUTPUT": to / "hand over.zip"}, handed_over
+    ),
+    "slopewatch:createproject": Run(
+        lambda i, to: {"INPUT": i.change, "AUTHOR": "A. Sato", "OUTPUT": to / "slope.qgz"}, projected
     ),
     "slopewatch:topview": Run(
         lambda i, to: {"INPUT": i.pair["CLOUD"], "OUTPUT_FOLDER": to}, viewed, ("Top view", "Hillshade")

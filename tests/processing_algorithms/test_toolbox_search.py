@@ -35,6 +35,7 @@ SEARCHES = {
     "hazard": {"screenhazards", "inspectslope"},
     "cross-section": {"writereport"},
     "pdf": {"writereport"},
+    "print layout": {"createproject"},
     "dxf": {"exportgis"},
     "landxml": {"exportgis"},
     "iso 19115": {"exportgis"},
