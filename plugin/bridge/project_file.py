@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import html
 import re
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -82,6 +84,7 @@ def _write(project: QgsProject, path: Path, count: int) -> None:
         written = project.write()
         if not written:
             raise ProjectError(f"{path} cannot be written ({project.error()}); choose another place.")
+        _forget_place(partial, path.parent)
         read = QgsProject()
         if not read.read(str(partial)) or len(read.mapLayers()) != count or not _all_valid(read):
             raise ProjectError(f"{path} read back differs from what was written; choose another place.")
@@ -91,6 +94,22 @@ def _write(project: QgsProject, path: Path, count: int) -> None:
         raise ProjectError(f"{path} cannot be written ({error.strerror}); choose another place.") from None
     finally:
         partial.unlink(missing_ok=True)
+
+
+def _forget_place(file: Path, folder: Path) -> None:
+    """Take the folder out of the file: layouts note the whole path of their layers, which they find by their ids."""
+    place = html.escape(folder.as_posix().rstrip("/"), quote=False) + "/"
+    if file.suffix.lower() != ".qgz":
+        text = file.read_text(encoding="utf-8")
+        file.write_text(text.replace(place, "./"), encoding="utf-8")
+        return
+    with zipfile.ZipFile(file) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in parts.items():
+            if name.endswith(".qgs"):
+                content = content.decode("utf-8").replace(place, "./").encode("utf-8")
+            archive.writestr(name, content)
 
 
 def _all_valid(project: QgsProject) -> bool:
