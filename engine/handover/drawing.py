@@ -51,6 +51,10 @@ def write_dxf(path: Path, held: Held, meshes: Mapping[str, Mesh], names: Mapping
     drawing = ezdxf.new("R2010", setup=False, units=units.M)
     drawing.appids.add(_APPLICATION)
     space = drawing.modelspace()
+    for name, mesh in meshes.items():  # first, so that all else is drawn over it
+        drawn = _layer(drawing, name.upper().replace(" ", "_"), _GREY)
+        for a, b, c in mesh.points[mesh.faces].tolist():
+            space.add_3dface((a, b, c), dxfattribs={"layer": drawn})
     surface = list(held.surfaces.values())[-1] if held.surfaces else None
     for layer in held.layers:
         if layer.places is not None and len(layer.frame):
@@ -59,10 +63,6 @@ def write_dxf(path: Path, held: Held, meshes: Mapping[str, Mesh], names: Mapping
         for name, heights in (("SECTIONS_EARLIER", section.earlier), ("SECTIONS_LATER", section.later)):
             _layer(drawing, name, _BROWN if name.endswith("EARLIER") else _GREEN)
             _add_section(space, name, section.xy, heights)
-    for name, mesh in meshes.items():
-        drawn = _layer(drawing, name.upper().replace(" ", "_"), _GREY)
-        for a, b, c in mesh.points[mesh.faces].tolist():
-            space.add_3dface((a, b, c), dxfattribs={"layer": drawn})
     count = len(space)
     with atomic_output(path, lambda written: _check(written, count)) as partial:
         drawing.saveas(partial, encoding="utf-8")

@@ -53,11 +53,15 @@ _SIDE_SHARE, _TABLE_SHARE, _BLOCK_MM = 0.24, 0.28, 24.0
 _ROW_MM = 4.9
 """Height of a row of the table."""
 _COLUMNS = (
-    ("zone_id", "Zone"), ("slope", "Slope"), ("kind", "Kind"), ("severity", "Severity"), ("alert", "Alert"),
-    ("area_m2", "Area (m²)"), ("dz_mean_m", "Mean change (m)"), ("rate_mm_day", "Rate (mm/day)"),
-    ("vol_net_m3", "Volume (m³)"), ("vol_err_m3", "± (m³)"), ("length_m", "Motion (m)"), ("length_err_m", "± (m)"),
-    ("azimuth_deg", "Direction (°)"), ("route", "Route"), ("chain_from", "Chainage from"), ("chain_to", "to"),
+    ("zone_id", "Zone", ""), ("slope", "Slope", ""), ("kind", "Kind", ""), ("severity", "Severity", ""),
+    ("alert", "Alert", ""), ("area_m2", "Area", "m²"), ("dz_mean_m", "Mean change", "m"),
+    ("rate_mm_day", "Rate", "mm/day"), ("vol_net_m3", "Volume", "m³"), ("vol_err_m3", "±", "m³"),
+    ("length_m", "Motion", "m"), ("length_err_m", "±", "m"), ("azimuth_deg", "Direction", "°"), ("route", "Route", ""),
+    ("chain_from", "Chainage from", ""), ("chain_to", "Chainage to", ""),
 )  # fmt: skip
+"""Fields of zones, what is said above them, and their unit."""
+_VALUES = {"kind": ("uplift", "subsidence"), "severity": ("high", "moderate", "low", "unsure")}
+"""Values that are shown in words of QGIS's language."""
 _DECIMALS = {"area_m2": 1, "dz_mean_m": 3, "rate_mm_day": 2, "vol_net_m3": 2, "vol_err_m3": 2, "length_m": 3,
              "length_err_m": 3, "azimuth_deg": 0}  # fmt: skip
 _WIDE_COLUMNS = 9
@@ -218,12 +222,12 @@ def _add_table(layout: QgsPrintLayout, zones: QgsVectorLayer, box: Box, rows: in
     table = QgsLayoutItemAttributeTable.create(layout)
     layout.addMultiFrame(table)
     table.setVectorLayer(zones)
-    names = [(field, title) for field, title in _COLUMNS if _is_filled(zones, field)][:_WIDE_COLUMNS]
+    shown = [column for column in _COLUMNS if _is_filled(zones, column[0])][:_WIDE_COLUMNS]
     columns = []
-    for field, title in names:
-        column = QgsLayoutTableColumn(tr(title))
+    for field, title, unit in shown:
+        column = QgsLayoutTableColumn(f"{tr(title)} ({tr(unit)})" if unit else tr(title))
         decimals = _DECIMALS.get(field)
-        column.setAttribute(f'"{field}"' if decimals is None else f'format_number("{field}", {decimals})')
+        column.setAttribute(_in_words(field) if decimals is None else f'format_number("{field}", {decimals})')
         column.setHAlignment(Qt.AlignmentFlag.AlignLeft if decimals is None else Qt.AlignmentFlag.AlignRight)
         columns.append(column)
     table.setColumns(columns)
@@ -240,6 +244,15 @@ def _add_table(layout: QgsPrintLayout, zones: QgsVectorLayer, box: Box, rows: in
     if rows < zones.featureCount():
         words = tr("{0} of {1} zones").format(rows, zones.featureCount())
         _add_text(layout, words, (box[0] + box[2] - 40, box[1] - _GAP_MM, 40.0, _GAP_MM), 7)
+
+
+def _in_words(field: str) -> str:
+    """An expression for a field's values in the language of QGIS; the field itself where these are its own words."""
+    words = {value: tr(value) for value in _VALUES.get(field, ())}
+    if all(value == word for value, word in words.items()):
+        return field
+    cases = " ".join(f"WHEN \"{field}\" = '{value}' THEN '{word}'" for value, word in words.items())
+    return f'CASE {cases} ELSE "{field}" END'
 
 
 def _is_filled(zones: QgsVectorLayer, field: str) -> bool:
