@@ -146,7 +146,7 @@ def _add_north(layout: QgsPrintLayout, box: Box) -> None:
     # inside of the project: a path to a picture would not move with it
     item.setPicturePath("base64:" + base64.b64encode(_NORTH.encode()).decode())
     _place(layout, item, (box[0], box[1] + 4, box[2], box[3] - 4))
-    _add_text(layout, tr("N"), (box[0], box[1] - 1, box[2], 5.0), 9, centred=True)
+    _add_text(layout, "N", (box[0], box[1] - 1, box[2], 5.0), 9, centred=True)
 
 
 def _add_scale(layout: QgsPrintLayout, drawn: QgsLayoutItemMap, box: Box) -> None:
