@@ -110,6 +110,29 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("The report of a folder again", "slopewatch report results"),
         ("With profiles along lines", "slopewatch report results --profiles lines.gpkg --zone-profiles 5"),
     ),
+    "exportgis": (
+        ("Everything that other systems read, in one archive", "slopewatch exportgis results --output slope_12.zip"),
+        (
+            "Under the agency's field names, for GIS and road design only",
+            (
+                "slopewatch exportgis results --fields names.csv --formats gpkg,dxf,landxml,iso \\\n"
+                "    --output hand_over"
+            ),
+        ),
+    ),
+    "createproject": (
+        (
+            "Next to the results, so that both can be moved",
+            "slopewatch createproject results --output results/slope.qgz",
+        ),
+        (
+            "With a title block for a sheet of A3",
+            (
+                'slopewatch createproject results --project-title "Slope 12" --author "A. Sato" --paper A3 \\\n'
+                "    --output results/slope.qgz"
+            ),
+        ),
+    ),
     "info": (
         ("What a cloud holds", "slopewatch info 2024-05-01.laz"),
         ("The same for a program", "slopewatch info 2024-05-01.laz --progress json"),

@@ -11,9 +11,11 @@ from ..engine.core.errors import InputError
 from ..engine.core.version import VERSION
 from .batch import batch
 from .commands import change, check, ground, info, inspect, register
+from .createproject import createproject
 from .demchange import demchange
 from .displacement import displacement
 from .drawing import exportlabelstudio, importlabelstudio, suggestroi, topview
+from .exportgis import exportgis
 from .help_pages import Program
 from .language import say
 from .m3c2 import m3c2
@@ -59,6 +61,8 @@ for subcommand in (
     series,
     batch,
     report,
+    exportgis,
+    createproject,
     topview,
     suggestroi,
     exportlabelstudio,

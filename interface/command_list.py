@@ -5,6 +5,7 @@ from __future__ import annotations
 COMMANDS: dict[str, tuple[str, ...]] = {
     "Inspect slopes": ("inspect", "series", "batch", "screen"),
     "Single steps": ("ground", "register", "change", "m3c2", "displacement", "demchange", "report"),
+    "Hand over": ("exportgis", "createproject"),
     "Look at clouds, draw and label": (
         "info", "topview", "suggestroi", "exportlabelstudio", "importlabelstudio",
     ),
@@ -26,6 +27,8 @@ TITLES = {
     "displacement": "Displacement vectors",
     "demchange": "Change of elevation models",
     "report": "Write report",
+    "exportgis": "Export to GIS and CAD",
+    "createproject": "Create project",
     "topview": "Top view",
     "suggestroi": "Suggest a region of interest",
     "exportlabelstudio": "Export to Label Studio",

@@ -3,9 +3,11 @@
 from .checkenvironment import CheckEnvironment
 from .cloudinfo import CloudInfo
 from .corridorbatch import CorridorBatch
+from .createproject import CreateProject
 from .demchange import DemChange
 from .displacementvectors import DisplacementVectors
 from .elevationchange import ElevationChange
+from .exportgis import ExportGis
 from .exportlabelstudio import ExportLabelStudio
 from .extractground import ExtractGround
 from .importlabelstudio import ImportLabelStudio
@@ -35,6 +37,8 @@ ALGORITHMS = (
     DemChange,
     DisplacementVectors,
     WriteReport,
+    ExportGis,
+    CreateProject,
     TopView,
     SuggestRoi,
     ExportLabelStudio,

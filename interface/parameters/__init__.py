@@ -18,10 +18,12 @@ from .displacement import DisplacementParameters
 from .distances import DistanceParameters
 from .drawing import LabellingParameters, RegionParameters, TopViewParameters
 from .ground import GroundParameters
+from .handover import HANDOVER_FORMATS, HandoverParameters
 from .inputs import InputParameters
 from .maps import HeatmapParameters
 from .outputs import OutputParameters
 from .profiles import PROFILES, PUBLISHED_WORKFLOW, PUBLISHED_WORKFLOW_ID
+from .project import PAPERS, ProjectParameters
 from .registration import RegistrationParameters
 from .report import ReportParameters
 from .screening import LastEpochParameters, ScreeningParameters
@@ -34,6 +36,8 @@ from .zones import ZoneParameters
 
 __all__ = [
     "AUTO",
+    "HANDOVER_FORMATS",
+    "PAPERS",
     "PROFILES",
     "PUBLISHED_WORKFLOW",
     "PUBLISHED_WORKFLOW_ID",
@@ -46,6 +50,7 @@ __all__ = [
     "FineTuneParameters",
     "GridChangeParameters",
     "GroundParameters",
+    "HandoverParameters",
     "HeatmapParameters",
     "InputParameters",
     "LabellingParameters",
@@ -54,6 +59,7 @@ __all__ = [
     "OutputParameters",
     "ParameterError",
     "ParameterSet",
+    "ProjectParameters",
     "RegionParameters",
     "RegistrationParameters",
     "ReportParameters",

@@ -10,9 +10,11 @@ from .displacement import DisplacementParameters
 from .distances import DistanceParameters
 from .drawing import LabellingParameters, RegionParameters, TopViewParameters
 from .ground import GroundParameters
+from .handover import HandoverParameters
 from .inputs import InputParameters
 from .maps import HeatmapParameters
 from .outputs import OutputParameters
+from .project import ProjectParameters
 from .registration import RegistrationParameters
 from .report import ReportParameters
 from .screening import LastEpochParameters, ScreeningParameters
@@ -40,6 +42,8 @@ DISPLACEMENT: Sets = (*_READ, SurfaceParameters, DisplacementParameters, OutputP
 SCREEN: Sets = (InputParameters, GroundParameters, ScreeningParameters)
 INFO: Sets = (InputParameters,)
 REPORT: Sets = (ReportParameters,)
+EXPORTGIS: Sets = (HandoverParameters, OutputParameters)
+CREATEPROJECT: Sets = (ProjectParameters, OutputParameters)
 TRAIN: Sets = (InputParameters, FineTuneParameters, OutputParameters)
 TOPVIEW: Sets = (InputParameters, TopViewParameters, OutputParameters)
 SUGGESTROI: Sets = (InputParameters, RegionParameters, OutputParameters)

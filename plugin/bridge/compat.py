@@ -7,6 +7,7 @@ from typing import Any
 from qgis.core import (
     Qgis,
     QgsProcessing,
+    QgsProcessingAlgorithm,
     QgsProcessingParameterDateTime,
     QgsProcessingParameterDefinition,
     QgsProcessingParameterFile,
@@ -35,6 +36,13 @@ _NAMES: dict[str, tuple[str, str, type, str, str]] = {
     "FILE": ("ProcessingFileParameterBehavior", "File", QgsProcessingParameterFile, "Behavior", "File"),
     "FOLDER": ("ProcessingFileParameterBehavior", "Folder", QgsProcessingParameterFile, "Behavior", "Folder"),
     "FILES": ("ProcessingSourceType", "File", QgsProcessing, "SourceType", "TypeFile"),
+    "NO_THREADING": (
+        "ProcessingAlgorithmFlag",
+        "NoThreading",
+        QgsProcessingAlgorithm,
+        "Flag",
+        "FlagNoThreading",
+    ),
     "DATE": ("ProcessingDateTimeParameterDataType", "Date", QgsProcessingParameterDateTime, "Type", "Date"),
 }
 
@@ -48,6 +56,7 @@ RASTER = _member(*_NAMES["RASTER"])
 FILE = _member(*_NAMES["FILE"])
 FOLDER = _member(*_NAMES["FOLDER"])
 FILES = _member(*_NAMES["FILES"])
+NO_THREADING = _member(*_NAMES["NO_THREADING"])
 DATE = _member(*_NAMES["DATE"])
 STRING = QMetaType.Type.QString if Qgis.QGIS_VERSION_INT >= 33800 else QVariant.String
 """Kind of a field of text."""

@@ -8,13 +8,14 @@ from __future__ import annotations
 import json
 import math
 import struct
+import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from qgis.core import QgsPointXY, QgsRasterLayer, QgsVectorLayer
+from qgis.core import QgsPointXY, QgsProject, QgsRasterLayer, QgsVectorLayer
 from qgis.PyQt.QtCore import QDate
 from slopewatch.processing_algorithms import setupengine
 from slopewatch.tests.builders import known_truth
@@ -174,6 +175,26 @@ def trained(results: dict[str, Any], inputs: Inputs) -> None:
     assert [file["name"] for file in described["training"]["files"]] == [cloud.name for cloud in clouds]
 
 
+def handed_over(results: dict[str, Any], inputs: Inputs) -> None:
+    """The archive holds what its checksums name, and the zones of the change."""
+    with zipfile.ZipFile(results["OUTPUT"]) as archive:
+        names = set(archive.namelist())
+        sums = archive.read("SHA256SUMS").decode().splitlines()
+        assert {line.split("  ", 1)[1] for line in sums} == names - {"SHA256SUMS"}
+        zones = json.loads(archive.read("geojson/zones.geojson"))
+    assert len(zones["features"]) == features(str(inputs.change / "zones.gpkg"), "zones") > 0
+    assert results["FILES"] == len(names)
+
+
+def projected(results: dict[str, Any], inputs: Inputs) -> None:
+    project = QgsProject()
+    assert project.read(results["OUTPUT"])
+    layers = project.mapLayers().values()
+    assert len(layers) == results["LAYERS"] > 5
+    assert all(layer.isValid() for layer in layers)
+    assert project.layoutManager().layoutByName(results["LAYOUT"]) is not None
+
+
 def imported(results: dict[str, Any], inputs: Inputs) -> None:
     assert features(results["OUTPUT"], "labels") == results["POLYGONS"] == 1
 
@@ -266,6 +287,12 @@ RUNS = {
         ("Displacement vectors", "Zones of coherent motion"),
     ),
     "slopewatch:writereport": Run(lambda i, to: {"INPUT": i.change}, reported),
+    "slopewatch:exportgis": Run(
+        lambda i, to: {"INPUT": i.change, "SURFACE_POINTS": 500, "OUTPUT": to / "hand over.zip"}, handed_over
+    ),
+    "slopewatch:createproject": Run(
+        lambda i, to: {"INPUT": i.change, "AUTHOR": "A. Sato", "OUTPUT": to / "slope.qgz"}, projected
+    ),
     "slopewatch:topview": Run(
         lambda i, to: {"INPUT": i.pair["CLOUD"], "OUTPUT_FOLDER": to}, viewed, ("Top view", "Hillshade")
     ),

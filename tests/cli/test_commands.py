@@ -56,6 +56,8 @@ def test_help_shows_every_parameter_with_its_unit_and_default():
         "exportlabelstudio",
         "importlabelstudio",
         "demchange",
+        "exportgis",
+        "createproject",
     ],
 )
 def test_every_command_has_help(command):

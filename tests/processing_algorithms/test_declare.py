@@ -121,6 +121,11 @@ FROZEN_PARAMETERS = {
         "INPUT", "REGION_CELL", "LEAST_DENSITY", "LARGEST_HOLE", "SPIKE_WIDTH", "SMALLEST_PART", "SIMPLIFICATION",
         *INPUT, *OUTPUT, "OUTPUT",
     ],
+    "exportgis": [
+        "INPUT", "FIELDS", "FORMATS", "SURFACE_POINTS", "METADATA_TITLE", "ORGANISATION", "EMAIL", "LICENCE", *OUTPUT,
+        "OUTPUT",
+    ],
+    "createproject": ["INPUT", "PROJECT_TITLE", "AUTHOR", "PAPER", *OUTPUT, "OUTPUT"],
     "exportlabelstudio": [
         "PICTURE", "SEGMENTS", "LABELS", "LABEL_FIELD", "PICTURE_ADDRESS", "LARGEST_PICTURE", *OUTPUT, "OUTPUT_FOLDER",
     ],
@@ -147,6 +152,8 @@ FROZEN_GROUPS = {
     "setupengine": "tools",
     "topview": "tools",
     "suggestroi": "tools",
+    "exportgis": "tools",
+    "createproject": "tools",
     "exportlabelstudio": "tools",
     "importlabelstudio": "tools",
     "cloudinfo": "tools",
@@ -220,6 +227,8 @@ FROZEN_OUTPUTS = {
         *TOP_VIEW,
     ],
     "suggestroi": ["PARTS", "AREA", "AREA_SHARE", "POINTS_SHARE", "DENSITY", "RUN_RECORD", "OUTPUT"],
+    "exportgis": ["FILES", "LAYERS", "RUN_RECORD", "OUTPUT"],
+    "createproject": ["LAYERS", "LAYOUT", "OUTPUT"],
     "exportlabelstudio": ["PICTURES", "REGIONS", "TASKS", "LABELS_FILE", "RUN_RECORD", "OUTPUT_FOLDER"],
     "importlabelstudio": ["REGIONS", "POLYGONS", "AREA", "RUN_RECORD", "OUTPUT"],
     "cloudinfo": ["POINTS", "AREA", "DENSITY", "REFERENCE_SYSTEM", "UNUSUAL"],
@@ -244,6 +253,8 @@ COMMANDS = {
     "setupengine": ["check"],  # it runs no other command
     "topview": ["topview"],
     "suggestroi": ["suggestroi"],
+    "exportgis": ["exportgis"],
+    "createproject": ["createproject"],
     "exportlabelstudio": ["exportlabelstudio"],
     "importlabelstudio": ["importlabelstudio"],
     "cloudinfo": ["info"],

@@ -20,6 +20,7 @@ from pyproj.exceptions import ProjError
 from shapely.geometry import box, mapping
 
 from ...engine.crs.working_frame import horizontal
+from ...engine.handover.stac import point_schemas
 from ...engine.pointcloud.declared_crs import declared_crs
 from ...engine.pointcloud.header import CloudHeader, preflight
 
@@ -27,7 +28,6 @@ _EXTENSIONS = (
     "https://stac-extensions.github.io/pointcloud/v1.0.0/schema.json",
     "https://stac-extensions.github.io/projection/v1.1.0/schema.json",
 )
-_KINDS = {"u": "unsigned", "i": "signed", "f": "floating"}
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def _item(cloud: MadeCloud, header: CloudHeader, crs: CRS, flat: CRS, folder: Pa
             "pc:count": header.count,
             "pc:type": "lidar",
             "pc:encoding": "application/vnd.laszip" if header.compressed else "application/vnd.las",
-            "pc:schemas": _schemas(header.point_format),
+            "pc:schemas": point_schemas(laspy.PointFormat(header.point_format)),
             "proj:wkt2": crs.to_wkt(),
             "proj:bbox": [west, south, bottom, east, north, top],
             "proj:geometry": mapping(extent),
@@ -102,14 +102,3 @@ def _on_the_globe(extent: shapely.Polygon, crs: CRS) -> shapely.Polygon:
     if not np.isfinite(shapely.get_coordinates(moved)).all():
         raise ProjError("outside of where its reference system holds")
     return moved
-
-
-def _schemas(point_format: int) -> list[dict[str, Any]]:
-    """Dimensions of a point as they are read: coordinates as numbers with fraction."""
-    found = []
-    for dimension in laspy.PointFormat(point_format).dimensions:
-        place = dimension.name in ("X", "Y", "Z")
-        kind = "floating" if place else _KINDS[dimension.kind.value if dimension.kind.value in _KINDS else "u"]
-        size = 8 if place else max(1, dimension.num_bits // 8)
-        found.append({"name": dimension.name, "size": size, "type": kind})
-    return found

@@ -1,0 +1,1 @@
+"""A finished run's results as files of other systems: GIS, drawings, road design, catalogues."""

@@ -1,0 +1,176 @@
+"""Which layers of a finished run's folder belong into a project: their titles, groups and days, by the run's record."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+ZONES, CHANGE, SURVEYS, SCREENING, TABLES, MORE = (
+    "Zones and sections", "Change", "Surveys", "Screening", "Tables", "More",
+)  # fmt: skip
+GROUPS = (ZONES, CHANGE, SCREENING, SURVEYS, TABLES, MORE)
+"""From the top of the layer tree."""
+Days = tuple[str, str]
+
+
+class NoRunError(Exception):
+    """The folder holds no finished run; the message says so in one sentence."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A layer of the project.
+
+    ``layer`` is that of a GeoPackage, ``bands`` the titles of a raster's bands where each becomes a layer of heights,
+    ``days`` when it is shown by the temporal controller: after the first until the second. ``survey`` is the day of the
+    group below ``group``, empty for none.
+    """
+
+    path: Path
+    title: str
+    group: str
+    layer: str = ""
+    survey: str = ""
+    visible: bool = False
+    days: Days | None = None
+    bands: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Contents:
+    """The entries from the top of each group on; ``zones`` is the one whose table the print layout shows."""
+
+    folder: Path
+    title: str
+    command: str
+    days: tuple[str, ...]
+    entries: tuple[Entry, ...]
+    zones: Entry | None
+
+
+# key of the run's output and layer: title, group, whether it is shown
+_LAYERS: dict[tuple[str, str], tuple[str, str, bool]] = {
+    ("corridor", "alerts"): ("Alerts", ZONES, True),
+    ("corridor", "zones"): ("Zones of all slopes", ZONES, True),
+    ("corridor", "slopes"): ("Slopes", ZONES, True),
+    ("series_zones", "zones"): ("Zones and alert levels", ZONES, True),
+    ("series_zones", "series"): ("Zones survey by survey", ZONES, False),
+    ("zones", "zones"): ("Hazard zones", ZONES, True),
+    ("displacement_vectors", "vectors"): ("Displacement vectors", ZONES, True),
+    ("displacement_vectors", "zones"): ("Zones of coherent motion", ZONES, True),
+    ("profiles", "profiles"): ("Lines of the profiles", ZONES, True),
+    ("zones", "footprints"): ("Footprints of the volumes", ZONES, False),
+    ("screened_zones", "zones"): ("Screened zones", SCREENING, False),
+    ("zones", "volumes"): ("Volumes", TABLES, False),
+}
+_RASTERS: dict[str, tuple[str, str, bool]] = {
+    "significant_change": ("Significant change (m)", CHANGE, True),
+    "elevation_change": ("Elevation change (m)", CHANGE, False),
+    "velocity": ("Velocity (mm/day)", CHANGE, True),
+    "velocity_error": ("Standard error of the velocity (mm/day)", CHANGE, False),
+    "epochs_confirmed": ("Comparisons that confirm", CHANGE, False),
+    "displacement": ("Displacement (m)", CHANGE, False),
+    "smallest_motion": ("Smallest motion that can be told (m)", CHANGE, False),
+    "m3c2_significant": ("Significant M3C2 distance (m)", CHANGE, True),
+    "m3c2_distance": ("M3C2 distance (m)", CHANGE, False),
+    "m3c2_level_of_detection": ("Level of detection of M3C2 (m)", CHANGE, False),
+    "significance": ("Significance (standard errors)", CHANGE, False),
+    "rate": ("Rate (mm/year)", CHANGE, False),
+    "mosaic": ("Elevation change (m)", CHANGE, True),
+    "level_of_detection": ("Level of detection (m)", CHANGE, False),
+    "change_probability": ("Probability of change", CHANGE, False),
+    "cell_size": ("Size of the cells (m)", CHANGE, False),
+    "plant_error": ("Error by plants (m)", CHANGE, False),
+    "plant_change": ("Change that plants explain (m)", CHANGE, False),
+    "screened_probability": ("Probability of a hazard (screening)", SCREENING, False),
+    "screened_smallest_hazard": ("Smallest hazard (m, screening)", SCREENING, False),
+    "probability": ("Probability of a hazard", SCREENING, True),
+    "smallest_hazard": ("Smallest hazard (m)", SCREENING, False),
+    "heatmap_raster": ("Heatmap", MORE, False),
+    "point_counts": ("Ground points in each cell", MORE, False),
+    "top_view": ("Top view", SURVEYS, True),
+}
+_HEIGHTS = "surface_heights"
+_HEIGHT_TITLES = ("Ground heights, earlier survey (m)", "Ground heights, later survey (m)")
+_OF_SURVEYS = re.compile(r"(cumulative|incremental)_(change|level)_\d+")
+_SPAN = re.compile(r"(\d{4}-\d{2}-\d{2})_(\d{4}-\d{2}-\d{2})$")
+_SURVEY_TITLES = {
+    "cumulative_change": "Change since the first survey", "incremental_change": "Change since the survey before",
+    "cumulative_level": "Level of detection since the first survey",
+    "incremental_level": "Level of detection since the survey before",
+}  # fmt: skip
+_MAIN = (("series_zones", "zones"), ("corridor", "zones"), ("zones", "zones"), ("displacement_vectors", "zones"))
+"""Layers of zones, the one first that a print layout lists."""
+
+
+def read_contents(run: str) -> Contents:
+    """What the folder of a finished run holds for a project.
+
+    Raises:
+        NoRunError: there is no run record, or it cannot be read, or it names no layers that are there.
+    """
+    path = Path(run)
+    record_path = path if path.is_file() else path / "run.json"
+    if not record_path.is_file():
+        several = sorted(path.glob("*_run.json"))
+        if len(several) != 1:
+            raise NoRunError(f"{run} holds no run.json, so no finished run; give the output folder of a run.")
+        record_path = several[0]
+    try:
+        record = json.loads(record_path.read_text(encoding="utf-8"))
+        outputs = {str(key): str(name) for key, name in record["outputs"].items()}
+        command = str(record["command"])
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        raise NoRunError(f"{record_path} is no run record that can be read; give the output folder of a run.") from None
+    folder = record_path.parent.absolute()
+    days = _days(record)
+    files = {key: folder / name for key, name in outputs.items() if _is_inside(name) and (folder / name).is_file()}
+    entries = [*_vectors(files), *_rasters(files, days)]
+    if not entries:
+        raise NoRunError(f"{folder} holds no layers, or they are gone; make the run of {command} again.")
+    order = sorted(entries, key=lambda e: GROUPS.index(e.group))
+    main = (e for key, name in _MAIN for e in entries if e.path == files.get(key) and e.layer == name)
+    return Contents(folder, folder.name, command, days, tuple(order), next(main, None))
+
+
+def _is_inside(name: str) -> bool:
+    parts = PurePosixPath(name.replace("\\", "/")).parts
+    return bool(parts) and ".." not in parts and not Path(name).is_absolute()
+
+
+def _days(record: dict[str, Any]) -> tuple[str, ...]:
+    named = [one.get("date") for one in record.get("epochs") or () if isinstance(one, dict)]
+    named = named or list(record.get("dates") or ())
+    roles = [str(one.get("role", "")) for one in record.get("inputs") or () if isinstance(one, dict)]
+    named = named or [role.partition(" ")[2] for role in roles if role.startswith("epoch ")]
+    return tuple(sorted({str(day) for day in named if day and re.fullmatch(r"\d{4}-\d{2}-\d{2}", str(day))}))
+
+
+def _vectors(files: dict[str, Path]) -> list[Entry]:
+    return [
+        Entry(files[key], title, group, layer=layer, visible=visible)
+        for (key, layer), (title, group, visible) in _LAYERS.items()
+        if key in files and files[key].suffix == ".gpkg"
+    ]
+
+
+def _rasters(files: dict[str, Path], days: tuple[str, ...]) -> list[Entry]:
+    pair = (days[0], days[-1]) if len(days) > 1 else None
+    found = []
+    if _HEIGHTS in files:
+        found.append(Entry(files[_HEIGHTS], "", SURVEYS, bands=_HEIGHT_TITLES, days=pair))
+    for key, (title, group, visible) in _RASTERS.items():
+        if key in files:
+            found.append(Entry(files[key], title, group, visible=visible, days=pair if group == CHANGE else None))
+    for key in sorted(files, reverse=True):
+        kind, span = _OF_SURVEYS.fullmatch(key), _SPAN.search(files[key].stem)
+        if kind and span:
+            title = _SURVEY_TITLES[f"{kind[1]}_{kind[2]}"]
+            newest = span[2] == days[-1] if days else False
+            visible = newest and kind.groups() == ("cumulative", "change") and "velocity" not in files
+            # the engine's style says on which days it is shown
+            found.append(Entry(files[key], title, SURVEYS, survey=span[2], visible=visible))
+    return found
