@@ -17,6 +17,7 @@ from .drawing import exportlabelstudio, importlabelstudio, suggestroi, topview
 from .help_pages import Program
 from .language import say
 from .m3c2 import m3c2
+from .planflight import planflight
 from .report import report
 from .reporting import error_event
 from .screen import screen
@@ -64,6 +65,7 @@ for subcommand in (
     exportlabelstudio,
     importlabelstudio,
     info,
+    planflight,
     train,
     simulate,
     check,

@@ -8,6 +8,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "Look at clouds, draw and label": (
         "info", "topview", "suggestroi", "exportlabelstudio", "importlabelstudio",
     ),
+    "Plan the next survey": ("planflight",),
     "Try and train": ("simulate", "train"),
     "Installation": ("check",),
 }  # fmt: skip
@@ -28,6 +29,7 @@ TITLES = {
     "report": "Write report",
     "topview": "Top view",
     "suggestroi": "Suggest a region of interest",
+    "planflight": "Plan a flight",
     "exportlabelstudio": "Export to Label Studio",
     "importlabelstudio": "Import from Label Studio",
     "simulate survey": "Simulate a survey",

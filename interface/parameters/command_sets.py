@@ -9,6 +9,7 @@ from .dem_change import ModelParameters
 from .displacement import DisplacementParameters
 from .distances import DistanceParameters
 from .drawing import LabellingParameters, RegionParameters, TopViewParameters
+from .flight import FlightParameters
 from .ground import GroundParameters
 from .inputs import InputParameters
 from .maps import HeatmapParameters
@@ -42,6 +43,7 @@ INFO: Sets = (InputParameters,)
 REPORT: Sets = (ReportParameters,)
 TRAIN: Sets = (InputParameters, FineTuneParameters, OutputParameters)
 TOPVIEW: Sets = (InputParameters, TopViewParameters, OutputParameters)
+PLANFLIGHT: Sets = (InputParameters, FlightParameters, OutputParameters)
 SUGGESTROI: Sets = (InputParameters, RegionParameters, OutputParameters)
 EXPORTLABELSTUDIO: Sets = (LabellingParameters, OutputParameters)
 IMPORTLABELSTUDIO: Sets = (OutputParameters,)
