@@ -17,6 +17,7 @@ from ..engine.core.errors import Cancelled, EngineError, InputError, SlopeWatchE
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
 from .drawing import export_label_studio, import_label_studio, suggest_roi, top_view
+from .flight import plan_flight
 from .flow import extract_ground, inspect, monitor, screen
 from .pairs import change, dem_change, displacement, m3c2, register
 from .simulation import simulate
@@ -37,6 +38,7 @@ __all__ = [
     "inspect",
     "m3c2",
     "monitor",
+    "plan_flight",
     "register",
     "screen",
     "simulate",

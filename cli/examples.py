@@ -151,6 +151,21 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
             "slopewatch suggestroi 2024-05-01.laz --smallest-part 1 --simplification 2 --output region.gpkg",
         ),
     ),
+    "planflight": (
+        (
+            "Over an elevation model, bare ground assumed",
+            "slopewatch planflight dem.tif --roi slope.gpkg --output-dir plan",
+        ),
+        (
+            "Over the last survey's ground, with the plants that survey saw",
+            "slopewatch planflight ground.laz --survey 2025-05-01.laz \\\n    --roi slope.gpkg --output-dir plan",
+        ),
+        (
+            "The same lines again over a new terrain, twice as high",
+            "slopewatch planflight dem.tif --plan plan/plan.gpkg --altitude 80 \\\n"
+            "    --roi slope.gpkg --output-dir again",
+        ),
+    ),
     "exportlabelstudio": (
         ("A top view to label", "slopewatch exportlabelstudio view/picture.tif --output-dir tasks"),
         (

@@ -19,6 +19,7 @@ from .exportgis import exportgis
 from .help_pages import Program
 from .language import say
 from .m3c2 import m3c2
+from .planflight import planflight
 from .report import report
 from .reporting import error_event
 from .screen import screen
@@ -68,6 +69,7 @@ for subcommand in (
     exportlabelstudio,
     importlabelstudio,
     info,
+    planflight,
     train,
     simulate,
     check,

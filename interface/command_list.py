@@ -9,6 +9,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "Look at clouds, draw and label": (
         "info", "topview", "suggestroi", "exportlabelstudio", "importlabelstudio",
     ),
+    "Plan the next survey": ("planflight",),
     "Try and train": ("simulate", "train"),
     "Installation": ("check",),
 }  # fmt: skip
@@ -31,6 +32,7 @@ TITLES = {
     "createproject": "Create project",
     "topview": "Top view",
     "suggestroi": "Suggest a region of interest",
+    "planflight": "Plan a flight",
     "exportlabelstudio": "Export to Label Studio",
     "importlabelstudio": "Import from Label Studio",
     "simulate survey": "Simulate a survey",

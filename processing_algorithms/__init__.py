@@ -14,6 +14,7 @@ from .importlabelstudio import ImportLabelStudio
 from .inspectseries import InspectSeries
 from .inspectslope import InspectSlope
 from .m3c2distances import M3C2Distances
+from .planflight import PlanFlight
 from .registerepochs import RegisterEpochs
 from .screenhazards import ScreenHazards
 from .setupengine import SetupEngine
@@ -41,6 +42,7 @@ ALGORITHMS = (
     CreateProject,
     TopView,
     SuggestRoi,
+    PlanFlight,
     ExportLabelStudio,
     ImportLabelStudio,
     SimulateSurvey,

@@ -20,7 +20,7 @@ MOST = 8
 _FIRST = (
     "report", "page", "series_zones", "corridor", "zones", "screened_zones", "m3c2_significant",
     "displacement_vectors", "labelled", "significant_change", "weights", "aligned", "points", "ground",
-    "picture", "roi",
+    "picture", "plan", "roi",
 )  # fmt: skip
 _NAMED = 2
 _MIN_BIAS_M, _BIAS_ERRORS = 0.02, 3.0
@@ -306,6 +306,29 @@ def _region(f: Figures) -> list[str]:
     ]  # fmt: skip
 
 
+def _flight(f: Figures) -> list[str]:
+    return [
+        sentence(
+            "{} lines of {} in all take {} and need {} " + ("battery." if f.get("battery_count") == 1 else "batteries."),
+            counted(f, "line_count"), measured(f, "line_length_m", "m"), _minutes(f.get("flight_time_s")),
+            counted(f, "battery_count"),
+        ),
+        sentence(
+            "They keep at least {} over the ground below, and {} from ground and known plants in any direction.",
+            measured(f, "altitude_lowest_m", "m"), measured(f, "clearance_m", "m"),
+        ),
+        sentence(
+            "At the median, {} returns a m² of map are of the ground, and two such surveys would show change above {}.",
+            counted(f, "ground_per_m2"), measured(f, "level_m", "m"),
+        ),
+        sentence("Motion along the surface would show above {}.", measured(f, "motion_m", "m")),
+    ]  # fmt: skip
+
+
+def _minutes(seconds: float | None) -> str:
+    return "" if seconds is None else f"{max(1, round(seconds / 60))} min"
+
+
 def _tasks(f: Figures) -> list[str]:
     return [
         sentence(
@@ -346,6 +369,7 @@ _FOUND: dict[str, Callable[[Figures], list[str]]] = {
     "report": _report,
     "topview": _top_view,
     "suggestroi": _region,
+    "planflight": _flight,
     "exportlabelstudio": _tasks,
     "importlabelstudio": _labels,
     "simulate survey": _survey,

@@ -214,3 +214,9 @@ def horizontal(crs: CRS | None) -> CRS | None:
     if crs is not None and crs.is_compound:
         return CRS(crs.sub_crs_list[0])
     return crs
+
+
+def same_horizontal(a: CRS, b: CRS) -> bool:
+    """Whether places in plan have the same coordinates in both, whatever heights they count."""
+    first, second = horizontal(a), horizontal(b)
+    return first is not None and second is not None and _same(first, second)

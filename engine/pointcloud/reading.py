@@ -147,6 +147,16 @@ def read_dimension(path: Path | str, name: str) -> NDArray[np.generic]:
     return np.concatenate([chosen.values(records).copy() for records in read_records(header)])
 
 
+def read_return_numbers(path: Path | str) -> NDArray[np.uint8]:
+    """Which return of its pulse each point is (n,), in the file's order; 1 is the first, 0 where a file does not say.
+
+    Raises:
+        InputError: see ``preflight`` and ``read_records``.
+    """
+    groups = read_records(preflight(path), selection=PLACES)
+    return np.concatenate([np.array(records["return_number"], dtype=np.uint8) for records in groups])
+
+
 def eight_bits(rgb: NDArray[np.uint16], largest: int | None = None) -> NDArray[np.uint8]:
     """Colours of 16 bits in 8; values that never exceed 255 are of 8 bits already, as many writers leave them.
 

@@ -17,6 +17,7 @@ from .dem_change import ModelParameters
 from .displacement import DisplacementParameters
 from .distances import DistanceParameters
 from .drawing import LabellingParameters, RegionParameters, TopViewParameters
+from .flight import FlightParameters
 from .ground import GroundParameters
 from .handover import HANDOVER_FORMATS, HandoverParameters
 from .inputs import InputParameters
@@ -48,6 +49,7 @@ __all__ = [
     "DisplacementParameters",
     "DistanceParameters",
     "FineTuneParameters",
+    "FlightParameters",
     "GridChangeParameters",
     "GroundParameters",
     "HandoverParameters",

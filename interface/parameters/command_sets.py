@@ -9,6 +9,7 @@ from .dem_change import ModelParameters
 from .displacement import DisplacementParameters
 from .distances import DistanceParameters
 from .drawing import LabellingParameters, RegionParameters, TopViewParameters
+from .flight import FlightParameters
 from .ground import GroundParameters
 from .handover import HandoverParameters
 from .inputs import InputParameters
@@ -46,6 +47,7 @@ EXPORTGIS: Sets = (HandoverParameters, OutputParameters)
 CREATEPROJECT: Sets = (ProjectParameters, OutputParameters)
 TRAIN: Sets = (InputParameters, FineTuneParameters, OutputParameters)
 TOPVIEW: Sets = (InputParameters, TopViewParameters, OutputParameters)
+PLANFLIGHT: Sets = (InputParameters, FlightParameters, OutputParameters)
 SUGGESTROI: Sets = (InputParameters, RegionParameters, OutputParameters)
 EXPORTLABELSTUDIO: Sets = (LabellingParameters, OutputParameters)
 IMPORTLABELSTUDIO: Sets = (OutputParameters,)

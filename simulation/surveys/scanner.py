@@ -15,7 +15,7 @@ from ..sources import LEAVES, MULTIPATH, STRAY
 from ..trace import Steepness, approach, first_hit
 from .appearance import colours, intensities
 from .layers import Landscape
-from .pattern import Flight, Pulses, emit, flown
+from .pattern import Flight, Pulses, WaypointFlight, emit, flown
 from .returns import Echoes, echoes
 from .scene import Scene
 from .stray import disturbed
@@ -51,7 +51,7 @@ class SurveyCloud:
 
 def scan(
     landscape: Landscape,
-    flight: Flight,
+    flight: Flight | WaypointFlight,
     area: Area,
     pulses: int,
     range_noise: float,
@@ -67,7 +67,7 @@ def scan(
     progress = progress or Progress()
     starts = range(0, pulses, CHUNK)
     ceiling = landscape.scene.lift + 0.2
-    interval = len(flight.v) * flight.line_seconds / pulses
+    interval = flight.seconds / pulses
 
     def one(number: int) -> SurveyCloud:
         index = np.arange(starts[number], min(starts[number] + CHUNK, pulses), dtype=np.float64)
@@ -113,7 +113,7 @@ def _in_order(
 
 def _scan_chunk(
     landscape: Landscape,
-    flight: Flight,
+    flight: Flight | WaypointFlight,
     area: Area,
     ceiling: float,
     seconds: Float,

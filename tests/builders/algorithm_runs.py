@@ -168,6 +168,12 @@ def viewed(results: dict[str, Any], inputs: Inputs) -> None:
     assert QgsRasterLayer(results["TOP_VIEW"]).rasterUnitsPerPixelX() == pytest.approx(results["CELL_USED"])
 
 
+def planned(results: dict[str, Any], inputs: Inputs) -> None:
+    lines = QgsVectorLayer(f"{results['LINES']}|layername=lines", "lines", "ogr")
+    assert lines.featureCount() == results["LINE_COUNT"] >= 2
+    assert results["LEVEL"] > 0 and results["GROUND_DENSITY"] > 0
+
+
 def trained(results: dict[str, Any], inputs: Inputs) -> None:
     clouds = sorted(inputs.scenes.glob("*.laz"))
     assert results["LABELLED_POINTS"] == sum(map(points_in, clouds))
@@ -300,6 +306,13 @@ RUNS = {
         lambda i, to: {"INPUT": i.pair["CLOUD"], "OUTPUT": to / "roi.gpkg"},
         one_fact("AREA_SHARE", 0.7, 1.1),
         ("Proposed region",),
+    ),
+    "slopewatch:planflight": Run(
+        lambda i, to: {
+            "TERRAIN": i.pair["CLOUD"], "ROI": i.survey / "roi.gpkg", "PULSE_RATE": 2000.0, "OUTPUT_FOLDER": to
+        },
+        planned,
+        ("Waypoints", "Flight lines", "Expected level of detection (m)"),
     ),
     "slopewatch:exportlabelstudio": Run(
         lambda i, to: {

@@ -16,7 +16,7 @@ from slopewatch.tests.builders.zone_layers import enter
 ALL_COMMANDS = (
     ("inspect",), ("change",), ("series",), ("batch",), ("m3c2",), ("displacement",), ("train",),
     ("simulate", "survey"), ("simulate", "series"), ("simulate", "scenes"), ("topview",), ("suggestroi",),
-    ("exportlabelstudio",), ("importlabelstudio",), ("demchange",), ("exportgis",), ("createproject",),
+    ("exportlabelstudio",), ("importlabelstudio",), ("demchange",), ("exportgis",), ("createproject",), ("planflight",),
 )  # fmt: skip
 REFUSED = re.compile(r"Error: The folder (\S+) holds (?:results already|another series) .*--overwrite to replace \w+\.")
 

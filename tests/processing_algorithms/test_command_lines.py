@@ -24,6 +24,7 @@ from slopewatch.processing_algorithms.importlabelstudio import ImportLabelStudio
 from slopewatch.processing_algorithms.inspectslope import InspectSlope
 from slopewatch.processing_algorithms.m3c2distances import M3C2Distances
 from slopewatch.processing_algorithms.simulatesurvey import SimulateSurvey
+from slopewatch.processing_algorithms.planflight import PlanFlight
 from slopewatch.processing_algorithms.suggestroi import SuggestRoi
 from slopewatch.processing_algorithms.topview import TopView
 from slopewatch.processing_algorithms.trainmodel import TrainModel
@@ -274,6 +275,16 @@ def test_what_is_drawn_on(tmp_path: Path) -> None:
     roi = str(tmp_path / "roi.gpkg")
     found = command(SuggestRoi, INPUT=FIRST, OUTPUT=roi, LEAST_DENSITY=0.3, OVERWRITE=True)
     assert found == ["suggestroi", FIRST, "--output", roi, "--least-density", "0.3", "--overwrite"]
+
+
+def test_a_flight_is_planned(tmp_path: Path) -> None:
+    out, roi = str(tmp_path / "out"), polygons(tmp_path / "roi.gpkg")
+    given: dict[str, Any] = {"TERRAIN": FIRST, "ROI": roi, "SURVEY": LATER, "PLAN": "/data/plan.gpkg", "ALTITUDE": 60.0}
+    found = command(PlanFlight, OUTPUT_FOLDER=out, **given, AZIMUTH=30.0)
+    assert found == [
+        "planflight", FIRST, "--output-dir", out, "--roi", roi, "--survey", LATER, "--plan", "/data/plan.gpkg",
+        "--altitude", "60.0", "--azimuth", "30.0",
+    ]  # fmt: skip
 
 
 def test_what_goes_to_label_studio_and_back(tmp_path: Path) -> None:

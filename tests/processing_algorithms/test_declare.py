@@ -51,6 +51,9 @@ MODEL_PRODUCTS = [
 ]  # fmt: skip
 PLANTS = ["GRASS", "GRASS_HEIGHT", "MOWN", "FERNS", "FOREST", "LAYOUT", "LITTER", "MULTIPATH", "STRAY"]
 OUTPUT = ["OVERWRITE"]
+FLIGHT_PRODUCTS = [
+    "WAYPOINTS", "LINES", "EXPECTED_LEVEL", "EXPECTED_GROUND", "EXPECTED_RETURNS", "EXPECTED_MOTION",
+]  # fmt: skip
 TOP_VIEW = ["TOP_VIEW", "HILLSHADE_RASTER", "DENSITY", "GROUND_DENSITY", "CANOPY_HEIGHT"]
 SCREENED = ["SCREENED_ZONES", "SCREENED_PROBABILITY", "SCREENED_SMALLEST_HAZARD"]
 FROZEN_PARAMETERS = {
@@ -126,6 +129,13 @@ FROZEN_PARAMETERS = {
         "OUTPUT",
     ],
     "createproject": ["INPUT", "PROJECT_TITLE", "AUTHOR", "PAPER", *OUTPUT, "OUTPUT"],
+    "planflight": [
+        "TERRAIN", "ROI", "SURVEY", "ALTITUDE", "FLYING_SPEED", "FIELD_OF_VIEW", "SIDE_OVERLAP", "PULSE_RATE",
+        "SCAN_PATTERN", "AZIMUTH", "MARGIN", "CLIMB_RATE", "HEIGHT_TOLERANCE", "CLEARANCE", "BRIDGED_TERRAIN",
+        "TURN_TIME", "BATTERY_TIME", "GROUND_SHARE", "GROUND_SCATTER", "EXPECTED_REGISTRATION_ERROR",
+        "EXPECTED_CONFIDENCE", "MOTION_WINDOW", "PLACE_SIZE", *INPUT, *OUTPUT, "PLAN", "OUTPUT_FOLDER",
+        *FLIGHT_PRODUCTS,
+    ],
     "exportlabelstudio": [
         "PICTURE", "SEGMENTS", "LABELS", "LABEL_FIELD", "PICTURE_ADDRESS", "LARGEST_PICTURE", *OUTPUT, "OUTPUT_FOLDER",
     ],
@@ -154,6 +164,7 @@ FROZEN_GROUPS = {
     "suggestroi": "tools",
     "exportgis": "tools",
     "createproject": "tools",
+    "planflight": "tools",
     "exportlabelstudio": "tools",
     "importlabelstudio": "tools",
     "cloudinfo": "tools",
@@ -229,6 +240,10 @@ FROZEN_OUTPUTS = {
     "suggestroi": ["PARTS", "AREA", "AREA_SHARE", "POINTS_SHARE", "DENSITY", "RUN_RECORD", "OUTPUT"],
     "exportgis": ["FILES", "LAYERS", "RUN_RECORD", "OUTPUT"],
     "createproject": ["LAYERS", "LAYOUT", "OUTPUT"],
+    "planflight": [
+        "LINE_COUNT", "LINE_LENGTH", "FLIGHT_TIME", "BATTERIES", "GROUND_DENSITY", "LEVEL", "MOTION", "KML", "PICTURE",
+        "RUN_RECORD", "OUTPUT_FOLDER", *FLIGHT_PRODUCTS,
+    ],
     "exportlabelstudio": ["PICTURES", "REGIONS", "TASKS", "LABELS_FILE", "RUN_RECORD", "OUTPUT_FOLDER"],
     "importlabelstudio": ["REGIONS", "POLYGONS", "AREA", "RUN_RECORD", "OUTPUT"],
     "cloudinfo": ["POINTS", "AREA", "DENSITY", "REFERENCE_SYSTEM", "UNUSUAL"],
@@ -255,6 +270,7 @@ COMMANDS = {
     "suggestroi": ["suggestroi"],
     "exportgis": ["exportgis"],
     "createproject": ["createproject"],
+    "planflight": ["planflight"],
     "exportlabelstudio": ["exportlabelstudio"],
     "importlabelstudio": ["importlabelstudio"],
     "cloudinfo": ["info"],

@@ -1,0 +1,41 @@
+"""Planning the next survey."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from ..engine.core.progress import Progress
+from ..engine.core.run_result import RunResult
+from ..interface.parameters import FlightParameters, InputParameters, command_sets
+from ..workflows.given_values import Values
+from ..workflows.planflight import planflight_step
+from .given import PathLike, paths
+
+
+def plan_flight(
+    terrain: PathLike,
+    roi: PathLike,
+    output_dir: PathLike,
+    *,
+    survey: PathLike | None = None,
+    plan: PathLike | None = None,
+    progress: Progress | None = None,
+    **parameters: Any,
+) -> RunResult:
+    """Flight lines over a region and what they will show, as ``slopewatch planflight``.
+
+    ``terrain`` is an elevation model or the last survey's ground, ``survey`` that survey with its plants, ``plan`` an
+    earlier plan whose lines are flown again.
+    """
+    values = Values(parameters, command_sets.PLANFLIGHT)
+    return planflight_step(
+        Path(terrain),
+        Path(roi),
+        Path(output_dir),
+        values.of(FlightParameters),
+        values.of(InputParameters),
+        **paths(survey=survey, plan=plan),
+        overwrite=values.overwrite,
+        progress=progress or Progress(),
+    )
