@@ -113,5 +113,5 @@ def _gather_fonts(text: str, folder: Path) -> tuple[list[str], bool]:
             shutil.copy(path, folder)
             known |= set(get_font(str(path)).get_charmap())
         # the Japanese face is the first in a collection, after which matplotlib names the file
-        families += [chinese_font().replace("CJK JP", "CJK SC"), chinese_font()]
+        families += [chinese_font().replace(" JP", " SC"), chinese_font()]
     return families, letters <= known
