@@ -114,9 +114,10 @@ class Run:
         Raises:
             InputError: one does not exist or cannot be read; or a report to sign is wanted that cannot be made.
         """
-        if self.details is not None and self.details.pdf:
+        if self._to_be_signed:
             refuse_without_means()
-            details_of({"parameters": plain(self.record.parameters)}, self._surveys)
+            surveys = [role for role, path in self.inputs if role.startswith("epoch ") and path is not None]
+            details_of({"parameters": self.record.parameters}, surveys)
         return tuple("" if path is None else self.record.add_input(role, path) for role, path in self.inputs)
 
     def run_id(self, hashes: tuple[str, ...] | str) -> str:
@@ -125,14 +126,8 @@ class Run:
         return uuid.uuid5(uuid.NAMESPACE_OID, repr((hashes, plain(parameters)))).hex[:12]
 
     @property
-    def details(self) -> DetailParameters | None:
-        """What a report to sign says of the slope; None for a command that has none."""
-        found = self.record.parameters.get(_DETAILS)
-        return found if isinstance(found, DetailParameters) else None
-
-    @property
-    def _surveys(self) -> list[str]:
-        return [role.removeprefix("epoch ") for role, path in self.inputs if role.startswith("epoch ") and path]
+    def _to_be_signed(self) -> bool:
+        return bool(self.record.parameters.get(_DETAILS, {}).get("pdf"))
 
     # the steps
 
@@ -210,7 +205,7 @@ class Run:
 
     def _write_pdf(self, page: Path) -> None:
         """The report to sign, if it is wanted; else that of an earlier run goes."""
-        if self.details is None or not self.details.pdf:
+        if not self._to_be_signed:
             self.stage.discard(PDF)
             return
         self.outputs["report_pdf"] = self.stage.final(PDF)

@@ -32,11 +32,14 @@ class Document:
 
 @dataclass(frozen=True)
 class Column:
-    """Of a table: ``left`` for words, ``wide`` for the one that takes what is left."""
+    """Of a table: ``left`` for words, ``wide`` for the one that takes what is left; else as wide as its words, or
+    ``width`` in millimetres.
+    """
 
     name: str
     left: bool = False
     wide: bool = False
+    width: float = 0.0
 
 
 def heading(text: str, level: int = 1, label: str = "") -> Block:
@@ -47,13 +50,13 @@ def paragraph(text: str, *, small: bool = False) -> Block:
     return {"kind": "text", "text": text, "small": small}
 
 
-def facts(rows: Sequence[tuple[str, str]], columns: int = 2, gap: float = 2.1) -> Block:
+def facts(rows: Sequence[tuple[str, str]], columns: int = 2, gap: float = 2.1, size: float = 8.2) -> Block:
     """Names and values; an empty value is a line to fill in by hand."""
-    return {"kind": "facts", "rows": [list(row) for row in rows], "columns": columns, "gap": gap}
+    return {"kind": "facts", "rows": [list(row) for row in rows], "columns": columns, "gap": gap, "size": size}
 
 
 def table(columns: Sequence[Column], rows: Sequence[Sequence[Cell]], caption: str = "", size: float = 7.6) -> Block:
-    heads = [{"name": c.name, "left": c.left, "wide": c.wide} for c in columns]
+    heads = [{"name": c.name, "left": c.left, "wide": c.wide, "width": c.width} for c in columns]
     return {"kind": "table", "columns": heads, "rows": [list(row) for row in rows], "caption": caption, "size": size}
 
 

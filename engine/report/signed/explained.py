@@ -90,8 +90,8 @@ def _zones(parameters: Mapping[str, Any], *, series: bool) -> list[tuple[str, st
 
 
 def _alerts(table: list[dict[str, Any]]) -> list[Block]:
-    columns = [Column(say("Level")), Column(say("Name"), left=True)]
-    columns += [Column(say(words)) for _, words in _CRITERIA]
+    columns = [Column(say("Level")), Column(say("Name"), left=True, width=27.0)]
+    columns += [Column(say(words), width=18.0) for _, words in _CRITERIA]
     columns.append(Column(say("Action"), left=True, wide=True))
     rows: list[list[Cell]] = [
         [

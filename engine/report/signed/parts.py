@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import geopandas as gpd
 
-from ..embedding import photograph
+from ..embedding import Picture, photograph
 from ..record_shape import inside
 from ..reviews import Review
 from . import blocks
@@ -21,7 +21,7 @@ _MAP_WIDTH_MM, _LEAST_MAP_MM, _MOST_MAP_MM, _ROW_MM = 176.0, 95.0, 158.0, 5.3
 _FIRST_PAGE_ROWS = 6
 _MOST_ROWS = 60
 _LEAST_FOR_SIGNATURES_MM = 110.0
-_PICTURE_MM = 112.0
+_PICTURE_MM = 120.0
 
 
 def map_size(source: Source) -> tuple[float, float]:
@@ -178,7 +178,7 @@ def screened(document: Document, source: Source) -> list[Block]:
     picture = inside(source.folder, str(record["outputs"].get("screened_map", "")))
     drawn = photograph(picture, say("Screened zones over the last survey’s ground."), 1000) if picture else None
     if drawn is not None:
-        made.append(document.picture(content_of(drawn), drawn.text, height=_PICTURE_MM, caption=drawn.text))
+        made.append(_as_wide_as_the_page(document, drawn))
     rows: list[list[Cell]] = [
         [r.zone_id, say(r.status), r.reviewer, r.date, r.remarks] for r in source.screened_reviews.values()
     ]
@@ -206,8 +206,12 @@ def pictures(document: Document, source: Source) -> list[Block]:
     drawn = photograph(source.folder / name, say(words), 1000)
     if drawn is None:
         return []
-    shown = document.picture(content_of(drawn), drawn.text, height=_PICTURE_MM + 14.0, caption=drawn.text)
-    return [blocks.heading(say("The slope from above")), shown]
+    return [blocks.heading(say("The slope from above")), _as_wide_as_the_page(document, drawn)]
+
+
+def _as_wide_as_the_page(document: Document, drawn: Picture) -> Block:
+    height = min(_PICTURE_MM, _MAP_WIDTH_MM * drawn.height / drawn.width)
+    return document.picture(content_of(drawn), drawn.text, height=height, caption=drawn.text)
 
 
 def limits(words: PageWords) -> list[Block]:

@@ -17,7 +17,7 @@ from shapely.geometry.base import BaseGeometry
 from ...grid.grid import Grid
 from ...grid.listed_raster import read_listed
 from ...maps import opacity_band
-from ...maps.palette import BELOW_LEVEL, diverging_colours
+from ...maps.palette import BELOW_LEVEL, colour_limit, diverging_colours
 from ...maps.relief import hillshade
 from ...statistics.layout import Laid, layout_of
 from ...zones.profiles import Layers
@@ -140,11 +140,11 @@ def _series_surface(record: Mapping[str, Any], folder: Path) -> Surface | None:
     rasters = read_listed([(found[0], 1), (found[1], 1), (found[0], opacity_band.BAND)])
     dz, level, opacity = rasters.values
     significant = opacity > (opacity_band.OPAQUE + opacity_band.WITHIN) / 2
-    strong = np.abs(dz[significant])
-    limit = float(np.percentile(strong, 98)) if strong.size else 0.1
+    known = level[np.isfinite(level)]
+    limit = colour_limit(dz[significant], level=float(np.median(known)) if known.size else 0.1)
     nothing = np.full_like(dz, np.nan)
     layers = Layers(rasters.grid, nothing, nothing, dz, level, significant, rasters.layout)
-    return Surface(layers, max(limit, 1e-3), heights=False)
+    return Surface(layers, limit, heights=False)
 
 
 def _dense(layers: Layers, values: NDArray[np.floating], window: tuple[slice, slice]) -> NDArray[np.float64]:

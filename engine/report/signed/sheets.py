@@ -12,11 +12,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from ..charts import course_chart
 from ..embedding import Picture
 from ..reviews import Review
 from . import blocks
-from .blocks import Block, Column, Document
+from .blocks import Block, Cell, Column, Document
+from .courses import course_drawing
 from .details import place_text
 from .figures_in_text import figure, interval, percent, say, value_of, with_error, words_of
 from .maps import MapLayers, zone_map
@@ -25,7 +25,8 @@ from .sections import Section, section_drawing, zone_sections
 
 MOST_SHEETS = 12
 _MAP_MM = 90.0, 108.0
-_SECTION_MM = 70.0
+_SECTION_MM, _LOW_SECTION_MM, _COURSE_MM = 70.0, 40.0, 52.0
+_LAST_SURVEYS = 5
 _LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ"
 _MAX_REMARKS = 700  # characters on a sheet; the reviews' table has all
 
@@ -71,20 +72,23 @@ def _sheet(document: Document, of: Zones, row: Mapping[str, Any], section: Secti
     zone_id = words_of(row, "zone_id")
     lines = list(of.layers.lines) + ([(letter, section.line)] if section else [])
     picture = zone_map(of.surface, replace(of.layers, lines=lines), row["geometry"], *_MAP_MM)
+    series = "alert_level" in row
     left = [document.picture(picture, say(f"Map of {zone_id} and its surroundings"))]
-    right = [blocks.facts(_facts(of, row), 1, gap=2.6)]
+    right = [blocks.facts(_facts(of, row), 1, gap=1.2 if series else 2.6, size=7.5 if series else 8.2)]
     parts: list[tuple[float, list[Block]]] = [
         (0, [blocks.heading(_title(row), 1, sheet_label(zone_id))]),
-        (5.0, [blocks.side_by_side(left, right, 0.52, high=True)]),
+        (10.0, [blocks.side_by_side(left, right, 0.52, high=True)]),
     ]
     if section is not None:
-        parts.append((3.3, [_section(document, of, section, letter, zone_id)]))
+        high = _LOW_SECTION_MM if series else _SECTION_MM
+        parts.append((4.4 if series else 6.6, [_section(document, of, section, (letter, zone_id), high)]))
     parts += _history(document, of, zone_id)
     motion = _motion_of(of.layers.vectors, row["geometry"])
     if motion:
         parts.append((0, [blocks.paragraph(motion)]))
     parts.append((0, _review(document, of.reviews.get(zone_id))))
-    parts.append((1.4, [blocks.lines()]))
+    if not series:
+        parts.append((2.8, [blocks.lines()]))
     return blocks.sheet(parts)
 
 
@@ -154,8 +158,9 @@ def _heights(surface: Surface | None, zone: Any) -> list[tuple[str, str]]:
     return [(say("Height of the ground"), interval({"low": low, "high": high}, "low", "high", "m", 1, sign=False))]
 
 
-def _section(document: Document, of: Zones, section: Section, letter: str, zone_id: str) -> Block:
-    drawn = section_drawing(section, of.epochs, letter, _SECTION_MM)
+def _section(document: Document, of: Zones, section: Section, names: tuple[str, str], height_mm: float) -> Block:
+    letter, zone_id = names
+    drawn = section_drawing(section, of.epochs, letter, height_mm)
     words = say(
         f"Section {letter}–{letter}′ through {zone_id}; the zone is shaded, the ribbon is the level of detection."
     )
@@ -165,10 +170,8 @@ def _section(document: Document, of: Zones, section: Section, letter: str, zone_
 def _history(document: Document, of: Zones, zone_id: str) -> list[tuple[float, list[Block]]]:
     """Of a series: the zone's course as a chart, and its last surveys as a table."""
     course = (of.record.get("course") or {}).get(zone_id)
-    zone = next((z for z in of.record.get("zones") or [] if z["zone_id"] == zone_id), None)
-    if not course or zone is None:
+    if not course or not of.record.get("dates"):
         return []
-    chart = course_chart({**of.record, "zones": [zone], "course": {zone_id: course}})
     columns = [
         Column(say("Survey"), left=True),
         Column(say("Days")),
@@ -176,7 +179,7 @@ def _history(document: Document, of: Zones, zone_id: str) -> list[tuple[float, l
         Column(say("Net volume (m³)")),
         Column(say("Rate since the survey before (mm/day)"), wide=True),
     ]
-    rows = [
+    rows: list[list[Cell]] = [
         [
             str(survey["epoch"]),
             figure(survey, "days", digits=0),
@@ -184,13 +187,11 @@ def _history(document: Document, of: Zones, zone_id: str) -> list[tuple[float, l
             with_error(survey, "vol_net_m3", "vol_err_m3"),
             with_error(survey, "rate_mm_day", "rate_err"),
         ]
-        for survey in course[-6:]
+        for survey in course[-_LAST_SURVEYS:]
     ]
     words = say(f"Mean change and net volume of {zone_id} against the first survey, with 95 % bands.")
-    parts: list[tuple[float, list[Block]]] = []
-    if chart is not None:
-        parts.append((4.4, [document.picture(content_of(chart), words, caption=words)]))
-    return [*parts, (0, [blocks.table(columns, rows)])]
+    chart = document.picture(course_drawing(course, str(of.record["dates"][0]), _COURSE_MM), words, caption=words)
+    return [(5.7, [chart]), (0, [blocks.table(columns, rows)])]
 
 
 def _motion_of(vectors: NDArray[np.float64], zone: Any) -> str:
