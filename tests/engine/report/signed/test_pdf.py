@@ -170,8 +170,8 @@ def test_chainage_and_review_of_the_zones_are_shown(copy):
         for name in ("MinX", "MaxX", "MinY", "MaxY"):
             table.create_function(f"ST_{name}", 1, lambda _: 0.0)
         table.execute(
-            "UPDATE zones SET route='S320', chain_from=12340.4, chain_to=12346.2, side='left', "
-            " review_status='confirmed', reviewer='A. Sato', remarks='Crack at the head.', photo='crack.jpg' WHERE zone_id=?",
+            "UPDATE zones SET route='S320', chain_from=12340.4, chain_to=12346.2, side='left', reviewer='A. Sato',"
+            " review_status='confirmed', remarks='Crack at the head.', photo='crack.jpg' WHERE zone_id=?",
             (first,),
         )
     again(copy, pdf=True)
