@@ -17,11 +17,12 @@ class WriteReport(SlopeWatchAlgorithm):
     TITLE = "Write report"
     GROUP = "steps"
     SUMMARY = (
-        "Makes the report of a finished inspection or series again: with profiles along your own lines if you give some, "
-        "and as a PDF to sign if you want one."
+        "Makes the report of a finished inspection or series again: with profiles along your own lines if you give "
+        "some, and as a PDF to sign if you want one."
     )
     TAGS = (
-        "report", "html", "pdf", "print", "profile", "section", "cross-section", "summary", "document", "sign", "signature",
+        "report", "html", "pdf", "print", "profile", "section", "cross-section", "summary", "document", "sign",
+        "signature",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.REPORT
     BASIC = ("zone_profiles", "pdf", "slope_name", "route_name", "client", "author", "checker", "sensor")

@@ -43,7 +43,7 @@ def test_each_zone_has_a_sheet_with_its_alert_velocity_and_course(runs, signed):
 
 
 def test_pages_are_full_and_alert_levels_are_explained(signed):
-    folder, pages = signed
+    _, pages = signed
     assert min(pages.lowest_ink) >= 0.5
     assert len(pages.texts) <= 12
     assert "Inspect within days and consider instruments that measure continuously" in pages.text
