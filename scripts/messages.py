@@ -198,7 +198,7 @@ WORDS = (
     "acknowledged", "closed", "observe", "plants", "points", "registration",
     "Heights", "high", "higher", "it", "later", "low", "lower", "lowering", "manifest", "moderate", "no", "raising",
     "rapid", "rejected", "risen", "rise", "setting", "sink", "slow", "steady", "subsidence", "sunk", "tilt", "them",
-    "unsure", "Options", "Installation", "by", "run",
+    "unsure", "Options", "Installation", "by", "run", "medium", "robust",
     "Batch", "Labelling", "Region", "Training", "days", "degrees", "minutes",
     "Commands", "Examples", "Files", "Running", "trees", "unreviewed", "unknown", "uplift", "yes",
 )  # fmt: skip

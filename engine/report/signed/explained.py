@@ -32,9 +32,14 @@ def explained(record: Mapping[str, Any], *, has_screened: bool) -> list[Block]:
     if record.get("alerts"):
         made += [blocks.heading(say("Alert levels"), 2), *_alerts(record["alerts"])]
     if has_screened and record.get("epochs"):
-        words = [(say(word.capitalize()), say(MEANINGS[word])) for word in VERDICTS]
+        words = [(_begun(say(word)), say(MEANINGS[word])) for word in VERDICTS]
         made += [blocks.heading(say("What the change says of screened zones"), 2), blocks.terms(words)]
     return made
+
+
+def _begun(words: str) -> str:
+    """With a capital where the letters have them."""
+    return words[:1].upper() + words[1:]
 
 
 def _level(record: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -90,7 +95,7 @@ def _zones(parameters: Mapping[str, Any], *, series: bool) -> list[tuple[str, st
 
 
 def _alerts(table: list[dict[str, Any]]) -> list[Block]:
-    columns = [Column(say("Level")), Column(say("Name"), left=True, width=27.0)]
+    columns = [Column(say("Level")), Column(say("Alert"), left=True, width=27.0)]
     columns += [Column(say(words), width=18.0) for _, words in _CRITERIA]
     columns.append(Column(say("Action"), left=True, wide=True))
     rows: list[list[Cell]] = [

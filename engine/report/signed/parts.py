@@ -21,7 +21,8 @@ _MAP_WIDTH_MM, _LEAST_MAP_MM, _MOST_MAP_MM, _ROW_MM = 176.0, 95.0, 158.0, 5.3
 _FIRST_PAGE_ROWS = 6
 _MOST_ROWS = 60
 _LEAST_FOR_SIGNATURES_MM = 110.0
-_PICTURE_MM = 120.0
+_PICTURE_MM = 100.0
+"""With its heading less than half a page, so that a page which it has no room on is at least half full."""
 
 
 def map_size(source: Source) -> tuple[float, float]:
