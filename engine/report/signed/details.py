@@ -17,7 +17,9 @@ FLIGHT = ("flight_dates", "uav", "sensor", "flying_height", "weather")
 """Details of which each survey may have its own."""
 _ASKED = ("slope_name", "route_name", "chainage_range", "client", "author", "checker", *FLIGHT[1:])
 """Those that are named where they are missing; the days of the flights are known from the surveys."""
-_MAX_CHARACTERS = 2000  # of a detail: more is no entry of a form
+_MAX_CHARACTERS, _MAX_LONG_CHARACTERS = 160, 1500  # of an entry, and of remarks and actions, which share the last page
+_LONG = ("report_remarks", "actions", *FLIGHT)
+_FIRST_WIDE = 0x2E80  # of the letters that are as wide as two
 _KILOMETRE = 1000.0
 
 
@@ -52,8 +54,9 @@ def details_of(record: Mapping[str, Any], surveys: Sequence[str], zones: Sequenc
     found = (record.get("parameters") or {}).get("details") or {}
     given = {name: " ".join(str(found.get(name) or "").split()) for name in LABELS if name != "pdf"}
     for name, text in given.items():
-        if len(text) > _MAX_CHARACTERS:
-            raise InputError(f"{name} has {len(text)} characters; give {_MAX_CHARACTERS} at most.")
+        most = _MAX_LONG_CHARACTERS if name in _LONG else _MAX_CHARACTERS
+        if text_width(text) > most:
+            raise InputError(f"{name} is {text_width(text)} letters wide; give {most} at most, Chinese ones as two.")
     for name in FLIGHT:
         count = len(_parts(given[name]))
         if count > 1 and count != len(surveys):
@@ -63,6 +66,11 @@ def details_of(record: Mapping[str, Any], surveys: Sequence[str], zones: Sequenc
     given["route_name"] = given["route_name"] or _route(zones)
     given["chainage_range"] = given["chainage_range"] or _chainage(zones)
     return Details(given, tuple(surveys))
+
+
+def text_width(text: str) -> int:
+    """Letters that a text is wide; Chinese ones count as two."""
+    return sum(2 if ord(letter) >= _FIRST_WIDE else 1 for letter in text)
 
 
 def chainage_text(metres: float) -> str:

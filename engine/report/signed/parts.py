@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import geopandas as gpd
@@ -11,7 +12,7 @@ from ..record_shape import inside
 from ..reviews import Review
 from . import blocks
 from .blocks import Block, Cell, Column, Document
-from .details import LABELS, Details, place_text
+from .details import LABELS, Details, place_text, text_width
 from .figures_in_text import figure, say, with_error, words_of
 from .page_words import PageWords
 from .sheets import MOST_SHEETS, content_of, sheet_label
@@ -21,6 +22,8 @@ _MAP_WIDTH_MM, _LEAST_MAP_MM, _MOST_MAP_MM, _ROW_MM = 176.0, 95.0, 158.0, 5.3
 _FIRST_PAGE_ROWS = 6
 _MOST_ROWS = 60
 _LEAST_FOR_SIGNATURES_MM = 110.0
+_LINE_MM, _LINE_LETTERS = 4.6, 92  # of the text of remarks
+_MOST_DAYS = 6
 _PICTURE_MM = 100.0
 """With its heading less than half a page, so that a page which it has no room on is at least half full."""
 
@@ -37,7 +40,7 @@ def first_page(document: Document, source: Source, picture: bytes) -> Block:
     names = ("slope_name", "route_name", "client", "chainage_range", "author", "checker")
     rows = [(say(LABELS[name]), details[name]) for name in names]
     rows += [
-        (say("Surveys"), ", ".join(source.surveys)),
+        (say("Surveys"), _days(source.surveys)),
         (say("Made"), f"{str(source.record['started'])[:10]}, {source.record['software']}"),
     ]
     parts: list[tuple[float, list[Block]]] = [
@@ -60,6 +63,12 @@ def first_page(document: Document, source: Source, picture: bytes) -> Block:
     if not picture and not shown:
         parts.append((1.0, [blocks.lines()]))
     return blocks.sheet(parts, gap=3.0)
+
+
+def _days(surveys: Sequence[str]) -> str:
+    if len(surveys) <= _MOST_DAYS:
+        return ", ".join(surveys)
+    return say(f"{len(surveys)} from {surveys[0]} to {surveys[-1]}")
 
 
 def title(sort: str, text: str) -> Block:
@@ -236,6 +245,7 @@ def closing(details: Details) -> Block:
         "kind": "signatures", "rows": [list(row) for row in people], "name": say("Name"), "sign": say("Signature"),
         "date": say("Date"),
     }  # fmt: skip
+    said = details["report_remarks"], details["actions"]
     remarks = [blocks.heading(say("Remarks, actions and signatures"))]
     remarks += [blocks.heading(say("Remarks"), 2)]
     remarks += [blocks.paragraph(details["report_remarks"])] if details["report_remarks"] else []
@@ -243,5 +253,5 @@ def closing(details: Details) -> Block:
     actions += [blocks.paragraph(details["actions"])] if details["actions"] else []
     return blocks.rest_of_page(
         [(0, remarks), (1.0, [blocks.lines()]), (0, actions), (1.0, [blocks.lines()]), (0, [signatures])],
-        _LEAST_FOR_SIGNATURES_MM,
+        _LEAST_FOR_SIGNATURES_MM + _LINE_MM * sum(math.ceil(text_width(text) / _LINE_LETTERS) for text in said),
     )

@@ -17,7 +17,7 @@ from ..reviews import Review
 from . import blocks
 from .blocks import Block, Cell, Column, Document
 from .courses import course_drawing
-from .details import place_text
+from .details import place_text, text_width
 from .figures_in_text import figure, interval, percent, say, value_of, with_error, words_of
 from .maps import MapLayers, zone_map
 from .rasters import Surface
@@ -28,7 +28,7 @@ _MAP_MM = 90.0, 108.0
 _SECTION_MM, _LOW_SECTION_MM, _COURSE_MM = 70.0, 40.0, 52.0
 _LAST_SURVEYS = 5
 _LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ"
-_MAX_REMARKS = 700  # characters on a sheet; the reviews' table has all
+_MAX_REMARKS = 700  # letters of a review on a sheet; the HTML report has all of it
 
 
 @dataclass(frozen=True)
@@ -214,7 +214,9 @@ def _review(document: Document, review: Review | None) -> list[Block]:
         empty = [(say("Visited on"), ""), (say("by"), ""), (say("Finding"), "")]
         return [blocks.heading(say("Review"), 2), blocks.facts(empty, 3)]
     head = say(review.status.capitalize())
-    remarks = review.remarks if len(review.remarks) <= _MAX_REMARKS else f"{review.remarks[:_MAX_REMARKS]} …"
+    remarks = review.remarks
+    while text_width(remarks) > _MAX_REMARKS:
+        remarks = f"{remarks[: _MAX_REMARKS * len(remarks) // text_width(remarks) - 2]} …"
     entries = [(say("Review"), head), (say("Reviewer"), review.reviewer), (say("Date"), review.date)]
     words = [blocks.facts(entries, 1), blocks.paragraph(remarks or review.photo_fault)]
     if review.photo is None:

@@ -92,7 +92,11 @@ def _volumes(rows: list[dict[str, Any]]) -> Block:
 
 
 def _files(record: Mapping[str, Any]) -> Block:
-    columns = [Column(say("File"), left=True), Column(say("File name"), left=True, wide=True), Column("SHA-256", left=True)]
+    columns = [
+        Column(say("File"), left=True),
+        Column(say("File name"), left=True, wide=True),
+        Column("SHA-256", left=True),
+    ]
     rows: list[list[Cell]] = [
         [
             role_words(str(i["role"])),

@@ -57,5 +57,9 @@ def test_route_and_chainage_come_from_the_zones():
 
 
 def test_a_detail_that_is_a_whole_book_is_refused():
-    with pytest.raises(InputError, match=r"^report_remarks has 2001 characters; give 2000 at most\.$"):
-        details_of(record(report_remarks="x" * 2001), ["2024"])
+    with pytest.raises(
+        InputError, match=r"^report_remarks is 1501 letters wide; give 1500 at most, Chinese ones as two"
+    ):
+        details_of(record(report_remarks="x" * 1501), ["2024"])
+    with pytest.raises(InputError, match=r"^slope_name is 162 letters wide; give 160 at most"):
+        details_of(record(slope_name="坡" * 81), ["2024"])
