@@ -44,7 +44,7 @@ def report_document(source: Source, lines: Sequence[ProfileLine] = ()) -> Docume
     document.blocks += parts.screened(document, source)
     document.blocks += explained(source.record, has_screened=bool(len(source.screened)))
     document.blocks += parts.limits(source.words)
-    document.blocks.append(parts.closing(source.details))
+    document.blocks += parts.closing(source.details)
     return document
 
 

@@ -93,7 +93,7 @@ def corridor_document(corridor: SignedCorridor, details: Details, started: str) 
             )
         ),
     ]
-    document.blocks.append(parts.closing(details))
+    document.blocks += parts.closing(details)
     return document
 
 

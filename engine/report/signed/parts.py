@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 import geopandas as gpd
@@ -12,7 +11,7 @@ from ..record_shape import inside
 from ..reviews import Review
 from . import blocks
 from .blocks import Block, Cell, Column, Document
-from .details import LABELS, Details, place_text, text_width
+from .details import LABELS, Details, place_text
 from .figures_in_text import figure, say, with_error, words_of
 from .page_words import PageWords
 from .sheets import MOST_SHEETS, content_of, sheet_label
@@ -22,7 +21,6 @@ _MAP_WIDTH_MM, _LEAST_MAP_MM, _MOST_MAP_MM, _ROW_MM = 176.0, 95.0, 158.0, 5.3
 _FIRST_PAGE_ROWS = 6
 _MOST_ROWS = 60
 _LEAST_FOR_SIGNATURES_MM = 110.0
-_LINE_MM, _LINE_LETTERS = 4.6, 92  # of the text of remarks
 _MOST_DAYS = 6
 _PICTURE_MM = 100.0
 """With its heading less than half a page, so that a page which it has no room on is at least half full."""
@@ -234,8 +232,11 @@ def limits(words: PageWords) -> list[Block]:
     return made
 
 
-def closing(details: Details) -> Block:
-    """Remarks, actions and the fields for signatures, which fill the rest of the last page."""
+def closing(details: Details) -> list[Block]:
+    """Remarks, actions and the fields for signatures, which fill the rest of the last page.
+
+    What was given of remarks and actions stands before; there are lines for what was not.
+    """
     people = [
         (say("Prepared by"), details["author"]),
         (say("Checked by"), details["checker"]),
@@ -245,13 +246,17 @@ def closing(details: Details) -> Block:
         "kind": "signatures", "rows": [list(row) for row in people], "name": say("Name"), "sign": say("Signature"),
         "date": say("Date"),
     }  # fmt: skip
-    said = details["report_remarks"], details["actions"]
-    remarks = [blocks.heading(say("Remarks, actions and signatures"))]
-    remarks += [blocks.heading(say("Remarks"), 2)]
-    remarks += [blocks.paragraph(details["report_remarks"])] if details["report_remarks"] else []
-    actions = [blocks.heading(say("Actions"), 2)]
-    actions += [blocks.paragraph(details["actions"])] if details["actions"] else []
-    return blocks.rest_of_page(
-        [(0, remarks), (1.0, [blocks.lines()]), (0, actions), (1.0, [blocks.lines()]), (0, [signatures])],
-        _LEAST_FOR_SIGNATURES_MM + _LINE_MM * sum(math.ceil(text_width(text) / _LINE_LETTERS) for text in said),
-    )
+    told: list[Block] = []
+    rest: list[tuple[float, list[Block]]] = []
+    for words, text in ((say("Remarks"), details["report_remarks"]), (say("Actions"), details["actions"])):
+        if text:
+            told += [blocks.heading(words, 2), blocks.paragraph(text)]
+        else:
+            rest += [(0, [blocks.heading(words, 2)]), (1.0, [blocks.lines()])]
+    title_of_all = [blocks.heading(say("Remarks, actions and signatures"))]
+    if told:
+        told = title_of_all + told
+    else:
+        rest.insert(0, (0, title_of_all))
+    rest = rest or [(1.0, [blocks.lines()])]
+    return [*told, blocks.rest_of_page([*rest, (0, [signatures])], _LEAST_FOR_SIGNATURES_MM)]

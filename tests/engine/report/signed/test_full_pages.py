@@ -20,13 +20,15 @@ HEAD = {"title": "t", "authors": [], "running": "r", "foot": "f", "page": ["Page
 def test_signatures_stand_on_a_full_last_page(tmp_path: Path, lines: int, said: str) -> None:
     document = Document()
     document.blocks = [blocks.heading("Before"), *(blocks.paragraph(f"line {n}") for n in range(lines))]
-    document.blocks.append(parts.closing(Details({"report_remarks": said, "actions": said}, ("2024",))))
+    document.blocks += parts.closing(Details({"report_remarks": said, "actions": said}, ("2024",)))
     typeset(document, HEAD, date(2026, 11, 23), tmp_path / "a.pdf")
     pages = Pages(tmp_path / "a.pdf")
     count = len(pages.texts)
-    assert count <= 2
+    assert count <= 3
     assert all(f"Page {n} of {count}" in text for n, text in enumerate(pages.texts, 1))
-    assert all(words in pages.texts[-1] for words in ("Remarks", "Prepared by", "Checked by", "Approved by"))
+    assert all(words in pages.texts[-1] for words in ("Prepared by", "Checked by", "Approved by"))
+    assert "Remarks" in pages.text
+    assert pages.text.count("Actions") == 1
     assert pages.lowest_ink[-1] > 0.95
     assert min(pages.lowest_ink) >= 0.45
 
