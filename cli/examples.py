@@ -109,6 +109,10 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "report": (
         ("The report of a folder again", "slopewatch report results"),
         ("With profiles along lines", "slopewatch report results --profiles lines.gpkg --zone-profiles 5"),
+        (
+            "A PDF to sign, with the details in a file",
+            "slopewatch report results --pdf --settings details.toml --author 'A. Sato'",
+        ),
     ),
     "exportgis": (
         ("Everything that other systems read, in one archive", "slopewatch exportgis results --output slope_12.zip"),

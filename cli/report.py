@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from ..engine.core.run_result import RunResult
-from ..interface.parameters import ReportParameters, command_sets
+from ..interface.parameters import DetailParameters, ReportParameters, command_sets
 from .options import PATH, PROFILES_ALONG, Session, command
 
 
@@ -18,9 +18,15 @@ from .options import PATH, PROFILES_ALONG, Session, command
 def report(session: Session, folder: Path, profiles: Path | None) -> RunResult:
     """Write the report of FOLDER again, which inspect, change or series wrote.
 
-    With --profiles its profiles are replaced by those along the given lines and through the zones. The other options
-    have no effect without it.
+    With --profiles its profiles are replaced by those along the given lines and through the zones. With --pdf it is
+    also written as a PDF to sign; what is said in it of slope, people and flights is kept in the folder.
     """
     from ..workflows.report import report_step
 
-    return report_step(folder, session.parameters(ReportParameters), profiles=profiles, progress=session.report)
+    return report_step(
+        folder,
+        session.parameters(ReportParameters),
+        details=session.parameters(DetailParameters),
+        profiles=profiles,
+        progress=session.report,
+    )

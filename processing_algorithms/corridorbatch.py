@@ -66,6 +66,7 @@ class CorridorBatch(SlopeWatchAlgorithm):
     }
     PAGES: ClassVar = {"PAGE": ("page", "Slopes in order")}
     FILES: ClassVar = {
+        "PAGE_PDF": ("page_pdf", "Report to sign (PDF)"),
         "CORRIDOR": ("corridor", "Zones, alerts and slopes (GeoPackage)"),
         "PARQUET": ("parquet", "Zones (GeoParquet)"),
         "MOSAIC": ("mosaic", "Elevation change of all slopes (VRT)"),

@@ -29,6 +29,7 @@ CHANGE_NUMBERS = {
 }
 CHANGE_PAGES = {"REPORT": ("report", "Report")}
 CHANGE_FILES = {
+    "REPORT_PDF": ("report_pdf", "Report to sign (PDF)"),
     "VOLUMES": ("volumes", "Table of areas and volumes"),
     "HEATMAP_PICTURE": ("heatmap", "Heatmap picture"),
     "RUN_RECORD": ("run", "Run record"),

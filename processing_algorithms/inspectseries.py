@@ -91,6 +91,7 @@ class InspectSeries(SlopeWatchAlgorithm):
     }
     PAGES: ClassVar = {"REPORT": ("report", "Report")}
     FILES: ClassVar = {
+        "REPORT_PDF": ("report_pdf", "Report to sign (PDF)"),
         "TABLE": ("series_table", "Time series of the zones (CSV)"),
         "PICTURE": ("series_picture", "Picture of velocities and series"),
         "ALERTS_USED": ("alerts_used", "Alert table that was used"),

@@ -16,13 +16,19 @@ class WriteReport(SlopeWatchAlgorithm):
     NAME = "writereport"
     TITLE = "Write report"
     GROUP = "steps"
-    SUMMARY = "Makes the report of a finished inspection again, with profiles along your own lines if you give some."
+    SUMMARY = (
+        "Makes the report of a finished inspection or series again: with profiles along your own lines if you give "
+        "some, and as a PDF to sign if you want one."
+    )
     TAGS = (
-        "report", "html", "pdf", "print", "profile", "section", "cross-section", "summary", "document",
+        "report", "html", "pdf", "print", "profile", "section", "cross-section", "summary", "document", "sign",
+        "signature",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.REPORT
+    BASIC = ("zone_profiles", "pdf", "slope_name", "route_name", "client", "author", "checker", "sensor")
     PAGES: ClassVar = {"REPORT": ("report", "Report")}
     FILES: ClassVar = {
+        "REPORT_PDF": ("report_pdf", "Report to sign (PDF)"),
         "PROFILE_LINES": ("profiles", "Lines of the profiles"),
         "PROFILE_TABLE": ("profiles_table", "Cells along the profiles (CSV)"),
     }

@@ -24,7 +24,7 @@ from slopewatch.engine.core.template_messages import template_messages
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("interface", "engine", "models", "workflows", "cli", "plugin", "processing_algorithms")
-LABELS = ("interface/parameters", "plugin", "processing_algorithms")
+LABELS = ("interface/parameters", "plugin", "processing_algorithms", "engine/report/signed")
 TEMPLATES = "engine/report/templates"
 FIELDS = "engine/maps/styles/fields.json"
 """What analysts read instead of the names of columns."""
@@ -174,6 +174,22 @@ COMPOSED = (
     "mm/day",
     "mm/year",
     "Interpreter: {0} ({1})",
+    "{0} to {1}",
+    "Area (m²)",
+    "95 % interval",
+    "Error (%)",
+    "Height (m)",
+    "Days",
+    "Velocity (mm/day)",
+    "Rate (mm/day)",
+    "Change (m)",
+    "Mean change (m)",
+    "Net volume (m³)",
+    "Place (x, y)",
+    "Largest height (m)",
+    "UAV",
+    "Fastest (mm/day)",
+    "Largest volume (m³)",
 )
 """Messages that the code puts together of parts that do not stand alone."""
 WORDS = (
@@ -182,7 +198,7 @@ WORDS = (
     "acknowledged", "closed", "observe", "plants", "points", "registration",
     "Heights", "high", "higher", "it", "later", "low", "lower", "lowering", "manifest", "moderate", "no", "raising",
     "rapid", "rejected", "risen", "rise", "setting", "sink", "slow", "steady", "subsidence", "sunk", "tilt", "them",
-    "unsure", "Options", "Installation",
+    "unsure", "Options", "Installation", "by", "run", "medium", "robust",
     "Batch", "Labelling", "Region", "Training", "days", "degrees", "minutes",
     "Commands", "Examples", "Files", "Running", "trees", "unreviewed", "unknown", "uplift", "yes",
 )  # fmt: skip

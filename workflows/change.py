@@ -47,7 +47,7 @@ def change_step(
     check_pair(*epochs)
     optional = [("transform", transform_path), ("profiles", profiles), ("stable", stable)]
     inputs = [*((f"epoch {e.name}", e.path) for e in epochs), *optional]
-    recorded = groups(settings, "inputs", "dates", "surface", "change", "zones", "heatmap", "report")
+    recorded = groups(settings, "inputs", "dates", "surface", "change", "zones", "heatmap", "report", "details")
     run = Run("change", recorded, inputs, progress)
     run.refuse_folder(output_dir, ("run.json", *CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS), overwrite=overwrite)
     run.read_reviews(output_dir, ("zones.gpkg",))

@@ -64,10 +64,12 @@ def demchange_step(
     _refuse(models)
     names = _names(models)
     inputs = [*((f"epoch {name}", model.path) for name, model in zip(names, models, strict=True))]
-    recorded = groups(settings, "inputs", "elevation_models", "zones", "heatmap", "report")
+    recorded = groups(settings, "inputs", "elevation_models", "zones", "heatmap", "report", "details")
     run = Run("demchange", recorded, [*inputs, ("stable", stable), ("profiles", profiles)], progress)
     outputs = [name for name in CHANGE_OUTPUTS if name not in _NOT_WRITTEN]
-    run.refuse_folder(output_dir, ("run.json", *outputs, *DEM_OUTPUTS, *PROFILE_OUTPUTS), overwrite=overwrite)
+    run.refuse_folder(
+        output_dir, ("run.json", "report.pdf", *outputs, *DEM_OUTPUTS, *PROFILE_OUTPUTS), overwrite=overwrite
+    )
     run.read_reviews(output_dir, ("zones.gpkg",))
     hashes = run.hash_inputs()[: len(models)]
     with run.writing(output_dir, report=True):

@@ -56,7 +56,18 @@ _AT_ONCE = 2  # surveys whose ground is found at the same time
 MAX_POINTS_AT_ONCE = 8_000_000
 """Points of raw surveys up to which their ground is found at the same time."""
 _EVERY_OUTPUT = (*CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS, *SCREENING_OUTPUTS)
-_RECORDED = ("inputs", "dates", "ground", "registration", "change", "zones", "heatmap", "screening", "report")
+_RECORDED = (
+    "inputs",
+    "dates",
+    "ground",
+    "registration",
+    "change",
+    "zones",
+    "heatmap",
+    "screening",
+    "report",
+    "details",
+)
 
 
 @dataclass(frozen=True)

@@ -31,10 +31,15 @@ from ..engine.core.run_result import RunResult
 from ..engine.core.staged_outputs import Stage, refuse_inputs_as_outputs, staged_outputs
 from ..engine.pointcloud.clipping import CLIPPED_BY
 from ..engine.pointcloud.pdal_program import Pdal, find_pdal
-from ..engine.report.compose import REPORT, write_report
+from ..engine.report.compose import REPORT, read_record, write_report
+from ..engine.report.signed.details import details_of
+from ..engine.report.signed.typesetting import refuse_without_means
+from ..engine.report.signed.write import PDF, write_pdf
 from ..engine.zones.earlier_reviews import NOT_CARRIED, EarlierReviews
-from ..interface.parameters import ParameterSet
+from ..interface.parameters import DetailParameters, ParameterSet
 from ..interface.protocol import TASK_VARIABLE
+
+_DETAILS = DetailParameters.record_name
 
 
 class Run:
@@ -107,13 +112,22 @@ class Run:
         """Put the inputs into the record; their SHA-256 in order, empty for one that was not given.
 
         Raises:
-            InputError: one does not exist or cannot be read.
+            InputError: one does not exist or cannot be read; or a report to sign is wanted that cannot be made.
         """
+        if self._to_be_signed:
+            refuse_without_means()
+            surveys = [role for role, path in self.inputs if role.startswith("epoch ") and path is not None]
+            details_of({"parameters": self.record.parameters}, surveys)
         return tuple("" if path is None else self.record.add_input(role, path) for role, path in self.inputs)
 
     def run_id(self, hashes: tuple[str, ...] | str) -> str:
         """12 hexadecimal digits that stand for the clouds of these SHA-256 and for the parameters."""
-        return uuid.uuid5(uuid.NAMESPACE_OID, repr((hashes, plain(self.record.parameters)))).hex[:12]
+        parameters = {name: group for name, group in self.record.parameters.items() if name != _DETAILS}
+        return uuid.uuid5(uuid.NAMESPACE_OID, repr((hashes, plain(parameters)))).hex[:12]
+
+    @property
+    def _to_be_signed(self) -> bool:
+        return bool(self.record.parameters.get(_DETAILS, {}).get("pdf"))
 
     # the steps
 
@@ -185,8 +199,18 @@ class Run:
             self.outputs["report"] = self.stage.final(REPORT)
             self._save_record()
             with self.step("report", 0.99, 1.0, "drawing the report"):
-                write_report(self.stage.folder, self.progress)
+                page = write_report(self.stage.folder, self.progress)
+                self._write_pdf(page)
         self._save_record()
+
+    def _write_pdf(self, page: Path) -> None:
+        """The report to sign, if it is wanted; else that of an earlier run goes."""
+        if not self._to_be_signed:
+            self.stage.discard(PDF)
+            return
+        self.outputs["report_pdf"] = self.stage.final(PDF)
+        folder = self.stage.folder
+        write_pdf(folder, read_record(folder), page.read_text(encoding="utf-8"), progress=self.progress)
 
     def _save_record(self) -> None:
         self.record.write(self.stage.path(self._record_name), self.progress.warnings, self.outputs)

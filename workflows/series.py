@@ -55,7 +55,7 @@ REPORTED = (
     "failure_note",
 )
 """Fields with words that the run record and the report have of each zone."""
-_RECORDED = ("inputs", "dates", "ground", "registration", "change", "zones", "series")
+_RECORDED = ("inputs", "dates", "ground", "registration", "change", "zones", "series", "details")
 
 
 def monitor_series(

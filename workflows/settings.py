@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from ..interface.parameters import (
     ChangeParameters,
     DateParameters,
+    DetailParameters,
     DisplacementParameters,
     DistanceParameters,
     GridChangeParameters,
@@ -41,6 +42,7 @@ class Settings:
     heatmap: HeatmapParameters = field(default_factory=HeatmapParameters)
     screening: LastEpochParameters = field(default_factory=LastEpochParameters)
     report: ReportParameters = field(default_factory=ReportParameters)
+    details: DetailParameters = field(default_factory=DetailParameters)
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,7 @@ class SeriesSettings:
     change: GridChangeParameters = field(default_factory=GridChangeParameters)
     zones: ZoneParameters = field(default_factory=ZoneParameters)
     series: SeriesParameters = field(default_factory=SeriesParameters)
+    details: DetailParameters = field(default_factory=DetailParameters)
 
 
 @dataclass(frozen=True)
@@ -94,6 +97,7 @@ class ModelSettings:
     zones: ZoneParameters = field(default_factory=ZoneParameters)
     heatmap: HeatmapParameters = field(default_factory=HeatmapParameters)
     report: ReportParameters = field(default_factory=ReportParameters)
+    details: DetailParameters = field(default_factory=DetailParameters)
 
 
 Bundle = TypeVar(

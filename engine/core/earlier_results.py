@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from ...interface.parameters import AUTO
+from ...interface.parameters import AUTO, DetailParameters
 from .errors import InputError
 from .json_shapes import anything, fields, parse_json, rows, table, text
 from .json_values import plain
@@ -76,6 +76,8 @@ def _difference(earlier: dict[str, Any], record: RunRecord) -> str:
             return f"the {role.replace('epoch', 'survey of')} was another file"
     parameters = plain(record.parameters)
     for group, values in earlier.get("parameters", {}).items():
+        if group == DetailParameters.record_name:  # what a report says of the slope changes no result
+            continue
         for name, value in values.items():
             # a version may know parameters that the other does not
             if name in parameters.get(group, {}) and not _same(parameters[group][name], value):

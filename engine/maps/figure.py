@@ -190,7 +190,7 @@ def _draw_zones(axes: Axes, layout: Layout, heatmap: Heatmap, zones: gpd.GeoData
     """Outer rings and, as far as they find room, ids: the most severe first, next to the zone where it has no room."""
     west, south, east, _ = heatmap.grid.bounds
     scale = layout.map_width / (east - west)
-    rings = _outlines(np.asarray(zones.geometry), heatmap.grid.bounds, 0.015 / scale)
+    rings = outlines(np.asarray(zones.geometry), heatmap.grid.bounds, 0.015 / scale)
     axes.add_collection(LineCollection(rings, colors="white", linewidths=1.8, alpha=0.6, zorder=2), autolim=False)
     axes.add_collection(LineCollection(rings, colors=INK, linewidths=0.8, zorder=3), autolim=False)
     placed: list[tuple[float, float, float, float]] = []
@@ -207,7 +207,7 @@ def _draw_zones(axes: Axes, layout: Layout, heatmap: Heatmap, zones: gpd.GeoData
         anchor = (point[0], point[1]) if roomy else ((extent[0] + extent[2]) / 2, extent[3] + 0.6 * height)
         if narrow:
             anchor = layout.map_width + 0.35, point[1]
-        box = _free_place(anchor, width, height, placed, room)
+        box = free_place(anchor, width, height, placed, room)
         if box is None:
             continue
         placed.append(box)
@@ -229,7 +229,7 @@ def _draw_zones(axes: Axes, layout: Layout, heatmap: Heatmap, zones: gpd.GeoData
         )
 
 
-def _outlines(zones: NDArray[np.object_], bounds: tuple[float, float, float, float], pixel: float) -> list[NDArray]:
+def outlines(zones: NDArray[np.object_], bounds: tuple[float, float, float, float], pixel: float) -> list[NDArray]:
     """Outer rings of the zones as the eye sees them: on pixels (metres), closed over holes and gaps of two of them.
 
     Zones under vegetation consist of hundreds of scattered cells, whose own edges would blacken the map.
@@ -255,7 +255,7 @@ def _outlines(zones: NDArray[np.object_], bounds: tuple[float, float, float, flo
     return [ring for (_, ring), keep in zip(parts, drawn, strict=True) if keep]
 
 
-def _free_place(
+def free_place(
     anchor: tuple[float, float],
     width: float,
     height: float,

@@ -74,6 +74,12 @@ def chinese_font() -> str:
     return found
 
 
+def chinese_font_files() -> list[Path]:
+    """The files of that font, for its weights; none where there is none."""
+    name = f"{_OWN}{chinese_font()}"
+    return sorted({Path(font.fname) for font in _installed() if chinese_font() and font.name == name})
+
+
 def date_axis(axis: Axis, max_ticks: int | None = None) -> None:
     """Days along an axis, whose months have no English names where the words are in another language."""
     locator = AutoDateLocator(maxticks=max_ticks)

@@ -92,8 +92,8 @@ def profile_chart(facts: Mapping[str, Any], columns: Mapping[str, Float] | None,
     above, below = sheet.axes(0.6, 1.2, 6.5, 0.78), sheet.axes(0.6, 0.4, 6.5, 0.7)
     length = facts["length_m"]
     if columns is not None and np.isfinite(columns["dz_m"]).any():
-        _draw_heights(above, columns, epochs)
-        _draw_difference(below, columns)
+        draw_heights(above, columns, epochs)
+        draw_difference(below, columns)
     else:
         above.text(0.5, 0.5, say("not measured"), transform=above.transAxes, ha="center", fontproperties=fonts(9))
     for axes, *words in ((above, "", "height (m)"), (below, "distance along the line (m)", "change (m)")):
@@ -167,7 +167,8 @@ def course_chart(record: Mapping[str, Any]) -> Picture | None:
     )
 
 
-def _draw_heights(axes: Axes, columns: Mapping[str, Float], epochs: tuple[str, str]) -> None:
+def draw_heights(axes: Axes, columns: Mapping[str, Float], epochs: tuple[str, str]) -> None:
+    """Heights of both surveys along a line, by the columns of a table of profiles."""
     distance = columns["distance_m"]
     for name, colour, width, label in (
         ("height_from_m", _BEFORE, 1.5, epochs[0]),
@@ -182,7 +183,8 @@ def _draw_heights(axes: Axes, columns: Mapping[str, Float], epochs: tuple[str, s
     )  # fmt: skip
 
 
-def _draw_difference(axes: Axes, columns: Mapping[str, Float]) -> None:
+def draw_difference(axes: Axes, columns: Mapping[str, Float]) -> None:
+    """The change along a line with its level of detection as a ribbon, by the columns of a table of profiles."""
     distance, dz, level = columns["distance_m"], columns["dz_m"], columns["level_m"]
     edges, heights = _ribbon(distance, level)
     axes.fill_between(edges, -heights, heights, color=_GREY, alpha=0.4, lw=0)

@@ -12,6 +12,7 @@ from ...interface.language import current_language, translator
 from ...interface.parameters import (
     PUBLISHED_WORKFLOW,
     PUBLISHED_WORKFLOW_ID,
+    DetailParameters,
     GridChangeParameters,
     Specification,
     command_sets,
@@ -43,7 +44,7 @@ _ROLES = {
     "alerts": "table of alerts",
 }
 """What an input is for, by the first word of its role in the record."""
-_MEANINGS = {
+MEANINGS = {
     "confirmed": "significant change of the zone’s sign on 30 % or more of what was compared of it",
     "confirmed in part": "on 15 % or more, of a zone of many cells",
     "contradicted": "significant change of the other sign on more than half of it",
@@ -89,7 +90,8 @@ def compose(
         "fig": Figures(record),
         "css": Markup((_TEMPLATES / "report.css").read_text(encoding="utf-8")),
         "settings": _settings(record["parameters"]),
-        "role_words": _role_words,
+        "role_words": role_words,
+        "details": _details(record),
         "published": {"title": PUBLISHED_WORKFLOW, "id": PUBLISHED_WORKFLOW_ID},
     }
     if record.get("epochs"):
@@ -244,13 +246,19 @@ def _screening_picture(record: dict[str, Any], folder: Path) -> Any:
 
 
 def _verdicts() -> list[tuple[str, str, str]]:
-    return [(f"{word.replace(' ', '_')}_zones", word, _MEANINGS[word]) for word in VERDICTS]
+    return [(f"{word.replace(' ', '_')}_zones", word, MEANINGS[word]) for word in VERDICTS]
 
 
-def _role_words(role: str) -> str:
+def role_words(role: str) -> str:
     """What an input is for, in the language of the report."""
     kind, _, name = role.partition(" ")
     return translator(current_language())(_ROLES.get(kind, role)).replace("{0}", name)
+
+
+def _details(record: dict[str, Any]) -> list[tuple[str, str]]:
+    """What was given of slope, people and flights, with the labels of the dialogs."""
+    given = record["parameters"].get(DetailParameters.record_name) or {}
+    return [(s.label, given[s.name]) for s in DetailParameters.specifications() if s.kind is str and given.get(s.name)]
 
 
 def _settings(parameters: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
@@ -258,6 +266,8 @@ def _settings(parameters: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
     known = _specifications()
     groups = []
     for group, values in parameters.items():
+        if group == DetailParameters.record_name:  # they stand at the top
+            continue
         settings = []
         for name, value in values.items():
             specification = known.get((group, name))

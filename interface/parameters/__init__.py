@@ -14,6 +14,7 @@ from .batch import BatchParameters
 from .change import ChangeParameters, GridChangeParameters
 from .dates import DateParameters
 from .dem_change import ModelParameters
+from .details import DetailParameters
 from .displacement import DisplacementParameters
 from .distances import DistanceParameters
 from .drawing import LabellingParameters, RegionParameters, TopViewParameters
@@ -46,6 +47,7 @@ __all__ = [
     "ChangeParameters",
     "CreepParameters",
     "DateParameters",
+    "DetailParameters",
     "DisplacementParameters",
     "DistanceParameters",
     "FineTuneParameters",

@@ -6,6 +6,7 @@ from .batch import BatchParameters
 from .change import ChangeParameters, GridChangeParameters
 from .dates import DateParameters
 from .dem_change import ModelParameters
+from .details import DetailParameters
 from .displacement import DisplacementParameters
 from .distances import DistanceParameters
 from .drawing import LabellingParameters, RegionParameters, TopViewParameters
@@ -31,7 +32,7 @@ Sets = tuple[type[ParameterSet], ...]
 _READ: Sets = (InputParameters, DateParameters)
 """How clouds and their days are read: the first of the headings, as the flow begins there."""
 _CHANGE: Sets = (ChangeParameters, ZoneParameters)
-_SHOWN: Sets = (HeatmapParameters, ReportParameters, OutputParameters)
+_SHOWN: Sets = (HeatmapParameters, ReportParameters, DetailParameters, OutputParameters)
 
 GROUND: Sets = (InputParameters, GroundParameters)
 REGISTER: Sets = (InputParameters, SurfaceParameters, RegistrationParameters)
@@ -42,7 +43,7 @@ M3C2: Sets = (*_READ, SurfaceParameters, DistanceParameters)
 DISPLACEMENT: Sets = (*_READ, SurfaceParameters, DisplacementParameters, OutputParameters)
 SCREEN: Sets = (InputParameters, GroundParameters, ScreeningParameters)
 INFO: Sets = (InputParameters,)
-REPORT: Sets = (ReportParameters,)
+REPORT: Sets = (ReportParameters, DetailParameters)
 EXPORTGIS: Sets = (HandoverParameters, OutputParameters)
 CREATEPROJECT: Sets = (ProjectParameters, OutputParameters)
 TRAIN: Sets = (InputParameters, FineTuneParameters, OutputParameters)
@@ -58,7 +59,8 @@ SIMULATE_SCENES: Sets = (ScenesParameters, OutputParameters)
 _FROM_RAW: Sets = (GroundParameters, RegistrationParameters)
 INSPECT: Sets = (*_READ, *_FROM_RAW, *_CHANGE, LastEpochParameters, *_SHOWN)
 SERIES: Sets = (
-    *_READ, SeriesParameters, *_FROM_RAW, GridChangeParameters, ZoneParameters, OutputParameters,
+    *_READ, SeriesParameters, *_FROM_RAW, GridChangeParameters, ZoneParameters, DetailParameters,
+    OutputParameters,
 )  # fmt: skip
 BATCH: Sets = (BatchParameters, *_READ, SeriesParameters, *_FROM_RAW, *_CHANGE, LastEpochParameters, *_SHOWN)
 """The batch's own, and all that ``inspect`` and ``series`` take."""

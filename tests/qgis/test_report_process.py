@@ -38,6 +38,19 @@ def test_a_report_is_written_again_with_a_profile(qgis_process: QgisProcess, inp
     assert str(tmp_path) in other.stderr
 
 
+def test_a_report_to_sign_is_written_with_what_was_said(qgis_process: QgisProcess, inputs: Inputs) -> None:
+    done = qgis_process.run("writereport", INPUT=inputs.change, PDF=True, CLIENT="Road Directorate", SENSOR="L1; L2")
+    pdf = Path(done["REPORT_PDF"])
+    assert pdf == inputs.change / "report.pdf"
+    assert pdf.read_bytes().startswith(b"%PDF-")
+    record = json.loads((inputs.change / "run.json").read_text(encoding="utf-8"))
+    assert record["parameters"]["details"]["client"] == "Road Directorate"
+    assert "Road Directorate" in (inputs.change / "report.html").read_text(encoding="utf-8")
+    wrong = qgis_process.attempt("writereport", INPUT=inputs.change, PDF=True, SENSOR="L1; L2; L3")
+    assert wrong.returncode == 1
+    assert "3 parts, and there are 2 surveys" in wrong.stderr
+
+
 def line_across(inputs: Inputs, folder: Path) -> Path:
     """A line along the slope through its middle."""
     extent = QgsRasterLayer(str(inputs.change / "elevation_change.tif")).extent()

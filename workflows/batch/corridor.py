@@ -78,7 +78,7 @@ def _planned(what: Given, common: Common, corridor: Corridor, record: RunRecord,
 
 def _unchanged_plan(what: Given, common: Common, planned: Planned, progress: Progress) -> RunResult | None:
     results = in_order(planned, planned.found.done)
-    return unchanged(what, signature(what, common, results, failures(planned)), progress)
+    return unchanged(what, signature(what, common, planned, results, failures(planned)), progress)
 
 
 def _refuse_other_results(folder: Path, *, overwrite: bool) -> None:

@@ -10,7 +10,7 @@ import hashlib
 import importlib.util
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from .jobs import Corridor
 from .planning import Common, Plan
 from .product_names import GEOPACKAGE, SOURCES
 from .results import SlopeResult
+from .settings import details_in
 from .slope_process import PROGRAM
 from .state import DONE, FAILED, Entry, StateFile
 
@@ -88,7 +89,13 @@ def failures(planned: Planned) -> list[tuple[str, str]]:
     return sorted({(p.slope or "", p.sentence) for p in problems})
 
 
-def signature(what: Given, common: Common, results: Sequence[SlopeResult], failed: Sequence[tuple[str, str]]) -> str:
+def signature(
+    what: Given,
+    common: Common,
+    planned: Planned,
+    results: Sequence[SlopeResult],
+    failed: Sequence[tuple[str, str]],
+) -> str:
     """What the products depend on, as a hash; the tables of zones by their time of change, for reviews in them."""
     keys = [key for key, _ in SOURCES]
     parts = {
@@ -98,6 +105,8 @@ def signature(what: Given, common: Common, results: Sequence[SlopeResult], faile
         "centreline": None if what.centreline is None else [str(what.centreline), *stamp(what.centreline)],
         "manifest": what.manifest.name,
         "start": common.parameters.chainage_start,
+        "details": [asdict(details_in(planned.found.jobs[r.slope].options)) for r in results],
+        "of_all": asdict(details_in(common.options)),
         "parquet": importlib.util.find_spec("pyarrow") is not None,
     }
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:32]

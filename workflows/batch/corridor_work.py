@@ -6,6 +6,7 @@ from ...engine.core.json_values import plain
 from ...engine.core.progress import Progress
 from ...engine.core.run_record import RunRecord
 from ...engine.core.run_result import RunResult
+from ...engine.report.signed.typesetting import refuse_without_means
 from ...interface.parameters import given
 from ..run import Run
 from .corridor_plan import Given, Planned, failures, in_order, signature, stamp, unchanged
@@ -19,7 +20,8 @@ from .product_names import GEOPACKAGE
 from .products import Made, read_alerts, write_products
 from .results import SlopeResult, result_of
 from .scheduling import Board, work_through
-from .settings import INSPECT
+from .settings import INSPECT, details_in
+from .signed_reports import renewed_reports
 from .slope_process import PROGRAM
 from .state import StateFile
 
@@ -32,6 +34,8 @@ def work_on_all(what: Given, common: Common, planned: Planned, record: RunRecord
         record: that of the run, as it was begun.
     """
     run = Run("batch", {"batch": common.parameters}, what.inputs, progress, record)
+    if common.options.get("pdf"):
+        refuse_without_means()
     run.hash_inputs()
     found = planned.found
     with run.step("estimates", 0.04, 0.05, "reading headers"):
@@ -98,14 +102,16 @@ def _conclude(run: Run, what: Given, common: Common, planned: Planned, needs: di
         else:
             failed.add((name, planned.states.entries[name].sentence or "Its results are gone."))
     results = in_order(planned, done)
-    made_of = signature(what, common, results, sorted(failed))
+    made_of = signature(what, common, planned, results, sorted(failed))
     known = unchanged(what, made_of, run.progress)
     if known is not None:
         return known
     run.read_reviews(folder, [GEOPACKAGE])
     alerts = read_alerts(folder)
     start = common.parameters.chainage_start
-    made = Made(corridor.slopes, results, sorted(failed), what.manifest, what.centreline, start)
+    results = renewed_reports(results, found.jobs, run.progress)
+    details = details_in(common.options)
+    made = Made(corridor.slopes, results, sorted(failed), what.manifest, what.centreline, start, details)
     run.figures = {
         "slopes": len({*(s.name for s in corridor.slopes), *(p.slope for p in corridor.problems if p.slope)}),
         "slopes_done": len(results),

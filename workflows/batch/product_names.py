@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-GEOPACKAGE, PARQUET, MOSAIC, CATALOGUE, PAGE = (
+GEOPACKAGE, PARQUET, MOSAIC, CATALOGUE, PAGE, PAGE_PDF = (
     "corridor.gpkg",
     "corridor.parquet",
     "elevation_change.vrt",
     "clouds.vpc",
     "corridor.html",
+    "corridor.pdf",
 )
-BATCH_OUTPUTS = (GEOPACKAGE, PARQUET, MOSAIC, CATALOGUE, PAGE, "run.json")
+BATCH_OUTPUTS = (GEOPACKAGE, PARQUET, MOSAIC, CATALOGUE, PAGE, PAGE_PDF, "run.json")
 SOURCES = (("zones", "change"), ("series_zones", "series"), ("screened_zones", "screening"))
 """Key of an output of a slope with a layer of zones, and the word for it."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -22,15 +22,17 @@ from ...engine.core.json_values import plain
 from ...engine.core.version import VERSION
 from ...engine.maps import qgis_styles
 from ...engine.report.corridor import corridor_page
+from ...engine.report.signed.corridor import SignedCorridor, write_corridor_pdf
 from ...engine.vector.area import read_roi
 from ...engine.vector.geopackage import Layer, read_layer, write_layers
 from ...engine.vector.review_fields import own_columns
+from ...interface.parameters import DetailParameters
 from ..run import Run
 from . import alert_events, corridor_zones
 from .catalogue import MadeCloud, item_collection
 from .jobs import Slope
 from .mosaic import mosaic, read_tile
-from .product_names import CATALOGUE, GEOPACKAGE, MOSAIC, PAGE, PARQUET
+from .product_names import CATALOGUE, GEOPACKAGE, MOSAIC, PAGE, PAGE_PDF, PARQUET
 from .ranking import Ranked, rank
 from .results import SlopeResult
 
@@ -49,6 +51,7 @@ class Made:
     manifest: Path
     centreline: Path | None
     chainage_start: float
+    details: DetailParameters = field(default_factory=DetailParameters)
 
 
 def write_products(run: Run, made: Made, earlier_alerts: gpd.GeoDataFrame | None) -> None:
@@ -78,12 +81,28 @@ def write_products(run: Run, made: Made, earlier_alerts: gpd.GeoDataFrame | None
         # a name that is no Unicode is written with escapes rather than not at all
         stage.path(PAGE).write_text(page, encoding="utf-8", errors="backslashreplace", newline="\n")
         run.outputs["page"] = stage.final(PAGE)
+        _write_pdf(run, made, ranked, zones, still)
     run.figures |= {
         "zones": len(zones),
         "alerts": len(alerts),
         "open_alerts": len(still),
         "highest_attention": max((slope.attention for slope in ranked), default=0),
     }
+
+
+def _write_pdf(
+    run: Run, made: Made, ranked: Sequence[Ranked], zones: gpd.GeoDataFrame, alerts: gpd.GeoDataFrame
+) -> None:
+    """The report to sign of the corridor, if it is wanted; else that of an earlier run goes."""
+    if not made.details.pdf:
+        run.stage.discard(PAGE_PDF)
+        return
+    slopes = [(slope.name, shape) for slope in made.slopes if (shape := _region(slope, zones.crs)) is not None]
+    corridor = SignedCorridor(ranked, made.failed, zones, alerts, slopes, made.manifest.name)
+    write_corridor_pdf(
+        run.stage.path(PAGE_PDF), corridor, asdict(made.details), run.record.started.isoformat(), run.progress
+    )
+    run.outputs["page_pdf"] = run.stage.final(PAGE_PDF)
 
 
 def read_alerts(folder: Path) -> gpd.GeoDataFrame | None:

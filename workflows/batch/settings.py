@@ -10,12 +10,21 @@ from typing import Any
 
 from ...engine.core.errors import InputError
 from ...engine.core.messages import quoted
-from ...interface.parameters import PROFILES, ParameterError, ParameterSet, Specification, command_sets
+from ...interface.parameters import (
+    PROFILES,
+    DetailParameters,
+    ParameterError,
+    ParameterSet,
+    Specification,
+    command_sets,
+)
 from .jobs import Job, Slope
 
 INSPECT, SERIES = "inspect", "series"
 _SETS = {INSPECT: command_sets.INSPECT, SERIES: command_sets.SERIES}
 _OWN = ("overwrite",)  # the batch decides it
+_DETAILS = frozenset(s.name for s in DetailParameters.specifications())
+"""Other details need another report, not other results."""
 _WORDS = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False}
 
 
@@ -54,7 +63,14 @@ def read_option(name: str, text: str) -> Any:
 def options_of(slope: Slope, command: str, common: Mapping[str, Any]) -> dict[str, Any]:
     """The settings given for all slopes that the command has, overridden by the slope's own."""
     given = {name: value for name, value in common.items() if value is not None} | dict(slope.options)
+    if given.get("pdf"):
+        given.setdefault("slope_name", slope.name)
     return {name: given[name] for name in specifications(command) if name in given}
+
+
+def details_in(options: Mapping[str, Any]) -> DetailParameters:
+    """What a report to sign says of a slope, of its settings."""
+    return DetailParameters.build({name: value for name, value in options.items() if name in _DETAILS})
 
 
 def group_of(command: str, options: Mapping[str, Any], profile: str) -> dict[type[ParameterSet], ParameterSet]:
@@ -72,9 +88,11 @@ def group_of(command: str, options: Mapping[str, Any], profile: str) -> dict[typ
 
 
 def effective(command: str, options: Mapping[str, Any], profile: str) -> dict[str, Any]:
-    """Every setting of a command with its value, for the task's id; see ``group_of`` for what is raised."""
+    """Every setting of a command that its results depend on with its value, for the task's id; see ``group_of`` for
+    what is raised.
+    """
     groups = group_of(command, options, profile).values()
-    return {name: value for g in groups for name, value in asdict(g).items() if name not in _OWN}
+    return {n: value for g in groups for n, value in asdict(g).items() if n not in _OWN and n not in _DETAILS}
 
 
 def arguments_of(job: Job) -> list[str]:

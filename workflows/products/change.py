@@ -51,7 +51,7 @@ CHANGE_OUTPUTS = (
     "point_counts.tif",
     "report.html",
 )
-ON_REQUEST = ("cell_size.tif", "change_probability.tif", "plant_error.tif", "plant_change.tif")
+ON_REQUEST = ("cell_size.tif", "change_probability.tif", "plant_error.tif", "plant_change.tif", "report.pdf")
 """Outputs of a change with some parameters only, or of ground that records plants."""
 
 

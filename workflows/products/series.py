@@ -37,6 +37,7 @@ SERIES_OUTPUTS = (
     "series.png",
     "alerts_used.csv",
     "report.html",
+    "report.pdf",
     "run.json",
 )
 

@@ -1,0 +1,119 @@
+"""What the thresholds mean: from which change on something is reported, and how it is graded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ...zones.confirmation import VERDICTS
+from ..compose import MEANINGS
+from . import blocks
+from .blocks import Block, Cell, Column
+from .figures_in_text import figure, percent, say, value_of
+
+_CRITERIA = (
+    ("epochs_confirmed", "Surveys in a row"),
+    ("rate_mm_day", "Velocity (mm/day)"),
+    ("tangent_angle_deg", "Tangent angle (°)"),
+    ("failure_within_days", "Failure within (days)"),
+    ("single_volume_m3", "Volume of an event (m³)"),
+)
+
+
+def explained(record: Mapping[str, Any], *, has_screened: bool) -> list[Block]:
+    """Terms with the figures of this run, and of a series the table of alerts."""
+    rows = [
+        *_level(record),
+        *_zones(record.get("parameters", {}).get("zones") or {}, series=bool(record.get("alerts"))),
+    ]
+    made: list[Block] = []
+    if rows:
+        made += [blocks.heading(say("Thresholds explained")), blocks.terms(rows)]
+    if record.get("alerts"):
+        made += [blocks.heading(say("Alert levels"), 2), *_alerts(record["alerts"])]
+    if has_screened and record.get("epochs"):
+        words = [(_begun(say(word)), say(MEANINGS[word])) for word in VERDICTS]
+        made += [blocks.heading(say("What the change says of screened zones"), 2), blocks.terms(words)]
+    return made
+
+
+def _begun(words: str) -> str:
+    """With a capital where the letters have them."""
+    return words[:1].upper() + words[1:]
+
+
+def _level(record: Mapping[str, Any]) -> list[tuple[str, str]]:
+    metrics = record["metrics"]
+    if value_of(metrics, "lod_median_m") is None:
+        return []
+    sure = percent(metrics, "confidence") if value_of(metrics, "confidence") is not None else "95\u00a0%"
+    words = say(
+        f"The change that the points of a cell, their scatter, plants and the registration could make alone, at {sure} "
+        f"confidence; its median here is {figure(metrics, 'lod_median_m', 'm')}. Each cell has its own level."
+    )
+    return [(say("Level of detection"), words)]
+
+
+def _zones(parameters: Mapping[str, Any], *, series: bool) -> list[tuple[str, str]]:
+    if not parameters:
+        return []
+    area, cells = figure(parameters, "minimum_area", "m²", 2), figure(parameters, "minimum_cells", digits=0)
+    rows = [
+        (
+            say("Zone"),
+            say(f"Adjoining cells beyond their level of detection, together at least {area} and {cells} cells."),
+        ),
+        (
+            say("Net volume"),
+            say(
+                "The change summed over the footprint of the zone, small gaps included; ± is one standard error, with "
+                "the registration’s part in full."
+            ),
+        ),
+    ]
+    if series:
+        return rows
+    moderate, high = figure(parameters, "severity_moderate", "m", 2), figure(parameters, "severity_high", "m", 2)
+    sure = percent(parameters, "minimum_confidence")
+    return [
+        *rows,
+        (
+            say("Severity"),
+            say(
+                f"By the 95th percentile of the zone’s change: low below {moderate}, moderate from there, high from "
+                f"{high} on. It grades the size of the change, not the danger."
+            ),
+        ),
+        (
+            say("Confidence"),
+            say(
+                "The probability that the mean change of a zone is not zero even if the errors of all its cells were "
+                f"alike; groups below {sure} are no zones."
+            ),
+        ),
+    ]
+
+
+def _alerts(table: list[dict[str, Any]]) -> list[Block]:
+    columns = [Column(say("Level")), Column(say("Alert"), left=True, width=27.0)]
+    columns += [Column(say(words), width=18.0) for _, words in _CRITERIA]
+    columns.append(Column(say("Action"), left=True, wide=True))
+    rows: list[list[Cell]] = [
+        [
+            figure(row, "level", digits=0),
+            say(str(row.get("name", ""))),
+            *(figure(row, name, digits=_decimals(row, name)) for name, _ in _CRITERIA),
+            say(str(row.get("action", ""))),
+        ]
+        for row in table
+    ]
+    words = say(
+        "A zone reaches a level when so many comparisons in a row confirm it and velocity, tangent angle or time to "
+        "failure reaches its limit, or when its volume reaches that of an event."
+    )
+    return [blocks.paragraph(words, small=True), blocks.table(columns, rows, size=7.0)]
+
+
+def _decimals(row: Mapping[str, Any], name: str) -> int:
+    value = value_of(row, name)
+    return 0 if value is None or value == round(value) else 1

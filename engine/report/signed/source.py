@@ -1,0 +1,115 @@
+"""An output folder as the report to sign reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import geopandas as gpd
+import numpy as np
+from numpy.typing import NDArray
+
+from ...vector.geopackage import read_layer
+from ...zones.profile_lines import GIVEN, ProfileLine
+from ..reviews import Review, zone_reviews
+from .details import Details, details_of
+from .maps import MapLayers
+from .page_words import PageWords
+
+
+@dataclass(frozen=True)
+class Source:
+    """An output ``folder`` as read: its ``record``, the ``words`` of its page, tables and reviews of its ``zones`` and
+    of the ``screened`` ones, and the names of its ``surveys``.
+    """
+
+    folder: Path
+    record: Mapping[str, Any]
+    words: PageWords
+    details: Details
+    zones: gpd.GeoDataFrame
+    screened: gpd.GeoDataFrame
+    reviews: Mapping[str, Review]
+    screened_reviews: Mapping[str, Review]
+    surveys: tuple[str, ...]
+
+    @property
+    def is_series(self) -> bool:
+        return bool(self.record["command"] == "series")
+
+    @property
+    def is_screening(self) -> bool:
+        """Of one survey."""
+        return not self.is_series and not self.record.get("epochs")
+
+    @property
+    def ends(self) -> tuple[str, str]:
+        """Names of the first and of the last survey."""
+        return (self.surveys[0], self.surveys[-1]) if self.surveys else ("", "")
+
+
+def read_source(record: Mapping[str, Any], folder: Path, words: PageWords) -> Source:
+    """The tables of an output folder.
+
+    Raises:
+        InputError: one of them cannot be read, or the details do not fit the surveys.
+    """
+    name = "series.gpkg" if record["command"] == "series" else "zones.gpkg"
+    zones, screened = _table(folder / name), _table(folder / "screened_zones.gpkg")
+    surveys = surveys_of(record)
+    return Source(
+        folder=folder,
+        record=record,
+        words=words,
+        details=details_of(record, surveys, (zones, screened)),
+        zones=zones,
+        screened=screened,
+        reviews=zone_reviews(folder / name),
+        screened_reviews=zone_reviews(folder / "screened_zones.gpkg"),
+        surveys=surveys,
+    )
+
+
+def surveys_of(record: Mapping[str, Any]) -> tuple[str, ...]:
+    """The names of the surveys of a run record, the earliest first."""
+    surveys = [str(epoch["name"]) for epoch in record.get("epochs") or []]
+    roles = [str(i["role"]) for i in record["inputs"]]
+    return tuple(surveys or [role.removeprefix("epoch ") for role in roles if role.startswith("epoch ")])
+
+
+def map_layers(source: Source) -> MapLayers:
+    """What the maps show of a folder: zones, screened zones, footprints of the volumes, and vectors of motion."""
+    zones = source.folder / "zones.gpkg"
+    footprints = read_layer(zones, "footprints") if not source.is_series and zones.is_file() else None
+    return MapLayers(
+        source.zones,
+        source.screened if len(source.screened) else None,
+        footprints,
+        vectors=_vectors(source.folder / "displacement.gpkg"),
+    )
+
+
+def given_lines(path: Path) -> Sequence[ProfileLine]:
+    """The lines of sections that people gave, as a run keeps them; none without the file."""
+    if not path.is_file():
+        return ()
+    frame = read_layer(path, "profiles")
+    named = zip(frame["name"], frame["kind"], frame.geometry, strict=True)
+    return [ProfileLine(str(name), line, GIVEN) for name, kind, line in named if kind == GIVEN]
+
+
+def _vectors(path: Path) -> NDArray[np.float64]:
+    """Place and motion on the map (n, 4) of the significant vectors."""
+    if not path.is_file():
+        return np.zeros((0, 4))
+    frame = read_layer(path, "vectors")
+    columns = frame.geometry.x, frame.geometry.y, frame["east_m"], frame["north_m"]
+    return np.column_stack([np.asarray(column, dtype=np.float64) for column in columns]).reshape(-1, 4)
+
+
+def _table(path: Path) -> gpd.GeoDataFrame:
+    if not path.is_file():
+        return gpd.GeoDataFrame({"zone_id": []}, geometry=[])
+    return read_layer(path, "zones")

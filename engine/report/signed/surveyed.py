@@ -1,0 +1,108 @@
+"""How a slope was surveyed and compared: flights, registration, volumes, files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import PurePosixPath
+from typing import Any
+
+from ..compose import role_words
+from . import blocks
+from .blocks import Block, Cell, Column
+from .details import FLIGHT, LABELS, Details
+from .figures_in_text import figure, interval, percent, say, value_of, with_error
+
+_DIGITS = {"m²": 1, "m³": 2, "m": 4, "%": 1}
+
+
+def surveyed(record: Mapping[str, Any], details: Details) -> list[Block]:
+    """Flights, registration, areas and volumes, and the files with their checksums."""
+    made = [blocks.heading(say("Surveys and flights")), _flights(record, details)]
+    facts = _measured(record)
+    if facts:
+        made += [blocks.heading(say("How the surveys were compared"), 2), blocks.facts(facts)]
+    if record.get("volumes"):
+        made += [blocks.heading(say("Areas and volumes"), 2), _volumes(record["volumes"]["rows"])]
+    return [*made, blocks.heading(say("Files"), 2), _files(record)]
+
+
+def _flights(record: Mapping[str, Any], details: Details) -> Block:
+    """One row a survey; what was not given is left to fill in by hand."""
+    density = record.get("density") or []
+    columns = [Column(say("Survey"), left=True)]
+    columns += [Column(say(LABELS[name]), left=True, wide=name == "weather") for name in FLIGHT]
+    columns += [Column(say("Ground points per m²"))] if density else []
+    rows: list[list[Cell]] = []
+    for number, survey in enumerate(details.surveys):
+        row: list[Cell] = [survey, *(details.of_flight(name, number) or "…………" for name in FLIGHT)]
+        if density:
+            row.append(figure(density[number], "median_points_m2", digits=0) if number < len(density) else "–")
+        rows.append(row)
+    return blocks.table(columns, rows)
+
+
+def _measured(record: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Registration, grid and reference system, as far as the record has them."""
+    registration, metrics = record.get("registration") or {}, record["metrics"]
+    rows: list[tuple[str, str]] = []
+    if record.get("reference_system"):
+        system = record["reference_system"]
+        number = f" (EPSG:{system['epsg']})" if system.get("epsg") else ""
+        rows.append((say("Reference system"), f"{system['name']}{number}"))
+    if record.get("grid"):
+        rows.append((say("Side of a cell"), figure(record["grid"], "cell_m", "m", 2)))
+    if registration.get("registration_method"):
+        shift = (figure(registration, f"registration_{axis}_m", digits=3, sign=True) for axis in ("dx", "dy", "dz"))
+        rows += [
+            (say("Registration"), say(str(registration["registration_method"]))),
+            (say("Shift east, north, up (m)"), ", ".join(shift)),
+            (say("Residual on stable ground"), figure(registration, "registration_residual_after_m", "m", 4)),
+            (say("Registration error in height"), figure(registration, "registration_error_m", "m", 4)),
+        ]
+    if value_of(metrics, "compared_share") is not None:
+        rows.append((say("Ground compared"), percent(metrics, "compared_share")))
+    if value_of(metrics, "lod_median_m") is not None:
+        rows.append((say("Level of detection, median"), figure(metrics, "lod_median_m", "m")))
+    return rows
+
+
+def _volumes(rows: list[dict[str, Any]]) -> Block:
+    columns = [
+        Column(say("Attribute"), left=True, wide=True),
+        Column(say("Raw")),
+        Column(say("Thresholded")),
+        Column(say("95 % interval")),
+        Column(say("Error (%)")),
+    ]
+    table: list[list[Cell]] = []
+    for row, before in zip(rows, [{}, *rows], strict=False):
+        if row["group"] != before.get("group"):
+            table.append([blocks.bold(say(str(row["group"]).capitalize())), "", "", "", ""])
+        digits = _DIGITS.get(row["unit"], 2)
+        table.append(
+            [
+                f"{say(row['quantity'])} ({say(row['unit'])})",
+                with_error(row, "raw", "raw_error", digits=digits, sign=False),
+                with_error(row, "thresholded", "standard_error", digits=digits, sign=False),
+                interval(row, "low_95", "high_95", digits=digits, sign=False),
+                figure(row, "error_percent", digits=1),
+            ]
+        )
+    return blocks.table(columns, table, size=7.0)
+
+
+def _files(record: Mapping[str, Any]) -> Block:
+    columns = [
+        Column(say("File"), left=True),
+        Column(say("File name"), left=True, wide=True),
+        Column("SHA-256", left=True),
+    ]
+    rows: list[list[Cell]] = [
+        [
+            role_words(str(i["role"])),
+            PurePosixPath(str(i.get("path", "")).replace("\\", "/")).name,
+            str(i.get("sha256", "")),
+        ]
+        for i in record["inputs"]
+    ]
+    return blocks.table(columns, rows, size=6.0)

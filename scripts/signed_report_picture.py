@@ -1,0 +1,34 @@
+#!/usr/bin/env -S .venv/bin/python
+"""docs/images/signed_report.png: pages of a report to sign next to one another.
+
+``scripts/signed_report_picture.py FOLDER/report.pdf`` takes its first three pages.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pypdfium2
+from PIL import Image
+
+PICTURE = Path(__file__).resolve().parents[1] / "docs" / "images" / "signed_report.png"
+_PAGES, _SCALE, _GAP = 3, 1.0, 10
+_COLOURS = 128
+
+
+def main(pdf: Path) -> None:
+    """Draw the pages of ``pdf``."""
+    with pypdfium2.PdfDocument(pdf) as document:
+        pages = [document[number].render(scale=_SCALE).to_pil().convert("RGB") for number in range(_PAGES)]
+    width = sum(page.width for page in pages) + _GAP * (len(pages) + 1)
+    picture = Image.new("RGB", (width, pages[0].height + 2 * _GAP), "#9aa0a6")
+    left = _GAP
+    for page in pages:
+        picture.paste(page, (left, _GAP))
+        left += page.width + _GAP
+    picture.quantize(_COLOURS).save(PICTURE, optimize=True)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

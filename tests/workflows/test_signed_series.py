@@ -1,0 +1,56 @@
+"""The report to sign of a series: the figures of its tables, and its course, on pages that are full."""
+
+from __future__ import annotations
+
+import shutil
+
+import pyogrio
+import pytest
+from slopewatch.engine.core.earlier_results import refuse_another_series
+from slopewatch.engine.core.progress import Progress
+from slopewatch.engine.core.run_record import RunRecord
+from slopewatch.interface.parameters import DetailParameters, ReportParameters
+from slopewatch.tests.builders.signed_folder import Pages
+from slopewatch.workflows.report import report_step
+
+
+def shown(value: float, digits: int) -> str:
+    return f"{value:+,.{digits}f}".replace("-", "\u2212")
+
+
+@pytest.fixture(scope="module")
+def signed(runs, tmp_path_factory):
+    out, _ = runs
+    folder = shutil.copytree(out, tmp_path_factory.mktemp("series") / "copy", ignore=shutil.ignore_patterns("work"))
+    details = DetailParameters(pdf=True, slope_name="S7", weather="dry")
+    report_step(folder, ReportParameters(), details=details, profiles=None, progress=Progress())
+    return folder, Pages(folder / "report.pdf")
+
+
+def test_each_zone_has_a_sheet_with_its_alert_velocity_and_course(runs, signed):
+    record = runs[1][-1][1]
+    folder, pages = signed
+    zones = pyogrio.read_dataframe(folder / "series.gpkg", layer="zones", read_geometry=False)
+    assert len(zones) >= 2
+    for number, zone in enumerate(zones.to_dict("records"), 1):
+        page = pages.texts[number]
+        assert page.find(f"Zone {zone['zone_id']}: {zone['kind']}, {zone['alert']}") >= 0
+        assert f"Alert level {zone['alert_level']:.0f}, {zone['alert']}" in page
+        assert f"Velocity {shown(zone['rate_mm_day'], 2)} ± " in page
+        assert f"Mean change {shown(zone['dz_mean_m'], 3)} m" in page
+        last = [row for row in record["course"][zone["zone_id"]] if "dz_mean_m" in row][-1]
+        assert f"{last['epoch']} {last['days']} {shown(last['dz_mean_m'], 3)} ± " in page
+
+
+def test_pages_are_full_and_alert_levels_are_explained(signed):
+    _, pages = signed
+    assert min(pages.lowest_ink) >= 0.5
+    assert len(pages.texts) <= 12
+    assert "Inspect within days and consider instruments that measure continuously" in pages.text
+    assert "S7, Series of" in pages.texts[0]
+
+
+def test_other_details_do_not_make_it_another_series(tmp_path):
+    record = RunRecord("series", {"details": DetailParameters(author="B")})
+    earlier = {"inputs": [], "parameters": {"details": {"author": "A", "pdf": True}}}
+    refuse_another_series(tmp_path, earlier, record)
