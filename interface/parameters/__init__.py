@@ -10,6 +10,7 @@ ground extraction, registration and gridding.
 from __future__ import annotations
 
 from . import command_sets
+from .assets import AssetParameters
 from .batch import BatchParameters
 from .change import ChangeParameters, GridChangeParameters
 from .dates import DateParameters
@@ -24,6 +25,7 @@ from .outputs import OutputParameters
 from .profiles import PROFILES, PUBLISHED_WORKFLOW, PUBLISHED_WORKFLOW_ID
 from .registration import RegistrationParameters
 from .report import ReportParameters
+from .road import RoadParameters
 from .screening import LastEpochParameters, ScreeningParameters
 from .series import SeriesParameters
 from .simulation import CreepParameters, ScenesParameters, SurveyParameters
@@ -37,6 +39,7 @@ __all__ = [
     "PROFILES",
     "PUBLISHED_WORKFLOW",
     "PUBLISHED_WORKFLOW_ID",
+    "AssetParameters",
     "BatchParameters",
     "ChangeParameters",
     "CreepParameters",
@@ -57,6 +60,7 @@ __all__ = [
     "RegionParameters",
     "RegistrationParameters",
     "ReportParameters",
+    "RoadParameters",
     "ScenesParameters",
     "ScreeningParameters",
     "SeriesParameters",

@@ -6,7 +6,7 @@ from ...engine.core.json_values import plain
 from ...engine.core.progress import Progress
 from ...engine.core.run_record import RunRecord
 from ...engine.core.run_result import RunResult
-from ...interface.parameters import given
+from ...interface.parameters import RoadParameters, given
 from ..run import Run
 from .corridor_plan import Given, Planned, failures, in_order, signature, stamp, unchanged
 from .dask_cluster import Wanted
@@ -17,9 +17,10 @@ from .own_process import work_in_place
 from .planning import Common, Plan
 from .product_names import GEOPACKAGE
 from .products import Made, read_alerts, write_products
+from .regions_on_roads import Road
 from .results import SlopeResult, result_of
 from .scheduling import Board, work_through
-from .settings import INSPECT
+from .settings import INSPECT, group_of
 from .slope_process import PROGRAM
 from .state import StateFile
 
@@ -31,7 +32,7 @@ def work_on_all(what: Given, common: Common, planned: Planned, record: RunRecord
         planned: what is to be done.
         record: that of the run, as it was begun.
     """
-    run = Run("batch", {"batch": common.parameters}, what.inputs, progress, record)
+    run = Run("batch", {"batch": common.parameters}, [*what.inputs, *common.layers.inputs], progress, record)
     run.hash_inputs()
     found = planned.found
     with run.step("estimates", 0.04, 0.05, "reading headers"):
@@ -86,6 +87,19 @@ def _executor(what: Given, common: Common, board: Board, progress: Progress) -> 
     return Processes(parameters.workers, board.listen, what.program)
 
 
+def _roads(common: Common, planned: Planned) -> dict[str, Road]:
+    """The centreline of each slope that has one, and how its chainages are to be read."""
+    found = {}
+    for slope in planned.corridor.slopes:
+        path, job = slope.centreline or common.layers.centreline, planned.found.jobs.get(slope.name)
+        if path is not None and job is not None:
+            groups = group_of(job.command, job.options, job.profile)
+            parameters = groups[RoadParameters]
+            assert isinstance(parameters, RoadParameters)
+            found[slope.name] = Road(path, common.layers.field_names, parameters)
+    return found
+
+
 def _conclude(run: Run, what: Given, common: Common, planned: Planned, needs: dict[str, int]) -> RunResult:
     """Write the products, unless they are there and nothing that they depend on has changed."""
     folder, corridor, found = what.folder, planned.corridor, planned.found
@@ -104,8 +118,7 @@ def _conclude(run: Run, what: Given, common: Common, planned: Planned, needs: di
         return known
     run.read_reviews(folder, [GEOPACKAGE])
     alerts = read_alerts(folder)
-    start = common.parameters.chainage_start
-    made = Made(corridor.slopes, results, sorted(failed), what.manifest, what.centreline, start)
+    made = Made(corridor.slopes, results, sorted(failed), what.manifest, _roads(common, planned))
     run.figures = {
         "slopes": len({*(s.name for s in corridor.slopes), *(p.slope for p in corridor.problems if p.slope)}),
         "slopes_done": len(results),

@@ -62,7 +62,7 @@ def write_manifest(folder: Path, surveys: int) -> Path:
 
 def batch(folder: Path, out: Path, progress: Progress | None = None, **parameters: Any) -> RunResult:
     common = Common(OPTIONS, "default", None, None, BatchParameters(two_surveys="series", **parameters))
-    return run_batch(Given(folder / "corridor.csv", out, folder / "road.gpkg"), common, progress)
+    return run_batch(Given(folder / "corridor.csv", out), common, progress)
 
 
 def states(out: Path) -> dict[str, dict[str, Any]]:
