@@ -16,6 +16,7 @@ from .displacement import displacement
 from .drawing import exportlabelstudio, importlabelstudio, suggestroi, topview
 from .help_pages import Program
 from .language import say
+from .locate import locate
 from .m3c2 import m3c2
 from .report import report
 from .reporting import error_event
@@ -55,6 +56,7 @@ for subcommand in (
     demchange,
     m3c2,
     displacement,
+    locate,
     screen,
     series,
     batch,

@@ -11,6 +11,7 @@ from .extractground import ExtractGround
 from .importlabelstudio import ImportLabelStudio
 from .inspectseries import InspectSeries
 from .inspectslope import InspectSlope
+from .locateonroad import LocateOnRoad
 from .m3c2distances import M3C2Distances
 from .registerepochs import RegisterEpochs
 from .screenhazards import ScreenHazards
@@ -34,6 +35,7 @@ ALGORITHMS = (
     M3C2Distances,
     DemChange,
     DisplacementVectors,
+    LocateOnRoad,
     WriteReport,
     TopView,
     SuggestRoi,

@@ -157,6 +157,18 @@ CHANGE_PRODUCTS = (
     ),
 )
 
+CLASSES = Product(
+    "CLASS_BUDGET",
+    "classes",
+    "Change by class of asset",
+    "Polygons of the classes with areas, volumes and errors of their change; written only with a layer of classes.",
+    Appearance(47, visible=False, expanded=False),
+    layer="budget_by_class",
+    by_default=False,
+    file="budget_by_class.gpkg",
+)
+CHANGE_PRODUCTS = (*CHANGE_PRODUCTS, CLASSES)
+
 SCREENED_PRODUCTS = (
     Product(
         "SCREENED_ZONES",

@@ -20,7 +20,7 @@ MOST = 8
 _FIRST = (
     "report", "page", "series_zones", "corridor", "zones", "screened_zones", "m3c2_significant",
     "displacement_vectors", "labelled", "significant_change", "weights", "aligned", "points", "ground",
-    "picture", "roi",
+    "picture", "roi", "located",
 )  # fmt: skip
 _NAMED = 2
 _MIN_BIAS_M, _BIAS_ERRORS = 0.02, 3.0
@@ -306,6 +306,16 @@ def _region(f: Figures) -> list[str]:
     ]  # fmt: skip
 
 
+def _located(f: Figures) -> list[str]:
+    return [
+        sentence(
+            "{} of {} features have their place on the road now.", counted(f, "located"), counted(f, "features")
+        ),
+        sentence("{} have none; the field location_note says why.", counted(f, "not_located")) if f.get(
+            "not_located") else "",
+    ]  # fmt: skip
+
+
 def _tasks(f: Figures) -> list[str]:
     return [
         sentence(
@@ -346,6 +356,7 @@ _FOUND: dict[str, Callable[[Figures], list[str]]] = {
     "report": _report,
     "topview": _top_view,
     "suggestroi": _region,
+    "locate": _located,
     "exportlabelstudio": _tasks,
     "importlabelstudio": _labels,
     "simulate survey": _survey,

@@ -22,6 +22,7 @@ _END_M = 0.5  # metres that a shape may lie beyond the end of a road and still b
 _MOST_STEPS = 2000  # pieces that an outline is looked at in
 _STEP_M = 0.5
 _SAME_M = 0.01
+_NODE_M = 1e-6  # metres that rounding may put a foot off a node
 
 
 @dataclass(frozen=True)
@@ -50,9 +51,9 @@ class Stretch:
         """Chainage at a distance; at an equation that ahead of it, or that behind it."""
         last = len(self.along) - 2
         if ahead:
-            i = int(np.searchsorted(self.along, along, side="right")) - 1
+            i = int(np.searchsorted(self.along, along + _NODE_M, side="right")) - 1
         else:
-            i = int(np.searchsorted(self.along, along, side="left")) - 1
+            i = int(np.searchsorted(self.along, along - _NODE_M, side="left")) - 1
         i = min(max(i, 0), last)
         length = float(self.along[i + 1] - self.along[i])
         share = 0.0 if length == 0 else (along - float(self.along[i])) / length
