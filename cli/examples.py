@@ -122,7 +122,10 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ),
     ),
     "locate": (
-        ("The zones of a former run", "slopewatch locate results/zones.gpkg --centreline road.gpkg --output located.gpkg"),
+        (
+            "The zones of a former run",
+            "slopewatch locate results/zones.gpkg --centreline road.gpkg --output located.gpkg",
+        ),
         (
             "Under the agency's names",
             "slopewatch locate drains.shp --centreline network.gpkg --field-names names.csv --output drains.gpkg",

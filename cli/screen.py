@@ -56,6 +56,4 @@ def screen(
     settings = gathered(ScreeningSettings, session.parameters)
     targets = default_targets(output, zones, raster, picture, smallest_hazard)
     files = LayerFiles(**layers)
-    return screen_step(
-        cloud, targets, settings, roi=roi, layers=files, pdal=session.pdal, progress=session.report
-    )
+    return screen_step(cloud, targets, settings, roi=roi, layers=files, pdal=session.pdal, progress=session.report)

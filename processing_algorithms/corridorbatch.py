@@ -92,7 +92,8 @@ class CorridorBatch(SlopeWatchAlgorithm):
             declare.file_parameter(
                 "CENTRELINE",
                 "Centreline",
-                "Lines of the road's axis, along which zones and regions are placed. A slope may have its own in the manifest.",
+                "Lines of the road's axis, along which zones and regions are placed. A slope may have its own in the "
+                "manifest.",
                 _LINES_FILTER,
             ),
             declare.file_parameter(
@@ -110,8 +111,8 @@ class CorridorBatch(SlopeWatchAlgorithm):
                 declare.file_parameter(
                     "CLASSES",
                     "Assets: classes",
-                    "Polygons of classes of asset, by which the change of each slope is summed up. A slope may have its "
-                    "own in the manifest.",
+                    "Polygons of classes of asset, by which the change of each slope is summed up. A slope may have "
+                    "its own in the manifest.",
                     _POLYGONS_FILTER,
                     advanced=True,
                 ),

@@ -234,8 +234,8 @@ def classes_parameter() -> QgsProcessingParameterDefinition:
     return polygon_parameter(
         "CLASSES",
         "Assets: classes",
-        "Polygons such as bench, drain, berm, retaining wall and pavement, in any reference system. The change is summed "
-        "up for each class.",
+        "Polygons such as bench, drain, berm, retaining wall and pavement, in any reference system. The change is "
+        "summed up for each class.",
         advanced=True,
         title="Assets",
     )

@@ -32,7 +32,9 @@ class LocateOnRoad(SlopeWatchAlgorithm):
     NAME = "locateonroad"
     TITLE = "Locate on the road"
     GROUP = "steps"
-    SUMMARY = "Gives zones, regions or any other features their route, chainage, side and offset by a road's centreline."
+    SUMMARY = (
+        "Gives zones, regions or any other features their route, chainage, side and offset by a road's centreline."
+    )
     TAGS = (
         "chainage", "station", "stationing", "centreline", "centerline", "linear referencing", "LRS", "kilometre",
         "milepost", "offset", "side", "route", "road", "axis", "zones", "asset",

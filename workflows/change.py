@@ -23,7 +23,7 @@ from ..engine.zones.profile_lines import given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from ..interface.parameters import AUTO
 from .early_memory import refuse_grid_early
-from .layer_files import LayerFiles
+from .layer_files import NO_LAYERS, LayerFiles
 from .layers import layers_on_cloud
 from .pair import SPOOL, Cloud, compare_pair, dated_pair, ground_of, ground_on_disk, is_large, stable_area
 from .products.change import CHANGE_OUTPUTS, ON_REQUEST, Context, method_name, write_products
@@ -41,7 +41,7 @@ def change_step(
     transform_path: Path | None,
     profiles: Path | None = None,
     stable: Path | None = None,
-    layers: LayerFiles = LayerFiles(),
+    layers: LayerFiles = NO_LAYERS,
     overwrite: bool = False,
     progress: Progress,
 ) -> RunResult:

@@ -29,7 +29,7 @@ from ..engine.zones.profile_lines import given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from ..interface.dates import date_in_name
 from ..interface.parameters import given
-from .layer_files import LayerFiles
+from .layer_files import NO_LAYERS, LayerFiles
 from .layers import read_layers
 from .pair import stable_area
 from .products.change import CHANGE_OUTPUTS, Context, write_products
@@ -61,7 +61,7 @@ def demchange_step(
     *,
     stable: Path | None = None,
     profiles: Path | None = None,
-    layers: LayerFiles = LayerFiles(),
+    layers: LayerFiles = NO_LAYERS,
     overwrite: bool = False,
     progress: Progress,
 ) -> RunResult:
@@ -72,7 +72,9 @@ def demchange_step(
     recorded = groups(settings, "inputs", "elevation_models", "zones", "road", "assets", "heatmap", "report")
     run = Run("demchange", recorded, [*inputs, ("stable", stable), ("profiles", profiles), *layers.inputs], progress)
     outputs = [name for name in CHANGE_OUTPUTS if name not in _NOT_WRITTEN]
-    run.refuse_folder(output_dir, ("run.json", *outputs, *DEM_OUTPUTS, *PROFILE_OUTPUTS, *CLASS_OUTPUTS), overwrite=overwrite)
+    run.refuse_folder(
+        output_dir, ("run.json", *outputs, *DEM_OUTPUTS, *PROFILE_OUTPUTS, *CLASS_OUTPUTS), overwrite=overwrite
+    )
     run.read_reviews(output_dir, ("zones.gpkg",))
     hashes = run.hash_inputs()[: len(models)]
     with run.writing(output_dir, report=True):

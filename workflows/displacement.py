@@ -25,7 +25,7 @@ from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.reading import read_cloud
 from ..interface.parameters import given
 from .early_memory import refuse_points_early
-from .layer_files import LayerFiles
+from .layer_files import NO_LAYERS, LayerFiles
 from .layers import layers_on_cloud
 from .pair import dated_pair, ground_of, stable_area
 from .products.displacement import DISPLACEMENT_OUTPUTS, main_figures, write_products
@@ -46,7 +46,7 @@ def displacement_step(
     dates: tuple[str | None, str | None],
     transform_path: Path | None,
     stable: Path | None = None,
-    layers: LayerFiles = LayerFiles(),
+    layers: LayerFiles = NO_LAYERS,
     overwrite: bool = False,
     progress: Progress,
 ) -> RunResult:

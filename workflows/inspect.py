@@ -36,9 +36,9 @@ from ..engine.report.compose import REPORT
 from ..engine.zones.profile_lines import ProfileLine, given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from .early_memory import refuse_grid_early
-from .layer_files import LayerFiles
-from .layers import layers_on_cloud
 from .last_epoch import SCREENING_OUTPUTS, EpochScreening, confirmed_by, obstacle, screen_epoch, write_epoch_screening
+from .layer_files import NO_LAYERS, LayerFiles
+from .layers import layers_on_cloud
 from .pair import (
     MAX_HELD_POINTS,
     SPOOL,
@@ -58,7 +58,19 @@ _AT_ONCE = 2  # surveys whose ground is found at the same time
 MAX_POINTS_AT_ONCE = 8_000_000
 """Points of raw surveys up to which their ground is found at the same time."""
 _EVERY_OUTPUT = (*CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS, *SCREENING_OUTPUTS)
-_RECORDED = ("inputs", "dates", "ground", "registration", "change", "zones", "road", "assets", "heatmap", "screening", "report")
+_RECORDED = (
+    "inputs",
+    "dates",
+    "ground",
+    "registration",
+    "change",
+    "zones",
+    "road",
+    "assets",
+    "heatmap",
+    "screening",
+    "report",
+)
 
 
 @dataclass(frozen=True)
@@ -91,7 +103,7 @@ def inspect_slope(
     roi: Path | None = None,
     stable: Path | None = None,
     profiles: Path | None = None,
-    layers: LayerFiles = LayerFiles(),
+    layers: LayerFiles = NO_LAYERS,
     pdal: Path | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,

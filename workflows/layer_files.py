@@ -25,3 +25,7 @@ class LayerFiles:
         """Role and path of each, for the record."""
         given = {"centreline": self.centreline, "field_names": self.field_names, "classes": self.classes}
         return list(given.items())
+
+
+NO_LAYERS = LayerFiles()
+"""None of them."""

@@ -20,7 +20,7 @@ from ..engine.road.network import Network
 from ..engine.vector.asset_classes import AssetClasses, read_asset_classes
 from ..engine.vector.field_mapping import read_field_mapping
 from ..interface.parameters import AssetParameters, InputParameters, RoadParameters
-from .layer_files import LayerFiles
+from .layer_files import NO_LAYERS, LayerFiles
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,9 @@ def read_layers(
         classes, more = read_asset_classes(files.classes, parameters[1].class_field, crs)
         notes = (*notes, *more)
         if near is not None and not any(shape.intersects(near) for shape in classes.shapes):
-            raise InputError(f"No polygon of the classes '{files.classes}' lies on the slope; check their reference system.")
+            raise InputError(
+                f"No polygon of the classes '{files.classes}' lies on the slope; check their reference system."
+            )
     for note in notes:
         progress.warning(note)
     return Related(road, classes)
@@ -83,7 +85,7 @@ def layers_on_cloud(
     progress: Progress,
 ) -> Related:
     """``read_layers`` in the frame of a cloud, and where that lies by its header."""
-    if files == LayerFiles():
+    if files == NO_LAYERS:
         return Related()
     header, frame = open_cloud(cloud, inputs)
     near = None

@@ -153,7 +153,9 @@ def _metres(frame: gpd.GeoDataFrame, centreline: Path) -> CRS:
             if crs.is_projected and crs.axis_info[0].unit_conversion_factor == 1.0:
                 return crs
     if frame.crs is None:
-        raise InputError("Neither the layer nor the centreline declares a projected reference system; save one with its own.")
+        raise InputError(
+            "Neither the layer nor the centreline declares a projected reference system; save one with its own."
+        )
     return CRS.from_user_input(frame.estimate_utm_crs())
 
 

@@ -27,7 +27,7 @@ from ..models.screening.cloud_file import ScreenedFile
 from ..models.screening.screen import screen_points
 from ..models.screening.self_test import self_test
 from ..models.screening.zones import outline_hazards
-from .layer_files import LayerFiles
+from .layer_files import NO_LAYERS, LayerFiles
 from .layers import layers_on_cloud
 from .products.screening import Pictured, screening_facts, screening_figures, write_products
 from .run import Run, record_name_of
@@ -46,7 +46,7 @@ def screen_step(
     settings: ScreeningSettings,
     *,
     roi: Path | None = None,
-    layers: LayerFiles = LayerFiles(),
+    layers: LayerFiles = NO_LAYERS,
     pdal: Path | None = None,
     progress: Progress | None = None,
 ) -> RunResult:

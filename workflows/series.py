@@ -28,7 +28,7 @@ from ..engine.series.tables import About
 from ..engine.series.tracking import Track
 from ..engine.series.velocity import cell_velocity
 from .early_memory import refuse_grid_early
-from .layer_files import LayerFiles
+from .layer_files import NO_LAYERS, LayerFiles
 from .layers import layers_on_cloud
 from .pair import SPOOL, stable_area
 from .products.classes import CLASS_OUTPUTS
@@ -71,7 +71,7 @@ def monitor_series(
     roi: Path | None = None,
     stable: Path | None = None,
     alerts: Path | None = None,
-    layers: LayerFiles = LayerFiles(),
+    layers: LayerFiles = NO_LAYERS,
     pdal: Path | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,

@@ -140,7 +140,9 @@ def hazards_qml(fields: Iterable[str], *, located: bool = False) -> str:
         fields: of the layer; with those of ``confirmation.FIELDS`` where a change was asked about the zones.
     """
     named = _fields(fields) | {"area_m2": {"name": "Area of the slope (m²)", "decimals": 2}}
-    return _polygons_qml("screened_zones", named, _graded(("high", "medium", "low")), located=located, grade="confidence")
+    return _polygons_qml(
+        "screened_zones", named, _graded(("high", "medium", "low")), located=located, grade="confidence"
+    )
 
 
 def footprints_qml() -> str:

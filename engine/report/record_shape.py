@@ -103,7 +103,12 @@ _CHANGE = fields(
 _COURSE = fields({"epoch": day}, dict.fromkeys(("dz_mean_m", "dz_err_m", "vol_net_m3", "vol_err_m3"), _NUMBER))
 _SERIES = fields(
     {"zones": maybe(rows(fields({"zone_id": text()}, {"kind": text()})))},
-    {"classes": maybe(_CLASSES), "course": maybe(table(rows(_COURSE))), "limits": maybe(_TEXTS), "dates": rows(day, 2, 10_000)},
+    {
+        "classes": maybe(_CLASSES),
+        "course": maybe(table(rows(_COURSE))),
+        "limits": maybe(_TEXTS),
+        "dates": rows(day, 2, 10_000),
+    },
 )
 
 

@@ -132,7 +132,9 @@ def _roads(
     """Pieces by route and carriageway, in the order of the file."""
     columns = {ours: _column(frame, ours, names, name) for ours in FIELDS}
     if columns["chain_to"] and not columns["chain_from"]:
-        raise InputError(f"The centreline {name} has chainages of the lines' ends only; give those of their beginnings.")
+        raise InputError(
+            f"The centreline {name} has chainages of the lines' ends only; give those of their beginnings."
+        )
     roads: dict[tuple[str, str], list[Piece]] = {}
     for number, (index, geometry) in enumerate(zip(frame.index, frame.geometry, strict=True), 1):
         road = tuple(_text(frame.at[index, columns[c]]) if columns[c] else "" for c in ("route", "carriageway"))
@@ -182,7 +184,8 @@ def _pieces(
     for line in lines:
         if not np.isfinite(line.length) or line.length > _MAX_LENGTH_M:
             raise InputError(
-                f"Line {number} of the centreline {name} is {line.length / 1000:.4g} km long; check its reference system."
+                f"Line {number} of the centreline {name} is {line.length / 1000:.4g} km long; check its reference "
+                "system."
             )
     begin, end = chains
     if begin is None and end is None:

@@ -63,15 +63,14 @@ def joined(
         whole = _by_direction(pieces, parameters, subject)
         return [Stretch(route, carriageway, whole.line, np.array([0.0, whole.line.length]), _chains(whole))]
     if parameters.chainage_direction != "drawn" or parameters.chainage_start:
-        raise InputError(
-            f"{subject} has chainages of its own; leave --chainage-start and --chainage-direction out."
-        )
+        raise InputError(f"{subject} has chainages of its own; leave --chainage-start and --chainage-direction out.")
     chains = _by_ends([_growing(p) for p in pieces], subject)
     return [_stretch(route, carriageway, chain, parameters, subject, notes) for chain in chains]
 
 
 def _chains(piece: Piece) -> Float:
-    assert piece.begin is not None and piece.end is not None
+    assert piece.begin is not None
+    assert piece.end is not None
     return np.array([piece.begin, piece.end])
 
 
@@ -115,9 +114,7 @@ def _by_direction(pieces: Sequence[Piece], parameters: RoadParameters, subject: 
     """Pieces without chainages as one line, chainages by its length."""
     chains = _by_ends([replace(p, begin=0.0, end=0.0) for p in pieces], subject)
     if len(chains) > 1:
-        gap = min(
-            float(np.hypot(*(a[-1].last - b[0].first))) for a in chains for b in chains if a is not b
-        )
+        gap = min(float(np.hypot(*(a[-1].last - b[0].first))) for a in chains for b in chains if a is not b)
         raise InputError(
             f"{subject} has a gap of {gap:.1f} m, so that its chainage is not known beyond; close the gap, give "
             "chainages in the fields chain_from and chain_to, or name its carriageways."
@@ -169,7 +166,8 @@ def _stretch(
     notes: list[str],
 ) -> Stretch:
     """Pieces with chainages as one stretch; jumps of the chainage between them are equations."""
-    along, chains = [], []
+    along: list[float] = []
+    chains: list[float] = []
     at = 0.0
     for i, piece in enumerate(chain):
         if i:

@@ -65,7 +65,9 @@ def located(frame: gpd.GeoDataFrame, network: Network) -> Located:
     columns = {}
     for name, kind in PLACED.items():
         values = [row.get(name) for row in rows]
-        filled = ["" if v is None else v for v in values] if kind == "text" else [np.nan if v is None else v for v in values]
+        filled = (
+            ["" if v is None else v for v in values] if kind == "text" else [np.nan if v is None else v for v in values]
+        )
         column = table_column(np.array(filled, dtype=object if kind == "text" else np.float64), kind, len(rows))
         columns[name] = column.set_axis(frame.index)
     return Located(frame.assign(**columns), len(rows) - kept - len(unplaced), kept, tuple(unplaced))

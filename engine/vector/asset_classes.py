@@ -83,7 +83,9 @@ def read_asset_classes(path: Path, field: str, crs: CRS) -> tuple[AssetClasses, 
             continue
         text = "" if pd.isna(value) else str(value).strip()
         if not text:
-            raise InputError(f"Polygon {number} of the classes {name} has no {column}; give it its class, or remove it.")
+            raise InputError(
+                f"Polygon {number} of the classes {name} has no {column}; give it its class, or remove it."
+            )
         parts.setdefault(text, []).extend(shapely.make_valid(p) for p in polygons)
     if not parts:
         raise InputError(f"The classes {name} hold no polygon; draw one around each asset.")
@@ -93,7 +95,7 @@ def read_asset_classes(path: Path, field: str, crs: CRS) -> tuple[AssetClasses, 
         )
     names = tuple(sorted(parts))
     unions = (shapely.union_all(parts[n]) for n in names)
-    polygons = tuple(
+    outlines = tuple(
         MultiPolygon([p for p in shapely.get_parts(shapely.get_parts(u)) if isinstance(p, Polygon)]) for u in unions
     )
-    return AssetClasses(names, polygons, path), tuple(notes)
+    return AssetClasses(names, outlines, path), tuple(notes)

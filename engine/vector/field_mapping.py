@@ -78,10 +78,14 @@ def read_field_mapping(path: Path | None) -> FieldMapping:
         if not isinstance(theirs, str) or not theirs.strip() or not ours.strip():
             raise InputError(f"The field names {name} have {quoted(theirs)} for {quoted(ours)}; give a name.")
         if theirs.strip().lower() in _RESERVED:
-            raise InputError(f"The field names {name} call {ours} {theirs}, which layers keep for themselves; rename it.")
+            raise InputError(
+                f"The field names {name} call {ours} {theirs}, which layers keep for themselves; rename it."
+            )
         own = names.setdefault(table.strip(), {})
         if own.get(ours.strip(), theirs.strip()) != theirs.strip():
-            raise InputError(f"The field names {name} give {ours} two names, {own[ours.strip()]} and {theirs}; keep one.")
+            raise InputError(
+                f"The field names {name} give {ours} two names, {own[ours.strip()]} and {theirs}; keep one."
+            )
         own[ours.strip()] = theirs.strip()
     if not names:
         raise InputError(f"The field names {name} hold no name; give our name and theirs, such as route and ROAD_NO.")

@@ -31,9 +31,7 @@ _NAMES: dict[str, tuple[str, str, type, str, str]] = {
     "OPTIONAL": ("ProcessingParameterFlag", "Optional", QgsProcessingParameterDefinition, "Flag", "FlagOptional"),
     "POLYGON": ("ProcessingSourceType", "VectorPolygon", QgsProcessing, "SourceType", "TypeVectorPolygon"),
     "LINE": ("ProcessingSourceType", "VectorLine", QgsProcessing, "SourceType", "TypeVectorLine"),
-    "ANY_SHAPE": (
-        "ProcessingSourceType", "VectorAnyGeometry", QgsProcessing, "SourceType", "TypeVectorAnyGeometry"
-    ),
+    "ANY_SHAPE": ("ProcessingSourceType", "VectorAnyGeometry", QgsProcessing, "SourceType", "TypeVectorAnyGeometry"),
     "RASTER": ("ProcessingSourceType", "Raster", QgsProcessing, "SourceType", "TypeRaster"),
     "FILE": ("ProcessingFileParameterBehavior", "File", QgsProcessingParameterFile, "Behavior", "File"),
     "FOLDER": ("ProcessingFileParameterBehavior", "Folder", QgsProcessingParameterFile, "Behavior", "Folder"),

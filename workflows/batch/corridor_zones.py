@@ -36,8 +36,8 @@ FIELDS = field_kinds("""
     real: offset_m offset_mid_m
     text: location location_note review_status reviewer remarks method run_id
 """)
-"""Name and kind of each field. ``route`` to ``location_note`` come from the zones of a slope where these were placed on a
-road, else people enter them; ``slope_review`` is what people entered there.
+"""Name and kind of each field. ``route`` to ``location_note`` come from the zones of a slope where these were placed on
+a road, else people enter them; ``slope_review`` is what people entered there.
 """
 _GRADES = {"high": 2, "moderate": 1, "medium": 1}
 

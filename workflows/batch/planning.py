@@ -12,7 +12,7 @@ from ...engine.core.progress import Progress
 from ...engine.epochs.epoch import Epoch
 from ...engine.epochs.manifest import check_series
 from ...interface.parameters import BatchParameters
-from ..layer_files import LayerFiles
+from ..layer_files import NO_LAYERS, LayerFiles
 from .folder_names import folder_name
 from .jobs import Job, Problem, Slope
 from .results import SlopeResult, result_of
@@ -39,8 +39,8 @@ class Plan:
 
 @dataclass(frozen=True)
 class Common:
-    """What all slopes share: settings given for all, the profile, the alert table, PDAL, the batch's parameters, and the
-    layers that a slope need not have its own of.
+    """What all slopes share: settings given for all, the profile, the alert table, PDAL, the batch's parameters, and
+    the layers that a slope need not have its own of.
     """
 
     options: Mapping[str, Any]
@@ -48,7 +48,7 @@ class Common:
     alerts: Path | None
     pdal: Path | None
     parameters: BatchParameters
-    layers: LayerFiles = LayerFiles()
+    layers: LayerFiles = NO_LAYERS
 
 
 def plan(

@@ -42,8 +42,8 @@ _SCREENED = {"screened": "screened ground"}
 
 @dataclass(frozen=True)
 class Made:
-    """What the products are made of: slopes in the manifest's order, those with results, and why others failed; ``roads`` by
-    slope.
+    """What the products are made of: slopes in the manifest's order, those with results, and why others failed;
+    ``roads`` by slope.
     """
 
     slopes: Sequence[Slope]

@@ -36,7 +36,9 @@ def placed_regions(frame: gpd.GeoDataFrame, roads: Mapping[str, Road]) -> gpd.Ge
     """
     if not roads or frame.crs is None:
         return frame
-    columns: dict[str, list[object]] = {name: ["" if kind == "text" else np.nan] * len(frame) for name, kind in PLACED.items()}
+    columns: dict[str, list[object]] = {
+        name: ["" if kind == "text" else np.nan] * len(frame) for name, kind in PLACED.items()
+    }
     for number, (slope, shape) in enumerate(zip(frame["slope"], frame.geometry, strict=True)):
         if shape is None or slope not in roads:
             continue
@@ -47,8 +49,12 @@ def placed_regions(frame: gpd.GeoDataFrame, roads: Mapping[str, Road]) -> gpd.Ge
         placed = located(frame.iloc[[number]][["slope", frame.geometry.name]], network).frame
         for name in PLACED:
             columns[name][number] = placed[name].iloc[0]
-    kinds = {name: np.array(values, dtype=object if PLACED[name] == "text" else float) for name, values in columns.items()}
-    return frame.assign(**{name: table_column(kinds[name], PLACED[name], len(frame)).set_axis(frame.index) for name in kinds})
+    kinds = {
+        name: np.array(values, dtype=object if PLACED[name] == "text" else float) for name, values in columns.items()
+    }
+    return frame.assign(
+        **{name: table_column(kinds[name], PLACED[name], len(frame)).set_axis(frame.index) for name in kinds}
+    )
 
 
 @lru_cache(maxsize=16)

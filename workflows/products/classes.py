@@ -50,9 +50,7 @@ def write_class_budgets(
     """
     labels = classes.labels(pairs[0].change.grid)
     named = [(name, float(shape.area)) for name, shape in zip(classes.names, classes.shapes, strict=True)]
-    tables = [
-        class_budgets(cells_of(p.change), p.change.significant, labels, named, p.correlation) for p in pairs
-    ]
+    tables = [class_budgets(cells_of(p.change), p.change.significant, labels, named, p.correlation) for p in pairs]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["from", "to", *COLUMNS])

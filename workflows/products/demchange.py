@@ -64,7 +64,9 @@ def write_pairs(run: Run, pairs: Sequence[Pair], whole: Pair, context: Context) 
     _write_table(run.stage.path("pairs.csv"), rows)
     run.outputs["pairs"] = run.stage.final("pairs.csv")
     if run.related.classes is not None:
-        compared = [Compared(p.first.name, p.second.name, p.change, z.correlation) for p, z in zip(pairs, zones, strict=True)]
+        compared = [
+            Compared(p.first.name, p.second.name, p.change, z.correlation) for p, z in zip(pairs, zones, strict=True)
+        ]
         compared.insert(0, compared.pop(pairs.index(whole)))
         write_class_budgets(run, compared, run.related.classes, context.crs, whole.second.date)
     run.facts["coregistration"] = [coregistration_facts(p.found, p.first.name, p.second.name) for p in pairs]

@@ -46,12 +46,13 @@ def write_products(found: Displacement, crs: CRS, tags: dict[str, str], run: Run
     outputs["smallest_motion"] = stage.final("smallest_motion.tif")
     path = stage.path("displacement.gpkg")
     magnification = _magnification(found)
+    zones = run.related.placed(zones_layer(found, crs), run.progress)
     layers = [
         Layer(
             vectors_layer(found, crs), "vectors", displacement_styles.vectors_qml(magnification), geometry_type="Point"
         ),
         Layer(
-            run.related.placed(zones_layer(found, crs), run.progress), "zones", displacement_styles.moving_zones_qml(magnification),
+            zones, "zones", displacement_styles.moving_zones_qml(magnification),
             geometry_type="MultiPolygon",
         ),
     ]  # fmt: skip

@@ -174,7 +174,7 @@ def write_tables(
 
 
 def write_class_table(run: Run, analysis: Analysis, about: About) -> None:
-    """Where classes of asset were given: their change since the first survey, the last one's first, and step by step."""
+    """Where classes of asset were given: their change since the first survey, the last first, and step by step."""
     if run.related.classes is None:
         return
     days = [day.isoformat() for day in about.dates]

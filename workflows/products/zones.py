@@ -31,7 +31,16 @@ def write_zones(
         footprints: where the volumes were taken, as layer ``footprints``.
         volumes: summary of the change (see ``volume_table``), as table ``volumes`` without geometry.
     """
-    layers = [Layer(frame, "zones", zones_qml(located=is_located(frame)), "MultiPolygon", own_columns(frame, FIELDS), guarded=True)]
+    layers = [
+        Layer(
+            frame,
+            "zones",
+            zones_qml(located=is_located(frame)),
+            "MultiPolygon",
+            own_columns(frame, FIELDS),
+            guarded=True,
+        )
+    ]
     if footprints is not None:
         layers.append(Layer(footprints, "footprints", footprints_qml(), "MultiPolygon", guarded=True))
     if volumes is not None:

@@ -16,7 +16,9 @@ def written(path: Path, text: str) -> Path:
 
 def test_json_and_csv_say_the_same(tmp_path: Path) -> None:
     of_json = read_field_mapping(
-        written(tmp_path / "a.json", '{"route": "ROAD_NO", "zones": {"chain_from": "START"}, "centreline": {"route": "R"}}')
+        written(
+            tmp_path / "a.json", '{"route": "ROAD_NO", "zones": {"chain_from": "START"}, "centreline": {"route": "R"}}'
+        )
     )
     of_csv = read_field_mapping(
         written(tmp_path / "a.csv", "﻿table,Ours,THEIRS\n,route,ROAD_NO\nzones,chain_from,START\ncentreline,route,R\n")
@@ -43,8 +45,10 @@ def test_two_fields_of_one_name_are_refused() -> None:
     [
         ("a.json", "[1]", "are no object of names"), ("a.json", "{", "are no JSON"), ("a.json", "{}", "hold no name"),
         ("a.json", '{"route": 3}', "have 3 for 'route'"), ("a.json", '{"route": " "}', "have ' ' for 'route'"),
-        ("a.json", '{"route": "FID"}', "which layers keep for themselves"), ("a.csv", "a,b\n1,2\n", "have no columns ours"),
-        ("a.csv", "ours,theirs\nroute,A\nroute,B\n", "give route two names, A and B"), ("a.csv", "ours,theirs\n", "hold no"),
+        ("a.json", '{"route": "FID"}', "which layers keep for themselves"),
+        ("a.csv", "a,b\n1,2\n", "have no columns ours"),
+        ("a.csv", "ours,theirs\nroute,A\nroute,B\n", "give route two names, A and B"),
+        ("a.csv", "ours,theirs\n", "hold no"),
     ],
 )  # fmt: skip
 def test_what_is_no_mapping_is_named(tmp_path: Path, name: str, text: str, words: str) -> None:

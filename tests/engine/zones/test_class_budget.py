@@ -58,12 +58,19 @@ def test_every_row_is_the_sum_over_its_pixels(tmp_path: Path) -> None:
     areas = [(n, s.area) for n, s in zip(found.names, found.shapes, strict=True)]
     rows = {r.name: r for r in class_budgets(cells, significant, found.labels(GRID), areas, CORRELATED)}
     assert list(rows) == ["bench", "drain", NO_CLASS, WHOLE]
-    sums = {name: dict.fromkeys(("compared", "down", "up", "down_area", "net", "down_error", "net_error"), 0.0) for name in rows}
+    sums = {
+        name: dict.fromkeys(("compared", "down", "up", "down_area", "net", "down_error", "net_error"), 0.0)
+        for name in rows
+    }
     for row in range(GRID.rows):
         for column in range(GRID.columns):
             x, y = (column + 0.5) * 0.5, 20.0 - (row + 0.5) * 0.5
             own = next(
-                (n for n, boxes in (("bench", BENCH), ("drain", DRAIN)) if any(w < x < e and s < y < h for w, s, e, h in boxes)),
+                (
+                    n
+                    for n, boxes in (("bench", BENCH), ("drain", DRAIN))
+                    if any(w < x < e and s < y < h for w, s, e, h in boxes)
+                ),
                 NO_CLASS,
             )
             dz, error = cells.dz[row, column], cells.error[row, column]
@@ -93,7 +100,9 @@ def test_every_row_is_the_sum_over_its_pixels(tmp_path: Path) -> None:
         assert got.mean == pytest.approx(expected["net"] / expected["compared"])
         registered = math.hypot(expected["down_error"], 0.004 * expected["down_area"])
         assert got.lowering_error == pytest.approx(registered, rel=1e-9)
-        assert got.all_net_error == pytest.approx(math.hypot(expected["net_error"], 0.004 * expected["compared"]), rel=1e-9)
+        assert got.all_net_error == pytest.approx(
+            math.hypot(expected["net_error"], 0.004 * expected["compared"]), rel=1e-9
+        )
     assert rows["bench"].lowering_area > 0
     assert rows["bench"].compared_share == pytest.approx(rows["bench"].compared_area / found.shapes[0].area, rel=1e-9)
     assert rows[WHOLE].share == 1.0
@@ -118,7 +127,7 @@ def test_the_parts_are_the_whole_to_the_last_digits(tmp_path: Path) -> None:
 
 
 def test_errors_hold_the_scatter_of_simulated_surveys(tmp_path: Path) -> None:
-    """Nothing moved; noise alike over two metres, and a shift by the registration: the net volume scatters by its error."""
+    """Nothing moved; noise alike over two metres, and a shift: the net volume scatters by its error."""
     labels = classes(tmp_path, bench=[(2.0, 2.0, 12.0, 12.0)]).labels(GRID)
     rng = np.random.default_rng(11)
     sigma, shift = 0.03, 0.006
@@ -143,7 +152,9 @@ def test_overlaps_are_refused_and_slivers_are_not(tmp_path: Path) -> None:
     labels = sliver.labels(GRID)
     assert (labels == 1).sum() == (labels == 2).sum() == 400, "no cell's centre lies in both"
     both = classes(tmp_path, bench=[(0.0, 0.0, 11.0, 10.0)], drain=[(10.0, 0.0, 20.0, 10.0)])
-    with pytest.raises(InputError, match=r"bench and drain of '.*' overlap on 10\.00 m², as at x 500010\.2, y 2500009\.8"):
+    with pytest.raises(
+        InputError, match=r"bench and drain of '.*' overlap on 10\.00 m², as at x 500010\.2, y 2500009\.8"
+    ):
         both.labels(GRID)
     far = classes(tmp_path, bench=[(100.0, 0.0, 110.0, 10.0)])
     with pytest.raises(InputError, match="lies on the slope; check their reference system"):
