@@ -12,6 +12,7 @@ from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
 from ..engine.core.errors import InputError
+from ..engine.core.messages import shown
 from ..engine.core.progress import Progress
 from ..engine.pointcloud.reading import open_cloud
 from ..engine.road.centreline import read_roads
@@ -70,7 +71,7 @@ def read_layers(
         notes = (*notes, *more)
         if near is not None and not any(shape.intersects(near) for shape in classes.shapes):
             raise InputError(
-                f"No polygon of the classes '{files.classes}' lies on the slope; check their reference system."
+                f"No polygon of the classes {shown(files.classes)} lies on the slope; check their reference system."
             )
     for note in notes:
         progress.warning(note)
