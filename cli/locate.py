@@ -26,15 +26,15 @@ def locate(
     Side and chainage are in the direction of growing chainage. What lies equally near to two roads, beyond the end of
     one or out of reach is named and gets no place.
     """
+    from ..workflows.layer_files import LayerFiles
     from ..workflows.locate import locate_step
 
     return locate_step(
         source,
         output,
-        centreline,
+        LayerFiles(centreline, field_names),
         session.parameters(RoadParameters),
         layer=layer,
-        field_names=field_names,
         overwrite=session.overwrite,
         progress=session.report,
     )

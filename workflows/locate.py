@@ -28,6 +28,7 @@ from ..engine.vector.geopackage import Layer, write_layers
 from ..engine.vector.review_fields import ON_ROAD, is_entered
 from ..engine.zones.fields import FIELDS
 from ..interface.parameters import RoadParameters
+from .layer_files import LayerFiles
 from .run import Run, record_name_of
 
 TABLE = "zones"
@@ -37,11 +38,10 @@ TABLE = "zones"
 def locate_step(
     source: Path,
     output: Path,
-    centreline: Path,
+    files: LayerFiles,
     parameters: RoadParameters,
     *,
     layer: str = "",
-    field_names: Path | None = None,
     overwrite: bool = False,
     progress: Progress,
 ) -> RunResult:
@@ -50,21 +50,24 @@ def locate_step(
     Args:
         source: any vector file, such as the zones.gpkg of a former run.
         output: GeoPackage with one layer of the same name.
+        files: the centreline, and the agency's names of its fields and of those that are filled in.
         layer: of ``source``; its first one with shapes where it is empty.
-        field_names: JSON or CSV with the agency's names, of the centreline's fields and of those that are filled in.
 
     Raises:
         InputError: something given cannot be used; nothing is written then.
     """
+    centreline = files.centreline
+    if centreline is None:
+        raise InputError("There is no centreline; give the road's axis by --centreline.")
     if output.suffix.lower() != ".gpkg":
         raise InputError(f"The output {output} is to be a GeoPackage; end its name in .gpkg.")
     refuse_unwritable(output)
-    inputs = [("layer", source), ("centreline", centreline), ("field_names", field_names)]
+    inputs = [("layer", source), *files.inputs]
     run = Run("locate", {"road": parameters}, inputs, progress)
     record = record_name_of(output)
     run.refuse_folder(output.absolute().parent, (output.name, record), overwrite=overwrite)
     run.hash_inputs()
-    names = read_field_mapping(field_names)
+    names = read_field_mapping(files.field_names)
     with run.writing(output.absolute().parent, record_name=record) as stage:
         with run.step("read", 0.0, 0.3, "reading the layer"):
             chosen, frame = _read(source, layer)

@@ -69,8 +69,7 @@ def screen_step(
     _refuse_targets(run, {**targets, "run": targets["labelled"].with_name(record_name)})
     digest = run.hash_inputs()[0]
     run_id = run.run_id(digest)
-    zones = targets["zones"].absolute()
-    run.read_reviews(zones.parent, [zones.name], f"{zones.stem}_{NOT_CARRIED}")
+    _read_reviews(run, targets["zones"].absolute())
     folders = [path.absolute().parent for path in targets.values()]
     run.related = layers_on_cloud(layers, (settings.road, None), cloud, settings.inputs, run.progress)
 
@@ -113,6 +112,10 @@ def screen_step(
         run.outputs |= {name: path.absolute() for name, path in targets.items()} | {"run": run.record_path}
         run.finish_reviews()
     return run.result()
+
+
+def _read_reviews(run: Run, zones: Path) -> None:
+    run.read_reviews(zones.parent, [zones.name], f"{zones.stem}_{NOT_CARRIED}")
 
 
 def _refuse_targets(run: Run, targets: dict[str, Path]) -> None:

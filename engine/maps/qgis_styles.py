@@ -240,12 +240,12 @@ def ramp_qml(
 
 
 def classes_qml(fields: Iterable[str]) -> str:
-    """Style of classes of asset by whether their volume sank or rose, labelled with it."""
+    """Style of classes of asset by whether they lost or gained volume beyond its error, labelled with it."""
     (_, lowered, raised), (_, *lines) = DIVERGING[3], DIVERGING[-2]
     categories = [
-        _category("lowering", "Class that lost volume", lowered, 90, lines[0], 0.4),
-        _category("raising", "Class that gained volume", raised, 90, lines[1], 0.4),
-        _category("none", "Class without significant change", _GROUND, 30, (110, 110, 110), 0.3),
+        _category("lowering", "Class that lost volume", lowered, 60, lines[0], 0.4),
+        _category("raising", "Class that gained volume", raised, 60, lines[1], 0.4),
+        _category("none", "Class whose net volume is within its error", _GROUND, 30, (110, 110, 110), 0.3),
     ]
     return _polygons_qml("classes", _fields(fields), categories)
 
