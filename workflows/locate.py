@@ -25,7 +25,7 @@ from ..engine.road.centreline import read_roads
 from ..engine.road.locating import PLACED, Located, located
 from ..engine.vector.field_mapping import FieldMapping, read_field_mapping
 from ..engine.vector.geopackage import Layer, write_layers
-from ..engine.vector.review_fields import ON_ROAD, is_entered
+from ..engine.vector.review_fields import LOCATION, ON_ROAD, is_entered
 from ..engine.zones.fields import FIELDS
 from ..interface.parameters import RoadParameters
 from .layer_files import LayerFiles
@@ -164,16 +164,17 @@ def _metres(frame: gpd.GeoDataFrame, centreline: Path) -> CRS:
 
 def _with_places(run: Run, frame: gpd.GeoDataFrame, found: Located, names: dict[str, str]) -> gpd.GeoDataFrame:
     """The layer as it was, with the places under these names, in the place of fields that have them already."""
-    wanted = {other.lower() for other in names.values()}
-    there = {str(c).lower(): c for c in frame.columns if str(c).lower() in wanted and c != frame.geometry.name}
-    replaced = [names[n] for n in ON_ROAD if _holds(frame, there.get(names[n].lower()))]
+    there = {str(c).lower(): str(c) for c in frame.columns if c != frame.geometry.name}
+    replaced = [other for name in ON_ROAD if _holds(frame, there.get((other := names[name]).lower()))]
     if replaced:
         run.progress.info(f"What the fields {', '.join(replaced)} held is replaced in the output.")
-    columns = {}
-    for ours, theirs in names.items():
-        values = found.frame[ours].to_numpy()
-        columns[str(there.get(theirs.lower(), theirs))] = values
-    return frame.assign(**columns)
+    wanted = {other.lower() for other in names.values()}
+    of_zones = LOCATION in frame  # which have the fields under our names, to be filled in
+    renamed = {there[other.lower()]: other for other in names.values() if other.lower() in there}
+    renamed |= {name: other for name, other in names.items() if of_zones and name in frame and name not in wanted}
+    return frame.rename(columns=renamed).assign(
+        **{other: found.frame[name].to_numpy() for name, other in names.items()}
+    )
 
 
 def _holds(frame: gpd.GeoDataFrame, column: str | None) -> bool:

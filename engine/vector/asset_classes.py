@@ -12,6 +12,7 @@ from affine import Affine
 from numpy.typing import NDArray
 from pyproj import CRS
 from rasterio.features import geometry_mask
+from shapely import STRtree
 from shapely.geometry import MultiPolygon, Polygon
 
 from ..core.errors import InputError
@@ -22,6 +23,7 @@ from .polygon_file import read_polygons
 
 MAX_CLASSES = 1000
 """More are single assets rather than classes of them, and each costs a pass over the grid."""
+_SLIVER_M = 1.0  # width of an overlap that is refused whatever the cells
 
 
 @dataclass(frozen=True)
@@ -56,17 +58,31 @@ class AssetClasses:
         x, y = grid.west + (column + 0.5) * grid.cell, grid.north - (row + 0.5) * grid.cell
         other = self.names[int(found[row, column]) - 1]
         cells = int((both & (found == found[row, column])).sum())
-        raise InputError(
-            f"The classes {other} and {name} of {shown(self.path)} overlap on {cells * grid.cell**2:.2f} m², as at x "
-            f"{x:.1f}, y {y:.1f}; cut one out of the other, so that no ground counts twice."
-        )
+        raise _overlap((other, name), self.path, cells * grid.cell**2, (x, y))
+
+    def refuse_wide_overlaps(self) -> None:
+        """Raise InputError where classes overlap on more than slivers, which is known before there is a grid."""
+        for i, j in sorted(STRtree(self.shapes).query(self.shapes, predicate="intersects").T.tolist()):
+            common = shapely.intersection(self.shapes[i], self.shapes[j]) if i < j else Polygon()
+            wide = common.buffer(-_SLIVER_M / 2)
+            if not wide.is_empty:
+                place = wide.representative_point()
+                raise _overlap((self.names[i], self.names[j]), self.path, common.area, (place.x, place.y))
+
+
+def _overlap(names: tuple[str, str], path: Path, area: float, place: tuple[float, float]) -> InputError:
+    return InputError(
+        f"The classes {names[0]} and {names[1]} of {shown(path)} overlap on {area:.2f} m², as at x {place[0]:.1f}, y "
+        f"{place[1]:.1f}; cut one out of the other, so that no ground counts twice."
+    )
 
 
 def read_asset_classes(path: Path, field: str, crs: CRS) -> tuple[AssetClasses, tuple[str, ...]]:
     """The classes of a polygon layer in metres of ``crs``, and sentences on what was assumed.
 
     Raises:
-        InputError: it cannot be read or has no such field, a polygon has no class, or there are more than a thousand.
+        InputError: it cannot be read or has no such field, a polygon has no class, classes overlap, or there are more
+            than a thousand.
     """
     name = shown(path)
     notes: list[str] = []
@@ -98,4 +114,6 @@ def read_asset_classes(path: Path, field: str, crs: CRS) -> tuple[AssetClasses, 
     outlines = tuple(
         MultiPolygon([p for p in shapely.get_parts(shapely.get_parts(u)) if isinstance(p, Polygon)]) for u in unions
     )
-    return AssetClasses(names, outlines, path), tuple(notes)
+    classes = AssetClasses(names, outlines, path)
+    classes.refuse_wide_overlaps()
+    return classes, tuple(notes)

@@ -265,6 +265,11 @@ RUNS = {
         half_moved,
         ("Displacement vectors", "Zones of coherent motion"),
     ),
+    "slopewatch:locateonroad": Run(
+        lambda i, to: {"INPUT": f"{i.change}/zones.gpkg|layername=zones", "CENTRELINE": i.road, "OUTPUT": to / "z.gpkg"},
+        lambda r, i: must(r["FEATURES"] == r["LOCATED"] == features(r["OUTPUT"], "zones") > 0 == r["NOT_LOCATED"]),
+        ("Located features",),
+    ),
     "slopewatch:writereport": Run(lambda i, to: {"INPUT": i.change}, reported),
     "slopewatch:topview": Run(
         lambda i, to: {"INPUT": i.pair["CLOUD"], "OUTPUT_FOLDER": to}, viewed, ("Top view", "Hillshade")

@@ -53,6 +53,7 @@ def test_help_shows_every_parameter_with_its_unit_and_default():
         "simulate",
         "topview",
         "suggestroi",
+        "locate",
         "exportlabelstudio",
         "importlabelstudio",
         "demchange",

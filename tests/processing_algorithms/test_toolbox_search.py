@@ -34,6 +34,8 @@ SEARCHES = {
     "batch": {"corridorbatch"},
     "hazard": {"screenhazards", "inspectslope"},
     "cross-section": {"writereport"},
+    "chainage": {"locateonroad"},
+    "linear referencing": {"locateonroad"},
     "pdf": {"writereport"},
     "sample data": {"simulatesurvey"},
     "machine learning": {"trainmodel"},

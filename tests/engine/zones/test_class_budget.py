@@ -151,11 +151,13 @@ def test_overlaps_are_refused_and_slivers_are_not(tmp_path: Path) -> None:
     sliver = classes(tmp_path, bench=[(0.0, 0.0, 10.1, 10.0)], drain=[(10.0, 0.0, 20.0, 10.0)])
     labels = sliver.labels(GRID)
     assert (labels == 1).sum() == (labels == 2).sum() == 400, "no cell's centre lies in both"
-    both = classes(tmp_path, bench=[(0.0, 0.0, 11.0, 10.0)], drain=[(10.0, 0.0, 20.0, 10.0)])
+    both = classes(tmp_path, bench=[(0.0, 0.0, 10.5, 10.0)], drain=[(10.0, 0.0, 20.0, 10.0)])
     with pytest.raises(
-        InputError, match=r"bench and drain of '.*' overlap on 10\.00 m², as at x 500010\.2, y 2500009\.8"
+        InputError, match=r"bench and drain of '.*' overlap on 5\.00 m², as at x 500010\.2, y 2500009\.8"
     ):
         both.labels(GRID)
+    with pytest.raises(InputError, match=r"bench and drain of '.*' overlap on 30\.00 m², as at"):
+        classes(tmp_path, bench=[(0.0, 0.0, 13.0, 10.0)], drain=[(10.0, 0.0, 20.0, 10.0)])
     far = classes(tmp_path, bench=[(100.0, 0.0, 110.0, 10.0)])
     with pytest.raises(InputError, match="lies on the slope; check their reference system"):
         far.labels(GRID)
