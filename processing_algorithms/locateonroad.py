@@ -41,6 +41,7 @@ class LocateOnRoad(SlopeWatchAlgorithm):
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.LOCATE
     BASIC = ("chainage_start", "chainage_direction", "chainage_unit", "chainage_style", "route_name", "overwrite")
+    OPTION_NAMES: ClassVar = {"layer": "INPUT"}
     NUMBERS: ClassVar = {
         "FEATURES": ("features", "Number of features"),
         "LOCATED": ("located", "Features with a place"),

@@ -266,7 +266,7 @@ RUNS = {
         ("Displacement vectors", "Zones of coherent motion"),
     ),
     "slopewatch:locateonroad": Run(
-        lambda i, to: {"INPUT": f"{i.change}/zones.gpkg|layername=zones", "CENTRELINE": i.road, "OUTPUT": to / "z.gpkg"},
+        lambda i, to: {"INPUT": str(i.change / "zones.gpkg"), "CENTRELINE": i.road, "OUTPUT": to / "z.gpkg"},
         lambda r, i: must(r["FEATURES"] == r["LOCATED"] == features(r["OUTPUT"], "zones") > 0 == r["NOT_LOCATED"]),
         ("Located features",),
     ),
