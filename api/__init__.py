@@ -16,7 +16,7 @@ from __future__ import annotations
 from ..engine.core.errors import Cancelled, EngineError, InputError, SlopeWatchError
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
-from .drawing import export_label_studio, import_label_studio, suggest_roi, top_view
+from .drawing import export_label_studio, import_label_studio, locate, suggest_roi, top_view
 from .flight import plan_flight
 from .flow import extract_ground, inspect, monitor, screen
 from .pairs import change, dem_change, displacement, m3c2, register
@@ -36,6 +36,7 @@ __all__ = [
     "extract_ground",
     "import_label_studio",
     "inspect",
+    "locate",
     "m3c2",
     "monitor",
     "plan_flight",

@@ -1,4 +1,4 @@
-"""Top views, regions, and Label Studio."""
+"""Top views, regions, places on roads, and Label Studio."""
 
 from __future__ import annotations
 
@@ -11,14 +11,16 @@ from ..interface.parameters import (
     InputParameters,
     LabellingParameters,
     RegionParameters,
+    RoadParameters,
     TopViewParameters,
     command_sets,
 )
 from ..workflows.given_values import Values
 from ..workflows.labelstudio import export_step, import_step
+from ..workflows.locate import locate_step
 from ..workflows.suggestroi import suggestroi_step
 from ..workflows.topview import topview_step
-from .given import PathLike, paths
+from .given import PathLike, layers, paths
 
 
 def top_view(
@@ -50,6 +52,32 @@ def suggest_roi(cloud: PathLike, output: PathLike, *, progress: Progress | None 
         Path(output),
         values.of(RegionParameters),
         values.of(InputParameters),
+        overwrite=values.overwrite,
+        progress=progress or Progress(),
+    )
+
+
+def locate(
+    layer: PathLike,
+    output: PathLike,
+    centreline: PathLike,
+    *,
+    layer_name: str = "",
+    field_names: PathLike | None = None,
+    progress: Progress | None = None,
+    **parameters: Any,
+) -> RunResult:
+    """Route, chainage, side and offset of the features of a layer, as ``slopewatch locate``.
+
+    ``output`` is a GeoPackage; ``layer_name`` names the layer of a file with several.
+    """
+    values = Values(parameters, command_sets.LOCATE)
+    return locate_step(
+        Path(layer),
+        Path(output),
+        layers(centreline, field_names),
+        values.of(RoadParameters),
+        layer=layer_name,
         overwrite=values.overwrite,
         progress=progress or Progress(),
     )

@@ -17,7 +17,7 @@ from ..workflows.products.screening import default_targets
 from ..workflows.screen import screen_step
 from ..workflows.series import monitor_series
 from ..workflows.settings import ScreeningSettings, SeriesSettings, Settings, gathered
-from .given import PathLike, epochs, paths
+from .given import PathLike, epochs, layers, paths
 
 
 def inspect(
@@ -27,6 +27,9 @@ def inspect(
     roi: PathLike | None = None,
     stable: PathLike | None = None,
     profiles: PathLike | None = None,
+    centreline: PathLike | None = None,
+    field_names: PathLike | None = None,
+    classes: PathLike | None = None,
     pdal: PathLike | None = None,
     progress: Progress | None = None,
     **parameters: Any,
@@ -41,6 +44,10 @@ def inspect(
         Folder for the outputs; created if missing.
     roi, stable, profiles : path, optional
         Vector files: the managed slope, ground known to be stable, lines of profiles.
+    centreline, classes : path, optional
+        Vector files: the road's axis, along which zones are placed; polygons of classes of asset.
+    field_names : path, optional
+        JSON or CSV file with an agency's names of the centreline's fields.
     pdal : path, optional
         The pdal program, if not the one that is found.
     progress : Progress, optional
@@ -66,6 +73,7 @@ def inspect(
         Path(output_dir),
         gathered(Settings, values.of),
         **paths(roi=roi, stable=stable, profiles=profiles, pdal=pdal),
+        layers=layers(centreline, field_names, classes),
         overwrite=values.overwrite,
         progress=progress or Progress(),
     )
@@ -78,6 +86,9 @@ def monitor(
     roi: PathLike | None = None,
     stable: PathLike | None = None,
     alerts: PathLike | None = None,
+    centreline: PathLike | None = None,
+    field_names: PathLike | None = None,
+    classes: PathLike | None = None,
     pdal: PathLike | None = None,
     progress: Progress | None = None,
     **parameters: Any,
@@ -92,6 +103,7 @@ def monitor(
         Path(output_dir),
         gathered(SeriesSettings, values.of),
         **paths(roi=roi, stable=stable, alerts=alerts, pdal=pdal),
+        layers=layers(centreline, field_names, classes),
         overwrite=values.overwrite,
         progress=progress or Progress(),
     )
@@ -125,6 +137,8 @@ def screen(
     output: PathLike,
     *,
     roi: PathLike | None = None,
+    centreline: PathLike | None = None,
+    field_names: PathLike | None = None,
     pdal: PathLike | None = None,
     progress: Progress | None = None,
     **parameters: Any,
@@ -140,5 +154,6 @@ def screen(
         default_targets(Path(output)),
         gathered(ScreeningSettings, values.of),
         **paths(roi=roi, pdal=pdal),
+        layers=layers(centreline, field_names),
         progress=progress or Progress(),
     )

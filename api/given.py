@@ -9,12 +9,17 @@ from typing import Any
 
 from ..engine.epochs.epoch import Epoch, parse_date
 from ..interface.dates import date_in_name
+from ..workflows.layer_files import LayerFiles
 
 PathLike = str | Path
 
 
 def paths(**paths: PathLike | None) -> dict[str, Any]:
     return {name: None if path is None else Path(path) for name, path in paths.items()}
+
+
+def layers(centreline: PathLike | None, field_names: PathLike | None, classes: PathLike | None = None) -> LayerFiles:
+    return LayerFiles(**paths(centreline=centreline, field_names=field_names, classes=classes))
 
 
 def epochs(surveys: Mapping[str | date, PathLike] | Sequence[PathLike]) -> list[Epoch]:

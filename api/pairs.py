@@ -17,7 +17,7 @@ from ..workflows.given_values import Values
 from ..workflows.m3c2 import m3c2_step
 from ..workflows.register import register_step
 from ..workflows.settings import DisplacementSettings, DistanceSettings, ModelSettings, Settings, gathered
-from .given import PathLike, day, epochs, paths
+from .given import PathLike, day, epochs, layers, paths
 
 
 def register(
@@ -58,6 +58,9 @@ def change(
     transform: PathLike | None = None,
     stable: PathLike | None = None,
     profiles: PathLike | None = None,
+    centreline: PathLike | None = None,
+    field_names: PathLike | None = None,
+    classes: PathLike | None = None,
     progress: Progress | None = None,
     **parameters: Any,
 ) -> RunResult:
@@ -74,6 +77,7 @@ def change(
         gathered(Settings, values.of),
         dates=(day(dates[0]), day(dates[1])),
         **paths(transform_path=transform, profiles=profiles, stable=stable),
+        layers=layers(centreline, field_names, classes),
         overwrite=values.overwrite,
         progress=progress or Progress(),
     )
@@ -118,6 +122,8 @@ def displacement(
     dates: tuple[str | date | None, str | date | None] = (None, None),
     transform: PathLike | None = None,
     stable: PathLike | None = None,
+    centreline: PathLike | None = None,
+    field_names: PathLike | None = None,
     progress: Progress | None = None,
     **parameters: Any,
 ) -> RunResult:
@@ -134,6 +140,7 @@ def displacement(
         gathered(DisplacementSettings, values.of),
         dates=(day(dates[0]), day(dates[1])),
         **paths(transform_path=transform, stable=stable),
+        layers=layers(centreline, field_names),
         overwrite=values.overwrite,
         progress=progress or Progress(),
     )
@@ -145,6 +152,9 @@ def dem_change(
     *,
     stable: PathLike | None = None,
     profiles: PathLike | None = None,
+    centreline: PathLike | None = None,
+    field_names: PathLike | None = None,
+    classes: PathLike | None = None,
     progress: Progress | None = None,
     **parameters: Any,
 ) -> RunResult:
@@ -159,6 +169,7 @@ def dem_change(
         Path(output_dir),
         gathered(ModelSettings, values.of),
         **paths(stable=stable, profiles=profiles),
+        layers=layers(centreline, field_names, classes),
         overwrite=values.overwrite,
         progress=progress or Progress(),
     )

@@ -8,7 +8,7 @@ import click
 
 from ..engine.core.run_result import RunResult
 from ..interface.parameters import InputParameters, command_sets
-from .options import OUTPUT_DIR, PATH, PROFILES_ALONG, ROI, STABLE, Session, command, pair, path_option
+from .options import OUTPUT_DIR, PATH, PROFILES_ALONG, ROI, STABLE, Session, command, pair, path_option, related
 
 
 @click.command()
@@ -24,10 +24,17 @@ from .options import OUTPUT_DIR, PATH, PROFILES_ALONG, ROI, STABLE, Session, com
 @ROI
 @STABLE
 @PROFILES_ALONG
+@related()
 @OUTPUT_DIR
 @command(*command_sets.INSPECT)
 def inspect(
-    session: Session, epochs: tuple[str, ...], roi: Path, stable: Path, profiles: Path, output_dir: Path
+    session: Session,
+    epochs: tuple[str, ...],
+    roi: Path,
+    stable: Path,
+    profiles: Path,
+    output_dir: Path,
+    **layers: Path | None,
 ) -> RunResult:
     """The whole flow: two raw surveys in, change rasters, hazard zones, a heatmap and a report out.
 
@@ -37,6 +44,7 @@ def inspect(
     from ..engine.core.errors import InputError
     from ..engine.epochs.epoch import parse_epoch
     from ..workflows.inspect import inspect_slope
+    from ..workflows.layer_files import LayerFiles
     from ..workflows.settings import Settings, gathered
 
     if len(epochs) > 2:
@@ -48,6 +56,7 @@ def inspect(
         roi=roi,
         stable=stable,
         profiles=profiles,
+        layers=LayerFiles(**layers),
         pdal=session.pdal,
         overwrite=session.overwrite,
         progress=session.report,
@@ -117,6 +126,7 @@ def register(
 @pair
 @STABLE
 @PROFILES_ALONG
+@related()
 @OUTPUT_DIR
 @command(*command_sets.CHANGE)
 def change(
@@ -129,9 +139,11 @@ def change(
     stable: Path | None,
     profiles: Path | None,
     output_dir: Path,
+    **layers: Path | None,
 ) -> RunResult:
     """Elevation change, MOVING minus REFERENCE, of two registered ground clouds."""
     from ..workflows.change import change_step
+    from ..workflows.layer_files import LayerFiles
     from ..workflows.settings import Settings, gathered
 
     return change_step(
@@ -143,6 +155,7 @@ def change(
         transform_path=transform,
         stable=stable,
         profiles=profiles,
+        layers=LayerFiles(**layers),
         overwrite=session.overwrite,
         progress=session.report,
     )

@@ -8,17 +8,23 @@ import click
 
 from ..engine.core.run_result import RunResult
 from ..interface.parameters import command_sets
-from .options import OUTPUT_DIR, PROFILES_ALONG, STABLE, Session, command
+from .options import OUTPUT_DIR, PROFILES_ALONG, STABLE, Session, command, related
 
 
 @click.command()
 @click.argument("models", metavar="[DATE=]DEM [DATE=]DEM...", nargs=-1, required=True)
 @STABLE
 @PROFILES_ALONG
+@related()
 @OUTPUT_DIR
 @command(*command_sets.DEMCHANGE, profile=False)
 def demchange(
-    session: Session, models: tuple[str, ...], stable: Path | None, profiles: Path | None, output_dir: Path
+    session: Session,
+    models: tuple[str, ...],
+    stable: Path | None,
+    profiles: Path | None,
+    output_dir: Path,
+    **layers: Path | None,
 ) -> RunResult:
     """Change between elevation models (GeoTIFF) of two or more dates, the earliest first.
 
@@ -27,6 +33,7 @@ def demchange(
     the first and with the one before. A date (YYYY-MM-DD) stands in front of its model, or in the file's name.
     """
     from ..workflows.demchange import demchange_step, parse_model
+    from ..workflows.layer_files import LayerFiles
     from ..workflows.settings import ModelSettings, gathered
 
     return demchange_step(
@@ -35,6 +42,7 @@ def demchange(
         gathered(ModelSettings, session.parameters),
         stable=stable,
         profiles=profiles,
+        layers=LayerFiles(**layers),
         overwrite=session.overwrite,
         progress=session.report,
     )

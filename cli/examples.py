@@ -148,6 +148,16 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
             "slopewatch topview 2024-05-01.laz --roi slope.gpkg --cell 0.2 --hillshade highest --output-dir view",
         ),
     ),
+    "locate": (
+        (
+            "The zones of a former run",
+            "slopewatch locate results/zones.gpkg --centreline road.gpkg --output located.gpkg",
+        ),
+        (
+            "Under the agency's names",
+            "slopewatch locate drains.shp --centreline network.gpkg --field-names names.csv --output drains.gpkg",
+        ),
+    ),
     "suggestroi": (
         ("The dense and whole part of a cloud", "slopewatch suggestroi 2024-05-01.laz --output region.gpkg"),
         (

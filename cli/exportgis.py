@@ -14,7 +14,7 @@ from .options import PATH, Session, command, path_option
 @click.command()
 @click.argument("run", type=PATH)
 @path_option("--output", "A ZIP archive (.zip), or a folder, which is created if missing.", required=True)
-@path_option("--fields", "Names that were agreed on: a JSON object, or a CSV of the columns our,theirs.")
+@path_option("--fields", "Names that were agreed on: a JSON object, or a CSV of the columns ours,theirs.")
 @command(*command_sets.EXPORTGIS, profile=False)
 def exportgis(session: Session, run: Path, output: Path, fields: Path | None) -> RunResult:
     """The results in the folder RUN as files of other systems, with metadata and checksums.

@@ -48,6 +48,22 @@ PROFILES_ALONG = path_option("--profiles", "Vector file whose lines profiles are
 OUTPUT_DIR = path_option("--output-dir", "Folder for the outputs; created if missing.", required=True, metavar="DIR")
 
 
+def related(*, classes: bool = True) -> Callable[[Command], Command]:
+    """The options for ``LayerFiles``, which a command takes as ``**layers``; not all take classes of asset."""
+
+    def decorate(function: Command) -> Command:
+        texts = (
+            ("--classes", "Vector file whose polygons are classes of asset; the change is summed up for each class."),
+            ("--field-names", "JSON or CSV file with your names of the centreline's fields."),
+            ("--centreline", "Vector file with the road's axis; zones get route, chainage, side and offset."),
+        )
+        for name, text in texts[0 if classes else 1 :]:
+            function = path_option(name, text)(function)
+        return function
+
+    return decorate
+
+
 def pair(function: Command) -> Command:
     """The arguments of two clouds: which, of which days, and what moves the later one first."""
     for decorate in (

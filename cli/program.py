@@ -18,6 +18,7 @@ from .drawing import exportlabelstudio, importlabelstudio, suggestroi, topview
 from .exportgis import exportgis
 from .help_pages import Program
 from .language import say
+from .locate import locate
 from .m3c2 import m3c2
 from .planflight import planflight
 from .report import report
@@ -58,6 +59,7 @@ for subcommand in (
     demchange,
     m3c2,
     displacement,
+    locate,
     screen,
     series,
     batch,

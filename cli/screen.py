@@ -9,7 +9,7 @@ import click
 
 from ..engine.core.run_result import RunResult
 from ..interface.parameters import ScreeningParameters, command_sets
-from .options import PATH, ROI, Session, command, path_option
+from .options import PATH, ROI, Session, command, path_option, related
 
 _METHODS = next(s.choices for s in ScreeningParameters.specifications() if s.name == "screening_method")
 
@@ -17,6 +17,7 @@ _METHODS = next(s.choices for s in ScreeningParameters.specifications() if s.nam
 @click.command()
 @click.argument("cloud", type=PATH)
 @ROI
+@related(classes=False)
 @path_option("--output", "The labelled cloud, NAME.laz; NAME_run.json is written next to it.", required=True)
 @path_option("--zones", "Hazard polygons, .gpkg.  [default: NAME_zones.gpkg]")
 @path_option(
@@ -39,11 +40,13 @@ def screen(
     smallest_hazard: Path | None,
     picture: Path | None,
     method: str | None,
+    **layers: Path | None,
 ) -> RunResult:
     """Find ground in CLOUD, one survey, that looks raised or lowered against the slope around it.
 
     CLOUD holds ground points; with --ground extract it may be a raw survey.
     """
+    from ..workflows.layer_files import LayerFiles
     from ..workflows.products.screening import default_targets
     from ..workflows.screen import screen_step
     from ..workflows.settings import ScreeningSettings, gathered
@@ -52,4 +55,5 @@ def screen(
         session = dataclasses.replace(session, values={**session.values, "screening_method": method})
     settings = gathered(ScreeningSettings, session.parameters)
     targets = default_targets(output, zones, raster, picture, smallest_hazard)
-    return screen_step(cloud, targets, settings, roi=roi, pdal=session.pdal, progress=session.report)
+    files = LayerFiles(**layers)
+    return screen_step(cloud, targets, settings, roi=roi, layers=files, pdal=session.pdal, progress=session.report)

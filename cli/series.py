@@ -8,7 +8,7 @@ import click
 
 from ..engine.core.run_result import RunResult
 from ..interface.parameters import command_sets
-from .options import OUTPUT_DIR, PATH, ROI, STABLE, Session, command, path_option
+from .options import OUTPUT_DIR, PATH, ROI, STABLE, Session, command, path_option, related
 
 
 @click.command()
@@ -28,6 +28,7 @@ from .options import OUTPUT_DIR, PATH, ROI, STABLE, Session, command, path_optio
     "Alert table (CSV) instead of the one that comes with SlopeWatch, of which alerts_used.csv in the outputs is a "
     "copy to start from.",
 )
+@related()
 @OUTPUT_DIR
 @command(*command_sets.SERIES)
 def series(
@@ -38,6 +39,7 @@ def series(
     stable: Path | None,
     alerts: Path | None,
     output_dir: Path,
+    **layers: Path | None,
 ) -> RunResult:
     """Two or more surveys of one slope: change in steps and in total, velocities, zones through time, alert levels.
 
@@ -49,6 +51,7 @@ def series(
     from ..engine.core.errors import InputError
     from ..engine.epochs.epoch import parse_epoch
     from ..engine.epochs.manifest import epochs_of
+    from ..workflows.layer_files import LayerFiles
     from ..workflows.series import monitor_series
     from ..workflows.settings import SeriesSettings, gathered
 
@@ -62,6 +65,7 @@ def series(
         roi=roi,
         stable=stable,
         alerts=alerts,
+        layers=LayerFiles(**layers),
         pdal=session.pdal,
         overwrite=session.overwrite,
         progress=session.report,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 COMMANDS: dict[str, tuple[str, ...]] = {
     "Inspect slopes": ("inspect", "series", "batch", "screen"),
-    "Single steps": ("ground", "register", "change", "m3c2", "displacement", "demchange", "report"),
+    "Single steps": ("ground", "register", "change", "m3c2", "displacement", "demchange", "locate", "report"),
     "Hand over": ("exportgis", "createproject"),
     "Look at clouds, draw and label": (
         "info", "topview", "suggestroi", "exportlabelstudio", "importlabelstudio",
@@ -27,6 +27,7 @@ TITLES = {
     "m3c2": "M3C2 distances",
     "displacement": "Displacement vectors",
     "demchange": "Change of elevation models",
+    "locate": "Locate on the road",
     "report": "Write report",
     "exportgis": "Export to GIS and CAD",
     "createproject": "Create project",

@@ -13,6 +13,7 @@ from .extractground import ExtractGround
 from .importlabelstudio import ImportLabelStudio
 from .inspectseries import InspectSeries
 from .inspectslope import InspectSlope
+from .locateonroad import LocateOnRoad
 from .m3c2distances import M3C2Distances
 from .planflight import PlanFlight
 from .registerepochs import RegisterEpochs
@@ -37,6 +38,7 @@ ALGORITHMS = (
     M3C2Distances,
     DemChange,
     DisplacementVectors,
+    LocateOnRoad,
     WriteReport,
     ExportGis,
     CreateProject,

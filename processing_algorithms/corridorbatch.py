@@ -14,6 +14,7 @@ from .base import SlopeWatchAlgorithm
 from .values import Values
 
 _MANIFEST_FILTER = "Manifests (*.csv *.gpkg *.geojson *.shp);;All files (*)"
+_POLYGONS_FILTER = "Polygons (*.gpkg *.geojson *.shp *.kml);;All files (*)"
 _LINES_FILTER = "Lines (*.gpkg *.geojson *.shp *.kml);;All files (*)"
 _PRODUCTS = (
     products.Product(
@@ -92,7 +93,8 @@ class CorridorBatch(SlopeWatchAlgorithm):
             declare.file_parameter(
                 "CENTRELINE",
                 "Centreline",
-                "Line of the road, along which chainages are measured. A slope may have its own in the manifest.",
+                "Lines of the road's axis, along which zones and regions are placed. A slope may have its own in the "
+                "manifest.",
                 _LINES_FILTER,
             ),
             declare.file_parameter(
@@ -104,6 +106,20 @@ class CorridorBatch(SlopeWatchAlgorithm):
             declare.profile_parameter(self.PARAMETER_GROUPS),
         )
         self.declare_groups()
+        self.add(
+            declare.field_names_parameter(),
+            declare.in_group(
+                declare.file_parameter(
+                    "CLASSES",
+                    "Assets: classes",
+                    "Polygons of classes of asset, by which the change of each slope is summed up. A slope may have "
+                    "its own in the manifest.",
+                    _POLYGONS_FILTER,
+                    advanced=True,
+                ),
+                "Assets",
+            ),
+        )
         products.declare_folder(
             self, "Receives the results of all slopes. A folder of an earlier run goes on with what is new or missing."
         )
@@ -114,7 +130,7 @@ class CorridorBatch(SlopeWatchAlgorithm):
         if all(sources) or not any(sources):
             raise QgsProcessingException("Give either MANIFEST or INPUT, the folder of the slopes, not both.")
         alerts = values.file("ALERT_TABLE")
-        options = [*values.options("CENTRELINE"), *(["--alerts", alerts] if alerts else [])]
+        options = [*values.options(*declare.LAYERS), *(["--alerts", alerts] if alerts else [])]
         return ["batch", next(s for s in sources if s), *options, "--output-dir", values.output_folder()]
 
     def results(self, result: EngineResult, values: Values) -> dict[str, Any]:

@@ -30,8 +30,12 @@ GROUP, PLACE, MORE = "slopewatch_group", "slopewatch_place", "slopewatch_more"
 CLOUD_FILTER = "Point clouds (*.las *.LAS *.laz *.LAZ);;All files (*)"
 JSON_FILTER = "JSON files (*.json);;All files (*)"
 SETTINGS_FILTER = "Settings (*.json *.toml);;All files (*)"
+NAMES_FILTER = "Names of fields (*.json *.csv);;All files (*)"
 CSV_FILTER = "CSV files (*.csv);;All files (*)"
 CLOUD_OUTPUT_FILTER = "LAZ files (*.laz *.LAZ);;LAS files (*.las *.LAS)"
+
+LAYERS = ("CENTRELINE", "FIELD_NAMES", "CLASSES")
+"""Files that results are related to, as options of a command."""
 
 Groups = Sequence[type[ParameterSet]]
 
@@ -188,6 +192,53 @@ def profiles_parameter(*, advanced: bool = False) -> QgsProcessingParameterDefin
         advanced=advanced,
     )
     return in_group(parameter, "Report")
+
+
+def centreline_parameter(*, optional: bool = True) -> QgsProcessingParameterDefinition:
+    """A layer with the road's axis; among the advanced ones where it need not be given."""
+    parameter = with_help(
+        QgsProcessingParameterFeatureSource(
+            "CENTRELINE", "Road: centreline" if optional else "Centreline", [LINE], optional=optional
+        ),
+        "Lines of the road's axis in any reference system, with their route and chainages in the fields route, "
+        "carriageway, chain_from and chain_to, or without. Zones get route, chainage, side and offset from it.",
+        advanced=optional,
+    )
+    return in_group(parameter, "Road" if optional else "")
+
+
+def field_names_parameter(*, advanced: bool = True) -> QgsProcessingParameterDefinition:
+    """A file with the agency's names of the fields."""
+    parameter = with_help(
+        QgsProcessingParameterFile(
+            "FIELD_NAMES",
+            "Road: your names of the fields" if advanced else "Your names of the fields",
+            behavior=FILE,
+            optional=True,
+            fileFilter=NAMES_FILTER,
+        ),
+        "JSON or CSV file that says how your centreline calls its fields, such as route and ROAD_NO. Not set: route, "
+        "carriageway, chain_from and chain_to.",
+        advanced=advanced,
+    )
+    return in_group(parameter, "Road" if advanced else "")
+
+
+def road_parameters() -> list[QgsProcessingParameterDefinition]:
+    """What places zones on a road."""
+    return [centreline_parameter(), field_names_parameter()]
+
+
+def classes_parameter() -> QgsProcessingParameterDefinition:
+    """A layer with classes of asset."""
+    return polygon_parameter(
+        "CLASSES",
+        "Assets: classes",
+        "Polygons such as bench, drain, berm, retaining wall and pavement, in any reference system. The change is "
+        "summed up for each class.",
+        advanced=True,
+        title="Assets",
+    )
 
 
 def survey_parameters(first: str, text: str, without: str = "") -> list[QgsProcessingParameterDefinition]:

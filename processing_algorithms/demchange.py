@@ -92,12 +92,14 @@ class DemChange(SlopeWatchAlgorithm):
                 title="Elevation models",
             ),
             declare.profiles_parameter(advanced=True),
+            *declare.road_parameters(),
+            declare.classes_parameter(),
         )
         products.declare_folder(self, products.CHANGE_FOLDER)
         products.declare_products(self, _PRODUCTS)
 
     def arguments(self, values: Values) -> list[str]:
-        options = values.options("STABLE", "PROFILES")
+        options = values.options("STABLE", "PROFILES", *declare.LAYERS)
         return ["demchange", *self._models(values), "--output-dir", values.output_folder(), *options]
 
     def _models(self, values: Values) -> list[str]:

@@ -83,13 +83,14 @@ class DisplacementVectors(SlopeWatchAlgorithm):
             declare.polygon_parameter(
                 "STABLE", "Displacement: stable ground", STABLE_HELP, advanced=True, title="Displacement"
             ),
+            *declare.road_parameters(),
         )
         products.declare_folder(self, FOLDER)
         products.declare_products(self, _PRODUCTS)
 
     def arguments(self, values: Values) -> list[str]:
         surveys = [values.file("REFERENCE"), values.file("CLOUD")]
-        options = [*values.pair_options(), *values.options("TRANSFORM", "STABLE")]
+        options = [*values.pair_options(), *values.options("TRANSFORM", "STABLE", "CENTRELINE", "FIELD_NAMES")]
         return ["displacement", *surveys, "--output-dir", values.output_folder(), *options]
 
     def results(self, result: EngineResult, values: Values) -> dict[str, Any]:

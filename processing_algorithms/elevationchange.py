@@ -32,6 +32,7 @@ CHANGE_FILES = {
     "REPORT_PDF": ("report_pdf", "Report to sign (PDF)"),
     "VOLUMES": ("volumes", "Table of areas and volumes"),
     "HEATMAP_PICTURE": ("heatmap", "Heatmap picture"),
+    "CLASS_TABLE": ("budget_by_class", "Table of the change by class"),
     "RUN_RECORD": ("run", "Run record"),
 }
 
@@ -62,13 +63,15 @@ class ElevationChange(SlopeWatchAlgorithm):
         self.add(
             declare.polygon_parameter("STABLE", "Change: stable ground", STABLE_HELP, advanced=True, title="Change"),
             declare.profiles_parameter(advanced=True),
+            *declare.road_parameters(),
+            declare.classes_parameter(),
         )
         products.declare_folder(self, products.CHANGE_FOLDER)
         products.declare_products(self, products.CHANGE_PRODUCTS)
 
     def arguments(self, values: Values) -> list[str]:
         surveys = [values.file("REFERENCE"), values.file("CLOUD")]
-        options = [*values.pair_options(), *values.options("TRANSFORM", "STABLE", "PROFILES")]
+        options = [*values.pair_options(), *values.options("TRANSFORM", "STABLE", "PROFILES", *declare.LAYERS)]
         return ["change", *surveys, "--output-dir", values.output_folder(), *options]
 
     def results(self, result: EngineResult, values: Values) -> dict[str, Any]:

@@ -37,7 +37,7 @@ class ExportGis(SlopeWatchAlgorithm):
             declare.file_parameter(
                 "FIELDS",
                 "Names of fields",
-                "Names that were agreed on: a CSV of the columns our,theirs, or a JSON object. Not set: SlopeWatch's.",
+                "Names that were agreed on: a CSV of the columns ours,theirs, or a JSON object. Not set: SlopeWatch's.",
                 _NAMES_FILTER,
             ),
         )

@@ -61,6 +61,7 @@ _PRODUCTS = (
         Appearance(25, visible=False, expanded=False),
         by_default=False,
     ),
+    products.CLASSES,
 )
 _KINDS = (
     ("CUMULATIVE", "cumulative", "Change since the first survey", 45),
@@ -94,6 +95,7 @@ class InspectSeries(SlopeWatchAlgorithm):
         "REPORT_PDF": ("report_pdf", "Report to sign (PDF)"),
         "TABLE": ("series_table", "Time series of the zones (CSV)"),
         "PICTURE": ("series_picture", "Picture of velocities and series"),
+        "CLASS_TABLE": ("budget_by_class", "Table of the change by class"),
         "ALERTS_USED": ("alerts_used", "Alert table that was used"),
         "RUN_RECORD": ("run", "Run record"),
     }
@@ -127,6 +129,8 @@ class InspectSeries(SlopeWatchAlgorithm):
             declare.polygon_parameter(
                 "STABLE", "Registration: stable ground", STABLE_HELP, advanced=True, title="Registration"
             ),
+            *declare.road_parameters(),
+            declare.classes_parameter(),
             declare.in_group(
                 declare.with_help(
                     QgsProcessingParameterBoolean("LOAD_RASTERS", "Load the rasters of every survey", True),
@@ -147,7 +151,7 @@ class InspectSeries(SlopeWatchAlgorithm):
         sources = [values.file(name) for name in ("INPUT", "MANIFEST")]
         if all(sources) or not any(sources):
             raise QgsProcessingException("Give either INPUT, the folder of the surveys, or MANIFEST, not both.")
-        options = values.options("ROI", "STABLE", "ALERTS")
+        options = values.options("ROI", "STABLE", "ALERTS", *declare.LAYERS)
         return ["series", next(s for s in sources if s), *options, "--output-dir", values.output_folder()]
 
     def results(self, result: EngineResult, values: Values) -> dict[str, Any]:

@@ -68,6 +68,8 @@ class InspectSlope(SlopeWatchAlgorithm):
                 "STABLE", "Registration: stable ground", STABLE_HELP, advanced=True, title="Registration"
             ),
             declare.profiles_parameter(advanced=True),
+            *declare.road_parameters(),
+            declare.classes_parameter(),
         )
         products.declare_folder(self, products.CHANGE_FOLDER)
         products.declare_products(self, _PRODUCTS)
@@ -86,7 +88,7 @@ class InspectSlope(SlopeWatchAlgorithm):
                 )
             self._days.append(day)
             epochs += ["--epoch", f"{day}={path}"]
-        options = values.options("ROI", "STABLE", "PROFILES")
+        options = values.options("ROI", "STABLE", "PROFILES", *declare.LAYERS)
         return ["inspect", *epochs, *options, "--output-dir", values.output_folder()]
 
     def results(self, result: EngineResult, values: Values) -> dict[str, Any]:

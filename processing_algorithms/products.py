@@ -45,6 +45,16 @@ class Product:
 
 
 CHANGE_FOLDER = "Receives the rasters, hazard zones, heatmap, report and run record under fixed names."
+CLASSES = Product(
+    "CLASS_BUDGET",
+    "classes",
+    "Change by class of asset",
+    "Polygons of the classes with areas, volumes and errors of their change; written only with a layer of classes.",
+    Appearance(47, visible=False, expanded=False),
+    layer="budget_by_class",
+    by_default=False,
+    file="budget_by_class.gpkg",
+)
 CHANGE_PRODUCTS = (
     Product(
         "ZONES",
@@ -155,6 +165,7 @@ CHANGE_PRODUCTS = (
         Appearance(7, visible=False, expanded=False),
         by_default=False,
     ),
+    CLASSES,
 )
 
 SCREENED_PRODUCTS = (

@@ -82,6 +82,7 @@ class ScreenHazards(SlopeWatchAlgorithm):
             declare.profile_parameter(self.PARAMETER_GROUPS),
         )
         self.declare_groups()
+        self.add(*declare.road_parameters())
         self.add(
             declare.cloud_destination(
                 "OUTPUT", "Labelled cloud", "LAZ copy of the input with slopewatch_class and slopewatch_prob."
@@ -95,7 +96,7 @@ class ScreenHazards(SlopeWatchAlgorithm):
         )
 
     def arguments(self, values: Values) -> list[str]:
-        arguments = ["screen", values.file("INPUT"), *values.options("ROI", "OUTPUT")]
+        arguments = ["screen", values.file("INPUT"), *values.options("ROI", "CENTRELINE", "FIELD_NAMES", "OUTPUT")]
         for name, (option, endings) in _OPTIONS.items():
             # A temporary one is the file next to the labelled cloud, and another format is converted from it. Asked for
             # as a file, because asking for a layer would have it loaded.

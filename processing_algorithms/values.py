@@ -65,6 +65,15 @@ class Values:
             raise QgsProcessingException(self.algorithm.invalidSourceError(self.parameters, name))
         return os.path.abspath(path)
 
+    def source_layer(self, name: str) -> tuple[str, str]:
+        """Path of a file with features and the layer's name there, empty where the file has one; exported as above."""
+        path, layer = self.algorithm.parameterAsCompatibleSourceLayerPathAndLayerName(
+            self.parameters, name, self.context, _VECTOR_FORMATS, "gpkg", self.feedback
+        )
+        if not path:
+            raise QgsProcessingException(self.algorithm.invalidSourceError(self.parameters, name))
+        return os.path.abspath(path), str(layer or "")
+
     def options(self, *names: str) -> list[str]:
         """Options for those of the files, destinations and layers that are given; the engine names each alike."""
         arguments = []
@@ -72,7 +81,7 @@ class Values:
             definition = self.algorithm.parameterDefinition(name)
             read = self.output_file if definition.isDestination() else self.polygons
             path = self.file(name) if definition.type() == "file" else read(name)
-            arguments += [f"--{name.lower()}", path] if path else []
+            arguments += [f"--{name.lower().replace('_', '-')}", path] if path else []
         return arguments
 
     def pair_days(self) -> list[str]:

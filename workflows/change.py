@@ -23,6 +23,8 @@ from ..engine.zones.profile_lines import given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from ..interface.parameters import AUTO
 from .early_memory import refuse_grid_early
+from .layer_files import NO_LAYERS, LayerFiles
+from .layers import layers_on_cloud
 from .pair import SPOOL, Cloud, compare_pair, dated_pair, ground_of, ground_on_disk, is_large, stable_area
 from .products.change import CHANGE_OUTPUTS, ON_REQUEST, Context, method_name, write_products
 from .run import Run
@@ -39,15 +41,17 @@ def change_step(
     transform_path: Path | None,
     profiles: Path | None = None,
     stable: Path | None = None,
+    layers: LayerFiles = NO_LAYERS,
     overwrite: bool = False,
     progress: Progress,
 ) -> RunResult:
     """Change between two registered ground clouds, with all its products."""
     epochs = dated_pair(reference, moving, dates)
     check_pair(*epochs)
-    optional = [("transform", transform_path), ("profiles", profiles), ("stable", stable)]
+    optional = [("transform", transform_path), ("profiles", profiles), ("stable", stable), *layers.inputs]
     inputs = [*((f"epoch {e.name}", e.path) for e in epochs), *optional]
-    recorded = groups(settings, "inputs", "dates", "surface", "change", "zones", "heatmap", "report", "details")
+    words = ("inputs", "dates", "surface", "change", "zones", "road", "assets", "heatmap", "report", "details")
+    recorded = groups(settings, *words)
     run = Run("change", recorded, inputs, progress)
     run.refuse_folder(output_dir, ("run.json", *CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS), overwrite=overwrite)
     run.read_reviews(output_dir, ("zones.gpkg",))
@@ -60,6 +64,7 @@ def change_step(
         refuse_grid_early((reference, moving), settings.inputs, settings.change, None)
     crs = open_cloud(reference, settings.inputs)[1].crs
     lines = given_lines(profiles, crs, settings.report.profile_field, progress)
+    run.related = layers_on_cloud(layers, (settings.road, settings.assets), reference, settings.inputs, progress)
     with run.writing(output_dir, report=True):
         with cancellation.temporary(run.stage.folder / SPOOL) as spool:
             first, second, picture = _read(run, (reference, moving), transform, settings, spool)

@@ -20,7 +20,7 @@ MOST = 8
 _FIRST = (
     "report", "page", "series_zones", "corridor", "zones", "screened_zones", "m3c2_significant",
     "displacement_vectors", "labelled", "significant_change", "weights", "aligned", "points", "ground",
-    "picture", "plan", "roi",
+    "picture", "plan", "roi", "located",
 )  # fmt: skip
 _NAMED = 2
 _MIN_BIAS_M, _BIAS_ERRORS = 0.02, 3.0
@@ -329,6 +329,16 @@ def _minutes(seconds: float | None) -> str:
     return "" if seconds is None else f"{max(1, round(seconds / 60))} min"
 
 
+def _located(f: Figures) -> list[str]:
+    return [
+        sentence(
+            "{} of {} features have their place on the road now.", counted(f, "located"), counted(f, "features")
+        ),
+        sentence("{} have none; the field location_note says why.", counted(f, "not_located")) if f.get(
+            "not_located") else "",
+    ]  # fmt: skip
+
+
 def _tasks(f: Figures) -> list[str]:
     return [
         sentence(
@@ -370,6 +380,7 @@ _FOUND: dict[str, Callable[[Figures], list[str]]] = {
     "topview": _top_view,
     "suggestroi": _region,
     "planflight": _flight,
+    "locate": _located,
     "exportlabelstudio": _tasks,
     "importlabelstudio": _labels,
     "simulate survey": _survey,

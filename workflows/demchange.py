@@ -8,6 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from shapely import box
 
 from ..engine.change.difference import cells_inside
 from ..engine.core.arrays import Bool
@@ -28,8 +29,11 @@ from ..engine.zones.profile_lines import given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from ..interface.dates import date_in_name
 from ..interface.parameters import given
+from .layer_files import NO_LAYERS, LayerFiles
+from .layers import read_layers
 from .pair import stable_area
 from .products.change import CHANGE_OUTPUTS, Context, write_products
+from .products.classes import CLASS_OUTPUTS
 from .products.demchange import DEM_OUTPUTS, Pair, write_pairs
 from .run import Run
 from .settings import ModelSettings, Settings, groups
@@ -57,6 +61,7 @@ def demchange_step(
     *,
     stable: Path | None = None,
     profiles: Path | None = None,
+    layers: LayerFiles = NO_LAYERS,
     overwrite: bool = False,
     progress: Progress,
 ) -> RunResult:
@@ -64,11 +69,12 @@ def demchange_step(
     _refuse(models)
     names = _names(models)
     inputs = [*((f"epoch {name}", model.path) for name, model in zip(names, models, strict=True))]
-    recorded = groups(settings, "inputs", "elevation_models", "zones", "heatmap", "report", "details")
-    run = Run("demchange", recorded, [*inputs, ("stable", stable), ("profiles", profiles)], progress)
-    outputs = [name for name in CHANGE_OUTPUTS if name not in _NOT_WRITTEN]
+    words = ("inputs", "elevation_models", "zones", "road", "assets", "heatmap", "report", "details")
+    inputs += [("stable", stable), ("profiles", profiles), *layers.inputs]
+    run = Run("demchange", groups(settings, *words), inputs, progress)
+    outputs = ["report.pdf", *(name for name in CHANGE_OUTPUTS if name not in _NOT_WRITTEN)]
     run.refuse_folder(
-        output_dir, ("run.json", "report.pdf", *outputs, *DEM_OUTPUTS, *PROFILE_OUTPUTS), overwrite=overwrite
+        output_dir, ("run.json", *outputs, *DEM_OUTPUTS, *PROFILE_OUTPUTS, *CLASS_OUTPUTS), overwrite=overwrite
     )
     run.read_reviews(output_dir, ("zones.gpkg",))
     hashes = run.hash_inputs()[: len(models)]
@@ -78,6 +84,7 @@ def demchange_step(
         crs, grid = read[0].crs, read[0].grid
         area = stable_area(stable, crs, run.progress)
         lines = given_lines(profiles, crs, settings.report.profile_field, run.progress)
+        run.related = read_layers(layers, (settings.road, settings.assets), crs, box(*grid.bounds), run.progress)
         given_cells = None if area is None else cells_inside(area, grid)
         if given_cells is not None and not given_cells.any():
             raise InputError(
@@ -96,6 +103,7 @@ def demchange_step(
                 method=_METHOD,
                 run_id=run.run_id(hashes),
                 counted=False,
+                several=True,
             )
             bundle = replace(Settings(), zones=settings.zones, heatmap=settings.heatmap, report=settings.report)
             view = TopView(_relief(whole.found), grid, "height")

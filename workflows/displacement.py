@@ -25,6 +25,8 @@ from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.reading import read_cloud
 from ..interface.parameters import given
 from .early_memory import refuse_points_early
+from .layer_files import NO_LAYERS, LayerFiles
+from .layers import layers_on_cloud
 from .pair import dated_pair, ground_of, stable_area
 from .products.displacement import DISPLACEMENT_OUTPUTS, main_figures, write_products
 from .run import Run
@@ -44,6 +46,7 @@ def displacement_step(
     dates: tuple[str | None, str | None],
     transform_path: Path | None,
     stable: Path | None = None,
+    layers: LayerFiles = NO_LAYERS,
     overwrite: bool = False,
     progress: Progress,
 ) -> RunResult:
@@ -57,7 +60,8 @@ def displacement_step(
     """
     epochs = dated_pair(reference, moving, dates)
     inputs = [*((f"epoch {e.name}", e.path) for e in epochs), ("transform", transform_path), ("stable", stable)]
-    recorded = groups(settings, "inputs", "dates", "surface", "displacement")
+    inputs += layers.inputs
+    recorded = groups(settings, "inputs", "dates", "surface", "displacement", "road")
     run = Run("displacement", recorded, inputs, progress)
     run.refuse_folder(output_dir, ("run.json", *DISPLACEMENT_OUTPUTS), overwrite=overwrite)
     check_pair(*epochs)
@@ -68,7 +72,8 @@ def displacement_step(
     check_days(epochs, trusted=settings.dates.trust_dates, progress=progress)
     refuse_raw((reference, moving), settings.surface.ground, settings.inputs)
     hashes = run.hash_inputs()[:2]
-    with run.writing(output_dir) as stage:
+    run.related = layers_on_cloud(layers, (settings.road, None), reference, settings.inputs, progress)
+    with run.writing(output_dir):
         first, second = _read(run, (reference, moving), settings, transform)
         registered = _registered(run, settings, transform_path, first.xyz)
         places = _stable_places(stable, first, progress)
@@ -82,7 +87,7 @@ def displacement_step(
             input_sha256=" ".join(hashes),
         )
         with run.step("write", 0.95, 1.0, "writing"):
-            run.outputs |= write_products(found, first.crs, tags, stage)
+            run.outputs |= write_products(found, first.crs, tags, run)
         run.outputs["run"] = run.record_path
         run.figures = main_figures(found) | {"registration_error_known": registered.known}
         _warn(found, settings, stable is not None, progress)

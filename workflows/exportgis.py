@@ -90,7 +90,7 @@ def export_step(
     run.refuse_folder(folder, names, overwrite=overwrite)
     run.hash_inputs()
     with run.step("read", 0.0, 0.1, "reading the results"):
-        job = _job(run_folder, parameters, {} if fields is None else read_field_mapping(fields), chosen, progress)
+        job = _job(run_folder, parameters, read_field_mapping(fields).flat, chosen, progress)
     with (
         run.writing(folder, record_name=names[-1]) as stage,
         tempfile.TemporaryDirectory(dir=stage.folder) as temporary,

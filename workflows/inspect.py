@@ -37,6 +37,8 @@ from ..engine.zones.profile_lines import ProfileLine, given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from .early_memory import refuse_grid_early
 from .last_epoch import SCREENING_OUTPUTS, EpochScreening, confirmed_by, obstacle, screen_epoch, write_epoch_screening
+from .layer_files import NO_LAYERS, LayerFiles
+from .layers import layers_on_cloud
 from .pair import (
     MAX_HELD_POINTS,
     SPOOL,
@@ -63,6 +65,8 @@ _RECORDED = (
     "registration",
     "change",
     "zones",
+    "road",
+    "assets",
     "heatmap",
     "screening",
     "report",
@@ -100,6 +104,7 @@ def inspect_slope(
     roi: Path | None = None,
     stable: Path | None = None,
     profiles: Path | None = None,
+    layers: LayerFiles = NO_LAYERS,
     pdal: Path | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
@@ -114,6 +119,7 @@ def inspect_slope(
         roi: vector file whose polygons bound the managed slope.
         stable: vector file whose polygons are known to be stable; only they register the epochs.
         profiles: vector file whose lines profiles are taken along.
+        layers: the road's centreline, and polygons of classes of asset.
         pdal: the pdal program, if another than the one found.
         overwrite: replace results that the folder holds, and carry over what people entered in their zones.
 
@@ -126,6 +132,7 @@ def inspect_slope(
     elif len(epochs) != 1:
         raise InputError(f"{len(epochs)} epochs were given; give two, the earlier first, or one to screen it.")
     inputs = [*((f"epoch {e.name}", e.path) for e in epochs), ("roi", roi), ("stable", stable), ("profiles", profiles)]
+    inputs += layers.inputs
     run = Run("inspect", groups(settings, *_RECORDED), inputs, progress)
     run.refuse_folder(output_dir, ("run.json", "transform.json", *_EVERY_OUTPUT), overwrite=overwrite)
     replaced = {"zones.gpkg": len(epochs) == 2, "screened_zones.gpkg": settings.screening.screen_last_epoch}
@@ -135,6 +142,10 @@ def inspect_slope(
     run.facts["run_id"] = run.run_id(hashes)
     _refuse_surveys(run, epochs, settings, roi)
     lines = _profile_lines(run, epochs, settings, profiles)
+    if layers.classes is not None and len(epochs) == 1:
+        raise InputError("--classes was given with one epoch; the change by class is between two, so give both.")
+    related = (settings.road, settings.assets)
+    run.related = layers_on_cloud(layers, related, epochs[0].path, settings.inputs, run.progress)
     task = _Inspection(run, epochs, settings, hashes, roi, stable, lines, program)
     screened = _to_be_screened(task)
     with run.writing(output_dir, report=True):

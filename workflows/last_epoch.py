@@ -114,7 +114,7 @@ def write_epoch_screening(
     facts = screening_facts(found.source, found.screening, found.tested)
     note = f"{found.note} {facts.get('not_shown', '')}".strip()
     shown = Pictured(picture, digest, survey=epoch.date, name=epoch.name, note=note)
-    write_products(_TARGETS, place, found.hazards, shown, run.reviews, run.progress)
+    write_products(_TARGETS, place, found.hazards, shown, run)
     labelled = found.source.write_labelled(
         place(_TARGETS["labelled"]), found.screening, classification=parameters.write_classification
     )

@@ -38,6 +38,7 @@ from ..engine.report.signed.write import PDF, write_pdf
 from ..engine.zones.earlier_reviews import NOT_CARRIED, EarlierReviews
 from ..interface.parameters import DetailParameters, ParameterSet
 from ..interface.protocol import TASK_VARIABLE
+from .layers import Related
 
 _DETAILS = DetailParameters.record_name
 
@@ -46,7 +47,7 @@ class Run:
     """Carries one run from its inputs to its record.
 
     ``outputs`` are the final paths by name and ``figures`` the main figures, which the workflow fills in; ``facts`` are
-    entries of their own in the record.
+    entries of their own in the record. ``related`` is the road that zones are placed on and the classes of asset.
 
     Args:
         command: name of the command, for the record.
@@ -72,6 +73,7 @@ class Run:
         self.outputs: dict[str, Path] = {}
         self.figures: dict[str, Any] = {}
         self.reviews: EarlierReviews | None = None
+        self.related = Related()
         self._stages: dict[Path, Stage] = {}
         self._refused_again: dict[Path, Callable[[], None]] = {}
         self._record_name = "run.json"

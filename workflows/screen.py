@@ -27,6 +27,8 @@ from ..models.screening.cloud_file import ScreenedFile
 from ..models.screening.screen import screen_points
 from ..models.screening.self_test import self_test
 from ..models.screening.zones import outline_hazards
+from .layer_files import NO_LAYERS, LayerFiles
+from .layers import layers_on_cloud
 from .products.screening import Pictured, screening_facts, screening_figures, write_products
 from .run import Run, record_name_of
 from .settings import ScreeningSettings, groups
@@ -44,6 +46,7 @@ def screen_step(
     settings: ScreeningSettings,
     *,
     roi: Path | None = None,
+    layers: LayerFiles = NO_LAYERS,
     pdal: Path | None = None,
     progress: Progress | None = None,
 ) -> RunResult:
@@ -52,6 +55,7 @@ def screen_step(
     Args:
         targets: as of ``default_targets``.
         roi: vector file whose polygons bound the slope; points outside are not screened.
+        layers: the road's centreline.
 
     Raises:
         InputError: something given cannot be used; nothing is written then.
@@ -59,15 +63,15 @@ def screen_step(
     """
     parameters = settings.screening
     extracting = parameters.ground == "extract"
-    recorded = ("inputs", "screening", "ground") if extracting else ("inputs", "screening")
-    run = Run("screen", groups(settings, *recorded), [("cloud", cloud), ("roi", roi)], progress)
+    recorded = ("inputs", "screening", "road", *(("ground",) if extracting else ()))
+    run = Run("screen", groups(settings, *recorded), [("cloud", cloud), ("roi", roi), *layers.inputs], progress)
     record_name = record_name_of(targets["labelled"])
     _refuse_targets(run, {**targets, "run": targets["labelled"].with_name(record_name)})
     digest = run.hash_inputs()[0]
     run_id = run.run_id(digest)
-    zones = targets["zones"].absolute()
-    run.read_reviews(zones.parent, [zones.name], f"{zones.stem}_{NOT_CARRIED}")
+    _read_reviews(run, targets["zones"].absolute())
     folders = [path.absolute().parent for path in targets.values()]
+    run.related = layers_on_cloud(layers, (settings.road, None), cloud, settings.inputs, run.progress)
 
     def place(path: Path) -> Path:
         return run.stage_in(path.absolute().parent).path(path.name)
@@ -99,7 +103,7 @@ def screen_step(
         with run.step("products", 0.85, 0.92, "writing zones and rasters"):
             facts = screening_facts(source, screening, tested)
             shown = Pictured(source.picture(), digest, date_in_name(cloud), cloud.stem, facts.get("not_shown", ""))
-            write_products(targets, place, hazards, shown, run.reviews, run.progress)
+            write_products(targets, place, hazards, shown, run)
         with run.step("labels", 0.92, 1.0, "writing the labelled cloud"):
             output = place(targets["labelled"])
             labelled = source.write_labelled(output, screening, classification=parameters.write_classification)
@@ -108,6 +112,10 @@ def screen_step(
         run.outputs |= {name: path.absolute() for name, path in targets.items()} | {"run": run.record_path}
         run.finish_reviews()
     return run.result()
+
+
+def _read_reviews(run: Run, zones: Path) -> None:
+    run.read_reviews(zones.parent, [zones.name], f"{zones.stem}_{NOT_CARRIED}")
 
 
 def _refuse_targets(run: Run, targets: dict[str, Path]) -> None:

@@ -21,18 +21,22 @@ from ..engine.epochs.comparability import require_comparable
 from ..engine.epochs.dating import check_days
 from ..engine.epochs.epoch import Epoch
 from ..engine.epochs.manifest import check_series
-from ..engine.report.facts import course_rows, zone_rows
+from ..engine.report.facts import ROAD_WORDS, course_rows, zone_rows
 from ..engine.series.alerts import AlertLevel, read_alerts
 from ..engine.series.analysis import Analysis, analyse, limits_of
 from ..engine.series.tables import About
 from ..engine.series.tracking import Track
 from ..engine.series.velocity import cell_velocity
 from .early_memory import refuse_grid_early
+from .layer_files import NO_LAYERS, LayerFiles
+from .layers import layers_on_cloud
 from .pair import SPOOL, stable_area
+from .products.classes import CLASS_OUTPUTS
 from .products.series import (
     SERIES_OUTPUTS,
     raster_names,
     series_figures,
+    write_class_table,
     write_epoch_rasters,
     write_summary_rasters,
     write_tables,
@@ -53,9 +57,10 @@ REPORTED = (
     "failure_from",
     "failure_to",
     "failure_note",
+    *ROAD_WORDS,
 )
 """Fields with words that the run record and the report have of each zone."""
-_RECORDED = ("inputs", "dates", "ground", "registration", "change", "zones", "series", "details")
+_RECORDED = ("inputs", "dates", "ground", "registration", "change", "zones", "road", "assets", "series", "details")
 
 
 def monitor_series(
@@ -66,6 +71,7 @@ def monitor_series(
     roi: Path | None = None,
     stable: Path | None = None,
     alerts: Path | None = None,
+    layers: LayerFiles = NO_LAYERS,
     pdal: Path | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
@@ -81,6 +87,7 @@ def monitor_series(
         roi: vector file whose polygons bound the managed slope.
         stable: vector file whose polygons are known to be stable.
         alerts: alert table, if another than the one that comes with SlopeWatch.
+        layers: the road's centreline, and polygons of classes of asset.
         pdal: the pdal program, if another than the one found.
         overwrite: replace whatever results the folder holds. A series that this one goes on with, by more surveys and
             with the same settings, is replaced without it, because that is how a series is kept. What people entered
@@ -98,18 +105,21 @@ def monitor_series(
             "give GridChangeParameters, or adaptive=False."
         )
     inputs = [*((f"epoch {e.name}", e.path) for e in epochs), ("roi", roi), ("stable", stable), ("alerts", alerts)]
+    inputs += layers.inputs
     run = Run("series", groups(settings, *_RECORDED), inputs, progress)
     dates = tuple(e.date for e in epochs if e.date is not None)
     earlier = _earlier_series(run, output_dir, dates, overwrite=overwrite)
     run.read_reviews(output_dir, ("series.gpkg",))
     program = None if settings.series.ground_ready else run.find_pdal(pdal)
-    *epoch_hashes, roi_hash, stable_hash, _ = run.hash_inputs()
-    hashes = tuple(epoch_hashes)
+    every_hash = run.hash_inputs()
+    hashes, (roi_hash, stable_hash) = every_hash[: len(epochs)], every_hash[len(epochs) : len(epochs) + 2]
     if earlier is not None:
         refuse_another_series(output_dir, earlier, run.record)
     check_days(epochs, trusted=settings.dates.trust_dates, progress=run.progress)
     for epoch in epochs[1:]:
         require_comparable(epochs[0].path, epoch.path, settings.inputs)
+    related = (settings.road, settings.assets)
+    run.related = layers_on_cloud(layers, related, epochs[0].path, settings.inputs, run.progress)
     refuse_grid_early([epochs[0].path], settings.inputs, settings.change, roi)
     with run.writing(output_dir, report=True) as stage, cancellation.temporary(stage.folder / SPOOL) as spool:
         task = Task(epochs, hashes, settings, roi, stable, roi_hash, stable_hash, program, stage)
@@ -156,6 +166,7 @@ def _write_products(
         run.outputs |= write_summary_rasters(
             velocity, analysis.confirmed, velocity.count >= 2, about, task.hashes, run.stage
         )
+        write_class_table(run, analysis, about)
         footer = limits_of(analysis, about.dates)[0]
         return write_tables(run, analysis, velocity, about, alerts, footer)
 
@@ -199,7 +210,7 @@ def _history(track: Track, dates: tuple[date, ...]) -> dict[str, Any]:
 
 
 def _targets(folder: Path, dates: tuple[date, ...]) -> list[Path]:
-    names = [*SERIES_OUTPUTS]
+    names = [*SERIES_OUTPUTS, *CLASS_OUTPUTS]
     for before, end in pairwise(dates):
         names += raster_names("cumulative", dates[0], end) + raster_names("incremental", before, end)
     return [folder / name for name in names]

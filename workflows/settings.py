@@ -7,6 +7,7 @@ from dataclasses import Field, dataclass, field, fields
 from typing import Any, TypeVar
 
 from ..interface.parameters import (
+    AssetParameters,
     ChangeParameters,
     DateParameters,
     DetailParameters,
@@ -21,6 +22,7 @@ from ..interface.parameters import (
     ParameterSet,
     RegistrationParameters,
     ReportParameters,
+    RoadParameters,
     ScreeningParameters,
     SeriesParameters,
     SurfaceParameters,
@@ -39,6 +41,8 @@ class Settings:
     registration: RegistrationParameters = field(default_factory=RegistrationParameters)
     change: ChangeParameters = field(default_factory=ChangeParameters)
     zones: ZoneParameters = field(default_factory=ZoneParameters)
+    road: RoadParameters = field(default_factory=RoadParameters)
+    assets: AssetParameters = field(default_factory=AssetParameters)
     heatmap: HeatmapParameters = field(default_factory=HeatmapParameters)
     screening: LastEpochParameters = field(default_factory=LastEpochParameters)
     report: ReportParameters = field(default_factory=ReportParameters)
@@ -52,6 +56,7 @@ class ScreeningSettings:
     inputs: InputParameters = field(default_factory=InputParameters)
     ground: GroundParameters = field(default_factory=GroundParameters)
     screening: ScreeningParameters = field(default_factory=ScreeningParameters)
+    road: RoadParameters = field(default_factory=RoadParameters)
 
 
 @dataclass(frozen=True)
@@ -70,6 +75,7 @@ class DisplacementSettings:
 
     inputs: InputParameters = field(default_factory=InputParameters)
     displacement: DisplacementParameters = field(default_factory=DisplacementParameters)
+    road: RoadParameters = field(default_factory=RoadParameters)
     dates: DateParameters = field(default_factory=DateParameters)
     surface: SurfaceParameters = field(default_factory=SurfaceParameters)
 
@@ -86,6 +92,8 @@ class SeriesSettings:
     zones: ZoneParameters = field(default_factory=ZoneParameters)
     series: SeriesParameters = field(default_factory=SeriesParameters)
     details: DetailParameters = field(default_factory=DetailParameters)
+    road: RoadParameters = field(default_factory=RoadParameters)
+    assets: AssetParameters = field(default_factory=AssetParameters)
 
 
 @dataclass(frozen=True)
@@ -95,6 +103,8 @@ class ModelSettings:
     inputs: InputParameters = field(default_factory=InputParameters)
     elevation_models: ModelParameters = field(default_factory=ModelParameters)
     zones: ZoneParameters = field(default_factory=ZoneParameters)
+    road: RoadParameters = field(default_factory=RoadParameters)
+    assets: AssetParameters = field(default_factory=AssetParameters)
     heatmap: HeatmapParameters = field(default_factory=HeatmapParameters)
     report: ReportParameters = field(default_factory=ReportParameters)
     details: DetailParameters = field(default_factory=DetailParameters)

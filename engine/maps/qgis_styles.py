@@ -14,7 +14,7 @@ from ..core.staged_outputs import atomic_output
 from ..core.templates import render
 from ..series.alerts import AlertLevel
 from ..series.tables import SERIES_FIELDS, ZONE_FIELDS
-from ..vector.review_fields import PLACE_FIELDS, REVIEW_FIELDS, STATES
+from ..vector.review_fields import LOCATION_FIELDS, PLACE_FIELDS, REVIEW_FIELDS, STATES
 from ..zones.fields import FIELDS, KINDS, SEVERITIES
 from .palette import (
     BELOW_LEVEL,
@@ -125,19 +125,24 @@ def confirmed_qml(largest: int) -> str:
     return render(_TEMPLATES / "counts.qml.j2", colours=[hexadecimal(SEQUENTIAL[place][1]) for place in places])
 
 
-def zones_qml() -> str:
-    """Style of the zones by kind and severity, labelled with their ids, with aliases, map tip and a review list."""
-    return _polygons_qml("zones", _fields(FIELDS), _graded(SEVERITIES), grade="severity")
+def zones_qml(*, located: bool = False) -> str:
+    """Style of the zones by kind and severity, labelled with their ids, with aliases, map tip and a review list.
+
+    ``located``: they have their places on a road, which are shown.
+    """
+    return _polygons_qml("zones", _fields(FIELDS), _graded(SEVERITIES), located=located, grade="severity")
 
 
-def hazards_qml(fields: Iterable[str]) -> str:
+def hazards_qml(fields: Iterable[str], *, located: bool = False) -> str:
     """Style of the screening's zones by kind and confidence, otherwise as ``zones_qml``.
 
     Args:
         fields: of the layer; with those of ``confirmation.FIELDS`` where a change was asked about the zones.
     """
     named = _fields(fields) | {"area_m2": {"name": "Area of the slope (m²)", "decimals": 2}}
-    return _polygons_qml("screened_zones", named, _graded(("high", "medium", "low")), grade="confidence")
+    return _polygons_qml(
+        "screened_zones", named, _graded(("high", "medium", "low")), located=located, grade="confidence"
+    )
 
 
 def footprints_qml() -> str:
@@ -151,10 +156,10 @@ def footprints_qml() -> str:
     return _polygons_qml("footprints", _fields(FOOTPRINT_FIELDS), categories)
 
 
-def series_zones_qml(alerts: Iterable[AlertLevel]) -> str:
+def series_zones_qml(alerts: Iterable[AlertLevel], *, located: bool = False) -> str:
     """Style of the tracked zones of a series by alert level, in the table's colours."""
     categories = [_outlined(str(a.level), f"{a.level} {a.name}", _rgb(a.colour), 40) for a in alerts]
-    return _polygons_qml("series_zones", _fields(ZONE_FIELDS), categories)
+    return _polygons_qml("series_zones", _fields(ZONE_FIELDS), categories, located=located)
 
 
 def states_qml() -> str:
@@ -165,7 +170,7 @@ def states_qml() -> str:
     return _polygons_qml("series_states", SERIES_FIELDS, categories)
 
 
-def corridor_zones_qml(fields: Iterable[str]) -> str:
+def corridor_zones_qml(fields: Iterable[str], *, located: bool = False) -> str:
     """Style of the zones of a corridor by their attention; ``fields`` of the layer."""
     last = len(_ATTENTION) - 1
     labels = ["No attention", *(f"Attention {n}" for n in range(1, last)), f"Attention {last} and more"]
@@ -173,7 +178,7 @@ def corridor_zones_qml(fields: Iterable[str]) -> str:
         _outlined(str(n), label, colour, 30 if n == 0 else 90)
         for n, (label, colour) in enumerate(zip(labels, _ATTENTION, strict=True))
     ]
-    return _polygons_qml("corridor_zones", _fields(fields), categories)
+    return _polygons_qml("corridor_zones", _fields(fields), categories, located=located)
 
 
 def corridor_alerts_qml(fields: Iterable[str], states: Sequence[str], entered: Sequence[str]) -> str:
@@ -234,12 +239,31 @@ def ramp_qml(
     )
 
 
-def _polygons_qml(template: str, fields: Mapping[str, Any], categories: Sequence[dict[str, Any]], **more: Any) -> str:
+def classes_qml(fields: Iterable[str]) -> str:
+    """Style of classes of asset by whether they lost or gained volume beyond its error, labelled with it."""
+    (_, lowered, raised), (_, *lines) = DIVERGING[3], DIVERGING[-2]
+    categories = [
+        _category("lowering", "Class that lost volume", lowered, 60, lines[0], 0.4),
+        _category("raising", "Class that gained volume", raised, 60, lines[1], 0.4),
+        _category("none", "Class whose net volume is within its error", _GROUND, 30, (110, 110, 110), 0.3),
+    ]
+    return _polygons_qml("classes", _fields(fields), categories)
+
+
+def _polygons_qml(
+    template: str,
+    fields: Mapping[str, Any],
+    categories: Sequence[dict[str, Any]],
+    *,
+    located: bool = False,
+    **more: Any,
+) -> str:
     return render(
         _TEMPLATES / f"{template}.qml.j2",
         fields=fields,
         categories=categories,
-        hidden=PLACE_FIELDS,
+        hidden=("slope_id",) if located else (*PLACE_FIELDS, *LOCATION_FIELDS),
+        located=located,
         review_states=STATES,
         **({"entered": REVIEW_FIELDS} | more),
     )

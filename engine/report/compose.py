@@ -42,6 +42,9 @@ _ROLES = {
     "profiles": "lines of profiles",
     "transform": "given transformation",
     "alerts": "table of alerts",
+    "centreline": "centreline of the road",
+    "field_names": "names of fields",
+    "classes": "classes of asset",
 }
 """What an input is for, by the first word of its role in the record."""
 MEANINGS = {

@@ -23,6 +23,7 @@ from ..grid.grid import Grid
 from ..maps.palette import rounded_up
 from ..statistics.layout import Laid, Layout, laid, layout_of
 from ..statistics.robust import nmad
+from ..vector.review_fields import is_located
 
 _HALF_BINS = 60
 _MAX_ZONES = 100
@@ -31,6 +32,8 @@ _COURSE = (
     "epoch", "days", "dz_mean_m", "dz_err_m", "area_m2", "vol_net_m3", "vol_err_m3", "days_before", "rate_mm_day",
     "rate_err",
 )  # fmt: skip
+ROAD_WORDS = ("route", "side", "carriageway", "location", "location_note")
+"""Fields with words of a zone's place on a road."""
 _SLOPE_LIMITS_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 90.0)  # degrees, classes of the level's table
 
 
@@ -58,7 +61,7 @@ def change_facts(
         "stable_ground": stable_ground(change),
         "density": [density(count, change.grid, change.layout) for count in change.points],
         "rates": None if days is None else rates(change, days),
-        "zones": zone_rows(frame),
+        "zones": zone_rows(frame, ("severity", *ROAD_WORDS)),
     }
 
 
@@ -209,6 +212,7 @@ def zone_rows(frame: gpd.GeoDataFrame, texts: tuple[str, ...] = ("severity",)) -
     """
     first = frame.iloc[:_MAX_ZONES]
     points = shapely.get_coordinates(shapely.point_on_surface(np.asarray(first.geometry)))
+    texts = tuple(name for name in texts if name not in ROAD_WORDS or is_located(first))
     numbers = [name for name in first.columns if pd.api.types.is_numeric_dtype(first[name].dtype)]
     fields = ["zone_id", "kind", *texts, *numbers]
     rows = []

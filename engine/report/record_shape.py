@@ -64,6 +64,7 @@ RECORD = fields(
 """Of every command that has a report."""
 
 _PROFILE = fields({"name": text(), "length_m": _POSITIVE, "dz_min_m": maybe(_NUMBER), "dz_max_m": maybe(_NUMBER)})
+_CLASSES = rows(fields({"class": text(), "vol_net_m3": _NUMBER}), most=2000)
 _VOLUME = fields({"group": text(), "quantity": text(), "unit": text()})
 _COREGISTRATION = fields(
     {"from": text(), "to": text(), "plan_shift": text(), "sentences": rows(text(), 2)},
@@ -92,6 +93,7 @@ _CHANGE = fields(
         "profiles": maybe(rows(_PROFILE)),
         "volumes": maybe(fields({"rows": rows(_VOLUME), "error_model": fields({"model": text()})})),
         "coregistration": maybe(rows(_COREGISTRATION)),
+        "classes": maybe(_CLASSES),
         "pairs": maybe(rows(fields({"from": text(), "to": text()}))),
         "one_grid": maybe(_TEXTS),
         "registration": maybe(fields({}, {"unobservable": maybe(_TEXTS)})),
@@ -101,7 +103,12 @@ _CHANGE = fields(
 _COURSE = fields({"epoch": day}, dict.fromkeys(("dz_mean_m", "dz_err_m", "vol_net_m3", "vol_err_m3"), _NUMBER))
 _SERIES = fields(
     {"zones": maybe(rows(fields({"zone_id": text()}, {"kind": text()})))},
-    {"course": maybe(table(rows(_COURSE))), "limits": maybe(_TEXTS), "dates": rows(day, 2, 10_000)},
+    {
+        "classes": maybe(_CLASSES),
+        "course": maybe(table(rows(_COURSE))),
+        "limits": maybe(_TEXTS),
+        "dates": rows(day, 2, 10_000),
+    },
 )
 
 

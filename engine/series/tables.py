@@ -31,7 +31,9 @@ ZONE_FIELDS = field_kinds("""
     integer: alert_level
     text: alert alert_reason action slope_id route
     real: chain_from chain_to
-    text: side epoch_from epoch_to
+    text: side carriageway
+    real: offset_m offset_mid_m
+    text: location location_note epoch_from epoch_to
     integer: days
     text: kind status first_seen last_seen split_from merged
     integer: n_epochs n_epochs_confirmed

@@ -6,7 +6,7 @@ import re
 import sqlite3
 from collections.abc import Collection
 
-from .review_fields import REVIEW_FIELDS
+from .review_fields import LOCATION, ON_ROAD, REVIEW_FIELDS
 
 _NAME = "slopewatch_{}_measured"
 
@@ -35,6 +35,14 @@ def guard_table(database: sqlite3.Connection, table: str, free: Collection[str])
         database.execute(
             f"CREATE TRIGGER {_quoted(name + ending)} BEFORE {event} ON {_quoted(table)} FOR EACH ROW {condition}"
             f"BEGIN SELECT RAISE(ABORT, '{sentence.replace(chr(39), chr(39) * 2)}'); END"
+        )
+    placed = [_quoted(name) for name in ON_ROAD if name in entered and LOCATION in columns]
+    if placed:
+        changed = " OR ".join(f"OLD.{name} IS NOT NEW.{name}" for name in placed)
+        database.execute(
+            f"CREATE TRIGGER {_quoted(f'{name}_place')} BEFORE UPDATE OF {', '.join(placed)} ON {_quoted(table)} FOR "
+            f"EACH ROW WHEN OLD.{LOCATION} <> '' AND ({changed}) BEGIN SELECT RAISE(ABORT, 'Route, chainage and side "
+            "come from the centreline; correct that and make the run again'); END"
         )
 
 

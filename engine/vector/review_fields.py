@@ -9,7 +9,19 @@ import pandas as pd
 
 from ...interface.reviews import REMARKS, REVIEWED, REVIEWER, STATES, STATUS, UNREVIEWED
 
-__all__ = ["PLACE_FIELDS", "REVIEW_FIELDS", "STATES", "UNREVIEWED", "in_words", "is_entered", "own_columns"]
+__all__ = [
+    "LOCATION",
+    "LOCATION_FIELDS",
+    "ON_ROAD",
+    "PLACE_FIELDS",
+    "REVIEW_FIELDS",
+    "STATES",
+    "UNREVIEWED",
+    "in_words",
+    "is_entered",
+    "is_located",
+    "own_columns",
+]
 
 PLACE_FIELDS: dict[str, str] = {
     "slope_id": "text",
@@ -18,7 +30,19 @@ PLACE_FIELDS: dict[str, str] = {
     "chain_to": "real",
     "side": "text",
 }
-"""Where a zone lies by the register of slopes."""
+"""Where a zone lies by the register of slopes, or along a centreline, where one was given."""
+LOCATION = "location"
+"""Route and chainages as text; filled only where the place of a zone was computed, and then nobody edits it."""
+LOCATION_FIELDS: dict[str, str] = {
+    "carriageway": "text",
+    "offset_m": "real",
+    "offset_mid_m": "real",
+    LOCATION: "text",
+    "location_note": "text",
+}
+"""What a centreline says of a zone in addition; empty without one."""
+ON_ROAD: tuple[str, ...] = ("route", "chain_from", "chain_to", "side")
+"""Those of ``PLACE_FIELDS`` that a centreline fills in."""
 REVIEW_FIELDS: dict[str, str] = {**PLACE_FIELDS, STATUS: "text", REVIEWER: "text", REMARKS: "text"}
 """Name and kind of every field that people fill in; all others are measured."""
 
@@ -36,6 +60,12 @@ def is_entered(field: str, value: object) -> bool:
         return False
     text = str(value).strip()
     return bool(text) and not (field == STATUS and text == UNREVIEWED)
+
+
+def is_located(frame: pd.DataFrame) -> bool:
+    """Whether the place of a zone was computed from a centreline, or it says why it has none."""
+    names = (LOCATION, "location_note")
+    return any(is_entered(name, value) for name in names if name in frame for value in frame[name])
 
 
 def in_words(entries: Mapping[str, object]) -> str:

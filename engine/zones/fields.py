@@ -8,7 +8,9 @@ from ..vector.cell_polygons import field_kinds
 FIELDS = field_kinds("""
     text: zone_id slope_id route
     real: chain_from chain_to
-    text: side epoch_from epoch_to
+    text: side carriageway
+    real: offset_m offset_mid_m
+    text: location location_note epoch_from epoch_to
     integer: days
     text: kind severity
     real: confidence dz_mean_m dz_min_m dz_max_m dz_p95_m area_m2

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ...interface.reviews import REMARKS, REVIEWED, REVIEWER, STATUS
-from ..vector.review_fields import PLACE_FIELDS, REVIEW_FIELDS, in_words, is_entered
+from ..vector.review_fields import LOCATION, ON_ROAD, PLACE_FIELDS, REVIEW_FIELDS, in_words, is_entered
 from .matching import match_zones
 
 Entries = dict[str, Any]
@@ -97,9 +97,10 @@ def carry_reviews(
 def _entries_of(row: dict[str, Any], own: Collection[str]) -> Entries:
     """What a person entered in a row; fields by the names that they have here, whatever their case there."""
     found: Entries = {}
+    computed = ON_ROAD if is_entered(LOCATION, row.get(LOCATION)) else ()
     for name, value in row.items():
         field = name.lower() if name.lower() in REVIEW_FIELDS else name
-        if (field in REVIEW_FIELDS or name in own) and is_entered(field, value):
+        if field not in computed and (field in REVIEW_FIELDS or name in own) and is_entered(field, value):
             found[field] = value.strip() if isinstance(value, str) else value
     for field in (name for name, kind in REVIEW_FIELDS.items() if kind == "real" and name in found):
         try:

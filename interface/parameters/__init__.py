@@ -10,6 +10,7 @@ ground extraction, registration and gridding.
 from __future__ import annotations
 
 from . import command_sets
+from .assets import AssetParameters
 from .batch import BatchParameters
 from .change import ChangeParameters, GridChangeParameters
 from .dates import DateParameters
@@ -28,6 +29,7 @@ from .profiles import PROFILES, PUBLISHED_WORKFLOW, PUBLISHED_WORKFLOW_ID
 from .project import PAPERS, ProjectParameters
 from .registration import RegistrationParameters
 from .report import ReportParameters
+from .road import RoadParameters
 from .screening import LastEpochParameters, ScreeningParameters
 from .series import SeriesParameters
 from .simulation import CreepParameters, ScenesParameters, SurveyParameters
@@ -43,6 +45,7 @@ __all__ = [
     "PROFILES",
     "PUBLISHED_WORKFLOW",
     "PUBLISHED_WORKFLOW_ID",
+    "AssetParameters",
     "BatchParameters",
     "ChangeParameters",
     "CreepParameters",
@@ -67,6 +70,7 @@ __all__ = [
     "RegionParameters",
     "RegistrationParameters",
     "ReportParameters",
+    "RoadParameters",
     "ScenesParameters",
     "ScreeningParameters",
     "SeriesParameters",

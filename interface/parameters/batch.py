@@ -49,14 +49,6 @@ class BatchParameters(ParameterSet, record_name="batch"):
         "input, a setting or the version changes.",
         advanced=True,
     )
-    chainage_start: float = _parameter(
-        0.0,
-        "Chainage at the start of the centreline",
-        "Added to the distance along the centreline.",
-        unit="m",
-        bounds=(-1e7, 1e7),
-        advanced=True,
-    )
     scheduler: str = _parameter(
         "",
         "Dask scheduler",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .assets import AssetParameters
 from .batch import BatchParameters
 from .change import ChangeParameters, GridChangeParameters
 from .dates import DateParameters
@@ -19,6 +20,7 @@ from .outputs import OutputParameters
 from .project import ProjectParameters
 from .registration import RegistrationParameters
 from .report import ReportParameters
+from .road import RoadParameters
 from .screening import LastEpochParameters, ScreeningParameters
 from .series import SeriesParameters
 from .simulation import CreepParameters, ScenesParameters, SurveyParameters
@@ -32,16 +34,19 @@ Sets = tuple[type[ParameterSet], ...]
 _READ: Sets = (InputParameters, DateParameters)
 """How clouds and their days are read: the first of the headings, as the flow begins there."""
 _CHANGE: Sets = (ChangeParameters, ZoneParameters)
+_RELATED: Sets = (RoadParameters, AssetParameters)
+"""What zones and change are related to: the road that they lie on, and classes of asset."""
 _SHOWN: Sets = (HeatmapParameters, ReportParameters, DetailParameters, OutputParameters)
 
 GROUND: Sets = (InputParameters, GroundParameters)
 REGISTER: Sets = (InputParameters, SurfaceParameters, RegistrationParameters)
-CHANGE: Sets = (*_READ, SurfaceParameters, *_CHANGE, *_SHOWN)
-DEMCHANGE: Sets = (InputParameters, ModelParameters, ZoneParameters, *_SHOWN)
+CHANGE: Sets = (*_READ, SurfaceParameters, *_CHANGE, *_RELATED, *_SHOWN)
+DEMCHANGE: Sets = (InputParameters, ModelParameters, ZoneParameters, *_RELATED, *_SHOWN)
 M3C2: Sets = (*_READ, SurfaceParameters, DistanceParameters)
 """``slopewatch m3c2`` also takes OutputParameters."""
-DISPLACEMENT: Sets = (*_READ, SurfaceParameters, DisplacementParameters, OutputParameters)
-SCREEN: Sets = (InputParameters, GroundParameters, ScreeningParameters)
+DISPLACEMENT: Sets = (*_READ, SurfaceParameters, DisplacementParameters, RoadParameters, OutputParameters)
+SCREEN: Sets = (InputParameters, GroundParameters, ScreeningParameters, RoadParameters)
+LOCATE: Sets = (RoadParameters, OutputParameters)
 INFO: Sets = (InputParameters,)
 REPORT: Sets = (ReportParameters, DetailParameters)
 EXPORTGIS: Sets = (HandoverParameters, OutputParameters)
@@ -57,10 +62,12 @@ SIMULATE_SERIES: Sets = (CreepParameters, OutputParameters)
 SIMULATE_SCENES: Sets = (ScenesParameters, OutputParameters)
 
 _FROM_RAW: Sets = (GroundParameters, RegistrationParameters)
-INSPECT: Sets = (*_READ, *_FROM_RAW, *_CHANGE, LastEpochParameters, *_SHOWN)
+INSPECT: Sets = (*_READ, *_FROM_RAW, *_CHANGE, LastEpochParameters, *_RELATED, *_SHOWN)
 SERIES: Sets = (
-    *_READ, SeriesParameters, *_FROM_RAW, GridChangeParameters, ZoneParameters, DetailParameters,
+    *_READ, SeriesParameters, *_FROM_RAW, GridChangeParameters, ZoneParameters, *_RELATED, DetailParameters,
     OutputParameters,
 )  # fmt: skip
-BATCH: Sets = (BatchParameters, *_READ, SeriesParameters, *_FROM_RAW, *_CHANGE, LastEpochParameters, *_SHOWN)
+BATCH: Sets = (
+    BatchParameters, *_READ, SeriesParameters, *_FROM_RAW, *_CHANGE, LastEpochParameters, *_RELATED, *_SHOWN,
+)  # fmt: skip
 """The batch's own, and all that ``inspect`` and ``series`` take."""

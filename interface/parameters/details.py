@@ -20,7 +20,7 @@ class DetailParameters(ParameterSet, record_name="details", title="Report to sig
         "for signatures. Details that are not given are blank lines in it.",
     )
     slope_name: str = _parameter("", "Name of the slope", "Name or number of the slope in the register.", advanced=True)
-    route_name: str = _parameter(
+    report_route: str = _parameter(
         "", "Route", "Road or railway line of the slope. Empty: that of its zones, where they have one.", advanced=True
     )
     chainage_range: str = _parameter(

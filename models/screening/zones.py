@@ -18,7 +18,7 @@ from ...engine.crs.working_frame import horizontal
 from ...engine.grid.grid import Grid, cell_index, snapped_grid
 from ...engine.grid.partition import Partition
 from ...engine.vector.cell_polygons import cell_polygons, inclination, table_column
-from ...engine.vector.review_fields import UNREVIEWED
+from ...engine.vector.review_fields import LOCATION_FIELDS, UNREVIEWED
 from ...engine.zones.groups import label_groups
 from ...interface.parameters import ScreeningParameters, ZoneParameters
 from .labels import SUBSIDENCE
@@ -33,6 +33,7 @@ FIELDS: dict[str, str] = {
     "chain_from": "real",
     "chain_to": "real",
     "side": "text",
+    **LOCATION_FIELDS,
     "class": "integer",
     "kind": "text",
     "confidence": "text",

@@ -32,6 +32,7 @@ _NAMES: dict[str, tuple[str, str, type, str, str]] = {
     "OPTIONAL": ("ProcessingParameterFlag", "Optional", QgsProcessingParameterDefinition, "Flag", "FlagOptional"),
     "POLYGON": ("ProcessingSourceType", "VectorPolygon", QgsProcessing, "SourceType", "TypeVectorPolygon"),
     "LINE": ("ProcessingSourceType", "VectorLine", QgsProcessing, "SourceType", "TypeVectorLine"),
+    "ANY_SHAPE": ("ProcessingSourceType", "VectorAnyGeometry", QgsProcessing, "SourceType", "TypeVectorAnyGeometry"),
     "RASTER": ("ProcessingSourceType", "Raster", QgsProcessing, "SourceType", "TypeRaster"),
     "FILE": ("ProcessingFileParameterBehavior", "File", QgsProcessingParameterFile, "Behavior", "File"),
     "FOLDER": ("ProcessingFileParameterBehavior", "Folder", QgsProcessingParameterFile, "Behavior", "Folder"),
@@ -52,6 +53,7 @@ ADVANCED = _member(*_NAMES["ADVANCED"])
 OPTIONAL = _member(*_NAMES["OPTIONAL"])
 POLYGON = _member(*_NAMES["POLYGON"])
 LINE = _member(*_NAMES["LINE"])
+ANY_SHAPE = _member(*_NAMES["ANY_SHAPE"])
 RASTER = _member(*_NAMES["RASTER"])
 FILE = _member(*_NAMES["FILE"])
 FOLDER = _member(*_NAMES["FOLDER"])

@@ -20,6 +20,8 @@ LONG_MODULES: dict[str, str] = {}
 LONG_FUNCTIONS: dict[str, str] = {}
 MANY_PARAMETERS = {
     "api/flow.py:inspect": STEP,
+    "api/flow.py:screen": STEP,
+    "api/pairs.py:dem_change": STEP,
     "api/pairs.py:register": STEP,
     "api/pairs.py:change": STEP,
     "api/pairs.py:displacement": STEP,
@@ -30,6 +32,7 @@ MANY_PARAMETERS = {
     "cli/displacement.py:displacement": COMMAND,
     "cli/m3c2.py:m3c2": COMMAND,
     "cli/screen.py:screen": COMMAND,
+    "cli/series.py:series": COMMAND,
     "engine/grid/growing_cells.py:adaptive_cells": CLOUDS,
     "engine/ground/extraction.py:extract_ground": STEP,
     "interface/parameters/specification.py:_parameter": "the fields of a parameter's description, by name only",
@@ -37,6 +40,7 @@ MANY_PARAMETERS = {
     "models/screening/cloud_file.py:__init__": "how one file is read, by name only",
     "models/training/training.py:train": "model, data, and when to stop and save, by name only",
     "workflows/change.py:change_step": STEP,
+    "workflows/demchange.py:demchange_step": STEP,
     "workflows/displacement.py:displacement_step": STEP,
     "workflows/inspect.py:inspect_slope": STEP,
     "workflows/m3c2.py:m3c2_step": STEP,

@@ -9,6 +9,7 @@ import subprocess
 from functools import cached_property
 from pathlib import Path
 
+from qgis.core import QgsVectorLayer
 from slopewatch.tests.builders import known_truth
 from slopewatch.tests.builders.engine_setup import make_whole_plugin
 from slopewatch.tests.builders.qgis import engine_python
@@ -60,6 +61,22 @@ class Inputs:
     def moved(self) -> dict[str, Path]:
         """Two clouds of rough ground, of which the northern half moved along its surface."""
         return dict(zip(("REFERENCE", "CLOUD"), self.known("clouds", ".laz")))
+
+    @cached_property
+    def road(self) -> Path:
+        """A straight axis 20 m south of the survey, from 50 m west of it to 50 m east."""
+        extent = QgsVectorLayer(str(self.survey / "roi.gpkg")).extent()
+        south = extent.yMinimum() - 20
+        corners = [[extent.xMinimum() - 50, south], [extent.xMaximum() + 50, south]]
+        line = {
+            "type": "Feature",
+            "properties": {"route": "S1"},
+            "geometry": {"type": "LineString", "coordinates": corners},
+        }
+        crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::32651"}}
+        made = self.folder / "road.geojson"
+        made.write_text(json.dumps({"type": "FeatureCollection", "crs": crs, "features": [line]}), encoding="utf-8")
+        return made
 
     @cached_property
     def view(self) -> Path:

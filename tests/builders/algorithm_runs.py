@@ -292,6 +292,11 @@ RUNS = {
         half_moved,
         ("Displacement vectors", "Zones of coherent motion"),
     ),
+    "slopewatch:locateonroad": Run(
+        lambda i, to: {"INPUT": str(i.change / "zones.gpkg"), "CENTRELINE": i.road, "OUTPUT": to / "z.gpkg"},
+        lambda r, i: must(r["FEATURES"] == r["LOCATED"] == features(r["OUTPUT"], "zones") > 0 == r["NOT_LOCATED"]),
+        ("Located features",),
+    ),
     "slopewatch:writereport": Run(lambda i, to: {"INPUT": i.change}, reported),
     "slopewatch:exportgis": Run(
         lambda i, to: {"INPUT": i.change, "SURFACE_POINTS": 500, "OUTPUT": to / "hand over.zip"}, handed_over

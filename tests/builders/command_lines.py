@@ -35,6 +35,14 @@ def square(layer: str, west: float, crs: str = "EPSG:32651") -> QgsVectorLayer:
     return polygons
 
 
+def line(layer: str, crs: str = "EPSG:32651") -> QgsVectorLayer:
+    lines = QgsVectorLayer(f"LineString?crs={crs}", layer, "memory")
+    feature = QgsFeature()
+    feature.setGeometry(QgsGeometry.fromWkt("LINESTRING(-100 -20, 300 -20)"))
+    lines.dataProvider().addFeature(feature)
+    return lines
+
+
 def written(layer: QgsVectorLayer, path: Path, name: str, *, append: bool = False) -> Path:
     options = QgsVectorFileWriter.SaveVectorOptions()
     options.layerName = name

@@ -15,7 +15,7 @@ from slopewatch.tests.builders.zone_layers import enter
 
 ALL_COMMANDS = (
     ("inspect",), ("change",), ("series",), ("batch",), ("m3c2",), ("displacement",), ("train",),
-    ("simulate", "survey"), ("simulate", "series"), ("simulate", "scenes"), ("topview",), ("suggestroi",),
+    ("simulate", "survey"), ("simulate", "series"), ("simulate", "scenes"), ("topview",), ("suggestroi",), ("locate",),
     ("exportlabelstudio",), ("importlabelstudio",), ("demchange",), ("exportgis",), ("createproject",), ("planflight",),
 )  # fmt: skip
 REFUSED = re.compile(r"Error: The folder (\S+) holds (?:results already|another series) .*--overwrite to replace \w+\.")

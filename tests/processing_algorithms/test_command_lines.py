@@ -22,13 +22,14 @@ from slopewatch.processing_algorithms.exportlabelstudio import ExportLabelStudio
 from slopewatch.processing_algorithms.extractground import ExtractGround
 from slopewatch.processing_algorithms.importlabelstudio import ImportLabelStudio
 from slopewatch.processing_algorithms.inspectslope import InspectSlope
+from slopewatch.processing_algorithms.locateonroad import LocateOnRoad
 from slopewatch.processing_algorithms.m3c2distances import M3C2Distances
 from slopewatch.processing_algorithms.simulatesurvey import SimulateSurvey
 from slopewatch.processing_algorithms.planflight import PlanFlight
 from slopewatch.processing_algorithms.suggestroi import SuggestRoi
 from slopewatch.processing_algorithms.topview import TopView
 from slopewatch.processing_algorithms.trainmodel import TrainModel
-from slopewatch.tests.builders.command_lines import command, square, written
+from slopewatch.tests.builders.command_lines import command, line, square, written
 
 pytestmark = pytest.mark.usefixtures("qgis_app")
 FIRST, LATER = "/data/slope 2024-05-01.laz", "/data/slope 2025-05-01.laz"
@@ -285,6 +286,27 @@ def test_a_flight_is_planned(tmp_path: Path) -> None:
         "planflight", FIRST, "--output-dir", out, "--roi", roi, "--survey", LATER, "--plan", "/data/plan.gpkg",
         "--altitude", "60.0", "--azimuth", "30.0",
     ]  # fmt: skip
+def test_places_on_a_road_and_classes_of_asset(tmp_path: Path) -> None:
+    road = str(written(line("road"), tmp_path / "road.gpkg", "road"))
+    zones = str(written(square("zones", 0), tmp_path / "zones.gpkg", "zones"))
+    given: dict[str, Any] = {"CENTRELINE": road, "FIELD_NAMES": "/data/names.csv", "CHAINAGE_START": 12300}
+    out = str(tmp_path / "out.gpkg")
+    found = command(LocateOnRoad, INPUT=zones, OUTPUT=out, **given)
+    assert found[:2] == ["locate", zones]
+    expected = [
+        "--centreline",
+        road,
+        "--field-names",
+        "/data/names.csv",
+        "--output",
+        out,
+        "--chainage-start",
+        "12300.0",
+    ]
+    assert found[-8:] == expected
+    done = command(ElevationChange, REFERENCE=FIRST, CLOUD=LATER, OUTPUT_FOLDER="/out", CLASSES=zones, **given)
+    words = f"--centreline {road} --field-names /data/names.csv --classes {zones} --chainage-start 12300.0"
+    assert words in shlex.join(done)
 
 
 def test_what_goes_to_label_studio_and_back(tmp_path: Path) -> None:

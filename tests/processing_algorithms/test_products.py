@@ -75,6 +75,10 @@ for number, kind in enumerate(("uplift", "subsidence", "uplift")):
     layer.CreateFeature(feature)
 data.CreateLayer("footprints", srs, ogr.wkbPolygon)
 layer = data = None
+outputs["classes"] = os.path.join(folder, "budget_by_class.gpkg")
+data = ogr.GetDriverByName("GPKG").CreateDataSource(outputs["classes"])
+data.CreateLayer("budget_by_class", srs, ogr.wkbPolygon)
+data = None
 import sqlite3
 database = sqlite3.connect(outputs["zones"])
 columns = ("f_table_catalog", "f_table_schema", "f_table_name", "f_geometry_column", "styleName", "styleQML",
@@ -193,6 +197,7 @@ class TestLoading:
         group = project.layerTreeRoot().findGroup("SlopeWatch 2024-05-01 to 2025-05-01")
         assert [(node.name(), node.itemVisibilityChecked()) for node in group.findLayers()] == [
             ("Hazard zones", True),
+            ("Change by class of asset", False),
             ("Footprints of the volumes", False),
             ("Significant change (m)", True),
             ("Elevation change (m)", False),

@@ -37,6 +37,8 @@ SEARCHES = {
     "flight plan": {"planflight"},
     "waypoints": {"planflight"},
     "mission": {"planflight"},
+    "chainage": {"locateonroad"},
+    "linear referencing": {"locateonroad"},
     "pdf": {"writereport"},
     "print layout": {"createproject"},
     "dxf": {"exportgis"},

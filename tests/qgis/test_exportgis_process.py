@@ -27,7 +27,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Inputs:
 def given(inputs: Inputs, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("given, 'it'")
     names = folder / "names.csv"
-    names.write_text("our,theirs\nzone_id,ASSET REF\nkind,Movement\n", encoding="utf-8")
+    names.write_text("ours,theirs\nzone_id,ASSET REF\nkind,Movement\n", encoding="utf-8")
     more = [
         "--surface-points",
         "400",

@@ -277,7 +277,7 @@ def test_the_item_is_stac_by_its_own_library(given: Path) -> None:
 def test_the_agencys_names_are_in_tables_styles_and_drawings(runs: dict[str, Path], tmp_path: Path) -> None:
     names = tmp_path / "names.csv"
     names.write_text(
-        "our,theirs\nzone_id,ASSET_REF\nzones.kind,Movement Type\nseverity,SEV\nnever,X\n", encoding="utf-8"
+        "ours,theirs\nzone_id,ASSET_REF\nzones.kind,Movement Type\nseverity,SEV\nnever,X\n", encoding="utf-8"
     )
     progress = Progress()
     hand_over(runs["pit"], tmp_path / "out", fields=names, progress=progress)

@@ -19,9 +19,12 @@ FIELDS = field_kinds("""
     text: alert_id slope zone_id kind source
     integer: attention
     text: reason raised_on last_on ended_on
-    real: chainage_from chainage_to
+    text: location
+    real: chain_from chain_to
     text: state state_reason reviewer remarks
 """)
+FORMER = {"chainage_from": "chain_from", "chainage_to": "chain_to"}
+"""Fields of earlier releases, by their names now."""
 OWN = ("state", "state_reason")
 ENTERED = (*OWN, "reviewer", "remarks")
 """Fields that people fill in; ``OWN`` are those that other tables do not have."""
@@ -136,7 +139,7 @@ def _raised(zone: Mapping[str, Any], day: str, taken: set[str]) -> dict[str, Any
         if alert_id not in taken:
             break
     taken.add(alert_id)
-    names = ("slope", "zone_id", "kind", "source", "attention", "chainage_from", "chainage_to", "geometry")
+    names = ("slope", "zone_id", "kind", "source", "attention", "location", "chain_from", "chain_to", "geometry")
     row = {name: zone[name] for name in names}
     return row | {
         "alert_id": alert_id, "reason": _reason(zone), "raised_on": day, "last_on": day, "state": RAISED,

@@ -42,7 +42,7 @@ def run_batch(what: Given, common: Common, progress: Progress | None = None) -> 
     progress, folder, manifest = progress or Progress(), what.folder, what.manifest
     record = RunRecord("batch", {"batch": common.parameters})
     outputs = [folder / name for name in (*BATCH_OUTPUTS, STATES, HASHES)]
-    refuse_inputs_as_outputs(outputs, [path for _, path in what.inputs if path is not None])
+    refuse_inputs_as_outputs(outputs, [path for _, path in (*what.inputs, *common.layers.inputs) if path])
     _refuse_other_results(folder, overwrite=what.overwrite)
     if manifest.is_dir() and folder.is_relative_to(manifest.absolute()):
         raise InputError(f"The output folder {shown(folder)} lies in that of the slopes; choose one outside of it.")

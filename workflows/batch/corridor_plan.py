@@ -32,7 +32,6 @@ class Given:
 
     manifest: Path
     output_dir: Path
-    centreline: Path | None = None
     overwrite: bool = False
     program: Sequence[str] = PROGRAM
 
@@ -42,8 +41,8 @@ class Given:
 
     @property
     def inputs(self) -> list[tuple[str, Path | None]]:
-        """Role and path of the files for all slopes; a manifest that is a folder has no hash."""
-        return [("manifest", self.manifest if self.manifest.is_file() else None), ("centreline", self.centreline)]
+        """Role and path; a manifest that is a folder has no hash."""
+        return [("manifest", self.manifest if self.manifest.is_file() else None)]
 
 
 @dataclass(frozen=True)
@@ -102,9 +101,8 @@ def signature(
         "version": VERSION,
         "tasks": [(r.slope, r.record["task"], [stamp(r.outputs[k]) for k in keys if k in r.outputs]) for r in results],
         "failed": list(failed),
-        "centreline": None if what.centreline is None else [str(what.centreline), *stamp(what.centreline)],
+        "layers": {role: [str(path), *stamp(path)] for role, path in common.layers.inputs if path is not None},
         "manifest": what.manifest.name,
-        "start": common.parameters.chainage_start,
         "details": [asdict(details_in(planned.found.jobs[r.slope].options)) for r in results],
         "of_all": asdict(details_in(common.options)),
         "parquet": importlib.util.find_spec("pyarrow") is not None,

@@ -7,7 +7,7 @@ from ...engine.core.progress import Progress
 from ...engine.core.run_record import RunRecord
 from ...engine.core.run_result import RunResult
 from ...engine.report.signed.typesetting import refuse_without_means
-from ...interface.parameters import given
+from ...interface.parameters import RoadParameters, given
 from ..run import Run
 from .corridor_plan import Given, Planned, failures, in_order, signature, stamp, unchanged
 from .dask_cluster import Wanted
@@ -18,9 +18,10 @@ from .own_process import work_in_place
 from .planning import Common, Plan
 from .product_names import GEOPACKAGE
 from .products import Made, read_alerts, write_products
+from .regions_on_roads import Road
 from .results import SlopeResult, result_of
 from .scheduling import Board, work_through
-from .settings import INSPECT, details_in
+from .settings import INSPECT, details_in, group_of
 from .signed_reports import renewed_reports
 from .slope_process import PROGRAM
 from .state import StateFile
@@ -33,7 +34,7 @@ def work_on_all(what: Given, common: Common, planned: Planned, record: RunRecord
         planned: what is to be done.
         record: that of the run, as it was begun.
     """
-    run = Run("batch", {"batch": common.parameters}, what.inputs, progress, record)
+    run = Run("batch", {"batch": common.parameters}, [*what.inputs, *common.layers.inputs], progress, record)
     if common.options.get("pdf"):
         refuse_without_means()
     run.hash_inputs()
@@ -90,6 +91,19 @@ def _executor(what: Given, common: Common, board: Board, progress: Progress) -> 
     return Processes(parameters.workers, board.listen, what.program)
 
 
+def _roads(common: Common, planned: Planned) -> dict[str, Road]:
+    """The centreline of each slope that has one, and how its chainages are to be read."""
+    found = {}
+    for slope in planned.corridor.slopes:
+        path, job = slope.centreline or common.layers.centreline, planned.found.jobs.get(slope.name)
+        if path is not None and job is not None:
+            groups = group_of(job.command, job.options, job.profile)
+            parameters = groups[RoadParameters]
+            assert isinstance(parameters, RoadParameters)
+            found[slope.name] = Road(path, common.layers.field_names, parameters)
+    return found
+
+
 def _conclude(run: Run, what: Given, common: Common, planned: Planned, needs: dict[str, int]) -> RunResult:
     """Write the products, unless they are there and nothing that they depend on has changed."""
     folder, corridor, found = what.folder, planned.corridor, planned.found
@@ -108,10 +122,9 @@ def _conclude(run: Run, what: Given, common: Common, planned: Planned, needs: di
         return known
     run.read_reviews(folder, [GEOPACKAGE])
     alerts = read_alerts(folder)
-    start = common.parameters.chainage_start
     results = renewed_reports(results, found.jobs, run.progress)
     details = details_in(common.options)
-    made = Made(corridor.slopes, results, sorted(failed), what.manifest, what.centreline, start, details)
+    made = Made(corridor.slopes, results, sorted(failed), what.manifest, _roads(common, planned), details)
     run.figures = {
         "slopes": len({*(s.name for s in corridor.slopes), *(p.slope for p in corridor.problems if p.slope)}),
         "slopes_done": len(results),

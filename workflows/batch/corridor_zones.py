@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import geopandas as gpd
@@ -12,15 +10,13 @@ import numpy as np
 import pandas as pd
 import shapely
 from pyproj import CRS
-from shapely.geometry import LineString
 
 from ...engine.core.errors import InputError
 from ...engine.core.progress import Progress
 from ...engine.crs.working_frame import horizontal
 from ...engine.vector.cell_polygons import field_kinds, table_column
 from ...engine.vector.geopackage import read_layer
-from ...engine.vector.review_fields import REVIEW_FIELDS, UNREVIEWED, in_words, is_entered
-from .chainage import place_along, read_centreline
+from ...engine.vector.review_fields import LOCATION, ON_ROAD, REVIEW_FIELDS, UNREVIEWED, in_words, is_entered
 from .product_names import SOURCES
 from .results import SlopeResult
 from .table_columns import column_of
@@ -31,36 +27,29 @@ FIELDS = field_kinds("""
     text: kind severity
     integer: alert_level
     text: alert alert_reason status
-    real: chainage_from chainage_to
-    text: road_side
-    real: road_distance_m
     text: epoch_from epoch_to
     real: confidence dz_mean_m dz_p95_m area_m2 vol_net_m3 vol_err_m3 lod95_m rate_mm_day rate_err
     text: trend slope_review
     text: slope_id route
     real: chain_from chain_to
-    text: side review_status reviewer remarks method run_id
+    text: side carriageway
+    real: offset_m offset_mid_m
+    text: location location_note review_status reviewer remarks method run_id
 """)
-"""Name and kind of each field. ``chainage_from`` to ``road_distance_m`` are computed, ``slope_id`` to ``side`` entered
-by people, as in the zones of a slope; ``slope_review`` is what people entered there.
+"""Name and kind of each field. ``route`` to ``location_note`` come from the zones of a slope where these were placed on
+a road, else people enter them; ``slope_review`` is what people entered there.
 """
 _GRADES = {"high": 2, "moderate": 1, "medium": 1}
 
 
 def corridor_zones(
     results: Sequence[SlopeResult],
-    centrelines: Mapping[str, Path],
-    start: float,
     progress: Progress,
 ) -> gpd.GeoDataFrame:
     """One row a zone of all slopes, in the reference system of the first.
 
-    Args:
-        centrelines: file with the road's line by slope, where there is one.
-        start: chainage at the beginning of the lines, metres.
-
     Raises:
-        InputError: a centreline cannot be read.
+        InputError: the zones of a slope cannot be read.
     """
     tables: list[gpd.GeoDataFrame] = []
     crs: CRS | None = None
@@ -75,9 +64,7 @@ def corridor_zones(
             own = _crs(frame)
             if own is not None and crs is not None and own != crs:
                 frame = frame.to_crs(crs)
-            tables.append(
-                _table(frame, result.slope, source, _Lines(centrelines.get(result.slope), crs, start, progress))
-            )
+            tables.append(_table(frame, result.slope, source))
     if not tables:
         return gpd.GeoDataFrame(
             {name: table_column(None, kind, 0) for name, kind in FIELDS.items()}, geometry=[], crs=crs
@@ -92,28 +79,11 @@ def _crs(frame: gpd.GeoDataFrame) -> CRS | None:
     return None if frame.crs is None else horizontal(CRS.from_user_input(frame.crs))
 
 
-class _Lines:
-    """The centreline of a slope, read once for each file and reference system."""
-
-    def __init__(self, path: Path | None, crs: CRS | None, start: float, progress: Progress) -> None:
-        self.lines: tuple[LineString, ...] = ()
-        self.start = start
-        if path is not None and crs is not None:
-            self.lines, notes = _centreline(path, crs)
-            for note in notes:
-                progress.warning(note)
-
-
-@lru_cache(maxsize=64)
-def _centreline(path: Path, crs: CRS) -> tuple[tuple[LineString, ...], tuple[str, ...]]:
-    return read_centreline(path, crs)
-
-
-def _table(frame: gpd.GeoDataFrame, slope: str, source: str, road: _Lines) -> gpd.GeoDataFrame:
+def _table(frame: gpd.GeoDataFrame, slope: str, source: str) -> gpd.GeoDataFrame:
     """The zones of one file with the fields of the corridor."""
     records = frame.drop(columns=frame.geometry.name).to_dict("records")
     rows = []
-    for record, shape in zip(records, frame.geometry, strict=True):
+    for record in records:
         row: dict[str, Any] = {name: record.get(name) for name in FIELDS if name not in REVIEW_FIELDS}
         row |= {"zone_id": f"{slope}/{source}/{record.get('zone_id')}", "slope": slope, "source": source}
         if source == "screening":
@@ -121,12 +91,11 @@ def _table(frame: gpd.GeoDataFrame, slope: str, source: str, road: _Lines) -> gp
             row |= {"dz_mean_m": record.get("height_med_m"), "dz_p95_m": record.get("height_p95_m")}
             row["status"] = record.get("confirmed") or ""
         row["attention"] = attention_of(source, row)
-        row["slope_review"] = in_words({n: record[n] for n in REVIEW_FIELDS if is_entered(n, record.get(n))})
+        placed = ON_ROAD if is_entered(LOCATION, record.get(LOCATION)) else ()
+        row |= {name: record.get(name) for name in placed}
+        entered = [n for n in REVIEW_FIELDS if n not in placed and is_entered(n, record.get(n))]
+        row["slope_review"] = in_words({n: record[n] for n in entered})
         row["review_status"] = UNREVIEWED
-        place = place_along(shape, road.lines, road.start)
-        if place is not None:
-            row |= {"chainage_from": place.begin, "chainage_to": place.end}
-            row |= {"road_side": place.side, "road_distance_m": place.distance}
         rows.append(row)
     columns = {name: [row.get(name) for row in rows] for name in FIELDS}
     return gpd.GeoDataFrame(

@@ -33,6 +33,7 @@ class Slope:
     stable: Path | None = None
     alerts: Path | None = None
     centreline: Path | None = None
+    classes: Path | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
     profile: str = ""
 
@@ -64,8 +65,8 @@ class Job:
     """One slope to be worked on.
 
     ``task`` stands for all that its results depend on. ``epochs`` are days and clouds, ``files`` the other inputs by
-    their role (roi, stable, alerts), ``options`` the settings that differ from the profile's, ``folder`` the place of
-    the results.
+    their role (roi, stable, alerts, centreline, field_names, classes), ``options`` the settings that differ from the
+    profile's, ``folder`` the place of the results.
     """
 
     task: str

@@ -9,6 +9,7 @@ from typing import Any
 from ...engine.core.progress import Progress
 from ...engine.epochs.epoch import Epoch
 from ..inspect import inspect_slope
+from ..layer_files import LayerFiles
 from ..series import monitor_series
 from ..settings import SeriesSettings, Settings, gathered
 from .jobs import Job
@@ -26,6 +27,7 @@ def work_in_place(job: Job, events: Events) -> None:
     groups = group_of(job.command, job.options, job.profile)
     epochs = [Epoch(Path(cloud), date.fromisoformat(day)) for day, cloud in job.epochs]
     files: dict[str, Any] = {role: Path(path) for role, path in job.files.items()}
+    files["layers"] = LayerFiles(**{role: files.pop(role, None) for role in ("centreline", "field_names", "classes")})
     more: dict[str, Any] = {
         "pdal": Path(job.pdal) if job.pdal else None,
         "overwrite": True,

@@ -12,6 +12,7 @@ from ...engine.core.progress import Progress
 from ...engine.epochs.epoch import Epoch
 from ...engine.epochs.manifest import check_series
 from ...interface.parameters import BatchParameters
+from ..layer_files import NO_LAYERS, LayerFiles
 from .folder_names import folder_name
 from .jobs import Job, Problem, Slope
 from .results import SlopeResult, result_of
@@ -38,13 +39,16 @@ class Plan:
 
 @dataclass(frozen=True)
 class Common:
-    """What all slopes share: settings given for all, the profile, the alert table, PDAL, and the batch's parameters."""
+    """What all slopes share: settings given for all, the profile, the alert table, PDAL, the batch's parameters, and
+    the layers that a slope need not have its own of.
+    """
 
     options: Mapping[str, Any]
     profile: str
     alerts: Path | None
     pdal: Path | None
     parameters: BatchParameters
+    layers: LayerFiles = NO_LAYERS
 
 
 def plan(
@@ -108,6 +112,11 @@ def _job(slope: Slope, output_dir: Path, common: Common, hashes: FileHashes, set
     profile = slope.profile or common.profile
     alerts = slope.alerts or common.alerts
     files = {"roi": slope.roi, "stable": slope.stable, "alerts": alerts if command == "series" else None}
+    files["centreline"] = slope.centreline or common.layers.centreline
+    if files["centreline"] is not None:
+        files["field_names"] = common.layers.field_names
+    if len(slope.surveys) > 1:
+        files["classes"] = slope.classes or common.layers.classes
     given = {role: path for role, path in files.items() if path is not None}
     if len(slope.surveys) > 1:
         check_series([Epoch(survey.cloud, survey.day) for survey in slope.surveys])

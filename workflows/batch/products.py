@@ -25,7 +25,7 @@ from ...engine.report.corridor import corridor_page
 from ...engine.report.signed.corridor import SignedCorridor, write_corridor_pdf
 from ...engine.vector.area import read_roi
 from ...engine.vector.geopackage import Layer, read_layer, write_layers
-from ...engine.vector.review_fields import own_columns
+from ...engine.vector.review_fields import is_located, own_columns
 from ...interface.parameters import DetailParameters
 from ..run import Run
 from . import alert_events, corridor_zones
@@ -34,6 +34,7 @@ from .jobs import Slope
 from .mosaic import mosaic, read_tile
 from .product_names import CATALOGUE, GEOPACKAGE, MOSAIC, PAGE, PAGE_PDF, PARQUET
 from .ranking import Ranked, rank
+from .regions_on_roads import Road, placed_regions
 from .results import SlopeResult
 
 _NO_PARQUET = "GeoParquet is written only with pyarrow; install it with: pip install 'slopewatch[parquet]'"
@@ -43,14 +44,15 @@ _SCREENED = {"screened": "screened ground"}
 
 @dataclass(frozen=True)
 class Made:
-    """What the products are made of: slopes in the manifest's order, those with results, and why others failed."""
+    """What the products are made of: slopes in the manifest's order, those with results, and why others failed;
+    ``roads`` by slope.
+    """
 
     slopes: Sequence[Slope]
     results: Sequence[SlopeResult]
     failed: Sequence[tuple[str, str]]
     manifest: Path
-    centreline: Path | None
-    chainage_start: float
+    roads: Mapping[str, Road]
     details: DetailParameters = field(default_factory=DetailParameters)
 
 
@@ -58,12 +60,11 @@ def write_products(run: Run, made: Made, earlier_alerts: gpd.GeoDataFrame | None
     """Write all of them into the run's stage, and their figures into the run.
 
     Raises:
-        InputError: a centreline or a file of a slope cannot be read.
+        InputError: a file of a slope cannot be read.
     """
     stage, directory = run.stage, run.stage.directory
-    lines = {s.name: line for s in made.slopes if (line := s.centreline or made.centreline) is not None}
     with run.step("zones", 0.90, 0.95, "gathering the zones"):
-        zones = corridor_zones.corridor_zones(made.results, lines, made.chainage_start, run.progress)
+        zones = corridor_zones.corridor_zones(made.results, run.progress)
         if run.reviews is not None:
             zones = run.reviews.carried_to(zones, GEOPACKAGE, corridor_zones.FIELDS, persistent_ids=True)
         days = corridor_zones.last_days(made.results)
@@ -124,6 +125,7 @@ def read_alerts(folder: Path) -> gpd.GeoDataFrame | None:
         raise InputError(
             f"{path} cannot be read, so its alerts would be lost; repair it, or move it elsewhere."
         ) from error
+    frame = frame.rename(columns=alert_events.FORMER)
     for name, kind in alert_events.FIELDS.items():
         if name not in frame:
             frame[name] = "" if kind == "text" else np.nan
@@ -135,7 +137,7 @@ def read_alerts(folder: Path) -> gpd.GeoDataFrame | None:
 def _write_tables(
     run: Run, made: Made, zones: gpd.GeoDataFrame, alerts: gpd.GeoDataFrame, ranked: Sequence[Ranked]
 ) -> None:
-    zone_style = qgis_styles.corridor_zones_qml(corridor_zones.FIELDS)
+    zone_style = qgis_styles.corridor_zones_qml(corridor_zones.FIELDS, located=is_located(zones))
     alert_style = qgis_styles.corridor_alerts_qml(alert_events.FIELDS, alert_events.STATES, alert_events.ENTERED)
     write_layers(
         run.stage.path(GEOPACKAGE),
@@ -194,7 +196,8 @@ def _slopes_frame(made: Made, ranked: Sequence[Ranked], crs: Any) -> gpd.GeoData
         for name in columns
     }
     shapes = np.array([*(_region(slope, crs) for slope in known), *(None for _ in others)], dtype=object)
-    return gpd.GeoDataFrame(table, geometry=shapes if len(rows) else [], crs=crs)
+    frame = gpd.GeoDataFrame(table, geometry=shapes if len(rows) else [], crs=crs)
+    return placed_regions(frame, made.roads)
 
 
 def _region(slope: Slope, crs: Any) -> shapely.MultiPolygon | None:

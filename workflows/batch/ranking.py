@@ -10,6 +10,7 @@ from pathlib import Path
 import geopandas as gpd
 import numpy as np
 
+from ...engine.vector.review_fields import is_entered
 from .alert_events import CLOSED
 from .jobs import Problem
 from .results import SlopeResult
@@ -35,6 +36,7 @@ class Ranked:
     chainage: float | None
     report: str
     sentence: str = ""
+    location: str = ""
 
 
 def rank(
@@ -63,7 +65,8 @@ def rank(
                 rate_mm_day=_largest(own["rate_mm_day"]),
                 volume_m3=_largest(own["vol_net_m3"]),
                 largest_m=_largest(own["dz_p95_m"]),
-                chainage=None if own["chainage_from"].isna().all() else float(own["chainage_from"].min()),
+                chainage=None if own["chain_from"].isna().all() else float(own["chain_from"].min()),
+                location=_first_location(own),
                 report="" if report is None else Path(os.path.relpath(report, folder)).as_posix(),
             )
         )
@@ -92,3 +95,9 @@ def failed(problems: Sequence[Problem], states: Mapping[str, str]) -> list[tuple
     """Slope and sentence of each problem, and of each slope (``states`` by name) that failed at work, by name."""
     rows = [(problem.slope or "(no slope named)", problem.sentence) for problem in problems]
     return sorted(rows + list(states.items()))
+
+
+def _first_location(zones: gpd.GeoDataFrame) -> str:
+    """Of the zone that comes first along the road; empty where none has its place there."""
+    placed = zones[zones["location"].map(lambda text: is_entered("location", text))]
+    return "" if placed.empty else str(placed.sort_values("chain_from")["location"].iloc[0])

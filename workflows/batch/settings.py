@@ -98,7 +98,7 @@ def effective(command: str, options: Mapping[str, Any], profile: str) -> dict[st
 def arguments_of(job: Job) -> list[str]:
     """The job as arguments of ``slopewatch``. Values are part of their option, so that none is taken for an option."""
     arguments = [job.command, *(f"--epoch={day}={cloud}" for day, cloud in job.epochs)]
-    arguments += [f"--{role}={path}" for role, path in job.files.items()]
+    arguments += [f"--{role.replace('_', '-')}={path}" for role, path in job.files.items()]
     arguments += [f"--output-dir={job.folder}", "--overwrite", f"--profile={job.profile}", "--progress=json"]
     for name, value in job.options.items():
         option = specifications()[name].option

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ from ...engine.maps.heatmap_image import make_heatmap
 from ...engine.pointcloud.cloud import PointCloud
 from ...engine.pointcloud.in_parts import CloudFile
 from ...engine.report.facts import change_facts, error_terms
+from ...engine.road.locating import PLACED
 from ...engine.statistics.layout import Laid
 from ...engine.statistics.normal import Z95
 from ...engine.statistics.robust import nmad
@@ -36,6 +37,7 @@ from ...interface.parameters import ChangeParameters, HeatmapParameters, ZonePar
 from ..run import Run
 from ..settings import Settings
 from . import zones as zones_module
+from .classes import CLASS_OUTPUTS, Compared, write_class_budgets
 from .masked_raster import Legend, write_masked_raster
 
 CHANGE_OUTPUTS = (
@@ -51,15 +53,18 @@ CHANGE_OUTPUTS = (
     "point_counts.tif",
     "report.html",
 )
-ON_REQUEST = ("cell_size.tif", "change_probability.tif", "plant_error.tif", "plant_change.tif", "report.pdf")
-"""Outputs of a change with some parameters only, or of ground that records plants."""
+ON_REQUEST = (
+    "cell_size.tif", "change_probability.tif", "plant_error.tif", "plant_change.tif", "report.pdf", *CLASS_OUTPUTS,
+)  # fmt: skip
+"""Outputs of a change with some parameters or layers only, or of ground that records plants."""
 
 
 @dataclass(frozen=True)
 class Context:
     """What the products state about their origin. ``transform`` is None where nothing was registered by SlopeWatch.
 
-    Not ``counted``: of how many points the heights were made is not known.
+    Not ``counted``: of how many points the heights were made is not known. ``several``: there are more comparisons, so
+    that the table by class is written with them.
     """
 
     first: Epoch
@@ -70,6 +75,7 @@ class Context:
     method: str
     run_id: str
     counted: bool = True
+    several: bool = False
 
     @property
     def dates(self) -> tuple[date | None, date | None]:
@@ -112,6 +118,9 @@ def write_products(
     run.outputs |= _write_rasters(change, context, tags, limit, run.stage)
     progress.update(0.3, "outlining zones")
     found, table = _write_zones(run, change, context, settings.zones)
+    if run.related.classes is not None and not context.several:
+        pair = Compared(context.first.name, context.second.name, change, found.correlation)
+        write_class_budgets(run, [pair], run.related.classes, context.crs, context.second.date)
     progress.update(0.5, "drawing the heatmap")
     _write_pictures(run, change, found, picture, context, settings.heatmap, (limit, tags))
     progress.update(0.95, "taking profiles")
@@ -153,15 +162,20 @@ def _write_zones(
         change, context.crs, parameters, epochs=context.dates, method=context.method, run_id=context.run_id
     )
     table = gcd_table.volume_table(cells_of(change), change.significant, found.volumes, found.correlation)
+    frame = run.reviews.carried_to(found.frame, "zones.gpkg", fields.FIELDS) if run.reviews else found.frame
+    frame = run.related.placed(frame, run.progress)
     zones_module.write_zones(
         run.stage.path("zones.gpkg"),
-        run.reviews.carried_to(found.frame, "zones.gpkg", fields.FIELDS) if run.reviews else found.frame,
+        frame,
         footprints=extraction.footprint_frame(found, change.grid),
         volumes=gcd_table.table_frame(table),
         stamp=context.second.date,
     )
     gcd_table.write_volume_table(run.stage.path("volumes.csv"), table)
     run.outputs |= {"zones": run.stage.final("zones.gpkg"), "volumes": run.stage.final("volumes.csv")}
+    if run.related.road is not None:
+        # the reviews, which are read from the file, are not the run's own
+        found = replace(found, frame=found.frame.assign(**{name: frame[name] for name in PLACED}))
     return found, table
 
 

@@ -28,6 +28,7 @@ from ...engine.zones.footprints import in_window
 from ...engine.zones.gcd_table import volume_table
 from ..run import Run
 from .change import Context
+from .classes import Compared, write_class_budgets
 from .masked_raster import Legend, write_masked_raster
 
 DEM_OUTPUTS = ("significance.tif", "pairs.csv", "zone_series.csv", "rate.tif")
@@ -62,6 +63,12 @@ def write_pairs(run: Run, pairs: Sequence[Pair], whole: Pair, context: Context) 
     rows = [_row(pair, found) for pair, found in zip(pairs, zones, strict=True)]
     _write_table(run.stage.path("pairs.csv"), rows)
     run.outputs["pairs"] = run.stage.final("pairs.csv")
+    if run.related.classes is not None:
+        compared = [
+            Compared(p.first.name, p.second.name, p.change, z.correlation) for p, z in zip(pairs, zones, strict=True)
+        ]
+        compared.insert(0, compared.pop(pairs.index(whole)))
+        write_class_budgets(run, compared, run.related.classes, context.crs, whole.second.date)
     run.facts["coregistration"] = [coregistration_facts(p.found, p.first.name, p.second.name) for p in pairs]
     run.facts["pairs"] = rows
     c = whole.found.coregistration

@@ -12,7 +12,6 @@ import shapely
 from pyproj import CRS
 
 from ...engine.core.arrays import Float
-from ...engine.core.staged_outputs import Stage
 from ...engine.displacement.displacement import Displacement
 from ...engine.displacement.status import REASONS, Status
 from ...engine.displacement.zones import MovingZone
@@ -21,6 +20,7 @@ from ...engine.grid.grid import on_grid
 from ...engine.maps import displacement_styles, qgis_styles
 from ...engine.vector.cell_polygons import cell_polygons
 from ...engine.vector.geopackage import Layer, write_layers
+from ..run import Run
 
 DISPLACEMENT_OUTPUTS = (
     "displacement.tif",
@@ -33,9 +33,9 @@ _LONGEST_ARROW_SPACINGS = 2.0
 _LIMIT_QUANTILE = 0.98
 
 
-def write_products(found: Displacement, crs: CRS, tags: dict[str, str], stage: Stage) -> dict[str, Path]:
-    """Write all of them; the paths by key."""
-    outputs = {}
+def write_products(found: Displacement, crs: CRS, tags: dict[str, str], run: Run) -> dict[str, Path]:
+    """Write all of them, zones with their places on the run's road; the paths by key."""
+    outputs, stage = {}, run.stage
     _write_displacement(found, crs, tags, stage.path("displacement.tif"))
     outputs["displacement"] = stage.final("displacement.tif")
     smallest = _raster(found, found.vectors.smallest)
@@ -46,12 +46,13 @@ def write_products(found: Displacement, crs: CRS, tags: dict[str, str], stage: S
     outputs["smallest_motion"] = stage.final("smallest_motion.tif")
     path = stage.path("displacement.gpkg")
     magnification = _magnification(found)
+    zones = run.related.placed(zones_layer(found, crs), run.progress)
     layers = [
         Layer(
             vectors_layer(found, crs), "vectors", displacement_styles.vectors_qml(magnification), geometry_type="Point"
         ),
         Layer(
-            zones_layer(found, crs), "zones", displacement_styles.moving_zones_qml(magnification),
+            zones, "zones", displacement_styles.moving_zones_qml(magnification),
             geometry_type="MultiPolygon",
         ),
     ]  # fmt: skip

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from ...engine.core.progress import Progress
 from ...engine.core.version import VERSION
 from ...engine.grid import geotiff as rasters
 from ...engine.maps import qgis_styles as styles
@@ -20,12 +19,12 @@ from ...engine.pointcloud.in_parts import CloudFile
 from ...engine.vector import geopackage as vectors
 from ...engine.vector.review_fields import own_columns
 from ...engine.zones.confirmation import FIELDS as CONFIRMATION_FIELDS
-from ...engine.zones.earlier_reviews import EarlierReviews
 from ...models.screening.cloud_file import CLASS, ScreenedFile
 from ...models.screening.map import write_hazard_map
 from ...models.screening.result import Screening
 from ...models.screening.self_test import SelfTest
 from ...models.screening.zones import FIELDS, Hazards
+from ..run import Run
 
 
 def default_targets(
@@ -65,20 +64,20 @@ def write_products(
     place: Callable[[Path], Path],
     hazards: Hazards,
     shown: Pictured,
-    reviews: EarlierReviews | None = None,
-    progress: Progress | None = None,
+    run: Run,
 ) -> None:
     """Write zones, probabilities, smallest hazards and map of a screening, and the style of its labelled cloud.
 
     Args:
         targets: as of ``default_targets``; ``place`` gives the path at which the file of a target is to be written now.
-        reviews: what people entered in the zones of an earlier run, which the new ones get.
+        run: holds what people entered in the zones of an earlier run, which the new ones get, and the road.
     """
     known = (*FIELDS, *CONFIRMATION_FIELDS)
     frame = hazards.frame
-    if reviews is not None:
-        frame = reviews.carried_to(frame, targets["zones"].name, known)
-    qml = styles.hazards_qml(name for name in frame.columns if name in known)
+    if run.reviews is not None:
+        frame = run.reviews.carried_to(frame, targets["zones"].name, known)
+    frame = run.related.placed(frame, run.progress, "screened zones")
+    qml = styles.hazards_qml((name for name in frame.columns if name in known), located=run.related.road is not None)
     layer = vectors.Layer(frame, "zones", qml, "MultiPolygon", own_columns(frame, known), guarded=True)
     vectors.write_layers(place(targets["zones"]), [layer], stamp=shown.survey)
     path = place(targets["probability"])
@@ -93,7 +92,7 @@ def write_products(
     styles.write_qml_next_to(path, styles.smallest_hazard_qml())
     styles.write_qml_next_to(place(targets["labelled"]), styles.labelled_points_qml(CLASS))
     view = top_view(shown.cloud, top_view_grid(hazards.grid, hazards.grid.cell))
-    write_hazard_map(place(targets["map"]), hazards, view, progress, name=shown.name, note=shown.note)
+    write_hazard_map(place(targets["map"]), hazards, view, run.progress, name=shown.name, note=shown.note)
 
 
 def screening_facts(source: ScreenedFile, screening: Screening, tested: SelfTest | None) -> dict[str, str]:

@@ -24,8 +24,10 @@ from ...engine.series.tables import ZONE_FIELDS, About, series_csv, series_frame
 from ...engine.series.velocity import CellVelocity
 from ...engine.statistics.normal import Z95
 from ...engine.vector import geopackage
-from ...engine.vector.review_fields import own_columns
+from ...engine.vector.review_fields import is_located, own_columns
+from ...engine.zones.change_zones import change_zones
 from ..run import Run
+from .classes import Compared, write_class_budgets
 from .masked_raster import Legend, write_masked_raster
 
 SERIES_OUTPUTS = (
@@ -153,8 +155,9 @@ def write_tables(
     table = zone_frame(zones, last.dz, last.height_to, about)
     if run.reviews is not None:
         table = run.reviews.carried_to(table, "series.gpkg", ZONE_FIELDS, persistent_ids=True)
+    table = run.related.placed(table, run.progress)
     series = series_frame(zones, about)
-    style = qgis_styles.series_zones_qml(alerts)
+    style = qgis_styles.series_zones_qml(alerts, located=is_located(table))
     geopackage.write_layers(
         stage.path("series.gpkg"),
         [
@@ -169,6 +172,19 @@ def write_tables(
     names = {"series_zones": "series.gpkg", "series_table": "series.csv", "series_picture": "series.png"}
     run.outputs |= {key: stage.final(name) for key, name in {**names, "alerts_used": "alerts_used.csv"}.items()}
     return table, series
+
+
+def write_class_table(run: Run, analysis: Analysis, about: About) -> None:
+    """Where classes of asset were given: their change since the first survey, the last first, and step by step."""
+    if run.related.classes is None:
+        return
+    days = [day.isoformat() for day in about.dates]
+    spans = [(days[0], day, change) for day, change in zip(days[1:], analysis.cumulative, strict=True)]
+    spans.reverse()
+    if len(days) > 2:
+        spans += [(a, b, c) for a, b, c in zip(days[1:], days[2:], list(analysis.incremental)[1:], strict=False)]
+    pairs = [Compared(a, b, change, change_zones(change, about.crs).correlation) for a, b, change in spans]
+    write_class_budgets(run, pairs, run.related.classes, about.crs, about.dates[-1])
 
 
 def series_figures(

@@ -10,7 +10,7 @@ import pandas as pd
 
 from ...engine.maps.qgis_styles import footprints_qml, zones_qml
 from ...engine.vector.geopackage import Layer, write_layers
-from ...engine.vector.review_fields import own_columns
+from ...engine.vector.review_fields import is_located, own_columns
 from ...engine.zones.fields import FIELDS
 
 
@@ -31,7 +31,16 @@ def write_zones(
         footprints: where the volumes were taken, as layer ``footprints``.
         volumes: summary of the change (see ``volume_table``), as table ``volumes`` without geometry.
     """
-    layers = [Layer(frame, "zones", zones_qml(), "MultiPolygon", own_columns(frame, FIELDS), guarded=True)]
+    layers = [
+        Layer(
+            frame,
+            "zones",
+            zones_qml(located=is_located(frame)),
+            "MultiPolygon",
+            own_columns(frame, FIELDS),
+            guarded=True,
+        )
+    ]
     if footprints is not None:
         layers.append(Layer(footprints, "footprints", footprints_qml(), "MultiPolygon", guarded=True))
     if volumes is not None:

@@ -60,7 +60,7 @@ def corridor_document(corridor: SignedCorridor, details: Details, started: str) 
     """First page with the map and the most urgent slopes, all slopes, alerts, what failed, signatures."""
     document = Document()
     shown = min(len(corridor.done), _FIRST_PAGE_ROWS)
-    names = ("slope_name", "route_name", "client", "chainage_range", "author", "checker")
+    names = ("slope_name", "report_route", "client", "chainage_range", "author", "checker")
     rows = [(say(LABELS[name]), details[name]) for name in names]
     rows += [(say("Manifest"), corridor.manifest), (say("Made"), f"{started[:10]}, SlopeWatch {VERSION}")]
     cards = [

@@ -15,7 +15,7 @@ from ...core.errors import InputError
 LABELS = {s.name: s.label for s in DetailParameters.specifications()}
 FLIGHT = ("flight_dates", "uav", "sensor", "flying_height", "weather")
 """Details of which each survey may have its own."""
-_ASKED = ("slope_name", "route_name", "chainage_range", "client", "author", "checker", *FLIGHT[1:])
+_ASKED = ("slope_name", "report_route", "chainage_range", "client", "author", "checker", *FLIGHT[1:])
 """Those that are named where they are missing; the days of the flights are known from the surveys."""
 _MAX_CHARACTERS, _MAX_LONG_CHARACTERS = 160, 1500  # of an entry, and of remarks and actions, which share the last page
 _LONG = ("report_remarks", "actions", *FLIGHT)
@@ -63,7 +63,7 @@ def details_of(record: Mapping[str, Any], surveys: Sequence[str], zones: Sequenc
             raise InputError(
                 f"{name} has {count} parts, and there are {len(surveys)} surveys; give one for all, or one for each."
             )
-    given["route_name"] = given["route_name"] or _route(zones)
+    given["report_route"] = given["report_route"] or _route(zones)
     given["chainage_range"] = given["chainage_range"] or _chainage(zones)
     return Details(given, tuple(surveys))
 

@@ -35,7 +35,7 @@ def map_size(source: Source) -> tuple[float, float]:
 def first_page(document: Document, source: Source, picture: bytes) -> Block:
     """Title, details, verdict, main figures, map and the first zones."""
     details, words = source.details, source.words
-    names = ("slope_name", "route_name", "client", "chainage_range", "author", "checker")
+    names = ("slope_name", "report_route", "client", "chainage_range", "author", "checker")
     rows = [(say(LABELS[name]), details[name]) for name in names]
     rows += [
         (say("Surveys"), _days(source.surveys)),

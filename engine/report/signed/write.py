@@ -57,7 +57,7 @@ def write_pdf(
 
 def save(document: Document, path: Path, details: Details, title: str, record: Mapping[str, Any]) -> None:
     """Typeset a document with its running header and page numbers."""
-    place = " · ".join(part for part in (details["route_name"], details["chainage_range"]) if part)
+    place = " · ".join(part for part in (details["report_route"], details["chainage_range"]) if part)
     running = " · ".join(part for part in (title, place) if part)
     run = f", {say('run')} {record['run_id']}" if record.get("run_id") else ""
     client = f"{details['client']} · " if details["client"] else ""

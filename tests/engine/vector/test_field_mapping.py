@@ -1,60 +1,76 @@
-"""Mapping files as people write them, and what is wrong with one in one sentence."""
+"""An agency's names of fields, from JSON and from CSV."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
 from slopewatch.engine.core.errors import InputError
-from slopewatch.engine.vector.field_mapping import read_field_mapping
+from slopewatch.engine.vector.field_mapping import FieldMapping, read_field_mapping
 
-_WANTED = {"zone_id": "ASSET", "zones.kind": "Bewegungsart ü"}
+
+def written(path: Path, text: str) -> Path:
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_json_and_csv_say_the_same(tmp_path: Path) -> None:
+    of_json = read_field_mapping(
+        written(
+            tmp_path / "a.json", '{"route": "ROAD_NO", "zones": {"chain_from": "START"}, "centreline": {"route": "R"}}'
+        )
+    )
+    of_csv = read_field_mapping(
+        written(tmp_path / "a.csv", "﻿table,Ours,THEIRS\n,route,ROAD_NO\nzones,chain_from,START\ncentreline,route,R\n")
+    )
+    assert of_json.names == of_csv.names
+    for names in (of_json, of_csv):
+        assert [names.theirs("route", t) for t in ("", "zones", "centreline")] == ["ROAD_NO", "ROAD_NO", "R"]
+        assert [names.theirs("chain_from", t) for t in ("", "zones")] == ["chain_from", "START"]
+        assert names.renamed(["route", "chain_from", "side"], "zones") == {
+            "route": "ROAD_NO", "chain_from": "START", "side": "side",
+        }  # fmt: skip
+    assert read_field_mapping(None) == FieldMapping()
+    assert FieldMapping().theirs("route") == "route"
+
+
+def test_a_table_may_stand_before_the_name(tmp_path: Path) -> None:
+    names = read_field_mapping(written(tmp_path / "a.json", '{"route": "ROAD", "zones.kind": "Bewegungsart ü"}'))
+    assert names.theirs("kind", "zones") == "Bewegungsart ü"
+    assert names.theirs("kind", "events") == "kind"
+    assert names.flat == {"route": "ROAD", "zones.kind": "Bewegungsart ü"}
+
+
+def test_two_fields_of_one_name_are_refused() -> None:
+    names = FieldMapping({"": {"route": "Side"}})
+    with pytest.raises(InputError, match="give route and side the one name side"):
+        names.renamed(["route", "side"])
 
 
 @pytest.mark.parametrize(
-    "text",
+    ("name", "text", "words"),
     [
-        json.dumps(_WANTED),
-        json.dumps(_WANTED, ensure_ascii=False, indent=3),
-        "our,theirs\nzone_id,ASSET\nzones.kind,Bewegungsart ü\n",
-        "\ufeffOur, Theirs\r\n zone_id , ASSET \r\n\r\nzones.kind,Bewegungsart ü",
-        'our,theirs\nzone_id,"ASSET"\nzones.kind,Bewegungsart ü\n',
+        ("a.json", "[1]", "are no object of names"), ("a.json", "{", "are no JSON"), ("a.json", "{}", "hold no name"),
+        ("a.json", '{"route": 3}', "have 3 for 'route'"), ("a.json", '{"route": " "}', "have ' ' for 'route'"),
+        ("a.json", '{"route": "FID"}', "which layers keep for themselves"),
+        ("a.csv", "ours,theirs\nroute," + 64 * "x" + "\n", "of at most 63 characters"),
+        ("a.csv", 'ours,theirs\nroute,"x""y"\n', "without quotes"),
+        ("a.csv", "a,b\n1,2\n", "have no columns ours"),
+        ("a.csv", "ours,theirs\nroute,A\nroute,B\n", "give route two names, A and B"),
+        ("a.csv", "ours,theirs\n", "hold no"),
     ],
-)
-def test_json_and_csv_say_the_same(text: str, tmp_path: Path) -> None:
-    (tmp_path / "names").write_bytes(text.encode())
-    assert read_field_mapping(tmp_path / "names") == _WANTED
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (b"", "does not begin with the columns our,theirs"),
-        (b"zone_id,ASSET\n", "does not begin with the columns our,theirs"),
-        (b"our,theirs\n", "names no field"),
-        (b"our,theirs\na,b,c\n", r"a row of other than two columns \(row 2\)"),
-        (b"our,theirs\na,\n", "an empty name next to 'a'"),
-        (b"our,theirs\na,b\na,c\n", "names the field 'a' twice"),
-        (b"our,theirs\na,GEOM\n", "has the name GEOM, which tables keep for themselves"),
-        (b"our,theirs\na," + 64 * b"x" + b"\n", "of at most 63 characters"),
-        (b'our,theirs\na,"x""y"\n', "without quotes"),
-        (b'our,theirs\na,"x\n', "is no CSV file"),
-        (b"our,theirs\na,\xff\n", "is no text in UTF-8"),
-        (b'{"a": 3}', "a name that is no text"),
-        (b'{"a": "b"', "is no JSON object of names"),
-    ],
-)
-def test_what_is_wrong_is_said_in_one_sentence(text: bytes, words: str, tmp_path: Path) -> None:
-    path = tmp_path / "names.csv"
-    path.write_bytes(text)
-    with pytest.raises(InputError, match=words) as caught:
-        read_field_mapping(path)
-    assert str(path) in str(caught.value)
+)  # fmt: skip
+def test_what_is_no_mapping_is_named(tmp_path: Path, name: str, text: str, words: str) -> None:
+    with pytest.raises(InputError) as caught:
+        read_field_mapping(written(tmp_path / name, text))
+    assert words in str(caught.value)
     assert str(caught.value).endswith(".")
-    assert "\n" not in str(caught.value)
+    assert name in str(caught.value)
 
 
-def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_a_file_that_is_not_there_or_no_text(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be read"):
-        read_field_mapping(tmp_path / "none.csv")
+        read_field_mapping(tmp_path / "gone.json")
+    (tmp_path / "b.csv").write_bytes(b"ours,theirs\nroute,\xff\xfe\n")
+    with pytest.raises(InputError, match="no text in UTF-8"):
+        read_field_mapping(tmp_path / "b.csv")

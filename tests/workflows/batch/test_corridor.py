@@ -30,6 +30,7 @@ from slopewatch.tests.builders.zone_layers import opened
 from slopewatch.workflows.batch.corridor import run_batch
 from slopewatch.workflows.batch.corridor_plan import Given
 from slopewatch.workflows.batch.planning import Common
+from slopewatch.workflows.layer_files import LayerFiles
 
 WEST, SOUTH = 500_000.0, 3_500_000.0
 FAR = 40.0  # metres from the first slope to the second
@@ -61,8 +62,9 @@ def write_manifest(folder: Path, surveys: int) -> Path:
 
 
 def batch(folder: Path, out: Path, progress: Progress | None = None, **parameters: Any) -> RunResult:
-    common = Common(OPTIONS, "default", None, None, BatchParameters(two_surveys="series", **parameters))
-    return run_batch(Given(folder / "corridor.csv", out, folder / "road.gpkg"), common, progress)
+    layers = LayerFiles(folder / "road.gpkg")
+    common = Common(OPTIONS, "default", None, None, BatchParameters(two_surveys="series", **parameters), layers)
+    return run_batch(Given(folder / "corridor.csv", out), common, progress)
 
 
 def states(out: Path) -> dict[str, dict[str, Any]]:
@@ -131,10 +133,15 @@ def test_zones_have_their_place_along_the_road(finished: tuple[Path, RunResult, 
     zones = pyogrio.read_dataframe(finished[0] / "corridor.gpkg", layer="zones")
     (zone,) = zones[zones["slope"] == "<b>A"].to_dict("records")
     # a square of 3 m in the middle of the slope, seen in cells of 0.5 m; the road begins 100 m west of it
-    assert zone["chainage_from"] == pytest.approx(103.5, abs=0.51)
-    assert zone["chainage_to"] == pytest.approx(106.5, abs=0.51)
-    assert zone["road_distance_m"] == pytest.approx(13.5, abs=0.51)
-    assert (zone["road_side"], zone["source"], zone["kind"]) == ("left", "series", "uplift")
+    assert zone["chain_from"] == pytest.approx(103.5, abs=0.51)
+    assert zone["chain_to"] == pytest.approx(106.5, abs=0.51)
+    assert zone["offset_m"] == pytest.approx(13.5, abs=0.51)
+    assert (zone["side"], zone["source"], zone["kind"]) == ("left", "series", "uplift")
+    assert zone["location"] in ("K0+103 to K0+106", "K0+104 to K0+106", "K0+104 to K0+107", "K0+103 to K0+107")
+    assert zone["slope_review"] == "", "what was computed is no entry"
+    own = pyogrio.read_dataframe(next(finished[0].glob("slopes/*A*/series")) / "series.gpkg", layer="zones")
+    assert own["location"].tolist() == [zone["location"]]
+    assert zone["location"] in (finished[0] / "corridor.html").read_text(encoding="utf-8")
     assert zone["attention"] == zone["alert_level"] > 0
     assert zone["zone_id"].startswith("<b>A/series/")
 
@@ -212,7 +219,9 @@ def test_a_new_survey_computes_its_slope_only_and_keeps_what_people_entered(
     subprocess.run(["cp", "-a", str(finished[0]), str(out)], check=True)
     with opened(out / "corridor.gpkg") as database:
         database.execute("UPDATE alerts SET state = 'acknowledged', state_reason = 'seen', reviewer = 'A. Sato'")
-        database.execute("UPDATE zones SET review_status = 'confirmed', chain_from = 12.5 WHERE slope = '<b>A'")
+        database.execute("UPDATE zones SET review_status = 'confirmed', slope_id = 'S 12' WHERE slope = '<b>A'")
+        with pytest.raises(sqlite3.IntegrityError, match="come from the centreline"):
+            database.execute("UPDATE zones SET chain_from = 12.5 WHERE slope = '<b>A'")
         with pytest.raises(sqlite3.IntegrityError, match="cannot be edited"):
             database.execute("UPDATE alerts SET attention = 0")
     changed = write_manifest(corridor, 4)
@@ -229,7 +238,7 @@ def test_a_new_survey_computes_its_slope_only_and_keeps_what_people_entered(
     assert [day for day, facts in surveys.items() if facts["made"]] == ["2024-04-01"]
     zones = pyogrio.read_dataframe(out / "corridor.gpkg", layer="zones")
     (zone,) = zones[zones["slope"] == "<b>A"].to_dict("records")
-    assert (zone["review_status"], zone["chain_from"], zone["epoch_to"]) == ("confirmed", 12.5, "2024-04-01")
+    assert (zone["review_status"], zone["slope_id"], zone["epoch_to"]) == ("confirmed", "S 12", "2024-04-01")
     alerts = pyogrio.read_dataframe(out / "corridor.gpkg", layer="alerts")
     first = alerts[alerts["raised_on"] == "2024-03-01"].iloc[0]
     assert (first["reviewer"], first["state"] in ("acknowledged", "closed")) == ("A. Sato", True)

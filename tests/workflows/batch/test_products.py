@@ -14,10 +14,11 @@ import shapely
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.report.corridor import corridor_page
 from slopewatch.engine.vector.geopackage import write_layer
-from slopewatch.interface.parameters import BatchParameters
+from slopewatch.interface.parameters import BatchParameters, RoadParameters
 from slopewatch.workflows.batch.jobs import Slope, Survey
 from slopewatch.workflows.batch.products import Made, clouds_of, read_alerts, write_products
 from slopewatch.workflows.batch.ranking import Ranked, rank
+from slopewatch.workflows.batch.regions_on_roads import Road
 from slopewatch.workflows.batch.results import SlopeResult
 from slopewatch.workflows.run import Run
 
@@ -43,10 +44,11 @@ def result(folder: Path, slope: str, *severities: str, crs: int = 32651, x: floa
 
 
 def products(
-    folder: Path, *results: SlopeResult, failed: tuple[tuple[str, str], ...] = (), line: Path | None = None
+    folder: Path, *results: SlopeResult, failed: tuple[tuple[str, str], ...] = (), roads: dict[str, Road] | None = None
 ) -> Run:
-    slopes = [Slope(r.slope, (Survey(date(2025, 5, 1), folder / "a.laz"),)) for r in results]
-    made = Made(slopes, results, failed, folder / "m.csv", line, 0.0)
+    roi = folder / "roi.gpkg" if roads else None
+    slopes = [Slope(r.slope, (Survey(date(2025, 5, 1), folder / "a.laz"),), roi) for r in results]
+    made = Made(slopes, results, failed, folder / "m.csv", roads or {})
     run = Run("batch", {"batch": BatchParameters()}, (), Progress())
     run.read_reviews(folder, ["corridor.gpkg"])
     run.figures = {"slopes": len(slopes) + len(failed)}
@@ -97,6 +99,20 @@ def test_the_same_results_are_the_same_bytes(tmp_path: Path) -> None:
     assert found[0] == found[1]
 
 
+def test_regions_have_their_place_on_the_road(tmp_path: Path) -> None:
+    road = gpd.GeoDataFrame({"NO": ["S1"]}, geometry=[shapely.LineString([(499_900, 0), (500_300, 0)])], crs=32651)
+    road.to_file(tmp_path / "road.gpkg")
+    region = gpd.GeoDataFrame(geometry=[shapely.box(500_000, 5, 500_040, 30)], crs=32651)
+    region.to_file(tmp_path / "roi.gpkg")
+    (tmp_path / "names.csv").write_text("ours,theirs\nroute,NO\n", encoding="utf-8")
+    roads = {"a": Road(tmp_path / "road.gpkg", tmp_path / "names.csv", RoadParameters(chainage_start=1000.0))}
+    products(tmp_path, result(tmp_path, "a", "high"), result(tmp_path, "b", "low"), roads=roads)
+    slopes = pyogrio.read_dataframe(tmp_path / "corridor.gpkg", layer="slopes").set_index("slope")
+    assert slopes.loc["a", "location"] == "S1 K1+100 to K1+140"
+    assert slopes.loc["a", ["chain_from", "chain_to", "side", "offset_m"]].tolist() == [1100.0, 1140.0, "left", 5.0]
+    assert not slopes.loc["b", "location"], "it has no centreline"
+
+
 def test_geoparquet_where_pyarrow_is(tmp_path: Path) -> None:
     pytest.importorskip("pyarrow", reason="pyarrow is not installed; install slopewatch[parquet]")
     run = products(tmp_path, result(tmp_path, "a", "high", "low"))
@@ -126,7 +142,7 @@ def test_rank_orders_by_attention_then_alerts_then_rate(tmp_path: Path) -> None:
         {
             "slope": ["a", "b", "c", "c"], "source": ["series"] * 4, "attention": [1, 1, 1, 1],
             "rate_mm_day": [-1.0, 3.0, 0.1, float("nan")], "vol_net_m3": [1.0, 1.0, 1.0, -9.0], "dz_p95_m": [0.1] * 4,
-            "chainage_from": [5.0, float("nan"), 7.0, 2.0],
+            "location": ["A K0+005", "", "A K0+007", "A K0+002"], "chain_from": [5.0, float("nan"), 7.0, 2.0],
         },
         geometry=[shapely.Point(0, 0)] * 4,
     )  # fmt: skip
@@ -136,6 +152,7 @@ def test_rank_orders_by_attention_then_alerts_then_rate(tmp_path: Path) -> None:
     assert [s.slope for s in ranked] == ["c", "b", "a"]
     first = ranked[0]
     assert (first.open_alerts, first.rate_mm_day, first.volume_m3, first.chainage) == (1, 0.1, -9.0, 2.0)
+    assert (first.location, ranked[1].location) == ("A K0+002", "")
     assert ranked[1].chainage is None
 
 

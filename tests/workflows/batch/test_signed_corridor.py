@@ -47,7 +47,7 @@ def corridor(count: int) -> SignedCorridor:
 @pytest.mark.parametrize("count", [1, 3, 70])
 def test_the_corridor_has_all_slopes_on_full_pages(tmp_path: Path, count: int) -> None:
     path = tmp_path / "corridor.pdf"
-    details = {"pdf": True, "client": "Road Directorate", "route_name": "S320"}
+    details = {"pdf": True, "client": "Road Directorate", "report_route": "S320"}
     write_corridor_pdf(path, corridor(count), details, "2026-11-23T10:00:00", Progress())
     pages = Pages(path)
     assert "Cut [7] #x 3 1 3 \u22124.62 \u221212.34 \u22120.61 12+340 2 2025-05-01" in pages.texts[0]

@@ -51,9 +51,9 @@ def test_route_and_chainage_come_from_the_zones():
         geometry=[box] * 3,
     )
     found = details_of(record(), ["2024"], [zones])
-    assert (found["route_name"], found["chainage_range"]) == ("S1, S2", "0+010–1+300")
-    given = details_of(record(route_name="A 7"), ["2024"], [zones])
-    assert given["route_name"] == "A 7"
+    assert (found["report_route"], found["chainage_range"]) == ("S1, S2", "0+010–1+300")
+    given = details_of(record(report_route="A 7"), ["2024"], [zones])
+    assert given["report_route"] == "A 7"
 
 
 def test_a_detail_that_is_a_whole_book_is_refused():

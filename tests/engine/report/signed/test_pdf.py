@@ -145,7 +145,7 @@ def test_the_same_folder_gives_the_same_bytes(made, copy):
 
 
 def test_details_are_kept_in_the_record_and_in_the_page(copy):
-    said = again(copy, pdf=True, checker="B. Lind", route_name="S320", actions="Inspect Z001.")
+    said = again(copy, pdf=True, checker="B. Lind", report_route="S320", actions="Inspect Z001.")
     assert said == ["Left blank in report.pdf, to be filled in by hand: Chainage, UAV, Flying height."]
     details = record_of(copy)["parameters"]["details"]
     assert (details["checker"], details["client"]) == ("B. Lind", "Road Directorate")
