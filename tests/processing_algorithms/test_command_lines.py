@@ -286,6 +286,8 @@ def test_a_flight_is_planned(tmp_path: Path) -> None:
         "planflight", FIRST, "--output-dir", out, "--roi", roi, "--survey", LATER, "--plan", "/data/plan.gpkg",
         "--altitude", "60.0", "--azimuth", "30.0",
     ]  # fmt: skip
+
+
 def test_places_on_a_road_and_classes_of_asset(tmp_path: Path) -> None:
     road = str(written(line("road"), tmp_path / "road.gpkg", "road"))
     zones = str(written(square("zones", 0), tmp_path / "zones.gpkg", "zones"))
