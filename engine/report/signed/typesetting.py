@@ -23,7 +23,6 @@ from .blocks import Document
 TEMPLATE = Path(__file__).resolve().parents[1] / "templates" / "signed" / "report.typ"
 _LATIN = "DejaVu Sans"
 _HAN = re.compile(r"[\u3000-\u303f\u3400-\u4dbf\u4e00-\u9fff\uff00-\uffef]")
-_ARCHIVE = ["a-2b"]
 _NO_TYPST = (
     "The package typst, which makes the PDF, is not installed; set the engine up again, or install it with: "
     "pip install 'slopewatch[pdf]'."
@@ -80,12 +79,12 @@ def typeset(document: Document, head: Mapping[str, Any], day: date, path: Path) 
         options: dict[str, Any] = {"root": made, "font_paths": [made], "ignore_system_fonts": has_all}
         try:
             try:
-                pdf = typst.compile(source, pdf_standards=_ARCHIVE, **options)
+                pdf = typst.compile(source, pdf_standards="a-2b", **options)
             except typst.TypstError:
                 pdf = typst.compile(source, **options)
         except typst.TypstError as error:
             raise EngineError(f"{path.name} could not be typeset: {error}") from error
-    path.write_bytes(pdf)
+    path.write_bytes(pdf or b"")
 
 
 def check_pdf(path: Path) -> None:

@@ -14,7 +14,8 @@ import shapely
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.report.corridor import corridor_page
 from slopewatch.engine.vector.geopackage import write_layer
-from slopewatch.interface.parameters import BatchParameters, RoadParameters
+from slopewatch.interface.parameters import BatchParameters, DetailParameters, RoadParameters
+from slopewatch.tests.builders.signed_folder import Pages
 from slopewatch.workflows.batch.jobs import Slope, Survey
 from slopewatch.workflows.batch.products import Made, clouds_of, read_alerts, write_products
 from slopewatch.workflows.batch.ranking import Ranked, rank
@@ -44,11 +45,15 @@ def result(folder: Path, slope: str, *severities: str, crs: int = 32651, x: floa
 
 
 def products(
-    folder: Path, *results: SlopeResult, failed: tuple[tuple[str, str], ...] = (), roads: dict[str, Road] | None = None
+    folder: Path,
+    *results: SlopeResult,
+    failed: tuple[tuple[str, str], ...] = (),
+    roads: dict[str, Road] | None = None,
+    details: DetailParameters | None = None,
 ) -> Run:
     roi = folder / "roi.gpkg" if roads else None
     slopes = [Slope(r.slope, (Survey(date(2025, 5, 1), folder / "a.laz"),), roi) for r in results]
-    made = Made(slopes, results, failed, folder / "m.csv", roads or {})
+    made = Made(slopes, results, failed, folder / "m.csv", roads or {}, details or DetailParameters())
     run = Run("batch", {"batch": BatchParameters()}, (), Progress())
     run.read_reviews(folder, ["corridor.gpkg"])
     run.figures = {"slopes": len(slopes) + len(failed)}
@@ -57,6 +62,17 @@ def products(
         write_products(run, made, alerts)
         run.finish_reviews()
     return run
+
+
+def test_a_report_to_sign_is_written_where_it_is_wanted_and_goes_with_the_wish(tmp_path: Path) -> None:
+    found = result(tmp_path, "S1", "high", "low")
+    run = products(tmp_path, found, details=DetailParameters(pdf=True, client="Road Directorate"))
+    assert run.outputs["page_pdf"] == tmp_path / "corridor.pdf"
+    page = Pages(tmp_path / "corridor.pdf").texts[0]
+    assert "Client Road Directorate" in page
+    assert "S1 2 1 2 – −4.00 −0.50 – 2 2025-05-01" in page
+    assert "page_pdf" not in products(tmp_path, found).outputs
+    assert not (tmp_path / "corridor.pdf").exists()
 
 
 def test_slopes_are_ranked_and_failures_are_rows(tmp_path: Path) -> None:
