@@ -329,7 +329,7 @@ def test_the_record_of_a_hand_over_next_to_results_is_no_run_of_theirs(runs: dic
     hand_over(run, run / "a.zip", formats="gpkg")
     hand_over(run, run / "b.zip", formats="gpkg")
     shutil.copyfile(run / "labelled_run.json", run / "other_run.json")
-    with pytest.raises(InputError, match="holds 2 runs; give the record of one of them, such as labelled_run.json"):
+    with pytest.raises(InputError, match=r"holds 2 runs; give the record of one of them, such as labelled_run\.json"):
         hand_over(run, tmp_path / "c.zip", formats="gpkg")
     hand_over(run / "other_run.json", tmp_path / "c.zip", formats="gpkg")
 
