@@ -37,7 +37,6 @@ class CreateProject(SlopeWatchAlgorithm):
         "project", "qgz", "qgs", "print layout", "layout", "map sheet", "pdf", "legend", "temporal", "groups",
         "relative paths", "hand over",
     )  # fmt: skip
-    PARAMETER_GROUPS = command_sets.CREATEPROJECT
 
     def inputs(self) -> None:
         self.add(
@@ -45,7 +44,7 @@ class CreateProject(SlopeWatchAlgorithm):
                 "INPUT", "Folder of results", "Output folder of a finished inspection, series, corridor or single step."
             ),
         )
-        for group in self.PARAMETER_GROUPS:
+        for group in command_sets.CREATEPROJECT:
             self.add(*(declare.from_specification(one) for one in group.specifications()))
         output = QgsProcessingParameterFileDestination("OUTPUT", "Project", "QGIS projects (*.qgz *.qgs)")
         self.add(

@@ -21,7 +21,7 @@ from rasterio.errors import RasterioError
 from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.gdal_names import readable
-from ..core.json_shapes import anything, fields, read_json, rows, table, text
+from ..core.json_shapes import anything, fields, parse_json, read_json, rows, table, text
 from ..core.messages import shown
 from ..grid.geotiff import Raster, read_raster
 from ..report.record_shape import inside
@@ -114,7 +114,7 @@ def find_record(run: Path) -> Path:
         raise InputError(f"{shown(run)} does not exist; give the output folder of a run.")
     if (run / "run.json").is_file():
         return run / "run.json"
-    found = sorted(run.glob("*_run.json"))
+    found = [path for path in sorted(run.glob("*_run.json")) if _command(path) in COMMANDS]
     if len(found) > 1:
         raise InputError(
             f"{shown(run)} holds {len(found)} runs; give the record of one of them, such as {found[0].name}."
@@ -122,6 +122,15 @@ def find_record(run: Path) -> Path:
     if not found:
         raise InputError(f"{shown(run)} holds no run.json, so no finished run; let it end, or give another folder.")
     return found[0]
+
+
+def _command(record: Path) -> str:
+    """The command of a run record; empty where it cannot be read."""
+    try:
+        document = parse_json(record.read_bytes())
+    except (OSError, ValueError):
+        return ""
+    return str(document.get("command", "")) if isinstance(document, dict) else ""
 
 
 def read_record(path: Path) -> dict[str, Any]:

@@ -115,7 +115,7 @@ def read_contents(run: str) -> Contents:
     path = Path(run)
     record_path = path if path.is_file() else path / "run.json"
     if not record_path.is_file():
-        several = sorted(path.glob("*_run.json"))
+        several = [one for one in sorted(path.glob("*_run.json")) if _is_of_results(one)]
         if len(several) != 1:
             raise NoRunError(f"{run} holds no run.json, so no finished run; give the output folder of a run.")
         record_path = several[0]
@@ -134,6 +134,14 @@ def read_contents(run: str) -> Contents:
     order = sorted(entries, key=lambda e: GROUPS.index(e.group))
     main = (e for key, name in _MAIN for e in entries if e.path == files.get(key) and e.layer == name)
     return Contents(folder, folder.name, command, days, tuple(order), next(main, None))
+
+
+def _is_of_results(record: Path) -> bool:
+    """Whether a run record is of another command than a hand-over, whose archive may lie next to results."""
+    try:
+        return bool(json.loads(record.read_text(encoding="utf-8"))["command"] != "exportgis")
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
 
 
 def _is_inside(name: str) -> bool:

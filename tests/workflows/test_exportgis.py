@@ -323,6 +323,17 @@ def test_a_run_that_is_not_finished_is_refused(runs: dict[str, Path], tmp_path: 
     assert sorted(p.name for p in tmp_path.iterdir()) == ["broken"]
 
 
+def test_the_record_of_a_hand_over_next_to_results_is_no_run_of_theirs(runs: dict[str, Path], tmp_path: Path) -> None:
+    run = shutil.copytree(runs["pit"], tmp_path / "run")
+    (run / "run.json").rename(run / "labelled_run.json")
+    hand_over(run, run / "a.zip", formats="gpkg")
+    hand_over(run, run / "b.zip", formats="gpkg")
+    shutil.copyfile(run / "labelled_run.json", run / "other_run.json")
+    with pytest.raises(InputError, match=r"holds 2 runs; give the record of one of them, such as labelled_run\.json"):
+        hand_over(run, tmp_path / "c.zip", formats="gpkg")
+    hand_over(run / "other_run.json", tmp_path / "c.zip", formats="gpkg")
+
+
 @pytest.mark.parametrize(
     ("record", "words"),
     [
