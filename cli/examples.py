@@ -176,8 +176,10 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ),
         (
             "The same lines again over a new terrain, twice as high",
-            "slopewatch planflight dem.tif --plan plan/plan.gpkg --altitude 80 \\\n"
-            "    --roi slope.gpkg --output-dir again",
+            (
+                "slopewatch planflight dem.tif --plan plan/plan.gpkg --altitude 80 \\\n"
+                "    --roi slope.gpkg --output-dir again"
+            ),
         ),
     ),
     "exportlabelstudio": (

@@ -3,8 +3,9 @@
     .venv/bin/python scripts/flight_trial.py FOLDER [SCENE ...]
 
 Each scene is surveyed once as the simulation flies by itself; `slopewatch ground` extracts its ground. The plan is made
-of that ground and that survey. Then two surveys are flown along the plan's lines, at its pulse rate; `ground` and
-`change` run on both, and the densities and levels measured are set against the plan's, place by place and at the median.
+of that ground and that survey. Then two surveys are flown along the plan's lines, at its pulse rate; `ground`,
+`register` and `change` run on both, and the densities and levels measured are set against the plan's, at the median and
+place by place.
 """
 
 from __future__ import annotations
@@ -13,12 +14,12 @@ import json
 import math
 import sys
 from dataclasses import dataclass, replace
+from datetime import date
 from pathlib import Path
 
 import numpy as np
 import shapely
 from pyproj import CRS
-
 from slopewatch import api
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.grid.geotiff import read_raster
@@ -111,7 +112,10 @@ def run_trial(name: str, trial: Trial, folder: Path) -> dict[str, object]:
         write_survey(raw, cloud, crs, f"202{5 + epoch}-05-01")
         api.extract_ground(raw, ground, roi=roi)
         grounds.append(ground)
-    api.change(*grounds, folder / "change", overwrite=True)
+    aligned, transform = folder / "aligned.laz", folder / "transform.json"
+    api.register(*grounds, aligned, transform=transform)
+    days = tuple(_day(1 + epoch) for epoch in (0, 1))
+    api.change(grounds[0], grounds[1], folder / "change", transform=transform, dates=days, overwrite=True)
     return compared(folder, plan)
 
 
@@ -178,9 +182,7 @@ def _level_by_place(level, grid, rows, columns) -> np.ndarray:  # type: ignore[n
     return found.reshape(grid.shape)[rows, columns]
 
 
-def _day(years: int):  # type: ignore[no-untyped-def]
-    from datetime import date
-
+def _day(years: int) -> date:
     return date(2024 + years, 5, 1)
 
 

@@ -309,7 +309,7 @@ def _region(f: Figures) -> list[str]:
 def _flight(f: Figures) -> list[str]:
     return [
         sentence(
-            "{} lines of {} in all take {} and need {} " + ("battery." if f.get("battery_count") == 1 else "batteries."),
+            "{} lines of {} in all take {} min; batteries: {}.",
             counted(f, "line_count"), measured(f, "line_length_m", "m"), _minutes(f.get("flight_time_s")),
             counted(f, "battery_count"),
         ),
@@ -326,7 +326,7 @@ def _flight(f: Figures) -> list[str]:
 
 
 def _minutes(seconds: float | None) -> str:
-    return "" if seconds is None else f"{max(1, round(seconds / 60))} min"
+    return "" if seconds is None else f"{max(1, round(seconds / 60))}"
 
 
 def _located(f: Figures) -> list[str]:

@@ -34,10 +34,13 @@ _CLOUDS = (".las", ".laz")
 
 @dataclass(frozen=True)
 class Ground:
-    """What is known of the ground: its terrain, and its points (n, 3) where it was given as a cloud."""
+    """What is known of the ground: its terrain, and where it was given as a cloud its points (n, 3) and their errors by
+    plants (n,), metres, where these are known.
+    """
 
     terrain: Terrain
     points: Float | None
+    plant_error: Float | None = None
 
 
 def planflight_step(
@@ -105,10 +108,11 @@ def read_ground(path: Path, inputs: InputParameters, bridged: float, progress: P
             progress.warning(sentence)
         return Ground(terrain_of_model(model, bridged), None)
     cloud = read_cloud(path, inputs, progress=progress)
-    points = cloud.xyz
+    points, error = cloud.xyz, cloud.plant_error
     if cloud.classification is not None and (cloud.classification == _GROUND_CLASS).any():
-        points = points[cloud.classification == _GROUND_CLASS]
-    return Ground(terrain_of_points(points, cloud.crs, path, bridged), points)
+        chosen = cloud.classification == _GROUND_CLASS
+        points, error = points[chosen], None if error is None else error[chosen]
+    return Ground(terrain_of_points(points, cloud.crs, path, bridged), points, error)
 
 
 def read_survey(path: Path, inputs: InputParameters, ground: Ground, grid: Any) -> tuple[Seen, Float, Float]:
@@ -126,7 +130,7 @@ def read_survey(path: Path, inputs: InputParameters, ground: Ground, grid: Any) 
     first = read_return_numbers(path) == 1
     if not first.any():
         raise InputError(f"{shown(path)} has no first returns, so its pulses cannot be counted; give the raw survey.")
-    points = ground.points
+    points, error = ground.points, ground.plant_error
     if points is None:
         classes = cloud.classification
         if classes is None or not (classes == _GROUND_CLASS).any():
@@ -135,7 +139,7 @@ def read_survey(path: Path, inputs: InputParameters, ground: Ground, grid: Any) 
                 "as the terrain instead of the elevation model."
             )
         points = cloud.xyz[classes == _GROUND_CLASS]
-    return seen_by(grid, cloud.xyz[first], points, len(cloud)), cloud.xyz, points
+    return seen_by(grid, cloud.xyz[first], points, len(cloud), error), cloud.xyz, points
 
 
 def read_tracks(path: Path, terrain: Terrain) -> list[Float]:
@@ -228,6 +232,7 @@ def plan_figures(made: Plan, seen: Seen | None) -> dict[str, Any]:
         "slope_deg": middle(expected.slope),
         "incidence_deg": middle(expected.incidence),
         "level_m": middle(expected.level),
+        "level_direction": expected.direction,
         "motion_m": middle(expected.motion),
         "unseen_share": float((inside & ~(expected.ground > 0)).sum() / max(int(inside.sum()), 1)),
     }

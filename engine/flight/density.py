@@ -17,7 +17,7 @@ ROSETTE_SHARES = (0.46, 0.38, 0.16)
 """Shares of half the field of view by which the three prisms of the rosette deflect a beam."""
 _BINS = 200  # of the angle from the vertical, in which a cone's pulses are counted
 _TRACK_STEPS = 25  # places on a line, an altitude long, from which a cone's pulses are summed
-_SIGHT_SHARES = np.linspace(0.02, 0.7, 24)  # of the way to the carrier at which ground may hide a place
+_SIGHT_FROM, _SIGHT_TO = 0.02, 0.7  # shares of the way to the carrier between which ground may hide a place
 _MIN_HIDING_M = 0.3  # by which ground must reach over a beam to hide what is behind it
 _AT_ONCE = 2_000_000  # pairs of places and track
 
@@ -109,7 +109,8 @@ def _within_reach(line: Line, places: Places, parameters: FlightParameters) -> t
 
 def _in_sight(xyz: Float, foot: Float, terrain: Terrain) -> np.ndarray:
     clear = np.ones(len(xyz), dtype=bool)
-    for share in _SIGHT_SHARES:
+    farthest = float(np.hypot(*(foot[:, :2] - xyz[:, :2]).T).max())
+    for share in np.linspace(_SIGHT_FROM, _SIGHT_TO, 8 + math.ceil(2 * farthest / terrain.grid.cell)):
         beam = xyz + share * (foot - xyz)
         with np.errstate(invalid="ignore"):
             clear &= ~(terrain.at(beam[:, :2]) > beam[:, 2] + _MIN_HIDING_M)

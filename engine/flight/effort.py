@@ -40,8 +40,8 @@ def effort_of(lines: list[Line], parameters: FlightParameters) -> Effort:
             turn = float(np.linalg.norm(line.xyz[0] - before.xyz[-1])) / parameters.flying_speed + parameters.turn_time
         if seconds > lasts:
             raise InputError(
-                f"Line {line.number} takes {seconds / 60:.1f} min, longer than a battery of {parameters.battery_time:g} "
-                "min; raise --battery-time or --flying-speed, or divide the region."
+                f"Line {line.number} takes {seconds / 60:.1f} min, longer than a battery of "
+                f"{parameters.battery_time:g} min; raise --battery-time or --flying-speed, or divide the region."
             )
         if spent + turn + seconds > lasts:
             number, spent = number + 1, seconds

@@ -6,11 +6,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
+from scipy import ndimage, stats
 
 from ..core.arrays import Float, Index
 from ..grid.grid import Grid, cell_index
 
+CLUMP_M = 0.4
+"""Side (m) of the patches over which the density of ground returns under plants varies."""
 SCATTER_SIDES_M = (0.1, 0.2, 0.4, 0.8, 1.6, 3.2)
 """Sides of the squares in which the scatter of ground returns about a plane is measured."""
 _MIN_SCATTER_POINTS, _MIN_SCATTER_SQUARES = 8, 20
@@ -33,10 +35,14 @@ class Scatter:
 @dataclass(frozen=True)
 class Seen:
     """The last survey in each place (rows, columns): pulses, and the share of them with a return of the ground, NaN
-    where it had no pulse; ``returns_a_pulse`` of the whole."""
+    where it had too few; ``clumping`` of its ground returns, the variance of their density within the place in squares
+    of its mean; ``plant_error`` of their heights, metres, 0 where it is not known; ``returns_a_pulse`` of the whole.
+    """
 
     pulses: Index
     ground_share: Float
+    clumping: Float
+    plant_error: Float
     returns_a_pulse: float
 
 
@@ -60,7 +66,10 @@ def scatter_of(xyz: Float) -> Scatter | None:
 
 
 def _plane_variances(xyz: Float, side: float) -> Float:
-    """Variance about the plane of each square with enough points, with three degrees of freedom less than points."""
+    """Variance about the plane of each square with enough points, with three degrees of freedom less than points.
+
+    Divided by the median of chi-squared over its degrees, so that their median is that of what they estimate.
+    """
     corner = np.floor(xyz[:, :2] / side)
     low = corner.min(axis=0)
     place = ((corner - low) @ np.array([corner[:, 1].max() - low[1] + 1.0, 1.0])).astype(np.int64)
@@ -85,10 +94,10 @@ def _plane_variances(xyz: Float, side: float) -> Float:
     sound = np.linalg.det(normal) > 1e-6 * normal[:, 0, 0] ** 3 * 1e-2
     solution = np.linalg.solve(normal[sound], right[sound][:, :, None])[:, :, 0]
     squares = total(z**2)[sound] - (solution * right[sound]).sum(axis=1)
-    return np.maximum(squares, 0.0) / (normal[sound, 0, 0] - 3)
+    return np.maximum(squares, 0.0) / stats.chi2.median(normal[sound, 0, 0] - 3)
 
 
-def seen_by(grid: Grid, first: Float, ground: Float, returns: int) -> Seen:
+def seen_by(grid: Grid, first: Float, ground: Float, returns: int, plant_error: Float | None = None) -> Seen:
     """What a survey shows of each place of ``grid``.
 
     Places with fewer than 20 pulses are counted with those around, three by three and so on up to nine by nine.
@@ -97,6 +106,7 @@ def seen_by(grid: Grid, first: Float, ground: Float, returns: int) -> Seen:
         first: (n, 2+) places of the first returns, one a pulse.
         ground: (m, 2+) of the ground returns.
         returns: number of all returns in the file.
+        plant_error: (m,) of the ground returns, metres; None where it is not known.
     """
     pulses, hits = (_counts(points, grid) for points in (first, ground))
     share, summed = np.full(grid.shape, np.nan), pulses.astype(float)
@@ -105,7 +115,26 @@ def seen_by(grid: Grid, first: Float, ground: Float, returns: int) -> Seen:
         summed = np.rint(around[0])
         fill = np.isnan(share) & (summed >= _MIN_PULSES)
         share[fill] = np.minimum(np.rint(around[1][fill]) / summed[fill], 1.0)
-    return Seen(pulses, share, returns / max(len(first), 1))
+    error = np.zeros(grid.shape)
+    if plant_error is not None:
+        place = cell_index(ground, grid)
+        inside = place >= 0
+        total = np.bincount(place[inside], plant_error[inside], grid.rows * grid.columns).reshape(grid.shape)
+        error = total / np.maximum(hits, 1)
+    return Seen(pulses, share, clumping_of(grid, ground), error, returns / max(len(first), 1))
+
+
+def clumping_of(grid: Grid, ground: Float) -> Float:
+    """How much the density of ground returns varies within each place and those around it (rows, columns), beyond what
+    chance makes: (variance - mean) / mean^2 of the counts of patches of about 0.4 m; 0 where there are none.
+    """
+    many = max(1, round(grid.cell / CLUMP_M))
+    fine = Grid(grid.west, grid.north, grid.cell / many, grid.rows * many, grid.columns * many)
+    counts = _counts(ground, fine).astype(float).reshape(grid.rows, many, grid.columns, many)
+    mean, square = counts.mean(axis=(1, 3)), (counts**2).mean(axis=(1, 3))
+    mean, square = (ndimage.uniform_filter(a, 3, mode="nearest") for a in (mean, square))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.where(mean > 0, np.maximum((square - mean**2 - mean) / mean**2, 0.0), 0.0))
 
 
 def _counts(xy: Float, grid: Grid) -> Index:

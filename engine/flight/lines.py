@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -76,7 +77,7 @@ def line_azimuth(region: Polygon | MultiPolygon, terrain: Terrain) -> tuple[floa
 
     On ground flatter than 3 degrees, the azimuth of the region's longer side.
     """
-    rows, columns = np.nonzero(terrain.known)
+    rows, columns = np.nonzero(terrain.known & np.isfinite(terrain.heights))
     x = terrain.grid.west + (columns + 0.5) * terrain.grid.cell
     y = terrain.grid.north - (rows + 0.5) * terrain.grid.cell
     inside = shapely.contains_xy(region, x, y)
@@ -137,7 +138,9 @@ def _along_strip(
 ) -> tuple[float, float] | None:
     """How far the part of the region within a strip reaches along the lines; None where none of it is."""
     far = 2 * float(np.abs(shapely.get_coordinates(region) - origin).max()) + 1.0
-    corners = [origin + u * along + v * across for u, v in zip((-far, far, far, -far), np.repeat(strip, 2), strict=True)]
+    corners = [
+        origin + u * along + v * across for u, v in zip((-far, far, far, -far), np.repeat(strip, 2), strict=True)
+    ]
     part = region.intersection(Polygon(corners))
     if part.is_empty:
         return None
@@ -199,7 +202,7 @@ def simplified(way: Float, height: Float, tolerance: float) -> np.ndarray:
 def _steps(track: Float) -> Float:
     """Places (n, 2) along a track (k, 2) at most a metre apart, its corners among them."""
     parts = [track[:1]]
-    for start, end in zip(track[:-1], track[1:], strict=True):
+    for start, end in itertools.pairwise(track):
         count = max(1, math.ceil(float(np.hypot(*(end - start))) / _STEP_M))
         parts.append(start + (end - start) * (np.arange(1, count + 1) / count)[:, None])
     return np.concatenate(parts)
@@ -225,8 +228,8 @@ def _refuse_near(lines: list[Line], terrain: Terrain, parameters: FlightParamete
     worst = int(np.argmin(found))
     if found[worst] < parameters.clearance:
         raise InputError(
-            f"Line {lines[worst].number} comes within {max(found[worst], 0.0):.1f} m of ground or plants at an altitude of "
-            f"{parameters.altitude:g} m, and --clearance asks for {parameters.clearance:g} m; raise --altitude."
+            f"Line {lines[worst].number} comes within {max(found[worst], 0.0):.1f} m of ground or plants at an altitude "
+            f"of {parameters.altitude:g} m, and --clearance asks for {parameters.clearance:g} m; raise --altitude."
         )
 
 

@@ -102,7 +102,11 @@ def _bridged(heights: Float, grid: Grid, crs: CRS, path: Path, reach: float) -> 
     """
     rim = math.ceil(reach / grid.cell)
     wide = Grid(
-        grid.west - rim * grid.cell, grid.north + rim * grid.cell, grid.cell, grid.rows + 2 * rim, grid.columns + 2 * rim
+        grid.west - rim * grid.cell,
+        grid.north + rim * grid.cell,
+        grid.cell,
+        grid.rows + 2 * rim,
+        grid.columns + 2 * rim,
     )
     padded = np.pad(heights, rim, constant_values=np.nan)
     known = np.isfinite(padded)

@@ -105,7 +105,11 @@ def _arrow(axes: Axes, xyz: Float, number: int) -> None:
     start, end = xyz[0, :2], xyz[-1, :2]
     middle, way = start + _ARROW_SHARE * (end - start), (end - start) / float(np.hypot(*(end - start)))
     axes.annotate(
-        "", xy=middle + 2 * way, xytext=middle, arrowprops={"arrowstyle": "-|>", "color": "#d96b1e", "lw": 1.3}, zorder=6
+        "",
+        xy=middle + 2 * way,
+        xytext=middle,
+        arrowprops={"arrowstyle": "-|>", "color": "#d96b1e", "lw": 1.3},
+        zorder=6,
     )
     axes.annotate(
         str(number), start, fontproperties=fonts(8), ha="center", va="center", zorder=7,

@@ -18,8 +18,8 @@ class Scanner:
     """The carrier and its scanner.
 
     ``deflections`` are the shares of half the field of view by which the rotating prisms deflect the beam, and
-    ``turns`` their revolutions a second: incommensurate, so that the rosette never repeats. With ``sweeps`` a second, beams sweep across
-    the flight instead, alike over the field of view, as a turning mirror's do.
+    ``turns`` their revolutions a second: incommensurate, so that the rosette never repeats. With ``sweeps`` a second,
+    beams sweep across the flight instead, alike over the field of view, as a turning mirror's do.
     """
 
     altitude: float = 40.0

@@ -171,7 +171,8 @@ def viewed(results: dict[str, Any], inputs: Inputs) -> None:
 def planned(results: dict[str, Any], inputs: Inputs) -> None:
     lines = QgsVectorLayer(f"{results['LINES']}|layername=lines", "lines", "ogr")
     assert lines.featureCount() == results["LINE_COUNT"] >= 2
-    assert results["LEVEL"] > 0 and results["GROUND_DENSITY"] > 0
+    assert results["LEVEL"] > 0
+    assert results["GROUND_DENSITY"] > 0
 
 
 def trained(results: dict[str, Any], inputs: Inputs) -> None:

@@ -24,8 +24,8 @@ from slopewatch.processing_algorithms.importlabelstudio import ImportLabelStudio
 from slopewatch.processing_algorithms.inspectslope import InspectSlope
 from slopewatch.processing_algorithms.locateonroad import LocateOnRoad
 from slopewatch.processing_algorithms.m3c2distances import M3C2Distances
-from slopewatch.processing_algorithms.simulatesurvey import SimulateSurvey
 from slopewatch.processing_algorithms.planflight import PlanFlight
+from slopewatch.processing_algorithms.simulatesurvey import SimulateSurvey
 from slopewatch.processing_algorithms.suggestroi import SuggestRoi
 from slopewatch.processing_algorithms.topview import TopView
 from slopewatch.processing_algorithms.trainmodel import TrainModel
@@ -279,7 +279,7 @@ def test_what_is_drawn_on(tmp_path: Path) -> None:
 
 
 def test_a_flight_is_planned(tmp_path: Path) -> None:
-    out, roi = str(tmp_path / "out"), polygons(tmp_path / "roi.gpkg")
+    out, roi = str(tmp_path / "out"), str(written(square("roi", 0), tmp_path / "roi.gpkg", "roi"))
     given: dict[str, Any] = {"TERRAIN": FIRST, "ROI": roi, "SURVEY": LATER, "PLAN": "/data/plan.gpkg", "ALTITUDE": 60.0}
     found = command(PlanFlight, OUTPUT_FOLDER=out, **given, AZIMUTH=30.0)
     assert found == [
