@@ -13,7 +13,7 @@ HANDOVER_FORMATS = (
 
 
 @dataclass(frozen=True)
-class HandoverParameters(ParameterSet, record_name="handover", title="Hand-over"):
+class HandoverParameters(ParameterSet, record_name="handover", title="Hand over"):
     """Which files are written of a finished run, and what their metadata say."""
 
     formats: str = _parameter(
