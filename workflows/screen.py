@@ -69,9 +69,8 @@ def screen_step(
     _refuse_targets(run, {**targets, "run": targets["labelled"].with_name(record_name)})
     digest = run.hash_inputs()[0]
     run_id = run.run_id(digest)
-    _read_reviews(run, targets["zones"].absolute())
+    _read_related(run, targets["zones"].absolute(), (cloud, layers), settings)
     folders = [path.absolute().parent for path in targets.values()]
-    run.related = layers_on_cloud(layers, (settings.road, None), cloud, settings.inputs, run.progress)
 
     def place(path: Path) -> Path:
         return run.stage_in(path.absolute().parent).path(path.name)
@@ -114,7 +113,9 @@ def screen_step(
     return run.result()
 
 
-def _read_reviews(run: Run, zones: Path) -> None:
+def _read_related(run: Run, zones: Path, given: tuple[Path, LayerFiles], settings: ScreeningSettings) -> None:
+    """What people entered in earlier zones, and the road that the new ones of the cloud are placed on."""
+    run.related = layers_on_cloud(given[1], (settings.road, None), given[0], settings.inputs, run.progress)
     run.read_reviews(zones.parent, [zones.name], f"{zones.stem}_{NOT_CARRIED}")
 
 

@@ -275,7 +275,8 @@ def test_settings_make_other_tasks_and_failed_slopes_can_wait(
     out = finished[0]
     slopes = read_manifest(corridor / "corridor.csv", out / "regions").slopes
     entries = StateFile(out / "slopes.jsonl").entries
-    common = Common(OPTIONS, "default", None, None, BatchParameters(two_surveys="series", retry_failed=False))
+    parameters = BatchParameters(two_surveys="series", retry_failed=False)
+    common = Common(OPTIONS, "default", None, None, parameters, LayerFiles(corridor / "road.gpkg"))
 
     def planned(given: Common) -> Any:
         return plan(slopes, out, given, FileHashes(out / "hashes.json"), entries, Progress())
