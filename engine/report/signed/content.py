@@ -31,7 +31,8 @@ def report_document(source: Source, lines: Sequence[ProfileLine] = ()) -> Docume
     surface = surface_of(source.record, source.folder)
     layers = map_layers(source)
     named = [(line.name, line.geometry) for line in lines]
-    picture = slope_map(surface, replace(layers, lines=named), *parts.map_size(source))
+    picture = parts.screened_picture(source) if source.is_screening else b""
+    picture = picture or slope_map(surface, replace(layers, lines=named), *parts.map_size(source))
     document.blocks.append(parts.first_page(document, source, picture))
     if not source.is_screening:
         of = Zones(source.zones, surface, layers, source.reviews, source.ends, source.record)

@@ -20,6 +20,17 @@ from .maps import MapLayers, slope_map
 from .write import save, say_missing
 
 _FIRST_PAGE_ROWS = 8
+_NUMBERS = (
+    "Attention",
+    "Open alerts",
+    "Zones",
+    "Fastest (mm/day)",
+    "Largest volume (m³)",
+    "Largest height (m)",
+    "Chainage",
+    "Surveys",
+)
+_NUMBER_MM = 15.5
 _MAP_WIDTH_MM, _MAP_MM, _ROW_MM = 176.0, 150.0, 5.3
 
 
@@ -100,8 +111,8 @@ def corridor_document(corridor: SignedCorridor, details: Details, started: str) 
 def _verdict(corridor: SignedCorridor) -> str:
     urgent = sum(1 for slope in corridor.done if slope.attention >= 2)
     return say(
-        f"{len(corridor.done)} slopes were looked at, {urgent} of them with an attention of 2 or more; "
-        f"{len(corridor.alerts)} alerts are open."
+        f"Slopes looked at: {len(corridor.done)}; with an attention of 2 or more: {urgent}; "
+        f"open alerts: {len(corridor.alerts)}."
     )
 
 
@@ -112,20 +123,14 @@ def _layers(corridor: SignedCorridor) -> MapLayers:
         {"zone_id": [name for name, _ in corridor.regions]}, geometry=[s for _, s in corridor.regions], crs=crs
     )
     zones = corridor.zones if not len(regions) else regions
-    return MapLayers(zones, None, corridor.zones if len(regions) and len(corridor.zones) else None)
+    within = corridor.zones if len(regions) and len(corridor.zones) else None
+    return MapLayers(zones, None, within, names=("region of a slope" if len(regions) else "zone of change", "zone"))
 
 
 def _slopes(done: Sequence[Any]) -> Block:
     columns = [
         Column(say("Slope"), left=True, wide=True),
-        Column(say("Attention")),
-        Column(say("Open alerts")),
-        Column(say("Zones")),
-        Column(say("Fastest (mm/day)")),
-        Column(say("Largest volume (m³)")),
-        Column(say("Largest height (m)")),
-        Column(say("Chainage")),
-        Column(say("Surveys")),
+        *(Column(say(words), width=_NUMBER_MM) for words in _NUMBERS),
         Column(say("Last survey")),
     ]
     rows: list[list[Cell]] = []

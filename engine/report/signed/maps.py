@@ -46,7 +46,8 @@ _MAX_LABELS = 40
 @dataclass(frozen=True)
 class MapLayers:
     """What maps show over the change: tables of ``zones``, ``screened`` zones and ``footprints`` of volumes, ``lines``
-    of sections by their letters or names, and motion ``vectors`` as (x, y, east, north), metres.
+    of sections by their letters or names, and motion ``vectors`` as (x, y, east, north), metres. ``names`` of zones and
+    footprints in the key.
     """
 
     zones: gpd.GeoDataFrame
@@ -54,6 +55,7 @@ class MapLayers:
     footprints: gpd.GeoDataFrame | None = None
     lines: Sequence[tuple[str, BaseGeometry]] = ()
     vectors: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 4)))
+    names: tuple[str, str] = ("zone of change", "footprint of the volume")
 
 
 def slope_map(surface: Surface | None, layers: MapLayers, width_mm: float, height_mm: float) -> bytes:
@@ -209,11 +211,11 @@ def _foot(width: float) -> float:
 
 def _keys(layers: MapLayers) -> list[tuple[str, str]]:
     """What the outlines mean, with their colours."""
-    keys = [(say("zone of change"), INK)]
+    keys = [(say(layers.names[0]), INK)] if len(layers.zones) else []
     if layers.screened is not None and len(layers.screened):
         keys.append((say("screened zone (by its shape)"), _SCREENED))
     if layers.footprints is not None and len(layers.footprints):
-        keys.append((say("footprint of the volume"), _FOOTPRINT))
+        keys.append((say(layers.names[1]), _FOOTPRINT))
     if layers.lines:
         keys.append((say("line of a section"), _LINE))
     if len(layers.vectors):

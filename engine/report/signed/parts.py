@@ -45,8 +45,9 @@ def first_page(document: Document, source: Source, picture: bytes) -> Block:
         (0, [title(words.kind, details["slope_name"] or words.title)]),
         (0, [blocks.facts(rows)]),
     ]
-    if words.verdict:
-        parts.append((0, [{"kind": "verdict", "text": words.verdict}]))
+    verdict = words.verdict or _screening_verdict(source)
+    if verdict:
+        parts.append((0, [{"kind": "verdict", "text": verdict}]))
     if words.cards:
         parts.append((0, [{"kind": "cards", "rows": [list(card) for card in words.cards]}]))
     zones, screening = (source.screened, True) if source.is_screening else (source.zones, False)
@@ -61,6 +62,25 @@ def first_page(document: Document, source: Source, picture: bytes) -> Block:
     if not picture and not shown:
         parts.append((1.0, [blocks.lines()]))
     return blocks.sheet(parts, gap=3.0)
+
+
+def _screening_verdict(source: Source) -> str:
+    """Of one survey, whose page has none."""
+    metrics = source.record["metrics"]
+    if "screened_zone_count" not in metrics:
+        return ""
+    count, area = figure(metrics, "screened_zone_count", digits=0), figure(metrics, "screened_zone_area_m2", "m²", 1)
+    raised = figure(metrics, "screened_uplift_zones", digits=0)
+    lowered = figure(metrics, "screened_subsidence_zones", digits=0)
+    if count == "1":
+        return say(
+            f"1 zone of ground that looks raised or lowered was found, {area} in all: {raised} raised, {lowered} "
+            "lowered."
+        )
+    return say(
+        f"{count} zones of ground that looks raised or lowered were found, {area} in all: {raised} raised, {lowered} "
+        "lowered."
+    )
 
 
 def _days(surveys: Sequence[str]) -> str:
@@ -183,14 +203,24 @@ def screened(document: Document, source: Source) -> list[Block]:
         return [*made, blocks.paragraph(say("No ground looks raised or lowered by its shape."))]
     words = say("Where the ground looks raised or lowered by its shape alone; these are shapes, not movement.")
     made += [blocks.paragraph(words), screened_table(source.screened.iloc[:_MOST_ROWS])]
-    picture = inside(source.folder, str(record["outputs"].get("screened_map", "")))
-    drawn = photograph(picture, say("Screened zones over the last survey’s ground."), 1000) if picture else None
+    drawn = None if source.is_screening else _screened_map(source)
     if drawn is not None:
         made.append(_as_wide_as_the_page(document, drawn))
     rows: list[list[Cell]] = [
         [r.zone_id, say(r.status), r.reviewer, r.date, r.remarks] for r in source.screened_reviews.values()
     ]
     return [*made, *([_review_table(rows)] if rows else []), *_photos(document, source.screened_reviews)]
+
+
+def screened_picture(source: Source) -> bytes:
+    """The map that a screening draws; empty where there is none."""
+    drawn = _screened_map(source)
+    return b"" if drawn is None else content_of(drawn)
+
+
+def _screened_map(source: Source) -> Picture | None:
+    path = inside(source.folder, str(source.record["outputs"].get("screened_map", "")))
+    return photograph(path, say("Screened zones over the last survey’s ground."), 1000) if path else None
 
 
 def _photos(document: Document, reviews: Mapping[str, Review]) -> list[Block]:

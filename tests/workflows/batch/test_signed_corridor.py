@@ -54,7 +54,7 @@ def test_the_corridor_has_all_slopes_on_full_pages(tmp_path: Path, count: int) -
     assert all(f"S{n:03d}" in pages.text for n in range(1, count))
     assert "No ROI." in pages.text
     assert "high severity" in pages.text
-    assert f"{count} slopes were looked at, 1 of them with an attention of 2 or more" in pages.texts[0]
+    assert f"Slopes looked at: {count}; with an attention of 2 or more: 1; open alerts: 1." in pages.texts[0]
     assert "Client Road Directorate" in pages.texts[0]
     assert min(pages.lowest_ink) >= 0.5
     assert all(pages.fonts_embedded.values())
