@@ -127,8 +127,8 @@ def plan_lines(region: Polygon | MultiPolygon, terrain: Terrain, parameters: Fli
             reach = (float(reach.min()), float(reach.max()))
         ends = np.array([[reach[0] - parameters.margin], [reach[1] + parameters.margin]])
         tracks.append(origin + ends * along + place * across)
-    heights = [np.nanmean(terrain.at(_steps(track))) for track in tracks]
-    if len(tracks) > 1 and heights[-1] < heights[0]:
+    first, last = (np.nan_to_num(terrain.at(_steps(track))).mean() for track in (tracks[0], tracks[-1]))
+    if last < first:
         tracks.reverse()
     return lines_along([t if n % 2 == 0 else t[::-1] for n, t in enumerate(tracks)], terrain, parameters)
 
@@ -227,9 +227,10 @@ def _refuse_near(lines: list[Line], terrain: Terrain, parameters: FlightParamete
     found = [clearance_of(line, terrain) for line in lines]
     worst = int(np.argmin(found))
     if found[worst] < parameters.clearance:
+        least = max(found[worst], 0.0)
         raise InputError(
-            f"Line {lines[worst].number} comes within {max(found[worst], 0.0):.1f} m of ground or plants at an altitude "
-            f"of {parameters.altitude:g} m, and --clearance asks for {parameters.clearance:g} m; raise --altitude."
+            f"Line {lines[worst].number} comes within {least:.1f} m of ground or plants at an altitude of "
+            f"{parameters.altitude:g} m, and --clearance asks for {parameters.clearance:g} m; raise --altitude."
         )
 
 

@@ -30,8 +30,9 @@ class Expected:
 
     Densities are a m² of map: ``returns`` of all kinds, ``ground`` those of the ground; ``pulses_surface`` and
     ``ground_surface`` a m² of the inclined ground. ``share`` of the pulses reaches the ground. ``slope`` and
-    ``incidence`` (beam to the ground's normal) in degrees, ``level`` of detection and smallest ``motion`` in metres, the level
-    along ``direction``: vertical, or normal to the slope, as the change chooses it. ``lines`` is how many lines see the place.
+    ``incidence`` (beam to the ground's normal) in degrees, ``level`` of detection and smallest ``motion`` in metres,
+    the level along ``direction``: vertical, or normal to the slope, as the change chooses it. ``lines`` is how many
+    lines see the place.
     """
 
     grid: Grid
