@@ -10,6 +10,7 @@ from ..interface.parameters import (
     ChangeParameters,
     DateParameters,
     DisplacementParameters,
+    DisplacementStepParameters,
     DistanceParameters,
     GridChangeParameters,
     GroundParameters,
@@ -38,6 +39,7 @@ class Settings:
     registration: RegistrationParameters = field(default_factory=RegistrationParameters)
     change: ChangeParameters = field(default_factory=ChangeParameters)
     zones: ZoneParameters = field(default_factory=ZoneParameters)
+    displacement: DisplacementStepParameters = field(default_factory=DisplacementStepParameters)
     heatmap: HeatmapParameters = field(default_factory=HeatmapParameters)
     screening: LastEpochParameters = field(default_factory=LastEpochParameters)
     report: ReportParameters = field(default_factory=ReportParameters)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .specification import AUTO, ParameterSet, _parameter
+from .specification import AUTO, ParameterSet, Specification, _parameter
 
 
 @dataclass(frozen=True)
@@ -71,3 +71,19 @@ class DisplacementParameters(ParameterSet, record_name="displacement"):
         "Takes the motion that most of the ground has in common off all vectors, as an error of the registration. "
         "Only where most of the ground is known to be still: a slope that creeps as a whole would seem to stand.",
     )
+
+
+@dataclass(frozen=True)
+class DisplacementStepParameters(DisplacementParameters):
+    """Motion along the surface as a step of an inspection, whose registration states its own error."""
+
+    displacement: bool = _parameter(
+        True,
+        "Motion along the surface",
+        "Also measures how far ground moved along its surface, which heights hardly show, as vectors and zones. Left "
+        "out, with the reason in the report, where points are too few, no relief is shared or memory is too small.",
+    )
+
+    @classmethod
+    def specifications(cls) -> tuple[Specification, ...]:
+        return tuple(sorted(super().specifications(), key=lambda s: s.name != "displacement"))
