@@ -59,7 +59,8 @@ MAX_POINTS_AT_ONCE = 8_000_000
 """Points of raw surveys up to which their ground is found at the same time."""
 _EVERY_OUTPUT = (*CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS, *DISPLACEMENT_OUTPUTS, *SCREENING_OUTPUTS)
 _RECORDED = (
-    "inputs", "dates", "ground", "registration", "change", "zones", "displacement", "heatmap", "screening", "report",
+    "inputs", "dates", "ground", "registration", "change", "zones", "displacement_step", "displacement", "heatmap",
+    "screening", "report",
 )  # fmt: skip
 
 
@@ -261,7 +262,9 @@ def _change_of_two(task: _Inspection, grounds: list[GroundResult], screened: boo
         first, second = _ground_clouds(task, grounds, spool)
         registration = _registered(task, first, second)
         moved = _moved(second, registration.transform)
-        motion = measured_motion(run, (first, moved), settings.displacement, registration, task.stable)
+        motion = None
+        if settings.displacement_step.displacement:
+            motion = measured_motion(run, (first, moved), settings.displacement, registration, task.stable)
         change = _difference(task, first, moved, registration)
         crs = first.crs
         del first, second, moved

@@ -20,7 +20,7 @@ from ..engine.displacement.windows import density
 from ..engine.pointcloud.cloud import PointCloud
 from ..engine.registration.result import RegistrationResult
 from ..engine.report.motion_facts import motion_facts
-from ..interface.parameters import DisplacementStepParameters, given
+from ..interface.parameters import DisplacementParameters, given
 from .displacement import stable_places
 from .early_memory import held_bytes
 from .pair import Cloud
@@ -46,19 +46,17 @@ class Motion:
 def measured_motion(
     run: Run,
     clouds: tuple[Cloud, Cloud],
-    parameters: DisplacementStepParameters,
+    parameters: DisplacementParameters,
     registration: RegistrationResult,
     stable: Path | None,
 ) -> Motion | None:
-    """Motion of the later of two ground clouds in one frame; None where it is not wanted or not possible.
+    """Motion of the later of two ground clouds in one frame; None where that is not possible.
 
     Why it is not possible stands in the record as ``displacement_left_out``. Only cancelling ends the run from here.
 
     Args:
         stable: polygons of ground known to be stable; its motion is taken off all vectors.
     """
-    if not parameters.displacement:
-        return None
     with run.step("displacement", 0.68, 0.79, "measuring motion along the surface") as entry:
         try:
             _refuse_too_many(sum(_count(cloud) for cloud in clouds))
@@ -75,7 +73,7 @@ def measured_motion(
     return Motion(found, registered, stable is not None)
 
 
-def registered_by(registration: RegistrationResult, parameters: DisplacementStepParameters) -> Registered:
+def registered_by(registration: RegistrationResult, parameters: DisplacementParameters) -> Registered:
     """The error of a registration: as the user states it, else its own; unknown where it has none."""
     stated = given(parameters.surface_error)
     if stated is not None:
@@ -85,7 +83,7 @@ def registered_by(registration: RegistrationResult, parameters: DisplacementStep
     return Registered(registration.covariance, np.asarray(registration.transform.centre), known=True)
 
 
-def write_motion(run: Run, motion: Motion, parameters: DisplacementStepParameters, context: Context) -> None:
+def write_motion(run: Run, motion: Motion, parameters: DisplacementParameters, context: Context) -> None:
     """Write the rasters and layers; ``run`` gets their paths, the facts of the report and the main figures."""
     found = motion.found
     run.outputs |= files.write_products(found, context.crs, context.tags(), run.stage)

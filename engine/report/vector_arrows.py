@@ -14,7 +14,8 @@ from ..maps.motion_map import VECTOR
 from ..maps.picture_words import fonts, say
 from ..zones.section_vectors import SectionVectors
 
-_ARROW_SHARE = 0.06  # of a section's length, which the longest arrows take
+_ARROW_SHARE = 0.08  # of a section's length, which the longest arrows take
+_LIFT = 0.1  # of the height of the axes, by which arrows stand over the surface, which would hide them
 
 
 def draw_vectors(
@@ -23,7 +24,7 @@ def draw_vectors(
     heights: tuple[NDArray[np.floating], NDArray[np.floating]],
     vectors: SectionVectors | None,
 ) -> None:
-    """Arrows from between both surfaces, ``heights`` at ``distance`` (n,), longer than in truth by a round factor.
+    """Arrows just over both surfaces, ``heights`` at ``distance`` (n,), longer than in truth by a round factor.
 
 
     They keep their direction against the drawn surface, whatever the exaggeration of heights: what slides along it is
@@ -36,12 +37,14 @@ def draw_vectors(
     if np.count_nonzero(known) < 2:
         return
     times = section_magnification(vectors, axes.get_xlim()[1])
-    base = np.interp(vectors.distance, distance[known], height[known])
+    low, high = axes.get_ylim()
+    base = np.interp(vectors.distance, distance[known], height[known]) + _LIFT * (high - low)
     axes.quiver(
         vectors.distance, base, times * vectors.along, times * vectors.up, angles="xy", scale_units="xy", scale=1.0,
         units="inches", width=0.014, headwidth=4.0, headlength=4.5, headaxislength=4.0, minlength=0.5, color=VECTOR,
         zorder=4,
     )  # fmt: skip
+    axes.set_ylim(low, high + _LIFT * (high - low))
     axes.text(
         0.0, 1.04, say("arrows: motion, {0} times as long").format(f"{times:g}"), transform=axes.transAxes,
         fontproperties=fonts(SMALL), color=VECTOR, ha="left", va="bottom",

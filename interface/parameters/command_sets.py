@@ -50,12 +50,12 @@ SIMULATE_SERIES: Sets = (CreepParameters, OutputParameters)
 SIMULATE_SCENES: Sets = (ScenesParameters, OutputParameters)
 
 _FROM_RAW: Sets = (GroundParameters, RegistrationParameters)
-INSPECT: Sets = (*_READ, *_FROM_RAW, *_CHANGE, DisplacementStepParameters, LastEpochParameters, *_SHOWN)
+_MOTION: Sets = (DisplacementStepParameters, DisplacementParameters)
+INSPECT: Sets = (*_READ, *_FROM_RAW, *_CHANGE, *_MOTION, LastEpochParameters, *_SHOWN)
 SERIES: Sets = (
     *_READ, SeriesParameters, *_FROM_RAW, GridChangeParameters, ZoneParameters, OutputParameters,
 )  # fmt: skip
 BATCH: Sets = (
-    BatchParameters, *_READ, SeriesParameters, *_FROM_RAW, *_CHANGE, DisplacementStepParameters, LastEpochParameters,
-    *_SHOWN,
+    BatchParameters, *_READ, SeriesParameters, *_FROM_RAW, *_CHANGE, *_MOTION, LastEpochParameters, *_SHOWN,
 )  # fmt: skip
 """The batch's own, and all that ``inspect`` and ``series`` take."""

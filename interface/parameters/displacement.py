@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .specification import AUTO, ParameterSet, Specification, _parameter
+from .specification import AUTO, ParameterSet, _parameter
 
 
 @dataclass(frozen=True)
@@ -74,16 +74,12 @@ class DisplacementParameters(ParameterSet, record_name="displacement"):
 
 
 @dataclass(frozen=True)
-class DisplacementStepParameters(DisplacementParameters):
-    """Motion along the surface as a step of an inspection, whose registration states its own error."""
+class DisplacementStepParameters(ParameterSet, record_name="displacement_step", title="Displacement"):
+    """Whether motion along the surface is measured, too."""
 
     displacement: bool = _parameter(
         True,
         "Motion along the surface",
-        "Also measures how far ground moved along its surface, which heights hardly show, as vectors and zones. Left "
-        "out, with the reason in the report, where points are too few, no relief is shared or memory is too small.",
+        "Also measures how far the ground moved along its surface, which heights hardly show, where its relief allows "
+        "it. Off: heights only, which is faster.",
     )
-
-    @classmethod
-    def specifications(cls) -> tuple[Specification, ...]:
-        return tuple(sorted(super().specifications(), key=lambda s: s.name != "displacement"))

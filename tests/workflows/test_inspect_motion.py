@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 import rasterio
 from pyproj import CRS
+from shapely.affinity import translate
+from shapely.geometry import LineString
 from slopewatch.engine.core.errors import Cancelled, EngineError
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.epochs.epoch import Epoch
@@ -21,7 +23,7 @@ from slopewatch.engine.pointcloud.cloud import PointCloud
 from slopewatch.engine.report.compose import write_report
 from slopewatch.interface.parameters import (
     ChangeParameters,
-    DisplacementStepParameters,
+    DisplacementParameters,
     LastEpochParameters,
     SurveyParameters,
 )
@@ -41,16 +43,23 @@ WAY = 0.25
 
 @pytest.fixture(scope="module")
 def slide(tmp_path_factory) -> dict[str, Path]:
-    """Two surveys of a bare slope, of which a patch slides down by ``WAY``."""
+    """Two surveys of a bare slope, of which a patch in the middle slides down by ``WAY``, and a line through it."""
     parameters = SurveyParameters(
-        points=220_000, length=26.0, height=14.0, vegetation=0.0, motion="translation", motion_amount=WAY, seed=5
+        points=140_000, length=22.0, height=12.0, vegetation=0.0, motion="translation", motion_amount=WAY, seed=5
     )
-    return write_pair(simulate_pair(parameters), tmp_path_factory.mktemp("slide"))
+    paths = write_pair(simulate_pair(parameters), tmp_path_factory.mktemp("slide"))
+    roi = geopandas.read_file(paths["roi"])
+    west, south, east, north = roi.to_crs(32651).total_bounds
+    middle, half = np.array([(west + east) / 2, (south + north) / 2]), 0.3 * (north - south)
+    line = LineString([middle + (0, half), middle - (0, half)])
+    lines = geopandas.GeoDataFrame({"name": ["down", "far off"]}, geometry=[line, translate(line, 14)], crs=32651)
+    lines.to_file(paths["roi"].with_name("lines.gpkg"))
+    return paths | {"lines": paths["roi"].with_name("lines.gpkg")}
 
 
 def inspected(slide: dict[str, Path], out: Path, settings: Settings = SETTINGS, progress: Progress | None = None):
     epochs = Epoch(slide["first"], date(2024, 5, 1)), Epoch(slide["second"], date(2025, 5, 1))
-    return inspect_slope(epochs, out, settings, roi=slide["roi"], progress=progress)
+    return inspect_slope(epochs, out, settings, roi=slide["roi"], profiles=slide["lines"], progress=progress)
 
 
 @pytest.fixture(scope="module")
@@ -74,12 +83,12 @@ def registered(*, stated: bool = True) -> SimpleNamespace:
 
 
 def _measured(
-    run: Run, parameters: DisplacementStepParameters | None = None, density: float = 60.0, roughness: float = 0.15
+    run: Run, parameters: DisplacementParameters | None = None, density: float = 60.0, roughness: float = 0.15
 ):
     """The step on a small rough slope with so many points a m², of which one survey is moved."""
     heights = relief(10.0, roughness, seed=2) if roughness else np.zeros((200, 200))
     clouds = [PointCloud(sampled(heights, density, 0.02, seed), CRS.from_epsg(32651), Path("a.laz")) for seed in (1, 2)]
-    parameters = parameters or DisplacementStepParameters(wide_window=5.0)
+    parameters = parameters or DisplacementParameters(wide_window=5.0)
     return inspect_motion.measured_motion(run, (clouds[0], clouds[1]), parameters, registered(), None)
 
 
@@ -101,7 +110,7 @@ def test_the_slide_is_found_with_its_way_and_direction(run):
     assert zone["length_m"] == pytest.approx(WAY, abs=4 * zone["length_err_m"])
     assert record["displacement"]["zones"][0]["direction"] == "down the slope"
     assert {row["stage"] for row in record["stages"]} >= {"registration", "displacement", "change"}
-    assert record["parameters"]["displacement"]["displacement"] is True
+    assert record["parameters"]["displacement_step"] == {"displacement": True}
 
 
 def test_the_registrations_error_is_in_the_vectors(run):
@@ -128,6 +137,10 @@ def test_the_report_and_its_sections_show_it(run):
     assert "M001, from the top down" in text
     page = run.outputs["report"].read_text(encoding="utf-8")
     assert re.search(r"Section of [\d.]+ m down the zone with \d+ displacement vectors near it", page)
+    # the profile through the slide shows its vectors, the one next to it none that moved
+    (near,) = re.findall(r"; (\d+) displacement vectors near the line, by ([+−-][\d.]+) m along it", page)
+    assert int(near[0]) > 3
+    assert 0.05 < float(near[1].replace("−", "-")) < WAY * np.cos(np.radians(39))
     figures = re.findall(r'data-from="(/displacement/[^"]+)"', page)
     assert len(figures) > 15
     # only from the folder, and the same again
@@ -149,16 +162,16 @@ def test_all_other_results_are_the_same_bytes_with_and_without(run, left_out):
     here, there = (done.outputs["run"].parent for done in (run, left_out[0]))
     names = {str(path.relative_to(here)) for path in here.rglob("*") if path.is_file()} - OWN
     assert names == {str(path.relative_to(there)) for path in there.rglob("*") if path.is_file()} - OWN
-    assert {"zones.gpkg", "elevation_change.tif", "profiles.csv", "transform.json", "heatmap.png"} <= names
+    assert {"zones.gpkg", "elevation_change.tif", "profiles.csv", "profiles.gpkg", "transform.json"} <= names
     for name in sorted(names):
-        assert (here / name).read_bytes() == (there / name).read_bytes(), name
+        # pipelines name the folder
+        mine, other = ((folder / name).read_bytes().replace(bytes(folder), b"") for folder in (here, there))
+        assert mine == other, name
     own = {"displacement", "displacement_left_out", "stages", "outputs", "started", "finished", "metrics"}
-    mine, other = (record_of(done) for done in (run, left_out[0]))
-    for key in set(mine) & set(other) - own:
-        if mine[key] != other[key]:
-            assert key in ("seconds", "peak_memory_mb", "processor_seconds"), key
-    for name, value in other["metrics"].items():
-        assert mine["metrics"][name] == value, name
+    records = [record_of(done) for done in (run, left_out[0])]
+    for key in set(records[0]) & set(records[1]) - own:
+        assert records[0][key] == records[1][key], key
+    assert records[1]["metrics"].items() <= records[0]["metrics"].items()
 
 
 @pytest.mark.parametrize(
@@ -191,13 +204,6 @@ def test_cancelling_ends_the_run(monkeypatch):
         _measured(Run("inspect", {}, progress=Progress()))
 
 
-def test_it_can_be_switched_off(monkeypatch):
-    monkeypatch.setattr(inspect_motion, "measure_displacement", None)
-    task = Run("inspect", {}, progress=Progress())
-    assert _measured(task, DisplacementStepParameters(displacement=False)) is None
-    assert task.facts == {}
-
-
 def test_sparse_and_smooth_ground_are_left_out_with_the_figure():
     task = Run("inspect", {}, progress=Progress())
     assert _measured(task, density=2.0) is None
@@ -210,7 +216,7 @@ def test_sparse_and_smooth_ground_are_left_out_with_the_figure():
 
 
 def test_an_own_error_of_the_registration_counts():
-    own = inspect_motion.registered_by(registered(), DisplacementStepParameters(surface_error=0.05))
+    own = inspect_motion.registered_by(registered(), DisplacementParameters(surface_error=0.05))
     assert np.sqrt(np.diag(own.covariance)).tolist() == pytest.approx([0, 0, 0, 0.05, 0.05, 0.004])
-    assert inspect_motion.registered_by(registered(), DisplacementStepParameters()).covariance[3, 3] == 1e-6
-    assert inspect_motion.registered_by(registered(stated=False), DisplacementStepParameters()).known is False
+    assert inspect_motion.registered_by(registered(), DisplacementParameters()).covariance[3, 3] == 1e-6
+    assert inspect_motion.registered_by(registered(stated=False), DisplacementParameters()).known is False
