@@ -64,18 +64,13 @@ def refuse_grid_early(
 def refuse_points_early(clouds: Sequence[Path]) -> None:
     """Raise InputError where clouds, all of whose points are held, need more memory than there is, by their headers."""
     points = sum(preflight(path).count for path in clouds)
-    needed, there = held_bytes(points), machine_memory()
+    needed, there = points * _HELD_POINT_BYTES, machine_memory()
     if needed > there:
         raise InputError(
             f"All points are held in memory, and the {points:,} of {' and '.join(shown(path) for path in clouds)} need "
             f"about {needed / 1e9:.3g} GB where this machine has {there / 1e9:.3g} GB; clip both clouds to the slope "
             "or thin them."
         )
-
-
-def held_bytes(points: int) -> int:
-    """Memory that displacement vectors of so many points of both surveys take, all of which are held."""
-    return points * _HELD_POINT_BYTES
 
 
 def _area(points: Float) -> float:

@@ -22,15 +22,17 @@ from ..engine.registration.result import RegistrationResult
 from ..engine.report.motion_facts import motion_facts
 from ..interface.parameters import DisplacementParameters, given
 from .displacement import stable_places
-from .early_memory import held_bytes
 from .pair import Cloud
 from .products import displacement as files
 from .products.change import Context
 from .run import Run
 
-_MIN_POINTS_PER_M2 = 8.0
-"""Ground points a m² of the map, of the sparser survey, below which hardly a window shows anything."""
+_MIN_POINTS_PER_M2 = 20.0
+"""Ground points a m² of the map, of the sparser survey, below which vectors claim more than their errors allow: of
+still windows of real clouds at 5 to 12 points a m² 8 to 16 % (docs/displacement.md)."""
 _MEMORY_SHARE = 0.5  # of the machine's, as for the grid of the change
+_FIXED_BYTES, _POINT_BYTES = 600_000_000, 200
+"""Memory of the surfaces of a tile, and of a point with its windows. Measured: 0.3 GB, and 92 to 117 bytes a point."""
 _FAULTS = (InputError, EngineError, MemoryError, ArithmeticError, ValueError, IndexError)
 
 
@@ -107,11 +109,11 @@ def _held(cloud: Cloud) -> Float:
 
 
 def _refuse_too_many(points: int) -> None:
-    needed, allowed = held_bytes(points), _MEMORY_SHARE * machine_memory()
+    needed, allowed = _FIXED_BYTES + points * _POINT_BYTES, _MEMORY_SHARE * machine_memory()
     if needed > allowed:
         raise InputError(
             f"All points are held in memory, and the {points:,} ground points of both surveys need about "
-            f"{needed / 1e9:.3g} GB where {allowed / 1e9:.3g} GB, half of this machine's memory, may be taken; clip "
+            f"{needed / 1e9:.2g} GB where {allowed / 1e9:.2g} GB, half of this machine's memory, may be taken; clip "
             "the surveys to the slope or thin them."
         )
 
@@ -120,8 +122,8 @@ def _refuse_too_sparse(first: Float, later: Float) -> None:
     found = density((first, later))
     if found < _MIN_POINTS_PER_M2:
         raise InputError(
-            f"The sparser survey has {found:.2g} ground points a m², and with less than {_MIN_POINTS_PER_M2:g} hardly "
-            "any relief can be found again; survey more densely."
+            f"The sparser survey has {found:.2g} ground points a m², and with less than {_MIN_POINTS_PER_M2:g} the "
+            "errors of displacement vectors are not reliable; survey more densely, or use displacement by itself."
         )
 
 
