@@ -29,7 +29,7 @@ from .run import Run
 
 _MIN_POINTS_PER_M2 = 20.0
 """Ground points a m² of the map, of the sparser survey, below which vectors claim more than their errors allow: of
-still windows of real clouds at 5 to 12 points a m² 8 to 16 % (docs/displacement.md)."""
+still simulated windows 1 % at 20 and 30 points and 6 % at 10 and 5 (docs/displacement.md)."""
 _MEMORY_SHARE = 0.5  # of the machine's, as for the grid of the change
 _FIXED_BYTES, _POINT_BYTES = 600_000_000, 200
 """Memory of the surfaces of a tile, and of a point with its windows. Measured: 0.3 GB, and 92 to 117 bytes a point."""
