@@ -10,8 +10,10 @@ from typing import Any
 import geopandas as gpd
 import numpy as np
 
+from ..core.arrays import Bool
 from ..displacement.status import Status
 from ..grid.geotiff import read_raster
+from ..grid.grid import Grid
 from ..grid.listed_raster import ListedRasters, read_listed
 from ..maps.displacement_styles import magnification
 from ..maps.motion_map import Arrows, MotionMap, motion_figure
@@ -90,11 +92,17 @@ def motion_section(
     times = magnification(vectors[["east_m", "north_m"]].to_numpy(dtype=np.float64), status.grid.cell)
     every = max(1, -(-max(status.grid.shape) // _MAX_ARROWS_A_SIDE))
     drawn = surest(vectors, every * status.grid.cell)
-    ground = ground_picture(files.heights, paler=_PALER) if files.heights.is_file() else None
+    known = status.array == Status.MEASURED
+    unseen = np.isfinite(status.array) & ~known
+    ground = None
+    if files.heights.is_file():
+        ground = ground_picture(files.heights, paler=_PALER)
+        # ground without a window is not known either, and must not look as if it were
+        unseen |= cells_with_ground(files.heights, status.grid) & ~known
     shown = MotionMap(
         grid=status.grid,
-        known=status.array == Status.MEASURED,
-        unseen=np.isfinite(status.array) & (status.array != Status.MEASURED),
+        known=known,
+        unseen=unseen,
         backdrop=ground,
         vectors=Arrows.of(drawn),
         zones=zones,
@@ -106,6 +114,19 @@ def motion_section(
     )
     sections = _sections(files, vectors, zones, epochs) if files.heights.is_file() and len(zones) else ()
     return MotionSection(place, facts, map_picture(motion_figure(shown, epochs), text), shown.magnification, sections)
+
+
+def cells_with_ground(heights: Path, grid: Grid) -> Bool:
+    """Which cells of a grid hold ground that the later survey measured."""
+    raster = read_listed([(heights, 2)])
+    row, column = raster.layout.row_and_column(np.flatnonzero(np.isfinite(raster.values[0])))
+    east = raster.grid.west + (column + 0.5) * raster.grid.cell - grid.west
+    south = grid.north - (raster.grid.north - (row + 0.5) * raster.grid.cell)
+    place = np.floor(np.stack([south, east]) / grid.cell).astype(np.int64)
+    inside = ((place >= 0) & (place < np.array(grid.shape)[:, None])).all(axis=0)
+    found = np.zeros(grid.shape, dtype=bool)
+    found[tuple(place[:, inside])] = True
+    return found
 
 
 def surest(vectors: gpd.GeoDataFrame, side: float) -> gpd.GeoDataFrame:

@@ -19,8 +19,10 @@ from slopewatch.engine.core.errors import Cancelled, EngineError
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.epochs.epoch import Epoch
 from slopewatch.engine.geometry.rigid_transform import RigidTransform
+from slopewatch.engine.grid.grid import Grid
 from slopewatch.engine.pointcloud.cloud import PointCloud
 from slopewatch.engine.report.compose import write_report
+from slopewatch.engine.report.motion import cells_with_ground
 from slopewatch.interface.parameters import (
     ChangeParameters,
     DisplacementParameters,
@@ -145,6 +147,21 @@ def test_the_report_and_its_sections_show_it(run):
     assert len(figures) > 15
     # only from the folder, and the same again
     assert write_report(run.outputs["run"].parent).read_text(encoding="utf-8") == page
+
+
+def test_ground_without_a_window_is_not_known_either(run):
+    folder = run.outputs["run"].parent
+    with rasterio.open(folder / "displacement.tif") as raster:
+        grid = Grid(raster.transform.c, raster.transform.f, raster.transform.a, raster.height, raster.width)
+    with rasterio.open(folder / "surface_heights.tif") as raster:
+        rows, columns = np.nonzero(~raster.read(2, masked=True).mask)
+        x, y = (np.array(part) for part in rasterio.transform.xy(raster.transform, rows, columns))
+    expected = np.zeros(grid.shape, dtype=bool)
+    for east, north in zip(x, y, strict=True):
+        row, column = int((grid.north - north) // grid.cell), int((east - grid.west) // grid.cell)
+        if 0 <= row < grid.rows and 0 <= column < grid.columns:
+            expected[row, column] = True
+    np.testing.assert_array_equal(cells_with_ground(folder / "surface_heights.tif", grid), expected)
 
 
 def test_too_little_memory_leaves_it_out_and_says_so(left_out):
