@@ -6,7 +6,6 @@ from typing import Any, ClassVar
 
 from ..interface.parameters import command_sets
 from ..plugin.bridge.engine_client import EngineResult
-from ..plugin.bridge.styling import Appearance
 from . import declare, products
 from .base import SlopeWatchAlgorithm
 from .values import Values
@@ -15,41 +14,7 @@ STABLE_HELP = (
     "Polygons of ground that has surely not moved; its motion is an error of the registration and is taken off all "
     "vectors. Not set: nothing is taken off."
 )
-FOLDER = "Receives the rasters, vectors, zones and run record under fixed names."
-_PRODUCTS = (
-    products.Product(
-        "VECTORS",
-        "displacement_vectors",
-        "Displacement vectors",
-        "Arrows of significant motion, drawn longer than they are, with the ellipse of their error.",
-        Appearance(60),
-        layer="vectors",
-        file="displacement.gpkg",
-    ),
-    products.Product(
-        "MOVING_ZONES",
-        "displacement_vectors",
-        "Zones of coherent motion",
-        "Polygons of ground that moves as one, with its vector, its error and its direction against the dip.",
-        Appearance(50),
-        layer="zones",
-        file="displacement.gpkg",
-    ),
-    products.Product(
-        "DISPLACEMENT",
-        "displacement",
-        "Displacement (m)",
-        "Motion along the surface with its standard errors, and the reason where none can be given.",
-        Appearance(30, visible=False, expanded=False),
-    ),
-    products.Product(
-        "SMALLEST_MOTION",
-        "smallest_motion",
-        "Smallest motion that can be told (m)",
-        "Three standard errors of the motion along the surface, also where nothing moved.",
-        Appearance(20, visible=False, expanded=False),
-    ),
-)
+FOLDER = "Receives the rasters, vectors, zones, report and run record under fixed names."
 
 
 class DisplacementVectors(SlopeWatchAlgorithm):
@@ -71,6 +36,7 @@ class DisplacementVectors(SlopeWatchAlgorithm):
         "MEASURED_SHARE": ("measured_share", "Ground on which motion can be measured (0 to 1)"),
         "SMALLEST_MEDIAN": ("smallest_motion_median_m", "Median of the smallest motion that can be told (m)"),
     }
+    PAGES: ClassVar = {"REPORT": ("report", "Report")}
     FILES: ClassVar = {"RUN_RECORD": ("run", "Run record")}
 
     def inputs(self) -> None:
@@ -86,7 +52,7 @@ class DisplacementVectors(SlopeWatchAlgorithm):
             *declare.road_parameters(),
         )
         products.declare_folder(self, FOLDER)
-        products.declare_products(self, _PRODUCTS)
+        products.declare_products(self, products.MOTION_PRODUCTS)
 
     def arguments(self, values: Values) -> list[str]:
         surveys = [values.file("REFERENCE"), values.file("CLOUD")]
@@ -96,5 +62,5 @@ class DisplacementVectors(SlopeWatchAlgorithm):
     def results(self, result: EngineResult, values: Values) -> dict[str, Any]:
         days = values.pair_days()
         group = f"SlopeWatch motion {days[0]} to {days[1]}" if all(days) else "SlopeWatch motion"
-        delivered = products.deliver(_PRODUCTS, result, values, group)
+        delivered = products.deliver(products.MOTION_PRODUCTS, result, values, group)
         return {"OUTPUT_FOLDER": values.output_folder(), **delivered}

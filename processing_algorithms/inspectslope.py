@@ -17,7 +17,13 @@ from .registerepochs import REGISTRATION_NUMBERS, STABLE_HELP
 from .values import Values
 
 _LABELLED = Appearance(9, visible=False, expanded=False)
-_PRODUCTS = (*products.CHANGE_PRODUCTS, *products.SCREENED_PRODUCTS)
+_MOTION_LAYERS = ("VECTORS", "MOVING_ZONES")
+# the name DISPLACEMENT is that of the parameter
+_MOTION = tuple(
+    replace(p, name="DISPLACEMENT_RASTER", by_default=False) if p.name == "DISPLACEMENT" else p
+    for p in products.MOTION_PRODUCTS
+)
+_PRODUCTS = (*products.CHANGE_PRODUCTS, *_MOTION, *products.SCREENED_PRODUCTS)
 
 
 class InspectSlope(SlopeWatchAlgorithm):
@@ -25,13 +31,13 @@ class InspectSlope(SlopeWatchAlgorithm):
     TITLE = "Inspect slope"
     GROUP = "inspection"
     SUMMARY = (
-        "Takes two raw surveys of a slope to elevation change, hazard zones with volumes, a heatmap, and a screening "
-        "of the last one."
+        "Takes two raw surveys of a slope to elevation change, hazard zones with volumes, motion along the surface, a "
+        "heatmap, and a screening of the last one."
     )
     TAGS = (
         "change detection", "DEM of difference", "DoD", "deformation", "hazard", "zones", "monitoring", "landslide",
         "rockfall", "erosion", "settlement", "subsidence", "uplift", "heave", "cut and fill", "cut fill", "volume",
-        "earthworks", "whole workflow", "compare two surveys",
+        "earthworks", "whole workflow", "compare two surveys", "displacement", "sliding",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.INSPECT
     BASIC = ("cell", "minimum_area", "screen_last_epoch", "overwrite")
@@ -39,6 +45,8 @@ class InspectSlope(SlopeWatchAlgorithm):
     NUMBERS: ClassVar = {
         **CHANGE_NUMBERS,
         **REGISTRATION_NUMBERS,
+        "MOVING_ZONE_COUNT": ("moving_zone_count", "Zones that move along the surface"),
+        "FASTEST_ZONE": ("fastest_zone_m", "Largest motion of a zone along the surface (m)"),
         "SCREENED_ZONE_COUNT": ("screened_zone_count", "Number of screened zones"),
         "CONFIRMED_ZONES": ("confirmed_zones", "Screened zones that the change confirms"),
     }
@@ -96,7 +104,8 @@ class InspectSlope(SlopeWatchAlgorithm):
         shown: tuple[products.Product, ...] = _PRODUCTS
         if len(self._days) == 1:
             shown = tuple(replace(p, appearance=replace(p.appearance, visible=bool(p.layer))) for p in shown)
-        delivered = products.deliver(shown, result, values, group)
+        unmoved = () if result.metrics.get("significant_vectors") else _MOTION_LAYERS
+        delivered = products.deliver(shown, result, values, group, unmoved)
         labelled = result.outputs.get("screened", "")
         if labelled and is_point_cloud_layer_possible() and values.context.layersToLoadOnCompletion():
             load_on_completion(values.context, labelled, _LABELLED, "Ground of the last survey, labelled", group)

@@ -21,7 +21,7 @@ from qgis.core import (
 from ..plugin.bridge.compat import POLYGON
 from ..plugin.bridge.elevation_layers import surfaces
 from ..plugin.bridge.engine_client import EngineResult
-from ..plugin.bridge.styling import Appearance, copy_raster, copy_vector, style_on_completion
+from ..plugin.bridge.styling import Appearance, copy_raster, copy_vector, leave_unloaded, style_on_completion
 from .declare import MORE, PLACE, in_group, with_help
 from .values import Values
 
@@ -198,6 +198,42 @@ SCREENED_PRODUCTS = (
 )
 
 
+MOTION_PRODUCTS = (
+    Product(
+        "VECTORS",
+        "displacement_vectors",
+        "Displacement vectors",
+        "Arrows of significant motion, drawn longer than they are, with the ellipse of their error.",
+        Appearance(60),
+        layer="vectors",
+        file="displacement.gpkg",
+    ),
+    Product(
+        "MOVING_ZONES",
+        "displacement_vectors",
+        "Zones of coherent motion",
+        "Polygons of ground that moves as one, with its vector, its error and its direction against the dip.",
+        Appearance(55),
+        layer="zones",
+        file="displacement.gpkg",
+    ),
+    Product(
+        "DISPLACEMENT",
+        "displacement",
+        "Displacement (m)",
+        "Motion along the surface with its standard errors, and the reason where none can be given.",
+        Appearance(30, visible=False, expanded=False),
+    ),
+    Product(
+        "SMALLEST_MOTION",
+        "smallest_motion",
+        "Smallest motion that can be told (m)",
+        "Three standard errors of the motion along the surface, also where nothing moved.",
+        Appearance(20, visible=False, expanded=False),
+    ),
+)
+
+
 def declare_folder(algorithm: QgsProcessingAlgorithm, text: str) -> None:
     algorithm.addParameter(with_help(QgsProcessingParameterFolderDestination("OUTPUT_FOLDER", "Output folder"), text))
 
@@ -229,8 +265,13 @@ def vector_destination(name: str, label: str, text: str) -> QgsProcessingParamet
     return with_help(QgsProcessingParameterVectorDestination(name, label, POLYGON), f"{text} A GeoPackage (.gpkg).")
 
 
-def deliver(products: tuple[Product, ...], result: EngineResult, values: Values, group: str) -> dict[str, Any]:
-    """The products as results: the folder's files, or copies where a destination asks for one; loaded with style."""
+def deliver(
+    products: tuple[Product, ...], result: EngineResult, values: Values, group: str, empty: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    """The products as results: the folder's files, or copies where a destination asks for one; loaded with style.
+
+    Those named in ``empty`` are results, too, but are not loaded where their destination is left temporary.
+    """
     results: dict[str, Any] = {}
     for product in products:
         source = result.outputs.get(product.key, "")
@@ -245,6 +286,9 @@ def deliver(products: tuple[Product, ...], result: EngineResult, values: Values,
             else:
                 copy_raster(source, path)
         results[product.name] = path
+        if product.name in empty and wanted and is_temporary(wanted):
+            leave_unloaded(values.context, wanted)
+            continue
         own_name = getattr(values.parameters.get(product.name), "destinationName", "")
         # Without its name the layer of a GeoPackage does not find its style.
         layer = f"{path}|layername={product.layer}" if path.endswith(".gpkg") else path

@@ -1,4 +1,4 @@
-"""How a run ends: three to eight sentences on what was found, where it lies, and what to look at.
+"""How a run ends: three to nine sentences on what was found, where it lies, and what to look at.
 
 They are made of the run's figures, all of which stay in its record. A command without an entry here ends with where its
 files lie; one may also say its own sentences in ``RunResult.conclusion``.
@@ -13,7 +13,7 @@ from ..engine.core.json_values import plain
 from ..engine.core.run_result import RunResult
 from .figures_in_words import Figures, counted, measured, number, percent, plural, sentence, zones_found
 
-MOST = 8
+MOST = 9
 """Sentences at most."""
 
 # Outputs that people open first, in that order; two of them are named.
@@ -56,6 +56,7 @@ def _change(f: Figures) -> list[str]:
         )
     return [
         found,
+        _slides(f),
         sentence("The largest lowering in a zone is {}, the largest raising {}.", measured(
             f, "largest_sink_m", "m", sign=False), measured(f, "largest_rise_m", "m")) if count else "",
         sentence(
@@ -126,16 +127,29 @@ def _register(f: Figures) -> list[str]:
     ]
 
 
-def _displacement(f: Figures) -> list[str]:
-    count = f.get("moving_zone_count")
-    found = "No zone that moves along the surface was found."
-    if count:
-        found = (
-            f"{zones_found(count, 'motion along the surface')}, {measured(f, 'moving_area_m2', 'm²')} in all; the "
-            f"largest motion of one is {measured(f, 'fastest_zone_m', 'm')}."
+def _slides(f: Figures) -> str:
+    """What an inspection says of motion along the surface."""
+    count, share = f.get("moving_zone_count"), percent(f, "motion_measured_share")
+    if count is None or not share:
+        return ""
+    if not count:
+        return (
+            "No motion along the surface above the level of detection was found where it can be seen, on "
+            f"{share} of the ground."
         )
+    return _moving_zones(f)
+
+
+def _moving_zones(f: Figures) -> str:
+    return (
+        f"{zones_found(f['moving_zone_count'], 'motion along the surface')}, {measured(f, 'moving_area_m2', 'm²')} in "
+        f"all; the largest motion of one is {measured(f, 'fastest_zone_m', 'm')}."
+    )
+
+
+def _displacement(f: Figures) -> list[str]:
     return [
-        found,
+        _moving_zones(f) if f.get("moving_zone_count") else "No zone that moves along the surface was found.",
         sentence(
             "On {} of the ground motion along the surface can be measured; where nothing else is said, one below {} "
             "in the median cannot be told from none.",

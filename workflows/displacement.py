@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from pyproj import CRS
 from shapely import contains_xy
 
 from ..engine.core.arrays import Bool, Float
@@ -14,7 +15,6 @@ from ..engine.core.run_result import RunResult
 from ..engine.core.version import VERSION
 from ..engine.displacement.displacement import Displacement, StablePlaces, measure_displacement
 from ..engine.displacement.registered import Registered
-from ..engine.displacement.status import REASONS, Status
 from ..engine.epochs.comparability import refuse_other_heights, require_comparable
 from ..engine.epochs.dating import check_days
 from ..engine.epochs.epoch import check_pair
@@ -23,6 +23,8 @@ from ..engine.grid import geotiff
 from ..engine.ground.raw_survey import refuse_raw
 from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.reading import read_cloud
+from ..engine.report.compose import REPORT
+from ..engine.report.motion_facts import doubts, motion_facts, refused
 from ..interface.parameters import given
 from .early_memory import refuse_points_early
 from .layer_files import NO_LAYERS, LayerFiles
@@ -33,8 +35,6 @@ from .run import Run
 from .settings import DisplacementSettings, groups
 
 _MIN_TOLD_SHARE = 0.1  # of the ground that one reason refuses, from which it is worth a warning
-_MAX_VARIANCE_FACTOR = 2.0  # of the windows' scatter about their common motion
-_MIN_MAJORITY_SHARE = 0.5
 
 
 def displacement_step(
@@ -63,7 +63,7 @@ def displacement_step(
     inputs += layers.inputs
     recorded = groups(settings, "inputs", "dates", "surface", "displacement", "road")
     run = Run("displacement", recorded, inputs, progress)
-    run.refuse_folder(output_dir, ("run.json", *DISPLACEMENT_OUTPUTS), overwrite=overwrite)
+    run.refuse_folder(output_dir, ("run.json", REPORT, *DISPLACEMENT_OUTPUTS), overwrite=overwrite)
     check_pair(*epochs)
     transform = RigidTransform.load(transform_path) if transform_path else None
     require_comparable(reference, moving, settings.inputs)
@@ -73,10 +73,10 @@ def displacement_step(
     refuse_raw((reference, moving), settings.surface.ground, settings.inputs)
     hashes = run.hash_inputs()[:2]
     run.related = layers_on_cloud(layers, (settings.road, None), reference, settings.inputs, progress)
-    with run.writing(output_dir):
+    with run.writing(output_dir, report=True):
         first, second = _read(run, (reference, moving), settings, transform)
-        registered = _registered(run, settings, transform_path, first.xyz)
-        places = _stable_places(stable, first, progress)
+        registered = _registered(run, settings, transform_path)
+        places = stable_places(stable, first.crs, progress)
         with run.step("displacement", 0.2, 0.95, "measuring motion along the surface") as entry:
             found = measure_displacement(first.xyz, second.xyz, settings.displacement, registered, places, progress)
             entry["windows"] = len(found.cell)
@@ -90,6 +90,9 @@ def displacement_step(
             run.outputs |= write_products(found, first.crs, tags, run)
         run.outputs["run"] = run.record_path
         run.figures = main_figures(found) | {"registration_error_known": registered.known}
+        run.facts["displacement"] = motion_facts(
+            found, settings.displacement, registered, stable_given=stable is not None
+        )
         _warn(found, settings, stable is not None, progress)
     return run.result()
 
@@ -108,7 +111,7 @@ def _read(
     return first, second
 
 
-def _registered(run: Run, settings: DisplacementSettings, path: Path | None, reference: Float) -> Registered:
+def _registered(run: Run, settings: DisplacementSettings, path: Path | None) -> Registered:
     """The registration's error: as given, else as the transform states it, else none with a warning."""
     stated = given(settings.displacement.surface_error)
     height = registration_error(path)
@@ -132,8 +135,9 @@ def _registered(run: Run, settings: DisplacementSettings, path: Path | None, ref
     return Registered.unknown()
 
 
-def _stable_places(path: Path | None, cloud: PointCloud, progress: Progress) -> StablePlaces | None:
-    area = stable_area(path, cloud.crs, progress)
+def stable_places(path: Path | None, crs: CRS, progress: Progress | None = None) -> StablePlaces | None:
+    """Which places lie in the polygons of stable ground; ``progress`` gets the warnings about them."""
+    area = stable_area(path, crs, progress)
     if area is None:
         return None
 
@@ -145,28 +149,11 @@ def _stable_places(path: Path | None, cloud: PointCloud, progress: Progress) -> 
 
 def _warn(found: Displacement, settings: DisplacementSettings, asked_stable: bool, progress: Progress) -> None:
     """Say what could not be seen, and what makes the vectors doubtful."""
-    status = found.vectors.status
-    for reason in Status:
-        share = float((status == reason).mean())
-        if reason != Status.MEASURED and share >= _MIN_TOLD_SHARE:
+    for row in refused(found):
+        share, reason = row["share"], row["reason"]
+        if share >= _MIN_TOLD_SHARE:
             progress.warning(
-                f"On {100 * share:.0f} % of the ground no motion along the surface can be given: {REASONS[reason]}."
+                f"On {100 * share:.0f} % of the ground no motion along the surface can be given: {reason}."
             )
-    if asked_stable and found.stable is None:
-        progress.warning(
-            "The polygons of stable ground hold fewer than five windows with a motion, so that nothing was taken off; "
-            "give larger ones."
-        )
-    common = found.common
-    if common is None:
-        return
-    if settings.displacement.subtract and not asked_stable and common.share < _MIN_MAJORITY_SHARE:
-        progress.warning(
-            f"The common motion that was taken off is shared by {100 * common.share:.0f} % of the windows only; give "
-            "polygons of stable ground instead."
-        )
-    if common.factor > _MAX_VARIANCE_FACTOR:
-        progress.warning(
-            f"The windows scatter about their common motion by {np.sqrt(common.factor):.1f} times their standard "
-            "errors: much of the ground moves on its own, or the ground points are no surface, as under plants."
-        )
+    for sentence in doubts(found, settings.displacement, stable_given=asked_stable):
+        progress.warning(sentence)

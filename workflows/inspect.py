@@ -36,6 +36,7 @@ from ..engine.report.compose import REPORT
 from ..engine.zones.profile_lines import ProfileLine, given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from .early_memory import refuse_grid_early
+from .inspect_motion import measured_motion, write_motion
 from .last_epoch import SCREENING_OUTPUTS, EpochScreening, confirmed_by, obstacle, screen_epoch, write_epoch_screening
 from .layer_files import NO_LAYERS, LayerFiles
 from .layers import layers_on_cloud
@@ -51,27 +52,18 @@ from .pair import (
     stable_area,
 )
 from .products.change import CHANGE_OUTPUTS, ON_REQUEST, Context, method_name, write_products
+from .products.displacement import DISPLACEMENT_OUTPUTS
 from .run import Run
 from .settings import Settings, groups
 
 _AT_ONCE = 2  # surveys whose ground is found at the same time
 MAX_POINTS_AT_ONCE = 8_000_000
 """Points of raw surveys up to which their ground is found at the same time."""
-_EVERY_OUTPUT = (*CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS, *SCREENING_OUTPUTS)
+_EVERY_OUTPUT = (*CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS, *DISPLACEMENT_OUTPUTS, *SCREENING_OUTPUTS)
 _RECORDED = (
-    "inputs",
-    "dates",
-    "ground",
-    "registration",
-    "change",
-    "zones",
-    "road",
-    "assets",
-    "heatmap",
-    "screening",
-    "report",
-    "details",
-)
+    "inputs", "dates", "ground", "registration", "change", "zones", "displacement_step", "displacement", "road",
+    "assets", "heatmap", "screening", "report", "details",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -109,7 +101,8 @@ def inspect_slope(
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> RunResult:
-    """Ground of all epochs; of two registration, change, zones and heatmap; screening of the last; run record.
+    """Ground of all epochs; of two registration, motion along the surface, change, zones and heatmap; screening of the
+    last; run record.
 
     Two epochs that cannot be screened get all else, and a warning with the reason.
 
@@ -278,6 +271,9 @@ def _change_of_two(task: _Inspection, grounds: list[GroundResult], screened: boo
         first, second = _ground_clouds(task, grounds, spool)
         registration = _registered(task, first, second)
         moved = _moved(second, registration.transform)
+        motion = None
+        if settings.displacement_step.displacement:
+            motion = measured_motion(run, (first, moved), settings.displacement, registration, task.stable)
         change = _difference(task, first, moved, registration)
         crs = first.crs
         del first, second, moved
@@ -297,6 +293,8 @@ def _change_of_two(task: _Inspection, grounds: list[GroundResult], screened: boo
         write_products(run, change, picture, context, settings, task.lines)
         run.facts["registration"] = registration.summary()
         run.figures |= registration.figures()
+        if motion is not None:
+            write_motion(run, motion, settings.displacement, context)
         if found is not None:
             write_epoch_screening(run, found, picture, task.epochs[1], task.hashes[1], settings.screening)
 
@@ -325,7 +323,7 @@ def _picture(cloud: Path, transform: RigidTransform | None = None) -> PointCloud
 
 
 def _registered(task: _Inspection, first: Cloud, second: Cloud) -> RegistrationResult:
-    with task.run.step("registration", 0.6, 0.76, "registering") as entry:
+    with task.run.step("registration", 0.6, 0.68, "registering") as entry:
         found = register_pair(first, second, task.settings.registration, task.stable, task.run.progress)
         entry.update(plain(found.summary()))
         task.run.facts["transform"] = found.transform.matrix
@@ -333,7 +331,7 @@ def _registered(task: _Inspection, first: Cloud, second: Cloud) -> RegistrationR
 
 
 def _difference(task: _Inspection, first: Cloud, moved: Cloud, registration: RegistrationResult) -> Change:
-    with task.run.step("change", 0.76, 0.82, "differencing"):
+    with task.run.step("change", 0.79, 0.83, "differencing"):
         known = stable_area(task.stable, first.crs, task.run.progress)
         areas = Areas(common_area(task.roi, first, registration.transform), known)
         error = registration.registration_error
@@ -351,7 +349,7 @@ def _write_clouds(task: _Inspection, ground: GroundResult, registration: Registr
 
 
 def _screened_and_confirmed(task: _Inspection, moved: Path, change: Change) -> EpochScreening | None:
-    with task.run.step("screening", 0.82, 0.88, "screening"):
+    with task.run.step("screening", 0.83, 0.88, "screening"):
         try:
             return confirmed_by(_screened(task, moved), change, task.pair)
         except (InputError, EngineError) as error:

@@ -12,6 +12,7 @@ from ..interface.parameters import (
     DateParameters,
     DetailParameters,
     DisplacementParameters,
+    DisplacementStepParameters,
     DistanceParameters,
     GridChangeParameters,
     GroundParameters,
@@ -43,6 +44,8 @@ class Settings:
     zones: ZoneParameters = field(default_factory=ZoneParameters)
     road: RoadParameters = field(default_factory=RoadParameters)
     assets: AssetParameters = field(default_factory=AssetParameters)
+    displacement_step: DisplacementStepParameters = field(default_factory=DisplacementStepParameters)
+    displacement: DisplacementParameters = field(default_factory=DisplacementParameters)
     heatmap: HeatmapParameters = field(default_factory=HeatmapParameters)
     screening: LastEpochParameters = field(default_factory=LastEpochParameters)
     report: ReportParameters = field(default_factory=ReportParameters)

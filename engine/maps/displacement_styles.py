@@ -4,25 +4,30 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
+from ..core.arrays import Float
 from ..core.templates import render
 from .palette import DIVERGING, Colour
 from .qgis_styles import ramp_qml
 
 _TEMPLATES = Path(__file__).resolve().parent / "styles"
 _ALONG_DIP_BAND = 4
-_ELLIPSE_ERRORS = 2.0  # standard errors: some 86 % of the true ends lie within
+ELLIPSE_ERRORS = 2.0
+"""Standard errors: some 86 % of the true ends lie within."""
+_LONGEST_ARROW_SPACINGS = 2.0
 
 
 def vectors_qml(magnification: float) -> str:
     """Style of the vectors: an arrow that is drawn so many times longer than the motion, and at its end the ellipse of
     two standard errors on the same scale.
     """
-    return render(_TEMPLATES / "vectors.qml.j2", magnification=f"{magnification:g}", errors=f"{_ELLIPSE_ERRORS:g}")
+    return render(_TEMPLATES / "vectors.qml.j2", magnification=f"{magnification:g}", errors=f"{ELLIPSE_ERRORS:g}")
 
 
 def moving_zones_qml(magnification: float) -> str:
     """Style of the zones that move as one: outline, an arrow from the middle, the motion as label."""
-    return render(_TEMPLATES / "moving_zones.qml.j2", magnification=f"{magnification:g}", errors=f"{_ELLIPSE_ERRORS:g}")
+    return render(_TEMPLATES / "moving_zones.qml.j2", magnification=f"{magnification:g}", errors=f"{ELLIPSE_ERRORS:g}")
 
 
 def along_dip_qml(limit: float) -> str:
@@ -33,3 +38,15 @@ def along_dip_qml(limit: float) -> str:
             stops.append((-share * limit, up, 255, f"{share * limit:.3f} m up the dip"))
         stops.append((share * limit, down, 255, f"{share * limit:.3f} m down the dip" if share else "0 m"))
     return ramp_qml(sorted(stops), "m", band=_ALONG_DIP_BAND)
+
+
+def magnification(motion: Float, spacing: float) -> float:
+    """How many times as long as in truth arrows of motions (n, 2), metres, are drawn: a round number.
+
+    Few are then longer than twice their ``spacing`` (m).
+    """
+    length = np.hypot(*motion.T)
+    longest = float(np.quantile(length, 0.95)) if len(length) else 0.1
+    wanted = _LONGEST_ARROW_SPACINGS * spacing / max(longest, 1e-3)
+    power = 10 ** np.floor(np.log10(wanted))
+    return float(max(step for step in (1, 2, 5) if step * power <= wanted or step == 1) * power)

@@ -17,7 +17,9 @@ from ..maps.map_parts import INK, SMALL, Sheet
 from ..maps.palette import BELOW_LEVEL, DIVERGING, hexadecimal
 from ..maps.picture_words import date_axis, fonts, say
 from ..statistics.normal import Z95
+from ..zones.section_vectors import SectionVectors
 from .embedding import Picture, drawing
+from .vector_arrows import draw_vectors
 
 _LOWERED, _RAISED = hexadecimal(DIVERGING[4][1]), hexadecimal(DIVERGING[4][2])
 _GREY = hexadecimal(BELOW_LEVEL)
@@ -86,8 +88,17 @@ def stable_histogram(record: Mapping[str, Any]) -> Picture | None:
     )
 
 
-def profile_chart(facts: Mapping[str, Any], columns: Mapping[str, Float] | None, epochs: tuple[str, str]) -> Picture:
-    """Heights of both epochs along a line, and below their difference with the level of detection as a ribbon."""
+def profile_chart(
+    facts: Mapping[str, Any],
+    columns: Mapping[str, Float] | None,
+    epochs: tuple[str, str],
+    vectors: SectionVectors | None = None,
+) -> Picture:
+    """Heights of both epochs along a line, and below their difference with the level of detection as a ribbon.
+
+    Args:
+        vectors: motion along the surface near the line.
+    """
     sheet = Sheet(_WIDE, 2.15)
     above, below = sheet.axes(0.6, 1.2, 6.5, 0.78), sheet.axes(0.6, 0.4, 6.5, 0.7)
     length = facts["length_m"]
@@ -99,6 +110,8 @@ def profile_chart(facts: Mapping[str, Any], columns: Mapping[str, Float] | None,
     for axes, *words in ((above, "", "height (m)"), (below, "distance along the line (m)", "change (m)")):
         axes.set_xlim(0, length)
         finish(axes, *words)
+    if columns is not None:
+        draw_vectors(above, columns["distance_m"], (columns["height_from_m"], columns["height_to_m"]), vectors)
     above.set_xticklabels([])
     sheet.figure.align_ylabels([above, below])
     lowest, highest = facts["dz_min_m"], facts["dz_max_m"]
@@ -110,8 +123,15 @@ def profile_chart(facts: Mapping[str, Any], columns: Mapping[str, Float] | None,
     return drawing(
         sheet.figure,
         f"Profile of {length:.1f} m: heights of both surveys, and their difference with the level of detection; "
-        f"{range_in_words}",
+        f"{range_in_words}{_vectors_in_words(vectors)}",
     )
+
+
+def _vectors_in_words(vectors: SectionVectors | None) -> str:
+    if vectors is None or not len(vectors):
+        return ""
+    along = fixed(float(np.median(vectors.along)), 3, sign=True)
+    return f"; {len(vectors)} displacement vectors near the line, by {along} m along it in the median"
 
 
 def course_chart(record: Mapping[str, Any]) -> Picture | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
@@ -28,12 +28,19 @@ from .figures import Figures, number
 from .record_shape import inside, run_record
 from .reviews import zone_reviews
 
+if TYPE_CHECKING:
+    from .motion import MotionSection
+
 REPORT = "report.html"
 _NO_RECORD = "{path} is no run record that can be read ({why}); give the output folder of a run, or make it again."
 _TEMPLATES = Path(__file__).resolve().parent / "templates"
-_REPORTED = {*command_sets.SERIES, *command_sets.CHANGE, *command_sets.INSPECT, *command_sets.DEMCHANGE} - {
-    GridChangeParameters
-}  # ChangeParameters has all of it
+_REPORTED = {
+    *command_sets.SERIES,
+    *command_sets.CHANGE,
+    *command_sets.INSPECT,
+    *command_sets.DEMCHANGE,
+    *command_sets.DISPLACEMENT,
+} - {GridChangeParameters}  # ChangeParameters has all of it
 _MAX_ZONES, _MAX_PROFILES = 40, 12
 _ROLES = {
     "epoch": "survey of {0}",
@@ -57,7 +64,7 @@ MEANINGS = {
 
 
 def write_report(folder: Path, progress: Progress | None = None) -> Path:
-    """Write ``report.html`` into an output folder of ``inspect``, ``change`` or ``series``; its path.
+    """Write ``report.html`` into an output folder of ``inspect``, ``change``, ``displacement`` or ``series``; its path.
 
     It is made of that folder alone, in the language of the environment, so that the same folder gives the same bytes.
 
@@ -101,11 +108,14 @@ def compose(
         template, more = "change.html.j2", _change_context(record, folder, profiles or folder / "profiles.csv")
     elif record["command"] == "series":
         template, more = "series.html.j2", _series_context(record, folder)
+    elif record.get("displacement"):
+        template, more = "displacement.html.j2", _motion_context(record, folder)
     elif "screened_zone_count" in record["metrics"]:
         template, more = "screening.html.j2", _screening_context(record, folder)
     else:
         raise InputError(
-            f"{shown(folder / 'run.json')} is no record of a change or a screening; give the folder of such a run."
+            f"{shown(folder / 'run.json')} is no record of a change, a motion or a screening; give the folder of such "
+            "a run."
         )
     return render(_TEMPLATES / template, current_language(), **context, **more)
 
@@ -166,11 +176,13 @@ def _change_context(record: dict[str, Any], folder: Path, profile_table: Path) -
     from . import charts, maps
     from .embedding import photograph
     from .ground import ground_section
+    from .motion import near_lines
 
     epochs = [epoch["name"] for epoch in record["epochs"]]
-    profiles = record.get("profiles") or []
+    profiles, motion = record.get("profiles") or [], record.get("displacement")
     tables = read_profiles(profile_table) if profiles else {}
     drawn = profiles[:_MAX_PROFILES]
+    near = near_lines(folder / "displacement.gpkg", profile_table.with_name("profiles.gpkg")) if motion else {}
     pictures = {
         "change": maps.change_map(folder, record["colour_limit_m"], (epochs[0], epochs[1])),
         "heatmap": photograph(
@@ -181,12 +193,16 @@ def _change_context(record: dict[str, Any], folder: Path, profile_table: Path) -
         "hillshade": maps.hillshades(folder),
         "density": maps.densities(folder),
         "cell_sizes": maps.cell_sizes(folder),
-        "profiles": [charts.profile_chart(facts, tables.get(facts["name"]), (epochs[0], epochs[1])) for facts in drawn],
+        "profiles": [
+            charts.profile_chart(facts, tables.get(facts["name"]), (epochs[0], epochs[1]), near.get(facts["name"]))
+            for facts in drawn
+        ],
         "screening": _screening_picture(record, folder),
     }
     return {
         "epochs": record["epochs"],
         "ground": ground_section(record, folder),
+        "motion": _motion(record, folder, (epochs[0], epochs[1])),
         "registration": record.get("registration") or {},
         "coregistration": record.get("coregistration") or [],
         "whole_pair": _whole_pair(record, epochs),
@@ -200,6 +216,20 @@ def _change_context(record: dict[str, Any], folder: Path, profile_table: Path) -
         "reviews": zone_reviews(folder / "zones.gpkg"),
         "screened_reviews": zone_reviews(folder / "screened_zones.gpkg"),
     }
+
+
+def _motion(record: dict[str, Any], folder: Path, epochs: tuple[str, str]) -> MotionSection | None:
+    from .motion import MotionFiles, motion_section
+
+    return motion_section(record.get("displacement"), MotionFiles.of(folder), epochs)
+
+
+def _motion_context(record: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Of the command ``displacement``, whose surveys are known by the roles of its inputs."""
+    roles = [str(i["role"]) for i in record["inputs"]]
+    days = [role.removeprefix("epoch ") for role in roles if role.startswith("epoch ")]
+    epochs = (days[0], days[1]) if len(days) == 2 else ("", "")
+    return {"days": days, "motion": _motion(record, folder, epochs)}
 
 
 def _whole_pair(record: dict[str, Any], epochs: list[str]) -> int:

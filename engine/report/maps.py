@@ -85,6 +85,24 @@ def hillshades(folder: Path) -> tuple[Picture | None, Picture | None]:
     return pictures[0], pictures[1]
 
 
+def ground_picture(path: Path, *, paler: float) -> tuple[NDArray[np.uint8], Grid] | None:
+    """The later of two surfaces in shaded relief, to draw on; None where it is known nowhere.
+
+    Args:
+        path: raster of both surfaces' heights.
+        paler: share of white in the picture.
+    """
+    raster = read_listed([(path, 2)])
+    relief = _relief(raster)
+    known = np.isfinite(relief[..., 0])
+    if not known.any():
+        return None
+    low, high = np.percentile(relief[known], (1, 99))
+    grey = np.clip((np.nan_to_num(relief) - low) / max(high - low, 1.0), 0.0, 1.0)
+    image = np.where(known[..., np.newaxis], 255.0 * (paler + (1 - paler) * grey), 255.0)
+    return np.rint(image).astype(np.uint8), raster.grid
+
+
 def densities(folder: Path) -> tuple[Picture | None, Picture | None]:
     """Ground points a square metre of each epoch, on one scale."""
     path = folder / "point_counts.tif"

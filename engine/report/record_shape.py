@@ -59,6 +59,7 @@ RECORD = fields(
         "model": maybe(_SENTENCES),
         "reference_system": maybe(fields({}, {"name": text()})),
         "stages": rows(_STAGE),
+        "displacement_left_out": text(),
     },
 )
 """Of every command that has a report."""
@@ -69,6 +70,19 @@ _VOLUME = fields({"group": text(), "quantity": text(), "unit": text()})
 _COREGISTRATION = fields(
     {"from": text(), "to": text(), "plan_shift": text(), "sentences": rows(text(), 2)},
     {"attributes": rows(fields({"attribute": text()}))},
+)
+_MOVED = fields({"motion_m": rows(_NUMBER, 3, 3), "error_m": rows(_SHARE_OR_MORE, 3, 3)}, {"share": _SHARE_OR_MORE})
+_DISPLACEMENT = fields(
+    {
+        "windows": _SHARE_OR_MORE,
+        "zone_count": _SHARE_OR_MORE,
+        "significant_vectors": _SHARE_OR_MORE,
+        "zones": rows(fields({"zone_id": text(), "direction": text(), "p_map": _SHARE_OR_MORE})),
+        "refused": rows(fields({"reason": text(), "share": _SHARE_OR_MORE})),
+        "taken_off_m": rows(_NUMBER, 3, 3),
+        "notes": _TEXTS,
+    },
+    {"common": maybe(_MOVED), "wide_window_m": maybe(_POSITIVE)},
 )
 _CHANGE = fields(
     {
@@ -119,6 +133,8 @@ def run_record(value: Any, place: str = "") -> None:
         MisfitError: it is none, or two of its parts contradict one another.
     """
     RECORD(value, place)
+    if value.get("displacement") and value["command"] != "series":
+        _DISPLACEMENT(value["displacement"], "displacement")
     if value.get("epochs"):
         _CHANGE(value, place)
         _change_fits(value)

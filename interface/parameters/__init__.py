@@ -16,7 +16,7 @@ from .change import ChangeParameters, GridChangeParameters
 from .dates import DateParameters
 from .dem_change import ModelParameters
 from .details import DetailParameters
-from .displacement import DisplacementParameters
+from .displacement import DisplacementParameters, DisplacementStepParameters
 from .distances import DistanceParameters
 from .drawing import LabellingParameters, RegionParameters, TopViewParameters
 from .flight import FlightParameters
@@ -52,6 +52,7 @@ __all__ = [
     "DateParameters",
     "DetailParameters",
     "DisplacementParameters",
+    "DisplacementStepParameters",
     "DistanceParameters",
     "FineTuneParameters",
     "FlightParameters",

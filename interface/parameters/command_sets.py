@@ -8,7 +8,7 @@ from .change import ChangeParameters, GridChangeParameters
 from .dates import DateParameters
 from .dem_change import ModelParameters
 from .details import DetailParameters
-from .displacement import DisplacementParameters
+from .displacement import DisplacementParameters, DisplacementStepParameters
 from .distances import DistanceParameters
 from .drawing import LabellingParameters, RegionParameters, TopViewParameters
 from .flight import FlightParameters
@@ -62,12 +62,13 @@ SIMULATE_SERIES: Sets = (CreepParameters, OutputParameters)
 SIMULATE_SCENES: Sets = (ScenesParameters, OutputParameters)
 
 _FROM_RAW: Sets = (GroundParameters, RegistrationParameters)
-INSPECT: Sets = (*_READ, *_FROM_RAW, *_CHANGE, LastEpochParameters, *_RELATED, *_SHOWN)
+_MOTION: Sets = (DisplacementStepParameters, DisplacementParameters)
+INSPECT: Sets = (*_READ, *_FROM_RAW, *_CHANGE, *_MOTION, LastEpochParameters, *_RELATED, *_SHOWN)
 SERIES: Sets = (
     *_READ, SeriesParameters, *_FROM_RAW, GridChangeParameters, ZoneParameters, *_RELATED, DetailParameters,
     OutputParameters,
 )  # fmt: skip
 BATCH: Sets = (
-    BatchParameters, *_READ, SeriesParameters, *_FROM_RAW, *_CHANGE, LastEpochParameters, *_RELATED, *_SHOWN,
+    BatchParameters, *_READ, SeriesParameters, *_FROM_RAW, *_CHANGE, *_MOTION, LastEpochParameters, *_RELATED, *_SHOWN,
 )  # fmt: skip
 """The batch's own, and all that ``inspect`` and ``series`` take."""

@@ -98,6 +98,12 @@ def style_on_completion(
     context.setLayersToLoadOnCompletion(layers)
 
 
+def leave_unloaded(context: QgsProcessingContext, registered: str) -> None:
+    """Have a layer that was to be loaded not loaded."""
+    layers = {p: d for p, d in context.layersToLoadOnCompletion().items() if p != registered}
+    context.setLayersToLoadOnCompletion(layers)
+
+
 def load_on_completion(context: QgsProcessingContext, path: str, appearance: Appearance, name: str, group: str) -> None:
     """Have a file that is no declared output loaded as a layer of the project, named, grouped and styled."""
     shown = tr(name)

@@ -18,6 +18,7 @@ from slopewatch.engine.zones import confirmation, fields
 from slopewatch.models.screening import zones as screened_zones
 from slopewatch.workflows.last_epoch import SCREENING_OUTPUTS
 from slopewatch.workflows.products.change import CHANGE_OUTPUTS, ON_REQUEST
+from slopewatch.workflows.products.displacement import DISPLACEMENT_OUTPUTS
 from slopewatch.workflows.products.series import SERIES_OUTPUTS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -32,6 +33,9 @@ FOLDERS = sorted(place.name for place in ROOT.iterdir() if place.is_dir() and pl
 FOREIGN = {"--recipe"}
 
 each = pytest.mark.parametrize("path", DOCUMENTS, ids=lambda p: p.relative_to(ROOT).as_posix())
+
+
+MOTION_FILES = tuple(name for name in DISPLACEMENT_OUTPUTS if not name.endswith(".qml"))
 
 
 def too_long(text: str) -> list[str]:
@@ -218,7 +222,10 @@ def test_the_guide_explains_every_column(columns):
 
 @pytest.mark.parametrize(
     ("page", "files"),
-    [("README.md", (*CHANGE_OUTPUTS, *ON_REQUEST, *SCREENING_OUTPUTS)), ("docs/guide.md", SERIES_OUTPUTS)],
+    [
+        ("README.md", (*CHANGE_OUTPUTS, *ON_REQUEST, *SCREENING_OUTPUTS, *MOTION_FILES)),
+        ("docs/guide.md", SERIES_OUTPUTS),
+    ],
 )
 def test_every_output_is_named(page, files):
     text = (ROOT / page).read_text(encoding="utf-8")

@@ -98,6 +98,23 @@ for key, name in files.items():
 say(event="result", outputs=outputs, metrics={"zone_count": 3, "vol_loss_m3": 1.5, "common_cell_rate": 0.9})
 """
 
+# a run that also measured motion along the surface, with so many significant vectors
+MOTION = """
+outputs["displacement_vectors"] = os.path.join(folder, "displacement.gpkg")
+data = ogr.GetDriverByName("GPKG").CreateDataSource(outputs["displacement_vectors"])
+triangle = "POLYGON((0 0,0 1,1 1,0 0))"
+for name, kind, place in (("vectors", ogr.wkbPoint, "POINT(1 1)"), ("zones", ogr.wkbPolygon, triangle)):
+    layer = data.CreateLayer(name, srs, kind)
+    for _ in range(COUNT):
+        feature = ogr.Feature(layer.GetLayerDefn())
+        feature.SetGeometry(ogr.CreateGeometryFromWkt(place))
+        layer.CreateFeature(feature)
+layer = data = None
+raster("displacement", "displacement.tif", 0.1)
+raster("smallest_motion", "smallest_motion.tif", 0.03)
+say(event="result", outputs=outputs, metrics={"significant_vectors": COUNT, "moving_zone_count": COUNT})
+"""
+
 
 @pytest.fixture
 def engine(fake_engine: Callable[[str], Path]) -> None:
@@ -257,6 +274,31 @@ def test_the_log_ends_with_the_sentences_in_the_dialogs_words(
     results, _ = run(project, feedback, OUTPUT_FOLDER=str(tmp_path))
     assert results["ZONE_COUNT"] == 3
     assert feedback.said("info")[-2:] == ["3 zones were found.", "Give “Cell size (m)” for others."]
+
+
+@pytest.mark.parametrize(("count", "loaded"), [(2, ["Displacement vectors", "Zones of coherent motion"]), (0, [])])
+def test_arrows_are_loaded_only_where_something_moves(
+    fake_engine: Callable[[str], Path],
+    project: QgsProject,
+    feedback: Recorder,
+    tmp_path: Path,
+    count: int,
+    loaded: list[str],
+) -> None:
+    fake_engine(ENGINE[: ENGINE.index('say(event="result"')] + MOTION.replace("COUNT", str(count)))
+    wanted: dict[str, Any] = {
+        name: to_load(QgsProcessing.TEMPORARY_OUTPUT, project)
+        for name in ("VECTORS", "MOVING_ZONES", "SMALLEST_MOTION")
+    }
+    wanted["OUTPUT_FOLDER"] = str(tmp_path / "out")
+    results, context = run(project, feedback, **wanted)
+    assert {results[name] for name in ("VECTORS", "MOVING_ZONES")} == {str(tmp_path / "out" / "displacement.gpkg")}
+    assert results["DISPLACEMENT_RASTER"] == str(tmp_path / "out" / "displacement.tif")
+    assert results["MOVING_ZONE_COUNT"] == count
+    load(context, wanted, feedback)
+    group = project.layerTreeRoot().findGroup("SlopeWatch 2024-05-01 to 2025-05-01")
+    shown = [(node.name(), node.itemVisibilityChecked()) for node in group.findLayers()]
+    assert shown == [*((name, True) for name in loaded), ("Smallest motion that can be told (m)", False)]
 
 
 def test_of_one_survey_only_the_screening_is_loaded(

@@ -24,6 +24,12 @@ MOVED = {
 }  # fmt: skip
 
 
+SLIDES = {
+    "moving_zone_count": 2, "moving_area_m2": 80.0, "fastest_zone_m": 0.1823, "motion_measured_share": 0.634,
+    "smallest_motion_median_m": 0.07,
+}  # fmt: skip
+
+
 def said(command: str, figures: dict[str, Any], *warnings: str, outputs: dict[str, Path] | None = None) -> list[str]:
     return conclusion(command, RunResult(FILES if outputs is None else outputs, figures, warnings))
 
@@ -43,16 +49,29 @@ def test_a_change_ends_with_what_was_found_where_it_lies_and_what_to_look_at() -
 
 
 def test_an_inspection_also_says_how_the_survey_was_moved_and_what_its_shape_shows() -> None:
-    found = said("inspect", {**CHANGE, **MOVED, "screened_zone_count": 3, "confirmed_zones": 1}, "One.", "Two.")
+    screened = {"screened_zone_count": 3, "confirmed_zones": 1}
+    found = said("inspect", {**CHANGE, **MOVED, **SLIDES, **screened}, "One.", "Two.")
     assert len(found) == MOST
-    assert found[3] == (
+    assert found[1] == (
+        "2 zones of motion along the surface were found, 80 m² in all; the largest motion of one is 0.182 m."
+    )
+    assert found[4] == (
         "The later survey was moved by -0.019 m to the east, -0.170 m to the north and 12.500 m upwards to fit the "
         "earlier one, with a standard error of 0.003 m in height."
     )
-    assert found[4] == (
+    assert found[5] == (
         "By its shape, 3 zones of the last survey look raised or lowered; the change confirms 1 of them."
     )
     assert found[-1] == "2 warnings were given, which the run record keeps; read them first."
+
+
+def test_an_inspection_without_slides_says_where_none_can_be_seen() -> None:
+    still = {**SLIDES, "moving_zone_count": 0}
+    assert said("inspect", {**CHANGE, **still})[1] == (
+        "No motion along the surface above the level of detection was found where it can be seen, on 63 % of the "
+        "ground."
+    )
+    assert not any("along the surface" in line for line in said("inspect", CHANGE))
 
 
 def test_nothing_found_is_said_and_never_called_safe() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import geopandas as gpd
@@ -17,10 +18,11 @@ from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.core.run_result import RunResult
 from slopewatch.engine.displacement.status import Status
 from slopewatch.engine.geometry.rigid_transform import RigidTransform
-from slopewatch.interface.parameters import DisplacementParameters, SurfaceParameters
+from slopewatch.interface.parameters import DisplacementParameters, ReportParameters, SurfaceParameters
 from slopewatch.tests.builders.rough_ground import axes, relief, sampled
 from slopewatch.workflows import early_memory
 from slopewatch.workflows.displacement import displacement_step
+from slopewatch.workflows.report import report_step
 from slopewatch.workflows.settings import DisplacementSettings
 
 MOTION = np.array([0.15, 0.0, 0.0]) @ axes()
@@ -139,3 +141,53 @@ def test_clouds_that_do_not_fit_into_memory_are_refused_by_their_headers(pair, t
     with pytest.raises(InputError, match=rf"held in memory, and the {points:,} of .*2024-05-01\.laz.* need about"):
         run(pair, tmp_path / "motion")
     assert not (tmp_path / "motion").exists()
+
+
+def test_the_report_has_the_zone_of_the_record_and_the_words_for_what_is_not_seen(outcome):
+    folder = outcome[0].outputs["run"].parent
+    record = json.loads((folder / "run.json").read_text())
+    facts = record["displacement"]
+    (zone,) = facts["zones"]
+    layer = gpd.read_file(folder / "displacement.gpkg", layer="zones")
+    for name in (
+        "length_m",
+        "length_err_m",
+        "azimuth_deg",
+        "plunge_deg",
+        "along_dip_m",
+        "across_m",
+        "p_map",
+        "area_m2",
+    ):
+        assert zone[name] == pytest.approx(layer[name][0], rel=1e-6, abs=1e-9), name
+    assert zone["direction"] == "down the slope"
+    assert zone["dip_deg"] == pytest.approx(35.0, abs=3)
+    assert 0 < zone["off_dip_err_deg"] < 10
+    assert layer.geometry[0].buffer(0.01).contains(shapely.Point(zone["x"], zone["y"]))
+    text = outcome[0].outputs["report"].read_text(encoding="utf-8")
+    assert text.count('<h2 id="motion">') == 1
+    assert "zone slides along the surface" in text.replace("</data> ", "")
+    assert "The error of the registration along the surface is not known" in text
+    assert "no motion above the level of detection was seen" in text.lower()
+
+
+def test_the_report_is_made_again_from_the_folder(outcome):
+    path = outcome[0].outputs["report"]
+    before = path.read_bytes()
+    again = report_step(path.parent, ReportParameters(), profiles=None, progress=Progress())
+    assert again.outputs["report"].read_bytes() == before
+
+
+def test_where_nothing_is_seen_the_report_does_not_say_that_nothing_moved(tmp_path):
+    flat = np.zeros((200, 200))
+    pair = [written(tmp_path / f"202{k}-01-01.laz", sampled(flat, 60.0, 0.02, k)) for k in (4, 5)]
+    done = run((pair[0], pair[1]), tmp_path / "out")
+    record = json.loads(done.outputs["run"].read_text())["displacement"]
+    assert sum(row["share"] for row in record["refused"]) == pytest.approx(1 - record["measured_share"])
+    assert record["refused"][0]["reason"].startswith("no relief")
+    text = done.outputs["report"].read_text(encoding="utf-8")
+    section = text[text.index('<h2 id="motion">') : text.index("</section>")]
+    words = re.sub(r"\s+", " ", re.sub("<[^>]+>", "", section))
+    assert "Nowhere on this ground a motion along the surface, or its absence, can be seen." in words
+    assert "nothing is known of" in words
+    assert not re.search(r"[Nn]o motion(?! above)", words)

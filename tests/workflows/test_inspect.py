@@ -24,7 +24,12 @@ from slopewatch.engine.grid.grid import Grid
 from slopewatch.engine.grid.partition import Partition
 from slopewatch.engine.pointcloud.reading import read_cloud
 from slopewatch.engine.zones.confirmation import VERDICTS, verdict, weigh
-from slopewatch.interface.parameters import ChangeParameters, LastEpochParameters, SurveyParameters
+from slopewatch.interface.parameters import (
+    ChangeParameters,
+    DisplacementStepParameters,
+    LastEpochParameters,
+    SurveyParameters,
+)
 from slopewatch.simulation.surveys.survey import simulate_pair
 from slopewatch.simulation.surveys.write import write_pair
 from slopewatch.tests.builders.screening_clouds import screen_cloud
@@ -52,7 +57,8 @@ def run(survey, tmp_path_factory):
     _, paths = survey
     out = tmp_path_factory.mktemp("out") / "new"
     progress = Progress()
-    settings = Settings(change=ChangeParameters(cell=0.2), screening=RESIDUAL)
+    off = DisplacementStepParameters(displacement=False)
+    settings = Settings(change=ChangeParameters(cell=0.2), screening=RESIDUAL, displacement_step=off)
     done = inspect_slope(epochs(paths), out, settings, roi=paths["roi"], progress=progress)
     outputs, metrics = done.outputs, done.figures
     return out, outputs, metrics
@@ -64,6 +70,16 @@ def test_every_promised_output_exists_and_nothing_else_lies_about(run):
         assert (out / name).stat().st_size > 0, name
     assert all(path.exists() for path in outputs.values())
     assert not [p for p in out.rglob("*") if ".part" in p.name or p.name.startswith(".")]
+
+
+def test_motion_along_the_surface_that_is_switched_off_leaves_no_trace(run):
+    out, outputs, metrics = run
+    record = json.loads((out / "run.json").read_text())
+    assert not {"displacement", "displacement_left_out"} & set(record)
+    assert not {"displacement", "displacement_vectors", "smallest_motion"} & set(outputs)
+    assert not [path for path in out.iterdir() if path.name.startswith(("displacement", "smallest_motion"))]
+    assert not [name for name in metrics if "moving_zone" in name]
+    assert 'id="motion"' not in (out / "report.html").read_text(encoding="utf-8")
 
 
 def test_change_agrees_with_the_truth(survey, run):

@@ -81,6 +81,16 @@ class Context:
     def dates(self) -> tuple[date | None, date | None]:
         return self.first.date, self.second.date
 
+    def tags(self, median_level: float | None = None) -> dict[str, str]:
+        """What every raster states about its origin."""
+        return geotiff.raster_tags(
+            epochs=self.dates,
+            median_level=median_level,
+            translation=None if self.transform is None else self.transform.translation,
+            software=f"SlopeWatch {VERSION}",
+            input_sha256=" ".join(self.input_hashes),
+        )
+
 
 def method_name(parameters: ChangeParameters, direction: str) -> str:
     """How the change was taken, and along which ``direction``, for the zones' column ``method``."""
@@ -104,13 +114,7 @@ def write_products(
         lines: along which profiles are taken, in addition to the steepest ones through the zones.
     """
     progress = run.progress
-    tags = geotiff.raster_tags(
-        epochs=context.dates,
-        median_level=Z95 * float(np.nanmedian(change.error)),
-        translation=None if context.transform is None else context.transform.translation,
-        software=f"SlopeWatch {VERSION}",
-        input_sha256=" ".join(context.input_hashes),
-    )
+    tags = context.tags(Z95 * float(np.nanmedian(change.error)))
     progress.update(0.0, "writing rasters")
     limit = palette.colour_limit(
         change.dz[change.significant], given(settings.heatmap.colour_range), level=change.median_level

@@ -29,7 +29,7 @@ DISPLACEMENT_OUTPUTS = (
     "displacement.qml",
     "smallest_motion.qml",
 )
-_LONGEST_ARROW_SPACINGS = 2.0
+"""Of the measurement itself; the command ``displacement`` also writes a report."""
 _LIMIT_QUANTILE = 0.98
 
 
@@ -45,7 +45,7 @@ def write_products(found: Displacement, crs: CRS, tags: dict[str, str], run: Run
     qgis_styles.write_qml_next_to(path, qgis_styles.level_qml(_limit(smallest, 0.1)))
     outputs["smallest_motion"] = stage.final("smallest_motion.tif")
     path = stage.path("displacement.gpkg")
-    magnification = _magnification(found)
+    magnification = displacement_styles.magnification(found.vectors.motion[found.significant, :2], found.grid.cell)
     zones = run.related.placed(zones_layer(found, crs), run.progress)
     layers = [
         Layer(
@@ -96,15 +96,6 @@ def _write_displacement(found: Displacement, crs: CRS, tags: dict[str, str], pat
     qgis_styles.write_qml_next_to(
         path, displacement_styles.along_dip_qml(_limit(np.abs(bands["motion down the dip"]), 0.05))
     )
-
-
-def _magnification(found: Displacement) -> float:
-    """How many times as long as in truth arrows are drawn, a round number."""
-    length = np.hypot(*found.vectors.motion[found.significant, :2].T)
-    longest = float(np.quantile(length, 0.95)) if len(length) else 0.1
-    wanted = _LONGEST_ARROW_SPACINGS * found.grid.cell / max(longest, 1e-3)
-    power = 10 ** np.floor(np.log10(wanted))
-    return float(max(step for step in (1, 2, 5) if step * power <= wanted or step == 1) * power)
 
 
 def _directions(motion: Float, covariance: Float) -> dict[str, Float]:
@@ -176,18 +167,25 @@ def _error(zone: MovingZone, axis: int) -> float:
     return float(np.sqrt(zone.in_plane_covariance[axis, axis]))
 
 
+def _length_error(zone: MovingZone) -> float:
+    unit = zone.motion / max(float(np.linalg.norm(zone.motion)), 1e-12)
+    return float(np.sqrt(unit @ zone.covariance @ unit))
+
+
 def main_figures(found: Displacement) -> dict[str, Any]:
     """The figures that a user reads first; lengths in metres, shares from 0 to 1."""
     vectors = found.vectors
     count = max(len(found.cell), 1)
     zone = found.zones[0] if found.zones else None
+    fastest = max(found.zones, key=lambda zone: float(np.linalg.norm(zone.motion)), default=None)
     figures: dict[str, Any] = {
         "windows": len(found.cell),
         "measured_share": float(vectors.measured.mean()),
         "significant_vectors": int(found.significant.sum()),
         "moving_zone_count": len(found.zones),
         "moving_area_m2": float(sum(zone.area for zone in found.zones)),
-        "fastest_zone_m": max((float(np.linalg.norm(zone.motion)) for zone in found.zones), default=None),
+        "fastest_zone_m": None if fastest is None else float(np.linalg.norm(fastest.motion)),
+        "fastest_zone_err_m": None if fastest is None else _length_error(fastest),
         "largest_zone_off_dip_deg": None if zone is None else zone.off_dip,
         "smallest_motion_median_m": _median(vectors.smallest[vectors.measured]),
         "points_per_m2": found.points_per_m2,
@@ -205,6 +203,16 @@ def main_figures(found: Displacement) -> dict[str, Any]:
             figures[f"{name}_share"] = motion.share
             figures[f"{name}_variance_factor"] = motion.factor
     return figures
+
+
+def step_figures(found: Displacement) -> dict[str, Any]:
+    """The figures that a user reads first where the motion is a part of an inspection."""
+    figures = main_figures(found)
+    taken = (
+        "significant_vectors", "moving_zone_count", "moving_area_m2", "fastest_zone_m", "fastest_zone_err_m",
+        "smallest_motion_median_m",
+    )  # fmt: skip
+    return {"motion_measured_share": figures["measured_share"]} | {name: figures[name] for name in taken}
 
 
 def _median(values: Float) -> float | None:
