@@ -20,7 +20,7 @@ from .source import Source
 _MAP_WIDTH_MM, _LEAST_MAP_MM, _MOST_MAP_MM, _ROW_MM = 176.0, 95.0, 158.0, 5.3
 _FIRST_PAGE_ROWS = 6
 _MOST_ROWS = 60
-_LEAST_FOR_SIGNATURES_MM = 110.0
+_SIGNATURES_MM, _LINES_MM = 50.0, 30.0  # at least, of the fields for signatures, and of lines with their heading
 _MOST_DAYS = 6
 _PICTURE_MM = 100.0
 """With its heading less than half a page, so that a page which it has no room on is at least half full."""
@@ -288,5 +288,6 @@ def closing(details: Details) -> list[Block]:
         told = title_of_all + told
     else:
         rest.insert(0, (0, title_of_all))
+    least = _SIGNATURES_MM + _LINES_MM * sum(1 for share, _ in rest if share)
     rest = rest or [(1.0, [blocks.lines()])]
-    return [*told, blocks.rest_of_page([*rest, (0, [signatures])], _LEAST_FOR_SIGNATURES_MM)]
+    return [*told, blocks.rest_of_page([*rest, (0, [signatures])], least)]
