@@ -110,4 +110,6 @@ def _sheet(contents: Contents, title: str, author: str, paper: str) -> Sheet:
     )
     named = f"{contents.title}, {span}" if span else contents.title
     shown = tr("No change above the level of detection is no statement that nothing moved.")
-    return Sheet(title or named, f"{named}\n{shown}", author, f"SlopeWatch {resources.version()}", paper)
+    return Sheet(
+        title or named, f"{named}\n{shown}" if title else shown, author, f"SlopeWatch {resources.version()}", paper
+    )

@@ -71,7 +71,7 @@ def run_algorithm(
         enabled = child_process.run_child([program, "plugins", "enable", _PACKAGE_NAME], environment=variables)
         if enabled.returncode:
             raise EngineError(f"QGIS does not take the plugin: {_last_line(enabled.stderr)}")
-        command = [program, "--json", "run", f"{_PACKAGE_NAME}:{algorithm}", *given]
+        command: list[str | os.PathLike[str]] = [program, "--json", "run", f"{_PACKAGE_NAME}:{algorithm}", *given]
         done = child_process.run_child(command, environment=variables)
     if done.returncode == 1:  # what an algorithm refuses
         raise InputError(_last_line(done.stderr))

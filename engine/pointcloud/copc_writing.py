@@ -77,7 +77,8 @@ def _write(las: laspy.LasData, path: Path) -> int:
     start = _HEADER_B + sum(_VLR_B + n for n in lengths)
     with path.open("w+b") as stream:
         stream.write(bytes(start))
-        compressor, entries = lazrs.LasZipCompressor(stream, vlr), []
+        entries: list[tuple[Key, int, int]] = []
+        compressor = lazrs.LasZipCompressor(stream, vlr)
         compressor.reserve_offset_to_chunk_table()
         for key, chosen in _nodes((xyz - (middle - half)) / (2 * half)):
             if entries:  # the end closes the last one
