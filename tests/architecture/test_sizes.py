@@ -30,6 +30,7 @@ MANY_PARAMETERS = {
     "cli/displacement.py:displacement": COMMAND,
     "cli/m3c2.py:m3c2": COMMAND,
     "cli/screen.py:screen": COMMAND,
+    "workflows/planflight.py:planflight_step": STEP,
     "engine/grid/growing_cells.py:adaptive_cells": CLOUDS,
     "engine/ground/extraction.py:extract_ground": STEP,
     "interface/parameters/specification.py:_parameter": "the fields of a parameter's description, by name only",
