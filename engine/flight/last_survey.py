@@ -85,7 +85,7 @@ def _plane_variances(xyz: Float, side: float) -> Float:
     z = z - (np.bincount(square, z, number) / np.bincount(square, minlength=number))[square]
 
     def total(values: Float) -> Float:
-        return np.bincount(square, values, number)
+        return np.asarray(np.bincount(square, values, number), dtype=np.float64)
 
     one = np.ones(len(x))
     columns = (one, x, y)
