@@ -11,6 +11,7 @@ from pathlib import Path
 
 from ..engine.core.json_values import plain
 from ..engine.core.run_result import RunResult
+from .conclusions_of_tools import OF_TOOLS
 from .figures_in_words import Figures, counted, measured, number, percent, plural, sentence, zones_found
 
 MOST = 9
@@ -249,127 +250,6 @@ def _batch(f: Figures) -> list[str]:
     ]
 
 
-def _train(f: Figures) -> list[str]:
-    return [
-        sentence("The model learned from {} labelled points.", counted(f, "labelled_points")),
-        sentence(
-            "Of hazards that it was not trained on it finds {}, the weights that it started from {}.",
-            percent(f, "hazard_recall"), percent(f, "start_hazard_recall"),
-        ),
-        sentence(
-            "On 1,000 m² of such ground it shows {} false zones, those weights {}.",
-            measured(f, "false_zones_per_1000_m2", ""), measured(f, "start_false_zones_per_1000_m2", ""),
-        ),
-        sentence("{} of the points that it was not trained on get their class.", percent(f, "overall_accuracy")),
-    ]  # fmt: skip
-
-
-def _survey(f: Figures) -> list[str]:
-    return [
-        sentence(
-            "Two surveys of {} and {} points were simulated.",
-            *(counted(f, f"points_{name}") for name in ("reference", "cloud")),
-        ),
-        sentence(
-            "The later one holds {} changes: {} lowered and {} raised.",
-            counted(f, "changes"), measured(f, "volume_lowered_m3", "m³"), measured(f, "volume_raised_m3", "m³"),
-        ),
-    ]  # fmt: skip
-
-
-def _simulated_series(f: Figures) -> list[str]:
-    return [
-        sentence(
-            "{} surveys over {} days were simulated, {} points in all.",
-            *(counted(f, name) for name in ("surveys", "days", "points")),
-        ),
-        sentence("{} zones creep in them.", counted(f, "zones")),
-    ]
-
-
-def _scenes(f: Figures) -> list[str]:
-    return [
-        sentence(
-            "{} scenes with {} points and {} hazards were simulated.",
-            *(counted(f, name) for name in ("scenes", "points", "hazards")),
-        ),
-        sentence(
-            "{} of the points are raised and {} lowered.",
-            percent(f, "share_uplift"), percent(f, "share_subsidence"),
-        ),
-    ]  # fmt: skip
-
-
-def _top_view(f: Figures) -> list[str]:
-    ground = {"class_2": "those of class 2", "estimate": "those near a quick estimate, as there is no class 2"}
-    shown = {"rgb": "the cloud's colours", "intensity": "its intensity", "height": "its relief"}
-    return [
-        sentence("{} points became rasters with cells of {}.", counted(f, "points"), measured(f, "cell_m", "m")),
-        sentence("The picture shows {}.", shown.get(str(f.get("picture")), "")),
-        sentence("There are {} in the median.", measured(f, "density", "returns/m²")),
-        sentence("Ground returns are {}.", ground.get(str(f.get("ground")), "")),
-    ]
-
-
-def _region(f: Figures) -> list[str]:
-    return [
-        sentence(
-            "The proposed region has {}, {} of the cloud's area with {} of its points; look at it before it is used.",
-            measured(f, "area_m2", "m²"), percent(f, "area_share"), percent(f, "points_share"),
-        )
-    ]  # fmt: skip
-
-
-def _flight(f: Figures) -> list[str]:
-    return [
-        sentence(
-            "{} lines of {} in all take {} min; batteries: {}.",
-            counted(f, "line_count"), measured(f, "line_length_m", "m"), _minutes(f.get("flight_time_s")),
-            counted(f, "battery_count"),
-        ),
-        sentence(
-            "They keep at least {} over the ground below, and {} from ground and known plants in any direction.",
-            measured(f, "altitude_lowest_m", "m"), measured(f, "clearance_m", "m"),
-        ),
-        sentence(
-            "At the median, {} returns a m² of map are of the ground, and two such surveys would show change above {}.",
-            counted(f, "ground_per_m2"), measured(f, "level_m", "m"),
-        ),
-        sentence("Motion along the surface would show above {}.", measured(f, "motion_m", "m")),
-    ]  # fmt: skip
-
-
-def _minutes(seconds: float | None) -> str:
-    return "" if seconds is None else f"{max(1, round(seconds / 60))}"
-
-
-def _located(f: Figures) -> list[str]:
-    return [
-        sentence(
-            "{} of {} features have their place on the road now.", counted(f, "located"), counted(f, "features")
-        ),
-        sentence("{} have none; the field location_note says why.", counted(f, "not_located")) if f.get(
-            "not_located") else "",
-    ]  # fmt: skip
-
-
-def _tasks(f: Figures) -> list[str]:
-    return [
-        sentence(
-            "{} pictures with {} regions are ready for Label Studio.", counted(f, "pictures"), counted(f, "regions")
-        )
-    ]
-
-
-def _labels(f: Figures) -> list[str]:
-    return [
-        sentence(
-            "{} regions of {} tasks became {} polygons, {} in all.",
-            *(counted(f, name) for name in ("regions", "tasks", "polygons")), measured(f, "area_m2", "m²"),
-        )
-    ]  # fmt: skip
-
-
 def _report(_: Figures) -> list[str]:
     return ["The report was written again."]
 
@@ -389,17 +269,8 @@ _FOUND: dict[str, Callable[[Figures], list[str]]] = {
     "displacement": _displacement,
     "series": _series,
     "batch": _batch,
-    "train": _train,
     "report": _report,
-    "topview": _top_view,
-    "suggestroi": _region,
-    "planflight": _flight,
-    "locate": _located,
-    "exportlabelstudio": _tasks,
-    "importlabelstudio": _labels,
-    "simulate survey": _survey,
-    "simulate series": _simulated_series,
-    "simulate scenes": _scenes,
+    **OF_TOOLS,
 }
 
 
