@@ -26,7 +26,7 @@ BASE = HERE.parent / "builders" / "qgis.py"
 ENGLISH = re.compile(r"(?:\b[A-Za-z][a-z]+ ){3,}[a-z]+\b")
 """Four words in a row; names of software, units, values and files are left out by that."""
 CHINESE = re.compile("[\u4e00-\u9fff]")
-SYMBOLS = {"m", "m²", "mm/d", "GB", "px", "XLSX", "CSV"}
+SYMBOLS = {"Hz", "m/s", "min", "s", "m", "m²", "mm/d", "GB", "px", "XLSX", "CSV"}
 LEAST_HELP, LEAST_TAGS = 200, 6
 
 

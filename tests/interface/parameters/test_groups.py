@@ -103,6 +103,7 @@ def test_what_is_left_to_the_data_is_a_word_an_empty_field_and_the_number_of_ear
 
 def test_these_numbers_are_left_to_the_data():
     assert {s.name for _, s in AUTOMATIC} == {
+        "azimuth", "ground_share", "ground_scatter",
         "cell", "largest_cell", "registration_error", "normal_scale", "projection_scale", "half_length",
         "core_spacing", "distance_cell", "memory_limit", "ground_memory", "colour_range", "learning_rate", "batch",
         "minutes", "threads", "area", "density", "memory_budget", "region_cell", "simplification", "detail",
