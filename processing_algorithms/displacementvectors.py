@@ -36,6 +36,15 @@ _PRODUCTS = (
         file="displacement.gpkg",
     ),
     products.Product(
+        "ONE_DIRECTION",
+        "displacement_vectors",
+        "Motion known in one direction",
+        "Arrows where relief holds one direction only; across them nothing is known.",
+        Appearance(40, visible=False, expanded=False),
+        layer="one_direction",
+        file="displacement.gpkg",
+    ),
+    products.Product(
         "DISPLACEMENT",
         "displacement",
         "Displacement (m)",

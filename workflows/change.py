@@ -23,6 +23,7 @@ from ..engine.zones.profile_lines import given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from ..interface.parameters import AUTO
 from .early_memory import refuse_grid_early
+from .movement import Surveys, moved_zones_of
 from .pair import SPOOL, Cloud, compare_pair, dated_pair, ground_of, ground_on_disk, is_large, stable_area
 from .products.change import CHANGE_OUTPUTS, ON_REQUEST, Context, method_name, write_products
 from .run import Run
@@ -47,7 +48,7 @@ def change_step(
     check_pair(*epochs)
     optional = [("transform", transform_path), ("profiles", profiles), ("stable", stable)]
     inputs = [*((f"epoch {e.name}", e.path) for e in epochs), *optional]
-    recorded = groups(settings, "inputs", "dates", "surface", "change", "zones", "heatmap", "report")
+    recorded = groups(settings, "inputs", "dates", "surface", "change", "zones", "movement", "heatmap", "report")
     run = Run("change", recorded, inputs, progress)
     run.refuse_folder(output_dir, ("run.json", *CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS), overwrite=overwrite)
     run.read_reviews(output_dir, ("zones.gpkg",))
@@ -64,18 +65,21 @@ def change_step(
         with cancellation.temporary(run.stage.folder / SPOOL) as spool:
             first, second, picture = _read(run, (reference, moving), transform, settings, spool)
             change = _difference(run, (first, second), settings, transform_path, stable)
-        context = Context(
-            first=epochs[0],
-            second=epochs[1],
-            crs=first.crs,
-            transform=transform,
-            input_hashes=hashes,
-            method=method_name(settings.change, change.direction),
-            run_id=run.run_id(hashes),
-        )
-        del first, second
+            context = Context(
+                first=epochs[0],
+                second=epochs[1],
+                crs=first.crs,
+                transform=transform,
+                input_hashes=hashes,
+                method=method_name(settings.change, change.direction),
+                run_id=run.run_id(hashes),
+            )
+            covariance = run.facts.get("registration", {}).get("covariance")
+            surveys = Surveys(first, second, covariance, None if transform is None else transform.centre)
+            zones = moved_zones_of(run, change, surveys, context, settings)
+        del first, second, surveys
         with run.step("products", 0.5, 0.99, "writing outputs"):
-            write_products(run, change, picture, context, settings, lines)
+            write_products(run, change, picture, context, settings, lines, zones)
         del picture, change  # the report reads the files
         run.outputs["run"] = run.record_path
         run.facts["run_id"] = context.run_id

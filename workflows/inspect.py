@@ -37,6 +37,7 @@ from ..engine.zones.profile_lines import ProfileLine, given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS
 from .early_memory import refuse_grid_early
 from .last_epoch import SCREENING_OUTPUTS, EpochScreening, confirmed_by, obstacle, screen_epoch, write_epoch_screening
+from .movement import Surveys, moved_zones_of
 from .pair import (
     MAX_HELD_POINTS,
     SPOOL,
@@ -56,7 +57,18 @@ _AT_ONCE = 2  # surveys whose ground is found at the same time
 MAX_POINTS_AT_ONCE = 8_000_000
 """Points of raw surveys up to which their ground is found at the same time."""
 _EVERY_OUTPUT = (*CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS, *SCREENING_OUTPUTS)
-_RECORDED = ("inputs", "dates", "ground", "registration", "change", "zones", "heatmap", "screening", "report")
+_RECORDED = (
+    "inputs",
+    "dates",
+    "ground",
+    "registration",
+    "change",
+    "zones",
+    "movement",
+    "heatmap",
+    "screening",
+    "report",
+)
 
 
 @dataclass(frozen=True)
@@ -258,25 +270,31 @@ def _change_of_two(task: _Inspection, grounds: list[GroundResult], screened: boo
         moved = _moved(second, registration.transform)
         change = _difference(task, first, moved, registration)
         crs = first.crs
-        del first, second, moved
+        context = _context(task, change, registration, crs)
+        surveys = Surveys(first, moved, registration.covariance, registration.transform.centre)
+        zones = moved_zones_of(run, change, surveys, context, settings)
+        del first, second, moved, surveys
     later = _write_clouds(task, grounds[1], registration, crs)
     found = _screened_and_confirmed(task, later, change) if screened else None
     with run.step("products", 0.88, 0.99, "writing outputs"):
         picture = _picture(grounds[1].clipped, registration.transform)
-        context = Context(
-            first=task.epochs[0],
-            second=task.epochs[1],
-            crs=crs,
-            transform=registration.transform,
-            input_hashes=task.hashes,
-            method=f"{method_name(settings.change, change.direction)}, {registration.method} registration",
-            run_id=run.facts["run_id"],
-        )
-        write_products(run, change, picture, context, settings, task.lines)
+        write_products(run, change, picture, context, settings, task.lines, zones)
         run.facts["registration"] = registration.summary()
         run.figures |= registration.figures()
         if found is not None:
             write_epoch_screening(run, found, picture, task.epochs[1], task.hashes[1], settings.screening)
+
+
+def _context(task: _Inspection, change: Change, registration: RegistrationResult, crs: CRS) -> Context:
+    return Context(
+        first=task.epochs[0],
+        second=task.epochs[1],
+        crs=crs,
+        transform=registration.transform,
+        input_hashes=task.hashes,
+        method=f"{method_name(task.settings.change, change.direction)}, {registration.method} registration",
+        run_id=task.run.facts["run_id"],
+    )
 
 
 def _ground_clouds(task: _Inspection, grounds: list[GroundResult], spool: Path) -> tuple[Cloud, Cloud]:

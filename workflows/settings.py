@@ -17,6 +17,7 @@ from ..interface.parameters import (
     InputParameters,
     LastEpochParameters,
     ModelParameters,
+    MovementParameters,
     ParameterSet,
     RegistrationParameters,
     ReportParameters,
@@ -38,6 +39,7 @@ class Settings:
     registration: RegistrationParameters = field(default_factory=RegistrationParameters)
     change: ChangeParameters = field(default_factory=ChangeParameters)
     zones: ZoneParameters = field(default_factory=ZoneParameters)
+    movement: MovementParameters = field(default_factory=MovementParameters)
     heatmap: HeatmapParameters = field(default_factory=HeatmapParameters)
     screening: LastEpochParameters = field(default_factory=LastEpochParameters)
     report: ReportParameters = field(default_factory=ReportParameters)

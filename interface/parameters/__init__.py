@@ -20,6 +20,7 @@ from .drawing import LabellingParameters, RegionParameters, TopViewParameters
 from .ground import GroundParameters
 from .inputs import InputParameters
 from .maps import HeatmapParameters
+from .movement import MovementParameters
 from .outputs import OutputParameters
 from .profiles import PROFILES, PUBLISHED_WORKFLOW, PUBLISHED_WORKFLOW_ID
 from .registration import RegistrationParameters
@@ -51,6 +52,7 @@ __all__ = [
     "LabellingParameters",
     "LastEpochParameters",
     "ModelParameters",
+    "MovementParameters",
     "OutputParameters",
     "ParameterError",
     "ParameterSet",

@@ -12,6 +12,7 @@ from .drawing import LabellingParameters, RegionParameters, TopViewParameters
 from .ground import GroundParameters
 from .inputs import InputParameters
 from .maps import HeatmapParameters
+from .movement import MovementParameters
 from .outputs import OutputParameters
 from .registration import RegistrationParameters
 from .report import ReportParameters
@@ -27,7 +28,7 @@ Sets = tuple[type[ParameterSet], ...]
 
 _READ: Sets = (InputParameters, DateParameters)
 """How clouds and their days are read: the first of the headings, as the flow begins there."""
-_CHANGE: Sets = (ChangeParameters, ZoneParameters)
+_CHANGE: Sets = (ChangeParameters, ZoneParameters, MovementParameters)
 _SHOWN: Sets = (HeatmapParameters, ReportParameters, OutputParameters)
 
 GROUND: Sets = (InputParameters, GroundParameters)
