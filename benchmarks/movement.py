@@ -9,6 +9,8 @@ Real: two random halves of a dense cloud, on which patches are moved along the s
 from __future__ import annotations
 
 import math
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,11 +20,13 @@ from ..engine.change.difference import difference
 from ..engine.core.arrays import Float
 from ..engine.core.progress import Progress
 from ..engine.displacement.displacement import measure_displacement
+from ..engine.displacement.facets import find_facets
 from ..engine.displacement.registered import Registered
+from ..engine.ground.filtering import known_ground
 from ..engine.zones.change_movements import moved_zones
 from ..engine.zones.change_zones import change_zones
 from ..engine.zones.extraction import Zones
-from ..engine.zones.movement import BULGED, GAINED, LOST, SANK, SLID
+from ..engine.zones.movement import BULGED, GAINED, LOST, MOVEMENTS, SANK, SLID
 from ..interface.parameters import ChangeParameters, DisplacementParameters, SurveyParameters, ZoneParameters
 from ..simulation.fields import HeightField
 from ..simulation.frame import Frame
@@ -33,12 +37,18 @@ from ..simulation.surveys.survey import built_slope, simulate_pair, slope_of
 from ..simulation.surveys.true_motion import outline
 from ..simulation.surveys.weathering import eroded
 from .chain import registered
+from .real_data import DENSE_HALVES, dense_cloud, split
+from .table import Row, say
 
-SEEDS = range(1, 5)
+SEEDS = (1, 2, 3, 4)
 SLIDES = ("translation", "creep", "rotation", "slump")
 WAYS_M = (0.1, 0.2, 0.4)
 HEIGHTS_M = (0.15, 0.3)
+REAL_SEEDS = (1, 2, 3)
 _WORN_M = 2.0  # wavelength of which half the relief is another where material left or came
+_REAL_HALF_M, _REAL_APART_M = 3.0, 9.0
+_MIN_COMMON_M2 = 0.5
+_NONE = "none"
 
 
 @dataclass(frozen=True)
@@ -123,6 +133,112 @@ def zones_of(
 def named(zones: Zones, case: Case) -> str:
     """What the zone that has most in common with a patch is said to have done; ``none`` without one."""
     common = zones.frame.geometry.intersection(case.place).area.to_numpy()
-    if not len(common) or common.max() < 0.5:
-        return "none"
+    if not len(common) or common.max() < _MIN_COMMON_M2:
+        return _NONE
     return str(zones.frame["movement"].iloc[int(np.argmax(common))])
+
+
+def real(cloud: Float, seed: int) -> tuple[Zones, list[Case]]:
+    """The zones of two random halves of a cloud's ground, on which patches slid, sank, bulged or were replaced.
+
+    What replaces a patch is the ground of another place of the cloud, laid on the patch's own plane.
+    """
+    first, later = (part[known_ground(part).mask] for part in split(cloud, seed))
+    frame = find_facets(first).frames[0]
+    flat, of_first = frame.to_plane(later), frame.to_plane(first)
+    rng = np.random.default_rng([seed, 8])
+    low, high = np.quantile(of_first[:, :2], 0.1, axis=0), np.quantile(of_first[:, :2], 0.9, axis=0)
+    patches: list[Float] = []
+    while len(patches) < 4:
+        middle = rng.uniform(low, high)
+        near = np.hypot(*(of_first[:, :2] - middle).T) < _REAL_HALF_M
+        enough = near.sum() > 60 * math.pi * _REAL_HALF_M**2
+        if enough and all(np.hypot(*(middle - other)) > _REAL_APART_M for other in patches):
+            patches.append(middle)
+    how = ((SLID, 0.1), (SLID, 0.3), (SANK if seed % 2 else BULGED, 0.2), (LOST if seed % 2 else GAINED, 0.2))
+    moved, cases = flat.copy(), []
+    for middle, (truth, amount) in zip(patches, how, strict=True):
+        radius = np.hypot(*(flat[:, :2] - middle).T) / _REAL_HALF_M
+        share = np.clip((1 - radius) / 0.25, 0.0, 1.0)
+        share = share * share * (3 - 2 * share)
+        if truth == SLID:
+            moved[:, 0] += amount * share
+        elif truth in (SANK, BULGED):
+            moved += (amount if truth == BULGED else -amount) * share[:, None] * frame.axes[:, 2]
+        else:
+            moved = _with_other_ground(moved, middle, amount if truth == GAINED else -amount, rng)
+        cases.append(Case(truth, "real", amount, _disc(frame.axes, frame.origin, middle, of_first)))
+    still = Registered.unknown()
+    return zones_of(first, moved @ frame.axes + frame.origin, still, 0.0), cases
+
+
+def _with_other_ground(flat: Float, middle: Float, height: float, rng: np.random.Generator) -> Float:
+    """Points in a plane's frame, those of a disc replaced by those of another place, ``height`` m higher."""
+    inside = np.hypot(*(flat[:, :2] - middle).T) < _REAL_HALF_M
+    while True:
+        other = flat[rng.integers(len(flat)), :2]
+        taken = np.hypot(*(flat[:, :2] - other).T) < _REAL_HALF_M
+        if np.hypot(*(other - middle)) > 2 * _REAL_HALF_M and taken.sum() > 0.7 * inside.sum():
+            break
+    put = flat[taken].copy()
+    put[:, :2] -= other
+    put[:, 2] -= _plane(put)
+    own = flat[inside].copy()
+    own[:, :2] -= middle
+    design = np.column_stack([np.ones(len(own)), own[:, :2]])
+    tilt = np.linalg.lstsq(design, own[:, 2], rcond=None)[0]
+    put[:, 2] += np.column_stack([np.ones(len(put)), put[:, :2]]) @ tilt + height
+    put[:, :2] += middle
+    return np.concatenate([flat[~inside], put])
+
+
+def _plane(points: Float) -> Float:
+    design = np.column_stack([np.ones(len(points)), points[:, :2]])
+    return np.asarray(design @ np.linalg.lstsq(design, points[:, 2], rcond=None)[0])
+
+
+def _disc(axes: Float, origin: Float, middle: Float, ground: Float) -> shapely.Polygon:
+    """A disc of the plane on the map, at the height of its ground (n, 3) in the plane's frame."""
+    near = np.hypot(*(ground[:, :2] - middle).T) < _REAL_HALF_M
+    turn = np.linspace(0.0, 2 * math.pi, 65)[:-1]
+    ring = np.column_stack(
+        [
+            middle[0] + _REAL_HALF_M * np.cos(turn),
+            middle[1] + _REAL_HALF_M * np.sin(turn),
+            np.full(64, float(np.median(ground[near, 2]))),
+        ]
+    )
+    return shapely.Polygon((ring @ axes + origin)[:, :2])
+
+
+def rows() -> list[Row]:
+    """The tables of what patches did by what they are said to have done."""
+    said: list[tuple[Case, str]] = []
+    for seed in SEEDS:
+        for number, how in enumerate(SLIDES):
+            way, height = WAYS_M[(seed + number) % 3], HEIGHTS_M[(seed // 2 + number) % 2]
+            zones, cases = simulated(seed, how, way, height)
+            said += [(case, named(zones, case)) for case in cases]
+            say(f"pair {seed}, {how} by {way:g} m")
+    found = list(_rows("simulated", said))
+    cloud = dense_cloud()
+    if cloud is None:
+        return found
+    said = []
+    for seed in REAL_SEEDS:
+        zones, cases = real(cloud, seed)
+        said += [(case, named(zones, case)) for case in cases]
+        say(f"real cloud, seed {seed}")
+    return [*found, *_rows(DENSE_HALVES, said)]
+
+
+def _rows(name: str, said: Sequence[tuple[Case, str]]) -> list[Row]:
+    found = []
+    for truth in MOVEMENTS:
+        names = Counter(word for case, word in said if case.truth == truth)
+        if not names:
+            continue
+        words = ", ".join(f"{count} {word}" for word, count in names.most_common())
+        wrong = sum(count for word, count in names.items() if word not in (truth, "undecided", _NONE))
+        found.append(Row(f"{name}: {sum(names.values())} patches that {truth}", words, "", f"{wrong} named wrongly"))
+    return found

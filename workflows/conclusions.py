@@ -88,7 +88,7 @@ def _slid(f: Figures) -> str:
     if not count:
         return f"No zone was found to have slid along the surface; {rest}."
     most = measured(f, "largest_slide_m", "m", error="largest_slide_err_m", sign=False)
-    return f"{number(count)} {plural(count, 'zone')} slid along the surface, by up to {most}; {rest}."
+    return f"Of the zones, {number(count)} slid along the surface, by up to {most}; {rest}."
 
 
 def _confirmed(f: Figures) -> str:

@@ -22,6 +22,7 @@ _MIN_NODES = 60
 _MAX_ROUNDS, _PASSES = 15, 2
 _CONVERGED_M, _MAX_STEP_M = 0.0005, 0.2
 _MIN_GAIN = 0.9
+_MIN_BEGINNING = 2.0  # information over its standard error, below which a start is not followed: planes have none
 _MIN_SCALE_M = 1e-4
 _COMMON_BLOCKS = 30.0  # as in ``errors``
 _MIN_BEND = 0.2
@@ -85,7 +86,8 @@ def with_component(
         search: the largest motion (m), and a start (2,) that correlation gives.
     """
     if isinstance(fit, Fit):
-        one_way = fit.information[0] < gates.information and fit.seen >= gates.seen
+        weak, strong = fit.information
+        one_way = weak < gates.information <= strong and fit.seen >= gates.seen
     else:
         one_way = fit == Status.NO_RELIEF
     if not one_way:
@@ -127,7 +129,11 @@ def _from(
     at = _at(surfaces, region, middle, start)
     if at is None:
         return None
-    direction, amount = _strongest(at), 0.0
+    direction = _strongest(at)
+    weight, _, _ = _weights(at)
+    block = np.unique(region.block[at.seen], return_inverse=True)[1]
+    if _blocks_information(at, weight, block, int(block.max()) + 1, direction) < _MIN_BEGINNING:
+        return None
     amount = float(start @ direction)
     for _ in range(_PASSES):
         converged = False

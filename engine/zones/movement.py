@@ -24,7 +24,7 @@ MOVEMENTS = (SLID, SANK, BULGED, LOST, GAINED, UNDECIDED)
 KEPT_SHARE = 0.5
 """Of the likeness of the relief around: below, the ground is not taken as the same."""
 _SURE = 0.95
-_SEEN_ERRORS = 2.0
+_SEEN_ERRORS = 1.0
 """Errors of the motion along the surface that the one along the normal must exceed, for sliding to be ruled out."""
 
 
