@@ -11,7 +11,7 @@ from scipy import ndimage
 from ..core.arrays import Float, Index
 from ..core.progress import Progress
 from ..displacement.facets import Facets, Frame
-from ..displacement.ground_fit import GroundFit, PieceFits, SortedCloud, fit_piece, grid_piece, with_errors
+from ..displacement.ground_fit import Gridded, GroundFit, PieceFits, SortedCloud, fit_piece, grid_piece, with_errors
 from ..displacement.registered import Registered
 from ..displacement.windows import Search
 from ..grid.grid import Grid
@@ -72,10 +72,10 @@ def measure_zones(
         progress.update((number - 1) / max(count, 1), "measuring what the zones did")
         bounds = None if box is None else _bounds(box, grid)
         frame = None if bounds is None else _frame_of(numbers, number, bounds, grid, ground)
-        piece = None
+        pieces: list[Gridded] = []
         if bounds is not None and frame is not None:
-            piece = grid_piece(ground.clouds, frame, bounds, _number_at(numbers, number, grid), ground.search)
-        fits.append(None if piece is None else fit_piece(piece, ground.search))
+            pieces = grid_piece(ground.clouds, frame, bounds, _number_at(numbers, number, grid), ground.search)
+        fits.append(fit_piece(pieces, ground.search) if pieces else None)
         distances.append((math.nan, math.nan) if bounds is None else _distance(numbers, number, bounds, grid, ground))
     known = iter(with_errors([fit for fit in fits if fit is not None]))
     progress.update(1.0)
