@@ -23,7 +23,7 @@ from ..engine.displacement.displacement import measure_displacement
 from ..engine.displacement.facets import find_facets
 from ..engine.displacement.registered import Registered
 from ..engine.ground.filtering import known_ground
-from ..engine.zones.change_movements import moved_zones
+from ..engine.zones.change_movements import Motion, moved_zones
 from ..engine.zones.change_zones import change_zones
 from ..engine.zones.extraction import Zones
 from ..engine.zones.movement import BULGED, GAINED, LOST, MOVEMENTS, SANK, SLID
@@ -127,7 +127,7 @@ def zones_of(
     change = difference(first, later, ChangeParameters(), registration_error=height_error, plants=plants)
     found = change_zones(change)
     vectors = measure_displacement(first, later, DisplacementParameters(), errors)
-    return moved_zones(found, change, vectors, (first, later), errors, ZoneParameters())
+    return moved_zones(found, change, Motion(vectors, (first, later), errors), ZoneParameters())
 
 
 def named(zones: Zones, case: Case) -> str:

@@ -13,7 +13,7 @@ from ..engine.core.errors import InputError
 from ..engine.displacement.displacement import Displacement, measure_displacement
 from ..engine.displacement.registered import Registered
 from ..engine.pointcloud.cloud import PointCloud
-from ..engine.zones.change_movements import moved_zones
+from ..engine.zones.change_movements import Motion, moved_zones
 from ..engine.zones.change_zones import change_zones
 from ..engine.zones.extraction import Origin, Zones
 from ..interface.parameters import DisplacementParameters
@@ -81,9 +81,13 @@ def moved_zones_of(
             change, context.crs, settings.zones, epochs=context.dates, method=context.method, run_id=context.run_id
         )
         zones = moved_zones(
-            found, change, vectors, (first.xyz, later.xyz), registered, settings.zones,
-            largest_motion=parameters.largest_motion, confidence=settings.movement.movement_confidence, origin=origin,
+            found,
+            change,
+            Motion(vectors, (first.xyz, later.xyz), registered, parameters.largest_motion),
+            settings.zones,
+            confidence=settings.movement.movement_confidence,
+            origin=origin,
             progress=run.progress,
-        )  # fmt: skip
+        )
         entry["zones"] = len(zones.frame)
     return zones

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy import ndimage
 
@@ -25,15 +27,29 @@ from .sliding import with_movements
 _GATHERED_M = 0.5  # by which the cells of a zone are joined: under plants they are scattered
 
 
+@dataclass(frozen=True)
+class Motion:
+    """What is known of motion along the surface of two surveys.
+
+    Attributes:
+        vectors: of them.
+        clouds: ground points (n, 3) of both, in one frame, metres.
+        registered: error of the registration along the surface.
+        largest: motion that was looked for, metres.
+    """
+
+    vectors: Displacement
+    clouds: tuple[Float, Float]
+    registered: Registered
+    largest: float = 1.0
+
+
 def moved_zones(
     found: Zones,
     change: Change,
-    displacement: Displacement,
-    clouds: tuple[Float, Float],
-    registered: Registered,
+    motion: Motion,
     parameters: ZoneParameters,
     *,
-    largest_motion: float = 1.0,
     confidence: float = 0.99,
     origin: Origin | None = None,
     progress: Progress | None = None,
@@ -41,15 +57,13 @@ def moved_zones(
     """The zones ``found`` in a ``change`` with what each did, and those that slid in place of their parts.
 
     Args:
-        displacement: the vectors of the same surveys.
-        clouds: ground points (n, 3) of both, in one frame, metres.
-        registered: error of the registration along the surface.
-        largest_motion: that was looked for along the surface, metres.
+        motion: of the same surveys.
         confidence: with which ground that did not slide is not said to have slid.
         origin: of the zones.
     """
-    search = Search((), largest_motion, displacement.kernel)
-    ground = Ground.of(clouds, displacement.facets, search, registered, change.registration_error)
+    displacement = motion.vectors
+    search = Search((), motion.largest, displacement.kernel)
+    ground = Ground.of(motion.clouds, displacement.facets, search, motion.registered, change.registration_error)
     surface = Surface(cells_of(change), detected_of(change), change.grid, origin or Origin())
     numbers = own_ground(found, change.grid)
     measured = measure_zones(numbers, len(found.frame), change.grid, ground, progress)

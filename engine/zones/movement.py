@@ -24,6 +24,8 @@ MOVEMENTS = (SLID, SANK, BULGED, LOST, GAINED, UNDECIDED)
 KEPT_SHARE = 0.5
 """Of the likeness of the relief around: below, the ground is not taken as the same."""
 _SURE = 0.95
+_UNEVEN_SHARE = 0.3
+"""Standard error along the surface of ground that moves along its normal, as a share of that: no bulge rises evenly."""
 _SEEN_ERRORS = 1.0
 """Errors of the motion along the surface that the one along the normal must exceed, for sliding to be ruled out."""
 
@@ -96,7 +98,8 @@ def decide(evidence: Evidence, confidence: float = 0.99) -> Verdict:
     if same < 0.5 or evidence.along is None or evidence.covariance is None:
         return Verdict(UNDECIDED, 0.0)
     whole = np.zeros((3, 3))
-    whole[:2, :2], whole[2, 2] = evidence.covariance, evidence.normal_error**2
+    uneven = (_UNEVEN_SHARE * evidence.normal) ** 2
+    whole[:2, :2], whole[2, 2] = evidence.covariance + uneven * np.eye(2), evidence.normal_error**2
     without_sliding = sliding_probability(evidence.along, evidence.normal, whole, evidence.slope_deg)
     if without_sliding < by_chance:
         return Verdict(SLID, 1.0 - without_sliding)

@@ -9,7 +9,7 @@ from scipy import ndimage
 from slopewatch.engine.change.difference import difference
 from slopewatch.engine.displacement.displacement import measure_displacement
 from slopewatch.engine.displacement.registered import Registered
-from slopewatch.engine.zones.change_movements import moved_zones
+from slopewatch.engine.zones.change_movements import Motion, moved_zones
 from slopewatch.engine.zones.change_zones import change_zones
 from slopewatch.engine.zones.extraction import Origin, Zones
 from slopewatch.interface.parameters import ChangeParameters, DisplacementParameters, ZoneParameters
@@ -69,4 +69,4 @@ def zones_of(first: np.ndarray, later: np.ndarray, origin: Origin | None = None)
     found = change_zones(change, epochs=origin.epochs, method=origin.method, run_id=origin.run_id)
     still = Registered.unknown()
     vectors = measure_displacement(first, later, DisplacementParameters(), still)
-    return moved_zones(found, change, vectors, (first, later), still, ZoneParameters(), origin=origin)
+    return moved_zones(found, change, Motion(vectors, (first, later), still), ZoneParameters(), origin=origin)

@@ -35,10 +35,12 @@ def test_ground_that_sinks_straight_down_or_along_the_normal_did_not_slide():
 
 
 def test_motion_that_neither_explains_is_sliding():
-    assert decide(replace(KNOWN, along=np.array([0.3, 0.0]))).movement == SLID
-    assert decide(replace(KNOWN, along=np.array([0.1, 0.1]))).movement == SLID
+    assert decide(replace(KNOWN, along=np.array([0.5, 0.0]))).movement == SLID
+    assert decide(replace(KNOWN, along=np.array([0.1, 0.3]))).movement == SLID
     assert decide(replace(KNOWN, normal=0.0, along=np.array([0.1, 0.0]))).movement == SLID
-    assert decide(replace(KNOWN, normal=0.2, along=np.array([0.1, 0.0]))).movement == SLID
+    assert decide(replace(KNOWN, normal=0.2, along=np.array([0.3, 0.0]))).movement == SLID
+    # a bulge does not rise evenly
+    assert decide(replace(KNOWN, normal=0.2, along=np.array([0.05, 0.0]))).movement == BULGED
 
 
 def test_another_surface_is_material_that_left_or_came():
