@@ -27,6 +27,7 @@ NAMES = {
     "m3c2": "M3C2",
     "m3c2_level": "The level of detection of M3C2",
     "displacement": "Motion along the surface",
+    "movement": "What zones did: slid, sank, bulged, lost or gained material",
     "calibration": "Calibration of the level of detection",
     "strips": "Two airborne strips without change",
     "bumps": "Thirty bumps and hollows in real airborne strips",

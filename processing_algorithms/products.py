@@ -218,6 +218,15 @@ MOTION_PRODUCTS = (
         file="displacement.gpkg",
     ),
     Product(
+        "ONE_DIRECTION",
+        "displacement_vectors",
+        "Motion known in one direction",
+        "Arrows where relief holds one direction only; across them nothing is known.",
+        Appearance(40, visible=False, expanded=False),
+        layer="one_direction",
+        file="displacement.gpkg",
+    ),
+    Product(
         "DISPLACEMENT",
         "displacement",
         "Displacement (m)",

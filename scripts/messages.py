@@ -141,6 +141,7 @@ COMPOSED = (
     ),
     "Uplift",
     "Subsidence",
+    "Sliding",
     "Confirmed",
     "Rejected",
     "Unreviewed",
@@ -195,6 +196,7 @@ COMPOSED = (
 WORDS = (
     ",", "above", "and", "below", "confirmed", "contradicted", "coordinates", "Coordinates", "cumulative",
     "earlier", "first", "ground", "heights", "lowered", "raised", "incremental", "inspect",
+    "sliding", "sank", "bulged", "slid", "lost", "gained", "undecided",
     "acknowledged", "closed", "observe", "plants", "points", "registration",
     "Heights", "high", "higher", "it", "later", "low", "lower", "lowering", "manifest", "moderate", "no", "raising",
     "rapid", "rejected", "risen", "rise", "setting", "sink", "slow", "steady", "subsidence", "sunk", "tilt", "them",

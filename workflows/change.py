@@ -25,6 +25,7 @@ from ..interface.parameters import AUTO
 from .early_memory import refuse_grid_early
 from .layer_files import NO_LAYERS, LayerFiles
 from .layers import layers_on_cloud
+from .movement import Surveys, moved_zones_of
 from .pair import SPOOL, Cloud, compare_pair, dated_pair, ground_of, ground_on_disk, is_large, stable_area
 from .products.change import CHANGE_OUTPUTS, ON_REQUEST, Context, method_name, write_products
 from .run import Run
@@ -50,7 +51,9 @@ def change_step(
     check_pair(*epochs)
     optional = [("transform", transform_path), ("profiles", profiles), ("stable", stable), *layers.inputs]
     inputs = [*((f"epoch {e.name}", e.path) for e in epochs), *optional]
-    words = ("inputs", "dates", "surface", "change", "zones", "road", "assets", "heatmap", "report", "details")
+    words = (
+        "inputs", "dates", "surface", "change", "zones", "movement", "road", "assets", "heatmap", "report", "details",
+    )  # fmt: skip
     recorded = groups(settings, *words)
     run = Run("change", recorded, inputs, progress)
     run.refuse_folder(output_dir, ("run.json", *CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS), overwrite=overwrite)
@@ -69,18 +72,21 @@ def change_step(
         with cancellation.temporary(run.stage.folder / SPOOL) as spool:
             first, second, picture = _read(run, (reference, moving), transform, settings, spool)
             change = _difference(run, (first, second), settings, transform_path, stable)
-        context = Context(
-            first=epochs[0],
-            second=epochs[1],
-            crs=first.crs,
-            transform=transform,
-            input_hashes=hashes,
-            method=method_name(settings.change, change.direction),
-            run_id=run.run_id(hashes),
-        )
-        del first, second
+            context = Context(
+                first=epochs[0],
+                second=epochs[1],
+                crs=first.crs,
+                transform=transform,
+                input_hashes=hashes,
+                method=method_name(settings.change, change.direction),
+                run_id=run.run_id(hashes),
+            )
+            covariance = run.facts.get("registration", {}).get("covariance")
+            surveys = Surveys(first, second, covariance, None if transform is None else transform.centre)
+            zones = moved_zones_of(run, change, surveys, context, settings)
+        del first, second, surveys
         with run.step("products", 0.5, 0.99, "writing outputs"):
-            write_products(run, change, picture, context, settings, lines)
+            write_products(run, change, picture, context, settings, lines, zones)
         del picture, change  # the report reads the files
         run.outputs["run"] = run.record_path
         run.facts["run_id"] = context.run_id

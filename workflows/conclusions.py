@@ -65,6 +65,7 @@ def _change(f: Figures) -> list[str]:
             "median, cannot be distinguished from none.",
             percent(f, "compared_share"), measured(f, "lod_median_m", "m"),
         ),
+        _slid(f),
         _moved(f),
         _biased(f),
         _confirmed(f),
@@ -77,6 +78,19 @@ def _dem_change(f: Figures) -> list[str]:
         measured(f, "bias_m", "m", error="bias_error_m"),
     )
     return [bias, *_change(f)]
+
+
+def _slid(f: Figures) -> str:
+    """What zones did, where that was asked for."""
+    if f.get("slid_zones") is None:
+        return ""
+    sank, bulged, lost, gained = (number(f.get(f"{name}_zones", 0)) for name in ("sank", "bulged", "lost", "gained"))
+    rest = f"{sank} sank, {bulged} bulged, {lost} lost and {gained} gained material"
+    count = f["slid_zones"]
+    if not count:
+        return f"No zone was found to have slid along the surface; {rest}."
+    most = measured(f, "largest_slide_m", "m", error="largest_slide_err_m", sign=False)
+    return f"Of the zones, {number(count)} slid along the surface, by up to {most}; {rest}."
 
 
 def _confirmed(f: Figures) -> str:

@@ -40,6 +40,7 @@ from .inspect_motion import measured_motion, write_motion
 from .last_epoch import SCREENING_OUTPUTS, EpochScreening, confirmed_by, obstacle, screen_epoch, write_epoch_screening
 from .layer_files import NO_LAYERS, LayerFiles
 from .layers import layers_on_cloud
+from .movement import Surveys, moved_zones_of
 from .pair import (
     MAX_HELD_POINTS,
     SPOOL,
@@ -61,8 +62,8 @@ MAX_POINTS_AT_ONCE = 8_000_000
 """Points of raw surveys up to which their ground is found at the same time."""
 _EVERY_OUTPUT = (*CHANGE_OUTPUTS, *ON_REQUEST, *PROFILE_OUTPUTS, *DISPLACEMENT_OUTPUTS, *SCREENING_OUTPUTS)
 _RECORDED = (
-    "inputs", "dates", "ground", "registration", "change", "zones", "displacement_step", "displacement", "road",
-    "assets", "heatmap", "screening", "report", "details",
+    "inputs", "dates", "ground", "registration", "change", "zones", "movement", "displacement_step", "displacement",
+    "road", "assets", "heatmap", "screening", "report", "details",
 )  # fmt: skip
 
 
@@ -276,27 +277,34 @@ def _change_of_two(task: _Inspection, grounds: list[GroundResult], screened: boo
             motion = measured_motion(run, (first, moved), settings.displacement, registration, task.stable)
         change = _difference(task, first, moved, registration)
         crs = first.crs
-        del first, second, moved
+        context = _context(task, change, registration, crs)
+        surveys = Surveys(first, moved, registration.covariance, registration.transform.centre)
+        vectors = None if motion is None else motion.found
+        zones = moved_zones_of(run, change, surveys, context, settings, vectors)
+        del first, second, moved, surveys
     later = _write_clouds(task, grounds[1], registration, crs)
     found = _screened_and_confirmed(task, later, change) if screened else None
     with run.step("products", 0.88, 0.99, "writing outputs"):
         picture = _picture(grounds[1].clipped, registration.transform)
-        context = Context(
-            first=task.epochs[0],
-            second=task.epochs[1],
-            crs=crs,
-            transform=registration.transform,
-            input_hashes=task.hashes,
-            method=f"{method_name(settings.change, change.direction)}, {registration.method} registration",
-            run_id=run.facts["run_id"],
-        )
-        write_products(run, change, picture, context, settings, task.lines)
+        write_products(run, change, picture, context, settings, task.lines, zones)
         run.facts["registration"] = registration.summary()
         run.figures |= registration.figures()
         if motion is not None:
             write_motion(run, motion, settings.displacement, context)
         if found is not None:
             write_epoch_screening(run, found, picture, task.epochs[1], task.hashes[1], settings.screening)
+
+
+def _context(task: _Inspection, change: Change, registration: RegistrationResult, crs: CRS) -> Context:
+    return Context(
+        first=task.epochs[0],
+        second=task.epochs[1],
+        crs=crs,
+        transform=registration.transform,
+        input_hashes=task.hashes,
+        method=f"{method_name(task.settings.change, change.direction)}, {registration.method} registration",
+        run_id=task.run.facts["run_id"],
+    )
 
 
 def _ground_clouds(task: _Inspection, grounds: list[GroundResult], spool: Path) -> tuple[Cloud, Cloud]:

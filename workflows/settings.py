@@ -20,6 +20,7 @@ from ..interface.parameters import (
     InputParameters,
     LastEpochParameters,
     ModelParameters,
+    MovementParameters,
     ParameterSet,
     RegistrationParameters,
     ReportParameters,
@@ -46,6 +47,7 @@ class Settings:
     assets: AssetParameters = field(default_factory=AssetParameters)
     displacement_step: DisplacementStepParameters = field(default_factory=DisplacementStepParameters)
     displacement: DisplacementParameters = field(default_factory=DisplacementParameters)
+    movement: MovementParameters = field(default_factory=MovementParameters)
     heatmap: HeatmapParameters = field(default_factory=HeatmapParameters)
     screening: LastEpochParameters = field(default_factory=LastEpochParameters)
     report: ReportParameters = field(default_factory=ReportParameters)

@@ -18,9 +18,11 @@ from ..core.errors import InputError
 from ..core.progress import Progress
 from ..geometry.columns import greatest, least
 from ..grid.grid import Grid, snapped_grid
+from .components import Components, OneWay, held_one_way, on_the_map
 from .facets import Facets, find_facets
 from .least_squares import Fit
 from .measure import Windows, judged
+from .one_direction import Component
 from .registered import Registered
 from .status import Status
 from .surface import kernel_of
@@ -50,6 +52,8 @@ class Displacement:
         taken_off: (3,) east, north, up that was taken off all vectors, metres.
         kernel: standard deviation of the kernel (m), ``points_per_m2`` of the sparser cloud.
         independent: number of measured windows that do not overlap.
+        components: of the motion in windows whose relief holds one direction only.
+        confidence: with which vectors and components count as significant.
     """
 
     grid: Grid
@@ -66,6 +70,8 @@ class Displacement:
     kernel: float
     points_per_m2: float
     independent: float
+    components: Components
+    confidence: float
 
 
 def measure_displacement(
@@ -94,7 +100,7 @@ def measure_displacement(
         radii.append(parameters.wide_window / 2)
     search = Search(tuple(radii), parameters.largest_motion, kernel_of(points))
     with progress.stage(0.0, 0.95):
-        sizes = _measured(first, later, facets, (places, facet), search, progress)
+        sizes, one_way = _measured(first, later, facets, (places, facet), search, progress)
     own = [in_the_map(windows, facets, places, facet) for windows in sizes]
     overlap = parameters.spacing**2 / (np.pi * np.array(radii) ** 2)
     common = common_motion(own[-1], float(overlap[-1]))
@@ -106,6 +112,7 @@ def measure_displacement(
         taken_off, error = reference.motion, np.broadcast_to(reference.covariance, error.shape)
     by_width = tuple(with_error(v, error, taken_off) for v in own)
     vectors = joined(by_width, parameters.vector_confidence)
+    components = on_the_map(one_way, vectors, error, taken_off)
     significant = vectors.significant(parameters.vector_confidence)
     independent = float(np.count_nonzero(own[0].measured | own[-1].measured) * overlap[0])
     columns = np.column_stack(np.divmod(cell, grid.columns)[::-1])
@@ -120,7 +127,7 @@ def measure_displacement(
     progress.update(1.0)
     return Displacement(
         grid, cell, vectors, by_width, facet, facets, significant, tuple(zones), common, still, taken_off,
-        search.kernel, points, independent,
+        search.kernel, points, independent, components, parameters.vector_confidence,
     )  # fmt: skip
 
 
@@ -145,16 +152,17 @@ def _windows_of(first: Float, later: Float, facets: Facets, spacing: float) -> t
 
 def _measured(
     first: Float, later: Float, facets: Facets, at: tuple[Float, Index], search: Search, progress: Progress
-) -> list[Windows]:
-    """The windows of each radius."""
+) -> tuple[list[Windows], list[OneWay]]:
+    """The windows of each radius, and those in which relief holds one direction only."""
     places, facet = at
     regions = search.regions()
-    fits: list[list[Fit | Status]] = [[Status.NO_GROUND] * len(places) for _ in search.radii]
+    fits: list[list[Fit | Status | Component]] = [[Status.NO_GROUND] * len(places) for _ in search.radii]
     for tile in tiles((first, later), facets, places, facet, search, progress):
         for held, found in zip(fits, fit_windows(tile, search, regions), strict=True):
             for number, fit in zip(tile.windows, found, strict=True):
                 held[number] = fit
-    return [
+    sizes = [
         judged(held, radius, region.blocks, search.limit)
         for held, radius, region in zip(fits, search.radii, regions, strict=True)
     ]
+    return sizes, [held_one_way(held, windows) for held, windows in zip(fits, sizes, strict=True)]

@@ -10,6 +10,7 @@ import numpy as np
 from ..core.arrays import Bool, Float, Index
 from .errors import common_ratio, covariances
 from .least_squares import PARAMETERS, Fit
+from .one_direction import Component
 from .status import Status
 
 MIN_SEEN_SHARE = 0.3
@@ -51,7 +52,7 @@ class Windows:
         return np.asarray(self.status == Status.MEASURED)
 
 
-def judged(fits: Sequence[Fit | Status], radius: float, blocks: int, limit: float) -> Windows:
+def judged(fits: Sequence[Fit | Status | Component], radius: float, blocks: int, limit: float) -> Windows:
     """Fits of windows of one size, with errors and gates.
 
     Args:
@@ -59,7 +60,7 @@ def judged(fits: Sequence[Fit | Status], radius: float, blocks: int, limit: floa
         limit: largest motion that was looked for, metres.
     """
     count = len(fits)
-    status = np.array([Status.MEASURED if isinstance(fit, Fit) else fit for fit in fits], dtype=np.int64)
+    status = np.array([_status_of(fit) for fit in fits], dtype=np.int64)
     known = [(k, fit) for k, fit in enumerate(fits) if isinstance(fit, Fit)]
     numbers = np.array([k for k, _ in known], dtype=np.int64)
     found = [fit for _, fit in known]
@@ -85,6 +86,12 @@ def judged(fits: Sequence[Fit | Status], radius: float, blocks: int, limit: floa
     status[np.flatnonzero(sound)[_largest_error(along) > MAX_STANDARD_ERROR_M]] = Status.UNCERTAIN
     windows.motion[~windows.measured] = np.nan
     return windows
+
+
+def _status_of(fit: Fit | Status | Component) -> Status:
+    if isinstance(fit, Component):
+        return Status.RELIEF_ONE_WAY
+    return Status.MEASURED if isinstance(fit, Fit) else fit
 
 
 def _spread(count: int, numbers: Index, values: Sequence[Float | float], shape: tuple[int, ...]) -> Float:

@@ -12,6 +12,8 @@ from ..core.arrays import Bool, Float, Index
 from ..core.progress import Progress
 from .facets import Facets, Frame
 from .least_squares import Fit, Region, fit_motion
+from .measure import MIN_INFORMATION, MIN_SEEN_SHARE
+from .one_direction import Component, Gates, with_component
 from .start import CELL_M, NODES, best_shifts, relief
 from .status import Status
 from .surface import NODE_M, gridded
@@ -125,16 +127,19 @@ def _near(xyz: Float, facets: Facets, number: int, reach: float) -> Float:
     return np.asarray(xyz[near[facets.squares(xyz[:, :2])]])
 
 
-def fit_windows(tile: Tile, search: Search, regions: Sequence[Region]) -> list[list[Fit | Status]]:
-    """For each radius the motion in each of the tile's windows; the reason where there is none."""
+def fit_windows(tile: Tile, search: Search, regions: Sequence[Region]) -> list[list[Fit | Status | Component]]:
+    """For each radius the motion in each of the tile's windows; what relief holds of it, or why there is none."""
+    gates = Gates(MIN_INFORMATION, MIN_SEEN_SHARE)
     coarse = relief(tile.first), relief(tile.later)
     shifts, correlation = best_shifts(*coarse, tile.nodes // NODES, min(search.radii), search.limit)
     far = (np.hypot(*shifts.T) > _MIN_START_M) & (correlation > _MIN_CORRELATION)
     found = []
     for region in regions:
-        fits = []
+        fits: list[Fit | Status | Component] = []
         for node, shift, other in zip(tile.nodes, shifts, far, strict=True):
-            fits.append(best_fit(tile, region, (int(node[0]), int(node[1])), shift if other else None, search.limit))
+            middle, start = (int(node[0]), int(node[1])), shift if other else None
+            fit = best_fit(tile, region, middle, start, search.limit)
+            fits.append(with_component(fit, gates, (tile.first, tile.later), region, middle, (search.limit, start)))
         found.append(fits)
     return found
 

@@ -25,6 +25,18 @@ def vectors_qml(magnification: float) -> str:
     return render(_TEMPLATES / "vectors.qml.j2", magnification=f"{magnification:g}", errors=f"{ELLIPSE_ERRORS:g}")
 
 
+def one_direction_qml(magnification: float, reach: float) -> str:
+    """Style of motion that is known in one direction only: an arrow, and at its end a band across it, ``reach`` metres
+    to both sides, in which the motion may lie.
+    """
+    return render(
+        _TEMPLATES / "one_direction.qml.j2",
+        magnification=f"{magnification:g}",
+        errors=f"{_ELLIPSE_ERRORS:g}",
+        reach=f"{reach:g}",
+    )
+
+
 def moving_zones_qml(magnification: float) -> str:
     """Style of the zones that move as one: outline, an arrow from the middle, the motion as label."""
     return render(_TEMPLATES / "moving_zones.qml.j2", magnification=f"{magnification:g}", errors=f"{ELLIPSE_ERRORS:g}")

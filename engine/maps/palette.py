@@ -40,6 +40,11 @@ LIKELIHOOD: tuple[tuple[float, Colour], ...] = (
     (1.0, (0x5E, 0x5E, 0x5E)),
 )
 BELOW_LEVEL: Colour = (0x8C, 0x8C, 0x8C)
+SLIDING_TINTS: tuple[Colour, ...] = (
+    (0x6A, 0x3D, 0x9A), (0x8C, 0x68, 0xB5), (0xAE, 0x94, 0xCF), (0xC9, 0xB8, 0xDF),
+)  # fmt: skip
+"""Of ground that slid, from the highest grade on: violet, which is no colour of lowering or raising."""
+SLIDING_LINE: Colour = (0x3F, 0x1F, 0x66)
 
 
 _SIGNED = (

@@ -15,12 +15,14 @@ from ..core.templates import render
 from ..series.alerts import AlertLevel
 from ..series.tables import SERIES_FIELDS, ZONE_FIELDS
 from ..vector.review_fields import LOCATION_FIELDS, PLACE_FIELDS, REVIEW_FIELDS, STATES
-from ..zones.fields import FIELDS, KINDS, SEVERITIES
+from ..zones.fields import FIELDS, KINDS, SEVERITIES, SLIDING
 from .palette import (
     BELOW_LEVEL,
     DIVERGING,
     LIKELIHOOD,
     SEQUENTIAL,
+    SLIDING_LINE,
+    SLIDING_TINTS,
     Colour,
     hexadecimal,
     sequential_steps,
@@ -130,7 +132,13 @@ def zones_qml(*, located: bool = False) -> str:
 
     ``located``: they have their places on a road, which are shown.
     """
-    return _polygons_qml("zones", _fields(FIELDS), _graded(SEVERITIES), located=located, grade="severity")
+    sliding = [
+        _category(f"{SLIDING}, {grade}", f"{SLIDING.capitalize()}, {grade}", tint, alpha, SLIDING_LINE, width)
+        for grade, tint, (_, alpha, width) in zip(SEVERITIES, SLIDING_TINTS, _LOOKS, strict=True)
+    ]
+    return _polygons_qml(
+        "zones", _fields(FIELDS), [*_graded(SEVERITIES), *sliding], located=located, grade="severity"
+    )
 
 
 def hazards_qml(fields: Iterable[str], *, located: bool = False) -> str:
@@ -153,6 +161,8 @@ def footprints_qml() -> str:
         _category(kind, f"Footprint of the volume, {kind}", veil, 45, line, 0.4)
         for kind, veil, line in zip(KINDS, DIVERGING[3][1:], DIVERGING[-2][1:], strict=True)
     ]
+    words = f"Footprint of the volume, {SLIDING}"
+    categories.append(_category(SLIDING, words, SLIDING_TINTS[2], 45, SLIDING_LINE, 0.4))
     return _polygons_qml("footprints", _fields(FOOTPRINT_FIELDS), categories)
 
 

@@ -204,7 +204,7 @@ def rates(change: Change, days: int) -> dict[str, Any]:
     }
 
 
-def zone_rows(frame: gpd.GeoDataFrame, texts: tuple[str, ...] = ("severity",)) -> list[dict[str, Any]]:
+def zone_rows(frame: gpd.GeoDataFrame, texts: tuple[str, ...] = ("severity", "movement")) -> list[dict[str, Any]]:
     """The first hundred zones as rows of a table, with a point inside each; fields that are empty are left out.
 
     Args:
@@ -218,7 +218,9 @@ def zone_rows(frame: gpd.GeoDataFrame, texts: tuple[str, ...] = ("severity",)) -
     rows = []
     for (_, row), (x, y) in zip(first.iterrows(), points.tolist(), strict=True):
         values = {name: _plain(row[name]) for name in fields}
-        rows.append({name: v for name, v in values.items() if v is not None} | {"x": round(x, 2), "y": round(y, 2)})
+        rows.append(
+            {name: v for name, v in values.items() if v not in (None, "")} | {"x": round(x, 2), "y": round(y, 2)}
+        )
     return rows
 
 

@@ -27,21 +27,25 @@ def change_zones(
 
     Their ``lod95_m`` is at 95 %, whatever confidence the change was judged with.
     """
-    found = Detected(
-        change.significant & (change.uniform_dz is None),
-        quantile(0.95) * change.error,
-        np.minimum(change.count_from, change.count_to),
-        change.stable,
-        change.height_to,
-    )
     return extract_zones(
         cells_of(change),
-        found,
+        detected_of(change),
         change.grid,
         crs,
         parameters,
         registration_error=change.registration_error,
         origin=Origin(epochs, method, run_id),
+    )
+
+
+def detected_of(change: Change) -> Detected:
+    """How the cells were judged."""
+    return Detected(
+        change.significant & (change.uniform_dz is None),
+        quantile(0.95) * change.error,
+        np.minimum(change.count_from, change.count_to),
+        change.stable,
+        change.height_to,
     )
 
 

@@ -121,9 +121,9 @@ def extract_zones(
     if found.heights is not None:
         values["slope_deg"] = inclination(zone, layout.flat(inside), count, of_cells(found.heights), grid)
     values["confidence"] = sure.confidence
-    values["severity"] = _severity(values["dz_p95_m"], sure.confidence, parameters)
+    values["severity"] = severity_of(values["dz_p95_m"], sure.confidence, parameters)
     _add_rates(values, volumes.mean_error, origin.epochs)
-    values.update({name: np.full(count, text, dtype=object) for name, text in _texts(origin).items()})
+    values.update({name: np.full(count, text, dtype=object) for name, text in texts_of(origin).items()})
     values["n_epochs_confirmed"] = np.ones(count, dtype=np.int64)
 
     order = _most_severe_first(values, first_cells)
@@ -247,13 +247,13 @@ def _quantile(ordered: Float, cells: NDArray[np.int64], share: float) -> Float:
     return ordered[starts + low] + (position - low) * (ordered[starts + high] - ordered[starts + low])
 
 
-def _texts(origin: Origin) -> dict[str, str]:
+def texts_of(origin: Origin) -> dict[str, str]:
     first, last = (day.isoformat() if day else "" for day in origin.epochs)
     texts = {"method": origin.method, "run_id": origin.run_id, "review_status": UNREVIEWED}
     return texts | {"epoch_from": first, "epoch_to": last}
 
 
-def _severity(p95: Float, confidence: Float, parameters: ZoneParameters) -> NDArray[np.object_]:
+def severity_of(p95: Float, confidence: Float, parameters: ZoneParameters) -> NDArray[np.object_]:
     magnitude = np.abs(p95)
     grades = np.where(magnitude >= parameters.severity_moderate, "moderate", "low")
     grades = np.where(magnitude >= parameters.severity_high, "high", grades)

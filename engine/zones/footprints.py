@@ -139,6 +139,27 @@ def outline_footprints(
     return tuple(found)
 
 
+def plain_footprints(cells: Cells, labels: NDArray[np.int32], count: int, *, gap: float) -> tuple[Footprint, ...]:
+    """The footprints of ``count`` zones as they are, without surroundings; gaps and arguments as for outlines."""
+    layout = cells.layout
+    labels = layout.on_grid(labels)
+    reach = max(1, round(gap / cells.cell))
+    nothing = np.zeros(labels.shape, dtype=bool)
+    found = []
+    for number, box in enumerate(ndimage.find_objects(labels, max_label=count), start=1):
+        assert box is not None
+        margin = reach + _edge_reach(cells.cell)
+        window = tuple(slice(max(0, s.start - margin), s.stop + margin) for s in box)
+        near = in_window(cells, window)
+        zone = _Surroundings(near, labels[window], number, nothing[window], reach)
+        inside = zone.own > 0
+        weights, scatter = zone.weights(inside & zone.usable)
+        weights *= np.where(zone.known, near.area, 0.0)
+        measured = float((inside & zone.known).sum() / inside.sum())
+        found.append(Footprint(window, inside, inside & zone.known, weights, scatter, measured))
+    return tuple(found)
+
+
 class _Surroundings:
     """A zone and what is around it; arrays of the window's shape."""
 

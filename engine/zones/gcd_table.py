@@ -75,7 +75,8 @@ class Budget:
 class VolumeTable:
     """Summary of one change. ``area`` is the compared area, m²; the zones' volumes are positive, with their errors.
 
-    ``raw_net_error`` is the standard error of raising minus lowering of all compared cells, m³.
+    ``raw_net_error`` is the standard error of raising minus lowering of all compared cells, m³; ``zones_sliding`` the
+    net volume of zones that slid, which is in none of the others, None without such zones.
     """
 
     area: float
@@ -86,6 +87,7 @@ class VolumeTable:
     zones_net: tuple[float, float]
     raw_net_error: float
     model: CorrelationModel
+    zones_sliding: tuple[float, float] | None = None
 
     def rows(self) -> tuple[TableRow, ...]:
         """The lines in GCD's order."""
@@ -93,11 +95,12 @@ class VolumeTable:
 
     @property
     def _zones(self) -> dict[str, tuple[float, float]]:
+        sliding = {} if self.zones_sliding is None else {"Net Volume Difference of Sliding Zones": self.zones_sliding}
         return {
             "Total Volume of Surface Lowering": self.zones_lowering,
             "Total Volume of Surface Raising": self.zones_raising,
             "Total Net Volume Difference": self.zones_net,
-        }
+        } | sliding
 
     def figures(self) -> dict[str, float]:
         """The zones' volumes with their errors, for the run record's metrics."""
@@ -108,7 +111,11 @@ class VolumeTable:
             "vol_gain_err_m3": self.zones_raising[1],
             "vol_net_m3": self.zones_net[0],
             "vol_net_err_m3": self.zones_net[1],
-        }
+        } | (
+            {}
+            if self.zones_sliding is None
+            else {"vol_sliding_net_m3": self.zones_sliding[0], "vol_sliding_net_err_m3": self.zones_sliding[1]}
+        )
 
     def facts(self) -> dict[str, Any]:
         """For the run record."""
@@ -131,6 +138,7 @@ def volume_table(
         zones_lowering=(0.0 - zones.lowering[0], zones.lowering[1]),
         zones_raising=zones.raising,
         zones_net=zones.total,
+        zones_sliding=zones.sliding if any(zones.sliding) else None,
         # a cell that measured exactly nothing has an error too
         raw_net_error=model.whole_error(np.where(known, cells.area, 0.0), cells),
         model=model,

@@ -16,6 +16,7 @@ from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
 from ..core.arrays import Index
+from .fields import SLIDING
 
 MIN_COMMON_SHARE = 0.2
 """Of the smaller zone's outline: with less in common, zones only touch."""
@@ -43,6 +44,8 @@ class Matches:
 def match_zones(old: gpd.GeoDataFrame, new: gpd.GeoDataFrame, *, persistent_ids: bool = False) -> Matches:
     """Match zones of one kind whose outlines have a fifth of the smaller one in common.
 
+    Ground that slid is one zone whatever its heights did: it continues zones of both kinds, and they it.
+
     An earlier zone lives on in the later one with which it has most in common, and in each later zone that has most
     in common with it. So zones that grew together have several sources, and one that came apart several heirs, but the
     neighbour of a zone that has a history of its own is no part of it.
@@ -65,7 +68,7 @@ def match_zones(old: gpd.GeoDataFrame, new: gpd.GeoDataFrame, *, persistent_ids:
         same = old["zone_id"].to_numpy()[first] == new["zone_id"].to_numpy()[second]
         likeness = likeness + same
     kinds = old["kind"].fillna("").to_numpy()[first], new["kind"].to_numpy()[second]
-    linked = enough & ((kinds[0] == kinds[1]) | (kinds[0] == ""))
+    linked = enough & ((kinds[0] == kinds[1]) | (kinds[0] == "") | (kinds[0] == SLIDING) | (kinds[1] == SLIDING))
     met = np.zeros(len(old), dtype=bool)
     met[first[enough]] = True
     first, second, likeness = first[linked], second[linked], likeness[linked]

@@ -25,6 +25,7 @@ from ..statistics.variogram import (
 )
 from .footprints import Cells, Footprint, in_window
 
+_COLUMNS = ("net", "error", "area", "measured", "samples", "mean_error")
 _STABLE_MARGIN_M = 0.5  # m around a footprint that may have moved with it
 
 
@@ -135,7 +136,8 @@ class ZoneVolumes:
         measured: share of the footprint's cells that were measured in both epochs.
         samples: effective number of samples.
         mean_error: standard error of the mean change over the zone's own cells, m.
-        lowering, raising, total: of all zones that sank, all that rose, all: sum of ``net``, and its standard error.
+        lowering, raising, total: of all zones that sank, all that rose, both: sum of ``net``, and its standard error.
+        sliding: the same of zones that slid, which are in none of these: their heights changed as ground moved on.
     """
 
     net: Float
@@ -147,11 +149,18 @@ class ZoneVolumes:
     lowering: tuple[float, float]
     raising: tuple[float, float]
     total: tuple[float, float]
+    sliding: tuple[float, float] = (0.0, 0.0)
 
     def in_order(self, order: NDArray[np.integer]) -> ZoneVolumes:
         """The zones in another order."""
-        columns = ("net", "error", "area", "measured", "samples", "mean_error")
-        return replace(self, **{name: getattr(self, name)[order] for name in columns})
+        return replace(self, **{name: getattr(self, name)[order] for name in _COLUMNS})
+
+    def with_sliding(self, slides: ZoneVolumes) -> ZoneVolumes:
+        """These zones, and after them others that slid."""
+        joined: dict[str, Any] = {
+            name: np.concatenate([getattr(self, name), getattr(slides, name)]) for name in _COLUMNS
+        }
+        return replace(self, **joined, sliding=slides.total)
 
 
 def fit_correlation(cells: Cells, stable: NDArray[np.bool_], registration_error: float) -> CorrelationModel:

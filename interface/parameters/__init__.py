@@ -24,6 +24,7 @@ from .ground import GroundParameters
 from .handover import HANDOVER_FORMATS, HandoverParameters
 from .inputs import InputParameters
 from .maps import HeatmapParameters
+from .movement import MovementParameters
 from .outputs import OutputParameters
 from .profiles import PROFILES, PUBLISHED_WORKFLOW, PUBLISHED_WORKFLOW_ID
 from .project import PAPERS, ProjectParameters
@@ -64,6 +65,7 @@ __all__ = [
     "LabellingParameters",
     "LastEpochParameters",
     "ModelParameters",
+    "MovementParameters",
     "OutputParameters",
     "ParameterError",
     "ParameterSet",

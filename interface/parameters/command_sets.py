@@ -16,6 +16,7 @@ from .ground import GroundParameters
 from .handover import HandoverParameters
 from .inputs import InputParameters
 from .maps import HeatmapParameters
+from .movement import MovementParameters
 from .outputs import OutputParameters
 from .project import ProjectParameters
 from .registration import RegistrationParameters
@@ -33,7 +34,7 @@ Sets = tuple[type[ParameterSet], ...]
 
 _READ: Sets = (InputParameters, DateParameters)
 """How clouds and their days are read: the first of the headings, as the flow begins there."""
-_CHANGE: Sets = (ChangeParameters, ZoneParameters)
+_CHANGE: Sets = (ChangeParameters, ZoneParameters, MovementParameters)
 _RELATED: Sets = (RoadParameters, AssetParameters)
 """What zones and change are related to: the road that they lie on, and classes of asset."""
 _SHOWN: Sets = (HeatmapParameters, ReportParameters, DetailParameters, OutputParameters)

@@ -85,7 +85,7 @@ def test_vectors_and_zones_are_layers_with_their_styles(outcome):
     assert zones["length_m"][0] == pytest.approx(0.15, abs=4 * zones["length_err_m"][0])
     assert zones.geometry[0].area == pytest.approx(zones["area_m2"][0])
     styles = gpd.read_file(path, layer="layer_styles")
-    assert set(styles["f_table_name"]) == {"vectors", "zones"}
+    assert set(styles["f_table_name"]) == {"vectors", "zones", "one_direction"}
     assert all("make_ellipse(" in qml and "&amp;quot;" not in qml for qml in styles["styleQML"])
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ...engine.vector.cell_polygons import field_kinds, table_column
+from ...engine.zones.fields import SLIDING
 from ...engine.zones.matching import match_zones
 from .table_columns import column_of
 
@@ -128,6 +129,9 @@ def _reason(zone: Mapping[str, Any] | pd.Series) -> str:
     if zone["source"] == "series":
         return f"{zone['alert']}: {zone['alert_reason']}"
     words = f"{zone['severity']} severity" if zone["source"] == "change" else "high confidence of the screening"
+    moved = zone.get("motion_m")
+    if zone["kind"] == SLIDING and moved is not None and not pd.isna(moved):
+        return f"{words}, {SLIDING} by {float(moved):.2f} m"
     height = zone["dz_p95_m"]
     return words if pd.isna(height) else f"{words}, {zone['kind']} of up to {abs(float(height)):.2f} m"
 

@@ -24,11 +24,11 @@ from .table_columns import column_of
 FIELDS = field_kinds("""
     text: zone_id slope source
     integer: attention
-    text: kind severity
+    text: kind movement severity
     integer: alert_level
     text: alert alert_reason status
     text: epoch_from epoch_to
-    real: confidence dz_mean_m dz_p95_m area_m2 vol_net_m3 vol_err_m3 lod95_m rate_mm_day rate_err
+    real: confidence dz_mean_m dz_p95_m area_m2 vol_net_m3 vol_err_m3 lod95_m rate_mm_day rate_err motion_m motion_err_m
     text: trend slope_review
     text: slope_id route
     real: chain_from chain_to

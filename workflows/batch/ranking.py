@@ -9,8 +9,10 @@ from pathlib import Path
 
 import geopandas as gpd
 import numpy as np
+import pandas as pd
 
 from ...engine.vector.review_fields import is_entered
+from ...engine.zones.fields import SLIDING
 from .alert_events import CLOSED
 from .jobs import Problem
 from .results import SlopeResult
@@ -64,7 +66,7 @@ def rank(
                 open_alerts=int(count.get(result.slope, 0)),
                 rate_mm_day=_largest(own["rate_mm_day"]),
                 volume_m3=_largest(own["vol_net_m3"]),
-                largest_m=_largest(own["dz_p95_m"]),
+                largest_m=_largest(_sizes(own)),
                 chainage=None if own["chain_from"].isna().all() else float(own["chain_from"].min()),
                 location=_first_location(own),
                 report="" if report is None else Path(os.path.relpath(report, folder)).as_posix(),
@@ -82,6 +84,13 @@ def _order(slope: Ranked) -> tuple[float | str, ...]:
         -(slope.largest_m or 0.0),
         slope.slope,
     )
+
+
+def _sizes(zones: gpd.GeoDataFrame) -> pd.Series:
+    """How far the ground of each zone moved: along the surface where it slid, else by its heights, metres."""
+    if "motion_m" not in zones:
+        return zones["dz_p95_m"]
+    return zones["dz_p95_m"].where(zones["kind"] != SLIDING, zones["motion_m"])
 
 
 def _largest(values: object) -> float | None:

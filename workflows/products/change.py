@@ -31,9 +31,10 @@ from ...engine.statistics.normal import Z95
 from ...engine.statistics.robust import nmad
 from ...engine.zones import extraction, fields, gcd_table
 from ...engine.zones.change_zones import cells_of, change_zones
+from ...engine.zones.movement import MOVEMENTS
 from ...engine.zones.profile_lines import ProfileLine, steepest_lines
 from ...engine.zones.profiles import Layers, missed_lines, take_profile, write_profiles
-from ...interface.parameters import ChangeParameters, HeatmapParameters, ZoneParameters, given
+from ...interface.parameters import ChangeParameters, HeatmapParameters, given
 from ..run import Run
 from ..settings import Settings
 from . import zones as zones_module
@@ -105,6 +106,7 @@ def write_products(
     context: Context,
     settings: Settings,
     lines: Sequence[ProfileLine] = (),
+    zones: extraction.Zones | None = None,
 ) -> None:
     """Write the products of one change; ``run`` gets their paths, the main figures, and the further figures of the
     report.
@@ -112,6 +114,7 @@ def write_products(
     Args:
         picture: the cloud that the top view shows (the later epoch with its vegetation), or that view.
         lines: along which profiles are taken, in addition to the steepest ones through the zones.
+        zones: of the change, where they are known already.
     """
     progress = run.progress
     tags = context.tags(Z95 * float(np.nanmedian(change.error)))
@@ -121,7 +124,10 @@ def write_products(
     )
     run.outputs |= _write_rasters(change, context, tags, limit, run.stage)
     progress.update(0.3, "outlining zones")
-    found, table = _write_zones(run, change, context, settings.zones)
+    found = zones or change_zones(
+        change, context.crs, settings.zones, epochs=context.dates, method=context.method, run_id=context.run_id
+    )
+    found, table = _write_zones(run, change, found, context.second.date)
     if run.related.classes is not None and not context.several:
         pair = Compared(context.first.name, context.second.name, change, found.correlation)
         write_class_budgets(run, [pair], run.related.classes, context.crs, context.second.date)
@@ -159,12 +165,9 @@ def write_products(
 
 
 def _write_zones(
-    run: Run, change: Change, context: Context, parameters: ZoneParameters
+    run: Run, change: Change, found: extraction.Zones, stamp: date | None
 ) -> tuple[extraction.Zones, gcd_table.VolumeTable]:
-    """The zones and the table of volumes."""
-    found = change_zones(
-        change, context.crs, parameters, epochs=context.dates, method=context.method, run_id=context.run_id
-    )
+    """Write the zones and the table of volumes; both, the zones with their places on the road."""
     table = gcd_table.volume_table(cells_of(change), change.significant, found.volumes, found.correlation)
     frame = run.reviews.carried_to(found.frame, "zones.gpkg", fields.FIELDS) if run.reviews else found.frame
     frame = run.related.placed(frame, run.progress)
@@ -173,7 +176,7 @@ def _write_zones(
         frame,
         footprints=extraction.footprint_frame(found, change.grid),
         volumes=gcd_table.table_frame(table),
-        stamp=context.second.date,
+        stamp=stamp,
     )
     gcd_table.write_volume_table(run.stage.path("volumes.csv"), table)
     run.outputs |= {"zones": run.stage.final("zones.gpkg"), "volumes": run.stage.final("volumes.csv")}
@@ -230,6 +233,7 @@ def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:
     dz = change.dz[change.valid]
     area = change.grid.cell**2
     significant = change.dz[change.significant]
+    rest = found[found["kind"] != fields.SLIDING]
     grown: dict[str, Any] = {}
     if change.partition.grown:
         grown["grown_cells"] = change.partition.count
@@ -249,10 +253,27 @@ def main_figures(change: Change, found: gpd.GeoDataFrame) -> dict[str, Any]:
         "zone_area_m2": float(found["area_m2"].sum()),
         "vol_loss_m3": float(found["vol_loss_m3"].sum()),
         "vol_gain_m3": float(found["vol_gain_m3"].sum()),
-        "largest_sink_m": float(min(found["dz_min_m"].min(), 0.0)) if len(found) else 0.0,
-        "largest_rise_m": float(max(found["dz_max_m"].max(), 0.0)) if len(found) else 0.0,
+        "largest_sink_m": float(min(rest["dz_min_m"].min(), 0.0)) if len(rest) else 0.0,
+        "largest_rise_m": float(max(rest["dz_max_m"].max(), 0.0)) if len(rest) else 0.0,
+        **_movement_figures(found),
         **plant_figures(change),
     }
+
+
+def _movement_figures(found: gpd.GeoDataFrame) -> dict[str, Any]:
+    """How many zones did what; empty where that was not asked for."""
+    if not (found["movement"] != "").any():
+        return {}
+    slid = found[found["kind"] == fields.SLIDING]
+    figures: dict[str, Any] = {f"{name}_zones": int((found["movement"] == name).sum()) for name in MOVEMENTS}
+    if len(slid):
+        fastest = slid.loc[slid["motion_m"].idxmax()]
+        figures |= {"sliding_area_m2": float(slid["area_m2"].sum())}
+        figures |= {
+            "largest_slide_m": float(fastest["motion_m"]),
+            "largest_slide_err_m": float(fastest["motion_err_m"]),
+        }
+    return figures
 
 
 def plant_figures(change: Change) -> dict[str, Any]:

@@ -55,6 +55,10 @@ def write_products(found: Displacement, crs: CRS, tags: dict[str, str], run: Run
             zones, "zones", displacement_styles.moving_zones_qml(magnification),
             geometry_type="MultiPolygon",
         ),
+        Layer(
+            one_direction_layer(found, crs), "one_direction",
+            displacement_styles.one_direction_qml(magnification, found.grid.cell), geometry_type="Point",
+        ),
     ]  # fmt: skip
     write_layers(path, layers)
     outputs["displacement_vectors"] = stage.final("displacement.gpkg")
@@ -137,6 +141,26 @@ def vectors_layer(found: Displacement, crs: CRS) -> gpd.GeoDataFrame:
     return gpd.GeoDataFrame(pd.DataFrame(table), geometry=shapely.points(vectors.places[use, :2]), crs=crs)
 
 
+def one_direction_layer(found: Displacement, crs: CRS) -> gpd.GeoDataFrame:
+    """The significant components of motion where relief holds one direction only, as points, one row each."""
+    use = found.components.significant(found.confidence)
+    parts = found.components
+    vector = parts.direction[use] * parts.amount[use, None]
+    columns = _directions(vector, np.zeros((int(use.sum()), 3, 3)))
+    table: dict[str, Any] = {
+        name: columns[name] for name in ("east_m", "north_m", "up_m", "length_m", "azimuth_deg", "plunge_deg")
+    }
+    table |= {
+        "length_err_m": parts.error[use],
+        "azimuth_err_deg": np.degrees(parts.turn[use]),
+        "p_value": parts.p_value[use],
+        "window_m": parts.width[use],
+        "seen_share": parts.seen[use],
+    }
+    places = found.vectors.places[parts.number[use], :2]
+    return gpd.GeoDataFrame(pd.DataFrame(table), geometry=shapely.points(places), crs=crs)
+
+
 def zones_layer(found: Displacement, crs: CRS) -> gpd.GeoDataFrame:
     """The zones that move as one, one row each."""
     zones = found.zones
@@ -182,6 +206,7 @@ def main_figures(found: Displacement) -> dict[str, Any]:
         "windows": len(found.cell),
         "measured_share": float(vectors.measured.mean()),
         "significant_vectors": int(found.significant.sum()),
+        "one_direction_vectors": int(found.components.significant(found.confidence).sum()),
         "moving_zone_count": len(found.zones),
         "moving_area_m2": float(sum(zone.area for zone in found.zones)),
         "fastest_zone_m": None if fastest is None else float(np.linalg.norm(fastest.motion)),

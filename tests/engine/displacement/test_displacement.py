@@ -95,6 +95,21 @@ def test_furrows_hold_in_one_direction_only():
     assert (found.vectors.status == Status.RELIEF_ONE_WAY).mean() > 0.5
 
 
+def test_furrows_hold_the_motion_across_them():
+    x = np.arange(int(SIDE_M / 0.05)) * 0.05
+    furrows = np.tile(0.1 * np.sin(2 * np.pi * x / 0.9), (len(x), 1))
+    first, later = (sampled(furrows, 80.0, 0.02, seed) for seed in (1, 2))
+    found = measured(first, later + np.array([0.05, 0.12, 0.0]) @ axes(), spacing=4.0).components
+    assert len(found.number) > 8
+    assert np.abs(found.direction @ axes()[1]).min() > np.cos(np.radians(3))
+    assert np.degrees(found.turn).max() < 3
+    error = found.amount - 0.12
+    assert np.abs(error / found.error).max() < 4
+    assert np.sqrt(np.mean(error**2)) < 0.005
+    assert found.significant(0.99).all()
+    assert (found.p_value < 0.01).all()
+
+
 def test_steps_that_come_and_go_claim_no_vector():
     rng = np.random.default_rng(4)
     flat = np.zeros((int(SIDE_M / 0.05),) * 2)
