@@ -17,7 +17,7 @@ from .registerepochs import REGISTRATION_NUMBERS, STABLE_HELP
 from .values import Values
 
 _LABELLED = Appearance(9, visible=False, expanded=False)
-_MOTION_LAYERS = ("VECTORS", "MOVING_ZONES")
+_MOTION_LAYERS = ("VECTORS", "MOVING_ZONES", "ONE_DIRECTION")
 # the name DISPLACEMENT is that of the parameter
 _MOTION = tuple(
     replace(p, name="DISPLACEMENT_RASTER", by_default=False) if p.name == "DISPLACEMENT" else p

@@ -32,7 +32,7 @@ def one_direction_qml(magnification: float, reach: float) -> str:
     return render(
         _TEMPLATES / "one_direction.qml.j2",
         magnification=f"{magnification:g}",
-        errors=f"{_ELLIPSE_ERRORS:g}",
+        errors=f"{ELLIPSE_ERRORS:g}",
         reach=f"{reach:g}",
     )
 

@@ -136,9 +136,7 @@ def zones_qml(*, located: bool = False) -> str:
         _category(f"{SLIDING}, {grade}", f"{SLIDING.capitalize()}, {grade}", tint, alpha, SLIDING_LINE, width)
         for grade, tint, (_, alpha, width) in zip(SEVERITIES, SLIDING_TINTS, _LOOKS, strict=True)
     ]
-    return _polygons_qml(
-        "zones", _fields(FIELDS), [*_graded(SEVERITIES), *sliding], located=located, grade="severity"
-    )
+    return _polygons_qml("zones", _fields(FIELDS), [*_graded(SEVERITIES), *sliding], located=located, grade="severity")
 
 
 def hazards_qml(fields: Iterable[str], *, located: bool = False) -> str:
