@@ -10,6 +10,7 @@ from ..interface.parameters import (
     ChangeParameters,
     DateParameters,
     DisplacementParameters,
+    DisplacementStepParameters,
     DistanceParameters,
     GridChangeParameters,
     GroundParameters,
@@ -83,6 +84,7 @@ class SeriesSettings:
     change: GridChangeParameters = field(default_factory=GridChangeParameters)
     zones: ZoneParameters = field(default_factory=ZoneParameters)
     series: SeriesParameters = field(default_factory=SeriesParameters)
+    displacement_step: DisplacementStepParameters = field(default_factory=DisplacementStepParameters)
 
 
 @dataclass(frozen=True)

@@ -13,16 +13,33 @@ _ALONG_DIP_BAND = 4
 _ELLIPSE_ERRORS = 2.0  # standard errors: some 86 % of the true ends lie within
 
 
-def vectors_qml(magnification: float) -> str:
+def vectors_qml(magnification: float, *, temporal: bool = False) -> str:
     """Style of the vectors: an arrow that is drawn so many times longer than the motion, and at its end the ellipse of
     two standard errors on the same scale.
+
+    Args:
+        temporal: the layer has a row a survey, which the temporal controller shows from ``time_from`` to ``time_to``.
     """
-    return render(_TEMPLATES / "vectors.qml.j2", magnification=f"{magnification:g}", errors=f"{_ELLIPSE_ERRORS:g}")
+    return _arrows_qml("vectors", magnification, temporal=temporal)
 
 
-def moving_zones_qml(magnification: float) -> str:
+def velocities_qml(magnification: float) -> str:
+    """As ``vectors_qml``, of velocities: an arrow's length is that of the motion in a day times ``magnification``."""
+    return _arrows_qml("velocities", magnification)
+
+
+def moving_zones_qml(magnification: float, *, temporal: bool = False) -> str:
     """Style of the zones that move as one: outline, an arrow from the middle, the motion as label."""
-    return render(_TEMPLATES / "moving_zones.qml.j2", magnification=f"{magnification:g}", errors=f"{_ELLIPSE_ERRORS:g}")
+    return _arrows_qml("moving_zones", magnification, temporal=temporal)
+
+
+def _arrows_qml(template: str, magnification: float, *, temporal: bool = False) -> str:
+    return render(
+        _TEMPLATES / f"{template}.qml.j2",
+        magnification=f"{magnification:g}",
+        errors=f"{_ELLIPSE_ERRORS:g}",
+        temporal=temporal,
+    )
 
 
 def along_dip_qml(limit: float) -> str:

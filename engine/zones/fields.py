@@ -22,3 +22,5 @@ UNSURE = "unsure"
 """In place of a severity, where noise alone may have made the zone."""
 SEVERITIES = ("high", "moderate", "low", UNSURE)
 KINDS = ("subsidence", "uplift")
+SLIDING = "sliding"
+"""Kind of a zone that moves along the surface."""

@@ -14,7 +14,7 @@ from .batch import BatchParameters
 from .change import ChangeParameters, GridChangeParameters
 from .dates import DateParameters
 from .dem_change import ModelParameters
-from .displacement import DisplacementParameters
+from .displacement import DisplacementParameters, DisplacementStepParameters
 from .distances import DistanceParameters
 from .drawing import LabellingParameters, RegionParameters, TopViewParameters
 from .ground import GroundParameters
@@ -42,6 +42,7 @@ __all__ = [
     "CreepParameters",
     "DateParameters",
     "DisplacementParameters",
+    "DisplacementStepParameters",
     "DistanceParameters",
     "FineTuneParameters",
     "GridChangeParameters",

@@ -6,7 +6,7 @@ from .batch import BatchParameters
 from .change import ChangeParameters, GridChangeParameters
 from .dates import DateParameters
 from .dem_change import ModelParameters
-from .displacement import DisplacementParameters
+from .displacement import DisplacementParameters, DisplacementStepParameters
 from .distances import DistanceParameters
 from .drawing import LabellingParameters, RegionParameters, TopViewParameters
 from .ground import GroundParameters
@@ -52,7 +52,11 @@ SIMULATE_SCENES: Sets = (ScenesParameters, OutputParameters)
 _FROM_RAW: Sets = (GroundParameters, RegistrationParameters)
 INSPECT: Sets = (*_READ, *_FROM_RAW, *_CHANGE, LastEpochParameters, *_SHOWN)
 SERIES: Sets = (
-    *_READ, SeriesParameters, *_FROM_RAW, GridChangeParameters, ZoneParameters, OutputParameters,
+    *_READ, SeriesParameters, *_FROM_RAW, GridChangeParameters, ZoneParameters, DisplacementStepParameters,
+    OutputParameters,
 )  # fmt: skip
-BATCH: Sets = (BatchParameters, *_READ, SeriesParameters, *_FROM_RAW, *_CHANGE, LastEpochParameters, *_SHOWN)
+BATCH: Sets = (
+    BatchParameters, *_READ, SeriesParameters, *_FROM_RAW, *_CHANGE, DisplacementStepParameters, LastEpochParameters,
+    *_SHOWN,
+)  # fmt: skip
 """The batch's own, and all that ``inspect`` and ``series`` take."""

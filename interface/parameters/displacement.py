@@ -71,3 +71,15 @@ class DisplacementParameters(ParameterSet, record_name="displacement"):
         "Takes the motion that most of the ground has in common off all vectors, as an error of the registration. "
         "Only where most of the ground is known to be still: a slope that creeps as a whole would seem to stand.",
     )
+
+
+@dataclass(frozen=True)
+class DisplacementStepParameters(ParameterSet, record_name="displacement_step"):
+    """Whether motion along the surface is measured, too."""
+
+    displacement: bool = _parameter(
+        True,
+        "Motion along the surface",
+        "Also measures how far the ground moved along its surface, which heights hardly show, where its relief allows "
+        "it. Off: heights only, which is faster.",
+    )

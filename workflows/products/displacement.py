@@ -11,13 +11,14 @@ import pandas as pd
 import shapely
 from pyproj import CRS
 
-from ...engine.core.arrays import Float
+from ...engine.core.arrays import Float, Index
 from ...engine.core.staged_outputs import Stage
 from ...engine.displacement.displacement import Displacement
 from ...engine.displacement.status import REASONS, Status
+from ...engine.displacement.vectors import Vectors
 from ...engine.displacement.zones import MovingZone
 from ...engine.grid import geotiff
-from ...engine.grid.grid import on_grid
+from ...engine.grid.grid import Grid, on_grid
 from ...engine.maps import displacement_styles, qgis_styles
 from ...engine.vector.cell_polygons import cell_polygons
 from ...engine.vector.geopackage import Layer, write_layers
@@ -30,28 +31,21 @@ DISPLACEMENT_OUTPUTS = (
     "smallest_motion.qml",
 )
 _LONGEST_ARROW_SPACINGS = 2.0
+_SHORTEST_M = 1e-6
 _LIMIT_QUANTILE = 0.98
 
 
 def write_products(found: Displacement, crs: CRS, tags: dict[str, str], stage: Stage) -> dict[str, Path]:
     """Write all of them; the paths by key."""
-    outputs = {}
-    _write_displacement(found, crs, tags, stage.path("displacement.tif"))
-    outputs["displacement"] = stage.final("displacement.tif")
-    smallest = _raster(found, found.vectors.smallest)
-    path = stage.path("smallest_motion.tif")
-    description = "Smallest motion along the surface that can be told from none (3 standard errors)"
-    geotiff.write_raster(path, smallest, found.grid, crs, description=description, tags=tags)
-    qgis_styles.write_qml_next_to(path, qgis_styles.level_qml(_limit(smallest, 0.1)))
-    outputs["smallest_motion"] = stage.final("smallest_motion.tif")
+    outputs = write_rasters(found.vectors, found.grid, found.cell, crs, tags, stage)
     path = stage.path("displacement.gpkg")
-    magnification = _magnification(found)
+    times = magnification(found.vectors.motion[found.significant], found.grid.cell)
     layers = [
         Layer(
-            vectors_layer(found, crs), "vectors", displacement_styles.vectors_qml(magnification), geometry_type="Point"
+            vectors_layer(found, crs), "vectors", displacement_styles.vectors_qml(times), geometry_type="Point"
         ),
         Layer(
-            zones_layer(found, crs), "zones", displacement_styles.moving_zones_qml(magnification),
+            zones_layer(found, crs), "zones", displacement_styles.moving_zones_qml(times),
             geometry_type="MultiPolygon",
         ),
     ]  # fmt: skip
@@ -60,8 +54,18 @@ def write_products(found: Displacement, crs: CRS, tags: dict[str, str], stage: S
     return outputs
 
 
-def _raster(found: Displacement, values: Float) -> Float:
-    return on_grid(found.cell, values, found.grid.shape)
+def write_rasters(
+    vectors: Vectors, grid: Grid, cell: Index, crs: CRS, tags: dict[str, str], stage: Stage
+) -> dict[str, Path]:
+    """Write the rasters of vectors whose windows have the flat indices ``cell`` (n,) in ``grid``; the paths by key."""
+    _write_displacement(vectors, grid, cell, crs, tags, stage.path("displacement.tif"))
+    outputs = {"displacement": stage.final("displacement.tif")}
+    smallest = on_grid(cell, vectors.smallest, grid.shape)
+    path = stage.path("smallest_motion.tif")
+    description = "Smallest motion along the surface that can be told from none (3 standard errors)"
+    geotiff.write_raster(path, smallest, grid, crs, description=description, tags=tags)
+    qgis_styles.write_qml_next_to(path, qgis_styles.level_qml(_limit(smallest, 0.1)))
+    return outputs | {"smallest_motion": stage.final("smallest_motion.tif")}
 
 
 def _limit(values: Float, least: float) -> float:
@@ -69,8 +73,7 @@ def _limit(values: Float, least: float) -> float:
     return max(float(np.quantile(known, _LIMIT_QUANTILE)), least) if len(known) else least
 
 
-def _write_displacement(found: Displacement, crs: CRS, tags: dict[str, str], path: Path) -> None:
-    vectors = found.vectors
+def _write_displacement(vectors: Vectors, grid: Grid, cell: Index, crs: CRS, tags: dict[str, str], path: Path) -> None:
     errors = np.sqrt(np.einsum("nii->ni", vectors.covariance))
     plane_errors = np.sqrt(np.einsum("nii->ni", vectors.in_plane_covariance))
     errors[~vectors.measured], plane_errors[~vectors.measured] = np.nan, np.nan
@@ -89,24 +92,24 @@ def _write_displacement(found: Displacement, crs: CRS, tags: dict[str, str], pat
         ("width of the window", np.where(vectors.measured, vectors.width, np.nan), "m"),
         ("status: " + ", ".join(f"{s.value} {REASONS[s]}" for s in Status), vectors.status.astype(np.float64), "1"),
     ]
-    bands = {name: _raster(found, band) for name, band, _ in values}
-    geotiff.write_bands(path, bands, found.grid, crs, unit=[unit for *_, unit in values], tags=tags)
+    bands = {name: on_grid(cell, band, grid.shape) for name, band, _ in values}
+    geotiff.write_bands(path, bands, grid, crs, unit=[unit for *_, unit in values], tags=tags)
     # the first band that is shown is the motion down the dip
     qgis_styles.write_qml_next_to(
         path, displacement_styles.along_dip_qml(_limit(np.abs(bands["motion down the dip"]), 0.05))
     )
 
 
-def _magnification(found: Displacement) -> float:
-    """How many times as long as in truth arrows are drawn, a round number."""
-    length = np.hypot(*found.vectors.motion[found.significant, :2].T)
+def magnification(motion: Float, spacing: float) -> float:
+    """How many times as long as in truth arrows of motions (n, 3), ``spacing`` apart, are drawn, a round number."""
+    length = np.hypot(*motion[:, :2].T)
     longest = float(np.quantile(length, 0.95)) if len(length) else 0.1
-    wanted = _LONGEST_ARROW_SPACINGS * found.grid.cell / max(longest, 1e-3)
+    wanted = _LONGEST_ARROW_SPACINGS * spacing / max(longest, _SHORTEST_M)
     power = 10 ** np.floor(np.log10(wanted))
     return float(max(step for step in (1, 2, 5) if step * power <= wanted or step == 1) * power)
 
 
-def _directions(motion: Float, covariance: Float) -> dict[str, Float]:
+def directions(motion: Float, covariance: Float) -> dict[str, Float]:
     """Columns of motions (n, 3) and their covariances (n, 3, 3)."""
     level = np.hypot(motion[:, 0], motion[:, 1])
     length = np.linalg.norm(motion, axis=1)
@@ -131,7 +134,7 @@ def vectors_layer(found: Displacement, crs: CRS) -> gpd.GeoDataFrame:
     use = found.significant
     vectors = found.vectors
     errors = np.sqrt(np.einsum("nii->ni", vectors.in_plane_covariance[use]))
-    table: dict[str, Any] = _directions(vectors.motion[use], vectors.covariance[use]) | {
+    table: dict[str, Any] = directions(vectors.motion[use], vectors.covariance[use]) | {
         "along_dip_m": vectors.in_plane[use, 0],
         "across_m": vectors.in_plane[use, 1],
         "normal_m": vectors.in_plane[use, 2],
@@ -156,7 +159,7 @@ def zones_layer(found: Displacement, crs: CRS) -> gpd.GeoDataFrame:
     table: dict[str, Any] = {
         "zone_id": [f"M{number:03d}" for number in range(1, len(zones) + 1)],
         "area_m2": [zone.area for zone in zones],
-        **_directions(motion, covariance),
+        **directions(motion, covariance),
         "along_dip_m": [zone.in_plane[0] for zone in zones],
         "across_m": [zone.in_plane[1] for zone in zones],
         "normal_m": [zone.in_plane[2] for zone in zones],
