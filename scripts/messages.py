@@ -184,6 +184,7 @@ WORDS = (
     "rapid", "rejected", "risen", "rise", "setting", "sink", "slow", "steady", "subsidence", "sunk", "tilt", "them",
     "unsure", "Options", "Installation",
     "Batch", "Labelling", "Region", "Training", "days", "degrees", "minutes",
+    "sliding", "motion", "both",
     "Commands", "Examples", "Files", "Running", "trees", "unreviewed", "unknown", "uplift", "yes",
 )  # fmt: skip
 """Single words that stand in places of other messages, or alone in a table of the report."""

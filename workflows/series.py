@@ -46,6 +46,7 @@ from .settings import SeriesSettings, groups
 
 REPORTED = (
     "found_by",
+    "motion_zone",
     "status",
     "alert",
     "alert_reason",

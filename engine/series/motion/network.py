@@ -177,7 +177,7 @@ def adjust(measured: Measured, noise: Noise, days: Float, last: int | None = Non
         np.full((count, AXES, AXES), np.nan),
     )
     result.motion[:, 0] = 0.0
-    result.covariance[:, 0, :, 0] = 0.0
+    result.covariance[:, 0] = result.covariance[:, :, :, 0] = 0.0
     usable = measured.known & links.until(last)[:, None]
     patterns, which = np.unique(usable.T, axis=0, return_inverse=True)
     for number, pattern in enumerate(patterns):
@@ -220,7 +220,6 @@ def _solve(
     for i, survey in enumerate(surveys):
         for j, other in enumerate(surveys):
             result.covariance[places, survey, :, other] = shaped[:, i, :, j]
-    result.covariance[places, 0, :, 0] = 0.0
     line = np.kron(days[surveys][:, None], np.eye(AXES))
     slope_covariance = np.linalg.inv(line.T @ normal @ line)
     slope = np.einsum("gij,gj->gi", slope_covariance, np.einsum("gij,gj->gi", line.T @ normal, found))
