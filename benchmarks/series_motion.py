@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -41,7 +41,7 @@ SEEDS, STILL_SEEDS, REAL_SEEDS, REAL_STILL_SEEDS = (1, 2, 3, 4), (11, 12, 13), (
 RATES_MM_DAY = (1.0, 0.6, 0.4)
 REAL_RATE_MM_DAY = 0.5
 DAYS = survey_days(6, 60)
-_LEAST_SURVEYS = 2  # after which alerts are looked at
+_LEAST_SURVEYS = 3  # after which alerts are looked at
 _MARGIN_M = 1.25  # taken off a zone before its motion is fitted
 _REAL_CRS = "EPSG:32614"
 _CHI2_95 = 7.815  # of three degrees of freedom
@@ -163,7 +163,7 @@ def judge(case: Case, folder: Path) -> Outcome:
     return outcome
 
 
-def _run(case: Case, count: int, folder: Path, *, displacement: bool) -> dict[str, Path]:
+def _run(case: Case, count: int, folder: Path, *, displacement: bool) -> Mapping[str, Path]:
     settings = SeriesSettings(
         series=SeriesParameters(ground_ready=case.ready, rasters_each_survey=False),
         displacement_step=DisplacementStepParameters(displacement=displacement),
@@ -171,7 +171,7 @@ def _run(case: Case, count: int, folder: Path, *, displacement: bool) -> dict[st
     return monitor_series(case.epochs[:count], folder, settings, roi=case.roi).outputs
 
 
-def _zones(outputs: dict[str, Path], key: str) -> geopandas.GeoDataFrame:
+def _zones(outputs: Mapping[str, Path], key: str) -> geopandas.GeoDataFrame:
     return geopandas.read_file(outputs[key], layer="zones")
 
 
@@ -203,7 +203,7 @@ def rows() -> list[Row]:
         outcome = Outcome()
         for make, seed, rate in (*moving, *still):
             with tempfile.TemporaryDirectory() as folder:
-                case = make(seed, rate, Path(folder))  # type: ignore[operator]
+                case = make(seed, rate, Path(folder))
                 if case is not None:
                     outcome.add(judge(case, Path(folder)))
                     say(f"{name}, seed {seed}")

@@ -216,7 +216,7 @@ def _series(f: Figures) -> list[str]:
         sentence("{} surveys over {} days were compared.", counted(f, "epoch_count"), counted(f, "days")),
         found,
         sentence(
-            "{} zones moved along the surface, the fastest by {}.",
+            "{} of them moved along the surface, the fastest by {}.",
             counted(f, "moving_zone_count") if f.get("moving_zone_count") else "",
             measured(f, "fastest_motion_mm_day", "mm/day"),
         ),

@@ -211,8 +211,8 @@ def _reached(evidence: Evidence, row: AlertLevel) -> str:
             return f"along the surface: rate {abs(rate):.2f} mm/day, at least {least}"
         return f"rate {abs(rate):.2f} mm/day, at least {least}"
     if all(limit is None for limit in comparisons[1:]):
-        count, least = evidence.epochs_confirmed, row.epochs_confirmed
+        count = evidence.epochs_confirmed
         if along:
-            return f"motion along the surface confirmed by {count} comparisons, at least {least}"
-        return f"confirmed by {count} comparisons, at least {least}"
+            return f"motion along the surface confirmed by {count} comparisons, at least {row.epochs_confirmed}"
+        return f"confirmed by {count} comparisons, at least {row.epochs_confirmed}"
     return ""

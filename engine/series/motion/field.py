@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -247,13 +247,13 @@ def _keep(arrays: dict[str, Float], places: Index, done: Adjusted, axes: Float) 
 
 
 def _chosen(take: Bool, one: Vectors, other: Vectors) -> Vectors:
-    return Vectors(
-        one.places,
-        one.axes,
-        *(
-            _where(take, getattr(one, name), getattr(other, name))
-            for name in ("motion", "covariance", "status", "seen", "width")
-        ),
+    return replace(
+        one,
+        motion=_where(take, one.motion, other.motion),
+        covariance=_where(take, one.covariance, other.covariance),
+        status=np.where(take, one.status, other.status),
+        seen=_where(take, one.seen, other.seen),
+        width=_where(take, one.width, other.width),
     )
 
 
