@@ -25,7 +25,6 @@ from ..interface.parameters import DisplacementParameters
 from .pair import is_large
 from .series_store import Store, key_of
 
-_HELD_SURVEYS = 2
 _MEASURED, _FITTED = 0.85, 0.95  # shares of the time
 
 
@@ -86,12 +85,12 @@ class _Held:
         self._gridded = gridded
         self._held: dict[int, Float] = {}
 
-    def __call__(self, survey: int) -> Float:
-        points = self._held.pop(survey, None)
-        while points is None and len(self._held) >= _HELD_SURVEYS:
-            self._held.pop(next(iter(self._held)))
-        self._held[survey] = self._gridded[survey].points() if points is None else points
-        return self._held[survey]
+    def __call__(self, earlier: int, later: int) -> tuple[Float, Float]:
+        for survey in set(self._held) - {earlier, later}:
+            del self._held[survey]
+        for survey in {earlier, later} - set(self._held):
+            self._held[survey] = self._gridded[survey].points()
+        return self._held[earlier], self._held[later]
 
 
 def measure_motion(
@@ -111,7 +110,7 @@ def measure_motion(
         return None
     parameters, held = DisplacementParameters(), _Held(gridded)
     try:
-        layout = layout_of(held(0), parameters)
+        layout = layout_of(held(0, 0)[0], parameters)
         surveys = Surveys(days, tuple(g.registered for g in gridded))
         with progress.stage(0.0, _MEASURED):
             pairs, made = _pairs(gridded, surveys, layout, parameters, held, Store(stage), progress)
@@ -147,7 +146,7 @@ def _pairs(
         with progress.stage(number / len(links), (number + 1) / len(links), names) as share:
 
             def make(path: Path, earlier: int = earlier, later: int = later, share: Progress = share) -> dict[str, Any]:
-                measure_pair(held(earlier), held(later), layout, parameters, share).save(path)
+                measure_pair(*held(earlier, later), layout, parameters, share).save(path)
                 return {}
 
             key = key_of(

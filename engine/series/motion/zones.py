@@ -20,8 +20,8 @@ from .field import Field, evidence, tests_of
 from .network import Adjusted, Measured, adjust, own_variances
 from .windows import PairMotion, search_of
 
-Cloud = Callable[[int], Float]
-"""Ground points (n, 3) of a survey in the frame of the series, metres."""
+Clouds = Callable[[int, int], tuple[Float, Float]]
+"""Ground points (n, 3) of two surveys in the frame of the series, metres."""
 _REACH = 1  # windows by which a zone may lie elsewhere from survey to survey
 _MIN_LOOKS = 2  # after which a zone stood out, where the last one does not show it
 
@@ -99,7 +99,7 @@ class MovingGround:
 def moving_ground(
     field: Field,
     pairs: Sequence[PairMotion],
-    cloud: Cloud,
+    clouds: Clouds,
     parameters: DisplacementParameters,
     progress: Progress | None = None,
 ) -> tuple[MovingGround, ...]:
@@ -111,13 +111,13 @@ def moving_ground(
 
     Args:
         pairs: as for ``motion_field``.
-        cloud: the surveys' points; at most two of them are held at a time.
+        clouds: the points of two surveys; each pair that is asked for has one in common with the pair before.
     """
     tracks = _tracks(field, parameters)
     if not tracks:
         return ()
     windows = [field.layout.number[track.sightings[-1].cells] for track in tracks]
-    motion, covariance, area = _fits(field, pairs, windows, cloud, parameters, progress or Progress())
+    motion, covariance, area = _fits(field, pairs, windows, clouds, parameters, progress or Progress())
     facets = [field.layout.facets.frames[int(field.layout.facet[w[0]])] for w in windows]
     axes = np.stack([frame.axes for frame in facets])
     places = np.stack([field.layout.places[w].mean(axis=0) for w in windows])
@@ -131,13 +131,15 @@ def moving_ground(
     looks = [adjust(measured, field.noise[0], field.surveys.days, last) for last in range(1, len(field.surveys.days))]
     chances = np.stack([_chances(done, field, last) for last, done in enumerate(looks, 1)])
     found = []
+    # a zone that stood out before stays, as often as the number of looks allows
+    chance = np.fmin(chances[-1], len(looks) * np.nanmin(np.where(np.isnan(chances), 1.0, chances), axis=0))
     for number, track in enumerate(tracks):
-        if not chances[-1, number] <= MAX_PROBABILITY:
+        if not chance[number] <= MAX_PROBABILITY:
             continue
-        first = int(np.flatnonzero(chances[:, number] <= MAX_PROBABILITY)[0]) + 1
+        first = int(np.nanargmin(np.where(chances[:, number] <= MAX_PROBABILITY, 0, 1))) + 1
         found.append(
             _assembled(track, windows[number], number, looks[-1], field, axes[number], places[number])
-            | {"probability": float(chances[-1, number]), "found": max(first, track.sightings[0].epoch)}
+            | {"probability": float(chance[number]), "found": max(first, track.sightings[0].epoch)}
             | {"area": len(windows[number]) * parameters.spacing**2, "fitted_area": float(area[number])}
         )
     return tuple(MovingGround(**zone) for zone in found)
@@ -169,7 +171,7 @@ def _fits(
     field: Field,
     pairs: Sequence[PairMotion],
     windows: Sequence[Index],
-    cloud: Cloud,
+    clouds: Clouds,
     parameters: DisplacementParameters,
     progress: Progress,
 ) -> tuple[Float, Float, Float]:
@@ -182,7 +184,7 @@ def _fits(
         progress.update(done / len(pairs), "measuring zones that move as one")
         earlier, later = links.pairs[row]
         measured = pair_zones.Measured(
-            (cloud(earlier), cloud(later)),
+            clouds(earlier, later),
             field.layout.facets,
             field.layout.facet,
             search_of(parameters, pairs[row].kernel),
