@@ -104,8 +104,8 @@ def test_layers_have_a_row_a_survey_and_the_days_on_which_it_is_shown(runs):
         assert set(table["epoch"]) == {"2024-06-30", "2024-08-29"}
         last = table[table["epoch"] == "2024-08-29"].iloc[0]
         assert (last["time_from"], last["time_to"]) == (
-            pd.Timestamp("2024-07-01", tz="UTC"),
-            pd.Timestamp("2024-08-29", tz="UTC"),
+            pd.Timestamp("2024-07-01"),
+            pd.Timestamp("2024-08-29"),
         )
         assert (table["length_err_m"] > 0).all()
     velocities = layer(folder, "velocities")

@@ -56,12 +56,13 @@ def write_motion(
     times_a_day = magnification(velocity.motion[fast], spacing)
     ids = {z.motion.ground.zone_id: z.track.zone_id for z in zones if z.motion is not None}
     layers = [
+        # the first has no times: GDAL would write those of the first layer alone with a Z
+        Layer(_velocities(velocity, fast, about), "velocities",
+              displacement_styles.velocities_qml(times_a_day), "Point"),
         Layer(_moves(field, field.motion, field.covariance, moving, limit, about), "vectors",
               displacement_styles.vectors_qml(times, temporal=True), "Point"),
         Layer(_moves(field, field.step, field.step_covariance, moving, limit, about), "steps",
               displacement_styles.vectors_qml(times, temporal=True), "Point"),
-        Layer(_velocities(velocity, fast, about), "velocities",
-              displacement_styles.velocities_qml(times_a_day), "Point"),
         Layer(_zones(motion.ground, field, ids, about), "zones",
               displacement_styles.moving_zones_qml(times, temporal=True), "MultiPolygon"),
     ]  # fmt: skip
