@@ -172,7 +172,7 @@ def _nothing(surveys: int) -> MovingGround:
     zero = np.zeros(3)
     return MovingGround(
         "", np.zeros(0, np.int64), 0.0, 0.0, zero, np.eye(3), np.zeros((surveys, 3)),
-        np.zeros((surveys, 3, surveys, 3)), zero, np.eye(3), 0.0, 0, np.array([1.0, 0.0, 0.0]), (), "",
+        np.zeros((surveys, 3, surveys, 3)), zero, np.eye(3), 0.0, 0.0, 0, np.array([1.0, 0.0, 0.0]), (), "",
     )  # fmt: skip
 
 
@@ -203,5 +203,6 @@ def _zone_row(zone: MovingGround, survey: int, ids: Mapping[str, str]) -> dict[s
         "along_m": float(zone.along[survey]),
         "along_err_m": float(zone.along_error[survey]),
         "off_dip_deg": zone.off_dip,
+        "uneven_share": zone.unevenness,
         "p_map": zone.probability,
     }

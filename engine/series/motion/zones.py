@@ -37,7 +37,9 @@ class MovingGround:
         place: (3,) middle of the windows; ``axes`` (3, 3) along the dip, across and normal, row by row.
         motion: (surveys, 3) against the first survey, metres; NaN where not known; ``covariance`` (surveys, 3,
             surveys, 3) of it, m².
-        velocity: (3,) metres a day, of a straight line through time; ``velocity_covariance`` (3, 3) of it.
+        velocity: (3,) metres a day, of a straight line through time; ``velocity_covariance`` (3, 3) of it as the mean
+            of ground that does not move evenly.
+        unevenness: standard error of the mean for that reason, as a share of the motion.
         probability: that still ground shows such a zone anywhere on the map.
         found: the first survey after which that was at most ``MAX_PROBABILITY``.
         direction: (3,) unit vector along the surface in which it moves.
@@ -55,6 +57,7 @@ class MovingGround:
     covariance: Float
     velocity: Float
     velocity_covariance: Float
+    unevenness: float
     probability: float
     found: int
     direction: Float
@@ -219,6 +222,23 @@ def _chances(done: Adjusted, field: Field, last: int) -> Float:
     return np.minimum(np.asarray(stats.chi2.sf(statistic, 2)) * tests, 1.0)
 
 
+def unevenness(way: Float, error: Float, independent: float) -> float:
+    """Standard error of a zone's mean motion because its parts move differently, as a share of it.
+
+    One fit over ground that creeps unevenly gives a motion that most of it has, which is not its mean.
+
+    Args:
+        way: (n,) motion of the zone's windows in its direction, and the standard ``error`` of each.
+        independent: number of windows that do not overlap.
+    """
+    known = np.isfinite(way) & np.isfinite(error)
+    if np.count_nonzero(known) < 2:
+        return 0.0
+    mean = float(way[known].mean())
+    excess = float(way[known].var(ddof=1) - (error[known] ** 2).mean())
+    return float(np.sqrt(max(excess, 0.0) / max(independent, 1.0)) / abs(mean)) if mean else 0.0
+
+
 def _assembled(
     track: Track, windows: Index, number: int, done: Adjusted, field: Field, axes: Float, place: Float
 ) -> dict[str, Any]:
@@ -226,6 +246,12 @@ def _assembled(
     last = len(field.surveys.days) - 1
     way = evidence(done.motion[:, last], done, field.surveys.days, last)[0][number, :2]
     direction = axes[:2].T @ (way / np.hypot(*way))
+    each = field.velocity[windows] @ direction
+    errors = np.sqrt(np.einsum("a,nab,b->n", direction, field.velocity_covariance[windows], direction))
+    width = float(np.min(field.looks[-1].width[windows]))
+    independent = len(windows) * field.layout.grid.cell**2 / (np.pi * (width / 2) ** 2)
+    uneven = unevenness(each, errors, independent)
+    velocity = done.velocity[number] @ axes
     return {
         "zone_id": f"M{track.zone_id[1:]}",
         "windows": windows,
@@ -233,8 +259,10 @@ def _assembled(
         "axes": axes,
         "motion": done.motion[number] @ axes,
         "covariance": np.einsum("ac,iajb,bd->icjd", axes, done.covariance[number], axes),
-        "velocity": done.velocity[number] @ axes,
-        "velocity_covariance": axes.T @ done.velocity_covariance[number] @ axes,
+        "velocity": velocity,
+        "velocity_covariance": axes.T @ done.velocity_covariance[number] @ axes
+        + uneven**2 * np.outer(velocity, velocity),
+        "unevenness": uneven,
         "direction": direction,
         "sightings": track.sightings,
         "parent": f"M{track.parent[1:]}" if track.parent else "",

@@ -51,7 +51,7 @@ def ground(row: int, column: int, rate: float, number: int = 1, error: float = 0
     motion[:, 0] = rate * DAYS
     return MovingGround(
         f"M{number:03d}", windows, 36.0, 25.0, np.zeros(3), np.eye(3), motion, covariance, motion[1] / 30,
-        np.eye(3) * (error / 90) ** 2, 0.001, 2, np.array([1.0, 0.0, 0.0]), (Sighting(2, windows, "new"),), "",
+        np.eye(3) * (error / 90) ** 2, 0.0, 0.001, 2, np.array([1.0, 0.0, 0.0]), (Sighting(2, windows, "new"),), "",
     )  # fmt: skip
 
 

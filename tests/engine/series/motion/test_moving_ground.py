@@ -12,7 +12,7 @@ from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.displacement.registered import Registered
 from slopewatch.engine.series.motion.field import Surveys, motion_field
 from slopewatch.engine.series.motion.windows import Layout, PairMotion, layout_of, measure_pair
-from slopewatch.engine.series.motion.zones import moving_ground
+from slopewatch.engine.series.motion.zones import moving_ground, unevenness
 from slopewatch.interface.parameters import DisplacementParameters
 from slopewatch.tests.builders.rough_ground import axes, in_the_map, relief, sampled
 
@@ -145,3 +145,12 @@ def test_what_was_kept_of_a_pair_comes_back(measured, tmp_path):
     (tmp_path / "motion.npz").write_bytes(b"nothing")
     with pytest.raises(InputError, match="remove the folder"):
         PairMotion.load(tmp_path / "motion.npz")
+
+
+def test_ground_that_creeps_unevenly_has_a_mean_that_is_less_sure():
+    rng = np.random.default_rng(1)
+    even = 0.5 + rng.normal(0, 0.05, 4000)
+    assert unevenness(even, np.full(4000, 0.05), 1.0) < 0.03
+    mixed = np.where(np.arange(4000) % 2, 0.3, 0.7) + rng.normal(0, 0.05, 4000)
+    assert unevenness(mixed, np.full(4000, 0.05), 4.0) == pytest.approx(0.2 / 2 / 0.5, rel=0.05)
+    assert unevenness(mixed[:1], np.full(1, 0.05), 1.0) == 0.0
