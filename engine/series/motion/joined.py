@@ -106,6 +106,9 @@ def with_motion(
     )
     if leads:
         zone = replace(zone, alert=alert, alert_reason=reason)
+    if zone.found_by == FOUND_BY[0] and ground.found < int(np.argmax(zone.confirmed)):
+        # the motion showed it first: it keeps the name that it had then
+        zone = replace(zone, track=replace(zone.track, zone_id=ground.zone_id))
     return replace(
         zone,
         confirmed=zone.confirmed | moved,

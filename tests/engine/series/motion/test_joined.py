@@ -112,3 +112,8 @@ def test_motion_along_the_surface_has_a_tangent_angle():
     motion[:, 0] = [0.0, 0.03, 0.06, 0.11]
     _, found = joined(-0.001, replace(faster, motion=motion))
     assert found[1].motion.course.angle.degrees == pytest.approx(np.degrees(np.arctan(5 / 3)), abs=0.1)
+
+
+def test_a_zone_that_motion_showed_first_keeps_its_name():
+    _, (zone,) = joined(-0.001, replace(ground(2, 2, 0.004), found=0))
+    assert (zone.track.zone_id, zone.kind, zone.found_by) == ("M001", "subsidence", "both")
