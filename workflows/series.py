@@ -131,18 +131,22 @@ def monitor_series(
         if motion is not None:
             analysis = with_ground(analysis, motion.ground, motion.layout, grid, settings.zones, table)
         frame, course = _write_products(run, task, analysis, about, table)
-        if motion is not None:
-            run.outputs |= write_motion(motion, analysis.zones, about, hashes, stage)
         run.finish_reviews()
         run.figures = series_figures(frame, analysis.cumulative, analysis.incremental, about)
-        run.figures |= {} if motion is None else motion_figures(motion, frame)
+        if motion is not None:
+            run.outputs |= write_motion(motion, analysis.zones, about, hashes, stage)
+            run.figures |= motion_figures(motion, frame)
         run.figures["dropped_zones"] = analysis.unconfirmed
         transforms = {g.epoch.name: g.transform.matrix for g in gridded}
         run.facts |= {"run_id": about.run_id, "cell": choice.facts()}
         run.facts |= _facts(analysis, about, table, transforms, motion) | _zone_facts(analysis, about, frame, course)
-        for sentence in run.facts["limits"]:
-            run.progress.info(sentence)
+        _say(run)
     return run.result()
+
+
+def _say(run: Run) -> None:
+    for sentence in run.facts["limits"]:
+        run.progress.info(sentence)
 
 
 def _earlier_series(run: Run, folder: Path, dates: tuple[date, ...], *, overwrite: bool) -> dict[str, Any] | None:
