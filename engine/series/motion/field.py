@@ -218,9 +218,9 @@ def _in_plane(axes: Float, vectors: Float) -> Float:
 
 def evidence(motion: Float, done: Adjusted, days: Float, last: int) -> tuple[Float, Float]:
     """Motions (n, 3) until survey ``last`` and their covariances: by the velocity or of that survey, whichever has
-    more evidence of motion along the surface.
+    more evidence of motion along the surface. That of the last survey is less sure where those before it scatter.
     """
-    covariance = done.covariance[:, last, :, last]
+    covariance = done.covariance[:, last, :, last] * done.scatter[:, None, None]
     way, error = days[last] * done.velocity, days[last] ** 2 * done.velocity_covariance
     by_line, by_last = (
         np.nan_to_num(squared_length(v[:, :2], c[:, :2, :2]), nan=-1.0) for v, c in ((way, error), (motion, covariance))

@@ -109,12 +109,15 @@ class Adjusted:
         covariance: (n, surveys, 3, surveys, 3) of it, m²; zero for the first survey.
         velocity: (n, 3) metres a day: the straight line through time that fits best.
         velocity_covariance: (n, 3, 3) of it, wider where the surveys scatter more than their errors explain.
+        scatter: (n,) by how much the squared deviations of the surveys before the last from their line exceed what is
+            stated; at least 1.
     """
 
     motion: Float
     covariance: Float
     velocity: Float
     velocity_covariance: Float
+    scatter: Float
 
 
 def noise_of(measured: Measured) -> Noise:
@@ -175,6 +178,7 @@ def adjust(measured: Measured, noise: Noise, days: Float, last: int | None = Non
         np.full((count, links.surveys, AXES, links.surveys, AXES), np.nan),
         np.full((count, AXES), np.nan),
         np.full((count, AXES, AXES), np.nan),
+        np.ones(count),
     )
     result.motion[:, 0] = 0.0
     result.covariance[:, 0] = result.covariance[:, :, :, 0] = 0.0
@@ -220,14 +224,27 @@ def _solve(
     for i, survey in enumerate(surveys):
         for j, other in enumerate(surveys):
             result.covariance[places, survey, :, other] = shaped[:, i, :, j]
-    line = np.kron(days[surveys][:, None], np.eye(AXES))
-    slope_covariance = np.linalg.inv(line.T @ normal @ line)
-    slope = np.einsum("gij,gj->gi", slope_covariance, np.einsum("gij,gj->gi", line.T @ normal, found))
-    rest = found - slope @ line.T
-    freedom = AXES * (known - 1)
-    misfit = np.einsum("gi,gij,gj->g", rest, normal, rest) / max(freedom, 1)
+    slope, slope_covariance, misfit = _line(days[surveys], found, normal)
     result.velocity[places] = slope
-    result.velocity_covariance[places] = slope_covariance * np.maximum(misfit, 1.0)[:, None, None]
+    result.velocity_covariance[places] = slope_covariance * misfit[:, None, None]
+    if known > 2:
+        before = AXES * (known - 1)
+        inverse = np.linalg.inv(covariance[:, :before, :before])
+        result.scatter[places] = _line(days[surveys[:-1]], found[:, :before], inverse)[2]
+
+
+def _line(days: Float, motion: Float, inverse: Float) -> tuple[Float, Float, Float]:
+    """Slope (n, 3) of motions (n, 3 surveys) on days, its covariance, and their reduced misfit, at least 1.
+
+    Args:
+        inverse: (n, 3 surveys, 3 surveys) of the motions' covariance.
+    """
+    line = np.kron(days[:, None], np.eye(AXES))
+    covariance = np.linalg.inv(line.T @ inverse @ line)
+    slope = np.einsum("gij,gj->gi", covariance, np.einsum("gij,gj->gi", line.T @ inverse, motion))
+    rest = motion - slope @ line.T
+    misfit = np.einsum("gi,gij,gj->g", rest, inverse, rest) / max(AXES * (len(days) - 1), 1)
+    return slope, covariance, np.maximum(misfit, 1.0)
 
 
 def own_variances(covariance: Float) -> Float:
