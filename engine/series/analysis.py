@@ -29,8 +29,8 @@ from ..grid.grid import Grid
 from ..grid.pooled_variance import pooled_variance
 from ..zones.groups import label_groups
 from .alerts import AlertLevel
+from .joined import joined_zones
 from .kept_changes import KeptChanges
-from .motion.joined import joined_zones
 from .motion.windows import Layout
 from .motion.zones import MovingGround
 from .persistence import confirmed_cells

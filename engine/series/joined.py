@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...core.arrays import Index
-from ...grid.grid import Grid
-from ...statistics.normal import Z95
-from ..alerts import AlertLevel, alert_of
-from ..patch_errors import PatchErrors
-from ..persistence import longest_run
-from ..tracking import Sighting, Track
-from ..zone_series import FOUND_BY, Course, Stack, SurfaceMotion, ZoneSeries, series_of
-from .windows import Layout
-from .zones import MovingGround
+from ..core.arrays import Index
+from ..grid.grid import Grid
+from ..statistics.normal import Z95
+from .alerts import AlertLevel, alert_of
+from .motion.windows import Layout
+from .motion.zones import MovingGround
+from .patch_errors import PatchErrors
+from .persistence import longest_run
+from .tracking import Sighting, Track
+from .zone_series import FOUND_BY, Course, Stack, SurfaceMotion, ZoneSeries, series_of
 
 _MIN_SHARED_SHARE = 0.25  # of the smaller one's area: less in common is a touch, not the same place
 

@@ -9,7 +9,7 @@ import pytest
 from slopewatch.engine.displacement.facets import Facets, Frame
 from slopewatch.engine.grid.grid import Grid
 from slopewatch.engine.series.alerts import read_alerts
-from slopewatch.engine.series.motion.joined import cells_of, joined_zones
+from slopewatch.engine.series.joined import cells_of, joined_zones
 from slopewatch.engine.series.motion.windows import Layout
 from slopewatch.engine.series.motion.zones import MovingGround
 from slopewatch.engine.series.tracking import Sighting, Track
