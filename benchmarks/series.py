@@ -19,7 +19,12 @@ from ..engine.epochs.epoch import Epoch
 from ..engine.grid.grid import Grid
 from ..engine.series.inverse_velocity import failure_time
 from ..engine.series.velocity import zone_velocity
-from ..interface.parameters import GridChangeParameters, SeriesParameters, SurveyParameters
+from ..interface.parameters import (
+    DisplacementStepParameters,
+    GridChangeParameters,
+    SeriesParameters,
+    SurveyParameters,
+)
 from ..simulation.surveys.series import (
     Creep,
     Fukuzono,
@@ -39,7 +44,9 @@ _MONTHLY = survey_days(6, 30)
 _NEARING = tuple(_FIRST + timedelta(days=d) for d in (0, 30, 55, 75, 90, 100))
 _FAILURE = 110.0
 _SETTINGS = SeriesSettings(
-    change=GridChangeParameters(cell=0.25), series=SeriesParameters(ground_ready=True, rasters_each_survey=False)
+    change=GridChangeParameters(cell=0.25),
+    series=SeriesParameters(ground_ready=True, rasters_each_survey=False),
+    displacement_step=DisplacementStepParameters(displacement=False),  # heights alone are measured here
 )
 
 
@@ -224,7 +231,9 @@ def _one_more(series: SimulatedSeries) -> Row:
     with tempfile.TemporaryDirectory() as name:
         paths = write_series(series, Path(name))
         epochs = _epochs(series, paths)[:4]
-        settings = SeriesSettings(change=GridChangeParameters(cell=0.25))
+        settings = SeriesSettings(
+            change=GridChangeParameters(cell=0.25), displacement_step=DisplacementStepParameters(displacement=False)
+        )
         seconds = {}
         for label, surveys in (("before", epochs[:-1]), ("added", epochs)):
             start = time.perf_counter()

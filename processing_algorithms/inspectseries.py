@@ -62,6 +62,61 @@ _PRODUCTS = (
         by_default=False,
     ),
     products.CLASSES,
+    products.Product(
+        "MOTION_VECTORS",
+        "displacement_vectors",
+        "Motion along the surface, survey by survey",
+        "Arrows of the motion against the first survey, drawn longer than they are, with the ellipse of their error; "
+        "one for each survey, for the temporal controller. Only where motion along the surface was measured.",
+        Appearance(64, visible=False, expanded=False),
+        layer="vectors",
+        file="displacement.gpkg",
+    ),
+    products.Product(
+        "MOTION_STEPS",
+        "displacement_vectors",
+        "Motion along the surface since the survey before",
+        "The same from each survey to the next.",
+        Appearance(63, visible=False, expanded=False),
+        layer="steps",
+        by_default=False,
+        file="displacement.gpkg",
+    ),
+    products.Product(
+        "MOTION_VELOCITIES",
+        "displacement_vectors",
+        "Velocity vectors along the surface",
+        "Arrows of significant velocity by regression over all surveys, with the ellipse of their error.",
+        Appearance(65),
+        layer="velocities",
+        file="displacement.gpkg",
+    ),
+    products.Product(
+        "MOVING_ZONES",
+        "displacement_vectors",
+        "Zones of coherent motion, survey by survey",
+        "Polygons of ground that moves as one, with its motion until each survey, its velocity and their errors.",
+        Appearance(62, visible=False, expanded=False),
+        layer="zones",
+        by_default=False,
+        file="displacement.gpkg",
+    ),
+    products.Product(
+        "MOTION",
+        "displacement",
+        "Motion along the surface (m)",
+        "Motion of the last survey against the first with its standard errors, and the reason where none can be given.",
+        Appearance(28, visible=False, expanded=False),
+        by_default=False,
+    ),
+    products.Product(
+        "SMALLEST_MOTION",
+        "smallest_motion",
+        "Smallest motion that can be told (m)",
+        "Three standard errors of that motion, also where nothing moved.",
+        Appearance(27, visible=False, expanded=False),
+        by_default=False,
+    ),
 )
 _KINDS = (
     ("CUMULATIVE", "cumulative", "Change since the first survey", 45),
@@ -76,7 +131,7 @@ class InspectSeries(SlopeWatchAlgorithm):
     SUMMARY = "Takes two or more surveys of a slope to velocities, zones followed through time, and alert levels."
     TAGS = (
         "change detection", "series", "time series", "velocity", "monitoring", "creep", "landslide", "settlement",
-        "subsidence", "alert", "alarm", "temporal", "inverse velocity", "trend", "early warning",
+        "subsidence", "alert", "alarm", "temporal", "inverse velocity", "trend", "early warning", "vector", "sliding",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.SERIES
     BASIC = ("ground_ready", "rasters_each_survey", "cell", "minimum_area", "overwrite")
@@ -89,6 +144,8 @@ class InspectSeries(SlopeWatchAlgorithm):
         "FASTEST_RATE": ("fastest_rate_mm_day", "Fastest zone (mm/day)"),
         "DETECTABLE_RATE": ("detectable_rate_mm_day", "Rate that a cell needs to be seen between two surveys (mm/day)"),
         "LEVEL_MEDIAN": ("lod_median_m", "Median level of detection, last survey against the first (m)"),
+        "MOVING_ZONE_COUNT": ("moving_zone_count", "Zones that move along the surface"),
+        "FASTEST_MOTION": ("fastest_motion_mm_day", "Fastest zone along the surface (mm/day)"),
     }
     PAGES: ClassVar = {"REPORT": ("report", "Report")}
     FILES: ClassVar = {

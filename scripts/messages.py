@@ -202,6 +202,7 @@ WORDS = (
     "rapid", "rejected", "risen", "rise", "setting", "sink", "slow", "steady", "subsidence", "sunk", "tilt", "them",
     "unsure", "Options", "Installation", "by", "run", "medium", "robust",
     "Batch", "Labelling", "Region", "Training", "days", "degrees", "minutes",
+    "sliding", "motion", "both",
     "Commands", "Examples", "Files", "Running", "trees", "unreviewed", "unknown", "uplift", "yes",
 )  # fmt: skip
 """Single words that stand in places of other messages, or alone in a table of the report."""

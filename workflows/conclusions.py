@@ -244,6 +244,11 @@ def _series(f: Figures) -> list[str]:
     return [
         sentence("{} surveys over {} days were compared.", counted(f, "epoch_count"), counted(f, "days")),
         found,
+        sentence(
+            "{} of them moved along the surface, the fastest by {}.",
+            counted(f, "moving_zone_count") if f.get("moving_zone_count") else "",
+            measured(f, "fastest_motion_mm_day", "mm/day"),
+        ),
         (
             f"The highest alert level is {number(f.get('highest_alert', 0))}; "
             f"{number(f.get('alerted_zone_count', 0))} zones have one above 0."

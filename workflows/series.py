@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from geopandas import GeoDataFrame
+from shapely.geometry.base import BaseGeometry
 
 from ..engine.core import cancellation
 from ..engine.core.arrays import Float
@@ -23,7 +24,7 @@ from ..engine.epochs.epoch import Epoch
 from ..engine.epochs.manifest import check_series
 from ..engine.report.facts import ROAD_WORDS, course_rows, zone_rows
 from ..engine.series.alerts import AlertLevel, read_alerts
-from ..engine.series.analysis import Analysis, analyse, limits_of
+from ..engine.series.analysis import Analysis, GriddedEpoch, analyse, limits_of, with_ground
 from ..engine.series.tables import About
 from ..engine.series.tracking import Track
 from ..engine.series.velocity import cell_velocity
@@ -41,11 +42,15 @@ from .products.series import (
     write_summary_rasters,
     write_tables,
 )
+from .products.series_motion import SERIES_MOTION_OUTPUTS, motion_figures, write_motion
 from .run import Run
+from .series_motion import SeriesMotion, measure_motion
 from .series_preparation import Task, prepare_epochs
 from .settings import SeriesSettings, groups
 
 REPORTED = (
+    "found_by",
+    "motion_zone",
     "status",
     "alert",
     "alert_reason",
@@ -60,7 +65,10 @@ REPORTED = (
     *ROAD_WORDS,
 )
 """Fields with words that the run record and the report have of each zone."""
-_RECORDED = ("inputs", "dates", "ground", "registration", "change", "zones", "road", "assets", "series", "details")
+_RECORDED = (
+    "inputs", "dates", "ground", "registration", "change", "zones", "road", "assets", "series", "displacement_step",
+    "details",
+)  # fmt: skip
 
 
 def monitor_series(
@@ -123,25 +131,35 @@ def monitor_series(
     refuse_grid_early([epochs[0].path], settings.inputs, settings.change, roi)
     with run.writing(output_dir, report=True) as stage, cancellation.temporary(stage.folder / SPOOL) as spool:
         task = Task(epochs, hashes, settings, roi, stable, roi_hash, stable_hash, program, stage)
-        with run.step("surveys", 0.0, 0.7) as entry:
+        with run.step("surveys", 0.0, 0.6) as entry:
             gridded, grid, crs, choice = prepare_epochs(task, spool, run.progress)
             entry["epochs"] = {g.epoch.name: g.facts | {"made": g.made} for g in gridded}
         area = stable_area(stable, crs, run.progress)
-        with run.step("change", 0.7, 0.85, "comparing"):
+        with run.step("change", 0.6, 0.7, "comparing"):
             analysis = analyse(
                 gridded, grid, (settings.change, settings.zones), table, spool, stable=area, progress=run.progress
             )
         about = About(dates, crs, grid, f"series ({settings.change.cell_value} cells)", run.run_id(hashes))
+        motion = _motion(run, task, gridded, analysis.stack.days, area)
+        if motion is not None:
+            analysis = with_ground(analysis, motion.ground, motion.layout, grid, settings.zones, table)
         frame, course = _write_products(run, task, analysis, about, table)
         run.finish_reviews()
         run.figures = series_figures(frame, analysis.cumulative, analysis.incremental, about)
+        if motion is not None:
+            run.outputs |= write_motion(motion, analysis.zones, about, hashes, stage)
+            run.figures |= motion_figures(motion, frame)
         run.figures["dropped_zones"] = analysis.unconfirmed
         transforms = {g.epoch.name: g.transform.matrix for g in gridded}
         run.facts |= {"run_id": about.run_id, "cell": choice.facts()}
-        run.facts |= _facts(analysis, about, table, transforms) | _zone_facts(analysis, about, frame, course)
-        for sentence in run.facts["limits"]:
-            run.progress.info(sentence)
+        run.facts |= _facts(analysis, about, table, transforms, motion) | _zone_facts(analysis, about, frame, course)
+        _say(run)
     return run.result()
+
+
+def _say(run: Run) -> None:
+    for sentence in run.facts["limits"]:
+        run.progress.info(sentence)
 
 
 def _earlier_series(run: Run, folder: Path, dates: tuple[date, ...], *, overwrite: bool) -> dict[str, Any] | None:
@@ -149,15 +167,27 @@ def _earlier_series(run: Run, folder: Path, dates: tuple[date, ...], *, overwrit
     run.refuse_outputs(_targets(folder, dates))
     earlier = None if overwrite else earlier_series(folder)
     if earlier is None:
-        refuse_results(folder, SERIES_OUTPUTS, overwrite=overwrite)
+        refuse_results(folder, (*SERIES_OUTPUTS, *SERIES_MOTION_OUTPUTS), overwrite=overwrite)
     return earlier
+
+
+def _motion(
+    run: Run, task: Task, gridded: Sequence[GriddedEpoch], days: Float, stable: BaseGeometry | None
+) -> SeriesMotion | None:
+    """Motion along the surface, where it is asked for and the ground allows it."""
+    if not task.settings.displacement_step.displacement:
+        return None
+    with run.step("displacement", 0.7, 0.88, "measuring motion along the surface") as entry:
+        motion = measure_motion(gridded, days, task.stage, stable, run.progress)
+        entry["windows"] = 0 if motion is None else len(motion.layout.cell)
+    return motion
 
 
 def _write_products(
     run: Run, task: Task, analysis: Analysis, about: About, alerts: tuple[AlertLevel, ...]
 ) -> tuple[GeoDataFrame, GeoDataFrame]:
     """Write rasters, tables and picture; the table of the zones and that of their series."""
-    with run.step("products", 0.85, 0.99, "writing outputs"):
+    with run.step("products", 0.88, 0.99, "writing outputs"):
         if task.settings.series.rasters_each_survey:
             for kind, changes in (("cumulative", analysis.cumulative), ("incremental", analysis.incremental)):
                 run.outputs |= write_epoch_rasters(kind, changes, about, task.hashes, run.stage, run.progress)
@@ -172,11 +202,16 @@ def _write_products(
 
 
 def _facts(
-    analysis: Analysis, about: About, alerts: tuple[AlertLevel, ...], transforms: dict[str, Float]
+    analysis: Analysis,
+    about: About,
+    alerts: tuple[AlertLevel, ...],
+    transforms: dict[str, Float],
+    motion: SeriesMotion | None,
 ) -> dict[str, Any]:
     """What the record and the report state about the surveys."""
     return {
-        "limits": limits_of(analysis, about.dates),
+        "limits": limits_of(analysis, about.dates, None if motion is None else motion.sentence()),
+        "motion": None if motion is None else motion.facts(),
         "alerts": [plain(row) for row in alerts],
         "transforms": transforms,
         "dates": [d.isoformat() for d in about.dates],
@@ -210,7 +245,7 @@ def _history(track: Track, dates: tuple[date, ...]) -> dict[str, Any]:
 
 
 def _targets(folder: Path, dates: tuple[date, ...]) -> list[Path]:
-    names = [*SERIES_OUTPUTS, *CLASS_OUTPUTS]
+    names = [*SERIES_OUTPUTS, *CLASS_OUTPUTS, *SERIES_MOTION_OUTPUTS]
     for before, end in pairwise(dates):
         names += raster_names("cumulative", dates[0], end) + raster_names("incremental", before, end)
     return [folder / name for name in names]

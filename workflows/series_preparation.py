@@ -15,12 +15,14 @@ from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
 from ..engine.change.difference import epoch_cells
+from ..engine.core.arrays import Float
 from ..engine.core.errors import InputError
 from ..engine.core.json_values import plain
 from ..engine.core.messages import shown
 from ..engine.core.named_progress import NamedProgress
 from ..engine.core.progress import Progress
 from ..engine.core.staged_outputs import Stage
+from ..engine.displacement.registered import Registered
 from ..engine.epochs.epoch import Epoch
 from ..engine.geometry.rigid_transform import RigidTransform, registration_facts
 from ..engine.grid.cell_statistics import CellStatistics
@@ -215,11 +217,13 @@ def _gridded(task: Task, number: int, kept: _Kept, progress: Progress) -> Gridde
         return own[0]
 
     transform, error, facts, key = RigidTransform.identity(), 0.0, {}, _ground_key(task, number)
+    registered = Registered.shift(0.0, 0.0)
     if number:
         key = _registration_key(task, number)
         entry = _registration(task, number, first, cloud, kept.store, progress)
         transform = RigidTransform.load(entry.path)
         error, facts = float(registration_facts(entry.path)["registration_error_m"]), dict(entry.facts)
+        registered = Registered.of_transform(entry.path)
         made += [] if entry.reused else ["registration"]
 
     def grid_cells(path: Path) -> dict[str, Any]:
@@ -247,11 +251,20 @@ def _gridded(task: Task, number: int, kept: _Kept, progress: Progress) -> Gridde
         epoch=epoch,
         transform=transform,
         registration_error=error,
+        registered=registered,
         load=partial(load_cells, entry.path),
+        points=partial(_points, task, number, ground, transform),
+        ground=epoch.path if ground is None else ground.path,
+        key=key_of(ground=_ground_key(task, number), transform=key),
         area=common_area(task.roi, first, transform),
         facts={k: v for k, v in facts.items() if k != "warnings"},
         made=tuple(made),
     )
+
+
+def _points(task: Task, number: int, ground: Entry | None, transform: RigidTransform) -> Float:
+    """The ground of a survey in the frame of the first one (n, 3), metres, read anew; not for large surveys."""
+    return transform.apply(np.asarray(survey_of(_ground_cloud(task, number, ground, None, Progress()))[0]))
 
 
 def _registration_key(task: Task, number: int) -> str:

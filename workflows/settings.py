@@ -99,6 +99,7 @@ class SeriesSettings:
     details: DetailParameters = field(default_factory=DetailParameters)
     road: RoadParameters = field(default_factory=RoadParameters)
     assets: AssetParameters = field(default_factory=AssetParameters)
+    displacement_step: DisplacementStepParameters = field(default_factory=DisplacementStepParameters)
 
 
 @dataclass(frozen=True)

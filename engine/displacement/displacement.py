@@ -93,14 +93,14 @@ def measure_displacement(
     """
     progress = progress or Progress()
     facets = find_facets(first)
-    grid, cell, facet, places = _windows_of(first, later, facets, parameters.spacing)
+    grid, cell, facet, places = windows_of(first, later, facets, parameters.spacing)
     points = density((first, later))
     radii = [parameters.window / 2]
     if parameters.wide_window > parameters.window:
         radii.append(parameters.wide_window / 2)
     search = Search(tuple(radii), parameters.largest_motion, kernel_of(points))
     with progress.stage(0.0, 0.95):
-        sizes, one_way = _measured(first, later, facets, (places, facet), search, progress)
+        sizes, one_way = measure_windows(first, later, facets, (places, facet), search, progress)
     own = [in_the_map(windows, facets, places, facet) for windows in sizes]
     overlap = parameters.spacing**2 / (np.pi * np.array(radii) ** 2)
     common = common_motion(own[-1], float(overlap[-1]))
@@ -131,7 +131,7 @@ def measure_displacement(
     )  # fmt: skip
 
 
-def _windows_of(first: Float, later: Float, facets: Facets, spacing: float) -> tuple[Grid, Index, Index, Float]:
+def windows_of(first: Float, later: Float, facets: Facets, spacing: float) -> tuple[Grid, Index, Index, Float]:
     """The grid of windows, and of those over ground of both surveys: flat index, facet and place (n, 3)."""
     low = np.maximum(least(first[:, :2]), least(later[:, :2]))
     high = np.minimum(greatest(first[:, :2]), greatest(later[:, :2]))
@@ -150,7 +150,7 @@ def _windows_of(first: Float, later: Float, facets: Facets, spacing: float) -> t
     return grid, cell, facet[cell], places[cell]
 
 
-def _measured(
+def measure_windows(
     first: Float, later: Float, facets: Facets, at: tuple[Float, Index], search: Search, progress: Progress
 ) -> tuple[list[Windows], list[OneWay]]:
     """The windows of each radius, and those in which relief holds one direction only."""

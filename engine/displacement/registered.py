@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from ..core.arrays import Float
+from ..geometry.rigid_transform import RigidTransform, registration_facts
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,18 @@ class Registered:
     def shift(cls, level: float, height: float) -> Registered:
         """From standard errors (m) of a shift in each horizontal direction and in height."""
         return cls(np.diag([0.0, 0.0, 0.0, level**2, level**2, height**2]), np.zeros(3), known=True)
+
+    @classmethod
+    def of_transform(cls, path: Path) -> Registered:
+        """As the file of a transform states it; unknown where it does not.
+
+        Raises:
+            InputError: see ``RigidTransform.load``.
+        """
+        covariance = registration_facts(path).get("covariance")
+        if covariance is None:
+            return cls.unknown()
+        return cls(np.array(covariance, dtype=np.float64), np.asarray(RigidTransform.load(path).centre), known=True)
 
     def at(self, places: Float) -> Float:
         """(n, 3, 3) covariance of the motion that the error feigns at places (n, 3), m²."""

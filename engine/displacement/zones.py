@@ -119,7 +119,7 @@ def moving_zones(
         area = len(group) * measured.spacing**2
         if area < least_area:
             continue
-        zone = _fitted(group, vectors, measured, error_at)
+        zone = fit_zone(group, vectors, measured, error_at)
         if zone is None:
             continue
         motion, covariance, fitted_area = zone
@@ -132,7 +132,7 @@ def moving_zones(
     return sorted(found, key=lambda zone: -zone.area)
 
 
-def _fitted(
+def fit_zone(
     group: Index, vectors: Vectors, measured: Measured, error_at: Callable[[Float], Float]
 ) -> tuple[Float, Float, float] | None:
     """One fit over a group's cells without their margin: motion and covariance in the map, and its area."""

@@ -16,13 +16,17 @@ _ALONG_DIP_BAND = 4
 ELLIPSE_ERRORS = 2.0
 """Standard errors: some 86 % of the true ends lie within."""
 _LONGEST_ARROW_SPACINGS = 2.0
+_SHORTEST_M = 1e-6
 
 
-def vectors_qml(magnification: float) -> str:
+def vectors_qml(magnification: float, *, temporal: bool = False) -> str:
     """Style of the vectors: an arrow that is drawn so many times longer than the motion, and at its end the ellipse of
     two standard errors on the same scale.
+
+    Args:
+        temporal: the layer has a row a survey, which the temporal controller shows from ``time_from`` to ``time_to``.
     """
-    return render(_TEMPLATES / "vectors.qml.j2", magnification=f"{magnification:g}", errors=f"{ELLIPSE_ERRORS:g}")
+    return _arrows_qml("vectors", magnification, temporal=temporal)
 
 
 def one_direction_qml(magnification: float, reach: float) -> str:
@@ -37,9 +41,23 @@ def one_direction_qml(magnification: float, reach: float) -> str:
     )
 
 
-def moving_zones_qml(magnification: float) -> str:
+def velocities_qml(magnification: float) -> str:
+    """As ``vectors_qml``, of velocities: an arrow's length is that of the motion in a day times ``magnification``."""
+    return _arrows_qml("velocities", magnification)
+
+
+def moving_zones_qml(magnification: float, *, temporal: bool = False) -> str:
     """Style of the zones that move as one: outline, an arrow from the middle, the motion as label."""
-    return render(_TEMPLATES / "moving_zones.qml.j2", magnification=f"{magnification:g}", errors=f"{ELLIPSE_ERRORS:g}")
+    return _arrows_qml("moving_zones", magnification, temporal=temporal)
+
+
+def _arrows_qml(template: str, magnification: float, *, temporal: bool = False) -> str:
+    return render(
+        _TEMPLATES / f"{template}.qml.j2",
+        magnification=f"{magnification:g}",
+        errors=f"{ELLIPSE_ERRORS:g}",
+        temporal=temporal,
+    )
 
 
 def along_dip_qml(limit: float) -> str:
@@ -53,12 +71,12 @@ def along_dip_qml(limit: float) -> str:
 
 
 def magnification(motion: Float, spacing: float) -> float:
-    """How many times as long as in truth arrows of motions (n, 2), metres, are drawn: a round number.
+    """How many times as long as in truth arrows of motions (n, 2 or 3), metres, are drawn: a round number.
 
     Few are then longer than twice their ``spacing`` (m).
     """
-    length = np.hypot(*motion.T)
+    length = np.hypot(*motion[:, :2].T)
     longest = float(np.quantile(length, 0.95)) if len(length) else 0.1
-    wanted = _LONGEST_ARROW_SPACINGS * spacing / max(longest, 1e-3)
+    wanted = _LONGEST_ARROW_SPACINGS * spacing / max(longest, _SHORTEST_M)
     power = 10 ** np.floor(np.log10(wanted))
     return float(max(step for step in (1, 2, 5) if step * power <= wanted or step == 1) * power)

@@ -51,7 +51,7 @@ def write_series_picture(
 
 
 def _ranked(zones: Sequence[ZoneSeries]) -> list[ZoneSeries]:
-    return sorted(zones, key=lambda z: (-z.alert.level, -abs(z.velocity.rate if z.velocity else 0.0)))
+    return sorted(zones, key=lambda z: (-z.alert.level, -z.fastest))
 
 
 def _map(sheet: Sheet, zones: Sequence[ZoneSeries], velocity: CellVelocity, about: About) -> None:
@@ -68,7 +68,7 @@ def _map(sheet: Sheet, zones: Sequence[ZoneSeries], velocity: CellVelocity, abou
     draw_image(axes, image, about.grid, "nearest")
     draw_coordinates(axes, about.grid, inches)
     for zone in zones:
-        shape = zone_polygon(zone.cells, about.grid).buffer(about.grid.cell).buffer(-about.grid.cell)
+        shape = zone_polygon(zone.outline, about.grid).buffer(about.grid.cell).buffer(-about.grid.cell)
         for part in shapely.get_parts(shape):
             for colour, width in (("white", 2.6), (zone.alert.colour, 1.5)):
                 axes.plot(*np.array(part.exterior.coords).T, color=colour, linewidth=width, scalex=False, scaley=False)

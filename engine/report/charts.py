@@ -187,6 +187,52 @@ def course_chart(record: Mapping[str, Any]) -> Picture | None:
     )
 
 
+def motion_chart(record: Mapping[str, Any]) -> Picture | None:
+    """Motion along the surface of the first ``COURSES`` zones that have any, with 95 % bars, and the lines of their
+    velocities; None without.
+    """
+    course = record.get("course") or {}
+    zones = [z for z in record["zones"] or () if any("motion_m" in row for row in course.get(z["zone_id"], ()))]
+    if not zones:
+        return None
+    days = [date.fromisoformat(day) for day in record["dates"]]
+    numbers = [zone["zone_id"] for zone in record["zones"]]  # the colours of the other charts
+    sheet = Sheet(_WIDE, 2.75)
+    axes = sheet.axes(0.7, 0.45, 6.3, 1.9)
+    drawn = zones[:COURSES]
+    for zone in drawn:
+        known = [row for row in course[zone["zone_id"]] if "motion_m" in row and "motion_err_m" in row]
+        x = np.asarray(date2num([days[0], *(date.fromisoformat(row["epoch"]) for row in known)]))
+        middle = np.array([0.0, *(row["motion_m"] for row in known)])
+        half = Z95 * np.array([0.0, *(row["motion_err_m"] for row in known)])
+        axes.errorbar(
+            x, middle, yerr=half, color=f"C{numbers.index(zone['zone_id']) % 10}", lw=1.1, marker="o", ms=3.5,
+            capsize=2.5, elinewidth=0.9, label=zone["zone_id"].replace("$", r"\$"),
+        )  # fmt: skip
+    axes.axhline(0.0, color=_SOFT, lw=0.6)
+    for day in date2num(days):
+        axes.axvline(day, color="#6e7781", lw=0.6, ls=(0, (2, 3)), zorder=0.5)
+    first, last = date2num([days[0], days[-1]])
+    axes.set_xlim(first - 0.02 * (last - first), last + 0.02 * (last - first))
+    date_axis(axes.xaxis, max_ticks=8)
+    finish(axes, "", "motion along the surface (m)")
+    axes.legend(
+        loc="lower left", frameon=False, ncols=len(drawn), prop=fonts(SMALL), borderaxespad=0.0, handlelength=1.2,
+        columnspacing=1.2, bbox_to_anchor=(0.0, 1.02),
+    )  # fmt: skip
+    axes.xaxis.get_offset_text().set_fontproperties(fonts(SMALL))
+    ends = "; ".join(
+        f"{zone['zone_id']} moved by {fixed(row['motion_m'], 3, sign=True)} m"
+        for zone in drawn
+        for row in [r for r in course[zone["zone_id"]] if "motion_m" in r][-1:]
+    )
+    return drawing(
+        sheet.figure,
+        f"Motion along the surface of {len(drawn)} zones against the first survey on {len(days)} days, with 95 % bars; "
+        f"at the end: {ends}",
+    )
+
+
 def draw_heights(axes: Axes, columns: Mapping[str, Float], epochs: tuple[str, str]) -> None:
     """Heights of both surveys along a line, by the columns of a table of profiles."""
     distance = columns["distance_m"]

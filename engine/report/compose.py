@@ -239,7 +239,7 @@ def _whole_pair(record: dict[str, Any], epochs: list[str]) -> int:
 
 
 def _series_context(record: dict[str, Any], folder: Path) -> dict[str, Any]:
-    from .charts import COURSES, course_chart
+    from .charts import COURSES, course_chart, motion_chart
     from .embedding import photograph
     from .ground import ground_section
 
@@ -247,7 +247,12 @@ def _series_context(record: dict[str, Any], folder: Path) -> dict[str, Any]:
     words = "Map of the velocity of each cell, and the mean change of each zone from survey to survey"
     return {
         "days": [role.removeprefix("epoch ") for role in roles if role.startswith("epoch ")],
-        "pictures": {"series": photograph(folder / "series.png", words, 1000), "course": course_chart(record)},
+        "pictures": {
+            "series": photograph(folder / "series.png", words, 1000),
+            "course": course_chart(record),
+            "motion": motion_chart(record),
+        },
+        "moving": [zone for zone in record["zones"] or [] if zone.get("motion_zone")],
         "ground": ground_section(record, folder),
         "courses": [zone["zone_id"] for zone in (record["zones"] or [])[:COURSES]] if record.get("course") else [],
         "most_zones": _MAX_ZONES,

@@ -114,7 +114,8 @@ _CHANGE = fields(
         "level_of_detection": maybe(fields({}, {"terms": maybe(_ROWS), "slope_classes": maybe(_ROWS)})),
     },
 )
-_COURSE = fields({"epoch": day}, dict.fromkeys(("dz_mean_m", "dz_err_m", "vol_net_m3", "vol_err_m3"), _NUMBER))
+_COURSE_NUMBERS = ("dz_mean_m", "dz_err_m", "vol_net_m3", "vol_err_m3", "motion_m", "motion_err_m")
+_COURSE = fields({"epoch": day}, dict.fromkeys(_COURSE_NUMBERS, _NUMBER))
 _SERIES = fields(
     {"zones": maybe(rows(fields({"zone_id": text()}, {"kind": text()})))},
     {
@@ -122,6 +123,7 @@ _SERIES = fields(
         "course": maybe(table(rows(_COURSE))),
         "limits": maybe(_TEXTS),
         "dates": rows(day, 2, 10_000),
+        "motion": maybe(fields({}, {"measured_share": _SHARE_OR_MORE, "smallest_motion_median_m": maybe(_NUMBER)})),
     },
 )
 

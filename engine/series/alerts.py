@@ -61,7 +61,8 @@ class Evidence:
     ``rate_mm_day`` is None unless its 95 % interval leaves out zero; ``tangent_angle_deg`` unless it can be computed
     and the last velocity is larger than the one before beyond chance; ``failure_in_days`` (from the last survey to
     the interval's earliest time) unless it can be computed. ``volume_m3`` is the net volume against the first survey, 0
-    unless it is beyond its own level of detection.
+    unless it is beyond its own level of detection. ``along_surface``: all of it is of the motion along the surface, not
+    of the heights.
     """
 
     epochs_confirmed: int
@@ -69,6 +70,7 @@ class Evidence:
     tangent_angle_deg: float | None
     failure_in_days: float | None
     volume_m3: float
+    along_surface: bool = False
 
 
 def read_alerts(path: Path | None) -> tuple[AlertLevel, ...]:
@@ -192,12 +194,25 @@ def _reached(evidence: Evidence, row: AlertLevel) -> str:
     if all(limit is None for limit in comparisons) or evidence.epochs_confirmed < (row.epochs_confirmed or 1):
         return ""
     rate, angle, left = evidence.rate_mm_day, evidence.tangent_angle_deg, evidence.failure_in_days
+    along = evidence.along_surface
     if row.failure_within_days is not None and left is not None and left <= row.failure_within_days:
-        return f"failure possible from {left:.0f} days after the last survey, at most {row.failure_within_days:g}"
+        most = f"{row.failure_within_days:g}"
+        if along:
+            return f"along the surface: failure possible from {left:.0f} days after the last survey, at most {most}"
+        return f"failure possible from {left:.0f} days after the last survey, at most {most}"
     if row.tangent_angle_deg is not None and angle is not None and angle >= row.tangent_angle_deg:
-        return f"tangent angle {angle:.0f} degrees, at least {row.tangent_angle_deg:g}"
+        least = f"{row.tangent_angle_deg:g}"
+        if along:
+            return f"along the surface: tangent angle {angle:.0f} degrees, at least {least}"
+        return f"tangent angle {angle:.0f} degrees, at least {least}"
     if row.rate_mm_day is not None and rate is not None and abs(rate) >= row.rate_mm_day:
-        return f"rate {abs(rate):.2f} mm/day, at least {row.rate_mm_day:g}"
+        least = f"{row.rate_mm_day:g}"
+        if along:
+            return f"along the surface: rate {abs(rate):.2f} mm/day, at least {least}"
+        return f"rate {abs(rate):.2f} mm/day, at least {least}"
     if all(limit is None for limit in comparisons[1:]):
-        return f"confirmed by {evidence.epochs_confirmed} comparisons, at least {row.epochs_confirmed}"
+        count = evidence.epochs_confirmed
+        if along:
+            return f"motion along the surface confirmed by {count} comparisons, at least {row.epochs_confirmed}"
+        return f"confirmed by {count} comparisons, at least {row.epochs_confirmed}"
     return ""

@@ -21,6 +21,7 @@ from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.named_progress import NamedProgress
 from ..core.progress import Progress
+from ..displacement.registered import Registered
 from ..epochs.epoch import Epoch
 from ..geometry.rigid_transform import RigidTransform
 from ..grid.cell_statistics import CellStatistics
@@ -28,18 +29,23 @@ from ..grid.grid import Grid
 from ..grid.pooled_variance import pooled_variance
 from ..zones.groups import label_groups
 from .alerts import AlertLevel
+from .joined import joined_zones
 from .kept_changes import KeptChanges
+from .motion.windows import Layout
+from .motion.zones import MovingGround
 from .persistence import confirmed_cells
 from .tracking import Track, track_zones
 from .velocity import own_variances
-from .zone_series import Stack, ZoneSeries, zone_series
+from .zone_series import Stack, ZoneSeries, shared_errors, zone_series
 
 
 @dataclass(frozen=True)
 class GriddedEpoch:
-    """A survey in the frame and on the grid of the first one; ``load`` reads its cells, which no one else holds.
+    """A survey in the frame and on the grid of the first one; ``load`` reads its cells, which no one else holds, and
+    ``points`` its ``ground`` (n, 3) in that frame, metres; ``key`` stands for all that they depend on.
 
-    ``registration_error`` is the standard error of a height (m), 0 for the first; ``area`` the part of the region of
+    ``registration_error`` is the standard error of a height (m), 0 for the first; ``registered`` that of all six
+    unknowns; ``area`` the part of the region of
     interest that both it and the first survey hold. ``facts`` state what was done, and ``made`` which steps were not
     reused (ground, registration, cells).
     """
@@ -48,6 +54,10 @@ class GriddedEpoch:
     transform: RigidTransform
     registration_error: float
     load: Callable[[], CellStatistics]
+    points: Callable[[], Float]
+    ground: Path
+    key: str
+    registered: Registered
     area: BaseGeometry | None
     facts: dict[str, Any]
     made: tuple[str, ...]
@@ -92,20 +102,54 @@ def analyse(
     stack = _stack(gridded, cumulative, grid, sampling)
     del sampling
     zone_parameters = parameters[1]
-    reach = int(zone_parameters.bridged_gap / (2.0 * grid.cell) + 1e-6)
     groups, levels = [], []
     for number, change in enumerate(cumulative, 1):
         plants = None if change.plants is None else change.plants.error
         labels = label_groups(change.dz, stack.significant[number], zone_parameters, change.partition, plants=plants)
         groups.append((number, labels, np.sign(np.nan_to_num(change.dz)).astype(np.int8)))
         levels.append(np.where(labels > 0, change.level, np.inf))
-    tracks = track_zones(groups, max(1, reach))
+    tracks = track_zones(groups, max(1, _reach(zone_parameters, grid)))
     del groups
-    living = [t for t in tracks if not t.merged_into and len(t.footprint)]
-    found = zone_series(living, stack, alerts, minimum_area=zone_parameters.minimum_area, bridged=max(2, 2 * reach))
+    bridged = _bridged(zone_parameters, grid)
+    found = zone_series(_living(tracks), stack, alerts, minimum_area=zone_parameters.minimum_area, bridged=bridged)
     zones = tuple(z for z in found if z.epochs_confirmed > 0)
     confirmed = confirmed_cells([c.dz for c in cumulative], levels)
     return Analysis(cumulative, incremental, stack, tracks, zones, confirmed, len(found) - len(zones))
+
+
+def with_ground(
+    analysis: Analysis,
+    ground: Sequence[MovingGround],
+    layout: Layout,
+    grid: Grid,
+    parameters: ZoneParameters,
+    alerts: tuple[AlertLevel, ...],
+) -> Analysis:
+    """The analysis with the ground that moves along the surface, which is one zone with a zone in the same place.
+
+    Args:
+        layout: of the windows of ``ground``.
+        grid, parameters, alerts: as for ``analyse``.
+    """
+    if not ground:
+        return analysis
+    living, bridged = _living(analysis.tracks), _bridged(parameters, grid)
+    shared = shared_errors(living, analysis.stack, bridged)
+    zones = joined_zones(analysis.zones, ground, layout, grid, analysis.stack, shared, alerts)
+    return replace(analysis, zones=zones)
+
+
+def _reach(parameters: ZoneParameters, grid: Grid) -> int:
+    return int(parameters.bridged_gap / (2.0 * grid.cell) + 1e-6)
+
+
+def _bridged(parameters: ZoneParameters, grid: Grid) -> int:
+    """Gap in cells up to which footprints are closed."""
+    return max(2, 2 * _reach(parameters, grid))
+
+
+def _living(tracks: Sequence[Track]) -> list[Track]:
+    return [t for t in tracks if not t.merged_into and len(t.footprint)]
 
 
 def _compared(
@@ -188,8 +232,12 @@ def _stack(gridded: Sequence[GriddedEpoch], cumulative: Sequence[Change], grid: 
     )
 
 
-def limits_of(analysis: Analysis, dates: tuple[date, ...]) -> list[str]:
-    """Sentences on the limits of the series."""
+def limits_of(analysis: Analysis, dates: tuple[date, ...], along: str | None = None) -> list[str]:
+    """Sentences on the limits of the series.
+
+    Args:
+        along: what motion along the surface needs to be seen, where it was measured.
+    """
     steps = [(b - a).days for a, b in pairwise(dates)]
     rates = [1000 * c.median_level / days for c, days in zip(analysis.incremental, steps, strict=True)]
     low, high = min(rates), max(rates)
@@ -199,6 +247,12 @@ def limits_of(analysis: Analysis, dates: tuple[date, ...]) -> list[str]:
         f"Between two of these surveys, {apart} days apart, a cell must move by {span} mm/day to "
         "be seen: this screens trends, it is no alarm."
     )
+    if along is not None:
+        unseen = (
+            f"{along} Movement between surveys, under ground that no pulse reached, or slower than that stays unseen; "
+            "no change above the level of detection is no statement about stability."
+        )
+        return [seen, unseen]
     unseen = (
         "Movement between surveys, along the surface, under ground that no pulse reached, or slower than that stays "
         "unseen; no change above the level of detection is no statement about stability."

@@ -22,7 +22,7 @@ from ..grid.grid import Grid
 from ..statistics.normal import Z95
 from ..vector.cell_polygons import cell_polygons, field_kinds, inclination, table_column
 from ..vector.review_fields import UNREVIEWED
-from ..zones.fields import KINDS
+from .motion.zones import MovingGround
 from .velocity_classes import velocity_class
 from .zone_series import ZoneSeries
 
@@ -35,7 +35,7 @@ ZONE_FIELDS = field_kinds("""
     real: offset_m offset_mid_m
     text: location location_note epoch_from epoch_to
     integer: days
-    text: kind status first_seen last_seen split_from merged
+    text: kind found_by status first_seen last_seen split_from merged
     integer: n_epochs n_epochs_confirmed
     real: rate_mm_day rate_err rate_low rate_high rate_last rate_last_err
     text: velocity_class trend onset_from onset_to
@@ -44,12 +44,14 @@ ZONE_FIELDS = field_kinds("""
     real: dz_mean_m dz_p95_m area_m2
     integer: n_cells
     real: vol_loss_m3 vol_gain_m3 vol_net_m3 vol_err_m3 lod95_m slope_deg
-    text: review_status reviewer remarks method run_id
+    real: motion_m motion_err_m motion_rate_mm_day motion_rate_err motion_azimuth_deg motion_off_dip_deg
+    real: motion_area_m2 motion_p_map
+    text: motion_zone review_status reviewer remarks method run_id
 """)
 SERIES_FIELDS = field_kinds("""
     text: zone_id kind epoch
     integer: days
-    real: dz_mean_m dz_err_m lod95_m
+    real: dz_mean_m dz_err_m lod95_m motion_m motion_err_m
     text: state
     integer: confirmed
     real: area_m2 vol_net_m3 vol_err_m3
@@ -78,12 +80,12 @@ def zone_frame(zones: Sequence[ZoneSeries], last_change: Float, heights: Float, 
         heights: of the last survey, metres.
     """
     rows = [_zone_row(zone, last_change, heights, about) for zone in zones]
-    order = sorted(range(len(rows)), key=lambda i: (-rows[i]["alert_level"], -abs(rows[i].get("rate_mm_day") or 0.0)))
+    order = sorted(range(len(rows)), key=lambda i: (-rows[i]["alert_level"], -zones[i].fastest))
     columns = {
         name: table_column(_column([rows[i].get(name) for i in order], kind), kind, len(rows))
         for name, kind in ZONE_FIELDS.items()
     }
-    shapes = [zone_polygon(zones[i].cells, about.grid) for i in order]
+    shapes = [zone_polygon(zones[i].outline, about.grid) for i in order]
     return gpd.GeoDataFrame(columns, geometry=np.array(shapes, dtype=object), crs=horizontal(about.crs))
 
 
@@ -92,7 +94,7 @@ def series_frame(zones: Sequence[ZoneSeries], about: About) -> gpd.GeoDataFrame:
     rows: list[dict[str, Any]] = []
     shapes: list[Any] = []
     for zone in zones:
-        shape = zone_polygon(zone.cells, about.grid)
+        shape = zone_polygon(zone.outline, about.grid)
         for i in range(1, len(about.dates)):
             rows.append(_survey_row(zone, i, about))
             shapes.append(shape)
@@ -156,7 +158,8 @@ def _zone_row(zone: ZoneSeries, last_change: Float, heights: Float, about: About
     signed = np.abs(values[values * zone.track.sign > 0])
     owner = np.zeros(len(zone.cells), dtype=np.int64)
     change, error = float(zone.change[last]), float(zone.error[last])
-    seen = [s.epoch for s in zone.track.sightings]
+    seen = [s.epoch for s in (*zone.track.sightings, *(zone.motion.ground.sightings if zone.motion else ()))]
+    course = zone.leading
     row: dict[str, Any] = {
         "zone_id": zone.track.zone_id,
         "alert_level": zone.alert.level,
@@ -166,7 +169,8 @@ def _zone_row(zone: ZoneSeries, last_change: Float, heights: Float, about: About
         "epoch_from": first.isoformat(),
         "epoch_to": about.dates[last].isoformat(),
         "days": (about.dates[last] - first).days,
-        "kind": KINDS[0] if zone.track.sign < 0 else KINDS[1],
+        "kind": zone.kind,
+        "found_by": zone.found_by,
         "status": status_of(zone),
         "first_seen": about.dates[min(seen)].isoformat(),
         "last_seen": about.dates[max(seen)].isoformat(),
@@ -187,33 +191,57 @@ def _zone_row(zone: ZoneSeries, last_change: Float, heights: Float, about: About
         "review_status": UNREVIEWED,
         "method": about.method,
         "run_id": about.run_id,
-        "tangent_angle": zone.angle.degrees,
-        "tangent_level": zone.angle.level,
-        "tangent_note": zone.angle.reason,
-        "failure_note": zone.failure.reason,
+        "tangent_angle": course.angle.degrees,
+        "tangent_level": course.angle.level,
+        "tangent_note": course.angle.reason,
+        "failure_note": course.failure.reason,
     }
-    if zone.failure.earliest is not None and zone.failure.latest is not None:
-        row["failure_from"] = (first + timedelta(days=int(zone.failure.earliest))).isoformat()
-        row["failure_to"] = (first + timedelta(days=int(np.ceil(zone.failure.latest)))).isoformat()
-    row |= _velocity_columns(zone, about)
+    if course.failure.earliest is not None and course.failure.latest is not None:
+        row["failure_from"] = (first + timedelta(days=int(course.failure.earliest))).isoformat()
+        row["failure_to"] = (first + timedelta(days=int(np.ceil(course.failure.latest)))).isoformat()
+    row |= _velocity_columns(zone, about) | _motion_columns(zone)
     row["rate_last"], row["rate_last_err"] = _step(zone, last, about)[3:]
     return row
 
 
 def _velocity_columns(zone: ZoneSeries, about: About) -> dict[str, Any]:
-    velocity = zone.velocity
+    columns: dict[str, Any] = {}
+    if zone.velocity is not None:
+        columns = {
+            "rate_mm_day": 1000 * zone.velocity.rate,
+            "rate_err": 1000 * zone.velocity.error,
+            "rate_low": 1000 * zone.velocity.low,
+            "rate_high": 1000 * zone.velocity.high,
+        }
+    velocity = zone.leading.velocity
     if velocity is None:
-        return {}
-    columns: dict[str, Any] = {
-        "rate_mm_day": 1000 * velocity.rate,
-        "rate_err": 1000 * velocity.error,
-        "rate_low": 1000 * velocity.low,
-        "rate_high": 1000 * velocity.high,
+        return columns
+    columns |= {
         "velocity_class": velocity_class(1000 * velocity.rate) if velocity.significant else "not determined",
         "trend": velocity.trend,
     }
     if velocity.onset is not None:
         columns["onset_from"], columns["onset_to"] = (about.dates[i].isoformat() for i in velocity.onset)
+    return columns
+
+
+def _motion_columns(zone: ZoneSeries) -> dict[str, Any]:
+    """What is known of the motion along the surface until the last survey that measured it."""
+    if zone.motion is None:
+        return {}
+    ground, velocity = zone.motion.ground, zone.motion.course.velocity
+    last = int(np.flatnonzero(np.isfinite(ground.along))[-1])
+    columns: dict[str, Any] = {
+        "motion_m": float(ground.along[last]),
+        "motion_err_m": float(ground.along_error[last]),
+        "motion_azimuth_deg": float(np.degrees(np.arctan2(ground.direction[0], ground.direction[1])) % 360.0),
+        "motion_off_dip_deg": ground.off_dip,
+        "motion_area_m2": ground.area,
+        "motion_p_map": ground.probability,
+        "motion_zone": ground.zone_id,
+    }
+    if velocity is not None:
+        columns |= {"motion_rate_mm_day": 1000 * velocity.rate, "motion_rate_err": 1000 * velocity.error}
     return columns
 
 
@@ -226,18 +254,21 @@ def _survey_row(zone: ZoneSeries, i: int, about: About) -> dict[str, Any]:
         beyond = abs(change) > Z95 * error
         state = "below its level" if not beyond else "lowered" if change < 0 else "raised"
     before, step, step_error, rate, rate_error = _step(zone, i, about)
+    along, along_error = (None, None) if zone.motion is None else _known(zone.motion.ground, i)
     sighting = next((s for s in zone.track.sightings if s.epoch == i), None)
     event = "" if sighting is None else sighting.event
     if sighting is not None and sighting.others:
         event += f" with {', '.join(sighting.others)}"
     return {
         "zone_id": zone.track.zone_id,
-        "kind": KINDS[0] if zone.track.sign < 0 else KINDS[1],
+        "kind": zone.kind,
         "epoch": about.dates[i].isoformat(),
         "days": (about.dates[i] - about.dates[0]).days,
         "dz_mean_m": change,
         "dz_err_m": error,
         "lod95_m": None if error is None else Z95 * error,
+        "motion_m": along,
+        "motion_err_m": along_error,
         "state": state,
         "confirmed": int(zone.confirmed[i]),
         "area_m2": area,
@@ -252,6 +283,12 @@ def _survey_row(zone: ZoneSeries, i: int, about: About) -> dict[str, Any]:
         "time_from": about.dates[i - 1] + timedelta(days=1),
         "time_to": about.dates[i],
     }
+
+
+def _known(ground: MovingGround, i: int) -> tuple[float | None, float | None]:
+    """Motion along the surface until a survey and its error, metres."""
+    along, error = float(ground.along[i]), float(ground.along_error[i])
+    return (along, error) if np.isfinite(along) else (None, None)
 
 
 def _step(zone: ZoneSeries, i: int, about: About) -> tuple[Any, Any, Any, Any, Any]:

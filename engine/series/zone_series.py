@@ -11,8 +11,10 @@ from scipy import ndimage
 
 from ..core.arrays import Float, Index
 from ..statistics.normal import Z95
+from ..zones.fields import KINDS, SLIDING
 from .alerts import AlertLevel, Evidence, alert_of
 from .inverse_velocity import FailureTime, failure_time
+from .motion.zones import MovingGround
 from .patch_errors import PatchErrors, away_from, patch_errors
 from .persistence import longest_run
 from .tangent_angle import TangentAngle, tangent_angle
@@ -56,6 +58,52 @@ class Stack:
         return float(self.plants[survey].ravel()[cells].mean()) if self.plants else 0.0
 
 
+FOUND_BY = ("heights", "motion", "both")
+"""What shows a zone: its heights, its motion along the surface, or both."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """What a zone's displacements say: its velocity, whether it gets faster, and when that would end."""
+
+    velocity: Velocity | None
+    angle: TangentAngle
+    failure: FailureTime
+
+    @classmethod
+    def of(cls, days: Float, change: Float, variance: Float) -> Course:
+        """From displacements (n,) and their own variances, as for ``zone_velocity``."""
+        velocity = zone_velocity(days, change, variance)
+        start = 0 if velocity is None or velocity.onset is None else velocity.onset[1]
+        return cls(velocity, tangent_angle(days, change, variance, start), failure_time(days, change, variance))
+
+    def evidence(self, confirmed: int, last_day: float, volume: float = 0.0) -> Evidence:
+        """For the alert table: ``confirmed`` comparisons in a row, and the net volume, m³."""
+        velocity, angle, failure = self.velocity, self.angle, self.failure
+        return Evidence(
+            epochs_confirmed=confirmed,
+            rate_mm_day=1000.0 * velocity.rate if velocity is not None and velocity.significant else None,
+            tangent_angle_deg=angle.degrees if angle.level not in ("", "blue") else None,
+            failure_in_days=None if failure.earliest is None else failure.earliest - last_day,
+            volume_m3=volume,
+        )
+
+
+@dataclass(frozen=True)
+class SurfaceMotion:
+    """The motion of a zone along the surface: of which ``ground``, its ``course``, and ``confirmed`` (n,) by which
+    surveys. ``leads``: its course, not that of the heights, decides the zone's alert.
+
+    ``cells`` (flat indices in the grid of the changes) are those of the ground that moves.
+    """
+
+    ground: MovingGround
+    cells: Index
+    course: Course
+    confirmed: NDArray[np.bool_]
+    leads: bool
+
+
 @dataclass(frozen=True)
 class ZoneSeries:
     """A tracked zone through time; arrays have one value a survey.
@@ -63,7 +111,8 @@ class ZoneSeries:
     ``cells`` (flat indices) is its footprint with gaps and holes filled: all measured cells in it count, significant or
     not, so that noise does not choose which. ``change`` is their mean in metres (NaN: not measured), ``variance``
     each survey's own variance of it (m²), ``measured`` the number of cells, ``confirmed`` whether the survey
-    confirms the zone.
+    confirms the zone. ``velocity``, ``angle`` and ``failure`` are of the heights; ``motion`` is that along the surface,
+    where there is any, and ``found_by`` one of ``FOUND_BY``.
     """
 
     track: Track
@@ -77,6 +126,31 @@ class ZoneSeries:
     failure: FailureTime
     alert: AlertLevel
     alert_reason: str
+    found_by: str = FOUND_BY[0]
+    motion: SurfaceMotion | None = None
+
+    @property
+    def kind(self) -> str:
+        """One of ``KINDS``, or ``SLIDING`` where the heights show nothing."""
+        return SLIDING if self.found_by == FOUND_BY[1] else KINDS[0] if self.track.sign < 0 else KINDS[1]
+
+    @property
+    def leading(self) -> Course:
+        """The course that decides the zone's alert."""
+        if self.motion is not None and self.motion.leads:
+            return self.motion.course
+        return Course(self.velocity, self.angle, self.failure)
+
+    @property
+    def outline(self) -> Index:
+        """Its cells, and those that move along the surface."""
+        return self.cells if self.motion is None else np.union1d(self.cells, self.motion.cells)
+
+    @property
+    def fastest(self) -> float:
+        """The larger one of its velocities of the heights and along the surface, metres a day."""
+        courses = [self.velocity, None if self.motion is None else self.motion.course.velocity]
+        return max((abs(v.rate) for v in courses if v is not None), default=0.0)
 
     @property
     def error(self) -> Float:
@@ -92,7 +166,7 @@ class ZoneSeries:
     @property
     def last(self) -> int:
         """Index of the last survey that measured it."""
-        return int(np.flatnonzero(np.isfinite(self.change))[-1])
+        return int(np.flatnonzero(np.isfinite(self.change))[-1]) if np.isfinite(self.change).any() else 0
 
 
 def zone_series(
@@ -115,18 +189,23 @@ def zone_series(
     Args:
         bridged: gap in cells up to which the footprint is closed.
     """
+    shared = shared_errors(tracks, stack, bridged)
     shape = stack.change[0].shape
-    moved = np.zeros(shape, dtype=bool)
+    return tuple(
+        series_of(track, _filled(track.footprint, shape, bridged), stack, shared, alerts, minimum_area)
+        for track in tracks
+    )
+
+
+def shared_errors(tracks: Sequence[Track], stack: Stack, bridged: int) -> list[PatchErrors]:
+    """Of each survey what patches of ground away from all ``tracks`` show of the errors of means."""
+    moved = np.zeros(stack.change[0].shape, dtype=bool)
     for track in tracks:
         moved.ravel()[track.footprint] = True
     stable = away_from(moved, max(2, bridged))
-    shared = [
+    return [
         patch_errors(dz, own + stack.variance[0], stable) for dz, own in zip(stack.change, stack.variance, strict=True)
     ]
-    return tuple(
-        _series(track, _filled(track.footprint, shape, bridged), stack, shared, alerts, minimum_area)
-        for track in tracks
-    )
 
 
 def _filled(cells: Index, shape: tuple[int, ...], bridged: int) -> Index:
@@ -144,7 +223,7 @@ def _filled(cells: Index, shape: tuple[int, ...], bridged: int) -> Index:
     return filled[inside, 0] * shape[1] + filled[inside, 1]
 
 
-def _series(
+def series_of(
     track: Track,
     cells: Index,
     stack: Stack,
@@ -152,6 +231,7 @@ def _series(
     alerts: tuple[AlertLevel, ...],
     minimum_area: float,
 ) -> ZoneSeries:
+    """The series of one zone over ``cells`` (flat indices); see ``zone_series``."""
     count = len(stack.days)
     change, variance = np.full(count, np.nan), np.full(count, np.nan)
     measured, seen = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=bool)
@@ -177,19 +257,23 @@ def _series(
         beyond = np.abs(change) > Z95 * np.sqrt(variance + variance[0])
         confirmed = seen & beyond & (np.sign(change) == track.sign)
     confirmed[0] = False
-    velocity = zone_velocity(stack.days, change, variance)
-    start = 0 if velocity is None or velocity.onset is None else velocity.onset[1]
-    angle = tangent_angle(stack.days, change, variance, start)
-    failure = failure_time(stack.days, change, variance)
+    course = Course.of(stack.days, change, variance)
     known_last = np.flatnonzero(np.isfinite(change))
     last = int(known_last[-1]) if len(known_last) else 0
     significant = last > 0 and bool(beyond[last])
-    evidence = Evidence(
-        epochs_confirmed=longest_run(confirmed[1:].tolist(), (measured[1:] > 0).tolist()),
-        rate_mm_day=1000.0 * velocity.rate if velocity is not None and velocity.significant else None,
-        tangent_angle_deg=angle.degrees if angle.level not in ("", "blue") else None,
-        failure_in_days=None if failure.earliest is None else failure.earliest - float(stack.days[-1]),
-        volume_m3=float(change[last]) * int(measured[last]) * stack.cell**2 if significant else 0.0,
+    volume = float(change[last]) * int(measured[last]) * stack.cell**2 if significant else 0.0
+    run = longest_run(confirmed[1:].tolist(), (measured[1:] > 0).tolist())
+    alert, reason = alert_of(course.evidence(run, float(stack.days[-1]), volume), alerts)
+    return ZoneSeries(
+        track,
+        cells,
+        change,
+        variance,
+        measured,
+        confirmed,
+        course.velocity,
+        course.angle,
+        course.failure,
+        alert,
+        reason,
     )
-    alert, reason = alert_of(evidence, alerts)
-    return ZoneSeries(track, cells, change, variance, measured, confirmed, velocity, angle, failure, alert, reason)

@@ -66,8 +66,8 @@ _FROM_RAW: Sets = (GroundParameters, RegistrationParameters)
 _MOTION: Sets = (DisplacementStepParameters, DisplacementParameters)
 INSPECT: Sets = (*_READ, *_FROM_RAW, *_CHANGE, *_MOTION, LastEpochParameters, *_RELATED, *_SHOWN)
 SERIES: Sets = (
-    *_READ, SeriesParameters, *_FROM_RAW, GridChangeParameters, ZoneParameters, *_RELATED, DetailParameters,
-    OutputParameters,
+    *_READ, SeriesParameters, *_FROM_RAW, GridChangeParameters, ZoneParameters, DisplacementStepParameters, *_RELATED,
+    DetailParameters, OutputParameters,
 )  # fmt: skip
 BATCH: Sets = (
     BatchParameters, *_READ, SeriesParameters, *_FROM_RAW, *_CHANGE, *_MOTION, LastEpochParameters, *_RELATED, *_SHOWN,

@@ -22,6 +22,7 @@ from slopewatch.interface.parameters import (
 from slopewatch.simulation.surveys.series import Creep, simulate_series, survey_days, write_series
 from slopewatch.tests.builders.series_clouds import READY, Counted, surveys
 from slopewatch.workflows.products.series import SERIES_OUTPUTS
+from slopewatch.workflows.products.series_motion import SERIES_MOTION_OUTPUTS
 from slopewatch.workflows.series import monitor_series
 from slopewatch.workflows.settings import SeriesSettings
 
@@ -72,7 +73,8 @@ def test_what_was_kept_gives_the_same_bytes_as_a_fresh_run(simulated, runs, tmp_
 def test_ids_stay_when_a_survey_is_added(runs):
     _, ((_, _, before, *_), (_, record, after, *_)) = runs
     assert (before["n_epochs_confirmed"] >= 2).sum() >= 3
-    for _, zone in before[before["n_epochs_confirmed"] >= 2].iterrows():
+    # what only motion showed may be gone when a further survey does not bear it out
+    for _, zone in before[(before["n_epochs_confirmed"] >= 2) & (before["found_by"] != "motion")].iterrows():
         same = after[after["zone_id"] == zone["zone_id"]]
         if same.empty:
             assert record["zone_history"][zone["zone_id"]]["merged_into"]
@@ -127,7 +129,8 @@ def test_differences_to_the_first_are_the_sums_of_the_steps(simulated, runs):
         np.testing.assert_allclose(total[both], whole[count - 1][both], atol=1e-5)
     grid = grid_of(out / "velocity.tif")
     for path in out.rglob("*.tif"):
-        assert grid_of(path) == grid, path
+        if path.name not in SERIES_MOTION_OUTPUTS:  # whose cells are windows
+            assert grid_of(path) == grid, path
     for number, dz in enumerate(whole, 1):
         error = (dz - series.true_change(number, grid))[np.isfinite(dz)]
         assert abs(np.median(error)) < 0.005

@@ -11,12 +11,14 @@ import pandas as pd
 import shapely
 from pyproj import CRS
 
-from ...engine.core.arrays import Float
+from ...engine.core.arrays import Float, Index
+from ...engine.core.staged_outputs import Stage
 from ...engine.displacement.displacement import Displacement
 from ...engine.displacement.status import REASONS, Status
+from ...engine.displacement.vectors import Vectors
 from ...engine.displacement.zones import MovingZone
 from ...engine.grid import geotiff
-from ...engine.grid.grid import on_grid
+from ...engine.grid.grid import Grid, on_grid
 from ...engine.maps import displacement_styles, qgis_styles
 from ...engine.vector.cell_polygons import cell_polygons
 from ...engine.vector.geopackage import Layer, write_layers
@@ -35,29 +37,22 @@ _LIMIT_QUANTILE = 0.98
 
 def write_products(found: Displacement, crs: CRS, tags: dict[str, str], run: Run) -> dict[str, Path]:
     """Write all of them, zones with their places on the run's road; the paths by key."""
-    outputs, stage = {}, run.stage
-    _write_displacement(found, crs, tags, stage.path("displacement.tif"))
-    outputs["displacement"] = stage.final("displacement.tif")
-    smallest = _raster(found, found.vectors.smallest)
-    path = stage.path("smallest_motion.tif")
-    description = "Smallest motion along the surface that can be told from none (3 standard errors)"
-    geotiff.write_raster(path, smallest, found.grid, crs, description=description, tags=tags)
-    qgis_styles.write_qml_next_to(path, qgis_styles.level_qml(_limit(smallest, 0.1)))
-    outputs["smallest_motion"] = stage.final("smallest_motion.tif")
+    stage = run.stage
+    outputs = write_rasters(found.vectors, found.grid, found.cell, crs, tags, stage)
     path = stage.path("displacement.gpkg")
-    magnification = displacement_styles.magnification(found.vectors.motion[found.significant, :2], found.grid.cell)
+    times = displacement_styles.magnification(found.vectors.motion[found.significant], found.grid.cell)
     zones = run.related.placed(zones_layer(found, crs), run.progress)
     layers = [
         Layer(
-            vectors_layer(found, crs), "vectors", displacement_styles.vectors_qml(magnification), geometry_type="Point"
+            vectors_layer(found, crs), "vectors", displacement_styles.vectors_qml(times), geometry_type="Point"
         ),
         Layer(
-            zones, "zones", displacement_styles.moving_zones_qml(magnification),
+            zones, "zones", displacement_styles.moving_zones_qml(times),
             geometry_type="MultiPolygon",
         ),
         Layer(
             one_direction_layer(found, crs), "one_direction",
-            displacement_styles.one_direction_qml(magnification, found.grid.cell), geometry_type="Point",
+            displacement_styles.one_direction_qml(times, found.grid.cell), geometry_type="Point",
         ),
     ]  # fmt: skip
     write_layers(path, layers)
@@ -65,8 +60,18 @@ def write_products(found: Displacement, crs: CRS, tags: dict[str, str], run: Run
     return outputs
 
 
-def _raster(found: Displacement, values: Float) -> Float:
-    return on_grid(found.cell, values, found.grid.shape)
+def write_rasters(
+    vectors: Vectors, grid: Grid, cell: Index, crs: CRS, tags: dict[str, str], stage: Stage
+) -> dict[str, Path]:
+    """Write the rasters of vectors whose windows have the flat indices ``cell`` (n,) in ``grid``; the paths by key."""
+    _write_displacement(vectors, grid, cell, crs, tags, stage.path("displacement.tif"))
+    outputs = {"displacement": stage.final("displacement.tif")}
+    smallest = on_grid(cell, vectors.smallest, grid.shape)
+    path = stage.path("smallest_motion.tif")
+    description = "Smallest motion along the surface that can be told from none (3 standard errors)"
+    geotiff.write_raster(path, smallest, grid, crs, description=description, tags=tags)
+    qgis_styles.write_qml_next_to(path, qgis_styles.level_qml(_limit(smallest, 0.1)))
+    return outputs | {"smallest_motion": stage.final("smallest_motion.tif")}
 
 
 def _limit(values: Float, least: float) -> float:
@@ -74,8 +79,7 @@ def _limit(values: Float, least: float) -> float:
     return max(float(np.quantile(known, _LIMIT_QUANTILE)), least) if len(known) else least
 
 
-def _write_displacement(found: Displacement, crs: CRS, tags: dict[str, str], path: Path) -> None:
-    vectors = found.vectors
+def _write_displacement(vectors: Vectors, grid: Grid, cell: Index, crs: CRS, tags: dict[str, str], path: Path) -> None:
     errors = np.sqrt(np.einsum("nii->ni", vectors.covariance))
     plane_errors = np.sqrt(np.einsum("nii->ni", vectors.in_plane_covariance))
     errors[~vectors.measured], plane_errors[~vectors.measured] = np.nan, np.nan
@@ -94,15 +98,15 @@ def _write_displacement(found: Displacement, crs: CRS, tags: dict[str, str], pat
         ("width of the window", np.where(vectors.measured, vectors.width, np.nan), "m"),
         ("status: " + ", ".join(f"{s.value} {REASONS[s]}" for s in Status), vectors.status.astype(np.float64), "1"),
     ]
-    bands = {name: _raster(found, band) for name, band, _ in values}
-    geotiff.write_bands(path, bands, found.grid, crs, unit=[unit for *_, unit in values], tags=tags)
+    bands = {name: on_grid(cell, band, grid.shape) for name, band, _ in values}
+    geotiff.write_bands(path, bands, grid, crs, unit=[unit for *_, unit in values], tags=tags)
     # the first band that is shown is the motion down the dip
     qgis_styles.write_qml_next_to(
         path, displacement_styles.along_dip_qml(_limit(np.abs(bands["motion down the dip"]), 0.05))
     )
 
 
-def _directions(motion: Float, covariance: Float) -> dict[str, Float]:
+def directions(motion: Float, covariance: Float) -> dict[str, Float]:
     """Columns of motions (n, 3) and their covariances (n, 3, 3)."""
     level = np.hypot(motion[:, 0], motion[:, 1])
     length = np.linalg.norm(motion, axis=1)
@@ -127,7 +131,7 @@ def vectors_layer(found: Displacement, crs: CRS) -> gpd.GeoDataFrame:
     use = found.significant
     vectors = found.vectors
     errors = np.sqrt(np.einsum("nii->ni", vectors.in_plane_covariance[use]))
-    table: dict[str, Any] = _directions(vectors.motion[use], vectors.covariance[use]) | {
+    table: dict[str, Any] = directions(vectors.motion[use], vectors.covariance[use]) | {
         "along_dip_m": vectors.in_plane[use, 0],
         "across_m": vectors.in_plane[use, 1],
         "normal_m": vectors.in_plane[use, 2],
@@ -146,7 +150,7 @@ def one_direction_layer(found: Displacement, crs: CRS) -> gpd.GeoDataFrame:
     use = found.components.significant(found.confidence)
     parts = found.components
     vector = parts.direction[use] * parts.amount[use, None]
-    columns = _directions(vector, np.zeros((int(use.sum()), 3, 3)))
+    columns = directions(vector, np.zeros((int(use.sum()), 3, 3)))
     table: dict[str, Any] = {
         name: columns[name] for name in ("east_m", "north_m", "up_m", "length_m", "azimuth_deg", "plunge_deg")
     }
@@ -172,7 +176,7 @@ def zones_layer(found: Displacement, crs: CRS) -> gpd.GeoDataFrame:
     table: dict[str, Any] = {
         "zone_id": [f"M{number:03d}" for number in range(1, len(zones) + 1)],
         "area_m2": [zone.area for zone in zones],
-        **_directions(motion, covariance),
+        **directions(motion, covariance),
         "along_dip_m": [zone.in_plane[0] for zone in zones],
         "across_m": [zone.in_plane[1] for zone in zones],
         "normal_m": [zone.in_plane[2] for zone in zones],

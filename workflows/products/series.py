@@ -22,6 +22,7 @@ from ...engine.series.alerts import AlertLevel, alerts_csv
 from ...engine.series.analysis import Analysis
 from ...engine.series.tables import ZONE_FIELDS, About, series_csv, series_frame, zone_frame
 from ...engine.series.velocity import CellVelocity
+from ...engine.series.zone_series import FOUND_BY
 from ...engine.statistics.normal import Z95
 from ...engine.vector import geopackage
 from ...engine.vector.review_fields import is_located, own_columns
@@ -193,7 +194,8 @@ def series_figures(
     """The figures that a user reads first; lengths in metres, rates in millimetres a day."""
     steps = [(b - a).days for a, b in zip(about.dates, about.dates[1:], strict=False)]
     seen = [1000 * c.median_level / days for c, days in zip(incremental, steps, strict=True)]
-    rates = table["rate_mm_day"].abs()
+    by_heights = table[table["found_by"] != FOUND_BY[1]]
+    rates = by_heights["rate_mm_day"].abs()
     return {
         "epoch_count": len(about.dates),
         "days": (about.dates[-1] - about.dates[0]).days,
@@ -203,7 +205,7 @@ def series_figures(
         "confirmed_zone_count": int((table["n_epochs_confirmed"] >= 2).sum()),
         "highest_alert": int(table["alert_level"].max()) if len(table) else 0,
         "alerted_zone_count": int((table["alert_level"] > 0).sum()),
-        "fastest_rate_mm_day": float(rates.max()) if len(table) and rates.notna().any() else None,
+        "fastest_rate_mm_day": float(rates.max()) if rates.notna().any() else None,
         "zone_area_m2": float(table["area_m2"].sum()),
         "failure_interval_count": int((table["failure_from"] != "").sum()),
     }

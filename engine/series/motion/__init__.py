@@ -1,0 +1,1 @@
+"""Motion along the surface through the surveys of a series: positions, velocities, zones."""

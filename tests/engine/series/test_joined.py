@@ -1,0 +1,119 @@
+"""Zones of heights and ground that moves, joined: what is one place is one zone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from slopewatch.engine.displacement.facets import Facets, Frame
+from slopewatch.engine.grid.grid import Grid
+from slopewatch.engine.series.alerts import read_alerts
+from slopewatch.engine.series.joined import cells_of, joined_zones
+from slopewatch.engine.series.motion.windows import Layout
+from slopewatch.engine.series.motion.zones import MovingGround
+from slopewatch.engine.series.tracking import Sighting, Track
+from slopewatch.engine.series.zone_series import Stack, shared_errors, zone_series
+
+SHAPE, DAYS, CELL = (40, 60), np.array([0.0, 30.0, 60.0, 90.0]), 0.5
+SIGMA = 0.02
+GRID = Grid(100.0, 220.0, CELL, *SHAPE)  # 30 by 20 m
+WINDOWS = Grid(100.0, 220.0, 2.0, 10, 15)
+LAYOUT = Layout(
+    WINDOWS,
+    np.arange(150),
+    Facets((Frame(np.eye(3), np.zeros(3)),), np.zeros((1, 1), dtype=np.int64), *[np.zeros((1, 1))] * 4),
+    np.zeros(150, dtype=np.int64),
+    np.zeros((150, 3)),
+)
+ALERTS = read_alerts(None)
+
+
+def stack(rate: float) -> tuple[Stack, Track]:
+    """Heights that sink in a square of 5 m by ``rate`` metres a day."""
+    rng = np.random.default_rng(3)
+    inside = np.zeros(SHAPE, dtype=bool)
+    inside[10:20, 10:20] = True
+    change = [np.zeros(SHAPE), *(rng.normal(0, SIGMA, SHAPE) + rate * day * inside for day in DAYS[1:])]
+    significant = [np.abs(c) > 1.96 * SIGMA for c in change]
+    track = Track("S001", -1, (Sighting(1, np.flatnonzero(inside), "new"),), np.flatnonzero(inside), "", "")
+    return Stack(DAYS, change, [np.full(SHAPE, SIGMA**2 / 2)] * 4, [0.0] * 4, significant, CELL), track
+
+
+def ground(row: int, column: int, rate: float, number: int = 1, error: float = 0.005) -> MovingGround:
+    """Ground of 6 by 6 m whose upper left window is given, which moves east by ``rate`` metres a day."""
+    windows = np.array([(row + r) * WINDOWS.columns + column + c for r in range(3) for c in range(3)])
+    covariance = np.zeros((4, 3, 4, 3))
+    for i in range(1, 4):
+        for j in range(1, 4):
+            covariance[i, :, j] = np.eye(3) * error**2 * (1.0 if i == j else 0.5)
+    motion = np.zeros((4, 3))
+    motion[:, 0] = rate * DAYS
+    return MovingGround(
+        f"M{number:03d}", windows, 36.0, 25.0, np.zeros(3), np.eye(3), motion, covariance, motion[1] / 30,
+        np.eye(3) * (error / 90) ** 2, 0.0, 0.001, 2, np.array([1.0, 0.0, 0.0]), (Sighting(2, windows, "new"),), "",
+    )  # fmt: skip
+
+
+def joined(rate: float, *moving: MovingGround):
+    given, track = stack(rate)
+    zones = zone_series([track], given, ALERTS, minimum_area=1.0, bridged=2)
+    return zones, joined_zones(zones, moving, LAYOUT, GRID, given, shared_errors([track], given, 2), ALERTS)
+
+
+def test_the_cells_of_windows_are_those_whose_middles_they_hold():
+    cells = cells_of(np.array([0, 16]), LAYOUT, GRID)
+    row, column = np.divmod(cells, GRID.columns)
+    assert set(zip((row // 4).tolist(), (column // 4).tolist(), strict=True)) == {(0, 0), (1, 1)}
+    assert len(cells) == 32
+
+
+def test_one_place_is_one_zone_whatever_found_it():
+    zones, (zone,) = joined(-0.001, ground(2, 2, 0.004))
+    assert (zone.track.zone_id, zone.kind, zone.found_by) == ("S001", "subsidence", "both")
+    assert np.array_equal(zone.change, zones[0].change, equal_nan=True)
+    assert zone.motion.ground.zone_id == "M001"
+    assert len(zone.outline) > len(zone.cells)
+
+
+def test_ground_whose_heights_show_nothing_is_a_zone_of_its_own():
+    zones, found = joined(-0.001, ground(6, 10, 0.004))
+    assert found[0] is zones[0]
+    other = found[1]
+    assert (other.track.zone_id, other.kind, other.found_by) == ("M001", "sliding", "motion")
+    assert other.alert.level >= 2
+    assert other.alert_reason == "along the surface: rate 4.00 mm/day, at least 1"
+    assert other.epochs_confirmed == 3
+    assert abs(other.change[-1]) < 0.01  # its heights
+    assert other.motion.course.velocity.rate == pytest.approx(0.004, rel=0.02)
+
+
+def test_of_two_places_in_one_zone_the_larger_part_counts():
+    _, found = joined(-0.001, ground(4, 3, 0.004, 1), ground(2, 2, 0.003, 2))
+    assert [(z.track.zone_id, z.found_by) for z in found] == [("S001", "both"), ("M001", "motion")]
+    assert found[0].motion.ground.zone_id == "M002"
+
+
+def test_the_higher_alert_counts_and_says_by_what():
+    heights, (zone,) = joined(-0.006, ground(2, 2, 0.0005))
+    assert not zone.motion.leads
+    assert (zone.alert, zone.alert_reason) == (heights[0].alert, heights[0].alert_reason)
+    assert zone.leading.velocity is zone.velocity
+    lower, (faster,) = joined(-0.0005, ground(2, 2, 0.006))
+    assert faster.motion.leads
+    assert faster.alert.level == 3 > lower[0].alert.level
+    assert faster.alert_reason.startswith("along the surface: rate")
+    assert faster.leading is faster.motion.course
+
+
+def test_motion_along_the_surface_has_a_tangent_angle():
+    faster = ground(6, 10, 0.001, error=0.008)
+    motion = faster.motion.copy()
+    motion[:, 0] = [0.0, 0.03, 0.06, 0.11]
+    _, found = joined(-0.001, replace(faster, motion=motion))
+    assert found[1].motion.course.angle.degrees == pytest.approx(np.degrees(np.arctan(5 / 3)), abs=0.1)
+
+
+def test_a_zone_that_motion_showed_first_keeps_its_name():
+    _, (zone,) = joined(-0.001, replace(ground(2, 2, 0.004), found=0))
+    assert (zone.track.zone_id, zone.kind, zone.found_by) == ("M001", "subsidence", "both")
