@@ -108,7 +108,8 @@ def read_ground(path: Path, inputs: InputParameters, bridged: float, progress: P
             progress.warning(sentence)
         return Ground(terrain_of_model(model, bridged), None)
     cloud = read_cloud(path, inputs, progress=progress)
-    points, error = cloud.xyz, cloud.plant_error
+    points = cloud.xyz
+    error = None if cloud.plant_error is None else cloud.plant_error.astype(np.float64)
     if cloud.classification is not None and (cloud.classification == _GROUND_CLASS).any():
         chosen = cloud.classification == _GROUND_CLASS
         points, error = points[chosen], None if error is None else error[chosen]

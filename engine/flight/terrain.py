@@ -51,7 +51,7 @@ class Terrain:
     def gradient(self) -> tuple[Float, Float]:
         """Rise towards east and towards north (rows, columns)."""
         south, east = np.gradient(self.heights, self.grid.cell)
-        return east, -south
+        return np.asarray(east), -np.asarray(south)
 
     def with_tops(self, xyz: Float) -> Terrain:
         """With the highest of these points (n, 3) where they are higher than what was known."""
@@ -127,7 +127,7 @@ def _bridged(heights: Float, grid: Grid, crs: CRS, path: Path, reach: float) -> 
 
 def _from_one_side(heights: Float, known: Bool, axis: int, forward: bool) -> tuple[Float, Float]:
     """The last known height on the way to each cell along an axis, and how many cells ago it was."""
-    values, mask = (np.moveaxis(a, axis, 0) for a in (heights, known))
+    values, mask = np.moveaxis(heights, axis, 0), np.moveaxis(known, axis, 0)
     if not forward:
         values, mask = values[::-1], mask[::-1]
     index = np.where(mask, np.arange(len(mask))[:, None], -1)

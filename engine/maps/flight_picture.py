@@ -106,12 +106,12 @@ def _arrow(axes: Axes, xyz: Float, number: int) -> None:
     middle, way = start + _ARROW_SHARE * (end - start), (end - start) / float(np.hypot(*(end - start)))
     axes.annotate(
         "",
-        xy=middle + 2 * way,
-        xytext=middle,
+        xy=tuple(middle + 2 * way),
+        xytext=tuple(middle),
         arrowprops={"arrowstyle": "-|>", "color": "#d96b1e", "lw": 1.3},
         zorder=6,
     )
     axes.annotate(
-        str(number), start, fontproperties=fonts(8), ha="center", va="center", zorder=7,
+        str(number), (float(start[0]), float(start[1])), fontproperties=fonts(8), ha="center", va="center", zorder=7,
         bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
     )  # fmt: skip
