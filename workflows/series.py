@@ -71,6 +71,14 @@ _RECORDED = (
 )  # fmt: skip
 
 
+def _refuse_growing_cells(settings: SeriesSettings) -> None:
+    if settings.change.grows:
+        raise InputError(
+            "Cells that grow (adaptive) are not for a series: all its surveys share one grid; "
+            "give GridChangeParameters, or adaptive=False."
+        )
+
+
 def monitor_series(
     epochs: Sequence[Epoch],
     output_dir: Path,
@@ -107,11 +115,7 @@ def monitor_series(
     settings, epochs = settings or SeriesSettings(), tuple(epochs)
     check_series(epochs)
     table = read_alerts(alerts)
-    if settings.change.grows:
-        raise InputError(
-            "Cells that grow (adaptive) are not for a series: all its surveys share one grid; "
-            "give GridChangeParameters, or adaptive=False."
-        )
+    _refuse_growing_cells(settings)
     inputs = [*((f"epoch {e.name}", e.path) for e in epochs), ("roi", roi), ("stable", stable), ("alerts", alerts)]
     inputs += layers.inputs
     run = Run("series", groups(settings, *_RECORDED), inputs, progress)
