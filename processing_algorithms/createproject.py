@@ -83,8 +83,10 @@ class CreateProject(SlopeWatchAlgorithm):
         except NoRunError as error:
             raise QgsProcessingException(tr(str(error))) from None
         self._output = Path(output)
-        texts = (self.parameterAsString(parameters, name, context).strip() for name in ("PROJECT_TITLE", "AUTHOR"))
-        self._sheet = _sheet(self._contents, *texts, values._choice("PAPER"))
+        title, author = (
+            self.parameterAsString(parameters, name, context).strip() for name in ("PROJECT_TITLE", "AUTHOR")
+        )
+        self._sheet = _sheet(self._contents, title, author, values._choice("PAPER"))
         return True
 
     def processAlgorithm(

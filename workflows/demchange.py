@@ -68,7 +68,7 @@ def demchange_step(
     """Change between elevation models: the products of the first and the last, and of three or more their series."""
     _refuse(models)
     names = _names(models)
-    inputs = [*((f"epoch {name}", model.path) for name, model in zip(names, models, strict=True))]
+    inputs: list[tuple[str, Path | None]] = [(f"epoch {n}", m.path) for n, m in zip(names, models, strict=True)]
     words = ("inputs", "elevation_models", "zones", "road", "assets", "heatmap", "report", "details")
     inputs += [("stable", stable), ("profiles", profiles), *layers.inputs]
     run = Run("demchange", groups(settings, *words), inputs, progress)
