@@ -61,7 +61,7 @@ def change_facts(
         "stable_ground": stable_ground(change),
         "density": [density(count, change.grid, change.layout) for count in change.points],
         "rates": None if days is None else rates(change, days),
-        "zones": zone_rows(frame, ("severity", *ROAD_WORDS)),
+        "zones": zone_rows(frame, ("severity", "movement", *ROAD_WORDS)),
     }
 
 

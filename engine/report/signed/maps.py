@@ -126,7 +126,8 @@ def _map(
     keys = _keys(layers)
     if width >= _NARROW:
         for number, (words, colour) in enumerate(keys):
-            draw_key(sheet, 4.0 + 1.6 * (number // 3), 0.58 - 0.19 * (number % 3), [words], edge=colour, width=0.18)
+            column, row = divmod(number, 4)
+            draw_key(sheet, 4.0 + 1.6 * column, 0.64 - 0.185 * row, [words], edge=colour, width=0.18)
     else:
         for number, (words, colour) in enumerate(keys):
             draw_key(sheet, 0.1 + 1.75 * (number // 3), 0.47 - 0.19 * (number % 3), [words], edge=colour, width=0.18)
@@ -219,7 +220,7 @@ def _keys(layers: MapLayers) -> list[tuple[str, str]]:
     if layers.lines:
         keys.append((say("line of a section"), _LINE))
     if len(layers.vectors):
-        keys.append((say("motion along the surface"), _MOTION))
+        keys.append((say("motion"), _MOTION))
     return keys
 
 

@@ -87,7 +87,7 @@ def map_layers(source: Source) -> MapLayers:
         source.zones,
         source.screened if len(source.screened) else None,
         footprints,
-        vectors=_vectors(source.folder / "displacement.gpkg"),
+        vectors=vectors_of_motion(source.folder / "displacement.gpkg"),
     )
 
 
@@ -100,11 +100,17 @@ def given_lines(path: Path) -> Sequence[ProfileLine]:
     return [ProfileLine(str(name), line, GIVEN) for name, kind, line in named if kind == GIVEN]
 
 
-def _vectors(path: Path) -> NDArray[np.float64]:
-    """Place and motion on the map (n, 4) of the significant vectors."""
+def vectors_of_motion(path: Path) -> NDArray[np.float64]:
+    """Place and motion on the map (n, 4) of the significant vectors where ground moves as one, until the last survey.
+
+    Single vectors elsewhere may be made by chance, and are left to the map of motion.
+    """
     if not path.is_file():
         return np.zeros((0, 4))
-    frame = read_layer(path, "vectors")
+    frame, moving = read_layer(path, "vectors"), read_layer(path, "zones")
+    if "time_to" in frame:
+        frame = frame[frame["time_to"] == frame["time_to"].max()]
+    frame = frame[frame.intersects(moving.union_all())] if len(moving) else frame[:0]
     columns = frame.geometry.x, frame.geometry.y, frame["east_m"], frame["north_m"]
     return np.column_stack([np.asarray(column, dtype=np.float64) for column in columns]).reshape(-1, 4)
 
