@@ -1,9 +1,11 @@
-"""Motion along the surface: vectors and zones on simulated and real ground, beside what other measures see of it.
+"""Motion along the surface: vectors and zones on simulated and real ground, compared with what other measures see.
 
 Simulated: two scans of the demo's slope under 70 % vegetation, their ground extracted and thinned to 70 points a m² of
 map; of the later one an ellipse of 12 m along the dip and 8 m across, with a soft edge, is moved down the dip.
 Real: the ground of two random halves of a dense cloud, of which all or nothing is moved; they share their position and
-their strips, so that this is what the relief allows, and no accuracy in the field.
+their strips, so that this is what the relief allows, and no accuracy in the field. Bare: that relief without plants,
+for many still maps at little cost and for a denser cloud; and smooth ground on which objects come and go.
+Seeds from ``FIRST_SEED`` on; those before are for development only.
 """
 
 from __future__ import annotations
@@ -24,16 +26,18 @@ from ..interface.parameters import DisplacementParameters, SurveyParameters
 from ..simulation.surveys.survey import simulate_pair
 from .chain import ground_of
 from .displacement_peers import seen_by_others
+from .displacement_scenes import bare_pair, changing_objects
 from .real_data import DENSE_HALVES, dense_cloud, split
 from .table import Row, say
 
-STILL_PAIRS, MOVED_PAIRS = 40, 8
+FIRST_SEED, PAIRS, BARE_MAPS, DENSE_MAPS, OBJECT_MAPS = 9, 8, 32, 2, 4
 MOTIONS_M = (0.05, 0.1, 0.2)
-POINTS_PER_M2 = 70.0
+POINTS_PER_M2, DENSE_POINTS_PER_M2 = 70.0, 200.0
 _AREA_M2 = 889.0  # of the slope on the map
 _HALF_AXES_M, _CORE, _INNER, _SOFT = (6.0, 4.0), 0.35, 0.6, 0.75
 SIZES = (5.0, 8.0)
 _TARGETS_MM = {5.0: (20.0, 27.0), 8.0: (12.0, 15.0)}
+_DENSE_TARGET_MM = (9.0, 12.0)
 _REAL_SHIFTS_M = (0.0, 0.0, 0.05, 0.2)
 
 
@@ -105,15 +109,45 @@ class _Tally:
 def rows() -> list[Row]:
     """The figures with their targets."""
     tally = _Tally({s: [] for s in SIZES}, [], [], {}, {m: [] for m in MOTIONS_M}, {m: [] for m in MOTIONS_M}, [], [])
-    for seed in range(1, STILL_PAIRS + 1):
+    for seed in range(FIRST_SEED, FIRST_SEED + PAIRS):
         first, later = simulated(seed)
         _still(tally, first, later)
-        if seed <= MOVED_PAIRS:
-            for motion in MOTIONS_M:
-                _moving(tally, first, moved(first, later, motion), motion)
-            tally.others.append(seen_by_others(first, moved(first, later, MOTIONS_M[1]), radius_in_ellipse, _CORE))
+        for motion in MOTIONS_M:
+            _moving(tally, first, moved(first, later, motion), motion)
+        tally.others.append(seen_by_others(first, moved(first, later, MOTIONS_M[1]), radius_in_ellipse, _CORE))
         say(f"pair {seed}: {tally.false_zones[-1]} false zones, {tally.seconds[-1]:.1f} s per 1,000 m²")
-    return [*_still_rows(tally), *_moving_rows(tally), *_other_rows(tally), *_real_rows()]
+    bare = _bare(POINTS_PER_M2, BARE_MAPS)
+    tally.false_zones.extend(zones for _, zones in bare)
+    simulated_rows = [*_still_rows(tally), *_moving_rows(tally), *_other_rows(tally)]
+    return [*simulated_rows, *_bare_rows(bare), *_object_rows(), *_real_rows()]
+
+
+def _bare(points_per_m2: float, count: int) -> list[tuple[dict[float, Windows], int]]:
+    """Windows of both widths and the number of zones of bare still maps."""
+    found = []
+    for seed in range(FIRST_SEED, FIRST_SEED + count):
+        map_ = measured(*bare_pair(seed, points_per_m2))
+        sizes = {s: compared(v, np.zeros(3)) for s, v in zip(SIZES, map_.by_width, strict=True)}
+        found.append((sizes, len(map_.zones)))
+        say(f"bare map {seed}: {len(map_.zones)} false zones")
+    return found
+
+
+def _bare_rows(bare: list[tuple[dict[float, Windows], int]]) -> Iterator[Row]:
+    dense = _bare(DENSE_POINTS_PER_M2, DENSE_MAPS)
+    for density, maps, target in ((POINTS_PER_M2, bare, None), (DENSE_POINTS_PER_M2, dense, _DENSE_TARGET_MM)):
+        for size in SIZES:
+            name = f"bare relief, {density:g} points/m²"
+            yield from _window_rows(name, size, [m[size] for m, _ in maps], target if size == SIZES[0] else None)
+
+
+def _object_rows() -> Iterator[Row]:
+    claims = windows = 0
+    for seed in range(FIRST_SEED, FIRST_SEED + OBJECT_MAPS):
+        found = measured(*changing_objects(seed, POINTS_PER_M2))
+        claims, windows = claims + int(found.significant.sum()), windows + len(found.significant)
+    yield Row("boxes and bowls that come and go: windows that claim a vector", f"{claims} of {windows}", "0", "",
+              claims == 0)  # fmt: skip
 
 
 def _still(tally: _Tally, first: Float, later: Float) -> None:
