@@ -37,7 +37,7 @@ from slopewatch.engine.series.tables import SERIES_FIELDS, ZONE_FIELDS
 from slopewatch.engine.vector.review_fields import REVIEW_FIELDS
 from slopewatch.engine.zones import confirmation
 from slopewatch.engine.zones.extraction import footprint_frame
-from slopewatch.engine.zones.fields import FIELDS, KINDS, SEVERITIES
+from slopewatch.engine.zones.fields import FIELDS, SEVERITIES, ZONE_KINDS
 from slopewatch.interface.parameters import ZoneParameters
 from slopewatch.models.screening import zones
 from slopewatch.tests.builders.change_zones import zones_of
@@ -104,7 +104,7 @@ def test_level_ramp_runs_from_zero() -> None:
 def test_zones_have_a_symbol_for_every_kind_and_severity() -> None:
     root = ElementTree.fromstring(zones_qml())
     categories = {c.get("value"): c.get("symbol") for c in root.iter("category")}
-    assert set(categories) == {f"{kind}, {severity}" for kind in KINDS for severity in SEVERITIES}
+    assert set(categories) == {f"{kind}, {severity}" for kind in ZONE_KINDS for severity in SEVERITIES}
     assert set(categories.values()) == {s.get("name") for s in root.findall("renderer-v2/symbols/symbol")}
     assert names_of(root) == set(FIELDS)
 
@@ -112,7 +112,7 @@ def test_zones_have_a_symbol_for_every_kind_and_severity() -> None:
 def test_footprints_have_a_symbol_for_every_kind_and_names_for_their_own_fields() -> None:
     root = ElementTree.fromstring(footprints_qml().partition("\n")[2])
     categories = {c.get("value"): c.get("symbol") for c in root.iter("category")}
-    assert set(categories) == set(KINDS)
+    assert set(categories) == set(ZONE_KINDS)
     assert set(categories.values()) == {s.get("name") for s in root.findall("renderer-v2/symbols/symbol")}
     assert names_of(root) == set(FOOTPRINT_FIELDS)
     # they are not reviewed

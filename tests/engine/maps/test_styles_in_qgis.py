@@ -23,7 +23,7 @@ from slopewatch.engine.maps.qgis_styles import (
     write_qml_next_to,
 )
 from slopewatch.engine.zones.extraction import footprint_frame
-from slopewatch.engine.zones.fields import KINDS
+from slopewatch.engine.zones.fields import ZONE_KINDS
 from slopewatch.interface.parameters import ZoneParameters
 from slopewatch.tests.builders.change_zones import zones_of
 from slopewatch.tests.builders.styles import stops
@@ -159,7 +159,7 @@ def test_qgis_loads_and_draws_the_styles(tmp_path: Path, qgis_python: str) -> No
     assert seen["level_stops"] == pytest.approx([0.0, 0.05, 0.1, 0.15, 0.2])
     assert seen["zones"] == 2
     assert seen["categories"][0] == "Subsidence, high"
-    assert len(seen["categories"]) == 8
+    assert len(seen["categories"]) == 12
     assert seen["label"] == "zone_id"
     assert seen["alias"] == "Mean change (m)"
     assert seen["widget"] == "ValueMap"
@@ -167,7 +167,7 @@ def test_qgis_loads_and_draws_the_styles(tmp_path: Path, qgis_python: str) -> No
     # 400 cells of 0.25 m² sank by 0.4 m, as many rose
     assert sorted(seen["shown"]) == ["-0.400", "0.400", "100.00", "100.00"]
     assert seen["tip"]
-    assert sorted(seen["footprints"]) == sorted(KINDS)
+    assert sorted(seen["footprints"]) == sorted(ZONE_KINDS)
     assert seen["footprint_tip"]
     for zone, kind, volume, error, words in seen["told"]:
         assert (volume > 0) == (kind == "uplift")
