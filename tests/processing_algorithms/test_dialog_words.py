@@ -24,7 +24,7 @@ pytestmark = pytest.mark.usefixtures("qgis_app")
 NOT_IN_THE_DIALOG = {"registerepochs": {"apply", "invert"}, "inspectseries": {"epoch"}, "m3c2distances": {"output-dir"}}
 ONLY_TERMINAL = {"language", "help", "progress", "watch-parent", "debug"}
 # Arguments of other programs, and beginnings of options that are put together.
-NO_OPTIONS = {"stdin", "version", "resources", "no-"}
+NO_OPTIONS = {"stdin", "version", "resources", "no-", "json"}
 
 
 def told(algorithm, sentence: str) -> str:
