@@ -147,9 +147,9 @@ def _to_database(
         figures = _counts(rows.write(parameters, progress))
     said = (
         f"{figures['database_zones']} zones and {figures['database_events']} events were handed over to "
-        f"{database.shown}, schema {parameters.schema}; {figures['database_history']} entries are new in the history.",
+        f"{database.shown}, schema {parameters.schema}; {figures['database_history']} entries are new in the history."
     )
-    return RunResult({}, figures, tuple(progress.warnings), said)
+    return RunResult({}, figures, tuple(progress.warnings), (said,))
 
 
 def _counts(counts: Counts) -> dict[str, int]:

@@ -54,7 +54,7 @@ def for_database(database: Database, held: Held, fields: Path | None, progress: 
 
 
 def _road_points(held: Held, progress: Progress) -> dict[str, list[BaseGeometry | None]]:
-    """For zones that were placed on a road, the nearest point of its centreline, if that still is as the run read it."""
+    """For zones placed on a road, the nearest point of its centreline, if that still is as the run read it."""
     given = {str(i["role"]): i for i in held.record.get("inputs", ())}
     line = given.get("centreline")
     layers = [(layer.name, p) for layer in held.zones if (p := layer.places) is not None and len(p)]

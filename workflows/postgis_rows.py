@@ -23,8 +23,8 @@ from ..engine.crs.working_frame import horizontal
 from ..engine.handover.held import Held, HeldLayer
 from ..engine.handover.postgis.schema import EVENTS, ZONES
 from ..engine.handover.postgis.writing import Rows
-from ..engine.vector.review_fields import STATES, is_entered
-from ..interface.reviews import REVIEWED, REVIEWER, STATUS
+from ..engine.vector.review_fields import STATES
+from ..interface.reviews import STATUS
 from .batch.alert_events import ACKNOWLEDGED, CLOSED, RAISED
 from .batch.corridor_zones import attention_of
 
@@ -51,7 +51,9 @@ def rows_of(held: Held, road_points: Mapping[str, Sequence[BaseGeometry | None]]
     if not layers:
         raise InputError("The run holds no layer of zones, so there is nothing for a database; leave --to out.")
     if crs is None:
-        raise InputError("The zones of the run have no reference system, which a database needs; give --crs in its run.")
+        raise InputError(
+            "The zones of the run have no reference system, which a database needs; give --crs in its run."
+        )
     run = _run(held)
     zones = [row for layer in layers for row in _zones(layer, run, held, road_points.get(layer.name, ()))]
     events, calm = _events(held, run, zones)
@@ -175,9 +177,7 @@ def _of_zone(zone: Mapping[str, Any], run: Mapping[str, Any]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _of_alerts(
-    layer: HeldLayer, run: Mapping[str, Any], zones: Sequence[Mapping[str, Any]]
-) -> list[dict[str, Any]]:
+def _of_alerts(layer: HeldLayer, run: Mapping[str, Any], zones: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     by_name = {zone["zone_id"]: zone for zone in zones}
     found = []
     for alert, shape in _records(layer.frame):

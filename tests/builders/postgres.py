@@ -98,4 +98,6 @@ def server() -> Iterator[Server]:
             made.run("CREATE EXTENSION postgis")
             yield made
         finally:
-            subprocess.run([*control, "-m", "immediate", "stop"], check=True, capture_output=True, cwd=folder, **as_user)
+            subprocess.run(
+                [*control, "-m", "immediate", "stop"], check=True, capture_output=True, cwd=folder, **as_user
+            )

@@ -157,9 +157,7 @@ def _upsert(table: str, columns: Mapping[str, str], srid: int) -> sql.Composed:
     from psycopg import sql
 
     first, *others = (sql.Identifier(name) for name in columns)
-    marks = [
-        sql.SQL(f"ST_GeomFromWKB(%s::bytea, {srid})") if name in _SHAPES else sql.SQL("%s") for name in columns
-    ]
+    marks = [sql.SQL(f"ST_GeomFromWKB(%s::bytea, {srid})") if name in _SHAPES else sql.SQL("%s") for name in columns]
     comma = sql.SQL(", ")
     return sql.SQL(
         "INSERT INTO {table} ({names}) VALUES ({marks}) ON CONFLICT ({first}) DO UPDATE SET ({others}) = ({given}) "
