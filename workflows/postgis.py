@@ -70,7 +70,8 @@ def _road_points(held: Held, progress: Progress) -> dict[str, list[BaseGeometry 
     found = {}
     try:
         for name, places in layers:
-            crs = horizontal(CRS.from_user_input(places.crs))
+            whole = CRS.from_user_input(places.crs)
+            crs = horizontal(whole) or whole
             parameters = RoadParameters.build(held.record.get("parameters", {}).get("road") or {})
             roads = read_roads(path, crs, parameters, read_field_mapping(names))
             network = roads.network(shapely.box(*places.total_bounds))[0]

@@ -58,7 +58,8 @@ def rows_of(held: Held, road_points: Mapping[str, Sequence[BaseGeometry | None]]
     zones = [row for layer in layers for row in _zones(layer, run, held, road_points.get(layer.name, ()))]
     events, calm = _events(held, run, zones)
     why = _CALM.format(day=run["days"][-1]) if run["days"] else ""
-    return Rows(run, zones, events, horizontal(CRS.from_user_input(crs)), calm, why)
+    flat = CRS.from_user_input(crs)
+    return Rows(run, zones, events, horizontal(flat) or flat, calm, why)
 
 
 def _is_of_zones(layer: HeldLayer, held: Held) -> bool:

@@ -6,7 +6,7 @@ import importlib.util
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from ...core.errors import InputError
@@ -74,12 +74,12 @@ def transaction(database: Database) -> Iterator[psycopg.Connection]:
         InputError: the database cannot be reached, does not let in, is read-only, or refuses something.
     """
     import psycopg
-    from psycopg.conninfo import conninfo_to_dict
+    from psycopg.conninfo import conninfo_to_dict, make_conninfo
 
     given = conninfo_to_dict(database.address)
-    own = {"application_name": "slopewatch", "connect_timeout": _WAIT_S, "client_encoding": "utf8"}
+    own: dict[str, Any] = {"application_name": "slopewatch", "connect_timeout": _WAIT_S, "client_encoding": "utf8"}
     try:
-        connection = psycopg.connect(database.address, **{k: v for k, v in own.items() if k not in given})
+        connection = psycopg.connect(make_conninfo(**{**own, **given}))
     except (psycopg.Error, UnicodeError, OSError) as error:
         raise InputError(_unreached(database, str(error))) from None
     try:
