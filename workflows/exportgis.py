@@ -17,7 +17,7 @@ from ..engine.core.errors import EngineError, InputError
 from ..engine.core.messages import shown
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
-from ..engine.core.staged_outputs import atomic_output, refuse_unwritable
+from ..engine.core.staged_outputs import Stage, atomic_output, refuse_unwritable
 from ..engine.handover import about as about_module
 from ..engine.handover import drawing, landxml, metadata, naming, package, stac, styles, tables
 from ..engine.handover.held import Held, find_record, read_held
@@ -116,13 +116,7 @@ def export_step(
             files = _write(job, chosen)
         with run.step("package", 0.95, 1.0, "packing"):
             files.append(package.write_checksums(place, files))
-            if zipped:
-                package.write_zip(stage.path(output.name), place, files)
-                run.outputs["handover"] = stage.final(output.name)
-            else:
-                run.outputs |= {name: stage.final(name) for name in files}
-                for name in package.named_in(folder).difference(files):  # of the hand-over that this one replaces
-                    stage.discard(name)
+            run.outputs |= _pack(stage, place, files, output.name if zipped else "")
         size = sum((place / name).stat().st_size for name in files)
         run.figures = {
             "files": len(files),
@@ -135,6 +129,16 @@ def export_step(
             run.figures |= _counts(rows.write(parameters, progress))
             run.facts["database"] = {"address": rows.database.shown, "schema": parameters.schema}
     return run.result()
+
+
+def _pack(stage: Stage, place: Path, files: list[str], archive: str) -> dict[str, Path]:
+    """The files into ``archive``, or as they are where that is empty; the outputs by name."""
+    if archive:
+        package.write_zip(stage.path(archive), place, files)
+        return {"handover": stage.final(archive)}
+    for name in package.named_in(stage.directory).difference(files):  # of the hand-over that this one replaces
+        stage.discard(name)
+    return {name: stage.final(name) for name in files}
 
 
 def _to_database(
