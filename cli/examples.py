@@ -123,6 +123,10 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
                 "    --output hand_over"
             ),
         ),
+        (
+            "Into the agency's database; the password is in ~/.pgpass",
+            "slopewatch exportgis corridor --to postgresql://slopes@db.example.org/roads --srid 27700",
+        ),
     ),
     "createproject": (
         (

@@ -115,8 +115,8 @@ def names_of(*extras: str) -> set[str]:
 def write_plugin_locks() -> None:
     """The locks of the engine and of the screening's network, as parts of the large one; pip first."""
     every = entries(LOCK.read_text(encoding="utf-8"))
-    engine = names_of("compiled", "pdf")
-    screening = names_of("compiled", "pdf", "screening") - engine
+    engine = names_of("compiled", "pdf", "postgis")
+    screening = names_of("compiled", "pdf", "postgis", "screening") - engine
     parts = [entry for name, entry in every if name in INSTALLER] + [entry for name, entry in every if name in engine]
     (PLUGIN_LOCKS / "engine.lock").write_text(PART_HEADER + "".join(parts), encoding="utf-8")
     parts = [entry for name, entry in every if name in screening and name != "torch"]

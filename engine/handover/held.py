@@ -21,7 +21,7 @@ from rasterio.errors import RasterioError
 from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.gdal_names import readable
-from ..core.json_shapes import anything, fields, parse_json, read_json, rows, table, text
+from ..core.json_shapes import anything, fields, number, parse_json, read_json, rows, table, text
 from ..core.messages import shown
 from ..grid.geotiff import Raster, read_raster
 from ..report.record_shape import inside
@@ -29,12 +29,14 @@ from ..vector.geopackage import read_layer
 
 COMMANDS = ("inspect", "change", "series", "screen", "displacement", "demchange", "batch", "m3c2")
 """Whose results can be handed over."""
+_MOST_NANOSECONDS = 2**63
 _RECORD = fields(
     {"command": text(), "outputs": table(text())},
     {
         "software": text(), "started": text(), "run_id": text(), "metrics": fields({}), "warnings": rows(text()),
         "inputs": rows(fields({"role": text()}, {"path": text(), "sha256": text()})),
         "parameters": table(table(anything)), "versions": table(text()), "dates": rows(text()),
+        "tables_stamp": rows(number(0, _MOST_NANOSECONDS, whole=True)),
     },
 )  # fmt: skip
 _NO_RECORD = "{path} is no run record that can be read ({why}); give the folder of a finished run."

@@ -14,7 +14,7 @@ HANDOVER_FORMATS = (
 
 @dataclass(frozen=True)
 class HandoverParameters(ParameterSet, record_name="handover", title="Hand over"):
-    """Which files are written of a finished run, and what their metadata say."""
+    """Which files are written of a finished run, what their metadata say, and where a database keeps it."""
 
     formats: str = _parameter(
         ",".join(HANDOVER_FORMATS[:-1]),
@@ -47,5 +47,19 @@ class HandoverParameters(ParameterSet, record_name="handover", title="Hand over"
         "",
         "Conditions of use",
         "Licence or other conditions, in the metadata. Empty: it says that none are stated.",
+        advanced=True,
+    )
+    schema: str = _parameter(
+        "slopewatch",
+        "Schema of the database",
+        "Where a database keeps zones, events and their history; it is made at the first hand-over.",
+        advanced=True,
+    )
+    srid: int = _parameter(
+        0,
+        "EPSG code in the database",
+        "Reference system of a schema that is made, such as 27700; what comes later is transformed to it. 0: that of "
+        "the results.",
+        bounds=(0, 998_999),
         advanced=True,
     )

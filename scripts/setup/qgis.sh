@@ -76,7 +76,17 @@ setup_qgis() {
         say "  installing ${missing[*]} for the test of the dialogs"
         apt_install "the test of the dialogs" "${missing[@]}"
     fi
+    install_postgis
     setup_qgis_tests
+}
+
+# A PostgreSQL with PostGIS, for the tests of the hand-over; without it they are skipped.
+install_postgis() {
+    compgen -G '/usr/share/postgresql/*/extension/postgis.control' >/dev/null && return
+    is_debian_like && can_be_root && [[ -n $(apt_candidate postgresql-postgis) ]] || return 0
+    say "  installing PostgreSQL with PostGIS for the tests of the hand-over"
+    # it brings the server of this release; the set-up goes on without it
+    (apt_install "the tests of the hand-over to databases" postgresql-postgis) || return 0
 }
 
 setup_qgis_tests() {

@@ -144,8 +144,8 @@ FROZEN_PARAMETERS = {
         *INPUT, *OUTPUT, "OUTPUT",
     ],
     "exportgis": [
-        "INPUT", "FIELDS", "FORMATS", "SURFACE_POINTS", "METADATA_TITLE", "ORGANISATION", "EMAIL", "LICENCE", *OUTPUT,
-        "OUTPUT",
+        "INPUT", "FIELDS", "TO", "FORMATS", "SURFACE_POINTS", "METADATA_TITLE", "ORGANISATION", "EMAIL", "LICENCE",
+        "SCHEMA", "SRID", *OUTPUT, "OUTPUT",
     ],
     "createproject": ["INPUT", "PROJECT_TITLE", "AUTHOR", "PAPER", *OUTPUT, "OUTPUT"],
     "planflight": [
@@ -262,7 +262,7 @@ FROZEN_OUTPUTS = {
         *TOP_VIEW,
     ],
     "suggestroi": ["PARTS", "AREA", "AREA_SHARE", "POINTS_SHARE", "DENSITY", "RUN_RECORD", "OUTPUT"],
-    "exportgis": ["FILES", "LAYERS", "RUN_RECORD", "OUTPUT"],
+    "exportgis": ["FILES", "LAYERS", "DATABASE_ZONES", "DATABASE_EVENTS", "RUN_RECORD", "OUTPUT"],
     "createproject": ["LAYERS", "LAYOUT", "OUTPUT"],
     "planflight": [
         "LINE_COUNT", "LINE_LENGTH", "FLIGHT_TIME", "BATTERIES", "GROUND_DENSITY", "LEVEL", "MOTION", "KML", "PICTURE",

@@ -44,6 +44,7 @@ SEARCHES = {
     "dxf": {"exportgis"},
     "landxml": {"exportgis"},
     "iso 19115": {"exportgis"},
+    "postgis": {"exportgis"},
     "sample data": {"simulatesurvey"},
     "machine learning": {"trainmodel"},
     "install": {"checkenvironment"},
