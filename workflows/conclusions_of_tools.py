@@ -100,6 +100,50 @@ def _flight(f: Figures) -> list[str]:
     ]  # fmt: skip
 
 
+_VERDICTS = {
+    "kept": "The flight kept its plan.",
+    "lines": "The flight departed from its plan in its lines; its returns reach what was promised.",
+    "places": "The flight fell short of its plan in its returns.",
+    "lines and places": "The flight departed from its plan in its lines, and fell short of it in its returns.",
+}
+
+
+def _compared(f: Figures) -> list[str]:
+    return [
+        _VERDICTS.get(str(f.get("verdict")), ""),
+        sentence(
+            "{} of {} planned lines were flown.", counted(f, "flown_lines"), counted(f, "planned_lines")
+        ),
+        sentence("Left out: line {}.", ", ".join(str(number) for number in f.get("left_out") or ())),
+        *(
+            sentence("Line {} was flown on {} of its length.", number, percent({"s": share}, "s"))
+            for number, share in (f.get("partly_flown") or {}).items()
+        ),
+        *(
+            sentence("Line {} was flown {} higher than planned.", number, _metres(above))
+            if above > 0
+            else sentence("Line {} was flown {} lower than planned.", number, _metres(above))
+            for number, above in (f.get("above_m") or {}).items()
+        ),
+        *(
+            sentence("Line {} was flown {} to the right of its plan.", number, _metres(aside))
+            if aside > 0
+            else sentence("Line {} was flown {} to the left of its plan.", number, _metres(aside))
+            for number, aside in (f.get("aside_m") or {}).items()
+        ),
+        sentence("{} of the region's places have returns.", percent(f, "covered_share")),
+        sentence("All returns reach {} of what was promised.", percent(f, "returns_ratio")),
+        sentence("Returns of the ground reach {} of what was promised.", percent(f, "ground_ratio")),
+        sentence(
+            "{} of {} places fell short by more than 15 %.", counted(f, "short_places"), counted(f, "judged_places")
+        ),
+    ]  # fmt: skip
+
+
+def _metres(value: float) -> str:
+    return f"{abs(value):.1f} m"
+
+
 def _minutes(seconds: float | None) -> str:
     return "" if seconds is None else f"{max(1, round(seconds / 60))}"
 
@@ -136,6 +180,7 @@ OF_TOOLS: dict[str, Callable[[Figures], list[str]]] = {
     "topview": _top_view,
     "suggestroi": _region,
     "planflight": _flight,
+    "compareflight": _compared,
     "locate": _located,
     "exportlabelstudio": _tasks,
     "importlabelstudio": _labels,
