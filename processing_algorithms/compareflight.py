@@ -64,8 +64,8 @@ class CompareFlight(SlopeWatchAlgorithm):
             declare.file_parameter(
                 "TRAJECTORY",
                 "Trajectory",
-                "CSV file with columns time, x, y and z of the carrier, in the plan's reference system. Not set: its way "
-                "is taken from the scan angles where these show it.",
+                "CSV file with columns time, x, y and z of the carrier, in the plan's reference system. Not set: its "
+                "way is taken from the scan angles where these show it.",
                 declare.CSV_FILTER,
             ),
         )

@@ -85,7 +85,7 @@ def read_promised(path: Path) -> Promised:
     bounds = places.geometry.bounds.to_numpy()
     cell = float(np.median(bounds[:, 2] - bounds[:, 0]))
     middle = (bounds[:, :2] + bounds[:, 2:]) / 2
-    grid = snapped_grid((*middle.min(axis=0), *middle.max(axis=0)), cell)  # type: ignore[arg-type]
+    grid = snapped_grid((*middle.min(axis=0), *middle.max(axis=0)), cell)
     row = np.floor((grid.north - middle[:, 1]) / cell).astype(int)
     column = np.floor((middle[:, 0] - grid.west) / cell).astype(int)
     returns, ground = np.full(grid.shape, np.nan), np.full(grid.shape, np.nan)

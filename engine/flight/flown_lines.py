@@ -31,10 +31,10 @@ _KEPT = 95.0  # per cent of the length that the largest deviations are of
 class FlownLine:
     """A planned line as it was flown.
 
-    ``share`` of its length was flown; ``state`` is one of ``STATES``. Deviations in metres, NaN where none of it was: ``aside`` the median in plan,
-    positive to the right of the planned direction, ``aside_most`` what 95 % of its length keep to; ``above`` the median
-    over the planned height, ``above_most`` likewise; ``over_ground`` the median height over the ground below, NaN where
-    no ground is known.
+    ``share`` of its length was flown; ``state`` is one of ``STATES``. Deviations in metres, NaN where none of it was:
+    ``aside`` the median in plan, positive to the right of the planned direction, ``aside_most`` what 95 % of its length
+    keep to; ``above`` the median over the planned height, ``above_most`` likewise; ``over_ground`` the median height
+    over the ground below, NaN where no ground is known.
     """
 
     number: int
