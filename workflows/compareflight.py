@@ -163,6 +163,7 @@ def comparison_figures(made: Comparison) -> dict[str, Any]:
             "partly_flown": {str(line.number): line.share for line in states["partly flown"]},
             "above_m": {str(line.number): line.above for line in high},
             "aside_m": {str(line.number): line.aside for line in aside},
+            "elsewhere_m": {str(line.number): [line.aside, line.above] for line in made.lines if line.deviates},
             "largest_above_m": max((abs(line.above) for line in known), default=None),
             "largest_aside_m": max((abs(line.aside) for line in known), default=None),
         }

@@ -109,39 +109,38 @@ _VERDICTS = {
 
 
 def _compared(f: Figures) -> list[str]:
+    left_out = ", ".join(str(number) for number in f.get("left_out") or ())
+    parts = ", ".join(
+        f"{number} ({percent({'s': share}, 's')})" for number, share in (f.get("partly_flown") or {}).items()
+    )
+    elsewhere = ", ".join(
+        f"{number} ({round(aside, 1) + 0.0:+.1f}, {round(above, 1) + 0.0:+.1f})"
+        for number, (aside, above) in (f.get("elsewhere_m") or {}).items()
+    )
+    covered, returns, ground = (percent(f, name) for name in ("covered_share", "returns_ratio", "ground_ratio"))
+    lines = counted(f, "flown_lines"), counted(f, "planned_lines")
     return [
         _VERDICTS.get(str(f.get("verdict")), ""),
+        sentence("{} of {} planned lines were flown; left out: {}.", *lines, left_out)
+        if left_out
+        else sentence("{} of {} planned lines were flown.", *lines),
+        sentence("Flown in part: {}.", parts),
+        sentence("Lines flown elsewhere than planned (metres to the right, metres higher): {}.", elsewhere),
         sentence(
-            "{} of {} planned lines were flown.", counted(f, "flown_lines"), counted(f, "planned_lines")
+            "{} of the region's places have returns; all returns reach {}, those of the ground {} of what was "
+            "promised.",
+            covered,
+            returns,
+            ground,
+        )
+        if ground
+        else sentence(
+            "{} of the region's places have returns; all returns reach {} of what was promised.", covered, returns
         ),
-        sentence("Left out: line {}.", ", ".join(str(number) for number in f.get("left_out") or ())),
-        *(
-            sentence("Line {} was flown on {} of its length.", number, percent({"s": share}, "s"))
-            for number, share in (f.get("partly_flown") or {}).items()
-        ),
-        *(
-            sentence("Line {} was flown {} higher than planned.", number, _metres(above))
-            if above > 0
-            else sentence("Line {} was flown {} lower than planned.", number, _metres(above))
-            for number, above in (f.get("above_m") or {}).items()
-        ),
-        *(
-            sentence("Line {} was flown {} to the right of its plan.", number, _metres(aside))
-            if aside > 0
-            else sentence("Line {} was flown {} to the left of its plan.", number, _metres(aside))
-            for number, aside in (f.get("aside_m") or {}).items()
-        ),
-        sentence("{} of the region's places have returns.", percent(f, "covered_share")),
-        sentence("All returns reach {} of what was promised.", percent(f, "returns_ratio")),
-        sentence("Returns of the ground reach {} of what was promised.", percent(f, "ground_ratio")),
         sentence(
             "{} of {} places fell short by more than 15 %.", counted(f, "short_places"), counted(f, "judged_places")
         ),
-    ]  # fmt: skip
-
-
-def _metres(value: float) -> str:
-    return f"{abs(value):.1f} m"
+    ]
 
 
 def _minutes(seconds: float | None) -> str:

@@ -16,6 +16,7 @@ from pyproj import CRS
 from slopewatch import api
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.progress import Progress
+from slopewatch.engine.core.run_result import RunResult
 from slopewatch.engine.vector.geopackage import read_layer
 from slopewatch.interface.parameters import SurveyParameters
 from slopewatch.simulation.frame import Frame
@@ -26,6 +27,7 @@ from slopewatch.simulation.surveys.scanner import scan
 from slopewatch.simulation.surveys.scene import Relief
 from slopewatch.simulation.surveys.survey import BuiltSlope, built_slope, expand, rectangle
 from slopewatch.simulation.surveys.write import write_region, write_survey
+from slopewatch.workflows.conclusions import conclusion
 
 CRS_NAME, RATE = CRS.from_user_input("EPSG:32651"), 6000.0
 
@@ -129,6 +131,10 @@ def test_a_line_left_out_and_one_ten_metres_too_high_are_named(site: Site, traje
     assert set(figures["aside_m"]) == {str(last - 1)}
     assert figures["aside_m"][str(last - 1)] == pytest.approx(4.0, abs=0.01 if trajectory else 0.3)
     assert figures["verdict"] == "lines and places"
+    said = conclusion("compareflight", RunResult(outputs={"run": site.plan}, figures=figures))
+    assert said[1] == f"{last - 1} of {last} planned lines were flown; left out: 2."
+    assert said[2].endswith(f"higher): {last - 1} (+4.0, +0.0), {last} (+0.0, +10.0).")
+    assert said[4] == f"{figures['short_places']} of {figures['judged_places']} places fell short by more than 15 %."
     places = read_layer(site.folder / name / "comparison.gpkg", "places")
     assert int(places["short"].sum()) == figures["short_places"] > 0.2 * len(places)
     table = (site.folder / name / "lines.csv").read_text(encoding="utf-8").splitlines()
