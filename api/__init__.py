@@ -17,7 +17,7 @@ from ..engine.core.errors import Cancelled, EngineError, InputError, SlopeWatchE
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
 from .drawing import export_label_studio, import_label_studio, locate, suggest_roi, top_view
-from .flight import plan_flight
+from .flight import compare_flight, plan_flight
 from .flow import extract_ground, inspect, monitor, screen
 from .pairs import change, dem_change, displacement, m3c2, register
 from .simulation import simulate
@@ -30,6 +30,7 @@ __all__ = [
     "RunResult",
     "SlopeWatchError",
     "change",
+    "compare_flight",
     "dem_change",
     "displacement",
     "export_label_studio",

@@ -8,6 +8,7 @@ from typing import Any
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
 from ..interface.parameters import FlightParameters, InputParameters, command_sets
+from ..workflows.compareflight import compareflight_step
 from ..workflows.given_values import Values
 from ..workflows.planflight import planflight_step
 from .given import PathLike, paths
@@ -36,6 +37,32 @@ def plan_flight(
         values.of(FlightParameters),
         values.of(InputParameters),
         **paths(survey=survey, plan=plan),
+        overwrite=values.overwrite,
+        progress=progress or Progress(),
+    )
+
+
+def compare_flight(
+    plan: PathLike,
+    cloud: PathLike,
+    output_dir: PathLike,
+    *,
+    ground: PathLike | None = None,
+    trajectory: PathLike | None = None,
+    progress: Progress | None = None,
+    **parameters: Any,
+) -> RunResult:
+    """A survey as flown and the plan (``plan.gpkg``) by which it was flown, as ``slopewatch compareflight``.
+
+    ``ground`` is the survey's ground, without it the cloud's class 2; ``trajectory`` a CSV with time, x, y and z.
+    """
+    values = Values(parameters, command_sets.COMPAREFLIGHT)
+    return compareflight_step(
+        Path(plan),
+        Path(cloud),
+        Path(output_dir),
+        values.of(InputParameters),
+        **paths(ground=ground, trajectory=trajectory),
         overwrite=values.overwrite,
         progress=progress or Progress(),
     )

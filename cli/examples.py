@@ -186,6 +186,19 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
             ),
         ),
     ),
+    "compareflight": (
+        (
+            "With the trajectory, and the ground of the survey flown",
+            (
+                "slopewatch compareflight plan/plan.gpkg 2026-05-01.laz --ground ground.laz \\\n"
+                "    --trajectory flown.csv --output-dir flown"
+            ),
+        ),
+        (
+            "By the scan angles of the cloud",
+            "slopewatch compareflight plan/plan.gpkg 2026-05-01.laz --output-dir flown",
+        ),
+    ),
     "exportlabelstudio": (
         ("A top view to label", "slopewatch exportlabelstudio view/picture.tif --output-dir tasks"),
         (

@@ -11,6 +11,7 @@ from ..engine.core.errors import InputError
 from ..engine.core.version import VERSION
 from .batch import batch
 from .commands import change, check, ground, info, inspect, register
+from .compareflight import compareflight
 from .createproject import createproject
 from .demchange import demchange
 from .displacement import displacement
@@ -72,6 +73,7 @@ for subcommand in (
     importlabelstudio,
     info,
     planflight,
+    compareflight,
     train,
     simulate,
     check,

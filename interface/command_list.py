@@ -9,7 +9,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "Look at clouds, draw and label": (
         "info", "topview", "suggestroi", "exportlabelstudio", "importlabelstudio",
     ),
-    "Plan the next survey": ("planflight",),
+    "Plan the next survey": ("planflight", "compareflight"),
     "Try and train": ("simulate", "train"),
     "Installation": ("check",),
 }  # fmt: skip
@@ -34,6 +34,7 @@ TITLES = {
     "topview": "Top view",
     "suggestroi": "Suggest a region of interest",
     "planflight": "Plan a flight",
+    "compareflight": "Compare a flight with its plan",
     "exportlabelstudio": "Export to Label Studio",
     "importlabelstudio": "Import from Label Studio",
     "simulate survey": "Simulate a survey",

@@ -2,6 +2,7 @@
 
 from .checkenvironment import CheckEnvironment
 from .cloudinfo import CloudInfo
+from .compareflight import CompareFlight
 from .corridorbatch import CorridorBatch
 from .createproject import CreateProject
 from .demchange import DemChange
@@ -45,6 +46,7 @@ ALGORITHMS = (
     TopView,
     SuggestRoi,
     PlanFlight,
+    CompareFlight,
     ExportLabelStudio,
     ImportLabelStudio,
     SimulateSurvey,

@@ -100,6 +100,49 @@ def _flight(f: Figures) -> list[str]:
     ]  # fmt: skip
 
 
+_VERDICTS = {
+    "kept": "The flight kept its plan.",
+    "lines": "The flight departed from its plan in its lines; its returns reach what was promised.",
+    "places": "The flight fell short of its plan in its returns.",
+    "lines and places": "The flight departed from its plan in its lines, and fell short of it in its returns.",
+}
+
+
+def _compared(f: Figures) -> list[str]:
+    left_out = ", ".join(str(number) for number in f.get("left_out") or ())
+    parts = ", ".join(
+        f"{number} ({percent({'s': share}, 's')})" for number, share in (f.get("partly_flown") or {}).items()
+    )
+    elsewhere = ", ".join(
+        f"{number} ({round(aside, 1) + 0.0:+.1f}, {round(above, 1) + 0.0:+.1f})"
+        for number, (aside, above) in (f.get("elsewhere_m") or {}).items()
+    )
+    covered, returns, ground = (percent(f, name) for name in ("covered_share", "returns_ratio", "ground_ratio"))
+    lines = counted(f, "flown_lines"), counted(f, "planned_lines")
+    return [
+        _VERDICTS.get(str(f.get("verdict")), ""),
+        sentence("{} of {} planned lines were flown; left out: {}.", *lines, left_out)
+        if left_out
+        else sentence("{} of {} planned lines were flown.", *lines),
+        sentence("Flown in part: {}.", parts),
+        sentence("Lines flown elsewhere than planned (metres to the right, metres higher): {}.", elsewhere),
+        sentence(
+            "{} of the region's places have returns; all returns reach {}, those of the ground {} of what was "
+            "promised.",
+            covered,
+            returns,
+            ground,
+        )
+        if ground
+        else sentence(
+            "{} of the region's places have returns; all returns reach {} of what was promised.", covered, returns
+        ),
+        sentence(
+            "{} of {} places fell short by more than 15 %.", counted(f, "short_places"), counted(f, "judged_places")
+        ),
+    ]
+
+
 def _minutes(seconds: float | None) -> str:
     return "" if seconds is None else f"{max(1, round(seconds / 60))}"
 
@@ -136,6 +179,7 @@ OF_TOOLS: dict[str, Callable[[Figures], list[str]]] = {
     "topview": _top_view,
     "suggestroi": _region,
     "planflight": _flight,
+    "compareflight": _compared,
     "locate": _located,
     "exportlabelstudio": _tasks,
     "importlabelstudio": _labels,

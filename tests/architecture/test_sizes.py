@@ -34,6 +34,7 @@ MANY_PARAMETERS = {
     "cli/screen.py:screen": COMMAND,
     "cli/series.py:series": COMMAND,
     "workflows/planflight.py:planflight_step": STEP,
+    "workflows/compareflight.py:compareflight_step": STEP,
     "engine/grid/growing_cells.py:adaptive_cells": CLOUDS,
     "engine/ground/extraction.py:extract_ground": STEP,
     "interface/parameters/specification.py:_parameter": "the fields of a parameter's description, by name only",

@@ -85,6 +85,13 @@ class Inputs:
         return made / "top_view.tif"
 
     @cached_property
+    def plan(self) -> Path:
+        made = self.folder / "plan"
+        region = self.survey / "roi.gpkg"
+        self.engine("planflight", self.pair["CLOUD"], "--roi", region, "--pulse-rate", "2000", "--output-dir", made)
+        return made / "plan.gpkg"
+
+    @cached_property
     def labelling(self) -> Path:
         """Label Studio's tasks, and an export in which each segment was taken over as a label."""
         made = self.folder / "labelling"

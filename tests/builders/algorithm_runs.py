@@ -175,6 +175,12 @@ def planned(results: dict[str, Any], inputs: Inputs) -> None:
     assert results["GROUND_DENSITY"] > 0
 
 
+def flight_compared(results: dict[str, Any], inputs: Inputs) -> None:
+    assert features(results["PLACES"].split("|")[0], "places") > results["SHORT_PLACES"] >= 0
+    assert results["RETURNS_RATIO"] > 0
+    assert results["LINES_PLANNED"] >= 2
+
+
 def trained(results: dict[str, Any], inputs: Inputs) -> None:
     clouds = sorted(inputs.scenes.glob("*.laz"))
     assert results["LABELLED_POINTS"] == sum(map(points_in, clouds))
@@ -319,6 +325,11 @@ RUNS = {
         },
         planned,
         ("Waypoints", "Flight lines", "Expected level of detection (m)"),
+    ),
+    "slopewatch:compareflight": Run(
+        lambda i, to: {"PLAN": i.plan, "INPUT": i.pair["CLOUD"], "GROUND": i.pair["CLOUD"], "OUTPUT_FOLDER": to},
+        flight_compared,
+        ("Returns promised and reached",),
     ),
     "slopewatch:exportlabelstudio": Run(
         lambda i, to: {

@@ -54,6 +54,7 @@ def test_help_shows_every_parameter_with_its_unit_and_default():
         "topview",
         "suggestroi",
         "planflight",
+        "compareflight",
         "locate",
         "exportlabelstudio",
         "importlabelstudio",

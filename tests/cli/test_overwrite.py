@@ -17,6 +17,7 @@ ALL_COMMANDS = (
     ("inspect",), ("change",), ("series",), ("batch",), ("m3c2",), ("displacement",), ("train",),
     ("simulate", "survey"), ("simulate", "series"), ("simulate", "scenes"), ("topview",), ("suggestroi",), ("locate",),
     ("exportlabelstudio",), ("importlabelstudio",), ("demchange",), ("exportgis",), ("createproject",), ("planflight",),
+    ("compareflight",),
 )  # fmt: skip
 REFUSED = re.compile(r"Error: The folder (\S+) holds (?:results already|another series) .*--overwrite to replace \w+\.")
 

@@ -15,6 +15,7 @@ from qgis.core import (
 )
 from qgis.PyQt.QtCore import QDate
 from slopewatch.interface.parameters import GroundParameters
+from slopewatch.processing_algorithms.compareflight import CompareFlight
 from slopewatch.processing_algorithms.corridorbatch import CorridorBatch
 from slopewatch.processing_algorithms.demchange import DemChange
 from slopewatch.processing_algorithms.elevationchange import ElevationChange
@@ -285,6 +286,14 @@ def test_a_flight_is_planned(tmp_path: Path) -> None:
     assert found == [
         "planflight", FIRST, "--output-dir", out, "--roi", roi, "--survey", LATER, "--plan", "/data/plan.gpkg",
         "--altitude", "60.0", "--azimuth", "30.0",
+    ]  # fmt: skip
+
+
+def test_a_flight_is_compared_with_its_plan(tmp_path: Path) -> None:
+    out, given = str(tmp_path / "out"), {"PLAN": "/data/plan.gpkg", "INPUT": FIRST}
+    assert command(CompareFlight, OUTPUT_FOLDER=out, **given, GROUND=LATER, TRAJECTORY="/data/flown.csv") == [
+        "compareflight", "/data/plan.gpkg", FIRST, "--output-dir", out, "--ground", LATER, "--trajectory",
+        "/data/flown.csv",
     ]  # fmt: skip
 
 

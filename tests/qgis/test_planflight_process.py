@@ -22,3 +22,21 @@ def test_a_flight_is_planned_and_one_that_is_too_low_refused(
     assert done.returncode == 1
     assert "ground or plants" in done.stderr
     assert not (tmp_path / "low" / "run.json").exists()
+
+
+def test_a_flight_is_compared_with_its_plan(qgis_process: QgisProcess, survey: dict[str, Path], tmp_path: Path) -> None:
+    given = {"TERRAIN": survey["CLOUD"], "ROI": survey["ROI"], "SURVEY": survey["CLOUD"], "PULSE_RATE": 5000}
+    plan = tmp_path / "plan" / "plan.gpkg"
+    qgis_process.run("planflight", **given, OUTPUT_FOLDER=plan.parent)
+    flown = {"PLAN": plan, "INPUT": survey["CLOUD"], "GROUND": survey["CLOUD"]}
+    results = qgis_process.run("compareflight", **flown, OUTPUT_FOLDER=tmp_path / "flown, 'there'")
+    assert {"LINES_PLANNED", "RETURNS_RATIO", "GROUND_RATIO", "SHORT_PLACES", "STRIPS_TABLE"} <= set(results)
+    places = QgsVectorLayer(f"{results['PLACES']}|layername=places", "places", "ogr")
+    short = [place for place in places.getFeatures() if place["short"]]
+    assert places.featureCount() > len(short) == results["SHORT_PLACES"]
+    missing = tmp_path / "missing.csv"
+    missing.write_text("time,x\n", encoding="utf-8")
+    done = qgis_process.attempt("compareflight", **flown, TRAJECTORY=missing, OUTPUT_FOLDER=tmp_path / "bad")
+    assert done.returncode == 1
+    assert "no column y" in done.stderr
+    assert not (tmp_path / "bad").exists()
