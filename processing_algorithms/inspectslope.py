@@ -17,10 +17,11 @@ from .registerepochs import REGISTRATION_NUMBERS, STABLE_HELP
 from .values import Values
 
 _LABELLED = Appearance(9, visible=False, expanded=False)
+_ON_REQUEST = ("DISPLACEMENT", "ONE_DIRECTION")
 _MOTION_LAYERS = ("VECTORS", "MOVING_ZONES", "ONE_DIRECTION")
 # the name DISPLACEMENT is that of the parameter
 _MOTION = tuple(
-    replace(p, name="DISPLACEMENT_RASTER", by_default=False) if p.name == "DISPLACEMENT" else p
+    replace(p, name={"DISPLACEMENT": "DISPLACEMENT_RASTER"}.get(p.name, p.name), by_default=p.name not in _ON_REQUEST)
     for p in products.MOTION_PRODUCTS
 )
 _PRODUCTS = (*products.CHANGE_PRODUCTS, *_MOTION, *products.SCREENED_PRODUCTS)

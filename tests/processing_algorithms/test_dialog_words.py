@@ -21,7 +21,10 @@ from slopewatch.tests.processing_algorithms.test_declare import COMMANDS
 
 pytestmark = pytest.mark.usefixtures("qgis_app")
 # Of commands or surveys that dialogs have in another form, or not at all.
-NOT_IN_THE_DIALOG = {"registerepochs": {"apply", "invert"}, "inspectseries": {"epoch"}, "m3c2distances": {"output-dir"}}
+NOT_IN_THE_DIALOG = {
+    "registerepochs": {"apply", "invert"}, "inspectseries": {"epoch"}, "m3c2distances": {"output-dir"},
+    "createproject": {"settings"},  # it runs no command of the engine
+}  # fmt: skip
 ONLY_TERMINAL = {"language", "help", "progress", "watch-parent", "debug"}
 # Arguments of other programs, and beginnings of options that are put together.
 NO_OPTIONS = {"stdin", "version", "resources", "no-", "json"}

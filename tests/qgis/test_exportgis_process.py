@@ -27,7 +27,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Inputs:
 def given(inputs: Inputs, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("given, 'it'")
     names = folder / "names.csv"
-    names.write_text("ours,theirs\nzone_id,ASSET REF\nkind,Movement\n", encoding="utf-8")
+    names.write_text("ours,theirs\nzone_id,ASSET REF\nkind,Change Kind\n", encoding="utf-8")
     more = [
         "--surface-points",
         "400",
@@ -104,7 +104,7 @@ def test_layers_are_the_same_in_every_format(inputs: Inputs, given: Path) -> Non
     areas = sorted_areas(ours)
     package = layer_of(given / "layers.gpkg", "zones")
     assert sorted_areas(package) == pytest.approx(areas, rel=1e-9)
-    assert {"ASSET REF", "Movement"} <= set(package.fields().names())
+    assert {"ASSET REF", "Change Kind"} <= set(package.fields().names())
     assert package.labeling() is not None, "the style inside is loaded"
     ids = sorted(feature["ASSET REF"] for feature in package.getFeatures())
     assert ids == sorted(feature["zone_id"] for feature in ours.getFeatures())
@@ -135,9 +135,9 @@ def test_a_layers_descriptor_sorts_its_features_as_its_style(given: Path) -> Non
         if ending == "qml":
             found = {}
             expression = renderer.classAttribute()
-            assert "Movement" in expression
+            assert "Change Kind" in expression
             for feature in layer.getFeatures():
-                label = f"{feature['Movement']}, {feature['severity']}".capitalize()
+                label = f"{feature['Change Kind']}, {feature['severity']}".capitalize()
                 found[label] = found.get(label, 0) + 1
         else:
             assert renderer.type() == "RuleRenderer"
