@@ -92,7 +92,7 @@ def run(provider: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[st
 
 
 def fill(dialog: Any, values: dict[str, Any]) -> None:
-    """Fill the fields; lists of files through their panel, as QGIS's field takes none otherwise (QGIS issue 66029)."""
+    """Fill the fields; lists of files through their panel, as QGIS's field takes none otherwise."""
     dialog.setParameters(values)
     for name, value in values.items():
         if isinstance(value, list):
