@@ -5,7 +5,7 @@ Sentences as those of ``conclusions``.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from .figures_in_words import Figures, counted, measured, percent, sentence
 
@@ -97,7 +97,51 @@ def _flight(f: Figures) -> list[str]:
             counted(f, "ground_per_m2"), measured(f, "level_m", "m"),
         ),
         sentence("Motion along the surface would show above {}.", measured(f, "motion_m", "m")),
+        *_season(f.get("season") or {}),
     ]  # fmt: skip
+
+
+_NO_SEASON = {
+    "one survey": "Only one survey of a known date was given, so nothing is said of other seasons.",
+    "one month": "All dated surveys are of one month, so nothing is said of other seasons.",
+    "small": "The dated surveys have too few places in common to tell seasons apart.",
+}
+
+
+def _season(f: Figures) -> list[str]:
+    """Which month the dated surveys name, and what its ground does for the planned flight."""
+    if not f:
+        return []
+    shares = f["ground_share_by_month"]
+    if f["reason"] == "alike":
+        low, high = ({"share": choose(shares.values())} for choose in (min, max))
+        return [
+            sentence(
+                "By the dated surveys the season matters little: {} to {} of the pulses reached the ground.",
+                percent(low, "share"), percent(high, "share"),
+            )
+        ]  # fmt: skip
+    if f["reason"]:
+        return [_NO_SEASON.get(f["reason"], "")]
+    best, worst = (str(f[name]) for name in ("best_month", "worst_month"))
+    first, last = (_of_month(f["surveys"], int(month)) for month in (best, worst))
+    return [
+        sentence(
+            "Of the months surveyed, month {} shows the most ground: {} of the pulses reached it, in month {} {}.",
+            best, percent(shares, best), worst, percent(shares, worst),
+        ),
+        sentence(
+            "With the plants of month {} this flight would show change above {}, with those of month {} above {}.",
+            best, measured(first, "planned_level_m", "m"), worst, measured(last, "planned_level_m", "m"),
+        ),
+        sentence("As good as that: month {}.", ", ".join(str(month) for month in f["as_good"])),
+    ]  # fmt: skip
+
+
+def _of_month(surveys: Sequence[Figures], month: int) -> Figures:
+    """The mean level of the surveys of a month."""
+    levels = [s["planned_level_m"] for s in surveys if int(s["date"][5:7]) == month and s["planned_level_m"] is not None]
+    return {"planned_level_m": sum(levels) / len(levels)} if levels else {}
 
 
 _VERDICTS = {
