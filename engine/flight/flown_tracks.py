@@ -102,7 +102,25 @@ def track_from_angles(xyz: Float, seconds: Float, angle: Float) -> Track | None:
     middle = xyz.mean(axis=0)
     local, times = xyz - middle, np.array([seconds[b].mean() for b in bins])
     places = np.array([local[b].mean(axis=0) for b in bins])
-    misfit = math.inf
+    # a carrier is over the ground: some programs count angles to the left, against the format
+    for slants in (slant, -slant):
+        fitted, over, square = _fitted(local, slants, bins, times, places)
+        if over > 0:
+            return Track(fitted + middle, times) if math.sqrt(square) <= _MAX_MISFIT * over else None
+    return None
+
+
+def _fitted(local: Float, slant: Float, bins: list[Index], times: Float, places: Float) -> tuple[Float, float, float]:
+    """Places of the carrier (k, 3) at ``times`` (k,), its median height over the returns and the median mean square of
+    what the fit leaves, m².
+
+    Args:
+        local: (n, 3) returns.
+        slant: (n,) tangents of their angles.
+        bins: the returns of each time.
+        places: (k, 3) their means.
+    """
+    over, square = 0.0, math.inf
     for _ in range(_TURNS):
         way = np.polyfit(times - times.mean(), places[:, :2], 1)[0]
         along = way / max(float(np.hypot(*way)), 1e-12)
@@ -117,5 +135,5 @@ def track_from_angles(xyz: Float, seconds: Float, angle: Float) -> Track | None:
             found.append([*(forth * along + aside * right), height])
         places = np.array(found)
         over = float(np.median(places[:, 2] - [local[b, 2].mean() for b in bins]))
-        misfit = math.sqrt(float(np.median(squares))) / over if over > 0 else math.inf
-    return Track(places + middle, times) if misfit <= _MAX_MISFIT else None
+        square = float(np.median(squares))
+    return places, over, square
