@@ -20,8 +20,8 @@ from .options import OUTPUT_DIR, PATH, Session, command, path_option
     "--season",
     multiple=True,
     metavar="[DATE=]CLOUD",
-    help="A classified survey of a known date (YYYY-MM-DD, else from the file's name), or a folder or manifest of them. "
-    "Give two or more of different months: the one in which most pulses reached the ground is named.",
+    help="A classified survey of a known date (YYYY-MM-DD, else from the file's name), or a folder or manifest of "
+    "them. Give two or more of different months: the one in which most pulses reached the ground is named.",
 )
 @OUTPUT_DIR
 @command(*command_sets.PLANFLIGHT, profile=False)

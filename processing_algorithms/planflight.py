@@ -132,7 +132,7 @@ class PlanFlight(SlopeWatchAlgorithm):
                     advanced=True,
                 ),
                 "Flight",
-            )
+            ),
         )
         products.declare_folder(self, "Receives plan, rasters, picture, KML and run record under fixed names.")
         products.declare_products(self, _PRODUCTS)

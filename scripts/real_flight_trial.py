@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import laspy
@@ -21,7 +21,7 @@ import numpy as np
 import shapely
 from slopewatch import api
 from slopewatch.engine.flight.flown_tracks import Track, track_from_angles
-from slopewatch.engine.flight.last_survey import Seen, even_scatter, scatter_of, seen_by
+from slopewatch.engine.flight.last_survey import Seen, even_scatter, scatter_within, seen_by
 from slopewatch.engine.flight.lines import Line
 from slopewatch.engine.flight.plan import expected_of, place_grid
 from slopewatch.engine.flight.terrain import Terrain, terrain_of_points
@@ -116,7 +116,7 @@ def run_flight(path: Path, strip: int, last: int, folder: Path) -> dict[str, obj
     line = line_of(way, flown.seconds[own], terrain)
     # only the ratio of rate and speed matters, and speeds of aircraft are beyond the parameter's bounds
     wide = math.radians(80.0)
-    scatter = scatter_of(cloud.xyz[earlier & is_ground]) or even_scatter(None)
+    scatter = scatter_within(cloud.xyz[earlier & is_ground], region) or even_scatter(None)
     found: dict[str, object] = {
         "cloud": path.name,
         "strip": strip,
@@ -135,16 +135,18 @@ def run_flight(path: Path, strip: int, last: int, folder: Path) -> dict[str, obj
         expected = expected_of(region, terrain, [line], seen, scatter, parameters).expected
         whole = _whole(region, grid) & expected.inside
         if not half:
-            pulses = expected.ground / expected.share
+            # without plants: the share of pulses that reach the ground is set to one
+            bare = replace(parameters, ground_share=1.0)
+            pulses = expected_of(region, terrain, [line], seen, scatter, bare).expected.ground
             for name, chosen, promised in (
-                ("pulses", own & first, pulses), ("ground", own & is_ground, expected.ground)
+                ("pulses", own & first, pulses),
+                ("ground", own & is_ground, expected.ground),
             ):
                 reached = _density(cloud.xyz[chosen], grid)[whole]
                 wanted = promised[whole]
                 found[f"{name}_promised"] = float(wanted.mean())
                 found[f"{name}_found"] = float(reached.mean())
                 found[f"{name}_ratio"] = float(reached.mean() / wanted.mean())
-                found[f"{name}_places_within_15_percent"] = float((np.abs(reached / wanted - 1) <= 0.15).mean())
             found["places"] = int(whole.sum())
         else:
             found |= _level(path, flown, own & is_ground, folder, expected.level[whole], region)

@@ -140,7 +140,8 @@ def _season(f: Figures) -> list[str]:
 
 def _of_month(surveys: Sequence[Figures], month: int) -> Figures:
     """The mean level of the surveys of a month."""
-    levels = [s["planned_level_m"] for s in surveys if int(s["date"][5:7]) == month and s["planned_level_m"] is not None]
+    own = [s["planned_level_m"] for s in surveys if int(s["date"][5:7]) == month]
+    levels = [level for level in own if level is not None]
     return {"planned_level_m": sum(levels) / len(levels)} if levels else {}
 
 

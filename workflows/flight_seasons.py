@@ -18,7 +18,7 @@ from ..engine.core.progress import Progress
 from ..engine.crs.working_frame import same_horizontal
 from ..engine.epochs.epoch import Epoch, parse_date
 from ..engine.epochs.manifest import epochs_of
-from ..engine.flight.last_survey import even_scatter, scatter_of, seen_by
+from ..engine.flight.last_survey import even_scatter, scatter_within, seen_by
 from ..engine.flight.plan import Plan, expected_of
 from ..engine.flight.season import Counted, Season, counted, season_of
 from ..engine.flight.terrain import Terrain, terrain_of_points
@@ -28,7 +28,8 @@ from ..interface.dates import date_in_name
 from ..interface.parameters import AUTO, FlightParameters, InputParameters, given
 
 GROUND_CLASS = 2
-_DENSITIES_APART = 2.0  # ratio of the pulses a m² of two surveys from which on a run says that they were not flown alike
+_DENSITIES_APART = 2.0
+"""Ratio of the pulses a m² of two surveys from which on a run says that they were not flown alike."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,8 @@ def seasons_of(
         error = survey.cloud.plant_error
         error = None if error is None else error[is_ground].astype(np.float64)
         wanted = given(parameters.ground_scatter)
-        scatter = even_scatter(wanted) if wanted is not None else scatter_of(below) or even_scatter(None)
+        measured = even_scatter(wanted) if wanted is not None else scatter_within(below, plan.region)
+        scatter = measured or even_scatter(None)
         seen = seen_by(grid, xyz[survey.first], below, len(survey.cloud), error)
         expected = expected_of(plan.region, plan.terrain, plan.lines, seen, scatter, own).expected
         ground.append(_median(expected.ground[region]))
@@ -159,9 +161,7 @@ def season_figures(found: Seasons) -> dict[str, Any]:
                 "planned_ground_per_m2": ground,
                 "planned_level_m": level,
             }
-            for survey, path, ground, level in zip(
-                season.surveys, found.paths, found.ground, found.level, strict=True
-            )
+            for survey, path, ground, level in zip(season.surveys, found.paths, found.ground, found.level, strict=True)
         ],
         "ground_share_by_month": {str(month): share for month, share in season.months.items()},
         "best_month": season.best,

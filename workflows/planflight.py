@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import shapely
+from shapely import MultiPolygon, Polygon
 
 from ..engine.core.arrays import Float
 from ..engine.core.errors import InputError
@@ -18,7 +19,8 @@ from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
 from ..engine.crs.working_frame import same_horizontal
 from ..engine.elevation_models.model import read_model
-from ..engine.flight.last_survey import Scatter, Seen, even_scatter, scatter_of, seen_by
+from ..engine.epochs.epoch import Epoch
+from ..engine.flight.last_survey import Scatter, Seen, even_scatter, scatter_within, seen_by
 from ..engine.flight.lines import Line, clearance_of, line_azimuth, lines_along, plan_lines
 from ..engine.flight.plan import MAX_PLACES, Plan, expected_of, place_grid
 from ..engine.flight.terrain import Terrain, terrain_of_model, terrain_of_points
@@ -27,7 +29,7 @@ from ..engine.pointcloud.reading import read_cloud
 from ..engine.vector.area import read_roi
 from ..engine.vector.geopackage import read_layer
 from ..interface.parameters import FlightParameters, InputParameters, MissionParameters, given
-from .flight_seasons import GROUND_CLASS, counted_survey, dated_surveys, season_figures, seasons_of
+from .flight_seasons import GROUND_CLASS, Seasons, counted_survey, dated_surveys, season_figures, seasons_of
 from .products.planflight import PLAN_OUTPUTS, write_missions, write_plan, write_seasons
 from .run import Run
 
@@ -94,7 +96,7 @@ def planflight_step(
         if survey is not None:
             seen, tops, points = read_survey(survey, inputs, ground, grid)
             ground = Ground(ground.terrain.with_tops(tops), points)
-        scatter = _scatter(points, parameters, progress)
+        scatter = _scatter(points, area.geometry, parameters, progress)
     with run.step("lines", 0.4, 0.5, "laying the lines"):
         if plan is None:
             line_azimuth(area.geometry, ground.terrain)
@@ -106,21 +108,24 @@ def planflight_step(
     with run.step("expected", 0.5, 0.6 if epochs else 0.8, "adding up returns"):
         made = expected_of(area.geometry, ground.terrain, lines, seen, scatter, parameters)
         _say(made, seen, parameters, progress)
-    seasons = None
-    if epochs:
-        with run.step("season", 0.6, 0.8, "comparing the seasons"):
-            seasons = seasons_of(epochs, made, parameters, inputs, progress)
+    seasons = _seasons(run, epochs, made, parameters, inputs)
     with run.writing(output_dir):
         with run.step("products", 0.8, 1.0, "writing the plan"):
             write_plan(run, made, parameters, output_dir.name)
             write_missions(run, made, mission, parameters)
-            if seasons is not None:
-                write_seasons(run, seasons)
+            write_seasons(run, seasons)
         run.facts["ground_scatter"] = {"side_m": list(scatter.side), "deviation_m": list(scatter.deviation)}
-        run.figures = plan_figures(made, seen)
-        if seasons is not None:
-            run.figures["season"] = season_figures(seasons)
+        run.figures = plan_figures(made, seen) | ({} if seasons is None else {"season": season_figures(seasons)})
     return run.result()
+
+
+def _seasons(
+    run: Run, epochs: Sequence[Epoch], made: Plan, parameters: FlightParameters, inputs: InputParameters
+) -> Seasons | None:
+    if not epochs:
+        return None
+    with run.step("season", 0.6, 0.8, "comparing the seasons"):
+        return seasons_of(epochs, made, parameters, inputs, run.progress)
 
 
 def read_ground(path: Path, inputs: InputParameters, bridged: float, progress: Progress) -> Ground:
@@ -172,11 +177,13 @@ def read_tracks(path: Path, terrain: Terrain) -> list[Float]:
     return [shapely.get_coordinates(geometry)[:, :2] for geometry in ordered.geometry]
 
 
-def _scatter(points: Float | None, parameters: FlightParameters, progress: Progress) -> Scatter:
+def _scatter(
+    points: Float | None, region: Polygon | MultiPolygon, parameters: FlightParameters, progress: Progress
+) -> Scatter:
     wanted = given(parameters.ground_scatter)
     if wanted is not None or points is None:
         return even_scatter(wanted)
-    found = scatter_of(points)
+    found = scatter_within(points, region)
     if found is None:
         progress.warning("The last survey's ground is too sparse to show its scatter; 0.03 m is taken for it.")
     return found or even_scatter(None)

@@ -18,6 +18,7 @@ STRIP_PAUSE_S = 5.0
 _BIN_S = 0.5  # of flight from which one place of the carrier is taken
 _MIN_RETURNS, _MIN_SPREAD_DEG = 50, 10.0  # of such a bin
 _MAX_MISFIT = 0.02  # of the returns of a strip to beams from its places, as a share of the carrier's height over them
+_MIN_SIGNED = math.tan(math.radians(2.0))  # tangent of an angle to each side that a scanner across the flight has
 _TURNS = 3  # of fitting, as the direction of flight and the places follow from one another
 _COLUMNS = ("time", "x", "y", "z")
 
@@ -90,7 +91,8 @@ def track_from_angles(xyz: Float, seconds: Float, angle: Float) -> Track | None:
     Args:
         xyz: (n, 3) metres.
         seconds: (n,) times.
-        angle: (n,) degrees, positive to the right of the flight.
+        angle: (n,) degrees, positive to the right of the flight; or to the left, where that alone puts the carrier over
+            the ground.
     """
     order = np.argsort(seconds, kind="stable")
     xyz, seconds, slant = xyz[order], seconds[order], np.tan(np.radians(angle[order]))
@@ -102,8 +104,10 @@ def track_from_angles(xyz: Float, seconds: Float, angle: Float) -> Track | None:
     middle = xyz.mean(axis=0)
     local, times = xyz - middle, np.array([seconds[b].mean() for b in bins])
     places = np.array([local[b].mean(axis=0) for b in bins])
-    # a carrier is over the ground: some programs count angles to the left, against the format
-    for slants in (slant, -slant):
+    # A carrier is over the ground: some programs count angles to the left, against the format. Angles of one sign alone
+    # may be those of a cone, without a side.
+    signed = float(slant.min()) < -_MIN_SIGNED and float(slant.max()) > _MIN_SIGNED
+    for slants in (slant, -slant)[: 2 if signed else 1]:
         fitted, over, square = _fitted(local, slants, bins, times, places)
         if over > 0:
             return Track(fitted + middle, times) if math.sqrt(square) <= _MAX_MISFIT * over else None

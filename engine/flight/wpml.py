@@ -7,6 +7,7 @@ required are written, and none that they do not name.
 from __future__ import annotations
 
 import io
+import itertools
 import xml.etree.ElementTree as ET
 import zipfile
 from collections.abc import Sequence
@@ -30,7 +31,10 @@ MAX_MISSIONS = 99
 MAX_SPEED_M_S = 15.0
 """Fastest way to the first waypoint that the language allows."""
 MIN_SAFE_HEIGHT_M, MAX_SAFE_HEIGHT_M = 2.0, 1500.0
-_TURN_M, _TURN_SHARE = 2.0, 0.4  # before a waypoint on a line at which the turn begins, and of the shorter way next to it
+_TURN_M, _TURN_SHARE = (
+    2.0,
+    0.4,
+)  # before a waypoint on a line at which the turn begins, and of the shorter way next to it
 _SPACES = {"xmlns": "http://www.opengis.net/kml/2.2", "xmlns:wpml": "http://www.dji.com/wpmz/1.0.2"}
 _MOMENT = (1980, 1, 1, 0, 0, 0)  # of the files inside, which the clock would make differ
 _DOWN_DEG = -90.0
@@ -101,7 +105,7 @@ def refuse_ways(lines: Sequence[Line], terrain: Terrain, flight: FlightParameter
 
     A pilot would fly around it; a mission flies it.
     """
-    for line, after in zip(lines[:-1], lines[1:], strict=True):
+    for line, after in itertools.pairwise(lines):
         start, end = line.xyz[-1], after.xyz[0]
         count = max(2, int(np.ceil(np.linalg.norm(end - start) / _STEP_M)) + 1)
         track = start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)

@@ -242,8 +242,7 @@ def _measured_pieces(
 def _refuse_length(line: BaseGeometry, number: int, name: str) -> None:
     if not np.isfinite(line.length) or line.length > _MAX_LENGTH_M:
         raise InputError(
-            f"Line {number} of the centreline {name} is {line.length / 1000:.4g} km long; check its reference "
-            "system."
+            f"Line {number} of the centreline {name} is {line.length / 1000:.4g} km long; check its reference system."
         )
 
 

@@ -90,9 +90,7 @@ def _growing(piece: Piece) -> Piece:
     if piece.end is None:
         return replace(piece, end=piece.begin + piece.line.length)
     if piece.end < piece.begin:
-        return replace(
-            piece, line=piece.line.reverse(), begin=piece.end, end=piece.begin, chains=piece.chains[::-1]
-        )
+        return replace(piece, line=piece.line.reverse(), begin=piece.end, end=piece.begin, chains=piece.chains[::-1])
     return piece
 
 

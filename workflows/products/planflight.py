@@ -75,19 +75,25 @@ def write_plan(run: Run, plan: Plan, parameters: FlightParameters, name: str) ->
 
 
 def write_missions(run: Run, plan: Plan, mission: MissionParameters, parameters: FlightParameters) -> None:
-    """Write a mission file for the lines of each battery, where an aircraft was named."""
-    if not mission.wpml_drone:
-        return
-    missions = missions_of(plan.lines, plan.effort.battery)
+    """Write a mission file for the lines of each battery, where an aircraft was named; those of an earlier plan in the
+    same folder go, as nobody must fly them.
+    """
+    missions = missions_of(plan.lines, plan.effort.battery) if mission.wpml_drone else []
+    for number in range(len(missions) + 1, MAX_MISSIONS + 1):
+        run.stage.discard(f"mission_{number}.kmz")
     for number, part in enumerate(missions, 1):
         name = f"mission_{number}.kmz"
         write_mission(run.stage.path(name), part, plan.terrain.crs, mission, parameters)
         run.outputs[f"mission_{number}"] = run.stage.final(name)
-    run.facts["missions"] = {f"mission_{number}.kmz": list(part.lines) for number, part in enumerate(missions, 1)}
+    if missions:
+        run.facts["missions"] = {f"mission_{number}.kmz": list(part.lines) for number, part in enumerate(missions, 1)}
 
 
-def write_seasons(run: Run, found: Seasons) -> None:
+def write_seasons(run: Run, found: Seasons | None) -> None:
     """Write what each survey of the seasons saw, and what the planned flight would show with its plants."""
+    if found is None:
+        run.stage.discard("season.csv")
+        return
     with (
         atomic_output(run.stage.path("season.csv")) as partial,
         partial.open("w", encoding="utf-8", newline="") as stream,
