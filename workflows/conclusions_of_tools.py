@@ -5,7 +5,7 @@ Sentences as those of ``conclusions``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from .figures_in_words import Figures, counted, measured, percent, sentence
 
@@ -124,25 +124,23 @@ def _season(f: Figures) -> list[str]:
     if f["reason"]:
         return [_NO_SEASON.get(f["reason"], "")]
     best, worst = (str(f[name]) for name in ("best_month", "worst_month"))
-    first, last = (_of_month(f["surveys"], int(month)) for month in (best, worst))
+    figures = (best, percent(shares, best), worst, percent(shares, worst))
+    others = ", ".join(str(month) for month in f["as_good"])
+    if others:
+        return [
+            sentence(
+                "Of the months surveyed, month {} shows the most ground: {} of the pulses reached it, in month {} {}; "
+                "as good as that: month {}.",
+                *figures, others,
+            )
+        ]  # fmt: skip
     return [
         sentence(
             "Of the months surveyed, month {} shows the most ground: {} of the pulses reached it, in month {} {}.",
-            best, percent(shares, best), worst, percent(shares, worst),
-        ),
-        sentence(
-            "With the plants of month {} this flight would show change above {}, with those of month {} above {}.",
-            best, measured(first, "planned_level_m", "m"), worst, measured(last, "planned_level_m", "m"),
-        ),
-        sentence("As good as that: month {}.", ", ".join(str(month) for month in f["as_good"])),
-    ]  # fmt: skip
+            *figures,
+        )
+    ]
 
-
-def _of_month(surveys: Sequence[Figures], month: int) -> Figures:
-    """The mean level of the surveys of a month."""
-    own = [s["planned_level_m"] for s in surveys if int(s["date"][5:7]) == month]
-    levels = [level for level in own if level is not None]
-    return {"planned_level_m": sum(levels) / len(levels)} if levels else {}
 
 
 _VERDICTS = {

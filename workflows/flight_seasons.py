@@ -126,8 +126,8 @@ def seasons_of(
         plants = xyz[survey.first & ~is_ground]
         assert epoch.date is not None
         surveys.append(counted(epoch.date, grid, xyz[survey.first], below, plants, terrain, region))
-        error = survey.cloud.plant_error
-        error = None if error is None else error[is_ground].astype(np.float64)
+        stated = survey.cloud.plant_error
+        error = None if stated is None else stated[is_ground].astype(np.float64)
         wanted = given(parameters.ground_scatter)
         measured = even_scatter(wanted) if wanted is not None else scatter_within(below, plan.region)
         scatter = measured or even_scatter(None)

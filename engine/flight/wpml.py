@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import itertools
+import math
 import xml.etree.ElementTree as ET
 import zipfile
 from collections.abc import Sequence
@@ -17,9 +18,10 @@ from pathlib import Path
 import numpy as np
 from pyproj import CRS
 
-from ...interface.parameters import FlightParameters, MissionParameters, given
+from ...interface.parameters import FlightParameters, MissionParameters
 from ..core.arrays import Bool, Float
 from ..core.errors import InputError
+from ..core.messages import quoted
 from ..core.staged_outputs import atomic_output
 from .kml import to_wgs84
 from .lines import Line, clearance_of
@@ -30,6 +32,8 @@ MAX_WAYPOINTS = 65_536
 MAX_MISSIONS = 99
 MAX_SPEED_M_S = 15.0
 """Fastest way to the first waypoint that the language allows."""
+LOWEST_M, HIGHEST_M = -1000.0, 10_000.0
+"""Between which the height of a take-off point may lie."""
 MIN_SAFE_HEIGHT_M, MAX_SAFE_HEIGHT_M = 2.0, 1500.0
 _TURN_M, _TURN_SHARE = (
     2.0,
@@ -81,18 +85,45 @@ def _mission(parts: Sequence[tuple[int, Float]]) -> Mission:
     return Mission(numbers, np.concatenate([xyz for _, xyz in parts]), np.concatenate(stops))
 
 
+@dataclass(frozen=True)
+class TakeOff:
+    """Heights of the take-off point, metres: as the terrain counts them, and above the ellipsoid of WGS 84."""
+
+    height: float
+    ellipsoid: float
+
+
+def take_off(parameters: MissionParameters) -> TakeOff:
+    """The heights that a mission begins at.
+
+    Raises:
+        InputError: one is missing, is no number, or none that a place on earth has.
+    """
+    return TakeOff(
+        _height(parameters.takeoff_height, "--takeoff-height", "as the terrain counts heights"),
+        _height(parameters.takeoff_ellipsoid_height, "--takeoff-ellipsoid-height", "above the ellipsoid of WGS 84"),
+    )
+
+
+def _height(text: str, option: str, zero: str) -> float:
+    if not text.strip():
+        raise InputError(f"A mission file for an aircraft of DJI needs {option}, the take-off point's height {zero}.")
+    try:
+        found = float(text)
+    except ValueError:
+        found = math.nan
+    if not LOWEST_M <= found <= HIGHEST_M:
+        raise InputError(f"{option} is {quoted(text)}; give a height in metres {zero}.")
+    return found
+
+
 def refuse_mission(parameters: MissionParameters, flight: FlightParameters) -> None:
     """Raise InputError where something is missing that a mission file cannot be without."""
-    for wanted, option in (
-        (parameters.wpml_payload or None, "--wpml-payload, the payload's number in DJI's tables"),
-        (given(parameters.takeoff_height), "--takeoff-height, the take-off point's height as the terrain counts it"),
-        (
-            given(parameters.takeoff_ellipsoid_height),
-            "--takeoff-ellipsoid-height, the take-off point's height above the ellipsoid of WGS 84",
-        ),
-    ):
-        if wanted is None:
-            raise InputError(f"A mission file for an aircraft of DJI needs {option}.")
+    if not parameters.wpml_payload:
+        raise InputError(
+            "A mission file for an aircraft of DJI needs --wpml-payload, the payload's number in DJI's tables."
+        )
+    take_off(parameters)
     if flight.flying_speed > MAX_SPEED_M_S:
         raise InputError(
             f"A mission file for an aircraft of DJI takes at most {MAX_SPEED_M_S:g} m/s, and --flying-speed is "
@@ -127,8 +158,8 @@ def write_mission(
 
     Heights are above the take-off point, which is the same in every system of heights as far as a slope reaches.
     """
-    takeoff = given(parameters.takeoff_height) or 0.0
-    above = mission.xyz[:, 2] - takeoff
+    begin = take_off(parameters)
+    above = mission.xyz[:, 2] - begin.height
     top = float(above.max())
     if top > MAX_SAFE_HEIGHT_M:
         raise InputError(
@@ -136,7 +167,7 @@ def write_mission(
             f"{MAX_SAFE_HEIGHT_M:g}; check --takeoff-height, which is counted as the terrain's heights are."
         )
     places = to_wgs84(mission.xyz, crs)
-    ellipsoid = above + (given(parameters.takeoff_ellipsoid_height) or 0.0)
+    ellipsoid = above + begin.ellipsoid
     template, waylines = _root(), _root()
     for root in (template, waylines):
         _configuration(root[0], max(top, MIN_SAFE_HEIGHT_M), parameters, flight)

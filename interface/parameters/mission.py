@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .specification import AUTO, ParameterSet, _parameter
+from .specification import ParameterSet, _parameter
 
 _MAX_NUMBER = 1_000_000
 
@@ -24,7 +24,7 @@ class MissionParameters(ParameterSet, record_name="mission", title="Mission file
         0,
         "Number of the payload",
         "Of DJI's tables, or as a mission that the remote controller exported has it (payloadEnumValue): 65534 is a "
-        "payload made with the Payload SDK. 0: not known, and no mission file can be written.",
+        "payload made with the Payload SDK. 0: not known, and no mission file is written.",
         bounds=(0, _MAX_NUMBER),
         advanced=True,
     )
@@ -35,23 +35,17 @@ class MissionParameters(ParameterSet, record_name="mission", title="Mission file
         bounds=(0, 2),
         advanced=True,
     )
-    takeoff_height: float | str = _parameter(
-        AUTO,
+    takeoff_height: str = _parameter(
+        "",
         "Height of the take-off point",
-        "As the terrain counts heights. A mission flies heights above the take-off point: take off there, or by as "
-        "much as you are higher or lower all lines are. auto: not known, and no mission file can be written.",
-        kind=float,
-        unit="m",
-        bounds=(-1000.0, 10000.0),
+        "In metres, as the terrain counts heights. A mission flies heights above the take-off point: if you take off "
+        "higher or lower, all lines are higher or lower by as much. Empty: not known, and no mission file is written.",
         advanced=True,
     )
-    takeoff_ellipsoid_height: float | str = _parameter(
-        AUTO,
+    takeoff_ellipsoid_height: str = _parameter(
+        "",
         "Ellipsoidal height of the take-off point",
-        "Above the ellipsoid of WGS 84, as the remote controller shows it; the mission file states it of each "
-        "waypoint. auto: not known, and no mission file can be written.",
-        kind=float,
-        unit="m",
-        bounds=(-1000.0, 10000.0),
+        "In metres above the ellipsoid of WGS 84, as the remote controller shows it; a mission file states it of each "
+        "waypoint. Empty: not known, and no mission file is written.",
         advanced=True,
     )

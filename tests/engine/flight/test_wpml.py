@@ -18,7 +18,7 @@ from slopewatch.interface.parameters import MissionParameters
 from slopewatch.tests.builders.flights import CRS_CODE, NORTH, WEST, flight, inclined, square
 
 AIRCRAFT = MissionParameters(
-    wpml_drone=89, wpml_payload=65534, takeoff_height=95.0, takeoff_ellipsoid_height=107.5
+    wpml_drone=89, wpml_payload=65534, takeoff_height="95", takeoff_ellipsoid_height="107.5"
 )  # fmt: skip
 WPML = "{http://www.dji.com/wpmz/1.0.2}"
 KML = "{http://www.opengis.net/kml/2.2}"
@@ -166,8 +166,10 @@ def test_a_file_for_each_battery_and_for_so_many_waypoints(lines: list[Line]) ->
     ("change", "speed", "words"),
     [
         ({"wpml_payload": 0}, 3.0, "--wpml-payload"),
-        ({"takeoff_height": "auto"}, 3.0, "--takeoff-height"),
-        ({"takeoff_ellipsoid_height": "auto"}, 3.0, "--takeoff-ellipsoid-height"),
+        ({"takeoff_height": ""}, 3.0, "needs --takeoff-height"),
+        ({"takeoff_ellipsoid_height": ""}, 3.0, "needs --takeoff-ellipsoid-height"),
+        ({"takeoff_height": "low"}, 3.0, "give a height in metres"),
+        ({"takeoff_ellipsoid_height": "nan"}, 3.0, "give a height in metres"),
         ({}, 16.0, "at most 15 m/s"),
     ],
 )
@@ -193,7 +195,7 @@ def test_ways_between_lines_that_come_too_near_are_refused() -> None:
 
 def test_heights_that_no_mission_can_have_are_refused(tmp_path: Path, lines: list[Line]) -> None:
     (mission,) = missions_of(lines, [1] * len(lines))
-    far = replace(AIRCRAFT, takeoff_height=-900.0)
+    far = replace(AIRCRAFT, takeoff_height="-900")
     high = replace(mission, xyz=mission.xyz + (0, 0, 600.0))
     with pytest.raises(InputError, match="check --takeoff-height"):
         write_mission(tmp_path / "m.kmz", high, CRS.from_user_input(CRS_CODE), far, flight())
