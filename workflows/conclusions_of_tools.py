@@ -142,7 +142,6 @@ def _season(f: Figures) -> list[str]:
     ]
 
 
-
 _VERDICTS = {
     "kept": "The flight kept its plan.",
     "lines": "The flight departed from its plan in its lines; its returns reach what was promised.",

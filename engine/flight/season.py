@@ -130,9 +130,7 @@ def season_of(surveys: Sequence[Counted], grid: Grid, region: Bool) -> Season:
             reason = "alike"
     also = () if reason else tuple(m for m in months if m != best and MIN_RATIO * months[m] > months[best])
     area = float(common.sum()) * grid.cell**2
-    return Season(
-        found, months, None if reason else best, None if reason else worst, also, ratio, error, reason, area
-    )
+    return Season(found, months, None if reason else best, None if reason else worst, also, ratio, error, reason, area)
 
 
 def _figures(survey: Counted, common: Bool, grid: Grid) -> SeasonOfSurvey:

@@ -130,7 +130,10 @@ def test_the_season_with_the_most_ground_is_named(made: Path) -> None:
     rows = list(csv.DictReader((made / "by_season" / "season.csv").read_text(encoding="utf-8").splitlines()))
     assert [row["month"] for row in rows] == ["3", "7", "11"]
     sentences = " ".join(conclusion("planflight", result))
-    assert "month 3 shows the most ground: 59 % of the pulses reached it, in month 7 15 %; as good as that: month 11." in sentences
+    assert (
+        "month 3 shows the most ground: 59 % of the pulses reached it, in month 7 15 %; as good as that: month 11."
+        in sentences
+    )
 
 
 def test_one_date_says_nothing_of_seasons_and_the_plan_is_the_same(made: Path) -> None:
