@@ -185,6 +185,14 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
                 "    --roi slope.gpkg --output-dir again"
             ),
         ),
+        (
+            "The best season by surveys of several months, and mission files for an M350 RTK",
+            (
+                "slopewatch planflight ground.laz --season 2025-03-10.laz --season 2025-07-15.laz \\\n"
+                "    --wpml-drone 89 --wpml-payload 65534 --takeoff-height 412.3 \\\n"
+                "    --takeoff-ellipsoid-height 421.8 --roi slope.gpkg --output-dir plan"
+            ),
+        ),
     ),
     "compareflight": (
         (

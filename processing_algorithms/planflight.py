@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from qgis.core import QgsProcessingParameterFeatureSource
+from qgis.core import QgsProcessingParameterFeatureSource, QgsProcessingParameterMultipleLayers
 
 from ..interface.parameters import command_sets
-from ..plugin.bridge.compat import POLYGON
+from ..plugin.bridge.compat import FILES, POLYGON
 from ..plugin.bridge.engine_client import EngineResult
 from ..plugin.bridge.styling import Appearance
 from . import declare, products
@@ -114,6 +114,15 @@ class PlanFlight(SlopeWatchAlgorithm):
         self.declare_groups()
         self.add(
             declare.in_group(
+                declare.with_help(
+                    QgsProcessingParameterMultipleLayers("SEASON", "Surveys of the seasons", FILES, optional=True),
+                    "Classified surveys of two or more months, their dates in their names. The month in which most "
+                    "pulses reached the ground is named.",
+                    advanced=True,
+                ),
+                "Flight",
+            ),
+            declare.in_group(
                 declare.file_parameter(
                     "PLAN",
                     "Earlier plan",
@@ -123,13 +132,15 @@ class PlanFlight(SlopeWatchAlgorithm):
                     advanced=True,
                 ),
                 "Flight",
-            )
+            ),
         )
         products.declare_folder(self, "Receives plan, rasters, picture, KML and run record under fixed names.")
         products.declare_products(self, _PRODUCTS)
 
     def arguments(self, values: Values) -> list[str]:
         options = values.options("ROI", "SURVEY", "PLAN")
+        for path in self.parameterAsFileList(values.parameters, "SEASON", values.context):
+            options += ["--season", path] if path else []
         return ["planflight", values.file("TERRAIN"), "--output-dir", values.output_folder(), *options]
 
     def results(self, result: EngineResult, values: Values) -> dict[str, Any]:

@@ -61,6 +61,26 @@ TRIALS = {
         {"pulse_rate": 8000.0, "altitude": 30.0, "flying_speed": 4.0},
         60.0,
     ),
+    # not looked at while the plan was built: other altitudes, overlaps, sweeps and plants
+    "high": Trial(
+        SurveyParameters(seed=21, vegetation=0.6, angle=35.0, **_SMALL),
+        {"pulse_rate": 60000.0, "altitude": 70.0, "flying_speed": 5.0, "side_overlap": 0.3},
+        100.0,
+    ),
+    "low": Trial(
+        SurveyParameters(seed=22, vegetation=0.3, angle=43.0, **_SMALL),
+        {"pulse_rate": 8000.0, "altitude": 25.0, "side_overlap": 0.7},
+        40.0,
+    ),
+    "dense": Trial(
+        SurveyParameters(seed=23, vegetation=0.9, angle=33.0, **_SMALL),
+        {"pulse_rate": 40000.0, "flying_speed": 6.0, "field_of_view": 90.0},
+        80.0,
+    ),
+    "turning": Trial(
+        SurveyParameters(seed=24, vegetation=0.2, angle=48.0, **_SMALL),
+        {"pulse_rate": 30000.0, "scan_pattern": "rosette", "altitude": 60.0, "side_overlap": 0.6},
+    ),
 }
 
 

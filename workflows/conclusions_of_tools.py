@@ -97,7 +97,49 @@ def _flight(f: Figures) -> list[str]:
             counted(f, "ground_per_m2"), measured(f, "level_m", "m"),
         ),
         sentence("Motion along the surface would show above {}.", measured(f, "motion_m", "m")),
+        *_season(f.get("season") or {}),
     ]  # fmt: skip
+
+
+_NO_SEASON = {
+    "one survey": "Only one survey of a known date was given, so nothing is said of other seasons.",
+    "one month": "All dated surveys are of one month, so nothing is said of other seasons.",
+    "small": "The dated surveys have too few places in common to tell seasons apart.",
+}
+
+
+def _season(f: Figures) -> list[str]:
+    """Which month the dated surveys name, and what its ground does for the planned flight."""
+    if not f:
+        return []
+    shares = f["ground_share_by_month"]
+    if f["reason"] == "alike":
+        low, high = ({"share": choose(shares.values())} for choose in (min, max))
+        return [
+            sentence(
+                "By the dated surveys the season matters little: {} to {} of the pulses reached the ground.",
+                percent(low, "share"), percent(high, "share"),
+            )
+        ]  # fmt: skip
+    if f["reason"]:
+        return [_NO_SEASON.get(f["reason"], "")]
+    best, worst = (str(f[name]) for name in ("best_month", "worst_month"))
+    figures = (best, percent(shares, best), worst, percent(shares, worst))
+    others = ", ".join(str(month) for month in f["as_good"])
+    if others:
+        return [
+            sentence(
+                "Of the months surveyed, month {} shows the most ground: {} of the pulses reached it, in month {} {}; "
+                "as good as that: month {}.",
+                *figures, others,
+            )
+        ]  # fmt: skip
+    return [
+        sentence(
+            "Of the months surveyed, month {} shows the most ground: {} of the pulses reached it, in month {} {}.",
+            *figures,
+        )
+    ]
 
 
 _VERDICTS = {

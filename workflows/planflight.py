@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import shapely
+from shapely import MultiPolygon, Polygon
 
 from ..engine.core.arrays import Float
 from ..engine.core.errors import InputError
@@ -17,18 +19,20 @@ from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
 from ..engine.crs.working_frame import same_horizontal
 from ..engine.elevation_models.model import read_model
-from ..engine.flight.last_survey import Scatter, Seen, even_scatter, scatter_of, seen_by
+from ..engine.epochs.epoch import Epoch
+from ..engine.flight.last_survey import Scatter, Seen, even_scatter, scatter_within, seen_by
 from ..engine.flight.lines import Line, clearance_of, line_azimuth, lines_along, plan_lines
 from ..engine.flight.plan import MAX_PLACES, Plan, expected_of, place_grid
 from ..engine.flight.terrain import Terrain, terrain_of_model, terrain_of_points
-from ..engine.pointcloud.reading import read_cloud, read_return_numbers
+from ..engine.flight.wpml import refuse_mission, refuse_ways
+from ..engine.pointcloud.reading import read_cloud
 from ..engine.vector.area import read_roi
 from ..engine.vector.geopackage import read_layer
-from ..interface.parameters import FlightParameters, InputParameters, given
-from .products.planflight import PLAN_OUTPUTS, write_plan
+from ..interface.parameters import FlightParameters, InputParameters, MissionParameters, given
+from .flight_seasons import GROUND_CLASS, Seasons, counted_survey, dated_surveys, season_figures, seasons_of
+from .products.planflight import PLAN_OUTPUTS, write_missions, write_plan, write_seasons
 from .run import Run
 
-_GROUND_CLASS = 2
 _CLOUDS = (".las", ".laz")
 
 
@@ -50,8 +54,10 @@ def planflight_step(
     parameters: FlightParameters,
     inputs: InputParameters,
     *,
+    mission: MissionParameters | None = None,
     survey: Path | None = None,
     plan: Path | None = None,
+    season: Sequence[str] = (),
     overwrite: bool = False,
     progress: Progress,
 ) -> RunResult:
@@ -62,13 +68,21 @@ def planflight_step(
         roi: vector file whose polygons are to be surveyed.
         survey: the last survey with its plants, by which the share of pulses that reach the ground is known.
         plan: GeoPackage of an earlier plan, whose lines are flown again.
+        mission: the aircraft for which mission files are written; None or aircraft 0: none is.
+        season: surveys of several dates, each as [DATE=]CLOUD, or a folder or manifest of them: by how much ground
+            they saw, the best season is named.
 
     Raises:
         InputError: something given cannot be used; nothing is written then.
     """
+    mission = mission or MissionParameters()
+    epochs = dated_surveys(season)
     files = [("terrain", terrain), ("roi", roi), ("survey", survey), ("plan", plan)]
-    run = Run("planflight", {"flight": parameters, "inputs": inputs}, files, progress)
+    files += [(f"season {number}", epoch.path) for number, epoch in enumerate(epochs, 1)]
+    run = Run("planflight", {"flight": parameters, "mission": mission, "inputs": inputs}, files, progress)
     run.refuse_folder(output_dir, ("run.json", *PLAN_OUTPUTS), overwrite=overwrite)
+    if mission.wpml_drone:
+        refuse_mission(mission, parameters)
     run.hash_inputs()
     with run.step("read", 0.0, 0.4, "reading the terrain"):
         ground = read_ground(terrain, inputs, parameters.bridged_terrain, progress)
@@ -82,22 +96,36 @@ def planflight_step(
         if survey is not None:
             seen, tops, points = read_survey(survey, inputs, ground, grid)
             ground = Ground(ground.terrain.with_tops(tops), points)
-        scatter = _scatter(points, parameters, progress)
+        scatter = _scatter(points, area.geometry, parameters, progress)
     with run.step("lines", 0.4, 0.5, "laying the lines"):
         if plan is None:
             line_azimuth(area.geometry, ground.terrain)
             lines = plan_lines(area.geometry, ground.terrain, parameters)
         else:
             lines = lines_along(read_tracks(plan, ground.terrain), ground.terrain, parameters)
-    with run.step("expected", 0.5, 0.8, "adding up returns"):
+        if mission.wpml_drone:
+            refuse_ways(lines, ground.terrain, parameters)
+    with run.step("expected", 0.5, 0.6 if epochs else 0.8, "adding up returns"):
         made = expected_of(area.geometry, ground.terrain, lines, seen, scatter, parameters)
         _say(made, seen, parameters, progress)
+    seasons = _seasons(run, epochs, made, parameters, inputs)
     with run.writing(output_dir):
         with run.step("products", 0.8, 1.0, "writing the plan"):
             write_plan(run, made, parameters, output_dir.name)
+            write_missions(run, made, mission, parameters)
+            write_seasons(run, seasons)
         run.facts["ground_scatter"] = {"side_m": list(scatter.side), "deviation_m": list(scatter.deviation)}
-        run.figures = plan_figures(made, seen)
+        run.figures = plan_figures(made, seen) | ({} if seasons is None else {"season": season_figures(seasons)})
     return run.result()
+
+
+def _seasons(
+    run: Run, epochs: Sequence[Epoch], made: Plan, parameters: FlightParameters, inputs: InputParameters
+) -> Seasons | None:
+    if not epochs:
+        return None
+    with run.step("season", 0.6, 0.8, "comparing the seasons"):
+        return seasons_of(epochs, made, parameters, inputs, run.progress)
 
 
 def read_ground(path: Path, inputs: InputParameters, bridged: float, progress: Progress) -> Ground:
@@ -110,8 +138,8 @@ def read_ground(path: Path, inputs: InputParameters, bridged: float, progress: P
     cloud = read_cloud(path, inputs, progress=progress)
     points = cloud.xyz
     error = None if cloud.plant_error is None else cloud.plant_error.astype(np.float64)
-    if cloud.classification is not None and (cloud.classification == _GROUND_CLASS).any():
-        chosen = cloud.classification == _GROUND_CLASS
+    if cloud.classification is not None and (cloud.classification == GROUND_CLASS).any():
+        chosen = cloud.classification == GROUND_CLASS
         points, error = points[chosen], None if error is None else error[chosen]
     return Ground(terrain_of_points(points, cloud.crs, path, bridged), points, error)
 
@@ -122,25 +150,13 @@ def read_survey(path: Path, inputs: InputParameters, ground: Ground, grid: Any) 
     Raises:
         InputError: it is of another reference system, has no first returns, or no ground is known of it.
     """
-    cloud = read_cloud(path, inputs)
-    if not same_horizontal(cloud.crs, ground.terrain.crs):
-        raise InputError(
-            f"{shown(path)} is in {cloud.crs.name} and the terrain {shown(ground.terrain.path)} in "
-            f"{ground.terrain.crs.name}; give both in one reference system."
-        )
-    first = read_return_numbers(path) == 1
-    if not first.any():
-        raise InputError(f"{shown(path)} has no first returns, so its pulses cannot be counted; give the raw survey.")
+    survey = counted_survey(path, inputs, ground.terrain)
     points, error = ground.points, ground.plant_error
     if points is None:
-        classes = cloud.classification
-        if classes is None or not (classes == _GROUND_CLASS).any():
-            raise InputError(
-                f"{shown(path)} has no ground points (class 2); give its ground, as `slopewatch ground` writes it, "
-                "as the terrain instead of the elevation model."
-            )
-        points = cloud.xyz[classes == _GROUND_CLASS]
-    return seen_by(grid, cloud.xyz[first], points, len(cloud), error), cloud.xyz, points
+        remedy = "its ground, as `slopewatch ground` writes it, as the terrain instead of the elevation model"
+        points, error = survey.cloud.xyz[survey.is_ground(remedy)], None
+    first = survey.cloud.xyz[survey.first]
+    return seen_by(grid, first, points, len(survey.cloud), error), survey.cloud.xyz, points
 
 
 def read_tracks(path: Path, terrain: Terrain) -> list[Float]:
@@ -161,11 +177,13 @@ def read_tracks(path: Path, terrain: Terrain) -> list[Float]:
     return [shapely.get_coordinates(geometry)[:, :2] for geometry in ordered.geometry]
 
 
-def _scatter(points: Float | None, parameters: FlightParameters, progress: Progress) -> Scatter:
+def _scatter(
+    points: Float | None, region: Polygon | MultiPolygon, parameters: FlightParameters, progress: Progress
+) -> Scatter:
     wanted = given(parameters.ground_scatter)
     if wanted is not None or points is None:
         return even_scatter(wanted)
-    found = scatter_of(points)
+    found = scatter_within(points, region)
     if found is None:
         progress.warning("The last survey's ground is too sparse to show its scatter; 0.03 m is taken for it.")
     return found or even_scatter(None)

@@ -18,6 +18,7 @@ STRIP_PAUSE_S = 5.0
 _BIN_S = 0.5  # of flight from which one place of the carrier is taken
 _MIN_RETURNS, _MIN_SPREAD_DEG = 50, 10.0  # of such a bin
 _MAX_MISFIT = 0.02  # of the returns of a strip to beams from its places, as a share of the carrier's height over them
+_MIN_SIGNED = math.tan(math.radians(2.0))  # tangent of an angle to each side that a scanner across the flight has
 _TURNS = 3  # of fitting, as the direction of flight and the places follow from one another
 _COLUMNS = ("time", "x", "y", "z")
 
@@ -90,7 +91,8 @@ def track_from_angles(xyz: Float, seconds: Float, angle: Float) -> Track | None:
     Args:
         xyz: (n, 3) metres.
         seconds: (n,) times.
-        angle: (n,) degrees, positive to the right of the flight.
+        angle: (n,) degrees, positive to the right of the flight; or to the left, where that alone puts the carrier over
+            the ground.
     """
     order = np.argsort(seconds, kind="stable")
     xyz, seconds, slant = xyz[order], seconds[order], np.tan(np.radians(angle[order]))
@@ -102,7 +104,27 @@ def track_from_angles(xyz: Float, seconds: Float, angle: Float) -> Track | None:
     middle = xyz.mean(axis=0)
     local, times = xyz - middle, np.array([seconds[b].mean() for b in bins])
     places = np.array([local[b].mean(axis=0) for b in bins])
-    misfit = math.inf
+    # A carrier is over the ground: some programs count angles to the left, against the format. Angles of one sign alone
+    # may be those of a cone, without a side.
+    signed = float(slant.min()) < -_MIN_SIGNED and float(slant.max()) > _MIN_SIGNED
+    for slants in (slant, -slant)[: 2 if signed else 1]:
+        fitted, over, square = _fitted(local, slants, bins, times, places)
+        if over > 0:
+            return Track(fitted + middle, times) if math.sqrt(square) <= _MAX_MISFIT * over else None
+    return None
+
+
+def _fitted(local: Float, slant: Float, bins: list[Index], times: Float, places: Float) -> tuple[Float, float, float]:
+    """Places of the carrier (k, 3) at ``times`` (k,), its median height over the returns and the median mean square of
+    what the fit leaves, m².
+
+    Args:
+        local: (n, 3) returns.
+        slant: (n,) tangents of their angles.
+        bins: the returns of each time.
+        places: (k, 3) their means.
+    """
+    over, square = 0.0, math.inf
     for _ in range(_TURNS):
         way = np.polyfit(times - times.mean(), places[:, :2], 1)[0]
         along = way / max(float(np.hypot(*way)), 1e-12)
@@ -117,5 +139,5 @@ def track_from_angles(xyz: Float, seconds: Float, angle: Float) -> Track | None:
             found.append([*(forth * along + aside * right), height])
         places = np.array(found)
         over = float(np.median(places[:, 2] - [local[b, 2].mean() for b in bins]))
-        misfit = math.sqrt(float(np.median(squares))) / over if over > 0 else math.inf
-    return Track(places + middle, times) if misfit <= _MAX_MISFIT else None
+        square = float(np.median(squares))
+    return places, over, square

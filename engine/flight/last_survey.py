@@ -6,14 +6,16 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from scipy import ndimage, stats
+from shapely import MultiPolygon, Polygon
 
 from ..core.arrays import Float, Index
 from ..grid.grid import Grid, cell_index
 
 CLUMP_M = 0.4
 """Side (m) of the patches over which the density of ground returns under plants varies."""
-SCATTER_SIDES_M = (0.1, 0.2, 0.4, 0.8, 1.6, 3.2)
+SCATTER_SIDES_M = (0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 12.8)
 """Sides of the squares in which the scatter of ground returns about a plane is measured."""
 _MIN_SCATTER_POINTS, _MIN_SCATTER_SQUARES = 8, 20
 _MIN_PULSES = 20  # of a place, below which the places around are counted as well
@@ -51,12 +53,22 @@ def even_scatter(deviation: float | None) -> Scatter:
     return Scatter((1.0,), (_DEFAULT_SCATTER_M if deviation is None else deviation,))
 
 
+def scatter_within(xyz: Float, region: Polygon | MultiPolygon) -> Scatter | None:
+    """``scatter_of`` the ground returns (n, 3) in a region, as ground around it may be smoother or rougher; of all
+    where the region has too few.
+    """
+    inside = shapely.contains_xy(region, xyz[:, 0], xyz[:, 1])
+    return scatter_of(xyz[inside]) or scatter_of(xyz)
+
+
 def scatter_of(xyz: Float) -> Scatter | None:
     """Scatter of ground returns (n, 3) about planes, the median over squares with at least 8 returns, by their side.
 
     None where too few squares have so many.
     """
     sides, deviations = [], []
+    if not len(xyz):
+        return None
     for side in SCATTER_SIDES_M:
         variance = _plane_variances(xyz, side)
         if len(variance) >= _MIN_SCATTER_SQUARES:

@@ -16,6 +16,7 @@ from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
 from ...interface.parameters import RoadParameters
+from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.gdal_names import readable
 from ..core.messages import quoted, shown
@@ -23,6 +24,7 @@ from ..crs.reprojection import reprojected
 from ..vector.field_mapping import FieldMapping
 from .chainages import METRES_OF, chainage_of
 from .joining import Piece, joined
+from .measures import chainages_of, lines_of, read_measures
 from .network import Network
 
 TABLE = "centreline"
@@ -73,8 +75,8 @@ def read_roads(
     """The lines of a layer.
 
     Each feature may name its route and carriageway and the chainages of its first and last corner, in the fields
-    ``FIELDS`` or those that ``names`` has for them. Without chainages they grow from ``parameters.chainage_start`` in
-    the lines' direction.
+    ``FIELDS`` or those that ``names`` has for them. Without these fields M values are the chainages of all corners.
+    Without either they grow from ``parameters.chainage_start`` in the lines' direction.
 
     Raises:
         InputError: the file cannot be read as lines, a field is missing, or holds no chainage.
@@ -82,25 +84,31 @@ def read_roads(
     parameters, names = parameters or RoadParameters(), names or FieldMapping()
     name = shown(path)
     notes: list[str] = []
-    frame = _read(path, parameters.centreline_layer, name, notes)
+    frame, measures = _read(path, parameters.centreline_layer, name, notes)
     frame = frame.set_geometry(_transformed(frame, crs, name, notes), crs=None)
-    return Roads(_roads(frame, names, parameters, name), parameters, name, tuple(notes))
+    return Roads(_roads(frame, measures, names, parameters, name, notes), parameters, name, tuple(notes))
 
 
-def _read(path: Path, layer: str, name: str, notes: list[str]) -> gpd.GeoDataFrame:
+def _read(
+    path: Path, layer: str, name: str, notes: list[str]
+) -> tuple[gpd.GeoDataFrame, Sequence[Sequence[Float]] | None]:
+    """The features, and the M values of their parts where they have any."""
     if not Path(path).exists():
         raise InputError(f"The centreline {name} does not exist; check the path.")
     try:
         with readable(Path(path)) as plain, warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
-            frame = pyogrio.read_dataframe(plain, layer=_line_layer(plain, layer, name), force_2d=True)
+            chosen = _line_layer(plain, layer, name)
+            frame = pyogrio.read_dataframe(plain, layer=chosen, force_2d=True)
+            measured = any("Measured (M)" in str(w.message) for w in said)
+            measures = read_measures(plain, chosen, list(frame.geometry)) if measured else None
     except (OSError, RuntimeError, ValueError) as error:
         raise InputError(
             f"The centreline {name} cannot be read as a vector file; give lines as GeoPackage, shapefile or GeoJSON."
         ) from error
-    if any("Measured (M)" in str(w.message) for w in said):
-        notes.append(f"The centreline {name} has M values, which are not read; give chainages in fields.")
-    return frame
+    if measured and measures is None:
+        notes.append(f"The centreline {name} has M values, which cannot be read; give chainages in fields.")
+    return frame, measures
 
 
 def _line_layer(path: Path, wanted: str, name: str) -> str:
@@ -127,7 +135,12 @@ def _transformed(frame: gpd.GeoDataFrame, crs: CRS, name: str, notes: list[str])
 
 
 def _roads(
-    frame: gpd.GeoDataFrame, names: FieldMapping, parameters: RoadParameters, name: str
+    frame: gpd.GeoDataFrame,
+    measures: Sequence[Sequence[Float]] | None,
+    names: FieldMapping,
+    parameters: RoadParameters,
+    name: str,
+    notes: list[str],
 ) -> dict[tuple[str, str], list[Piece]]:
     """Pieces by route and carriageway, in the order of the file."""
     columns = {ours: _column(frame, ours, names, name) for ours in FIELDS}
@@ -135,6 +148,9 @@ def _roads(
         raise InputError(
             f"The centreline {name} has chainages of the lines' ends only; give those of their beginnings."
         )
+    if measures is not None and columns["chain_from"]:
+        notes.append(f"The centreline {name} has chainages in fields, so its M values are not used.")
+        measures = None
     roads: dict[tuple[str, str], list[Piece]] = {}
     for number, (index, geometry) in enumerate(zip(frame.index, frame.geometry, strict=True), 1):
         road = tuple(_text(frame.at[index, columns[c]]) if columns[c] else "" for c in ("route", "carriageway"))
@@ -149,7 +165,10 @@ def _roads(
                     "number, or a chainage such as K12+345."
                 ) from error
         own = roads.setdefault((road[0] or parameters.route_name, road[1]), [])
-        own += _pieces(geometry, (chains[0], chains[1]), number, parameters, name)
+        if measures is not None and geometry is not None:
+            own += _measured_pieces(geometry, measures[number - 1], number, parameters, name)
+        else:
+            own += _pieces(geometry, (chains[0], chains[1]), number, parameters, name)
     roads = {road: pieces for road, pieces in roads.items() if pieces}
     if not roads:
         raise InputError(f"The centreline {name} holds no line; draw the road's axis.")
@@ -179,14 +198,9 @@ def _pieces(
     """The lines of a feature; one with chainages of both ends is one line."""
     if geometry is None:
         return []
-    parts = [p for p in shapely.get_parts(shapely.get_parts(geometry)) if p.geom_type in ("LineString", "LinearRing")]
-    lines = [LineString(shapely.remove_repeated_points(p)) for p in parts if p.length > 0]
+    lines = [LineString(shapely.remove_repeated_points(p)) for p in lines_of(geometry) if p.length > 0]
     for line in lines:
-        if not np.isfinite(line.length) or line.length > _MAX_LENGTH_M:
-            raise InputError(
-                f"Line {number} of the centreline {name} is {line.length / 1000:.4g} km long; check its reference "
-                "system."
-            )
+        _refuse_length(line, number, name)
     begin, end = chains
     if begin is None and end is None:
         return [Piece(line, None, None, number) for line in lines]
@@ -201,6 +215,35 @@ def _pieces(
     if end is not None:
         _refuse_scale(merged.length, abs(end - begin), number, parameters, name)
     return [Piece(merged, begin, end, number)]
+
+
+def _measured_pieces(
+    geometry: BaseGeometry, measures: Sequence[Float], number: int, parameters: RoadParameters, name: str
+) -> list[Piece]:
+    """The lines of a feature with the chainages of their corners by M values, each part by its own."""
+    subject, pieces = f"Line {number} of the centreline {name}", []
+    for part, values in zip(lines_of(geometry), measures, strict=True):
+        if part.length == 0:
+            continue
+        _refuse_length(part, number, name)
+        xy = shapely.get_coordinates(part)
+        chains = chainages_of(values, xy, METRES_OF[parameters.chainage_unit], subject)
+        if chains is None:
+            pieces.append(Piece(LineString(shapely.remove_repeated_points(part)), None, None, number))
+            continue
+        apart = np.concatenate([[True], (np.diff(xy, axis=0) != 0).any(axis=1)])
+        line, chains = LineString(xy[apart]), chains[apart]
+        begin, end = float(chains[0]), float(chains[-1])
+        _refuse_scale(line.length, abs(end - begin), number, parameters, name)
+        pieces.append(Piece(line, begin, end, number, tuple(float(chain) for chain in chains)))
+    return pieces
+
+
+def _refuse_length(line: BaseGeometry, number: int, name: str) -> None:
+    if not np.isfinite(line.length) or line.length > _MAX_LENGTH_M:
+        raise InputError(
+            f"Line {number} of the centreline {name} is {line.length / 1000:.4g} km long; check its reference system."
+        )
 
 
 def _refuse_scale(length: float, chained: float, number: int, parameters: RoadParameters, name: str) -> None:

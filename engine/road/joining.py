@@ -24,14 +24,24 @@ _JUMP_M = 1.0  # metres of chainage that a rounded field may be off where two pi
 
 @dataclass(frozen=True)
 class Piece:
-    """A line of a road, with the chainages (m) of its first and last corner where they are known; ``number`` is its
-    feature's in the file, from 1.
+    """A line of a road, with the chainages (m) of its first and last corner where they are known, and of all corners
+    (``chains``) where M values say them; ``number`` is its feature's in the file, from 1.
     """
 
     line: LineString
     begin: float | None
     end: float | None
     number: int
+    chains: tuple[float, ...] = ()
+
+    @property
+    def nodes(self) -> tuple[Float, Float]:
+        """Distances from the beginning and chainages there, metres, between which chainage is linear."""
+        if self.chains:
+            corners = np.asarray(self.line.coords)
+            ways = np.linalg.norm(np.diff(corners, axis=0), axis=1)
+            return np.concatenate([[0.0], np.cumsum(ways)]), np.array(self.chains)
+        return np.array([0.0, self.line.length]), np.array([self.begin or 0.0, self.end or 0.0])
 
     @property
     def first(self) -> Float:
@@ -80,7 +90,7 @@ def _growing(piece: Piece) -> Piece:
     if piece.end is None:
         return replace(piece, end=piece.begin + piece.line.length)
     if piece.end < piece.begin:
-        return replace(piece, line=piece.line.reverse(), begin=piece.end, end=piece.begin)
+        return replace(piece, line=piece.line.reverse(), begin=piece.end, end=piece.begin, chains=piece.chains[::-1])
     return piece
 
 
@@ -185,8 +195,8 @@ def _stretch(
                         "equations of chainage with --chainage-equations."
                     )
                 notes.append(f"{subject} has an equation of chainage: {behind} back is {ahead} ahead.")
-        for own in ((at, piece.begin), (at + piece.line.length, piece.end)):
-            along.append(own[0])
-            chains.append(float(own[1] or 0.0))
+        ways, own = piece.nodes
+        along += [at + float(way) for way in ways]
+        chains += [float(chain) for chain in own]
         at += piece.line.length
     return Stretch(route, carriageway, _one_line(chain), np.array(along), np.array(chains))

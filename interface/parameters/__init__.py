@@ -24,6 +24,7 @@ from .ground import GroundParameters
 from .handover import HANDOVER_FORMATS, HandoverParameters
 from .inputs import InputParameters
 from .maps import HeatmapParameters
+from .mission import MissionParameters
 from .movement import MovementParameters
 from .outputs import OutputParameters
 from .profiles import PROFILES, PUBLISHED_WORKFLOW, PUBLISHED_WORKFLOW_ID
@@ -64,6 +65,7 @@ __all__ = [
     "InputParameters",
     "LabellingParameters",
     "LastEpochParameters",
+    "MissionParameters",
     "ModelParameters",
     "MovementParameters",
     "OutputParameters",

@@ -16,6 +16,7 @@ from .ground import GroundParameters
 from .handover import HandoverParameters
 from .inputs import InputParameters
 from .maps import HeatmapParameters
+from .mission import MissionParameters
 from .movement import MovementParameters
 from .outputs import OutputParameters
 from .project import ProjectParameters
@@ -54,7 +55,7 @@ EXPORTGIS: Sets = (HandoverParameters, OutputParameters)
 CREATEPROJECT: Sets = (ProjectParameters, OutputParameters)
 TRAIN: Sets = (InputParameters, FineTuneParameters, OutputParameters)
 TOPVIEW: Sets = (InputParameters, TopViewParameters, OutputParameters)
-PLANFLIGHT: Sets = (InputParameters, FlightParameters, OutputParameters)
+PLANFLIGHT: Sets = (InputParameters, FlightParameters, MissionParameters, OutputParameters)
 COMPAREFLIGHT: Sets = (InputParameters, OutputParameters)
 SUGGESTROI: Sets = (InputParameters, RegionParameters, OutputParameters)
 EXPORTLABELSTUDIO: Sets = (LabellingParameters, OutputParameters)

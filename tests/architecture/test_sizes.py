@@ -19,6 +19,7 @@ CLOUDS = "both clouds and their plants, the areas and errors known: most are by 
 LONG_MODULES: dict[str, str] = {}
 LONG_FUNCTIONS: dict[str, str] = {}
 MANY_PARAMETERS = {
+    "api/flight.py:plan_flight": STEP,
     "api/flow.py:inspect": STEP,
     "api/flow.py:screen": STEP,
     "api/pairs.py:dem_change": STEP,

@@ -289,6 +289,19 @@ def test_a_flight_is_planned(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
+def test_a_flight_is_planned_with_its_season_and_a_mission(tmp_path: Path) -> None:
+    out, roi = str(tmp_path / "out"), str(written(square("roi", 0), tmp_path / "roi.gpkg", "roi"))
+    given: dict[str, Any] = {"TERRAIN": FIRST, "ROI": roi, "SEASON": [FIRST, LATER], "WPML_DRONE": 89}
+    found = command(
+        PlanFlight, OUTPUT_FOLDER=out, **given, WPML_PAYLOAD=65534, TAKEOFF_HEIGHT="12.5",
+        TAKEOFF_ELLIPSOID_HEIGHT="-20",
+    )  # fmt: skip
+    assert found == [
+        "planflight", FIRST, "--output-dir", out, "--roi", roi, "--season", FIRST, "--season", LATER, "--wpml-drone",
+        "89", "--wpml-payload", "65534", "--takeoff-height", "12.5", "--takeoff-ellipsoid-height", "-20",
+    ]  # fmt: skip
+
+
 def test_a_flight_is_compared_with_its_plan(tmp_path: Path) -> None:
     out, given = str(tmp_path / "out"), {"PLAN": "/data/plan.gpkg", "INPUT": FIRST}
     assert command(CompareFlight, OUTPUT_FOLDER=out, **given, GROUND=LATER, TRAJECTORY="/data/flown.csv") == [

@@ -175,6 +175,18 @@ def test_without_a_line_its_returns_are_missing(site: Site, kept: Path) -> None:
     assert figures["short_places"] > before["short_places"]
 
 
+def test_angles_counted_to_the_left_show_the_same_way(site: Site, kept: Path) -> None:
+    """Only one sign puts the carrier over the ground; a real survey of 2010 counts them so."""
+    las = laspy.read(kept)
+    las.scan_angle = -np.asarray(las.scan_angle)
+    las.write(site.folder / "left.las")
+    figures = compared(site, "left", site.folder / "left.las", trajectory=False)["metrics"]
+    assert figures["way_known_by"] == "angles"
+    assert figures["flown_lines"] == len(site.lines)
+    assert figures["above_m"] == figures["aside_m"] == {}
+    assert figures["largest_above_m"] < 0.3
+
+
 def test_a_rosette_shows_its_lines_where_its_angles_are_signed_and_only_densities_else(site: Site) -> None:
     cloud = site.fly("cone", site.lines, sweeps=0.0)
     figures = compared(site, "rosette", cloud, trajectory=False)["metrics"]

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from pathlib import Path
 
+import laspy
 import numpy as np
 import pyogrio
 import pytest
 import shapely
-from pyproj import Transformer
+from pyproj import CRS, Transformer
 from slopewatch import api
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.grid.geotiff import read_raster
 from slopewatch.engine.vector.geopackage import read_layer
 from slopewatch.tests.builders.elevation_models import write_model
 from slopewatch.tests.builders.flights import NORTH, WEST, inclined, square, write_region
+from slopewatch.workflows.conclusions import conclusion
 
 
 @pytest.fixture(scope="module")
@@ -82,3 +85,106 @@ def test_what_cannot_be_planned_is_refused_and_nothing_is_written(made: Path) ->
         assert str(refused.value).endswith(".")
         assert "\n" not in str(refused.value)
         assert not (made / "refused").exists()
+
+
+def write_season(path: Path, passing: float, *, plants: float = 1.0, ground: bool = True, crs: int = 32651) -> Path:
+    """A survey of the slope of ``made`` by 6 pulses a m², of which a share passes plants that are ``plants`` m high."""
+    rng = np.random.default_rng([*path.name.encode()])
+    xy = rng.uniform((WEST + 40, NORTH - 90), (WEST + 100, NORTH - 30), (21_600, 2))
+    z = inclined(relief=2.0).at(xy) + rng.normal(0, 0.02, len(xy))
+    passed = rng.uniform(size=len(xy)) < passing
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.scales, header.offsets = [0.001] * 3, [WEST, NORTH, 0]
+    header.add_crs(CRS.from_epsg(crs))
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = *xy.T, np.where(passed, z, z + plants)
+    las.return_number = las.number_of_returns = np.ones(len(xy), dtype=np.uint8)
+    las.classification = np.where(passed & ground, 2, 5)
+    las.write(path)
+    return path
+
+
+def test_the_season_with_the_most_ground_is_named(made: Path) -> None:
+    folder = made / "seasons"
+    folder.mkdir()
+    shares = {"2025-03-10": 0.6, "2025-07-15": 0.15, "2025-11-02": 0.57}
+    for day, share in shares.items():
+        write_season(folder / f"{day}.las", share)
+    result = api.plan_flight(
+        made / "dem.tif", made / "roi.gpkg", made / "by_season", season=[folder], pulse_rate=20000.0, ground_share=0.25
+    )
+    found = json.loads((made / "by_season" / "run.json").read_text(encoding="utf-8"))["metrics"]["season"]
+    assert (found["best_month"], found["worst_month"], found["as_good"]) == (3, 7, [11])
+    for survey in found["surveys"]:
+        share = shares[survey["date"]]
+        assert survey["ground_share"] == pytest.approx(share, abs=0.02)
+        assert survey["pulses_per_m2"] == pytest.approx(6.0, rel=0.05)
+        assert survey["without_ground_share"] == pytest.approx(np.exp(-24 * share), abs=0.02)
+        assert survey["plant_height_m"] == pytest.approx(1.0, abs=0.3)
+        # what the plan promises with those plants: its pulses times the share, by medians over places of few counts
+        assert survey["planned_ground_per_m2"] == pytest.approx(
+            share * result.figures["ground_per_m2"] / 0.25, rel=0.15
+        )
+    levels = [survey["planned_level_m"] for survey in found["surveys"]]
+    assert levels[1] > max(levels[0], levels[2])
+    rows = list(csv.DictReader((made / "by_season" / "season.csv").read_text(encoding="utf-8").splitlines()))
+    assert [row["month"] for row in rows] == ["3", "7", "11"]
+    sentences = " ".join(conclusion("planflight", result))
+    assert (
+        "month 3 shows the most ground: 59 % of the pulses reached it, in month 7 15 %; as good as that: month 11."
+        in sentences
+    )
+
+
+def test_one_date_says_nothing_of_seasons_and_the_plan_is_the_same(made: Path) -> None:
+    one = write_season(made / "only.las", 0.4)
+    result = api.plan_flight(
+        made / "dem.tif", made / "roi.gpkg", made / "one", season=[f"2025-06-01={one}"], pulse_rate=20000.0,
+        ground_share=0.25,
+    )  # fmt: skip
+    assert result.figures["season"]["best_month"] is None
+    assert any("Only one survey" in sentence for sentence in conclusion("planflight", result))
+    for name in ("expected_ground.tif", "expected_level.tif"):
+        assert (made / "one" / name).read_bytes() == (made / "plan" / name).read_bytes()
+
+
+def test_surveys_that_no_season_can_be_read_from_are_refused(made: Path) -> None:
+    bare = write_season(made / "raw 2025-05-01.las", 0.4, ground=False)
+    far = write_season(made / "far 2025-05-01.las", 0.4, crs=32652)
+    for season, words in (
+        (write_season(made / "undated.las", 0.4), "holds no date"),
+        (bare, "has no ground points"),
+        (far, "give both in one reference system"),
+        ("2025-13-01=x.las", "is not a date"),
+        (made / "missing 2025-05-01.las", "does not exist"),
+    ):
+        with pytest.raises(InputError, match=words) as refused:
+            api.plan_flight(made / "dem.tif", made / "roi.gpkg", made / "no season", season=[season])
+        assert str(refused.value).endswith(".")
+        assert not (made / "no season").exists()
+
+
+def test_a_mission_is_written_for_each_battery_and_says_the_same_again(made: Path) -> None:
+    aircraft = {
+        "wpml_drone": 89, "wpml_payload": 65534, "takeoff_height": "100", "takeoff_ellipsoid_height": "-12.5",
+        "battery_time": 1.0, "pulse_rate": 20000.0,
+    }  # fmt: skip
+    names = []
+    for folder in ("mission", "again by mission"):
+        result = api.plan_flight(made / "dem.tif", made / "roi.gpkg", made / folder, **aircraft)
+        names = sorted(path.name for path in (made / folder).glob("*.kmz"))
+        assert len(names) == result.figures["battery_count"] > 1
+    for name in names:
+        assert (made / "mission" / name).read_bytes() == (made / "again by mission" / name).read_bytes()
+    lines = json.loads((made / "mission" / "run.json").read_text(encoding="utf-8"))["missions"]
+    assert sorted(number for own in lines.values() for number in own) == list(
+        range(1, 1 + result.figures["line_count"])
+    )
+    # fewer batteries: what is not needed any more goes
+    api.plan_flight(
+        made / "dem.tif", made / "roi.gpkg", made / "mission", **{**aircraft, "battery_time": 20.0}, overwrite=True
+    )
+    assert [path.name for path in (made / "mission").glob("*.kmz")] == ["mission_1.kmz"]
+    with pytest.raises(InputError, match="--takeoff-height"):
+        api.plan_flight(made / "dem.tif", made / "roi.gpkg", made / "refused", wpml_drone=89, wpml_payload=65534)
+    assert not (made / "refused").exists()

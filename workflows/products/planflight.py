@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import csv
+import math
+
 import geopandas as gpd
 import numpy as np
 import pandas as pd
@@ -9,16 +12,20 @@ import shapely
 from pyproj import CRS
 
 from ...engine.core.arrays import Float
+from ...engine.core.staged_outputs import atomic_output
+from ...engine.core.table_text import cell
 from ...engine.core.version import VERSION
 from ...engine.flight.kml import write_kml
 from ...engine.flight.plan import Expected, Plan
+from ...engine.flight.wpml import MAX_MISSIONS, missions_of, write_mission
 from ...engine.grid import geotiff
 from ...engine.maps import qgis_styles
 from ...engine.maps.flight_picture import write_plan_picture
 from ...engine.maps.flight_styles import flight_lines_qml, waypoints_qml
 from ...engine.maps.picture_words import say
 from ...engine.vector.geopackage import Layer, write_layers
-from ...interface.parameters import FlightParameters
+from ...interface.parameters import FlightParameters, MissionParameters
+from ..flight_seasons import Seasons
 from ..run import Run
 
 _RASTERS = (
@@ -27,7 +34,18 @@ _RASTERS = (
     ("expected_level", "level", "Expected level of detection", "m"),
     ("expected_motion", "motion", "Smallest motion along the surface that is expected to show", "m"),
 )
-PLAN_OUTPUTS = ("plan.gpkg", "plan.kml", "plan.png", *(f"{name}.tif" for name, *_ in _RASTERS))
+PLAN_OUTPUTS = (
+    "plan.gpkg",
+    "plan.kml",
+    "plan.png",
+    *(f"{name}.tif" for name, *_ in _RASTERS),
+    "season.csv",
+    *(f"mission_{number}.kmz" for number in range(1, MAX_MISSIONS + 1)),
+)
+_SEASON_COLUMNS = (
+    "month", "date", "file", "pulses_m2", "ground_m2", "ground_share", "without_ground_share", "plant_height_m",
+    "planned_ground_m2", "planned_level_m",
+)  # fmt: skip
 
 
 def write_plan(run: Run, plan: Plan, parameters: FlightParameters, name: str) -> None:
@@ -54,6 +72,43 @@ def write_plan(run: Run, plan: Plan, parameters: FlightParameters, name: str) ->
     title = say("{0}: {1} lines, {2} min").format(name, len(plan.lines), f"{plan.effort.seconds / 60:.0f}")
     write_plan_picture(stage.path("plan.png"), plan, title)
     run.outputs["picture"] = stage.final("plan.png")
+
+
+def write_missions(run: Run, plan: Plan, mission: MissionParameters, parameters: FlightParameters) -> None:
+    """Write a mission file for the lines of each battery, where an aircraft was named; those of an earlier plan in the
+    same folder go, as nobody must fly them.
+    """
+    missions = missions_of(plan.lines, plan.effort.battery) if mission.wpml_drone else []
+    for number in range(len(missions) + 1, MAX_MISSIONS + 1):
+        run.stage.discard(f"mission_{number}.kmz")
+    for number, part in enumerate(missions, 1):
+        name = f"mission_{number}.kmz"
+        write_mission(run.stage.path(name), part, plan.terrain.crs, mission, parameters)
+        run.outputs[f"mission_{number}"] = run.stage.final(name)
+    if missions:
+        run.facts["missions"] = {f"mission_{number}.kmz": list(part.lines) for number, part in enumerate(missions, 1)}
+
+
+def write_seasons(run: Run, found: Seasons | None) -> None:
+    """Write what each survey of the seasons saw, and what the planned flight would show with its plants."""
+    if found is None:
+        run.stage.discard("season.csv")
+        return
+    with (
+        atomic_output(run.stage.path("season.csv")) as partial,
+        partial.open("w", encoding="utf-8", newline="") as stream,
+    ):
+        table = csv.writer(stream, lineterminator="\n")
+        table.writerow(_SEASON_COLUMNS)
+        for survey, path, ground, level in zip(
+            found.season.surveys, found.paths, found.ground, found.level, strict=True
+        ):
+            figures = (
+                survey.pulses, survey.ground, survey.share, survey.without_ground, survey.plants, ground, level,
+            )  # fmt: skip
+            shown = [f"{value:.4g}" if math.isfinite(value) else "" for value in figures]
+            table.writerow([survey.day.month, survey.day.isoformat(), cell(path.name), *shown])
+    run.outputs["season"] = run.stage.final("season.csv")
 
 
 def lines_frame(plan: Plan, parameters: FlightParameters, crs: CRS) -> gpd.GeoDataFrame:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import shapely
 from slopewatch.engine.flight.expected import expected_level, first_cell, smallest_motion
-from slopewatch.engine.flight.last_survey import Scatter, clumping_of, even_scatter, scatter_of, seen_by
+from slopewatch.engine.flight.last_survey import Scatter, clumping_of, even_scatter, scatter_of, scatter_within, seen_by
 from slopewatch.engine.flight.terrain import terrain_of_points
 from slopewatch.engine.grid.grid import Grid
 from slopewatch.engine.grid.growing_cells import adaptive_cells
@@ -19,7 +20,7 @@ def test_scatter_is_the_noise_about_an_inclined_plane() -> None:
     z = 0.8 * xy[:, 0] - 0.3 * xy[:, 1] + rng.normal(0, 0.025, len(xy))
     found = scatter_of(np.column_stack([xy, z]))
     assert found is not None
-    assert found.side[-1] == 3.2
+    assert found.side[-1] == 6.4  # 36 whole squares are enough, the nine of 12.8 m are not
     np.testing.assert_allclose(found.deviation, 0.025, rtol=0.06)
     assert scatter_of(np.column_stack([xy, z])[:40]) is None
 
@@ -33,6 +34,19 @@ def test_scatter_grows_with_the_square_where_ground_is_rough() -> None:
     assert found.at(0.4) < 0.6 * found.at(1.6) < found.at(3.2)
     assert found.at(3.2) == pytest.approx(np.hypot(0.1 / np.sqrt(2), 0.01), rel=0.2)
     assert found.at(100.0) == found.deviation[-1]
+
+
+def test_the_scatter_is_that_of_the_region_where_it_has_enough() -> None:
+    """A rough half and a smooth one: the region's own counts, and all where it has too few returns."""
+    rng = np.random.default_rng(7)
+    xy = rng.uniform(0, 40, (40_000, 2))
+    xyz = np.column_stack([xy, rng.normal(0, np.where(xy[:, 0] < 20, 0.01, 0.08))])
+    for west, wanted in ((0.0, 0.01), (20.0, 0.08)):
+        found = scatter_within(xyz, shapely.box(west, 0, west + 20, 40))
+        assert found is not None
+        assert found.at(0.8) == pytest.approx(wanted, rel=0.05)
+    assert scatter_within(xyz, shapely.box(500, 0, 520, 40)) == scatter_of(xyz)
+    assert scatter_within(xyz[:40], shapely.box(0, 0, 20, 40)) is None
 
 
 def test_the_share_of_pulses_that_reach_the_ground_is_counted_place_by_place() -> None:
