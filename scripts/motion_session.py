@@ -31,7 +31,7 @@ _RASTERS = ("Displacement (m)", "Smallest motion")
 
 
 class MotionSession(QgisSession):
-    """Pictures of the whole, of the largest zone, of each layer that is off at first, and of each survey of a series."""
+    """Pictures of the whole, the largest zone, each layer that is off at first, and each survey of a series."""
 
     def steps(self) -> list[Callable[[], bool | None]]:
         self._folder = Path(TASK["parameters"]["RUN"])
@@ -51,9 +51,7 @@ class MotionSession(QgisSession):
 
     def load(self) -> None:
         """All products that the folder holds, in their order in the tree."""
-        tables = (
-            inspectseries._PRODUCTS if self._is_series else products.CHANGE_PRODUCTS + products.MOTION_PRODUCTS
-        )
+        tables = inspectseries._PRODUCTS if self._is_series else products.CHANGE_PRODUCTS + products.MOTION_PRODUCTS
         project, context, feedback = QgsProject.instance(), QgsProcessingContext(), QgsProcessingFeedback()
         context.setProject(project)
         group = project.layerTreeRoot().addGroup("SlopeWatch")
@@ -114,7 +112,9 @@ class MotionSession(QgisSession):
     def at_survey(self, number: int) -> Callable[[], str]:
         def view() -> str:
             for node in QgsProject.instance().layerTreeRoot().findLayers():
-                on = node.name().startswith(("Motion along the surface, survey", "Zones of coherent motion", "Top view"))
+                on = node.name().startswith(
+                    ("Motion along the surface, survey", "Zones of coherent motion", "Top view")
+                )
                 node.setItemVisibilityChecked(on)
             day = self.days()[number].date()
             moment = QDateTime(day, QTime(0, 0))
@@ -140,7 +140,6 @@ class MotionSession(QgisSession):
         extent.scale(share)
         iface.mapCanvas().setExtent(extent)
         iface.mapCanvas().refresh()
-
 
 
 MotionSession.begin()

@@ -123,10 +123,9 @@ def main(path: Path) -> None:
         above, below = figure.subplots(2, 1)
         _ground(above, made)
         _answers(below, found)
-        figure.legend(
-            handles=[Patch(facecolor=colour, edgecolor="0.4", label=words) for s, (words, colour) in WORDS.items() if s in seen],
-            loc="outside lower center", ncols=2, frameon=False,
-        )  # fmt: skip
+        named = [WORDS[status] for status in WORDS if status in seen]
+        handles = [Patch(facecolor=colour, edgecolor="0.4", label=words) for words, colour in named]
+        figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
         figure.savefig(path)
     print(f"{path} ({path.stat().st_size / 1e3:.0f} kB)")
 
@@ -134,7 +133,8 @@ def main(path: Path) -> None:
 def statuses_within(found: Displacement, number: int, margin: float = 3.0) -> list[Status]:
     """Of the windows whose middles lie well within a square."""
     low = np.array([number % COLUMNS * SIDE, number // COLUMNS * SIDE])
-    at = np.column_stack([found.vectors.places[:, 0] - 500_000.0, (3_000_000.0 - found.vectors.places[:, 1]) / np.cos(DIP)])
+    east, north = found.vectors.places[:, :2].T - np.array([[500_000.0], [3_000_000.0]])
+    at = np.column_stack([east, -north / np.cos(DIP)])
     inside = ((at > low + margin) & (at < low + SIDE - margin)).all(axis=1)
     return [Status(int(value)) for value in found.vectors.status[inside]]
 
@@ -168,7 +168,7 @@ def _ground(axes: Axes, made: list[Square]) -> None:
     for number, square in enumerate(made):
         x, y = number % COLUMNS * SIDE + 0.4, -(number // COLUMNS) * SIDE * np.cos(DIP) - 0.4
         axes.text(x, y, square.words, va="top", bbox=box)
-    axes.set_title("The ground in the later survey, and what happened since the earlier one (the slope falls downwards)")
+    axes.set_title("The ground in the later survey, and what happened since the earlier (the slope falls downwards)")
 
 
 def _answers(axes: Axes, found: Displacement) -> None:

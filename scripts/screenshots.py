@@ -5,8 +5,8 @@
 ``scripts/screenshots.py screening`` simulates one and runs Screen for hazards, ``panel`` takes the panel's picture,
 ``dialogs FOLDER`` every dialog as it opens and with all its boxes open, to be looked at. ``setup`` starts QGIS with the
 plugin's zip of the last commit and no engine, and sets it up from the network. ``tutorial`` follows docs/tutorial.md,
-and says which of its figures are no longer those of the run. ``motion`` shows motion along the surface. The tests of the desktop use
-``run_session`` with small surveys, and with an index of tiny wheels.
+and says which of its figures are no longer those of the run. ``motion`` shows motion along the surface. The tests of
+the desktop use ``run_session`` with small surveys, and with an index of tiny wheels.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ START = 90.0  # seconds that QGIS may take to start
 SCREEN = "1600x1000x24"
 PANEL_SCREEN = "1500x1050x24"
 TUTORIAL_SCREEN = "1300x940x24"
-KEPT = ("desktop", "dialog", "toolbox", "zones")
+KEPT = ("desktop", "dialog", "zones")
 TUTORIAL_SURVEY = {"POINTS": 400_000}  # what the tutorial's reader sets
 SCREENING_KEPT = {"dialog": "screening_dialog", "layers": "screening_layers"}
 
@@ -140,6 +140,11 @@ import io, sys
 import numpy
 from PIL import Image
 picture = Image.open(sys.argv[1]).convert("RGB")
+file = io.BytesIO()
+picture.save(file, "PNG", optimize=True)
+if file.tell() <= int(sys.argv[3]):  # as it is
+    open(sys.argv[2], "wb").write(file.getvalue())
+    sys.exit()
 # 256 colours, as noise of the clouds is most of what a PNG has to keep; those of windows and legends stay as they are
 pixels = numpy.asarray(picture)
 even = (pixels[:, 1:] == pixels[:, :-1]).all(axis=2)
@@ -163,7 +168,7 @@ open(sys.argv[2], "wb").write(file.getvalue())
 
 
 def shrink(source: Path, target: Path, size: int = 290_000) -> None:
-    """Write the picture as a PNG of at most ``size`` bytes: 256 colours, then fewer pixels."""
+    """Write the picture as a PNG of at most ``size`` bytes: as it is, else in 256 colours, then with fewer pixels."""
     target.parent.mkdir(parents=True, exist_ok=True)
     python = str(ROOT / ".venv" / "bin" / "python")
     subprocess.run([python, "-c", _SHRINK, str(source), str(target), str(size)], check=True)

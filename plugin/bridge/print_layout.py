@@ -57,7 +57,8 @@ _COLUMNS = (
     ("zone_id", "Zone", ""), ("slope", "Slope", ""), ("kind", "Kind", ""), ("severity", "Severity", ""),
     ("alert", "Alert", ""), ("area_m2", "Area", "m²"), ("dz_mean_m", "Mean change", "m"),
     ("rate_mm_day", "Rate", "mm/day"), ("vol_net_m3", "Volume", "m³"), ("vol_err_m3", "±", "m³"),
-    ("motion_m", "Motion", "m"), ("motion_err_m", "±", "m"), ("length_m", "Motion", "m"), ("length_err_m", "±", "m"), ("azimuth_deg", "Direction", "°"), ("route", "Route", ""),
+    ("motion_m", "Motion", "m"), ("motion_err_m", "±", "m"),
+    ("length_m", "Motion", "m"), ("length_err_m", "±", "m"), ("azimuth_deg", "Direction", "°"), ("route", "Route", ""),
     ("chain_from", "Chainage from", ""), ("chain_to", "Chainage to", ""),
 )  # fmt: skip
 """Fields of zones, what is said above them, and their unit."""
@@ -182,8 +183,8 @@ def _add_legend(layout: QgsPrintLayout, drawn: QgsLayoutItemMap, box: Box) -> No
         _without_band(item, node)
     item.setLegendFilterByMapEnabled(True)  # of the classes of zones, those that are there
     for style, size in (
-        (QgsLegendStyle.Style.Title, 11), (QgsLegendStyle.Style.Group, 9), (QgsLegendStyle.Style.Subgroup, _LAYER_POINTS),
-        (QgsLegendStyle.Style.SymbolLabel, _CLASS_POINTS),
+        (QgsLegendStyle.Style.Title, 11), (QgsLegendStyle.Style.Group, 9),
+        (QgsLegendStyle.Style.Subgroup, _LAYER_POINTS), (QgsLegendStyle.Style.SymbolLabel, _CLASS_POINTS),
     ):  # fmt: skip
         legend_style = item.style(style)
         legend_style.setTextFormat(_format(size))

@@ -82,9 +82,7 @@ class SectionChart(Chart):
             draw_alone(Panel(painter, upper, across, (-half, half)), section)
         self._draw_change(painter, area, across, section)
 
-    def _draw_heights(
-        self, painter: QPainter, area: QRectF, across: tuple[float, float], section: Section
-    ) -> None:
+    def _draw_heights(self, painter: QPainter, area: QRectF, across: tuple[float, float], section: Section) -> None:
         words, metrics = tr("height (m): grey before, black after"), QFontMetricsF(painter.font())
         low, high = span([h for p in section.places for h in (p.height_from, p.height_to)])
         if section.vectors:
@@ -100,9 +98,7 @@ class SectionChart(Chart):
         panel.line([(p.distance, p.height_to) for p in section.places], AFTER)
         draw_over_surface(panel, section)
 
-    def _draw_change(
-        self, painter: QPainter, area: QRectF, across: tuple[float, float], section: Section
-    ) -> None:
+    def _draw_change(self, painter: QPainter, area: QRectF, across: tuple[float, float], section: Section) -> None:
         known = [p for p in section.places if math.isfinite(p.change)]
         changes = span([v for p in known for v in (p.change, p.level, -p.level, 0.0)])
         panel = Panel(painter, area, across, changes)

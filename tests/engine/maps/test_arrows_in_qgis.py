@@ -78,10 +78,11 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
         moves[name] = np.array(days, dtype="datetime64[ms]")
     zone = motion([(5.0, 5.0)], [0.3]).assign(zone_id="M001", area_m2=60.0, off_dip_deg=1.0, p_map=0.0)
     zone = zone.set_geometry([shapely.MultiPolygon([shapely.box(X0 + 2, Y0 + 2, X0 + 12, Y0 + 8)])], crs="EPSG:32651")
+    velocities = motion([(5.0, 7.5)], [2.0], "mm_day")
     write_layers(
         folder / "motion.gpkg",
         [
-            Layer(motion([(5.0, 7.5)], [2.0], "mm_day"), "velocities", displacement_styles.velocities_qml(2000.0), "Point"),
+            Layer(velocities, "velocities", displacement_styles.velocities_qml(2000.0), "Point"),
             Layer(motion([(5.0, 7.5)], [0.2]), "vectors", displacement_styles.vectors_qml(20.0), "Point"),
             Layer(zone, "zones", displacement_styles.moving_zones_qml(20.0), "MultiPolygon"),
             Layer(moves, "moves", displacement_styles.vectors_qml(20.0, temporal=True), "Point"),

@@ -63,7 +63,7 @@ def found(folder: Path, way: QgsGeometry, crs: str = UTM) -> list[tuple[float, .
 
 
 def test_vectors_within_half_their_window_are_turned_into_the_section(qgis_app: Any, tmp_path: Path) -> None:
-    """A line that climbs 3 to the east and 4 to the north: what moves along it, across it, and what lies too far off."""
+    """A line that runs 3 east and 4 north: what moves along it, across it, and what lies too far off."""
     along, across = (0.6, 0.8), (-0.8, 0.6)
 
     def place(distance: float, off: float) -> tuple[float, float]:
