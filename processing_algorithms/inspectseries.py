@@ -96,7 +96,7 @@ _PRODUCTS = (
         "displacement_vectors",
         "Zones of coherent motion, survey by survey",
         "Polygons of ground that moves as one, with its motion until each survey, its velocity and their errors.",
-        Appearance(62, visible=False, expanded=False),
+        Appearance(66, visible=False, expanded=False),
         layer="zones",
         by_default=False,
         file="displacement.gpkg",

@@ -213,7 +213,7 @@ MOTION_PRODUCTS = (
         "displacement_vectors",
         "Zones of coherent motion",
         "Polygons of ground that moves as one, with its vector, its error and its direction against the dip.",
-        Appearance(55),
+        Appearance(62),
         layer="zones",
         file="displacement.gpkg",
     ),

@@ -43,6 +43,7 @@ COMPOSED = (
     "{0} is {1}; give {2}, or auto.",
     "{0} failed: {1}",
     "{0} confirmed, {1} not confirmed",
+    "{0} (arrows × {1})",
     "Line {0}",
     "Feature {0}",
     "Folder {0}",

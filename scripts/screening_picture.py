@@ -22,6 +22,7 @@ from slopewatch.models.making.scene_scores import screened_zones
 from slopewatch.models.network.shipped import shipped_model
 from slopewatch.models.network.weights import load_model
 from slopewatch.models.training.evaluation import confusion, intersection_over_union
+from slopewatch.scripts.small_jpeg import keep_small
 from slopewatch.simulation.hazard_scenes.picture import LABEL_COLOURS, LABEL_OPACITY, shade
 from slopewatch.simulation.hazard_scenes.scenes import SimulatedScene, scene
 
@@ -72,8 +73,7 @@ def _draw(rows: list[tuple[str, float, int, SimulatedScene, np.ndarray]], path: 
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=9)
     drawn = FigureCanvasAgg(figure)
     drawn.draw()
-    # A palette of the colours that it is made of takes half of the bytes.
-    Image.fromarray(np.asarray(drawn.buffer_rgba())[..., :3]).quantize(128).save(path)
+    keep_small(Image.fromarray(np.asarray(drawn.buffer_rgba())[..., :3]), path)
 
 
 def _colours(labels: np.ndarray) -> np.ndarray:
@@ -85,4 +85,4 @@ def _colours(labels: np.ndarray) -> np.ndarray:
 
 if __name__ == "__main__":
     images = Path(__file__).resolve().parent.parent / "docs/images"
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else images / "screening.png")
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else images / "screening.jpg")

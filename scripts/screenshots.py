@@ -5,8 +5,8 @@
 ``scripts/screenshots.py screening`` simulates one and runs Screen for hazards, ``panel`` takes the panel's picture,
 ``dialogs FOLDER`` every dialog as it opens and with all its boxes open, to be looked at. ``setup`` starts QGIS with the
 plugin's zip of the last commit and no engine, and sets it up from the network. ``tutorial`` follows docs/tutorial.md,
-and says which of its figures are no longer those of the run. The tests of the desktop use
-``run_session`` with small surveys, and with an index of tiny wheels.
+and says which of its figures are no longer those of the run. ``motion`` shows motion along the surface. The tests of
+the desktop use ``run_session`` with small surveys, and with an index of tiny wheels.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ START = 90.0  # seconds that QGIS may take to start
 SCREEN = "1600x1000x24"
 PANEL_SCREEN = "1500x1050x24"
 TUTORIAL_SCREEN = "1300x940x24"
-KEPT = ("desktop", "dialog", "toolbox", "zones")
+KEPT = ("desktop", "dialog", "zones")
 TUTORIAL_SURVEY = {"POINTS": 400_000}  # what the tutorial's reader sets
 SCREENING_KEPT = {"dialog": "screening_dialog", "layers": "screening_layers"}
 
@@ -140,6 +140,11 @@ import io, sys
 import numpy
 from PIL import Image
 picture = Image.open(sys.argv[1]).convert("RGB")
+file = io.BytesIO()
+picture.save(file, "PNG", optimize=True)
+if file.tell() <= int(sys.argv[3]):  # as it is
+    open(sys.argv[2], "wb").write(file.getvalue())
+    sys.exit()
 # 256 colours, as noise of the clouds is most of what a PNG has to keep; those of windows and legends stay as they are
 pixels = numpy.asarray(picture)
 even = (pixels[:, 1:] == pixels[:, :-1]).all(axis=2)
@@ -162,8 +167,8 @@ open(sys.argv[2], "wb").write(file.getvalue())
 """
 
 
-def shrink(source: Path, target: Path, size: int = 390_000) -> None:
-    """Write the picture as a PNG of at most ``size`` bytes: 256 colours, then fewer pixels."""
+def shrink(source: Path, target: Path, size: int = 290_000) -> None:
+    """Write the picture as a PNG of at most ``size`` bytes: as it is, else in 256 colours, then with fewer pixels."""
     target.parent.mkdir(parents=True, exist_ok=True)
     python = str(ROOT / ".venv" / "bin" / "python")
     subprocess.run([python, "-c", _SHRINK, str(source), str(target), str(size)], check=True)
@@ -256,6 +261,25 @@ def panel(target: Path, folder: Path) -> None:
     keep(folder / "images" / "panel.png", target / "panel.png")
 
 
+def motion(target: Path, folder: Path, run: Path | None = None) -> None:
+    """Motion along the surface of a simulated slope, as the plugin shows it; or that of ``run``, an output folder,
+    whose pictures are all kept, as they are.
+    """
+    if run is None:
+        survey = folder / "survey"
+        made = ["--motion", "all", "--motion-amount", "0.2", "--points", "600000", "--output-dir", str(survey)]
+        subprocess.run([*ENGINE, "simulate", "survey", *made], check=True)
+        epochs = [part for path in sorted(survey.glob("20*.laz")) for part in ("--epoch", f"{path.stem}={path}")]
+        options = ["--movement", "--roi", str(survey / "roi.gpkg"), "--output-dir", str(folder / "results")]
+        subprocess.run([*ENGINE, "inspect", *epochs, *options], check=True)
+    parameters = {"RUN": run.resolve() if run else folder / "results", "PREFIX": ""}
+    checked(run_session(parameters, folder, script="motion_session.py", screen=TUTORIAL_SCREEN))
+    if run is None:
+        keep(folder / "images" / "with_displacement.png", target / "displacement.png", 290_000)
+    else:
+        shutil.copytree(folder / "images", target, dirs_exist_ok=True)
+
+
 def tutorial(target: Path, folder: Path) -> None:
     """The tutorial's steps, from the zip of the last commit on; fails where the page says other figures."""
     archive = folder / "slopewatch.zip"
@@ -292,17 +316,18 @@ def checked(report: dict[str, Any]) -> dict[str, Any]:
     return report
 
 
-def keep(picture: Path, target: Path, size: int = 390_000) -> None:
+def keep(picture: Path, target: Path, size: int = 290_000) -> None:
     shrink(picture, target, size)
     print(target)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Pictures of the plugin at work in a real QGIS.")
-    sessions = ("inspection", "screening", "panel", "dialogs", "setup", "tutorial")
+    sessions = ("inspection", "screening", "panel", "dialogs", "setup", "tutorial", "motion")
     parser.add_argument("session", nargs="?", choices=sessions, default="inspection")
     parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "docs" / "images", help="for the pictures")
     parser.add_argument("--cloud", type=Path, help="screening: this instead of a simulated one; all pictures are kept")
+    parser.add_argument("--run", type=Path, help="motion: output folder instead of a simulated slope; all are kept")
     parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="screening: fields of the dialog")
     parser.add_argument("--language", default="", help="dialogs: of QGIS's interface, such as zh-Hans")
     parser.add_argument("--only", nargs="*", default=[], metavar="ALGORITHM", help="dialogs: these instead of all")
@@ -322,6 +347,8 @@ def main() -> None:
             panel(given.folder, folder)
         elif given.session == "tutorial":
             tutorial(given.folder, folder)
+        elif given.session == "motion":
+            motion(given.folder, folder, given.run)
         else:
             choices = dict(choice.split("=", 1) for choice in given.set)
             screening(given.folder, folder, given.cloud, choices)

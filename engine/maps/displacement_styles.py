@@ -15,7 +15,7 @@ _TEMPLATES = Path(__file__).resolve().parent / "styles"
 _ALONG_DIP_BAND = 4
 ELLIPSE_ERRORS = 2.0
 """Standard errors: some 86 % of the true ends lie within."""
-_LONGEST_ARROW_SPACINGS = 2.0
+_LONGEST_ARROW_SPACINGS = 1.25
 _SHORTEST_M = 1e-6
 
 
@@ -73,7 +73,7 @@ def along_dip_qml(limit: float) -> str:
 def magnification(motion: Float, spacing: float) -> float:
     """How many times as long as in truth arrows of motions (n, 2 or 3), metres, are drawn: a round number.
 
-    Few are then longer than twice their ``spacing`` (m).
+    Few are then longer than one and a quarter of their ``spacing`` (m), so that they do not run over each other.
     """
     length = np.hypot(*motion[:, :2].T)
     longest = float(np.quantile(length, 0.95)) if len(length) else 0.1

@@ -41,6 +41,7 @@ from qgis.core import (
 from qgis.PyQt.QtCore import Qt
 from qgis.PyQt.QtGui import QColor
 
+from .legend_words import fit_names
 from .words import tr
 
 LAYOUT = "SlopeWatch"
@@ -56,15 +57,20 @@ _COLUMNS = (
     ("zone_id", "Zone", ""), ("slope", "Slope", ""), ("kind", "Kind", ""), ("severity", "Severity", ""),
     ("alert", "Alert", ""), ("area_m2", "Area", "m²"), ("dz_mean_m", "Mean change", "m"),
     ("rate_mm_day", "Rate", "mm/day"), ("vol_net_m3", "Volume", "m³"), ("vol_err_m3", "±", "m³"),
+    ("motion_m", "Motion", "m"), ("motion_err_m", "±", "m"),
     ("length_m", "Motion", "m"), ("length_err_m", "±", "m"), ("azimuth_deg", "Direction", "°"), ("route", "Route", ""),
     ("chain_from", "Chainage from", ""), ("chain_to", "Chainage to", ""),
 )  # fmt: skip
 """Fields of zones, what is said above them, and their unit."""
-_VALUES = {"kind": ("uplift", "subsidence"), "severity": ("high", "moderate", "low", "unsure")}
+_VALUES = {"kind": ("uplift", "subsidence", "sliding"), "severity": ("high", "moderate", "low", "unsure")}
 """Values that are shown in words of QGIS's language."""
-_DECIMALS = {"area_m2": 1, "dz_mean_m": 3, "rate_mm_day": 2, "vol_net_m3": 2, "vol_err_m3": 2, "length_m": 3,
-             "length_err_m": 3, "azimuth_deg": 0}  # fmt: skip
-_WIDE_COLUMNS = 9
+_DECIMALS = {
+    "area_m2": 1, "dz_mean_m": 3, "rate_mm_day": 2, "vol_net_m3": 2, "vol_err_m3": 2, "motion_m": 3, "motion_err_m": 3,
+    "length_m": 3, "length_err_m": 3, "azimuth_deg": 0,
+}  # fmt: skip
+_WIDE_COLUMNS = 10
+_LAYER_POINTS, _CLASS_POINTS = 8, 7
+"""Letters of the legend."""
 _NORTH = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 20 28"><path d="M10 1 L17 25 L10 20 L3 25 Z" fill="none" '
     'stroke="#222" stroke-width="1"/><path d="M10 1 L10 20 L3 25 Z" fill="#222"/></svg>'
@@ -177,8 +183,8 @@ def _add_legend(layout: QgsPrintLayout, drawn: QgsLayoutItemMap, box: Box) -> No
         _without_band(item, node)
     item.setLegendFilterByMapEnabled(True)  # of the classes of zones, those that are there
     for style, size in (
-        (QgsLegendStyle.Style.Title, 11), (QgsLegendStyle.Style.Group, 9), (QgsLegendStyle.Style.Subgroup, 8),
-        (QgsLegendStyle.Style.SymbolLabel, 7),
+        (QgsLegendStyle.Style.Title, 11), (QgsLegendStyle.Style.Group, 9),
+        (QgsLegendStyle.Style.Subgroup, _LAYER_POINTS), (QgsLegendStyle.Style.SymbolLabel, _CLASS_POINTS),
     ):  # fmt: skip
         legend_style = item.style(style)
         legend_style.setTextFormat(_format(size))
@@ -187,6 +193,7 @@ def _add_legend(layout: QgsPrintLayout, drawn: QgsLayoutItemMap, box: Box) -> No
     item.setSymbolHeight(2.6)
     item.setSymbolWidth(5.0)
     item.setWrapString("\n")
+    fit_names(item, box[2], (_LAYER_POINTS, _CLASS_POINTS))
     item.setResizeToContents(True)
     _place(layout, item, box)
     item.adjustBoxSize()
@@ -227,7 +234,7 @@ def _add_table(layout: QgsPrintLayout, zones: QgsVectorLayer, box: Box, rows: in
     for field, title, unit in shown:
         column = QgsLayoutTableColumn(f"{tr(title)} ({tr(unit)})" if unit else tr(title))
         decimals = _DECIMALS.get(field)
-        column.setAttribute(_in_words(field) if decimals is None else f'format_number("{field}", {decimals})')
+        column.setAttribute(_in_words(field) if decimals is None else _number(field, decimals))
         column.setHAlignment(Qt.AlignmentFlag.AlignLeft if decimals is None else Qt.AlignmentFlag.AlignRight)
         columns.append(column)
     table.setColumns(columns)
@@ -244,6 +251,11 @@ def _add_table(layout: QgsPrintLayout, zones: QgsVectorLayer, box: Box, rows: in
     if rows < zones.featureCount():
         words = tr("{0} of {1} zones").format(rows, zones.featureCount())
         _add_text(layout, words, (box[0] + box[2] - 40, box[1] - _GAP_MM, 40.0, _GAP_MM), 7)
+
+
+def _number(field: str, decimals: int) -> str:
+    """An expression for a field's values with so many decimals; what they make zero has no sign."""
+    return f'format_number(round("{field}", {decimals}) + 0, {decimals})'
 
 
 def _in_words(field: str) -> str:

@@ -56,11 +56,14 @@ _LAYERS: dict[tuple[str, str], tuple[str, str, bool]] = {
     ("corridor", "alerts"): ("Alerts", ZONES, True),
     ("corridor", "zones"): ("Zones of all slopes", ZONES, True),
     ("corridor", "slopes"): ("Slopes", ZONES, True),
+    ("displacement_vectors", "zones"): ("Zones of coherent motion", ZONES, True),
+    ("displacement_vectors", "velocities"): ("Velocity vectors along the surface", ZONES, True),
+    ("displacement_vectors", "vectors"): ("Displacement vectors", ZONES, True),
+    ("displacement_vectors", "steps"): ("Displacement vectors since the survey before", ZONES, False),
+    ("displacement_vectors", "one_direction"): ("Motion known in one direction", ZONES, False),
     ("series_zones", "zones"): ("Zones and alert levels", ZONES, True),
     ("series_zones", "series"): ("Zones survey by survey", ZONES, False),
     ("zones", "zones"): ("Hazard zones", ZONES, True),
-    ("displacement_vectors", "vectors"): ("Displacement vectors", ZONES, True),
-    ("displacement_vectors", "zones"): ("Zones of coherent motion", ZONES, True),
     ("profiles", "profiles"): ("Lines of the profiles", ZONES, True),
     ("zones", "footprints"): ("Footprints of the volumes", ZONES, False),
     ("screened_zones", "zones"): ("Screened zones", SCREENING, False),
@@ -95,6 +98,8 @@ _RASTERS: dict[str, tuple[str, str, bool]] = {
 }
 _HEIGHTS = "surface_heights"
 _HEIGHT_TITLES = ("Ground heights, earlier survey (m)", "Ground heights, later survey (m)")
+_ROW_A_SURVEY = {("displacement_vectors", "zones"), ("displacement_vectors", "vectors")}
+"""In a series these have a row a survey, which lie on each other without the temporal controller."""
 _OF_SURVEYS = re.compile(r"(cumulative|incremental)_(change|level)_\d+")
 _SPAN = re.compile(r"(\d{4}-\d{2}-\d{2})_(\d{4}-\d{2}-\d{2})$")
 _SURVEY_TITLES = {
@@ -158,8 +163,9 @@ def _days(record: dict[str, Any]) -> tuple[str, ...]:
 
 
 def _vectors(files: dict[str, Path]) -> list[Entry]:
+    hidden = _ROW_A_SURVEY if "series_zones" in files else set()
     return [
-        Entry(files[key], title, group, layer=layer, visible=visible)
+        Entry(files[key], title, group, layer=layer, visible=visible and (key, layer) not in hidden)
         for (key, layer), (title, group, visible) in _LAYERS.items()
         if key in files and files[key].suffix == ".gpkg"
     ]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import re
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +25,7 @@ from qgis.core import (
 )
 from qgis.PyQt.QtCore import QDate, QDateTime, Qt, QTime
 
+from .arrow_scale import named_with_scale
 from .elevation_layers import surfaces
 from .print_layout import Sheet, add_sheet
 from .project_contents import GROUPS, SURVEYS, ZONES, Contents, Entry
@@ -34,7 +34,6 @@ from .words import tr
 
 _LINES, _LINE_LOOK = "profiles", {"line_color": "20,20,20,255", "line_width": "0.4", "line_style": "dash"}
 """The layer of the profiles' lines, which has no style of its own, and how it is drawn."""
-_TIMES = re.compile(r'([\d.]+) \* "east_m"')
 _MARGIN = 0.05
 """Of the first view, around the layers: a share of their size."""
 
@@ -129,8 +128,7 @@ def _add(project: QgsProject, entry: Entry) -> list[QgsMapLayer]:
     if entry.layer == _LINES:
         layer.setRenderer(QgsSingleSymbolRenderer(QgsLineSymbol.createSimple(_LINE_LOOK)))
     translate_style(layer)
-    if times := _magnification(layer):
-        layer.setName(tr("{0}, drawn {1} times longer").format(title, times))
+    layer.setName(named_with_scale(layer, title))
     layer.setCustomProperty("slopewatch/output", entry.path.name)
     group = _group(project, entry)
     project.addMapLayer(layer, False)
@@ -142,20 +140,6 @@ def _add(project: QgsProject, entry: Entry) -> list[QgsMapLayer]:
         surfaces([tr(title) for title in entry.bands])(layer, project)
         return [layer, *(project.mapLayer(name) for name in set(project.mapLayers()) - before)]
     return [layer]
-
-
-def _magnification(layer: Any) -> str:
-    """How many times longer than in truth a style draws vectors; empty for another style."""
-    symbol = layer.renderer().symbol() if _has_one_symbol(layer) else None
-    for part in symbol.symbolLayers() if symbol is not None else ():
-        found = _TIMES.search(part.properties().get("geometryModifier", ""))
-        if found:
-            return f"{float(found[1]):g}"
-    return ""
-
-
-def _has_one_symbol(layer: Any) -> bool:
-    return isinstance(layer, QgsVectorLayer) and isinstance(layer.renderer(), QgsSingleSymbolRenderer)
 
 
 def _group(project: QgsProject, entry: Entry) -> QgsLayerTreeGroup:

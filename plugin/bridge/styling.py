@@ -20,6 +20,7 @@ from qgis.core import (
     QgsVectorLayer,
 )
 
+from .arrow_scale import named_with_scale
 from .translated_style import translate_style
 from .words import tr
 
@@ -43,13 +44,14 @@ class StylePostProcessor(QgsProcessingLayerPostProcessorInterface):
     # QGIS does not take ownership: a post-processor that Python has collected silently never runs.
     _kept: ClassVar[list[StylePostProcessor]] = []
 
-    def __init__(self, appearance: Appearance) -> None:
+    def __init__(self, appearance: Appearance, name: str = "") -> None:
         super().__init__()
-        self._appearance = appearance
+        self._appearance, self._name = appearance, name
 
     @classmethod
-    def create(cls, appearance: Appearance) -> StylePostProcessor:
-        instance = cls(appearance)
+    def create(cls, appearance: Appearance, name: str = "") -> StylePostProcessor:
+        """``name``: of the layer, to which the scale of its arrows is added; empty where people chose one."""
+        instance = cls(appearance, name)
         cls._kept.append(instance)
         del cls._kept[:-200]
         return instance
@@ -60,6 +62,8 @@ class StylePostProcessor(QgsProcessingLayerPostProcessorInterface):
         if message and not loaded:
             feedback.pushWarning(tr(f"The style of {layer.source()} could not be applied: {message}"))
         translate_style(layer)
+        if self._name:
+            layer.setName(named_with_scale(layer, self._name))
         layer.triggerRepaint()
         project = context.project() or QgsProject.instance()
         node = project.layerTreeRoot().findLayer(layer.id())
@@ -92,7 +96,7 @@ def style_on_completion(
     details.forceName = bool(name) or known.forceName
     details.groupName = tr(group) or known.groupName
     details.layerSortKey = appearance.order
-    details.setPostProcessor(StylePostProcessor.create(appearance))
+    details.setPostProcessor(StylePostProcessor.create(appearance, tr(name)))
     layers = {p: d for p, d in context.layersToLoadOnCompletion().items() if p != registered}
     layers[path] = details
     context.setLayersToLoadOnCompletion(layers)

@@ -15,6 +15,8 @@ BEFORE, AFTER = QColor("#8a8f98"), QColor("#24292f")
 LOWERED, RAISED = QColor("#b43628"), QColor("#2a6bae")
 RIBBON = QColor(140, 140, 140, 70)
 _GAP = 4.0  # pixels between an axis and its numbers
+_HEAD = 7.0  # pixels of an arrow's head
+_SHORTEST = 1.0  # pixels of an arrow that is drawn
 
 
 class Panel:
@@ -89,6 +91,23 @@ class Panel:
             self._painter.setBrush(colour)
             self._painter.drawEllipse(self._at(x, y), radius, radius)
             self._painter.setBrush(Qt.BrushStyle.NoBrush)
+
+    def arrow(self, begin: tuple[float, float], step: tuple[float, float], colour: QColor) -> None:
+        """An arrow from a place by a step of both axes."""
+        foot, tip = self._at(*begin), self._at(begin[0] + step[0], begin[1] + step[1])
+        along = tip - foot
+        length = math.hypot(along.x(), along.y())
+        if length < _SHORTEST:
+            return
+        head = min(_HEAD, 0.6 * length)
+        ahead = along / length
+        neck, aside = tip - ahead * head, QPointF(-ahead.y(), ahead.x()) * (0.42 * head)
+        self._painter.setPen(QPen(colour, 1.4))
+        self._painter.drawLine(foot, neck)
+        self._painter.setPen(Qt.PenStyle.NoPen)
+        self._painter.setBrush(colour)
+        self._painter.drawPolygon(QPolygonF([tip, neck + aside, neck - aside]))
+        self._painter.setBrush(Qt.BrushStyle.NoBrush)
 
     def _at(self, x: float, y: float) -> QPointF:
         return QPointF(self.across.at(x), self.up.at(y))

@@ -13,10 +13,13 @@ from ..bridge.words import tr
 from .axes import label, span, ticks
 from .chart_painter import AFTER, BEFORE, INK, LOWERED, RAISED, RIBBON, SOFT, Panel
 from .courses import Course
+from .section_arrows import LIFT, draw_alone, draw_over_surface, explain, note_width
 from .sections import Section
 
 _SMALLER = 0.85  # of the window's letters
 _EDGE = 10.0  # pixels around the whole
+_WORDS_GAP = 4.0  # pixels between a panel and the words over it
+_STRIP = 0.35  # of the chart, for arrows without heights
 
 
 class Chart(QWidget):
@@ -55,7 +58,7 @@ class Chart(QWidget):
 
 
 class SectionChart(Chart):
-    """Heights of both surveys above, the change with its level of detection as a ribbon below."""
+    """Heights of both surveys with the displacement vectors above, the change with its level of detection below."""
 
     section: Section | None = None
 
@@ -70,15 +73,32 @@ class SectionChart(Chart):
         area = _titled(painter, whole, section.name)
         across = span([p.distance for p in section.places], margin=0.0)
         if section.has_heights:
-            words = 1.6 * QFontMetricsF(painter.font()).height()  # between the panels
-            half = (area.height() - words) / 2
-            upper = QRectF(area.left(), area.top(), area.width(), half)
-            area = QRectF(area.left(), upper.bottom() + words, area.width(), half)
-            heights = span([h for p in section.places for h in (p.height_from, p.height_to)])
-            panel = Panel(painter, upper, across, heights)
-            panel.frame(ticks(*heights, 4), tr("height (m): grey before, black after"))
-            panel.line([(p.distance, p.height_from) for p in section.places], BEFORE)
-            panel.line([(p.distance, p.height_to) for p in section.places], AFTER)
+            upper, area = _parted(painter, area, 0.5)
+            self._draw_heights(painter, upper, across, section)
+        elif section.vectors:
+            upper, area = _parted(painter, area, _STRIP)
+            explain(painter, _row_above(painter, upper), section)
+            half = 0.5 * upper.height() / upper.width() * (across[1] - across[0])
+            draw_alone(Panel(painter, upper, across, (-half, half)), section)
+        self._draw_change(painter, area, across, section)
+
+    def _draw_heights(self, painter: QPainter, area: QRectF, across: tuple[float, float], section: Section) -> None:
+        words, metrics = tr("height (m): grey before, black after"), QFontMetricsF(painter.font())
+        low, high = span([h for p in section.places for h in (p.height_from, p.height_to)])
+        if section.vectors:
+            high += LIFT * (high - low)
+            note = _row_above(painter, area)
+            both = metrics.horizontalAdvance(words + "  ") + note_width(painter, section)
+            if both > area.width():  # a row of its own
+                area = area.adjusted(0, 1.2 * metrics.height(), 0, 0)
+            explain(painter, note, section)
+        panel = Panel(painter, area, across, (low, high))
+        panel.frame(ticks(low, high, 4), words)
+        panel.line([(p.distance, p.height_from) for p in section.places], BEFORE)
+        panel.line([(p.distance, p.height_to) for p in section.places], AFTER)
+        draw_over_surface(panel, section)
+
+    def _draw_change(self, painter: QPainter, area: QRectF, across: tuple[float, float], section: Section) -> None:
         known = [p for p in section.places if math.isfinite(p.change)]
         changes = span([v for p in known for v in (p.change, p.level, -p.level, 0.0)])
         panel = Panel(painter, area, across, changes)
@@ -141,6 +161,20 @@ def _titled(painter: QPainter, whole: QRectF, title: str) -> QRectF:
     letter = QFontMetricsF(font)
     left, top = letter.horizontalAdvance("-00.000") + _EDGE, _EDGE + 2.5 * letter.height()
     return whole.adjusted(left, top, -_EDGE, -_EDGE - 2.3 * letter.height())
+
+
+def _parted(painter: QPainter, area: QRectF, share: float) -> tuple[QRectF, QRectF]:
+    """The panels above, which takes a share of the height, and below, with room for words between them."""
+    words = 1.6 * QFontMetricsF(painter.font()).height()
+    height = share * (area.height() - words)
+    upper = QRectF(area.left(), area.top(), area.width(), height)
+    return upper, area.adjusted(0, height + words, 0, 0)
+
+
+def _row_above(painter: QPainter, area: QRectF) -> QRectF:
+    """Where the words over a panel stand."""
+    metrics = QFontMetricsF(painter.font())
+    return QRectF(area.left(), area.top() - _WORDS_GAP - metrics.ascent(), area.width(), metrics.height())
 
 
 def _known(value: float) -> float:

@@ -16,6 +16,7 @@ from qgis.core import (
 )
 
 from ..bridge.words import tr
+from .section_vectors import vectors_near
 from .sections import Place, Section
 
 MARGIN_M = 2.0
@@ -51,13 +52,15 @@ def sampled_section(folder: Path, zone: str, outline: QgsGeometry, crs: QgsCoord
     reach = [(v.x() - middle.x()) * east + (v.y() - middle.y()) * north for v in shape.vertices()]
     begin, end = min(reach) - MARGIN_M, max(reach) + MARGIN_M
     count = min(max(2, math.ceil((end - begin) / cell)), _LONGEST)
-    places = []
+    points = []
     for number in range(count + 1):
         along = begin + (end - begin) * number / count
-        point = QgsPointXY(middle.x() + along * east, middle.y() + along * north)
-        places.append(Place(along - begin, *(one(point) for one in read)))
+        points.append(QgsPointXY(middle.x() + along * east, middle.y() + along * north))
+    step = (end - begin) / count
+    places = [Place(number * step, *(one(point) for one in read)) for number, point in enumerate(points)]
     name = tr("Straight down the slope through {}") if down else tr("Along {}")
-    return Section(name.format(zone), tuple(places))
+    line = QgsGeometry.fromPolylineXY([points[0], points[-1]])
+    return Section(name.format(zone), tuple(places), vectors_near(folder, line, change.crs()))
 
 
 def _rasters(folder: Path) -> tuple[QgsRasterLayer | None, QgsRasterLayer | None]:

@@ -23,11 +23,21 @@ class Place:
 
 
 @dataclass(frozen=True)
+class SectionVector:
+    """Motion of the ground near a line, metres: where along it, by how much in its direction, and how much upwards."""
+
+    distance: float
+    along: float
+    up: float
+
+
+@dataclass(frozen=True)
 class Section:
-    """The cells along a line, in its order. ``name`` says which line it is."""
+    """The cells along a line, in its order. ``name`` says which line it is; ``vectors`` are the motions near it."""
 
     name: str
     places: tuple[Place, ...]
+    vectors: tuple[SectionVector, ...] = ()
 
     @property
     def has_heights(self) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from .charts import CourseChart, SectionChart
 from .courses import Course, course_of
 from .run_folder import run_folder
 from .sampled_section import sampled_section
+from .section_vectors import line_of, vectors_near
 from .sections import Section, sections_of
 from .zone_rows import ZoneRow
 
@@ -64,12 +66,13 @@ class ZoneCharts(QTabWidget):
 
 
 def section_of(folder: Path, layer: QgsVectorLayer, row: ZoneRow) -> Section | None:
-    """The section of a zone from the run's table, else from its rasters.
+    """The section of a zone from the run's table, else from its rasters, with the displacement vectors near it.
 
     Raises:
         ValueError, OSError: as of ``sections.sections_of``.
     """
     known = sections_of(folder, row.name)
     if known:
-        return known[0]
+        line = line_of(folder, known[0].name)
+        return known[0] if line is None else replace(known[0], vectors=vectors_near(folder, *line))
     return sampled_section(folder, row.name, layer.getFeature(row.feature).geometry(), layer.crs())

@@ -26,6 +26,7 @@ DOCS = sorted((ROOT / "docs").rglob("*.md"))
 DOCUMENTS = [*(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")), *DOCS]
 CHANGELOG = ROOT / "CHANGELOG.md"  # names commands and words of earlier releases
 LINE = 140
+LARGEST_PICTURE_BYTES = 300_000
 GLOSSARY = ROOT / "docs" / "glossary.md"
 STARTS = [ROOT / "README.md", ROOT / "docs" / "architecture.md"]
 FOLDERS = sorted(place.name for place in ROOT.iterdir() if place.is_dir() and place.name[0].isalpha())
@@ -184,6 +185,13 @@ def test_lines_fit(path):
 @pytest.mark.parametrize("path", [*DOCUMENTS, CHANGELOG], ids=lambda p: p.relative_to(ROOT).as_posix())
 def test_links_lead_somewhere(path):
     assert broken_links(path) == []
+
+
+def test_pictures_are_shown_and_small():
+    pictures = sorted((ROOT / "docs" / "images").iterdir())
+    shown = " ".join(path.read_text(encoding="utf-8") for path in DOCUMENTS)
+    assert [p.name for p in pictures if f"images/{p.name}" not in shown] == []
+    assert [p.name for p in pictures if p.stat().st_size > LARGEST_PICTURE_BYTES] == []
 
 
 @each

@@ -68,7 +68,7 @@ MOTION_LAYERS = {"Displacement vectors", "Zones of coherent motion", "Smallest m
 
 
 def test_the_styled_layers_are_on_the_map(session: dict[str, Any]) -> None:
-    loaded = {layer["name"]: layer for layer in session["layers"]}
+    loaded = {layer["name"].partition(" (arrows")[0]: layer for layer in session["layers"]}
     # motion along the surface is there only where a vector is significant, by chance on this slope
     assert set(loaded) & MOTION_LAYERS in (MOTION_LAYERS, {"Smallest motion that can be told (m)"})
     layers = {name: layer for name, layer in loaded.items() if name not in MOTION_LAYERS}

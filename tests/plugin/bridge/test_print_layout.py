@@ -1,0 +1,71 @@
+"""The sheet of a project: its legend stays within its column, its table says no negative zero."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from qgis.core import (
+    QgsCoordinateReferenceSystem,
+    QgsExpression,
+    QgsExpressionContext,
+    QgsExpressionContextUtils,
+    QgsFeature,
+    QgsGeometry,
+    QgsLayoutItemLegend,
+    QgsPrintLayout,
+    QgsProject,
+    QgsRectangle,
+    QgsVectorLayer,
+)
+from slopewatch.plugin.bridge.legend_words import in_lines
+from slopewatch.plugin.bridge.print_layout import LAYOUT, PAPERS, Sheet, _number, add_sheet
+
+EXTENT = QgsRectangle(500000, 4000000, 500060, 4000040)
+
+
+def sheet_of(*names: str, paper: str = "A4") -> tuple[QgsProject, QgsPrintLayout]:
+    """Of a project with a layer a name, each with one feature on the map."""
+    project = QgsProject()
+    project.setCrs(QgsCoordinateReferenceSystem("EPSG:32651"))
+    layers = []
+    for name in names:
+        layer = QgsVectorLayer("Polygon?crs=EPSG:32651", name, "memory")
+        feature = QgsFeature()
+        feature.setGeometry(QgsGeometry.fromRect(EXTENT))
+        layer.dataProvider().addFeature(feature)
+        layers.append(project.addMapLayer(layer))
+    add_sheet(project, Sheet("title", "subtitle", "author", "source", paper), EXTENT, layers, None)
+    return project, project.layoutManager().layoutByName(LAYOUT)
+
+
+@pytest.mark.parametrize("paper", ["A4", "A3"])
+@pytest.mark.parametrize("name", ["Velocity vectors along the surface of the slope (arrows: motion of 2000 days)",
+                                  "沿坡面的速度矢量在整个边坡上按全部测量的回归" * 2, "Zones"])  # fmt: skip
+def test_the_legend_stays_within_the_paper(qgis_app: Any, name: str, paper: str) -> None:
+    project, layout = sheet_of(name, "Hazard zones", paper=paper)
+    (legend,) = (item for item in layout.items() if isinstance(item, QgsLayoutItemLegend))
+    legend.adjustBoxSize()
+    right = legend.pos().x() + legend.rect().width()
+    assert right <= PAPERS[paper][0] - 8.0
+    project.clear()
+
+
+def test_words_are_broken_where_they_do_not_fit_and_nothing_is_lost(qgis_app: Any) -> None:
+    text = "0 mm/day (pale: within the cell's level of detection)"
+    assert in_lines(text, 200.0, 7) == text
+    lines = in_lines(text, 30.0, 7).split("\n")
+    assert len(lines) > 1
+    assert " ".join(lines) == text
+    assert in_lines("测" * 40, 30.0, 7).replace("\n", "") == "测" * 40
+    assert len(in_lines("测" * 40, 30.0, 7).split("\n")) >= 3
+
+
+@pytest.mark.parametrize(("value", "shown"), [(-0.0004, "0.00"), (-0.016, "-0.02"), (1.005e3, "1,005.00")])
+def test_what_is_rounded_to_zero_has_no_sign(qgis_app: Any, value: float, shown: str) -> None:
+    layer = QgsVectorLayer("Point?crs=EPSG:32651&field=rate:double", "zones", "memory")
+    feature = QgsFeature(layer.fields())
+    feature.setAttributes([value])
+    context = QgsExpressionContext(QgsExpressionContextUtils.globalProjectLayerScopes(layer))
+    context.setFeature(feature)
+    assert QgsExpression(_number("rate", 2)).evaluate(context) == shown
