@@ -28,7 +28,7 @@ from qgis.PyQt.QtCore import QDate, QDateTime, Qt, QTime
 
 from .elevation_layers import surfaces
 from .print_layout import Sheet, add_sheet
-from .project_contents import GROUPS, SURVEYS, ZONES, Contents, Entry
+from .project_contents import SURVEYS, ZONES, Contents, Entry
 from .translated_style import translate_style
 from .words import tr
 
@@ -159,19 +159,19 @@ def _has_one_symbol(layer: Any) -> bool:
 
 
 def _group(project: QgsProject, entry: Entry) -> QgsLayerTreeGroup:
-    root = project.layerTreeRoot()
-    for title in GROUPS:
-        if root.findGroup(tr(title)) is None and title == entry.group:
-            root.addGroup(tr(title)).setExpanded(entry.group in (ZONES, SURVEYS))
-    group = root.findGroup(tr(entry.group))
-    if not entry.survey:
-        return group
-    title = tr("Survey of {0}").format(entry.survey)
-    inner = group.findGroup(title)
-    if inner is None:
-        inner = group.addGroup(title)
-        inner.setExpanded(False)
-    return inner
+    group = _child(project.layerTreeRoot(), tr(entry.group), expanded=entry.group in (ZONES, SURVEYS))
+    title = entry.slope or (tr("Survey of {0}").format(entry.survey) if entry.survey else "")
+    return _child(group, title, expanded=False) if title else group
+
+
+def _child(parent: QgsLayerTreeGroup, title: str, *, expanded: bool) -> QgsLayerTreeGroup:
+    """The group of that title in ``parent`` itself: a slope may be called as a group elsewhere is."""
+    for node in parent.children():
+        if isinstance(node, QgsLayerTreeGroup) and node.name() == title:
+            return node
+    made = parent.addGroup(title)
+    made.setExpanded(expanded)
+    return made
 
 
 def _set_times(project: QgsProject, contents: Contents, layers: list[tuple[Entry, Any]]) -> None:

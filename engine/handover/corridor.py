@@ -1,0 +1,73 @@
+"""The slopes of a finished batch: where the results of each lie, and what becomes of links to them in a hand-over."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+
+from ..core.errors import InputError
+from ..core.messages import shown
+from ..report.record_shape import inside
+from .held import Held, HeldLayer, check_files, find_record
+
+SLOPES = "slopes"
+"""Layer of a corridor with a row a slope, and the folder of their parts in a hand-over."""
+_DONE = "done"
+
+
+@dataclass(frozen=True)
+class SlopeRun:
+    """A slope that is done.
+
+    ``name`` is that in the manifest, ``folder`` that of its part (safe on every system), ``record`` its run record,
+    and ``report`` its report's path as the corridor's page and layer name it.
+    """
+
+    name: str
+    folder: str
+    record: Path
+    report: str
+
+
+def slopes_of(held: Held) -> tuple[SlopeRun, ...]:
+    """The slopes whose results a batch's layer of slopes names; none where ``held`` is no batch's.
+
+    Raises:
+        InputError: the results of one are gone, or a file that its record names is.
+    """
+    layer = next((layer for layer in held.layers if layer.name == SLOPES), None)
+    if held.record["command"] != "batch" or layer is None or not {"slope", "state", "report"} <= set(layer.frame):
+        return ()
+    rows = layer.frame[layer.frame["state"] == _DONE]
+    found = []
+    for name, report in zip(rows["slope"].astype(str), rows["report"].astype(object), strict=True):
+        path = inside(held.folder, report) if isinstance(report, str) and report else None
+        if path is None:
+            continue
+        if not path.parent.is_dir():
+            raise InputError(f"{shown(path.parent)} is missing, though the corridor names it; run the batch again.")
+        found.append(SlopeRun(name, path.parent.parent.name, find_record(path.parent), report))
+    for slope in found:
+        check_files(slope.record)
+    return tuple(found)
+
+
+def reports_in_parts(slopes: Iterable[SlopeRun], *, are_there: bool) -> dict[str, str]:
+    """Where the reports of slopes lie in a hand-over, by where they lie in the batch; empty: not there."""
+    return {
+        slope.report: f"{SLOPES}/{slope.folder}/report/{PurePosixPath(slope.report).name}" if are_there else ""
+        for slope in slopes
+    }
+
+
+def with_reports(held: Held, reports: Mapping[str, str]) -> Held:
+    """The corridor whose layer of slopes names the reports where they are in the hand-over."""
+
+    def named(layer: HeldLayer) -> HeldLayer:
+        if layer.name != SLOPES or "report" not in layer.frame:
+            return layer
+        there = [reports.get(path, "") if isinstance(path, str) else "" for path in layer.frame["report"]]
+        return replace(layer, frame=layer.frame.assign(report=there))
+
+    return replace(held, layers=tuple(named(layer) for layer in held.layers))
