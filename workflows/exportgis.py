@@ -85,7 +85,7 @@ def export_step(
             "bytes": size,
             "layers": handover.layers,
             "rasters": handover.rasters,
-        }
+        } | ({"slopes": handover.slopes} if handover.slopes else {})
         run.facts["not_held"] = handover.not_held
         if rows is not None:  # last, so that no file is missing of what a database has
             run.figures |= _counts(rows.write(parameters, progress))

@@ -88,6 +88,11 @@ class HandOver:
         return replace(part, about=about, collection=(f"../../{_COLLECTION}", self._collection))
 
     @property
+    def slopes(self) -> int:
+        """How many slopes of a corridor are handed over with it."""
+        return len(self._slopes)
+
+    @property
     def _collection(self) -> str:
         """The collection's id: corridors differ by what they were made of."""
         return f"slopewatch-corridor-{str(self._held.record.get('made_of') or self._held.folder.name)[:12]}"

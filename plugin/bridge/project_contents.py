@@ -67,7 +67,6 @@ _LAYERS: dict[tuple[str, str], tuple[str, str, bool]] = {
     ("profiles", "profiles"): ("Lines of the profiles", ZONES, True),
     ("zones", "footprints"): ("Footprints of the volumes", ZONES, False),
     ("screened_zones", "zones"): ("Screened zones", SCREENING, False),
-    ("points", "points"): ("Core points of M3C2", CHANGE, False),
     ("located", "*"): ("Places on the road", ZONES, True),
     ("plan", "lines"): ("Flight lines", FLIGHT, True),
     ("plan", "waypoints"): ("Waypoints", FLIGHT, True),

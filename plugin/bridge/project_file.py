@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import html
 import re
 import zipfile
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from osgeo import gdal
 from qgis.core import (
     Qgis,
     QgsCoordinateReferenceSystem,
@@ -57,6 +60,23 @@ def write_project(contents: Contents, path: Path, sheet: Sheet) -> Made:
     Raises:
         ProjectError: a layer cannot be opened, or the file cannot be written or is not the same when it is read.
     """
+    with _no_side_files():
+        return _made(contents, path, sheet)
+
+
+@contextlib.contextmanager
+def _no_side_files() -> Iterator[None]:
+    """Without files of statistics (.aux.xml), which GDAL writes next to rasters that QGIS looks through."""
+    option = "GDAL_PAM_ENABLED"
+    before = gdal.GetConfigOption(option)
+    gdal.SetConfigOption(option, "NO")
+    try:
+        yield
+    finally:
+        gdal.SetConfigOption(option, before)
+
+
+def _made(contents: Contents, path: Path, sheet: Sheet) -> Made:
     project = QgsProject()
     project.setFilePathStorage(Qgis.FilePathType.Relative)
     project.setFileName(str(path))  # from here on layers are named from its folder
