@@ -10,7 +10,7 @@ from ..engine.core.errors import InputError
 from ..engine.core.progress import Progress
 from ..engine.handover import naming, stac
 from ..engine.handover.about import About
-from ..engine.handover.corridor import SLOPES, SlopeRun, reports_in_parts, slopes_of, with_reports
+from ..engine.handover.corridor import SLOPES, SlopeRun, no_reports, reports_in_parts, slopes_of, with_reports
 from ..engine.handover.held import Held, read_held
 from ..interface.parameters import HandoverParameters
 from .handover_formats import Part, prepared, write_part
@@ -39,9 +39,9 @@ class HandOver:
         self.not_held = held.missing()
         self._held, self._parameters, self._names, self._chosen = held, parameters, names, chosen
         self._progress = progress
-        slopes = slopes_of(held) if held.record["command"] == "batch" else ()
-        self._slopes = slopes if parameters.each_slope else ()
-        self._reports = reports_in_parts(slopes, are_there=bool(self._slopes) and "report" in chosen)
+        self._slopes = slopes_of(held) if parameters.each_slope else ()
+        there = self._slopes and "report" in chosen
+        self._reports = reports_in_parts(self._slopes) if there else no_reports(held)
         self._unknown = set(naming.unknown_names(held.layers, names))
         self._first = prepared(self._corridor_or_run(), parameters, names, chosen, Path(), progress)
 

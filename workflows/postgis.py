@@ -17,7 +17,7 @@ from ..engine.core.checksums import sha256
 from ..engine.core.errors import InputError
 from ..engine.core.progress import Progress
 from ..engine.crs.working_frame import horizontal
-from ..engine.handover.corridor import slopes_of
+from ..engine.handover.corridor import records_of_slopes
 from ..engine.handover.held import Held, read_record
 from ..engine.handover.postgis.address import Database
 from ..engine.handover.postgis.writing import Counts, Rows, hand_over
@@ -69,9 +69,9 @@ def for_database(database: Database, held: Held, fields: Path | None, progress: 
 
 def _road_points(held: Held, progress: Progress) -> dict[str, list[BaseGeometry | None]]:
     """For zones placed on a road, the nearest point of its centreline, if that still is as the run read it."""
-    given = _centrelines(held)
     found = {}
     try:
+        given = _centrelines(held)
         for layer in held.zones if given else ():
             places = layer.places
             if places is not None and len(places):
@@ -87,10 +87,10 @@ def _centrelines(held: Held) -> dict[str, _Centreline]:
     """The centreline of each slope of a corridor by its name; that of the run itself has none."""
     own = _centreline_of(held.record)
     found = {} if own is None else {"": own}
-    for slope in slopes_of(held):
-        line = _centreline_of(read_record(slope.record))
+    for slope, path in records_of_slopes(held).items():
+        line = _centreline_of(read_record(path))
         if line is not None:
-            found[slope.name] = line
+            found[slope] = line
     return found
 
 

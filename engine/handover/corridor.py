@@ -36,29 +36,41 @@ def slopes_of(held: Held) -> tuple[SlopeRun, ...]:
     Raises:
         InputError: the results of one are gone, or a file that its record names is.
     """
-    layer = next((layer for layer in held.layers if layer.name == SLOPES), None)
-    if held.record["command"] != "batch" or layer is None or not {"slope", "state", "report"} <= set(layer.frame):
-        return ()
-    rows = layer.frame[layer.frame["state"] == _DONE]
     found = []
-    for name, report in zip(rows["slope"].astype(str), rows["report"].astype(object), strict=True):
-        path = inside(held.folder, report) if isinstance(report, str) and report else None
-        if path is None:
-            continue
-        if not path.parent.is_dir():
-            raise InputError(f"{shown(path.parent)} is missing, though the corridor names it; run the batch again.")
-        found.append(SlopeRun(name, path.parent.parent.name, find_record(path.parent), report))
+    for name, report in _reports(held).items():
+        folder = (held.folder / report).parent
+        if not folder.is_dir():
+            raise InputError(f"{shown(folder)} is missing, though the corridor names it; run the batch again.")
+        found.append(SlopeRun(name, folder.parent.name, find_record(folder), report))
     for slope in found:
         check_files(slope.record)
     return tuple(found)
 
 
-def reports_in_parts(slopes: Iterable[SlopeRun], *, are_there: bool) -> dict[str, str]:
-    """Where the reports of slopes lie in a hand-over, by where they lie in the batch; empty: not there."""
-    return {
-        slope.report: f"{SLOPES}/{slope.folder}/report/{PurePosixPath(slope.report).name}" if are_there else ""
-        for slope in slopes
-    }
+def _reports(held: Held) -> dict[str, str]:
+    """The report of each slope that is done, as the layer names it."""
+    layer = next((layer for layer in held.layers if layer.name == SLOPES), None)
+    if held.record["command"] != "batch" or layer is None or not {"slope", "state", "report"} <= set(layer.frame):
+        return {}
+    rows = layer.frame[layer.frame["state"] == _DONE]
+    named = zip(rows["slope"].astype(str), rows["report"].astype(object), strict=True)
+    return {name: path for name, path in named if isinstance(path, str) and path and inside(held.folder, path)}
+
+
+def records_of_slopes(held: Held) -> dict[str, Path]:
+    """The run record of each slope of a batch that has one, by the slope's name; nothing more is looked at."""
+    records = {name: (held.folder / path).parent / "run.json" for name, path in _reports(held).items()}
+    return {name: path for name, path in records.items() if path.is_file()}
+
+
+def no_reports(held: Held) -> dict[str, str]:
+    """For each report of a slope that none of them lies in the hand-over, see ``reports_in_parts``."""
+    return dict.fromkeys(_reports(held).values(), "")
+
+
+def reports_in_parts(slopes: Iterable[SlopeRun]) -> dict[str, str]:
+    """Where the reports of slopes lie in a hand-over, by where they lie in the batch."""
+    return {slope.report: f"{SLOPES}/{slope.folder}/report/{PurePosixPath(slope.report).name}" for slope in slopes}
 
 
 def with_reports(held: Held, reports: Mapping[str, str]) -> Held:

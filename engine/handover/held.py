@@ -187,7 +187,7 @@ def read_held(run: Path) -> Held:
         record=record,
         rasters=rasters,
         tables={_name(path, folder): path for path in kept.values() if path.suffix == ".csv"},
-        pages={path.stem: path for path in pages},
+        pages={path.name: path for path in pages},
         clouds={_name(path, folder): path for path in files.values() if path.suffix in (".laz", ".las")},
         layers=layers,
         surfaces=surfaces,

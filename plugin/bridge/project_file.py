@@ -16,6 +16,7 @@ from qgis.core import (
     Qgis,
     QgsCoordinateReferenceSystem,
     QgsDateTimeRange,
+    QgsFillSymbol,
     QgsLayerTreeGroup,
     QgsLineSymbol,
     QgsMapLayer,
@@ -37,6 +38,8 @@ from .words import tr
 
 _LINES, _LINE_LOOK = "profiles", {"line_color": "20,20,20,255", "line_width": "0.4", "line_style": "dash"}
 """The layer of the profiles' lines, which has no style of its own, and how it is drawn."""
+_REGIONS, _REGION_LOOK = "slopes", {"style": "no", "outline_color": "60,60,60,255", "outline_width": "0.4"}
+"""The layer of a corridor's regions, which has none either: outlines, as they lie over the change."""
 _TIMES = re.compile(r'([\d.]+) \* "east_m"')
 _MARGIN = 0.05
 """Of the first view, around the layers: a share of their size."""
@@ -148,6 +151,8 @@ def _add(project: QgsProject, entry: Entry) -> list[QgsMapLayer]:
     layer.loadDefaultStyle()
     if entry.layer == _LINES:
         layer.setRenderer(QgsSingleSymbolRenderer(QgsLineSymbol.createSimple(_LINE_LOOK)))
+    if entry.layer == _REGIONS:
+        layer.setRenderer(QgsSingleSymbolRenderer(QgsFillSymbol.createSimple(_REGION_LOOK)))
     translate_style(layer)
     if times := _magnification(layer):
         layer.setName(tr("{0}, drawn {1} times longer").format(title, times))

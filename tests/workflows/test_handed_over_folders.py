@@ -99,6 +99,13 @@ def record_of_slope(folder: Path) -> dict[str, Any]:
     return dict(json.loads((folder / "run.json").read_text(encoding="utf-8")))
 
 
+def test_the_mosaic_of_a_corridor_has_the_colours_of_its_slopes(folders: dict[str, Path], corridor: Path) -> None:
+    (slope,) = (folders["batch"] / "slopes").glob("*/*/elevation_change.qml")
+    for folder in (folders["batch"], corridor / "rasters"):
+        assert (folder / "elevation_change.qml").read_bytes() == slope.read_bytes()
+    assert (corridor / "rasters" / "elevation_change.sld").is_file()
+
+
 def test_links_of_the_corridor_lead_to_the_reports_in_the_hand_over(
     folders: dict[str, Path], corridor: Path, tmp_path: Path
 ) -> None:
@@ -143,6 +150,16 @@ def test_the_collection_is_stac_by_its_own_library(corridor: Path) -> None:
     read.validate_all()
 
 
+def test_every_page_of_a_run_is_handed_over(folders: dict[str, Path], tmp_path: Path) -> None:
+    run = shutil.copytree(folders["change"], tmp_path / "run")
+    named = json.loads((run / "run.json").read_text(encoding="utf-8"))
+    named["outputs"]["report_pdf"] = "report.pdf"  # as of --pdf
+    (run / "run.json").write_text(json.dumps(named), encoding="utf-8")
+    (run / "report.pdf").write_bytes(b"%PDF-1.7")
+    hand_over(run, tmp_path / "out", formats="report")
+    assert {"report.html", "report.pdf"} <= {path.name for path in (tmp_path / "out" / "report").iterdir()}
+
+
 def test_a_slope_whose_results_are_gone_is_one_sentence(folders: dict[str, Path], tmp_path: Path) -> None:
     run = shutil.copytree(folders["batch"], tmp_path / "run")
     (folder,) = (run / "slopes" / next(p.name for p in (run / "slopes").iterdir() if p.name.startswith("B"))).iterdir()
@@ -185,3 +202,6 @@ def test_events_of_a_corridor_are_on_the_centrelines_of_its_slopes(folders: dict
         assert shapely.from_wkt(point).distance(shapely.Point(axis.interpolate(axis.project(centre)))) < 1e-6
     snapped = database.run("SELECT bool_and(snapped) FROM slopewatch.gdms_events WHERE start_chainage_m IS NOT NULL")
     assert snapped == [(True,)]
+    graded = dict(database.run("SELECT event_id, rmms_category FROM slopewatch.gdms_events"))
+    asked = dict(database.run("SELECT id, attention FROM slopewatch.events"))
+    assert {event: {1: "2.2", 2: "2.1"}.get(asked[event], "1") for event in graded} == graded
