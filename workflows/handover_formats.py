@@ -27,6 +27,7 @@ from ..interface.parameters import HandoverParameters
 _CLOUD_OPTIMISED = {"COMPRESS": "DEFLATE", "BLOCKSIZE": "512", "BIGTIFF": "IF_SAFER", "OVERVIEW_RESAMPLING": "AVERAGE"}
 _MOST_MOSAIC_CELLS = 100_000_000
 """Of a mosaic that is written as one raster; slopes far from one another have nothing but nodata between them."""
+_LINK = re.compile(r'<a href="(?P<to>[^"]*)">(?P<word>.*?)</a>', re.DOTALL)
 _NAMES = {
     "cog": "Cloud Optimized GeoTIFF", "gpkg": "GeoPackage", "geojson": "GeoJSON", "kml": "KML", "csv": "CSV",
     "dxf": "DXF", "landxml": "LandXML", "styles": "QML and SLD", "stac": "STAC", "report": "HTML", "copc": "COPC",
@@ -230,10 +231,14 @@ def _report(part: Part) -> list[str]:
 
 def _linked(page: str, reports: Mapping[str, str]) -> str:
     """A page whose links lead to where the reports lie in the hand-over; what does not lie there is no link."""
-    for ours, theirs in reports.items():
-        link = re.compile(f'<a href="{re.escape(ours)}">(.*?)</a>', re.DOTALL)
-        page = link.sub(lambda found, to=theirs: f'<a href="../{to}">{found[1]}</a>' if to else found[1], page)
-    return page
+
+    def led(found: re.Match[str]) -> str:
+        if found["to"] not in reports:
+            return found[0]
+        there = reports[found["to"]]
+        return f'<a href="../{there}">{found["word"]}</a>' if there else found["word"]
+
+    return _LINK.sub(led, page)
 
 
 def _copc(part: Part) -> list[str]:
