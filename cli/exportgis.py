@@ -26,9 +26,9 @@ from .options import PATH, Session, command, path_option
 def exportgis(session: Session, run: Path, output: Path | None, address: str, fields: Path | None) -> RunResult:
     """The results in the folder RUN as files of other systems, with metadata and checksums.
 
-    RUN is the folder of a finished inspect, change, series, screen, displacement, demchange, batch or m3c2, or the run
-    record in it. What it does not hold is not written. Give --output, --to or both; the database's password is best in
-    PGPASSWORD or ~/.pgpass.
+    RUN is the folder of a finished inspect, change, series, screen, displacement, demchange, batch, m3c2, locate,
+    planflight or compareflight, or the run record in it. What it does not hold is not written. Give --output, --to or
+    both; the database's password is best in PGPASSWORD or ~/.pgpass.
     """
     from ..workflows.exportgis import export_step
 

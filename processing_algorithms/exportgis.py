@@ -18,7 +18,7 @@ from .base import SlopeWatchAlgorithm
 from .values import Values
 
 _NAMES_FILTER = "Names of fields (*.csv *.json);;All files (*)"
-_RUN = "Output folder of a finished inspection, series, screening, corridor or single step."
+_RUN = "Output folder of a finished inspection, series, screening, corridor, flight plan or single step."
 _ARCHIVE = "Archive of all files with their checksums. A name that does not end in .zip is a folder. May be skipped."
 _DATABASE = (
     "PostgreSQL with PostGIS that zones, events and their history are added to: postgresql://user@host/database. "

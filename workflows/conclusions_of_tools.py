@@ -216,6 +216,24 @@ def _labels(f: Figures) -> list[str]:
     ]  # fmt: skip
 
 
+def _handed_over(f: Figures) -> list[str]:
+    return [
+        sentence(
+            "{} files were handed over, with {} layers and {} rasters.",
+            *(counted(f, name) for name in ("files", "layers", "rasters")),
+        ),
+        sentence("Among them are the results of {} slopes.", counted(f, "slopes")),
+        sentence(
+            "{} zones and {} events are in the database; {} entries are new in its history.",
+            *(counted(f, f"database_{name}") for name in ("zones", "events", "history")),
+        ),
+    ]
+
+
+def _project(f: Figures) -> list[str]:
+    return [sentence("The project has {} layers and a print layout.", counted(f, "layers"))]
+
+
 OF_TOOLS: dict[str, Callable[[Figures], list[str]]] = {
     "train": _train,
     "topview": _top_view,
@@ -223,6 +241,8 @@ OF_TOOLS: dict[str, Callable[[Figures], list[str]]] = {
     "planflight": _flight,
     "compareflight": _compared,
     "locate": _located,
+    "exportgis": _handed_over,
+    "createproject": _project,
     "exportlabelstudio": _tasks,
     "importlabelstudio": _labels,
     "simulate survey": _survey,

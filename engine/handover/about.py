@@ -24,6 +24,8 @@ _WHAT = {
     "series": "Change of a slope over a series of surveys", "screen": "Places of a slope that look raised or lowered",
     "displacement": "Displacement of a slope along its surface", "batch": "Change of the slopes of a road corridor",
     "demchange": "Change of a slope between elevation models", "m3c2": "Change of a slope along its normals",
+    "locate": "Places on the road", "planflight": "Plan of a survey's flight",
+    "compareflight": "A survey's flight compared with its plan",
 }  # fmt: skip
 _EDGE_POINTS = 21
 """Along each side of the extent, whose edges are bent on the globe."""
@@ -70,8 +72,8 @@ class About:
         return self.system.to_epsg()
 
 
-def describe(held: Held, title: str, organisation: str, email: str, licence: str) -> About:
-    """What there is to say of ``held``; an empty ``title`` is made of its folder and days.
+def describe(held: Held, title: str, organisation: str, email: str, licence: str, *, name: str = "") -> About:
+    """What there is to say of ``held``; an empty ``title`` is made of ``name``, else its folder, and days.
 
     Raises:
         InputError: its results have no reference system or no place.
@@ -88,7 +90,7 @@ def describe(held: Held, title: str, organisation: str, email: str, licence: str
     level = held.record.get("metrics", {}).get("lod_median_m")
     return About(
         identifier=run_id or f"slopewatch-{held.record['command']}",
-        title=title or f"{held.folder.name}: {what}{f', {span}' if span else ''}",
+        title=title or f"{name or held.folder.name}: {what}{f', {span}' if span else ''}",
         abstract=f"{what}{f', {span}' if span else ''}. {found} zone(s). No change above the level of detection is no "
         "statement that nothing moved.",
         organisation=organisation,

@@ -20,7 +20,7 @@ from ..core.arrays import Float
 from ..core.errors import EngineError
 from ..core.staged_outputs import atomic_output
 from ..grid.geotiff import Raster
-from .held import Held, HeldLayer
+from .held import Held, HeldLayer, stretches
 from .surfaces import Mesh, heights_at
 
 _APPLICATION = "SLOPEWATCH"
@@ -146,9 +146,8 @@ def _lifted(xy: Float, surface: Raster | None) -> Float:
 
 
 def _add_section(space: Modelspace, layer: str, xy: Float, heights: Float) -> None:
-    known = np.isfinite(heights)
-    if known.sum() > 1:
-        space.add_polyline3d(np.column_stack([xy, heights])[known], dxfattribs={"layer": layer})
+    for part in stretches(heights):  # nothing is drawn over a gap
+        space.add_polyline3d(np.column_stack([xy, heights])[part], dxfattribs={"layer": layer})
 
 
 def _add_vector(

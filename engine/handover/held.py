@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 import pyogrio
 import rasterio
+import shapely
 from pyproj import CRS
 from rasterio.errors import RasterioError
 
@@ -27,7 +28,10 @@ from ..grid.geotiff import Raster, read_raster
 from ..report.record_shape import inside
 from ..vector.geopackage import read_layer
 
-COMMANDS = ("inspect", "change", "series", "screen", "displacement", "demchange", "batch", "m3c2")
+COMMANDS = (
+    "inspect", "change", "series", "screen", "displacement", "demchange", "batch", "m3c2", "locate", "planflight",
+    "compareflight",
+)  # fmt: skip
 """Whose results can be handed over."""
 _MOST_NANOSECONDS = 2**63
 _RECORD = fields(
@@ -41,7 +45,9 @@ _RECORD = fields(
 )  # fmt: skip
 _NO_RECORD = "{path} is no run record that can be read ({why}); give the folder of a finished run."
 _SURFACES, _SECTIONS = "surface_heights", "profiles_table"
-_PICTURES = ("heatmap", "series_picture", "map", "screened_map")
+_STRAIGHT_M = 0.002
+"""A section's points within this of a straight line are on it: those of a table have three decimals."""
+_PICTURES = ("heatmap", "series_picture", "map", "screened_map", "picture")
 
 
 @dataclass(frozen=True)
@@ -67,6 +73,18 @@ class Section:
     distance: Float
     earlier: Float
     later: Float
+
+    @property
+    def bends(self) -> Float:
+        """The line (m, 2) that the points lie on: its ends, and where it changes its direction."""
+        return shapely.get_coordinates(shapely.simplify(shapely.LineString(self.xy), _STRAIGHT_M))
+
+
+def stretches(heights: Float) -> list[slice]:
+    """Where heights (n,) are known without a gap, over two points or more."""
+    known = np.concatenate([[False], np.isfinite(heights), [False]])
+    edges = np.flatnonzero(known[1:] != known[:-1]).reshape(-1, 2)
+    return [slice(int(first), int(after)) for first, after in edges if after - first > 1]
 
 
 @dataclass(frozen=True)
@@ -169,7 +187,7 @@ def read_held(run: Path) -> Held:
         record=record,
         rasters=rasters,
         tables={_name(path, folder): path for path in kept.values() if path.suffix == ".csv"},
-        pages={path.stem: path for path in pages},
+        pages={path.name: path for path in pages},
         clouds={_name(path, folder): path for path in files.values() if path.suffix in (".laz", ".las")},
         layers=layers,
         surfaces=surfaces,
@@ -177,6 +195,13 @@ def read_held(run: Path) -> Held:
         crs=_crs(layers, rasters.values()),
         days=_days(record),
     )
+
+
+def check_files(record_path: Path) -> None:
+    """Raise InputError if a run record cannot be used, or a file is gone that it names and that is handed over."""
+    record, folder = read_record(record_path), record_path.parent.absolute()
+    named = record["outputs"].items()
+    _there({key: path for key, name in named if (path := inside(folder, name)) is not None}, record["command"])
 
 
 def _there(files: Mapping[str, Path], command: str) -> dict[str, Path]:

@@ -21,7 +21,7 @@ from ..core.arrays import Float
 from ..core.errors import EngineError
 from ..core.staged_outputs import atomic_output
 from ..core.version import VERSION
-from .held import Held, HeldLayer, Section
+from .held import Held, HeldLayer, Section, stretches
 from .surfaces import Mesh
 
 NAMESPACE = "http://www.landxml.org/schema/LandXML-1.2"
@@ -34,7 +34,8 @@ _UNITS = {
 
 
 def write_landxml(path: Path, held: Held, meshes: Mapping[str, Mesh], title: str) -> None:
-    """Write the document; ``meshes`` are the ground by name."""
+    """Write the document; ``meshes`` are the ground by name, of which those without a triangle are left out."""
+    meshes = {name: mesh for name, mesh in meshes.items() if len(mesh.faces)}
     root = Element(f"{{{NAMESPACE}}}LandXML", _heading(held))
     SubElement(SubElement(root, _tag("Units")), _tag("Metric"), _UNITS)
     if held.crs is not None:
@@ -109,13 +110,13 @@ def _add_section(parent: Element, section: Section) -> None:
     alignment = SubElement(
         parent, _tag("Alignment"), name=section.name, length=f"{length:.3f}", staStart=f"{start:.3f}"
     )
-    _add_lines(SubElement(alignment, _tag("CoordGeom")), section.xy[[0, -1]])
+    _add_lines(SubElement(alignment, _tag("CoordGeom")), section.bends)
     profile = SubElement(alignment, _tag("Profile"), name=section.name)
     for name, heights in (("earlier", section.earlier), ("later", section.later)):
-        known = np.isfinite(heights)
-        if known.sum() > 1:
-            pairs = np.column_stack([section.distance, heights])[known].tolist()
-            drawn = SubElement(profile, _tag("ProfSurf"), name=name)
+        known = stretches(heights)
+        drawn = SubElement(profile, _tag("ProfSurf"), name=name) if known else profile
+        for part in known:  # a list each, as the schema has it for gaps
+            pairs = np.column_stack([section.distance, heights])[part].tolist()
             SubElement(drawn, _tag("PntList2D")).text = " ".join(
                 f"{station:.3f} {height:.3f}" for station, height in pairs
             )

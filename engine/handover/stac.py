@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -36,12 +36,18 @@ _KINDS = {"u": "unsigned", "i": "signed", "f": "floating"}
 _ROLES = {".qml": "style", ".sld": "style", ".html": "overview", ".png": "overview", ".pdf": "overview"}
 
 
-def write_item(path: Path, about: About, folder: Path, files: Iterable[str]) -> None:
-    """Write the item; ``files`` are the names of the assets from ``folder``, in which the item lies, too."""
+def write_item(
+    path: Path, about: About, folder: Path, files: Iterable[str], collection: tuple[str, str] | None = None
+) -> None:
+    """Write the item; ``files`` are the names of the assets from ``folder``, in which the item lies, too.
+
+    Args:
+        collection: path from the item, and id, of the collection that the item belongs to.
+    """
     assets = {name: _asset(folder / name, name) for name in sorted(files)}
     points = [_points(folder / name) for name in sorted(files) if name.endswith(_CLOUDS)]
     days = about.days or (about.stamp,)
-    document = {
+    document: dict[str, Any] = {
         "type": "Feature",
         "stac_version": "1.1.0",
         "stac_extensions": [FILE, PROJECTION, RASTER, *([POINTS] if points else [])],
@@ -65,6 +71,55 @@ def write_item(path: Path, about: About, folder: Path, files: Iterable[str]) -> 
         "links": [],
         "assets": assets,
     }
+    if collection is not None:
+        href, identifier = collection
+        document["collection"] = identifier
+        document["links"] = [_link(word, href) for word in ("root", "parent", "collection")]
+    _write(path, document)
+
+
+def write_collection(path: Path, identifier: str, items: Sequence[tuple[str, About]]) -> None:
+    """Write the collection of items.
+
+    Args:
+        identifier: the collection's id.
+        items: path of each from the collection, and what it says; the first speaks for all of them.
+    """
+    first = items[0][1]
+    boxes = [about.globe for _, about in items]
+    whole = [min(b[0] for b in boxes), min(b[1] for b in boxes), max(b[2] for b in boxes), max(b[3] for b in boxes)]
+    spans = [_span(about) for _, about in items]
+    document = {
+        "type": "Collection",
+        "stac_version": "1.1.0",
+        "id": identifier,
+        "title": first.title,
+        "description": first.abstract,
+        "license": "other",
+        **_providers(first),
+        "extent": {
+            "spatial": {"bbox": [whole, *map(list, boxes)] if len(boxes) > 1 else [whole]},
+            "temporal": {"interval": [[min(s[0] for s in spans), max(s[1] for s in spans)]]},
+        },
+        "links": [
+            _link("root", "./collection.json"),
+            *(_link("item", href, "application/geo+json", about.title) for href, about in items),
+        ],
+    }
+    _write(path, document)
+
+
+def _span(about: About) -> tuple[str, str]:
+    """From the first day of the surveys to the end of the last; such texts stand in the order of time."""
+    days = about.days or (about.stamp,)
+    return f"{days[0]}T00:00:00Z", f"{days[-1]}T23:59:59Z"
+
+
+def _link(relation: str, href: str, kind: str = "application/json", title: str = "") -> dict[str, str]:
+    return {"rel": relation, "href": href, "type": kind, **({"title": title} if title else {})}
+
+
+def _write(path: Path, document: Mapping[str, Any]) -> None:
     with atomic_output(path) as partial:
         text = json.dumps(plain(document), indent=1, ensure_ascii=True, allow_nan=False)
         partial.write_text(text + "\n", encoding="utf-8")

@@ -42,14 +42,16 @@ def write_package(path: Path, layers: Sequence[HeldLayer], *, stamp: date | None
 
 
 def _declared(frame: pd.DataFrame) -> str | None:
-    """The kind of places that a layer declares: with parts where any has some."""
+    """The kind of places that a layer declares: with parts, or heights, where any has some."""
     if not isinstance(frame, gpd.GeoDataFrame):
         return None
-    kinds = {kind for kind in shapely.get_type_id(frame.geometry.to_numpy()).tolist() if kind >= 0}
+    shapes = frame.geometry.to_numpy()
+    kinds = {kind for kind in shapely.get_type_id(shapes).tolist() if kind >= 0}
     if not kinds:
         return "MultiPolygon"
     most = max(kinds)
-    return _KINDS.get(most, "Unknown") if kinds <= {most, most - 3} else "Unknown"
+    kind = _KINDS.get(most, "Unknown") if kinds <= {most, most - 3} else "Unknown"
+    return f"{kind} Z" if kind != "Unknown" and shapely.has_z(shapes).any() else kind
 
 
 def on_the_globe(layer: HeldLayer) -> gpd.GeoDataFrame | None:

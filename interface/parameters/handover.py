@@ -23,6 +23,12 @@ class HandoverParameters(ParameterSet, record_name="handover", title="Hand over"
         "(zones, sections and ground), styles (QML and SLD), iso (metadata), stac (catalogue item), report, copc "
         "(clouds).",
     )
+    each_slope: bool = _parameter(
+        True,
+        "With each slope of a corridor",
+        "Of a corridor, also hands over the results of each of its slopes, in a folder of its own. Off: only what all "
+        "slopes show together, which is smaller.",
+    )
     surface_points: int = _parameter(
         10_000,
         "Points of a ground surface",

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass
+import sqlite3
+from contextlib import closing
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-ZONES, CHANGE, SURVEYS, SCREENING, TABLES, MORE = (
-    "Zones and sections", "Change", "Surveys", "Screening", "Tables", "More",
+ZONES, CHANGE, SURVEYS, SCREENING, SLOPES, FLIGHT, TABLES, MORE = (
+    "Zones and sections", "Change", "Surveys", "Screening", "Slopes", "Flight", "Tables", "More",
 )  # fmt: skip
-GROUPS = (ZONES, CHANGE, SCREENING, SURVEYS, TABLES, MORE)
+GROUPS = (ZONES, CHANGE, SCREENING, FLIGHT, SLOPES, SURVEYS, TABLES, MORE)
 """From the top of the layer tree."""
 Days = tuple[str, str]
 
@@ -26,7 +28,7 @@ class Entry:
 
     ``layer`` is that of a GeoPackage, ``bands`` the titles of a raster's bands where each becomes a layer of heights,
     ``days`` when it is shown by the temporal controller: after the first until the second. ``survey`` is the day of the
-    group below ``group``, empty for none.
+    group below ``group``, empty for none; ``slope`` the name of such a group instead, of a slope of a corridor.
     """
 
     path: Path
@@ -37,6 +39,7 @@ class Entry:
     visible: bool = False
     days: Days | None = None
     bands: tuple[str, ...] = ()
+    slope: str = ""
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,13 @@ _LAYERS: dict[tuple[str, str], tuple[str, str, bool]] = {
     ("profiles", "profiles"): ("Lines of the profiles", ZONES, True),
     ("zones", "footprints"): ("Footprints of the volumes", ZONES, False),
     ("screened_zones", "zones"): ("Screened zones", SCREENING, False),
+    ("located", "*"): ("Places on the road", ZONES, True),
+    ("plan", "lines"): ("Flight lines", FLIGHT, True),
+    ("plan", "waypoints"): ("Waypoints", FLIGHT, True),
+    ("plan", "places"): ("What the plan promises", FLIGHT, False),
+    ("comparison", "lines"): ("Flight lines as planned", FLIGHT, True),
+    ("comparison", "flown"): ("Way flown", FLIGHT, True),
+    ("comparison", "places"): ("Places promised and reached", FLIGHT, True),
     ("zones", "volumes"): ("Volumes", TABLES, False),
 }
 _RASTERS: dict[str, tuple[str, str, bool]] = {
@@ -95,6 +105,10 @@ _RASTERS: dict[str, tuple[str, str, bool]] = {
     "heatmap_raster": ("Heatmap", MORE, False),
     "point_counts": ("Ground points in each cell", MORE, False),
     "top_view": ("Top view", SURVEYS, True),
+    "expected_ground": ("Expected ground returns (1/m²)", FLIGHT, True),
+    "expected_returns": ("Expected returns (1/m²)", FLIGHT, False),
+    "expected_level": ("Expected level of detection (m)", FLIGHT, False),
+    "expected_motion": ("Smallest motion that is expected to show (m)", FLIGHT, False),
 }
 _HEIGHTS = "surface_heights"
 _HEIGHT_TITLES = ("Ground heights, earlier survey (m)", "Ground heights, later survey (m)")
@@ -124,6 +138,20 @@ def read_contents(run: str) -> Contents:
         if len(several) != 1:
             raise NoRunError(f"{run} holds no run.json, so no finished run; give the output folder of a run.")
         record_path = several[0]
+    command, days, files, entries = _read(record_path)
+    folder = record_path.parent.absolute()
+    if command == "batch" and "corridor" in files:
+        of_slopes, days = _of_slopes(folder, files["corridor"])
+        entries += of_slopes
+    if not entries:
+        raise NoRunError(f"{folder} holds no layers, or they are gone; make the run of {command} again.")
+    order = sorted(entries, key=lambda e: GROUPS.index(e.group))
+    main = (e for key, name in _MAIN for e in entries if e.path == files.get(key) and e.layer == name)
+    return Contents(folder, folder.name, command, days, tuple(order), next(main, None))
+
+
+def _read(record_path: Path) -> tuple[str, tuple[str, ...], dict[str, Path], list[Entry]]:
+    """The command of a run record, the days of its surveys, the files that are there, and the layers in them."""
     try:
         record = json.loads(record_path.read_text(encoding="utf-8"))
         outputs = {str(key): str(name) for key, name in record["outputs"].items()}
@@ -133,12 +161,27 @@ def read_contents(run: str) -> Contents:
     folder = record_path.parent.absolute()
     days = _days(record)
     files = {key: folder / name for key, name in outputs.items() if _is_inside(name) and (folder / name).is_file()}
-    entries = [*_vectors(files), *_rasters(files, days)]
-    if not entries:
-        raise NoRunError(f"{folder} holds no layers, or they are gone; make the run of {command} again.")
-    order = sorted(entries, key=lambda e: GROUPS.index(e.group))
-    main = (e for key, name in _MAIN for e in entries if e.path == files.get(key) and e.layer == name)
-    return Contents(folder, folder.name, command, days, tuple(order), next(main, None))
+    return command, days, files, [*_vectors(files), *_rasters(files, days)]
+
+
+def _of_slopes(folder: Path, corridor: Path) -> tuple[list[Entry], tuple[str, ...]]:
+    """What the project of each slope shows at first, in a group of its name and off; days of all surveys."""
+    try:
+        with closing(sqlite3.connect(f"{corridor.absolute().as_uri()}?mode=ro", uri=True)) as database:
+            query = "SELECT slope, report FROM slopes WHERE state = 'done' ORDER BY place"
+            rows = [(str(slope), str(report or "")) for slope, report in database.execute(query)]
+    except sqlite3.Error:  # an older corridor has no such layer
+        return [], ()
+    found: list[Entry] = []
+    surveyed: set[str] = set()
+    for slope, report in rows:
+        record = (folder / report).parent / "run.json"
+        if report and _is_inside(report) and record.is_file():
+            _, days, _, entries = _read(record)
+            surveyed.update(days)
+            shown = [entry for entry in entries if entry.visible] or [e for e in entries if e.group == SCREENING]
+            found += [replace(entry, group=SLOPES, survey="", slope=slope, visible=False) for entry in shown]
+    return found, tuple(sorted(surveyed))
 
 
 def _is_of_results(record: Path) -> bool:
@@ -165,10 +208,21 @@ def _days(record: dict[str, Any]) -> tuple[str, ...]:
 def _vectors(files: dict[str, Path]) -> list[Entry]:
     hidden = _ROW_A_SURVEY if "series_zones" in files else set()
     return [
-        Entry(files[key], title, group, layer=layer, visible=visible and (key, layer) not in hidden)
+        Entry(files[key], title, group, layer=name, visible=visible and (key, layer) not in hidden)
         for (key, layer), (title, group, visible) in _LAYERS.items()
         if key in files and files[key].suffix == ".gpkg"
+        for name in (_names(files[key]) if layer == "*" else [layer])
     ]
+
+
+def _names(package: Path) -> list[str]:
+    """Names of the layers of a GeoPackage."""
+    try:
+        with closing(sqlite3.connect(f"{package.absolute().as_uri()}?mode=ro", uri=True)) as database:
+            query = "SELECT table_name FROM gpkg_contents WHERE data_type = 'features' ORDER BY table_name"
+            return [str(row[0]) for row in database.execute(query)]
+    except sqlite3.Error:
+        return []
 
 
 def _rasters(files: dict[str, Path], days: tuple[str, ...]) -> list[Entry]:

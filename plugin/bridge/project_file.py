@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import html
 import zipfile
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from osgeo import gdal
 from qgis.core import (
     Qgis,
     QgsCoordinateReferenceSystem,
     QgsDateTimeRange,
+    QgsFillSymbol,
     QgsLayerTreeGroup,
     QgsLineSymbol,
     QgsMapLayer,
@@ -28,12 +32,14 @@ from qgis.PyQt.QtCore import QDate, QDateTime, Qt, QTime
 from .arrow_scale import named_with_scale
 from .elevation_layers import surfaces
 from .print_layout import Sheet, add_sheet
-from .project_contents import GROUPS, SURVEYS, ZONES, Contents, Entry
+from .project_contents import SURVEYS, ZONES, Contents, Entry
 from .translated_style import translate_style
 from .words import tr
 
 _LINES, _LINE_LOOK = "profiles", {"line_color": "20,20,20,255", "line_width": "0.4", "line_style": "dash"}
 """The layer of the profiles' lines, which has no style of its own, and how it is drawn."""
+_REGIONS, _REGION_LOOK = "slopes", {"style": "no", "outline_color": "60,60,60,255", "outline_width": "0.4"}
+"""The layer of a corridor's regions, which has none either: outlines, as they lie over the change."""
 _MARGIN = 0.05
 """Of the first view, around the layers: a share of their size."""
 
@@ -56,6 +62,23 @@ def write_project(contents: Contents, path: Path, sheet: Sheet) -> Made:
     Raises:
         ProjectError: a layer cannot be opened, or the file cannot be written or is not the same when it is read.
     """
+    with _no_side_files():
+        return _made(contents, path, sheet)
+
+
+@contextlib.contextmanager
+def _no_side_files() -> Iterator[None]:
+    """Without files of statistics (.aux.xml), which GDAL writes next to rasters that QGIS looks through."""
+    option = "GDAL_PAM_ENABLED"
+    before = gdal.GetConfigOption(option)
+    gdal.SetConfigOption(option, "NO")
+    try:
+        yield
+    finally:
+        gdal.SetConfigOption(option, before)
+
+
+def _made(contents: Contents, path: Path, sheet: Sheet) -> Made:
     project = QgsProject()
     project.setFilePathStorage(Qgis.FilePathType.Relative)
     project.setFileName(str(path))  # from here on layers are named from its folder
@@ -127,6 +150,8 @@ def _add(project: QgsProject, entry: Entry) -> list[QgsMapLayer]:
     layer.loadDefaultStyle()
     if entry.layer == _LINES:
         layer.setRenderer(QgsSingleSymbolRenderer(QgsLineSymbol.createSimple(_LINE_LOOK)))
+    if entry.layer == _REGIONS:
+        layer.setRenderer(QgsSingleSymbolRenderer(QgsFillSymbol.createSimple(_REGION_LOOK)))
     translate_style(layer)
     layer.setName(named_with_scale(layer, title))
     layer.setCustomProperty("slopewatch/output", entry.path.name)
@@ -143,19 +168,19 @@ def _add(project: QgsProject, entry: Entry) -> list[QgsMapLayer]:
 
 
 def _group(project: QgsProject, entry: Entry) -> QgsLayerTreeGroup:
-    root = project.layerTreeRoot()
-    for title in GROUPS:
-        if root.findGroup(tr(title)) is None and title == entry.group:
-            root.addGroup(tr(title)).setExpanded(entry.group in (ZONES, SURVEYS))
-    group = root.findGroup(tr(entry.group))
-    if not entry.survey:
-        return group
-    title = tr("Survey of {0}").format(entry.survey)
-    inner = group.findGroup(title)
-    if inner is None:
-        inner = group.addGroup(title)
-        inner.setExpanded(False)
-    return inner
+    group = _child(project.layerTreeRoot(), tr(entry.group), expanded=entry.group in (ZONES, SURVEYS))
+    title = entry.slope or (tr("Survey of {0}").format(entry.survey) if entry.survey else "")
+    return _child(group, title, expanded=False) if title else group
+
+
+def _child(parent: QgsLayerTreeGroup, title: str, *, expanded: bool) -> QgsLayerTreeGroup:
+    """The group of that title in ``parent`` itself: a slope may be called as a group elsewhere is."""
+    for node in parent.children():
+        if isinstance(node, QgsLayerTreeGroup) and node.name() == title:
+            return node
+    made = parent.addGroup(title)
+    made.setExpanded(expanded)
+    return made
 
 
 def _set_times(project: QgsProject, contents: Contents, layers: list[tuple[Entry, Any]]) -> None:

@@ -144,8 +144,8 @@ FROZEN_PARAMETERS = {
         *INPUT, *OUTPUT, "OUTPUT",
     ],
     "exportgis": [
-        "INPUT", "FIELDS", "TO", "FORMATS", "SURFACE_POINTS", "METADATA_TITLE", "ORGANISATION", "EMAIL", "LICENCE",
-        "SCHEMA", "SRID", *OUTPUT, "OUTPUT",
+        "INPUT", "FIELDS", "TO", "FORMATS", "EACH_SLOPE", "SURFACE_POINTS", "METADATA_TITLE", "ORGANISATION", "EMAIL",
+        "LICENCE", "SCHEMA", "SRID", *OUTPUT, "OUTPUT",
     ],
     "createproject": ["INPUT", "PROJECT_TITLE", "AUTHOR", "PAPER", *OUTPUT, "OUTPUT"],
     "planflight": [

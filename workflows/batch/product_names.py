@@ -10,6 +10,7 @@ GEOPACKAGE, PARQUET, MOSAIC, CATALOGUE, PAGE, PAGE_PDF = (
     "corridor.html",
     "corridor.pdf",
 )
-BATCH_OUTPUTS = (GEOPACKAGE, PARQUET, MOSAIC, CATALOGUE, PAGE, PAGE_PDF, "run.json")
+MOSAIC_STYLE = "elevation_change.qml"
+BATCH_OUTPUTS = (GEOPACKAGE, PARQUET, MOSAIC, MOSAIC_STYLE, CATALOGUE, PAGE, PAGE_PDF, "run.json")
 SOURCES = (("zones", "change"), ("series_zones", "series"), ("screened_zones", "screening"))
 """Key of an output of a slope with a layer of zones, and the word for it."""

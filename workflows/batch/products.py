@@ -32,7 +32,7 @@ from . import alert_events, corridor_zones
 from .catalogue import MadeCloud, item_collection
 from .jobs import Slope
 from .mosaic import mosaic, read_tile
-from .product_names import CATALOGUE, GEOPACKAGE, MOSAIC, PAGE, PAGE_PDF, PARQUET
+from .product_names import CATALOGUE, GEOPACKAGE, MOSAIC, MOSAIC_STYLE, PAGE, PAGE_PDF, PARQUET
 from .ranking import Ranked, rank
 from .regions_on_roads import Road, placed_regions
 from .results import SlopeResult
@@ -228,6 +228,7 @@ def _write_mosaic(run: Run, results: Sequence[SlopeResult]) -> None:
             rasters.append(read_tile(result.outputs[last]))
     if not rasters:
         run.stage.discard(MOSAIC)
+        run.stage.discard(MOSAIC_STYLE)
         return
     text, left_out = mosaic(rasters, run.stage.directory)
     if left_out:
@@ -236,6 +237,10 @@ def _write_mosaic(run: Run, results: Sequence[SlopeResult]) -> None:
         )
     # checked where it will lie: its rasters are named from there
     run.stage.path(MOSAIC).write_text(text, encoding="utf-8")
+    # without a style it is grey; the slopes' colours differ in nothing but where they end
+    styles = [style for tile in rasters if (style := tile.path.with_suffix(".qml")).is_file()]
+    if styles:
+        run.stage.path(MOSAIC_STYLE).write_bytes(styles[0].read_bytes())
     run.outputs["mosaic"] = run.stage.final(MOSAIC)
 
 

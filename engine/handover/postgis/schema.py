@@ -47,8 +47,8 @@ HISTORY = {
     "run_id": "text NOT NULL REFERENCES runs", "software": "text NOT NULL", "day": "date", "state": "text NOT NULL",
     "state_reason": "text", "reviewer": "text", "remarks": "text", "entered": "timestamptz NOT NULL DEFAULT now()",
 }  # fmt: skip
-SAFETY_CRITICAL = 3
-"""Attention from which an event is proposed as safety critical: inspect within days."""
+SAFETY_CRITICAL, SEVERE = 3, 2
+"""Attention from which an event is proposed as safety critical: inspect within days; and as the worse of the others."""
 _MORE = (
     "CREATE INDEX ON zones USING gist (shape)", "CREATE INDEX ON events USING gist (shape)",
     "CREATE INDEX ON event_history (event, id)",
@@ -58,7 +58,8 @@ _MORE = (
         ST_Y(coalesce(e.road_point, ST_PointOnSurface(e.shape))) AS northing,
         e.road_point IS NOT NULL AS snapped, e.route AS road_section, e.carriageway, e.chain_from AS start_chainage_m,
         e.chain_to AS end_chainage_m, initcap(e.side) AS side, e.offset_m, e.location AS location_description,
-        CASE WHEN e.attention >= {SAFETY_CRITICAL} THEN '1' ELSE '2.1' END AS rmms_category,
+        CASE WHEN e.attention >= {SAFETY_CRITICAL} THEN '1' WHEN e.attention >= {SEVERE} THEN '2.1' ELSE '2.2' END
+            AS rmms_category,
         concat_ws('; ', e.slope, nullif(e.kind, ''), nullif(e.reason, ''), nullif(e.remarks, '')) AS description,
         e.raised_on AS date_raised, e.last_on AS date_last_seen, e.ended_on AS date_ended, e.state AS status,
         h.day AS status_survey, h.reviewer AS edited_by, h.entered AS edited, h.run_id AS edited_by_run,
