@@ -201,7 +201,8 @@ def centreline_parameter(*, optional: bool = True) -> QgsProcessingParameterDefi
             "CENTRELINE", "Road: centreline" if optional else "Centreline", [LINE], optional=optional
         ),
         "Lines of the road's axis in any reference system, with their route and chainages in the fields route, "
-        "carriageway, chain_from and chain_to, with M values, or without. Zones get route, chainage, side and offset from it.",
+        "carriageway, chain_from and chain_to, with M values, or without. Zones get route, chainage, side and "
+        "offset from it.",
         advanced=optional,
     )
     return in_group(parameter, "Road" if optional else "")

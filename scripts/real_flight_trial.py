@@ -107,6 +107,8 @@ def run_flight(path: Path, strip: int, last: int, folder: Path) -> dict[str, obj
         is_ground = np.ones(len(first), dtype=bool)  # a cloud of ground alone
     own, earlier = flown.source == strip, flown.source == last
     track = track_from_angles(cloud.xyz[own], flown.seconds[own], flown.angle[own])
+    if track is None:  # angles counted to the left
+        track = track_from_angles(cloud.xyz[own], flown.seconds[own], -flown.angle[own])
     assert track is not None
     way = straight(track)
     terrain = terrain_of_points(cloud.xyz[is_ground], cloud.crs, path, 10.0)

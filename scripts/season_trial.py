@@ -3,8 +3,8 @@
     .venv/bin/python scripts/season_trial.py FOLDER
 
 One simulated slope is surveyed in four months with plants of its own in each: 70 % of it covered in July, 50 % in
-October, 20 % in February and April. `ground` extracts the ground of each, as of a real survey; the truth is the share of
-pulses that the simulation let reach the ground.
+October, 20 % in February and April. `ground` extracts the ground of each, as of a real survey; the truth is the share
+of pulses that the simulation let reach the ground.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from ..grid.grid import Grid
 from ..pointcloud.times import Flown
 from .flown_lines import FLOWN_SHARE, SEEN_SHARE, FlownLine, flown_lines
 from .flown_places import Reached, counts_of, reached_of
-from .flown_tracks import Track, strips_of, track_from_angles
+from .flown_tracks import Track, on_both_sides, strips_of, track_from_angles
 
 
 @dataclass(frozen=True)
@@ -66,15 +66,13 @@ def compared(
     Without a trajectory the carrier's way is that which the scan angles show, strip by strip.
     """
     strip = strips_of(flown.source, flown.seconds)
-    tracks = [] if trajectory is None else [trajectory]
-    placed: set[int] = set()
-    if trajectory is None and flown.seconds is not None:
-        for number in range(int(strip.max()) + 1):
-            own = strip == number
-            found = track_from_angles(points[own], flown.seconds[own], flown.angle[own])
-            if found is not None:
-                tracks.append(found)
-                placed.add(number)
+    by_strip: dict[int, Track] = {}
+    if trajectory is None:
+        by_strip = _by_strip(points, strip, flown, flown.angle)
+        # some programs count angles to the left, against the format, and put the carrier under the ground
+        if not by_strip and on_both_sides(flown.angle):
+            by_strip = _by_strip(points, strip, flown, -flown.angle)
+    tracks, placed = list(by_strip.values()) if trajectory is None else [trajectory], set(by_strip)
     how = "none" if not tracks else "angles" if trajectory is None else "trajectory"
     return Comparison(
         promised,
@@ -87,6 +85,19 @@ def compared(
         None if ground is None else reached_of(ground, promised.ground, promised.grid),
         _strips(promised, points, strip, flown, placed),
     )
+
+
+def _by_strip(points: Float, strip: Index, flown: Flown, angle: Float) -> dict[int, Track]:
+    """The way of each strip whose angles (n,) show it."""
+    found: dict[int, Track] = {}
+    if flown.seconds is None:
+        return found
+    for number in range(int(strip.max()) + 1):
+        own = strip == number
+        track = track_from_angles(points[own], flown.seconds[own], angle[own])
+        if track is not None:
+            found[number] = track
+    return found
 
 
 def _strips(promised: Promised, points: Float, strip: Index, flown: Flown, placed: set[int]) -> list[Strip]:

@@ -18,7 +18,7 @@ STRIP_PAUSE_S = 5.0
 _BIN_S = 0.5  # of flight from which one place of the carrier is taken
 _MIN_RETURNS, _MIN_SPREAD_DEG = 50, 10.0  # of such a bin
 _MAX_MISFIT = 0.02  # of the returns of a strip to beams from its places, as a share of the carrier's height over them
-_MIN_SIGNED = math.tan(math.radians(2.0))  # tangent of an angle to each side that a scanner across the flight has
+_MIN_SIGNED_DEG = 2.0  # to each side that angles across the flight reach
 _TURNS = 3  # of fitting, as the direction of flight and the places follow from one another
 _COLUMNS = ("time", "x", "y", "z")
 
@@ -91,8 +91,7 @@ def track_from_angles(xyz: Float, seconds: Float, angle: Float) -> Track | None:
     Args:
         xyz: (n, 3) metres.
         seconds: (n,) times.
-        angle: (n,) degrees, positive to the right of the flight; or to the left, where that alone puts the carrier over
-            the ground.
+        angle: (n,) degrees, positive to the right of the flight.
     """
     order = np.argsort(seconds, kind="stable")
     xyz, seconds, slant = xyz[order], seconds[order], np.tan(np.radians(angle[order]))
@@ -104,14 +103,15 @@ def track_from_angles(xyz: Float, seconds: Float, angle: Float) -> Track | None:
     middle = xyz.mean(axis=0)
     local, times = xyz - middle, np.array([seconds[b].mean() for b in bins])
     places = np.array([local[b].mean(axis=0) for b in bins])
-    # A carrier is over the ground: some programs count angles to the left, against the format. Angles of one sign alone
-    # may be those of a cone, without a side.
-    signed = float(slant.min()) < -_MIN_SIGNED and float(slant.max()) > _MIN_SIGNED
-    for slants in (slant, -slant)[: 2 if signed else 1]:
-        fitted, over, square = _fitted(local, slants, bins, times, places)
-        if over > 0:
-            return Track(fitted + middle, times) if math.sqrt(square) <= _MAX_MISFIT * over else None
-    return None
+    fitted, over, square = _fitted(local, slant, bins, times, places)
+    if over <= 0 or math.sqrt(square) > _MAX_MISFIT * over:
+        return None
+    return Track(fitted + middle, times)
+
+
+def on_both_sides(angle: Float) -> bool:
+    """Whether angles (n,), degrees, are counted to two sides, as those of a cone without a side are not."""
+    return len(angle) > 0 and float(angle.min()) < -_MIN_SIGNED_DEG and float(angle.max()) > _MIN_SIGNED_DEG
 
 
 def _fitted(local: Float, slant: Float, bins: list[Index], times: Float, places: Float) -> tuple[Float, float, float]:
