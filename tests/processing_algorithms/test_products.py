@@ -276,7 +276,7 @@ def test_the_log_ends_with_the_sentences_in_the_dialogs_words(
     assert feedback.said("info")[-2:] == ["3 zones were found.", "Give “Cell size (m)” for others."]
 
 
-@pytest.mark.parametrize(("count", "loaded"), [(2, ["Displacement vectors", "Zones of coherent motion"]), (0, [])])
+@pytest.mark.parametrize(("count", "loaded"), [(2, ["Zones of coherent motion", "Displacement vectors"]), (0, [])])
 def test_arrows_are_loaded_only_where_something_moves(
     fake_engine: Callable[[str], Path],
     project: QgsProject,
