@@ -9,6 +9,11 @@ from typing import Any
 
 import geopandas as gpd
 import pandas as pd
+import rasterio
+from pyproj import CRS
+from pyproj.exceptions import CRSError
+from shapely import box
+from shapely.geometry.base import BaseGeometry
 
 from ...engine.core.progress import Progress
 from ...engine.core.version import VERSION
@@ -16,6 +21,9 @@ from ...engine.report.corridor import corridor_page
 from ...engine.report.signed.corridor import SignedCorridor, write_corridor_pdf
 from ...engine.report.signed.corridor_pictures import Span
 from .ranking import Ranked
+
+_RASTERS = ("elevation_change.tif", "velocity.tif", "screened_probability.tif")
+"""Of a slope's results, whose extent stands for its region where none was given."""
 
 
 @dataclass(frozen=True)
@@ -49,17 +57,33 @@ def write_pdf_of(shown: Shown, path: Path, details: Mapping[str, Any], started: 
         InputError: the details do not fit, or what makes a PDF is missing.
     """
     attention = {slope.slope: slope.attention for slope in shown.ranked}
-    geometry = shown.slopes.geometry
     regions = [
-        (str(name), shape)
-        for name, shape in zip(shown.slopes["slope"], geometry, strict=True)
-        if shape is not None and not shape.is_empty
+        (str(name), place)
+        for name, shape in zip(shown.slopes["slope"], shown.slopes.geometry, strict=True)
+        if (place := _place(str(name), shape, shown)) is not None
     ]
     corridor = SignedCorridor(
         shown.ranked, shown.failed, shown.zones, shown.alerts, regions, shown.manifest,
         _spans(shown, attention), shown.folders,
     )  # fmt: skip
     write_corridor_pdf(path, corridor, details, started, progress)
+
+
+def _place(slope: str, region: BaseGeometry | None, shown: Shown) -> BaseGeometry | None:
+    """The region of a slope, else the extent of a raster of its results in the same reference system."""
+    if region is not None and not region.is_empty:
+        return region
+    folder, crs = shown.folders.get(slope), shown.zones.crs
+    for name in _RASTERS if folder is not None else ():
+        path = folder / name
+        if path.is_file():
+            try:
+                with rasterio.open(path) as raster:
+                    system = None if raster.crs is None else CRS.from_user_input(raster.crs)
+                    return box(*raster.bounds) if crs is None or system == CRS.from_user_input(crs) else None
+            except (rasterio.errors.RasterioError, CRSError):
+                return None
+    return None
 
 
 def _spans(shown: Shown, attention: Mapping[str, int]) -> list[Span]:
