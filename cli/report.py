@@ -26,9 +26,9 @@ def report(session: Session, folder: Path, profiles: Path | None, photos: Path |
     also written as a PDF to sign; what is said in it of slope, people and flights is kept in the folder. Of a folder
     that batch wrote it is the page of the corridor, and its PDF; profiles and photos belong to the folder of a slope.
     """
-    from ..workflows.report import report_step
+    from ..workflows.report_corridor import report_of_folder
 
-    return report_step(
+    return report_of_folder(
         folder,
         session.parameters(ReportParameters),
         details=session.parameters(DetailParameters),

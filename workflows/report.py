@@ -29,7 +29,6 @@ from ..engine.zones.profiles import PROFILE_OUTPUTS, Layers, missed_lines
 from ..interface.parameters import DetailParameters, ReportParameters
 from .photos import enter_photos
 from .products.change import profile_products
-from .report_corridor import corridor_record, corridor_report
 
 _PROFILES = ("profiles.csv", "profiles.gpkg")
 _RASTERS = ("elevation_change", "level_of_detection", "significant_change")
@@ -56,13 +55,6 @@ def report_step(
         InputError: the folder holds no run that has a report, the lines cannot be used, or the details do not fit.
     """
     folder = Path(folder).absolute()
-    corridor = corridor_record(folder)
-    if corridor is not None:
-        if profiles is not None or photos is not None:
-            raise InputError(
-                f"{folder} holds a corridor; profiles and photos belong to a slope, so give the folder of one."
-            )
-        return corridor_report(folder, corridor, details, progress)
     record = read_record(folder)
     changed = _take_details(record, details)
     if profiles is not None and not record.get("epochs"):

@@ -1,4 +1,4 @@
-"""The page and the report to sign of a corridor made again, from the folder that a batch wrote."""
+"""The report of a folder made again: of a slope, or of a corridor from the folder that a batch wrote."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ..engine.report.record_shape import inside
 from ..engine.report.signed.details import FLIGHT, details_of
 from ..engine.report.signed.typesetting import refuse_without_means
 from ..engine.vector.geopackage import read_layer
-from ..interface.parameters import DetailParameters
+from ..interface.parameters import DetailParameters, ReportParameters
 from .batch.alert_events import open_of
 from .batch.corridor_plan import read_record
 from .batch.pages import Shown, page_of, write_pdf_of
@@ -30,6 +30,7 @@ from .batch.product_names import GEOPACKAGE, PAGE, PAGE_PDF
 from .batch.products import read_alerts
 from .batch.ranking import rank
 from .batch.results import SlopeResult
+from .report import report_step
 
 _COMMAND = "batch"
 _RECORD = fields(
@@ -43,6 +44,31 @@ _RECORD = fields(
     },
 )  # fmt: skip
 _SLOPE = fields({"command": text(), "inputs": rows(fields({"role": text()})), "outputs": fields({})})
+
+
+def report_of_folder(
+    folder: Path,
+    parameters: ReportParameters,
+    *,
+    details: DetailParameters | None = None,
+    profiles: Path | None = None,
+    photos: Path | None = None,
+    progress: Progress,
+) -> RunResult:
+    """The report of a folder again, be it of a slope (see ``report.report_step``) or of a corridor.
+
+    Raises:
+        InputError: as these do; or profiles or photos were given with a corridor.
+    """
+    folder = Path(folder).absolute()
+    record = corridor_record(folder)
+    if record is None:
+        return report_step(folder, parameters, details=details, profiles=profiles, photos=photos, progress=progress)
+    if profiles is not None or photos is not None:
+        raise InputError(
+            f"{folder} holds a corridor; profiles and photos belong to a slope, so give the folder of one."
+        )
+    return corridor_report(folder, record, details, progress)
 
 
 def corridor_record(folder: Path) -> dict[str, Any] | None:

@@ -73,9 +73,9 @@ def _place(slope: str, region: BaseGeometry | None, shown: Shown) -> BaseGeometr
     """The region of a slope, else the extent of a raster of its results in the same reference system."""
     if region is not None and not region.is_empty:
         return region
-    folder, crs = shown.folders.get(slope), shown.zones.crs
-    for name in _RASTERS if folder is not None else ():
-        path = folder / name
+    crs = shown.zones.crs
+    for name in _RASTERS if slope in shown.folders else ():
+        path = shown.folders[slope] / name
         if path.is_file():
             try:
                 with rasterio.open(path) as raster:

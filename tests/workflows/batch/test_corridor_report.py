@@ -21,8 +21,7 @@ from slopewatch.workflows.batch.jobs import Slope, Survey
 from slopewatch.workflows.batch.pages import _place
 from slopewatch.workflows.batch.products import Made, write_products
 from slopewatch.workflows.batch.results import SlopeResult
-from slopewatch.workflows.report import report_step
-from slopewatch.workflows.report_corridor import corridor_record, read_corridor
+from slopewatch.workflows.report_corridor import corridor_record, read_corridor, report_of_folder
 from slopewatch.workflows.run import Run
 
 FAILED = (("S900", "Line 3: its cloud is gone."),)
@@ -59,7 +58,7 @@ def copy(made: Path, tmp_path: Path) -> Path:
 
 def again(folder: Path, progress: Progress | None = None, **details: Any) -> dict[str, Path]:
     given = DetailParameters(**details)
-    return report_step(
+    return report_of_folder(
         folder, ReportParameters(), details=given, profiles=None, progress=progress or Progress()
     ).outputs
 
@@ -142,7 +141,7 @@ def test_what_does_not_belong_to_a_corridor_is_refused_and_nothing_is_written(co
     before = {path: path.read_bytes() for path in copy.rglob("*") if path.is_file()}
     for more in ({"profiles": tmp_path / "a.gpkg"}, {"profiles": None, "photos": tmp_path}):
         with pytest.raises(InputError, match="profiles and photos belong to a slope"):
-            report_step(copy, ReportParameters(), progress=Progress(), **more)
+            report_of_folder(copy, ReportParameters(), progress=Progress(), **more)
     with pytest.raises(InputError, match="letters wide"):
         again(copy, pdf=True, author="x" * 500)
     assert {path: path.read_bytes() for path in copy.rglob("*") if path.is_file()} == before
