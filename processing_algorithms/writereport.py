@@ -25,7 +25,7 @@ class WriteReport(SlopeWatchAlgorithm):
         "signature",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.REPORT
-    BASIC = ("zone_profiles", "pdf", "slope_name", "report_route", "client", "author", "checker", "sensor")
+    BASIC = ("zone_profiles", "pdf", "slope_name", "report_route", "client", "author", "checker")
     PAGES: ClassVar = {"REPORT": ("report", "Report")}
     FILES: ClassVar = {
         "REPORT_PDF": ("report_pdf", "Report to sign (PDF)"),
