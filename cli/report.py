@@ -8,25 +8,31 @@ import click
 
 from ..engine.core.run_result import RunResult
 from ..interface.parameters import DetailParameters, ReportParameters, command_sets
-from .options import PATH, PROFILES_ALONG, Session, command
+from .options import PATH, PROFILES_ALONG, Session, command, path_option
 
 
 @click.command()
 @click.argument("folder", type=PATH)
 @PROFILES_ALONG
+@path_option(
+    "--photos", "Folder of pictures named after zones, such as Z001.jpg, which are shown with them.", metavar="DIR"
+)
 @command(*command_sets.REPORT, profile=False)
-def report(session: Session, folder: Path, profiles: Path | None) -> RunResult:
-    """Write the report of FOLDER again, which inspect, change or series wrote.
+def report(session: Session, folder: Path, profiles: Path | None, photos: Path | None) -> RunResult:
+    """Write the report of FOLDER again, which inspect, change, demchange, displacement, series or batch wrote.
 
-    With --profiles its profiles are replaced by those along the given lines and through the zones. With --pdf it is
-    also written as a PDF to sign; what is said in it of slope, people and flights is kept in the folder.
+    With --profiles its profiles are replaced by those along the given lines and through the zones. With --photos
+    pictures are copied into the folder and shown with the zones that they are named after. With --pdf the report is
+    also written as a PDF to sign; what is said in it of slope, people and flights is kept in the folder. Of a folder
+    that batch wrote it is the page of the corridor, and its PDF; profiles and photos belong to the folder of a slope.
     """
-    from ..workflows.report import report_step
+    from ..workflows.report_corridor import report_of_folder
 
-    return report_step(
+    return report_of_folder(
         folder,
         session.parameters(ReportParameters),
         details=session.parameters(DetailParameters),
         profiles=profiles,
+        photos=photos,
         progress=session.report,
     )

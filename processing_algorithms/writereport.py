@@ -17,15 +17,15 @@ class WriteReport(SlopeWatchAlgorithm):
     TITLE = "Write report"
     GROUP = "steps"
     SUMMARY = (
-        "Makes the report of a finished inspection or series again: with profiles along your own lines if you give "
-        "some, and as a PDF to sign if you want one."
+        "Makes the report of a finished inspection, series or corridor again: with profiles along your own lines and "
+        "photos of zones if you give some, and as a PDF to sign if you want one."
     )
     TAGS = (
         "report", "html", "pdf", "print", "profile", "section", "cross-section", "summary", "document", "sign",
         "signature",
     )  # fmt: skip
     PARAMETER_GROUPS = command_sets.REPORT
-    BASIC = ("zone_profiles", "pdf", "slope_name", "report_route", "client", "author", "checker", "sensor")
+    BASIC = ("zone_profiles", "pdf", "slope_name", "report_route", "client", "author", "checker")
     PAGES: ClassVar = {"REPORT": ("report", "Report")}
     FILES: ClassVar = {
         "REPORT_PDF": ("report_pdf", "Report to sign (PDF)"),
@@ -38,14 +38,22 @@ class WriteReport(SlopeWatchAlgorithm):
             declare.folder_parameter(
                 "INPUT",
                 "Folder of results",
-                "Output folder of Inspect slope or Elevation change. The report in it is replaced.",
+                "Output folder of Inspect slope, Inspect series, Inspect corridor, Elevation change, Change between "
+                "elevation models or Displacement vectors. The report in it is replaced.",
             ),
             declare.profiles_parameter(),
+            declare.folder_parameter(
+                "PHOTOS",
+                "Folder of photos",
+                "Pictures whose names begin with the id of a zone, such as Z001.jpg. They are copied into the folder "
+                "of results and shown with their zones. Not set: the photos that were entered before.",
+                optional=True,
+            ),
         )
         self.declare_groups()
 
     def arguments(self, values: Values) -> list[str]:
         folder = values.file("INPUT")
         if not folder:
-            raise QgsProcessingException("INPUT is empty; give the output folder of Inspect slope or Elevation change.")
-        return ["report", folder, *values.options("PROFILES")]
+            raise QgsProcessingException("INPUT is empty; give the output folder of a run that has a report.")
+        return ["report", folder, *values.options("PROFILES", "PHOTOS")]

@@ -49,6 +49,12 @@ COMPOSED = (
     "Folder {0}",
     "No zones",
     "{0} severity",
+    "high severity, {0} of up to {1} m",
+    "moderate severity, {0} of up to {1} m",
+    "high confidence of the screening, {0} of up to {1} m",
+    "high severity, {0} by {1} m",
+    "moderate severity, {0} by {1} m",
+    "attention {0}",
     "of class 2 inside the area {0}",
     "of the ground inside the area {0}",
     "screening ({0})",
@@ -195,6 +201,12 @@ COMPOSED = (
 )
 """Messages that the code puts together of parts that do not stand alone."""
 WORDS = (
+    "new",
+    "continued",
+    "split",
+    "merged",
+    "left",
+    "right",
     ",", "above", "and", "below", "confirmed", "contradicted", "coordinates", "Coordinates", "cumulative",
     "earlier", "first", "ground", "heights", "lowered", "raised", "incremental", "inspect",
     "sliding", "sank", "bulged", "slid", "lost", "gained", "undecided",

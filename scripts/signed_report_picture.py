@@ -1,7 +1,8 @@
 #!/usr/bin/env -S .venv/bin/python
 """docs/images/signed_report.png: pages of a report to sign next to one another.
 
-``scripts/signed_report_picture.py FOLDER/report.pdf`` takes its first three pages.
+``scripts/signed_report_picture.py FOLDER/report.pdf`` takes its first three pages; a second argument is the name of
+another picture, such as corridor_report.
 """
 
 from __future__ import annotations
@@ -12,13 +13,13 @@ from pathlib import Path
 import pypdfium2
 from PIL import Image
 
-PICTURE = Path(__file__).resolve().parents[1] / "docs" / "images" / "signed_report.png"
+PICTURES = Path(__file__).resolve().parents[1] / "docs" / "images"
 _PAGES, _SCALE, _GAP = 3, 1.0, 10
 _COLOURS = 128
 
 
-def main(pdf: Path) -> None:
-    """Draw the pages of ``pdf``."""
+def main(pdf: Path, name: str = "signed_report") -> None:
+    """Draw the pages of ``pdf`` as the picture ``name``."""
     with pypdfium2.PdfDocument(pdf) as document:
         pages = [document[number].render(scale=_SCALE).to_pil().convert("RGB") for number in range(_PAGES)]
     width = sum(page.width for page in pages) + _GAP * (len(pages) + 1)
@@ -27,8 +28,8 @@ def main(pdf: Path) -> None:
     for page in pages:
         picture.paste(page, (left, _GAP))
         left += page.width + _GAP
-    picture.quantize(_COLOURS).save(PICTURE, optimize=True)
+    picture.quantize(_COLOURS).save(PICTURES / f"{name}.png", optimize=True)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), *sys.argv[2:3])

@@ -147,12 +147,33 @@ def _slides(f: Figures) -> str:
     count, share = f.get("moving_zone_count"), percent(f, "motion_measured_share")
     if count is None or not share:
         return ""
-    if not count:
+    if count:
+        return _moving_zones(f)
+    if f.get("significant_vectors"):
+        return " ".join(["No zone that moves along the surface was found.", _single_vectors(f)])
+    return (
+        "No motion along the surface above the level of detection was found where it can be seen, on "
+        f"{share} of the ground."
+    )
+
+
+def _single_vectors(f: Figures) -> str:
+    """Whether vectors outside of zones are as many as chance makes."""
+    single, most = f.get("significant_vectors"), f.get("chance_vectors_most")
+    if not single:
+        return ""
+    if most is None:
+        return f"Single vectors that are significant: {single:.0f}; chance makes some of them."
+    expected = f"{f['chance_vectors']:.1f}"
+    if single <= most:
         return (
-            "No motion along the surface above the level of detection was found where it can be seen, on "
-            f"{share} of the ground."
+            f"Single vectors that are significant: {single:.0f}, no more than chance gives ({expected} expected, up to "
+            f"{most:.0f} on 95 % of still slopes)."
         )
-    return _moving_zones(f)
+    return (
+        f"Single vectors that are significant: {single:.0f}, more than chance gives ({expected} expected, up to "
+        f"{most:.0f} on 95 % of still slopes); look where they lie."
+    )
 
 
 def _moving_zones(f: Figures) -> str:
@@ -165,6 +186,7 @@ def _moving_zones(f: Figures) -> str:
 def _displacement(f: Figures) -> list[str]:
     return [
         _moving_zones(f) if f.get("moving_zone_count") else "No zone that moves along the surface was found.",
+        "" if f.get("moving_zone_count") else _single_vectors(f),
         sentence(
             "On {} of the ground motion along the surface can be measured; where nothing else is said, one below {} "
             "in the median cannot be told from none.",

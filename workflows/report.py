@@ -27,6 +27,7 @@ from ..engine.vector.geopackage import read_layer
 from ..engine.zones.profile_lines import given_lines
 from ..engine.zones.profiles import PROFILE_OUTPUTS, Layers, missed_lines
 from ..interface.parameters import DetailParameters, ReportParameters
+from .photos import enter_photos
 from .products.change import profile_products
 
 _PROFILES = ("profiles.csv", "profiles.gpkg")
@@ -39,6 +40,7 @@ def report_step(
     *,
     details: DetailParameters | None = None,
     profiles: Path | None,
+    photos: Path | None = None,
     progress: Progress,
 ) -> RunResult:
     """Make the report of ``folder`` again from its run record and its rasters.
@@ -47,6 +49,7 @@ def report_step(
         details: of a report to sign; what is given in them replaces those in the run record, which keeps the others.
         profiles: vector file with lines. With it the folder's profiles are replaced by those along its lines and down
             the zones, and the run record lists them.
+        photos: folder of pictures named after zones, which are entered in their tables first.
 
     Raises:
         InputError: the folder holds no run that has a report, the lines cannot be used, or the details do not fit.
@@ -54,13 +57,14 @@ def report_step(
     folder = Path(folder).absolute()
     record = read_record(folder)
     changed = _take_details(record, details)
-    if profiles is None and not changed:
-        progress.update(0.0, "drawing the report")
-        return RunResult({"report": write_report(folder, progress)}, {}, tuple(progress.warnings))
     if profiles is not None and not record.get("epochs"):
         raise InputError(
             f"{folder} holds no change between two surveys to take profiles of; give the folder of inspect or change."
         )
+    entered = {} if photos is None else {"photos": enter_photos(folder, photos, progress)}
+    if profiles is None and not changed:
+        progress.update(0.0, "drawing the report")
+        return RunResult({"report": write_report(folder, progress)}, entered, tuple(progress.warnings))
     written = [folder / name for name in (REPORT, PDF, *PROFILE_OUTPUTS, "run.json")]
     refuse_inputs_as_outputs(written, [profiles] if profiles else [])
     with staged_outputs(folder) as stage:
@@ -82,7 +86,7 @@ def report_step(
             write_pdf(folder, record, page, target=stage.path(PDF), lines=lines, progress=progress)
         progress.update(1.0, "drawing the report")
     figures = {"profiles": len(record["profiles"])} if profiles is not None else {}
-    return RunResult(outputs | {"run": folder / "run.json"}, figures, tuple(progress.warnings))
+    return RunResult(outputs | {"run": folder / "run.json"}, figures | entered, tuple(progress.warnings))
 
 
 def _take_details(record: dict[str, Any], details: DetailParameters | None) -> bool:

@@ -9,6 +9,7 @@ from scipy import stats
 
 from ...interface.parameters import DisplacementParameters
 from ..core.arrays import Float
+from ..displacement.chance import chance_vectors
 from ..displacement.displacement import Displacement
 from ..displacement.registered import Registered
 from ..displacement.status import REASONS, Status
@@ -51,6 +52,7 @@ def motion_facts(
     """
     vectors = found.vectors
     smallest = vectors.smallest[vectors.measured]
+    expected, most = chance_vectors(found)
     return {
         "windows": len(found.cell),
         "spacing_m": parameters.spacing,
@@ -61,6 +63,8 @@ def motion_facts(
         "points_per_m2": found.points_per_m2,
         "measured_share": float(vectors.measured.mean()),
         "significant_vectors": int(found.significant.sum()),
+        "chance_vectors": expected,
+        "chance_vectors_most": most,
         "smallest_p05_m": _quantile(smallest, 0.05),
         "smallest_median_m": _quantile(smallest, 0.5),
         "smallest_p95_m": _quantile(smallest, 0.95),

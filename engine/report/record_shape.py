@@ -82,7 +82,12 @@ _DISPLACEMENT = fields(
         "taken_off_m": rows(_NUMBER, 3, 3),
         "notes": _TEXTS,
     },
-    {"common": maybe(_MOVED), "wide_window_m": maybe(_POSITIVE)},
+    {
+        "common": maybe(_MOVED),
+        "wide_window_m": maybe(_POSITIVE),
+        "chance_vectors": _SHARE_OR_MORE,
+        "chance_vectors_most": _SHARE_OR_MORE,
+    },
 )
 _CHANGE = fields(
     {

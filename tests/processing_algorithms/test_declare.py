@@ -104,7 +104,7 @@ FROZEN_PARAMETERS = {
         "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "TRANSFORM", "STABLE", "PROFILE",
         *CHANGE, *ZONES, *MOVEMENT, *HEATMAP, *REPORT, *DETAILS, *INPUT, *PRODUCTS, *OUTPUT, *ROAD, *ASSETS,
     ],
-    "writereport": ["INPUT", *REPORT, *DETAILS],
+    "writereport": ["INPUT", "PROFILES", "PHOTOS", *REPORT[1:], *DETAILS],
     "locateonroad": ["INPUT", *ROAD, "OUTPUT", *OUTPUT],
     "m3c2distances": [
         "REFERENCE", "REFERENCE_DATE", "CLOUD", "CLOUD_DATE", "CORE", "TRANSFORM", "STABLE",

@@ -100,6 +100,7 @@ def test_lines_of_profiles_reach_the_engine_as_a_file(tmp_path: Path) -> None:
     QgsProject.instance().addMapLayer(layer)
     folder = str(tmp_path / "results")
     assert command(WriteReport, INPUT=folder) == ["report", folder]
+    assert command(WriteReport, INPUT=folder, PHOTOS="/data/site") == ["report", folder, "--photos", "/data/site"]
     for algorithm, inputs in (
         (WriteReport, {"INPUT": folder}),
         (ElevationChange, {"REFERENCE": FIRST, "CLOUD": LATER, "OUTPUT_FOLDER": folder}),

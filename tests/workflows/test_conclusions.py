@@ -74,6 +74,16 @@ def test_an_inspection_without_slides_says_where_none_can_be_seen() -> None:
     assert not any("along the surface" in line for line in said("inspect", CHANGE))
 
 
+def test_single_vectors_are_named_with_what_chance_gives() -> None:
+    single = {**SLIDES, "moving_zone_count": 0, "significant_vectors": 2, "chance_vectors": 3.4}
+    assert said("inspect", {**CHANGE, **single, "chance_vectors_most": 7})[1] == (
+        "No zone that moves along the surface was found. Single vectors that are significant: 2, no more than chance "
+        "gives (3.4 expected, up to 7 on 95 % of still slopes)."
+    )
+    more = said("inspect", {**CHANGE, **single, "chance_vectors_most": 1})[1]
+    assert "more than chance gives (3.4 expected, up to 1 on 95 % of still slopes); look where they lie." in more
+
+
 def test_nothing_found_is_said_and_never_called_safe() -> None:
     found = said("inspect", {"zone_count": 0, "compared_share": 0.5, "lod_median_m": 0.02})
     assert found[0] == "No zone of change above the level of detection was found."

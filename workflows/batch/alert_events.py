@@ -69,6 +69,11 @@ def follow_alerts(
     return _frame(rows, zones)
 
 
+def open_of(alerts: gpd.GeoDataFrame) -> gpd.GeoDataFrame:
+    """The events that neither people nor a later survey have closed."""
+    return alerts[~alerts["state"].astype(str).str.strip().str.lower().eq(CLOSED)]
+
+
 def _heirs(earlier: gpd.GeoDataFrame, zones: gpd.GeoDataFrame) -> list[int | None]:
     """The zone (row number) that continues each event's, of the same slope."""
     found: list[int | None] = [None] * len(earlier)

@@ -19,10 +19,7 @@ from pyproj import CRS
 from ...engine.core.errors import InputError
 from ...engine.core.gdal_names import readable
 from ...engine.core.json_values import plain
-from ...engine.core.version import VERSION
 from ...engine.maps import qgis_styles
-from ...engine.report.corridor import corridor_page
-from ...engine.report.signed.corridor import SignedCorridor, write_corridor_pdf
 from ...engine.vector.area import read_roi
 from ...engine.vector.geopackage import Layer, read_layer, write_layers
 from ...engine.vector.review_fields import is_located, own_columns
@@ -32,6 +29,7 @@ from . import alert_events, corridor_zones
 from .catalogue import MadeCloud, item_collection
 from .jobs import Slope
 from .mosaic import mosaic, read_tile
+from .pages import Shown, page_of, write_pdf_of
 from .product_names import CATALOGUE, GEOPACKAGE, MOSAIC, MOSAIC_STYLE, PAGE, PAGE_PDF, PARQUET
 from .ranking import Ranked, rank
 from .regions_on_roads import Road, placed_regions
@@ -62,7 +60,7 @@ def write_products(run: Run, made: Made, earlier_alerts: gpd.GeoDataFrame | None
     Raises:
         InputError: a file of a slope cannot be read.
     """
-    stage, directory = run.stage, run.stage.directory
+    directory = run.stage.directory
     with run.step("zones", 0.90, 0.95, "gathering the zones"):
         zones = corridor_zones.corridor_zones(made.results, run.progress)
         if run.reviews is not None:
@@ -71,18 +69,16 @@ def write_products(run: Run, made: Made, earlier_alerts: gpd.GeoDataFrame | None
         alerts = alert_events.follow_alerts(earlier_alerts, zones, days)
     with run.step("products", 0.95, 0.99, "writing what all slopes share"):
         ranked = rank(made.results, zones, alerts, directory)
-        _write_tables(run, made, zones, alerts, ranked)
+        slopes = _slopes_frame(made, ranked, zones.crs)
+        _write_tables(run, zones, alerts, slopes)
         _write_parquet(run, zones)
         _write_mosaic(run, made.results)
         _write_catalogue(run, made.results)
-        still = alerts[~alerts["state"].str.strip().str.lower().eq(alert_events.CLOSED)]
-        shown = still.drop(columns=still.geometry.name).to_dict("records")
-        facts = {"software": f"SlopeWatch {VERSION}", "manifest": made.manifest.name, "count": run.figures["slopes"]}
-        page = corridor_page(ranked, made.failed, shown, facts | {"zones": len(zones)})
-        # a name that is no Unicode is written with escapes rather than not at all
-        stage.path(PAGE).write_text(page, encoding="utf-8", errors="backslashreplace", newline="\n")
-        run.outputs["page"] = stage.final(PAGE)
-        _write_pdf(run, made, ranked, zones, still)
+        still = alert_events.open_of(alerts)
+        folders = {result.slope: result.folder for result in made.results}
+        shown = Shown(ranked, made.failed, zones, still, slopes, folders, made.manifest.name, run.figures["slopes"])
+        _write_pages(run, shown, made.details)
+        run.facts["manifest"] = made.manifest.name
     run.figures |= {
         "zones": len(zones),
         "alerts": len(alerts),
@@ -91,18 +87,15 @@ def write_products(run: Run, made: Made, earlier_alerts: gpd.GeoDataFrame | None
     }
 
 
-def _write_pdf(
-    run: Run, made: Made, ranked: Sequence[Ranked], zones: gpd.GeoDataFrame, alerts: gpd.GeoDataFrame
-) -> None:
-    """The report to sign of the corridor, if it is wanted; else that of an earlier run goes."""
-    if not made.details.pdf:
+def _write_pages(run: Run, shown: Shown, details: DetailParameters) -> None:
+    """The page, and the report to sign, if it is wanted; else that of an earlier run goes."""
+    # a name that is no Unicode is written with escapes rather than not at all
+    run.stage.path(PAGE).write_text(page_of(shown), encoding="utf-8", errors="backslashreplace", newline="\n")
+    run.outputs["page"] = run.stage.final(PAGE)
+    if not details.pdf:
         run.stage.discard(PAGE_PDF)
         return
-    slopes = [(slope.name, shape) for slope in made.slopes if (shape := _region(slope, zones.crs)) is not None]
-    corridor = SignedCorridor(ranked, made.failed, zones, alerts, slopes, made.manifest.name)
-    write_corridor_pdf(
-        run.stage.path(PAGE_PDF), corridor, asdict(made.details), run.record.started.isoformat(), run.progress
-    )
+    write_pdf_of(shown, run.stage.path(PAGE_PDF), asdict(details), run.record.started.isoformat(), run.progress)
     run.outputs["page_pdf"] = run.stage.final(PAGE_PDF)
 
 
@@ -134,9 +127,7 @@ def read_alerts(folder: Path) -> gpd.GeoDataFrame | None:
     return frame
 
 
-def _write_tables(
-    run: Run, made: Made, zones: gpd.GeoDataFrame, alerts: gpd.GeoDataFrame, ranked: Sequence[Ranked]
-) -> None:
+def _write_tables(run: Run, zones: gpd.GeoDataFrame, alerts: gpd.GeoDataFrame, slopes: gpd.GeoDataFrame) -> None:
     zone_style = qgis_styles.corridor_zones_qml(corridor_zones.FIELDS, located=is_located(zones))
     alert_style = qgis_styles.corridor_alerts_qml(alert_events.FIELDS, alert_events.STATES, alert_events.ENTERED)
     write_layers(
@@ -144,7 +135,7 @@ def _write_tables(
         [
             Layer(zones, "zones", zone_style, "MultiPolygon", own_columns(zones, corridor_zones.FIELDS), guarded=True),
             Layer(alerts, "alerts", alert_style, "MultiPolygon", alert_events.OWN, guarded=True),
-            Layer(_slopes_frame(made, ranked, zones.crs), "slopes", "", "MultiPolygon"),
+            Layer(slopes, "slopes", "", "MultiPolygon"),
         ],
     )
     run.outputs["corridor"] = run.stage.final(GEOPACKAGE)

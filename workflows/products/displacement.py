@@ -13,6 +13,7 @@ from pyproj import CRS
 
 from ...engine.core.arrays import Float, Index
 from ...engine.core.staged_outputs import Stage
+from ...engine.displacement.chance import chance_vectors
 from ...engine.displacement.displacement import Displacement
 from ...engine.displacement.status import REASONS, Status
 from ...engine.displacement.vectors import Vectors
@@ -206,10 +207,13 @@ def main_figures(found: Displacement) -> dict[str, Any]:
     count = max(len(found.cell), 1)
     zone = found.zones[0] if found.zones else None
     fastest = max(found.zones, key=lambda zone: float(np.linalg.norm(zone.motion)), default=None)
+    expected, most = chance_vectors(found)
     figures: dict[str, Any] = {
         "windows": len(found.cell),
         "measured_share": float(vectors.measured.mean()),
         "significant_vectors": int(found.significant.sum()),
+        "chance_vectors": expected,
+        "chance_vectors_most": most,
         "one_direction_vectors": int(found.components.significant(found.confidence).sum()),
         "moving_zone_count": len(found.zones),
         "moving_area_m2": float(sum(zone.area for zone in found.zones)),
@@ -238,7 +242,8 @@ def step_figures(found: Displacement) -> dict[str, Any]:
     """The figures that a user reads first where the motion is a part of an inspection."""
     figures = main_figures(found)
     taken = (
-        "significant_vectors", "moving_zone_count", "moving_area_m2", "fastest_zone_m", "fastest_zone_err_m",
+        "significant_vectors", "chance_vectors",
+        "chance_vectors_most", "moving_zone_count", "moving_area_m2", "fastest_zone_m", "fastest_zone_err_m",
         "smallest_motion_median_m",
     )  # fmt: skip
     return {"motion_measured_share": figures["measured_share"]} | {name: figures[name] for name in taken}

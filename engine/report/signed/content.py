@@ -12,6 +12,7 @@ from .explained import explained
 from .figures_in_text import say
 from .maps import slope_map
 from .rasters import Surface, surface_of
+from .screened_sheets import screened_sheets
 from .sections import given_sections, section_drawing
 from .sheets import Zones, zone_sheets
 from .source import Source, map_layers
@@ -35,9 +36,10 @@ def report_document(source: Source, lines: Sequence[ProfileLine] = ()) -> Docume
     picture = picture or slope_map(surface, replace(layers, lines=named), *parts.map_size(source))
     document.blocks.append(parts.first_page(document, source, picture))
     if not source.is_screening:
-        of = Zones(source.zones, surface, layers, source.reviews, source.ends, source.record)
+        of = Zones(source.zones, surface, layers, source.reviews, source.ends, source.record, source.events)
         document.blocks += zone_sheets(document, of)
         document.blocks += parts.more_zones(source)
+    document.blocks += screened_sheets(document, source)
     if surface is not None:
         document.blocks += _along_lines(document, surface, lines, source.ends)
     document.blocks += surveyed(source.record, source.details)

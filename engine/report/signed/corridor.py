@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +14,13 @@ from ...core.progress import Progress
 from ...core.version import VERSION
 from . import blocks, parts
 from .blocks import Block, Cell, Column, Document
-from .details import LABELS, Details, chainage_text, details_of
+from .corridor_pictures import Span, corridor_map, road_strip, strip_height
+from .details import FLIGHT, LABELS, Details, chainage_text, details_of
 from .figures_in_text import figure, say
-from .maps import MapLayers, slope_map
+from .slope_sheets import alert_table, slope_label, slope_sheets
 from .write import save, say_missing
 
-_FIRST_PAGE_ROWS = 8
+_FIRST_PAGE_ROWS, _FIRST_PAGE_ALERTS = 6, 5
 _NUMBERS = (
     "Attention",
     "Open alerts",
@@ -31,13 +32,18 @@ _NUMBERS = (
     "Surveys",
 )
 _NUMBER_MM = 15.5
-_MAP_WIDTH_MM, _MAP_MM, _ROW_MM = 176.0, 150.0, 5.3
+_MAP_WIDTH_MM, _MAP_MM, _LEAST_MAP_MM, _ROW_MM = 176.0, 128.0, 60.0, 5.3
+_GRADES = ("high", "moderate", "medium", "low", "unsure")
+_ACTING = 2  # attention from which a slope is counted in the verdict
+_PEOPLE = ("slope_name", "report_route", "client", "chainage_range", "author", "checker")
 
 
 @dataclass(frozen=True)
 class SignedCorridor:
     """Slopes ``done`` with the fields of ``ranking.Ranked`` of the batch, slope and sentence of those that ``failed``,
     the tables of ``zones`` and of open ``alerts``, the ``regions`` of the slopes by name, and the manifest's name.
+
+    ``spans`` are the places of slopes on their roads, ``folders`` those of the slopes' results, for their sheets.
     """
 
     done: Sequence[Any]
@@ -46,6 +52,8 @@ class SignedCorridor:
     alerts: gpd.GeoDataFrame
     regions: Sequence[tuple[str, BaseGeometry]]
     manifest: str
+    spans: Sequence[Span] = ()
+    folders: Mapping[str, Path] = field(default_factory=dict)
 
 
 def write_corridor_pdf(
@@ -60,74 +68,149 @@ def write_corridor_pdf(
     Raises:
         InputError: the details do not fit, or what makes a PDF is missing.
     """
-    found = details_of({"parameters": {"details": details}}, ("",))
+    flights = dict.fromkeys(FLIGHT, "")  # the slopes' own reports have them, one for each of their surveys
+    found = details_of({"parameters": {"details": {**details, **flights}}}, ("",), (corridor.zones,))
     record = {"software": f"SlopeWatch {VERSION}", "started": started}
     title = details.get("slope_name") or say("Corridor report")
-    save(corridor_document(corridor, found, started), path, found, str(title), record)
-    say_missing(found, progress)
+    save(corridor_document(corridor, found, started, progress), path, found, str(title), record)
+    say_missing([_label(name) for name in _PEOPLE if not found[name]], progress, path.name)
 
 
-def corridor_document(corridor: SignedCorridor, details: Details, started: str) -> Document:
-    """First page with the map and the most urgent slopes, all slopes, alerts, what failed, signatures."""
+def corridor_document(
+    corridor: SignedCorridor, details: Details, started: str, progress: Progress | None = None
+) -> Document:
+    """First page with map, most urgent slopes and alerts; a sheet for each slope that asks for attention; all slopes,
+    all alerts, what failed, what attention means, signatures.
+    """
     document = Document()
-    shown = min(len(corridor.done), _FIRST_PAGE_ROWS)
-    names = ("slope_name", "report_route", "client", "chainage_range", "author", "checker")
-    rows = [(say(LABELS[name]), details[name]) for name in names]
-    rows += [(say("Manifest"), corridor.manifest), (say("Made"), f"{started[:10]}, SlopeWatch {VERSION}")]
-    cards = [
-        (say("Slopes done"), str(len(corridor.done))),
-        (say("Slopes failed"), str(len(corridor.failed))),
-        (say("Zones"), str(len(corridor.zones))),
-        (say("Open alerts"), str(len(corridor.alerts))),
-    ]
-    first: list[tuple[float, list[Block]]] = [
-        (0, [parts.title(say("Corridor report"), details["slope_name"] or say("Slopes of a corridor"))]),
-        (0, [blocks.facts(rows)]),
-        (0, [{"kind": "verdict", "text": _verdict(corridor)}]),
-        (0, [{"kind": "cards", "rows": [[*card, ""] for card in cards]}]),
-    ]
-    picture = slope_map(None, _layers(corridor), _MAP_WIDTH_MM, _MAP_MM - _ROW_MM * shown)
-    if picture:
-        first.append((1.0, [document.picture(picture, say("Map of the corridor with its slopes and zones"))]))
-    first.append((0, [_slopes(corridor.done[:shown])]))
-    if not picture:
-        first.append((1.0, [blocks.lines()]))
-    document.blocks.append(blocks.sheet(first, gap=3.0))
-    document.blocks += [blocks.heading(say("All slopes, what asks for most attention first")), _slopes(corridor.done)]
-    document.blocks += _alerts(corridor.alerts) + _failed(corridor.failed)
+    sheets = slope_sheets(
+        document, corridor.done, corridor.folders, (corridor.zones, corridor.alerts), progress or Progress()
+    )
+    document.blocks.append(_first_page(document, corridor, details, started, sheets))
+    document.blocks += sheets.values()
     document.blocks += [
-        blocks.heading(say("What this cannot tell you")),
-        blocks.paragraph(
-            say(
-                "A slope at the end of the table showed no change above the level of detection; that is no statement "
-                "about its stability. Each slope has a report of its own with its thresholds and limits."
-            )
-        ),
+        blocks.heading(say("All slopes, what asks for most attention first")),
+        _slopes(corridor.done, sheets),
     ]
+    document.blocks += _alerts(corridor.alerts) + _failed(corridor.failed) + _meanings()
     document.blocks += parts.closing(details)
     return document
 
 
+def _first_page(
+    document: Document, corridor: SignedCorridor, details: Details, started: str, linked: Collection[str]
+) -> Block:
+    shown, urgent = corridor.done[:_FIRST_PAGE_ROWS], corridor.alerts.iloc[:_FIRST_PAGE_ALERTS]
+    rows = [(say(_label(name)), details[name]) for name in _PEOPLE]
+    rows += [(say("Manifest"), corridor.manifest), (say("Made"), f"{started[:10]}, SlopeWatch {VERSION}")]
+    first: list[tuple[float, list[Block]]] = [
+        (0, [parts.title(say("Corridor report"), details["slope_name"] or say("Slopes of a corridor"))]),
+        (0, [blocks.facts(rows)]),
+        (0, [{"kind": "verdict", "text": _verdict(corridor)}]),
+        (0, [{"kind": "cards", "rows": _cards(corridor)}]),
+    ]
+    strip = strip_height(corridor.spans)
+    high = _MAP_MM - _ROW_MM * (len(shown) + (len(urgent) + 3 if len(urgent) else 0)) - strip
+    attentions = {slope.slope: slope.attention for slope in corridor.done}
+    size = _MAP_WIDTH_MM, max(high, _LEAST_MAP_MM)
+    picture = corridor_map(corridor.zones, corridor.regions, attentions, corridor.spans, size)
+    if picture:
+        first.append((1.0, [document.picture(picture, say("Map of the corridor with its slopes and zones"))]))
+    if strip:
+        drawn = road_strip(corridor.spans, _MAP_WIDTH_MM)
+        first.append((0, [document.picture(drawn, say("Slopes at their chainages"), height=strip)]))
+    first.append((0, [_slopes(shown, linked)]))
+    if len(urgent):
+        first.append((0, [blocks.heading(say("Open alerts, the highest attention first"), 2), alert_table(urgent)]))
+    left_out = len(corridor.done) > len(shown) or len(corridor.alerts) > len(urgent)
+    if left_out:
+        first.append((0, [blocks.paragraph(say("All slopes and alerts are in the tables at the end."), small=True)]))
+    if not picture:
+        first.append((1.0, [blocks.lines()]))
+    return blocks.sheet(first, gap=2.5)
+
+
+def _label(name: str) -> str:
+    return "Corridor" if name == "slope_name" else LABELS[name]
+
+
 def _verdict(corridor: SignedCorridor) -> str:
-    urgent = sum(1 for slope in corridor.done if slope.attention >= 2)
-    return say(
+    urgent = sum(1 for slope in corridor.done if slope.attention >= _ACTING)
+    found = say(
         f"Slopes looked at: {len(corridor.done)}; with an attention of 2 or more: {urgent}; "
         f"open alerts: {len(corridor.alerts)}."
     )
+    first = corridor.done[0] if corridor.done else None
+    more = []
+    if first is not None and first.attention > 0:
+        more.append(say(f"{first.slope} asks for most attention ({first.attention})."))
+    elif first is not None:
+        more.append(say("No zone asks for attention; that is no statement on the stability of the slopes."))
+    if corridor.failed:
+        more.append(say(f"Not computed: {len({slope for slope, _ in corridor.failed})}; nothing is known of those."))
+    return " ".join([found, *more])
 
 
-def _layers(corridor: SignedCorridor) -> MapLayers:
-    """Regions of the slopes as footprints, with their names as those of zones, and the zones within."""
-    crs = corridor.zones.crs
-    regions = gpd.GeoDataFrame(
-        {"zone_id": [name for name, _ in corridor.regions]}, geometry=[s for _, s in corridor.regions], crs=crs
-    )
-    zones = corridor.zones if not len(regions) else regions
-    within = corridor.zones if len(regions) and len(corridor.zones) else None
-    return MapLayers(zones, None, within, names=("region of a slope" if len(regions) else "zone of change", "zone"))
+def _cards(corridor: SignedCorridor) -> list[list[str]]:
+    """Name, figure and a note: states of slopes, zones by severity, alerts by state."""
+    failed = len({slope for slope, _ in corridor.failed})
+    highest = max((slope.attention for slope in corridor.done), default=0)
+    acknowledged = int(corridor.alerts["state"].astype(str).str.strip().str.lower().eq("acknowledged").sum())
+    return [
+        [say("Slopes done"), str(len(corridor.done)), say(f"not computed: {failed}")],
+        [say("Zones"), str(len(corridor.zones)), _severities(corridor.zones)],
+        [say("Open alerts"), str(len(corridor.alerts)), say(f"of these acknowledged: {acknowledged}")],
+        [say("Highest attention"), str(highest), say("of all slopes")],
+    ]
 
 
-def _slopes(done: Sequence[Any]) -> Block:
+def _severities(zones: gpd.GeoDataFrame) -> str:
+    """How many zones have which severity, alert or, if screened, confidence."""
+    if not len(zones) or "source" not in zones:
+        return ""
+    of_change = zones[zones["source"] == "change"]["severity"].astype(str)
+    found = [f"{say(grade)} {n}" for grade in _GRADES if (n := int(of_change.eq(grade).sum()))]
+    series = zones[zones["source"] == "series"]["alert"].astype(str)
+    found += [f"{say(alert)} {n}" for alert, n in series.value_counts(sort=False).items() if alert]
+    screened = int(zones["source"].eq("screening").sum())
+    return ", ".join(found + ([f"{say('by shape')} {screened}"] if screened else []))
+
+
+def _meanings() -> list[Block]:
+    rows = [
+        (
+            say("Attention"),
+            say(
+                "Of a series the alert level of its highest zone. Of a change 2 for a zone of high severity and 1 for "
+                "a moderate one. Of one survey 1 for a screened zone of high confidence, since its shape may be old."
+            ),
+        ),
+        (
+            say("Order of the slopes"),
+            say(
+                "By attention, then by open alerts, the rate of the fastest zone and the largest volume. It is no "
+                "measure of danger."
+            ),
+        ),
+        (
+            say("Alerts"),
+            say(
+                "Raised when a zone asks for attention, and open until people or a later survey close them. State and "
+                "reason are entered in the layer alerts of corridor.gpkg."
+            ),
+        ),
+        (
+            say("What this cannot tell you"),
+            say(
+                "A slope at the end of the table showed no change above the level of detection; that is no statement "
+                "about its stability. Each slope has a report of its own with its thresholds and limits."
+            ),
+        ),
+    ]
+    return [blocks.heading(say("Thresholds explained")), blocks.terms(rows)]
+
+
+def _slopes(done: Sequence[Any], linked: Collection[str]) -> Block:
     columns = [
         Column(say("Slope"), left=True, wide=True),
         *(Column(say(words), width=_NUMBER_MM) for words in _NUMBERS),
@@ -138,7 +221,7 @@ def _slopes(done: Sequence[Any]) -> Block:
         values = {name: getattr(slope, name) for name in ("rate_mm_day", "volume_m3", "largest_m")}
         rows.append(
             [
-                slope.slope,
+                blocks.linked(slope.slope, slope_label(slope.slope)) if slope.slope in linked else slope.slope,
                 str(slope.attention),
                 str(slope.open_alerts),
                 str(slope.zones),
@@ -154,19 +237,7 @@ def _slopes(done: Sequence[Any]) -> Block:
 
 
 def _alerts(alerts: gpd.GeoDataFrame) -> list[Block]:
-    if not len(alerts):
-        return []
-    columns = [Column(say("Slope"), left=True), Column(say("Zone"), left=True), Column(say("Attention"))]
-    columns += [Column(say("Reason"), left=True, wide=True), Column(say("Raised on"), left=True)]
-    columns += [Column(say("State"), left=True), Column(say("By"), left=True)]
-    rows: list[list[Cell]] = [
-        [
-            str(a["slope"]), str(a["zone_id"]), figure(a, "attention", digits=0), say(str(a["reason"])),
-            str(a["raised_on"]), say(str(a["state"])), str(a["reviewer"]),
-        ]
-        for a in alerts.to_dict("records")
-    ]  # fmt: skip
-    return [blocks.heading(say("Open alerts")), blocks.table(columns, rows)]
+    return [blocks.heading(say("Open alerts")), alert_table(alerts)] if len(alerts) else []
 
 
 def _failed(failed: Sequence[tuple[str, str]]) -> list[Block]:

@@ -11,6 +11,7 @@ import pandas as pd
 
 from ....interface.parameters import DetailParameters
 from ...core.errors import InputError
+from .figures_in_text import say
 
 LABELS = {s.name: s.label for s in DetailParameters.specifications()}
 FLIGHT = ("flight_dates", "uav", "sensor", "flying_height", "weather")
@@ -91,7 +92,7 @@ def place_text(zone: Mapping[str, Any]) -> str:
     elif route:
         parts.append(route)
     if _text(zone.get("side")):
-        parts.append(_text(zone.get("side")))
+        parts.append(say(_text(zone.get("side"))))
     offset = _number(zone.get("offset_m"))
     if offset is not None:
         parts.append(f"{offset:.1f} m")

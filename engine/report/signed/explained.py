@@ -9,7 +9,7 @@ from ...zones.confirmation import VERDICTS
 from ..compose import MEANINGS
 from . import blocks
 from .blocks import Block, Cell, Column
-from .figures_in_text import figure, percent, say, value_of
+from .figures_in_text import NOT_KNOWN, figure, percent, say, value_of
 
 _CRITERIA = (
     ("epochs_confirmed", "Surveys in a row"),
@@ -22,10 +22,11 @@ _CRITERIA = (
 
 def explained(record: Mapping[str, Any], *, has_screened: bool) -> list[Block]:
     """Terms with the figures of this run, and of a series the table of alerts."""
-    rows = [
-        *_level(record),
-        *_zones(record.get("parameters", {}).get("zones") or {}, series=bool(record.get("alerts"))),
-    ]
+    compared = bool(record.get("epochs")) or record["command"] == "series"
+    zones = (record.get("parameters", {}).get("zones") or {}) if compared else {}
+    rows = [*_level(record), *_zones(zones, series=bool(record.get("alerts")))]
+    if has_screened:
+        rows += _screened(record, compared=compared)
     made: list[Block] = []
     if rows:
         made += [blocks.heading(say("Thresholds explained")), blocks.terms(rows)]
@@ -92,6 +93,41 @@ def _zones(parameters: Mapping[str, Any], *, series: bool) -> list[tuple[str, st
             ),
         ),
     ]
+
+
+def _screened(record: Mapping[str, Any], *, compared: bool) -> list[tuple[str, str]]:
+    parameters = record.get("parameters", {})
+    group: Mapping[str, Any] = next((g for g in parameters.values() if "minimum_hazard_area" in g), {})
+    rows = []
+    area = figure(group, "minimum_hazard_area", "m²", 2)
+    if area != NOT_KNOWN:
+        rows.append(
+            (
+                say("Screened zone"),
+                say(
+                    f"Adjoining cells whose ground points are labelled raised or lowered by their shape, {area} at "
+                    "least."
+                ),
+            )
+        )
+    rows += [
+        (
+            say("Confidence of a screened zone"),
+            say(
+                "By the mean probability of its points: high from 0.85, medium from 0.65, else low; one step lower "
+                "where it is smaller than 1 m², has fewer than 50 points, or a median height against its kind."
+            ),
+        ),
+        (
+            say("Height over the trend"),
+            say("Of the zone’s points over the surface of the ground around it; the median, and the 95th percentile."),
+        ),
+    ]
+    if not compared:
+        words = say("Whether a zone moves, only a second survey shows; the words for it are these.")
+        rows.append((say("One survey"), words))
+        rows += [(_begun(say(word)), say(MEANINGS[word])) for word in VERDICTS]
+    return rows
 
 
 def _alerts(table: list[dict[str, Any]]) -> list[Block]:

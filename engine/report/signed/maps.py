@@ -47,7 +47,7 @@ _MAX_LABELS = 40
 class MapLayers:
     """What maps show over the change: tables of ``zones``, ``screened`` zones and ``footprints`` of volumes, ``lines``
     of sections by their letters or names, and motion ``vectors`` as (x, y, east, north), metres. ``names`` of zones and
-    footprints in the key.
+    footprints in the key. ``marks`` are dots (x, y, colour), and ``marked`` says what their colours mean.
     """
 
     zones: gpd.GeoDataFrame
@@ -56,6 +56,8 @@ class MapLayers:
     lines: Sequence[tuple[str, BaseGeometry]] = ()
     vectors: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 4)))
     names: tuple[str, str] = ("zone of change", "footprint of the volume")
+    marks: Sequence[tuple[float, float, str]] = ()
+    marked: Sequence[tuple[str, str]] = ()
 
 
 def slope_map(surface: Surface | None, layers: MapLayers, width_mm: float, height_mm: float) -> bytes:
@@ -149,6 +151,8 @@ def _draw_shapes(axes: Axes, layers: MapLayers, bounds: tuple[float, float, floa
         rings = outlines(np.array(near, dtype=object), bounds, pixel)
         axes.add_collection(LineCollection(rings, colors="white", linewidths=width + 1.0, alpha=0.6, zorder=2), False)
         axes.add_collection(LineCollection(rings, colors=colour, linewidths=width, linestyles=style, zorder=3), False)
+    for x, y, colour in layers.marks:
+        axes.plot(x, y, "o", color=colour, ms=7.0, mec="white", mew=0.8, alpha=0.9, zorder=4)
     halo = [withStroke(linewidth=2.0, foreground="white")]
     for name, line in layers.lines:
         x, y = np.array(line.coords).T[:2]
@@ -221,7 +225,7 @@ def _keys(layers: MapLayers) -> list[tuple[str, str]]:
         keys.append((say("line of a section"), _LINE))
     if len(layers.vectors):
         keys.append((say("motion"), _MOTION))
-    return keys
+    return keys + [(say(words), colour) for words, colour in layers.marked]
 
 
 def _meets(shape: BaseGeometry, bounds: tuple[float, float, float, float]) -> bool:

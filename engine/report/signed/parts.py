@@ -22,6 +22,8 @@ _FIRST_PAGE_ROWS = 6
 _MOST_ROWS = 60
 _SIGNATURES_MM, _LINES_MM = 50.0, 30.0  # at least, of the fields for signatures, and of lines with their heading
 _MOST_DAYS = 6
+_ZONE_FIGURES = (("Mean change (m)", 15.0), ("Area (m²)", 13.5), ("Net volume (m³)", 23.0), ("Rate (mm/day)", 25.0))
+"""Columns of the table of zones, with their millimetres where the place on the road needs room."""
 _PICTURE_MM = 100.0
 """With its heading less than half a page, so that a page which it has no room on is at least half full."""
 
@@ -99,12 +101,9 @@ def zone_table(source: Source, zones: gpd.GeoDataFrame, *, links: bool = True) -
     columns = [
         Column(say("Zone"), left=True),
         Column(say("Kind"), left=True),
-        Column(say("Alert") if series else say("Severity"), left=True, wide=True),
-        Column(say("Mean change (m)")),
-        Column(say("Area (m²)")),
-        Column(say("Net volume (m³)")),
-        Column(say("Rate (mm/day)")),
-        *([Column(say("On the road"), left=True)] if road else []),
+        Column(say("Alert") if series else say("Severity"), left=True, wide=not road),
+        *(Column(say(words), width=width if road else 0.0) for words, width in _ZONE_FIGURES),
+        *([Column(say("On the road"), left=True, wide=True)] if road else []),
         Column(say("Review"), left=True),
     ]
     rows: list[list[Cell]] = []
@@ -189,7 +188,7 @@ def screened_table(zones: gpd.GeoDataFrame) -> Block:
                 f"{point.x:.1f}, {point.y:.1f}",
             ]
         )
-    return blocks.table(columns, rows, size=7.0)
+    return blocks.table(columns, rows, size=6.4 if compared else 7.0)
 
 
 def screened(document: Document, source: Source) -> list[Block]:

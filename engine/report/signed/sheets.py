@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import geopandas as gpd
@@ -16,7 +16,7 @@ from ..embedding import Picture
 from ..reviews import Review
 from . import blocks
 from .blocks import Block, Cell, Column, Document
-from .courses import course_drawing
+from .courses import course_drawing, has_motion
 from .details import place_text, text_width
 from .figures_in_text import figure, interval, percent, say, value_of, with_error, words_of
 from .maps import MapLayers, zone_map
@@ -34,7 +34,7 @@ _MAX_REMARKS = 700  # letters of a review on a sheet; the HTML report has all of
 @dataclass(frozen=True)
 class Zones:
     """What the sheets are made of: the table of ``zones``, and of the same folder ``surface``, ``layers`` of the maps,
-    ``reviews`` by id, names of the ``epochs``, and the run ``record``.
+    ``reviews`` by id, names of the ``epochs``, the run ``record``, and ``events`` by zone and survey.
     """
 
     zones: gpd.GeoDataFrame
@@ -43,6 +43,7 @@ class Zones:
     reviews: Mapping[str, Review]
     epochs: tuple[str, str]
     record: Mapping[str, Any]
+    events: Mapping[tuple[str, str], str] = field(default_factory=dict)
 
     @property
     def shown(self) -> gpd.GeoDataFrame:
@@ -82,11 +83,11 @@ def _sheet(document: Document, of: Zones, row: Mapping[str, Any], section: Secti
     if section is not None:
         high = _LOW_SECTION_MM if series else _SECTION_MM
         parts.append((4.4 if series else 6.6, [_section(document, of, section, (letter, zone_id), high)]))
-    parts += _history(document, of, zone_id)
+    parts += zone_history(document, of.record, zone_id, of.events)
     motion = _motion_of(of.layers.vectors, row["geometry"])
     if motion:
         parts.append((0, [blocks.paragraph(motion)]))
-    parts.append((0, _review(document, of.reviews.get(zone_id))))
+    parts.append((0, review_blocks(document, of.reviews.get(zone_id))))
     if not series:
         parts.append((2.8, [blocks.lines()]))
     return blocks.sheet(parts)
@@ -142,6 +143,13 @@ def _series_facts(row: Mapping[str, Any]) -> list[tuple[str, str]]:
         (say("Seen"), say("{0} to {1}").format(words_of(row, "first_seen"), words_of(row, "last_seen"))),
         (say("Inclination"), figure(row, "slope_deg", "°", 0)),
     ]
+    if value_of(row, "motion_m") is not None:
+        rows += [
+            (say("Motion along the surface"), with_error(row, "motion_m", "motion_err_m", "m", 3, sign=False)),
+            (say("Its velocity"), with_error(row, "motion_rate_mm_day", "motion_rate_err", "mm/day", sign=False)),
+            (say("Towards, and off the dip"), ", ".join(
+                (figure(row, "motion_azimuth_deg", "°", 0), figure(row, "motion_off_dip_deg", "°", 0, sign=True)))),
+        ]  # fmt: skip
     if words_of(row, "failure_from"):
         ends = words_of(row, "failure_from"), words_of(row, "failure_to")
         rows.append((say("Failure by inverse velocity"), say("{0} to {1}").format(*ends)))
@@ -167,17 +175,20 @@ def _section(document: Document, of: Zones, section: Section, names: tuple[str, 
     return document.picture(drawn, words, caption=words)
 
 
-def _history(document: Document, of: Zones, zone_id: str) -> list[tuple[float, list[Block]]]:
+def zone_history(
+    document: Document, record: Mapping[str, Any], zone_id: str, events: Mapping[tuple[str, str], str]
+) -> list[tuple[float, list[Block]]]:
     """Of a series: the zone's course as a chart, and its last surveys as a table."""
-    course = (of.record.get("course") or {}).get(zone_id)
-    if not course or not of.record.get("dates"):
+    course = (record.get("course") or {}).get(zone_id)
+    if not course or not record.get("dates"):
         return []
     columns = [
         Column(say("Survey"), left=True),
         Column(say("Days")),
         Column(say("Change (m)")),
         Column(say("Net volume (m³)")),
-        Column(say("Rate since the survey before (mm/day)"), wide=True),
+        Column(say("Rate since the survey before (mm/day)")),
+        Column(say("What was seen"), left=True, wide=True),
     ]
     rows: list[list[Cell]] = [
         [
@@ -186,11 +197,17 @@ def _history(document: Document, of: Zones, zone_id: str) -> list[tuple[float, l
             with_error(survey, "dz_mean_m", "dz_err_m", digits=3),
             with_error(survey, "vol_net_m3", "vol_err_m3"),
             with_error(survey, "rate_mm_day", "rate_err"),
+            events.get((zone_id, str(survey["epoch"])), ""),
         ]
         for survey in course[-_LAST_SURVEYS:]
     ]
     words = say(f"Mean change and net volume of {zone_id} against the first survey, with 95 % bands.")
-    chart = document.picture(course_drawing(course, str(of.record["dates"][0]), _COURSE_MM), words, caption=words)
+    if has_motion(course):
+        words = say(
+            f"Mean change, net volume and motion along the surface of {zone_id} against the first survey, with 95 % "
+            "bands."
+        )
+    chart = document.picture(course_drawing(course, str(record["dates"][0]), _COURSE_MM), words, caption=words)
     return [(5.7, [chart]), (0, [blocks.table(columns, rows)])]
 
 
@@ -208,7 +225,7 @@ def _motion_of(vectors: NDArray[np.float64], zone: Any) -> str:
     )
 
 
-def _review(document: Document, review: Review | None) -> list[Block]:
+def review_blocks(document: Document, review: Review | None) -> list[Block]:
     """The review with its photo; what a visit on site is to enter where there is none."""
     if review is None:
         empty = [(say("Visited on"), ""), (say("by"), ""), (say("Finding"), "")]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from ...vector.geopackage import read_layer
 from ...zones.profile_lines import GIVEN, ProfileLine
 from ..reviews import Review, zone_reviews
 from .details import Details, details_of
+from .figures_in_text import say
 from .maps import MapLayers
 from .page_words import PageWords
 
@@ -22,7 +23,7 @@ from .page_words import PageWords
 @dataclass(frozen=True)
 class Source:
     """An output ``folder`` as read: its ``record``, the ``words`` of its page, tables and reviews of its ``zones`` and
-    of the ``screened`` ones, and the names of its ``surveys``.
+    of the ``screened`` ones, the names of its ``surveys``, and of a series the ``events`` by zone and survey.
     """
 
     folder: Path
@@ -34,6 +35,7 @@ class Source:
     reviews: Mapping[str, Review]
     screened_reviews: Mapping[str, Review]
     surveys: tuple[str, ...]
+    events: Mapping[tuple[str, str], str] = field(default_factory=dict)
 
     @property
     def is_series(self) -> bool:
@@ -69,6 +71,7 @@ def read_source(record: Mapping[str, Any], folder: Path, words: PageWords) -> So
         reviews=zone_reviews(folder / name),
         screened_reviews=zone_reviews(folder / "screened_zones.gpkg"),
         surveys=surveys,
+        events=_events(folder / name) if record["command"] == "series" else {},
     )
 
 
@@ -113,6 +116,19 @@ def vectors_of_motion(path: Path) -> NDArray[np.float64]:
     frame = frame[frame.intersects(moving.union_all())] if len(moving) else frame[:0]
     columns = frame.geometry.x, frame.geometry.y, frame["east_m"], frame["north_m"]
     return np.column_stack([np.asarray(column, dtype=np.float64) for column in columns]).reshape(-1, 4)
+
+
+def _events(path: Path) -> dict[tuple[str, str], str]:
+    """State and event of each zone at each survey, such as ``lowered, continued``."""
+    if not path.is_file():
+        return {}
+    frame = read_layer(path, "series")
+    if not {"zone_id", "epoch", "state", "event"} <= set(frame.columns):
+        return {}
+    found = {}
+    for zone, epoch, *words in zip(*(frame[name] for name in ("zone_id", "epoch", "state", "event")), strict=True):
+        found[str(zone), str(epoch)] = ", ".join(dict.fromkeys(say(w) for w in words if isinstance(w, str) and w))
+    return found
 
 
 def _table(path: Path) -> gpd.GeoDataFrame:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -51,7 +51,7 @@ def write_pdf(
     title = ", ".join(part for part in (source.details["slope_name"], words.title) if part)
     path = target or folder / PDF
     save(document, path, source.details, title, record)
-    say_missing(source.details, progress)
+    say_missing(source.details.missing, progress)
     return path
 
 
@@ -72,11 +72,11 @@ def save(document: Document, path: Path, details: Details, title: str, record: M
         typeset(document, head, date.fromisoformat(str(record["started"])[:10]), partial)
 
 
-def say_missing(details: Details, progress: Progress | None) -> None:
-    """One line that names what is left blank."""
-    if progress is not None and details.missing:
-        names = ", ".join(say(name) for name in details.missing)
-        progress.info(f"Left blank in {PDF}, to be filled in by hand: {names}.")
+def say_missing(missing: Sequence[str], progress: Progress | None, name: str = PDF) -> None:
+    """One line with the labels of what is left blank in the file ``name``."""
+    if progress is not None and missing:
+        names = ", ".join(say(label) for label in missing)
+        progress.info(f"Left blank in {name}, to be filled in by hand: {names}.")
 
 
 def _page_words() -> list[str]:

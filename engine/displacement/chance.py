@@ -1,0 +1,74 @@
+"""How many single vectors chance makes on still ground, where windows overlap and so err alike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+from scipy import stats
+
+from .displacement import Displacement
+from .vectors import threshold
+
+_SURE = 0.95
+"""That chance stays below the largest count that is called one of chance."""
+_STEPS = 400  # of the numerical integral
+
+
+def chance_vectors(found: Displacement) -> tuple[float, int]:
+    """Significant vectors that still ground shows: the number expected, and that which 95 % of such maps stay within.
+
+    Both hold where errors are as stated: the share of windows that exceed their level is then 1 - confidence for each
+    width of windows that was tried.
+    """
+    widths = [float(vectors.width.max()) for vectors in found.by_width if len(vectors.width)]
+    measured = int(np.count_nonzero(found.vectors.measured))
+    return counts_by_chance(measured, found.grid.cell, widths, found.confidence)
+
+
+def counts_by_chance(measured: int, spacing: float, widths: Sequence[float], confidence: float) -> tuple[float, int]:
+    """Expected number and 95 % limit of significant windows among ``measured`` ones on still ground.
+
+    Windows are discs of ``widths`` (m), ``spacing`` (m) apart. Discs that overlap share points, so that what exceeds
+    its level comes in clumps; the limit is that of a Poisson distribution of clumps with the variance of the count.
+    """
+    if not measured or not widths:
+        return 0.0, 0
+    expected = measured * (1.0 - confidence ** len(widths))
+    clump = variance_factor(max(widths) / spacing, confidence)
+    return expected, math.floor(clump * float(stats.poisson.ppf(_SURE, expected / clump)))
+
+
+def variance_factor(width: float, confidence: float) -> float:
+    """Variance of the number of exceeding windows on a large map over that of independent ones.
+
+    Args:
+        width: of a window in units of the windows' distance.
+    """
+    share, reach = 1.0 - confidence, math.ceil(width)
+    total = 1.0
+    for column, row in product(range(-reach, reach + 1), repeat=2):
+        common = _common_share(math.hypot(column, row) / width) if (column, row) != (0, 0) else 0.0
+        if common > 0:
+            total += (_both_exceed(common, confidence) - share**2) / (share * (1.0 - share))
+    return total
+
+
+def _common_share(distance: float) -> float:
+    """Share of a disc of diameter 1 that one at this distance has in common with it."""
+    if distance >= 1.0:
+        return 0.0
+    return 2.0 / math.pi * (math.acos(distance) - distance * math.sqrt(1.0 - distance**2))
+
+
+def _both_exceed(correlation: float, confidence: float) -> float:
+    """Probability that the squared lengths of two plane vectors with normal, correlated errors exceed their level."""
+    level = threshold(confidence)
+    # the squared length of the first beyond its level is exponential with a mean of 2
+    steps = (np.arange(_STEPS) + 0.5) / _STEPS
+    first = level - 2.0 * np.log1p(-steps)
+    rest = 1.0 - correlation**2
+    second = stats.ncx2.sf(level / rest, 2, correlation**2 * first / rest)
+    return (1.0 - confidence) * float(second.mean())
