@@ -20,6 +20,7 @@ from ..interface.parameters import ChangeParameters
 _CYLINDER_RADIUS_M, _HALF_LENGTH_M, _NORMAL_RADIUS_M = 0.5, 1.0, 1.0
 _WINDOW_RADIUS_M, _LIMIT_M = 2.5, 1.0
 _PLANE_POINTS, _ROUNDS = 24, 20
+_EDGE_M, _APART_M = 3.0, 6.0  # of windows from the edge of the surveys, and from each other
 
 Radius = Callable[[Float, Float], tuple[Float, Float]]
 
@@ -38,8 +39,22 @@ def seen_by_others(first: Float, later: Float, radius: Radius, core: float) -> d
     return {
         "change of heights": float(np.median(change.dz[rows, columns][inside])),
         "M3C2": _m3c2(first, later, spread),
-        "plain correlation, along the dip": _correlation(first, later, frame, spread),
-        "patch-wise ICP, along the dip": _icp(first, later, frame, spread[::10]),
+        "plain correlation, along the dip": float(np.median(_correlations(first, later, frame, spread)[:, 0])),
+        "patch-wise ICP, along the dip": float(np.median(_icps(first, later, frame, spread[::10])[:, 0])),
+    }
+
+
+def still_by_others(first: Float, later: Float) -> dict[str, list[list[float]]]:
+    """Errors across and along the dip (m) of plain correlation and patch-wise ICP in windows of 5 m, nothing moved."""
+    frame = find_facets(first).frames[0]
+    flat = frame.to_plane(first)
+    inner = (flat[:, :2] > flat[:, :2].min(axis=0) + _EDGE_M) & (flat[:, :2] < flat[:, :2].max(axis=0) - _EDGE_M)
+    square = np.floor(flat[:, :2] / _APART_M).astype(np.int64)
+    _, one_each = np.unique(square[inner.all(axis=1)], axis=0, return_index=True)
+    places = first[inner.all(axis=1)][one_each]
+    return {
+        "plain correlation": _correlations(first, later, frame, places)[:, ::-1].tolist(),
+        "patch-wise ICP": _icps(first, later, frame, places)[:, 1::-1].tolist(),
     }
 
 
@@ -50,7 +65,8 @@ def _m3c2(first: Float, later: Float, core: Float) -> float:
     return float(np.nanmedian(found.distance))
 
 
-def _correlation(first: Float, later: Float, frame: Frame, core: Float) -> float:
+def _correlations(first: Float, later: Float, frame: Frame, core: Float) -> Float:
+    """(n, 2) motion of best correlation along the axes of the plane, metres."""
     flat = frame.to_plane(core)[:, :2]
     reach = _WINDOW_RADIUS_M + _LIMIT_M + 1.0
     corner = flat.min(axis=0) - reach
@@ -61,15 +77,15 @@ def _correlation(first: Float, later: Float, frame: Frame, core: Float) -> float
     )
     middles = np.rint((flat - corner) / NODE_M).astype(np.int64) // NODES
     shifts, _ = best_shifts(one, two, middles, _WINDOW_RADIUS_M, _LIMIT_M)
-    return float(np.median(shifts[:, 0]))
+    return shifts
 
 
-def _icp(first: Float, later: Float, frame: Frame, middles: Float) -> float:
-    """Median motion of patches by point-to-plane ICP with Tukey's weights, three unknowns."""
-    tree = cKDTree(later)
+def _icps(first: Float, later: Float, frame: Frame, middles: Float) -> Float:
+    """(n, 3) motion of patches along the axes of the plane by point-to-plane ICP with Tukey's weights."""
+    tree, flat = cKDTree(later), frame.to_plane(first)
     found = []
     for middle in middles:
-        patch = first[np.hypot(*(frame.to_plane(first) - frame.to_plane(middle[None]))[:, :2].T) < _WINDOW_RADIUS_M]
+        patch = first[np.hypot(*(flat - frame.to_plane(middle[None]))[:, :2].T) < _WINDOW_RADIUS_M]
         motion = np.zeros(3)
         for _ in range(_ROUNDS):
             near = later[tree.query(patch + motion, k=_PLANE_POINTS)[1]]
@@ -84,5 +100,5 @@ def _icp(first: Float, later: Float, frame: Frame, middles: Float) -> float:
             motion = motion - step
             if np.abs(step).max() < 1e-4:
                 break
-        found.append(frame.axes[0] @ motion)
-    return float(np.median(found))
+        found.append(frame.axes @ motion)
+    return np.array(found)
