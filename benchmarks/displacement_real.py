@@ -19,18 +19,19 @@ from .real_data import DATA, DENSE, DENSE_HALVES, TILES, dense_cloud, split
 
 SHIFTS_M = (0.0, 0.0, 0.05, 0.2)
 _PATCH_M = 40.0
+_GROUND = 2  # class
 
 
 @dataclass(frozen=True)
 class RealGround:
-    """A cloud: ``maps`` measured of it; ``extract`` whether its ground must be found first; in ``patches`` of
-    40 x 40 m, those with the most points, or as a whole.
+    """A cloud: ``maps`` measured of it; ``extract`` whether its ground must be found first, else that of class 2, or
+    all points where none has it; in ``patches`` of 40 x 40 m, those with the most points, or as a whole.
     """
 
     name: str
     path: Path
     maps: int
-    extract: bool
+    extract: bool = False
     patches: bool = False
 
 
@@ -46,20 +47,29 @@ class RealPair:
 
 REAL = (
     RealGround(f"ground of a {DENSE_HALVES}", DENSE, len(SHIFTS_M), extract=True),
-    RealGround("volcanic slope in halves", TILES / "sample_lareunion_epsg2975.laz", len(SHIFTS_M), extract=True),
-    RealGround("gullies in halves", DATA / "terrain" / "santa_cruz_gullies.laz", 8, extract=False, patches=True),
+    RealGround("airborne gullies in halves", DATA / "terrain" / "santa_cruz_gullies.laz", 6, patches=True),
+    RealGround("airborne alpine slope in halves", TILES / "alpine_slope.laz", len(SHIFTS_M)),
+    RealGround("airborne level ground in halves", TILES / "test_data_77050_627760_LA93_IGN69.laz", len(SHIFTS_M)),
 )
 
 
 def real_pair(ground: RealGround, number: int) -> RealPair:
     """Pair ``number`` of a cloud: another split each, the shifts in turn, and another patch for each of them."""
-    whole = dense_cloud() if ground.path == DENSE else np.asarray(laspy.read(ground.path).xyz, dtype=np.float64)
+    whole = dense_cloud() if ground.path == DENSE else _ground(ground.path)
     assert whole is not None
     cloud = _patch(whole, number) if ground.patches else whole
+    # a point that is there twice would have the same noise in both halves
+    cloud = cloud[np.sort(np.unique(cloud, axis=0, return_index=True)[1])]
     halves = split(cloud, number)
     first, later = (part[known_ground(part).mask] for part in halves) if ground.extract else halves
     motion = SHIFTS_M[number % len(SHIFTS_M)] * find_facets(first).frames[0].axes[0]
     return RealPair(first, later + motion, motion, density((first, later)))
+
+
+def _ground(path: Path) -> Float:
+    cloud = laspy.read(path)
+    xyz, ground = np.asarray(cloud.xyz, dtype=np.float64), np.asarray(cloud.classification) == _GROUND
+    return xyz[ground] if ground.any() else xyz
 
 
 def _patch(cloud: Float, number: int) -> Float:

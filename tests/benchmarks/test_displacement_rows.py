@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from slopewatch.benchmarks.displacement_rows import Windows, moving_rows, still_rows, window_rows
+from slopewatch.benchmarks.displacement_rows import Windows, moving_rows, other_rows, still_rows, window_rows
 
 
 def still(error: list[list[float]], stated: float, usable: float = 0.5, zones: int = 0) -> dict:
@@ -47,3 +47,13 @@ def test_vectors_that_are_wrong_in_the_core_are_counted(core, wrong):
     assert rows["10 cm: bias of the zones' motion along the dip"].value == "+3.0 %"
     assert rows["10 cm down the dip: windows of 5 m that show it"].value == "50 % of 4"
     assert rows["10 cm down the dip: windows of 8 m that show it"].met is True
+
+
+def test_windows_without_an_answer_of_others_are_counted_out():
+    errors = [[0.03, 0.0], [0.0, 0.04], [float("nan"), float("nan")], [0.12, 0.0]]
+    pairs = [{"others": {"M3C2": 0.01}, "others_still": {"ICP": errors}}]
+    median, still = other_rows(pairs)
+    assert median.value == "+1.0 cm"
+    assert "(3 of 4)" in still.figure
+    assert still.value == "71.4 / 23.1 mm"
+    assert still.peer.startswith("33.3 % wrong")
