@@ -27,6 +27,7 @@ NAMES = {
     "m3c2": "M3C2",
     "m3c2_level": "The level of detection of M3C2",
     "displacement": "Motion along the surface",
+    "one_direction": "Motion where relief holds one direction only",
     "movement": "What zones did: slid, sank, bulged, lost or gained material",
     "calibration": "Calibration of the level of detection",
     "strips": "Two airborne strips without change",
@@ -51,7 +52,9 @@ NAMES = {
 }
 
 
-KEPT = {"detection", "real_ground", "unseen_surveys", "screening_sites"}
+KEPT = {
+    "demchange", "detection", "displacement", "one_direction", "real_ground", "unseen_surveys", "screening_sites",
+}  # fmt: skip
 """Benchmarks that can keep their single results."""
 
 

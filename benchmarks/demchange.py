@@ -11,10 +11,12 @@ from __future__ import annotations
 import math
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations, pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,12 +29,14 @@ from ..engine.statistics.normal import Z95
 from ..engine.zones.change_zones import cells_of
 from ..engine.zones.volumes import fit_correlation
 from .demchange_pairs import CELL_M, ERRORS, SIDE, SimulatedModels, simulated_models
+from .kept_cases import KeptCases
 from .peers import PeerMissingError, run_peer, version
 from .real_data import DATA
 from .table import Row, counted, say
 
 FOLDER = DATA / "dem_epochs"
 PAIRS = 20  # simulated, for each kind of error
+_AT_A_TIME = 4
 _SLOPE_EDGES = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 90.0)
 _MIN_CLASS_CELLS = 200
 _SQUARES = 12  # of the chessboard along the longer side
@@ -105,13 +109,12 @@ class Volumes:
         return text + (f" (errors by {self.how})" if self.how else "")
 
 
-def rows() -> list[Row]:
-    """Real pairs, then coverage beside xDEM."""
+def rows(store: Path | None = None) -> list[Row]:
+    """Real pairs, then coverage beside xDEM; simulated pairs that ``store`` holds are not measured again."""
+    kept = KeptCases(store and store.with_suffix(".jsonl"))
     found = _real() if FOLDER.is_dir() else []
     for kind in ERRORS:
-        say(f"simulated pairs, errors {kind}")
-        cases = [simulated_models(seed, ERRORS[kind]) for seed in range(PAIRS)]
-        found += [_coverage(kind, cases, given=given) for given in (True, False)]
+        found += [_coverage(kept, kind, given=given) for given in (True, False)]
     return found
 
 
@@ -182,18 +185,20 @@ def _held_out(name: str, first: Float, second: Float, grid: Grid, whole: ModelCh
     return _levels(name, whole, classes, ", on the half that the level is not from")
 
 
-def _coverage(kind: str, cases: Sequence[SimulatedModels], *, given: bool) -> Row:
-    own = own_volumes(cases, given=given)
+def _coverage(kept: KeptCases, kind: str, *, given: bool) -> Row:
+    ground = "stable ground given" if given else "no stable ground given"
+    own = _volumes(kept, f"errors {kind}, {ground}", kind, partial(own_volumes, given=given))
+    met, words = None, ""
     try:
-        peer: Volumes | None = xdem_volumes(cases, given=given)
-        words = f"xDEM {version('xdem')}: {peer.words()}" if peer else ""
+        peer = _volumes(
+            kept, f"xDEM {version('xdem')}, errors {kind}, {ground}", kind, partial(xdem_volumes, given=given)
+        )
     except PeerMissingError as error:
-        peer, words = None, str(error)
-    met = None
-    if peer is not None:
+        words = str(error)
+    else:
+        words = f"xDEM {version('xdem')}: {peer.words()}"
         away = [abs(np.mean(volumes.covered) - 0.95) for volumes in (own, peer)]
         met = bool(away[0] <= away[1] and np.median(own.cpu) <= np.median(peer.cpu))
-    ground = "stable ground given" if given else "no stable ground given"
     return Row(
         f"simulated, errors {kind}, {ground}: 95 % intervals of volumes that hold the truth",
         own.words(),
@@ -201,6 +206,27 @@ def _coverage(kind: str, cases: Sequence[SimulatedModels], *, given: bool) -> Ro
         words,
         met,
     )
+
+
+def _volumes(
+    kept: KeptCases, name: str, kind: str, measure: Callable[[Sequence[SimulatedModels]], Volumes]
+) -> Volumes:  # fmt: skip
+    """Of all pairs, measured some at a time."""
+
+    def some(seeds: range) -> dict[str, Any]:
+        found = measure([simulated_models(seed, ERRORS[kind]) for seed in seeds])
+        return {key: value if key == "how" else value.tolist() for key, value in vars(found).items()}
+
+    parts = []
+    for first in range(0, PAIRS, _AT_A_TIME):
+        seeds = range(first, min(first + _AT_A_TIME, PAIRS))
+        parts.append(kept.get(f"{name}, pairs {seeds.start} to {seeds.stop - 1}", partial(some, seeds)))
+        say(f"{name}, pairs to {seeds.stop - 1}")
+    measured, error, true, cpu = (
+        np.concatenate([part[k] for part in parts]) for k in ("measured", "error", "true", "cpu")
+    )
+    how = {word for part in parts for word in str(part["how"]).split(" or ") if word}
+    return Volumes(measured, error, true, cpu, " or ".join(sorted(how)))
 
 
 def own_volumes(cases: Sequence[SimulatedModels], *, given: bool) -> Volumes:

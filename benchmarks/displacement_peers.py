@@ -8,9 +8,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..engine.change.difference import difference
-from ..engine.core.arrays import Float
+from ..engine.core.arrays import Float, Index
 from ..engine.displacement.facets import Frame, find_facets
-from ..engine.displacement.start import NODES, best_shifts, relief
 from ..engine.displacement.surface import NODE_M, gridded, kernel_of
 from ..engine.m3c2.distances import Cylinder, m3c2_distances
 from ..engine.m3c2.lattice import Lattice
@@ -20,6 +19,8 @@ from ..interface.parameters import ChangeParameters
 _CYLINDER_RADIUS_M, _HALF_LENGTH_M, _NORMAL_RADIUS_M = 0.5, 1.0, 1.0
 _WINDOW_RADIUS_M, _LIMIT_M = 2.5, 1.0
 _PLANE_POINTS, _ROUNDS = 24, 20
+_POINTS_PER_M2, _STEP, _MIN_SEEN = 70.0, 3, 0.15  # of the ground; nodes to a cell; share of a window seen in both
+_EDGE_M, _APART_M = 3.0, 6.0  # of windows from the edge of the surveys, and from each other
 
 Radius = Callable[[Float, Float], tuple[Float, Float]]
 
@@ -38,8 +39,22 @@ def seen_by_others(first: Float, later: Float, radius: Radius, core: float) -> d
     return {
         "change of heights": float(np.median(change.dz[rows, columns][inside])),
         "M3C2": _m3c2(first, later, spread),
-        "plain correlation, along the dip": _correlation(first, later, frame, spread),
-        "patch-wise ICP, along the dip": _icp(first, later, frame, spread[::10]),
+        "plain correlation, along the dip": float(np.nanmedian(_correlations(first, later, frame, spread[::10])[:, 0])),
+        "patch-wise ICP, along the dip": float(np.median(_icps(first, later, frame, spread[::10])[:, 0])),
+    }
+
+
+def still_by_others(first: Float, later: Float) -> dict[str, list[list[float]]]:
+    """Errors across and along the dip (m) of plain correlation and patch-wise ICP in windows of 5 m, nothing moved."""
+    frame = find_facets(first).frames[0]
+    flat = frame.to_plane(first)
+    inner = (flat[:, :2] > flat[:, :2].min(axis=0) + _EDGE_M) & (flat[:, :2] < flat[:, :2].max(axis=0) - _EDGE_M)
+    square = np.floor(flat[:, :2] / _APART_M).astype(np.int64)
+    _, one_each = np.unique(square[inner.all(axis=1)], axis=0, return_index=True)
+    places = first[inner.all(axis=1)][one_each]
+    return {
+        "plain correlation": _correlations(first, later, frame, places)[:, ::-1].tolist(),
+        "patch-wise ICP": _icps(first, later, frame, places)[:, 1::-1].tolist(),
     }
 
 
@@ -50,26 +65,65 @@ def _m3c2(first: Float, later: Float, core: Float) -> float:
     return float(np.nanmedian(found.distance))
 
 
-def _correlation(first: Float, later: Float, frame: Frame, core: Float) -> float:
-    flat = frame.to_plane(core)[:, :2]
+def _correlations(first: Float, later: Float, frame: Frame, places: Float) -> Float:
+    """(n, 2) shift of best normalised correlation of heights without their plane, in windows around ``places`` (n, 3),
+    to parts of a cell by a parabola, along the axes of the plane, metres.
+    """
+    flat = frame.to_plane(places)[:, :2]
     reach = _WINDOW_RADIUS_M + _LIMIT_M + 1.0
     corner = flat.min(axis=0) - reach
     shape = tuple(int(n) for n in np.ceil((flat.max(axis=0) + reach - corner) / NODE_M) + 1)
-    kernel = kernel_of(70.0)
     one, two = (
-        relief(gridded(frame.to_plane(xyz), corner, (shape[0], shape[1]), kernel).values) for xyz in (first, later)
+        gridded(frame.to_plane(xyz), corner, (shape[0], shape[1]), kernel_of(_POINTS_PER_M2)).values[
+            0, ::_STEP, ::_STEP
+        ]
+        for xyz in (first, later)
     )
-    middles = np.rint((flat - corner) / NODE_M).astype(np.int64) // NODES
-    shifts, _ = best_shifts(one, two, middles, _WINDOW_RADIUS_M, _LIMIT_M)
-    return float(np.median(shifts[:, 0]))
+    cell = _STEP * NODE_M
+    return np.array([cell * _best(one, two, place) for place in np.rint((flat - corner) / cell).astype(np.int64)])
 
 
-def _icp(first: Float, later: Float, frame: Frame, middles: Float) -> float:
-    """Median motion of patches by point-to-plane ICP with Tukey's weights, three unknowns."""
-    tree = cKDTree(later)
+def _best(one: Float, two: Float, middle: Index) -> Float:
+    """(2,) cells by which ``two`` is shifted against ``one`` around a cell; NaN where too little is seen of both."""
+    half, limit = round(_WINDOW_RADIUS_M / (_STEP * NODE_M)), round(_LIMIT_M / (_STEP * NODE_M))
+    still = _without_plane(_part(one, middle, half))
+    found = np.full((2 * limit + 1, 2 * limit + 1), -1.0)
+    for shift in np.ndindex(*found.shape):
+        moved = _without_plane(_part(two, middle + shift - limit, half))
+        both = np.isfinite(still) & np.isfinite(moved)
+        if both.mean() > _MIN_SEEN:
+            found[shift] = np.corrcoef(still[both], moved[both])[0, 1]
+    if found.max() <= -1.0:
+        return np.full(2, np.nan)
+    best = np.array(np.unravel_index(np.argmax(found), found.shape))
+    parts = np.zeros(2)
+    for axis in range(2):
+        if 0 < best[axis] < 2 * limit:
+            step = np.eye(2, dtype=np.int64)[axis]
+            low, high = found[tuple(best - step)], found[tuple(best + step)]
+            parts[axis] = 0.5 * (low - high) / (low + high - 2 * found[tuple(best)])
+    return best - limit + parts
+
+
+def _part(values: Float, middle: Index, half: int) -> Float:
+    row, column = middle - half
+    return values[row : row + 2 * half + 1, column : column + 2 * half + 1]
+
+
+def _without_plane(values: Float) -> Float:
+    rows, columns = np.indices(values.shape)
+    known = np.isfinite(values)
+    design = np.column_stack([np.ones(values.size), rows.ravel(), columns.ravel()])
+    plane = np.linalg.lstsq(design[known.ravel()], values[known], rcond=None)[0]
+    return values - (design @ plane).reshape(values.shape)
+
+
+def _icps(first: Float, later: Float, frame: Frame, middles: Float) -> Float:
+    """(n, 3) motion of patches along the axes of the plane by point-to-plane ICP with Tukey's weights."""
+    tree, flat = cKDTree(later), frame.to_plane(first)
     found = []
     for middle in middles:
-        patch = first[np.hypot(*(frame.to_plane(first) - frame.to_plane(middle[None]))[:, :2].T) < _WINDOW_RADIUS_M]
+        patch = first[np.hypot(*(flat - frame.to_plane(middle[None]))[:, :2].T) < _WINDOW_RADIUS_M]
         motion = np.zeros(3)
         for _ in range(_ROUNDS):
             near = later[tree.query(patch + motion, k=_PLANE_POINTS)[1]]
@@ -84,5 +138,5 @@ def _icp(first: Float, later: Float, frame: Frame, middles: Float) -> float:
             motion = motion - step
             if np.abs(step).max() < 1e-4:
                 break
-        found.append(frame.axes[0] @ motion)
-    return float(np.median(found))
+        found.append(frame.axes @ motion)
+    return np.array(found)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 from scipy.spatial import cKDTree
-from slopewatch.benchmarks.displacement_scenes import SIDE_M, bare_pair, changing_objects
+from slopewatch.benchmarks.displacement_scenes import SIDE_M, bare_pair, changing_objects, furrowed_pair, on_the_plane
 from slopewatch.engine.core.arrays import Float
 
 _DIP = np.radians(39.0)
@@ -75,3 +75,28 @@ def test_the_ground_is_smooth_and_scanned_in_lines_that_turn():
         assert off[1] == pytest.approx(np.sqrt(1 / 12), abs=0.01)
         low = flat[np.abs(flat[:, 2]) < 0.06, 2]
         assert np.median(np.abs(low)) == pytest.approx(0.6745 * _NOISE_M, rel=0.15)
+
+
+@pytest.mark.parametrize("seed", [101, 104])
+def test_furrows_move_as_they_are_said_to_and_run_across_their_direction(seed):
+    motion = np.array([0.13, -0.08])
+    scene = furrowed_pair(seed, 200.0, motion)
+    first, later = (on_the_plane(xyz) for xyz in (scene.first, scene.later))
+    back = later - np.append(motion, 0.0)
+    assert scatter(first, back) == pytest.approx(np.sqrt(2) * _NOISE_M, rel=0.15)
+    middle = np.array([10.0, 10.0])
+    angle = scene.across(middle, 3.0)
+    near = first[np.hypot(*(first[:, :2] - middle).T) < 3.0]
+    along = np.array([[np.cos(a), np.sin(a)] for a in np.radians(np.arange(0, 180, 2))])
+    spread = [_unevenness(near[:, :2] @ direction, near[:, 2]) for direction in along]
+    best = np.radians(2 * int(np.argmin(spread)))
+    assert abs(np.sin(angle - best)) < np.sin(np.radians(8))
+
+
+def _unevenness(place: Float, height: Float) -> float:
+    """Variance of heights within strips of 0.1 m: least where strips follow the furrows."""
+    strip = np.floor(place / 0.1).astype(int)
+    strip -= strip.min()
+    count = np.bincount(strip)
+    mean = np.bincount(strip, height) / np.maximum(count, 1)
+    return float(np.mean((height - mean[strip]) ** 2))

@@ -1,0 +1,59 @@
+"""The table of motion along the surface says what its cases hold."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from slopewatch.benchmarks.displacement_rows import Windows, moving_rows, other_rows, still_rows, window_rows
+
+
+def still(error: list[list[float]], stated: float, usable: float = 0.5, zones: int = 0) -> dict:
+    found = np.array(error)
+    windows = Windows(found, np.full(found.shape, stated), ((found / stated) ** 2).sum(axis=1), usable).as_lists()
+    return {"windows": {"5": windows, "8": windows}, "zones": zones, "seconds": 2.0}
+
+
+def test_errors_and_their_honesty_are_of_all_windows_of_all_maps():
+    maps = [still([[0.03, 0.0], [0.0, 0.04]], 0.011), still([[0.0, 0.0], [0.0, 0.0]], 0.011, usable=1.0)]
+    rms, within, false = window_rows("x", 5.0, maps, (20.0, 19.0))
+    assert rms.value == "15.0 / 20.0 mm"
+    assert rms.met is False
+    assert "(4)" in rms.figure
+    assert rms.peer.startswith("75 %")
+    assert within.value == "75.0 / 75.0 %"
+    assert false.value == "25.00 %"  # 0.04 / 0.011 is beyond 3.03 standard errors, 0.03 / 0.011 is not
+
+
+def test_no_vector_at_all_is_a_row_of_its_own():
+    empty = {"windows": {"5": {"error": [], "stated": [], "statistic": [], "usable": 0.0}}}
+    (row,) = window_rows("x", 5.0, [empty], None)
+    assert row.value == "no vector"
+
+
+def test_false_zones_are_counted_on_maps_with_and_without_plants():
+    pairs = [{"still": still([[0.0, 0.0]], 0.01, zones=z)} for z in (0, 2)]
+    rows = still_rows(pairs, [0, 2, 1, 0, 0], {5.0: (20.0, 27.0)})
+    (zones,) = [row for row in rows if row.figure == "still maps with a zone"]
+    assert (zones.value, zones.peer, zones.met) == ("2 of 5", "1 of 2 under plants, 1 of 3 bare", False)
+
+
+@pytest.mark.parametrize(("core", "wrong"), [([0.02, 0.09], 0), ([0.02, 0.11], 1)])
+def test_vectors_that_are_wrong_in_the_core_are_counted(core, wrong):
+    moved = {"zones": 1, "bias": 0.03, "core": core, "shown": {"5": [True, False], "8": [True, True]}}
+    pairs = [{"moved": {"0.1": moved}}, {"moved": {"0.1": moved | {"zones": 0, "bias": None, "core": []}}}]
+    rows = {row.figure: row for row in moving_rows(pairs)}
+    assert rows["vectors in a zone's core wrong by more than 0.1 m"].value == f"{wrong} of 2"
+    assert rows["10 cm: zone found"].value == "1 of 2"
+    assert rows["10 cm: bias of the zones' motion along the dip"].value == "+3.0 %"
+    assert rows["10 cm down the dip: windows of 5 m that show it"].value == "50 % of 4"
+    assert rows["10 cm down the dip: windows of 8 m that show it"].met is True
+
+
+def test_windows_without_an_answer_of_others_are_counted_out():
+    errors = [[0.03, 0.0], [0.0, 0.04], [float("nan"), float("nan")], [0.12, 0.0]]
+    pairs = [{"others": {"M3C2": 0.01}, "others_still": {"ICP": errors}}]
+    median, still = other_rows(pairs)
+    assert median.value == "+1.0 cm"
+    assert "(3 of 4)" in still.figure
+    assert still.value == "71.4 / 23.1 mm"
+    assert still.peer.startswith("33.3 % wrong")
