@@ -61,6 +61,7 @@ def test_no_layer_of_a_slope_is_missing_after_the_folder_has_moved(corridor: dic
         assert layer["valid"], title
         assert layer["source"].startswith(str(corridor["folder"])), title
     assert any("/slopes/" in layer["source"] for layer in corridor["layers"].values())
+    assert list(corridor["folder"].rglob("*.aux.xml")) == []
 
 
 def test_a_plan_and_a_located_layer_become_projects(inputs: Inputs, tmp_path: Path, qgis_app: object) -> None:
