@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import html
+import os
 import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from osgeo import gdal
 from qgis.core import (
     Qgis,
     QgsCoordinateReferenceSystem,
@@ -40,6 +40,7 @@ _LINES, _LINE_LOOK = "profiles", {"line_color": "20,20,20,255", "line_width": "0
 """The layer of the profiles' lines, which has no style of its own, and how it is drawn."""
 _REGIONS, _REGION_LOOK = "slopes", {"style": "no", "outline_color": "60,60,60,255", "outline_width": "0.4"}
 """The layer of a corridor's regions, which has none either: outlines, as they lie over the change."""
+_SIDE_FILES = "GDAL_PAM_ENABLED"
 _MARGIN = 0.05
 """Of the first view, around the layers: a share of their size."""
 
@@ -69,13 +70,15 @@ def write_project(contents: Contents, path: Path, sheet: Sheet) -> Made:
 @contextlib.contextmanager
 def _no_side_files() -> Iterator[None]:
     """Without files of statistics (.aux.xml), which GDAL writes next to rasters that QGIS looks through."""
-    option = "GDAL_PAM_ENABLED"
-    before = gdal.GetConfigOption(option)
-    gdal.SetConfigOption(option, "NO")
+    before = os.environ.get(_SIDE_FILES)  # GDAL asks the environment each time
+    os.environ[_SIDE_FILES] = "NO"
     try:
         yield
     finally:
-        gdal.SetConfigOption(option, before)
+        if before is None:
+            del os.environ[_SIDE_FILES]
+        else:
+            os.environ[_SIDE_FILES] = before
 
 
 def _made(contents: Contents, path: Path, sheet: Sheet) -> Made:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import shutil
 from pathlib import Path
 from typing import Any
@@ -28,11 +29,12 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Inputs:
 def corridor(inputs: Inputs, tmp_path_factory: pytest.TempPathFactory, qgis_app: object) -> dict[str, Any]:
     """What another process finds in a corridor's project after its folder has moved."""
     folder = tmp_path_factory.mktemp("corridor")
-    rows = [f"{_ODD},{cloud.stem},{cloud}" for cloud in inputs.pair.values()]
-    rows.append(f"alone,2024-05-01,{inputs.pair['REFERENCE']}")
-    (folder / "manifest.csv").write_text("\n".join(["slope,date,file", *rows]) + "\n", encoding="utf-8")
+    first, later = inputs.pair.values()
+    rows = [(_ODD, first), (_ODD, later), ("alone", first)]
+    with (folder / "manifest.csv").open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file).writerows([("slope", "date", "file"), *((s, cloud.stem, cloud) for s, cloud in rows)])
     inputs.engine("batch", folder / "manifest.csv", "--ground-ready", "--cell", "0.5", "--no-displacement",
-                  "--screening-method", "relief", "--output-dir", folder / "out")  # fmt: skip
+                  "--screening-method", "relief", "--workers", "0", "--output-dir", folder / "out")  # fmt: skip
     made(folder / "out")
     moved = Path(shutil.move(folder / "out", tmp_path_factory.mktemp("moved") / "away"))
     return opened(moved / "slope.qgz", moved / "sheet.png") | {"folder": moved}
@@ -61,6 +63,7 @@ def test_no_layer_of_a_slope_is_missing_after_the_folder_has_moved(corridor: dic
         assert layer["valid"], title
         assert layer["source"].startswith(str(corridor["folder"])), title
     assert any("/slopes/" in layer["source"] for layer in corridor["layers"].values())
+    assert list(corridor["folder"].rglob("*.aux.xml")) == []
 
 
 def test_a_plan_and_a_located_layer_become_projects(inputs: Inputs, tmp_path: Path, qgis_app: object) -> None:

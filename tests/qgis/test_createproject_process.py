@@ -50,11 +50,11 @@ if layout is not None:
     box, page = drawn.sceneBoundingRect(), layout.pageCollection().page(0).rect()
     found["map"] = [box.x(), box.y(), box.width(), box.height(), page.width(), page.height()]
     found["items"] = sorted(item.id() for item in layout.items() if hasattr(item, "id") and item.id())
-    table = layout.multiFrames()[0]
-    headings = [column.heading() for column in table.columns()]
-    found["table"] = [table.vectorLayer().name(), table.maximumNumberOfFeatures(), headings]
-    frame = layout.itemById("zones").sceneBoundingRect()
-    found["frame"] = [frame.x(), frame.y(), frame.width(), frame.height()]
+    for table in layout.multiFrames():  # none without zones
+        headings = [column.heading() for column in table.columns()]
+        found["table"] = [table.vectorLayer().name(), table.maximumNumberOfFeatures(), headings]
+        frame = layout.itemById("zones").sceneBoundingRect()
+        found["frame"] = [frame.x(), frame.y(), frame.width(), frame.height()]
 print(json.dumps(found))
 sys.stdout.flush()
 os._exit(0)
