@@ -117,6 +117,7 @@ def _read(
     with run.step("read", 0.0, 0.2, "reading") as entry:
         counts = [preflight(path).count for path in paths]
         entry["points"] = counts
+        clouds: tuple[Cloud, Cloud]
         if memory.holds(sum(counts)):
             clouds = _held(paths, settings, transform, run.progress)
         else:
