@@ -9,7 +9,8 @@ from scipy.spatial import cKDTree
 
 from ..engine.change.difference import difference
 from ..engine.core.arrays import Float, Index
-from ..engine.displacement.facets import Frame, find_facets
+from ..engine.displacement.facets import find_facets
+from ..engine.displacement.frame import Frame
 from ..engine.displacement.surface import NODE_M, gridded, kernel_of
 from ..engine.m3c2.distances import Cylinder, m3c2_distances
 from ..engine.m3c2.lattice import Lattice

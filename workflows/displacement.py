@@ -9,6 +9,7 @@ import numpy as np
 from pyproj import CRS
 from shapely import contains_xy
 
+from ..engine.core import cancellation
 from ..engine.core.arrays import Bool, Float
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
@@ -22,14 +23,15 @@ from ..engine.geometry.rigid_transform import RigidTransform, registration_error
 from ..engine.grid import geotiff
 from ..engine.ground.raw_survey import refuse_raw
 from ..engine.pointcloud.cloud import PointCloud
+from ..engine.pointcloud.header import preflight
 from ..engine.pointcloud.reading import read_cloud
 from ..engine.report.compose import REPORT
 from ..engine.report.motion_facts import doubts, motion_facts, refused
 from ..interface.parameters import given
-from .early_memory import refuse_points_early
 from .layer_files import NO_LAYERS, LayerFiles
 from .layers import layers_on_cloud
-from .pair import dated_pair, ground_of, stable_area
+from .motion_memory import MotionMemory, measurable, refuse_motion_early
+from .pair import SPOOL, Cloud, dated_pair, ground_of, ground_on_disk, stable_area
 from .products.displacement import DISPLACEMENT_OUTPUTS, main_figures, write_products
 from .run import Run
 from .settings import DisplacementSettings, groups
@@ -61,24 +63,30 @@ def displacement_step(
     epochs = dated_pair(reference, moving, dates)
     inputs = [*((f"epoch {e.name}", e.path) for e in epochs), ("transform", transform_path), ("stable", stable)]
     inputs += layers.inputs
-    recorded = groups(settings, "inputs", "dates", "surface", "displacement", "road")
+    recorded = groups(settings, "inputs", "dates", "surface", "displacement", "motion_memory", "road")
     run = Run("displacement", recorded, inputs, progress)
     run.refuse_folder(output_dir, ("run.json", REPORT, *DISPLACEMENT_OUTPUTS), overwrite=overwrite)
     check_pair(*epochs)
     transform = RigidTransform.load(transform_path) if transform_path else None
     require_comparable(reference, moving, settings.inputs)
-    if settings.surface.ground != "class_2":
-        refuse_points_early((reference, moving))
+    memory = MotionMemory.of(settings.motion_memory.memory_limit)
+    refuse_motion_early((reference, moving), memory)
     check_days(epochs, trusted=settings.dates.trust_dates, progress=progress)
     refuse_raw((reference, moving), settings.surface.ground, settings.inputs)
     hashes = run.hash_inputs()[:2]
     run.related = layers_on_cloud(layers, (settings.road, None), reference, settings.inputs, progress)
-    with run.writing(output_dir, report=True):
-        first, second = _read(run, (reference, moving), settings, transform)
+    with (
+        run.writing(output_dir, report=True) as stage,
+        cancellation.temporary(stage.folder / SPOOL) as spool,
+    ):
+        first, second = _read(run, spool, (reference, moving), settings, transform)
         registered = _registered(run, settings, transform_path)
         places = stable_places(stable, first.crs, progress)
         with run.step("displacement", 0.2, 0.95, "measuring motion along the surface") as entry:
-            found = measure_displacement(first.xyz, second.xyz, settings.displacement, registered, places, progress)
+            with measurable((first, second), memory, settings.displacement.spacing) as ground:
+                found = measure_displacement(
+                    *ground, settings.displacement, registered, places, progress, threads=memory.threads
+                )
             entry["windows"] = len(found.cell)
         tags = geotiff.raster_tags(
             epochs=(epochs[0].date, epochs[1].date),
@@ -98,17 +106,40 @@ def displacement_step(
 
 
 def _read(
-    run: Run, paths: tuple[Path, Path], settings: DisplacementSettings, transform: RigidTransform | None
-) -> tuple[PointCloud, PointCloud]:
+    run: Run,
+    folder: Path,
+    paths: tuple[Path, Path],
+    settings: DisplacementSettings,
+    transform: RigidTransform | None,
+) -> tuple[Cloud, Cloud]:
+    """The ground of both surveys in one frame; it stays on the disk, in ``folder``, where the memory is too small."""
+    memory, ground = MotionMemory.of(settings.motion_memory.memory_limit), settings.surface.ground
     with run.step("read", 0.0, 0.2, "reading") as entry:
-        first, second = (read_cloud(path, settings.inputs, progress=run.progress) for path in paths)
-        entry["points"] = [len(first.xyz), len(second.xyz)]
-        first, second = (ground_of(cloud, settings.surface.ground, run.progress) for cloud in (first, second))
+        counts = [preflight(path).count for path in paths]
+        entry["points"] = counts
+        clouds: tuple[Cloud, Cloud]
+        if memory.holds(sum(counts)):
+            clouds = _held(paths, settings, transform, run.progress)
+        else:
+            entry["in_parts"] = True
+            first, second = (ground_on_disk(path, folder, ground, settings.inputs, run.progress) for path in paths)
+            clouds = first, second if transform is None else second.moved(transform)
+            run.progress.info(
+                "The surveys stay on the disk and are measured in parts, which gives the same results; --memory-limit "
+                "says how much memory they may take."
+            )
         if transform is not None:
-            second = replace(second, xyz=transform.apply(second.xyz))
             run.facts["transform"] = transform.matrix
-        refuse_other_heights(first, second)
-    return first, second
+        refuse_other_heights(*clouds)
+    return clouds
+
+
+def _held(
+    paths: tuple[Path, Path], settings: DisplacementSettings, transform: RigidTransform | None, progress: Progress
+) -> tuple[PointCloud, PointCloud]:
+    read = [read_cloud(path, settings.inputs, progress=progress) for path in paths]
+    first, second = (ground_of(cloud, settings.surface.ground, progress) for cloud in read)
+    return first, second if transform is None else replace(second, xyz=transform.apply(second.xyz))
 
 
 def _registered(run: Run, settings: DisplacementSettings, path: Path | None) -> Registered:

@@ -1,4 +1,4 @@
-"""Whether grid or points of a comparison can fit into the memory, decided on headers and samples before other work."""
+"""Whether the grid of a comparison can fit into the memory, decided on headers and samples before other work."""
 
 from __future__ import annotations
 
@@ -9,17 +9,12 @@ import numpy as np
 from shapely.geometry import box
 
 from ..engine.core.arrays import Float
-from ..engine.core.errors import InputError
-from ..engine.core.machine_memory import machine_memory
-from ..engine.core.messages import shown
 from ..engine.grid.common_grid import refuse_too_large
-from ..engine.pointcloud.header import preflight
 from ..engine.pointcloud.reading import open_cloud, sample_cloud
 from ..engine.vector.area import read_roi
 from ..interface.parameters import AUTO, GridChangeParameters, InputParameters
 
 _SQUARE_M = 20.0  # m: squares with points of a sample are on the slope
-_HELD_POINT_BYTES = 1_000  # of displacement vectors, their nodes included: 630 to 1,130 at 105 ground points a m²
 _MIN_EXTENT_SHARE = 0.1  # share of the header's extent that a sample covers, where no stray point makes the extent
 
 
@@ -59,18 +54,6 @@ def refuse_grid_early(
         low, high = np.array(common.bounds[:2]), np.array(common.bounds[2:])
         area = min(area, common.area)
     refuse_too_large((float(low[0]), float(low[1]), float(high[0]), float(high[1])), area, parameters, plants=True)
-
-
-def refuse_points_early(clouds: Sequence[Path]) -> None:
-    """Raise InputError where clouds, all of whose points are held, need more memory than there is, by their headers."""
-    points = sum(preflight(path).count for path in clouds)
-    needed, there = points * _HELD_POINT_BYTES, machine_memory()
-    if needed > there:
-        raise InputError(
-            f"All points are held in memory, and the {points:,} of {' and '.join(shown(path) for path in clouds)} need "
-            f"about {needed / 1e9:.3g} GB where this machine has {there / 1e9:.3g} GB; clip both clouds to the slope "
-            "or thin them."
-        )
 
 
 def _area(points: Float) -> float:

@@ -40,6 +40,7 @@ from .inspect_motion import measured_motion, write_motion
 from .last_epoch import SCREENING_OUTPUTS, EpochScreening, confirmed_by, obstacle, screen_epoch, write_epoch_screening
 from .layer_files import NO_LAYERS, LayerFiles
 from .layers import layers_on_cloud
+from .motion_memory import MotionMemory
 from .movement import Surveys, moved_zones_of
 from .pair import (
     MAX_HELD_POINTS,
@@ -274,7 +275,8 @@ def _change_of_two(task: _Inspection, grounds: list[GroundResult], screened: boo
         moved = _moved(second, registration.transform)
         motion = None
         if settings.displacement_step.displacement:
-            motion = measured_motion(run, (first, moved), settings.displacement, registration, task.stable)
+            memory = MotionMemory.of(settings.change.memory_limit)
+            motion = measured_motion(run, (first, moved), settings.displacement, registration, task.stable, memory)
         change = _difference(task, first, moved, registration)
         crs = first.crs
         context = _context(task, change, registration, crs)

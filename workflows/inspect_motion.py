@@ -10,18 +10,17 @@ from pathlib import Path
 
 import numpy as np
 
-from ..engine.core.arrays import Float
 from ..engine.core.errors import EngineError, InputError
-from ..engine.core.machine_memory import machine_memory
 from ..engine.displacement.displacement import Displacement, measure_displacement
 from ..engine.displacement.registered import Registered
 from ..engine.displacement.status import REASONS, Status
+from ..engine.displacement.stored_ground import Ground
 from ..engine.displacement.windows import density
-from ..engine.pointcloud.cloud import PointCloud
 from ..engine.registration.result import RegistrationResult
 from ..engine.report.motion_facts import motion_facts
 from ..interface.parameters import DisplacementParameters, given
 from .displacement import stable_places
+from .motion_memory import MotionMemory, measurable
 from .pair import Cloud
 from .products import displacement as files
 from .products.change import Context
@@ -30,9 +29,6 @@ from .run import Run
 _MIN_POINTS_PER_M2 = 20.0
 """Ground points a m² of the map, of the sparser survey, below which vectors claim more than their errors allow: of
 still simulated windows 1 % at 20 and 30 points and 6 % at 10 and 5 (docs/displacement.md)."""
-_MEMORY_SHARE = 0.5  # of the machine's, as for the grid of the change
-_FIXED_BYTES, _POINT_BYTES = 600_000_000, 200
-"""Memory of the surfaces of a tile, and of a point with its windows. Measured: 0.3 GB, and 92 to 117 bytes a point."""
 _FAULTS = (InputError, EngineError, MemoryError, ArithmeticError, ValueError, IndexError)
 
 
@@ -51,6 +47,7 @@ def measured_motion(
     parameters: DisplacementParameters,
     registration: RegistrationResult,
     stable: Path | None,
+    memory: MotionMemory,
 ) -> Motion | None:
     """Motion of the later of two ground clouds in one frame; None where that is not possible.
 
@@ -61,12 +58,13 @@ def measured_motion(
     """
     with run.step("displacement", 0.68, 0.79, "measuring motion along the surface") as entry:
         try:
-            _refuse_too_many(sum(_count(cloud) for cloud in clouds))
-            first, later = (_held(cloud) for cloud in clouds)
-            _refuse_too_sparse(first, later)
-            registered = registered_by(registration, parameters)
-            places = stable_places(stable, clouds[0].crs)
-            found = measure_displacement(first, later, parameters, registered, places, run.progress)
+            with measurable(clouds, memory, parameters.spacing) as (first, later):
+                _refuse_too_sparse(first, later)
+                registered = registered_by(registration, parameters)
+                places = stable_places(stable, clouds[0].crs)
+                found = measure_displacement(
+                    first, later, parameters, registered, places, run.progress, threads=memory.threads
+                )
             _refuse_all_unseen(found)
         except _FAULTS as error:
             _leave_out(run, error)
@@ -98,27 +96,7 @@ def write_motion(run: Run, motion: Motion, parameters: DisplacementParameters, c
         )
 
 
-def _count(cloud: Cloud) -> int:
-    return len(cloud.xyz) if isinstance(cloud, PointCloud) else len(cloud)
-
-
-def _held(cloud: Cloud) -> Float:
-    if isinstance(cloud, PointCloud):
-        return cloud.xyz
-    return np.concatenate([xyz for xyz, _ in cloud.parts()])
-
-
-def _refuse_too_many(points: int) -> None:
-    needed, allowed = _FIXED_BYTES + points * _POINT_BYTES, _MEMORY_SHARE * machine_memory()
-    if needed > allowed:
-        raise InputError(
-            f"All points are held in memory, and the {points:,} ground points of both surveys need about "
-            f"{needed / 1e9:.2g} GB where {allowed / 1e9:.2g} GB, half of this machine's memory, may be taken; clip "
-            "the surveys to the slope or thin them."
-        )
-
-
-def _refuse_too_sparse(first: Float, later: Float) -> None:
+def _refuse_too_sparse(first: Ground, later: Ground) -> None:
     found = density((first, later))
     if found < _MIN_POINTS_PER_M2:
         raise InputError(

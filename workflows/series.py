@@ -31,6 +31,7 @@ from ..engine.series.velocity import cell_velocity
 from .early_memory import refuse_grid_early
 from .layer_files import NO_LAYERS, LayerFiles
 from .layers import layers_on_cloud
+from .motion_memory import MotionMemory
 from .pair import SPOOL, stable_area
 from .products.classes import CLASS_OUTPUTS
 from .products.series import (
@@ -182,7 +183,8 @@ def _motion(
     if not task.settings.displacement_step.displacement:
         return None
     with run.step("displacement", 0.7, 0.88, "measuring motion along the surface") as entry:
-        motion = measure_motion(gridded, days, task.stage, stable, run.progress)
+        memory = MotionMemory.of(task.settings.change.memory_limit)
+        motion = measure_motion(gridded, days, task.stage, stable, memory, run.progress)
         entry["windows"] = 0 if motion is None else len(motion.layout.cell)
     return motion
 

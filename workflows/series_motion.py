@@ -11,21 +11,25 @@ import numpy as np
 from shapely import contains_xy
 from shapely.geometry.base import BaseGeometry
 
+from ..engine.core import cancellation
 from ..engine.core.arrays import Bool, Float
 from ..engine.core.errors import InputError
 from ..engine.core.progress import Progress
 from ..engine.core.staged_outputs import Stage
 from ..engine.displacement.displacement import StablePlaces
+from ..engine.displacement.stored_ground import Ground, StoredGround
 from ..engine.displacement.vectors import CommonMotion
 from ..engine.series.analysis import GriddedEpoch
 from ..engine.series.motion.field import Field, Surveys, motion_field
 from ..engine.series.motion.windows import Layout, PairMotion, layout_of, measure_pair
 from ..engine.series.motion.zones import MovingGround, moving_ground
 from ..interface.parameters import DisplacementParameters
+from .motion_memory import MotionMemory, stored_ground
 from .pair import is_large
 from .series_store import Store, key_of
 
 _MEASURED, _FITTED = 0.85, 0.95  # shares of the time
+_POINTS = "motion_points"  # folder of a run, while it measures, for points on the disk
 
 
 @dataclass(frozen=True)
@@ -79,22 +83,57 @@ def _common(motion: CommonMotion | None) -> dict[str, Any] | None:
 
 
 class _Held:
-    """The ground of the surveys in the frame of the series, of which two are in memory at a time."""
+    """The ground of the surveys in the frame of the series, of which two are in memory at a time.
+
+    ``threads`` are the tiles at a time that leave the memory as it is allowed; None: as it is by default.
+    """
+
+    threads: int | None = None
 
     def __init__(self, gridded: Sequence[GriddedEpoch]) -> None:
         self._gridded = gridded
-        self._held: dict[int, Float] = {}
+        self._held: dict[int, Ground] = {}
 
-    def __call__(self, earlier: int, later: int) -> tuple[Float, Float]:
+    def __call__(self, earlier: int, later: int) -> tuple[Ground, Ground]:
         for survey in set(self._held) - {earlier, later}:
-            del self._held[survey]
-        for survey in {earlier, later} - set(self._held):
-            self._held[survey] = self._gridded[survey].points()
+            self._let_go(survey)
+        for survey in sorted({earlier, later} - set(self._held)):
+            self._held[survey] = self._taken(survey)
         return self._held[earlier], self._held[later]
+
+    def _let_go(self, survey: int) -> None:
+        del self._held[survey]
+
+    def _taken(self, survey: int) -> Ground:
+        return self._gridded[survey].points()
+
+
+class _OnDisk(_Held):
+    """The same where two surveys are on the disk at a time, in a folder of their own."""
+
+    def __init__(self, gridded: Sequence[GriddedEpoch], folder: Path, memory: MotionMemory, spacing: float) -> None:
+        super().__init__(gridded)
+        self._folder, self._memory, self._spacing = folder, memory, spacing
+        self.threads = memory.threads
+
+    def _let_go(self, survey: int) -> None:
+        ground = self._held.pop(survey)
+        assert isinstance(ground, StoredGround)
+        ground.cloud.file.unlink()
+        ground.squares.file.unlink()
+
+    def _taken(self, survey: int) -> Ground:
+        self._folder.mkdir(parents=True, exist_ok=True)
+        return stored_ground(self._gridded[survey].stored(self._folder), self._memory, self._spacing)
 
 
 def measure_motion(
-    gridded: Sequence[GriddedEpoch], days: Float, stage: Stage, stable: BaseGeometry | None, progress: Progress
+    gridded: Sequence[GriddedEpoch],
+    days: Float,
+    stage: Stage,
+    stable: BaseGeometry | None,
+    memory: MotionMemory,
+    progress: Progress,
 ) -> SeriesMotion | None:
     """Motion along the surface of all surveys, with a note and None where the ground does not allow it.
 
@@ -102,13 +141,25 @@ def measure_motion(
         days: of the surveys since the first one.
         stage: of the run; what is measured of a pair is kept in its folder ``work``.
         stable: ground that is known to be stable; its motion is taken off.
+        memory: that may be taken where surveys stay on the disk.
     """
-    if any(is_large([g.ground, g.ground]) for g in gridded):
-        progress.info(
-            "Motion along the surface is not measured in this series: its surveys are too large to be held in memory."
-        )
-        return None
-    parameters, held = DisplacementParameters(), _Held(gridded)
+    parameters = DisplacementParameters()
+    with cancellation.temporary(stage.folder / _POINTS) as folder:
+        held = _Held(gridded)
+        if any(is_large([g.ground, g.ground]) for g in gridded):
+            held = _OnDisk(gridded, folder, memory, parameters.spacing)
+        return _measured(gridded, days, stage, stable, held, parameters, progress)
+
+
+def _measured(
+    gridded: Sequence[GriddedEpoch],
+    days: Float,
+    stage: Stage,
+    stable: BaseGeometry | None,
+    held: _Held,
+    parameters: DisplacementParameters,
+    progress: Progress,
+) -> SeriesMotion | None:
     try:
         layout = layout_of(held(0, 0)[0], parameters)
         surveys = Surveys(days, tuple(g.registered for g in gridded))
@@ -146,7 +197,7 @@ def _pairs(
         with progress.stage(number / len(links), (number + 1) / len(links), names) as share:
 
             def make(path: Path, earlier: int = earlier, later: int = later, share: Progress = share) -> dict[str, Any]:
-                measure_pair(*held(earlier, later), layout, parameters, share).save(path)
+                measure_pair(*held(earlier, later), layout, parameters, share, held.threads).save(path)
                 return {}
 
             key = key_of(

@@ -254,6 +254,7 @@ def _gridded(task: Task, number: int, kept: _Kept, progress: Progress) -> Gridde
         registered=registered,
         load=partial(load_cells, entry.path),
         points=partial(_points, task, number, ground, transform),
+        stored=partial(_stored, task, number, ground, transform),
         ground=epoch.path if ground is None else ground.path,
         key=key_of(ground=_ground_key(task, number), transform=key),
         area=common_area(task.roi, first, transform),
@@ -265,6 +266,13 @@ def _gridded(task: Task, number: int, kept: _Kept, progress: Progress) -> Gridde
 def _points(task: Task, number: int, ground: Entry | None, transform: RigidTransform) -> Float:
     """The ground of a survey in the frame of the first one (n, 3), metres, read anew; not for large surveys."""
     return transform.apply(np.asarray(survey_of(_ground_cloud(task, number, ground, None, Progress()))[0]))
+
+
+def _stored(task: Task, number: int, ground: Entry | None, transform: RigidTransform, folder: Path) -> SpooledCloud:
+    """The same in a ``folder`` on the disk."""
+    cloud = _ground_cloud(task, number, ground, folder, Progress())
+    assert isinstance(cloud, SpooledCloud)
+    return cloud.moved(transform)
 
 
 def _registration_key(task: Task, number: int) -> str:

@@ -20,6 +20,7 @@ from ..interface.parameters import (
     InputParameters,
     LastEpochParameters,
     ModelParameters,
+    MotionMemoryParameters,
     MovementParameters,
     ParameterSet,
     RegistrationParameters,
@@ -80,6 +81,7 @@ class DisplacementSettings:
 
     inputs: InputParameters = field(default_factory=InputParameters)
     displacement: DisplacementParameters = field(default_factory=DisplacementParameters)
+    motion_memory: MotionMemoryParameters = field(default_factory=MotionMemoryParameters)
     road: RoadParameters = field(default_factory=RoadParameters)
     dates: DateParameters = field(default_factory=DateParameters)
     surface: SurfaceParameters = field(default_factory=SurfaceParameters)

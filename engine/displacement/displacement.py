@@ -16,7 +16,6 @@ from ...interface.parameters import DisplacementParameters
 from ..core.arrays import Bool, Float, Index
 from ..core.errors import InputError
 from ..core.progress import Progress
-from ..geometry.columns import greatest, least
 from ..grid.grid import Grid, snapped_grid
 from .components import Components, OneWay, held_one_way, on_the_map
 from .facets import Facets, find_facets
@@ -25,9 +24,10 @@ from .measure import Windows, judged
 from .one_direction import Component
 from .registered import Registered
 from .status import Status
+from .stored_ground import Ground, StoredGround, at_places, bounds_of
 from .surface import kernel_of
 from .vectors import CommonMotion, Vectors, common_motion, in_the_map, joined, with_error
-from .windows import Search, density, fit_windows, tiles
+from .windows import Search, density, fitted_tiles, tiles
 from .zones import Measured, MovingZone, moving_zones
 
 _MAX_GAP_M = 1.0  # from a window's middle to the next ground point of either survey
@@ -75,18 +75,21 @@ class Displacement:
 
 
 def measure_displacement(
-    first: Float,
-    later: Float,
+    first: Ground,
+    later: Ground,
     parameters: DisplacementParameters,
     registered: Registered,
     stable: StablePlaces | None = None,
     progress: Progress | None = None,
+    *,
+    threads: int | None = None,
 ) -> Displacement:
     """Vectors and zones of motion of ``later`` against ``first``, both ground points (n, 3) in one frame, metres.
 
     Args:
         registered: error of the registration.
         stable: which of places (n, 2) are on ground that is known to be stable; their motion is taken off.
+        threads: tiles at a time; None: as ``windows.tile_threads``. The result does not depend on it.
 
     Raises:
         InputError: the surveys have no ground in common.
@@ -100,7 +103,7 @@ def measure_displacement(
         radii.append(parameters.wide_window / 2)
     search = Search(tuple(radii), parameters.largest_motion, kernel_of(points))
     with progress.stage(0.0, 0.95):
-        sizes, one_way = measure_windows(first, later, facets, (places, facet), search, progress)
+        sizes, one_way = measure_windows(first, later, facets, (places, facet), search, progress, threads)
     own = [in_the_map(windows, facets, places, facet) for windows in sizes]
     overlap = parameters.spacing**2 / (np.pi * np.array(radii) ** 2)
     common = common_motion(own[-1], float(overlap[-1]))
@@ -131,10 +134,11 @@ def measure_displacement(
     )  # fmt: skip
 
 
-def windows_of(first: Float, later: Float, facets: Facets, spacing: float) -> tuple[Grid, Index, Index, Float]:
+def windows_of(first: Ground, later: Ground, facets: Facets, spacing: float) -> tuple[Grid, Index, Index, Float]:
     """The grid of windows, and of those over ground of both surveys: flat index, facet and place (n, 3)."""
-    low = np.maximum(least(first[:, :2]), least(later[:, :2]))
-    high = np.minimum(greatest(first[:, :2]), greatest(later[:, :2]))
+    ends = bounds_of(first), bounds_of(later)
+    low = np.maximum(ends[0][0][:2], ends[1][0][:2])
+    high = np.minimum(ends[0][1][:2], ends[1][1][:2])
     if (low >= high).any():
         raise InputError("The surveys have no ground in common; check their coordinate systems and the registration.")
     grid = snapped_grid((low[0], low[1], high[0], high[1]), spacing)
@@ -142,24 +146,40 @@ def windows_of(first: Float, later: Float, facets: Facets, spacing: float) -> tu
     middle = np.column_stack([grid.west + (column + 0.5) * spacing, grid.north - (row + 0.5) * spacing])
     facet, places = facets.places(middle)
     near = facet >= 0
-    for xyz in (first, later):
-        near &= np.asarray(cKDTree(xyz[:, :2]).query(middle, distance_upper_bound=_MAX_GAP_M)[0]) <= _MAX_GAP_M
+    for ground in (first, later):
+        if isinstance(ground, StoredGround):
+            near[near] = at_places(ground, middle[near], _MAX_GAP_M, _has_ground)
+        else:
+            near &= _has_ground(ground, middle)
     if not near.any():
         raise InputError("The surveys have no ground in common; check their coordinate systems and the registration.")
     cell = np.flatnonzero(near)
     return grid, cell, facet[cell], places[cell]
 
 
+def _has_ground(xyz: Float, middle: Float) -> Bool:
+    """Which places (n, 2) have a point near enough."""
+    return np.asarray(cKDTree(xyz[:, :2]).query(middle, distance_upper_bound=_MAX_GAP_M)[0] <= _MAX_GAP_M)
+
+
 def measure_windows(
-    first: Float, later: Float, facets: Facets, at: tuple[Float, Index], search: Search, progress: Progress
+    first: Ground,
+    later: Ground,
+    facets: Facets,
+    at: tuple[Float, Index],
+    search: Search,
+    progress: Progress,
+    threads: int | None = None,
 ) -> tuple[list[Windows], list[OneWay]]:
     """The windows of each radius, and those in which relief holds one direction only."""
     places, facet = at
     regions = search.regions()
     fits: list[list[Fit | Status | Component]] = [[Status.NO_GROUND] * len(places) for _ in search.radii]
-    for tile in tiles((first, later), facets, places, facet, search, progress):
-        for held, found in zip(fits, fit_windows(tile, search, regions), strict=True):
-            for number, fit in zip(tile.windows, found, strict=True):
+    for windows, fitted in fitted_tiles(
+        tiles((first, later), facets, places, facet, search, progress), search, regions, threads
+    ):
+        for held, found in zip(fits, fitted, strict=True):
+            for number, fit in zip(windows, found, strict=True):
                 held[number] = fit
     sizes = [
         judged(held, radius, region.blocks, search.limit)

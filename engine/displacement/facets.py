@@ -10,8 +10,12 @@ from numpy.typing import NDArray
 
 from ..core.arrays import Float, Index
 from ..core.errors import InputError
-from ..geometry.columns import least
-from ..geometry.plane_cells import Planes
+from ..geometry.columns import greatest, least
+from ..geometry.plane_cells import Planes, planes_of
+from ..geometry.plane_kernels import product_sums
+from ..pointcloud.point_squares import Box
+from .frame import Frame
+from .stored_ground import Ground, StoredGround
 
 MAX_TURN_DEG = 25.0
 """Normals that turn farther from a facet's own belong to another facet."""
@@ -21,30 +25,7 @@ _MIN_SHARE, _MIN_AREA_M2 = 0.02, 100.0  # of a facet that is worth a plane of it
 _MAX_FACETS = 12
 _ROUNDS = 10
 _LEVEL_SINE = 0.02  # below, a plane has no direction of dip
-
-
-@dataclass(frozen=True)
-class Frame:
-    """A plane's axes: along the dip downwards, across it to the left when one looks down, and normal to it.
-
-    ``axes`` (3, 3) holds them row by row in the map's coordinates, ``origin`` (3,) is a point near the plane, metres.
-    On level ground the first axis is east.
-    """
-
-    axes: Float
-    origin: Float
-
-    def to_plane(self, xyz: Float) -> Float:
-        """(n, 3) along the dip, across and above the plane, metres."""
-        return np.asarray((xyz - self.origin) @ self.axes.T)
-
-    def to_map(self, vectors: Float) -> Float:
-        """(n, 3) vectors of this frame as east, north and up."""
-        return np.asarray(vectors @ self.axes)
-
-    def rotated(self, covariance: Float) -> Float:
-        """(n, 3, 3) covariances in this frame as those of east, north and up."""
-        return np.asarray(self.axes.T @ covariance @ self.axes)
+_EDGE_M = 0.01  # around squares that are read from the disk, so that no rounding leaves out a point
 
 
 @dataclass(frozen=True)
@@ -81,17 +62,15 @@ class Facets:
         return np.bincount(self.number[self.number >= 0], minlength=len(self.frames))
 
 
-def find_facets(xyz: Float) -> Facets:
+def find_facets(ground: Ground) -> Facets:
     """The facets of a surface of points (n, 3).
 
     Raises:
         InputError: there are too few points for a plane anywhere.
     """
-    corner = np.floor(least(xyz[:, :2]) / _CELL_M) * _CELL_M
-    planes = Planes((xyz[:, :2] - corner) / _CELL_M)
-    base = float(np.median(xyz[:, 2]))
-    counts = planes.sum(np.ones(len(xyz)))
-    height, east, north = planes.fit(xyz[:, 2] - base, np.ones(len(xyz)), 0.0, 1e-4)
+    corner, base, sums = _plane_sums(ground)
+    counts = sums[0]
+    height, east, north = planes_of(sums, Planes.AROUND, 0.0, 1e-4)
     known = (counts >= _MIN_CELL_POINTS) & np.isfinite(height)
     if not known.any():
         raise InputError(
@@ -111,6 +90,59 @@ def find_facets(xyz: Float) -> Facets:
         origin = np.append(middle[mine].mean(axis=0), base + height[mine].mean())
         frames.append(Frame(_axes(direction), np.asarray(origin)))
     return Facets(tuple(frames), number, corner, height + base, east, north)
+
+
+def _plane_sums(ground: Ground) -> tuple[Float, float, Float]:
+    """Corner (2,) of the squares, median height, and the sums (9, columns, rows) of ``product_sums`` over each."""
+    if isinstance(ground, StoredGround):
+        return _sums_on_disk(ground)
+    corner = _corner(least(ground[:, :2]))
+    base = float(np.median(ground[:, 2]))
+    return corner, base, _sums_of(ground, corner, base, np.zeros(2, dtype=np.int64), None)
+
+
+def _corner(low: Float) -> Float:
+    return np.floor(low / _CELL_M) * _CELL_M
+
+
+def _sums_of(xyz: Float, corner: Float, base: float, begin: Index, shape: Index | None) -> Float:
+    """Sums over the squares of a window of ``shape`` (2,) from square ``begin`` (2,) on; None: up to the last one."""
+    place = (xyz[:, :2] - corner) / _CELL_M
+    index = np.floor(place).astype(np.int64)
+    if shape is None:
+        shape = greatest(index) + 1
+    else:
+        inside = ((index >= begin) & (index < begin + shape)).all(axis=1)
+        xyz, place, index = xyz[inside], place[inside], index[inside]
+    x, y = np.ascontiguousarray((place - index - 0.5).T)
+    key = (index[:, 0] - begin[0]) * shape[1] + index[:, 1] - begin[1]
+    sums = product_sums(key, x, y, xyz[:, 2] - base, np.ones(len(xyz)), int(shape[0] * shape[1]))
+    return sums.reshape(9, *shape)
+
+
+def _sums_on_disk(ground: StoredGround) -> tuple[Float, float, Float]:
+    """As in memory: a square's points are taken together and in their order, some squares at a time."""
+    low, high = ground.cloud.bounds
+    corner, base = _corner(low[:2]), ground.cloud.median_height()
+    whole = np.floor((high[:2] - corner) / _CELL_M).astype(np.int64) + 1
+    sums = np.zeros((9, *whole))
+    waiting = [(np.zeros(2, dtype=np.int64), whole)]
+    while waiting:
+        begin, end = waiting.pop()
+        west, south, east, north = (*(corner + begin * _CELL_M), *(corner + end * _CELL_M))
+        box = Box(float(west), float(south), float(east), float(north)).grown(_EDGE_M)
+        count = ground.squares.count(box)
+        if count > ground.at_once and (end - begin).max() > 1:
+            middle = end.copy()
+            longer = int(np.argmax(end - begin))
+            middle[longer] = (begin[longer] + end[longer]) // 2
+            after = begin.copy()
+            after[longer] = middle[longer]
+            waiting += [(after, end), (begin, middle)]
+        elif count:
+            part = _sums_of(ground.within(box), corner, base, begin, end - begin)
+            sums[:, begin[0] : end[0], begin[1] : end[1]] = part
+    return corner, base, sums
 
 
 def _directions(normal: Float, known: NDArray[np.bool_]) -> tuple[list[Float], NDArray[np.int64]]:

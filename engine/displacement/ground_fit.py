@@ -17,7 +17,7 @@ from scipy import ndimage
 
 from ..core.arrays import Bool, Float, Index
 from .errors import common_ratio, covariances
-from .facets import Frame
+from .frame import Frame
 from .kernels import sampled
 from .least_squares import Fit, Region, fit_motion
 from .measure import MIN_INFORMATION, MIN_SEEN_SHARE

@@ -110,7 +110,7 @@ class _Residuals:
     place: Float
     seen: Bool
 
-    @property
+    @cached_property
     def jacobian(self) -> Float:
         return np.column_stack([(self.first + self.later) / 2, self.place])
 

@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from scipy import ndimage
 
 from ..core.arrays import Bool, Float, Index
+from ..core.machine_memory import machine_memory
+from ..core.processors import processors
 from ..core.progress import Progress
-from .facets import Facets, Frame
+from .facets import Facets
+from .frame import Frame
 from .least_squares import Fit, Region, fit_motion
 from .measure import MIN_INFORMATION, MIN_SEEN_SHARE
 from .one_direction import Component, Gates, with_component
 from .start import CELL_M, NODES, best_shifts, relief
 from .status import Status
+from .stored_ground import Ground, StoredGround, bounds_of, in_frame, parts_of
 from .surface import NODE_M, gridded
 
 _TILE_M = 24.0
 _HALO_M = 1.0  # beyond the windows and the largest motion, for the kernel and the edge of the grid
+_MAX_THREADS = 4
+TILE_BYTES = 300_000_000
+"""Memory of the surfaces of a tile while they are made, and of its windows."""
 _MIN_START_M, _MIN_CORRELATION = 0.15, 0.3  # of a start that is tried besides no motion at all
 _MIN_GAIN = 0.9  # ratio of the costs, above which the start from no motion is kept
 
@@ -47,38 +57,60 @@ class Search:
 
 @dataclass(frozen=True)
 class Tile:
-    """Both surfaces over a part of a facet, and the windows whose middles lie in it.
+    """Both surfaces over a part of a facet.
 
-    ``first`` and ``later`` are (3, rows, columns), ``windows`` (n,) their numbers, ``nodes`` (n, 2) their middles.
+    ``first`` and ``later`` are (3, rows, columns), ``nodes`` (n, 2) the middles of the windows that lie in it.
     """
 
     first: Float
     later: Float
-    corner: Float
-    windows: Index
     nodes: Index
 
 
-def density(clouds: Sequence[Float], side: float = 1.0) -> float:
+@dataclass(frozen=True)
+class TilePlan:
+    """What a tile is made of: the surveys' points near its facet, its first node's place (2,) in the plane, rows and
+    columns, numbers ``windows`` (n,) of the windows whose middles lie in it, and their ``nodes`` (n, 2).
+    """
+
+    near: tuple[_NearFacet, _NearFacet]
+    corner: Float
+    shape: tuple[int, int]
+    windows: Index
+    nodes: Index
+
+    def made(self, search: Search) -> Tile:
+        """The surfaces."""
+        first, later = (
+            gridded(part.within(self.corner, self.shape), self.corner, self.shape, search.kernel).values
+            for part in self.near
+        )
+        return Tile(first, later, self.nodes)
+
+
+def density(clouds: Sequence[Ground], side: float = 1.0) -> float:
     """Points a m² of the map where there are points, of the sparser cloud."""
     found = []
-    for xyz in clouds:
-        cells = np.floor(xyz[:, :2] / side).astype(np.int64)
-        cells -= cells.min(axis=0)
-        key = cells[:, 0] * (int(cells[:, 1].max()) + 1) + cells[:, 1]
-        found.append(len(xyz) / (len(np.unique(key)) * side**2))
+    for ground in clouds:
+        low, high = (np.floor(end[:2] / side).astype(np.int64) for end in bounds_of(ground))
+        across = int(high[1] - low[1]) + 1
+        occupied = np.zeros(0, dtype=np.int64)
+        for xyz in parts_of(ground):
+            cells = np.floor(xyz[:, :2] / side).astype(np.int64) - low
+            occupied = np.union1d(occupied, cells[:, 0] * across + cells[:, 1])
+        found.append(len(ground) / (len(occupied) * side**2))
     return float(min(found))
 
 
 def tiles(
-    clouds: tuple[Float, Float],
+    clouds: tuple[Ground, Ground],
     facets: Facets,
     places: Float,
     facet: Index,
     search: Search,
     progress: Progress,
-) -> Iterator[Tile]:
-    """The surfaces under the windows at ``places`` (n, 3), each in the frame of its ``facet`` (n,)."""
+) -> Iterator[TilePlan]:
+    """What the surfaces are made of under the windows at ``places`` (n, 3), each in the frame of its ``facet`` (n,)."""
     reach = max(search.radii) + search.limit / 2 + _HALO_M
     done = 0
     for number, frame in enumerate(facets.frames):
@@ -86,7 +118,8 @@ def tiles(
         if not len(mine):
             continue
         flat = frame.to_plane(places[mine])
-        near = tuple(_Binned(_near(xyz, facets, number, reach), frame) for xyz in clouds)
+        chosen = _squares_near(facets, number, reach)
+        near = _near_facet(clouds[0], facets, chosen, frame), _near_facet(clouds[1], facets, chosen, frame)
         keys = np.floor(flat[:, :2] / _TILE_M).astype(np.int64)
         for key in np.unique(keys, axis=0):
             inside = (keys == key).all(axis=1)
@@ -95,36 +128,111 @@ def tiles(
             low, high = (pick(flat[inside, :2], axis=0) for pick in (np.min, np.max))
             corner = np.floor((low - reach) / CELL_M) * CELL_M
             rows, columns = (int(np.ceil(d / CELL_M)) * NODES + 1 for d in high + reach - corner)
-            shape = (rows, columns)
             nodes = np.rint((flat[inside, :2] - corner) / NODE_M).astype(np.int64)
-            first, later = (gridded(part.within(corner, shape), corner, shape, search.kernel).values for part in near)
-            yield Tile(first, later, corner, mine[inside], nodes)
+            yield TilePlan(near, corner, (rows, columns), mine[inside], nodes)
     progress.update(1.0)
 
 
-class _Binned:
+class _NearFacet(Protocol):
     """Points of a facet, found by tiles."""
+
+    def within(self, corner: Float, shape: tuple[int, int]) -> Float:
+        """(n, 3) in the facet's frame, of a tile."""
+
+
+class _Binned:
+    """Points of a facet in memory, sorted by rows of tiles."""
 
     def __init__(self, xyz: Float, frame: Frame) -> None:
         points = frame.to_plane(xyz)
-        row = np.floor(points[:, 0] / _TILE_M).astype(np.int64)
+        row = _rows(points)
         order = np.argsort(row, kind="stable")
         self.points, self.row = points[order], row[order]
 
     def within(self, corner: Float, shape: tuple[int, int]) -> Float:
-        low, high = corner - NODE_M, corner + np.array(shape) * NODE_M
+        low, high = _ends(corner, shape)
         rows = np.floor(np.array([low[0], high[0]]) / _TILE_M)
         start, end = np.searchsorted(self.row, rows[0]), np.searchsorted(self.row, rows[1], side="right")
         part = self.points[start:end]
         return part[((part[:, :2] >= low) & (part[:, :2] <= high)).all(axis=1)]
 
 
-def _near(xyz: Float, facets: Facets, number: int, reach: float) -> Float:
+@dataclass(frozen=True)
+class _OnDisk:
+    """Points of a facet that are read tile by tile, in the order of ``_Binned``; ``chosen`` as of ``_near``."""
+
+    ground: StoredGround
+    facets: Facets
+    chosen: Bool | None
+    frame: Frame
+
+    def within(self, corner: Float, shape: tuple[int, int]) -> Float:
+        low, high = _ends(corner, shape)
+        points = in_frame(self.frame, _near(self.ground.in_plane(self.frame, low, high), self.facets, self.chosen))
+        return points[np.argsort(_rows(points), kind="stable")]
+
+
+def _near_facet(ground: Ground, facets: Facets, chosen: Bool | None, frame: Frame) -> _NearFacet:
+    if isinstance(ground, StoredGround):
+        return _OnDisk(ground, facets, chosen, frame)
+    return _Binned(_near(ground, facets, chosen), frame)
+
+
+def _rows(points: Float) -> Index:
+    return np.floor(points[:, 0] / _TILE_M).astype(np.int64)
+
+
+def _ends(corner: Float, shape: tuple[int, int]) -> tuple[Float, Float]:
+    """Where the points of a tile begin and end along the axes."""
+    return corner - NODE_M, corner + np.array(shape) * NODE_M
+
+
+def _squares_near(facets: Facets, number: int, reach: float) -> Bool | None:
+    """Which squares of the map are near a facet; None: all."""
     if len(facets.frames) == 1:
-        return xyz
+        return None
     distance = ndimage.distance_transform_edt(facets.number != number) * facets.side
-    near: Bool = distance <= reach + 2 * facets.side
-    return np.asarray(xyz[near[facets.squares(xyz[:, :2])]])
+    return np.asarray(distance <= reach + 2 * facets.side)
+
+
+def _near(xyz: Float, facets: Facets, chosen: Bool | None) -> Float:
+    return xyz if chosen is None else np.asarray(xyz[chosen[facets.squares(xyz[:, :2])]])
+
+
+def tile_threads(memory: float | None = None) -> int:
+    """Tiles that are worked on at a time: as many as there are processors and as fit into so many bytes."""
+    allowed = machine_memory() / 4 if memory is None else memory
+    return max(1, min(processors(), _MAX_THREADS, int(allowed / TILE_BYTES)))
+
+
+def fitted_tiles(
+    plans: Iterator[TilePlan], search: Search, regions: Sequence[Region], threads: int | None = None
+) -> Iterator[tuple[Index, list[list[Fit | Status | Component]]]]:
+    """Of each tile the numbers of its windows, and for each radius what is found in them, in the order of the tiles.
+
+    Args:
+        threads: tiles at a time; None: as ``tile_threads``.
+    """
+
+    def fitted(plan: TilePlan) -> tuple[Index, list[list[Fit | Status | Component]]]:
+        return plan.windows, fit_windows(plan.made(search), search, regions)
+
+    threads = threads or tile_threads()
+    if threads == 1:
+        yield from map(fitted, plans)
+        return
+    waiting: deque[Future[tuple[Index, list[list[Fit | Status | Component]]]]] = deque()
+    with ThreadPoolExecutor(threads) as pool:
+        try:
+            for plan in plans:
+                waiting.append(pool.submit(fitted, plan))
+                if len(waiting) > threads:
+                    yield waiting.popleft().result()
+            while waiting:
+                yield waiting.popleft().result()
+        finally:
+            for rest in waiting:
+                rest.cancel()
 
 
 def fit_windows(tile: Tile, search: Search, regions: Sequence[Region]) -> list[list[Fit | Status | Component]]:

@@ -12,8 +12,10 @@ from scipy.sparse.csgraph import connected_components
 
 from ..core.arrays import Bool, Float, Index
 from .errors import covariances
-from .facets import Facets, Frame
+from .facets import Facets
+from .frame import Frame
 from .least_squares import BLOCK_SHARE, Fit, Region, fit_motion
+from .stored_ground import Ground, StoredGround, in_frame
 from .surface import NODE_M, gridded
 from .vectors import Vectors, squared_length
 from .windows import Search
@@ -66,7 +68,7 @@ class Measured:
     ``spacing`` their distance (m), and ``taken_off`` (3,) what was taken off all vectors.
     """
 
-    clouds: tuple[Float, Float]
+    clouds: tuple[Ground, Ground]
     facets: Facets
     facet: Index
     search: Search
@@ -156,7 +158,7 @@ def fit_zone(
     centre = np.rint(at.mean(axis=0)).astype(np.int64)
     region = Region.of_nodes(at[:, 0] - centre[0], at[:, 1] - centre[1], BLOCK_SHARE * widest / 2)
     first, later = (
-        gridded(frame.to_plane(_cut(xyz, frame, low, high)), corner, (rows, columns), measured.search.kernel).values
+        gridded(in_frame(frame, _cut(xyz, frame, low, high)), corner, (rows, columns), measured.search.kernel).values
         for xyz in measured.clouds
     )
     start = np.median(vectors.in_plane[group][:, :2] + (frame.axes @ measured.taken_off)[:2], axis=0)
@@ -170,7 +172,9 @@ def fit_zone(
     return motion, covariance, len(at) * (stride * NODE_M) ** 2
 
 
-def _cut(xyz: Float, frame: Frame, low: Float, high: Float) -> Float:
+def _cut(xyz: Ground, frame: Frame, low: Float, high: Float) -> Float:
+    if isinstance(xyz, StoredGround):
+        return xyz.in_plane(frame, low, high)
     flat = frame.to_plane(xyz)[:, :2]
     return np.asarray(xyz[((flat >= low) & (flat <= high)).all(axis=1)])
 

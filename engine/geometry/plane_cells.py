@@ -43,17 +43,7 @@ class Planes:
         if spread is not None:
             for k, column in zip((3, 4, 5, 7, 8), spread.T):
                 sums[k] = sums[k] + self.sum(column)
-        w, sx, sy, sxx, sxy, syy, sz, sxz, syz = moved_sums(sums, self.pool)
-        w = w + prior_height + 1e-9
-        sxx, syy = sxx + prior_slope * w, syy + prior_slope * w
-        # cofactors of the symmetric 3 x 3 normal matrix
-        c00, c01, c02 = sxx * syy - sxy * sxy, sxy * sy - sx * syy, sx * sxy - sxx * sy
-        c11, c12, c22 = w * syy - sy * sy, sx * sy - w * sxy, w * sxx - sx * sx
-        determinant = w * c00 + sx * c01 + sy * c02
-        height = (c00 * sz + c01 * sxz + c02 * syz) / determinant
-        along = (c01 * sz + c11 * sxz + c12 * syz) / determinant
-        across = (c02 * sz + c12 * sxz + c22 * syz) / determinant
-        return height, along, across
+        return planes_of(sums, self.pool, prior_height, prior_slope)
 
     def at_points(self, height: Float, along: Float, across: Float) -> Float:
         """(n,) height of the cells' planes at the points."""
@@ -76,3 +66,23 @@ class Planes:
         for axis in (0, 1):
             values = ndimage.correlate1d(values, self.pool, axis=axis, mode="constant")
         return np.asarray(values, dtype=np.float64)
+
+
+def planes_of(
+    sums: Float, pool: tuple[float, float, float], prior_height: float, prior_slope: float
+) -> tuple[Float, Float, Float]:
+    """Height and inclinations of each cell's plane, as of ``Planes.fit``, from sums (9, rows, columns) over its points.
+
+    ``sums`` are those of ``plane_kernels.product_sums``.
+    """
+    w, sx, sy, sxx, sxy, syy, sz, sxz, syz = moved_sums(sums, pool)
+    w = w + prior_height + 1e-9
+    sxx, syy = sxx + prior_slope * w, syy + prior_slope * w
+    # cofactors of the symmetric 3 x 3 normal matrix
+    c00, c01, c02 = sxx * syy - sxy * sxy, sxy * sy - sx * syy, sx * sxy - sxx * sy
+    c11, c12, c22 = w * syy - sy * sy, sx * sy - w * sxy, w * sxx - sx * sx
+    determinant = w * c00 + sx * c01 + sy * c02
+    height = (c00 * sz + c01 * sxz + c02 * syz) / determinant
+    along = (c01 * sz + c11 * sxz + c12 * syz) / determinant
+    across = (c02 * sz + c12 * sxz + c22 * syz) / determinant
+    return height, along, across

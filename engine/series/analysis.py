@@ -27,6 +27,7 @@ from ..geometry.rigid_transform import RigidTransform
 from ..grid.cell_statistics import CellStatistics
 from ..grid.grid import Grid
 from ..grid.pooled_variance import pooled_variance
+from ..pointcloud.in_parts import SpooledCloud
 from ..zones.groups import label_groups
 from .alerts import AlertLevel
 from .joined import joined_zones
@@ -42,7 +43,8 @@ from .zone_series import Stack, ZoneSeries, shared_errors, zone_series
 @dataclass(frozen=True)
 class GriddedEpoch:
     """A survey in the frame and on the grid of the first one; ``load`` reads its cells, which no one else holds, and
-    ``points`` its ``ground`` (n, 3) in that frame, metres; ``key`` stands for all that they depend on.
+    ``points`` its ``ground`` (n, 3) in that frame, metres, and ``stored`` the same in a folder on the disk; ``key``
+    stands for all that they depend on.
 
     ``registration_error`` is the standard error of a height (m), 0 for the first; ``registered`` that of all six
     unknowns; ``area`` the part of the region of
@@ -55,6 +57,7 @@ class GriddedEpoch:
     registration_error: float
     load: Callable[[], CellStatistics]
     points: Callable[[], Float]
+    stored: Callable[[Path], SpooledCloud]
     ground: Path
     key: str
     registered: Registered

@@ -10,7 +10,8 @@ from scipy import ndimage
 
 from ..core.arrays import Float, Index
 from ..core.progress import Progress
-from ..displacement.facets import Facets, Frame
+from ..displacement.facets import Facets
+from ..displacement.frame import Frame
 from ..displacement.ground_fit import Gridded, GroundFit, PieceFits, SortedCloud, fit_piece, grid_piece, with_errors
 from ..displacement.registered import Registered
 from ..displacement.windows import Search

@@ -16,7 +16,7 @@ from .change import ChangeParameters, GridChangeParameters
 from .dates import DateParameters
 from .dem_change import ModelParameters
 from .details import DetailParameters
-from .displacement import DisplacementParameters, DisplacementStepParameters
+from .displacement import DisplacementParameters, DisplacementStepParameters, MotionMemoryParameters
 from .distances import DistanceParameters
 from .drawing import LabellingParameters, RegionParameters, TopViewParameters
 from .flight import FlightParameters
@@ -67,6 +67,7 @@ __all__ = [
     "LastEpochParameters",
     "MissionParameters",
     "ModelParameters",
+    "MotionMemoryParameters",
     "MovementParameters",
     "OutputParameters",
     "ParameterError",

@@ -8,7 +8,7 @@ from .change import ChangeParameters, GridChangeParameters
 from .dates import DateParameters
 from .dem_change import ModelParameters
 from .details import DetailParameters
-from .displacement import DisplacementParameters, DisplacementStepParameters
+from .displacement import DisplacementParameters, DisplacementStepParameters, MotionMemoryParameters
 from .distances import DistanceParameters
 from .drawing import LabellingParameters, RegionParameters, TopViewParameters
 from .flight import FlightParameters
@@ -46,7 +46,9 @@ CHANGE: Sets = (*_READ, SurfaceParameters, *_CHANGE, *_RELATED, *_SHOWN)
 DEMCHANGE: Sets = (InputParameters, ModelParameters, ZoneParameters, *_RELATED, *_SHOWN)
 M3C2: Sets = (*_READ, SurfaceParameters, DistanceParameters)
 """``slopewatch m3c2`` also takes OutputParameters."""
-DISPLACEMENT: Sets = (*_READ, SurfaceParameters, DisplacementParameters, RoadParameters, OutputParameters)
+DISPLACEMENT: Sets = (
+    *_READ, SurfaceParameters, DisplacementParameters, MotionMemoryParameters, RoadParameters, OutputParameters
+)  # fmt: skip
 SCREEN: Sets = (InputParameters, GroundParameters, ScreeningParameters, RoadParameters)
 LOCATE: Sets = (RoadParameters, OutputParameters)
 INFO: Sets = (InputParameters,)

@@ -74,6 +74,22 @@ class DisplacementParameters(ParameterSet, record_name="displacement"):
 
 
 @dataclass(frozen=True)
+class MotionMemoryParameters(ParameterSet, record_name="motion_memory", title="Memory"):
+    """Memory of motion along the surface as a command of its own."""
+
+    memory_limit: float | str = _parameter(
+        AUTO,
+        "Memory for the surveys",
+        "Surveys that need more stay on the disk and are measured in parts, with the same results. Larger makes fewer "
+        "parts and takes more of them at a time. auto: half of the machine's memory.",
+        kind=float,
+        unit="GB",
+        bounds=(0.05, 1024.0),
+        advanced=True,
+    )
+
+
+@dataclass(frozen=True)
 class DisplacementStepParameters(ParameterSet, record_name="displacement_step", title="Displacement"):
     """Whether motion along the surface is measured, too."""
 

@@ -18,9 +18,15 @@ from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.core.run_result import RunResult
 from slopewatch.engine.displacement.status import Status
 from slopewatch.engine.geometry.rigid_transform import RigidTransform
-from slopewatch.interface.parameters import DisplacementParameters, ReportParameters, SurfaceParameters
+from slopewatch.engine.pointcloud import in_parts
+from slopewatch.interface.parameters import (
+    DisplacementParameters,
+    MotionMemoryParameters,
+    ReportParameters,
+    SurfaceParameters,
+)
 from slopewatch.tests.builders.rough_ground import axes, relief, sampled
-from slopewatch.workflows import early_memory
+from slopewatch.workflows import pair as workflow_pair
 from slopewatch.workflows.displacement import displacement_step
 from slopewatch.workflows.report import report_step
 from slopewatch.workflows.settings import DisplacementSettings
@@ -48,7 +54,9 @@ def pair(tmp_path_factory) -> tuple[Path, Path]:
 
 def run(pair: tuple[Path, Path], folder: Path, progress: Progress | None = None, **more) -> RunResult:
     settings = DisplacementSettings(
-        surface=SurfaceParameters(ground="as_is"), displacement=more.pop("displacement", DisplacementParameters())
+        surface=SurfaceParameters(ground="as_is"),
+        displacement=more.pop("displacement", DisplacementParameters()),
+        motion_memory=more.pop("motion_memory", MotionMemoryParameters()),
     )
     given = {"dates": (None, None), "transform_path": None, "progress": progress or Progress()} | more
     return displacement_step(*pair, folder, settings, **given)
@@ -135,11 +143,26 @@ def test_a_folder_with_results_is_not_written_into(pair, outcome):
         run(pair, outcome[0].outputs["run"].parent)
 
 
-def test_clouds_that_do_not_fit_into_memory_are_refused_by_their_headers(pair, tmp_path, monkeypatch):
+def test_surveys_on_the_disk_give_the_same_files(pair, outcome, tmp_path, monkeypatch):
+    monkeypatch.setattr(workflow_pair, "MAX_HELD_POINTS", 0)
+    monkeypatch.setattr(in_parts, "_PART_POINTS", 3000)
+    progress = Progress()
+    done = run(pair, tmp_path / "motion", progress, motion_memory=MotionMemoryParameters(memory_limit=1.2))
+    held, folder = outcome[0].outputs["run"].parent, tmp_path / "motion"
+    names = {path.name for path in held.iterdir()}
+    assert names == {path.name for path in folder.iterdir()}
+    for name in names - {"run.json", "report.html"}:  # these tell when they were made
+        assert (folder / name).read_bytes() == (held / name).read_bytes(), name
+    assert done.figures == outcome[0].figures
+    record = json.loads((folder / "run.json").read_text())
+    assert record["parameters"]["motion_memory"] == {"memory_limit": 1.2}
+    assert next(stage for stage in record["stages"] if stage["stage"] == "read")["in_parts"]
+
+
+def test_a_memory_that_holds_not_even_parts_is_refused_by_the_headers(pair, tmp_path):
     points = sum(laspy.open(cloud).header.point_count for cloud in pair)
-    monkeypatch.setattr(early_memory, "machine_memory", lambda: points * 20)
-    with pytest.raises(InputError, match=rf"held in memory, and the {points:,} of .*2024-05-01\.laz.* need about"):
-        run(pair, tmp_path / "motion")
+    with pytest.raises(InputError, match=rf"The {points:,} points of .*2024-05-01\.laz.* need at least 0\.69 GB"):
+        run(pair, tmp_path / "motion", motion_memory=MotionMemoryParameters(memory_limit=0.3))
     assert not (tmp_path / "motion").exists()
 
 

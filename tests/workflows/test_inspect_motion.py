@@ -32,7 +32,7 @@ from slopewatch.interface.parameters import (
 from slopewatch.simulation.surveys.survey import simulate_pair
 from slopewatch.simulation.surveys.write import write_pair
 from slopewatch.tests.builders.rough_ground import relief, sampled
-from slopewatch.workflows import inspect_motion
+from slopewatch.workflows import inspect_motion, motion_memory
 from slopewatch.workflows.inspect import inspect_slope
 from slopewatch.workflows.products.displacement import DISPLACEMENT_OUTPUTS
 from slopewatch.workflows.run import Run
@@ -41,6 +41,7 @@ from slopewatch.workflows.settings import Settings
 SETTINGS = Settings(change=ChangeParameters(cell=0.2), screening=LastEpochParameters(screen_last_epoch=False))
 OWN = {*DISPLACEMENT_OUTPUTS, "run.json", "report.html"}
 WAY = 0.25
+MEMORY = motion_memory.MotionMemory(4e9)
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +75,7 @@ def left_out(slide, tmp_path_factory):
     """The same settings on a machine with too little memory for the step."""
     progress = Progress()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(inspect_motion, "machine_memory", lambda: 1_000_000)
+        patch.setattr(motion_memory, "machine_memory", lambda: 1_000_000)
         return inspected(slide, tmp_path_factory.mktemp("without") / "out", progress=progress), progress
 
 
@@ -91,7 +92,7 @@ def _measured(
     heights = relief(10.0, roughness, seed=2) if roughness else np.zeros((200, 200))
     clouds = [PointCloud(sampled(heights, density, 0.02, seed), CRS.from_epsg(32651), Path("a.laz")) for seed in (1, 2)]
     parameters = parameters or DisplacementParameters(wide_window=5.0)
-    return inspect_motion.measured_motion(run, (clouds[0], clouds[1]), parameters, registered(), None)
+    return inspect_motion.measured_motion(run, (clouds[0], clouds[1]), parameters, registered(), None, MEMORY)
 
 
 def record_of(done) -> dict:
@@ -171,7 +172,7 @@ def test_too_little_memory_leaves_it_out_and_says_so(left_out):
     assert "displacement" not in record
     assert not set(done.outputs) & {"displacement", "displacement_vectors", "smallest_motion"}
     assert not [w for w in progress.warnings if "surface was not measured" in w]
-    assert "It was not measured. All points are held in memory" in words(done)
+    assert "which are held in memory, need about" in words(done)
     assert "No motion along the surface" not in words(done)
 
 

@@ -12,7 +12,6 @@ import pandas as pd
 import pytest
 import rasterio
 from geopandas.testing import assert_geodataframe_equal
-from slopewatch.engine.core.progress import Progress
 from slopewatch.interface.parameters import DisplacementStepParameters, RegistrationParameters, SurveyParameters
 from slopewatch.simulation.surveys.series import Creep, simulate_series, survey_days, write_series
 from slopewatch.tests.builders.series_clouds import FIXED, READY, plane, surveys
@@ -186,19 +185,14 @@ def test_where_nothing_is_seen_to_move_all_products_are_the_same_bytes(tmp_path)
     assert set(on) == set(off)
 
 
-def test_surveys_that_are_too_large_go_without(creeping, tmp_path, monkeypatch):
+def test_surveys_that_stay_on_the_disk_show_the_same_motion(creeping, tmp_path, monkeypatch):
     _, paths = creeping
-    told: list[str] = []
-
-    class Heard(Progress):
-        def show(self, level: str, message: str) -> None:
-            told.append(message)
-
+    held = monitor_series(surveys(paths)[:3], tmp_path / "held", KEPT, roi=paths["roi"])
     monkeypatch.setattr(pair, "MAX_HELD_POINTS", 60_000)
-    done = monitor_series(surveys(paths)[:2], tmp_path / "out", KEPT, roi=paths["roi"], progress=Heard())
-    assert any("too large to be held in memory" in sentence for sentence in told)
-    assert "displacement_vectors" not in done.outputs
-    assert json.loads((tmp_path / "out" / "run.json").read_text())["motion"] is None
+    stored = monitor_series(surveys(paths)[:3], tmp_path / "stored", KEPT, roi=paths["roi"])
+    for name in ("displacement_vectors", "displacement", "smallest_motion"):
+        assert stored.outputs[name].read_bytes() == held.outputs[name].read_bytes(), name
+    assert not list((tmp_path / "stored").rglob("*points*"))
 
 
 def test_two_surveys_are_in_memory_at_a_time():

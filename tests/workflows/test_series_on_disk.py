@@ -68,7 +68,7 @@ def test_the_same_files_as_in_memory(clouds, tmp_path, on_disk, monkeypatch, bou
         roi, low = tmp_path / "roi.gpkg", laspy.read(clouds[0].path).header.mins
         area = shapely.box(low[0] + 3, low[1] + 3, low[0] + 18, low[1] + 20)
         gpd.GeoDataFrame(geometry=[area], crs=32651).to_file(roi)
-    # motion along the surface is measured of surveys in memory only
+    # motion along the surface of such surveys: test_series_motion.py
     ready = replace(READY, displacement_step=DisplacementStepParameters(displacement=False))
     monitor_series(clouds, tmp_path / "held", ready, roi=roi)
     on_disk()

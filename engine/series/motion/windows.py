@@ -15,6 +15,7 @@ from ...core.progress import Progress
 from ...displacement.displacement import measure_windows, windows_of
 from ...displacement.facets import Facets, find_facets
 from ...displacement.measure import Windows
+from ...displacement.stored_ground import Ground
 from ...displacement.surface import kernel_of
 from ...displacement.windows import Search, density
 from ...grid.grid import Grid
@@ -83,7 +84,7 @@ class PairMotion:
             raise InputError(f"{path} cannot be read; remove the folder {path.parent} and run again.") from error
 
 
-def layout_of(first: Float, parameters: DisplacementParameters) -> Layout:
+def layout_of(first: Ground, parameters: DisplacementParameters) -> Layout:
     """The windows over the ground points (n, 3) of the first survey.
 
     Raises:
@@ -103,10 +104,19 @@ def search_of(parameters: DisplacementParameters, kernel: float) -> Search:
 
 
 def measure_pair(
-    first: Float, later: Float, layout: Layout, parameters: DisplacementParameters, progress: Progress
+    first: Ground,
+    later: Ground,
+    layout: Layout,
+    parameters: DisplacementParameters,
+    progress: Progress,
+    threads: int | None = None,
 ) -> PairMotion:
-    """Motion of ``later`` against ``first``, both ground points (n, 3) in the frame of the series, metres."""
+    """Motion of ``later`` against ``first``, both ground points (n, 3) in the frame of the series, metres.
+
+    Args:
+        threads: tiles at a time, as of ``measure_displacement``.
+    """
     kernel = kernel_of(density((first, later)))
     at = layout.places, layout.facet
-    sizes, _ = measure_windows(first, later, layout.facets, at, search_of(parameters, kernel), progress)
+    sizes, _ = measure_windows(first, later, layout.facets, at, search_of(parameters, kernel), progress, threads)
     return PairMotion(tuple(sizes), kernel)

@@ -13,6 +13,7 @@ from ....interface.parameters import DisplacementParameters
 from ...core.arrays import Float, Index
 from ...core.progress import Progress
 from ...displacement import zones as pair_zones
+from ...displacement.stored_ground import Ground
 from ...displacement.vectors import Vectors, squared_length
 from ...displacement.zones import MAX_PROBABILITY, groups
 from ..tracking import Sighting, Track, track_zones
@@ -20,7 +21,7 @@ from .field import Field, evidence, tests_of
 from .network import Adjusted, Measured, adjust, own_variances
 from .windows import PairMotion, search_of
 
-Clouds = Callable[[int, int], tuple[Float, Float]]
+Clouds = Callable[[int, int], tuple[Ground, Ground]]
 """Ground points (n, 3) of two surveys in the frame of the series, metres."""
 _REACH = 1  # windows by which a zone may lie elsewhere from survey to survey
 _MIN_LOOKS = 2  # after which a zone stood out, where the last one does not show it

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from slopewatch.engine.displacement.facets import Facets, Frame
+from slopewatch.engine.displacement.facets import Facets
+from slopewatch.engine.displacement.frame import Frame
 from slopewatch.engine.grid.grid import Grid
 from slopewatch.engine.series.alerts import read_alerts
 from slopewatch.engine.series.joined import cells_of, joined_zones
