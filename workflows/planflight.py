@@ -106,6 +106,8 @@ def read_ground(path: Path, inputs: InputParameters, bridged: float, progress: P
         model = read_model(path, inputs)
         for sentence in model.notes:
             progress.warning(sentence)
+        if model.regridded:
+            progress.info(model.regridded)
         return Ground(terrain_of_model(model, bridged), None)
     cloud = read_cloud(path, inputs, progress=progress)
     points = cloud.xyz
