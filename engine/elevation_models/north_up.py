@@ -14,9 +14,8 @@ from ..grid.grid import Grid, snapped_grid
 
 MOST_SIDES_RATIO = 100.0
 """Of a cell's sides to one another, and of the longer one to the width of a sheared cell."""
-MIN_KNOWN_SHARE = 0.5
-"""Share of the places in a cell, and of the weight of the cells around each, that must be known."""
 _SQUARE = 1e-9  # relative difference of the sides of what is a square
+_WHOLE = 1.0 - 1e-6  # weight of the known cells around a place where all of them are known
 _BLOCK_CELLS = 1_000_000  # that are interpolated at a time
 
 
@@ -78,10 +77,11 @@ def straight_grid(affine: Affine, shape: tuple[int, int]) -> Grid:
 
 
 def resampled(heights: Float, affine: Affine, grid: Grid) -> Float:
-    """Mean heights of the cells of ``grid``; NaN where less than half of a cell is known.
+    """Mean heights of the cells of ``grid``; NaN where not all of a cell is known.
 
     The mean is that of evenly spread places in a cell, to each of which the heights of the four nearest cells are
-    interpolated (bilinearly). A plane keeps its heights, and what is finer than a cell is smoothed.
+    interpolated (bilinearly). A plane keeps its heights, and what is finer than a cell is smoothed. The mean of a part
+    of a cell would lie higher or lower than the cell where the ground is inclined, so that there is none.
 
     Args:
         heights: (rows, columns) at the middles of the cells of ``affine``, NaN where unknown.
@@ -97,30 +97,20 @@ def resampled(heights: Float, affine: Affine, grid: Grid) -> Float:
     for top in range(0, grid.rows, step):
         rows = np.arange(top, min(top + step, grid.rows))
         total = np.zeros((len(rows), grid.columns))
-        count = np.zeros_like(total)
         for down in offsets:
             for across in offsets:
                 x = grid.west + (np.arange(grid.columns) + across) * grid.cell
                 y = grid.north - (rows + down)[:, None] * grid.cell
-                value, seen = _interpolated(parts, ~affine, x, y)
-                total += np.where(seen, value, 0.0)
-                count += seen
-        with np.errstate(invalid="ignore"):
-            mean = total / np.maximum(count, 1) + about
-        result[rows] = np.where(count >= MIN_KNOWN_SHARE * number**2, mean, np.nan)
+                total += _interpolated(parts, ~affine, x, y)
+        result[rows] = total / number**2 + about
     return result
 
 
-def _interpolated(
-    parts: tuple[Float, Float], inverse: Affine, x: Float, y: Float
-) -> tuple[Float, np.ndarray]:
-    """Heights at places (rows, columns), and where they are known; ``parts`` are heights and 1 where these are."""
+def _interpolated(parts: tuple[Float, Float], inverse: Affine, x: Float, y: Float) -> Float:
+    """Heights at places (rows, columns), NaN where not known; ``parts`` are heights, and 1 where these are known."""
     column = inverse.a * x + inverse.b * y + inverse.c
     row = inverse.d * x + inverse.e * y + inverse.f
-    rows, columns = parts[0].shape
-    inside = (row >= 0) & (row <= rows) & (column >= 0) & (column <= columns)
-    # beyond the outermost middles of cells, half a cell wide, their own heights hold
     place = np.stack([row - 0.5, column - 0.5])
-    total, weight = (ndimage.map_coordinates(part, place, order=1, mode="nearest") for part in parts)
-    seen = inside & (weight >= MIN_KNOWN_SHARE)
-    return np.asarray(total / np.maximum(weight, MIN_KNOWN_SHARE)), seen
+    # nothing beyond the outermost middles of cells
+    total, weight = (ndimage.map_coordinates(part, place, order=1, mode="constant") for part in parts)
+    return np.asarray(np.where(weight >= _WHOLE, total, np.nan))
