@@ -23,7 +23,7 @@ from ..engine.flight.plan import MAX_PLACES, Plan, expected_of, place_grid
 from ..engine.flight.terrain import Terrain, terrain_of_model, terrain_of_points
 from ..engine.pointcloud.reading import read_cloud, read_return_numbers
 from ..engine.vector.area import read_roi
-from ..engine.vector.geopackage import read_layer
+from ..engine.vector.geopackage import has_shapes, read_layer
 from ..interface.parameters import FlightParameters, InputParameters, given
 from .products.planflight import PLAN_OUTPUTS, write_plan
 from .run import Run
@@ -152,7 +152,7 @@ def read_tracks(path: Path, terrain: Terrain) -> list[Float]:
         InputError: no plan, or in another reference system.
     """
     frame = read_layer(path, "lines")
-    if "line" not in frame.columns or frame.empty:
+    if "line" not in frame.columns or not has_shapes(frame):
         raise InputError(f"{shown(path)} holds no flight lines; give the plan.gpkg of an earlier plan.")
     if frame.crs is None or not same_horizontal(frame.crs, terrain.crs):
         raise InputError(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from affine import Affine
 from pyproj import CRS
+from rasterio.errors import NotGeoreferencedWarning
 from rasterio.io import DatasetReader
 
 from ...interface.parameters import InputParameters
@@ -67,12 +69,19 @@ def read_model(path: Path, inputs: InputParameters | None = None) -> ElevationMo
             ``MAX_CELLS`` cells, or no heights.
     """
     inputs = inputs or InputParameters()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)  # is refused in words
+        return _read(path, inputs)
+
+
+def _read(path: Path, inputs: InputParameters) -> ElevationModel:
     with open_any_grid(path) as source:
         _refuse_pictures(source, path)
         _refuse_no_place(source.transform, path)
         crs = CRS.from_wkt(source.crs.to_wkt(version="WKT2_2019")) if source.crs else None
         unit = (source.units[0] or "").strip().lower()
-        heights = np.asarray(rows_of(source, 1, 0, source.height), dtype=np.float64)
+        with np.errstate(invalid="ignore"):  # NaN of a kind that signals
+            heights = np.asarray(rows_of(source, 1, 0, source.height), dtype=np.float64)
         affine = source.transform
     _refuse_geographic(crs, inputs, path)
     declared = working_frame(crs, _with_unit(inputs, crs, unit), path)

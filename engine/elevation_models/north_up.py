@@ -54,9 +54,13 @@ def laid_straight(heights: Float, affine: Affine) -> tuple[Float, Affine]:
     if abs(affine.b) > abs(affine.a) and abs(affine.d) > abs(affine.e):
         heights, affine = heights.T, Affine(affine.b, affine.a, affine.c, affine.e, affine.d, affine.f)
     if affine.e > 0:
-        heights, affine = heights[::-1], affine * Affine.translation(0, heights.shape[0]) * Affine.scale(1, -1)
+        a, b, c, d, e, f = affine[:6]
+        rows = heights.shape[0]
+        heights, affine = heights[::-1], Affine(a, -b, c + b * rows, d, -e, f + e * rows)
     if affine.a < 0:
-        heights, affine = heights[:, ::-1], affine * Affine.translation(heights.shape[1], 0) * Affine.scale(-1, 1)
+        a, b, c, d, e, f = affine[:6]
+        columns = heights.shape[1]
+        heights, affine = heights[:, ::-1], Affine(-a, b, c + a * columns, -d, e, f + d * columns)
     return np.ascontiguousarray(heights), affine
 
 
@@ -71,7 +75,8 @@ def straight_grid(affine: Affine, shape: tuple[int, int]) -> Grid:
     """North-up cells over all of the raster, as large as the longer side of its own: no detail is invented."""
     sides = sides_of(affine)
     cell = float(f"{max(sides.width, sides.height):.9g}")
-    corners = np.array([affine * (c, r) for c in (0, shape[1]) for r in (0, shape[0])])
+    a, b, x, d, e, y = affine[:6]
+    corners = np.array([(x + a * c + b * r, y + d * c + e * r) for c in (0, shape[1]) for r in (0, shape[0])])
     (west, south), (east, north) = corners.min(axis=0), corners.max(axis=0)
     return snapped_grid((west, south, east, north), cell)
 

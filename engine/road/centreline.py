@@ -21,6 +21,7 @@ from ..core.gdal_names import readable
 from ..core.messages import quoted, shown
 from ..crs.reprojection import reprojected
 from ..vector.field_mapping import FieldMapping
+from ..vector.geopackage import READ_FAULTS
 from .chainages import METRES_OF, chainage_of
 from .joining import Piece, joined
 from .network import Network
@@ -94,7 +95,7 @@ def _read(path: Path, layer: str, name: str, notes: list[str]) -> gpd.GeoDataFra
         with readable(Path(path)) as plain, warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             frame = pyogrio.read_dataframe(plain, layer=_line_layer(plain, layer, name), force_2d=True)
-    except (OSError, RuntimeError, ValueError) as error:
+    except READ_FAULTS as error:
         raise InputError(
             f"The centreline {name} cannot be read as a vector file; give lines as GeoPackage, shapefile or GeoJSON."
         ) from error

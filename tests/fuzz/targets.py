@@ -143,4 +143,3 @@ def _weights(folder: Path) -> list[Target]:
         changed = mutations.changed_safetensors
         found.append(Target(f"weights.{place.name}", weights, changed, words, place, "model.json"))
     return found
-

@@ -201,11 +201,23 @@ def _labels(folder: Path) -> list[Target]:
     picture, drawn, site = folder / "top_view.tif", folder / "drawn.gpkg", folder / "labelling"
     rgba = np.full((4, 40, 60), 200, np.uint8)
     profile = {"count": 4, "dtype": "uint8", "height": 40, "width": 60, "crs": "EPSG:32651", "photometric": "RGB"}
-    with rasterio.open(picture, "w", driver="GTiff", transform=rasterio.Affine(0.2, 0, X, 0, -0.2, Y + 12), **profile) as target:
+    with rasterio.open(
+        picture, "w", driver="GTiff", transform=rasterio.Affine(0.2, 0, X, 0, -0.2, Y + 12), **profile
+    ) as target:
         target.write(rgba)
     shapes = [shapely.box(X + 1, Y + 5, X + 3, Y + 8), shapely.box(X + 6, Y + 6, X + 9, Y + 9)]
     geopandas.GeoDataFrame({"class": ["uplift", "subsidence"]}, geometry=shapes, crs=32651).to_file(drawn)
-    sound(site, "exportlabelstudio", str(picture), "--segments", str(drawn), "--label-field", "class", "--output-dir", str(site))
+    sound(
+        site,
+        "exportlabelstudio",
+        str(picture),
+        "--segments",
+        str(drawn),
+        "--label-field",
+        "class",
+        "--output-dir",
+        str(site),
+    )
     (made,) = json.loads((site / "tasks.json").read_text(encoding="utf-8"))
     mask = np.zeros((40, 60), bool)
     mask[10:20, 30:50] = True

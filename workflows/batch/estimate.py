@@ -35,7 +35,7 @@ _BYTES_TO_START = {INSPECT: 450_000_000, "series": 450_000_000}  # libraries and
 _BYTES_OF_TORCH = 450_000_000  # the method `network` and own weights load it
 _BYTES_A_POINT = 170  # of each survey whose ground is extracted at the same time
 _MOTION_BYTES, _MOTION_BYTES_A_POINT = 300_000_000, 117
-"""Of the motion along the surface: the surfaces of one tile, and a ground point of both surveys (docs/displacement.md)."""
+"""Of the motion along the surface: the surfaces of one tile, and each ground point (docs/displacement.md)."""
 _SURVEYS_AT_ONCE = 2
 _SHARE_OF_MACHINE = 0.5
 

@@ -175,7 +175,8 @@ def _growth(work: Callable[[], object]) -> int:
             with open("/proc/self/clear_refs", "w", encoding="ascii") as file:
                 file.write("5")  # the peak counts from here
             work()
-            peak = next(line for line in open("/proc/self/status", encoding="ascii") if line.startswith("VmHWM"))
+            status = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+            peak = next(line for line in status if line.startswith("VmHWM"))
             os.write(writer, str(int(peak.split()[1]) * 1024 - before).encode())
         finally:
             os._exit(0)
