@@ -39,7 +39,10 @@ def targets(folder: Path, clouds: list[Path]) -> list[Target]:
         *(_of("moved", moved, name, over) for name in ("run.json", "displacement.gpkg", "displacement.tif")),
         *(_of("report", moved, name, report) for name in ("run.json", "displacement.gpkg", "displacement.tif")),
         *(_of("watched", watched, name, over) for name in ("run.json", "series.gpkg")),
-        *(_of("work", watched, name, again) for name in _kept(watched)),
+        *(
+            Target(f"work.{kind}", watched / name, _BY_ENDING[Path(name).suffix], again, watched)
+            for kind, name in _kept(watched).items()
+        ),
     ]
 
 
@@ -77,11 +80,10 @@ def _watched(folder: Path, clouds: list[Path]) -> Path:
     return made
 
 
-def _kept(folder: Path) -> list[str]:
-    """One file of each kind that a series keeps to go on with."""
+def _kept(folder: Path) -> dict[str, str]:
+    """One file of each kind that a series keeps to go on with, by the kind."""
     found: dict[str, str] = {}
     for path in sorted((folder / "work").glob("*")):
         if path.suffix in (".json", ".npz"):
-            kind = path.name.partition("_")[2].rpartition(".")[0].rstrip("0123456789-")
-            found.setdefault(f"{kind}{path.suffix}", f"work/{path.name}")
-    return list(found.values())
+            found.setdefault(path.name.partition("_")[2], f"work/{path.name}")
+    return found

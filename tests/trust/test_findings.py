@@ -11,14 +11,9 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-import geopandas
-import laspy
 import numpy as np
-import pandas as pd
-import pyogrio
 import pytest
 import rasterio
-import shapely
 from PIL import Image
 from pyproj import CRS
 from rasterio.transform import from_origin
@@ -26,29 +21,21 @@ from slopewatch.cli.reporting import say_of_formats
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.json_shapes import LARGEST, MisfitError, fields, number, parse_json, rows
 from slopewatch.engine.core.progress import Progress
-from slopewatch.engine.elevation_models.model import read_model
 from slopewatch.engine.epochs.epoch import parse_date
 from slopewatch.engine.epochs.manifest import read_manifest
-from slopewatch.engine.flight.flown_tracks import track_from_angles
 from slopewatch.engine.geometry.rigid_transform import RigidTransform
 from slopewatch.engine.grid.geotiff import read_raster
-from slopewatch.engine.maps.label_pngs import PictureSource
-from slopewatch.engine.pointcloud.times import read_flown
 from slopewatch.engine.report.embedding import photograph
 from slopewatch.engine.report.maps import densities
 from slopewatch.engine.report.record_shape import inside, run_record
 from slopewatch.engine.report.reviews import zone_reviews
-from slopewatch.engine.road.centreline import read_roads
 from slopewatch.engine.series.alerts import DEFAULT_TABLE, read_alerts
 from slopewatch.engine.vector.area import read_roi
-from slopewatch.engine.zones.profile_lines import given_lines
 from slopewatch.engine.zones.profiles import read_profiles
 from slopewatch.models.configuration import SMOKE, ModelConfiguration
 from slopewatch.tests.builders.program import run
 from slopewatch.tests.builders.screening_clouds import small_weights
 from slopewatch.tests.fuzz.readers import RECORD
-from slopewatch.tests.fuzz.targets_given import flown
-from slopewatch.workflows.compareflight import read_promised
 
 
 def changed(*path: Any, value: Any) -> dict[str, Any]:
@@ -328,76 +315,3 @@ def test_counts_that_no_cell_has(tmp_path: Path, count: float) -> None:
     ) as target:  # fmt: skip
         target.write(np.full((2, 4, 4), count, np.float32))
     assert len(densities(tmp_path)) == 2  # warnings are errors here
-
-
-def test_times_that_no_survey_has(tmp_path: Path) -> None:
-    """One of 1e300 s made a list of every half second until then."""
-    path = flown(tmp_path / "flown.las")
-    las = laspy.read(path)
-    las.gps_time[5] = 1e300
-    las.write(path)
-    assert read_flown(path).seconds is None
-    las.gps_time[5] = 1e11
-    las.write(path)
-    seen = read_flown(path)
-    assert seen.seconds is not None
-    one = las.point_source_id == 1
-    track = track_from_angles(np.asarray(las.xyz)[one], seen.seconds[one], seen.angle[one])
-    assert track is None or len(track.seconds) < one.sum()
-
-
-def test_a_plan_without_shapes(tmp_path: Path) -> None:
-    path = tmp_path / "plan.gpkg"
-    values = {"line": [1], "returns_m2": [1.0], "ground_m2": [1.0]}
-    line, square = shapely.LineString([(0, 0, 9), (9, 0, 9)]), shapely.box(0, 0, 5, 5)
-    far = shapely.box(1e12, 0, 1e12 + 5, 5)
-    cases = [
-        ({"lines": [line], "places": [None]}, "no flight lines with places"),
-        ({"lines": [None], "places": [square]}, "no flight lines with places"),
-        ({"lines": [line] * 2, "places": [square, far]}, "places without a shape or too far apart"),
-    ]
-    for layers, words in cases:
-        path.unlink(missing_ok=True)
-        for name, shapes in layers.items():
-            table = {key: value * len(shapes) for key, value in values.items()}
-            geopandas.GeoDataFrame(table, geometry=shapes, crs=32651).to_file(path, layer=name)
-        with pytest.raises(InputError, match=words):
-            read_promised(path)
-    for name in ("lines", "places"):  # tables without a column of shapes
-        pyogrio.write_dataframe(pd.DataFrame(values), path, layer=name, append=name == "places")
-    with pytest.raises(InputError, match="no flight lines with places"):
-        read_promised(path)
-
-
-def test_a_line_of_one_corner(tmp_path: Path) -> None:
-    geometry = {"type": "LineString", "coordinates": [[500_000.0, 3_500_000.0]]}
-    feature = {"type": "Feature", "properties": {}, "geometry": geometry}
-    path = tmp_path / "road.geojson"
-    path.write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}), encoding="utf-8")
-    with pytest.raises(InputError, match=r"road\.geojson"):
-        read_roads(path, CRS("EPSG:32651"))
-    with pytest.raises(InputError, match=r"road\.geojson"):
-        given_lines(path, CRS("EPSG:32651"), "name", Progress())
-
-
-def test_an_elevation_model_with_odd_values_or_no_place(tmp_path: Path) -> None:
-    path = geotiff(tmp_path / "dem.tif")
-    data = path.read_bytes()
-    signalling = struct.pack("<I", 0x7FA00000)
-    with rasterio.open(path, "r+") as target:
-        target.write(np.full((1, 4, 4), 7.25, np.float32))
-    data = path.read_bytes()
-    place = data.index(struct.pack("<f", 7.25) * 2)
-    path.write_bytes(data[:place] + signalling + data[place + 4 :])
-    assert read_model(path).holes == 1  # warnings are errors here
-
-
-def test_a_picture_whose_pixels_are_cut_off(tmp_path: Path) -> None:
-    path = tmp_path / "top_view.tif"
-    place = rasterio.Affine(1, 0, 5e5, 0, -1, 3.5e6)
-    profile = {"count": 3, "dtype": "uint8", "height": 64, "width": 64, "crs": "EPSG:32651", "compress": "deflate"}
-    with rasterio.open(path, "w", driver="GTiff", transform=place, **profile) as target:
-        target.write(np.random.default_rng(1).integers(0, 255, (3, 64, 64), dtype=np.uint8))
-    path.write_bytes(path.read_bytes()[:3000])
-    with pytest.raises(InputError, match=r"top_view\.tif' cannot be read as a raster"), PictureSource(path) as source:
-        list(source.tiles(100))
