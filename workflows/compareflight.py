@@ -19,10 +19,11 @@ from ..engine.flight.comparison import Comparison, Promised, compared
 from ..engine.flight.flown_lines import MAX_DEVIATION_M, STATES
 from ..engine.flight.flown_places import counts_of
 from ..engine.flight.flown_tracks import read_trajectory
+from ..engine.flight.plan import MAX_PLACES
 from ..engine.grid.grid import snapped_grid
 from ..engine.pointcloud.reading import read_cloud
 from ..engine.pointcloud.times import read_flown
-from ..engine.vector.geopackage import read_layer
+from ..engine.vector.geopackage import has_shapes, read_layer
 from ..interface.parameters import InputParameters
 from .products.compareflight import COMPARISON_OUTPUTS, write_comparison
 from .run import Run
@@ -80,11 +81,15 @@ def read_promised(path: Path) -> Promised:
         InputError: it is no plan of ``planflight``.
     """
     lines, places = read_layer(path, "lines"), read_layer(path, "places")
-    if "line" not in lines.columns or lines.empty or places.empty or not {"returns_m2", "ground_m2"} <= set(places):
+    named = "line" in lines.columns and {"returns_m2", "ground_m2"} <= set(places.columns)
+    if not named or not has_shapes(lines) or not has_shapes(places) or lines.crs is None:
         raise InputError(f"{shown(path)} holds no flight lines with places; give the plan.gpkg of an earlier plan.")
     bounds = places.geometry.bounds.to_numpy()
     cell = float(np.median(bounds[:, 2] - bounds[:, 0]))
-    middle = (bounds[:, :2] + bounds[:, 2:]) / 2
+    middle = bounds[:, :2] + (bounds[:, 2:] - bounds[:, :2]) / 2
+    reach = middle.max(axis=0) - middle.min(axis=0)
+    if not (np.isfinite(bounds).all() and cell > 0 and np.prod(reach / cell + 1) <= MAX_PLACES):
+        raise InputError(f"{shown(path)} has places without a shape or too far apart; give the plan.gpkg of a plan.")
     grid = snapped_grid((*middle.min(axis=0), *middle.max(axis=0)), cell)
     row = np.floor((grid.north - middle[:, 1]) / cell).astype(int)
     column = np.floor((middle[:, 0] - grid.west) / cell).astype(int)

@@ -161,6 +161,7 @@ def _read(run: Run, models: Sequence[Epoch], settings: ModelSettings) -> list[El
     notes = [note for model in read for note in model.notes]
     notes += [note for model in read[1:] if (note := refuse_other_systems(read[0], model))]
     aligned, sentences = on_one_grid(read, given(settings.elevation_models.cell))
+    sentences = [*(model.regridded for model in read if model.regridded), *sentences]
     for before, after in pairwise(aligned):
         refuse_other_ground(before, after, settings.elevation_models.maximum_bias)
     for note in dict.fromkeys(notes):

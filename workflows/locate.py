@@ -11,7 +11,6 @@ import numpy as np
 import pyogrio
 import shapely
 from pyproj import CRS
-from pyproj.exceptions import CRSError
 
 from ..engine.core.errors import InputError
 from ..engine.core.gdal_names import readable
@@ -24,7 +23,7 @@ from ..engine.maps.qgis_styles import zones_qml
 from ..engine.road.centreline import read_roads
 from ..engine.road.locating import PLACED, Located, located
 from ..engine.vector.field_mapping import FieldMapping, read_field_mapping
-from ..engine.vector.geopackage import Layer, write_layers
+from ..engine.vector.geopackage import READ_FAULTS, Layer, write_layers
 from ..engine.vector.review_fields import LOCATION, ON_ROAD, is_entered
 from ..engine.zones.fields import FIELDS
 from ..interface.parameters import RoadParameters
@@ -109,7 +108,7 @@ def _read(source: Path, wanted: str) -> tuple[str, gpd.GeoDataFrame]:
             if not shaped:
                 raise InputError(f"{name} has no layer with shapes; give polygons, lines or points.")
             frame = pyogrio.read_dataframe(plain, layer=shaped[0])
-    except (OSError, RuntimeError, ValueError, CRSError, shapely.errors.GEOSException) as error:
+    except READ_FAULTS as error:
         raise InputError(
             f"The layer {name} cannot be read as a vector file; give a GeoPackage, shapefile or GeoJSON."
         ) from error
@@ -148,7 +147,7 @@ def _metres(frame: gpd.GeoDataFrame, centreline: Path) -> CRS:
     try:
         with readable(centreline) as plain:
             of_road = pyogrio.read_info(plain).get("crs")
-    except (OSError, RuntimeError, ValueError):
+    except READ_FAULTS:
         of_road = None  # reading it says why
     for declared in (frame.crs, of_road):
         if declared is not None:

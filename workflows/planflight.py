@@ -27,7 +27,7 @@ from ..engine.flight.terrain import Terrain, terrain_of_model, terrain_of_points
 from ..engine.flight.wpml import refuse_mission, refuse_ways
 from ..engine.pointcloud.reading import read_cloud
 from ..engine.vector.area import read_roi
-from ..engine.vector.geopackage import read_layer
+from ..engine.vector.geopackage import has_shapes, read_layer
 from ..interface.parameters import FlightParameters, InputParameters, MissionParameters, given
 from .flight_seasons import GROUND_CLASS, Seasons, counted_survey, dated_surveys, season_figures, seasons_of
 from .products.planflight import PLAN_OUTPUTS, write_missions, write_plan, write_seasons
@@ -134,6 +134,8 @@ def read_ground(path: Path, inputs: InputParameters, bridged: float, progress: P
         model = read_model(path, inputs)
         for sentence in model.notes:
             progress.warning(sentence)
+        if model.regridded:
+            progress.info(model.regridded)
         return Ground(terrain_of_model(model, bridged), None)
     cloud = read_cloud(path, inputs, progress=progress)
     points = cloud.xyz
@@ -166,7 +168,7 @@ def read_tracks(path: Path, terrain: Terrain) -> list[Float]:
         InputError: no plan, or in another reference system.
     """
     frame = read_layer(path, "lines")
-    if "line" not in frame.columns or frame.empty:
+    if "line" not in frame.columns or not has_shapes(frame):
         raise InputError(f"{shown(path)} holds no flight lines; give the plan.gpkg of an earlier plan.")
     if frame.crs is None or not same_horizontal(frame.crs, terrain.crs):
         raise InputError(

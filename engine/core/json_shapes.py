@@ -31,6 +31,9 @@ class MisfitError(ValueError):
         super().__init__(f"{place or 'it'} is not {wanted}")
 
 
+_DAY_LETTERS = len("YYYY-MM-DD")
+
+
 def read_json(path: Path, shape: Shape, sentence: str) -> Any:
     """The document in a JSON file.
 
@@ -128,6 +131,11 @@ def day(value: Any, place: str) -> None:
             raise ValueError
     except ValueError:
         raise MisfitError(place, "a date written as YYYY-MM-DD") from None
+
+
+def moment(value: Any, place: str) -> None:
+    """A text that begins with a day as YYYY-MM-DD, such as the time at which a run began."""
+    day(value[:_DAY_LETTERS] if isinstance(value, str) else value, place)
 
 
 def truth(value: Any, place: str) -> None:

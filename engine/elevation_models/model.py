@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from affine import Affine
 from pyproj import CRS
+from rasterio.errors import NotGeoreferencedWarning
+from rasterio.io import DatasetReader
 
 from ...interface.parameters import InputParameters
 from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.messages import shown
 from ..crs.working_frame import given_crs, plausibility, working_frame
-from ..grid.geotiff import OpenRaster, open_raster
+from ..grid.geotiff import open_any_grid, rows_of
 from ..grid.grid import Grid
 from ..statistics.robust import nmad
+from .north_up import has_extent, laid_straight, plain_grid, resampled, sides_of, straight_grid
 
 MAX_CELLS = 30_000_000
 """Cells of a model that are held in memory: about 3 GB while two are compared."""
@@ -35,6 +40,7 @@ class ElevationModel:
         step: the heights are whole multiples of this, metres; 0 where they are of a centimetre or less.
         holes: number of cells without a height.
         notes: sentences for the user.
+        regridded: how the heights were brought to ``grid``, in a sentence; empty where the file has them on it.
     """
 
     heights: Float
@@ -45,6 +51,7 @@ class ElevationModel:
     holes: int
     notes: tuple[str, ...]
     path: Path
+    regridded: str = ""
 
     @property
     def name(self) -> str:
@@ -52,22 +59,30 @@ class ElevationModel:
 
 
 def read_model(path: Path, inputs: InputParameters | None = None) -> ElevationModel:
-    """Read an elevation model.
+    """Read an elevation model. One on another grid than north-up squares is interpolated to such a grid.
 
     Args:
         inputs: ``crs`` instead of what the file declares, ``height_unit``.
 
     Raises:
-        InputError: no GeoTIFF, not north-up with square cells, several bands or one of 8 bits, no or a geographic
-            reference system, more than ``MAX_CELLS`` cells, or no heights.
+        InputError: no GeoTIFF, no place, several bands or one of 8 bits, no or a geographic reference system, more than
+            ``MAX_CELLS`` cells, or no heights.
     """
     inputs = inputs or InputParameters()
-    with open_raster(path) as opened:
-        _refuse_pictures(opened, path)
-        crs = CRS.from_wkt(opened.source.crs.to_wkt(version="WKT2_2019")) if opened.source.crs else None
-        unit = (opened.source.units[0] or "").strip().lower()
-        heights = np.asarray(opened.rows(0, opened.source.height), dtype=np.float64)
-        grid = opened.grid
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)  # is refused in words
+        return _read(path, inputs)
+
+
+def _read(path: Path, inputs: InputParameters) -> ElevationModel:
+    with open_any_grid(path) as source:
+        _refuse_pictures(source, path)
+        _refuse_no_place(source.transform, path)
+        crs = CRS.from_wkt(source.crs.to_wkt(version="WKT2_2019")) if source.crs else None
+        unit = (source.units[0] or "").strip().lower()
+        with np.errstate(invalid="ignore"):  # NaN of a kind that signals
+            heights = np.asarray(rows_of(source, 1, 0, source.height), dtype=np.float64)
+        affine = source.transform
     _refuse_geographic(crs, inputs, path)
     declared = working_frame(crs, _with_unit(inputs, crs, unit), path)
     notes = list(declared.notes)
@@ -80,6 +95,8 @@ def read_model(path: Path, inputs: InputParameters | None = None) -> ElevationMo
     if not known.size:
         raise InputError(f"{shown(path)} holds no height in any of its {heights.size} cells; check its no-data value.")
     step = _step(known)
+    holes = int(heights.size - known.size)
+    heights, grid, how = _on_squares(heights, affine, path, declared.horizontal_factor)
     factor = declared.horizontal_factor
     metric = Grid(grid.west * factor, grid.north * factor, grid.cell * factor, grid.rows, grid.columns)
     west, south, east, north = metric.bounds
@@ -92,14 +109,54 @@ def read_model(path: Path, inputs: InputParameters | None = None) -> ElevationMo
         crs=declared.crs,
         vertical=declared.crs.sub_crs_list[-1].name if declared.crs.is_compound else "",
         step=step * declared.vertical_factor,
-        holes=int(heights.size - known.size),
+        holes=holes,
         notes=tuple(notes),
         path=path,
+        regridded=how,
     )
 
 
-def _refuse_pictures(opened: OpenRaster, path: Path) -> None:
-    source = opened.source
+def _on_squares(heights: Float, affine: Affine, path: Path, factor: float) -> tuple[Float, Grid, str]:
+    """The heights on a north-up grid of square cells, in the file's unit, and what was done in a sentence.
+
+    Args:
+        factor: metres of the file's unit.
+    """
+    grid = plain_grid(affine, heights.shape)
+    if grid is not None:
+        return heights, grid, ""
+    name, sides = shown(path), sides_of(affine)
+    straight, its_affine = laid_straight(heights, affine)
+    grid = plain_grid(its_affine, straight.shape)
+    if grid is not None:
+        return straight, grid, f"The rows or columns of {name} run the other way; they were put in order."
+    grid = straight_grid(affine, heights.shape)
+    if grid.rows * grid.columns > MAX_CELLS:
+        raise InputError(
+            f"{name} needs {grid.rows * grid.columns:,} cells to lie north up, more than the {MAX_CELLS:,} that are "
+            "compared at once; clip it, or resample it to larger cells."
+        )
+    lean = " and sheared" if sides.sheared else ""
+    how = (
+        f"{name} has cells of {sides.width * factor:.3g} by {sides.height * factor:.3g} m, turned by "
+        f"{sides.turned:.3g} degrees{lean}; their heights were interpolated to a north-up grid of "
+        f"{grid.cell * factor:.3g} m, which smooths them."
+    )
+    return resampled(heights, affine, grid), grid, how
+
+
+def _refuse_no_place(affine: Affine, path: Path) -> None:
+    if affine.is_identity:
+        raise InputError(f"{shown(path)} does not say where it lies; give a GeoTIFF with its place.")
+    if not has_extent(affine):
+        sides = sides_of(affine)
+        raise InputError(
+            f"{shown(path)} has cells of {sides.width:.3g} by {sides.height:.3g}, which are no areas to compare; "
+            "resample it to square ones."
+        )
+
+
+def _refuse_pictures(source: DatasetReader, path: Path) -> None:
     if source.count > 1:
         raise InputError(
             f"{shown(path)} has {source.count} bands; an elevation model has one, so give that band alone."

@@ -95,8 +95,8 @@ def track_from_angles(xyz: Float, seconds: Float, angle: Float) -> Track | None:
     """
     order = np.argsort(seconds, kind="stable")
     xyz, seconds, slant = xyz[order], seconds[order], np.tan(np.radians(angle[order]))
-    edges = np.arange(seconds[0], seconds[-1] + _BIN_S, _BIN_S)
-    bins = np.split(np.arange(len(xyz)), np.searchsorted(seconds, edges[1:]))
+    half = np.floor((seconds - seconds[0]) / _BIN_S)  # numbered, not listed: a damaged time may be years away
+    bins = np.split(np.arange(len(xyz)), np.flatnonzero(np.diff(half)) + 1)
     bins = [b for b in bins if len(b) >= _MIN_RETURNS and float(np.ptp(angle[order[b]])) >= _MIN_SPREAD_DEG]
     if len(bins) < 3:
         return None

@@ -193,11 +193,16 @@ class OpenRaster:
 
     def rows(self, first: int, last: int) -> NDArray[np.float32]:
         """Rows ``first`` to before ``last`` (rows, columns), NaN where there is no data, as ``read_raster`` says."""
-        window = Window(0, first, self.source.width, last - first)
-        values = self.source.read(self.band, window=window).astype(np.float32, copy=False)
-        # other programs leave our -9999 behind where they declare NaN, or nothing
-        values[(self.source.read_masks(self.band, window=window) == 0) | (values == NODATA)] = np.nan
-        return np.asarray(values)
+        return rows_of(self.source, self.band, first, last)
+
+
+def rows_of(source: DatasetReader, band: int, first: int, last: int) -> NDArray[np.float32]:
+    """Rows ``first`` to before ``last`` of a band (rows, columns), NaN where there is no data."""
+    window = Window(0, first, source.width, last - first)
+    values = source.read(band, window=window).astype(np.float32, copy=False)
+    # other programs leave our -9999 behind where they declare NaN, or nothing
+    values[(source.read_masks(band, window=window) == 0) | (values == NODATA)] = np.nan
+    return np.asarray(values)
 
 
 @contextlib.contextmanager
@@ -207,11 +212,22 @@ def open_raster(path: Path, band: int = 1) -> Iterator[OpenRaster]:
     Raises:
         InputError: as ``read_raster``, here or while it is read.
     """
+    with open_any_grid(path, band) as source:
+        yield OpenRaster(source, band, grid_of(source, Path(path)))
+
+
+@contextlib.contextmanager
+def open_any_grid(path: Path, band: int = 1) -> Iterator[DatasetReader]:
+    """A file whose grid may be turned, upside down or of other cells than squares.
+
+    Raises:
+        InputError: as ``read_raster`` but for the grid, here or while it is read.
+    """
     try:
         # no other format: some refer to files elsewhere
         with rasterio.Env(**_ENVIRONMENT), rasterio.open(path, driver="GTiff") as source:
             _refuse_senseless(source, Path(path), band)
-            yield OpenRaster(source, band, grid_of(source, Path(path)))
+            yield source
     except (RasterioError, CRSError, ValueError) as error:
         raise InputError(f"{path} cannot be read as a raster; give a GeoTIFF.") from error
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import geopandas as gpd
 import numpy as np
@@ -22,7 +23,7 @@ from rasterio.errors import RasterioError
 from ..core.arrays import Float
 from ..core.errors import InputError
 from ..core.gdal_names import readable
-from ..core.json_shapes import anything, fields, number, parse_json, read_json, rows, table, text
+from ..core.json_shapes import anything, fields, moment, number, parse_json, read_json, rows, table, text
 from ..core.messages import shown
 from ..grid.geotiff import Raster, read_raster
 from ..report.record_shape import inside
@@ -37,7 +38,7 @@ _MOST_NANOSECONDS = 2**63
 _RECORD = fields(
     {"command": text(), "outputs": table(text())},
     {
-        "software": text(), "started": text(), "run_id": text(), "metrics": fields({}), "warnings": rows(text()),
+        "software": text(), "started": moment, "run_id": text(), "metrics": fields({}), "warnings": rows(text()),
         "inputs": rows(fields({"role": text()}, {"path": text(), "sha256": text()})),
         "parameters": table(table(anything)), "versions": table(text()), "dates": rows(text()),
         "tables_stamp": rows(number(0, _MOST_NANOSECONDS, whole=True)),
@@ -247,7 +248,13 @@ def _styles(package: Path) -> dict[str, str]:
             rows_found = database.execute("SELECT f_table_name, styleQML FROM layer_styles").fetchall()
     except sqlite3.Error:
         return {}
-    return {str(name): str(qml) for name, qml in rows_found if qml}
+    styles = {str(name): str(qml) for name, qml in rows_found if qml}
+    try:
+        for qml in styles.values():
+            ElementTree.fromstring(qml)
+    except (ElementTree.ParseError, ValueError) as error:
+        raise InputError(f"{shown(package)} holds a style that cannot be read; run the command again.") from error
+    return styles
 
 
 def _surfaces(path: Path, record: Mapping[str, Any]) -> dict[str, Raster]:

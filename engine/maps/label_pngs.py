@@ -40,9 +40,7 @@ class PictureSource:
         try:
             self._source: DatasetReader = rasterio.open(path, driver="GTiff")
         except RasterioError as error:
-            raise InputError(
-                f"{shown(path)} cannot be read as a raster; give a GeoTIFF such as top_view.tif."
-            ) from error
+            raise self._unreadable() from error
         source = self._source
         self.grid = grid_of(source, path)
         colours = source.count in (3, 4) and set(source.dtypes) == {"uint8"}
@@ -54,7 +52,13 @@ class PictureSource:
         if source.crs is None:
             raise InputError(f"{shown(path)} has no reference system; give a raster that has one.")
         self.crs = CRS.from_wkt(source.crs.to_wkt(version="WKT2_2019"))
-        self._levels = None if colours else self._black_and_white()
+        try:
+            self._levels = None if colours else self._black_and_white()
+        except (RasterioError, ValueError) as error:
+            raise self._unreadable() from error
+
+    def _unreadable(self) -> InputError:
+        return InputError(f"{shown(self.path)} cannot be read as a raster; give a GeoTIFF such as top_view.tif.")
 
     def __enter__(self) -> PictureSource:
         return self
@@ -72,7 +76,10 @@ class PictureSource:
                     (i * rows, min((i + 1) * rows, self.grid.rows)),
                     (j * columns, min((j + 1) * columns, self.grid.columns)),
                 )
-                rgba = self._rgba(window)
+                try:
+                    rgba = self._rgba(window)
+                except (RasterioError, ValueError) as error:
+                    raise self._unreadable() from error
                 west, north = self.grid.west + j * columns * self.grid.cell, self.grid.north - i * rows * self.grid.cell
                 if rgba[..., 3].any():
                     ending = f"_{i + 1}_{j + 1}" if down * across > 1 else ""

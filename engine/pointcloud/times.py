@@ -13,12 +13,15 @@ from .records import read_records
 
 _ANGLE_STEP_DEG = 0.006  # of a scan angle in point formats 6 and above (LAS 1.4 R15)
 
+LARGEST_TIME_S = 1e12
+"""GPS seconds of either kind stay below it for thousands of years; what lies beyond is damage."""
+
 
 @dataclass(frozen=True)
 class Flown:
     """Of each return, in the file's order: ``source`` (n,) its strip's number; ``seconds`` (n,) when, None where the
-    point format has no time or all are alike; ``angle`` (n,) degrees from the vertical, positive to the right of the
-    flight.
+    point format has no time, all are alike or one is no time; ``angle`` (n,) degrees from the vertical, positive to the
+    right of the flight.
     """
 
     source: Index
@@ -41,7 +44,7 @@ def read_flown(path: Path | str) -> Flown:
         found = np.array(records["scan_angle" if fine else "scan_angle_rank"], dtype=np.float64)
         angle.append(found * _ANGLE_STEP_DEG if fine else found)
     times = np.concatenate([np.empty(0), *seconds])
-    known = len(times) > 0 and bool(np.ptp(times) > 0)
+    known = len(times) > 0 and bool((np.abs(times) < LARGEST_TIME_S).all()) and bool(np.ptp(times) > 0)
     return Flown(
         np.concatenate([np.empty(0, np.int64), *source]),
         times if known else None,

@@ -12,6 +12,7 @@ from ..core.json_shapes import (
     day,
     fields,
     maybe,
+    moment,
     number,
     rows,
     table,
@@ -42,7 +43,7 @@ RECORD = fields(
     {
         "software": text(),
         "command": text(),
-        "started": text(),
+        "started": moment,
         "parameters": table(table(anything)),
         "inputs": rows(fields({"role": text()}, {"path": text(), "sha256": text()})),
         "metrics": fields(

@@ -13,6 +13,7 @@ from ..core.errors import InputError
 from ..core.gdal_names import readable
 from ..core.messages import shown
 from ..core.part_folders import PREFIX
+from ..vector.geopackage import READ_FAULTS
 from ..vector.review_fields import UNREVIEWED, is_entered
 from .record_shape import inside
 
@@ -56,7 +57,7 @@ def zone_reviews(path: Path) -> dict[str, Review]:
             table = pyogrio.read_dataframe(plain, layer="zones", read_geometry=False)
         if "zone_id" not in table:
             raise ValueError("no field zone_id")
-    except (OSError, RuntimeError, ValueError) as error:
+    except READ_FAULTS as error:
         raise InputError(f"{path} cannot be read; make the run again.") from error
     found: dict[str, Review] = {}
     photos = 0

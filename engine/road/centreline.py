@@ -22,6 +22,7 @@ from ..core.gdal_names import readable
 from ..core.messages import quoted, shown
 from ..crs.reprojection import reprojected
 from ..vector.field_mapping import FieldMapping
+from ..vector.geopackage import READ_FAULTS
 from .chainages import METRES_OF, chainage_of
 from .joining import Piece, joined
 from .measures import chainages_of, lines_of, read_measures
@@ -102,7 +103,7 @@ def _read(
             frame = pyogrio.read_dataframe(plain, layer=chosen, force_2d=True)
             measured = any("Measured (M)" in str(w.message) for w in said)
             measures = read_measures(plain, chosen, list(frame.geometry)) if measured else None
-    except (OSError, RuntimeError, ValueError) as error:
+    except READ_FAULTS as error:
         raise InputError(
             f"The centreline {name} cannot be read as a vector file; give lines as GeoPackage, shapefile or GeoJSON."
         ) from error

@@ -16,6 +16,7 @@ from ..core.errors import InputError
 from ..core.gdal_names import readable
 from ..core.messages import shown
 from ..crs.reprojection import reprojected
+from .geopackage import READ_FAULTS
 
 Bounds = tuple[float, float, float, float]
 
@@ -63,7 +64,7 @@ def read_roi(path: Path | str, crs: CRS, *, unit: float = 1.0) -> Roi:
         with readable(path) as plain:
             layer = _polygon_layer(plain, name, notes)
             meta, _, wkb, _ = read_raw(plain, layer=layer, columns=[], force_2d=True)
-    except (OSError, RuntimeError, ValueError) as error:
+    except READ_FAULTS as error:
         raise InputError(
             f"The area {name} cannot be read as a vector file; give polygons as GeoPackage, shapefile, GeoJSON or KML."
         ) from error

@@ -11,6 +11,7 @@ from datetime import date
 from pathlib import Path
 
 import geopandas as gpd
+import numpy as np
 import pandas as pd
 import pyogrio
 import shapely
@@ -31,6 +32,10 @@ _STYLE_TABLE = """CREATE TABLE layer_styles (
     f_table_catalog TEXT(256), f_table_schema TEXT(256), f_table_name TEXT(256), f_geometry_column TEXT(256),
     styleName TEXT(30), styleQML TEXT, styleSLD TEXT, useAsDefault BOOLEAN, description TEXT, owner TEXT(30),
     ui TEXT(30), update_time DATETIME DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ','now')))"""
+
+
+READ_FAULTS = (OSError, RuntimeError, ValueError, CRSError, shapely.errors.ShapelyError)
+"""What is raised where a vector file is none, is damaged, or holds shapes that cannot be."""
 
 
 @dataclass(frozen=True)
@@ -133,9 +138,16 @@ def read_layer(path: Path, layer: str | None = None) -> gpd.GeoDataFrame:
     try:
         with readable(Path(path)) as plain:
             return pyogrio.read_dataframe(plain, layer=layer)
-    except (OSError, RuntimeError, ValueError, CRSError, shapely.errors.GEOSException) as error:
+    except READ_FAULTS as error:
         wanted = f" with a layer {layer}" if layer else ""
         raise InputError(f"{path} cannot be read as a vector file{wanted}; give a GeoPackage.") from error
+
+
+def has_shapes(frame: gpd.GeoDataFrame | pd.DataFrame) -> bool:
+    """Whether a table as ``read_layer`` gives it has rows, and a shape of finite corners in each."""
+    if not isinstance(frame, gpd.GeoDataFrame) or frame.empty:
+        return False
+    return not (frame.geometry.isna() | frame.geometry.is_empty).any() and bool(np.isfinite(frame.total_bounds).all())
 
 
 def _add_styles(database: sqlite3.Connection, layers: Sequence[Layer], moment: str) -> None:

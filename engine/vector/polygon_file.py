@@ -11,6 +11,7 @@ import shapely
 from ..core.errors import InputError
 from ..core.gdal_names import readable
 from ..core.messages import shown
+from .geopackage import READ_FAULTS
 
 
 def read_polygons(path: Path, field: str, option: str) -> tuple[geopandas.GeoDataFrame, str]:
@@ -34,7 +35,7 @@ def read_polygons(path: Path, field: str, option: str) -> tuple[geopandas.GeoDat
             if not layers:
                 raise InputError(f"{shown(path)} holds no polygons; give a layer of polygons with the field {field}.")
             frame = pyogrio.read_dataframe(plain, layer=layers[0], force_2d=True)
-    except (OSError, RuntimeError, ValueError) as error:
+    except READ_FAULTS as error:
         raise InputError(
             f"The polygons {shown(path)} cannot be read; give them as GeoPackage, shapefile or GeoJSON."
         ) from error

@@ -25,6 +25,7 @@ from ..core.progress import Progress
 from ..crs.reprojection import reprojected
 from ..grid.grid import Grid
 from ..statistics.layout import Layout, layout_of
+from ..vector.geopackage import READ_FAULTS
 
 GIVEN, STEEPEST = "given", "steepest"
 _NAMES = ("name", "label", "profile", "id")  # fields that name a line, where none is asked for
@@ -61,7 +62,7 @@ def read_lines(path: Path, crs: CRS, field: str = "") -> tuple[tuple[ProfileLine
     try:
         with readable(Path(path)) as plain:
             frame = pyogrio.read_dataframe(plain, layer=_line_layer(plain, name), force_2d=True)
-    except (OSError, RuntimeError, ValueError) as error:
+    except READ_FAULTS as error:
         raise InputError(
             f"The profiles' lines {name} cannot be read as a vector file; give lines as GeoPackage, shapefile, GeoJSON "
             "or KML."

@@ -18,7 +18,8 @@ from collections import Counter
 from pathlib import Path
 
 from slopewatch.tests.builders.program import LOADED
-from slopewatch.tests.fuzz.targets import Target, all_targets
+from slopewatch.tests.fuzz.target import Target
+from slopewatch.tests.fuzz.targets import all_targets
 from slopewatch.tests.fuzz.trial import fault, run_apart
 
 KEPT = Path(__file__).resolve().parents[2] / "build" / "fuzz"
@@ -51,7 +52,8 @@ def main() -> int:
     given = parser.parse_args()
     import importlib
 
-    for module in (*LOADED, "slopewatch.models.network.unet", "slopewatch.models.screening.method"):
+    workflows = (f"slopewatch.workflows.{path.stem}" for path in (KEPT.parents[1] / "workflows").glob("[a-z]*.py"))
+    for module in (*LOADED, *workflows, "slopewatch.models.network.unet", "slopewatch.models.screening.method"):
         importlib.import_module(module)
     with tempfile.TemporaryDirectory(prefix="fuzz-seeds-") as folder:
         chosen = tuple(given.targets) or ("",)

@@ -21,6 +21,7 @@ from slopewatch.models.screening.relief import calibration_of
 from slopewatch.tests.builders import bad_inputs
 from slopewatch.tests.fuzz import mutations
 from slopewatch.tests.fuzz.mutations import Mutation
+from slopewatch.tests.fuzz.readers_given import GIVEN, write_given
 
 WEIGHTS = Path(__file__).resolve().parents[2] / "models" / "weights"
 Reader = Callable[[Path], object]
@@ -49,6 +50,7 @@ READERS: dict[str, tuple[Reader, Mutation]] = {
     "run.json": (lambda path: read_json(path, run_record, "{path} cannot be read ({why})."), mutations.changed_json),
     "points.json": (_points_model, mutations.changed_json),
     "relief.json": (_relief_model, mutations.changed_json),
+    **GIVEN,
 }
 """Reader and kind of change by the name of the sound file that ``sound_files`` makes."""
 
@@ -65,6 +67,7 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     (folder / "run.json").write_text(json.dumps(RECORD), encoding="utf-8")
     for name, shipped in (("points", "slopewatch"), ("relief", "relief")):
         shutil.copy(WEIGHTS / f"{shipped}.json", folder / f"{name}.json")
+    write_given(folder, RECORD)
     return {name: (folder / name).read_bytes() for name in READERS}
 
 

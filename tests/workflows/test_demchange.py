@@ -11,7 +11,7 @@ import pytest
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.grid.geotiff import read_raster
 from slopewatch.engine.vector.geopackage import read_layer
-from slopewatch.tests.builders.elevation_models import hills, noise, write_model
+from slopewatch.tests.builders.elevation_models import NORTH, WEST, hills, noise, write_model, write_turned
 from slopewatch.workflows.demchange import demchange_step, parse_model
 from slopewatch.workflows.settings import ModelSettings
 
@@ -116,3 +116,32 @@ def test_the_same_models_give_the_same_bytes(tmp_path: Path) -> None:
     record = json.loads((tmp_path / "a" / "run.json").read_text(encoding="utf-8"))
     assert record["grid"]["cell_m"] == 2.0
     assert "were averaged to those of 2 m" in record["one_grid"][0]
+
+
+def test_a_turned_oblong_model_is_compared_as_any_other(tmp_path: Path) -> None:
+    """Its hollow has its volume within the error, nothing else is a zone, and record and report say what was done."""
+
+    def hollow(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.where((np.abs(x - 75) < 15) & (np.abs(y + 80) < 12), -0.8, 0.0) + 0.15
+
+    plain = write_model(tmp_path / "2015-01-01.tif", hills(*_SHAPE) + noise(_SHAPE, 0.03, 0.0, 1))
+    turned = write_turned(
+        tmp_path / "2016-01-01.tif", 27.0, (1.0, 0.8), (230, 200), middle=(WEST + 90, NORTH - 80), noise_m=0.03,
+        raised=hollow,
+    )  # fmt: skip
+    progress = Progress()
+    models = [parse_model(str(path)) for path in (plain, turned)]
+    demchange_step(models, tmp_path / "out", ModelSettings(), progress=progress)
+    record = json.loads((tmp_path / "out" / "run.json").read_text(encoding="utf-8"))
+    sentence = "cells of 1 by 0.8 m, turned by 27 degrees; their heights were interpolated to a north-up grid of 1 m"
+    assert sentence in record["one_grid"][0]
+    assert sentence in " ".join((tmp_path / "out" / "report.html").read_text(encoding="utf-8").split())
+    assert record["grid"]["cell_m"] == 1.0
+    assert record["metrics"]["bias_m"] == pytest.approx(0.15, abs=0.02)
+    zones = read_layer(tmp_path / "out" / "zones.gpkg", "zones")
+    assert len(zones) == 1
+    assert zones.loc[0, "vol_net_m3"] == pytest.approx(-0.8 * 30 * 24, abs=3 * zones.loc[0, "vol_err_m3"])
+    assert zones.loc[0, "vol_err_m3"] < 0.05 * 0.8 * 30 * 24
+    with (tmp_path / "out" / "pairs.csv").open(encoding="utf-8") as file:
+        (row,) = csv.DictReader(file)
+    assert 0.03 < float(row["stable_beyond_share"]) < 0.07

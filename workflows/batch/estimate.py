@@ -20,6 +20,7 @@ from ...engine.vector.area import read_roi
 from ...interface.parameters import (
     AUTO,
     ChangeParameters,
+    DisplacementStepParameters,
     GridChangeParameters,
     InputParameters,
     ParameterSet,
@@ -33,6 +34,8 @@ from .settings import INSPECT, group_of
 _BYTES_TO_START = {INSPECT: 450_000_000, "series": 450_000_000}  # libraries and small surveys
 _BYTES_OF_TORCH = 450_000_000  # the method `network` and own weights load it
 _BYTES_A_POINT = 170  # of each survey whose ground is extracted at the same time
+_MOTION_BYTES, _MOTION_BYTES_A_POINT = 300_000_000, 117
+"""Of the motion along the surface: the surfaces of one tile, and each ground point (docs/displacement.md)."""
 _SURVEYS_AT_ONCE = 2
 _SHARE_OF_MACHINE = 0.5
 
@@ -41,7 +44,8 @@ def slope_memory(slope: Slope, command: str, groups: Mapping[type[ParameterSet],
     """Bytes that a slope's process and its children are estimated to need together.
 
     The clouds' points, all of them, and the grid over what the region leaves of their extents; a cell that is left to
-    the clouds is taken to be their mean spacing.
+    the clouds is taken to be their mean spacing. The motion along the surface is measured when the ground is extracted,
+    so that the larger of both counts; all points are taken to be ground.
 
     Raises:
         InputError: a cloud or the region cannot be read.
@@ -68,7 +72,15 @@ def slope_memory(slope: Slope, command: str, groups: Mapping[type[ParameterSet],
     torch = any(
         isinstance(g, ScreeningParameters) and (g.screening_method == "network" or g.weights) for g in groups.values()
     )
-    return int(_BYTES_TO_START[command] + _BYTES_OF_TORCH * torch + _BYTES_A_POINT * points + grid)
+    held = float(_BYTES_A_POINT * points)
+    if len(headers) > 1 and any(isinstance(g, DisplacementStepParameters) and g.displacement for g in groups.values()):
+        held = max(held, motion_memory(points))
+    return int(_BYTES_TO_START[command] + _BYTES_OF_TORCH * torch + held + grid)
+
+
+def motion_memory(points: int) -> int:
+    """Bytes that the motion along the surface takes between two surveys of so many ground points together."""
+    return _MOTION_BYTES + _MOTION_BYTES_A_POINT * points
 
 
 def memory_needs(found: Plan, progress: Progress) -> dict[str, int]:

@@ -16,6 +16,7 @@ from ...pointcloud.extent import square_metres
 from ...pointcloud.header import CloudHeader, Vector
 from ...pointcloud.reading import open_cloud
 from ...pointcloud.records import PLACES, coordinates, extra_dimensions, read_records
+from ...pointcloud.times import LARGEST_TIME_S
 from ...pointcloud.writing import Target, copy_records, scales_and_offsets, set_coordinates
 from ..pdal_pipelines import GROUND
 from ..result import HEIGHT_OVER_GROUND
@@ -172,7 +173,7 @@ def _seconds(records: PackedPointRecord) -> Float:
     if "gps_time" not in (records.array.dtype.names or ()):
         return np.zeros(len(records))
     seconds = np.asarray(records["gps_time"], dtype=np.float64)
-    return np.where(np.isfinite(seconds), seconds, 0.0)
+    return np.where(np.abs(seconds) < LARGEST_TIME_S, seconds, 0.0)
 
 
 @dataclass(frozen=True)

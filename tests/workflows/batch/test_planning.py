@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import sys
+from collections.abc import Callable
 from datetime import date
 from pathlib import Path
 
@@ -12,10 +14,13 @@ import pytest
 from slopewatch.cli.program import cli
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.machine_memory import machine_memory
+from slopewatch.engine.displacement.displacement import measure_displacement
+from slopewatch.engine.displacement.registered import Registered
 from slopewatch.engine.grid.common_grid import memory_needed
-from slopewatch.interface.parameters import ChangeParameters
+from slopewatch.interface.parameters import ChangeParameters, DisplacementParameters
 from slopewatch.tests.builders.clouds import LasFile, las_file
-from slopewatch.workflows.batch.estimate import default_budget, slope_memory
+from slopewatch.tests.builders.rough_ground import relief, sampled
+from slopewatch.workflows.batch.estimate import default_budget, motion_memory, slope_memory
 from slopewatch.workflows.batch.jobs import Job, Slope, Survey
 from slopewatch.workflows.batch.settings import (
     arguments_of,
@@ -122,14 +127,16 @@ def test_every_setting_is_understood_by_the_command_line(command: str, monkeypat
 def test_the_estimate_grows_with_points_and_with_the_grid(las_file: LasFile, tmp_path: Path) -> None:
     small, large = las_file(tmp_path / "a.laz", points=2000), las_file(tmp_path / "b.laz", points=42_000)
 
-    def need(*clouds: Path, cell: float = 0.5, method: str = "auto") -> int:
-        options = {"cell": cell, "memory_limit": 4.0, "screening_method": method}
+    def need(*clouds: Path, cell: float = 0.5, method: str = "auto", motion: bool = False) -> int:
+        options = {"cell": cell, "memory_limit": 4.0, "screening_method": method, "displacement": motion}
         return slope_memory(slope(*clouds), "inspect", group_of("inspect", options, "default"))
 
     assert need(small, large) - need(small, small) == pytest.approx(40_000 * 170, rel=0.01)
     extent = (500_000.0, 3_500_000.0, 500_030.0, 3_500_020.0)
     grids = [memory_needed(extent, 600.0, ChangeParameters(cell=cell), plants=True) for cell in (0.5, 0.05)]
     assert need(small, small, cell=0.05) - need(small, small) == pytest.approx(np.diff(grids)[0], rel=0.05)
+    assert need(small, small, motion=True) - need(small, small) == motion_memory(4000) - 170 * 4000
+    assert need(small, motion=True) == need(small), "one survey shows no motion"
     assert need(small) < need(small, small)
     assert need(small, method="network") - need(small) > 3e8, "only that method loads torch"
     assert need(small, small, cell=0.005) < 6e9, "more than memory_limit is refused by the slope itself"
@@ -144,3 +151,37 @@ def test_the_budget_is_half_of_the_machine() -> None:
     assert 0 < machine_memory() <= pages
     assert default_budget(None) == machine_memory() // 2
     assert default_budget(7) == 7
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="ru_maxrss is in kilobytes on Linux")
+@pytest.mark.parametrize(("side", "density"), [(14.0, 40.0), (24.0, 250.0)])
+def test_motion_takes_no_more_than_is_estimated_and_not_much_less(side: float, density: float) -> None:
+    """What a forked process grows by while it measures: a small cloud and one of 290,000 points."""
+    heights = relief(side, 0.15, seed=3)
+    clouds = [sampled(heights, density, 0.02, seed, 30.0) for seed in (1, 2)]
+    grown = _growth(lambda: measure_displacement(*clouds, DisplacementParameters(), Registered.unknown()))
+    estimated = motion_memory(sum(map(len, clouds)))
+    assert 0.2 * estimated < grown < estimated, (grown, estimated)
+
+
+def _growth(work: Callable[[], object]) -> int:
+    """Bytes of resident memory at the peak of a forked process beyond what it has at its start."""
+    reader, writer = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            with open("/proc/self/statm", encoding="ascii") as file:
+                before = int(file.read().split()[1]) * os.sysconf("SC_PAGESIZE")
+            with open("/proc/self/clear_refs", "w", encoding="ascii") as file:
+                file.write("5")  # the peak counts from here
+            work()
+            status = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+            peak = next(line for line in status if line.startswith("VmHWM"))
+            os.write(writer, str(int(peak.split()[1]) * 1024 - before).encode())
+        finally:
+            os._exit(0)
+    os.close(writer)
+    with os.fdopen(reader) as stream:
+        text = stream.read()
+    os.waitpid(child, 0)
+    return int(text)
