@@ -22,6 +22,7 @@ NAMES = {
     "real_ground": "The ground of real vegetation, and other methods",
     "plants": "Simulated and real plants",
     "registration": "Registration",
+    "sliding_part": "Registration where a part of the slope slid along itself",
     "moving_pieces": "Registration where most of the surface has moved",
     "gridding": "Gridding",
     "m3c2": "M3C2",
@@ -51,7 +52,7 @@ NAMES = {
 }
 
 
-KEPT = {"detection", "real_ground", "unseen_surveys", "screening_sites"}
+KEPT = {"detection", "real_ground", "unseen_surveys", "screening_sites", "series_motion"}
 """Benchmarks that can keep their single results."""
 
 
