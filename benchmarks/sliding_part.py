@@ -88,7 +88,7 @@ def _survey(seed: int, kind: str, amount: float) -> SurveyParameters:
 def _case_of(pair: SimulatedPair) -> Case:
     first, second = (ground_of(cloud, pair) for cloud in (pair.first, pair.second))
     way = np.nan_to_num(pair.true_motion(pair.transform.apply(second.xyz)), nan=1.0)
-    stable = ~(np.abs(way) > 1e-6).any(axis=1)
+    stable: Bool = np.asarray((np.abs(way) <= 1e-6).all(axis=1))
     return Case(first, second, stable, pair.transform, float(1 - stable.mean()), pair.parameters.motion_amount)
 
 

@@ -228,6 +228,8 @@ def without_slides(matcher: Matcher, first: Alignment, offset: float, progress: 
     Args:
         offset: largest expected one, metres.
     """
+    if not first.information.observable.all():
+        return first
     progress.update(0.95, "looking for places that slid")
     moving = moving_places(matcher, first.pose, first.information)
     if moving is None:

@@ -26,7 +26,7 @@ from .surface_patches import Equations, Patches, cut, equations
 WINDOW_RADII_WIDTHS = (2.5, 4.0, 6.0)  # of patches
 DEVIATIONS = 5.5  # standard deviations of a window's motion; measured, 5.1 at most on 18 pairs of which nothing moved
 _DOUBTFUL = 4.5  # standard deviations from which the windows are drawn again where the rest agrees
-_DEVIATIONS_OF_GROUP, _GROUP_WIDTHS = 2.0, 1.6  # what adjoins such a window counts with it from here on
+_DEVIATIONS_OF_GROUP, _GROUP_WIDTHS = 2.5, 1.6  # what adjoins such a window counts with it from here on
 _POINTS = 30  # of a patch that are paired
 _MIN_PATCHES, _MIN_PATCH_PAIRS, _MIN_WINDOW_PATCHES = 60, 12, 5
 _CUTOFF = 4.0  # standard deviations of a window's motion from which it has no weight
@@ -66,8 +66,8 @@ class Moving:
         pose: on which all other places agree.
         places: the weights of all; None where nothing clearly moved.
         share: of the surface's area that was left out.
-        unseen: (6, 6) covariance of the pull by a slide that is too small to be told from chance (rotations times a
-            radius), square metres.
+        unseen: (6, 6) covariance of the pull by a slide that is too small to be told from chance, and of what patches
+            that lie together have in common (rotations times a radius), square metres.
     """
 
     pose: Pose
@@ -89,9 +89,10 @@ def moving_places(matcher: Matcher, pose: Pose, known: Information) -> Moving | 
     at = pose
     for number in range(_POSES):
         system = equations(matcher, patches, at, 3 * matcher.spacing, _POINTS)
-        windows = Windows.of(system, patches, at, matcher.radius)
-        if windows is None:
+        drawn = Windows.of(system, patches, at, matcher.radius)
+        if drawn is None:
             return None
+        windows = drawn
         found = consensus(windows, fixed)
         if number and found.away.max() < _DOUBTFUL:
             break
@@ -100,10 +101,13 @@ def moving_places(matcher: Matcher, pose: Pose, known: Information) -> Moving | 
             break
     slid = clearly_moved(windows, found.away)
     if not slid.any() or windows.area[slid].sum() > _MAX_SHARE * windows.area.sum():
-        return Moving(pose, None, 0.0, windows.unseen(np.ones(len(slid)), fixed))
+        slid[:] = False
     weight = np.where(slid, 0.0, 1.0)
+    unseen = windows.unseen(weight, fixed) + windows.alike(weight, fixed)
+    if not slid.any():
+        return Moving(pose, None, 0.0, unseen)
     share = float(windows.area[slid].sum() / windows.area.sum())
-    return Moving(at, Places(windows.centre, weight, patches.width), share, windows.unseen(weight, fixed))
+    return Moving(at, Places(windows.centre, weight, patches.width), share, unseen)
 
 
 def clearly_moved(windows: Windows, away: Float) -> Bool:
@@ -250,6 +254,25 @@ class Windows:
         found = (pull @ spread @ pull.transpose(0, 2, 1)).mean(axis=0)
         return np.asarray(DEVIATIONS**2 / 3 * fixed @ found @ fixed.T)
 
+    def alike(self, weight: Float, fixed: Float) -> Float:
+        """(6, 6) covariance of ``solved`` by what neighbours have in common, more than by patches that err alone.
+
+        One of the widest windows after the other is left out (a jackknife; Efron and Stein 1981), against one patch
+        after the other. Each patch lies in as many windows as there are patches in one, by which the sum is divided.
+        """
+        left = (weight[:, None] * (self.vector + self.matrix @ self.solved(weight, fixed))) @ fixed
+        matrices = weight[:, None, None] * (fixed.T @ self.matrix @ fixed)
+        size = matrices.shape[1]
+        whole = matrices.sum(axis=0)
+        found = []
+        for near in (self.near(WINDOW_RADII_WIDTHS[-1]), self.near(0.0)):
+            without = whole - (near @ matrices.reshape(-1, size**2)).reshape(-1, size, size)
+            without += 1e-3 * np.diag(np.diag(whole))
+            steps = np.linalg.solve(without, (near @ left)[:, :, None])[:, :, 0]
+            found.append(steps.T @ steps / float(near.sum(axis=1).mean()))
+        more = max(float(np.trace(found[0]) / max(np.trace(found[1]), 1e-300)) - 1.0, 0.0)
+        return np.asarray(more * fixed @ found[1] @ fixed.T)
+
 
 def _frames(normal: Float) -> Float:
     """(k, 3, 3) axes in columns: two along the surface, and its normal."""
@@ -285,7 +308,7 @@ def consensus(windows: Windows, fixed: Float) -> Consensus:
     """
     everything = np.ones(len(windows.area))
     narrow = windows.scale(WINDOW_RADII_WIDTHS[0], everything)
-    scales = (narrow, windows.scale(WINDOW_RADII_WIDTHS[1], everything))
+    scales: tuple[_Scale, ...] = (narrow, windows.scale(WINDOW_RADII_WIDTHS[1], everything))
     motion = np.zeros(6)
     for _ in range(_START_ROUNDS):
         motion = windows.solved(1.0 / np.maximum(_away(scales, motion), 1.0), fixed)
