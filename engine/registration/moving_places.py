@@ -34,6 +34,7 @@ _START_ROUNDS, _ROUNDS, _POSES = 12, 20, 3
 _CHANCE_QUANTILE, _CHANCE_VALUE = 0.3, 0.7133  # of the square of two normal numbers; up to half of the windows may move
 _MIN_INFORMATION_RATIO = 0.2  # of the median window's, below which it is noise
 _MIN_STEP_M = 2e-4
+_MIN_DEVIATION_M = 2e-4  # of a window's motion; no two surveys agree better
 _MAX_SHARE = 0.6  # of the surface: more is not the exception
 
 
@@ -103,6 +104,9 @@ def moving_places(matcher: Matcher, pose: Pose, known: Information) -> Moving | 
     if not slid.any() or windows.area[slid].sum() > _MAX_SHARE * windows.area.sum():
         slid[:] = False
     weight = np.where(slid, 0.0, 1.0)
+    pull = windows.solved(weight, fixed) - windows.solved(np.ones_like(weight), fixed)
+    if float(np.linalg.norm(pull)) < _MIN_STEP_M:
+        slid[:], weight[:] = False, 1.0
     unseen = windows.unseen(weight, fixed) + windows.alike(weight, fixed)
     if not slid.any():
         return Moving(pose, None, 0.0, unseen)
@@ -151,7 +155,8 @@ class _Scale:
         """What ``squared`` is of by chance, by a standard error: noise, plants and bends, as most windows show it."""
         if not self.enough.any():
             return 1.0
-        return float(np.quantile(self.squared(motion)[self.enough], _CHANCE_QUANTILE)) / _CHANCE_VALUE
+        least = _MIN_DEVIATION_M**2 / float(np.median(np.trace(self.inverse[self.enough], axis1=1, axis2=2)) / 2)
+        return max(float(np.quantile(self.squared(motion)[self.enough], _CHANCE_QUANTILE)) / _CHANCE_VALUE, least)
 
 
 @dataclass(frozen=True)
