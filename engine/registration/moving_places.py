@@ -34,6 +34,7 @@ _START_ROUNDS, _ROUNDS, _POSES = 12, 20, 3
 _CHANCE_QUANTILE, _CHANCE_VALUE = 0.3, 0.7133  # of the square of two normal numbers; up to half of the windows may move
 _MIN_INFORMATION_RATIO = 0.2  # of the median window's, below which it is noise
 _MIN_STEP_M = 2e-4
+_MIN_PULL_M = 1e-3  # of the whole; less is not worth leaving anything out
 _MIN_DEVIATION_M = 2e-4  # of a window's motion; no two surveys agree better
 _MAX_SHARE = 0.6  # of the surface: more is not the exception
 
@@ -105,7 +106,7 @@ def moving_places(matcher: Matcher, pose: Pose, known: Information) -> Moving | 
         slid[:] = False
     weight = np.where(slid, 0.0, 1.0)
     pull = windows.solved(weight, fixed) - windows.solved(np.ones_like(weight), fixed)
-    if float(np.linalg.norm(pull)) < _MIN_STEP_M:
+    if float(np.linalg.norm(pull)) < _MIN_PULL_M:
         slid[:], weight[:] = False, 1.0
     unseen = windows.unseen(weight, fixed) + windows.alike(weight, fixed)
     if not slid.any():
