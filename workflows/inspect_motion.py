@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ..engine.core.errors import EngineError, InputError
-from ..engine.displacement.displacement import Displacement, measure_displacement
+from ..engine.displacement.displacement import MIN_POINTS_PER_M2, Displacement, measure_displacement
 from ..engine.displacement.registered import Registered
 from ..engine.displacement.status import REASONS, Status
 from ..engine.displacement.stored_ground import Ground
@@ -26,9 +26,6 @@ from .products import displacement as files
 from .products.change import Context
 from .run import Run
 
-_MIN_POINTS_PER_M2 = 20.0
-"""Ground points a m² of the map, of the sparser survey, below which vectors claim more than their errors allow: of
-still simulated windows 1 % at 20 and 30 points and 6 % at 10 and 5 (docs/displacement.md)."""
 _FAULTS = (InputError, EngineError, MemoryError, ArithmeticError, ValueError, IndexError)
 
 
@@ -98,9 +95,9 @@ def write_motion(run: Run, motion: Motion, parameters: DisplacementParameters, c
 
 def _refuse_too_sparse(first: Ground, later: Ground) -> None:
     found = density((first, later))
-    if found < _MIN_POINTS_PER_M2:
+    if found < MIN_POINTS_PER_M2:
         raise InputError(
-            f"The sparser survey has {found:.2g} ground points a m², and with less than {_MIN_POINTS_PER_M2:g} the "
+            f"The sparser survey has {found:.2g} ground points a m², and with less than {MIN_POINTS_PER_M2:g} the "
             "errors of displacement vectors are not reliable; survey more densely, or use displacement by itself."
         )
 

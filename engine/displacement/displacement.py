@@ -36,6 +36,12 @@ StablePlaces = Callable[[Float], Bool]
 """Which of places (n, 2) are on ground that is known to be stable."""
 
 
+MIN_POINTS_PER_M2 = 20.0
+"""Ground points a m² of the map, of the sparser survey, below which vectors claim more than their errors allow: of
+still simulated windows 1 % at 20 and 30 points and 6 % at 10 and 5, of real airborne ones 6 to 25 % at 7 to 14
+(docs/displacement.md)."""
+
+
 @dataclass(frozen=True)
 class Displacement:
     """What was measured.

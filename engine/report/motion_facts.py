@@ -10,7 +10,7 @@ from scipy import stats
 from ...interface.parameters import DisplacementParameters
 from ..core.arrays import Float
 from ..displacement.chance import chance_vectors
-from ..displacement.displacement import Displacement
+from ..displacement.displacement import MIN_POINTS_PER_M2, Displacement
 from ..displacement.registered import Registered
 from ..displacement.status import REASONS, Status
 from ..displacement.vectors import CommonMotion, squared_length
@@ -91,6 +91,11 @@ def refused(found: Displacement) -> list[dict[str, Any]]:
 def doubts(found: Displacement, parameters: DisplacementParameters, *, stable_given: bool) -> list[str]:
     """Sentences on what makes the vectors doubtful."""
     sentences: list[str] = []
+    if found.points_per_m2 < MIN_POINTS_PER_M2:
+        sentences.append(
+            f"The sparser survey has {found.points_per_m2:.2g} ground points a m²; with less than "
+            f"{MIN_POINTS_PER_M2:g} the errors are too small on real ground: doubt single vectors and zones."
+        )
     if stable_given and found.stable is None:
         sentences.append(
             "The polygons of stable ground hold fewer than five windows with a motion, so that nothing was taken off; "

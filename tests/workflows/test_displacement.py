@@ -214,3 +214,16 @@ def test_where_nothing_is_seen_the_report_does_not_say_that_nothing_moved(tmp_pa
     assert "Nowhere on this ground a motion along the surface, or its absence, can be seen." in words
     assert "nothing is known of" in words
     assert not re.search(r"[Nn]o motion(?! above)", words)
+
+
+@pytest.mark.parametrize(("points_per_m2", "said"), [(12.0, True), (30.0, False)])
+def test_ground_too_sparse_for_its_errors_is_said(tmp_path, points_per_m2, said):
+    heights = relief(12.0, 0.15, seed=7)
+    days = ("2024-05-01.laz", "2025-05-01.laz")
+    pair = [written(tmp_path / day, sampled(heights, points_per_m2, 0.02, seed)) for seed, day in enumerate(days)]
+    progress = Progress()
+    done = run((pair[0], pair[1]), tmp_path / "out", progress)
+    sentences = [w for w in progress.warnings if "ground points a m²; with less than 20" in w]
+    assert bool(sentences) == said
+    record = json.loads(done.outputs["run"].read_text())
+    assert record["displacement"]["notes"][: len(sentences)] == sentences
