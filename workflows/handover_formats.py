@@ -190,7 +190,7 @@ def _csv(part: Part) -> list[str]:
         # a layer with places may have the name of a table that is another one
         taken = f"csv/{name}.csv" in files
         files.append(f"csv/{name}_table.csv" if taken else f"csv/{name}.csv")
-        shutil.copyfile(source, part.path(files[-1]))
+        tables.copy_table(source, part.path(files[-1]))
     return files
 
 

@@ -21,6 +21,7 @@ _MAX_MISFIT = 0.02  # of the returns of a strip to beams from its places, as a s
 _MIN_SIGNED_DEG = 2.0  # to each side that angles across the flight reach
 _TURNS = 3  # of fitting, as the direction of flight and the places follow from one another
 _COLUMNS = ("time", "x", "y", "z")
+_MAX_WAY_M = 1e6  # of a trajectory in plan; a longer one has places in other units or of another system
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,8 @@ def read_trajectory(path: Path) -> Track:
     """A trajectory of a CSV file with the columns time (s), x, y and z (m, in the plan's system), in any order.
 
     Raises:
-        InputError: a column is missing, a value is no number, or there are fewer than two places.
+        InputError: a column is missing, a value is no number, there are fewer than two places, or they lie farther
+            apart than any aircraft flies.
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
@@ -61,6 +63,13 @@ def read_trajectory(path: Path) -> Track:
     if len(table) < 2 or not np.isfinite(table).all():
         raise InputError(f"{shown(path)} holds {len(table)} places, and a trajectory needs two or more finite ones.")
     table = table[np.argsort(table[:, 0], kind="stable")]
+    with np.errstate(over="ignore", invalid="ignore"):
+        way = float(np.hypot(*np.diff(table[:, 1:3], axis=0).T).sum())
+    if not way <= _MAX_WAY_M:
+        raise InputError(
+            f"The places of {shown(path)} make a way of {way / 1e3:,.0f} km; give them in metres, in the plan's "
+            f"system, at most {_MAX_WAY_M / 1e3:,.0f} km in all."
+        )
     return Track(table[:, 1:], table[:, 0])
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import json
+import shutil
 from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
@@ -29,6 +31,7 @@ DEGREE_DECIMALS = 7
 """Of degrees: about a centimetre."""
 _METRE_DECIMALS = 3
 _GLOBE = "EPSG:4326"
+_NO_NUMBERS = {"nan", "inf", "infinity"}
 _KINDS = {0: "Point", 1: "LineString", 3: "Polygon", 4: "MultiPoint", 5: "MultiLineString", 6: "MultiPolygon"}
 
 
@@ -162,3 +165,22 @@ def write_csv(path: Path, layer: HeldLayer) -> None:
 
 def _geometry_names(frame: pd.DataFrame) -> list[str]:
     return [frame.geometry.name] if isinstance(frame, gpd.GeoDataFrame) else []
+
+
+def copy_table(source: Path, target: Path) -> None:
+    """A CSV file of the run as it is; cells that say that a number is none become empty."""
+    try:
+        with source.open(encoding="utf-8-sig", newline="") as stream:
+            rows = list(csv.reader(stream))
+    except (UnicodeDecodeError, csv.Error):
+        rows = []
+    if not any(_is_no_number(cell) for row in rows for cell in row):
+        shutil.copyfile(source, target)
+        return
+    with target.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerows([["" if _is_no_number(cell) else cell for cell in row] for row in rows])
+
+
+def _is_no_number(cell: str) -> bool:
+    return cell.strip().lower().lstrip("+-") in _NO_NUMBERS

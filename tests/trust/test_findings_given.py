@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import json
 import sqlite3
 import struct
@@ -22,6 +23,7 @@ from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.elevation_models.model import read_model
 from slopewatch.engine.flight.flown_tracks import track_from_angles
 from slopewatch.engine.handover.held import read_held, read_record
+from slopewatch.engine.handover.tables import copy_table
 from slopewatch.engine.maps.label_pngs import PictureSource
 from slopewatch.engine.pointcloud.times import read_flown
 from slopewatch.engine.road.centreline import read_roads
@@ -122,3 +124,19 @@ def test_a_style_that_is_no_xml(tmp_path: Path) -> None:
         base.execute("UPDATE layer_styles SET styleQML = '<qgis>\x01'")
     with pytest.raises(InputError, match=r"zones\.gpkg' holds a style that cannot be read"):
         read_held(tmp_path)
+
+
+def test_a_table_handed_over_has_no_cell_that_is_no_number(tmp_path: Path) -> None:
+    """A profile's height that somebody entered as nan was handed over as such."""
+    source, target = tmp_path / "profiles.csv", tmp_path / "out.csv"
+    source.write_bytes(b'profile,height_m\r\n"A, the nan",nan\r\nB,-Inf\r\nC,1.5\r\n')
+    copy_table(source, target)
+    assert list(csv.reader(target.open(encoding="utf-8", newline=""))) == [
+        ["profile", "height_m"],
+        ["A, the nan", ""],
+        ["B", ""],
+        ["C", "1.5"],
+    ]
+    source.write_bytes(b'profile,height_m\r\n"A",1.0\r\n')
+    copy_table(source, target)
+    assert target.read_bytes() == source.read_bytes()

@@ -223,6 +223,8 @@ def test_what_cannot_be_compared_is_refused_and_nothing_is_written(site: Site, k
         ("t,x,y\n1,2,3\n", "no column time"),
         ("time,x,y,z\n1,2,3,four\n", "Line 2 of .* holds no four numbers"),
         ("time,x,y,z\n1,2,3,4\n", "holds 1 places"),
+        ("time,x,y,z\n1,500050,3299930,195\n2,5000500,3299930,195\n", "a way of 4,500 km"),
+        ("time,x,y,z\n1,1e308,0,9\n2,-1e308,0,9\n", "a way of"),
     ):
         wrong.write_text(text, encoding="utf-8")
         with pytest.raises(InputError, match=words):
