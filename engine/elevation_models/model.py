@@ -80,8 +80,7 @@ def _read(path: Path, inputs: InputParameters) -> ElevationModel:
         _refuse_no_place(source.transform, path)
         crs = CRS.from_wkt(source.crs.to_wkt(version="WKT2_2019")) if source.crs else None
         unit = (source.units[0] or "").strip().lower()
-        with np.errstate(invalid="ignore"):  # NaN of a kind that signals
-            heights = np.asarray(rows_of(source, 1, 0, source.height), dtype=np.float64)
+        heights = np.asarray(rows_of(source, 1, 0, source.height), dtype=np.float64)
         affine = source.transform
     _refuse_geographic(crs, inputs, path)
     declared = working_frame(crs, _with_unit(inputs, crs, unit), path)

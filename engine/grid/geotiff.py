@@ -199,9 +199,10 @@ class OpenRaster:
 def rows_of(source: DatasetReader, band: int, first: int, last: int) -> NDArray[np.float32]:
     """Rows ``first`` to before ``last`` of a band (rows, columns), NaN where there is no data."""
     window = Window(0, first, source.width, last - first)
-    values = source.read(band, window=window).astype(np.float32, copy=False)
-    # other programs leave our -9999 behind where they declare NaN, or nothing
-    values[(source.read_masks(band, window=window) == 0) | (values == NODATA)] = np.nan
+    with np.errstate(invalid="ignore"):  # NaN of a kind that signals
+        values = source.read(band, window=window).astype(np.float32, copy=False)
+        # other programs leave our -9999 behind where they declare NaN, or nothing
+        values[(source.read_masks(band, window=window) == 0) | (values == NODATA) | np.isnan(values)] = np.nan
     return np.asarray(values)
 
 

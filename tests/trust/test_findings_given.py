@@ -22,6 +22,7 @@ from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.elevation_models.model import read_model
 from slopewatch.engine.flight.flown_tracks import track_from_angles
+from slopewatch.engine.grid.geotiff import read_raster
 from slopewatch.engine.handover.held import read_held, read_record
 from slopewatch.engine.handover.tables import copy_table
 from slopewatch.engine.maps.label_pngs import PictureSource
@@ -92,6 +93,7 @@ def test_an_elevation_model_with_a_signalling_value(tmp_path: Path) -> None:
     place = data.index(struct.pack("<f", 7.25) * 2)
     path.write_bytes(data[:place] + signalling + data[place + 4 :])
     assert read_model(path).holes == 1  # warnings are errors here
+    assert np.isnan(read_raster(path).array.astype(np.float64)).sum() == 1
 
 
 def test_a_picture_whose_pixels_are_cut_off(tmp_path: Path) -> None:
