@@ -22,7 +22,6 @@ NAMES = {
     "real_ground": "The ground of real vegetation, and other methods",
     "plants": "Simulated and real plants",
     "registration": "Registration",
-    "sliding_part": "Registration where a part of the slope slid along itself",
     "moving_pieces": "Registration where most of the surface has moved",
     "gridding": "Gridding",
     "m3c2": "M3C2",
@@ -55,7 +54,6 @@ NAMES = {
 
 KEPT = {
     "demchange", "detection", "displacement", "one_direction", "real_ground", "unseen_surveys", "screening_sites",
-    "series_motion",
 }  # fmt: skip
 """Benchmarks that can keep their single results."""
 
