@@ -54,6 +54,7 @@ NAMES = {
 
 KEPT = {
     "demchange", "detection", "displacement", "one_direction", "real_ground", "unseen_surveys", "screening_sites",
+    "series_motion",
 }  # fmt: skip
 """Benchmarks that can keep their single results."""
 

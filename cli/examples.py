@@ -179,13 +179,6 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
             "slopewatch planflight ground.laz --survey 2025-05-01.laz \\\n    --roi slope.gpkg --output-dir plan",
         ),
         (
-            "The same lines again over a new terrain, twice as high",
-            (
-                "slopewatch planflight dem.tif --plan plan/plan.gpkg --altitude 80 \\\n"
-                "    --roi slope.gpkg --output-dir again"
-            ),
-        ),
-        (
             "The best season by surveys of several months, and mission files for an M350 RTK",
             (
                 "slopewatch planflight ground.laz --season 2025-03-10.laz --season 2025-07-15.laz \\\n"

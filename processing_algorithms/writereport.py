@@ -38,7 +38,7 @@ class WriteReport(SlopeWatchAlgorithm):
             declare.folder_parameter(
                 "INPUT",
                 "Folder of results",
-                "Output folder of Inspect slope, Inspect series, Inspect corridor, Elevation change, Change between "
+                "Output folder of Inspect slope, Inspect series, Inspect corridor, Elevation change, Change of "
                 "elevation models or Displacement vectors. The report in it is replaced.",
             ),
             declare.profiles_parameter(),

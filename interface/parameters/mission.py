@@ -10,7 +10,7 @@ _MAX_NUMBER = 1_000_000
 
 
 @dataclass(frozen=True)
-class MissionParameters(ParameterSet, record_name="mission", title="Mission file (DJI WPML)"):
+class MissionParameters(ParameterSet, record_name="mission", title="Mission files of DJI"):
     """What a mission file for an aircraft of DJI says of it; heights in it are above the take-off point."""
 
     wpml_drone: int = _parameter(

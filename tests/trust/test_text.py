@@ -99,7 +99,7 @@ def test_a_record_cannot_become_script_or_reach_out_of_its_folder(changed: Path,
     shutil.copytree(changed, out)
     Image.new("RGB", (8, 8), (1, 2, 3)).save(tmp_path / "secret.png")
     record = json.loads((out / "run.json").read_text(encoding="utf-8"))
-    for key in ("software", "command", "started", "run_id"):
+    for key in ("software", "command", "run_id"):
         record[key] = SCRIPT
     record["warnings"] = [SCRIPT]
     record["metrics"]["screened_zone_count"] = 1

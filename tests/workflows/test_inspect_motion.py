@@ -168,7 +168,7 @@ def test_ground_without_a_window_is_not_known_either(run):
 def test_too_little_memory_leaves_it_out_and_says_so(left_out):
     done, progress = left_out
     record = record_of(done)
-    assert "ground points of both surveys need about" in record["displacement_left_out"]
+    assert "ground points of both surveys, which are held in memory, need about" in record["displacement_left_out"]
     assert "displacement" not in record
     assert not set(done.outputs) & {"displacement", "displacement_vectors", "smallest_motion"}
     assert not [w for w in progress.warnings if "surface was not measured" in w]
@@ -205,7 +205,7 @@ def test_whatever_fails_in_it_is_a_reason_and_no_end(fault, sentence, monkeypatc
     progress = Progress()
     task = Run("inspect", {}, progress=progress)
 
-    def fails(*_):
+    def fails(*_, **__):
         raise fault
 
     monkeypatch.setattr(inspect_motion, "measure_displacement", fails)
@@ -214,7 +214,7 @@ def test_whatever_fails_in_it_is_a_reason_and_no_end(fault, sentence, monkeypatc
 
 
 def test_cancelling_ends_the_run(monkeypatch):
-    def cancelled(*_):
+    def cancelled(*_, **__):
         raise Cancelled("Cancelled.")
 
     monkeypatch.setattr(inspect_motion, "measure_displacement", cancelled)
