@@ -247,11 +247,19 @@ def _refuse_senseless(source: DatasetReader, path: Path, band: int) -> None:
         raise InputError(f"{path} has a place that is no number; it is damaged, so make it again.")
 
 
+_FARTHEST_M = 1e9
+"""Of a corner from its system's origin: beyond it a cell is lost in the digits, and no projected system reaches it."""
+
+
 def grid_of(source: DatasetReader, path: Path) -> Grid:
     """The grid of a raster; InputError where it is not north-up with square cells."""
     a, b, west, d, e, north = tuple(source.transform)[:6]
     if b or d or a <= 0 or not np.isclose(a, -e, rtol=1e-9):
         raise InputError(f"{path} is not north-up with square cells; warp it first.")
+    if not max(abs(west), abs(north)) <= _FARTHEST_M:
+        raise InputError(
+            f"{path} has a corner at {west:.3g}, {north:.3g}, which is no place on Earth; georeference it."
+        )
     return Grid(west=west, north=north, cell=a, rows=source.height, columns=source.width)
 
 

@@ -192,7 +192,7 @@ def read_held(run: Path) -> Held:
         clouds={_name(path, folder): path for path in files.values() if path.suffix in (".laz", ".las")},
         layers=layers,
         surfaces=surfaces,
-        sections=_sections(kept[_SECTIONS]) if _SECTIONS in kept else (),
+        sections=read_sections(kept[_SECTIONS]) if _SECTIONS in kept else (),
         crs=_crs(layers, rasters.values()),
         days=_days(record),
     )
@@ -268,7 +268,8 @@ def _surfaces(path: Path, record: Mapping[str, Any]) -> dict[str, Raster]:
     return {name: raster for name, raster in read.items() if np.isfinite(raster.array).any()}
 
 
-def _sections(path: Path) -> tuple[Section, ...]:
+def read_sections(path: Path) -> tuple[Section, ...]:
+    """The sections of a table of profiles; InputError where it is none."""
     try:
         cells = pd.read_csv(path)
         groups = [(str(name), cells_of) for name, cells_of in cells.groupby("profile", sort=False)]
@@ -280,7 +281,10 @@ def _sections(path: Path) -> tuple[Section, ...]:
 def _section(name: str, cells: pd.DataFrame) -> Section:
     columns = ("distance_m", "height_from_m", "height_to_m")
     distance, earlier, later = (cells[column].to_numpy(dtype=float) for column in columns)
-    return Section(name, cells[["x", "y"]].to_numpy(dtype=float), distance, earlier, later)
+    places = cells[["x", "y"]].to_numpy(dtype=float)
+    if not (np.isfinite(places).all() and np.isfinite(distance).all()):
+        raise ValueError(f"a place of {name} is no number")
+    return Section(name, places, distance, earlier, later)
 
 
 def _crs(layers: Iterable[HeldLayer], rasters: Iterable[Path]) -> CRS | None:

@@ -31,7 +31,7 @@ def targets(folder: Path, clouds: list[Path]) -> list[Target]:
     renamed = ("exportgis", str(pit), *_FEW, "--fields", "FILE", "--output", "OUT/h")
     again = ("series", *(f"--epoch={p.stem}={p}" for p in clouds), *READY, "--overwrite", "--output-dir", "FOLDER")
     return [
-        Target("fields.json", agreed, mutations.changed_json, renamed),
+        Target("fields.json", agreed, mutations.changed_json, renamed, named=("mapping file",)),
         *(
             _of("handed", pit, name, over)
             for name in ("run.json", "zones.gpkg", "surface_heights.tif", "elevation_change.tif", "profiles.csv")

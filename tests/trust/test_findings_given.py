@@ -23,7 +23,7 @@ from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.elevation_models.model import read_model
 from slopewatch.engine.flight.flown_tracks import track_from_angles
 from slopewatch.engine.grid.geotiff import read_raster
-from slopewatch.engine.handover.held import read_held, read_record
+from slopewatch.engine.handover.held import read_held, read_record, read_sections
 from slopewatch.engine.handover.tables import copy_table
 from slopewatch.engine.maps.label_pngs import PictureSource
 from slopewatch.engine.pointcloud.times import read_flown
@@ -142,3 +142,21 @@ def test_a_table_handed_over_has_no_cell_that_is_no_number(tmp_path: Path) -> No
     source.write_bytes(b'profile,height_m\r\n"A",1.0\r\n')
     copy_table(source, target)
     assert target.read_bytes() == source.read_bytes()
+
+
+def test_a_section_with_a_place_that_is_no_number(tmp_path: Path) -> None:
+    path = tmp_path / "profiles.csv"
+    rows = ["0,5e5,3.3e6,1,1", "1,5e5,-inf,1,1", "2,5e5,3.3e6,1,1"]
+    path.write_text("\n".join(["profile,distance_m,x,y,height_from_m,height_to_m", *(f"A,{r}" for r in rows)]))
+    with pytest.raises(InputError, match=r"profiles\.csv' is no table of profiles \(a place of A is no number\)"):
+        read_sections(path)
+
+
+def test_a_raster_beyond_the_earth(tmp_path: Path) -> None:
+    """Its height in metres was lost in the digits, and the report divided by it."""
+    path = tmp_path / "far.tif"
+    far = {"driver": "GTiff", "count": 1, "dtype": "float32", "height": 4, "width": 4, "crs": "EPSG:32651"}
+    with rasterio.open(path, "w", transform=rasterio.Affine(2, 0, 1.7e45, 0, -2, 1.6e98), **far) as raster:
+        raster.write(np.ones((1, 4, 4), dtype=np.float32))
+    with pytest.raises(InputError, match=r"far\.tif has a corner at 1\.7e\+45"):
+        read_raster(path)
