@@ -16,8 +16,8 @@ from slopewatch.processing_algorithms.dialog_words import in_dialog_words, with_
 from slopewatch.processing_algorithms.inspectslope import InspectSlope
 from slopewatch.processing_algorithms.m3c2distances import M3C2Distances
 from slopewatch.processing_algorithms.screenhazards import ScreenHazards
+from slopewatch.tests.builders.frozen_names import COMMANDS
 from slopewatch.tests.builders.qgis import Recorder, engine_python
-from slopewatch.tests.processing_algorithms.test_declare import COMMANDS
 
 pytestmark = pytest.mark.usefixtures("qgis_app")
 # Of commands or surveys that dialogs have in another form, or not at all.
