@@ -5,6 +5,8 @@ Python 3.11 or newer runs the same versions. The packages that PyTorch's CUDA bu
 takes the CPU build, and a version that is not installed needs no pin. Each version has the SHA-256 of all its files on
 PyPI, so that the set-up installs these files and no others.
 
+`python scripts/update_lock.py keep` adds what pyproject.toml asks for in addition and leaves all other versions as they are.
+
 The two locks in the plugin's zip are parts of it: `python scripts/update_lock.py plugin` writes only these. PyTorch's
 build for processors on Linux is not on PyPI: scripts/setup/torch_cpu.lock has the hashes that PyTorch's own index
 lists, which are to be renewed by hand with the version.
@@ -27,10 +29,12 @@ PART_HEADER = "# Made by scripts/update_lock.py: a part of scripts/setup/require
 BUILD_TOOLS = "pip\nsetuptools>=77\nwheel\n"
 INSTALLER = ["pip"]
 NOT_PINNED = ("cuda-", "nvidia-", "triton")
+ALONE = {"pycsw": ("2.6.2", "")}
+"""Locked without what they depend on: of pycsw the tests only take the schemas of ISO 19139."""
 
 
-def resolve(python: str) -> dict[str, tuple[str, str]]:
-    """Resolve pyproject.toml for ``python`` and newer: name -> (version, marker)."""
+def resolve(python: str, *, keep: bool) -> dict[str, tuple[str, str]]:
+    """Resolve pyproject.toml for ``python`` and newer: name -> (version, marker); ``keep``: versions of the lock stay."""
     with tempfile.TemporaryDirectory() as folder:
         tools = Path(folder) / "tools.in"
         tools.write_text(BUILD_TOOLS, encoding="utf-8")
@@ -46,6 +50,12 @@ def resolve(python: str) -> dict[str, tuple[str, str]]:
             python,
         ]
         command += ["--all-extras", "--no-header", "--no-annotate", str(ROOT / "pyproject.toml"), str(tools)]
+        if keep:
+            pins = Path(folder) / "pins.txt"
+            versions = re.findall(r"^([a-z0-9.-]+)==([^ ]+)", LOCK.read_text(encoding="utf-8"), flags=re.M)
+            side = dict(reversed(versions) if python == "3.10" else versions)  # of two versions the older is the first
+            pins.write_text("".join(f"{name}=={version}\n" for name, version in side.items()), encoding="utf-8")
+            command += ["--constraint", str(pins)]
         text = subprocess.run(command, check=True, text=True, stdout=subprocess.PIPE).stdout
     found = {}
     for line in text.splitlines():
@@ -128,6 +138,7 @@ def write_plugin_locks() -> None:
 
 if __name__ == "__main__":
     if sys.argv[1:] != ["plugin"]:
-        LOCK.write_text(HEADER + with_hashes(merge(resolve("3.10"), resolve("3.11"))), encoding="utf-8")
+        older, newer = (resolve(python, keep=sys.argv[1:] == ["keep"]) | ALONE for python in ("3.10", "3.11"))
+        LOCK.write_text(HEADER + with_hashes(merge(older, newer)), encoding="utf-8")
     write_plugin_locks()
     sys.stdout.write(f"wrote {LOCK} and its parts in {PLUGIN_LOCKS}\n")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 FOLDER = Path(__file__).resolve().parent
 PLUGIN_LOCKS = FOLDER.parents[1] / "plugin" / "bridge" / "setup"
-LEFT_OUT = {"pytest-qgis", "pyarrow"}
+LEFT_OUT = {"pycsw", "pytest-qgis", "pyarrow"}
 SHARED = {"typing-extensions", "filelock", "setuptools"}
 """With the screening's network."""
 

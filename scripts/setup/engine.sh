@@ -120,7 +120,7 @@ setup_engine() {
     fresh_environment "$ENGINE_VENV" "$PYTHON"
     say "  installing the pinned packages"
     # pyarrow stays out: pandas holds text in another way where it is there; GeoParquet asks for it by name
-    install_locked "$ENGINE_VENV" --but torch pytest-qgis cloth-simulation-filter pyarrow ||
+    install_locked "$ENGINE_VENV" --but torch pycsw pytest-qgis cloth-simulation-filter pyarrow ||
         die "pip could not install the engine's packages; a hash that differs means a file that is not the one that was tested (its message is above)"
     install_cloth_filter
     pip_in "$ENGINE_VENV" install -qq --no-deps --no-build-isolation -e "$ROOT" || die "pip could not install the engine (its message is above)"

@@ -102,7 +102,7 @@ setup_qgis_tests() {
     can_make_environments "$QGIS_PYTHON" || apt_install "a virtual environment" python3-venv
     fresh_environment "$QGIS_VENV" "$QGIS_PYTHON" --system-site-packages
     install_locked "$QGIS_VENV" pytest pytest-qgis pytest-xdist execnet iniconfig packaging pluggy pygments colorama exceptiongroup tomli \
-        typing-extensions || die "pip could not install pytest-qgis and pytest-xdist (its message is above)"
+        typing-extensions pycsw || die "pip could not install pytest-qgis, pytest-xdist and pycsw (its message is above)"
     "$QGIS_VENV/bin/python" -c 'import pytest, pytest_qgis, qgis.core, xdist' || die "pytest-qgis does not import in $QGIS_VENV"
     rm -f "$QGIS_VENV/.unfinished"
     stamp qgis-tests "$key"
