@@ -5,7 +5,8 @@ Python 3.11 or newer runs the same versions. The packages that PyTorch's CUDA bu
 takes the CPU build, and a version that is not installed needs no pin. Each version has the SHA-256 of all its files on
 PyPI, so that the set-up installs these files and no others.
 
-`python scripts/update_lock.py keep` adds what pyproject.toml asks for in addition and leaves all other versions as they are.
+`python scripts/update_lock.py keep` adds what pyproject.toml asks for in addition and leaves all other versions as they
+are.
 
 The two locks in the plugin's zip are parts of it: `python scripts/update_lock.py plugin` writes only these. PyTorch's
 build for processors on Linux is not on PyPI: scripts/setup/torch_cpu.lock has the hashes that PyTorch's own index
@@ -34,7 +35,7 @@ ALONE = {"pycsw": ("2.6.2", "")}
 
 
 def resolve(python: str, *, keep: bool) -> dict[str, tuple[str, str]]:
-    """Resolve pyproject.toml for ``python`` and newer: name -> (version, marker); ``keep``: versions of the lock stay."""
+    """Resolve pyproject.toml for ``python`` and newer: name -> (version, marker). ``keep``: as in the lock."""
     with tempfile.TemporaryDirectory() as folder:
         tools = Path(folder) / "tools.in"
         tools.write_text(BUILD_TOOLS, encoding="utf-8")
