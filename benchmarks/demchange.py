@@ -99,12 +99,21 @@ class Volumes:
         """Whether the 95 % interval holds the true volume."""
         return (np.abs(self.measured - self.true) <= Z95 * self.error).tolist()
 
+    @property
+    def interval_score(self) -> float:
+        """Mean score of the 95 % intervals, m³: their width, and 40 times what the truth lies outside; less is better.
+
+        Gneiting and Raftery (2007), equation 43: it asks for intervals that hold the truth and are narrow.
+        """
+        outside = np.maximum(np.abs(self.measured - self.true) - Z95 * self.error, 0.0)
+        return float(np.mean(2.0 * Z95 * self.error + 2.0 / 0.05 * outside))
+
     def words(self) -> str:
         score = (self.measured - self.true) / self.error
         rms = float(np.sqrt(np.mean((self.measured - self.true) ** 2)))
         text = (
-            f"{counted(self.covered, 0)}; errors {np.sqrt(np.mean(score**2)):.2f} of those stated, {rms:.0f} m³ rms; "
-            f"{np.median(self.cpu):.1f} s of processor a pair"
+            f"{counted(self.covered, 0)}; errors {np.sqrt(np.mean(score**2)):.2f} of those stated, {rms:.0f} m³ rms, "
+            f"interval score {self.interval_score:.0f} m³; {np.median(self.cpu):.1f} s of processor a pair"
         )
         return text + (f" (errors by {self.how})" if self.how else "")
 
