@@ -183,21 +183,21 @@ def _offset(middle: tuple[int, int], shift: Float) -> Offset:
     return middle[0] + int(whole[0]), middle[1] + int(whole[1]), float(u), float(v)
 
 
-def middle_of_sizes(residual: Float) -> float:
-    """As ``np.median`` of the absolute residuals (n,), n > 0, none of which is NaN."""
-    half = len(residual) // 2
-    sizes = np.partition(np.abs(residual), half)
-    upper = float(sizes[half])
-    return upper if len(residual) % 2 else (float(sizes[:half].max()) + upper) / 2
+def middle_of(values: Float) -> float:
+    """As ``np.median`` of values (n,), n > 0, none of which is NaN."""
+    half = len(values) // 2
+    parted = np.partition(values, half)
+    upper = float(parted[half])
+    return upper if len(values) % 2 else (float(parted[:half].max()) + upper) / 2
 
 
 def _scale(residual: Float) -> float:
-    return max(1.4826 * middle_of_sizes(residual), _MIN_SCALE_M)
+    return max(1.4826 * middle_of(np.abs(residual)), _MIN_SCALE_M)
 
 
 def _robust_plane(at: Seen) -> Float:
     """(3,) offset and tilts of the residuals by least squares, twice without what is far off."""
-    plane = np.array([float(np.median(at.residual)), 0.0, 0.0])
+    plane = np.array([middle_of(at.residual), 0.0, 0.0])
     for _ in range(2):
         residual = at.residual - at.place @ plane
         by_weight = at.place * tukey(residual, TUKEY_SCALES * _scale(residual))[:, None]
