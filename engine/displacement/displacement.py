@@ -148,7 +148,8 @@ def windows_of(first: Ground, later: Ground, facets: Facets, spacing: float) -> 
     if (low >= high).any():
         raise InputError("The surveys have no ground in common; check their coordinate systems and the registration.")
     grid = snapped_grid((low[0], low[1], high[0], high[1]), spacing)
-    x, y = grid.west + (np.arange(grid.columns) + 0.5) * spacing, grid.north - (np.arange(grid.rows) + 0.5) * spacing
+    x = np.asarray(grid.west + (np.arange(grid.columns) + 0.5) * spacing, dtype=np.float64)
+    y = np.asarray(grid.north - (np.arange(grid.rows) + 0.5) * spacing, dtype=np.float64)
     facet, places = facets.places(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
     near = facet >= 0
     for ground in (first, later):

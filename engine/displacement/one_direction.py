@@ -146,7 +146,7 @@ def fit_component(
         if begin is None:
             continue
         at = _at(surfaces, region, middle, begin) if begin is start else still
-        one = None if at is None else _from(at, surfaces, region, middle, begin, limit)
+        one = _from(at, surfaces, region, middle, begin, limit)
         if one is not None and one.information < gates.information:
             one = None
         if one is not None and (found is None or one.scale < _MIN_GAIN * found.scale):
@@ -155,9 +155,11 @@ def fit_component(
 
 
 def _from(
-    at: _At, surfaces: tuple[Float, Float], region: Region, middle: tuple[int, int], start: Float, limit: float
+    at: _At | None, surfaces: tuple[Float, Float], region: Region, middle: tuple[int, int], start: Float, limit: float
 ) -> Component | None:
-    """The component from ``start`` (2,) on, ``at`` which these are the nodes."""
+    """The component from ``start`` (2,) on, where ``at`` are the nodes; None where they are too few."""
+    if at is None:
+        return None
     direction = at.strongest
     if _blocks_information(at, *at.blocks(region), direction) < _MIN_BEGINNING:
         return None

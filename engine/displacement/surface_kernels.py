@@ -15,7 +15,7 @@ _MIN_SPREAD = 0.15  # share of the kernel's variance that the points have in the
 
 
 def half_gaussian(sigma: float, truncate: float) -> Float:
-    """Weights (k,) of a Gaussian from its middle on, to ``truncate`` standard deviations; with both sides they add to 1.
+    """Weights (k,) of a Gaussian from its middle on, to ``truncate`` standard deviations; both sides add to 1.
 
     As ``scipy.ndimage.gaussian_filter`` has them. ``sigma`` is in nodes.
     """

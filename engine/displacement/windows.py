@@ -147,7 +147,8 @@ class _Binned:
     def __init__(self, xyz: Float, frame: Frame) -> None:
         points = frame.to_plane(xyz)
         square = np.floor(points[:, :2] / _TILE_M).astype(np.int64)
-        self._low, self._high = (least(square), greatest(square)) if len(square) else np.zeros((2, 2), dtype=np.int64)
+        self._low: Index = least(square) if len(square) else np.zeros(2, dtype=np.int64)
+        self._high: Index = greatest(square) if len(square) else self._low
         row, column = (square - self._low).T
         key = row * self._across + column
         self._number = np.argsort(key, kind="stable")
