@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,10 +13,12 @@ from ..engine.core.arrays import Float
 from ..engine.core.errors import InputError
 from ..engine.displacement.displacement import Displacement, measure_displacement
 from ..engine.displacement.registered import Registered
+from ..engine.displacement.stored_ground import Ground
 from ..engine.pointcloud.cloud import PointCloud
 from ..engine.zones.change_movements import Motion, moved_zones
 from ..engine.zones.change_zones import change_zones
 from ..engine.zones.extraction import Origin, Zones
+from .motion_memory import MotionMemory, measurable
 from .pair import Cloud
 from .products.change import Context
 from .run import Run
@@ -56,37 +59,56 @@ def moved_zones_of(
     """
     if not settings.movement.movement:
         return None
-    first, later = surveys.first, surveys.later
-    if not isinstance(first, PointCloud) or not isinstance(later, PointCloud):
-        run.progress.warning(
-            "What the zones did is not said: the ground of both surveys is too large to be held in memory; give a "
-            "region of interest around a part of the slope."
-        )
-        return None
-    parameters, registered = settings.displacement, surveys.registered
+    registered = surveys.registered
     with run.step("movement", 0.5, 0.55, "measuring what the zones did") as entry:
         if not registered.known:
             run.progress.warning(
                 "The registration's error along the surface is not known here and taken as 0 in what the zones did."
             )
-        if vectors is None:
-            try:
-                vectors = measure_displacement(first.xyz, later.xyz, parameters, registered, progress=run.progress)
-            except InputError as error:
-                run.progress.warning(f"What the zones did is not said. {error}")
-                return None
-        origin = Origin(context.dates, context.method, context.run_id)
-        found = change_zones(
-            change, context.crs, settings.zones, epochs=context.dates, method=context.method, run_id=context.run_id
-        )
-        zones = moved_zones(
-            found,
-            change,
-            Motion(vectors, (first.xyz, later.xyz), registered, parameters.largest_motion),
-            settings.zones,
-            confidence=settings.movement.movement_confidence,
-            origin=origin,
-            progress=run.progress,
-        )
+        memory = MotionMemory.of(settings.change.memory_limit)
+        try:
+            with _ground(surveys, memory, settings.displacement.spacing) as clouds:
+                zones = _moved(run, change, clouds, registered, context, settings, vectors, memory)
+        except InputError as error:
+            run.progress.warning(f"What the zones did is not said. {error}")
+            return None
         entry["zones"] = len(zones.frame)
     return zones
+
+
+@contextmanager
+def _ground(surveys: Surveys, memory: MotionMemory, spacing: float) -> Iterator[tuple[Ground, Ground]]:
+    """The points of both surveys; those on the disk are sorted there while they are in use."""
+    first, later = surveys.first, surveys.later
+    if isinstance(first, PointCloud) and isinstance(later, PointCloud):
+        yield first.xyz, later.xyz
+        return
+    with measurable((first, later), memory, spacing) as clouds:
+        yield clouds
+
+
+def _moved(
+    run: Run,
+    change: Change,
+    clouds: tuple[Ground, Ground],
+    registered: Registered,
+    context: Context,
+    settings: Settings,
+    vectors: Displacement | None,
+    memory: MotionMemory,
+) -> Zones:
+    parameters = settings.displacement
+    if vectors is None:
+        vectors = measure_displacement(*clouds, parameters, registered, progress=run.progress, threads=memory.threads)
+    found = change_zones(
+        change, context.crs, settings.zones, epochs=context.dates, method=context.method, run_id=context.run_id
+    )
+    return moved_zones(
+        found,
+        change,
+        Motion(vectors, clouds, registered, parameters.largest_motion),
+        settings.zones,
+        confidence=settings.movement.movement_confidence,
+        origin=Origin(context.dates, context.method, context.run_id),
+        progress=run.progress,
+    )

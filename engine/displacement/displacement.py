@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ...interface.parameters import DisplacementParameters
 from ..core.arrays import Bool, Float, Index
@@ -21,10 +20,11 @@ from .components import Components, OneWay, held_one_way, on_the_map
 from .facets import Facets, find_facets
 from .least_squares import Fit
 from .measure import Windows, judged
+from .near_ground import near_points
 from .one_direction import Component
 from .registered import Registered
 from .status import Status
-from .stored_ground import Ground, StoredGround, at_places, bounds_of
+from .stored_ground import Ground, bounds_of, parts_of
 from .surface import kernel_of
 from .vectors import CommonMotion, Vectors, common_motion, in_the_map, joined, with_error
 from .windows import Search, density, fitted_tiles, tiles
@@ -148,24 +148,19 @@ def windows_of(first: Ground, later: Ground, facets: Facets, spacing: float) -> 
     if (low >= high).any():
         raise InputError("The surveys have no ground in common; check their coordinate systems and the registration.")
     grid = snapped_grid((low[0], low[1], high[0], high[1]), spacing)
-    row, column = (a.ravel() for a in np.mgrid[: grid.rows, : grid.columns])
-    middle = np.column_stack([grid.west + (column + 0.5) * spacing, grid.north - (row + 0.5) * spacing])
-    facet, places = facets.places(middle)
+    x = np.asarray(grid.west + (np.arange(grid.columns) + 0.5) * spacing, dtype=np.float64)
+    y = np.asarray(grid.north - (np.arange(grid.rows) + 0.5) * spacing, dtype=np.float64)
+    facet, places = facets.places(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
     near = facet >= 0
     for ground in (first, later):
-        if isinstance(ground, StoredGround):
-            near[near] = at_places(ground, middle[near], _MAX_GAP_M, _has_ground)
-        else:
-            near &= _has_ground(ground, middle)
+        held = np.zeros(grid.shape, dtype=bool)
+        for xyz in parts_of(ground):
+            held |= near_points(xyz, x, y, _MAX_GAP_M)
+        near &= held.ravel()
     if not near.any():
         raise InputError("The surveys have no ground in common; check their coordinate systems and the registration.")
     cell = np.flatnonzero(near)
     return grid, cell, facet[cell], places[cell]
-
-
-def _has_ground(xyz: Float, middle: Float) -> Bool:
-    """Which places (n, 2) have a point near enough."""
-    return np.asarray(cKDTree(xyz[:, :2]).query(middle, distance_upper_bound=_MAX_GAP_M)[0] <= _MAX_GAP_M)
 
 
 def measure_windows(

@@ -18,6 +18,7 @@ from scipy import ndimage
 from ..core.arrays import Bool, Float, Index
 from .errors import common_ratio, covariances
 from .frame import Frame
+from .ground_by_boxes import GroundByBoxes
 from .kernels import sampled
 from .least_squares import Fit, Region, fit_motion
 from .measure import MIN_INFORMATION, MIN_SEEN_SHARE
@@ -96,21 +97,8 @@ class Gridded:
     undone: Float
 
 
-class SortedCloud:
-    """Points (n, 3), found by boxes on the map."""
-
-    def __init__(self, xyz: Float) -> None:
-        self.xyz = xyz[np.argsort(xyz[:, 0], kind="stable")]
-
-    def within(self, bounds: tuple[float, float, float, float]) -> Float:
-        west, south, east, north = bounds
-        start, end = np.searchsorted(self.xyz[:, 0], (west, east))
-        part = self.xyz[start:end]
-        return np.asarray(part[(part[:, 1] >= south) & (part[:, 1] <= north)])
-
-
 def grid_piece(
-    clouds: Sequence[SortedCloud],
+    clouds: Sequence[GroundByBoxes],
     frame: Frame,
     bounds: tuple[float, float, float, float],
     number_at: NumberAt,

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from ..core.arrays import Bool, Float, Index
-from .kernels import sampled
+from .kernels import Offset, block_sums, sampled_in_both, tukey, weighted
 from .status import Status
 from .surface import NODE_M
 
@@ -80,10 +80,8 @@ class Fit:
         bend: derivative of the weighted residual by the residual, mean over the mean weight.
         information: (2,) information on the weakest and the strongest direction along the surface, over its own
             standard error.
-        weakest: (2,) the direction along the surface that is known least.
         seen: share of the region's nodes that both surveys see.
         scale: standard deviation of the residuals, metres.
-        cost: mean of Tukey's cost in metres squared, for comparing starts.
         converged: whether the motion came to rest.
     """
 
@@ -93,26 +91,36 @@ class Fit:
     white: Float
     bend: float
     information: Float
-    weakest: Float
     seen: float
     scale: float
-    cost: float
     converged: bool
 
 
 @dataclass(frozen=True)
-class _Residuals:
-    """At the nodes seen by both: ``residual`` (n,), the surveys' gradients (n, 2), ``place`` (n, 3): 1 and offsets."""
+class Seen:
+    """At the nodes that both surveys see, ``seen`` of the region's: height and rises (n, 3) of both, and ``place``
+    (n, 3): 1 and the offsets.
+    """
 
-    residual: Float
-    first: Float
-    later: Float
-    place: Float
     seen: Bool
+    before: Float
+    after: Float
+    place: Float
 
     @cached_property
-    def jacobian(self) -> Float:
-        return np.column_stack([(self.first + self.later) / 2, self.place])
+    def residual(self) -> Float:
+        """(n,) height of the later survey above the first one."""
+        return self.after[:, 0] - self.before[:, 0]
+
+    @property
+    def first(self) -> Float:
+        """(n, 2) rises of the first survey."""
+        return self.before[:, 1:]
+
+    @property
+    def later(self) -> Float:
+        """(n, 2) rises of the later survey."""
+        return self.after[:, 1:]
 
 
 def fit_motion(
@@ -131,16 +139,14 @@ def fit_motion(
     motion = np.array(start, dtype=np.float64)
     plane, converged = None, False
     for _ in range(_MAX_ROUNDS):
-        at = _residuals(first, later, region, middle, motion)
+        at = seen_by_both((first, later), region, middle, motion)
         if at is None:
             return Status.LITTLE_SEEN
         if plane is None:
             plane = _robust_plane(at)
         residual = at.residual - at.place @ plane
-        scale = _scale(residual)
-        weight = _tukey(residual, scale)
-        jacobian = at.jacobian
-        bread = _bread(at, weight)
+        weight = tukey(residual, TUKEY_SCALES * _scale(residual))
+        jacobian, bread = _jacobian_and_bread(at, weight)
         gradient = jacobian.T @ (weight * at.residual)
         if _weakest_information(bread) <= 0:
             return Status.NO_RELIEF
@@ -158,48 +164,54 @@ def fit_motion(
     return _described(at, region, motion, plane, converged)
 
 
-def _residuals(first: Float, later: Float, region: Region, middle: tuple[int, int], motion: Float) -> _Residuals | None:
+def seen_by_both(surfaces: tuple[Float, Float], region: Region, middle: tuple[int, int], motion: Float) -> Seen | None:
+    """The region's nodes that both ``surfaces`` (3, rows, columns) know, the later one moved back by ``motion`` (2,).
+
+    None where they are too few.
+    """
     half = motion / 2 / NODE_M
-    before, after = _sampled(first, region, middle, -half), _sampled(later, region, middle, half)
-    seen = np.isfinite(before[0]) & np.isfinite(after[0])
-    if np.count_nonzero(seen) < _MIN_NODES:
-        return None
-    before, after, place = before[:, seen], after[:, seen], region.places[seen]
-    return _Residuals(after[0] - before[0], before[1:].T, after[1:].T, place, seen)
+    of_first, of_later = (_offset(middle, shift) for shift in (-half, half))
+    seen, before, after, place = sampled_in_both(
+        *surfaces, region.rows, region.columns, region.places, of_first, of_later
+    )
+    return None if len(before) < _MIN_NODES else Seen(seen, before, after, place)
 
 
-def _sampled(values: Float, region: Region, middle: tuple[int, int], shift: Float) -> Float:
-    """(3, n) bilinear values at the region's nodes moved by ``shift`` (2,) nodes; NaN beyond the grid."""
-    whole = np.floor(shift).astype(np.int64)
-    u, v = (float(part) for part in shift - whole)
-    return sampled(values, region.rows + middle[0] + whole[0], region.columns + middle[1] + whole[1], u, v)
+def _offset(middle: tuple[int, int], shift: Float) -> Offset:
+    whole = np.floor(shift)
+    u, v = shift - whole
+    return middle[0] + int(whole[0]), middle[1] + int(whole[1]), float(u), float(v)
+
+
+def middle_of(values: Float) -> float:
+    """As ``np.median`` of values (n,), n > 0, none of which is NaN."""
+    half = len(values) // 2
+    parted = np.partition(values, half)
+    upper = float(parted[half])
+    return upper if len(values) % 2 else (float(parted[:half].max()) + upper) / 2
 
 
 def _scale(residual: Float) -> float:
-    return max(1.4826 * float(np.median(np.abs(residual))), _MIN_SCALE_M)
+    return max(1.4826 * middle_of(np.abs(residual)), _MIN_SCALE_M)
 
 
-def _tukey(residual: Float, scale: float) -> Float:
-    share = residual / (TUKEY_SCALES * scale)
-    return np.asarray(np.where(np.abs(share) < 1, (1 - share**2) ** 2, 0.0))
-
-
-def _robust_plane(at: _Residuals) -> Float:
+def _robust_plane(at: Seen) -> Float:
     """(3,) offset and tilts of the residuals by least squares, twice without what is far off."""
-    plane = np.array([float(np.median(at.residual)), 0.0, 0.0])
+    plane = np.array([middle_of(at.residual), 0.0, 0.0])
     for _ in range(2):
         residual = at.residual - at.place @ plane
-        weighted = at.place * _tukey(residual, _scale(residual))[:, None]
-        plane = np.linalg.lstsq(weighted.T @ at.place, weighted.T @ at.residual, rcond=None)[0]
+        by_weight = at.place * tukey(residual, TUKEY_SCALES * _scale(residual))[:, None]
+        plane = np.linalg.lstsq(by_weight.T @ at.place, by_weight.T @ at.residual, rcond=None)[0]
     return np.asarray(plane)
 
 
-def _bread(at: _Residuals, weight: Float) -> Float:
-    mean = at.jacobian
-    bread = mean.T @ (weight[:, None] * mean)
-    cross = at.first.T @ (weight[:, None] * at.later)
+def _jacobian_and_bread(at: Seen, weight: Float) -> tuple[Float, Float]:
+    """(n, 5) derivatives of the residuals, and the normal matrix (5, 5)."""
+    jacobian, by_weight, later = weighted(at.before, at.after, at.place, weight)
+    bread = jacobian.T @ by_weight
+    cross = at.first.T @ later
     bread[:2, :2] = (cross + cross.T) / 2
-    return np.asarray(bread)
+    return jacobian, bread
 
 
 def _weakest_information(bread: Float) -> float:
@@ -211,63 +223,47 @@ def _along(bread: Float) -> Float:
     return np.asarray(bread[:2, :2] - bread[:2, 2:] @ np.linalg.solve(bread[2:, 2:], bread[2:, :2]))
 
 
-def _described(at: _Residuals, region: Region, motion: Float, plane: Float, converged: bool) -> Fit:
+def _described(at: Seen, region: Region, motion: Float, plane: Float, converged: bool) -> Fit:
     residual = at.residual - at.place @ plane
     scale = _scale(residual)
-    weight = _tukey(residual, scale)
-    jacobian = at.jacobian
-    bread = _bread(at, weight)
+    weight = tukey(residual, TUKEY_SCALES * scale)
+    jacobian, bread = _jacobian_and_bread(at, weight)
     block = region.block[at.seen]
-    terms = jacobian * (weight * residual)[:, None]
-    each = [np.bincount(block, terms[:, k], region.blocks) for k in range(PARAMETERS)]
-    sums: Float = np.stack(each, axis=1).astype(np.float64, copy=False)
-    without = _without_each(sums, at, weight, block, bread)
+    sums, parts = block_sums(at.before, at.after, jacobian, weight, residual, block, region.blocks)
+    without = _without_each(sums, parts, bread)
     share = np.minimum(np.abs(residual) / (TUKEY_SCALES * scale), 1.0) ** 2
     slope = (1 - share) * (1 - 5 * share)
-    information, weakest = _information(at, weight, block, region.blocks, bread)
-    cost = float(np.mean(1 - (1 - share) ** 3)) * scale**2
     return Fit(
         np.append(motion, plane[0]),
         bread,
         without.T @ without,
         jacobian.T @ (jacobian * (weight * residual)[:, None] ** 2),
         float(slope.mean() / max(weight.mean(), 1e-12)),
-        information,
-        weakest,
+        _information(at, weight, block, region.blocks, bread),
         len(residual) / len(region.rows),
         scale,
-        cost,
         converged,
     )
 
 
-def _information(at: _Residuals, weight: Float, block: Index, blocks: int, bread: Float) -> tuple[Float, Float]:
-    """Information on the weakest and the strongest direction over its standard error, and the weakest direction."""
-    along = _along(bread)
-    directions = np.linalg.eigh(along)[1]
+def _information(at: Seen, weight: Float, block: Index, blocks: int, bread: Float) -> Float:
+    """(2,) information on the weakest and the strongest direction over its standard error."""
+    directions = np.linalg.eigh(_along(bread))[1]
     remove = np.linalg.solve(bread[2:, 2:], bread[2:, :2])
     first, later = at.first - at.place @ remove, at.later - at.place @ remove
+    held = np.bincount(block, minlength=blocks) > 0
     found = np.zeros(2)
     for k, direction in enumerate(directions.T):
-        parts = np.bincount(block, weight * (first @ direction) * (later @ direction), blocks)
-        parts = parts[np.bincount(block, minlength=blocks) > 0]
+        parts = np.bincount(block, weight * (first @ direction) * (later @ direction), blocks)[held]
         error = float(np.std(parts)) * np.sqrt(len(parts))
         found[k] = parts.sum() / error if error > 0 else 0.0
-    return found, np.asarray(directions[:, 0])
+    return found
 
 
-def _without_each(sums: Float, at: _Residuals, weight: Float, block: Index, bread: Float) -> Float:
+def _without_each(sums: Float, parts: Float, bread: Float) -> Float:
     """(blocks, 5) ``sums`` of the blocks, as they would be did no block take part in its own fit: a jackknife.
 
     A block pulls the fit towards itself, so that its plain sum is too small; with twenty blocks and five unknowns the
     errors would be by a fifth too small (Bell and McCaffrey 2002, Survey Methodology 28).
     """
-    mean, blocks = at.jacobian, len(sums)
-    parts = np.empty((blocks, PARAMETERS, PARAMETERS))
-    for i in range(PARAMETERS):
-        for j in range(i + 1):
-            product = mean[:, i] * mean[:, j]
-            if i < 2:
-                product = (at.first[:, i] * at.later[:, j] + at.first[:, j] * at.later[:, i]) / 2
-            parts[:, i, j] = parts[:, j, i] = np.bincount(block, weight * product, blocks)
     return np.asarray(np.linalg.solve(bread - parts, sums[:, :, None])[:, :, 0] @ bread)

@@ -8,17 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from ..core.arrays import Bool, Float, Index
-from .kernels import sampled
-from .least_squares import TUKEY_SCALES, Fit, Region
+from ..core.arrays import Float, Index
+from .kernels import tukey
+from .least_squares import TUKEY_SCALES, Fit, Region, Seen, middle_of, seen_by_both
 from .status import Status
-from .surface import NODE_M
 
 _PARAMETERS = 4  # component, offset and two tilts
-_MIN_NODES = 60
 _MAX_ROUNDS, _PASSES = 15, 2
 _CONVERGED_M, _MAX_STEP_M = 0.0005, 0.2
 _MIN_GAIN = 0.9
@@ -67,13 +66,44 @@ class Component:
 
 @dataclass(frozen=True)
 class _At:
-    """Residuals (n,) and rises (n, 2) of both surveys at the seen nodes; ``place`` (n, 3): 1 and the offsets."""
+    """The nodes of a region that both surveys see, with what is asked of them more than once."""
 
-    residual: Float
-    first: Float
-    later: Float
-    place: Float
-    seen: Bool
+    nodes: Seen
+
+    @cached_property
+    def weights(self) -> tuple[Float, Float, float]:
+        """Tukey's weights, the residuals without offset and tilts, and their standard deviation."""
+        place, whole = self.nodes.place, self.nodes.residual
+        plane = np.array([middle_of(whole), 0.0, 0.0])
+        for _ in range(3):
+            residual = whole - place @ plane
+            scale = max(1.4826 * middle_of(np.abs(residual)), _MIN_SCALE_M)
+            weight = tukey(residual, TUKEY_SCALES * scale)
+            weighted = place * weight[:, None]
+            plane = np.linalg.lstsq(weighted.T @ place, weighted.T @ whole, rcond=None)[0]
+        return weight, residual, scale
+
+    @cached_property
+    def relief(self) -> tuple[Float, Float]:
+        """The rises (n, 2) of both surveys without what offset and tilts hold."""
+        nodes = self.nodes
+        first, later = (
+            g - nodes.place @ np.linalg.lstsq(nodes.place, g, rcond=None)[0] for g in (nodes.first, nodes.later)
+        )
+        return first, later
+
+    @cached_property
+    def strongest(self) -> Float:
+        """(2,) the direction of most information that both surveys have in common."""
+        first, later = self.relief
+        cross = first.T @ (self.weights[0][:, None] * later)
+        return np.asarray(np.linalg.eigh((cross + cross.T) / 2)[1][:, -1])
+
+    def blocks(self, region: Region) -> tuple[Index, int]:
+        """Number of each node's block among those that are seen, and how many they are."""
+        block = region.block[self.nodes.seen]
+        known = np.bincount(block) > 0
+        return (np.cumsum(known) - 1)[block], int(np.count_nonzero(known))
 
 
 def with_component(
@@ -108,14 +138,15 @@ def fit_component(
         limit: components beyond are not followed, metres.
         start: (2,) motion that correlation gives.
     """
-    at = _at(surfaces, region, middle, np.zeros(2))
-    if at is None or len(at.residual) < gates.seen * len(region.rows):
+    still = _at(surfaces, region, middle, np.zeros(2))
+    if still is None or len(still.nodes.place) < gates.seen * len(region.rows):
         return None
     found = None
     for begin in (np.zeros(2), start):
         if begin is None:
             continue
-        one = _from(surfaces, region, middle, begin, limit)
+        at = _at(surfaces, region, middle, begin) if begin is start else still
+        one = _from(at, surfaces, region, middle, begin, limit)
         if one is not None and one.information < gates.information:
             one = None
         if one is not None and (found is None or one.scale < _MIN_GAIN * found.scale):
@@ -124,15 +155,13 @@ def fit_component(
 
 
 def _from(
-    surfaces: tuple[Float, Float], region: Region, middle: tuple[int, int], start: Float, limit: float
+    at: _At | None, surfaces: tuple[Float, Float], region: Region, middle: tuple[int, int], start: Float, limit: float
 ) -> Component | None:
-    at = _at(surfaces, region, middle, start)
+    """The component from ``start`` (2,) on, where ``at`` are the nodes; None where they are too few."""
     if at is None:
         return None
-    direction = _strongest(at)
-    weight, _, _ = _weights(at)
-    block = np.unique(region.block[at.seen], return_inverse=True)[1]
-    if _blocks_information(at, weight, block, int(block.max()) + 1, direction) < _MIN_BEGINNING:
+    direction = at.strongest
+    if _blocks_information(at, *at.blocks(region), direction) < _MIN_BEGINNING:
         return None
     amount = float(start @ direction)
     for _ in range(_PASSES):
@@ -141,11 +170,11 @@ def _from(
             at = _at(surfaces, region, middle, amount * direction)
             if at is None:
                 return None
-            weight, _, _ = _weights(at)
+            weight, whole = at.weights[0], at.nodes.residual
             bread = _bread(at, weight, direction)
             if _along(bread) <= 0:
                 return None
-            step = -float(np.linalg.solve(bread, _jacobian(at, direction).T @ (weight * at.residual))[0])
+            step = -float(np.linalg.solve(bread, _jacobian(at, direction).T @ (weight * whole))[0])
             amount += float(np.clip(step, -_MAX_STEP_M, _MAX_STEP_M))
             if abs(step) < _CONVERGED_M:
                 converged = True
@@ -154,7 +183,7 @@ def _from(
                 return None
         if not converged:
             return None
-        turned = _strongest(at)
+        turned = at.strongest
         turned = turned if turned @ direction >= 0 else -turned
         amount, direction = amount * float(turned @ direction), turned
     at = _at(surfaces, region, middle, amount * direction)
@@ -162,41 +191,18 @@ def _from(
 
 
 def _at(surfaces: tuple[Float, Float], region: Region, middle: tuple[int, int], motion: Float) -> _At | None:
-    half = motion / 2 / NODE_M
-    values = []
-    for surface, shift in zip(surfaces, (-half, half), strict=True):
-        whole = np.floor(shift).astype(np.int64)
-        u, v = (float(part) for part in shift - whole)
-        rows, columns = region.rows + middle[0] + whole[0], region.columns + middle[1] + whole[1]
-        values.append(sampled(surface, rows, columns, u, v))
-    seen = np.isfinite(values[0][0]) & np.isfinite(values[1][0])
-    if np.count_nonzero(seen) < _MIN_NODES:
-        return None
-    before, after = (part[:, seen] for part in values)
-    return _At(after[0] - before[0], before[1:].T, after[1:].T, region.places[seen], seen)
-
-
-def _weights(at: _At) -> tuple[Float, Float, float]:
-    """Tukey's weights, the residuals without offset and tilts, and their standard deviation."""
-    plane = np.array([float(np.median(at.residual)), 0.0, 0.0])
-    for _ in range(3):
-        residual = at.residual - at.place @ plane
-        scale = max(1.4826 * float(np.median(np.abs(residual))), _MIN_SCALE_M)
-        share = residual / (TUKEY_SCALES * scale)
-        weight = np.where(np.abs(share) < 1, (1 - share**2) ** 2, 0.0)
-        weighted = at.place * weight[:, None]
-        plane = np.linalg.lstsq(weighted.T @ at.place, weighted.T @ at.residual, rcond=None)[0]
-    return weight, residual, scale
+    nodes = seen_by_both(surfaces, region, middle, motion)
+    return None if nodes is None else _At(nodes)
 
 
 def _jacobian(at: _At, direction: Float) -> Float:
-    return np.column_stack([(at.first + at.later) @ direction / 2, at.place])
+    return np.column_stack([(at.nodes.first + at.nodes.later) @ direction / 2, at.nodes.place])
 
 
 def _bread(at: _At, weight: Float, direction: Float) -> Float:
     jacobian = _jacobian(at, direction)
     bread = jacobian.T @ (weight[:, None] * jacobian)
-    bread[0, 0] = float(np.sum(weight * (at.first @ direction) * (at.later @ direction)))
+    bread[0, 0] = float(np.sum(weight * (at.nodes.first @ direction) * (at.nodes.later @ direction)))
     return np.asarray(bread)
 
 
@@ -205,23 +211,9 @@ def _along(bread: Float) -> float:
     return float(bread[0, 0] - bread[0, 1:] @ np.linalg.solve(bread[1:, 1:], bread[1:, 0]))
 
 
-def _strongest(at: _At) -> Float:
-    """(2,) the direction of most information that both surveys have in common."""
-    weight, _, _ = _weights(at)
-    first, later = _relief(at)
-    cross = first.T @ (weight[:, None] * later)
-    return np.asarray(np.linalg.eigh((cross + cross.T) / 2)[1][:, -1])
-
-
-def _relief(at: _At) -> tuple[Float, Float]:
-    """The rises (n, 2) of both surveys without what offset and tilts hold."""
-    first, later = (g - at.place @ np.linalg.lstsq(at.place, g, rcond=None)[0] for g in (at.first, at.later))
-    return first, later
-
-
 def _turn(at: _At, weight: Float, block: Index, count: int, direction: Float) -> float:
     """Standard error of the angle of ``direction``, radians, by a jackknife over blocks."""
-    first, later = _relief(at)
+    first, later = at.relief
     cross = np.empty((count, 2, 2))
     for i in range(2):
         for j in range(2):
@@ -234,11 +226,10 @@ def _turn(at: _At, weight: Float, block: Index, count: int, direction: Float) ->
 
 
 def _described(at: _At, region: Region, direction: Float, amount: float) -> Component:
-    weight, residual, scale = _weights(at)
+    weight, residual, scale = at.weights
     jacobian, bread = _jacobian(at, direction), _bread(at, weight, direction)
-    block = np.unique(region.block[at.seen], return_inverse=True)[1]
-    count = int(block.max()) + 1
-    information = _blocks_information(at, weight, block, count, direction)
+    block, count = at.blocks(region)
+    information = _blocks_information(at, block, count, direction)
     terms = jacobian * (weight * residual)[:, None]
     sums = np.stack([np.bincount(block, terms[:, k], count) for k in range(_PARAMETERS)], axis=1)
     parts = np.empty((count, _PARAMETERS, _PARAMETERS))
@@ -246,7 +237,7 @@ def _described(at: _At, region: Region, direction: Float, amount: float) -> Comp
         for j in range(i + 1):
             product = jacobian[:, i] * jacobian[:, j]
             if i == 0:
-                product = (at.first @ direction) * (at.later @ direction)
+                product = (at.nodes.first @ direction) * (at.nodes.later @ direction)
             parts[:, i, j] = parts[:, j, i] = np.bincount(block, weight * product, count)
     without = np.linalg.solve(bread - parts, sums[:, :, None])[:, :, 0] @ bread
     share = np.minimum(np.abs(residual) / (TUKEY_SCALES * scale), 1.0) ** 2
@@ -266,10 +257,10 @@ def _described(at: _At, region: Region, direction: Float, amount: float) -> Comp
     )
 
 
-def _blocks_information(at: _At, weight: Float, block: Index, count: int, direction: Float) -> float:
+def _blocks_information(at: _At, block: Index, count: int, direction: Float) -> float:
     """Information on the component over its own standard error."""
-    first, later = (g @ direction for g in _relief(at))
-    parts = np.bincount(block, weight * first * later, count)
+    first, later = (g @ direction for g in at.relief)
+    parts = np.bincount(block, at.weights[0] * first * later, count)
     error = float(np.std(parts)) * np.sqrt(count)
     return float(parts.sum() / error) if error > 0 else 0.0
 

@@ -6,12 +6,12 @@ as with all points in memory.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..core.arrays import Bool, Float, Index
+from ..core.arrays import Bool, Float
 from ..core.errors import InputError
 from ..geometry.columns import greatest, least
 from ..pointcloud.in_parts import SpooledCloud
@@ -82,9 +82,9 @@ class StoredGround:
         taken, numbers, count = [np.zeros((0, 3))], [np.zeros(0, dtype=np.int64)], 0
         for box in self._boxes_over(frame, low, high):
             found = self.squares.within(box)
-            flat = in_frame(frame, np.ascontiguousarray(found["xyz"]))[:, :2]
-            inside = ((flat >= low) & (flat <= high)).all(axis=1)
-            taken.append(np.ascontiguousarray(found["xyz"][inside]))
+            xyz = np.ascontiguousarray(found["xyz"])
+            inside = between(in_frame(frame, xyz), low, high)
+            taken.append(xyz[inside])
             numbers.append(found["number"][inside].astype(np.int64))
             count += len(numbers[-1])
             if count > self.at_once:
@@ -140,6 +140,12 @@ def too_dense(at_once: int) -> InputError:
     )
 
 
+def between(points: Float, low: Float, high: Float) -> Bool:
+    """Which of the points (n, 2+) lie from ``low`` to ``high`` (2,) along the first two axes, (n,)."""
+    x, y = points[:, 0], points[:, 1]
+    return np.asarray((x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1]))
+
+
 def in_frame(frame: Frame, xyz: Float) -> Float:
     """As ``frame.to_plane``; a point alone has the digits that it has among others, too."""
     return frame.to_plane(np.concatenate([xyz, xyz]))[:1] if len(xyz) == 1 else frame.to_plane(xyz)
@@ -156,20 +162,3 @@ def parts_of(ground: Ground) -> Iterator[Float]:
         yield from ground.parts()
     else:
         yield ground
-
-
-def at_places(ground: StoredGround, xy: Float, reach: float, ask: Callable[[Float, Float], Bool]) -> Bool:
-    """What ``ask`` says of places (n, 2) and the points (k, 3) around them, ``reach`` metres far; False without any.
-
-    Args:
-        ask: of points and places, True or False for each place, which points farther away do not change.
-    """
-    found = np.zeros(len(xy), dtype=bool)
-    if not len(xy):
-        return found
-    for box in ground.readable(Box.around(xy), reach + _EDGE_M):
-        mine: Index = np.flatnonzero(box.holds(xy))
-        points = ground.within(box.grown(reach + _EDGE_M)) if len(mine) else np.zeros((0, 3))
-        if len(points):
-            found[mine] = ask(points, xy[mine])
-    return found

@@ -15,6 +15,7 @@ from ..core.arrays import Bool, Float, Index
 from ..core.machine_memory import machine_memory
 from ..core.processors import processors
 from ..core.progress import Progress
+from ..geometry.columns import greatest, least
 from .facets import Facets
 from .frame import Frame
 from .least_squares import Fit, Region, fit_motion
@@ -22,7 +23,7 @@ from .measure import MIN_INFORMATION, MIN_SEEN_SHARE
 from .one_direction import Component, Gates, with_component
 from .start import CELL_M, NODES, best_shifts, relief
 from .status import Status
-from .stored_ground import Ground, StoredGround, bounds_of, in_frame, parts_of
+from .stored_ground import Ground, StoredGround, between, bounds_of, in_frame, parts_of
 from .surface import NODE_M, gridded
 
 _TILE_M = 24.0
@@ -141,20 +142,37 @@ class _NearFacet(Protocol):
 
 
 class _Binned:
-    """Points of a facet in memory, sorted by rows of tiles."""
+    """Points of a facet in memory, sorted by squares of a tile's side: row after row, each in the points' order."""
 
     def __init__(self, xyz: Float, frame: Frame) -> None:
         points = frame.to_plane(xyz)
-        row = _rows(points)
-        order = np.argsort(row, kind="stable")
-        self.points, self.row = points[order], row[order]
+        square = np.floor(points[:, :2] / _TILE_M).astype(np.int64)
+        self._low: Index = least(square) if len(square) else np.zeros(2, dtype=np.int64)
+        self._high: Index = greatest(square) if len(square) else self._low
+        row, column = (square - self._low).T
+        key = row * self._across + column
+        self._number = np.argsort(key, kind="stable")
+        self._points = points[self._number]
+        self._named, start = np.unique(key[self._number], return_index=True)
+        self._start = np.append(start, len(points))
+
+    @property
+    def _across(self) -> int:
+        return int(self._high[1] - self._low[1]) + 1
 
     def within(self, corner: Float, shape: tuple[int, int]) -> Float:
         low, high = _ends(corner, shape)
-        rows = np.floor(np.array([low[0], high[0]]) / _TILE_M)
-        start, end = np.searchsorted(self.row, rows[0]), np.searchsorted(self.row, rows[1], side="right")
-        part = self.points[start:end]
-        return part[((part[:, :2] >= low) & (part[:, :2] <= high)).all(axis=1)]
+        first, last = (
+            np.clip(np.floor(end / _TILE_M).astype(np.int64), self._low, self._high) - self._low for end in (low, high)
+        )
+        found = [np.zeros((0, 3))]
+        for row in range(int(first[0]), int(last[0]) + 1):
+            keys = row * self._across + first[1], row * self._across + last[1] + 1
+            start, end = (int(self._start[at]) for at in np.searchsorted(self._named, keys))
+            part, number = self._points[start:end], self._number[start:end]
+            inside = between(part, low, high)
+            found.append(part[inside][np.argsort(number[inside], kind="stable")])
+        return np.concatenate(found)
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,11 @@ from scipy import ndimage
 
 from ...interface.parameters import ZoneParameters
 from ..change.result import Change
-from ..core.arrays import Float, Index
+from ..core.arrays import Index
 from ..core.progress import Progress
 from ..displacement.displacement import Displacement
 from ..displacement.registered import Registered
+from ..displacement.stored_ground import Ground as Points
 from ..displacement.windows import Search
 from ..displacement.zones import MovingZone
 from ..grid.grid import Grid
@@ -33,13 +34,13 @@ class Motion:
 
     Attributes:
         vectors: of them.
-        clouds: ground points (n, 3) of both, in one frame, metres.
+        clouds: ground points (n, 3) of both, in one frame, metres, in memory or on the disk.
         registered: error of the registration along the surface.
         largest: motion that was looked for, metres.
     """
 
     vectors: Displacement
-    clouds: tuple[Float, Float]
+    clouds: tuple[Points, Points]
     registered: Registered
     largest: float = 1.0
 

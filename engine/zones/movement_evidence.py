@@ -12,8 +12,10 @@ from ..core.arrays import Float, Index
 from ..core.progress import Progress
 from ..displacement.facets import Facets
 from ..displacement.frame import Frame
-from ..displacement.ground_fit import Gridded, GroundFit, PieceFits, SortedCloud, fit_piece, grid_piece, with_errors
+from ..displacement.ground_by_boxes import GroundByBoxes, by_boxes
+from ..displacement.ground_fit import Gridded, GroundFit, PieceFits, fit_piece, grid_piece, with_errors
 from ..displacement.registered import Registered
+from ..displacement.stored_ground import Ground as Points
 from ..displacement.windows import Search
 from ..grid.grid import Grid
 from ..m3c2.distances import Cylinder, m3c2_distances, squared_errors
@@ -36,7 +38,7 @@ class Ground:
         registered: error of the registration along the surface; ``height_error`` (m) that in height.
     """
 
-    clouds: tuple[SortedCloud, SortedCloud]
+    clouds: tuple[GroundByBoxes, GroundByBoxes]
     facets: Facets
     search: Search
     registered: Registered
@@ -44,9 +46,9 @@ class Ground:
 
     @classmethod
     def of(
-        cls, clouds: tuple[Float, Float], facets: Facets, search: Search, registered: Registered, height_error: float
+        cls, clouds: tuple[Points, Points], facets: Facets, search: Search, registered: Registered, height_error: float
     ) -> Ground:
-        return cls((SortedCloud(clouds[0]), SortedCloud(clouds[1])), facets, search, registered, height_error)
+        return cls((by_boxes(clouds[0]), by_boxes(clouds[1])), facets, search, registered, height_error)
 
 
 @dataclass(frozen=True)

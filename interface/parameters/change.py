@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from .memory import memory_for
 from .specification import AUTO, ParameterSet, _parameter, given
 
 
@@ -99,15 +100,10 @@ class GridChangeParameters(ParameterSet, record_name="change"):
         bounds=(0.0, 10.0),
         advanced=True,
     )
-    memory_limit: float | str = _parameter(
-        AUTO,
+    memory_limit: float | str = memory_for(
         "Memory for the grid",
         "A grid that needs more is refused, before any work where the cell is given; the message gives its size and a "
         "cell size that fits. Larger allows smaller cells on a larger slope. auto: half of the machine's memory.",
-        kind=float,
-        unit="GB",
-        bounds=(0.05, 1024.0),
-        advanced=True,
     )
 
     @property

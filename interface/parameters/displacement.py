@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from .memory import memory_for_points
 from .specification import AUTO, ParameterSet, _parameter
 
 
@@ -77,16 +78,7 @@ class DisplacementParameters(ParameterSet, record_name="displacement"):
 class MotionMemoryParameters(ParameterSet, record_name="motion_memory", title="Memory"):
     """Memory of motion along the surface as a command of its own."""
 
-    memory_limit: float | str = _parameter(
-        AUTO,
-        "Memory for the surveys",
-        "Surveys that need more stay on the disk and are measured in parts, with the same results. Larger makes fewer "
-        "parts and takes more of them at a time. auto: half of the machine's memory.",
-        kind=float,
-        unit="GB",
-        bounds=(0.05, 1024.0),
-        advanced=True,
-    )
+    memory_limit: float | str = memory_for_points()
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from .memory import memory_for_points
 from .specification import AUTO, ParameterSet, _parameter
 
 
@@ -105,13 +106,4 @@ class DistanceParameters(ParameterSet, record_name="distances"):
         "detection as often as the confidence says. Off: the level as Lague et al. (2013) published it, which adds the "
         "registration error to that of the points and is wider or narrower than it says.",
     )
-    memory_limit: float | str = _parameter(
-        AUTO,
-        "Memory for the points",
-        "Clouds that need more stay on the disk and are measured in parts, with the same results. Larger makes fewer "
-        "parts. auto: half of the machine's memory.",
-        kind=float,
-        unit="GB",
-        bounds=(0.05, 1024.0),
-        advanced=True,
-    )
+    memory_limit: float | str = memory_for_points()

@@ -61,7 +61,6 @@ GIVEN: dict[str, tuple[Reader, Mutation]] = {
     "track.csv": (read_trajectory, mutations.changed_table),
     "plan.gpkg": (read_promised, mutations.changed_database),
     "dem.tif": (read_model, mutations.changed_tags),
-    "turned.tif": (read_model, mutations.changed_tags),
     "corridor.csv": (_corridor, mutations.changed_table),
     "corridor.gpkg": (_corridor, mutations.changed_database),
     "cluster.json": (read_queue, mutations.changed_json),
@@ -79,8 +78,7 @@ def write_given(folder: Path, record: dict[str, object]) -> None:
     targets_given.classes(folder / "classes.gpkg")
     targets_given.trajectory(folder / "track.csv")
     _plan(folder / "plan.gpkg")
-    elevation_models.write_model(folder / "dem.tif", elevation_models.hills(20, 30))
-    elevation_models.write_turned(folder / "turned.tif", 20.0, (1.0, 0.8), (20, 30))
+    elevation_models.write_turned(folder / "dem.tif", 20.0, (1.0, 0.8), (20, 30))  # passes all that a plain one does
     targets_given.corridor(folder, [folder / f"cloud.{ending}" for ending in ("las", "laz")])
     text = json.dumps(record)
     (folder / "handed.json").write_text(text, encoding="utf-8")

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import fields, is_dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
-from pyproj import CRS
 from slopewatch.engine.core.errors import InputError
+from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.displacement.displacement import Displacement, measure_displacement
 from slopewatch.engine.displacement.facets import find_facets
+from slopewatch.engine.displacement.ground_by_boxes import by_boxes
 from slopewatch.engine.displacement.registered import Registered
-from slopewatch.engine.displacement.stored_ground import StoredGround, at_places
-from slopewatch.engine.displacement.windows import density, tile_threads
+from slopewatch.engine.displacement.stored_ground import StoredGround
+from slopewatch.engine.displacement.windows import Search, density, tile_threads, tiles
 from slopewatch.engine.pointcloud import in_parts, point_squares
-from slopewatch.engine.pointcloud.in_parts import SpooledCloud, point_dtype
 from slopewatch.interface.parameters import DisplacementParameters
 from slopewatch.tests.builders.rough_ground import axes, relief, sampled
+from slopewatch.tests.builders.stored_clouds import on_disk
 
 SIDE_M = 34.0  # wider than a tile of windows
 AT_ONCE = 32_000
@@ -37,18 +37,11 @@ def ground() -> tuple[np.ndarray, np.ndarray]:
     return found[0], found[1]
 
 
-def on_disk(xyz: np.ndarray, file: Path, at_once: int = AT_ONCE) -> StoredGround:
-    records = np.empty(len(xyz), point_dtype(0))
-    records["xyz"] = xyz
-    records.tofile(file)
-    return StoredGround.of(SpooledCloud(file, len(xyz), 0, 0, CRS.from_epsg(32651), file), at_once)
-
-
 @pytest.fixture
 def stored(ground, tmp_path, monkeypatch) -> tuple[StoredGround, StoredGround]:
     monkeypatch.setattr(in_parts, "_PART_POINTS", 3_000)
     monkeypatch.setattr(point_squares, "_SQUARE_POINTS", 200)
-    first, later = (on_disk(xyz, tmp_path / f"{n}.points") for n, xyz in enumerate(ground))
+    first, later = (on_disk(xyz, tmp_path / f"{n}.points", AT_ONCE) for n, xyz in enumerate(ground))
     return first, later
 
 
@@ -109,15 +102,40 @@ def test_points_of_a_place_come_in_their_order(ground, stored):
         stored[0].holding(len(want) - 1).in_plane(frame, low, high)
 
 
-def test_places_are_asked_with_all_points_around_them(ground, stored):
-    places = ground[0][::200, :2] + [0.0, 1.0]
+def test_points_of_a_tile_come_by_rows_of_tiles_and_in_their_order(ground, stored):
+    facets = find_facets(ground[0])
+    places = np.array([ground[0][:, :3].mean(axis=0) + [step, step, 0.0] for step in (-12.0, 0.0, 12.0)])
+    facet = facets.places(places[:, :2])[0]
+    search = Search((4.0,), 1.0, 0.1)
+    for clouds in (ground, stored):
+        for plan in tiles(clouds, facets, places, facet, search, Progress()):
+            frame = facets.frames[int(facet[plan.windows[0]])]
+            flat = frame.to_plane(ground[1])
+            low, high = plan.corner - 0.05, plan.corner + np.array(plan.shape) * 0.05
+            inside = np.flatnonzero(((flat[:, :2] >= low) & (flat[:, :2] <= high)).all(axis=1))
+            want = flat[inside[np.lexsort((inside, np.floor(flat[inside, 0] / 24.0)))]]
+            found = plan.near[1].within(plan.corner, plan.shape)
+            assert len(want) > 3000
+            assert len(np.unique(np.floor(want[:, 0] / 24.0))) > 1
+            # squares of another facet are left out, all others are there in their order
+            at = {tuple(row): n for n, row in enumerate(want)}
+            numbers = np.array([at[tuple(row)] for row in found])
+            assert (np.diff(numbers) > 0).all()
+            assert len(found) > 0.5 * len(want)
 
-    def crowded(points: np.ndarray, xy: np.ndarray) -> np.ndarray:
-        return np.array([np.count_nonzero(np.hypot(*(points[:, :2] - at).T) < 1.5) > 250 for at in xy])
 
-    want = crowded(ground[0], places)
-    assert 0 < want.sum() < len(want)
-    assert np.array_equal(at_places(stored[0].holding(8_000), places, 1.5, crowded), want)
+def test_points_of_a_box_are_sorted_by_their_eastings(ground, stored):
+    x, y = np.sort(ground[0][:, 0]), np.sort(ground[0][:, 1])
+    bounds = (x[4000], y[3000], x[12_000], y[20_000])  # edges that points lie on
+    want = ground[0][np.argsort(ground[0][:, 0], kind="stable")]
+    inside = (
+        (want[:, 0] >= bounds[0]) & (want[:, 0] < bounds[2]) & (want[:, 1] >= bounds[1]) & (want[:, 1] <= bounds[3])
+    )
+    assert 1000 < inside.sum() < 10_000
+    for one in (by_boxes(ground[0]), by_boxes(stored[0])):
+        assert one.within(bounds).tobytes() == want[inside].tobytes()
+    with pytest.raises(InputError, match="more lie around one zone"):
+        by_boxes(stored[0].holding(1000)).within(bounds)
 
 
 def test_more_memory_takes_more_tiles_at_a_time():
