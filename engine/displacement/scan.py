@@ -168,7 +168,7 @@ def _disc(frame: Frame, spacing: float, reach: float) -> Bool:
     """(2 k + 1, 2 k + 1) which of the windows around one lie within ``reach`` metres along the surface."""
     count = int(reach / spacing)  # along the surface windows are farther apart than on the map
     offsets = np.stack(np.meshgrid(*2 * [np.arange(-count, count + 1)], indexing="ij"), axis=-1)
-    return np.asarray(_distance(frame, offsets * spacing) <= reach + 1e-9)
+    return np.asarray(_distance(frame, offsets.astype(np.float64) * spacing) <= reach + 1e-9)
 
 
 def _distance(frame: Frame, offset: Float) -> Float:
