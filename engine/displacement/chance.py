@@ -10,6 +10,7 @@ import numpy as np
 from scipy import stats
 
 from .displacement import Displacement
+from .scan import common_share
 from .vectors import threshold
 
 _SURE = 0.95
@@ -50,17 +51,10 @@ def variance_factor(width: float, confidence: float) -> float:
     share, reach = 1.0 - confidence, math.ceil(width)
     total = 1.0
     for column, row in product(range(-reach, reach + 1), repeat=2):
-        common = _common_share(math.hypot(column, row) / width) if (column, row) != (0, 0) else 0.0
+        common = common_share(math.hypot(column, row) / width) if (column, row) != (0, 0) else 0.0
         if common > 0:
             total += (_both_exceed(common, confidence) - share**2) / (share * (1.0 - share))
     return total
-
-
-def _common_share(distance: float) -> float:
-    """Share of a disc of diameter 1 that one at this distance has in common with it."""
-    if distance >= 1.0:
-        return 0.0
-    return 2.0 / math.pi * (math.acos(distance) - distance * math.sqrt(1.0 - distance**2))
 
 
 def _both_exceed(correlation: float, confidence: float) -> float:

@@ -28,7 +28,8 @@ from .stored_ground import Ground, bounds_of, parts_of
 from .surface import kernel_of
 from .vectors import CommonMotion, Vectors, common_motion, in_the_map, joined, with_error
 from .windows import Search, density, fitted_tiles, tiles
-from .zones import Measured, MovingZone, moving_zones
+from .zone_growth import moving_zones
+from .zones import Measured, MovingZone
 
 _MAX_GAP_M = 1.0  # from a window's middle to the next ground point of either survey
 
@@ -132,7 +133,8 @@ def measure_displacement(
         return registered.at(at) if reference is None else np.broadcast_to(reference.covariance, (len(at), 3, 3))
 
     progress.update(0.95, "looking for zones that move as one")
-    zones = moving_zones(vectors, significant, held, parameters.slide_area, error_at, independent)
+    still_errors = [with_error(v, np.zeros((3, 3)), taken_off) for v in own]
+    zones = moving_zones(still_errors, held, parameters.slide_area, error_at)
     progress.update(1.0)
     return Displacement(
         grid, cell, vectors, by_width, facet, facets, significant, tuple(zones), common, still, taken_off,

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy import stats
 
 from ..core.arrays import Bool, Float, Index
 from .errors import common_ratio, covariances
@@ -17,6 +18,8 @@ MIN_SEEN_SHARE = 0.3
 """Share of a window that both surveys must see."""
 MIN_INFORMATION = 3.0
 """Standard errors by which the information on each direction must stand above zero."""
+MAX_CHANCE_SHARE = 0.05
+"""Of the windows that stand so far above zero, those that chance would bring there (Benjamini and Hochberg 1995)."""
 MAX_RESIDUAL_RATIO = 3.0
 """Of a window's residuals to the map's median."""
 MAX_STANDARD_ERROR_M = 0.1
@@ -104,10 +107,12 @@ def _spread(count: int, numbers: Index, values: Sequence[Float | float], shape: 
 def _gate(windows: Windows, converged: Bool, limit: float) -> None:
     """Refuse what is no motion, by the first reason that holds."""
     status, (weak, strong) = windows.status, windows.information.T
+    tried = int(np.count_nonzero((status != Status.NO_GROUND) & (status != Status.LITTLE_SEEN)))
+    least = least_information(weak[np.isfinite(weak)], tried)
     for reason, holds in (
         (Status.LITTLE_SEEN, windows.seen < MIN_SEEN_SHARE),
-        (Status.NO_RELIEF, strong < MIN_INFORMATION),
-        (Status.RELIEF_ONE_WAY, weak < MIN_INFORMATION),
+        (Status.NO_RELIEF, strong < least),
+        (Status.RELIEF_ONE_WAY, weak < least),
         (Status.NOT_FOUND, ~converged | (np.hypot(*windows.motion[:, :2].T) > limit)),
     ):
         status[(status == Status.MEASURED) & holds] = reason
@@ -115,6 +120,23 @@ def _gate(windows: Windows, converged: Bool, limit: float) -> None:
     if len(usual):
         too_far = windows.scale > MAX_RESIDUAL_RATIO * np.median(usual)
         status[(status == Status.MEASURED) & too_far] = Status.NOT_RIGID
+
+
+def least_information(weak: Float, tried: int) -> float:
+    """From which information on its weakest direction, in standard errors, a window is held by its relief.
+
+    Of hundreds of windows on a plane some stand above ``MIN_INFORMATION`` by chance. Where no more do than chance
+    brings there, none is held: infinite.
+
+    Args:
+        weak: (k,) of the windows that have one; ``tried`` are all that were asked.
+    """
+    above = np.sort(weak[weak >= MIN_INFORMATION])[::-1]
+    chance = tried * stats.norm.sf(above)
+    held = above[chance <= MAX_CHANCE_SHARE * np.arange(1, len(above) + 1)]
+    if not len(held):
+        return float("inf")
+    return MIN_INFORMATION if held[-1] == above[-1] else float(held[-1])
 
 
 def _largest_error(covariance: Float) -> Float:

@@ -1,4 +1,4 @@
-"""Zones that move as one: adjoining significant windows of like direction, and one least-squares motion over each."""
+"""Ground that moves as one: adjoining significant windows of like direction; one least-squares motion over windows."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage, stats
+from scipy import ndimage
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
@@ -17,7 +17,7 @@ from .frame import Frame
 from .least_squares import BLOCK_SHARE, Fit, Region, fit_motion
 from .stored_ground import Ground, StoredGround, in_frame
 from .surface import NODE_M, gridded
-from .vectors import Vectors, squared_length
+from .vectors import Vectors
 from .windows import Search
 
 MAX_PROBABILITY = 0.05
@@ -29,6 +29,17 @@ _MAX_FIT_WIDTH_M = 50.0  # of the part of a zone that is fitted, so that memory 
 _MARGIN_SHARE = 0.5  # of half a window's width
 
 Shape = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class FitPlan:
+    """How to fit a zone: from motion ``start`` (2,) along its axes (m), without a ``margin`` (m), with the blocks of
+    windows of ``width`` (m).
+    """
+
+    start: Float
+    margin: float
+    width: float
 
 
 @dataclass(frozen=True)
@@ -101,72 +112,50 @@ def groups(vectors: Vectors, significant: Bool, cells: Index, facet: Index) -> l
     return [chosen[label == k] for k in range(count)]
 
 
-def moving_zones(
-    vectors: Vectors,
-    significant: Bool,
-    measured: Measured,
-    least_area: float,
-    error_at: Callable[[Float], Float],
-    independent: float,
-) -> list[MovingZone]:
-    """The zones that still ground hardly shows, largest first.
-
-    Args:
-        least_area: m²; smaller groups are left out.
-        error_at: covariance (n, 3, 3) that is added at places (n, 3).
-        independent: number of windows on the map that do not overlap, any of which could have shown a zone by chance.
-    """
-    found = []
-    for group in groups(vectors, significant, measured.cells, measured.facet):
-        area = len(group) * measured.spacing**2
-        if area < least_area:
-            continue
-        zone = fit_zone(group, vectors, measured, error_at)
-        if zone is None:
-            continue
-        motion, covariance, fitted_area = zone
-        axes = measured.facets.frames[int(measured.facet[group[0]])].axes
-        plane, plane_covariance = axes @ motion, axes @ covariance @ axes.T
-        statistic = float(squared_length(plane[None, :2], plane_covariance[None, :2, :2])[0])
-        probability = min(float(stats.chi2.sf(statistic, 2)) * max(independent, 1.0), 1.0)
-        if probability <= MAX_PROBABILITY:
-            found.append(MovingZone(group, area, motion, covariance, plane, plane_covariance, probability, fitted_area))
-    return sorted(found, key=lambda zone: -zone.area)
+def fit_group(
+    group: Index, vectors: Vectors, measured: Measured, error_at: Callable[[Float], Float]
+) -> tuple[Float, Float, float] | None:
+    """As ``fit_zone``, from the median of the windows' vectors, without a margin of a quarter of their width."""
+    frame = measured.facets.frames[int(measured.facet[group[0]])]
+    start = np.median(vectors.in_plane[group][:, :2] + (frame.axes @ measured.taken_off)[:2], axis=0)
+    narrow, wide = (float(pick(vectors.width[group])) for pick in (np.min, np.max))
+    return fit_zone(group, vectors.places, measured, error_at, FitPlan(start, _MARGIN_SHARE * narrow / 2, wide))
 
 
 def fit_zone(
-    group: Index, vectors: Vectors, measured: Measured, error_at: Callable[[Float], Float]
+    group: Index, places: Float, measured: Measured, error_at: Callable[[Float], Float], plan: FitPlan
 ) -> tuple[Float, Float, float] | None:
-    """One fit over a group's cells without their margin: motion and covariance in the map, and its area."""
+    """One fit over a group's cells without their margin: motion and covariance in the map, and its area.
+
+    Args:
+        places: (n, 3) of all windows.
+    """
     frame = measured.facets.frames[int(measured.facet[group[0]])]
-    flat = frame.to_plane(vectors.places[group])[:, :2]
-    widest = float(np.max(vectors.width[group]))
+    flat = frame.to_plane(places[group])[:, :2]
     reach = measured.spacing + measured.search.limit / 2 + 1.0
     middle = np.median(flat, axis=0)
     low = np.maximum(flat.min(axis=0), middle - _MAX_FIT_WIDTH_M / 2) - reach
     high = np.minimum(flat.max(axis=0), middle + _MAX_FIT_WIDTH_M / 2) + reach
     corner = low
     rows, columns = (int(n) for n in np.ceil((high - low) / NODE_M) + 1)
-    inside = _inside(group, vectors.places, measured, frame, corner, (rows, columns))
-    margin = _MARGIN_SHARE * float(np.min(vectors.width[group])) / 2
-    node = _without_margin(inside, margin)
+    inside = _inside(group, places, measured, frame, corner, (rows, columns))
+    node = _without_margin(inside, plan.margin)
     stride = measured.search.stride
     at = np.argwhere(node)
     at = at[((at % stride) == 0).all(axis=1)]
     if not len(at):
         return None
     centre = np.rint(at.mean(axis=0)).astype(np.int64)
-    region = Region.of_nodes(at[:, 0] - centre[0], at[:, 1] - centre[1], BLOCK_SHARE * widest / 2)
+    region = Region.of_nodes(at[:, 0] - centre[0], at[:, 1] - centre[1], BLOCK_SHARE * plan.width / 2)
     first, later = (
         gridded(in_frame(frame, _cut(xyz, frame, low, high)), corner, (rows, columns), measured.search.kernel).values
         for xyz in measured.clouds
     )
-    start = np.median(vectors.in_plane[group][:, :2] + (frame.axes @ measured.taken_off)[:2], axis=0)
-    fit = fit_motion(first, later, region, (int(centre[0]), int(centre[1])), start, measured.search.limit)
+    fit = fit_motion(first, later, region, (int(centre[0]), int(centre[1])), plan.start, measured.search.limit)
     if not isinstance(fit, Fit) or not fit.converged:
         return None
     own = covariances([fit], [region.blocks * fit.seen], measured.common)[0]
-    place = vectors.places[group].mean(axis=0)
+    place = places[group].mean(axis=0)
     motion = frame.axes.T @ fit.motion - measured.taken_off
     covariance = frame.axes.T @ own @ frame.axes + error_at(place[None])[0]
     return motion, covariance, len(at) * (stride * NODE_M) ** 2

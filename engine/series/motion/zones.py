@@ -199,7 +199,7 @@ def _fits(
         )
         start = _between(field, earlier, later)
         for number, group in enumerate(windows):
-            fit = pair_zones.fit_zone(group, start, measured, _no_error)
+            fit = pair_zones.fit_group(group, start, measured, _no_error)
             if fit is not None:
                 motion[row, number], covariance[row, number], area[number] = fit
     return motion, covariance, area
