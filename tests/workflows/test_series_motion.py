@@ -119,7 +119,11 @@ def test_rasters_are_of_the_last_survey_against_the_first(runs):
     with rasterio.open(folder / "displacement.tif") as raster:
         dip = raster.read(raster.descriptions.index("motion down the dip") + 1, masked=True)
         assert raster.tags()["EPOCH_TO"] == "2024-08-29"
+        opacity = raster.read(raster.count, masked=True)
     assert 0.1 < dip.max() < 0.36
+    arrows = layer(folder, "vectors")
+    assert np.ma.sum(opacity == 255) == np.sum(arrows["epoch"] == "2024-08-29") > 3
+    assert (opacity.mask == dip.mask).all()
     with rasterio.open(folder / "smallest_motion.tif") as raster:
         assert 0.01 < np.ma.median(raster.read(1, masked=True)) < 0.2
 

@@ -10,9 +10,10 @@ import pytest
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.displacement.registered import Registered
+from slopewatch.engine.displacement.status import Status
 from slopewatch.engine.series.motion.field import Surveys, motion_field
 from slopewatch.engine.series.motion.windows import Layout, PairMotion, layout_of, measure_pair
-from slopewatch.engine.series.motion.zones import moving_ground, unevenness
+from slopewatch.engine.series.motion.zones import _tracks, moving_ground, unevenness
 from slopewatch.interface.parameters import DisplacementParameters
 from slopewatch.tests.builders.rough_ground import axes, in_the_map, relief, sampled
 
@@ -102,6 +103,31 @@ def test_motion_that_began_at_the_last_survey_is_a_zone_too(measured, clouds):
     inside = (along(layout.places) < EDGE_M - 4.0) & found.looks[-1].measured
     assert not found.significant[1].any()
     assert found.significant[2][inside].mean() > 0.5
+
+
+def test_windows_that_move_the_other_way_are_no_part_of_a_zone(measured):
+    """They begin a survey later, at a corner of ground that slides down."""
+    layout, pairs = measured
+    column, row = (layout.columns - layout.columns.min(axis=0)).T
+    large = (column < 5) & (row < 4)
+    small = (column > 4) & (column < 7) & (row > 3) & (row < 6)
+    assert (np.count_nonzero(large), np.count_nonzero(small)) == (20, 4)
+
+    def seen(pair: PairMotion, earlier: int, later: int) -> PairMotion:
+        way = np.zeros((len(layout.cell), 3))
+        way[large, 0] = 0.1 * (later - earlier)
+        way[small, 0] = -0.1 * (max(later - 1, 0) - max(earlier - 1, 0))
+        error = np.tile(1e-4 * np.eye(3), (len(way), 1, 1))
+        known = np.full(len(way), int(Status.MEASURED))
+        return replace(
+            pair, sizes=tuple(replace(w, motion=way, covariance=error, status=known) for w in pair.sizes)
+        )  # fmt: skip
+
+    series = [seen(pair, *ends) for pair, ends in zip(pairs, SURVEYS.links.pairs, strict=True)]
+    found = motion_field(series, layout, SURVEYS, PARAMETERS)
+    sliding, opposite = (set(layout.number[t.sightings[-1].cells]) for t in _tracks(found, PARAMETERS))
+    assert sliding == set(np.flatnonzero(large))
+    assert opposite == set(np.flatnonzero(small))
 
 
 def test_still_ground_has_no_zone(clouds):
