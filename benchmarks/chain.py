@@ -18,6 +18,7 @@ from ..engine.zones.change_zones import change_zones
 from ..engine.zones.extraction import Zones
 from ..interface.parameters import ChangeParameters, GroundParameters, RegistrationParameters
 from ..simulation.surveys.scanner import SurveyCloud
+from ..simulation.surveys.series import SimulatedSeries
 from ..simulation.surveys.survey import SimulatedPair
 
 
@@ -29,7 +30,7 @@ class Ground:
     plants: PlantCover | None = None
 
 
-def inside(xyz: Float, pair: SimulatedPair) -> Bool:
+def inside(xyz: Float, pair: SimulatedPair | SimulatedSeries) -> Bool:
     """Which points (n, 3) lie in the region of interest (a rectangle, turned), as the clip leaves them."""
     polygon = shapely.Polygon(pair.roi)
     shapely.prepare(polygon)
@@ -47,7 +48,9 @@ def registered_clouds(pair: SimulatedPair, profile: str = "default") -> tuple[Fl
     return first, found.transform.apply(second), found.registration_error
 
 
-def ground_of(cloud: SurveyCloud, pair: SimulatedPair, parameters: GroundParameters | None = None) -> Ground:
+def ground_of(
+    cloud: SurveyCloud, pair: SimulatedPair | SimulatedSeries, parameters: GroundParameters | None = None
+) -> Ground:
     """The ground of an epoch within the region, of its last returns as from a file."""
     held = inside(cloud.xyz, pair)
     xyz, last = cloud.xyz[held], last_returns(cloud.return_number[held], cloud.number_of_returns[held]).last

@@ -29,6 +29,7 @@ from .pair import is_large
 from .series_store import Store, key_of
 
 _MEASURED, _FITTED = 0.85, 0.95  # shares of the time
+_SURE, _LEAST_PULL_M = 11.3, 0.005  # 99 % of chi-squared with 3 degrees of freedom
 _POINTS = "motion_points"  # folder of a run, while it measures, for points on the disk
 
 
@@ -177,7 +178,25 @@ def _measured(
             "The registration's error along the surface is not known here and taken as 0: the errors of motions along "
             "the surface are those of the relief alone."
         )
+    _say_what_was_pulled(field, progress)
     return SeriesMotion(field, ground, parameters, made)
+
+
+def _say_what_was_pulled(field: Field, progress: Progress) -> None:
+    """Where most of the slope seems to move as one by more than chance, and by a length that is read on a map."""
+    references = field.references
+    error = references.error_at(references.centre[None], field.surveys.registered)[0]
+    pulled = [
+        float(np.linalg.norm(way))
+        for way, own, of_slope in zip(references.taken_off, error, references.of_slope, strict=True)
+        if of_slope and way @ np.linalg.solve(own, way) > _SURE
+    ]
+    if pulled and max(pulled) >= _LEAST_PULL_M:
+        progress.info(
+            f"Most of the slope seems to move as one by up to {100 * max(pulled):.1f} cm: what slid has pulled the "
+            "registration, and that is taken off all vectors. If most of the slope itself moves, give polygons of "
+            "stable ground."
+        )
 
 
 def _pairs(

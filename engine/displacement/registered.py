@@ -44,6 +44,12 @@ class Registered:
             return cls.unknown()
         return cls(np.array(covariance, dtype=np.float64), np.asarray(RigidTransform.load(path).centre), known=True)
 
+    def turned_about(self, centre: Float) -> Registered:
+        """What is left of the error where a common motion about ``centre`` (3,) was taken off: its turn."""
+        covariance = np.zeros((6, 6))
+        covariance[:3, :3] = self.covariance[:3, :3]
+        return Registered(covariance, centre, self.known)
+
     def at(self, places: Float) -> Float:
         """(n, 3, 3) covariance of the motion that the error feigns at places (n, 3), m²."""
         arm = places - self.centre

@@ -13,6 +13,9 @@ from .qgis_styles import ramp_qml
 
 _TEMPLATES = Path(__file__).resolve().parent / "styles"
 _ALONG_DIP_BAND = 4
+OPACITY_BAND = 17
+"""Number of the band of ``displacement.tif`` that holds ``opacity_band.opacity`` of its cells; the last one."""
+OPACITY_NAME = "Opacity on a map: 255 where the motion is significant, 45 where still ground shows as much"
 ELLIPSE_ERRORS = 2.0
 """Standard errors: some 86 % of the true ends lie within."""
 _LONGEST_ARROW_SPACINGS = 1.25
@@ -61,13 +64,16 @@ def _arrows_qml(template: str, magnification: float, *, temporal: bool = False) 
 
 
 def along_dip_qml(limit: float) -> str:
-    """Diverging style of the motion down the dip: red downwards, blue upwards, up to ``limit`` metres."""
+    """Diverging style of the motion down the dip: red downwards, blue upwards, up to ``limit`` metres; pale where the
+    motion is not significant (``OPACITY_BAND``).
+    """
     stops: list[tuple[float, Colour, int, str]] = []
     for share, down, up in DIVERGING:
         if share:
             stops.append((-share * limit, up, 255, f"{share * limit:.3f} m up the dip"))
-        stops.append((share * limit, down, 255, f"{share * limit:.3f} m down the dip" if share else "0 m"))
-    return ramp_qml(sorted(stops), "m", band=_ALONG_DIP_BAND)
+        label = f"{share * limit:.3f} m down the dip" if share else "0 m (pale: no significant motion)"
+        stops.append((share * limit, down, 255, label))
+    return ramp_qml(sorted(stops), "m", band=_ALONG_DIP_BAND, opacity_band=OPACITY_BAND)
 
 
 def magnification(motion: Float, spacing: float) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,6 +12,8 @@ from scipy import ndimage
 from ..core.arrays import Index
 
 Labels = NDArray[np.int32]
+Alike = Callable[[int, Index, int, Index], bool]
+"""Whether cells (flat indices) in one survey move as others do in another: survey, cells, survey, cells."""
 
 _MIN_SHARED_SHARE = 0.1  # of the smaller one's cells: less in common is a touch, not the same zone
 _MIN_SEPARATE_SHARE = 0.25  # of the zone's cells: a smaller part that came apart stays part of it
@@ -64,7 +66,9 @@ class _Open:
         return f"S{self.number:03d}"
 
 
-def track_zones(groups: Sequence[tuple[int, Labels, NDArray[np.int8]]], reach: int) -> tuple[Track, ...]:
+def track_zones(
+    groups: Sequence[tuple[int, Labels, NDArray[np.int8]]], reach: int, alike: Alike | None = None
+) -> tuple[Track, ...]:
     """Follow groups of significant cells from survey to survey, those of lowering and of raising apart.
 
     A group belongs to the zone whose footprint so far, widened by ``reach`` cells, holds a tenth or more of the smaller
@@ -75,6 +79,8 @@ def track_zones(groups: Sequence[tuple[int, Labels, NDArray[np.int8]]], reach: i
 
     Args:
         groups: for each survey its index, the labels (rows, columns; 0 for none) and the sign of each cell's change.
+        alike: where given, a group that moves otherwise than a zone belongs to it only by cells in the footprint
+            itself, does not merge it with another, and is split off however small it is.
     """
     tracks: list[_Open] = []
     if not groups:
@@ -84,14 +90,20 @@ def track_zones(groups: Sequence[tuple[int, Labels, NDArray[np.int8]]], reach: i
     for epoch, labels, signs in groups:
         for sign in (-1, 1):
             part = np.where(signs == sign, labels, 0)
-            _follow(epoch, sign, part, owner[sign], tracks, reach)
+            _follow(epoch, sign, part, owner[sign], tracks, reach, alike or _always)
     for t in tracks:
         if not t.merged_into:  # a cell that changed hands belongs to the last one only
             t.cells = np.flatnonzero(owner[t.sign].ravel() == t.number)
     return tuple(Track(t.zone_id, t.sign, tuple(t.sightings), t.cells, t.parent, t.merged_into) for t in tracks)
 
 
-def _follow(epoch: int, sign: int, labels: Labels, owner: Labels, tracks: list[_Open], reach: int) -> None:
+def _always(survey: int, cells: Index, other: int, others: Index) -> bool:
+    return True
+
+
+def _follow(
+    epoch: int, sign: int, labels: Labels, owner: Labels, tracks: list[_Open], reach: int, alike: Alike
+) -> None:
     flat = labels.ravel()
     inside = np.flatnonzero(flat)
     if not len(inside):
@@ -99,7 +111,12 @@ def _follow(epoch: int, sign: int, labels: Labels, owner: Labels, tracks: list[_
     order = inside[np.argsort(flat[inside], kind="stable")]
     numbers, starts = np.unique(flat[order], return_index=True)
     cells = dict(zip(numbers.tolist(), np.split(order, starts[1:]), strict=True))
-    shared = _overlaps(flat, owner, cells, tracks, reach)
+
+    def as_before(group: int, track: int) -> bool:
+        last = tracks[track - 1].sightings[-1]
+        return alike(epoch, cells[group], last.epoch, last.cells)
+
+    shared = _overlaps(flat, owner, cells, tracks, reach, as_before)
     source: int | None
     heirs: dict[int, int] = {}  # track: the group with most of it
     for (group, track), count in shared.items():
@@ -113,10 +130,12 @@ def _follow(epoch: int, sign: int, labels: Labels, owner: Labels, tracks: list[_
         touched = [t for g, t in shared if g == group]
         if claims:
             keeper = max(claims, key=lambda t: (shared[group, t], -t))
-            _continue(tracks[keeper - 1], [tracks[t - 1] for t in claims if t != keeper], epoch, cells[group])
+            merged = [t for t in claims if t != keeper and as_before(group, t)]
+            _continue(tracks[keeper - 1], [tracks[t - 1] for t in merged], epoch, cells[group])
         elif touched:
             source = max(touched, key=lambda t: (shared[group, t], -t))
-            if len(cells[group]) >= _MIN_SEPARATE_SHARE * len(tracks[source - 1].cells):
+            large = len(cells[group]) >= _MIN_SEPARATE_SHARE * len(tracks[source - 1].cells)
+            if large or not alike(epoch, cells[group], epoch, cells[heirs[source]]):
                 fresh.append((group, source))
             else:
                 parts.setdefault(source, []).append(group)
@@ -134,9 +153,14 @@ def _follow(epoch: int, sign: int, labels: Labels, owner: Labels, tracks: list[_
 
 
 def _overlaps(
-    flat: Labels, owner: Labels, cells: dict[int, Index], tracks: list[_Open], reach: int
+    flat: Labels,
+    owner: Labels,
+    cells: dict[int, Index],
+    tracks: list[_Open],
+    reach: int,
+    alike: Callable[[int, int], bool],
 ) -> dict[tuple[int, int], int]:
-    """Cells that a group and a zone have in common, where they are enough."""
+    """Cells that a group and a zone have in common, where they are enough; those of its reach only of the ``alike``."""
     wide = owner
     if reach:
         spread = ndimage.maximum_filter(owner, size=2 * reach + 1)
@@ -145,7 +169,9 @@ def _overlaps(
     pairs, counts = np.unique(np.stack([flat[both], wide.ravel()[both]]), axis=1, return_counts=True)
     shared = {}
     for (group, track), count in zip(pairs.T.tolist(), counts.tolist(), strict=True):
-        if count >= _MIN_SHARED_SHARE * min(len(cells[group]), len(tracks[track - 1].cells)):
+        if reach and not alike(group, track):
+            count = int(np.count_nonzero(owner.ravel()[cells[group]] == track))
+        if count and count >= _MIN_SHARED_SHARE * min(len(cells[group]), len(tracks[track - 1].cells)):
             shared[group, track] = count
     return shared
 

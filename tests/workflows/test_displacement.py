@@ -17,7 +17,9 @@ from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.core.run_result import RunResult
 from slopewatch.engine.displacement.status import Status
+from slopewatch.engine.displacement.vectors import threshold
 from slopewatch.engine.geometry.rigid_transform import RigidTransform
+from slopewatch.engine.maps import displacement_styles, opacity_band
 from slopewatch.engine.pointcloud import in_parts
 from slopewatch.interface.parameters import (
     DisplacementParameters,
@@ -79,6 +81,14 @@ def test_the_raster_holds_the_motion_and_its_errors(outcome):
     assert 0.002 < np.ma.median(bands["standard error down the dip"]) < 0.05
     (status,) = (band for name, band in bands.items() if name.startswith("status"))
     assert ((status == Status.MEASURED) == ~bands["motion east"].mask).all()
+    # by its last band QGIS shows pale what still ground shows as well
+    shown = bands[displacement_styles.OPACITY_NAME]
+    assert raster.count == displacement_styles.OPACITY_BAND
+    assert (shown.mask == bands["motion east"].mask).all()
+    beyond = bands["motion along the surface in standard errors"] ** 2 > threshold(0.99)
+    assert np.ma.count(beyond) > 20
+    assert (shown == np.where(beyond.filled(False), opacity_band.OPAQUE, opacity_band.WITHIN)).all()
+    assert np.ma.sum(beyond) > 0
 
 
 def test_vectors_and_zones_are_layers_with_their_styles(outcome):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import geopandas
 import numpy as np
@@ -12,6 +13,9 @@ import pandas as pd
 import pytest
 import rasterio
 from geopandas.testing import assert_geodataframe_equal
+from slopewatch.engine.core.progress import Progress
+from slopewatch.engine.displacement.registered import Registered
+from slopewatch.engine.series.motion.field import References, Surveys
 from slopewatch.interface.parameters import DisplacementStepParameters, RegistrationParameters, SurveyParameters
 from slopewatch.simulation.surveys.series import Creep, simulate_series, survey_days, write_series
 from slopewatch.tests.builders.series_clouds import FIXED, READY, plane, surveys
@@ -114,12 +118,32 @@ def test_layers_have_a_row_a_survey_and_the_days_on_which_it_is_shown(runs):
     assert zones["length_m"].iloc[1] > zones["length_m"].iloc[0] > 0
 
 
+@pytest.mark.parametrize(("way", "said"), [(0.02, True), (0.002, False), (0.004, False)])
+def test_a_registration_that_was_pulled_is_said(way, said):
+    """Not where it is by less than half a centimetre."""
+    taken_off, covariance = np.zeros((3, 3)), np.full((3, 3, 3), np.nan)
+    taken_off[2, 0], covariance[2] = way, 1e-6 * np.eye(3)
+    known = Registered.shift(0.002, 0.001)
+    references = References(taken_off, covariance, np.array([False, False, True]), np.zeros(3), ())
+    field = SimpleNamespace(references=references, surveys=Surveys(np.arange(3.0), (known,) * 3))
+    sentences: list[str] = []
+    progress = Progress()
+    progress.info = sentences.append  # type: ignore[method-assign]
+    series_motion._say_what_was_pulled(field, progress)  # type: ignore[arg-type]
+    assert len(sentences) == said
+    assert all("as one by up to 2.0 cm" in sentence for sentence in sentences)
+
+
 def test_rasters_are_of_the_last_survey_against_the_first(runs):
     folder = runs[0] / "motion"
     with rasterio.open(folder / "displacement.tif") as raster:
         dip = raster.read(raster.descriptions.index("motion down the dip") + 1, masked=True)
         assert raster.tags()["EPOCH_TO"] == "2024-08-29"
+        opacity = raster.read(raster.count, masked=True)
     assert 0.1 < dip.max() < 0.36
+    arrows = layer(folder, "vectors")
+    assert np.ma.sum(opacity == 255) == np.sum(arrows["epoch"] == "2024-08-29") > 3
+    assert (opacity.mask == dip.mask).all()
     with rasterio.open(folder / "smallest_motion.tif") as raster:
         assert 0.01 < np.ma.median(raster.read(1, masked=True)) < 0.2
 

@@ -11,7 +11,7 @@ import pandas as pd
 import shapely
 from pyproj import CRS
 
-from ...engine.core.arrays import Float, Index
+from ...engine.core.arrays import Bool, Float, Index
 from ...engine.core.staged_outputs import Stage
 from ...engine.displacement.chance import chance_vectors
 from ...engine.displacement.displacement import Displacement
@@ -20,7 +20,7 @@ from ...engine.displacement.vectors import Vectors
 from ...engine.displacement.zones import MovingZone
 from ...engine.grid import geotiff
 from ...engine.grid.grid import Grid, on_grid
-from ...engine.maps import displacement_styles, qgis_styles
+from ...engine.maps import displacement_styles, opacity_band, qgis_styles
 from ...engine.vector.cell_polygons import cell_polygons
 from ...engine.vector.geopackage import Layer, write_layers
 from ..run import Run
@@ -39,7 +39,7 @@ _LIMIT_QUANTILE = 0.98
 def write_products(found: Displacement, crs: CRS, tags: dict[str, str], run: Run) -> dict[str, Path]:
     """Write all of them, zones with their places on the run's road; the paths by key."""
     stage = run.stage
-    outputs = write_rasters(found.vectors, found.grid, found.cell, crs, tags, stage)
+    outputs = write_rasters(found.vectors, found.significant, found.grid, found.cell, crs, tags, stage)
     path = stage.path("displacement.gpkg")
     times = displacement_styles.magnification(found.vectors.motion[found.significant], found.grid.cell)
     zones = run.related.placed(zones_layer(found, crs), run.progress)
@@ -62,10 +62,15 @@ def write_products(found: Displacement, crs: CRS, tags: dict[str, str], run: Run
 
 
 def write_rasters(
-    vectors: Vectors, grid: Grid, cell: Index, crs: CRS, tags: dict[str, str], stage: Stage
+    vectors: Vectors, significant: Bool, grid: Grid, cell: Index, crs: CRS, tags: dict[str, str], stage: Stage
 ) -> dict[str, Path]:
-    """Write the rasters of vectors whose windows have the flat indices ``cell`` (n,) in ``grid``; the paths by key."""
-    _write_displacement(vectors, grid, cell, crs, tags, stage.path("displacement.tif"))
+    """Write the rasters of vectors whose windows have the flat indices ``cell`` (n,) in ``grid``; the paths by key.
+
+    Args:
+        significant: (n,) which of them QGIS draws in full colours.
+    """
+    shown = opacity_band.opacity(np.where(vectors.measured, 0.0, np.nan), significant)
+    _write_displacement(vectors, shown, grid, cell, crs, tags, stage.path("displacement.tif"))
     outputs = {"displacement": stage.final("displacement.tif")}
     smallest = on_grid(cell, vectors.smallest, grid.shape)
     path = stage.path("smallest_motion.tif")
@@ -80,7 +85,9 @@ def _limit(values: Float, least: float) -> float:
     return max(float(np.quantile(known, _LIMIT_QUANTILE)), least) if len(known) else least
 
 
-def _write_displacement(vectors: Vectors, grid: Grid, cell: Index, crs: CRS, tags: dict[str, str], path: Path) -> None:
+def _write_displacement(
+    vectors: Vectors, opacity: Float, grid: Grid, cell: Index, crs: CRS, tags: dict[str, str], path: Path
+) -> None:
     errors = np.sqrt(np.einsum("nii->ni", vectors.covariance))
     plane_errors = np.sqrt(np.einsum("nii->ni", vectors.in_plane_covariance))
     errors[~vectors.measured], plane_errors[~vectors.measured] = np.nan, np.nan
@@ -98,6 +105,7 @@ def _write_displacement(vectors: Vectors, grid: Grid, cell: Index, crs: CRS, tag
         ("share of the window seen in both surveys", vectors.seen, "1"),
         ("width of the window", np.where(vectors.measured, vectors.width, np.nan), "m"),
         ("status: " + ", ".join(f"{s.value} {REASONS[s]}" for s in Status), vectors.status.astype(np.float64), "1"),
+        (displacement_styles.OPACITY_NAME, opacity, opacity_band.UNIT),
     ]
     bands = {name: on_grid(cell, band, grid.shape) for name, band, _ in values}
     geotiff.write_bands(path, bands, grid, crs, unit=[unit for *_, unit in values], tags=tags)

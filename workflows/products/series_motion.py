@@ -45,11 +45,11 @@ def write_motion(
     tags = geotiff.raster_tags(
         epochs=(about.dates[0], about.dates[-1]), software=f"SlopeWatch {VERSION}", input_sha256=" ".join(hashes)
     )
-    outputs = write_rasters(last, field.layout.grid, field.layout.cell, crs, tags, stage)
     limit = threshold(motion.parameters.vector_confidence)
     moving = field.significant[-1]
     spacing = field.layout.grid.cell
     shown = last.measured & (moving | (np.nan_to_num(last.statistic) > limit))
+    outputs = write_rasters(last, shown, field.layout.grid, field.layout.cell, crs, tags, stage)
     times = displacement_styles.magnification(last.motion[shown], spacing)
     velocity = field.vectors(field.velocity, field.velocity_covariance)
     fast = np.nan_to_num(velocity.statistic) > limit

@@ -31,18 +31,26 @@ class Surveys:
         return Links.of(len(self.days))
 
 
+_MIN_SHARE, _MIN_WINDOWS = 0.5, 20  # that agree, of a motion that most of the slope shares
+
+
 @dataclass(frozen=True)
 class References:
     """What each survey is seen from.
 
     Attributes:
-        taken_off: (surveys, 3) motion of stable ground that is taken off, metres; zero where none is known.
+        taken_off: (surveys, 3) motion of stable ground, or of most of a slope, that is taken off, metres; zero where
+            none is known.
         covariance: (surveys, 3, 3) of it where it is known, else NaN: the registration's error counts then.
+        of_slope: (surveys,) where it is that of most of a slope: the registration's turn about ``centre`` (3,) counts,
+            too.
         common: the motion that most windows share in each survey from the second on, before any is taken off.
     """
 
     taken_off: Float
     covariance: Float
+    of_slope: Bool
+    centre: Float
     common: tuple[CommonMotion | None, ...]
 
     def error_at(self, places: Float, registered: Sequence[Registered]) -> Float:
@@ -50,6 +58,8 @@ class References:
         found = np.stack([r.at(places) for r in registered], axis=1)
         known = np.isfinite(self.covariance).all(axis=(1, 2))
         found[:, known] = self.covariance[known]
+        for survey in np.flatnonzero(self.of_slope):
+            found[:, survey] += registered[survey].turned_about(self.centre).at(places)
         found[:, 0] = 0.0
         return found
 
@@ -157,17 +167,31 @@ def motion_field(
 def _references(
     pairs: Sequence[PairMotion], layout: Layout, surveys: Surveys, independent: float, stable: StablePlaces | None
 ) -> References:
+    """Motion of stable ground where that is known, else of most of the slope on which a survey was registered.
+
+    A part that slides pulls the registration of the whole along, by more than it states. The rest then seems to move
+    the other way as one, which shows by how much.
+    """
     count = len(surveys.days)
     taken_off, covariance = np.zeros((count, 3)), np.full((count, 3, 3), np.nan)
+    of_slope = np.zeros(count, dtype=bool)
     common = []
     among = None if stable is None else stable(layout.places[:, :2])
     for survey in range(1, count):
         vectors = in_the_map(pairs[survey - 1].sizes[-1], layout.facets, layout.places, layout.facet)
         common.append(common_motion(vectors, independent))
-        still = None if among is None else common_motion(vectors, independent, among)
+        still = common[-1] if among is None else common_motion(vectors, independent, among)
+        if among is None and not (surveys.registered[survey].known and _of_most(still)):
+            continue
         if still is not None:
-            taken_off[survey], covariance[survey] = still.motion, still.covariance
-    return References(taken_off, covariance, tuple(common))
+            of_slope[survey] = among is None
+            factor = max(still.factor, 1.0) if among is None else 1.0
+            taken_off[survey], covariance[survey] = still.motion, factor * still.covariance
+    return References(taken_off, covariance, of_slope, layout.places.mean(axis=0), tuple(common))
+
+
+def _of_most(motion: CommonMotion | None) -> bool:
+    return motion is not None and motion.windows >= _MIN_WINDOWS and motion.share >= _MIN_SHARE
 
 
 def _size(

@@ -15,8 +15,8 @@ from ...core.progress import Progress
 from ...displacement import zones as pair_zones
 from ...displacement.stored_ground import Ground
 from ...displacement.vectors import Vectors, squared_length
-from ...displacement.zones import MAX_PROBABILITY, groups
-from ..tracking import Sighting, Track, track_zones
+from ...displacement.zones import MAX_PROBABILITY, MAX_TURN_DEG, groups
+from ..tracking import Alike, Sighting, Track, track_zones
 from .field import Field, evidence, tests_of
 from .network import Adjusted, Measured, adjust, own_variances
 from .windows import PairMotion, search_of
@@ -24,6 +24,7 @@ from .windows import PairMotion, search_of
 Clouds = Callable[[int, int], tuple[Ground, Ground]]
 """Ground points (n, 3) of two surveys in the frame of the series, metres."""
 _REACH = 1  # windows by which a zone may lie elsewhere from survey to survey
+_SHORTEST_M = 1e-12
 _MIN_LOOKS = 2  # after which a zone stood out, where the last one does not show it
 
 
@@ -159,9 +160,27 @@ def _tracks(field: Field, parameters: DisplacementParameters) -> list[Track]:
             if len(group) * parameters.spacing**2 >= parameters.slide_area:
                 labels.ravel()[layout.cell[group]] = number
         seen.append((last, labels, np.ones(layout.grid.shape, dtype=np.int8)))
-    tracks = (t for t in track_zones(seen, _REACH) if not t.merged_into)
+    tracks = (t for t in track_zones(seen, _REACH, _alike(field)) if not t.merged_into)
     end = len(field.looks)
     return [t for t in tracks if t.sightings[-1].epoch == end or len(t.sightings) >= _MIN_LOOKS]
+
+
+def _alike(field: Field) -> Alike:
+    """Whether cells of windows lie on one facet and move on the whole in like directions."""
+    layout = field.layout
+    directions = []
+    for vectors in field.looks:
+        plane = vectors.in_plane[:, :2]
+        directions.append(plane / np.maximum(np.linalg.norm(plane, axis=1, keepdims=True), _SHORTEST_M))
+
+    def alike(survey: int, cells: Index, other: int, others: Index) -> bool:
+        one, two = layout.number[cells], layout.number[others]
+        if layout.facet[one[0]] != layout.facet[two[0]]:
+            return False
+        a, b = directions[survey - 1][one].sum(axis=0), directions[other - 1][two].sum(axis=0)
+        return bool(a @ b > np.cos(np.radians(MAX_TURN_DEG)) * np.linalg.norm(a) * np.linalg.norm(b))
+
+    return alike
 
 
 def _order(pairs: Sequence[tuple[int, int]]) -> Iterator[int]:

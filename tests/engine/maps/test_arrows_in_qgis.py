@@ -11,7 +11,11 @@ import numpy as np
 import pytest
 import shapely
 from PIL import Image
-from slopewatch.engine.maps import displacement_styles
+from pyproj import CRS
+from slopewatch.engine.grid.geotiff import write_bands
+from slopewatch.engine.grid.grid import Grid
+from slopewatch.engine.maps import displacement_styles, opacity_band
+from slopewatch.engine.maps.qgis_styles import write_qml_next_to
 from slopewatch.engine.vector.geopackage import Layer, write_layers
 
 X0, Y0 = 500000.0, 4000000.0
@@ -20,16 +24,19 @@ RED, BLUE, PURPLE = (179, 24, 24), (27, 94, 143), (84, 39, 136)
 SCRIPT = """
 import sys
 from qgis.core import QgsApplication, QgsDateTimeRange, QgsMapRendererParallelJob, QgsMapSettings, QgsRectangle
-from qgis.core import QgsVectorLayer
+from qgis.core import QgsRasterLayer, QgsVectorLayer
 from qgis.PyQt.QtCore import QDate, QDateTime, QSize, QTime, Qt
 from qgis.PyQt.QtGui import QColor
 application = QgsApplication([], False)
 application.initQgis()
 folder = sys.argv[1]
 
-def draw(name, file, background, day=""):
+def named(name):
     layer = QgsVectorLayer(folder + "/motion.gpkg|layername=" + name, name, "ogr")
     layer.loadDefaultStyle()  # as the plugin does: QGIS itself takes all but the times
+    return layer
+
+def draw(layer, file, background, day=""):
     settings = QgsMapSettings()
     settings.setLayers([layer])
     settings.setDestinationCrs(layer.crs())
@@ -46,11 +53,12 @@ def draw(name, file, background, day=""):
     job.waitForFinished()
     job.renderedImage().save(folder + "/" + file)
 
-draw("vectors", "dark.png", "#4a1208")
-draw("velocities", "velocities.png", "white")
-draw("zones", "zones.png", "white")
+draw(named("vectors"), "dark.png", "#4a1208")
+draw(named("velocities"), "velocities.png", "white")
+draw(named("zones"), "zones.png", "white")
+draw(QgsRasterLayer(folder + "/displacement.tif", "motion"), "raster.png", "white")  # finds its style by itself
 for day in ("2024-05-31", "2024-06-01", "2024-06-30", "2024-07-01"):
-    draw("moves", day + ".png", "white", day)
+    draw(named("moves"), day + ".png", "white", day)
 sys.stdout.flush()
 application.exitQgis()
 """
@@ -64,6 +72,20 @@ def motion(places: list[tuple[float, float]], east: list[float], unit: str = "m"
     columns |= {name: [90.0] * count for name in ("azimuth_deg", "plunge_deg", "err_azimuth_deg", "window_m")}
     points = shapely.points(np.array([(X0 + x, Y0 + y) for x, y in places]))
     return gpd.GeoDataFrame(columns, geometry=points, crs="EPSG:32651")
+
+
+def write_raster(path: Path) -> None:
+    """All ground moves alike down the dip, which is significant in the west and little in the middle, and known there
+    alone.
+    """
+    down, beyond = np.full((15, 20), 0.3), np.zeros((15, 20), dtype=bool)
+    beyond[:, :8], down[:, 14:] = True, np.nan
+    names = [f"band {number}" for number in range(1, displacement_styles.OPACITY_BAND)]
+    bands = {name: down if name == "band 4" else np.zeros_like(down) for name in names}
+    bands[displacement_styles.OPACITY_NAME] = opacity_band.opacity(down, beyond)
+    grid = Grid(west=X0, north=Y0 + 15.0, cell=1.0, rows=15, columns=20)
+    write_bands(path, bands, grid, CRS(32651), unit=["m"] * len(bands))
+    write_qml_next_to(path, displacement_styles.along_dip_qml(0.3))
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +110,7 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
             Layer(moves, "moves", displacement_styles.vectors_qml(20.0, temporal=True), "Point"),
         ],
     )  # fmt: skip
+    write_raster(folder / "displacement.tif")
     environment = {"PATH": "/usr/bin:/bin", "QT_QPA_PLATFORM": "offscreen", "HOME": str(folder)}
     subprocess.run([python, "-c", SCRIPT, str(folder)], check=True, capture_output=True, env=environment, timeout=120)
     return folder
@@ -111,6 +134,15 @@ def test_an_arrow_is_as_long_as_its_motion_by_its_magnification_and_has_a_light_
     assert len(red) >= 1
     assert light.min() < red.min()
     assert light.max() > red.max()
+
+
+def test_motion_within_its_error_is_pale_in_the_raster(drawn: Path) -> None:
+    pixels = np.asarray(Image.open(drawn / "raster.png").convert("RGB")).astype(int)[300]
+    significant, within, unknown = (pixels[40 * column] for column in (4, 11, 17))
+    assert 255 - significant[1:].mean() > 150  # the full red of the ramp's end
+    assert 10 < 255 - within[1:].mean() < 60
+    assert within[0] > within[2]  # of the same colour, only paler
+    assert (unknown == 255).all()
 
 
 def test_velocities_are_drawn_by_their_own_columns(drawn: Path) -> None:

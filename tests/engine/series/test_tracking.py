@@ -73,6 +73,47 @@ def test_cells_beside_the_footprint_belong_to_it_within_the_reach_only():
     assert len(track(*beside, reach=0)) == 2
 
 
+def opposite(row: int):
+    """Cells from that row on move the other way."""
+
+    def alike(survey, cells, other, others):
+        return (cells[0] // SHAPE[1] < row) == (others[0] // SHAPE[1] < row)
+
+    return alike
+
+
+def test_what_moves_the_other_way_is_no_crumb_of_a_zone():
+    # the second group touches the first one's corner
+    labels, signs = drawn((5, 15, 5, 25), (15, 17, 25, 27))
+    labels[15:17, 25:27] = 2
+    before = drawn((5, 15, 5, 25))
+    alone = track_zones([(1, *before), (2, labels, signs)], 1)
+    assert [len(zone.sightings[-1].cells) for zone in alone] == [204]
+    zone, other = track_zones([(1, *before), (2, labels, signs)], 1, opposite(15))
+    assert (len(zone.sightings[-1].cells), len(other.sightings[-1].cells)) == (200, 4)
+    assert (other.parent, events(other)) == ("", [(2, "new", ())])
+
+
+def test_what_moves_the_other_way_within_a_footprint_is_split_off():
+    before = drawn((5, 17, 5, 25))
+    labels, signs = drawn((5, 15, 5, 25), (15, 17, 5, 8))
+    labels[15:17, 5:8] = 2
+    zone, other = track_zones([(1, *before), (2, labels, signs)], 1, opposite(15))
+    assert other.parent == zone.zone_id
+    assert len(zone.sightings[-1].cells) == 200
+
+
+def test_zones_that_move_in_other_ways_do_not_merge():
+    labels, signs = drawn((5, 15, 5, 25), (15, 20, 5, 15))
+    labels[15:20, 5:15] = 2
+    grown = drawn((5, 17, 5, 25))
+    same = track_zones([(1, labels, signs), (2, *grown)], 1)
+    assert [zone.merged_into for zone in same] == ["", "S001"]
+    zone, other = track_zones([(1, labels, signs), (2, *grown)], 1, opposite(15))
+    assert (zone.merged_into, other.merged_into) == ("", "")
+    assert [s.epoch for s in other.sightings] == [1]
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_a_later_survey_changes_no_earlier_id(seed):
     rng = np.random.default_rng(seed)

@@ -10,9 +10,10 @@ import pytest
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.displacement.registered import Registered
+from slopewatch.engine.displacement.status import Status
 from slopewatch.engine.series.motion.field import Surveys, motion_field
 from slopewatch.engine.series.motion.windows import Layout, PairMotion, layout_of, measure_pair
-from slopewatch.engine.series.motion.zones import moving_ground, unevenness
+from slopewatch.engine.series.motion.zones import _tracks, moving_ground, unevenness
 from slopewatch.interface.parameters import DisplacementParameters
 from slopewatch.tests.builders.rough_ground import axes, in_the_map, relief, sampled
 
@@ -104,6 +105,23 @@ def test_motion_that_began_at_the_last_survey_is_a_zone_too(measured, clouds):
     assert found.significant[2][inside].mean() > 0.5
 
 
+def test_windows_that_move_the_other_way_are_no_part_of_a_zone(measured):
+    """They begin a survey later, at a corner of ground that slides down."""
+    layout = measured[0]
+    column, row = (layout.columns - layout.columns.min(axis=0)).T
+    large = (column < 5) & (row < 4)
+    small = (column > 4) & (column < 7) & (row > 3) & (row < 6)
+    assert (np.count_nonzero(large), np.count_nonzero(small)) == (20, 4)
+
+    place = np.zeros((len(layout.cell), len(DAYS), 3))
+    place[large, :, 0] = [0.0, 0.1, 0.2, 0.3]
+    place[small, :, 0] = [0.0, 0.0, -0.1, -0.2]
+    found = motion_field(seen(measured, place), layout, SURVEYS, PARAMETERS)
+    sliding, opposite = (set(layout.number[t.sightings[-1].cells]) for t in _tracks(found, PARAMETERS))
+    assert sliding == set(np.flatnonzero(large))
+    assert opposite == set(np.flatnonzero(small))
+
+
 def test_still_ground_has_no_zone(clouds):
     heights = relief(SIDE_M, 0.15, seed=8)
     still = [sampled(heights, 80.0, 0.02, number + 1, gaps=0.3) for number in range(3)]
@@ -131,6 +149,57 @@ def test_the_motion_of_stable_ground_is_taken_off(measured):
     assert np.median(found.motion[still, 3] @ axes().T, axis=0) == pytest.approx(0.0, abs=0.012)
     without = motion_field(moved, layout, SURVEYS, PARAMETERS)
     assert np.median(without.motion[still, 3] @ axes().T, axis=0)[0] == pytest.approx(0.03, abs=0.012)
+
+
+def seen(measured, place: np.ndarray) -> list[PairMotion]:
+    """Pairs in which windows were at ``place`` (windows, surveys, 3) in the plane, known to 3 mm."""
+    layout, pairs = measured
+    rng, known = np.random.default_rng(4), np.full(len(layout.cell), int(Status.MEASURED))
+    error = np.tile(9e-6 * np.eye(3), (len(known), 1, 1))
+    found = []
+    for pair, (earlier, later) in zip(pairs, SURVEYS.links.pairs, strict=True):
+        way = place[:, later] - place[:, earlier] + rng.normal(0, 0.003, (len(known), 3))
+        sizes = tuple(replace(w, motion=way, covariance=error, status=known) for w in pair.sizes)
+        found.append(replace(pair, sizes=sizes))
+    return found
+
+
+def test_what_a_slide_pulls_the_registration_by_is_taken_off(measured):
+    layout, shift = measured[0], np.array([-0.03, 0.01, 0.0])
+    sliding = along(layout.places) < 5.0
+    place = np.zeros((len(layout.cell), len(DAYS), 3))
+    place[sliding] = 0.1 * np.arange(len(DAYS))[:, None] * [1.0, 0.0, 0.0]
+    place[:, 3] += shift
+    stated = Registered(np.diag([1e-8] * 3 + [4e-6] * 3), layout.places[0], known=True)
+    surveys = Surveys(DAYS, (stated,) * len(DAYS))
+    found = motion_field(seen(measured, place), layout, surveys, PARAMETERS)
+    back = found.references
+    assert 0.05 < sliding.mean() < 0.4
+    assert back.taken_off[3] @ axes().T == pytest.approx(shift, abs=0.004)
+    assert back.taken_off[1] @ axes().T == pytest.approx(0.0, abs=0.004)
+    off = found.motion[:, 3] @ axes().T - (place[:, 3] - shift)
+    assert off == pytest.approx(0.0, abs=0.012)
+    assert np.abs(off[:, :2].mean(axis=0)) == pytest.approx(0.0, abs=0.002)
+    # its turn stays in the error: 0.1 mm a metre from the middle on
+    far = back.centre + 30.0 * axes()[0]
+    near, away = (np.sqrt(back.error_at(p[None], surveys.registered)[0, 3, 1, 1]) for p in (back.centre, far))
+    assert near < 0.002
+    assert away == pytest.approx(np.hypot(near, 30e-4), rel=0.02)
+
+
+@pytest.mark.parametrize("case", ["registration unknown", "no motion of most", "stable ground"])
+def test_nothing_is_taken_off_where_nothing_says_what_rests(measured, case):
+    layout = measured[0]
+    place = np.zeros((len(layout.cell), len(DAYS), 3))
+    place[:, 3] += [-0.03, 0.01, 0.0]
+    if case == "no motion of most":
+        place[:, 3, 0] += 0.1 * (np.arange(len(place)) % 4)
+    known = Registered.shift(0.002, 0.001)
+    surveys = SURVEYS if case == "registration unknown" else Surveys(DAYS, (known,) * len(DAYS))
+    stable = (lambda xy: np.zeros(len(xy), bool)) if case == "stable ground" else None  # seen by no window
+    found = motion_field(seen(measured, place), layout, surveys, PARAMETERS, stable)
+    assert not found.references.taken_off[3].any()
+    assert not found.references.of_slope[3]
 
 
 def test_what_was_kept_of_a_pair_comes_back(measured, tmp_path):
