@@ -15,7 +15,7 @@ from PIL import Image
 
 PICTURES = Path(__file__).resolve().parents[1] / "docs" / "images"
 _PAGES, _SCALE, _GAP = 3, 1.0, 10
-_COLOURS = 128
+_COLOURS = 256
 
 
 def main(pdf: Path, name: str = "signed_report") -> None:
@@ -28,7 +28,8 @@ def main(pdf: Path, name: str = "signed_report") -> None:
     for page in pages:
         picture.paste(page, (left, _GAP))
         left += page.width + _GAP
-    picture.quantize(_COLOURS).save(PICTURES / f"{name}.png", optimize=True)
+    # the median cut of PIL's default loses what few pixels have: the colours of keys and lines
+    picture.quantize(_COLOURS, Image.Quantize.MAXCOVERAGE).save(PICTURES / f"{name}.png", optimize=True)
 
 
 if __name__ == "__main__":
