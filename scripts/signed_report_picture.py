@@ -8,14 +8,15 @@ another picture, such as corridor_report.
 from __future__ import annotations
 
 import sys
+import tempfile
 from pathlib import Path
 
 import pypdfium2
 from PIL import Image
+from slopewatch.scripts.screenshots import shrink
 
 PICTURES = Path(__file__).resolve().parents[1] / "docs" / "images"
 _PAGES, _SCALE, _GAP = 3, 1.0, 10
-_COLOURS = 256
 
 
 def main(pdf: Path, name: str = "signed_report") -> None:
@@ -28,8 +29,10 @@ def main(pdf: Path, name: str = "signed_report") -> None:
     for page in pages:
         picture.paste(page, (left, _GAP))
         left += page.width + _GAP
-    # the median cut of PIL's default loses what few pixels have: the colours of keys and lines
-    picture.quantize(_COLOURS, Image.Quantize.MAXCOVERAGE).save(PICTURES / f"{name}.png", optimize=True)
+    with tempfile.TemporaryDirectory() as folder:
+        whole = Path(folder) / "pages.png"
+        picture.save(whole)
+        shrink(whole, PICTURES / f"{name}.png")  # which keeps the colours of keys and lines
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 import geopandas as gpd
+import shapely
 from markupsafe import Markup
 from shapely.geometry.base import BaseGeometry
 
@@ -68,17 +69,27 @@ def corridor_pictures(
     found = {}
     names = ", ".join(name for name, _ in regions[:_NAMED])
     more = f", {len(regions) - _NAMED} more" if len(regions) > _NAMED else ""
-    drawn = corridor_map(zones, regions, dict(attentions), spans, _MAP_MM)
+    size = _WIDTH_MM, _height(zones, regions)
+    drawn = corridor_map(zones, regions, dict(attentions), spans, size)
     if drawn:
-        found["map"] = encoded(drawn, f"Map of the slopes in the colours of their attention: {names}{more}", _MAP_MM)
+        found["map"] = encoded(drawn, f"Map of the slopes in the colours of their attention: {names}{more}", size)
     if spans:
-        size = _MAP_MM[0], strip_height(spans)
+        size = _WIDTH_MM, strip_height(spans)
         places = ", ".join(f"{span.slope} at {chainage_text(span.begin)}" for span in spans[:_NAMED])
         found["road"] = encoded(road_strip(spans, size[0]), f"The roads drawn straight, with {places}", size)
     return found
 
 
-_MAP_MM = 250.0, 130.0
+def _height(zones: gpd.GeoDataFrame, regions: Sequence[tuple[str, BaseGeometry]]) -> float:
+    """Millimetres of a map in which the slopes leave little white above and below them."""
+    shapes = [shape for _, shape in regions] or list(zones.geometry)
+    if not shapes:
+        return _HEIGHTS_MM[0]
+    west, south, east, north = shapely.total_bounds(shapes)
+    return min(max(_FOOT_MM + _WIDTH_MM * (north - south) / max(east - west, 1e-3), _HEIGHTS_MM[0]), _HEIGHTS_MM[1])
+
+
+_WIDTH_MM, _HEIGHTS_MM, _FOOT_MM = 250.0, (75.0, 160.0), 45.0
 _NAMED = 12
 """Slopes that are named to those who cannot see the pictures; the table has all."""
 _DECIMALS = {"rate_mm_day": 2, "volume_m3": 2, "largest_m": 2, "chainage": 0}
