@@ -9,9 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from qgis.core import QgsProcessingParameterEnum
 from qgis.gui import QgsCollapsibleGroupBoxBasic
-from qgis.PyQt.QtWidgets import QBoxLayout, QLineEdit, QVBoxLayout, QWidget
+from qgis.PyQt.QtWidgets import QBoxLayout, QComboBox, QLineEdit, QVBoxLayout, QWidget
 
+from ..interface.choice_words import shown_choice
 from ..plugin.bridge.compat import ADVANCED
 from ..plugin.bridge.words import tr
 from .declare import GROUP, MORE, PLACE
@@ -29,6 +31,8 @@ def put_in_order(wrappers: Sequence[Any]) -> None:
         if not parts:
             continue
         details = definition.metadata()
+        if isinstance(definition, QgsProcessingParameterEnum):
+            _in_words(parts[-1])
         if not definition.isDestination():
             if details.get(GROUP) and definition.flags() & ADVANCED:
                 groups.setdefault(details[GROUP], []).extend(parts)
@@ -40,6 +44,14 @@ def put_in_order(wrappers: Sequence[Any]) -> None:
             groups.setdefault(tr(MORE_TITLE), []).extend(parts)
     for title, parts in groups.items():
         _into_box(parts, title, after=last if title == tr(MORE_TITLE) else None)
+
+
+def _in_words(box: QWidget) -> None:
+    """Say the choices of a list in QGIS's language; its values, which are its data, stay as they are."""
+    if isinstance(box, QComboBox):
+        for number in range(box.count()):
+            if isinstance(box.itemData(number), str):
+                box.setItemText(number, shown_choice(box.itemData(number), tr))
 
 
 def _parts(wrapper: Any) -> list[QWidget]:

@@ -19,17 +19,20 @@ class ProfileWidget(OwnField):
         """The list; ``filled`` are the values of each profile by the parameters' names, None for an empty field."""
         self._filled = filled
         box = QComboBox()
-        box.addItems(self.parameterDefinition().options())
+        for option in self.parameterDefinition().options():
+            box.addItem(option, option)
         return box
 
     def setValue(self, value: Any) -> None:
         """Choose a profile by its name or, as qgis_process may, by its number."""
         options = self.parameterDefinition().options()
         word = str(value)
-        self.widget.setCurrentText(options[int(word)] if word.isdecimal() and int(word) < len(options) else word)
+        name = options[int(word)] if word.isdecimal() and int(word) < len(options) else word
+        if name in options:
+            self.widget.setCurrentIndex(options.index(name))
 
     def value(self) -> str:
-        return str(self.widget.currentText())
+        return str(self.widget.currentData())
 
     def postInitialize(self, wrappers: Sequence[Any]) -> None:
         """Fill the other fields whenever a profile is chosen; in a model they hold sources of values, not values."""
@@ -38,9 +41,9 @@ class ProfileWidget(OwnField):
         fields = {one.parameterDefinition().name(): one for one in wrappers}
         context = QgsProcessingContext()
 
-        def fill(profile: str) -> None:
-            for name, value in self._filled[profile].items():
+        def fill(*_: object) -> None:
+            for name, value in self._filled[self.value()].items():
                 fields[name].setParameterValue(value, context)
             self.widgetValueHasChanged.emit(self)
 
-        self.widget.currentTextChanged.connect(fill)
+        self.widget.currentIndexChanged.connect(fill)

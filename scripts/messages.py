@@ -21,6 +21,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from slopewatch.engine.core.template_messages import template_messages
+from slopewatch.interface import parameters
+from slopewatch.interface.choice_words import CHOICE, is_word
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("interface", "engine", "models", "workflows", "cli", "plugin", "processing_algorithms")
@@ -254,12 +256,21 @@ def messages(root: Path = ROOT) -> dict[str, list[str]]:
             _add(found, messages_of(source, labels=name.startswith(LABELS)), name)
     for single in (*COMPOSED, *WORDS):
         found.setdefault(single, ["scripts/messages.py"])
+    _add(found, choices(), "interface/parameters")
     names = json.loads((root / FIELDS).read_text(encoding="utf-8"))
     _add(found, (field["name"] for field in names.values()), FIELDS)
     for path in sorted((root / TEMPLATES).glob("*.j2")):
         name = path.relative_to(root).as_posix()
         _add(found, template_messages(path.read_text(encoding="utf-8")), name)
     return found
+
+
+def choices() -> Iterator[str]:
+    """What the lists of the dialogs show: each choice of a parameter that is a word, as the dialogs look it up."""
+    groups = (group for group in vars(parameters).values() if isinstance(group, type))
+    own = (group for group in groups if issubclass(group, parameters.ParameterSet))
+    listed = {choice for group in own for s in group.specifications() for choice in s.choices}
+    yield from (CHOICE.format(one) for one in sorted(listed | set(parameters.PROFILES)) if is_word(one))
 
 
 def _add(found: dict[str, list[str]], more: Iterator[str], name: str) -> None:

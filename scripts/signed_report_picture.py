@@ -10,12 +10,14 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import numpy as np
 import pypdfium2
 from PIL import Image
+from slopewatch.engine.maps.palette import diverging_colours
 
 PICTURES = Path(__file__).resolve().parents[1] / "docs" / "images"
 _PAGES, _SCALE, _GAP = 3, 1.0, 10
-_COLOURS = 128
+_FREQUENT, _OF_SCALE = 96, 61
 
 
 def main(pdf: Path, name: str = "signed_report") -> None:
@@ -28,7 +30,22 @@ def main(pdf: Path, name: str = "signed_report") -> None:
     for page in pages:
         picture.paste(page, (left, _GAP))
         left += page.width + _GAP
-    picture.quantize(_COLOURS).save(PICTURES / f"{name}.png", optimize=True)
+    picture.quantize(palette=_palette(picture), dither=Image.Dither.NONE).save(PICTURES / f"{name}.png", optimize=True)
+
+
+def _palette(picture: Image.Image) -> Image.Image:
+    """256 colours: the most frequent ones, the scale of the change, and those that reach farthest.
+
+    The usual median cut loses what few pixels have: the colours of keys, lines and the ends of scales.
+    """
+    colours, counts = np.unique(np.asarray(picture).reshape(-1, 3), axis=0, return_counts=True)
+    frequent = colours[np.argsort(-counts, kind="stable")][:_FREQUENT]
+    scale = diverging_colours(np.linspace(-1.0, 1.0, _OF_SCALE), 1.0)
+    count = 256 - _FREQUENT - _OF_SCALE
+    rest = picture.quantize(count, Image.Quantize.MAXCOVERAGE).getpalette() or []
+    found = Image.new("P", (1, 1))
+    found.putpalette([*frequent.ravel().tolist(), *scale.ravel().tolist(), *rest[: 3 * count]])
+    return found
 
 
 if __name__ == "__main__":

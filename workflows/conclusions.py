@@ -21,7 +21,7 @@ MOST = 9
 _FIRST = (
     "report", "page", "series_zones", "corridor", "zones", "screened_zones", "m3c2_significant",
     "displacement_vectors", "labelled", "significant_change", "weights", "aligned", "points", "ground",
-    "picture", "plan", "roi", "located",
+    "picture", "plan", "roi", "located", "report/report.html", "report/corridor.html", "layers.gpkg", "handover",
 )  # fmt: skip
 _NAMED = 2
 _MIN_BIAS_M, _BIAS_ERRORS = 0.02, 3.0
@@ -320,12 +320,18 @@ def _places(outputs: Mapping[str, Path]) -> list[str]:
     # the folder of the record, as a file that was wanted elsewhere must not make it the root of the disk
     folder = Path(outputs.get("run", paths[0])).absolute().parent
     known = [Path(outputs[key]) for key in _FIRST if key in outputs][:_NAMED]
-    first = list(dict.fromkeys(path.name for path in (known or paths[:1])))
+    first = list(dict.fromkeys(_from(folder, path) for path in (known or paths[:1])))
     count = sum(folder in path.parents for path in set(paths))
     return [
         f"{number(count)} {plural(count, 'file')} {'was' if count == 1 else 'were'} written to {folder}.",
         f"Look first at {' and '.join(first)}.",
     ]
+
+
+def _from(folder: Path, path: Path) -> str:
+    """A file as people find it from the folder; its name where it lies elsewhere."""
+    path = path.absolute()
+    return path.relative_to(folder).as_posix() if folder in path.parents else path.name
 
 
 def _of_warnings(result: RunResult) -> str:

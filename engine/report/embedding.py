@@ -20,6 +20,7 @@ from ..maps.map_parts import PNG_OPTIONS
 
 _DPI = 160
 _CSS_DPI = 96
+_INCH_MM = 25.4
 _MAX_PIXELS = 100_000_000
 """Of a picture: some ten times what a run draws, and as many as the cameras of telephones give."""
 _PHOTO_PIXELS, _PHOTO_QUALITY = 900, 80
@@ -65,6 +66,13 @@ def map_picture(figure: Figure, text: str) -> Picture:
     figure.savefig(stream, format="png", dpi=_DPI, metadata={"Software": "SlopeWatch"}, pil_kwargs=PNG_OPTIONS)
     width, height = figure.get_size_inches() * _CSS_DPI
     return Picture(_uri("image/png", stream.getvalue()), text, round(width), round(height))
+
+
+def encoded(content: bytes, text: str, size_mm: tuple[float, float]) -> Picture:
+    """A picture that is drawn already, as PNG or SVG; ``size_mm`` are its width and height."""
+    kind = "image/png" if content.startswith(b"\x89PNG") else "image/svg+xml"
+    width, height = (max(1, round(mm / _INCH_MM * _CSS_DPI)) for mm in size_mm)
+    return Picture(_uri(kind, content), text, width, height)
 
 
 def photograph(path: Path, text: str, width: int, *, quality: int = 88) -> Picture | None:

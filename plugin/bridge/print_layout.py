@@ -56,7 +56,8 @@ _ROW_MM = 4.9
 _COLUMNS = (
     ("zone_id", "Zone", ""), ("slope", "Slope", ""), ("kind", "Kind", ""), ("severity", "Severity", ""),
     ("alert", "Alert", ""), ("area_m2", "Area", "m²"), ("dz_mean_m", "Mean change", "m"),
-    ("rate_mm_day", "Rate", "mm/day"), ("vol_net_m3", "Volume", "m³"), ("vol_err_m3", "±", "m³"),
+    ("rate_mm_day", "Rate", "mm/day"), ("motion_rate_mm_day", "Along the surface", "mm/day"),
+    ("motion_rate_err", "±", "mm/day"), ("vol_net_m3", "Volume", "m³"), ("vol_err_m3", "±", "m³"),
     ("motion_m", "Motion", "m"), ("motion_err_m", "±", "m"),
     ("length_m", "Motion", "m"), ("length_err_m", "±", "m"), ("azimuth_deg", "Direction", "°"), ("route", "Route", ""),
     ("chain_from", "Chainage from", ""), ("chain_to", "Chainage to", ""),
@@ -66,9 +67,9 @@ _VALUES = {"kind": ("uplift", "subsidence", "sliding"), "severity": ("high", "mo
 """Values that are shown in words of QGIS's language."""
 _DECIMALS = {
     "area_m2": 1, "dz_mean_m": 3, "rate_mm_day": 2, "vol_net_m3": 2, "vol_err_m3": 2, "motion_m": 3, "motion_err_m": 3,
-    "length_m": 3, "length_err_m": 3, "azimuth_deg": 0,
+    "motion_rate_mm_day": 2, "motion_rate_err": 2, "length_m": 3, "length_err_m": 3, "azimuth_deg": 0,
 }  # fmt: skip
-_WIDE_COLUMNS = 10
+_WIDE_COLUMNS = 12
 _LAYER_POINTS, _CLASS_POINTS = 8, 7
 """Letters of the legend."""
 _NORTH = (
@@ -231,7 +232,9 @@ def _add_table(layout: QgsPrintLayout, zones: QgsVectorLayer, box: Box, rows: in
     table.setVectorLayer(zones)
     shown = [column for column in _COLUMNS if _is_filled(zones, column[0])][:_WIDE_COLUMNS]
     columns = []
-    for field, title, unit in shown:
+    two_rates = any(field == "motion_rate_mm_day" for field, *_ in shown)
+    for field, name, unit in shown:
+        title = "Rate of the heights" if two_rates and field == "rate_mm_day" else name
         column = QgsLayoutTableColumn(f"{tr(title)} ({tr(unit)})" if unit else tr(title))
         decimals = _DECIMALS.get(field)
         column.setAttribute(_in_words(field) if decimals is None else _number(field, decimals))

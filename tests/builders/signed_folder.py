@@ -18,6 +18,10 @@ from slopewatch.workflows.settings import Settings
 WEST, SOUTH = 500_000.0, 3_500_000.0
 _FRAME_SHARE = 0.075
 """Of a page's height: the running header above and the page number below."""
+LEAST_FILLED, WIDEST_GAP = 0.45, 0.11
+"""Of a page: squares of a centimetre with ink, with the letters' own gaps left out; a band of white between parts."""
+_SCALE = 0.5
+_SQUARE_MM, _MARGIN_SHARE = 10.0, 0.08
 
 
 def cloud(path: Path, *, bowl: float, seed: int, points: int = 40_000) -> Path:
@@ -56,9 +60,14 @@ class Pages:
             self.fonts_embedded: dict[str, bool] = {}
             self.texts: list[str] = []
             self.lowest_ink: list[float] = []
+            self.filled: list[float] = []
+            self.widest_gap: list[float] = []
             for page in document:
                 self.texts.append(" ".join(page.get_textpage().get_text_bounded().split()))
-                self.lowest_ink.append(_lowest_ink(page))
+                body = _body(page)
+                self.lowest_ink.append(_lowest_ink(body))
+                self.filled.append(_filled(body))
+                self.widest_gap.append(_widest_gap(body))
                 self._note_fonts(page)
             self.outline = [(mark.get_title(), mark.get_dest().get_index()) for mark in document.get_toc()]
             self.links = sum(_links(page) for page in document)
@@ -75,13 +84,33 @@ class Pages:
             self.fonts_embedded[name.value.decode()] = bool(pdfium.FPDFFont_GetIsEmbedded(font))
 
 
-def _lowest_ink(page: pypdfium2.PdfPage) -> float:
-    """Where the lowest ink between header and footer is, as a share of that room from above."""
-    image = np.asarray(page.render(scale=0.5).to_pil().convert("L"))
+def _body(page: pypdfium2.PdfPage) -> np.ndarray:
+    """Where ink is (rows, columns) between header and footer, half a millimetre or so a pixel."""
+    image = np.asarray(page.render(scale=_SCALE).to_pil().convert("L"))
     frame = round(_FRAME_SHARE * len(image))
-    body = image[frame:-frame]
-    inked = np.flatnonzero((body < 235).any(axis=1))
+    return image[frame:-frame] < 235
+
+
+def _lowest_ink(body: np.ndarray) -> float:
+    """Where the lowest ink is, as a share of the body from above."""
+    inked = np.flatnonzero(body.any(axis=1))
     return float(inked[-1] + 1) / len(body) if inked.size else 0.0
+
+
+def _filled(body: np.ndarray) -> float:
+    """Share of the squares of a centimetre between the margins that hold ink."""
+    side = round(_SQUARE_MM / 25.4 * 72 * _SCALE)
+    margin = round(_MARGIN_SHARE * body.shape[1])
+    within = body[:, margin:-margin]
+    rows, columns = (length // side for length in within.shape)
+    squares = within[: rows * side, : columns * side].reshape(rows, side, columns, side)
+    return float(squares.any(axis=(1, 3)).mean())
+
+
+def _widest_gap(body: np.ndarray) -> float:
+    """Height of the highest band without ink between what is above and below it, as a share of the body."""
+    inked = np.flatnonzero(body.any(axis=1))
+    return float(np.diff(inked).max(initial=1) - 1) / len(body)
 
 
 def _links(page: pypdfium2.PdfPage) -> int:

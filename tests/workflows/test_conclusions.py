@@ -117,6 +117,17 @@ def test_a_figure_that_is_not_known_leaves_its_sentence_out(command: str, figure
         assert "nan" not in sentence
 
 
+def test_what_lies_deeper_in_the_folder_is_named_with_its_path() -> None:
+    """A hand-over holds rasters, layers and report in folders of their own."""
+    given = {name: FOLDER / name for name in ("rasters/elevation_change.tif", "layers.gpkg", "report/report.html")}
+    run = {"run": FOLDER / "run.json"}
+    assert said("exportgis", {}, outputs={**given, **run})[-2] == "Look first at report/report.html and layers.gpkg."
+    rasters = {"rasters/elevation_change.tif": FOLDER / "rasters" / "elevation_change.tif", **run}
+    assert said("exportgis", {}, outputs=rasters)[-2] == "Look first at rasters/elevation_change.tif."
+    archive = {"handover": FOLDER / "slope.zip", "run": FOLDER / "slope_run.json"}
+    assert said("exportgis", {}, outputs=archive)[-2] == "Look first at slope.zip."
+
+
 def test_a_command_may_say_its_own_sentences() -> None:
     result = RunResult(FILES, {"zone_count": 4}, (), ("A picture of 4 m² was drawn.",))
     assert conclusion("inspect", result)[0] == "A picture of 4 m² was drawn."

@@ -17,7 +17,7 @@ from shapely.geometry.base import BaseGeometry
 
 from ...engine.core.progress import Progress
 from ...engine.core.version import VERSION
-from ...engine.report.corridor import corridor_page
+from ...engine.report.corridor import corridor_page, corridor_pictures
 from ...engine.report.signed.corridor import SignedCorridor, write_corridor_pdf
 from ...engine.report.signed.corridor_pictures import Span
 from .ranking import Ranked
@@ -47,7 +47,9 @@ def page_of(shown: Shown) -> str:
     """The page as HTML."""
     alerts = shown.alerts.drop(columns=shown.alerts.geometry.name).to_dict("records")
     facts = {"software": f"SlopeWatch {VERSION}", "manifest": shown.manifest, "count": shown.count}
-    return corridor_page(shown.ranked, shown.failed, alerts, facts | {"zones": len(shown.zones)})
+    attention = _attentions(shown)
+    pictures = corridor_pictures(shown.zones, _regions(shown), attention, _spans(shown, attention))
+    return corridor_page(shown.ranked, shown.failed, alerts, facts | {"zones": len(shown.zones)}, pictures)
 
 
 def write_pdf_of(shown: Shown, path: Path, details: Mapping[str, Any], started: str, progress: Progress) -> None:
@@ -56,17 +58,22 @@ def write_pdf_of(shown: Shown, path: Path, details: Mapping[str, Any], started: 
     Raises:
         InputError: the details do not fit, or what makes a PDF is missing.
     """
-    attention = {slope.slope: slope.attention for slope in shown.ranked}
-    regions = [
-        (str(name), place)
-        for name, shape in zip(shown.slopes["slope"], shown.slopes.geometry, strict=True)
-        if (place := _place(str(name), shape, shown)) is not None
-    ]
     corridor = SignedCorridor(
-        shown.ranked, shown.failed, shown.zones, shown.alerts, regions, shown.manifest,
-        _spans(shown, attention), shown.folders,
+        shown.ranked, shown.failed, shown.zones, shown.alerts, _regions(shown), shown.manifest,
+        _spans(shown, _attentions(shown)), shown.folders,
     )  # fmt: skip
     write_corridor_pdf(path, corridor, details, started, progress)
+
+
+def _attentions(shown: Shown) -> dict[str, int]:
+    return {slope.slope: slope.attention for slope in shown.ranked}
+
+
+def _regions(shown: Shown) -> list[tuple[str, BaseGeometry]]:
+    """The slopes that have a place, by their names."""
+    named = zip(shown.slopes["slope"], shown.slopes.geometry, strict=True)
+    places = ((str(name), _place(str(name), shape, shown)) for name, shape in named)
+    return [(name, place) for name, place in places if place is not None]
 
 
 def _place(slope: str, region: BaseGeometry | None, shown: Shown) -> BaseGeometry | None:

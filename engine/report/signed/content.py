@@ -11,10 +11,11 @@ from .blocks import Block, Document
 from .explained import explained
 from .figures_in_text import say
 from .maps import slope_map
+from .motion_sheets import motion_details, motion_of
 from .rasters import Surface, surface_of
 from .screened_sheets import screened_sheets
 from .sections import given_sections, section_drawing
-from .sheets import Zones, zone_sheets
+from .sheets import Zones, content_of, zone_sheets
 from .source import Source, map_layers
 from .surveyed import surveyed
 
@@ -32,7 +33,10 @@ def report_document(source: Source, lines: Sequence[ProfileLine] = ()) -> Docume
     surface = surface_of(source.record, source.folder)
     layers = map_layers(source)
     named = [(line.name, line.geometry) for line in lines]
-    picture = parts.screened_picture(source) if source.is_screening else b""
+    motion = motion_of(source) if source.is_motion else None
+    picture = parts.screened_slope(source, layers, parts.map_size(source)) if source.is_screening else b""
+    if motion is not None:
+        picture = content_of(motion.map)
     picture = picture or slope_map(surface, replace(layers, lines=named), *parts.map_size(source))
     document.blocks.append(parts.first_page(document, source, picture))
     if not source.is_screening:
@@ -42,6 +46,8 @@ def report_document(source: Source, lines: Sequence[ProfileLine] = ()) -> Docume
     document.blocks += screened_sheets(document, source)
     if surface is not None:
         document.blocks += _along_lines(document, surface, lines, source.ends)
+    if motion is not None:
+        document.blocks += motion_details(document, motion)
     document.blocks += surveyed(source.record, source.details)
     document.blocks += parts.pictures(document, source)
     document.blocks += parts.screened(document, source)

@@ -32,7 +32,7 @@ _NUMBERS = (
     "Surveys",
 )
 _NUMBER_MM = 15.5
-_MAP_WIDTH_MM, _MAP_MM, _LEAST_MAP_MM, _ROW_MM = 176.0, 128.0, 60.0, 5.3
+_MAP_WIDTH_MM, _MAP_MM, _LEAST_MAP_MM, _ROW_MM = 176.0, 160.0, 60.0, 5.3
 _GRADES = ("high", "moderate", "medium", "low", "unsure")
 _ACTING = 2  # attention from which a slope is counted in the verdict
 _PEOPLE = ("slope_name", "report_route", "client", "chainage_range", "author", "checker")

@@ -32,6 +32,7 @@ from ...maps.map_parts import (
 from ...maps.palette import diverging_colours
 from ...maps.picture_words import fonts, say
 from .rasters import Surface
+from .screened_relief import ScreenedRelief
 
 _DPI = 200
 _INCH_MM = 25.4
@@ -60,7 +61,7 @@ class MapLayers:
     marked: Sequence[tuple[str, str]] = ()
 
 
-def slope_map(surface: Surface | None, layers: MapLayers, width_mm: float, height_mm: float) -> bytes:
+def slope_map(surface: Surface | ScreenedRelief | None, layers: MapLayers, width_mm: float, height_mm: float) -> bytes:
     """The whole slope as PNG; without a surface only the outlines."""
     if surface is not None:
         bounds = surface.grid.bounds
@@ -96,7 +97,7 @@ def _widened(
 
 
 def _map(
-    surface: Surface | None,
+    surface: Surface | ScreenedRelief | None,
     layers: MapLayers,
     bounds: tuple[float, float, float, float],
     size_mm: tuple[float, float],
@@ -121,7 +122,7 @@ def _map(
     draw_north(sheet, 0.18, low + 0.12)
     draw_scale_bar(sheet, 0.45, low + 0.34, min(1.3, 0.26 * width), inches)
     bar_at = min(2.15, 0.45 * width)
-    if surface is not None:
+    if surface is not None and surface.limit is not None:
         values = np.linspace(-surface.limit, surface.limit, 401)
         draw_signed_bar(sheet, (bar_at, low + 0.42, 1.5, 0.1), diverging_colours(values, surface.limit), surface.limit)
         sheet.text(bar_at + 0.75, low + 0.61, say("Elevation change (m)"), ha="center")

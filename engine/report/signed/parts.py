@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 import geopandas as gpd
 
+from ...zones.fields import SLIDING
 from ..embedding import Picture, photograph
 from ..record_shape import inside
 from ..reviews import Review
@@ -13,7 +16,10 @@ from . import blocks
 from .blocks import Block, Cell, Column, Document
 from .details import LABELS, Details, place_text
 from .figures_in_text import figure, say, with_error, words_of
+from .maps import MapLayers, slope_map
+from .motion_sheets import first_zones
 from .page_words import PageWords
+from .screened_relief import LOWERED, RAISED, screened_relief
 from .sheets import MOST_SHEETS, content_of, sheet_label
 from .source import Source
 
@@ -47,11 +53,12 @@ def first_page(document: Document, source: Source, picture: bytes) -> Block:
         (0, [title(words.kind, details["slope_name"] or words.title)]),
         (0, [blocks.facts(rows)]),
     ]
-    verdict = words.verdict or _screening_verdict(source)
-    if verdict:
-        parts.append((0, [{"kind": "verdict", "text": verdict}]))
+    if words.verdict:
+        parts.append((0, [{"kind": "verdict", "text": words.verdict}]))
     if words.cards:
         parts.append((0, [{"kind": "cards", "rows": [list(card) for card in words.cards]}]))
+    if source.is_screening:
+        parts.append((0, [blocks.paragraph(text, small=True) for text in _screened_how(source.record)]))
     zones, screening = (source.screened, True) if source.is_screening else (source.zones, False)
     shown = min(len(zones), _FIRST_PAGE_ROWS)
     if picture:
@@ -61,28 +68,11 @@ def first_page(document: Document, source: Source, picture: bytes) -> Block:
         parts.append((0, [made]))
         if len(zones) > shown:
             parts.append((0, [blocks.paragraph(say(f"All {len(zones)} zones are in the table below."), small=True)]))
+    if source.is_motion:
+        parts.append((0, first_zones(source.record.get("displacement") or {})))
     if not picture and not shown:
         parts.append((1.0, [blocks.lines()]))
     return blocks.sheet(parts, gap=3.0)
-
-
-def _screening_verdict(source: Source) -> str:
-    """Of one survey, whose page has none."""
-    metrics = source.record["metrics"]
-    if "screened_zone_count" not in metrics:
-        return ""
-    count, area = figure(metrics, "screened_zone_count", digits=0), figure(metrics, "screened_zone_area_m2", "m²", 1)
-    raised = figure(metrics, "screened_uplift_zones", digits=0)
-    lowered = figure(metrics, "screened_subsidence_zones", digits=0)
-    if count == "1":
-        return say(
-            f"1 zone of ground that looks raised or lowered was found, {area} in all: {raised} raised, {lowered} "
-            "lowered."
-        )
-    return say(
-        f"{count} zones of ground that looks raised or lowered were found, {area} in all: {raised} raised, {lowered} "
-        "lowered."
-    )
 
 
 def _days(surveys: Sequence[str]) -> str:
@@ -119,12 +109,20 @@ def zone_table(source: Source, zones: gpd.GeoDataFrame, *, links: bool = True) -
                 figure(row, "dz_mean_m", sign=True),
                 figure(row, "area_m2", digits=2),
                 with_error(row, "vol_net_m3", "vol_err_m3"),
-                with_error(row, "rate_mm_day", "rate_err", digits=2 if series else 3),
+                _rate(row, series=series),
                 *([place_text(row)] if road else []),
                 say(review.status) if review else "–",
             ]
         )
-    return blocks.table(columns, rows)
+    slides = any(words_of(row, "kind") == SLIDING for row in zones.to_dict("records"))
+    return blocks.table(columns, rows, say("The rate of a sliding zone is that along the surface.") if slides else "")
+
+
+def _rate(row: Mapping[str, Any], *, series: bool) -> str:
+    """Of ground that slid that along the surface, which of a pair of surveys stands in the same column."""
+    if series and words_of(row, "kind") == SLIDING:
+        return with_error(row, "motion_rate_mm_day", "motion_rate_err", digits=2, sign=False)
+    return with_error(row, "rate_mm_day", "rate_err", digits=2 if series else 3)
 
 
 def more_zones(source: Source) -> list[Block]:
@@ -197,12 +195,12 @@ def screened(document: Document, source: Source) -> list[Block]:
     if "screened_zone_count" not in record["metrics"]:
         return []
     made = [blocks.heading(say("Screened zones of the last survey"))]
-    made += [blocks.paragraph(say(str(record[name]))) for name in ("detectable", "self_test") if record.get(name)]
+    made += [] if source.is_screening else [blocks.paragraph(text) for text in _screened_how(record)]
     if not len(source.screened):
         return [*made, blocks.paragraph(say("No ground looks raised or lowered by its shape."))]
     words = say("Where the ground looks raised or lowered by its shape alone; these are shapes, not movement.")
     made += [blocks.paragraph(words), screened_table(source.screened.iloc[:_MOST_ROWS])]
-    drawn = None if source.is_screening else _screened_map(source)
+    drawn = _screened_map(source)
     if drawn is not None:
         made.append(_as_wide_as_the_page(document, drawn))
     rows: list[list[Cell]] = [
@@ -211,8 +209,20 @@ def screened(document: Document, source: Source) -> list[Block]:
     return [*made, *([_review_table(rows)] if rows else []), *_photos(document, source.screened_reviews)]
 
 
-def screened_picture(source: Source) -> bytes:
-    """The map that a screening draws; empty where there is none."""
+def _screened_how(record: Mapping[str, Any]) -> list[str]:
+    """What the screening can find, and what it found of hazards that were put in."""
+    return [say(str(record[name])) for name in ("detectable", "self_test") if record.get(name)]
+
+
+def screened_slope(source: Source, layers: MapLayers, size_mm: tuple[float, float]) -> bytes:
+    """The map of a screening: relief of its ground with what was labelled, and the zones; where the cloud cannot be
+    read, the map that the screening drew. Empty where there is none.
+    """
+    path = inside(source.folder, str(source.record["outputs"].get("screened", "")))
+    relief = screened_relief(path) if path is not None and path.is_file() else None
+    if relief is not None:
+        marked = (("labelled raised", RAISED), ("labelled lowered", LOWERED))
+        return slope_map(relief, replace(layers, marked=marked), *size_mm)
     drawn = _screened_map(source)
     return b"" if drawn is None else content_of(drawn)
 

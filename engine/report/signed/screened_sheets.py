@@ -21,6 +21,7 @@ from ...maps.picture_words import say as say_in_picture
 from ...maps.relief import hillshade
 from ...zones.profile_lines import steepest_lines
 from ..charts import finish
+from ..maps import GAP, closed
 from ..record_shape import inside
 from ..reviews import Review
 from . import blocks
@@ -36,7 +37,9 @@ _DPI, _INCH_MM = 200, 25.4
 _MAP_MM, _SECTION_MM = (84.0, 72.0), (176.0, 34.0)
 _CELL_M = 0.25
 _COLOURS = ("#6e7781", "#2166ac", "#b2182b")  # of background, uplift and subsidence
-_BAND_M = 0.3  # on either side of a section's line
+_LEAST_BAND_M, _MOST_BAND_M, _SECTION_POINTS = 0.3, 1.5, 200  # on either side of a section's line, and within it
+_SPACINGS_A_CELL, _GAP_CELLS = 1.3, 2.5
+_DOT_SHARE, _LEAST_DOT, _MOST_DOT = 0.45, 1.6, 4.0  # of the points' spacing on the map; points
 _MOST_DOTS = 6000
 _LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ"
 
@@ -79,11 +82,14 @@ def _half_page(
         (8.0, [blocks.side_by_side(left, facts, 0.5, high=True)] if left else facts),
     ]
     if ground is not None and line is not None:
+        band = _band(row["geometry"], ground, line)
         words = say(
-            f"Section {letter}–{letter}′ through {zone_id}: ground points within {_BAND_M:g} m of the line over the "
+            f"Section {letter}–{letter}′ through {zone_id}: ground points within {band:.1f} m of the line over the "
             "surface of the ground around. Blue: labelled raised; red: lowered; the zone is shaded."
         )
-        parts.append((4.3, [document.picture(_section(row["geometry"], ground, line, letter), words, caption=words)]))
+        parts.append(
+            (4.3, [document.picture(_section(row["geometry"], ground, (line, band), letter), words, caption=words)])
+        )
     return [*parts, (0, _review(source.screened_reviews.get(zone_id)))]
 
 
@@ -130,17 +136,31 @@ def _said(remarks: str) -> list[Block]:
 
 
 def _heights(ground: ScreenedGround, bounds: tuple[float, float, float, float]) -> tuple[NDArray[np.float64], Grid]:
-    """Mean height of the points in cells."""
+    """Mean height of the points in cells, which hold about a point at least; small gaps are closed."""
     west, south, east, north = bounds
-    columns, rows = max(1, round((east - west) / _CELL_M)), max(1, round((north - south) / _CELL_M))
-    grid = Grid(west, north, _CELL_M, rows, columns)
-    column = np.clip(((ground.points[:, 0] - west) / _CELL_M).astype(np.int64), 0, columns - 1)
-    row = np.clip(((north - ground.points[:, 1]) / _CELL_M).astype(np.int64), 0, rows - 1)
+    cell = max(_CELL_M, _SPACINGS_A_CELL * _spacing(ground, bounds))
+    columns, rows = max(1, round((east - west) / cell)), max(1, round((north - south) / cell))
+    grid = Grid(west, north, cell, rows, columns)
+    column = np.clip(((ground.points[:, 0] - west) / cell).astype(np.int64), 0, columns - 1)
+    row = np.clip(((north - ground.points[:, 1]) / cell).astype(np.int64), 0, rows - 1)
     index = row * columns + column
     count = np.bincount(index, minlength=rows * columns)
     total = np.bincount(index, weights=ground.points[:, 2], minlength=rows * columns)
     mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
-    return mean.reshape(rows, columns), grid
+    return closed(mean.reshape(rows, columns), cell, max(GAP, _GAP_CELLS * cell)), grid
+
+
+def _spacing(ground: ScreenedGround, bounds: tuple[float, float, float, float]) -> float:
+    """Mean distance of the points, metres, were they spread evenly."""
+    west, south, east, north = bounds
+    return float(np.sqrt((east - west) * (north - south) / max(len(ground.points), 1)))
+
+
+def _band(zone: BaseGeometry, ground: ScreenedGround, line: LineString) -> float:
+    """How far from a section's line its points may lie, metres: farther where they are few."""
+    density = 1.0 / max(_spacing(ground, surroundings(zone)), 1e-3) ** 2
+    wanted = _SECTION_POINTS / (2.0 * density * max(line.length, 1e-3))
+    return round(float(np.clip(wanted, _LEAST_BAND_M, _MOST_BAND_M)), 1)
 
 
 def _line(zone: BaseGeometry, zone_id: str, ground: ScreenedGround) -> LineString | None:
@@ -166,11 +186,13 @@ def _map(zone: BaseGeometry, ground: ScreenedGround, line: LineString | None, le
     image = np.full((*shade.shape, 3), 255, dtype=np.uint8)
     image[known] = np.clip(110 + 0.55 * shade[known], 0, 250).astype(np.uint8)[:, np.newaxis]
     draw_image(axes, image, grid, "nearest")
+    on_paper = 72.0 * (width - 0.35) / (bounds[2] - bounds[0])
+    dot = float(np.clip(_DOT_SHARE * on_paper * _spacing(ground, bounds), _LEAST_DOT, _MOST_DOT))
     for label in (1, 2):
         chosen = np.flatnonzero(ground.labels == label)
         chosen = chosen[:: max(1, -(-len(chosen) // _MOST_DOTS))]
         axes.plot(
-            ground.points[chosen, 0], ground.points[chosen, 1], ".", color=_COLOURS[label], ms=1.6, mew=0, alpha=0.7,
+            ground.points[chosen, 0], ground.points[chosen, 1], ".", color=_COLOURS[label], ms=dot, mew=0, alpha=0.7,
             zorder=2,
         )  # fmt: skip
     for ring in outlines(np.array([zone], dtype=object), bounds, _CELL_M / 10):
@@ -204,8 +226,9 @@ def _same_scale(axes: Axes, bounds: tuple[float, float, float, float], aspect: f
     axes.set(xlim=(x - wide / 2, x + wide / 2), ylim=(y - tall / 2, y + tall / 2))
 
 
-def _section(zone: BaseGeometry, ground: ScreenedGround, line: LineString, letter: str) -> bytes:
-    """Points near the line by distance along it and height over the surface of the ground around, as PNG."""
+def _section(zone: BaseGeometry, ground: ScreenedGround, along_it: tuple[LineString, float], letter: str) -> bytes:
+    """Points within a band of the line by distance along it and height over the surface of the ground around."""
+    line, band = along_it
     width, height = (mm / _INCH_MM for mm in _SECTION_MM)
     sheet = Sheet(width, height, _DPI)
     axes = sheet.axes(0.62, 0.4, width - 0.75, height - 0.48)
@@ -214,11 +237,12 @@ def _section(zone: BaseGeometry, ground: ScreenedGround, line: LineString, lette
     away = ground.points[:, :2] - start
     along, across = away @ ahead, away @ np.array([-ahead[1], ahead[0]])
     rest = ground.over_trend()
-    near = (np.abs(across) <= _BAND_M) & (along >= 0) & (along <= line.length) & np.isfinite(rest)
+    near = (np.abs(across) <= band) & (along >= 0) & (along <= line.length) & np.isfinite(rest)
+    dot = 2.2 if np.count_nonzero(near) > _SECTION_POINTS else 3.6
     for label, colour in enumerate(_COLOURS):
         chosen = np.flatnonzero(near & (ground.labels == label))
         chosen = chosen[:: max(1, -(-len(chosen) // _MOST_DOTS))]
-        axes.plot(along[chosen], rest[chosen], ".", color=colour, ms=2.2, mew=0)
+        axes.plot(along[chosen], rest[chosen], ".", color=colour, ms=dot, mew=0)
     axes.axhline(0.0, color="#57606a", lw=0.6)
     met = [line.project(Point(at)) for at in get_coordinates(line.intersection(zone))]
     if met:

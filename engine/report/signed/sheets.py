@@ -12,6 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from ...zones.fields import SLIDING
 from ..embedding import Picture
 from ..reviews import Review
 from . import blocks
@@ -120,20 +121,29 @@ def _facts(of: Zones, row: Mapping[str, Any]) -> list[tuple[str, str]]:
         (say("Measured part of it"), percent(row, "vol_measured")),
     ]
     if value_of(row, "rate_mm_day") is not None:
-        rows.append((say("Rate"), with_error(row, "rate_mm_day", "rate_err", "mm/day", 3)))
+        name = "Rate along the surface" if words_of(row, "kind") == SLIDING else "Rate"
+        rows.append((say(name), with_error(row, "rate_mm_day", "rate_err", "mm/day", 3)))
     rows.append((say("Inclination"), figure(row, "slope_deg", "°", 0)))
     return rows + _heights(of.surface, row["geometry"]) + common
 
 
 def _series_facts(row: Mapping[str, Any]) -> list[tuple[str, str]]:
     reason = words_of(row, "alert_reason")
+    of_heights = value_of(row, "motion_m") is not None  # the others are of the motion along the surface
     rows = [
         (say("Alert level"), f"{figure(row, 'alert_level', digits=0)}, {say(words_of(row, 'alert'))}"),
         (say("Reason"), say(reason) if reason else "–"),
         (say("Action"), say(words_of(row, "action"))),
         (say("Trend"), say(words_of(row, "trend"))),
-        (say("Velocity"), with_error(row, "rate_mm_day", "rate_err", "mm/day")),
-        (say("Latest velocity"), with_error(row, "rate_last", "rate_last_err", "mm/day")),
+        *(_along_the_surface(row) if of_heights else []),
+        (
+            say("Velocity of the heights" if of_heights else "Velocity"),
+            with_error(row, "rate_mm_day", "rate_err", "mm/day"),
+        ),
+        (
+            say("Latest velocity of the heights" if of_heights else "Latest velocity"),
+            with_error(row, "rate_last", "rate_last_err", "mm/day"),
+        ),
         (say("Velocity class"), say(words_of(row, "velocity_class"))),
         (say("Mean change"), figure(row, "dz_mean_m", "m", sign=True)),
         (say("Area"), figure(row, "area_m2", "m²", 2)),
@@ -143,17 +153,21 @@ def _series_facts(row: Mapping[str, Any]) -> list[tuple[str, str]]:
         (say("Seen"), say("{0} to {1}").format(words_of(row, "first_seen"), words_of(row, "last_seen"))),
         (say("Inclination"), figure(row, "slope_deg", "°", 0)),
     ]
-    if value_of(row, "motion_m") is not None:
-        rows += [
-            (say("Motion along the surface"), with_error(row, "motion_m", "motion_err_m", "m", 3, sign=False)),
-            (say("Its velocity"), with_error(row, "motion_rate_mm_day", "motion_rate_err", "mm/day", sign=False)),
-            (say("Towards, and off the dip"), ", ".join(
-                (figure(row, "motion_azimuth_deg", "°", 0), figure(row, "motion_off_dip_deg", "°", 0, sign=True)))),
-        ]  # fmt: skip
     if words_of(row, "failure_from"):
         ends = words_of(row, "failure_from"), words_of(row, "failure_to")
         rows.append((say("Failure by inverse velocity"), say("{0} to {1}").format(*ends)))
     return rows
+
+
+def _along_the_surface(row: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """How far and how fast a zone of a series moved along the surface, and where to."""
+    velocity = with_error(row, "motion_rate_mm_day", "motion_rate_err", "mm/day", sign=False)
+    towards = figure(row, "motion_azimuth_deg", "°", 0), figure(row, "motion_off_dip_deg", "°", 0, sign=True)
+    return [
+        (say("Velocity along the surface"), velocity),
+        (say("Motion along the surface"), with_error(row, "motion_m", "motion_err_m", "m", 3, sign=False)),
+        (say("Towards, and off the dip"), ", ".join(towards)),
+    ]
 
 
 def _heights(surface: Surface | None, zone: Any) -> list[tuple[str, str]]:

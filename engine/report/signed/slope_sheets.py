@@ -96,7 +96,7 @@ def _sheet(document: Document, source: Source, slope: Any, zones: gpd.GeoDataFra
         (section,) = zone_sections(surface, shown.iloc[:1])
         layers = replace(layers, lines=[(_LETTER, section.line)])
         drawn = section_drawing(section, source.ends, _LETTER, _SECTION_MM)
-    picture = parts.screened_picture(source) if source.is_screening else b""
+    picture = parts.screened_slope(source, layers, _MAP_MM) if source.is_screening else b""
     picture = picture or slope_map(surface, layers, *_MAP_MM)
     facts = [blocks.facts(_facts(source, slope), 1, gap=2.4)]
     rows: list[tuple[float, list[Block]]] = [

@@ -44,7 +44,12 @@ class Source:
     @property
     def is_screening(self) -> bool:
         """Of one survey."""
-        return not self.is_series and not self.record.get("epochs")
+        return not self.is_series and not self.is_motion and not self.record.get("epochs")
+
+    @property
+    def is_motion(self) -> bool:
+        """Of motion along the surface alone."""
+        return bool(self.record["command"] == "displacement")
 
     @property
     def ends(self) -> tuple[str, str]:

@@ -84,3 +84,19 @@ def test_the_first_eight_zones_are_drawn_and_none_without_any(drawn):
     assert [t.get_text() for t in drawn["axes"][0].get_legend().get_texts()] == names[:8]
     assert charts.course_chart({"zones": [], "course": {}, "dates": DAYS}) is None
     assert charts.course_chart({"zones": []}) is None
+
+
+@pytest.mark.parametrize("angle", [0, 17, 30, 35, 45, 60])
+def test_the_ribbon_is_whole_on_lines_across_the_cells_and_breaks_where_a_cell_has_no_level(angle: float) -> None:
+    """Cells of a metre as a line meets them; one in the middle without a level."""
+    ahead = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
+    stations = np.arange(0.0, 60.0)
+    cells = np.unique(np.floor(stations[:, np.newaxis] * ahead), axis=0)
+    distance = np.sort((cells + 0.5) @ ahead)
+    level = np.full(len(distance), 0.1)
+    edges, heights = charts._ribbon(distance, level)
+    assert np.count_nonzero(np.isnan(heights)) == 1, "after the last"
+    assert edges[0] <= distance[0]
+    level[len(level) // 2] = np.nan
+    edges, heights = charts._ribbon(distance, level)
+    assert np.count_nonzero(np.isnan(heights)) == 2

@@ -61,6 +61,32 @@ def test_words_are_broken_where_they_do_not_fit_and_nothing_is_lost(qgis_app: An
     assert len(in_lines("测" * 40, 30.0, 7).split("\n")) >= 3
 
 
+def test_a_series_says_of_which_motion_its_rates_are(qgis_app: Any) -> None:
+    fields = "field=zone_id:string&field=kind:string&field=rate_mm_day:double"
+    layer = QgsVectorLayer(
+        f"Polygon?crs=EPSG:32651&{fields}&field=motion_rate_mm_day:double&field=motion_rate_err:double", "z", "memory"
+    )
+    for values in (["S001", "subsidence", -4.1, None, None], ["S002", "sliding", -0.31, 1.24, 0.28]):
+        feature = QgsFeature(layer.fields())
+        feature.setAttributes(values)
+        feature.setGeometry(QgsGeometry.fromRect(EXTENT))
+        layer.dataProvider().addFeature(feature)
+    assert columns_of(layer) == [
+        "Zone", "Kind", "Rate of the heights (mm/day)", "Along the surface (mm/day)", "± (mm/day)",
+    ]  # fmt: skip
+    layer.dataProvider().deleteFeatures([2])
+    assert columns_of(layer) == ["Zone", "Kind", "Rate (mm/day)"]
+
+
+def columns_of(zones: QgsVectorLayer) -> list[str]:
+    """Headings of a sheet's table of zones."""
+    project = QgsProject()
+    project.setCrs(QgsCoordinateReferenceSystem("EPSG:32651"))
+    add_sheet(project, Sheet("title", "subtitle", "author", "source", "A4"), EXTENT, [zones], zones)
+    (table,) = project.layoutManager().layoutByName(LAYOUT).multiFrames()
+    return [column.heading() for column in table.columns()]
+
+
 @pytest.mark.parametrize(("value", "shown"), [(-0.0004, "0.00"), (-0.016, "-0.02"), (1.005e3, "1,005.00")])
 def test_what_is_rounded_to_zero_has_no_sign(qgis_app: Any, value: float, shown: str) -> None:
     layer = QgsVectorLayer("Point?crs=EPSG:32651&field=rate:double", "zones", "memory")

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import json
+import re
 import shutil
 import sqlite3
 from contextlib import closing
@@ -10,13 +13,20 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
+import geopandas as gpd
+import numpy as np
 import pyogrio
 import pytest
 import rasterio
+import shapely
+from PIL import Image
 from slopewatch.engine.core.errors import InputError
 from slopewatch.engine.core.progress import Progress
+from slopewatch.engine.report.corridor import corridor_pictures
+from slopewatch.engine.report.signed.corridor_pictures import ATTENTION_COLOURS, Span
 from slopewatch.interface.parameters import BatchParameters, DetailParameters, ReportParameters
-from slopewatch.tests.builders.signed_folder import Pages, change_folder
+from slopewatch.tests.builders.signed_folder import LEAST_FILLED, WIDEST_GAP, Pages, change_folder
+from slopewatch.workflows.batch import pages
 from slopewatch.workflows.batch.jobs import Slope, Survey
 from slopewatch.workflows.batch.pages import _place
 from slopewatch.workflows.batch.products import Made, write_products
@@ -64,22 +74,24 @@ def again(folder: Path, progress: Progress | None = None, **details: Any) -> dic
 
 
 def test_a_slope_that_asks_for_attention_has_a_sheet_with_its_zones_and_alerts(made: Path) -> None:
-    pages = Pages(made / "corridor.pdf")
+    signed = Pages(made / "corridor.pdf")
     zones = pyogrio.read_dataframe(made / "corridor.gpkg", layer="zones", read_geometry=False)
     highest = int(zones["attention"].max())
     assert highest > 0
-    assert f"S12: attention {highest}" in pages.texts[1]
-    assert "2 zones of change above the level of detection" in pages.texts[1]  # the verdict of the slope's own page
-    assert "Section A–A′ through Z001" in pages.texts[1]
+    assert f"S12: attention {highest}" in signed.texts[1]
+    assert "2 zones of change above the level of detection" in signed.texts[1]  # the verdict of the slope's own page
+    assert "Section A–A′ through Z001" in signed.texts[1]
     asking = zones[zones["attention"] > 0]
     for zone in asking.to_dict("records"):
         name = zone["zone_id"].rpartition("/")[2]
-        assert f"{name} {zone['kind']} {zone['severity']}" in pages.texts[1]
-    assert f"Not computed: {len(FAILED)}; nothing is known of those." in pages.texts[0]
-    assert "S12 asks for most attention" in pages.texts[0]
-    assert FAILED[0][1] in pages.text
-    assert pages.links >= 2
-    assert min(pages.lowest_ink) >= 0.5
+        assert f"{name} {zone['kind']} {zone['severity']}" in signed.texts[1]
+    assert f"Not computed: {len(FAILED)}; nothing is known of those." in signed.texts[0]
+    assert "S12 asks for most attention" in signed.texts[0]
+    assert FAILED[0][1] in signed.text
+    assert signed.links >= 2
+    assert min(signed.lowest_ink) >= 0.5
+    assert min(signed.filled) >= LEAST_FILLED
+    assert max(signed.widest_gap) <= WIDEST_GAP
 
 
 def test_a_slope_without_a_region_is_on_the_map_by_the_extent_of_its_change(made: Path) -> None:
@@ -92,6 +104,36 @@ def test_a_slope_without_a_region_is_on_the_map_by_the_extent_of_its_change(made
         assert place is not None
         assert place.bounds == tuple(raster.bounds)
     assert _place("S900", None, shown) is None
+
+
+def test_the_page_has_a_map_whose_slope_lies_where_its_results_do(made: Path, monkeypatch) -> None:
+    page = (made / "corridor.html").read_text(encoding="utf-8")
+    (source,) = re.findall(r'<figure class="map">\s*<img src="data:image/png;base64,([^"]+)" alt="([^"]+)"', page)
+    with Image.open(io.BytesIO(base64.b64decode(source[0]))) as picture:
+        colours = np.asarray(picture.convert("RGB")).reshape(-1, 3)
+    attention = tuple(bytes.fromhex(ATTENTION_COLOURS[1][1:]))
+    assert int((colours == attention).all(axis=1).sum()) > 50
+    assert source[1] == "Map of the slopes in the colours of their attention: S12"
+    drawn: dict[str, Any] = {}
+    monkeypatch.setattr(pages, "corridor_pictures", lambda *given: drawn.update(given=given) or {})
+    record = corridor_record(made)
+    assert record is not None
+    pages.page_of(read_corridor(made, record))
+    zones, regions, attentions, spans = drawn["given"]
+    with rasterio.open(made / "slopes" / "S12" / "inspect" / "elevation_change.tif") as raster:
+        assert [(name, shape.bounds) for name, shape in regions] == [("S12", tuple(raster.bounds))]
+    assert attentions == {"S12": int(zones["attention"].max())}
+    assert spans == []
+
+
+def test_a_corridor_on_a_road_shows_its_slopes_at_their_chainages() -> None:
+    zones = gpd.GeoDataFrame({"zone_id": [], "slope": []}, geometry=[], crs=32651)
+    regions = [("A", shapely.box(0, 0, 40, 30)), ("B", shapely.box(400, 0, 440, 30))]
+    spans = [Span("A", "S320", 12_340.0, 12_380.0, 2), Span("B", "S320", 12_740.0, 12_780.0, None)]
+    found = corridor_pictures(zones, regions, {"A": 2}, spans)
+    assert found["road"].text == "The roads drawn straight, with A at 12+340, B at 12+740"
+    assert found["map"].text.endswith("attention: A, B")
+    assert corridor_pictures(zones, [], {}, []) == {}
 
 
 def test_severities_of_the_zones_stand_on_the_first_page(made: Path) -> None:

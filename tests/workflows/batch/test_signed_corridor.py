@@ -14,7 +14,7 @@ import shapely
 from slopewatch.engine.core.progress import Progress
 from slopewatch.engine.report.signed.corridor import SignedCorridor, write_corridor_pdf
 from slopewatch.interface.parameters import DetailParameters
-from slopewatch.tests.builders.signed_folder import Pages, change_folder
+from slopewatch.tests.builders.signed_folder import LEAST_FILLED, WIDEST_GAP, Pages, change_folder
 from slopewatch.workflows.batch.jobs import Job, Slope, Survey
 from slopewatch.workflows.batch.ranking import Ranked
 from slopewatch.workflows.batch.results import SlopeResult
@@ -57,6 +57,8 @@ def test_the_corridor_has_all_slopes_on_full_pages(tmp_path: Path, count: int) -
     assert f"Slopes looked at: {count}; with an attention of 2 or more: 1; open alerts: 1." in pages.texts[0]
     assert "Client Road Directorate" in pages.texts[0]
     assert min(pages.lowest_ink) >= 0.5
+    assert min(pages.filled) >= LEAST_FILLED
+    assert max(pages.widest_gap) <= WIDEST_GAP
     assert all(pages.fonts_embedded.values())
 
 

@@ -27,7 +27,7 @@ NASTY = 'S1 #import "a" $x$ [b] \\c *d* _e_ <f> @g `h`'
 GIVEN = DetailParameters(
     pdf=True, slope_name=NASTY, client="Road Directorate", author="A. Sato", sensor="L1; L2", weather="dry"
 )
-HIGHEST_PAGES, LEAST_FILLED = 12, 0.5
+HIGHEST_PAGES, LEAST_INKED = 12, 0.5
 
 
 class Told(Progress):
@@ -111,7 +111,7 @@ def test_pages_are_few_numbered_and_none_is_half_empty(pages):
     for number, (text, lowest) in enumerate(zip(pages.texts, pages.lowest_ink, strict=True), 1):
         assert f"Page {number} of {count}" in text
         assert text.startswith(f"{NASTY}, Elevation change, 2024-05-01 to 2025-05-01")
-        assert lowest >= LEAST_FILLED, f"page {number} ends at {lowest:.2f}"
+        assert lowest >= LEAST_INKED, f"page {number} ends at {lowest:.2f}"
 
 
 def test_fonts_are_embedded_and_the_outline_leads_to_the_sheets(made, pages):
@@ -242,4 +242,4 @@ def test_a_chinese_report_has_chinese_words_that_can_be_searched(copy, only_font
     assert "十二号边坡" in pages.texts[0]
     assert "平均变化" in pages.texts[1]
     assert all(pages.fonts_embedded.values())
-    assert min(pages.lowest_ink) >= LEAST_FILLED
+    assert min(pages.lowest_ink) >= LEAST_INKED
