@@ -1,4 +1,4 @@
-"""The JSON schemas of STAC's extensions, where there is a folder of them: they lie on the web, and tests use no network.
+"""The JSON schemas of STAC's extensions, where there is a folder of them: they lie on the web; tests use no network.
 
 ``SLOPEWATCH_STAC_SCHEMAS`` names the folder. Its files ``*.json`` are taken by what they call themselves (``$id``).
 """

@@ -133,6 +133,8 @@ def test_the_season_with_the_most_ground_is_named(made: Path) -> None:
     assert levels[1] > max(levels[0], levels[2])
     rows = list(csv.DictReader((made / "by_season" / "season.csv").read_text(encoding="utf-8").splitlines()))
     assert [row["month"] for row in rows] == ["3", "7", "11"]
+    assert found["strip_ratio"] is None
+    assert any("two flight strips over the same places" in sentence for sentence in result.warnings)
     sentences = " ".join(conclusion("planflight", result))
     assert (
         "month 3 shows the most ground: 59 % of the pulses reached it, in month 7 15 %; as good as that: month 11."
