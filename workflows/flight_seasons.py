@@ -20,7 +20,7 @@ from ..engine.epochs.epoch import Epoch, parse_date
 from ..engine.epochs.manifest import epochs_of
 from ..engine.flight.last_survey import even_scatter, scatter_within, seen_by
 from ..engine.flight.plan import Plan, expected_of
-from ..engine.flight.season import Counted, Season, counted, season_of
+from ..engine.flight.season import Counted, Season, counted, season_of, strip_counts
 from ..engine.flight.terrain import Terrain, terrain_of_points
 from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.reading import read_cloud, read_return_numbers
@@ -127,8 +127,9 @@ def seasons_of(
         plants = xyz[survey.first & ~is_ground]
         assert epoch.date is not None
         source = read_flown(epoch.path).source
-        strips = source[survey.first], source[is_ground]
-        surveys.append(counted(epoch.date, grid, xyz[survey.first], below, plants, terrain, region, strips))
+        found = counted(epoch.date, grid, xyz[survey.first], below, plants, terrain, region)
+        strips = strip_counts(grid, xyz[survey.first], below, source[survey.first], source[is_ground])
+        surveys.append(replace(found, strips=strips))
         stated = survey.cloud.plant_error
         error = None if stated is None else stated[is_ground].astype(np.float64)
         wanted = given(parameters.ground_scatter)

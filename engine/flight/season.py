@@ -85,14 +85,7 @@ class Season:
 
 
 def counted(
-    day: date,
-    grid: Grid,
-    first: Float,
-    ground: Float,
-    plants: Float | None,
-    terrain: Terrain,
-    region: Bool,
-    sources: tuple[Index, Index] | None = None,
+    day: date, grid: Grid, first: Float, ground: Float, plants: Float | None, terrain: Terrain, region: Bool
 ) -> Counted:
     """A survey of ``day`` over the places of ``grid``.
 
@@ -102,7 +95,6 @@ def counted(
         plants: (k, 3) its first returns that are not of the ground; None: no heights are wanted.
         terrain: of its own ground, above which plants are measured, so that a shift between surveys does no harm.
         region: (rows, columns) places that count.
-        sources: numbers of the flight strips of ``first`` (n,) and ``ground`` (m,); None: they are not known.
     """
     height = 0.0
     if plants is not None and len(plants):
@@ -111,14 +103,19 @@ def counted(
         above = plants[inside, 2] - terrain.at(plants[inside, :2])
         above = above[np.isfinite(above)]
         height = float(np.percentile(above, _HIGH_PERCENTILE)) if above.size else 0.0
-    strips: tuple[tuple[Index, Index], ...] = ()
-    if sources is not None:
-        of_first, of_ground = sources
-        strips = tuple(
-            (_counts(first[of_first == number], grid), _counts(ground[of_ground == number], grid))
-            for number in np.unique(of_first)
-        )
-    return Counted(day, _counts(first, grid), _counts(ground, grid), max(height, 0.0), strips)
+    return Counted(day, _counts(first, grid), _counts(ground, grid), max(height, 0.0))
+
+
+def strip_counts(
+    grid: Grid, first: Float, ground: Float, of_first: Index, of_ground: Index
+) -> tuple[tuple[Index, Index], ...]:
+    """Pulses and ground returns of each flight strip over the places of ``grid``, by the numbers of the strips of the
+    first returns (n, 3) and the ground (m, 3).
+    """
+    return tuple(
+        (_counts(first[of_first == number], grid), _counts(ground[of_ground == number], grid))
+        for number in np.unique(of_first)
+    )
 
 
 def ratio_of_strips(survey: Counted, region: Bool) -> float:
