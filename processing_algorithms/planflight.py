@@ -98,7 +98,8 @@ class PlanFlight(SlopeWatchAlgorithm):
             declare.file_parameter(
                 "TERRAIN",
                 "Terrain",
-                "An elevation model (GeoTIFF), or the last survey's ground as Extract ground writes it (LAS, LAZ).",
+                "An elevation model (GeoTIFF), the surface_heights.tif of a run, whose later surface is taken, or the "
+                "last survey's ground as Extract ground writes it (LAS, LAZ).",
                 _TERRAIN_FILTER,
                 optional=False,
             ),

@@ -105,6 +105,8 @@ _NO_SEASON = {
     "one survey": "Only one survey of a known date was given, so nothing is said of other seasons.",
     "one month": "All dated surveys are of one month, so nothing is said of other seasons.",
     "small": "The dated surveys have too few places in common to tell seasons apart.",
+    "strips": "Flight strips of one survey differ in the ground that they saw as much as the months do, so no month is "
+    "named.",
 }
 
 

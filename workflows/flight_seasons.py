@@ -20,10 +20,11 @@ from ..engine.epochs.epoch import Epoch, parse_date
 from ..engine.epochs.manifest import epochs_of
 from ..engine.flight.last_survey import even_scatter, scatter_within, seen_by
 from ..engine.flight.plan import Plan, expected_of
-from ..engine.flight.season import Counted, Season, counted, season_of
+from ..engine.flight.season import Counted, Season, counted, season_of, strip_counts
 from ..engine.flight.terrain import Terrain, terrain_of_points
 from ..engine.pointcloud.cloud import PointCloud
 from ..engine.pointcloud.reading import read_cloud, read_return_numbers
+from ..engine.pointcloud.times import read_flown
 from ..interface.dates import date_in_name
 from ..interface.parameters import AUTO, FlightParameters, InputParameters, given
 
@@ -125,7 +126,10 @@ def seasons_of(
         terrain = terrain_of_points(below, survey.cloud.crs, epoch.path, parameters.bridged_terrain)
         plants = xyz[survey.first & ~is_ground]
         assert epoch.date is not None
-        surveys.append(counted(epoch.date, grid, xyz[survey.first], below, plants, terrain, region))
+        source = read_flown(epoch.path).source
+        found = counted(epoch.date, grid, xyz[survey.first], below, plants, terrain, region)
+        strips = strip_counts(grid, xyz[survey.first], below, source[survey.first], source[is_ground])
+        surveys.append(replace(found, strips=strips))
         stated = survey.cloud.plant_error
         error = None if stated is None else stated[is_ground].astype(np.float64)
         wanted = given(parameters.ground_scatter)
@@ -141,6 +145,11 @@ def seasons_of(
         progress.warning(
             f"The surveys of the seasons have {min(pulses):.0f} to {max(pulses):.0f} pulses a m², so they were not "
             "flown alike; scanner and altitude are in their differences, too."
+        )
+    if season.best is not None and not math.isfinite(season.strip_ratio):
+        progress.warning(
+            "None of the surveys of the seasons has two flight strips over the same places, so what the way of a "
+            "flight makes of the ground seen is not known and is in the differences, too."
         )
     return Seasons(season, tuple(epoch.path for epoch in epochs), tuple(ground), tuple(level))
 
@@ -169,6 +178,7 @@ def season_figures(found: Seasons) -> dict[str, Any]:
         "as_good": list(season.also),
         "ratio": season.ratio if math.isfinite(season.ratio) else None,
         "difference_error": season.error if math.isfinite(season.error) else None,
+        "strip_ratio": season.strip_ratio if math.isfinite(season.strip_ratio) else None,
         "reason": season.reason,
         "area_m2": season.area,
     }

@@ -64,7 +64,8 @@ def planflight_step(
     """Plan the flight of the next survey, and say what it will show place by place.
 
     Args:
-        terrain: an elevation model (GeoTIFF), or the last survey's ground (LAS, LAZ).
+        terrain: an elevation model (GeoTIFF), the ``surface_heights.tif`` of a run, or the last survey's ground (LAS,
+            LAZ).
         roi: vector file whose polygons are to be surveyed.
         survey: the last survey with its plants, by which the share of pulses that reach the ground is known.
         plan: GeoPackage of an earlier plan, whose lines are flown again.
@@ -131,7 +132,7 @@ def _seasons(
 def read_ground(path: Path, inputs: InputParameters, bridged: float, progress: Progress) -> Ground:
     """The terrain of an elevation model, or of a ground cloud (its class 2 where it has others, too)."""
     if path.suffix.lower() not in _CLOUDS:
-        model = read_model(path, inputs)
+        model = read_model(path, inputs, later_surface=True)
         for sentence in model.notes:
             progress.warning(sentence)
         if model.regridded:

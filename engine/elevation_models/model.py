@@ -24,6 +24,9 @@ from .north_up import has_extent, laid_straight, plain_grid, resampled, sides_of
 
 MAX_CELLS = 30_000_000
 """Cells of a model that are held in memory: about 3 GB while two are compared."""
+SURFACE_BAND = "Height of the {} surface"
+"""Band of a run's ``surface_heights.tif``, for the words of ``EPOCHS``."""
+EPOCHS = ("earlier", "later")
 _HEIGHTS_M = (-11_000.0, 9_000.0)  # what there is on Earth; beyond it, a value stands for none
 _STEPS = (1.0, 0.5, 0.25, 0.1, 0.05)  # of the file's unit; a hundredth is how heights are written
 _UNITS = {"m": "metre", "metre": "metre", "meter": "metre", "metres": "metre", "ft": "foot", "foot": "foot",
@@ -58,11 +61,13 @@ class ElevationModel:
         return self.path.stem
 
 
-def read_model(path: Path, inputs: InputParameters | None = None) -> ElevationModel:
+def read_model(path: Path, inputs: InputParameters | None = None, *, later_surface: bool = False) -> ElevationModel:
     """Read an elevation model. One on another grid than north-up squares is interpolated to such a grid.
 
     Args:
         inputs: ``crs`` instead of what the file declares, ``height_unit``.
+        later_surface: of a run's ``surface_heights.tif``, which has two bands, the later one is taken, and a note says
+            so.
 
     Raises:
         InputError: no GeoTIFF, no place, several bands or one of 8 bits, no or a geographic reference system, more than
@@ -71,20 +76,21 @@ def read_model(path: Path, inputs: InputParameters | None = None) -> ElevationMo
     inputs = inputs or InputParameters()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)  # is refused in words
-        return _read(path, inputs)
+        return _read(path, inputs, later_surface)
 
 
-def _read(path: Path, inputs: InputParameters) -> ElevationModel:
+def _read(path: Path, inputs: InputParameters, later_surface: bool) -> ElevationModel:
     with open_any_grid(path) as source:
-        _refuse_pictures(source, path)
+        both = later_surface and source.descriptions == tuple(map(SURFACE_BAND.format, EPOCHS))
+        _refuse_pictures(source, path, 2 if both else 1)
         _refuse_no_place(source.transform, path)
         crs = CRS.from_wkt(source.crs.to_wkt(version="WKT2_2019")) if source.crs else None
         unit = (source.units[0] or "").strip().lower()
-        heights = np.asarray(rows_of(source, 1, 0, source.height), dtype=np.float64)
+        heights = np.asarray(rows_of(source, source.count, 0, source.height), dtype=np.float64)
         affine = source.transform
     _refuse_geographic(crs, inputs, path)
     declared = working_frame(crs, _with_unit(inputs, crs, unit), path)
-    notes = list(declared.notes)
+    notes = [*declared.notes, *([f"Of the two surfaces in {shown(path)} the later one is taken."] if both else [])]
     heights, unknown = _without_senseless(heights, declared.vertical_factor)
     if unknown:
         notes.append(
@@ -155,8 +161,8 @@ def _refuse_no_place(affine: Affine, path: Path) -> None:
         )
 
 
-def _refuse_pictures(source: DatasetReader, path: Path) -> None:
-    if source.count > 1:
+def _refuse_pictures(source: DatasetReader, path: Path, bands: int) -> None:
+    if source.count > bands:
         raise InputError(
             f"{shown(path)} has {source.count} bands; an elevation model has one, so give that band alone."
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,6 +21,8 @@ MIN_ERRORS = 2.0
 BLOCK_PLACES = 5
 """Places along the side of a block: plants next to one another are alike, so that blocks, not places, are counted."""
 _MIN_BLOCKS = 4
+MIN_STRIP_COUNT = 100
+"""Places with pulses of two strips, and ground returns of each of them there, from which on the strips are compared."""
 _HIGH_PERCENTILE = 95.0
 
 
@@ -27,13 +30,14 @@ _HIGH_PERCENTILE = 95.0
 class Counted:
     """A survey over the places of a grid (rows, columns): ``pulses`` and returns of the ``ground``, and how far its
     plants reach above the ground, ``plants`` metres (the 95th percentile of all first returns that are not ground; 0
-    where there are none).
+    where there are none). ``strips`` are pulses and ground of each of its flight strips.
     """
 
     day: date
     pulses: Index
     ground: Index
     plants: float
+    strips: tuple[tuple[Index, Index], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -62,9 +66,10 @@ class Season:
         best, worst: the months with the most and the least ground; None where nothing can be said.
         also: months whose share is so near to that of the best one that they serve as well.
         ratio: of the shares of best and worst; ``error`` is the standard error of their difference.
-        reason: empty, or why no month is named: ``one survey``, ``one month``, ``alike``, or ``small`` (too few places
-            in common to tell).
+        reason: empty, or why no month is named: ``one survey``, ``one month``, ``alike``, ``small`` (too few places
+            in common to tell), or ``strips`` (strips of one survey differ as much as the months).
         area: of the places in common, m².
+        strip_ratio: see ``ratio_of_strips``, the largest of the surveys; NaN where no survey has strips that compare.
     """
 
     surveys: tuple[SeasonOfSurvey, ...]
@@ -76,6 +81,7 @@ class Season:
     error: float
     reason: str
     area: float
+    strip_ratio: float = math.nan
 
 
 def counted(
@@ -100,12 +106,40 @@ def counted(
     return Counted(day, _counts(first, grid), _counts(ground, grid), max(height, 0.0))
 
 
+def strip_counts(
+    grid: Grid, first: Float, ground: Float, of_first: Index, of_ground: Index
+) -> tuple[tuple[Index, Index], ...]:
+    """Pulses and ground returns of each flight strip over the places of ``grid``, by the numbers of the strips of the
+    first returns (n, 3) and the ground (m, 3).
+    """
+    return tuple(
+        (_counts(first[of_first == number], grid), _counts(ground[of_ground == number], grid))
+        for number in np.unique(of_first)
+    )
+
+
+def ratio_of_strips(survey: Counted, region: Bool) -> float:
+    """How many times more ground one strip of a survey sees than another: the ratio of the shares of their pulses that
+    reached the ground, at the places of ``region`` (rows, columns) that both saw, the median over all pairs of strips;
+    NaN where none compares. They were flown on one day, so this is what the way of a flight makes, not the season.
+    """
+    found = []
+    for (pulses, ground), (others, other_ground) in itertools.combinations(survey.strips, 2):
+        both = region & (pulses > 0) & (others > 0)
+        counts = float(ground[both].sum()), float(other_ground[both].sum())
+        if both.sum() >= MIN_STRIP_COUNT and min(counts) >= MIN_STRIP_COUNT:
+            low, high = sorted((counts[0] / pulses[both].sum(), counts[1] / others[both].sum()))
+            found.append(high / low)
+    return float(np.median(found)) if found else math.nan
+
+
 def season_of(surveys: Sequence[Counted], grid: Grid, region: Bool) -> Season:
     """Compare surveys over the places of ``region`` (rows, columns) that all of them have pulses in.
 
     The share of pulses that reach the ground does not depend on how many there are, so surveys of other densities
     compare. Months are compared, as several surveys may be of one; two months differ where their shares do by 10 % and
-    by two standard errors of their difference, which is taken over blocks of five by five places.
+    by two standard errors of their difference, which is taken over blocks of five by five places, and by more than
+    strips of one survey do.
     """
     ordered = sorted(surveys, key=lambda s: s.day)
     common = region & np.logical_and.reduce([s.pulses > 0 for s in ordered])
@@ -128,9 +162,14 @@ def season_of(surveys: Sequence[Counted], grid: Grid, region: Bool) -> Season:
             reason = "small"
         elif ratio < MIN_RATIO or months[best] - months[worst] <= MIN_ERRORS * error:
             reason = "alike"
+    strips = np.array([ratio_of_strips(s, region) for s in ordered])
+    strip_ratio = float(np.nanmax(strips)) if np.isfinite(strips).any() else math.nan
+    if not reason and ratio <= strip_ratio:
+        reason = "strips"
     also = () if reason else tuple(m for m in months if m != best and MIN_RATIO * months[m] > months[best])
     area = float(common.sum()) * grid.cell**2
-    return Season(found, months, None if reason else best, None if reason else worst, also, ratio, error, reason, area)
+    return Season(found, months, None if reason else best, None if reason else worst, also, ratio, error, reason, area,
+                  strip_ratio)  # fmt: skip
 
 
 def _figures(survey: Counted, common: Bool, grid: Grid) -> SeasonOfSurvey:

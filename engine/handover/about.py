@@ -85,14 +85,12 @@ def describe(held: Held, title: str, organisation: str, email: str, licence: str
     bounds, cell = _bounds(held)
     what = _WHAT.get(str(held.record["command"]), "Results of SlopeWatch")
     span = " to ".join(dict.fromkeys(day.isoformat() for day in (*held.days[:1], *held.days[-1:])))
-    found = sum(len(layer.frame) for layer in held.zones)
     run_id = str(held.record.get("run_id", ""))
     level = held.record.get("metrics", {}).get("lod_median_m")
     return About(
         identifier=run_id or f"slopewatch-{held.record['command']}",
         title=title or f"{name or held.folder.name}: {what}{f', {span}' if span else ''}",
-        abstract=f"{what}{f', {span}' if span else ''}. {found} zone(s). No change above the level of detection is no "
-        "statement that nothing moved.",
+        abstract=f"{what}{f', {span}' if span else ''}.{_zones_in_words(held)}",
         organisation=organisation,
         email=email,
         licence=licence,
@@ -108,6 +106,14 @@ def describe(held: Held, title: str, organisation: str, email: str, licence: str
         command=str(held.record["command"]),
         warnings=tuple(held.record.get("warnings", ())),
     )
+
+
+def _zones_in_words(held: Held) -> str:
+    """Empty for runs that look for no zones, such as a plan."""
+    if not held.zones:
+        return ""
+    found = sum(len(layer.frame) for layer in held.zones)
+    return f" {found} zone(s). No change above the level of detection is no statement that nothing moved."
 
 
 def _input(one: dict[str, Any]) -> Input:

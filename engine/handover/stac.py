@@ -46,11 +46,12 @@ def write_item(
     """
     assets = {name: _asset(folder / name, name) for name in sorted(files)}
     points = [_points(folder / name) for name in sorted(files) if name.endswith(_CLOUDS)]
+    rasters = any("bands" in asset for asset in assets.values())  # an item without may not name their extension
     days = about.days or (about.stamp,)
     document: dict[str, Any] = {
         "type": "Feature",
         "stac_version": "1.1.0",
-        "stac_extensions": [FILE, PROJECTION, RASTER, *([POINTS] if points else [])],
+        "stac_extensions": [FILE, PROJECTION, *([RASTER] if rasters else []), *([POINTS] if points else [])],
         "id": about.identifier,
         "geometry": mapping(footprint(about)),
         "bbox": list(about.globe),

@@ -224,7 +224,9 @@ def _beyond(line: LineString, points: Float, begin: float, end: float) -> bool:
     if line.is_ring:
         return False
     corners = shapely.get_coordinates(line)
-    for at_end, tip, inner in ((end <= 0, corners[0], corners[1]), (begin >= line.length, corners[-1], corners[-2])):
+    # feet on a part of the line, counted from its start, miss the line's end by the last digits
+    first, last = end <= _SAME_M, begin >= line.length - _SAME_M
+    for at_end, tip, inner in ((first, corners[0], corners[1]), (last, corners[-1], corners[-2])):
         if at_end:
             outward = (tip - inner) / np.hypot(*(tip - inner))
             return bool(np.min((points - tip) @ outward) > _END_M)

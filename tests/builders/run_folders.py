@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
+from unittest.mock import patch
 
 import geopandas as gpd
 import shapely
+from click.testing import CliRunner
+from slopewatch.cli import options
+from slopewatch.cli.program import cli
 
 COMMANDS = ("change", "m3c2", "screen", "batch", "locate", "planflight", "compareflight")
 """Those that are made here; ``handed_over`` makes those of ``demchange`` and ``displacement``."""
@@ -15,10 +17,10 @@ _DAYS = ("2024-05-01", "2025-05-01")
 
 
 def call(*arguments: object) -> None:
-    """Run a command of the command line."""
-    command = [sys.executable, "-m", "slopewatch.cli", *map(str, arguments), "--progress", "none"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, (arguments, done.stdout, done.stderr)
+    """Run a command of the command line in this process, which has what it imports already, and keeps its signals."""
+    with patch.object(options.cancellation, "install"):
+        done = CliRunner().invoke(cli, [*map(str, arguments), "--progress", "none"])
+    assert done.exit_code == 0, (arguments, done.output, done.exception)
 
 
 def made(folder: Path) -> dict[str, Path]:
@@ -35,7 +37,8 @@ def made(folder: Path) -> dict[str, Path]:
     found["screen"].mkdir()
     call("screen", later, "--method", "relief", "--output", found["screen"] / "screened.laz")
     call("batch", _manifest(folder, survey, road), "--ground-ready", "--cell", 0.5, "--no-displacement",
-         "--screening-method", "relief", "--workers", 0, "--output-dir", found["batch"])  # fmt: skip
+         "--screening-method", "relief", "--workers", 0, "--output-dir",
+         found["batch"])  # fmt: skip
     found["locate"].mkdir()
     call("locate", found["change"] / "zones.gpkg", "--centreline", road, "--output", found["locate"] / "located.gpkg")
     call("planflight", first, "--roi", region, "--pulse-rate", 2000, "--output-dir", found["planflight"])

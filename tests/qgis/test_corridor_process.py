@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
+import zipfile
 from pathlib import Path
 from typing import Any
 
 import pytest
-from qgis.core import QgsPointCloudLayer, QgsProviderRegistry, QgsRasterLayer, QgsVectorLayer
+from qgis.core import QgsPointCloudLayer, QgsProject, QgsProviderRegistry, QgsRasterLayer, QgsVectorLayer
+from slopewatch.plugin.bridge.project_contents import SLOPES
 from slopewatch.tests.builders.qgis import QgisProcess, engine_python
 
 # A slope of 12 by 12 m with some grass on two days, a square of 3 m lowered between them; and one survey cut short.
@@ -92,3 +95,28 @@ def test_the_mosaic_and_the_virtual_point_cloud_open(results: dict[str, Any]) ->
     assert clouds.pointCount() > 10_000
     assert clouds.crs().authid() == "EPSG:32651"
     assert clouds.extent().width() == pytest.approx(12, abs=0.1)
+
+
+def test_a_corridor_is_handed_over_as_project_and_archive(
+    qgis_process: QgisProcess, results: dict[str, Any], tmp_path: Path
+) -> None:
+    """By the toolbox, from the corridor's own folder; a slope that failed is in neither."""
+    corridor = Path(results["RUN_RECORD"]).parent
+    archive = tmp_path / "hand over.zip"
+    done = qgis_process.run("exportgis", INPUT=corridor, FORMATS="gpkg,cog,stac,report", OUTPUT=archive)
+    with zipfile.ZipFile(archive) as held:
+        names = held.namelist()
+        items = [link for link in json.loads(held.read("collection.json"))["links"] if link["rel"] == "item"]
+    assert done["FILES"] == len(names)
+    assert len({name.split("/")[1] for name in names if name.startswith("slopes/")}) == 1 == len(items) - 1
+    change = next(name for name in names if name.endswith("/rasters/elevation_change.tif"))
+    raster = QgsRasterLayer(f"/vsizip/{archive}/{change}", "change")
+    assert raster.isValid()
+    assert raster.crs().authid() == "EPSG:32651"
+    made = qgis_process.run("createproject", INPUT=corridor, OUTPUT=corridor / "corridor.qgz")
+    project = QgsProject()
+    assert project.read(made["OUTPUT"])
+    layers = project.mapLayers().values()
+    assert len(layers) == made["LAYERS"] > 5
+    assert all(layer.isValid() for layer in layers)
+    assert {"S1"} == {group.name() for group in project.layerTreeRoot().findGroup(SLOPES).findGroups()}

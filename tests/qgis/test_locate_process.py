@@ -6,7 +6,13 @@ import json
 from pathlib import Path
 
 import pytest
-from qgis.core import QgsVectorLayer
+from qgis.core import (
+    QgsCoordinateTransformContext,
+    QgsFeature,
+    QgsGeometry,
+    QgsVectorFileWriter,
+    QgsVectorLayer,
+)
 from slopewatch.tests.builders.qgis import QgisProcess, engine_python
 
 CRS = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::32651"}}
@@ -51,3 +57,24 @@ def test_squares_on_both_sides_have_their_chainages(qgis_process: QgisProcess, t
         assert row["chain_to"] == pytest.approx(start + 10, abs=0.01)
         assert row["offset_m"] == pytest.approx(offset, abs=0.01)
         assert f"K{start // 1000}+{start % 1000:03d}" in row["location"]
+
+
+def test_m_values_that_qgis_wrote_are_the_chainages(qgis_process: QgisProcess, tmp_path: Path) -> None:
+    """1,100 m of chainage on a line of 1,000 m, falling to the east, so that the north lies to the right."""
+    layer = QgsVectorLayer("LineStringM?crs=EPSG:32651&field=route:string", "road", "memory")
+    axis = QgsFeature(layer.fields())
+    axis.setAttributes(["S320"])
+    axis.setGeometry(QgsGeometry.fromWkt("LineStringM (500000 3500000 3100, 501000 3500000 2000)"))
+    layer.dataProvider().addFeatures([axis])
+    line = tmp_path / "road.gpkg"
+    options = QgsVectorFileWriter.SaveVectorOptions()
+    error = QgsVectorFileWriter.writeAsVectorFormatV3(layer, str(line), QgsCoordinateTransformContext(), options)
+    assert error[0] == QgsVectorFileWriter.NoError, error
+    squares = written(tmp_path / "zones.geojson", ({"name": "north"}, square(500_100, 3_500_005)))
+    output = tmp_path / "located.gpkg"
+    results = qgis_process.run("locateonroad", INPUT=squares, CENTRELINE=line, OUTPUT=output)
+    assert (results["LOCATED"], results["NOT_LOCATED"]) == (1, 0)
+    (row,) = QgsVectorLayer(str(output), "located", "ogr").getFeatures()
+    assert (row["route"], row["side"]) == ("S320", "right")
+    assert row["chain_from"] == pytest.approx(3100 - 1.1 * 110, abs=0.01)
+    assert row["chain_to"] == pytest.approx(3100 - 1.1 * 100, abs=0.01)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import zipfile
 from pathlib import Path
 
 from qgis.core import QgsVectorLayer
 from slopewatch.processing_algorithms.planflight import PlanFlight
-from slopewatch.tests.builders.qgis import QgisProcess
+from slopewatch.tests.builders.qgis import QgisProcess, engine_python
 
 
 def test_a_flight_is_planned_and_one_that_is_too_low_refused(
@@ -40,3 +43,33 @@ def test_a_flight_is_compared_with_its_plan(qgis_process: QgisProcess, survey: d
     assert done.returncode == 1
     assert "no column y" in done.stderr
     assert not (tmp_path / "bad").exists()
+
+
+def test_a_season_is_named_and_missions_are_written(qgis_process: QgisProcess, tmp_path: Path) -> None:
+    site = tmp_path / "site, 'by season'"
+    site.mkdir()
+    subprocess.run([engine_python(), "-m", "slopewatch.tests.builders.season_surveys", site], check=True)
+    given = {"TERRAIN": site / "dem.tif", "ROI": site / "roi.gpkg", "PULSE_RATE": 20000}
+    mission = {"WPML_DRONE": 89, "WPML_PAYLOAD": 65534, "BATTERY_TIME": 1}
+    heights = {"TAKEOFF_HEIGHT": "100", "TAKEOFF_ELLIPSOID_HEIGHT": "112.5"}
+    surveys = sorted(site.glob("*.las"))
+    out = tmp_path / "out"
+    results = qgis_process.run("planflight", **given, **mission, **heights, SEASON=surveys, OUTPUT_FOLDER=out)
+    record = json.loads(Path(results["RUN_RECORD"]).read_text(encoding="utf-8"))
+    season = record["metrics"]["season"]
+    assert (season["best_month"], season["worst_month"], len(season["surveys"])) == (3, 7, len(surveys))
+    files = sorted(out.glob("*.kmz"))
+    assert len(files) == results["BATTERIES"] > 1
+    waypoints = 0
+    for path in files:
+        with zipfile.ZipFile(path) as archive:
+            assert {"wpmz/template.kml", "wpmz/waylines.wpml"} <= set(archive.namelist())
+        flown = QgsVectorLayer(f"/vsizip/{path}/wpmz/template.kml", "mission", "ogr")
+        assert flown.isValid(), "KML to any other reader"
+        waypoints += flown.featureCount()
+    planned = QgsVectorLayer(f"{results['WAYPOINTS']}|layername=waypoints", "waypoints", "ogr")
+    assert waypoints == planned.featureCount()
+    done = qgis_process.attempt("planflight", **given, **mission, OUTPUT_FOLDER=tmp_path / "refused")
+    assert done.returncode == 1
+    assert "height of the take-off point" in done.stderr
+    assert not (tmp_path / "refused").exists()

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
-from qgis.core import QgsRasterLayer
+from qgis.core import QgsRasterLayer, QgsVectorLayer
+from qgis.PyQt.QtGui import QColor, QImage
 from slopewatch.tests.builders.algorithm_inputs import Inputs
 from slopewatch.tests.builders.algorithm_runs import reported
 from slopewatch.tests.builders.qgis import QgisProcess
@@ -49,6 +51,28 @@ def test_a_report_to_sign_is_written_with_what_was_said(qgis_process: QgisProces
     wrong = qgis_process.attempt("writereport", INPUT=inputs.change, PDF=True, SENSOR="L1; L2; L3")
     assert wrong.returncode == 1
     assert "3 parts, and there are 2 surveys" in wrong.stderr
+
+
+def test_photos_of_a_folder_are_shown_with_their_zones(
+    qgis_process: QgisProcess, inputs: Inputs, tmp_path: Path
+) -> None:
+    run = Path(shutil.copytree(inputs.change, tmp_path / "run"))
+    taken = tmp_path / "site visit"
+    taken.mkdir()
+    for name in ("z001 crack.jpg", "berm.jpg"):
+        image = QImage(60, 40, QImage.Format_RGB32)
+        image.fill(QColor("red"))
+        assert image.save(str(taken / name))
+    done = qgis_process.attempt("writereport", INPUT=run, PHOTOS=taken)
+    assert done.returncode == 0, done.stderr
+    assert "berm.jpg" in done.stderr + done.stdout, "named, as it is of no zone"
+    assert "Photo of Z001" in (run / "report.html").read_text(encoding="utf-8")
+    zones = QgsVectorLayer(f"{run / 'zones.gpkg'}|layername=zones", "zones", "ogr")
+    shown = {zone["zone_id"]: zone["photo"] for zone in zones.getFeatures()}
+    assert (run / shown["Z001"]).read_bytes() == (taken / "z001 crack.jpg").read_bytes()
+    missing = qgis_process.attempt("writereport", INPUT=run, PHOTOS=tmp_path / "gone")
+    assert missing.returncode == 1
+    assert "gone" in missing.stderr
 
 
 def line_across(inputs: Inputs, folder: Path) -> Path:

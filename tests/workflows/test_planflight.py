@@ -6,26 +6,27 @@ import csv
 import json
 from pathlib import Path
 
-import laspy
 import numpy as np
 import pyogrio
 import pytest
+import rasterio
 import shapely
-from pyproj import CRS, Transformer
+from pyproj import Transformer
 from slopewatch import api
 from slopewatch.engine.core.errors import InputError
+from slopewatch.engine.elevation_models.model import read_model
 from slopewatch.engine.grid.geotiff import read_raster
 from slopewatch.engine.vector.geopackage import read_layer
 from slopewatch.tests.builders.elevation_models import write_model
 from slopewatch.tests.builders.flights import NORTH, WEST, inclined, square, write_region
+from slopewatch.tests.builders.season_surveys import SHARES, write_season, write_site
 from slopewatch.workflows.conclusions import conclusion
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("flight")
-    write_model(folder / "dem.tif", inclined(relief=2.0).heights, west=WEST, north=NORTH)
-    write_region(folder / "roi.gpkg", square())
+    write_site(folder)
     api.plan_flight(folder / "dem.tif", folder / "roi.gpkg", folder / "plan", pulse_rate=20000.0, ground_share=0.25)
     return folder
 
@@ -67,6 +68,27 @@ def test_the_lines_of_a_plan_are_flown_again_over_a_new_terrain(made: Path) -> N
         np.testing.assert_allclose(q - p, [[0, 0, 7], [0, 0, 7]], atol=0.02)
 
 
+def test_of_a_runs_two_surfaces_the_later_one_is_flown_over(made: Path) -> None:
+    with rasterio.open(made / "dem.tif") as source:
+        heights, profile = source.read(1), source.profile
+    bands = [f"Height of the {epoch} surface" for epoch in ("earlier", "later")]
+    for name, words in (("surface_heights", bands), ("other", ["red", "green"])):
+        with rasterio.open(made / f"{name}.tif", "w", **{**profile, "count": 2}) as target:
+            for number, (word, band) in enumerate(zip(words, (heights - 30.0, heights), strict=True), 1):
+                target.write(band, number)
+                target.set_band_description(number, word)
+    flown = {"pulse_rate": 20000.0, "ground_share": 0.25}
+    done = api.plan_flight(made / "surface_heights.tif", made / "roi.gpkg", made / "later", **flown)
+    assert any("the later one is taken" in sentence for sentence in done.warnings)
+    plans = [read_layer(made / name / "plan.gpkg", "waypoints").geometry for name in ("plan", "later")]
+    first, again = (shapely.get_coordinates(plan, include_z=True) for plan in plans)
+    np.testing.assert_allclose(again, first, atol=1e-6)
+    with pytest.raises(InputError, match="has 2 bands; an elevation model has one"):
+        api.plan_flight(made / "other.tif", made / "roi.gpkg", made / "no bands", **flown)
+    with pytest.raises(InputError, match="has 2 bands"):  # which of them is to be compared is not known
+        read_model(made / "surface_heights.tif")
+
+
 def test_what_cannot_be_planned_is_refused_and_nothing_is_written(made: Path) -> None:
     write_region(made / "far.gpkg", shapely.transform(square(), lambda xy: xy + 900.0))
     degrees = write_model(made / "degrees.tif", inclined().heights, crs="EPSG:4326", west=121.0, north=30.0, cell=1e-5)
@@ -87,28 +109,10 @@ def test_what_cannot_be_planned_is_refused_and_nothing_is_written(made: Path) ->
         assert not (made / "refused").exists()
 
 
-def write_season(path: Path, passing: float, *, plants: float = 1.0, ground: bool = True, crs: int = 32651) -> Path:
-    """A survey of the slope of ``made`` by 6 pulses a m², of which a share passes plants that are ``plants`` m high."""
-    rng = np.random.default_rng([*path.name.encode()])
-    xy = rng.uniform((WEST + 40, NORTH - 90), (WEST + 100, NORTH - 30), (21_600, 2))
-    z = inclined(relief=2.0).at(xy) + rng.normal(0, 0.02, len(xy))
-    passed = rng.uniform(size=len(xy)) < passing
-    header = laspy.LasHeader(point_format=6, version="1.4")
-    header.scales, header.offsets = [0.001] * 3, [WEST, NORTH, 0]
-    header.add_crs(CRS.from_epsg(crs))
-    las = laspy.LasData(header)
-    las.x, las.y, las.z = *xy.T, np.where(passed, z, z + plants)
-    las.return_number = las.number_of_returns = np.ones(len(xy), dtype=np.uint8)
-    las.classification = np.where(passed & ground, 2, 5)
-    las.write(path)
-    return path
-
-
 def test_the_season_with_the_most_ground_is_named(made: Path) -> None:
     folder = made / "seasons"
     folder.mkdir()
-    shares = {"2025-03-10": 0.6, "2025-07-15": 0.15, "2025-11-02": 0.57}
-    for day, share in shares.items():
+    for day, share in SHARES.items():
         write_season(folder / f"{day}.las", share)
     result = api.plan_flight(
         made / "dem.tif", made / "roi.gpkg", made / "by_season", season=[folder], pulse_rate=20000.0, ground_share=0.25
@@ -116,7 +120,7 @@ def test_the_season_with_the_most_ground_is_named(made: Path) -> None:
     found = json.loads((made / "by_season" / "run.json").read_text(encoding="utf-8"))["metrics"]["season"]
     assert (found["best_month"], found["worst_month"], found["as_good"]) == (3, 7, [11])
     for survey in found["surveys"]:
-        share = shares[survey["date"]]
+        share = SHARES[survey["date"]]
         assert survey["ground_share"] == pytest.approx(share, abs=0.02)
         assert survey["pulses_per_m2"] == pytest.approx(6.0, rel=0.05)
         assert survey["without_ground_share"] == pytest.approx(np.exp(-24 * share), abs=0.02)
@@ -129,6 +133,8 @@ def test_the_season_with_the_most_ground_is_named(made: Path) -> None:
     assert levels[1] > max(levels[0], levels[2])
     rows = list(csv.DictReader((made / "by_season" / "season.csv").read_text(encoding="utf-8").splitlines()))
     assert [row["month"] for row in rows] == ["3", "7", "11"]
+    assert found["strip_ratio"] is None
+    assert any("two flight strips over the same places" in sentence for sentence in result.warnings)
     sentences = " ".join(conclusion("planflight", result))
     assert (
         "month 3 shows the most ground: 59 % of the pulses reached it, in month 7 15 %; as good as that: month 11."

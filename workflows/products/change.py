@@ -16,6 +16,7 @@ from ...engine.change.coverage import compared_share
 from ...engine.change.result import Change
 from ...engine.core.staged_outputs import Stage
 from ...engine.core.version import VERSION
+from ...engine.elevation_models.model import EPOCHS, SURFACE_BAND
 from ...engine.epochs.epoch import Epoch
 from ...engine.geometry.rigid_transform import RigidTransform
 from ...engine.grid import geotiff
@@ -348,9 +349,9 @@ def _write_rasters(
 
 def _write_surfaces(change: Change, context: Context, tags: dict[str, str], stage: Stage) -> dict[str, Path]:
     """Heights of both surfaces, and the points behind them where these are counted."""
-    outputs, epochs = {}, ("earlier", "later")
+    outputs = {}
     bands = {
-        "surface_heights": ("Height of the {} surface", "m", (change.height_from, change.height_to)),
+        "surface_heights": (SURFACE_BAND, "m", (change.height_from, change.height_to)),
         "point_counts": ("Ground points a cell, {}", "points", change.points),
     }
     if not context.counted:
@@ -358,7 +359,7 @@ def _write_surfaces(change: Change, context: Context, tags: dict[str, str], stag
     for name, (description, unit, arrays) in bands.items():
         path = stage.path(f"{name}.tif")
         pair = [Laid(np.asarray(array), change.layout) for array in arrays]
-        named = {description.format(epoch): band for epoch, band in zip(epochs, pair, strict=True)}
+        named = {description.format(epoch): band for epoch, band in zip(EPOCHS, pair, strict=True)}
         geotiff.write_bands(path, named, change.grid, context.crs, unit=unit, tags=tags)
         outputs[name] = stage.final(path.name)
     return outputs

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
 import numpy as np
 import pytest
 from pyproj import CRS
-from slopewatch.engine.flight.season import Counted, counted, season_of
+from slopewatch.engine.flight.season import Counted, counted, ratio_of_strips, season_of, strip_counts
 from slopewatch.engine.flight.terrain import terrain_of_points
 from slopewatch.engine.grid.grid import Grid
 
@@ -99,3 +101,49 @@ def test_plants_are_measured_above_the_ground_of_their_own_survey() -> None:
         assert found.plants == pytest.approx(1.9, abs=0.05)
         assert found.pulses.sum() == 120_000
         assert found.ground.sum() == 80_000
+
+
+def with_strips(whole: Counted, times_more: float, seed: int = 0) -> Counted:
+    """The survey as two strips over all places, the first of which sees ``times_more`` as much ground as the second."""
+    rng = np.random.default_rng(seed)
+    pulses = rng.binomial(whole.pulses, 0.5)
+    share = whole.ground.sum() / whole.pulses.sum()
+    low = 2 * share / (1 + times_more)
+    ground = rng.binomial(pulses, low * times_more), rng.binomial(whole.pulses - pulses, low)
+    strips = ((pulses, ground[0]), (whole.pulses - pulses, ground[1]))
+    return replace(whole, ground=ground[0] + ground[1], strips=strips)
+
+
+def test_months_that_differ_by_no_more_than_strips_of_one_day_are_not_told_apart() -> None:
+    for times_more, ratio, reason in ((1.4, 1.3, "strips"), (1.4, 1.6, ""), (1.0, 1.3, "")):
+        pair = [with_strips(survey(3, 0.3 * ratio), times_more), with_strips(survey(8, 0.3), 1.0, 1)]
+        found = season_of(pair, GRID, WHOLE)
+        assert found.strip_ratio == pytest.approx(times_more, abs=0.03)
+        assert (found.reason, found.best) == (reason, None if reason else 3)
+
+
+def test_strips_are_compared_where_both_saw_the_ground() -> None:
+    one = with_strips(survey(3, 0.4), 1.5)
+    assert ratio_of_strips(one, WHOLE) == pytest.approx(1.5, abs=0.03)
+    assert math.isnan(ratio_of_strips(survey(3, 0.4), WHOLE)), "the strips are not known"
+    (pulses, ground), second = one.strips
+    west = np.broadcast_to(np.arange(30) < 28, WHOLE.shape)
+    apart = replace(one, strips=((pulses * west, ground * west), tuple(band * ~west for band in second)))
+    assert math.isnan(ratio_of_strips(apart, WHOLE))
+    assert math.isnan(ratio_of_strips(one, ~west)), "60 places are too few"
+    # where the strips see alike, but one of them alone sees a dense part
+    dense = replace(one, strips=((pulses, pulses // 2), (second[0] * west, second[0] * west // 2)))
+    assert ratio_of_strips(dense, WHOLE) == pytest.approx(1.0, abs=0.02)
+
+
+def test_strips_are_counted_by_their_numbers() -> None:
+    rng = np.random.default_rng(2)
+    first, ground = (np.column_stack([rng.uniform(0, 60, (n, 2)), np.zeros(n)]) for n in (3000, 1000))
+    sources = rng.choice([7, 9], 3000), rng.choice([7, 9], 1000)
+    strips = strip_counts(GRID, first, ground, *sources)
+    for number, (pulses, returns) in zip((7, 9), strips, strict=True):
+        assert pulses.sum() == (sources[0] == number).sum()
+        assert returns.sum() == (sources[1] == number).sum()
+    terrain = terrain_of_points(ground, CRS.from_epsg(32651), Path("ground.laz"), 5.0)
+    whole = counted(date(2025, 6, 1), GRID, first, ground, None, terrain, WHOLE)
+    assert np.array_equal(sum(pulses for pulses, _ in strips), whole.pulses)

@@ -118,6 +118,24 @@ def test_beyond_the_end_and_out_of_reach() -> None:
     assert placed(further, shapely.box(90, 5, 130, 10)).route == "B2", "its middle has its foot there"
 
 
+def test_beyond_either_end_whatever_the_last_digits_are() -> None:
+    """Only a part of the road is looked at, whose length counted from its start is not to the last digit the road's."""
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        west, south, way = 500_000 + rng.uniform(0, 1000), 3_500_000 + rng.uniform(0, 1000), rng.uniform(30, 200)
+        angle = rng.uniform(0, 2 * np.pi)
+        along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
+        tips = np.array([west, south]), np.array([west, south]) + way * along
+        network = Network((stretch(tips),))
+        for tip, outward in ((tips[0], -along), (tips[1], along)):
+            middle = tip + rng.uniform(5, 40) * outward + rng.uniform(3, 30) * across
+            found = network.place_of(shapely.Point(middle).buffer(1.0))
+            assert isinstance(found, str), found
+            assert "beyond the end" in found
+            inside = network.place_of(shapely.Point(tip - 5 * outward + 10 * across).buffer(1.0))
+            assert isinstance(inside, Place), inside
+
+
 def test_on_the_axis_it_lies_on_both_sides() -> None:
     found = placed(Network((stretch([(0, 0), (100, 0)]),)), square(20, 0.5))
     assert (found.side, found.offset, found.offset_mid) == ("both", 0.0, 0.5)
