@@ -171,6 +171,29 @@ def test_a_smooth_face_says_why_it_shows_nothing(tmp_path):
     assert (zones["features"], kinds["zone_id"], kinds["area_m2"]) == (0, "OFTString", "OFTReal")
 
 
+def test_what_moved_beyond_the_search_is_said_with_the_search(pair, tmp_path):
+    far = written(tmp_path / "2026-05-01.laz", laspy.read(pair[0]).xyz + 10 * MOTION)
+    progress = Progress()
+    done = run((pair[0], far), tmp_path / "out", progress)
+    assert done.figures["significant_vectors"] == 0
+    assert any("moved farther than the 1 m up to which motion is looked for" in w for w in progress.warnings)
+
+
+@pytest.mark.parametrize(
+    ("shift", "said"),
+    [
+        ((500.0, 0.0, 0.0), r"^The epochs do not overlap: the first spans x \d.*, the second x \d.* reference system\.$"),
+        ((0.0, 0.0, 32.0), r"lies about 32\.0 m above .* over the whole overlap: ellipsoidal against orthometric"),
+    ],
+    ids=["elsewhere", "other heights"],
+)
+def test_surveys_that_cannot_be_laid_on_each_other_are_refused_with_the_figure(shift, said, pair, tmp_path):
+    other = written(tmp_path / "2026-05-01.laz", laspy.read(pair[1]).xyz + np.array(shift))
+    with pytest.raises(InputError, match=said):
+        run((pair[0], other), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_folder_with_results_is_not_written_into(pair, outcome):
     with pytest.raises(InputError, match="overwrite"):
         run(pair, outcome[0].outputs["run"].parent)
