@@ -64,8 +64,10 @@ def _change(f: Figures) -> list[str]:
     return [
         found,
         _slides(f),
-        sentence("The largest lowering in a zone is {}, the largest raising {}.", measured(
-            f, "largest_sink_m", "m", sign=False), measured(f, "largest_rise_m", "m")) if count and not only_slid else "",
+        sentence(
+            "The largest lowering in a zone is {}, the largest raising {}.",
+            measured(f, "largest_sink_m", "m", sign=False), measured(f, "largest_rise_m", "m"),
+        ) if count and not only_slid else "",
         sentence(
             "{} of the ground that the surveys reached was compared; change below the level of detection, {} in the "
             "median, cannot be distinguished from none.",

@@ -133,7 +133,8 @@ def _read(
             )
         if transform is not None:
             run.facts["transform"] = transform.matrix
-        refuse_other_heights(*clouds, max(_LEAST_REFUSED_OFFSET_M, settings.displacement.largest_motion))
+        limit = max(_LEAST_REFUSED_OFFSET_M, settings.displacement.largest_motion)
+        refuse_other_heights(clouds[0], clouds[1], limit)
     return clouds
 
 
@@ -194,8 +195,8 @@ def _warn(found: Displacement, settings: DisplacementSettings, asked_stable: boo
     if unseen:
         progress.warning(
             "Where no relief is shared or no motion is found, the ground may also have moved farther than the "
-            f"{settings.displacement.largest_motion:g} m up to which motion is looked for; if that may be, give a larger "
-            "--largest-motion."
+            f"{settings.displacement.largest_motion:g} m up to which motion is looked for; if that may be, give a "
+            "larger --largest-motion."
         )
     for sentence in doubts(found, settings.displacement, stable_given=asked_stable):
         progress.warning(sentence)

@@ -163,8 +163,8 @@ def windows_of(first: Ground, later: Ground, facets: Facets, spacing: float) -> 
             near &= _has_ground(ground, middle)
     if not near.any():
         raise InputError(
-            f"Nowhere ground points of both surveys lie within {_MAX_GAP_M:g} m of each other; check the clouds, and give "
-            "the transform of their registration."
+            f"Nowhere ground points of both surveys lie within {_MAX_GAP_M:g} m of each other; check the clouds, and "
+            "give the transform of their registration."
         )
     cell = np.flatnonzero(near)
     return grid, cell, facet[cell], places[cell]

@@ -134,7 +134,7 @@ def directions(motion: Float, covariance: Float) -> dict[str, Float]:
 
 
 def _turn(length: Float, across: Float, covariance: Float) -> Float:
-    """(n,) standard errors (degrees) of the direction of motions by their error along unit vectors ``across`` (n, 3)."""
+    """(n,) standard errors (degrees) of the directions of motions, by their error along unit vectors ``across``."""
     error = np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", across, covariance, across), 0.0))
     return np.asarray(np.degrees(np.arctan2(error, length)))
 
@@ -201,7 +201,7 @@ def zones_layer(found: Displacement, crs: CRS) -> gpd.GeoDataFrame:
         "p_map": [zone.probability for zone in zones],
         "fitted_area_m2": [zone.fitted_area for zone in zones],
     }
-    kinds = {name: "float64" for name in table} | {"zone_id": "str"}  # also where no zone says so
+    kinds = dict.fromkeys(table, "float64") | {"zone_id": "str"}  # also where no zone says so
     frame = pd.DataFrame(table).astype(kinds)
     return gpd.GeoDataFrame(frame, geometry=list(cell_polygons(labels, len(zones), found.grid)), crs=crs)
 
