@@ -18,7 +18,8 @@ from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
 from .drawing import export_label_studio, import_label_studio, locate, suggest_roi, top_view
 from .flight import compare_flight, plan_flight
-from .flow import extract_ground, inspect, monitor, screen
+from .flow import batch, extract_ground, inspect, monitor, screen
+from .handover import create_project, export_gis, report
 from .pairs import change, dem_change, displacement, m3c2, register
 from .simulation import simulate
 
@@ -29,10 +30,13 @@ __all__ = [
     "Progress",
     "RunResult",
     "SlopeWatchError",
+    "batch",
     "change",
     "compare_flight",
+    "create_project",
     "dem_change",
     "displacement",
+    "export_gis",
     "export_label_studio",
     "extract_ground",
     "import_label_studio",
@@ -42,6 +46,7 @@ __all__ = [
     "monitor",
     "plan_flight",
     "register",
+    "report",
     "screen",
     "simulate",
     "suggest_roi",

@@ -1,4 +1,4 @@
-"""From raw surveys on: the whole flow, a series, the ground and the screening of one survey."""
+"""From raw surveys on: the whole flow, a series, a corridor, the ground and the screening of one survey."""
 
 from __future__ import annotations
 
@@ -9,7 +9,11 @@ from typing import Any
 
 from ..engine.core.progress import Progress
 from ..engine.core.run_result import RunResult
-from ..interface.parameters import command_sets
+from ..interface.parameters import BatchParameters, command_sets
+from ..workflows.batch.corridor import run_batch
+from ..workflows.batch.corridor_plan import Given
+from ..workflows.batch.planning import Common
+from ..workflows.batch.settings import specifications
 from ..workflows.given_values import Values
 from ..workflows.ground import ground_step
 from ..workflows.inspect import inspect_slope
@@ -107,6 +111,35 @@ def monitor(
         overwrite=values.overwrite,
         progress=progress or Progress(),
     )
+
+
+def batch(
+    manifest: PathLike,
+    output_dir: PathLike,
+    *,
+    alerts: PathLike | None = None,
+    centreline: PathLike | None = None,
+    field_names: PathLike | None = None,
+    classes: PathLike | None = None,
+    pdal: PathLike | None = None,
+    progress: Progress | None = None,
+    **parameters: Any,
+) -> RunResult:
+    """All slopes of a corridor, as ``slopewatch batch``; see ``inspect`` and ``monitor`` for the arguments.
+
+    ``manifest`` is a CSV file, a layer of polygons, or a folder with one folder of dated clouds a slope. Each slope has
+    a process of its own. One that fails is counted in ``slopes_failed``, named in the warnings, and raises nothing.
+    """
+    values = Values(parameters, command_sets.BATCH)
+    for group in command_sets.BATCH:  # refused here rather than for each slope
+        values.of(group)
+    options = {name: value for name, value in values.given.items() if name in specifications()}
+    files = paths(alerts=alerts, pdal=pdal)
+    common = Common(
+        options, values.profile, **files, parameters=values.of(BatchParameters),
+        layers=layers(centreline, field_names, classes),
+    )  # fmt: skip
+    return run_batch(Given(Path(manifest), Path(output_dir), values.overwrite), common, progress or Progress())
 
 
 def extract_ground(

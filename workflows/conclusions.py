@@ -1,4 +1,4 @@
-"""How a run ends: three to nine sentences on what was found, where it lies, and what to look at.
+"""How a run ends: three to eleven sentences on what was found, where it lies, and what to look at.
 
 They are made of the run's figures, all of which stay in its record. A command without an entry here ends with where its
 files lie; one may also say its own sentences in ``RunResult.conclusion``.
@@ -14,7 +14,7 @@ from ..engine.core.run_result import RunResult
 from .conclusions_of_tools import OF_TOOLS
 from .figures_in_words import Figures, counted, measured, number, percent, plural, sentence, zones_found
 
-MOST = 9
+MOST = 11
 """Sentences at most."""
 
 # Outputs that people open first, in that order; two of them are named.
@@ -47,7 +47,13 @@ def _change(f: Figures) -> list[str]:
     if count is None:
         return _screened(f, "screened_")
     found = "No zone of change above the level of detection was found."
-    if count:
+    only_slid = bool(count) and f.get("slid_zones") == count
+    if only_slid:
+        found = (
+            f"{zones_found(count, 'significant change')}, {measured(f, 'zone_area_m2', 'm²')} in all: what moved there "
+            "slid along the surface, and no material was lost or gained."
+        )
+    elif count:
         lost, gained = (
             measured(f, f"vol_{kind}_m3", "m³", error=f"vol_{kind}_err_m3") or "0 m³" for kind in ("loss", "gain")
         )
@@ -58,8 +64,10 @@ def _change(f: Figures) -> list[str]:
     return [
         found,
         _slides(f),
-        sentence("The largest lowering in a zone is {}, the largest raising {}.", measured(
-            f, "largest_sink_m", "m", sign=False), measured(f, "largest_rise_m", "m")) if count else "",
+        sentence(
+            "The largest lowering in a zone is {}, the largest raising {}.",
+            measured(f, "largest_sink_m", "m", sign=False), measured(f, "largest_rise_m", "m"),
+        ) if count and not only_slid else "",
         sentence(
             "{} of the ground that the surveys reached was compared; change below the level of detection, {} in the "
             "median, cannot be distinguished from none.",
@@ -73,10 +81,15 @@ def _change(f: Figures) -> list[str]:
 
 
 def _dem_change(f: Figures) -> list[str]:
-    bias = sentence(
-        "The later model lay {} above the earlier one on stable ground; that is taken off and is no change.",
-        measured(f, "bias_m", "m", error="bias_error_m"),
-    )
+    size = measured(f, "bias_m", "m", error="bias_error_m", sign=False)
+    if (f.get("bias_m") or 0.0) < 0:
+        bias = sentence(
+            "The later model lay {} below the earlier one on stable ground; that is taken off and is no change.", size
+        )
+    else:
+        bias = sentence(
+            "The later model lay {} above the earlier one on stable ground; that is taken off and is no change.", size
+        )
     return [bias, *_change(f)]
 
 

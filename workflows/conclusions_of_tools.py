@@ -34,7 +34,11 @@ def _survey(f: Figures) -> list[str]:
         sentence(
             "The later one holds {} changes: {} lowered and {} raised.",
             counted(f, "changes"), measured(f, "volume_lowered_m3", "m³"), measured(f, "volume_raised_m3", "m³"),
-        ),
+        ) if f.get("changes") or not f.get("motions") else "",
+        sentence(
+            "Places whose ground moves along its surface in the later one: {}, by up to {}.",
+            counted(f, "motions"), measured(f, "largest_motion_m", "m"),
+        ) if f.get("motions") else "",
     ]  # fmt: skip
 
 

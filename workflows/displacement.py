@@ -16,6 +16,7 @@ from ..engine.core.run_result import RunResult
 from ..engine.core.version import VERSION
 from ..engine.displacement.displacement import Displacement, StablePlaces, measure_displacement
 from ..engine.displacement.registered import Registered
+from ..engine.displacement.status import REASONS, Status
 from ..engine.epochs.comparability import refuse_other_heights, require_comparable
 from ..engine.epochs.dating import check_days
 from ..engine.epochs.epoch import check_pair
@@ -37,6 +38,8 @@ from .run import Run
 from .settings import DisplacementSettings, groups
 
 _MIN_TOLD_SHARE = 0.1  # of the ground that one reason refuses, from which it is worth a warning
+_LEAST_REFUSED_OFFSET_M = 1.0  # of all heights alike: on a slope, windows of both surveys then hold other ground
+_MAYBE_FARTHER = frozenset(REASONS[status] for status in (Status.NO_RELIEF, Status.NOT_FOUND))
 
 
 def displacement_step(
@@ -130,7 +133,8 @@ def _read(
             )
         if transform is not None:
             run.facts["transform"] = transform.matrix
-        refuse_other_heights(*clouds)
+        limit = max(_LEAST_REFUSED_OFFSET_M, settings.displacement.largest_motion)
+        refuse_other_heights(clouds[0], clouds[1], limit)
     return clouds
 
 
@@ -180,11 +184,19 @@ def stable_places(path: Path | None, crs: CRS, progress: Progress | None = None)
 
 def _warn(found: Displacement, settings: DisplacementSettings, asked_stable: bool, progress: Progress) -> None:
     """Say what could not be seen, and what makes the vectors doubtful."""
+    unseen = 0.0
     for row in refused(found):
         share, reason = row["share"], row["reason"]
         if share >= _MIN_TOLD_SHARE:
             progress.warning(
                 f"On {100 * share:.0f} % of the ground no motion along the surface can be given: {reason}."
             )
+            unseen += share if reason in _MAYBE_FARTHER else 0.0
+    if unseen:
+        progress.warning(
+            "Where no relief is shared or no motion is found, the ground may also have moved farther than the "
+            f"{settings.displacement.largest_motion:g} m up to which motion is looked for; if that may be, give a "
+            "larger --largest-motion."
+        )
     for sentence in doubts(found, settings.displacement, stable_given=asked_stable):
         progress.warning(sentence)

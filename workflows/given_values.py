@@ -30,6 +30,15 @@ class Values:
             raise InputError(f"profile is {self._profile!r}; give one of {', '.join(PROFILES)}.")
         self._given = read.over(sets, self._profile) | given
 
+    @property
+    def profile(self) -> str:
+        return self._profile
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """The values by name that were given, by the caller or in the file of settings."""
+        return dict(self._given)
+
     def of(self, group: type[Group]) -> Group:
         try:
             return group.build(self._given, self._profile)

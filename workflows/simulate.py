@@ -56,6 +56,7 @@ def survey_step(
             "vegetation_cover": pair.canopy.cover(pair.scene.slope),
             "changes": len(pair.changes),
             "motions": len(pair.motions),
+            "largest_motion_m": max((motion.amount for motion in pair.motions), default=0.0),
             "volume_raised_m3": sum(change.volumes[0] for change in pair.changes),
             "volume_lowered_m3": sum(change.volumes[1] for change in pair.changes),
         }

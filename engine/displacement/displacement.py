@@ -148,7 +148,11 @@ def windows_of(first: Ground, later: Ground, facets: Facets, spacing: float) -> 
     low = np.maximum(ends[0][0][:2], ends[1][0][:2])
     high = np.minimum(ends[0][1][:2], ends[1][1][:2])
     if (low >= high).any():
-        raise InputError("The surveys have no ground in common; check their coordinate systems and the registration.")
+        a, b = (f"x {one[0]:.1f} to {two[0]:.1f}, y {one[1]:.1f} to {two[1]:.1f}" for one, two in ends)
+        raise InputError(
+            f"The epochs do not overlap: the first spans {a}, the second {b}; "
+            "check that both are of the same slope and in the same reference system."
+        )
     grid = snapped_grid((low[0], low[1], high[0], high[1]), spacing)
     x = np.asarray(grid.west + (np.arange(grid.columns) + 0.5) * spacing, dtype=np.float64)
     y = np.asarray(grid.north - (np.arange(grid.rows) + 0.5) * spacing, dtype=np.float64)
@@ -160,7 +164,10 @@ def windows_of(first: Ground, later: Ground, facets: Facets, spacing: float) -> 
             held |= near_points(xyz, x, y, _MAX_GAP_M)
         near &= held.ravel()
     if not near.any():
-        raise InputError("The surveys have no ground in common; check their coordinate systems and the registration.")
+        raise InputError(
+            f"Nowhere ground points of both surveys lie within {_MAX_GAP_M:g} m of each other; check the clouds, and "
+            "give the transform of their registration."
+        )
     cell = np.flatnonzero(near)
     return grid, cell, facet[cell], places[cell]
 

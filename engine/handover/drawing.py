@@ -64,6 +64,8 @@ def write_dxf(path: Path, held: Held, meshes: Mapping[str, Mesh], names: Mapping
             _layer(drawing, name, _BROWN if name.endswith("EARLIER") else _GREEN)
             _add_section(space, name, section.xy, heights)
     count = len(space)
+    for kind in sorted(drawing.entitydb.dxf_types_in_use()):  # else in the order of a set, which each process has anew
+        drawing.classes.add_class(kind)
     with atomic_output(path, lambda written: _check(written, count)) as partial:
         drawing.saveas(partial, encoding="utf-8")
     return count

@@ -136,7 +136,7 @@ def _zone_row(found: Displacement, zone: MovingZone, number: int) -> dict[str, A
     length, unit = _length(zone.motion)
     errors = np.sqrt(np.diag(zone.in_plane_covariance))
     level = float(np.hypot(zone.motion[0], zone.motion[1]))
-    turn = _angle_error(zone.in_plane[:2], zone.in_plane_covariance[:2, :2])
+    turn = off_dip_error(zone)
     dip = float(np.degrees(np.arccos(np.clip(_normal(found, zone)[2], -1.0, 1.0))))
     cells = found.vectors.places[zone.windows, :2]
     inside = cells[np.argmin(np.linalg.norm(cells - cells.mean(axis=0), axis=1))]
@@ -168,10 +168,10 @@ def _length(motion: Float) -> tuple[float, Float]:
     return length, motion / max(length, 1e-12)
 
 
-def _angle_error(motion: Float, covariance: Float) -> float:
-    """One standard error (degrees) of the direction of a motion in a plane."""
-    length, unit = _length(motion)
-    across = np.array([-unit[1], unit[0]])
+def off_dip_error(zone: MovingZone) -> float:
+    """One standard error (degrees) of a zone's direction against the dip."""
+    length, unit = _length(zone.in_plane[:2])
+    across, covariance = np.array([-unit[1], unit[0]]), zone.in_plane_covariance[:2, :2]
     return float(np.degrees(np.arctan2(np.sqrt(across @ covariance @ across), length)))
 
 

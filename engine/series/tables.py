@@ -22,6 +22,7 @@ from ..grid.grid import Grid
 from ..statistics.normal import Z95
 from ..vector.cell_polygons import cell_polygons, field_kinds, inclination, table_column
 from ..vector.review_fields import UNREVIEWED
+from ..zones.fields import SLIDING
 from .motion.zones import MovingGround
 from .velocity_classes import velocity_class
 from .zone_series import ZoneSeries
@@ -159,7 +160,7 @@ def _zone_row(zone: ZoneSeries, last_change: Float, heights: Float, about: About
     owner = np.zeros(len(zone.cells), dtype=np.int64)
     change, error = float(zone.change[last]), float(zone.error[last])
     seen = [s.epoch for s in (*zone.track.sightings, *(zone.motion.ground.sightings if zone.motion else ()))]
-    course = zone.leading
+    course, slid = zone.leading, zone.kind == SLIDING
     row: dict[str, Any] = {
         "zone_id": zone.track.zone_id,
         "alert_level": zone.alert.level,
@@ -182,8 +183,9 @@ def _zone_row(zone: ZoneSeries, last_change: Float, heights: Float, about: About
         "dz_p95_m": zone.track.sign * float(np.quantile(signed, 0.95)) if len(signed) else None,
         "area_m2": area,
         "n_cells": int(zone.measured[last]),
-        "vol_loss_m3": float(-values[values < 0].sum() * about.grid.cell**2),
-        "vol_gain_m3": float(values[values > 0].sum() * about.grid.cell**2),
+        # what slid is still there
+        "vol_loss_m3": None if slid else float(-values[values < 0].sum() * about.grid.cell**2),
+        "vol_gain_m3": None if slid else float(values[values > 0].sum() * about.grid.cell**2),
         "vol_net_m3": change * area,
         "vol_err_m3": error * area,
         "lod95_m": Z95 * error,

@@ -69,6 +69,7 @@ _LAYERS: dict[tuple[str, str], tuple[str, str, bool]] = {
     ("zones", "zones"): ("Hazard zones", ZONES, True),
     ("profiles", "profiles"): ("Lines of the profiles", ZONES, True),
     ("zones", "footprints"): ("Footprints of the volumes", ZONES, False),
+    ("classes", "budget_by_class"): ("Change by class of asset", ZONES, False),
     ("screened_zones", "zones"): ("Screened zones", SCREENING, False),
     ("located", "*"): ("Places on the road", ZONES, True),
     ("plan", "lines"): ("Flight lines", FLIGHT, True),
@@ -115,6 +116,8 @@ _HEIGHT_TITLES = ("Ground heights, earlier survey (m)", "Ground heights, later s
 _ROW_A_SURVEY = {("displacement_vectors", "zones"), ("displacement_vectors", "vectors")}
 """In a series these have a row a survey, which lie on each other without the temporal controller."""
 _OF_SURVEYS = re.compile(r"(cumulative|incremental)_(change|level)_\d+")
+_OF_MODELS = re.compile(r"(elevation_change|level_of_detection)_(\d+)_(\d+)")
+"""Of elevation models, which are counted from 1."""
 _SPAN = re.compile(r"(\d{4}-\d{2}-\d{2})_(\d{4}-\d{2}-\d{2})$")
 _SURVEY_TITLES = {
     "cumulative_change": "Change since the first survey", "incremental_change": "Change since the survey before",
@@ -241,4 +244,18 @@ def _rasters(files: dict[str, Path], days: tuple[str, ...]) -> list[Entry]:
             visible = newest and kind.groups() == ("cumulative", "change") and "velocity" not in files
             # the engine's style says on which days it is shown
             found.append(Entry(files[key], title, SURVEYS, survey=span[2], visible=visible))
+    return [*found, *_pairs_of_models(files, days)]
+
+
+def _pairs_of_models(files: dict[str, Path], days: tuple[str, ...]) -> list[Entry]:
+    """Change and level of each elevation model against the first one and that before."""
+    found = []
+    for key in sorted(files, reverse=True):
+        pair = _OF_MODELS.fullmatch(key)
+        if pair:
+            first, last = int(pair[2]), int(pair[3])
+            kind = "change" if pair[1] == "elevation_change" else "level"
+            title = _SURVEY_TITLES[f"{'cumulative' if first == 1 else 'incremental'}_{kind}"]
+            survey, span = ("", None) if last > len(days) else (days[last - 1], (days[first - 1], days[last - 1]))
+            found.append(Entry(files[key], title, SURVEYS, survey=survey, days=span))
     return found

@@ -20,6 +20,7 @@ LONG_MODULES: dict[str, str] = {}
 LONG_FUNCTIONS: dict[str, str] = {}
 MANY_PARAMETERS = {
     "api/flight.py:plan_flight": STEP,
+    "api/flow.py:batch": STEP,
     "api/flow.py:inspect": STEP,
     "api/flow.py:screen": STEP,
     "api/pairs.py:dem_change": STEP,

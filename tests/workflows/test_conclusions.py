@@ -50,19 +50,47 @@ def test_a_change_ends_with_what_was_found_where_it_lies_and_what_to_look_at() -
 
 def test_an_inspection_also_says_how_the_survey_was_moved_and_what_its_shape_shows() -> None:
     screened = {"screened_zone_count": 3, "confirmed_zones": 1}
-    found = said("inspect", {**CHANGE, **MOVED, **SLIDES, **screened}, "One.", "Two.")
+    biased, did = {"registration_vertical_bias_m": 0.101}, {"slid_zones": 1, "largest_slide_m": 0.2, "sank_zones": 1}
+    found = said("inspect", {**CHANGE, **MOVED, **SLIDES, **screened, **biased, **did}, "One.", "Two.")
     assert len(found) == MOST
     assert found[1] == (
         "2 zones of motion along the surface were found, 80 m² in all; the largest motion of one is 0.182 m."
     )
-    assert found[4] == (
+    assert found[4].startswith("Of the zones, 1 slid along the surface, by up to 0.200 m; 1 sank")
+    assert found[5] == (
         "The later survey was moved by -0.019 m to the east, -0.170 m to the north and 12.500 m upwards to fit the "
         "earlier one, with a standard error of 0.003 m in height."
     )
-    assert found[5] == (
+    assert found[6] == (
+        "On stable ground the later survey lay 0.101 m higher than the earlier one: a vertical bias between the "
+        "campaigns, which the registration took off, and no change."
+    )
+    assert found[7] == (
         "By its shape, 3 zones of the last survey look raised or lowered; the change confirms 1 of them."
     )
     assert found[-1] == "2 warnings were given, which the run record keeps; read them first."
+
+
+def test_zones_that_all_slid_lost_nothing() -> None:
+    found = said("change", {**CHANGE, "slid_zones": 2, "largest_slide_m": 0.2})
+    assert found[0] == (
+        "2 zones of significant change were found, 33.6 m² in all: what moved there slid along the surface, and no "
+        "material was lost or gained."
+    )
+    assert not any("largest lowering" in sentence for sentence in found)
+
+
+def test_a_bias_of_models_is_above_or_below() -> None:
+    for bias, word in ((0.54, "above"), (-0.54, "below")):
+        found = said("demchange", {**CHANGE, "bias_m": bias, "bias_error_m": 0.008})[0]
+        assert found.startswith(f"The later model lay 0.540 ± 0.008 m {word} the earlier one on stable ground")
+
+
+def test_a_simulation_names_what_moves_along_the_surface() -> None:
+    figures = {"points_reference": 5, "points_cloud": 6, "changes": 0, "motions": 4, "largest_motion_m": 0.2}
+    assert said("simulate survey", figures)[1] == (
+        "Places whose ground moves along its surface in the later one: 4, by up to 0.200 m."
+    )
 
 
 def test_an_inspection_without_slides_says_where_none_can_be_seen() -> None:

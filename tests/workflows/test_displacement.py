@@ -9,6 +9,7 @@ from pathlib import Path
 import geopandas as gpd
 import laspy
 import numpy as np
+import pyogrio
 import pytest
 import rasterio
 import shapely
@@ -30,6 +31,7 @@ from slopewatch.interface.parameters import (
 from slopewatch.tests.builders.rough_ground import axes, relief, sampled
 from slopewatch.workflows import pair as workflow_pair
 from slopewatch.workflows.displacement import displacement_step
+from slopewatch.workflows.products.displacement import directions
 from slopewatch.workflows.report import report_step
 from slopewatch.workflows.settings import DisplacementSettings
 
@@ -101,10 +103,38 @@ def test_vectors_and_zones_are_layers_with_their_styles(outcome):
     assert (vectors["p_value"] <= 0.01).all()
     assert len(zones) == 1
     assert zones["length_m"][0] == pytest.approx(0.15, abs=4 * zones["length_err_m"][0])
+    assert zones["off_dip_deg"][0] == pytest.approx(0.0, abs=4 * zones["off_dip_err_deg"][0])
     assert zones.geometry[0].area == pytest.approx(zones["area_m2"][0])
     styles = gpd.read_file(path, layer="layer_styles")
     assert set(styles["f_table_name"]) == {"vectors", "zones", "one_direction"}
     assert all("make_ellipse(" in qml and "&amp;quot;" not in qml for qml in styles["styleQML"])
+
+
+def test_every_column_and_band_is_explained(outcome, root):
+    page = (root / "docs" / "displacement.md").read_text(encoding="utf-8")
+    path = outcome[0].outputs["displacement_vectors"]
+    columns = {c for name in ("vectors", "zones", "one_direction") for c in gpd.read_file(path, layer=name).columns}
+    axes_errors = {f"{axis}_err_m" for axis in ("along_dip", "across", "normal")}  # of a row with `..._err_m`
+    assert sorted(c for c in columns - axes_errors - {"geometry"} if f"`{c}`" not in page) == []
+    with rasterio.open(outcome[0].outputs["displacement"]) as raster:
+        names = [name.partition(":")[0] for name in raster.descriptions]
+    axes = ["east", "north", "up", "down the dip", "across the dip", "normal to the surface"]
+    errors = [name.removeprefix("standard error ") for name in names[6:12]]
+    assert errors == axes
+    assert [name.removeprefix("motion ").partition(",")[0] for name in names[:6]] == axes
+    assert [names[12].split()[-1], *(n.split()[0] for n in names[13:])] == ["errors", "share", "width", "status"]
+    assert "13 | length along the surface in standard errors" in page
+
+
+def test_errors_of_directions_are_the_scatter_of_many_draws():
+    rng = np.random.default_rng(3)
+    motion, root = np.array([0.08, -0.11, -0.06]), rng.normal(0.0, 0.004, (3, 3))
+    covariance = root @ root.T
+    drawn = directions(motion + rng.multivariate_normal(np.zeros(3), covariance, 20_000), np.zeros((20_000, 3, 3)))
+    stated = directions(motion[None], covariance[None])
+    for name in ("azimuth", "plunge"):
+        assert stated[f"{name}_err_deg"][0] == pytest.approx(drawn[f"{name}_deg"].std(), rel=0.04)
+    assert stated["length_err_m"][0] == pytest.approx(drawn["length_m"].std(), rel=0.04)
 
 
 def test_the_smallest_motion_is_three_errors(outcome):
@@ -146,6 +176,32 @@ def test_a_smooth_face_says_why_it_shows_nothing(tmp_path):
     done = run((pair[0], pair[1]), tmp_path / "out", progress)
     assert done.figures["significant_vectors"] == 0
     assert any("no motion along the surface can be given: no relief" in w for w in progress.warnings)
+    zones = pyogrio.read_info(done.outputs["displacement_vectors"], layer="zones")
+    kinds = dict(zip(zones["fields"], zones["ogr_types"], strict=True))
+    assert (zones["features"], kinds["zone_id"], kinds["area_m2"]) == (0, "OFTString", "OFTReal")
+
+
+def test_what_moved_beyond_the_search_is_said_with_the_search(pair, tmp_path):
+    far = written(tmp_path / "2026-05-01.laz", laspy.read(pair[0]).xyz + 10 * MOTION)
+    progress = Progress()
+    done = run((pair[0], far), tmp_path / "out", progress)
+    assert done.figures["significant_vectors"] == 0
+    assert any("moved farther than the 1 m up to which motion is looked for" in w for w in progress.warnings)
+
+
+@pytest.mark.parametrize(
+    ("shift", "said"),
+    [
+        ((500.0, 0.0, 0.0), r"^The epochs do not overlap: the first spans x \d.*, the second x \d.* reference system"),
+        ((0.0, 0.0, 32.0), r"lies about 32\.0 m above .* over the whole overlap: ellipsoidal against orthometric"),
+    ],
+    ids=["elsewhere", "other heights"],
+)
+def test_surveys_that_cannot_be_laid_on_each_other_are_refused_with_the_figure(shift, said, pair, tmp_path):
+    other = written(tmp_path / "2026-05-01.laz", laspy.read(pair[1]).xyz + np.array(shift))
+    with pytest.raises(InputError, match=said):
+        run((pair[0], other), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_folder_with_results_is_not_written_into(pair, outcome):

@@ -75,6 +75,7 @@ def test_ground_that_creeps_is_a_zone_with_an_alert_that_heights_do_not_raise(ru
     zone = moving(out / "motion")
     assert zone["found_by"] in ("motion", "both")
     assert (zone["kind"] == "sliding") == (zone["found_by"] == "motion")
+    assert np.isnan(zone[["vol_loss_m3", "vol_gain_m3"]].astype(float)).all() == (zone["kind"] == "sliding")
     assert zone["alert_reason"].startswith(("along the surface: rate", "motion along the surface"))
     assert abs(zone["motion_off_dip_deg"]) < 15
     by_heights = layer(out / "heights", "zones", "series.gpkg")

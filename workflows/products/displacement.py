@@ -21,6 +21,7 @@ from ...engine.displacement.zones import MovingZone
 from ...engine.grid import geotiff
 from ...engine.grid.grid import Grid, on_grid
 from ...engine.maps import displacement_styles, opacity_band, qgis_styles
+from ...engine.report.motion_facts import off_dip_error
 from ...engine.vector.cell_polygons import cell_polygons
 from ...engine.vector.geopackage import Layer, write_layers
 from ..run import Run
@@ -121,18 +122,29 @@ def directions(motion: Float, covariance: Float) -> dict[str, Float]:
     length = np.linalg.norm(motion, axis=1)
     unit = motion / np.maximum(length, 1e-12)[:, None]
     values, axes = np.linalg.eigh(covariance[:, :2, :2]) if len(motion) else (np.zeros((0, 2)), np.zeros((0, 2, 2)))
+    heading, dive = np.arctan2(motion[:, 0], motion[:, 1]), np.arctan2(-motion[:, 2], level)
+    aside = np.column_stack([np.cos(heading), -np.sin(heading), np.zeros(len(motion))])
+    below = np.column_stack([-np.sin(heading) * np.sin(dive), -np.cos(heading) * np.sin(dive), -np.cos(dive)])
     return {
         "east_m": motion[:, 0],
         "north_m": motion[:, 1],
         "up_m": motion[:, 2],
         "length_m": length,
         "length_err_m": np.sqrt(np.einsum("ni,nij,nj->n", unit, covariance, unit)),
-        "azimuth_deg": np.degrees(np.arctan2(motion[:, 0], motion[:, 1])) % 360.0,
-        "plunge_deg": np.degrees(np.arctan2(-motion[:, 2], level)),
+        "azimuth_deg": np.degrees(heading) % 360.0,
+        "azimuth_err_deg": _turn(level, aside, covariance),
+        "plunge_deg": np.degrees(dive),
+        "plunge_err_deg": _turn(length, below, covariance),
         "err_major_m": np.sqrt(np.maximum(values[:, 1], 0.0)),
         "err_minor_m": np.sqrt(np.maximum(values[:, 0], 0.0)),
         "err_azimuth_deg": np.degrees(np.arctan2(axes[:, 0, 1], axes[:, 1, 1])) % 180.0,
     }
+
+
+def _turn(length: Float, across: Float, covariance: Float) -> Float:
+    """(n,) standard errors (degrees) of the directions of motions, by their error along unit vectors ``across``."""
+    error = np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", across, covariance, across), 0.0))
+    return np.asarray(np.degrees(np.arctan2(error, length)))
 
 
 def vectors_layer(found: Displacement, crs: CRS) -> gpd.GeoDataFrame:
@@ -193,10 +205,12 @@ def zones_layer(found: Displacement, crs: CRS) -> gpd.GeoDataFrame:
         "across_err_m": [_error(zone, 1) for zone in zones],
         "normal_err_m": [_error(zone, 2) for zone in zones],
         "off_dip_deg": [zone.off_dip for zone in zones],
+        "off_dip_err_deg": [off_dip_error(zone) for zone in zones],
         "p_map": [zone.probability for zone in zones],
         "fitted_area_m2": [zone.fitted_area for zone in zones],
     }
-    frame = pd.DataFrame(table).astype({name: "float64" for name in table if name != "zone_id"})
+    kinds = dict.fromkeys(table, "float64") | {"zone_id": "str"}  # also where no zone says so
+    frame = pd.DataFrame(table).astype(kinds)
     return gpd.GeoDataFrame(frame, geometry=list(cell_polygons(labels, len(zones), found.grid)), crs=crs)
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import date, timedelta
 
 import numpy as np
 import pytest
+from pyproj import CRS
 from slopewatch.engine.displacement.facets import Facets
 from slopewatch.engine.displacement.frame import Frame
 from slopewatch.engine.grid.grid import Grid
@@ -13,6 +15,7 @@ from slopewatch.engine.series.alerts import read_alerts
 from slopewatch.engine.series.joined import cells_of, joined_zones
 from slopewatch.engine.series.motion.windows import Layout
 from slopewatch.engine.series.motion.zones import MovingGround
+from slopewatch.engine.series.tables import About, zone_frame
 from slopewatch.engine.series.tracking import Sighting, Track
 from slopewatch.engine.series.zone_series import Stack, shared_errors, zone_series
 
@@ -87,6 +90,17 @@ def test_ground_whose_heights_show_nothing_is_a_zone_of_its_own():
     assert other.epochs_confirmed == 3
     assert abs(other.change[-1]) < 0.01  # its heights
     assert other.motion.course.velocity.rate == pytest.approx(0.004, rel=0.02)
+
+
+def test_what_slid_lost_and_gained_no_material():
+    _, found = joined(-0.001, ground(6, 10, 0.004))
+    days = tuple(date(2024, 5, 1) + timedelta(days=float(day)) for day in DAYS)
+    about = About(days, CRS.from_epsg(32651), GRID, "", "")
+    frame = zone_frame(found, stack(-0.001)[0].change[-1], np.zeros(SHAPE), about).set_index("zone_id")
+    assert frame.loc["M001", "kind"] == "sliding"
+    assert frame.loc["M001", ["vol_loss_m3", "vol_gain_m3"]].isna().all()
+    assert np.isfinite(frame.loc["M001", "vol_net_m3"])
+    assert frame.loc["S001", "vol_loss_m3"] > 0
 
 
 def test_of_two_places_in_one_zone_the_larger_part_counts():
