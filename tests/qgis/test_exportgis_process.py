@@ -190,7 +190,8 @@ def test_the_metadata_are_read_by_another_library(given: Path) -> None:
         read = iso.MD_Metadata(etree.parse(str(given / "metadata" / "iso19139.xml")).getroot())
     assert read.contact[0].organization == "Agency <A & B>"
     assert read.referencesystem.code == "32651"
-    identification = read.identificationinfo[0]
+    # called identificationinfo until version 0.35 of the library, in which both are lists
+    (identification,) = getattr(read, "identificationinfo", None) or read.identification
     assert identification.temporalextent_start == "2024-05-01"
     assert identification.temporalextent_end == "2025-05-01"
     item = json.loads((given / "item.json").read_text(encoding="utf-8"))
