@@ -88,10 +88,11 @@ def judge(case: Case, folder: Path, *, early: bool = True) -> Outcome:
         outcome.alerts = [(r, first[True].get(k), first[False].get(k)) for k, r in enumerate(case.rates)]
     moving = _zones({"series_zones": folder / "motion_True" / "displacement.gpkg"}, "series_zones")
     latest = moving[moving["epoch"] == DAYS[-1].isoformat()]
-    for _, zone in latest.iterrows():
-        _compare(outcome, case, zone)
     if not case.outlines:
         outcome.still_series, outcome.still_with_zone = 1, int(len(latest) > 0)
+        return outcome
+    for _, zone in latest.iterrows():
+        _compare(outcome, case, zone)
     return outcome
 
 

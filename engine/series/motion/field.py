@@ -58,7 +58,7 @@ class References:
         found = np.stack([r.at(places) for r in registered], axis=1)
         known = np.isfinite(self.covariance).all(axis=(1, 2))
         found[:, known] = self.covariance[known]
-        for survey in np.flatnonzero(self.of_slope):
+        for survey in np.flatnonzero(self.of_slope).tolist():
             found[:, survey] += registered[survey].turned_about(self.centre).at(places)
         found[:, 0] = 0.0
         return found
