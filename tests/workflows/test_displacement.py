@@ -227,7 +227,7 @@ def test_surveys_on_the_disk_give_the_same_files(pair, outcome, tmp_path, monkey
 
 def test_a_memory_that_holds_not_even_parts_is_refused_by_the_headers(pair, tmp_path):
     points = sum(laspy.open(cloud).header.point_count for cloud in pair)
-    with pytest.raises(InputError, match=rf"The {points:,} points of .*2024-05-01\.laz.* need at least 0\.69 GB"):
+    with pytest.raises(InputError, match=rf"The {points:,} points of .*2024-05-01\.laz.* need at least 0\.67 GB"):
         run(pair, tmp_path / "motion", motion_memory=MotionMemoryParameters(memory_limit=0.3))
     assert not (tmp_path / "motion").exists()
 
