@@ -12,6 +12,8 @@ from ..grid.grid import Grid, cell_index
 
 SHORTFALL = 0.15
 """Share of the promised returns that a place must lack to have fallen short."""
+_TOGETHER = np.ones((3, 3))
+"""Places that are counted together: under plants the share of a single one depends on where the beams come from."""
 _CHANCE = 2.0  # standard deviations of a count, as chance makes them, that it must lack as well
 _MIN_BEYOND = 0.01  # share of the returns beyond the region; below it the cloud was cut to the region
 
@@ -21,8 +23,8 @@ class Reached:
     """Densities (rows, columns) a m² of map, NaN outside of the plan's places.
 
     ``promised`` and ``reached``; ``whole`` is False where the cloud was cut along the region, and then ``judged`` is at
-    its rim; ``short`` where more
-    than 15 % are missing, and more than two standard deviations of what chance makes.
+    its rim; ``short`` where of a place and the up to eight around it
+    more than 15 % are missing, and more than two standard deviations of what chance makes.
     """
 
     promised: Float
@@ -61,5 +63,6 @@ def reached_of(xy: Float, promised: Float, grid: Grid) -> Reached:
         judged &= ndimage.binary_erosion(inside, np.ones((3, 3)))
     area = grid.cell**2
     wanted = np.where(inside, promised, 0.0) * area
-    short = judged & (counts < (1 - SHORTFALL) * wanted) & (counts < wanted - _CHANCE * np.sqrt(wanted))
+    near, due = (ndimage.convolve(np.where(judged, a, 0.0), _TOGETHER, mode="constant") for a in (counts, wanted))
+    short = judged & (near < (1 - SHORTFALL) * due) & (near < due - _CHANCE * np.sqrt(due))
     return Reached(promised, np.where(inside, counts / area, np.nan), judged, short, whole)
