@@ -12,6 +12,7 @@ from ..core.errors import InputError
 from ..core.progress import Progress
 from ..geometry.pose import Pose
 from ..geometry.voxels import block_numbers
+from .moving_places import Places, moving_places
 from .observability import Estimate, Information, curvature_folds, estimate, information, probing_motions
 from .point_to_plane import TUKEY, Matcher, Pairs, regional_weights, tukey_weights
 from .restarts import MIN_PAIRS, Descent, Limits, descend, reconsider
@@ -29,7 +30,8 @@ _MAX_NEWTON_STEPS = 12
 class Alignment:
     """``pose`` moves the moving surface onto the reference; ``scale`` (m) is the noise of its residuals.
 
-    ``radius`` (m) scales rotations in ``information``.
+    ``radius`` (m) scales rotations in ``information``. ``slid`` is the share of the surface that was left out because
+    it moved along itself.
     """
 
     pose: Pose
@@ -38,6 +40,7 @@ class Alignment:
     iterations: int
     converged: bool
     information: Information
+    slid: float = 0.0
 
 
 def levels(voxel: float, offset: float) -> list[float]:
@@ -90,11 +93,12 @@ class Steps:
 @dataclass(frozen=True)
 class Refinement:
     """The end of a registration, at the final ``scale`` (m) of the residuals; places that have changed are left out as
-    a whole.
+    a whole, and those that moved along the surface by the weights of ``places``.
     """
 
     matcher: Matcher
     scale: float
+    places: Places | None = None
 
     @property
     def reach(self) -> float:
@@ -111,7 +115,8 @@ class Refinement:
         return max(10 * self.matcher.spacing, TUKEY * self.scale)
 
     def weights(self, pairs: Pairs) -> Float:
-        return tukey_weights(pairs.residual, self.scale) * regional_weights(pairs, self.scale, self._block)
+        weight = tukey_weights(pairs.residual, self.scale) * regional_weights(pairs, self.scale, self._block)
+        return weight if self.places is None else weight * self.places.at(pairs.place)
 
     def curvature(self, pose: Pose, progress: Progress) -> Float:
         """``observability.curvature_folds`` at a pose."""
@@ -214,6 +219,41 @@ def refine(last: Refinement, pose: Pose, offset: float, limit: int, progress: Pr
         taken = replace(again, used=taken.used + again.used)
     found = last.information(folds, taken.pairs, offset)
     return Alignment(taken.pose, last.scale, matcher.radius, taken.used, taken.converged, found)
+
+
+def without_slides(matcher: Matcher, first: Alignment, offset: float, progress: Progress) -> Alignment:
+    """``first`` without the places that moved along the surface against the rest, and with the error that a slide too
+    small to be seen makes.
+
+    Args:
+        offset: largest expected one, metres.
+    """
+    if not first.information.observable.all():
+        return first
+    progress.update(0.95, "looking for places that slid")
+    moving = moving_places(matcher, first.pose, first.information)
+    if moving is None:
+        return first
+    if moving.places is not None:
+        last = Refinement(matcher, first.scale, moving.places)
+        first = _without(last, replace(first, pose=moving.pose), offset, progress)
+    return replace(first, information=first.information.wider(moving.unseen), slid=moving.share)
+
+
+def _without(last: Refinement, first: Alignment, offset: float, progress: Progress) -> Alignment:
+    """``first`` by all places but those that moved along the surface."""
+    sources = last.matcher.sample(_MANY_SOURCES)
+    folds = last.curvature(first.pose, progress)
+    found = last.information(folds, last.matcher.match(first.pose, sources, last.reach), offset)
+    error = float(np.sqrt(np.trace(found.observable_covariance)))
+    taken = last.steps(first.pose, sources, found, _MAX_NEWTON_STEPS, progress, error=error, newton=True)
+    return replace(
+        first,
+        pose=taken.pose,
+        iterations=first.iterations + taken.used,
+        converged=taken.converged,
+        information=last.information(folds, taken.pairs, offset),
+    )
 
 
 def _require(pairs: Pairs) -> None:
