@@ -222,8 +222,8 @@ def refine(last: Refinement, pose: Pose, offset: float, limit: int, progress: Pr
 
 
 def without_slides(matcher: Matcher, first: Alignment, offset: float, progress: Progress) -> Alignment:
-    """``first`` without the places that moved along the surface against the rest, and with the error that a slide too
-    small to be seen makes.
+    """``first`` where nothing slid; else without the places that slid along the surface against the rest, and with the
+    error that slides make which are too small to be seen.
 
     Args:
         offset: largest expected one, metres.
@@ -234,10 +234,9 @@ def without_slides(matcher: Matcher, first: Alignment, offset: float, progress: 
     moving = moving_places(matcher, first.pose, first.information)
     if moving is None:
         return first
-    if moving.places is not None:
-        last = Refinement(matcher, first.scale, moving.places)
-        first = _without(last, replace(first, pose=moving.pose), offset, progress)
-    return replace(first, information=first.information.wider(moving.unseen), slid=moving.share)
+    last = Refinement(matcher, first.scale, moving.places)
+    found = _without(last, replace(first, pose=moving.pose), offset, progress)
+    return replace(found, information=found.information.wider(moving.unseen), slid=moving.share)
 
 
 def _without(last: Refinement, first: Alignment, offset: float, progress: Progress) -> Alignment:

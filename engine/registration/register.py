@@ -127,8 +127,10 @@ def _with_plants(
         found = _surer(found, alignment, ground, parameters, stable_given, progress)
     if found.bare or found.solution.left:
         return found
-    rests = of_alignment(without_slides(matcher, alignment, parameters.maximum_offset, progress))
-    return replace(measured(rests, matcher, parameters, stable_given, progress), ground=found.ground)
+    rests = without_slides(matcher, alignment, parameters.maximum_offset, progress)
+    if rests is alignment:
+        return found
+    return replace(measured(of_alignment(rests), matcher, parameters, stable_given, progress), ground=found.ground)
 
 
 def _surer(
