@@ -24,6 +24,7 @@ _MANY_SOURCES, _ALL_SOURCES = 75_000, 150_000
 _MAX_PRECISE_ERROR_M = 1e-3  # metres; with a smaller standard error of the position there is no need of all points
 _MIN_POINTS = 400  # of a coarse level
 _MAX_NEWTON_STEPS = 12
+_MIN_APART = 2.0  # standard errors; what changes a motion less when left out has not pulled it
 
 
 @dataclass(frozen=True)
@@ -231,12 +232,21 @@ def without_slides(matcher: Matcher, first: Alignment, offset: float, progress: 
     if not first.information.observable.all():
         return first
     progress.update(0.95, "looking for places that slid")
-    moving = moving_places(matcher, first.pose, first.information)
-    if moving is None:
-        return first
-    last = Refinement(matcher, first.scale, moving.places)
-    found = _without(last, replace(first, pose=moving.pose), offset, progress)
-    return replace(found, information=found.information.wider(moving.unseen), slid=moving.share)
+    for moving in moving_places(matcher, first.pose, first.information):
+        last = Refinement(matcher, first.scale, moving.places)
+        found = _without(last, replace(first, pose=moving.pose), offset, progress)
+        found = replace(found, information=found.information.wider(moving.unseen), slid=moving.slid)
+        if moving.certain or _apart(first, found) > _MIN_APART:
+            return found
+    return first
+
+
+def _apart(first: Alignment, found: Alignment) -> float:
+    """How many standard errors of ``found`` two alignments are apart, what it does not fix left aside."""
+    known = found.information
+    fixed = known.directions[:, known.observable]
+    away = fixed.T @ (found.pose.vector(found.radius) - first.pose.vector(found.radius))
+    return float(np.sqrt(away @ np.linalg.lstsq(fixed.T @ known.covariance @ fixed, away, rcond=None)[0]))
 
 
 def _without(last: Refinement, first: Alignment, offset: float, progress: Progress) -> Alignment:

@@ -12,12 +12,12 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..core.arrays import Float
+from ..core.arrays import Bool, Float
 from ..geometry.pose import Pose
 from .moving_windows import Windows, consensus
 from .observability import Information
 from .point_to_plane import Matcher
-from .slid_groups import slid_patches
+from .slid_groups import contradicting
 from .surface_patches import cut, equations
 from .unseen_slides import alike, unseen
 
@@ -53,24 +53,26 @@ class Places:
 
 @dataclass(frozen=True)
 class Moving:
-    """What a registration found to have slid along the surface.
+    """What may be left out of a registration.
 
     Attributes:
         pose: on which all other places agree.
         places: the weights of all.
-        share: of the surface's area that was left out.
+        slid: share of the surface's area that slid along itself.
+        certain: whether nothing but what slid is left out; else it may have sunk, and need not pull.
         unseen: (6, 6) covariance of the pull by a slide that is too small to be told from chance, and of what patches
             that lie together have in common (rotations times a radius), square metres.
     """
 
     pose: Pose
     places: Places
-    share: float
+    slid: float
+    certain: bool
     unseen: Float
 
 
-def moving_places(matcher: Matcher, pose: Pose, known: Information) -> Moving | None:
-    """Places that slid against the others at a pose; None without any, or with too few patches to say.
+def moving_places(matcher: Matcher, pose: Pose, known: Information) -> tuple[Moving, ...]:
+    """Places that contradict the others at a pose, all of them first, then those that slid alone; none without any.
 
     Args:
         known: what the surfaces fix; nothing is moved in other directions.
@@ -78,28 +80,38 @@ def moving_places(matcher: Matcher, pose: Pose, known: Information) -> Moving | 
     patches = cut(matcher.moving, 3 * matcher.noise, matcher.firm)
     fixed = known.directions[:, known.observable]
     if len(patches) < _MIN_PATCHES or not fixed.shape[1]:
-        return None
+        return ()
     at = pose
     for _ in range(_POSES):
         system = equations(matcher, patches, at, 3 * matcher.spacing, _POINTS)
         drawn = Windows.of(system, patches, at, matcher.radius)
         if drawn is None:
-            return None
+            return ()
         windows, found = drawn, consensus(drawn, fixed)
         if found.away.max() < _DOUBTFUL_DEVIATIONS:
-            return None
+            return ()
         at = at.moved(found.motion, matcher.radius)
         if float(np.linalg.norm(found.motion)) < _MIN_STEP_M:
             break
-    slid = slid_patches(windows, found)
-    share = float(windows.area[slid].sum() / windows.area.sum())
-    weight = np.where(slid, 0.0, 1.0)
-    pull = windows.solved(weight, fixed) - windows.solved(np.ones_like(weight), fixed)
-    if not 0.0 < share <= _MAX_SHARE or float(np.linalg.norm(pull)) < _MIN_PULL_M:
-        return None
-    return Moving(
-        at,
-        Places(windows.centre, weight, patches.width),
-        share,
-        unseen(windows, weight, fixed) + alike(windows, weight, fixed),
+    groups = contradicting(windows, found, fixed)
+    slid = float(windows.area[groups.slid].sum() / windows.area.sum())
+    choices = [(groups.slid | groups.others, False)] if groups.others.any() else []
+    return tuple(
+        Moving(
+            at,
+            Places(windows.centre, np.where(out, 0.0, 1.0), patches.width),
+            slid,
+            certain,
+            unseen(windows, np.where(out, 0.0, 1.0), fixed) + alike(windows, np.where(out, 0.0, 1.0), fixed),
+        )
+        for out, certain in [*choices, (groups.slid, True)]
+        if _pulls(windows, out, fixed)
     )
+
+
+def _pulls(windows: Windows, out: Bool, fixed: Float) -> bool:
+    """Whether there is anything to leave ``out`` (k,), not too much of it, and worth it."""
+    if not 0.0 < float(windows.area[out].sum() / windows.area.sum()) <= _MAX_SHARE:
+        return False
+    rest, everything = np.where(out, 0.0, 1.0), np.ones(len(out))
+    return float(np.linalg.norm(windows.solved(rest, fixed) - windows.solved(everything, fixed))) >= _MIN_PULL_M

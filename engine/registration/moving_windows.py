@@ -16,15 +16,19 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 from scipy.spatial import cKDTree
 
-from ..core.arrays import Bool, Float
+from ..core.arrays import Bool, Float, Index
 from ..geometry.pose import Pose
 from .surface_patches import Equations, Patches
 
 WINDOW_RADII_WIDTHS = (2.5, 4.0, 6.0)  # of patches
 _MIN_PATCHES, _MIN_PATCH_PAIRS, _MIN_WINDOW_PATCHES = 60, 12, 5
+ALONG, FREE = (3, 4), (5, 0, 1)  # of a window's motion: along the surface; offset and tilts
 _CUTOFF = 4.0  # standard deviations of a window's motion from which it has no weight
 _START_ROUNDS, _ROUNDS = 12, 20
 _CHANCE_QUANTILE, _CHANCE_VALUE = 0.3, 0.7133  # of the square of two normal numbers; up to half of the windows may move
+_MAX_CHANCE_RATIO = (
+    12.0  # by what points that err alone make; measured, 3 to 10 where nothing moved, to 90 where much did
+)
 _MIN_INFORMATION_RATIO = 0.2  # of the median window's, below which it is noise
 _MIN_DEVIATION_M = 2e-4  # of a window's motion; no two surveys agree better
 
@@ -34,7 +38,8 @@ class Slides:
     """Windows of one radius about each patch: the motion along the surface that each asks for.
 
     ``information`` (k, 2, 2), offset and tilts taken out, and its ``inverse`` where it is no noise; ``score`` (k, 2) at
-    no motion; ``along`` (k, 2, 6) the window's motion by that of the whole; ``enough`` patches are in it.
+    no motion; ``along`` (k, 2, 6) the window's motion by that of the whole; ``enough`` patches are in it. ``noise`` is
+    as of ``Windows``.
     """
 
     information: Float
@@ -42,6 +47,7 @@ class Slides:
     score: Float
     along: Float
     enough: Bool
+    noise: float
 
     def squared(self, motion: Float) -> Float:
         """(k,) squared distance of what windows ask for from a motion (6,), in the variances that their points give."""
@@ -54,7 +60,8 @@ class Slides:
         if not self.enough.any():
             return 1.0
         least = _MIN_DEVIATION_M**2 / float(np.median(np.trace(self.inverse[self.enough], axis1=1, axis2=2)) / 2)
-        return max(float(np.quantile(self.squared(motion)[self.enough], _CHANCE_QUANTILE)) / _CHANCE_VALUE, least)
+        seen = float(np.quantile(self.squared(motion)[self.enough], _CHANCE_QUANTILE)) / _CHANCE_VALUE
+        return max(min(seen, _MAX_CHANCE_RATIO * self.noise), least)
 
 
 @dataclass(frozen=True)
@@ -62,7 +69,8 @@ class Windows:
     """Patches with their equations ``matrix`` (k, 6, 6) and ``vector`` (k, 6) in units of their noise.
 
     ``centre`` and ``normal`` (k, 3; its length is the area) are theirs; ``width`` and ``radius``, by which turns are
-    scaled, are metres. Windows are drawn about each patch.
+    scaled, are metres. ``noise`` is what a window's motion would vary by if all points erred alone, in the variances
+    that its matrix gives. Windows are drawn about each patch.
     """
 
     centre: Float
@@ -72,6 +80,7 @@ class Windows:
     vector: Float
     width: float
     radius: float
+    noise: float
 
     @classmethod
     def of(cls, system: Equations, patches: Patches, pose: Pose, radius: float) -> Windows | None:
@@ -81,11 +90,20 @@ class Windows:
             return None
         noise = np.maximum(system.rest[some], float(np.median(system.rest[some])) / 4)
         share = patches.area[some] / np.maximum(noise, 1e-12)
-        share /= share.mean()
+        unit = float(share.mean())
+        share /= unit
         matrix, vector = share[:, None, None] * system.matrix[some], share[:, None] * system.vector[some]
         centre, normal = pose.apply(patches.centre[some]), patches.normal[some] @ pose.rotation.T
         normal = normal * np.where(normal[:, 2:] < 0, -1.0, 1.0) * patches.area[some, None]
-        return cls(centre, normal, patches.area[some], matrix, vector, patches.width, radius)
+        alone = float(np.median(patches.area[some] / system.pairs[some])) / unit
+        return cls(centre, normal, patches.area[some], matrix, vector, patches.width, radius, alone)
+
+    def chosen(self, some: Index) -> Windows:
+        """Of the patches with the numbers ``some`` alone."""
+        centre, normal, area, matrix, vector = (
+            one[some] for one in (self.centre, self.normal, self.area, self.matrix, self.vector)
+        )
+        return Windows(centre, normal, area, matrix, vector, self.width, self.radius, self.noise)
 
     @cached_property
     def _pairs(self) -> tuple[Float, NDArray[np.int64]]:
@@ -103,20 +121,16 @@ class Windows:
         return csr_array((np.ones(len(rows)), (rows, columns)), shape=(k, k))
 
     def scale(self, widths: float, among: Float) -> Slides:
-        """Windows of one radius, of whose patches those with a weight in ``among`` (k,) count by it; 0 for each alone."""
-        k, reach = len(self.centre), max(widths, 0.5) * self.width
+        """Windows of one radius, of whose patches those with a weight in ``among`` (k,) count by it."""
+        k, reach = len(self.centre), widths * self.width
         near = csr_array(self.near(widths) @ diags_array(among))
-        frame = _frames(near @ self.normal + 1e-9 * self.normal)
-        # parameters of a window: its shift and its turn about its own middle, in its own axes
-        change = np.zeros((k, 6, 6))
-        change[:, :3, :3] = frame * (self.radius / reach)
-        change[:, 3:, :3] = _cross(self.centre) @ frame / reach
-        change[:, 3:, 3:] = frame
+        frame = frames(near @ self.normal + 1e-9 * self.normal)
+        change = changes(frame, self.centre, self.radius, reach)
         turned = change.transpose(0, 2, 1)
         whole = turned @ (near @ self.matrix.reshape(-1, 36)).reshape(-1, 6, 6) @ change
         pull = (turned @ (near @ self.vector)[:, :, None])[:, :, 0]
         # the offset and both tilts are left free: plants and bends of a survey make them, and they slide nothing
-        slide, free = [3, 4], [5, 0, 1]
+        slide, free = list(ALONG), list(FREE)
         cross = whole[:, slide][:, :, free]
         size = np.trace(whole, axis1=1, axis2=2)[:, None, None]
         inner = whole[:, free][:, :, free] + (1e-6 * size + 1e-12) * np.eye(3)
@@ -128,7 +142,7 @@ class Windows:
         enough = np.asarray(near.sum(axis=1)).ravel() >= _MIN_WINDOW_PATCHES
         least = _MIN_INFORMATION_RATIO * float(np.median(values[enough])) if enough.any() else 0.0
         inverse = axes @ (axes / np.maximum(values, max(least, 1e-12))[:, None, :]).transpose(0, 2, 1)
-        return Slides(information, inverse, score, frame.transpose(0, 2, 1)[:, :2] @ along, enough)
+        return Slides(information, inverse, score, frame.transpose(0, 2, 1)[:, :2] @ along, enough, self.noise)
 
     def solved(self, weight: Float, fixed: Float) -> Float:
         """(6,) motion in the ``fixed`` directions (6, r) that suits the patches best by ``weight`` (k,)."""
@@ -139,7 +153,18 @@ class Windows:
         return np.asarray(-fixed @ np.linalg.solve(matrix, fixed.T @ (weight @ self.vector)))
 
 
-def _frames(normal: Float) -> Float:
+def changes(frame: Float, centre: Float, radius: float, reach: float) -> Float:
+    """(k, 6, 6) from a turn about a ``centre`` (k, 3), by a length ``reach`` (m), and a shift, both in the axes of a
+    ``frame`` (k, 3, 3), to those of the whole, of which turns are scaled by a ``radius`` (m).
+    """
+    change = np.zeros((len(centre), 6, 6))
+    change[:, :3, :3] = frame * (radius / reach)
+    change[:, 3:, :3] = _cross(centre) @ frame / reach
+    change[:, 3:, 3:] = frame
+    return change
+
+
+def frames(normal: Float) -> Float:
     """(k, 3, 3) axes in columns: two along the surface, and its normal."""
     up = normal / np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
     aside = np.where(np.abs(up[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])

@@ -1,4 +1,4 @@
-"""A part of a slope that slid along itself, against known motions: it is left out, and the stated error covers it."""
+"""Parts of a slope that slid along itself or sank, against known motions: slides alone are left out."""
 
 from __future__ import annotations
 
@@ -12,9 +12,12 @@ from scipy.spatial.transform import Rotation
 from slopewatch.engine.geometry.pose import Pose
 from slopewatch.engine.geometry.rigid_transform import RigidTransform
 from slopewatch.engine.registration import alignment
-from slopewatch.engine.registration.moving_places import DEVIATIONS, Places, Windows, clearly_moved, consensus
+from slopewatch.engine.registration.moving_places import Places
+from slopewatch.engine.registration.moving_windows import Windows, consensus
 from slopewatch.engine.registration.register import register
+from slopewatch.engine.registration.slid_groups import common_motion, contradicting
 from slopewatch.engine.registration.surface_patches import Equations, Patches
+from slopewatch.engine.registration.unseen_slides import DEVIATIONS, alike, unseen
 from slopewatch.interface.parameters import RegistrationParameters
 
 SIDE, STEP, DIP = 26.0, 0.05, np.radians(39.0)
@@ -24,16 +27,20 @@ UTM = np.array([500_000.0, 3_500_000.0, 100.0])
 
 
 @cache
-def relief() -> np.ndarray:
-    """Roughness of 4 cm, most of it some decimetres wide: less than a slide."""
+def relief(smooth: bool = False) -> np.ndarray:
+    """Roughness of 4 cm, most of it some decimetres wide: less than a slide. Or smooth waves of some metres."""
     rng = np.random.default_rng(5)
     count = int(SIDE / STEP) + 1
-    fields = [gaussian_filter(rng.normal(size=(count, count)), sigma) * sigma for sigma in (3, 6, 16)]
-    return np.asarray(sum(weight * one for weight, one in zip((0.05, 0.06, 0.08), fields, strict=True)))
+    fields = [gaussian_filter(rng.normal(size=(count, count)), sigma) * sigma for sigma in (3, 6, 16, 30)]
+    weights = (0.0, 0.0, 0.1, 0.3) if smooth else (0.05, 0.06, 0.08, 0.0)
+    return np.asarray(sum(weight * one for weight, one in zip(weights, fields, strict=True)))
 
 
-def scan(seed: int, share: float = 0.0, way: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """A slope of 39 degrees, 70 points a square metre, of which a disc with a ``share`` of the area slid by ``way``.
+def scan(
+    seed: int, share: float = 0.0, way: float = 0.0, *, sunk: float = 0.0, smooth: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
+    """A slope of 39 degrees, 70 points a square metre, of which a disc with a ``share`` of the area slid by ``way``, or
+    was ``sunk`` along the normal, metres.
 
     Points (n, 3), and which of them rest.
     """
@@ -43,7 +50,8 @@ def scan(seed: int, share: float = 0.0, way: float = 0.0) -> tuple[np.ndarray, n
     inside = away < np.sqrt(share * (SIDE - 2.0) ** 2 / np.pi)
     # the material at a place came from above
     from_v = v + np.where(inside, way, 0.0)
-    rise = map_coordinates(relief(), [from_v / STEP, u / STEP], order=1, mode="nearest") + rng.normal(0, 0.02, u.size)
+    rise = map_coordinates(relief(smooth), [from_v / STEP, u / STEP], order=1, mode="nearest")
+    rise = rise + rng.normal(0, 0.02, u.size) - np.where(inside, sunk, 0.0)
     xyz = np.outer(u, [1.0, 0.0, 0.0]) - np.outer(v, DOWN) + np.outer(rise, NORMAL)
     return UTM + xyz, ~inside
 
@@ -72,14 +80,47 @@ def test_a_slide_does_not_pull_the_rest_along(monkeypatch):
     assert np.abs(off).max() < 0.006
     assert (np.abs(off) < 2 * stated).all()
     # the same pair shows that weights by the distance of points do not leave it out
-    monkeypatch.setattr(alignment, "moving_places", lambda *_: None)
+    monkeypatch.setattr(alignment, "moving_places", lambda *_: ())
     off, stated = pulled(0.2, 0.15, 1)
     assert np.abs(off).max() > 0.012
     assert (np.abs(off) > 2 * stated).any()
 
 
-def patches_of(seed: int, slid: float, way: float, *, patchwise: float = 0.0) -> tuple[Windows, np.ndarray]:
-    """Windows over 30 x 24 patches of a rough plane, of which those in a disc ask for ``way`` metres along x.
+@pytest.mark.parametrize("sunk", [0.04, 0.3])
+@pytest.mark.parametrize("smooth", [False, True])
+def test_ground_that_sank_is_not_said_to_have_slid(sunk, smooth):
+    later, rests = scan(101, 0.15, sunk=sunk, smooth=smooth)
+    found = register(scan(1, smooth=smooth)[0], offset().inverse().apply(later), RegistrationParameters())
+    assert found.slid == 0.0
+    assert not any("moved along itself" in warning for warning in found.warnings)
+    off = found.transform.apply(offset().inverse().apply(later))[rests] - later[rests]
+    assert abs(float((off @ NORMAL).mean())) < max(3 * found.registration_error, 0.002)
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_what_stands_still_keeps_its_motion_and_its_error(smooth, monkeypatch):
+    clouds = scan(3, smooth=smooth)[0], offset().inverse().apply(scan(103, smooth=smooth)[0])
+    found = register(*clouds, RegistrationParameters())
+    monkeypatch.setattr(alignment, "moving_places", lambda *_: ())
+    plain = register(*clouds, RegistrationParameters())
+    assert np.array_equal(found.transform.matrix, plain.transform.matrix)
+    assert np.array_equal(found.covariance, plain.covariance)
+    assert found.slid == 0.0
+
+
+def test_a_slide_is_named_with_its_share_of_the_surface():
+    later, rests = scan(101, 0.2, 0.15)
+    found = register(scan(1)[0], offset().inverse().apply(later), RegistrationParameters())
+    assert found.slid == pytest.approx(float(np.mean(~rests)), rel=0.5)
+    assert found.summary()["slid_share"] == found.slid
+    assert any("moved along itself" in warning for warning in found.warnings)
+
+
+def patches_of(
+    seed: int, slid: float, way: float, *, patchwise: float = 0.0, sunk: float = 0.0
+) -> tuple[Windows, np.ndarray]:
+    """Windows over 30 x 24 patches of a rough plane, of which those in a disc ask for ``way`` metres along x, and lie
+    lower by ``sunk`` (m).
 
     ``patchwise``: standard deviation (m) of a motion that all patches of a square of 6 m have in common. Also which
     patches slid.
@@ -97,7 +138,8 @@ def patches_of(seed: int, slid: float, way: float, *, patchwise: float = 0.0) ->
         place = centre[number] + np.column_stack([rng.uniform(-0.5, 0.5, (40, 2)), np.zeros(40)])
         terms = np.hstack([np.cross(place, normal) / 12.0, normal])
         asked = np.array([way * moves[number] + common[number, 0], common[number, 1], 0.0])
-        gap = -normal @ asked + rng.normal(0, 0.006, 40)
+        within = np.hypot(place[:, 0] + 3, place[:, 1] - 1) < np.sqrt(slid * x.size / np.pi)
+        gap = -normal @ asked - sunk * within + rng.normal(0, 0.006, 40)
         matrix.append(terms.T @ terms / 40)
         vector.append(terms.T @ gap / 40)
         rest.append(0.006**2)
@@ -116,7 +158,7 @@ def patches_of(seed: int, slid: float, way: float, *, patchwise: float = 0.0) ->
 def test_windows_that_ask_for_another_motion_lose_their_weight(slid, way):
     windows, moves = patches_of(1, slid, way)
     found = consensus(windows, np.eye(6))
-    left_out = clearly_moved(windows, found.away)
+    left_out = contradicting(windows, found, np.eye(6)).slid
     assert left_out[moves].mean() > 0.9
     away = np.hypot(windows.centre[:, 0] + 3, windows.centre[:, 1] - 1)
     assert left_out[away > np.sqrt(slid * 720 / np.pi) + 6].mean() < 0.05
@@ -128,7 +170,51 @@ def test_windows_that_ask_for_another_motion_lose_their_weight(slid, way):
 def test_nothing_is_left_out_of_what_stands_still():
     for seed in range(5):
         windows, _ = patches_of(seed, 0.0, 0.0, patchwise=0.002)
-        assert not clearly_moved(windows, consensus(windows, np.eye(6)).away).any()
+        assert not contradicting(windows, consensus(windows, np.eye(6)), np.eye(6)).slid.any()
+
+
+@pytest.mark.parametrize("way", [0.05, 0.2])
+def test_one_motion_explains_a_slide_and_not_a_sunken_place(way):
+    """The slide is found as it was made, where half of the group rests and where none does."""
+    slid, moves = patches_of(1, 0.2, way)
+    sank, _ = patches_of(1, 0.2, 0.0, sunk=way)
+    wide = np.flatnonzero(np.hypot(slid.centre[:, 0] + 3, slid.centre[:, 1] - 1) < np.sqrt(0.4 * 720 / np.pi))
+    own = common_motion(slid, np.flatnonzero(moves), np.zeros(6))
+    assert own.slid
+    assert own.along == pytest.approx(way, rel=0.05)
+    assert own.explained > 0.9
+    for some in (wide, wide[::2]):
+        assert common_motion(slid, some, np.zeros(6)).explained > 3 * common_motion(sank, some, np.zeros(6)).explained
+        assert not common_motion(sank, some, np.zeros(6)).slid
+    found = consensus(sank, np.eye(6))
+    assert not contradicting(sank, found, np.eye(6)).slid.any()
+
+
+def test_what_a_motion_explains_is_that_of_least_squares():
+    """Of patches that mostly slid and partly sank, against numpy's own least squares, with and without the motion."""
+    windows, moves = patches_of(3, 0.2, 0.05, sunk=0.01)
+    free, both = (0, 1, 5), (0, 1, 3, 4, 5)
+    root = np.linalg.cholesky(windows.matrix + 1e-12 * np.eye(6))
+    design, right = root.transpose(0, 2, 1), -np.linalg.solve(root, windows.vector[:, :, None])[:, :, 0]
+
+    def left(which: np.ndarray, kept: tuple[int, ...]) -> tuple[float, np.ndarray]:
+        stacked, asked = design[which][:, :, kept].reshape(-1, len(kept)), right[which].ravel()
+        motion = np.linalg.lstsq(stacked, asked, rcond=None)[0]
+        return float(((asked - stacked @ motion) ** 2).sum()), motion
+
+    def taken(number: int, motion: np.ndarray) -> float:
+        rest = right[number] - design[number][:, both] @ motion
+        single = np.linalg.lstsq(design[number][:, free], rest, rcond=None)[0]
+        return float((rest**2).sum() - ((rest - design[number][:, free] @ single) ** 2).sum())
+
+    some = np.flatnonzero(moves)
+    (still, _), (slid, motion) = left(some, free), left(some, both)
+    noise = np.mean([taken(number, np.zeros(5)) for number in np.flatnonzero(~moves)])
+    own = sum(taken(number, motion) for number in some) - len(some) * noise
+    found = common_motion(windows, some, np.zeros(6))
+    assert found.explained == pytest.approx((still - slid) / (still - slid + own), abs=0.03)
+    assert found.explained < 0.97
+    assert found.along == pytest.approx(float(np.hypot(*motion[2:4])), rel=0.01)
 
 
 def test_the_motion_that_a_window_asks_for_is_that_of_least_squares():
@@ -155,7 +241,7 @@ def test_what_is_not_seen_pulls_by_no_more_than_is_stated():
     """A slide of one window's width just below what is seen, against the pull by brute force."""
     windows, _ = patches_of(4, 0.0, 0.0)
     ones, fixed = np.ones(720), np.eye(6)
-    stated = np.sqrt(np.diag(windows.unseen(ones, fixed))[3:5])
+    stated = np.sqrt(np.diag(unseen(windows, ones, fixed))[3:5])
     scale = windows.scale(6.0, ones)
     middle = int(np.argmin(np.hypot(*windows.centre[:, :2].T)))
     own = np.sqrt(np.trace(scale.inverse[middle]) / 2 * scale.by_chance(np.zeros(6)))
@@ -174,9 +260,9 @@ def test_the_covariance_holds_what_neighbours_have_in_common():
     ones, fixed = np.ones(720), np.eye(6)
     for seed in range(12):
         windows, _ = patches_of(20 + seed, 0.0, 0.0, patchwise=0.02)
-        stated = np.sqrt(np.diag(windows.alike(ones, fixed))[3:5])
+        stated = np.sqrt(np.diag(alike(windows, ones, fixed))[3:5])
         ratios.append(windows.solved(ones, fixed)[3:5] / stated)
-        plain.append(stated / np.sqrt(np.diag(patches_of(20 + seed, 0.0, 0.0)[0].alike(ones, fixed))[3:5] + 1e-12))
+        plain.append(stated / np.sqrt(np.diag(alike(patches_of(20 + seed, 0.0, 0.0)[0], ones, fixed))[3:5] + 1e-12))
     assert 0.6 < np.sqrt(np.mean(np.square(ratios))) < 1.6
     assert np.median(plain) > 3
 
