@@ -2,8 +2,8 @@
 
 A slide keeps the surface's distance along its normal within the noise, so that weights by distance do not leave it out.
 Simulated: extracted ground of two raw surveys under 70 % vegetation; of the later one an ellipse is moved down the dip,
-or the simulation moves the ground itself. The same with ellipses that sank, which must not be said to have slid. Real: random halves of two clouds, laid on a known offset and the same
-slides; halves share one scan, so that this is what the relief allows.
+or the simulation moves the ground itself. Ellipses that sank must not be said to have slid. Real: random halves of two
+clouds, laid on a known offset and the same slides; halves share one scan, so that this is what the relief allows.
 """
 
 from __future__ import annotations

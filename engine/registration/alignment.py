@@ -224,7 +224,7 @@ def refine(last: Refinement, pose: Pose, offset: float, limit: int, progress: Pr
 
 def without_slides(matcher: Matcher, first: Alignment, offset: float, progress: Progress) -> Alignment:
     """``first`` where nothing slid; else without the places that slid along the surface against the rest, and with the
-    error that slides make which are too small to be seen.
+    error that slides make which are too small to be seen. Places that sank are left out where they pulled.
 
     Args:
         offset: largest expected one, metres.
@@ -234,19 +234,22 @@ def without_slides(matcher: Matcher, first: Alignment, offset: float, progress: 
     progress.update(0.95, "looking for places that slid")
     for moving in moving_places(matcher, first.pose, first.information):
         last = Refinement(matcher, first.scale, moving.places)
-        found = _without(last, replace(first, pose=moving.pose), offset, progress)
+        try:
+            found = _without(last, replace(first, pose=moving.pose), offset, progress)
+        except InputError:  # too little is left
+            continue
+        if not found.information.observable.all():
+            continue
         found = replace(found, information=found.information.wider(moving.unseen), slid=moving.slid)
-        if moving.certain or _apart(first, found) > _MIN_APART:
+        if moving.certain or (found.converged and _apart(first, found) > _MIN_APART):
             return found
     return first
 
 
 def _apart(first: Alignment, found: Alignment) -> float:
-    """How many standard errors of ``found`` two alignments are apart, what it does not fix left aside."""
-    known = found.information
-    fixed = known.directions[:, known.observable]
-    away = fixed.T @ (found.pose.vector(found.radius) - first.pose.vector(found.radius))
-    return float(np.sqrt(away @ np.linalg.lstsq(fixed.T @ known.covariance @ fixed, away, rcond=None)[0]))
+    """How many standard errors of ``found`` two alignments are apart."""
+    away = found.pose.vector(found.radius) - first.pose.vector(found.radius)
+    return float(np.sqrt(away @ np.linalg.solve(found.information.covariance, away)))
 
 
 def _without(last: Refinement, first: Alignment, offset: float, progress: Progress) -> Alignment:

@@ -24,8 +24,8 @@ from .unseen_slides import alike, unseen
 _POINTS = 30  # of a patch that are paired
 _MIN_PATCHES = 60
 _POSES = 3
-_DOUBTFUL_DEVIATIONS = 4.5  # standard deviations from which the windows are drawn again where the rest agrees
-_MIN_STEP_M = 2e-4
+_DOUBTFUL_DEVIATIONS = 4.5  # standard deviations of a window's motion; where none is beyond, nothing is looked for
+_MIN_STEP_M = 1e-3  # of all windows together, below which they are not drawn again
 _MIN_PULL_M = 1e-3  # of the whole; less is not worth leaving anything out
 _MAX_SHARE = 0.6  # of the surface: more is not the exception
 
@@ -60,8 +60,8 @@ class Moving:
         places: the weights of all.
         slid: share of the surface's area that slid along itself.
         certain: whether nothing but what slid is left out; else it may have sunk, and need not pull.
-        unseen: (6, 6) covariance of the pull by a slide that is too small to be told from chance, and of what patches
-            that lie together have in common (rotations times a radius), square metres.
+        unseen: (6, 6) covariance of the pull by another slide, which chance hides, and of what patches that lie
+            together have in common (rotations times a radius), square metres.
     """
 
     pose: Pose
